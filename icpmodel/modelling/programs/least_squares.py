@@ -142,13 +142,15 @@ def solve_lsq(
     none = sp.csr_array((0, m + n)), np.zeros(0)
     sides = np.concatenate([-free, low]), np.concatenate([free, high])
     found = solve_program(
-        Program(H, np.concatenate([-c, np.zeros(n)]), *none, *none, *sides), tolerance=tolerance, time_limit=limit
+        Program(H, np.concatenate([-c, np.zeros(n)]), *none, *none, *sides),
+        tolerance=tolerance,
+        time_limit=None if limit is None else max(begin + limit - time.perf_counter(), 0.0),
     )
     x = np.zeros(n)
     if found.values is not None:
         box = found.values.box[m:]
         x = np.where(box < 0, low, np.where(box > 0, high, found.values.x[m:]))
-        x = _corrected(B, c, x, low, high)
+        x = _corrected(B, c, x, low, high, np.inf if limit is None else begin + limit)
     fun = B @ x - c
     gradient = B.T @ fun
     mask = np.where(x >= high, 1, np.where(x <= low, -1, 0))
@@ -205,8 +207,8 @@ def solve_nnls(B: Any, c: Any, *, tolerance: float = 1e-9, time_limit: float | N
     return solution.x, norm(solution.fun)
 
 
-def _corrected(B: sp.csr_array, c: Vector, x: Vector, low: Vector, high: Vector) -> Vector:
-    """x after steps by an orthogonal factorisation of the free columns, as long as they reduce the residual."""
+def _corrected(B: sp.csr_array, c: Vector, x: Vector, low: Vector, high: Vector, end: float) -> Vector:
+    """x after steps by an orthogonal factorisation of the free columns, while they reduce the residual, until `end`."""
     from scipy.linalg import lstsq
 
     if work.dense_cost(max(B.shape)) > work.dense_cost(_DENSE):
@@ -214,6 +216,8 @@ def _corrected(B: sp.csr_array, c: Vector, x: Vector, low: Vector, high: Vector)
     dense = B.toarray()
     for _ in range(_CORRECTIONS):
         r = c - B @ x
+        if time.perf_counter() > end:
+            break
         gradient = B.T @ r
         free = np.where(x >= high, gradient < 0, np.where(x <= low, gradient > 0, True))
         with one_blas_thread():

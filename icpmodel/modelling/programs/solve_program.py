@@ -121,9 +121,7 @@ class _ProgramRun:
         for method, most in ((first, _ITERATIONS), (None if first else "interior", _ITERATIONS), (None, _MANY)):
             solution = self._solved(conditions.problem, method, z0, best.judged, most)
             limited = solution.status in _LIMITS
-            if best.takes(solution.z) or (not limited and self._refined(best, solution.z)) or best.is_good():
-                break
-            if limited:
+            if best.ends(solution.z) or limited or self._refined(best, solution.z) or best.is_good():
                 break
             if method == first or solution.infeasible is not None:
                 proof = self._without_solution(conditions, solution) or proof
@@ -239,6 +237,10 @@ class _Best:
         if progress.iteration and progress.residual > _NEAR * self.largest:
             return False
         return self.takes(progress.z) or self.count >= _PATIENCE
+
+    def ends(self, z: Vector) -> bool:
+        """Whether the run has come to a strictly good iterate, or ends with one at `z`."""
+        return self.violation <= self.tolerance or self.takes(z)
 
     def takes(self, z: Vector) -> bool:
         """Whether `z` is strictly good: on its obstacles, as it is, or without what may be rounding."""
