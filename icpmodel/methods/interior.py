@@ -32,7 +32,7 @@ from ..problem.affine import zero
 from ..problem.between import mid
 from ..problem.data import ProblemData
 from ..problem.facts import Facts
-from ..theory.certificates.infeasible import Recession
+from ..theory.certificates.recession import Recession
 from .contract import Estimate, Infeasible, Iterate, Least, Method
 
 #: so many steps in a row may reduce neither the residual nor the way to where it is one

@@ -35,7 +35,7 @@ from ..numerics.arrays import Vector, norm
 from ..problem.between import mid
 from ..problem.data import ProblemData
 from ..problem.facts import Facts
-from ..theory.certificates.infeasible import Recession
+from ..theory.certificates.recession import Recession
 from .contract import Estimate, Infeasible, Iterate, Least, Method
 
 #: the first μ, in units of W, and what is left of it after a problem that took at most `_QUICK` steps, or more

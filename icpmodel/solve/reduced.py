@@ -31,7 +31,8 @@ from ..numerics import work
 from ..numerics.arrays import Vector, norm
 from ..problem.data import ProblemData
 from ..theory.certificates.bounds import error_bound
-from ..theory.certificates.infeasible import Known, infeasible
+from ..theory.certificates.combination_rows import Known
+from ..theory.certificates.infeasible import infeasible
 from .candidate import Candidate
 from .choice import Asked, Choice, choose
 from .goal import RTOL

@@ -14,7 +14,8 @@ import icpmodel as icp
 from icpmodel.errors import OutOfTime
 from icpmodel.methods.shortcuts import Lemke
 from icpmodel.numerics import work
-from icpmodel.theory.certificates.infeasible import infeasible, multipliers
+from icpmodel.theory.certificates.infeasible import infeasible
+from icpmodel.theory.certificates.recession import multipliers
 
 
 def run(problem, **options):

@@ -18,7 +18,8 @@ from ...numerics.arrays import Vector
 from ...numerics.threads import one_blas_thread
 from ...solve.progress import Progress
 from ...solve.solution import Solution, Status
-from ...theory.certificates.infeasible import contradicts, infeasible, least_violation
+from ...theory.certificates.infeasible import infeasible
+from ...theory.certificates.recession import contradicts, least_violation
 from .program import Program, Tightened, Values
 from .program_conditions import Conditions
 from .program_judge import Violation
