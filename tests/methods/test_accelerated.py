@@ -60,22 +60,6 @@ def test_every_step_is_the_least_squares_combination_of_the_last_ones():
             assert found[k + 1] == pytest.approx(expected, rel=1e-6, abs=1e-9), (every, k)
 
 
-@pytest.mark.parametrize("distinct", [1, 4])
-def test_on_a_linear_map_it_ends_after_as_many_steps_as_there_are_eigenvalues(distinct):
-    """No obstacle and MNMJ: I − D⁻¹A has `distinct` eigenvalues, so that GMRES, whose steps these are, ends."""
-    rng = np.random.default_rng(distinct)
-    values = np.repeat([-0.8, -0.3, 0.4, 0.9][:distinct], 5)
-    Q, _ = np.linalg.qr(rng.normal(size=(values.size, values.size)))
-    # D = 2I: the diagonal of A is made equal by an orthogonal change of basis that keeps its eigenvalues
-    A = Q @ np.diag(1.0 - values) @ Q.T
-    problem = icp.ICP(A, rng.normal(size=values.size), -np.inf)
-    flat = icp.Modulus(splitting=sp.eye_array(values.size), phi2=1.0)  # z⁺ = z − (Az + q)
-    method = icp.Accelerated(of=flat, history_size=distinct, mixing_frequency=1)
-    residuals = [problem.residual(z) for z in path(method, problem, np.zeros(values.size), distinct + 2)]
-    assert residuals[distinct + 1] <= 1e-9 * residuals[0]
-    assert residuals[distinct - 1] > 1e-6 * residuals[0]
-
-
 @pytest.mark.parametrize(
     "wrong",
     [
@@ -110,29 +94,6 @@ def test_where_psi_fails_at_an_accelerated_iterate_the_plain_step_is_taken():
     outside = icp.ICP(problem.A, [-3000.0, -2000.0], psi)
     solution = outside.solve(spoilt(of="mnmgs"), z0=start, raise_on_failure=False)
     assert solution.status.value == "psi failed"
-
-
-def test_differences_that_depend_on_each_other_are_left_out():
-    """Gram matrices of any rank and scale: what is left of f is what a least-squares solver leaves."""
-    from icpmodel.numerics.kernels.anderson import combine
-
-    rng = np.random.default_rng(0)
-    for trial in range(20):
-        n, known, rank = 600, 5, int(rng.integers(1, 5))
-        dF = rng.normal(size=(known, rank)) @ rng.normal(size=(rank, n))
-        if trial % 2:
-            dF = rng.normal(size=(known, n))
-            dF[1] = dF[0]
-        dF *= 10.0 ** rng.integers(-3, 3, (known, 1))
-        f, weight, newest, out = rng.normal(size=n), rng.uniform(0.1, 1.0, n), trial % (known + 1), np.empty(n)
-        F = np.insert(f - dF, newest, f, axis=0)
-        assert combine(F, F, known + 1, newest, weight, 1e-10, out)  # G = F, so that `out` is what is left of f
-        root = np.sqrt(weight)
-        scaled = dF / np.linalg.norm(dF, axis=1)[:, None]
-        expected = f - scaled.T @ np.linalg.lstsq((root * scaled).T, root * f, rcond=1e-5)[0]
-        assert out == pytest.approx(expected, abs=1e-5)
-        F[trial % (known + 1), -1] = np.nan
-        assert not combine(F, F, known + 1, newest, weight, 1e-10, out)
 
 
 def test_it_needs_fewer_sweeps_than_its_method_and_counts_every_one():

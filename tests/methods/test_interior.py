@@ -77,25 +77,6 @@ def test_semidefinite_problems_take_few_steps(name, seed):
     assert solution.iterations <= 60
 
 
-def moving(rng, above):
-    """A solvable problem with a monotone A and affine obstacles that move with all unknowns."""
-    n = int(rng.integers(5, 40))
-    B = rng.normal(size=(n, int(rng.integers(1, n + 1))))
-    G = rng.uniform(-1.0, 1.0, (n, n))
-    G *= 0.8 / np.abs(G).sum(axis=1, keepdims=True)
-    r, p = rng.random((2, n)) * (rng.random(n) < 0.5) * [[1.0], [0.0]] + rng.random((2, n)) * [[0.0], [1.0]]
-    z = rng.normal(size=n)
-    p[r > 0] = 0.0
-    upper = icp.Affine(G, z + 1.0 - G @ z) if above else None
-    return icp.ICP(B @ B.T, p - B @ (B.T @ z), icp.Affine(G, z - r - G @ z), upper=upper)
-
-
-@pytest.mark.parametrize("above", [False, True])
-def test_obstacles_that_move_are_followed(above):
-    for seed in range(10):
-        assert run(moving(np.random.default_rng(seed), above)).solved
-
-
 def test_equations_of_a_linear_program_move_the_start():
     """At z = 0 p > 0 in the row without obstacle: that is no solution."""
     answer = icp.ICP([[0, 1], [-1, 0]], [1, 2], psi=[0, -np.inf]).solve("interior")
@@ -108,7 +89,7 @@ def test_equations_alone_are_solved_by_newton_steps():
     assert run(icp.ICP(B @ B.T, [-0.36, 0.21, 0.96], -np.inf)).solved
 
 
-@pytest.mark.parametrize("method", ["interior", None])
+@pytest.mark.parametrize("method", ["interior", "proximal", None])
 @pytest.mark.parametrize("boxed", [False, True])
 def test_what_has_no_solution_ends_with_a_proof(method, boxed):
     """x ≥ 0 with eᵀx ≤ −1, in a program and its dual; with an upper bound on x the proof takes it into account."""

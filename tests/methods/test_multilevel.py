@@ -1,18 +1,12 @@
 """Multilevel modulus Newton: its V-cycle, its fixed obstacles, its answers, and how it ends."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import icpmodel as icp
 from icpmodel import scenes
 from icpmodel.algebra.hierarchy import Hierarchy, NoHierarchy
-from icpmodel.algebra.subproblems import with_fixed_obstacle
-from icpmodel.methods.multilevel import coarse_problem
 from icpmodel.scenes.grid import five_point
 
 
@@ -55,33 +49,8 @@ class TestVCycle:
             assert g @ hierarchy.cycle(f) == pytest.approx(f @ hierarchy.transposed.cycle(g), rel=1e-10)
             assert (hierarchy.transposed is hierarchy) is (skew == 0.0)
 
-    def test_interpolation_leaves_the_kept_points_alone(self):
-        for level in Hierarchy(membrane()).levels[:-1]:
-            assert abs(level.P[level.kept] - sp.eye_array(level.P.shape[1])).max() == 0
-
 
 class TestFixedObstacle:
-    @settings(deadline=None, max_examples=60)
-    @given(
-        slope=st.floats(-0.99, 0.99),
-        bend=st.floats(0.0, 0.99),
-        c=st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=4),
-        known=st.booleans(),
-    )
-    def test_psi_meets_z_at_the_fixed_obstacle(self, slope, bend, c, known):
-        """r_i(c_i) = 0 to rounding, for ψ_i(z) = f(z_i) + c_i with |f′| ≤ ℓ < 1, with and without a derivative."""
-        bend = min(bend, 0.99 - abs(slope))
-
-        def f(z):
-            return slope * z + bend * np.sin(z)
-
-        n, steep = len(c), abs(slope) + bend
-        psi = icp.Elementwise(f, (lambda z: slope + bend * np.cos(z)) if known else None, steep, np.array(c))
-        problem = icp.ICP(np.eye(n), np.zeros(n), psi)
-        fixed = with_fixed_obstacle(problem).psi.c
-        size = np.abs(fixed).max() + np.abs(np.array(c)).max()
-        assert np.abs(problem.r(fixed)).max() <= 1e-14 * size + 1e-320  # where size is subnormal, digits are few
-
     def test_only_maps_that_move_row_by_row_and_by_less_than_z_have_one(self):
         for psi, expected in (
             (1.0, True),
@@ -96,25 +65,6 @@ class TestFixedObstacle:
             assert icp.ICP(np.eye(2), np.zeros(2), psi).facts.has_fixed_obstacle is expected
 
 
-class TestCoarserLevels:
-    @pytest.mark.parametrize("isolated", [True, False])
-    def test_without_obstacle_each_level_of_a_tridiagonal_matrix_has_the_same_answer(self, isolated):
-        """Pz_c + s is then the fine answer: no q is lost, not in rows without neighbour nor at a one-sided end."""
-        n = 500
-        rng = np.random.default_rng(0)
-        left, right = -1.0 - 0.1 * rng.random((2, n - 1))
-        left[-1] *= 2.0
-        if isolated:
-            right[0] = 0.0
-        middle = 0.01 - np.concatenate([[0.0], left]) - np.concatenate([right, [0.0]])
-        problem = icp.ICP(sp.diags_array([left, middle, right], offsets=[-1, 0, 1]), rng.normal(size=n), -np.inf)
-        for level, coarser in pairwise(Hierarchy(problem).levels):
-            coarse, shift = coarse_problem(problem, level, coarser)
-            z, below = (sp.linalg.spsolve(sp.csc_array(one.A), -one.q) for one in (problem, coarse))
-            assert level.P @ below + shift == pytest.approx(z, rel=1e-9, abs=1e-9)
-            problem = coarse
-
-
 class TestImpulseControl:
     def test_the_start_from_the_coarser_levels_needs_few_steps_at_any_size(self):
         """Policy iteration from 0 needs tens; from the levels below the best jumps are nearly known."""
@@ -123,16 +73,6 @@ class TestImpulseControl:
             solution = scene.problem.solve("multilevel")
             assert solution.iterations <= 4
             assert max(scene.errors(solution.z).values()) <= 10 * scene.h**2 + 1e-8
-
-    def test_a_start_that_is_worse_than_none_is_not_taken(self):
-        class Astray(icp.Multilevel):
-            def start(self, hierarchy, problem):
-                return np.full(problem.n, 1e6)
-
-        problem = scenes.dividend(n=61).problem
-        path = Astray().iterates(problem, np.zeros(61))
-        next(path)
-        assert not next(path)[0].any()
 
 
 class TestAnswers:
@@ -195,14 +135,6 @@ class TestAnswers:
         assert problem.solve(icp.Multilevel()).z == pytest.approx(problem.solve("psor", rtol=1e-12).z, abs=1e-6)
 
 
-def test_for_the_best_of_several_jumps_it_is_newton_from_the_coarser_levels():
-    problem = scenes.dividend(n=211).problem
-    (_, _), *path = icp.Multilevel().iterates(problem, np.zeros(211))
-    newton = icp.Newton().iterates(problem, path[0][0])
-    assert all(np.array_equal(z, other) for (z, _), (other, _) in zip(path, newton, strict=True))
-    assert problem.residual(path[0][0]) < problem.residual_at_0()
-
-
 class TestMatricesThatMultigridIsNotMadeFor:
     """They cost a moment, not all time and memory: the method ends, and `solve` has others."""
 
@@ -222,10 +154,6 @@ class TestMatricesThatMultigridIsNotMadeFor:
         A = sp.csr_array(sp.block_array([[K, -B.T], [B, sp.eye_array(3000)]]))
         with pytest.raises(NoHierarchy):
             Hierarchy(icp.ICP(A, np.ones(13_000)))
-
-
-def test_a_radius_whose_square_overflows_is_no_foreign_exception():
-    assert icp.Multilevel().estimate(icp.ICP([[1e-200, 1.0], [1.0, 1e-200]], [1.0, 1.0]).facts, 1e-8).steps == np.inf
 
 
 def test_units_in_which_a_length_underflows_are_no_foreign_exception():

@@ -9,8 +9,6 @@ import scipy.sparse as sp
 from hypothesis import given, settings
 
 import icpmodel as icp
-from icpmodel import Status
-from icpmodel.methods.proximal import ProximalPath
 
 
 def run(problem, **options):
@@ -95,58 +93,12 @@ def moving(rng, above):
     return icp.ICP(A, q, psi, upper=upper)
 
 
+@pytest.mark.parametrize("method", ["proximal", "interior"])
 @pytest.mark.parametrize("above", [False, True])
 @pytest.mark.parametrize("seed", range(4))
-def test_obstacles_that_move_are_followed_where_a_is_monotone(seed, above):
+def test_obstacles_that_move_are_followed_where_a_is_monotone(seed, above, method):
     """Nothing is proved of them; Newton's method ends without a solution on one in forty of these."""
-    assert run(moving(np.random.default_rng(seed), above)).solved
-
-
-def failing(value):
-    """A problem whose ψ, which moves with the other unknown, is `value`, or raises where that is None, once for every
-    entry of the list that comes with it."""
-    fails = []
-
-    def psi(z):
-        if fails:
-            fails.pop()
-            if value is None:
-                raise ValueError("out of the domain")
-            return np.full(2, value)
-        return 0.3 * np.cos(z[::-1])
-
-    moves = icp.Function(psi, lambda z: sp.csr_array(np.fliplr(np.diag(-0.3 * np.sin(z[::-1])))))
-    return icp.ICP([[1.0, 0.5], [0.5, 1.0]], [-1.0, 0.2], moves), fails
-
-
-@pytest.mark.parametrize("value", [np.nan, None])
-def test_a_step_at_which_psi_fails_is_taken_back_and_a_shorter_one_tried(value):
-    problem, fails = failing(value)
-    path, other = (ProximalPath(problem, np.array([2.0, -1.0])) for _ in range(2))
-    assert all(one.advance() and one.made == 1 for one in (path, other))
-    assert other.advance()
-    fails.append(True)
-    assert path.advance()
-    assert not fails
-    assert path.shift > other.shift
-    assert np.array_equal(path.centre[0], other.centre[0])
-    while path.residual > 1e-8 * problem.residual_at_0():
-        assert path.advance()
-
-
-@pytest.mark.parametrize("seed", range(2))
-def test_a_problem_without_a_solution_ends_with_the_proof(seed):
-    """x ≥ 0 with eᵀx ≤ −1 does not exist; the rest of the program does not matter."""
-    rng = np.random.default_rng(seed)
-    problem, B, *_ = linear_program(rng, 6, 8)
-    B = np.vstack([B, -np.ones(8)])
-    A, q = np.block([[np.zeros((8, 8)), -B.T], [B, np.zeros((7, 7))]]), np.append(problem.q, -1.0)
-    solution = run(icp.ICP(A, q))
-    assert solution.status is Status.INFEASIBLE
-    y = np.array([float(x) for x in solution.infeasible.witness])
-    assert (y >= 0).all()
-    assert (A.T @ y <= 1e-12).all()
-    assert q @ y < 0
+    assert moving(np.random.default_rng(seed), above).solve(method, raise_on_failure=False).solved
 
 
 def test_what_is_not_monotone_may_fail_but_ends():

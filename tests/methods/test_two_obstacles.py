@@ -3,7 +3,6 @@
 import re
 
 import numpy as np
-import scipy.sparse as sp
 
 from icpmodel import ICP, Affine, Elementwise
 from icpmodel.solve.solution import Status
@@ -26,17 +25,3 @@ def test_fixed_obstacles_that_cross_are_found_before_any_method_is_tried():
     assert solution.iterations == 0
     assert "psi_1 = 2 is above upper_1 = 1.9" in solution.message
     assert "psi_1 and upper_1 are fixed, and cross" in solution.why
-
-
-def test_the_interior_method_knows_both_sides():
-    """A linear program with its dual, z between 0 and 1: no pattern is found by Newton's steps alone."""
-    rng = np.random.default_rng(5)
-    m, n = 60, 90
-    K = sp.random_array((m, n), density=0.1, rng=rng)
-    A = sp.csr_array(sp.block_array([[None, -K.T], [K, None]]))
-    x, y = rng.random(n), rng.random(m) * (rng.random(m) < 0.5)
-    q = np.concatenate([K.T @ y + rng.normal(size=n), -(K @ x) + 0.1])
-    upper = np.concatenate([np.ones(n), np.full(m, np.inf)])
-    solution = ICP(A, q, upper=upper).solve("interior")
-    assert solution.residual <= solution.tolerance
-    assert 0 < (solution.z[:n] > 1.0 - 1e-6).sum() < n

@@ -20,13 +20,6 @@ def long_short(n=20):
     return cp.Problem(objective, [cp.sum(w) == 1, cp.norm1(w) <= 2])
 
 
-def lasso(rows=60, n=15):
-    random = np.random.default_rng(3)
-    X, b = random.normal(size=(rows, n)), cp.Variable(n)
-    y = X @ (random.normal(size=n) * (random.random(n) < 0.4)) + random.normal(size=rows)
-    return cp.Problem(cp.Minimize(cp.sum_squares(X @ b - y) + 5 * cp.norm1(b)))
-
-
 def support_vectors(rows=40, n=5):
     random = np.random.default_rng(4)
     X, b, v = random.normal(0, 5, size=(rows, n)), cp.Variable(n), cp.Variable()
@@ -43,23 +36,6 @@ def control(steps=10):
     return cp.Problem(cp.Minimize(cp.sum_squares(x) + 0.1 * cp.sum_squares(u)), rows)
 
 
-def isotonic(n=60):
-    y, x = np.linspace(0, 3, n) + np.random.default_rng(6).normal(size=n), cp.Variable(n)
-    return cp.Problem(cp.Minimize(cp.sum_squares(x - y)), [cp.diff(x) >= 0])
-
-
-def bounded_least_squares(rows=30, n=15):
-    random = np.random.default_rng(7)
-    X, y, x = random.normal(size=(rows, n)), random.normal(size=rows), cp.Variable(n)
-    return cp.Problem(cp.Minimize(0.5 * cp.quad_form(x, cp.psd_wrap(X.T @ X)) - (X.T @ y) @ x), [x >= 0, x <= 0.1])
-
-
-def nonnegative_least_squares(rows=30, n=15):
-    random = np.random.default_rng(8)
-    X, y, x = random.normal(size=(rows, n)), random.normal(size=rows), cp.Variable(n)
-    return cp.Problem(cp.Minimize(0.5 * cp.quad_form(x, cp.psd_wrap(X.T @ X)) - (X.T @ y) @ x), [2 * x >= 1e-3])
-
-
 def transport(sources=4, sinks=5):
     random = np.random.default_rng(9)
     X, supply = cp.Variable((sources, sinks)), random.uniform(1, 2, sources)
@@ -67,14 +43,4 @@ def transport(sources=4, sinks=5):
     return cp.Problem(cp.Minimize(cp.sum(cp.multiply(random.uniform(0, 1, (sources, sinks)), X))), rows)
 
 
-PROGRAMS = (
-    portfolio,
-    long_short,
-    lasso,
-    support_vectors,
-    control,
-    isotonic,
-    bounded_least_squares,
-    nonnegative_least_squares,
-    transport,
-)
+PROGRAMS = (portfolio, long_short, support_vectors, control, transport)

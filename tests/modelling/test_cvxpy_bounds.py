@@ -47,28 +47,6 @@ def test_a_variable_with_bounds_has_the_gradients_of_one_without():
     assert found[0] == pytest.approx(found[1], abs=1e-12)
 
 
-@pytest.mark.parametrize("seed", range(6))
-def test_the_optimality_conditions_of_a_quadratic_program_give_its_answer_and_its_duals(seed):
-    """Box, equation and its multiplier, written out and compared with CVXPY's own program and dual values."""
-    random = np.random.default_rng(seed)
-    n, m = 6, 2
-    B, A = random.normal(size=(n, n)), random.normal(size=(m, n))
-    P, q, b = B @ B.T + np.eye(n), 3 * random.normal(size=n), A @ random.uniform(0.2, 0.8, n)
-    x, force = cp.Variable(n), cp.Variable(m)
-    box = icp.complements(P @ x + q + A.T @ force, x, lower=-0.5, upper=np.linspace(0.8, 1, n))
-    model = icp.Problem([box, A @ x == b])
-    model.solve(rtol=1e-10)
-    y = cp.Variable(n)
-    rows = [A @ y == b, y >= -0.5, y <= np.linspace(0.8, 1, n)]
-    cp.Problem(cp.Minimize(0.5 * cp.quad_form(y, cp.psd_wrap(P)) + q @ y), rows).solve(solver="CLARABEL")
-    assert x.value == pytest.approx(y.value, abs=1e-6)
-    assert force.value == pytest.approx(rows[0].dual_value, abs=1e-5)
-    assert box.p == pytest.approx(rows[1].dual_value - rows[2].dual_value, abs=1e-5)
-    assert (box.r == x.value).all()
-    # the multiplier's row is that of the equation, with the sign that leaves A monotone
-    assert np.linalg.eigvalsh((model.icp().A + model.icp().A.T).toarray()).min() >= -1e-12
-
-
 def test_bounds_have_the_shapes_and_units_of_what_they_bound():
     """A matrix of rows with a factor; None, infinite numbers, parameters, and ends that move with z."""
     X, y, cap = cp.Variable((2, 3), name="X"), cp.Variable(name="y"), cp.Parameter(nonneg=True)

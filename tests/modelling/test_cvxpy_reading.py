@@ -51,19 +51,6 @@ def test_an_affine_model_of_several_variables_is_the_icp_of_the_stacked_ones(see
         assert constraint.p.shape == constraint.r.shape == constraint.sides[0].shape
 
 
-def test_A_q_and_psi_are_those_that_were_written():
-    A, G = (
-        np.array([[2.0, -1.0, 0.0], [0.0, 3.0, 1.0], [1.0, 0.0, 4.0]]),
-        np.array([[0, 0.5, 0], [0, 0, -2], [0.25, 0, 0]]),
-    )
-    z = cp.Variable(3)
-    read = icp.Problem(icp.complements(A @ z + [1, 2, 3], z - (G @ z + [4, 5, 6]))).icp()
-    assert (read.A.toarray() == A).all()
-    assert read.q.tolist() == [1, 2, 3]
-    assert (read.psi.G.toarray() == G).all()
-    assert read.psi.c.tolist() == [4, 5, 6]
-
-
 def test_the_sides_may_be_swapped_where_only_one_is_r():
     A, z = np.array([[4.0, -1.0], [-1.0, 4.0]]), cp.Variable(2)
     for p, r in ((A @ z - 1, z - 0.5), (A @ z - 1, z - 0.3 * cp.exp(-z)), (A @ z - 1, z - 0.3 * z[::-1])):
@@ -177,47 +164,19 @@ def test_an_expression_without_a_value_is_named():
 x, X, s, i = cp.Variable(2, name="x"), cp.Variable((2, 2), name="X"), cp.Variable(name="s"), cp.Variable(2, name="i")
 REFUSED = {
     "a constraint": (lambda: icp.complements(x >= 0, x), r"was given the constraint 0.0 <= x as p; give the exp"),
-    "a text": (lambda: icp.complements("x", x), r"was given 'x' as p; a CVXPY expression was expected"),
-    "None": (lambda: icp.complements(x, None), "was given None as r; a CVXPY expression was expected"),
     "shapes": (lambda: icp.complements(2 * x, s), r"p = 2.0 \* x has shape \(2,\), r = s \(\)"),
     "no list": (lambda: icp.Problem(3), r"constraints is 3; a list of complements\(p, r\)"),
     "no pair": (
         lambda: icp.Problem([x >= 0]),
         r"have 0 entries, the variables 2 \(x with 2\); .*; inequalities are only checked: a <= b with a multiplier of",
     ),
-    "a variable in an inequality alone": (
-        lambda: icp.Problem([icp.complements(x, x), s <= 1]),
-        r"have 2 entries, the variables 3 \(x with 2, s with 1\); .*only checked",
-    ),
     "a bent inequality": (
         lambda: icp.Problem([icp.complements(x, x), cp.norm(x) <= 1]),
         r"the inequality .*\(x, 2\) <= 1.0 is not affine in the variables; only affine ones are checked; ask",
     ),
-    "NaN in an inequality": (
-        lambda: icp.Problem([icp.complements(x, x), x <= np.nan]).icp(),
-        r"x <= nan, entry \[0\], has NaN; numbers were expected",
-    ),
-    "a list in the list": (
-        lambda: icp.Problem([icp.complements(x, x), [x <= 1]]),
-        r"constraints\[1\] is a list; one flat list was expected: put \* before it",
-    ),
     "a cone": (
         lambda: icp.Problem([icp.complements(x, x), cp.SOC(s, x)]),
         r"constraints\[1\] is SOC\(.*\); complements\(p, r\), equations a == b and inequalities a <= b were expected",
-    ),
-    "a truth value": (lambda: icp.Problem([icp.complements(x, x), True]), r"constraints\[1\] is True; complements"),
-    "an objective": (
-        lambda: icp.Problem(cp.Minimize(s)),
-        r"constraints is the objective minimize s; a complementarity problem has none, give the list of",
-    ),
-    "nothing": (
-        lambda: icp.Problem([]),
-        r"the conditions and equations have 0 entries, the variables 0 \(no variables\)",
-    ),
-    "no variables": (lambda: icp.Problem(icp.complements(1, 2)), r"have 1 entries, the variables 0 \(no variables\)"),
-    "too few rows": (
-        lambda: icp.Problem(icp.complements(x + s, x)),
-        r"have 2 entries, the variables 3 \(x with 2, s with 1\); each entry of a variable needs one row",
     ),
     "p not affine": (
         lambda: icp.Problem(icp.complements(cp.exp(x), x - cp.log(x))),
@@ -232,24 +191,14 @@ REFUSED = {
         lambda: cp.Problem(cp.Minimize(0), [icp.complements(x, x)]),
         r"complements\(x, x\) is no constraint of cvxpy.Problem: icpmodel.Problem\(",
     ),
-    "no equation": (
-        lambda: icp.Problem(3 * x),
-        r"constraints is .*; a list of complements\(p, r\), equations a == b and inequalities a <= b was expected",
-    ),
     "a bent equation": (
         lambda: icp.Problem([icp.complements(s, s), cp.exp(x) == 1]),
         r"the equation exp\(x\) == 1.0 is not affine in the variables; .*\(complements\(1, r\) says r = 0",
-    ),
-    "a complex equation": (lambda: icp.Problem([1j * x == 1]), r"the equation 1j \* x == 1.0 is complex"),
-    "p bent beside bounds": (
-        lambda: icp.Problem(icp.complements(cp.exp(x), x, upper=1)),
-        r"p = exp\(x\) is not affine in the variables; lower and upper are bounds of the second one",
     ),
     "the shape of a bound": (
         lambda: icp.complements(x, x, upper=[1, 2, 3]),
         r"upper = \[1. 2. 3.\] has shape \(3,\), r = x \(2,\)",
     ),
-    "a bound that is none": (lambda: icp.complements(x, x, lower="0"), r"was given '0' as lower; a CVXPY expression"),
     "a bound that is NaN": (
         lambda: icp.Problem(icp.complements(x, x, upper=[1, np.nan])).icp(),
         r"upper\[1\] of complements\(x, x, upper=.*\) is nan; a number was expected, or inf for none",
@@ -264,10 +213,6 @@ REFUSED = {
     ),
     "z is bent": (
         lambda: icp.Problem(icp.complements(2 * s - 1, cp.exp(s) - 1)).icp(),
-        r"r = exp\(s\) \+ -1.0 is not z - psi\(z\): no entry of z appears linearly",
-    ),
-    "nothing is linear": (
-        lambda: icp.Problem(icp.complements(1, cp.exp(s) - 1)).icp(),
         r"r = exp\(s\) \+ -1.0 is not z - psi\(z\): no entry of z appears linearly",
     ),
     "one entry twice": (

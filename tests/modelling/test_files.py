@@ -110,17 +110,10 @@ def damage(path, **changed):
     [
         ({"q": None}, "field q is missing"),
         ({"psi": np.array("cubic")}, "field psi is 'cubic'; one of zero, constant, affine"),
-        ({"psi": np.array("affine")}, "field c is missing"),
         ({"format": np.array("99")}, "field format is '99'; 'icpmodel problem 1' or 'icpmodel problem 2' was expected"),
-        ({"format": np.array(99)}, "field format has shape .., dtype int64; a text expected"),
         ({"q": np.ones(3)}, "field A_indptr has shape .5,.*; 4 integers"),
-        ({"q": np.array(["a"] * 4)}, "field q has shape .4,., dtype <U1"),
-        ({"A_data": None}, "field A_data is missing"),
-        ({"A_indices": np.array([0])}, "field A_indices has shape"),
         ({"A_indptr": np.array([0, 9, 2, 3, 4])}, "not a CSR matrix"),
-        ({"A_indptr": np.array([0, 1, 2, 3, -1])}, "not a CSR matrix"),
         ({"A_indptr": np.array([0, 1, 2, 3, 2**63], dtype=np.uint64)}, "not a CSR matrix"),
-        ({"A_indptr": np.array([0, 0, 0, 0, 0])}, "not a CSR matrix"),
         ({"q": np.ones((4, 1))}, "field q has shape .4, 1., dtype float64; a vector of numbers"),
         ({"q": np.array([1.0, np.nan, 0.0, 0.0])}, r"q\[1\] is nan"),
     ],
@@ -197,15 +190,11 @@ def test_a_saved_problem_cut_after_any_byte_is_refused_and_a_changed_byte_change
     ("kind", "body", "words"),
     [
         ("coordinate real general", "1 1 1\n1 1 1,5\n", "'1,5'"),
-        ("coordinate real general", "1 1 1\n1 1 1.5abc\n", "1.5abc"),
-        ("coordinate real general", "1 1 1\n1 1 0.5e\n", "0.5e"),
         ("coordinate real general", "1 1 1\n1 1 1 2\n", "requires 3 columns but 4"),
-        ("coordinate real general", "1 1 1\n1 1\n", "requires 3 columns but 2"),
         ("coordinate real general", "1 1 1\n1.5 1 1\n", "'1.5' to int64"),
         ("coordinate real general", "1 1 1\n1 1 1e999\n", r"A\[0, 0\] is inf"),
         ("coordinate real general", "1 1 1\n0 1 1\n", "an entry at 0, 1; places within 1 x 1"),
         ("coordinate real general", "1 1 1\n1 1 1\n1 1 1\n", "holds 2 entries; its header promises 1"),
-        ("coordinate real general", "1 1 0\n1 1 1\n", "holds 1 entries; its header promises 0"),
         ("coordinate real general", "900000000 900000000 1\n1 1 1\n", "promises 900000000 x 900000000 with 1 entries"),
         ("coordinate real general", "1 1\n1 1 1\n", "'1 1.n' where its size was expected"),
         ("coordinate real general", f"1 1 {'9' * 5000}\n1 1 1\n", "cannot be read"),
@@ -213,11 +202,8 @@ def test_a_saved_problem_cut_after_any_byte_is_refused_and_a_changed_byte_change
         ("coordinate real skew-symmetric", "2 2 1\n1 1 1\n", "places within 2 x 2 below the diagonal"),
         ("coordinate real symmetric", "2 1 1\n1 1 1\n", "is 2 x 1, and cannot be symmetric"),
         ("coordinate complex general", "1 1 1\n1 1 1 0\n", "is complex general; real numbers"),
-        ("coordinate complex hermitian", "1 1 1\n1 1 1 0\n", "is complex hermitian; real numbers"),
         ("array real symmetric", "2 2\n1\n2\n", "holds 2 entries; its header promises 3"),
-        ("array real general", "1 1\n1 2\n", "requires 1 columns but 2"),
         ("array pattern general", "1 1\n1\n", "is array pattern"),
-        ("vector real general", "1 1\n1\n", "is vector real"),
     ],
 )
 def test_what_matrix_market_does_not_have_is_not_guessed_at(tmp_path, kind, body, words):
@@ -244,14 +230,3 @@ def test_a_small_file_does_not_become_a_large_array(tmp_path, compressed):
             archive.writestr(name, content)
     with pytest.raises(icp.FileError, match="is compressed" if compressed else "promises 8796093022208 bytes"):
         icp.load_problem(path)
-
-
-def test_any_bytes_are_an_error_not_a_crash(tmp_path):
-    for name, content in (("a.npz", b""), ("b.npz", b"PK\x03\x04 nonsense"), ("c.npz", bytes(range(256)) * 10)):
-        (tmp_path / name).write_bytes(content)
-        with pytest.raises(icp.FileError, match=name):
-            icp.load_problem(tmp_path / name)
-    with zipfile.ZipFile(tmp_path / "d.npz", "w") as archive:
-        archive.writestr("hello.txt", "hello")
-    with pytest.raises(icp.FileError, match=r"d\.npz"):
-        icp.load_problem(tmp_path / "d.npz")

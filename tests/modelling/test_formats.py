@@ -164,22 +164,13 @@ def test_what_matlab_wrote_is_read_as_scipy_reads_it():
     [
         ("q.npy", lambda path: np.save(path, [1.0, np.nan, 0.0, 0.0]), r"q\.npy: q\[1\] is nan"),
         ("q.npy", lambda path: np.save(path, Q[:3]), r"q\.npy: q has shape \(3,\); shape \(4,\)"),
-        ("q.npy", lambda path: np.save(path, 1j * Q), r"q\.npy: it has shape \(4,\), dtype complex128; an array of"),
-        ("q.npy", lambda path: path.write_bytes(b"hello"), r"q\.npy: cannot be read"),
-        ("q.csv", lambda path: path.write_text("q\n1\n2\n3\n4\n"), r"q\.csv: could not convert string 'q'.*no heads"),
         ("q.csv", lambda path: path.write_text("1;2;3;4\n"), r"q\.csv: could not convert .*commas between"),
         ("q.csv", lambda path: path.write_text("1\n2\n3\n4"), r"q\.csv: its last line does not end"),
-        ("q.csv", lambda path: path.write_text(""), r"q\.csv: is empty"),
-        ("q.csv", lambda path: path.write_text("1\n2\n3\nnan\n"), r"q\.csv: q\[3\] is nan"),
-        ("q.csv", lambda path: path.mkdir(), r"q\.csv: is a folder; a file was expected"),
         ("q.mat", lambda path: savemat(path, {"a": Q, "b": Q}), r"q\.mat: holds a, b; q, or one thing only"),
-        ("q.mat", lambda path: savemat(path, {"q": "text"}), r"q\.mat: the variable q is a text; numbers"),
-        ("q.mat", lambda path: savemat(path, {"q": {"a": 1}}), r"q\.mat: the variable q is a structure"),
         ("q.mat", lambda path: savemat(path, {"q": 1j * Q}), r"q\.mat: the variable q is complex"),
         ("q.mat", lambda path: savemat(path, {"q": Q}, format="4"), r"q\.mat: is no \.mat file of the versions 5 to 7"),
         ("q.mat", lambda path: path.write_bytes(b"MATLAB 7.3 MAT-file".ljust(124) + b"\0\2IM"), r"7\.3; save it with"),
         ("q.npz", lambda path: sp.save_npz(path, sp.csr_array((1, 10**9))), r"q\.npz: has the shape \(1, 1000000000\)"),
-        ("q.xlsx", lambda path: path.write_bytes(b"PK"), r"q\.xlsx: a file whose name ends in one of \.npy, .*\.csv"),
     ],
 )
 def test_what_is_wrong_with_q_is_said_of_its_file(tmp_path, name, write, words):

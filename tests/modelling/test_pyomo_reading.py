@@ -112,28 +112,6 @@ def test_a_range_with_an_infinite_end_is_the_condition_without_it():
         assert (model.x.value, model.y.value) == pytest.approx((x, 1))
 
 
-@pytest.mark.parametrize("sign", [1, -1])
-def test_two_bounds_are_two_obstacles_in_the_units_of_z(sign):
-    """a <= f <= b, f with a factor and either sign; ends that move; a bent f."""
-    F = lambda x, y: 2 * x - y + 7  # noqa: E731
-    z = np.array([0.3, 0.8])
-    for expr, lower, upper in (
-        (lambda x, y: complements(pyo.inequality(-3, 2 * sign * x - y, 5), F(x, y) * sign), -1.1, 2.9),
-        (lambda x, y: complements(F(x, y) * sign, pyo.inequality(-y, sign * x, 2 + y)), -0.8, 2.8),
-        (
-            lambda x, y: complements(pyo.inequality(-2, 2 * (sign * x - pyo.sin(y)), 4), F(x, y) * sign),
-            np.sin(0.8) - 1,
-            np.sin(0.8) + 2,
-        ),
-    ):
-        problem = read_pyomo(two_variables(expr)).problem
-        assert problem.n == 2
-        assert problem.psi.value(z)[0] == pytest.approx(lower)
-        assert problem.upper.value(z)[0] == pytest.approx(upper)
-        assert np.isinf(problem.upper.value(z)[1])
-        assert problem.p(z)[0] == pytest.approx(sign * (2 * sign * 0.3 - 0.8 + 7))
-
-
 EXPRESSIONS = {
     "product": lambda x: x[0] * x[1] * x[0],
     "quotient": lambda x: x[0] / (1 + x[1] ** 2),

@@ -310,17 +310,6 @@ def test_code_with_branches_or_chance_has_no_expression(name):
         problem.to_pyomo()
 
 
-def test_another_solver_takes_the_written_model():
-    """HiGHS by Pyomo's own disjunctions finds the answer of the hand-made problem."""
-    problem = icp.scenes.scene("hand-lcp").problem
-    model = problem.to_pyomo()
-    pyo.TransformationFactory("mpec.simple_disjunction").apply_to(model)
-    pyo.TransformationFactory("gdp.bigm").apply_to(model, bigM=100)
-    pyo.SolverFactory("appsi_highs").solve(model)
-    z = [variable.value for variable in model.z.values()]
-    assert z == pytest.approx(problem.solve().z, abs=1e-6)
-
-
 MOVES = np.array([[0, 0.3, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0.2], [0, 0, 0, 0]])
 LOW, HIGH = np.array([-1, -np.inf, -0.5, 0.5]), np.array([1, 0.3, np.inf, 0.5])
 

@@ -5,7 +5,6 @@ import pytest
 import scipy.sparse as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.optimize import linprog
 
 import icpmodel as icp
 
@@ -72,13 +71,9 @@ def test_what_has_no_solution_is_proved_or_raises():
     [
         (([[1, 2], [0, 1]], [0, 0]), r"P\[.*\(P \+ P.T\)/2 has the same objective"),
         (([[1, 0], [0, -1]], [0, 0]), "P is not positive semidefinite"),
-        (([[0, 1], [1, 0]], [0, 0]), "P is not positive semidefinite"),
-        (([[1.0]], [0, 0]), r"q has shape \(2,\)"),
         (([[1.0]], [0], [[1, 2]], [1]), r"G has shape \(1, 2\); shape \(m, 1\)"),
         (([[1.0]], [0], [[1]], None), "G is given without h"),
-        (([[1.0]], [0], None, None, None, [1]), "b is given without A"),
         (([[1.0]], [0], [[np.nan]], [1]), r"G\[0, 0\] is nan"),
-        (([[1.0]], [0], None, None, [[1]], [np.inf]), r"b\[0\] is inf"),
         (([[1.0]], [0], None, None, None, None, np.inf), r"lb\[0\] is inf"),
     ],
 )
@@ -138,34 +133,3 @@ def test_what_is_optimal_has_the_least_objective_however_large_p_is_beside_q(P, 
     """Px = 0 holds to rounding at any x in the null space: it says nothing of q, and q is all that matters there."""
     found = icp.solve_qp(np.array(P) * unit, np.array(q) * unit, G, h)
     assert found.objective == pytest.approx(least * unit, rel=1e-5)  # what float64 makes of xᵀPx is off by as much
-
-
-def test_sparse_matrices_with_unsorted_rows_are_taken_as_they_are_and_stay_so():
-    """SciPy sorts in place when it puts blocks together, and what shares the indices is another matrix then."""
-    n, random = 300, np.random.default_rng(0)
-    A = sp.random_array((n // 3, n), density=3 / n, rng=random, data_sampler=random.normal).tocsr()
-    back = np.concatenate([np.arange(A.indptr[i], A.indptr[i + 1])[::-1] for i in range(n // 3)])
-    turned = sp.csr_array((A.data[back], A.indices[back], A.indptr), shape=A.shape)
-    P, q, b = sp.eye_array(n), random.normal(size=n), A @ random.normal(size=n)
-    before = turned.indices.copy(), turned.data.copy()
-    found = icp.solve_qp(P, q, A=turned, b=b, lb=-3.0)
-    assert found.x == pytest.approx(icp.solve_qp(P, q, A=A, b=b, lb=-3.0).x, abs=1e-9)
-    assert all(map(np.array_equal, before, (turned.indices, turned.data)))
-
-
-@pytest.mark.parametrize("steps", [5, 25])
-@pytest.mark.parametrize("seed", range(3))
-def test_a_dynamic_system_is_controlled_at_the_least_cost_or_proved_out_of_reach(steps, seed):
-    """x⁺ = (I + small)x + Bu within bounds: the many small entries made units grow from step to step."""
-    rng = np.random.default_rng(seed)
-    states, pushes = 10, 4
-    move, push = np.eye(states) + rng.standard_normal((states, states)) / 30, rng.standard_normal((states, pushes))
-    moves = sp.kron(sp.eye_array(steps + 1, k=-1), move) - sp.eye_array((steps + 1) * states)
-    A = sp.csr_array(sp.hstack([moves, sp.kron(np.eye(steps + 1, steps, k=-1), push)]))
-    n, b = A.shape[1], np.zeros(A.shape[0])
-    b[:states] = rng.standard_normal(states)
-    found = icp.solve_qp(sp.csr_array((n, n)), np.ones(n), A=A, b=b, lb=-1.5, ub=1.5, raise_on_failure=False)
-    known = linprog(np.ones(n), A_eq=A, b_eq=b, bounds=(-1.5, 1.5))
-    assert found.status == {0: "optimal", 2: "infeasible"}[known.status]
-    if found.found:
-        assert found.objective == pytest.approx(known.fun, rel=1e-7)

@@ -209,3 +209,20 @@ def test_the_rounding_errors_of_p_and_of_both_r_are_bounded(drawn):
     for exact, computed, bound in found:
         for x, y, b in zip(exact, computed, bound, strict=True):
             assert x == y if isinstance(x, float) else abs(x - Fraction(float(y))) <= Fraction(float(b))
+
+
+@pytest.mark.parametrize(("scale", "sides"), [(1.0, 1), (1e160, 1), (1e-170, 2), (1.0, "moving")])
+def test_the_residual_of_a_large_problem_is_that_of_the_median(scale, sides):
+    """In one compiled pass over A, NaN and crossing rows included, and safe against overflow."""
+    rng, n = np.random.default_rng(3), 90_000
+    A = sp.csr_array(sp.diags_array([rng.normal(size=n - abs(k)) for k in range(-6, 7)], offsets=range(-6, 7)))
+    c = scale * np.where(rng.random(n) < 0.2, -np.inf, rng.normal(size=n))
+    d = np.where(rng.random(n) < 0.2, np.inf, np.where(np.isfinite(c), c, 0.0) + scale * rng.random(n).round(1))
+    problem, z = icp.ICP(A, scale * rng.normal(size=n), c, upper=None if sides == 1 else d), scale * rng.normal(size=n)
+    if sides == "moving":
+        problem = problem.with_sides(icp.Affine(sp.eye_array(n), 0.0), icp.Affine(-0.5 * sp.eye_array(n), 0.3))
+    D = abs(A).max(axis=1).toarray()
+    for residual, at in ((problem.residual(z), z), (problem.residual_at_0(), np.zeros(n))):
+        expected = scale * np.linalg.norm(problem.natural_map(at, omega=D) / D / scale)
+        assert residual == pytest.approx(expected, rel=1e-12, abs=0)
+    assert np.isnan(problem.residual(np.where(np.arange(n) == 77, np.nan, z)))

@@ -61,9 +61,11 @@ def test_what_is_not_pivoted_is_solved_one_by_one():
 
 def test_threads_give_the_rows_in_their_order():
     rng = np.random.default_rng(2)
-    A, Q = spd(rng, 4), rng.normal(size=(3 * ROWS_A_THREAD + 7, 4))
-    whole = solve_many(A, Q)
-    assert np.array_equal(whole.Z, np.vstack([solve_many(A, part).Z for part in np.array_split(Q, 5)]))
+    A, (Q, C) = spd(rng, 4), rng.normal(size=(2, 3 * ROWS_A_THREAD + 7, 4))
+    parts = [np.array_split(rows, 5) for rows in (Q, C, C + 1.0)]
+    whole = solve_many(A, Q, C, upper=C + 1.0)
+    by_part = [solve_many(A, q, c, upper=d).Z for q, c, d in zip(*parts, strict=True)]
+    assert np.array_equal(whole.Z, np.vstack(by_part))
 
 
 def test_the_rows_that_fail_are_named_and_the_others_are_solved():
@@ -90,14 +92,7 @@ def test_rows_whose_problem_is_solved_by_0_and_problems_in_units_of_their_own():
         ([[[1.0]]], 0.0, "Q has shape .1, 1, 1."),
         (np.zeros((0, 1)), 0.0, "Q has shape .0, 1."),
         ([[1.0], [np.nan]], 0.0, r"Q\[1, 0\] is nan"),
-        ([[1.0], [-np.inf]], 0.0, r"Q\[1, 0\] is -inf"),
-        ([["a"]], 0.0, "Q has dtype <U1; real numbers"),
-        ([["1"]], 0.0, "Q has dtype <U1; real numbers"),
-        ([[1j]], 0.0, "Q is complex"),
-        (np.array([["2001-01-01"]], "M8[D]"), 0.0, "Q has dtype datetime64.D.; real numbers"),
         ([[1.0], [1.0, 2.0]], 0.0, "Q cannot be read as an array of numbers"),
-        (np.ma.array([[1.0]], mask=True), 0.0, "Q has masked entries"),
-        ([[1.0]], [["0"]], "psi has dtype <U1; real numbers"),
         ([[1.0], [2.0]], np.zeros((3, 1)), "there are 2 of Q, 3 of psi; as many of each were expected"),
         ([[1.0]], [[np.inf]], r"psi\[0, 0\] is inf"),
     ],
@@ -111,10 +106,8 @@ def test_wrong_input_is_named(Q, psi, words):
     ("A", "psi", "Z0", "words"),
     [
         ([np.eye(2)] * 3, 0.0, None, "there are 3 of A, 2 of Q"),
-        (np.eye(2), [np.sin] * 3, None, "2 of Q, 3 of psi"),
         (np.eye(2), 0.0, np.zeros((3, 2)), "2 of Q, 3 of Z0"),
         (np.eye(2), 0.0, np.zeros((2, 3)), "Z0 has shape .3,.; shape .2,. was expected"),
-        (np.eye(2), 0.0, [[np.nan, 0.0]], r"Z0\[0, 0\] is nan"),
         (np.eye(2), np.zeros((2, 3)), None, "psi has shape .3,.; shape .2,. was expected"),
     ],
 )
@@ -230,18 +223,6 @@ def test_what_is_wrong_in_a_row_is_said_before_another_one_is_solved():
             solve_many(A, Q, never)
     with pytest.raises(icp.InputError, match=r"psi.c has shape|psi has shape"):
         solve_many(good, Q, [never, icp.Constant([1.0, 2.0, 3.0])])
-
-
-def test_a_row_that_was_not_begun_has_its_start():
-    """Law 12: where pivots over- or underflow they leave NaN, which is no iterate of anything."""
-    rng = np.random.default_rng(0)
-    A, Q = 1e-200 * rng.standard_normal((20, 20)), 1e200 * rng.standard_normal((100, 20))
-    found = icp.solve_many(A, Q, Z0=np.ones(20), time_limit=0.01, raise_on_failure=False)
-    assert np.isfinite(found.Z).all()
-    late = [row for row, said in found.messages.items() if said.endswith("before its turn")]
-    assert late
-    assert (found.Z[late] == 1.0).all()
-    assert np.isposinf(found.residuals[late]).all()
 
 
 def test_the_row_before_is_no_measure_of_what_is_small():

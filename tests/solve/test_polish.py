@@ -21,26 +21,10 @@ class TestPolish:
         assert fine.residual <= rough.residual
         assert fine.solved
 
-    def test_it_says_what_it_did_and_leaves_a_good_answer_alone(self):
-        problem = icp.ICP([[2, -1], [-1, 2]], [-1, 3])
-        rough = problem.solve("mnmgs", rtol=0.1)
-        fine = rough.polish()
-        assert "polished by one linear solve" in fine.why
-        assert fine.polish() is fine
-        assert not fine.z.flags.writeable
-
     def test_a_run_that_failed_is_solved_where_the_polished_answer_is(self):
         rough = icp.scenes.membrane(n=400).problem.solve("mnmgs", max_iter=150, raise_on_failure=False)
         assert rough.status is icp.Status.ITERATION_LIMIT
         assert rough.polish().status is icp.Status.SOLVED
-
-    def test_what_it_cannot_finish_it_says(self):
-        problem = icp.scenes.manufactured_elementwise(n=100).problem
-        rough = problem.solve("mnmgs", rtol=0.0, atol=0.0, max_iter=2, raise_on_failure=False)
-        fine = rough.polish()
-        assert fine.status is icp.Status.ITERATION_LIMIT
-        assert fine.residual < rough.residual
-        assert f"polished to a residual of {fine.residual:.3g}" in fine.message
 
     @pytest.mark.parametrize("size", [1e-150, 1.0, 1e10, 1e150, 1e250])
     def test_large_units_of_p_do_not_hide_the_better_answer(self, size):

@@ -1,12 +1,7 @@
 """A person is told how far a run is: by a bar on a terminal and in a notebook, by a line now and then in a log."""
 
-import builtins
 import io
 import logging
-import sys
-import types
-
-import pytest
 
 import icpmodel as icp
 from icpmodel.solve.progress import progress_bar, status_line
@@ -24,29 +19,6 @@ class Clock:
         return self.now
 
 
-@pytest.fixture
-def notebook(monkeypatch):
-    """What a notebook has displayed, one entry for each state of each output."""
-    shown = []
-
-    class Handle:
-        def update(self, page):
-            shown.append(page)
-
-    def display(page, display_id):
-        assert display_id is True
-        shown.append(page)
-        return Handle()
-
-    monkeypatch.setattr(builtins, "get_ipython", lambda: types.SimpleNamespace(kernel=object()), raising=False)
-    shell = types.ModuleType("IPython")
-    shell.display = types.ModuleType("IPython.display")
-    shell.display.display, shell.display.HTML = display, str
-    monkeypatch.setitem(sys.modules, "IPython", shell)
-    monkeypatch.setitem(sys.modules, "IPython.display", shell.display)
-    return shown
-
-
 def test_a_bar_is_shown_on_a_terminal(monkeypatch):
     class Terminal(io.StringIO):
         def isatty(self):
@@ -59,15 +31,6 @@ def test_a_bar_is_shown_on_a_terminal(monkeypatch):
     assert "iteration" in terminal.getvalue()
 
 
-def test_a_bar_is_shown_in_a_notebook_and_is_gone_at_the_end(notebook, capsys):
-    SLOW.solve("mnmj", progress=True)
-    first, *between, last = notebook
-    assert first == last == ""
-    assert between
-    assert all("<progress" in page and "mnmj" in page and "residual" in page for page in between)
-    assert capsys.readouterr().err == ""
-
-
 def test_the_lines_of_a_log_come_after_1_2_4_seconds_and_then_one_a_minute(capsys):
     clock = Clock()
     with progress_bar(True, clock) as bar:
@@ -78,18 +41,6 @@ def test_the_lines_of_a_log_come_after_1_2_4_seconds_and_then_one_a_minute(capsy
     lines = capsys.readouterr().err.splitlines()
     assert lines[0] == "icpmodel ... newton: iteration 1, residual 5.00e-01 -> 1.00e-08"
     assert [int(line.split()[4][:-1]) for line in lines] == [1, 2, 4, 8, 16, 32, 64, 124, 184, 244]
-
-
-def test_a_study_says_what_it_is_at_in_a_log_and_in_a_notebook(capsys, notebook, monkeypatch):
-    clock = Clock()
-    with status_line(True, clock=clock) as say:
-        say("round 1 of <3>")
-    assert "round 1 of &lt;3&gt;" in notebook[1]
-    monkeypatch.delattr(builtins, "get_ipython")
-    with status_line(True, clock=clock) as say:
-        for clock.now in (0.5, 1.5, 1.7):
-            say(f"at {clock.now}")
-    assert capsys.readouterr().err == "icpmodel ... at 1.5\n"
 
 
 def test_a_study_says_beforehand_how_much_it_is_and_in_a_page_as_well(caplog):
@@ -110,9 +61,9 @@ def test_a_study_says_beforehand_how_much_it_is_and_in_a_page_as_well(caplog):
         assert said in caplog.text
 
 
-def test_nobody_is_told_anything_unasked(capsys, notebook):
+def test_nobody_is_told_anything_unasked(capsys):
     SLOW.solve("mnmj")
-    assert (capsys.readouterr().err, notebook) == ("", [])
+    assert capsys.readouterr().err == ""
 
 
 def test_the_logger_says_who_begins_and_why_how_he_ends_and_at_debug_who_else_was_considered(caplog):

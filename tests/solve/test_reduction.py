@@ -1,6 +1,5 @@
 """Reduction: what is left out is left out rightly, and the answer is one of the whole problem."""
 
-import itertools
 from fractions import Fraction
 
 import numpy as np
@@ -9,7 +8,7 @@ import scipy.sparse as sp
 
 import icpmodel as icp
 from icpmodel.algebra.resting import rows_at_rest
-from icpmodel.algebra.subproblems import blocks, restricted
+from icpmodel.algebra.subproblems import blocks
 from icpmodel.methods.multilevel import Multilevel
 from icpmodel.scenes.grid import five_point
 from icpmodel.solve.choice import choose
@@ -144,15 +143,6 @@ class TestBlocks:
         solution = problem.solve(Reduced())
         assert np.abs(solution.z[:6400] - membrane.solve().z).max() <= 1e-6
 
-    def test_no_solution_is_never_called_one(self):
-        """A block without a solution, above others that have one."""
-        A = np.eye(80)
-        A[0, 0], A[1, 0] = 0.0, -1.0
-        q = np.full(80, -1.0)
-        solution = icp.ICP(A, q).solve(raise_on_failure=False)
-        assert not solution.solved
-        assert solution.residual > solution.tolerance
-
 
 class TestRest:
     @pytest.mark.parametrize("seed", range(3))
@@ -192,25 +182,6 @@ class TestTheRun:
         assert stopped.z.shape == (problem.n,)
         assert stopped.residual == problem.residual(stopped.z) < problem.residual(np.zeros(problem.n))
         assert problem.solve(max_iter=1, raise_on_failure=False).iterations == 1
-
-    def test_a_certified_error_is_that_of_the_whole_problem(self):
-        A = np.tril(np.full((100, 100), -0.01), -1) + np.eye(100)
-        solution = icp.ICP(A, np.linspace(-1.0, 1.0, 100)).solve(icp.Reduced(), accuracy=1e-9)
-        assert repr(solution.method) == "Reduced()"
-        assert solution.error_bound <= 1e-9
-        assert solution.certificate.bound.componentwise.shape == (100,)
-
-
-def test_a_restricted_problem_has_the_p_and_r_of_the_whole_one():
-    rng = np.random.default_rng(3)
-    A, G = rng.standard_normal((2, 9, 9))
-    rows, z = np.array([1, 4, 5, 8]), rng.standard_normal(9)
-    jumps = sp.csr_array((np.array([0.3, -0.2]), ([1, 5], [4, 8])), shape=(9, 9))
-    for psi in (rng.standard_normal(9), icp.Affine(G, 1.0), icp.Intervention(jumps)):
-        problem = icp.ICP(A, rng.standard_normal(9), psi)
-        part = restricted(problem, rows, z)
-        assert np.allclose(part.p(z[rows]), problem.p(z)[rows])
-        assert np.allclose(part.r(z[rows]), problem.r(z)[rows])
 
 
 def exact_value(problem, y, low, high):
@@ -288,35 +259,3 @@ class TestInfeasible:
         """z_0 >= 0 is any number, z_1 (z_0 - 2) = 0 and z_0 >= 2."""
         solution = icp.ICP([[0.0, 0.0], [1.0, 0.0]], [0.0, -2.0]).solve(raise_on_failure=False)
         assert solution.status is not icp.Status.INFEASIBLE
-
-    @pytest.mark.parametrize("seed", range(40))
-    def test_no_problem_with_a_solution_is_ever_called_infeasible(self, seed):
-        """Whole-numbered blocks, singular ones among them, with a solution put in; without it what is claimed holds."""
-        rng = np.random.default_rng(seed)
-        n = 6
-        A = np.tril(rng.integers(-2, 3, (n, n)), -1) + np.diag(rng.integers(0, 3, n))
-        A[4, 5] = rng.integers(-2, 3)
-        active = rng.random(n) < 0.5
-        z = np.where(active, 0, rng.integers(1, 4, n))
-        q = np.where(active, rng.integers(0, 3, n), 0) - A @ z
-        few = {"raise_on_failure": False, "max_iter": 30}
-        assert icp.ICP(A, q).solve(**few).status is not icp.Status.INFEASIBLE
-        other = icp.ICP(A, q - rng.integers(0, 3, n))
-        if other.solve(**few).status is icp.Status.INFEASIBLE:
-            assert not any(solves(other, free) for free in itertools.product([False, True], repeat=n))
-
-
-def solves(problem, free):
-    """Whether some z with z_i = 0 off `free` and p_i = 0 on it has z >= 0, p >= 0: by HiGHS."""
-    from scipy.optimize import linprog
-
-    free, A = np.array(free), problem.A.toarray()
-    found = linprog(
-        np.zeros(problem.n),
-        A_ub=-A,
-        b_ub=problem.q,
-        A_eq=A[free] if free.any() else None,
-        b_eq=-problem.q[free] if free.any() else None,
-        bounds=[(0, None if is_free else 0) for is_free in free],
-    )
-    return found.status == 0

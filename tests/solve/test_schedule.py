@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from icpmodel.solve.schedule import SHARE, Expected, Schedule, Stage, forecast
+from icpmodel.solve.schedule import SHARE, Expected, Schedule, Stage
 
 KAPPA, LOOK, AGAIN = 1 / SHARE, 6, 3.0
 
@@ -106,33 +106,3 @@ def test_a_method_of_the_paper_is_preferred_up_to_a_fifth_and_a_shortcut_must_co
     assert turn_of(ours, ("paper", paper._replace(cost=61.0))).who == "ours"
     assert turn_of(ours, ("short", Expected(26.0, 9.0, 9.0, True, 2.0))).who == "ours"
     assert turn_of(ours, ("short", Expected(24.0, 9.0, 9.0, True, 2.0))).who == "short"
-
-
-def test_who_overruns_twofold_waits_and_goes_on_where_it_was_when_the_others_do_worse():
-    first, second = Expected(10.0, 0.0, 1.0, True), Expected(30.0, 0.0, 2.0, True)
-    schedule = Schedule(iter([Stage(0.0, lambda: [("first", first), ("second", second)])]))
-    order = []
-    for _ in range(200):
-        turn = schedule.turn()
-        order.append(turn.who)
-        turn.stepped(1.0, None)
-    switched = order.index("second")
-    assert switched >= 20  # not before it has spent twice what it said
-    again = order.index("first", switched)
-    assert order[again:].count("first") > 0
-    assert sum(turn.steps for turn in schedule.waiting) == 200  # nothing of what was made is lost
-
-
-class TestForecast:
-    def test_sweeps_that_creep_like_a_power_of_their_number_are_not_believed_to_go_on_as_fast(self):
-        fallen = [math.log(1.0 + i) for i in range(33)]
-        constant = (18.0 - fallen[-1]) / ((fallen[32] - fallen[16]) / 16)
-        assert forecast(fallen, 18.0) > 3 * constant
-
-    @given(st.lists(st.floats(0.0, 3.0), min_size=6, max_size=60), st.floats(1.0, 200.0))
-    @settings(max_examples=60, deadline=None)
-    def test_it_is_at_least_one_step_and_more_where_more_is_needed(self, falls, need):
-        fallen = [0.0]
-        for fall in falls:
-            fallen.append(fallen[-1] + fall)
-        assert 0.0 < forecast(fallen, need) <= forecast(fallen, 2 * need)

@@ -78,7 +78,5 @@ def test_a_theorem_is_about_one_of_the_two_degrees_of_implicitness():
     newest, before = check_all(problem, icp.PSOR()), check_all(problem, icp.MNMSOR())
     assert [name for name, found in newest.items() if found.holds] == ["rowwise", "h-plus", "monotone"]
     assert {"rowwise", "h-plus"}.isdisjoint(name for name, found in before.items() if found.holds)
-    assert "here it sees the newest values" in newest["sharper"].reason
-    assert "projected SOR" in before["rowwise"].reason
     for name in ("h-plus", "monotone"):
-        assert check(name, problem, icp.PSOR(omega=1.1)).reason == "omega = 1.1 is above 1"
+        assert not check(name, problem, icp.PSOR(omega=1.1)).holds

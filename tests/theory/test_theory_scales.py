@@ -86,14 +86,3 @@ def test_a_small_error_beside_a_far_obstacle_does_not_underflow_when_it_is_squar
         bound = icp.error_bound(problem, z, sharp=sharp)
         assert "positive definite" in bound.proof
         assert size <= bound.value <= 40 * size
-
-
-def test_a_matrix_below_the_normal_floats_has_a_bound_that_holds():
-    psi = icp.Affine([[0.9651395178479033]], [-1.0])
-    problem = icp.ICP([[1.5e-323]], [1.8473554593164487], psi)
-    exact = solutions(problem)[0]
-    for z in (0.0, 1.0, -28.0, nearest_floats(exact)[0]):
-        for proof in (proofs_of(problem).representatives, proofs_of(problem).definite):
-            delta, _ = proof.bound(problem, np.array([z]), *problem.rounding([z]))
-            assert exceeds([z], exact, delta) == []
-    assert 28.6 < icp.error_bound(problem, [0.0], rigorous=True).value < 28.8
