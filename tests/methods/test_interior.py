@@ -1,8 +1,11 @@
 """The interior method: monotone problems with one obstacle or two, fixed or moving; proofs; and what is redundant."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from benchmarks.families import drawn
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -13,32 +16,6 @@ from icpmodel.algebra.redundant import without_redundant_rows
 
 def run(problem, **options):
     return problem.solve("interior", raise_on_failure=False, **options)
-
-
-def pile(rng, m, decades=1.0):
-    """m × m bodies that move in two directions, each in contact with three neighbours in any direction: p = J·velocity.
-
-    At rest nothing penetrates, so that there is a solution; the rows of J are dependent. Masses differ by `decades`.
-    """
-    index = np.arange(m * m).reshape(m, m)
-    pairs = [(index[:, :-1], index[:, 1:]), (index[:-1], index[1:]), (index[:-1, :-1], index[1:, 1:])]
-    i, j = (np.concatenate([pair[k].ravel() for pair in pairs]) for k in (0, 1))
-    angle, rows = rng.uniform(0, 2 * np.pi, i.size), np.arange(i.size)
-    x, y = np.cos(angle), np.sin(angle)
-    places = np.tile(rows, 4), np.concatenate([2 * i, 2 * i + 1, 2 * j, 2 * j + 1])
-    J = sp.csr_array(sp.coo_array((np.concatenate([-x, -y, x, y]), places)))
-    mass = np.repeat(10.0 ** (decades * rng.uniform(-0.5, 0.5, m * m)), 2)
-    return icp.ICP(J @ sp.diags_array(1.0 / mass) @ J.T, J @ rng.normal(size=2 * m * m))
-
-
-def convex_regression(rng, knots):
-    """min ½‖x − y‖² with slopes that do not fall, and its multipliers, which move x next to nothing."""
-    gaps = np.diff(np.sort(rng.random(knots)) * knots) + 1e-3
-    slopes = sp.diags_array(1 / gaps, offsets=0, shape=(knots - 1, knots - 1)) @ np.diff(np.eye(knots), axis=0)
-    G, at = np.diff(slopes, axis=0), np.append(0.0, np.cumsum(gaps)) / knots
-    y = 3.0 * (at - 0.5) ** 2 + 0.3 * rng.standard_normal(knots)
-    A = sp.block_array([[sp.eye_array(knots), -G.T], [G, None]])
-    return icp.ICP(A, np.append(-y, np.zeros(knots - 2)), np.repeat([-np.inf, 0.0], [knots, knots - 2]))
 
 
 def shortest_path(rng, n):
@@ -61,9 +38,10 @@ def dependent_equations(rng, n):
 
 
 CASES = {
-    "pile": lambda rng: pile(rng, 10),
-    "masses": lambda rng: pile(rng, 14, decades=8.0),
-    "regression": lambda rng: convex_regression(rng, 500),
+    **{
+        family: partial(drawn, family, n)
+        for family, n in {"contact-pile": 300, "contact-redundant": 400, "program-regression": 900}.items()
+    },
     "path": lambda rng: shortest_path(rng, 1000),
     "dependent": lambda rng: dependent_equations(rng, 8),
 }

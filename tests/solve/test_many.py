@@ -10,6 +10,7 @@ from icpmodel.solve.many import solve_many
 from icpmodel.solve.many.batch import ROWS_A_THREAD, UNKNOWNS_A_THREAD
 
 SMALL = [[2.0, -1.0], [-1.0, 2.0]]
+TRIDIAGONAL = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(100, 100))
 
 
 def spd(rng, n):
@@ -66,6 +67,16 @@ def test_threads_give_the_rows_in_their_order():
     whole = solve_many(A, Q, C, upper=C + 1.0)
     by_part = [solve_many(A, q, c, upper=d).Z for q, c, d in zip(*parts, strict=True)]
     assert np.array_equal(whole.Z, np.vstack(by_part))
+
+
+@pytest.mark.parametrize("A", [spd(np.random.default_rng(0), 6), TRIDIAGONAL])
+def test_rows_with_obstacles_of_their_own_are_solved_at_once(A, caplog):
+    """By pivots and by the tridiagonal pass: with the obstacles of another row they would be solved again, alone."""
+    n = A.shape[0]
+    Q, C = np.random.default_rng(0).normal(size=(2, 5, n))
+    with caplog.at_level("INFO", "icpmodel"):
+        solve_many(A, Q, C, upper=C + 1.0)
+    assert any(one.startswith(f"5 rows, n = {n}: 5 are solved at once") for one in caplog.messages)
 
 
 def test_the_rows_that_fail_are_named_and_the_others_are_solved():
@@ -239,9 +250,8 @@ def half_sine(z):
 
 def test_a_row_is_a_solution_of_its_own_problem_whatever_found_it():
     """At once by pivots and by the tridiagonal pass, and one by one; with the certificate that `solve` gives."""
-    tridiagonal = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(100, 100))
     random = np.random.default_rng(0)
-    for A, psi in ((SMALL, 0.0), (SMALL, icp.Affine(0.1 * np.eye(2), -1.0)), (tridiagonal, 0.0), (SMALL, half_sine)):
+    for A, psi in ((SMALL, 0.0), (SMALL, icp.Affine(0.1 * np.eye(2), -1.0)), (TRIDIAGONAL, 0.0), (SMALL, half_sine)):
         Q = random.standard_normal((4, np.shape(A)[0] if psi is not half_sine else 2))
         many = icp.solve_many(A, Q, psi)
         assert len(many) == len(list(many)) == 4
