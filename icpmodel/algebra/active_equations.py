@@ -1,11 +1,11 @@
 """The linear systems of Newton's method on the modulus equation, and of the derivative of its answer.
 
-J has the rows of I − ψ′ where rows are active, those of A in the others, the free ones. With I for the active rows and
-F for the free ones,
+J has the rows of I − ψ′ where rows are active, those of A in the others, the free ones. With I for
+the active rows and F for the free ones,
 
-    (I − N)x_I = S⁻¹f_I + T₀x_F,     A_FI x_I + A_FF x_F = f_F,
+    (I − N)x_I = S⁻¹f_I + T₀x_F,     A_FI x_I + A_FF x_F = f_F.
 
-where S = 1 − ∂ψ_i/∂z_i is what moves with the row itself, and N and T₀ hold the rest of S⁻¹ψ′.
+S = 1 − ∂ψ_i/∂z_i is the slope of a row in its own unknown; N and T₀ hold the rest of S⁻¹ψ′.
 """
 
 from __future__ import annotations
@@ -32,11 +32,28 @@ from .hierarchy import Hierarchy, NoHierarchy
 class ActiveEquations:
     """Jx = f and Jᵀx = f for many f: by V-cycles of A's hierarchy where these pay, or by elimination.
 
-    The levels of A serve every active set, and factors one only, so that cycles are weighed without what the levels
-    cost; and as they cost again for every f, a factorisation takes over once it costs no more than they have.
-    Parameters: `active` a mask of shape (n,); `jacobian` = ψ′(z), CSR, shape (n, n); `by_cycles` whether the hierarchy
-    is taken, None where the foreseen cost of a factorisation is to decide. Where A has none, or where the cycles do not
-    converge, elimination takes over. Raises OutOfTime and OutOfMemory.
+    Parameters
+    ----------
+    problem : ProblemData
+        The problem.
+    active : mask of shape (n,)
+        The active rows.
+    jacobian : CSR array of shape (n, n)
+        ψ′(z).
+    by_cycles : bool, optional
+        Whether the hierarchy is taken; by default the predicted cost of a factorisation decides.
+
+    Raises
+    ------
+    OutOfTime, OutOfMemory
+        Where a factorisation takes more than is left.
+
+    Notes
+    -----
+    The levels of A serve every active set, factors one only. So the cost of the levels is not
+    counted for the cycles. Cycles cost again for every f, so a factorisation takes over once it
+    costs no more than they have. Where A has no hierarchy, or where the cycles do not converge,
+    elimination takes over.
     """
 
     def __init__(
@@ -104,10 +121,18 @@ class ActiveEquations:
 class Elimination:
     """J without its active unknowns: x_I = Tx_F + s leaves M = A_FF + A_FI T, and in Jᵀ the transpose of M.
 
-    Where the chains of ψ′ through the active rows end, as those of jumps do, (I − N)⁻¹ is a product of few sparse
-    factors, and with few rows at the border of I, M is little more than A_FF. Else M is J.
+    Parameters
+    ----------
+    problem, active, jacobian
+        As for `ActiveEquations`.
+    shift : array of shape (n,), optional
+        Added to the diagonal of A.
 
-    Parameters: as of `ActiveEquations`; a `shift` of the diagonal of A, shape (n,), or None.
+    Notes
+    -----
+    The chains of ψ′ through the active rows end where ψ consists of jumps. Then (I − N)⁻¹ is a
+    product of few sparse factors. With few rows at the border of I, M has little more entries than
+    A_FF. Else M is J.
     """
 
     def __init__(self, problem: ProblemData, active: Mask, jacobian: sp.csr_array, shift: Vector | None = None) -> None:
@@ -184,8 +209,10 @@ class _NotWorth(Exception):
 def _chains(
     J: sp.csr_array, rows: NDArray[np.intp], free: NDArray[np.intp]
 ) -> tuple[Vector, list[sp.csr_array], sp.csr_array | None]:
-    """(1 − own slope, N, N², N⁴, …, and T, None where it is 0) with (I − N)⁻¹ = … (I + N²)(I + N), where N has a power
-    that is 0."""
+    """1 − own slope, the list N, N², N⁴, …, and T, None where it is 0.
+
+    N is nilpotent and (I − N)⁻¹ = … (I + N²)(I + N).
+    """
     from scipy.sparse.csgraph import connected_components
 
     if not J.nnz:

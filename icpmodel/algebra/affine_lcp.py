@@ -44,13 +44,35 @@ def too_large(facts: Facts) -> str | None:
 
 
 class AffineLcp:
-    """The LCP My + q ≥ 0, y ≥ 0 (0 and any sign in the rows that are `free`) behind an ICP with ψ(z) = Gz + c.
+    """The LCP My + q ≥ 0, y ≥ 0 behind an ICP with ψ(z) = Gz + c.
 
-    With an obstacle above, Hz + d, there is a row more for each that it has: the first rows are Az + q + Ds ≥ 0 with
-    D = |diag(A)|, and y goes on with s, whose rows are D(Hz + d − z) ≥ 0: p < 0 where z is at the upper one.
-    Parameters: `A` dense, shape (n, n); `q` and `c` shape (n,); `G` dense, shape (n, n), or its diagonal, shape (n,),
-    if it is one, or None for 0; `above` (d, H) alike, or None. Raises SingularOperator where I − G is singular.
-    Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992), section 1.2, for the rows more.
+    Parameters
+    ----------
+    A : array of shape (n, n)
+        The matrix, dense.
+    q, c : array of shape (n,)
+        The vectors.
+    G : array of shape (n, n) or (n,), optional
+        Dense, or its diagonal if it is one; None for 0.
+    above : tuple (d, H), optional
+        The obstacle above, Hz + d, in the same form; None where there is none.
+
+    Raises
+    ------
+    SingularOperator
+        Where I − G is singular.
+
+    Notes
+    -----
+    In the rows that are `free`, y has any sign and the inequality is an equation. An obstacle above
+    adds a row for each row that has it. The first rows are then Az + q + Ds ≥ 0 with D = |diag(A)|.
+    Behind z, y holds s, whose rows are D(Hz + d − z) ≥ 0. So p < 0 where z is at the upper
+    obstacle.
+
+    References
+    ----------
+    Cottle, Pang and Stone, The Linear Complementarity Problem (1992), section 1.2, for the added
+    rows.
     """
 
     def __init__(
@@ -89,8 +111,10 @@ class AffineLcp:
         return Q if self.rows is None else np.concatenate([Q, self.weight * D[..., self.rows]], axis=-1)
 
     def held(self, y: Vector) -> tuple[Any, Any]:
-        """The rows that are at an obstacle where the pivots end with `y`, and of these the ones at the upper; masks of
-        shape (n,), the second None where there is none."""
+        """Masks, shape (n,), of the rows at an obstacle and of those at the upper one, where the pivots end with `y`.
+
+        The second mask is None where there is no obstacle above.
+        """
         active = ~self.free[: self.n] & (y[: self.n] == 0.0)
         if self.rows is None:
             return active, None

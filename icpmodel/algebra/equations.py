@@ -45,8 +45,16 @@ def among(problem: ProblemData, rows: NDArray[np.intp]) -> sp.csr_array:
 
 
 class Pattern(NamedTuple):
-    """Where the modulus takes an obstacle's side, `active`, a mask of shape (n,), and of these rows those that take the
-    one `above`, None where there is none; `r`, shape (n,), is z less the obstacle that each row is nearer to.
+    """The active set: the rows on the obstacle's side of the modulus.
+
+    Parameters
+    ----------
+    r : array of shape (n,)
+        z minus the obstacle that each row is nearer to.
+    active : mask of shape (n,)
+        The active rows.
+    above : mask of shape (n,), optional
+        The active rows that take the upper obstacle, None where there is none.
     """
 
     r: Vector
@@ -86,10 +94,33 @@ def pattern_at(problem: ProblemData, z: Vector) -> Pattern:
 def solve_on(problem: ProblemData, z: Vector, active: Mask, above: Mask | None = None) -> Vector:
     """The solution of z_i = ψ_i(z) in the `active` rows, (Az + q)_i = 0 in the others, near `z`.
 
-    One factorisation, of the other rows alone where ψ has no derivative, then refinement while the residual falls.
-    Parameters: `z` shape (n,), `active` a mask of shape (n,), `above` one of the rows with ψ̄ in place of ψ, or None.
-    Returns a vector of shape (n,). It is a candidate, no more: `error_bound` says what it is worth. Raises
-    SingularOperator where the equations are singular, MapError where ψ or its Jacobian fails.
+    Parameters
+    ----------
+    problem : ProblemData
+        The problem.
+    z : array of shape (n,)
+        Start.
+    active : mask of shape (n,)
+        The active rows.
+    above : mask of shape (n,), optional
+        The rows with ψ̄ in place of ψ.
+
+    Returns
+    -------
+    array of shape (n,)
+        A candidate only: `error_bound` bounds its error.
+
+    Raises
+    ------
+    SingularOperator
+        Where the equations are singular.
+    MapError
+        Where ψ or its Jacobian fails.
+
+    Notes
+    -----
+    One factorisation, of the other rows alone where ψ has no derivative, then refinement while the
+    residual falls.
     """
     psi = chosen(problem.psi, above)
     jacobian = psi.jacobian(z)

@@ -58,12 +58,27 @@ class Level:
 class Hierarchy:
     """The levels of A, and a V-cycle for A_FF x = f_F where F, the free rows, changes often and A does not.
 
-    On every level the points whose own row is not free keep the value 0. That is how the interpolation is truncated
-    without another Galerkin product; what it leaves out is next to the border of F.
-    Parameters: the `problem` whose A it is. Raises NoHierarchy where the diagonal of A or of a coarser level is not
-    positive, where more than 512 rows are left that cannot be made fewer, and at the first level with four times the
-    entries of A: matrices that multigrid is not made for would take all time and memory.
-    Reference: Ruge and Stüben, Algebraic multigrid (1987); Kornhuber, Numer. Math. 69 (1994), for the truncation.
+    Parameters
+    ----------
+    problem : ProblemData
+        The problem with the matrix A.
+
+    Raises
+    ------
+    NoHierarchy
+        Where multigrid would take all time and memory. The diagonal of A or of a coarser level is
+        not positive; more than 512 rows cannot be made fewer; or a level has four times the entries
+        of A.
+
+    Notes
+    -----
+    On every level the points whose own row is not free keep the value 0. That truncates the
+    interpolation without another Galerkin product. The neglected terms are next to the border of F.
+
+    References
+    ----------
+    Ruge and Stüben, Algebraic multigrid (1987). Kornhuber, Numer. Math. 69 (1994), for the
+    truncation.
     """
 
     def __init__(self, problem: ProblemData) -> None:

@@ -1,8 +1,8 @@
 """The rows of a problem with affine obstacles, dense, and its linear pieces.
 
-A piece says for every row which equation holds: p_i = 0, z_i = ψ_i(z) or z_i = ψ̄_i(z). It leaves one linear system.
-A solution of the problem is a solution of some piece that has the right signs in its other rows, so that all solutions
-are found by going through all pieces.
+A piece says for every row which equation holds: p_i = 0, z_i = ψ_i(z) or z_i = ψ̄_i(z). It leaves
+one linear system. A solution of the problem is a solution of some piece that has the right signs in
+its other rows. So going through all pieces finds all solutions.
 """
 
 from __future__ import annotations
@@ -45,9 +45,10 @@ class PieceBatch(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class LinearRows:
-    """p = Az + q, r = Rz − c ≥ 0 and s = d − Sz ≥ 0 with dense matrices; c_i = −∞ and d_i = ∞ for no obstacle.
+    """p = Az + q, r = Rz − c ≥ 0 and s = d − Sz ≥ 0 with dense matrices.
 
-    Every row of (A, q) is multiplied by a power of two, so that its largest |entry| of A is about 1.
+    c_i = −∞ and d_i = ∞ where there is no obstacle. Every row of (A, q) is multiplied by a power of
+    two, so that its largest |entry| of A is about 1.
     """
 
     A: Dense

@@ -2,11 +2,11 @@
 
 By |x − y| = x + y − 2 min(x, y) every method of the family is the one step
 
-    z⁺ = z − 2 X⁻¹ F_Ω(z),        F_Ω(z) = min(Az + q, Ω(z − ψ(z))),
+    z⁺ = z − 2 X⁻¹ F_Ω(z),        F_Ω(z) = min(Az + q, Ω(z − ψ(z))).
 
-so a method is nothing but a choice of X and Ω; with an obstacle above, F_Ω is mid(Ω(z − ψ̄(z)), Az + q, Ω(z − ψ(z))),
-the median of the three, and all else stays. `Operator.step` is that line; the triangular and diagonal operators fuse
-it into one compiled pass over A.
+So a method is a choice of X and Ω. With an obstacle above, F_Ω is mid(Ω(z − ψ̄(z)), Az + q, Ω(z −
+ψ(z))), the median of the three. `Operator.step` is that line; the triangular and diagonal operators
+fuse it into one compiled pass over A.
 """
 
 from __future__ import annotations

@@ -22,20 +22,24 @@ _NORMAL: WeakKeyDictionary[Matrix, dict[bytes, Any]] = WeakKeyDictionary()
 
 
 def without_redundant_rows(problem: ProblemData) -> ProblemData:
-    """A problem of the same size, constant obstacles, each solution of which is one of `problem`.
+    """A problem of the same size with constant obstacles, each solution of which is one of `problem`.
 
     It has a solution if and only if `problem` has one.
 
-    It is the problem itself where nothing is redundant. Otherwise z_i = c_i stands in the redundant rows:
+    Notes
+    -----
+    It is the problem itself where nothing is redundant. Otherwise z_i = c_i stands in the redundant
+    rows:
 
     - ψ_i = ψ̄_i, or crossed by rounding: c_i = ψ_i, whatever p_i is.
-    - Row i of A is empty: c_i = ψ_i where q_i > 0, ψ̄_i where q_i < 0, what is nearest to 0 between them where q_i = 0
-      and column i is empty as well.
-    - Row and column i are t > 0 times row and column j, and row i has no obstacle above: p_i = t·p_j + (q_i − t·q_j) is
-      at least 0 wherever p_j is, if q_i ≥ t·q_j, so that c_i = ψ_i. Where row i has no obstacle at all p_i = 0 follows
-      from p_j = 0, if q_i = t·q_j and so does row j, for t < 0 as well, so that c_i = 0.
+    - Row i of A is empty: c_i = ψ_i where q_i > 0, ψ̄_i where q_i < 0. Where q_i = 0 and column i
+      is empty as well, c_i is the number between them nearest to 0.
+    - Row and column i are t > 0 times row and column j, and row i has no obstacle above. Then p_i =
+      t·p_j + (q_i − t·q_j) is at least 0 wherever p_j is, if q_i ≥ t·q_j, so c_i = ψ_i.
+    - Row and column i are t times row and column j, and neither row has an obstacle. Then p_i = 0
+      follows from p_j = 0, if q_i = t·q_j, for t < 0 as well, so c_i = 0.
 
-    Where rows contradict each other they are left as they are.
+    Rows that contradict each other stay as they are.
     """
     if not problem.psi.is_constant:
         return problem

@@ -1,11 +1,15 @@
-"""θ₁, θ₂ and Ω where they are left to the package: from the theory, and adapted while a run goes on.
+"""θ₁, θ₂ and Ω where they are left to the package: from the theory, and adapted during a run.
 
-On rows with p < Ωr a step with X = 2(D/ω − L) and Ω = (2 − ω)D is successive overrelaxation (SOR), whose best ω follows
-from the spectral radius μ of the Jacobi matrix of those rows: ω = 2/(1 + √(1 − μ²)). Where A is consistently ordered,
-SOR with an ω below the best one shrinks the error by λ a step, and λ tells μ: (λ + ω − 1)² = ω²μ²λ. So a run that is
-watched needs no estimate of μ beforehand, and one that is accelerated hardly depends on ω.
-Reference: Young, Iterative Solution of Large Linear Systems (1971), chapters 6 and 7; Hageman and Young, Applied
-Iterative Methods (1981), chapter 9.
+On rows with p < Ωr a step with X = 2(D/ω − L) and Ω = (2 − ω)D is successive overrelaxation (SOR).
+Its best ω follows from the spectral radius μ of the Jacobi matrix of those rows: ω = 2/(1 + √(1 −
+μ²)). Let A be consistently ordered. SOR with an ω below the best one reduces the error by λ a step,
+and λ determines μ: (λ + ω − 1)² = ω²μ²λ. So a run with an observed rate needs no estimate of μ
+beforehand, and an accelerated one hardly depends on ω.
+
+References
+----------
+Young, Iterative Solution of Large Linear Systems (1971), chapters 6 and 7. Hageman and Young,
+Applied Iterative Methods (1981), chapter 9.
 """
 
 from __future__ import annotations
@@ -123,10 +127,11 @@ def sor_speed(omega: float, radius: float) -> float:
 
 
 def relaxation(problem: ProblemData) -> float:
-    """A cautious ω, where it is not adapted: 2/(1 + √(1 − ρ²)), at most 1.4, ρ = `coupled_radius`; 1 if ρ ≥ 1.
+    """A cautious ω for a run that does not adapt it: 2/(1 + √(1 − ρ²)), at most 1.4.
 
-    On the rows that do not touch the obstacle a smaller ω is the best than for all of A, acceleration hardly needs
-    more, and with θ₂ = θ₁ the factor √2 − 1 … 1 of the fastest errors outweighs beyond 1.4 what the slow ones gain.
+    ρ is `coupled_radius`; ω = 1 if ρ ≥ 1. On the rows that do not touch the obstacle the best ω is
+    smaller than for all of A, and acceleration hardly needs more. With θ₂ = θ₁ the fastest errors
+    have the factor √2 − 1 … 1. Beyond ω = 1.4 it outweighs the gain for the slow errors.
     """
     rho = problem.matrix.coupled_radius
     return min(best_omega(rho), _UNWATCHED) if rho < 1.0 else 1.0
@@ -165,10 +170,11 @@ def jacobi_step(problem: ProblemData, phi: Any = 0.0) -> Step | None:
 class AdaptedOmega:
     """An ω that follows the rate: from `value` up to `most`, and back where the residual grows or hardly falls.
 
-    Every step back halves ω − 1, takes all of it where ω ≤ 1.2, and is final. Where ω = 1 does no better, the run is
-    `plain` from then on, with MNMGS; so hardly a problem is lost that MNMGS solves, and that is every one with an
-    H₊-matrix and a ψ of small slope. The patience is several times the number of steps that should halve the error, by
-    the observed rate or by the one for which ω is best.
+    Every step back halves ω − 1, sets ω = 1 where ω ≤ 1.2, and is final. Where ω = 1 does no
+    better, the run is `plain` from then on, with MNMGS. MNMGS solves every problem with an
+    H₊-matrix and a ψ of small slope, so hardly one of these is lost. The patience is several times
+    the number of steps that should halve the error, by the observed rate or by the one for which ω
+    is best.
     """
 
     def __init__(self, value: float, most: float = _MOST) -> None:

@@ -1,10 +1,14 @@
-"""Rows that rest on a fixed obstacle: a guess which ones, checked on every iterate, and mended where it is wrong.
+"""The predicted contact set of a fixed obstacle, checked on every iterate and corrected.
 
-Where A is a Z-matrix and the loads that lift z off the obstacle are small beside those that hold it down, some rows
-stay there. How many is guessed by a balance of the two. For z ≤ z* a resting row with p_i < 0 is certain to leave the
-obstacle; in the end p ≥ 0 on the rows that were left out makes the answer one of the whole problem.
-References: Chandrasekaran, Opsearch 7 (1970), for rows that once open stay open where A is a Z-matrix; Levine and
-Peres, Potential Anal. 30 (2009), for the balance.
+Let A be a Z-matrix, and the loads that lift z off the obstacle small beside those that hold it
+down. Then some rows stay in contact. A balance of the two loads predicts how many. For z ≤ z* a
+contact row with p_i < 0 is certain to leave the obstacle. In the end p ≥ 0 on the omitted rows
+makes the answer one of the whole problem.
+
+References
+----------
+Chandrasekaran, Opsearch 7 (1970): where A is a Z-matrix, a row that is once free stays free. Levine
+and Peres, Potential Anal. 30 (2009), for the balance.
 """
 
 from __future__ import annotations

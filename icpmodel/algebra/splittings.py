@@ -57,9 +57,25 @@ class AOR(Splitting):
     """Accelerated overrelaxation: M₁ = (D − θ₂L)/θ₁.
 
     (θ, θ) is successive overrelaxation, (1, 1) Gauss–Seidel, (1, 0) Jacobi.
-    Raises InputError unless θ₁ is finite and positive and θ₂ is finite.
-    Reference: Hadjidimos, Math. Comp. 32 (1978).
 
+    Parameters
+    ----------
+    theta1 : float
+        θ₁ > 0.
+    theta2 : float
+        θ₂.
+
+    Raises
+    ------
+    InputError
+        Unless θ₁ is finite and positive and θ₂ is finite.
+
+    References
+    ----------
+    Hadjidimos, Math. Comp. 32 (1978).
+
+    Examples
+    --------
     >>> AOR(2.0, 1.0).matrix(sp.csr_array([[4.0, -1.0], [-2.0, 4.0]])).toarray()
     array([[ 2.,  0.],
            [-1.,  2.]])

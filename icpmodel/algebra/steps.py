@@ -57,10 +57,11 @@ def compiled_step(
 ) -> Step:
     """One compiled sweep as a step: `before` and `after` are the kernel's arguments around ψ.
 
-    ψ that `kernel_data` knows is evaluated inside the sweep; any other is called once for it. A sweep "in_order" that
-    goes forward may make some more in the same call, for a large A in the same pass over it. `reach` is how far A
-    reaches above its diagonal, None where the sweep cannot do that; `few` entries are swept in one call, more of them
-    by so many `threads`, which keep a `chunk` of rows apart.
+    A ψ that `kernel_data` knows is evaluated inside the sweep; any other is called once for it. A
+    forward sweep "in_order" may make some more in the same call, for a large A in the same pass
+    over it. `reach` is the upper bandwidth of A, None where the sweep cannot do that. One call
+    sweeps a `few` entries. More are swept by so many `threads`, which keep a `chunk` of rows
+    between them.
     """
     from ..numerics.kernels.sweeps import SWEEPS
 

@@ -48,13 +48,16 @@ def restricted(problem: ProblemData, rows: Rows, z: Vector) -> ProblemData:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Blocks:
-    """The `open` rows of `problem` in blocks that hang on earlier ones only: the strong components of A and ψ.
+    """The `open` rows of `problem` in blocks that depend on earlier ones only: the strong components of A and ψ.
 
-    Block k is `rows[starts[k] : starts[k + 1]]`. The blocks in `before` are so small that they are solved one after the
-    other, those in `after` as well, once the rest is known. The rest comes in `stages`, each of which hangs on earlier
-    ones only and has the rows of its parts, which do not interact (all in one where they are many); the small blocks
-    `between` two stages, a mask for each stage, come after it. Rows that are not open rest on the fixed obstacle, see
-    `resting`; `opened` is how often some of them had to be opened.
+    Block k is `rows[starts[k] : starts[k + 1]]`. The blocks in `before` are so small that they are
+    solved one after the other. So are those in `after`, once the rest is known. The rest comes in
+    `stages`, each of which depends on earlier ones only. A stage has the rows of its parts, which
+    do not interact; many parts are joined into one. `between` holds a mask for each stage: the
+    small blocks that follow it.
+
+    Rows that are not open are in contact with the fixed obstacle, see `resting`. `opened` is how
+    often some of them had to be opened.
     """
 
     problem: ProblemData

@@ -42,15 +42,38 @@ def crosscheck(
 ) -> Report:
     """Have independent solvers solve `problem`, and compare each with the answer under test.
 
-    Parameters: `solution` a `Solution`, a vector z of shape (n,), or None, which solves first; `solvers` names (see
-    `icpmodel.solvers.foreign_solvers`) or own `ForeignSolver` objects, None for all that are asked of themselves;
-    `atol` how far two answers may lie apart in an entry, in the units of z, default 1e-6 max|z|; `time_limit` seconds
-    in all, posing and judging included, of which every solver gets an equal share of what is left; `progress` says
-    on a terminal, and now and then in a log, which solver is at work.
-    Returns a `Report`; `report.agrees` is True only where at least one solver really agreed and none disagreed.
-    Raises InputError for a z of the wrong shape, an unknown solver or a bad number, and Interrupted, which carries
-    the report so far, after Ctrl-C.
+    Parameters
+    ----------
+    problem : ICP
+        The problem.
+    solution : Solution or array_like of shape (n,), optional
+        The answer under test; by default `problem` is solved first.
+    solvers : iterable of str or ForeignSolver, optional
+        Names (see `icpmodel.solvers.foreign_solvers`) or objects; by default every solver that is
+        run unless named otherwise.
+    atol : float, optional
+        Largest difference of two answers in an entry, in the units of z; by default 1e-6 max|z|.
+    time_limit : float, default 60
+        Seconds in all, including the statement of the problems and the verdicts. Every solver gets an
+        equal share of the remaining time.
+    progress : bool, default False
+        Whether to show on a terminal, and now and then in a log, which solver is at work.
 
+
+    Returns
+    -------
+    Report
+        `report.agrees` is True only where at least one solver agreed and none disagreed.
+
+    Raises
+    ------
+    InputError
+        For a z of the wrong shape, an unknown solver or a bad number.
+    Interrupted
+        After Ctrl-C; it carries the report so far.
+
+    Examples
+    --------
     >>> report = icp.crosscheck(ICP([[2, -1], [-1, 2]], [-1, 3]), [0.5, 0.0], ["osqp", "cvxpy-clarabel"])
     >>> [row.verdict.value for row in report.rows], report.agrees
     (['agrees', 'agrees'], True)

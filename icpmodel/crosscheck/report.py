@@ -162,11 +162,28 @@ class Report(Shown, Tabular):
         return verdict + "".join(table.to_html() for table in self._tables()) + coverage + self.card().to_html()
 
     def to_csv(self, path: str | Path | None = None) -> str:
-        """The rows as CSV with a header, numbers in full; written to `path` where one is given. Returns the text."""
+        """The rows as CSV with a header, numbers at full precision.
+
+        Parameters
+        ----------
+        path : str or path, optional
+            File to write as well.
+
+        Returns
+        -------
+        str
+            The text.
+        """
         return _written(self._in_full().to_csv(), path, HEADS)
 
     def to_dataframe(self) -> Any:
-        """The rows as a pandas DataFrame, numbers in full. Raises NotApplicable where pandas is not installed."""
+        """The rows as a pandas DataFrame, numbers at full precision.
+
+        Raises
+        ------
+        NotApplicable
+            Where pandas is not installed.
+        """
         return self._in_full().to_dataframe()
 
     def _in_full(self) -> Table:
@@ -174,7 +191,18 @@ class Report(Shown, Tabular):
         return Table("", tuple(Row.__annotations__), rows)
 
     def to_json(self, path: str | Path | None = None) -> str:
-        """Everything as strict JSON, unknown numbers null; written to `path` where one is given. Returns the text."""
+        """Everything as strict JSON; an unknown number is null.
+
+        Parameters
+        ----------
+        path : str or path, optional
+            File to write as well.
+
+        Returns
+        -------
+        str
+            The text.
+        """
         data = asdict(self) | {"rows": [_plain(row) for row in self.rows]}
         data |= {"agrees": self.agrees, "conclusion": self.conclusion(), "coverage": self.coverage()}
         return _written(json.dumps(data, indent=2, allow_nan=False, ensure_ascii=False), path, b'{\n  "rows"')

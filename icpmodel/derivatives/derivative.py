@@ -1,14 +1,19 @@
 """The derivative of the answer: one linear system, J, on the active set, solved forward or transposed.
 
-Near z* every row keeps its side where p and r are not both 0: Az + q = 0 in the free rows, z = ψ(z) in the active ones.
-Differentiated, J dz = f with the rows of A and −(dA z + dq) where the row is free, those of I − ψ′ and dψ where it is
-active; the adjoint is Jᵀw = z̄. In a row with p = r = 0 one side or the other may hold as soon as the data move: either
-choice gives an element of the B-subdifferential, and the derivative in one direction solves a complementarity problem
-of its own (see `tangent`).
+Near z* every row keeps its side where p and r are not both 0: Az + q = 0 in the free rows, z = ψ(z)
+in the active ones. The derivative of these equations is J dz = f. A free row of J is that of A,
+with f = −(dA z + dq). An active row of J is that of I − ψ′, with f = dψ. The adjoint system is Jᵀw
+= z̄.
 
-Reference: Robinson, Math. Oper. Res. 5 (1980), and Outrata, Kočvara and Zowe, Nonsmooth Approach to Optimization
-Problems with Equilibrium Constraints (1998), for the implicit function theorem; Mignot, J. Funct. Anal. 22 (1976), for
-the obstacle problem.
+In a row with p = r = 0 one side or the other may hold as soon as the data move. Either choice gives
+an element of the B-subdifferential. The derivative in one direction solves a complementarity
+problem of its own (see `tangent`).
+
+References
+----------
+Robinson, Math. Oper. Res. 5 (1980), for the implicit function theorem. Outrata, Kočvara and Zowe,
+Nonsmooth Approach to Optimization Problems with Equilibrium Constraints (1998). Mignot, J. Funct.
+Anal. 22 (1976), for the obstacle problem.
 """
 
 from __future__ import annotations
@@ -65,16 +70,40 @@ class OneSided(ReadOnly, Shown):
 
 
 class Derivative(ReadOnly, Shown):
-    """The derivative of z* in A, q and ψ at the answer z of a `solution`, forward and adjoint.
+    """The derivative of z* in A, q and ψ at a solution, forward and adjoint.
 
-    Raises InputError where `solution` is not solved, NotApplicable where ψ has no derivative, MapError where it fails.
+    Parameters
+    ----------
+    solution : Solution
+        A solved problem.
 
-    `certain`: whether it is proved that z* is differentiable and that this is its derivative, as every row is known to
-    be at an obstacle or off it and ψ′ is the same as far as z* may be away. Else `undecided` are the rows, shape (k,),
-    in which p = r = 0, or two equally good jumps, cannot be excluded; each takes the side that z is nearer to, which
-    gives an element of the B-subdifferential; `reason` says it. ψ of a user's function is assumed to be continuously
-    differentiable there, and its derivative to be the one that is given.
+    Attributes
+    ----------
+    certain : bool
+        Whether it is proved that z* is differentiable and that this is its derivative.
+    undecided : array of int, shape (k,)
+        Rows in which p = r = 0, or two equally good jumps, cannot be excluded.
+    reason : str
+        Why the derivative is not `certain`, or what was assumed.
 
+    Raises
+    ------
+    InputError
+        Where `solution` is not solved.
+    NotApplicable
+        Where ψ has no derivative.
+    MapError
+        Where ψ or its derivative fails.
+
+    Notes
+    -----
+    For `certain`, every row must be known to be at an obstacle or off it. Moreover ψ′ must be the
+    same as far as z* may be away. An undecided row takes the side that z is nearer to, which gives
+    an element of the B-subdifferential. ψ of a user's function is assumed to be continuously
+    differentiable there, with the derivative that the user gives.
+
+    Examples
+    --------
     >>> derivative = Derivative(ICP([[2, -1], [-1, 2]], [-1, 3]).solve())
     >>> derivative.forward(dq=[1.0, 0.0])
     array([-0.5,  0. ])
@@ -110,14 +139,35 @@ class Derivative(ReadOnly, Shown):
 
     @sheltered
     def forward(self, *, dA: Any = None, dq: Any = None, dpsi: Any = None, dupper: Any = None) -> Vector:
-        """dz, shape (n,): how z* moves, to first order, where the data move by a direction.
+        """The change dz of z*, to first order, for a change of the data.
 
-        Parameters: `dA` dense or sparse, shape (n, n); `dq` shape (n,); `dpsi`, and `dupper` for the obstacle above,
-        the change of ψ's own data: a number or shape (n,) for the change of its values, which is that of the c of a map
-        that has one; (dG, dc) for an affine ψ; a sparse matrix of changed gains for an intervention; shape (m,) where
-        the map has a `parameter_derivative`. What is left out does not move.
-        Returns dz. Raises InputError, and SingularOperator where the equations of the active set are singular.
+        Parameters
+        ----------
+        dA : array_like or sparse of shape (n, n), optional
+            Change of A.
+        dq : array_like of shape (n,), optional
+            Change of q.
+        dpsi : optional
+            Change of the data of ψ. A number or shape (n,) changes its values; it is the dc of a
+            map with a c. An affine ψ takes (dG, dc) as well, an intervention a sparse matrix of
+            changed gains. A map with a `parameter_derivative` takes shape (m,).
+        dupper : optional
+            The same for the obstacle above.
 
+        Returns
+        -------
+        array of shape (n,)
+            dz. Data that are left out do not change.
+
+        Raises
+        ------
+        InputError
+            For wrong arguments.
+        SingularOperator
+            Where the equations of the active set are singular.
+
+        Examples
+        --------
         >>> Derivative(ICP([[2.0]], [-2.0]).solve()).forward(dA=[[1.0]])
         array([-0.5])
         """
@@ -128,8 +178,25 @@ class Derivative(ReadOnly, Shown):
     def adjoint(self, zbar: Any) -> Gradient:
         """The gradient of z̄ᵀz* in all data at once, by one transposed solve.
 
-        Parameters: `zbar` the weight z̄, shape (n,). Returns a `Gradient`. Raises as `forward`.
+        Parameters
+        ----------
+        zbar : array_like of shape (n,)
+            The weight z̄.
 
+        Returns
+        -------
+        Gradient
+            The gradient in A, q and the obstacles.
+
+        Raises
+        ------
+        InputError
+            For wrong arguments.
+        SingularOperator
+            Where the equations of the active set are singular.
+
+        Examples
+        --------
         >>> gradient = Derivative(ICP([[2.0]], [-2.0]).solve()).adjoint([1.0])
         >>> gradient.q, gradient.A.data
         (array([-0.5]), array([-0.5]))
@@ -148,8 +215,27 @@ class Derivative(ReadOnly, Shown):
         return min(max(asked, _LEAST), RTOL)
 
     def solved(self, f: Vector, transposed: bool = False) -> Vector:
-        """J⁻¹f, or J⁻ᵀf, shape (n,). Raises SingularOperator where J is singular, be it but for rounding.
+        """J⁻¹f, or J⁻ᵀf.
 
+        Parameters
+        ----------
+        f : array of shape (n,)
+            Right-hand side.
+        transposed : bool, default False
+            Whether to solve with Jᵀ.
+
+        Returns
+        -------
+        array of shape (n,)
+            The solution of the linear system.
+
+        Raises
+        ------
+        SingularOperator
+            Where J is singular to rounding.
+
+        Examples
+        --------
         >>> Derivative(ICP([[2.0]], [-2.0]).solve()).solved(np.ones(1))
         array([0.5])
         """
@@ -174,10 +260,30 @@ class Derivative(ReadOnly, Shown):
     def one_sided(self, *, dA: Any = None, dq: Any = None, dpsi: Any = None, dupper: Any = None) -> OneSided:
         """The right and the left derivative in one direction; where `certain`, both are `forward`.
 
-        In the undecided rows of the polished answer p = r = 0 is assumed. Each of the two is a complementarity problem
-        with the matrix A, solved by `icpmodel.solve`.
-        Parameters: as of `forward`. Returns a `OneSided`. Raises InputError, and NotSolved where one is not solved.
+        Parameters
+        ----------
+        dA, dq, dpsi, dupper : optional
+            The direction, as for `forward`.
 
+        Returns
+        -------
+        OneSided
+            Both derivatives.
+
+        Raises
+        ------
+        InputError
+            For wrong arguments.
+        NotSolved
+            Where one of the two tangent problems is not solved.
+
+        Notes
+        -----
+        In the undecided rows of the polished answer p = r = 0 is assumed. Each of the two is a
+        complementarity problem with the matrix A, solved by `icpmodel.solve`.
+
+        Examples
+        --------
         >>> two_jumps = sp.csr_array([[0.0, -1.0, -1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
         >>> problem = ICP(np.eye(3), [5.0, -2.0, -2.0], icp.Intervention(two_jumps))
         >>> tuple(Derivative(problem.solve()).one_sided(dq=[0.0, 1.0, 0.0]))
@@ -198,13 +304,34 @@ class Derivative(ReadOnly, Shown):
 
     @sheltered
     def bound(self, dz: Any, *, dA: Any = None, dq: Any = None, dpsi: Any = None, dupper: Any = None) -> float | None:
-        """How far `dz`, shape (n,), is at most from the derivative in the direction of the others, as of `forward`.
+        """Bound the distance of `dz` to the derivative in the direction of the other arguments.
 
-        What is not known of z*, and all rounding errors, are in it; it may cost a linear solve. Returns the largest
-        error of an entry; None where the derivative is not `certain`, where ψ is a user's function, whose ψ′ may be
-        another one at z* than at z, and where nothing is proved of J within the limits of the certificate.
-        Raises InputError.
+        Parameters
+        ----------
+        dz : array_like of shape (n,)
+            A computed derivative.
+        dA, dq, dpsi, dupper : optional
+            The direction, as for `forward`.
 
+        Returns
+        -------
+        float or None
+            The largest error of an entry, for the uncertainty of z* and all rounding errors; None
+            where there is no bound.
+
+        Raises
+        ------
+        InputError
+            For wrong arguments.
+
+        Notes
+        -----
+        There is no bound where the derivative is not `certain`. There is none for a user's
+        function, whose ψ′ may be another one at z* than at z. There is none either where nothing is
+        proved of J within the limits of the certificate. The bound may cost a linear solve.
+
+        Examples
+        --------
         >>> derivative = Derivative(ICP([[2.0]], [-2.0]).solve())
         >>> derivative.bound([-0.5], dA=[[1.0]]) < 1e-14
         True
@@ -217,8 +344,7 @@ class Derivative(ReadOnly, Shown):
 
     @sheltered
     def adjoint_bound(self, zbar: Any, gradient: Gradient) -> float | None:
-        """How far the `q`, `psi_values` and `upper_values` of `gradient` are at most from the gradient of z̄ᵀz*; see
-        `bound`.
+        """Bound the error of the `q`, `psi_values` and `upper_values` of `gradient`; see `bound`.
 
         >>> derivative = Derivative(ICP([[2.0]], [-2.0]).solve())
         >>> derivative.adjoint_bound([1.0], derivative.adjoint([1.0])) < 1e-15
@@ -311,8 +437,9 @@ class Derivative(ReadOnly, Shown):
     def certain(self) -> bool:
         """Whether it is proved that z* has this derivative.
 
-        Of a user's function it is assumed, not proved, that ψ and its derivative are what the user says, and that ψ is
-        continuously differentiable as far as z* may be from z. `reason` says so.
+        For a user's function three things are assumed, not proved: ψ and its derivative are what
+        the user says, and ψ is continuously differentiable as far as z* may be from z. `reason`
+        says so.
 
         >>> Derivative(ICP([[1.0]], [0.0]).solve()).certain
         False

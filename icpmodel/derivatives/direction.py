@@ -30,7 +30,7 @@ class Direction:
 
     @classmethod
     def of(cls, problem: ProblemData, dA: Any, dq: Any, dpsi: Any, dupper: Any) -> Direction:
-        """What a user says of it, checked. Raises InputError."""
+        """Check a user's direction. Raises InputError."""
         if dupper is not None and problem.upper is None:
             raise InputError("dupper was given, but the problem has no obstacle above z")
         matrix = None if dA is None else as_csr(dA, "dA", problem.n)

@@ -16,14 +16,30 @@ from ..problem.data import ProblemData
 
 
 class Gradient(ReadOnly, Shown):
-    """The gradient of z̄ᵀz* in A, q and ψ, z̄ a weight: with Jᵀw = z̄ it is −w in rows with p = 0, w in those at ψ.
+    """The gradient of z̄ᵀz* in A, q and ψ, for a weight z̄.
 
-    `q`, shape (n,); `A`, CSR on the pattern of A; `psi` in the form of ψ's own data: shape (n,) for a constant, an
-    `AffineData` of G, on its pattern, and c, a CSR matrix of gains on the pattern of the jumps, shape (m,) for a user's
-    map with a `parameter_derivative`, and for another one that in its values; `upper` the like of ψ̄, None where there
-    is none. `psi_values` and `upper_values` are those in the values ψ(z) and ψ̄(z), shape (n,), whatever the map is.
-    What takes a pass over A is computed when it is asked for.
+    Attributes
+    ----------
+    q : array of shape (n,)
+        Gradient in q.
+    A : CSR array of shape (n, n)
+        Gradient in A, on the pattern of A.
+    psi
+        Gradient in the data of ψ. Shape (n,) for a constant. An `AffineData` of G, on its pattern,
+        and c. A CSR matrix of gains on the pattern of the jumps. Shape (m,) for a user's map with a
+        `parameter_derivative`; for another one the gradient in its values.
+    upper
+        The like for ψ̄, None where there is none.
+    psi_values, upper_values : array of shape (n,)
+        Gradients in the values ψ(z) and ψ̄(z), whatever the map is.
 
+    Notes
+    -----
+    With Jᵀw = z̄ the gradient is −w in rows with p = 0 and w in those at ψ. An attribute that takes
+    a pass over A is computed when it is first read.
+
+    Examples
+    --------
     >>> gradient = icp.Derivative(ICP([[2, -1], [-1, 2]], [-1, 3], psi=-1.0).solve()).adjoint([1.0, 0.0])
     >>> gradient.q, gradient.psi
     (array([-0.5,  0. ]), array([0. , 0.5]))

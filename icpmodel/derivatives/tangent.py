@@ -1,11 +1,13 @@
-"""The tangent problem: what z* moves to, to first order, in one direction of the data, is a complementarity problem.
+"""The tangent problem: the first-order change of z* in one direction solves a complementarity problem.
 
-0 ≤ (A dz + dA z + dq)_i ⟂ dz_i − (ψ′(z; dz) + dψ)_i ≥ 0 in the rows with p_i = r_i = 0, where A dz + … = 0 in the free
-rows, which have no obstacle, and dz = ψ′ dz + dψ in the active ones, which have the same one below and above. Where
-jumps tie, ψ′(z; ·) is the best of them.
+In the rows with p_i = r_i = 0 it is 0 ≤ (A dz + dA z + dq)_i ⟂ dz_i − (ψ′(z; dz) + dψ)_i ≥ 0. In
+the free rows A dz + dA z + dq = 0: they have no obstacle. In the active rows dz = ψ′ dz + dψ: the
+obstacles below and above coincide. Where jumps tie, ψ′(z; ·) is the best of them.
 
-Reference: Robinson, Math. Program. Study 30 (1987); Facchinei and Pang, Finite-Dimensional Variational Inequalities and
-Complementarity Problems (2003), section 5.4.
+References
+----------
+Robinson, Math. Program. Study 30 (1987). Facchinei and Pang, Finite-Dimensional Variational
+Inequalities and Complementarity Problems (2003), section 5.4.
 """
 
 from __future__ import annotations

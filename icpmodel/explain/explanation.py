@@ -41,11 +41,29 @@ _CENTURY = 3e9  #: in seconds
 class Explanation(Shown):
     """Everything that is certain of an ICP before it is solved; `print` shows the page.
 
-    `classes` the `MatrixClasses` of A; `bound` the `ErrorBound` at z = 0, whose proof says whether the solution exists
-    and is the only one; `forecasts` one `Forecast` per method looked at; `picked` the method that `solve()` tries first
-    and `why`, or None and a sentence on why there is none; `accuracy` what the numbers of steps refer to; `asked`
-    whether one method was asked for, and `instead` another one that is proved where that one is not, or None.
+    Attributes
+    ----------
+    problem : ICP
+        The problem.
+    classes : MatrixClasses
+        The classes of A.
+    bound : ErrorBound
+        The bound at z = 0, whose proof says whether the solution exists and is unique.
+    forecasts : tuple of Forecast
+        One for each method.
+    picked : Method or None
+        The method that `solve()` tries first.
+    why : str
+        Why `picked` is picked, or why no method is.
+    accuracy : float
+        The accuracy of the predicted numbers of steps.
+    asked : bool
+        Whether the user named one method.
+    instead : Forecast or None
+        Another method, proved where the named one is not.
 
+    Examples
+    --------
     >>> print(ICP([[2.0]], [-2.0]).explain().recommended.method)
     MNMJ()
     """
@@ -216,17 +234,45 @@ def explain(
     thorough: bool = False,
     **options: Any,
 ) -> Explanation:
-    """What is certain of `problem` before it is solved, and which methods are proved to solve it.
+    """State what is certain of `problem` before a solve, and which methods are proved to solve it.
 
-    Parameters: `method` a member of the modulus family by name (with its `options`) or as an object, to be looked at
-    alone; by default MNMJ, MNMGS, MNMSOR and MNMAOR with several θ₁, θ₂ and Ω, PSOR, MNMOD and MNMMOD, and the method
-    that `solve()` tries first. `accuracy` > 0, in the units of z, to which the numbers of steps refer. A member with
-    theta1="auto" is looked at with the numbers of `settled`, although a run of mnmaor adapts them. `thorough`: whether
-    every question may take as long as it takes; by default what is not decided within a number of products with A, as
-    they are counted, is left open, and the page says so.
-    Returns an `Explanation`. Raises InputError for a method outside of the family.
-    Reference: `icpmodel.theory`, which states and checks every theorem.
+    Parameters
+    ----------
+    problem : ICP
+        The problem.
+    method : str or Method, optional
+        The only member of the modulus family to judge. By default MNMJ, MNMGS, MNMSOR and MNMAOR
+        with several θ₁, θ₂ and Ω, PSOR, MNMOD and MNMMOD, and the method that `solve()` tries
+        first.
+    accuracy : float, default 1e-6
+        Accuracy > 0, in the units of z, of the predicted numbers of steps.
+    thorough : bool, default False
+        Whether every question may take as long as it takes. By default a question is left open
+        after a number of products with A, and the page says so.
+    **options
+        Options of a `method` that is given by name.
 
+    Returns
+    -------
+    Explanation
+        The page; `print` shows it.
+
+    Raises
+    ------
+    InputError
+        For a method outside of the family.
+
+    Notes
+    -----
+    A member with theta1="auto" is judged with the numbers of `settled`, although a run of mnmaor
+    adapts them.
+
+    References
+    ----------
+    `icpmodel.theory` states and checks every theorem.
+
+    Examples
+    --------
     >>> page = icp.explain(ICP([[2, -1], [-1, 2]], [-1, 3]))
     >>> page.bound.unique, page.recommended.factor < 0.5
     (True, True)

@@ -42,12 +42,25 @@ _THETA = {
 
 @dataclass(frozen=True, eq=False)
 class Forecast(Shown):
-    """What theory says of one method before it runs.
+    """The statements of the theory on one method before it runs.
 
-    `title` says how it was made; `method`; `checks` theorem → `Check`; `rate` the predicted `Rate`, or the `Answer`
-    that says why there is none, None where that takes too long; `steps` a bound on the number of steps from 0 to the
-    wanted accuracy, or None; `supersolution` whether a strict one is known, which makes the theorem "monotone" global.
+    Attributes
+    ----------
+    title : str
+        The constructor of the method, as one types it.
+    method : ModulusMember
+        The method.
+    checks : dict of str to Check
+        Theorem → whether its conditions hold.
+    rate : Rate, Answer or None
+        The predicted rate; an `Answer` says why there is none; None where it takes too long.
+    steps : int or None
+        Bound on the number of steps from 0 to the wanted accuracy.
+    supersolution : bool
+        Whether a strict supersolution is known, which makes the theorem "monotone" global.
 
+    Examples
+    --------
     >>> forecast = ICP([[2.0]], [-2.0]).explain("mnmj").forecasts[0]
     >>> forecast.proved_by, forecast.factor < 1e-9, forecast.steps
     (['4.1', '4.2', '4.3', '4.4', 'sharper', 'definite'], True, 1)

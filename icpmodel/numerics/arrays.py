@@ -359,8 +359,11 @@ def as_float64(value: Any, name: str) -> NDArray[np.float64]:
 
 
 def check_labels(given: Mapping[str, Any]) -> None:
-    """Raises InputError where the rows and columns of pandas' objects have other labels, or another order of them, than
-    the rows of the first of those `given`, argument → value: numbers are taken by their place."""
+    """Raise InputError where pandas' objects have different labels.
+
+    `given` maps argument → value. Rows and columns must have the labels, in the order, of the rows
+    of the first object: numbers are taken by their place.
+    """
     first, expected = "", None
     for name, value in given.items():
         for axis in ("index", "columns"):

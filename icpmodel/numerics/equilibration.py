@@ -109,12 +109,16 @@ def in_units_exactly(X: Any, r: Any, c: Any = 0) -> Any:
 
 
 def balanced(A: Any) -> Vector:
-    """The W > 0 for which the sizes √|a_ij a_ji|/√(w_i w_j), |a_ij| for both where a_ji = 0, are about 1 in the mean of
-    the entries of every row; `A` is CSR, or dense and symmetric.
+    """The W > 0 that balances the rows of `A`, which is CSR, or dense and symmetric.
 
-    From W = 1 each w goes half the way to that, until none goes far. By logarithms many entries next to nothing would
-    outweigh one that is not, and by more steps W would grow along rows that hang on one another in a chain.
-    Reference: Knight, Ruiz and Uçar, SIAM J. Matrix Anal. Appl. 35 (2014), for such scalings.
+    After it the sizes √|a_ij a_ji|/√(w_i w_j) are about 1 in the mean of the entries of every row;
+    where a_ji = 0 the size is |a_ij|/√(w_i w_j). From W = 1 each w goes half the way to that, until
+    none goes far. By logarithms many entries next to nothing would outweigh one that is not. By
+    more steps W would grow along chains of coupled rows.
+
+    References
+    ----------
+    Knight, Ruiz and Uçar, SIAM J. Matrix Anal. Appl. 35 (2014), for such scalings.
     """
     if sp.issparse(A):
         there = A.data != 0.0

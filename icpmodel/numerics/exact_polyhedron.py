@@ -53,10 +53,25 @@ def null_space(rows: Rationals, columns: int) -> Rationals:
 def relative_interior(C: Rationals, e: Rational) -> tuple[Rational, list[int]] | None:
     """A point t in the relative interior of {t : Ct + e ≥ 0}, and the rows that are equations on all of it.
 
-    Parameters: `C` of m rows with k entries, k ≥ 1, `e` of m entries. Returns None where there is no point.
-    One linear program: maximise Σu for Ct + eτ − u ≥ 0, 0 ≤ u ≤ 1, τ ≥ 1; then t/τ is inside, and u_j = 0 exactly in
-    the rows that are equations.
+    Parameters
+    ----------
+    C : list of m rows with k entries, k ≥ 1
+        Rational coefficients.
+    e : list of m entries
+        Rational constants.
 
+    Returns
+    -------
+    tuple or None
+        The point and the rows; None where the polyhedron is empty.
+
+    Notes
+    -----
+    One linear program: maximise Σu for Ct + eτ − u ≥ 0, 0 ≤ u ≤ 1, τ ≥ 1. Then t/τ is inside, and
+    u_j = 0 exactly in the rows that are equations.
+
+    Examples
+    --------
     >>> one, two = Fraction(1), Fraction(2)
     >>> relative_interior([[one], [-one]], [one, one])[1], relative_interior([[one], [-one]], [-two, one])
     ([], None)

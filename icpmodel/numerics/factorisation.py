@@ -148,10 +148,25 @@ class Symmetric:
 
 
 class SymmetricPattern:
-    """What makes `Symmetric` factors of one matrix after another that have the pattern of `A`, CSR, n × n, in the order
-    that was `seen` for it, and the same `signs`, 1 by default. Raises ValueError where the pattern is not symmetric.
+    """Makes `Symmetric` factors of one matrix after another with the pattern of `A`.
 
-    There are no exchanges: pivots that come to next to nothing are told by what the solves leave.
+    Parameters
+    ----------
+    A : CSR array of shape (n, n)
+        The pattern.
+    seen : Seen
+        The order and the fill of the symbolic analysis.
+    signs : array of shape (n,), optional
+        Signs of the rows that make the matrices symmetric; 1 by default.
+
+    Raises
+    ------
+    ValueError
+        Where the pattern is not symmetric.
+
+    Notes
+    -----
+    There are no exchanges of rows. A pivot that is nearly 0 shows in the residual of the solves.
     """
 
     def __init__(self, A: sp.csr_array, seen: Seen, signs: Vector | None = None) -> None:
@@ -167,8 +182,11 @@ class SymmetricPattern:
         self._made = np.cumsum(np.diff(start) ** 2.0 * np.diff(first))
 
     def factors(self, data: Vector, free: Mask | None = None) -> Symmetric | None:
-        """Those of the matrix with these entries, or with its rows and columns that are not `free` but for the diagonal
-        0; None where they fail. Raises OutOfTime."""
+        """Factors of the matrix with these entries; None where they fail.
+
+        With `free`, rows and columns that are not free are 0 but for the diagonal. Raises
+        OutOfTime.
+        """
         from .kernels.supernodes import enter, factor
 
         n, supernodes, cost = self.order.size, self._made.size, work.refactor_cost(self.fill)
@@ -188,15 +206,38 @@ class SymmetricPattern:
 def factorise(
     matrix: sp.csr_array, *, definite: bool = False, triangles: bool = False, look: Look | None = None
 ) -> Any:
-    """The `Factors` of a sparse matrix (n × n), ordered for its pattern, or those of its `Band` or of the `Full` one,
-    whichever cost least; None where it is singular, or not finite.
+    """Factors of a sparse matrix (n × n) in the cheapest of three forms, or None where it is singular or not finite.
 
-    `definite` says that it is expected to be, symmetric or not: it is None as well where one that is symmetric, up to
-    the signs of its rows, is seen not to be, and where SuperLU exchanged rows; and `Symmetric` may be what there is,
-    which solves for f of shape (n,) alone. With `triangles`, L and U in `Factors` are wanted. Raises OutOfMemory before
-    a factorisation that will not fit into the memory that is free, and OutOfTime where it will take more time than is
-    left. What a `look` at the matrix has seen is not looked for again.
-    Reference: Li, ACM TOMS 31 (2005), for SuperLU and its mode for pivots near the diagonal.
+    The forms are `Factors` (sparse, ordered for the pattern), `Band` and `Full`.
+
+    Parameters
+    ----------
+    matrix : CSR array of shape (n, n)
+        The matrix.
+    definite : bool, default False
+        Whether it is expected to be definite, symmetric or not. Then the result is None also where
+        a matrix that is symmetric, up to the signs of its rows, proves not to be definite, and
+        where SuperLU exchanged rows. It may be `Symmetric`, which solves for f of shape (n,) alone.
+    triangles : bool, default False
+        Whether L and U in `Factors` are needed.
+    look : Look, optional
+        Symbolic analysis of the matrix, where there is one.
+
+    Returns
+    -------
+    Factors, Band, Full, Symmetric or None
+        The factors.
+
+    Raises
+    ------
+    OutOfMemory
+        Before a factorisation that does not fit into the free memory.
+    OutOfTime
+        Where it takes more time than is left.
+
+    References
+    ----------
+    Li, ACM TOMS 31 (2005), for SuperLU and its mode for pivots near the diagonal.
     """
     if not np.isfinite(matrix.data).all():
         return None

@@ -25,8 +25,11 @@ Seen = tuple[Fill, NDArray[np.int32]]
 
 
 def of_band(n: int, below: int, above: int, symmetric: bool = False) -> Fill:
-    """The fill of a band of so many diagonals below the main one and above it, with room for exchanges of rows; of a
-    `symmetric` one that of Cholesky's factor, which needs none."""
+    """The fill of a band with so many diagonals below the main one and above it.
+
+    There is room for exchanges of rows. For a `symmetric` band it is the fill of Cholesky's factor,
+    which needs none.
+    """
     entries, flops = (below + 1, 0.5 * below) if symmetric else (2 * below + above + 1, float(below + above))
     return Fill(n, float(n) * entries, 2.0 * n * below * flops, True, True)
 
@@ -41,16 +44,31 @@ def ordered(A: sp.csr_array, most: float, most_cost: float = np.inf, symmetric: 
 
 
 class Look:
-    """What it takes to factorise `A` (CSR, n × n), looked at once, however often it is asked: as a dense matrix, as a
-    band, or in an order for its pattern, pivots on the diagonal; from above where the pattern is not symmetric.
+    """Symbolic analysis of `A`: what it takes to factorise it, computed once.
 
-    Rows of the least approximate degree go first, on a quotient graph. The fill is not `seen` to the end where it takes
-    longer to factorise A than is asked about, or 300 times what was spent on looking, by a separator of what is left
-    once no row has fewer neighbours than there were on the average: what is hopeless costs some tens of products with
-    A, or some hundreds.
-    `seen` are the fill and the order of the rows and columns once they are seen to the end, and may be given.
-    `is_symmetric` tells whether A is, where that is known elsewhere.
-    Reference: Amestoy, Davis and Duff, SIAM J. Matrix Anal. Appl. 17 (1996).
+    It covers a dense matrix, a band, and an order for the pattern with pivots on the diagonal.
+    Where the pattern is not symmetric the fill is an upper bound.
+
+    Parameters
+    ----------
+    A : CSR array of shape (n, n)
+        The matrix.
+    is_symmetric : callable, optional
+        Returns whether A is symmetric, where that is known elsewhere.
+    seen : Seen, optional
+        The complete fill and the order of the rows and columns, where they are known.
+
+    Notes
+    -----
+    Rows of the least approximate degree go first, on a quotient graph. The analysis ends early
+    where a factorisation takes longer than was asked about. It also ends where it takes 300 times
+    the time spent on the analysis. That is predicted by a separator of the remaining rows, once no
+    row has fewer neighbours than there were on the average. So a hopeless matrix costs some tens of
+    products with A, or some hundreds.
+
+    References
+    ----------
+    Amestoy, Davis and Duff, SIAM J. Matrix Anal. Appl. 17 (1996).
     """
 
     def __init__(
@@ -143,10 +161,9 @@ class Look:
 
 
 def signs_of_symmetry(A: sp.csr_array) -> Vector | None:
-    """σ, ±1 for each row, with σ_i a_ij = σ_j a_ji up to rounding; None where there is none, or where one of the two is
-    not stored.
+    """σ, ±1 for each row, with σ_i a_ij = σ_j a_ji up to rounding.
 
-    Rows i and j have one sign where a_ij = a_ji and two where a_ij = −a_ji, as in optimality conditions [Q, −Bᵀ; B, R].
+    None where there are no such signs, or where one of the two entries is not stored.
     """
     from .kernels.graph import signs  # loads numba
 

@@ -32,9 +32,13 @@ class NotConverged(Exception):
 def couplings(A: sp.csr_array) -> sp.csr_array:
     """√|a_ij a_ji|/√|a_ii a_jj|, i ≠ j, with the pattern of A, whose rows are sorted.
 
-    For symmetric M-matrices, and those that a diagonal similarity makes symmetric, their spectral radius is that of the
-    Jacobi matrix I − D⁻¹A; what acts in one direction only counts as nothing, as it does for Gauss–Seidel.
-    Reference: Young, Iterative Solution of Large Linear Systems (1971), chapter 6.
+    For symmetric M-matrices, and those that a diagonal similarity makes symmetric, their spectral
+    radius is that of the Jacobi matrix I − D⁻¹A. A coupling in one direction only counts as 0, as
+    it does for Gauss–Seidel.
+
+    References
+    ----------
+    Young, Iterative Solution of Large Linear Systems (1971), chapter 6.
     """
     from .kernels.products import couple  # loads numba
 
@@ -97,8 +101,11 @@ def conjugate_gradients(M: sp.csr_array, f: Vector, most: int) -> Vector | None:
 
 
 def conjugate_residuals(M: sp.csr_array, f: Vector, most: int, tolerance: float = INEXACT) -> Vector | None:
-    """The same to the relative `tolerance` where M is not symmetric, by `GCR`, with a positive diagonal; None as soon
-    as at the rate so far they would be too many."""
+    """Solve Mx = f to the relative `tolerance` by `GCR`, for M with a positive diagonal.
+
+    M need not be symmetric. Returns None as soon as the observed rate predicts more than `most`
+    steps.
+    """
     unit, price = 1.0 / np.sqrt(M.diagonal()), gcr_step_cost(M.shape[0], M.nnz)
 
     def product(y: Vector) -> Vector:

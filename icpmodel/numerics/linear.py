@@ -42,14 +42,33 @@ MANY_STEPS = 100
 
 
 def solver_of(M: sp.csr_array, by_multigrid: bool | None = None, look: Look | None = None) -> Solver:
-    """A solver of Mx = f and Mᵀx = f for many f: for a band, one with a few full rows, dense or sparse matrices,
-    multigrid, or Krylov's steps.
+    """A solver of Mx = f and Mᵀx = f for many f.
 
-    Multigrid is for matrices with a positive diagonal and nothing positive off it, and taken where a factorisation is
-    foreseen to cost more, unless `by_multigrid` decides; Krylov's steps are for others with a positive diagonal that
-    fill up. Where these do not converge they are factorised as well. `look` is one at M that was begun with. Rows are
-    brought to one size first. The solver returns None where M is singular.
-    Raises OutOfTime and OutOfMemory.
+    Parameters
+    ----------
+    M : CSR array of shape (n, n)
+        The matrix.
+    by_multigrid : bool, optional
+        Whether multigrid is taken; by default where a factorisation is predicted to cost more.
+    look : Look, optional
+        Symbolic analysis of M, where one was begun.
+
+    Returns
+    -------
+    callable
+        The solver; it returns None where M is singular.
+
+    Raises
+    ------
+    OutOfTime, OutOfMemory
+        Where a factorisation takes more than is left.
+
+    Notes
+    -----
+    Multigrid is for matrices with a positive diagonal and nothing positive off it. Krylov's method
+    is for others with a positive diagonal that fill up. Where these do not converge M is factorised
+    as well: as a band, as one with a few full rows, as a dense or as a sparse matrix. Rows are
+    brought to one size first.
     """
     n = M.shape[0]
     if n == 0:
@@ -123,8 +142,11 @@ def _multigrid(M: sp.csr_array, scaled: sp.csr_array, exponents: Exponents) -> S
 
 
 def _by_steps(M: sp.csr_array, look: Look) -> Solver | None:
-    """The solver by steps of GCR, as many as cost no more than a factorisation; None where that is foreseen to cost
-    less than `MANY_STEPS`, or where the diagonal is not positive."""
+    """The solver by GCR, with as many steps as cost no more than a factorisation.
+
+    None where a factorisation is predicted to cost less than `MANY_STEPS`, or where the diagonal is
+    not positive.
+    """
     a_step = gcr_step_cost(M.shape[0], M.nnz)
     cost = MANY_STEPS * a_step
     if not (look.band_costs_more(cost) and (M.diagonal() > 0.0).all() and look.costs_more(cost)):
@@ -200,12 +222,15 @@ def _by(factors: Any) -> Solver:
 
 
 def _nudged(M: sp.csr_array, look: Look, signs: Vector | None = None) -> Solver:
-    """The solver by the factors of M + εD; where that has next to nothing on the diagonal, by those with √ε added there
-    and no rows exchanged, unless these are bad ones: exchanges fill up many times as much as was foreseen. None are
-    exchanged where `signs` of the rows make M symmetric.
+    """The solver by the factors of M + εD, with few or no exchanges of rows.
 
-    SuperLU goes on behind a pivot that is exactly 0, with its rows in another order, and says only at the end that M is
-    singular: 80 times as long as foreseen on equilibria of traffic. M counts as singular where refinement fails.
+    Where M + εD has a nearly zero diagonal, √ε is added there and no rows are exchanged, unless
+    these factors are bad: exchanges fill up many times as much as predicted. None are exchanged
+    where `signs` of the rows make M symmetric.
+
+    SuperLU goes on behind a pivot that is exactly 0, with its rows in another order, and says only
+    at the end that M is singular. On traffic equilibria that took 80 times as long as predicted. M
+    counts as singular where refinement fails.
     """
     diagonal, units = M.diagonal(), largest_of_columns(M)
 
@@ -237,8 +262,11 @@ def _nudged(M: sp.csr_array, look: Look, signs: Vector | None = None) -> Solver:
 
 
 def _refined(M: sp.csr_array, units: Vector, by_factors: Solver) -> Solver:
-    """The solver by the factors of a matrix near M, and refinement, which takes back what is added and what small
-    pivots cost; None where its first step is not small. Columns have these `units`, shape (n,)."""
+    """The solver by the factors of a matrix near M, and refinement.
+
+    Refinement removes the effect of what is added to M and of small pivots. Returns None where its
+    first step is not small. Columns have these `units`, shape (n,).
+    """
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
         whole, unit = (M.T, 1.0) if transposed else (M, units)

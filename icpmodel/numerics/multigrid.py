@@ -91,10 +91,29 @@ class KrylovMultigrid:
 
 
 def linear_solve(A: sp.csr_array, b: Vector, tolerance: float = 1e-8) -> Vector:
-    """x with ‖Ax − b‖ ≤ `tolerance`‖b‖, or as near as 100 steps of CG or, A not symmetric, BiCGSTAB get with PyAMG.
+    """Solve Ax = b by PyAMG's multigrid with CG or, for nonsymmetric A, BiCGSTAB.
 
-    Parameters: `A` CSR, shape (n, n); `b` shape (n,). Returns x, shape (n,). Raises LinAlgError.
+    Parameters
+    ----------
+    A : CSR array of shape (n, n)
+        The matrix.
+    b : array of shape (n,)
+        Right-hand side.
+    tolerance : float, default 1e-8
+        Stop at ‖Ax − b‖ ≤ `tolerance`‖b‖, or after 100 steps.
 
+    Returns
+    -------
+    array of shape (n,)
+        x.
+
+    Raises
+    ------
+    LinAlgError
+        Where the hierarchy or the steps fail.
+
+    Examples
+    --------
     >>> linear_solve(sp.csr_array([[2.0, 0.0], [0.0, 4.0]]), np.array([2.0, 4.0])).round(6)
     array([1., 1.])
     """

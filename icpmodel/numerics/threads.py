@@ -44,11 +44,11 @@ def in_parts(size: int, parts: int, work: OfRows) -> list[Any]:
 
 
 def in_time(step: Callable[[], _T], most: float) -> _T:
-    """The result of a `step` in one piece, of `most` nanoseconds at the worst, by the table of costs; raises OutOfTime
-    where it is not there when the time is over.
+    """Run a `step` in one piece, and raise OutOfTime where it has not ended when the time is over.
 
-    It then goes on in a thread of its own, for want of a way to stop it. Python waits for that at its end, as SuperLU
-    does not bear to be ended with it; commands do not.
+    By the table of costs it takes `most` nanoseconds at the worst. A late step goes on in a thread
+    of its own, for want of a way to stop it. Python waits for that at its end, as SuperLU does not
+    bear to be ended with it; commands do not.
     """
     if most <= nanoseconds_left():
         return step()
@@ -76,9 +76,9 @@ def threads_for(nnz: int) -> int:
 def one_blas_thread() -> Iterator[None]:
     """Dense steps by one thread of BLAS, whose numbers do not depend on how many there are.
 
-    On a machine with something else to do a second thread made LU factorisations with n = 200 … 2000 two to a hundred
-    times slower, as BLAS spins while it waits; to say so takes 12 μs. The limit is the process's: the first of several
-    threads sets it, the last one lifts it.
+    On a busy machine a second thread made LU factorisations with n = 200 … 2000 two to a hundred
+    times slower, as BLAS spins while it waits. To set the limit takes 12 μs. The limit is the
+    process's: the first of several threads sets it, the last one lifts it.
     """
     global _limited, _limiter
     with _LIMIT:

@@ -23,10 +23,11 @@ from ..errors import OutOfMemory, OutOfTime
 class Costs(NamedTuple):
     """Nanoseconds per unit, one thread.
 
-    Medians for n = 100 … 10⁶ on two cores of an AMD EPYC (Zen 4), 2.6 GHz, which had other work to do, fitted to the
-    times of tasks as in `python tests/benchmarks constants`, which repeats a dozen of them, with NumPy 2.4 and SciPy
-    1.17, 2026-11-22; runs differed by up to a half. Those of sparse factorisations are from 2026-11-25, with graphs
-    among the tasks, in which multiplications count.
+    Medians for n = 100 … 10⁶ on two cores of an AMD EPYC (Zen 4), 2.6 GHz, under other load, with
+    NumPy 2.4 and SciPy 1.17, 2026-11-22. They are fitted to the times of tasks; `python
+    tests/benchmarks constants` repeats a dozen of them. Runs differed by up to a half. The costs of
+    sparse factorisations are from 2026-11-25, with graphs among the tasks, in which multiplications
+    count.
     """
 
     #: a step in Python around one compiled loop or one SciPy product, whatever its size

@@ -1,8 +1,8 @@
 """Gaussian elimination on a graph: which row has the fewest neighbours, and what it leaves behind.
 
-A quotient graph keeps what is eliminated as elements, the cliques that it leaves. Row i has a list of elements and
-after it one of rows that are still its neighbours by themselves; together with the rows of an element these lists
-never take more room than the graph that they began with.
+A quotient graph keeps eliminated rows as elements, the cliques that they leave. Row i has a list of
+elements, followed by a list of its neighbours outside these elements. Together with the rows of
+each element, these lists never take more room than the original graph.
 """
 
 from __future__ import annotations

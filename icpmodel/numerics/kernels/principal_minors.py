@@ -1,9 +1,10 @@
 """All principal minors of a small matrix, by the signs of all pivots of the intervals mid[0] ± rad[0], n × n.
 
-A is P iff a₁₁ > 0, A without row and column 1 is P, and so is the Schur complement A/a₁₁. That is a binary tree: at
-level k the indices < k are eliminated (bits of `chosen`) or deleted, and the pivot at k is the quotient of the minors
-of chosen + {k} and of chosen. `base[k]` is the slot of mid, rad, shape (n + 1, n, n), with the matrix of level k:
-deleting needs no copy. |true − mid| ≤ rad throughout.
+A is P if and only if a₁₁ > 0, A without row and column 1 is P, and so is the Schur complement
+A/a₁₁. That is a binary tree. At level k the indices < k are eliminated (bits of `chosen`) or
+deleted. The pivot at k is the quotient of the minors of chosen + {k} and of chosen. `base[k]` is
+the slot of mid, rad, shape (n + 1, n, n), with the matrix of level k: deleting needs no copy. |true
+− mid| ≤ rad throughout.
 """
 
 from __future__ import annotations
