@@ -1,44 +1,58 @@
 """The convergence conditions of the theorems as monotone maps: a condition holds where the spectral radius is below 1.
 
-Notation: M̂ = M₁ + φ, N̂ = M̂ − A, X = M̂ + Ω, m̂ and D the diagonals of M̂ and A, |ψ(x) − ψ(y)| ≤ G|x − y|. ⟨·⟩ is the
-comparison matrix, off(·) the part off the diagonal, and (D − Ω)⁺ = 0 in the theorems as printed, where φ₂ ≥ φ₁D.
+Notation: M̂ = M₁ + φ, N̂ = M̂ − A, X = M̂ + Ω, m̂ and D the diagonals of M̂ and A, |ψ(x) − ψ(y)| ≤
+G|x − y|. ⟨·⟩ is the comparison matrix, off(·) the part off the diagonal. In the theorems as printed
+(D − Ω)⁺ = 0 and φ₂ ≥ φ₁D.
 
-**sharper.** The step z⁺ = z − 2X⁻¹min(p, Ωr) gives z⁺ − y⁺ = X⁻¹(Θ(X − 2A) + (I − Θ)(X − 2Ω + 2ΩΓ))(z − y) with a
-diagonal 0 ≤ Θ ≤ I and |Γ| ≤ G, because min(a, b) − min(c, d) is a mean of a − c and b − d. So |z⁺ − y⁺| ≤ T(|z − y|),
+**sharper.** Let z⁺ = z − 2X⁻¹min(p, Ωr). As min(a, b) − min(c, d) is a mean of a − c and b − d,
+there are a diagonal 0 ≤ Θ ≤ I and |Γ| ≤ G with
+
+    z⁺ − y⁺ = X⁻¹(Θ(X − 2A) + (I − Θ)(X − 2Ω + 2ΩΓ))(z − y).
+
+So |z⁺ − y⁺| ≤ T(|z − y|) with
 
     T(v) = |X⁻¹| max(|X − 2A|v, (|X − 2Ω| + 2ΩG)v).
 
-T(v) ≤ σv with v > 0, σ < 1 makes the step a contraction by σ in max_i |z_i|/v_i. By Banach it has one fixed point,
-which is the one zero of min(p, Ωr), that is the one solution, and converges to it from everywhere.
+T(v) ≤ σv with v > 0, σ < 1 makes the step a contraction by σ in max_i |z_i|/v_i. By Banach it has
+one fixed point and converges to it from everywhere. The fixed point is the one zero of min(p, Ωr),
+that is the one solution.
 
-**Two obstacles.** ψ̄ above z, with |ψ̄(x) − ψ̄(y)| ≤ G|x − y| too, changes nothing in T: the step z⁺ = z − 2X⁻¹F has
-F = max(Ω(z − ψ̄), min(p, Ωr)), the median mid(Ω(z − ψ̄), p, Ωr) where ψ ≤ ψ̄. Like that of two minima the difference of
-two maxima is a mean of the differences of what they are taken of; so F(z) − F(y) is in every row a mean of three, with
-weights that depend on z and y, and the two of the obstacles, Ω(I − Γ)(z − y) and Ω(I − Γ̄)(z − y), have a mean of the
-same form. The same holds of mid with any rows scaled, hence of the error bounds in `certificates`, and of maxima and
-minima of two functions that are isotone. What the one zero z° of F says is less than with one obstacle: every solution
-is a zero of F, and a zero is a solution exactly if ψ(z°) ≤ ψ̄(z°): F_i = 0 says there that p_i ≥ 0 and z_i = ψ_i, or
-p_i ≤ 0 and z_i = ψ̄_i, or p_i = 0 between them, but z_i = ψ̄_i where ψ_i > ψ̄_i. So there is one solution, z°, if ψ ≤ ψ̄
-there, and else there is none; the method converges to z° in both cases.
+**Two obstacles.** Let ψ̄ be above z, with |ψ̄(x) − ψ̄(y)| ≤ G|x − y| too. Then the same T serves.
+The step z⁺ = z − 2X⁻¹F has F = max(Ω(z − ψ̄), min(p, Ωr)), the median mid(Ω(z − ψ̄), p, Ωr) where ψ
+≤ ψ̄. The difference of two maxima is, like that of two minima, a mean of the differences of their
+arguments. So F(z) − F(y) is in every row a mean of three differences, with weights that depend on z
+and y. Those of the obstacles, Ω(I − Γ)(z − y) and Ω(I − Γ̄)(z − y), have a mean of the same form.
+The same holds of mid with any rows scaled, hence of the error bounds in `certificates`. It also
+holds of maxima and minima of two isotone functions.
 
-**4.1** is T with both parts replaced by |N̂| + |A − Ω| + 2ΩG, the sum L of the paper. X − 2A = N̂ − (A − Ω) and
-X − 2Ω = N̂ + (A − Ω): the same v and σ serve "sharper".
+The one zero z° of F says less than with one obstacle. Every solution is a zero of F, and a zero is
+a solution if and only if ψ(z°) ≤ ψ̄(z°). For F_i = 0 says there that p_i ≥ 0 and z_i = ψ_i, or p_i
+≤ 0 and z_i = ψ̄_i, or p_i = 0 between them. Where ψ_i > ψ̄_i it says z_i = ψ̄_i. So there is one
+solution, z°, if ψ ≤ ψ̄ there, and else there is none; the method converges to z° in both cases.
 
-**4.2.** K = 2(diag(min(m̂, D)) − (D − Ω)⁺) − off(|M̂| + |N̂| + |A|) − 2ΩG is a nonsingular M-matrix. Then its diagonal is
-positive, hence m̂ > 0 and D > 0, and ⟨X⟩ = diag(m̂ + Ω) − off(|M̂|). m̂ − |m̂ − d| = 2min(m̂, d) − d and
-ω − |d − ω| = 2min(d, ω) − d = d − 2(d − ω)⁺ add up to K = ⟨X⟩ − F, F = |N̂| + |A − Ω| + 2ΩG. Some v > 0 has Kv > 0, so
-⟨X⟩v > Fv ≥ 0: X is an H-matrix, |X⁻¹|Fv ≤ ⟨X⟩⁻¹Fv < v, and 4.1 holds with this v. Nothing else is needed, neither that
-A is an H₊-matrix (it follows) nor Ω ≥ D.
+**4.1** is T with both parts replaced by |N̂| + |A − Ω| + 2ΩG, the sum L of the paper. As X − 2A =
+N̂ − (A − Ω) and X − 2Ω = N̂ + (A − Ω), the same v and σ serve "sharper".
 
-**4.3** (AOR, D > 0, φ ≥ 0, θ₁ > 0, θ₂ ≥ 0): max(θ₁, θ₂)·ρ < min(1, θ₁), ρ = ρ(D⁻¹(|B| + ΩG + (D − Ω)⁺)). Then
-θ₁min(m̂, d) ≥ min(1, θ₁)d, and θ₂|l| + |θ₁ − θ₂||l| + θ₁|l| ≤ 2max(θ₁, θ₂)|l| below the diagonal, 2θ₁|u| above it, so
-θ₁K ≥ 2(min(1, θ₁)D − max(θ₁, θ₂)(|B| + ΩG + (D − Ω)⁺)), an M-matrix; K is a Z-matrix above it: 4.2 holds.
+**4.2.** The condition is that K = 2(diag(min(m̂, D)) − (D − Ω)⁺) − off(|M̂| + |N̂| + |A|) − 2ΩG is
+a nonsingular M-matrix. Then its diagonal is positive, hence m̂ > 0 and D > 0, and ⟨X⟩ = diag(m̂ +
+Ω) − off(|M̂|). m̂ − |m̂ − d| = 2min(m̂, d) − d and ω − |d − ω| = 2min(d, ω) − d = d − 2(d − ω)⁺ add
+up to K = ⟨X⟩ − F, F = |N̂| + |A − Ω| + 2ΩG. Some v > 0 has Kv > 0, so ⟨X⟩v > Fv ≥ 0. So X is an
+H-matrix, |X⁻¹|Fv ≤ ⟨X⟩⁻¹Fv < v, and 4.1 holds with this v. Nothing else is needed: neither that A
+is an H₊-matrix (it follows) nor Ω ≥ D.
 
-**4.4** (D > 0): (⟨M̂⟩ − |N̂| − (D − Ω)⁺ − ΩG)v > 0 for some v > 0. Then |m̂| > |n̂| and m̂ − n̂ = d > 0, so m̂ > 0, and
-½(⟨X⟩ − F) exceeds this matrix: on the diagonal by ½(|n̂| − n̂) ≥ 0, off it because |A| ≤ |M̂| + |N̂|. 4.1 holds with v.
-Without D > 0 it is false: A = M₁ = −1, Ω = 1 has X = 0.
+**4.3** (AOR, D > 0, φ ≥ 0, θ₁ > 0, θ₂ ≥ 0). The condition is max(θ₁, θ₂)·ρ < min(1, θ₁), ρ =
+ρ(D⁻¹(|B| + ΩG + (D − Ω)⁺)). Then θ₁min(m̂, d) ≥ min(1, θ₁)d. Below the diagonal θ₂|l| + |θ₁ −
+θ₂||l| + θ₁|l| ≤ 2max(θ₁, θ₂)|l|, and above it the sum is 2θ₁|u|. So θ₁K ≥ 2(min(1, θ₁)D − max(θ₁,
+θ₂)(|B| + ΩG + (D − Ω)⁺)), an M-matrix. K is a Z-matrix above it, so 4.2 holds.
 
-Reference: Kumar, Deepmala and Das, theorems 4.1 to 4.4, corrected; Berman and Plemmons (1979), chapter 6.
+**4.4** (D > 0). The condition is (⟨M̂⟩ − |N̂| − (D − Ω)⁺ − ΩG)v > 0 for some v > 0. Then |m̂| >
+|n̂| and m̂ − n̂ = d > 0, so m̂ > 0. ½(⟨X⟩ − F) exceeds this matrix, on the diagonal by ½(|n̂| − n̂)
+≥ 0, and off it because |A| ≤ |M̂| + |N̂|. So 4.1 holds with v. Without D > 0 it is false: A = M₁ =
+−1, Ω = 1 has X = 0.
+
+References
+----------
+Kumar, Deepmala and Das, theorems 4.1 to 4.4, corrected. Berman and Plemmons (1979), chapter 6.
 """
 
 from __future__ import annotations

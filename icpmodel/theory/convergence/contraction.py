@@ -30,11 +30,15 @@ _WORTH = 0.01  #: a gain of this share of the distance to 1 (or to 0) is worth a
 
 
 def absolute_inverse(X: sp.csr_array, size: sp.csr_array | None = None) -> Comparison | Dense:
-    """The best that is known of |X⁻¹|.
+    """The best known upper bound of |X⁻¹|.
 
-    |X⁻¹| ≤ ⟨X⟩⁻¹ for an H-matrix, with equality for an M-matrix; for other X with n ≤ 300 a computed inverse R and
-    |X⁻¹ − R| ≤ |E|(I − |E|)⁻¹|R|, E = I − RX. X itself is known to a few units of roundoff of `size`, default |X|.
-    Reference: Berman and Plemmons (1979), chapter 6; Neumaier, Interval Methods (1990), section 3.7.
+    For an H-matrix |X⁻¹| ≤ ⟨X⟩⁻¹, with equality for an M-matrix. For other X with n ≤ 300 there is
+    a computed inverse R, and |X⁻¹ − R| ≤ |E|(I − |E|)⁻¹|R|, E = I − RX. X itself is known to a few
+    units of roundoff of `size`, default |X|.
+
+    References
+    ----------
+    Berman and Plemmons (1979), chapter 6. Neumaier, Interval Methods (1990), section 3.7.
     """
     size = sp.csr_array(abs(X)) if size is None else size
     comparison = Comparison(X, size)
@@ -220,15 +224,38 @@ class Radius(NamedTuple):
 def radius(T: HomogeneousMap, starts: Iterable[Vector], enough: float = 0.0) -> Radius:
     """Bounds on the spectral radius of `T` by Collatz–Wielandt quotients.
 
-    Every v > 0 gives ρ(T) ≤ max_i T(v)_i/v_i, and ρ(T) < 1 exactly if some v > 0 has T(v) < v; every v ≥ 0, v ≠ 0
-    with T(v) ≥ v where v > 0 gives ρ(T) ≥ 1. The best
-    of `starts` (vectors of shape (n,), asked for only until one gives less than 1) is improved by v ← T(v) + v/4·ρ,
-    which never makes the quotient larger, and, where a sparse factorisation is cheap, by Noda's iteration
-    v ← (μI − T_v)⁻¹v, μ the quotient, which converges quadratically and keeps v > 0; both for as long as the work may
-    be afforded, and until it is below `enough`: 1 where nothing but `holds` is asked for. Raises OutOfTime where the
-    work ends before anything is decided.
-    Reference: Berman and Plemmons, Nonnegative Matrices in the Mathematical Sciences (1979), chapter 2; Noda, Numer.
-    Math. 17 (1971); Nussbaum, Linear Algebra Appl. 75 (1986), for maps that are not linear.
+    Parameters
+    ----------
+    T : HomogeneousMap
+        The monotone, homogeneous map.
+    starts : iterable of arrays of shape (n,)
+        Candidates for v. They are read only until one gives a quotient below 1.
+    enough : float, default 0
+        The iteration ends below it: 1 where only `holds` is needed.
+
+    Returns
+    -------
+    Radius
+        The bounds.
+
+    Raises
+    ------
+    OutOfTime
+        Where the work limit is reached before anything is decided.
+
+    Notes
+    -----
+    Every v > 0 gives ρ(T) ≤ max_i T(v)_i/v_i. ρ(T) < 1 if and only if some v > 0 has T(v) < v.
+    Every v ≥ 0, v ≠ 0 with T(v) ≥ v where v > 0 gives ρ(T) ≥ 1.
+
+    The best of `starts` is improved by v ← T(v) + v/4·ρ, which never makes the quotient larger.
+    Where a sparse factorisation is cheap Noda's iteration follows: v ← (μI − T_v)⁻¹v, μ the
+    quotient. It converges quadratically and keeps v > 0. Both go on within the work limit.
+
+    References
+    ----------
+    Berman and Plemmons, Nonnegative Matrices in the Mathematical Sciences (1979), chapter 2. Noda,
+    Numer. Math. 17 (1971). Nussbaum, Linear Algebra Appl. 75 (1986), for maps that are not linear.
     """
     with np.errstate(all="ignore"):
         best = Radius()

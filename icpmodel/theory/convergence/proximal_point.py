@@ -1,15 +1,22 @@
 """The proximal point theorem: monotone A and a fixed obstacle are enough for convergence to a solution.
 
-**proximal.** Let xᵀAx ≥ 0 for all x, ψ = c, above it ψ̄ = c̄ ≥ c where there is an obstacle above, W a positive
-diagonal, and let z^{k+1} solve the LCP(A + μ_k W, q − μ_k W z^k), with c̄ the problem with both, 0 < μ_k ≤ μ. In the
-norm ‖x‖² = xᵀWx the map z ↦ W⁻¹(Az + q + N(z)), N the normal cone of z ≥ c, or of c ≤ z ≤ c̄, is maximal monotone, its
-zeros are the solutions, and the step is its resolvent: ‖z^{k+1} − z*‖² ≤ ‖z^k − z*‖² − ‖z^{k+1} − z^k‖² for every
-solution z*. So if there is one, zᵏ converges to a solution, from every start, also where each step is made up to an
-error and the errors have a finite sum; if there is none, zᵏ is not bounded. The map is polyhedral, so that the distance
-d to the solutions has d^{k+1} ≤ d^k·Cμ_k/√(1 + C²μ_k²) near them for some C: the smaller μ_k the faster, and faster
-than linear for μ_k → 0.
+**proximal.** Let xᵀAx ≥ 0 for all x, ψ = c, and ψ̄ = c̄ ≥ c where there is an obstacle above. Let W
+be a positive diagonal and 0 < μ_k ≤ μ. Let z^{k+1} solve the LCP(A + μ_k W, q − μ_k W z^k), or with
+c̄ the problem with both obstacles. Let N be the normal cone of z ≥ c, or of c ≤ z ≤ c̄. In the norm
+‖x‖² = xᵀWx the map z ↦ W⁻¹(Az + q + N(z)) is maximal monotone, and its zeros are the solutions. The
+step is its resolvent:
 
-Reference: Rockafellar, SIAM J. Control Optim. 14 (1976); Luque, SIAM J. Control Optim. 22 (1984), for the rate.
+    ‖z^{k+1} − z*‖² ≤ ‖z^k − z*‖² − ‖z^{k+1} − z^k‖² for every solution z*.
+
+So if there is a solution, zᵏ converges to one from every start. It does so also where each step is
+inexact and the errors have a finite sum. If there is no solution, zᵏ is not bounded. The map is
+polyhedral, so near the solutions the distance d to them has d^{k+1} ≤ d^k·Cμ_k/√(1 + C²μ_k²) for
+some C. The smaller μ_k the faster, and faster than linear for μ_k → 0.
+
+References
+----------
+Rockafellar, SIAM J. Control Optim. 14 (1976). Luque, SIAM J. Control Optim. 22 (1984), for the
+rate.
 """
 
 from __future__ import annotations

@@ -164,15 +164,40 @@ class PeacemanRachford(Rate):
 
 
 def predicted_rate(problem: ProblemData, member: Member, checks: dict[str, Check] | None = None) -> Rate | Answer:
-    """The contraction factor of `member` on `problem`, or an `Answer` (unknown or no) that says why there is none.
+    """The contraction factor of `member` on `problem`, or an `Answer` that says why there is none.
 
-    It is that of the theorem "sharper", which holds with the same v wherever 4.1 to 4.4 do, with a factor that is no
-    larger; where that does not hold, that of "definite". Where the modulus sees the newest values it is that of
-    "rowwise".
-    Parameters: `member` a method of the modulus family; `checks` what `check_all` returned for the two, if at hand.
-    Returns a `Rate`, or an `Answer`. Raises InputError for a method outside of the family, or other `checks`.
-    Reference: `icpmodel.theory.convergence.conditions`, `.rowwise` and `.structural`; Banach's fixed point theorem.
+    Parameters
+    ----------
+    problem : ProblemData
+        The problem.
+    member : Member
+        A method of the modulus family.
+    checks : dict of str to Check, optional
+        The result of `check_all` for the two, if there is one.
 
+    Returns
+    -------
+    Rate or Answer
+        The rate; an `Answer` is unknown or no.
+
+    Raises
+    ------
+    InputError
+        For a method outside of the family, or other `checks`.
+
+    Notes
+    -----
+    It is the factor of the theorem "sharper". That holds with the same v wherever 4.1 to 4.4 do,
+    with a factor that is no larger. Where it does not hold, it is the factor of "definite". Where
+    the modulus uses the newest values it is that of "rowwise".
+
+    References
+    ----------
+    `icpmodel.theory.convergence.conditions`, `.rowwise` and `.structural`; Banach's fixed point
+    theorem.
+
+    Examples
+    --------
     >>> from icpmodel import MNMGS, Affine
     >>> print(predicted_rate(ICP([[1.0]], [0.0], Affine([[2.0]])), MNMGS()))
     no: the contraction factor is at least 1, and at most 2.00001

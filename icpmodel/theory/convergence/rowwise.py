@@ -1,30 +1,43 @@
-"""Projected SOR, the member of the family whose modulus sees the newest values: its rate, by one sweep over some v > 0.
+"""Projected SOR, the member of the family whose modulus uses the newest values: its rate, by one sweep over some v > 0.
 
-**rowwise.** D > 0, 0 < ω < 2, |ψ(x) − ψ(y)| ≤ G|x − y|. A sweep makes z⁺ of z, row by row,
+**rowwise.** D > 0, 0 < ω < 2, |ψ(x) − ψ(y)| ≤ G|x − y|. A sweep makes z⁺ of z, row by row:
 
-    z_i⁺ = max(ψ_i(z), z_i − (ω/a_ii)(Σ_{j<i} a_ij z_j⁺ + Σ_{j≥i} a_ij z_j + q_i));
+    z_i⁺ = max(ψ_i(z), z_i − (ω/a_ii)(Σ_{j<i} a_ij z_j⁺ + Σ_{j≥i} a_ij z_j + q_i)).
 
-the newest values are in Az, while ψ sees the z that the sweep began with; with an obstacle above z_i⁺ is min(ψ̄_i(z),
-that), and |min(a, b) − min(c, d)| has the same bound as that of two maxima, below: with |ψ̄(x) − ψ̄(y)| ≤ G|x − y| all
-stays, with what `conditions` says of two obstacles. For v > 0 let T(v) = w,
+The newest values are in Az, while ψ takes the z at the start of the sweep. For v > 0 let T(v) = w:
 
     w_i = max((Gv)_i, |1 − ω|v_i + (ω/a_ii)(Σ_{j<i} |a_ij|w_j + Σ_{j>i} |a_ij|v_j)).
 
-If |z − y| ≤ v then |z⁺ − y⁺| ≤ w, by induction over the rows: |max(a, b) − max(c, d)| ≤ max(|a − c|, |b − d|), here
-a − c = ψ_i(z) − ψ_i(y), and b − d = (1 − ω)(z_i − y_i) − (ω/a_ii)(Σ_{j<i} a_ij(z_j⁺ − y_j⁺) + Σ_{j>i} a_ij(z_j − y_j)).
-T is monotone and positively homogeneous, so T(v) ≤ σv makes the sweep a contraction by σ in max_i |z_i|/v_i. With σ < 1
-it has one fixed point (Banach), where min(r_i, (ω/a_ii)p_i) = 0 in every row: the one solution. The bound is attained:
-for a Z-matrix A, ψ = Gz + c, ω ≤ 1 and z − y = v it is z⁺ − y⁺ = w, if both sweeps take in every row the side of the
-maximum that w takes. (Gw)_i in place of (Gv)_i would be wrong, and so would v_j in place of w_j where w_j > v_j.
+If |z − y| ≤ v then |z⁺ − y⁺| ≤ w. The proof is by induction over the rows, by |max(a, b) − max(c,
+d)| ≤ max(|a − c|, |b − d|). Here a − c = ψ_i(z) − ψ_i(y), and
 
-**h-plus.** If ω ≤ 1 and some v > 0 has ⟨A⟩v > 0 (so A is an H₊-matrix where D > 0) and Gv < v, then T(v) < v: as long
-as w_j ≤ v_j for j < i, |1 − ω|v_i + (ω/a_ii)Σ_{j≠i}|a_ij|v_j = v_i − (ω/a_ii)(⟨A⟩v)_i < v_i is at least the second
-entry of the maximum. The same v bounds the error of any z (`certificates.h_plus`).
+    b − d = (1 − ω)(z_i − y_i) − (ω/a_ii)(Σ_{j<i} a_ij(z_j⁺ − y_j⁺) + Σ_{j>i} a_ij(z_j − y_j)).
 
-**Distance.** z_i⁺ − z_i = −min(r_i, (ω/a_ii)(p_i + Σ_{j<i} a_ij(z_j⁺ − z_j))), and min is nonexpansive, so
-d = |z⁺ − z| has d_i ≤ |F_i|/Ω_i + (ω/a_ii)Σ_{j<i}|a_ij|d_j with Ω = D/ω and F = min(p, Ωr), or the median.
+T is monotone and positively homogeneous, so T(v) ≤ σv makes the sweep a contraction by σ in max_i
+|z_i|/v_i. With σ < 1 it has one fixed point (Banach), where min(r_i, (ω/a_ii)p_i) = 0 in every row:
+the one solution.
 
-Reference: Cryer, SIAM J. Control 9 (1971); Ahn, J. Optim. Theory Appl. 33 (1981), for nonsymmetric A; both for ψ = 0.
+The bound is attained. Let A be a Z-matrix, ψ = Gz + c, ω ≤ 1 and z − y = v. Then z⁺ − y⁺ = w if
+both sweeps take in every row the side of the maximum that w takes. (Gw)_i in place of (Gv)_i would
+be wrong, and so would v_j in place of w_j where w_j > v_j.
+
+With an obstacle above, z_i⁺ is the minimum of ψ̄_i(z) and that maximum. |min(a, b) − min(c, d)| has
+the same bound as for two maxima. So with |ψ̄(x) − ψ̄(y)| ≤ G|x − y| all stays, with the remarks of
+`conditions` on two obstacles.
+
+**h-plus.** Let ω ≤ 1, and ⟨A⟩v > 0 and Gv < v for some v > 0. (So A is an H₊-matrix where D > 0.)
+Then T(v) < v. For as long as w_j ≤ v_j for j < i, the second entry of the maximum is at most |1 −
+ω|v_i + (ω/a_ii)Σ_{j≠i}|a_ij|v_j = v_i − (ω/a_ii)(⟨A⟩v)_i < v_i. The same v bounds the error of any
+z (`certificates.h_plus`).
+
+**Distance.** z_i⁺ − z_i = −min(r_i, (ω/a_ii)(p_i + Σ_{j<i} a_ij(z_j⁺ − z_j))), and min is
+nonexpansive. So d = |z⁺ − z| has d_i ≤ |F_i|/Ω_i + (ω/a_ii)Σ_{j<i}|a_ij|d_j with Ω = D/ω and F =
+min(p, Ωr), or the median.
+
+References
+----------
+Cryer, SIAM J. Control 9 (1971). Ahn, J. Optim. Theory Appl. 33 (1981), for nonsymmetric A. Both for
+ψ = 0.
 """
 
 from __future__ import annotations

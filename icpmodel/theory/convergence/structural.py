@@ -1,28 +1,43 @@
 """Two theorems that rest on structure and not on size: isotone steps, and positive definite A.
 
-**monotone.** Let X = M₁ + φ + Ω be diagonal, X ≥ 2D, X ≥ 2Ω, A a Z-matrix and ψ isotone (x ≤ y gives ψ(x) ≤ ψ(y)).
-In row i the step z⁺ = z − 2X⁻¹min(p, Ωr) is the larger of z_i − (2/x_i)p_i(z) and z_i − (2ω_i/x_i)(z_i − ψ_i(z)), whose
-coefficients 1 − 2d_i/x_i, −2a_ij/x_i and 1 − 2ω_i/x_i are ≥ 0: the step is isotone. If F(s) = min(p(s), r(s)) ≥ 0 (s a
-supersolution), the step goes down from s, hence by induction always; with a subsolution t ≤ s (F(t) ≤ 0) it stays above
-t, so it converges, and the limit is a solution because ψ is continuous: the largest one between t and s. From t it goes
-up to the smallest. For M₁ = D the condition on X is φ ≥ |D − Ω|. Where the modulus sees the newest values, that is for
-projected SOR, D > 0 and ω ≤ 1 take the place of the conditions on X: row by row z_i⁺ is the larger of ψ_i(z) and
-(1 − ω)z_i − (ω/a_ii)(Σ_{j≠i} a_ij z_j + q_i), the newest z, whose coefficients are ≥ 0; and where z_j⁺ ≤ s_j for j < i
-the newest p_i is at least p_i(s) ≥ 0, so that a sweep from s goes down.
-With an isotone ψ̄ above, z_i⁺ is the smaller of that and of (1 − 2ω_i/x_i)z_i + (2ω_i/x_i)ψ̄_i(z), in projected SOR
-ψ̄_i(z): isotone too. F is then max(z − ψ̄, min(p, r)), F(s) ≥ 0 says in each row that s_i ≥ ψ̄_i(s), or p_i ≥ 0 and
-r_i ≥ 0, and the rest stays, but the limit is a solution if ψ ≤ ψ̄ there, see `conditions`.
+**monotone.** Let X = M₁ + φ + Ω be diagonal, X ≥ 2D, X ≥ 2Ω, A a Z-matrix and ψ isotone (x ≤ y
+gives ψ(x) ≤ ψ(y)). In row i the step z⁺ = z − 2X⁻¹min(p, Ωr) is the larger of two numbers:
 
-**definite.** Let A be positive definite (xᵀAx > 0, symmetric or not), ψ, and ψ̄ where there is one, constant (rows
-without obstacle included), M₁ = A, φ = 0, Ω any positive diagonal. Write A' = Ω^(−½)AΩ^(−½), also positive definite,
-K = A' + I and e = Ω^½(z − z*). Then e⁺ = (I − 2K⁻¹(ΘA' + I − Θ))e = K⁻¹(I − 2Θ)(A' − I)e with a diagonal 0 ≤ Θ ≤ I, so
-w = Ke has ‖w⁺‖₂ ≤ σ‖w‖₂, σ = ‖(A' − I)K⁻¹‖₂. With H the symmetric part of A', ‖Kx‖² − ‖(A' − I)x‖² = 4xᵀHx:
-σ² ≤ 1 − 4τ exactly if H − τKᵀK ≥ 0, which a factorisation proves, and some τ > 0 does it. For symmetric A' with
-eigenvalues λ, σ = max|1 − λ|/(1 + λ); for large others σ² ≤ 1 − 4λ_min(H)/(‖A'‖₂ + 1)².
-‖Kx‖² = ‖x‖² + 2xᵀHx + ‖A'x‖² ≥ ‖x‖², hence ‖eᵏ‖₂ ≤ σᵏ‖Ke⁰‖₂. It is a Peaceman–Rachford iteration.
+    z_i − (2/x_i)p_i(z)   and   z_i − (2ω_i/x_i)(z_i − ψ_i(z)).
 
-Reference: Bensoussan and Lions, Impulse Control and Quasi-Variational Inequalities (1984); Peaceman and Rachford, J.
-SIAM 3 (1955); Ortega and Rheinboldt (1970), section 13.2, for monotone convergence.
+Their coefficients 1 − 2d_i/x_i, −2a_ij/x_i and 1 − 2ω_i/x_i are ≥ 0, so the step is isotone. Let
+F(s) = min(p(s), r(s)) ≥ 0 (s is a supersolution). Then the step decreases from s, and by induction
+all steps do. With a subsolution t ≤ s (F(t) ≤ 0) it stays above t, so it converges. The limit is a
+solution because ψ is continuous: the largest one between t and s. From t it increases to the
+smallest. For M₁ = D the condition on X is φ ≥ |D − Ω|.
+
+For projected SOR the modulus uses the newest values. There D > 0 and ω ≤ 1 replace the conditions
+on X. Row by row z_i⁺ is the larger of ψ_i(z) and (1 − ω)z_i − (ω/a_ii)(Σ_{j≠i} a_ij z_j + q_i),
+with the newest z, whose coefficients are ≥ 0. Where z_j⁺ ≤ s_j for j < i the newest p_i is at least
+p_i(s) ≥ 0, so a sweep from s decreases.
+
+With an isotone ψ̄ above, z_i⁺ is the smaller of that and of (1 − 2ω_i/x_i)z_i + (2ω_i/x_i)ψ̄_i(z),
+in projected SOR ψ̄_i(z). It is isotone too. F is then max(z − ψ̄, min(p, r)). F(s) ≥ 0 says in each
+row that s_i ≥ ψ̄_i(s), or p_i ≥ 0 and r_i ≥ 0. The rest stays, but the limit is a solution if ψ ≤
+ψ̄ there, see `conditions`.
+
+**definite.** Let A be positive definite (xᵀAx > 0, symmetric or not), M₁ = A, φ = 0, Ω any positive
+diagonal. Let ψ, and ψ̄ where there is one, be constant (rows without obstacle included). Write A' =
+Ω^(−½)AΩ^(−½), also positive definite, K = A' + I and e = Ω^½(z − z*). Then with a diagonal 0 ≤ Θ ≤
+I
+
+    e⁺ = (I − 2K⁻¹(ΘA' + I − Θ))e = K⁻¹(I − 2Θ)(A' − I)e.
+
+So w = Ke has ‖w⁺‖₂ ≤ σ‖w‖₂, σ = ‖(A' − I)K⁻¹‖₂. Let H be the symmetric part of A'. As ‖Kx‖² − ‖(A'
+− I)x‖² = 4xᵀHx, σ² ≤ 1 − 4τ if and only if H − τKᵀK ≥ 0. A factorisation proves it, and some τ > 0
+satisfies it. For symmetric A' with eigenvalues λ, σ = max|1 − λ|/(1 + λ). For large others σ² ≤ 1 −
+4λ_min(H)/(‖A'‖₂ + 1)². ‖Kx‖² = ‖x‖² + 2xᵀHx + ‖A'x‖² ≥ ‖x‖², hence ‖eᵏ‖₂ ≤ σᵏ‖Ke⁰‖₂. It is a
+Peaceman–Rachford iteration.
+
+References
+----------
+Bensoussan and Lions, Impulse Control and Quasi-Variational Inequalities (1984). Peaceman and
+Rachford, J. SIAM 3 (1955). Ortega and Rheinboldt (1970), section 13.2, for monotone convergence.
 """
 
 from __future__ import annotations

@@ -31,12 +31,26 @@ _BALANCE = 100.0
 class Check(Answer):
     """Whether the hypotheses of a theorem hold: an `Answer` with the theorem beside it.
 
-    `holds` False says that the theorem tells nothing here, not that the method fails. `number` is a proved upper bound
-    of the spectral radius that the theorem wants below 1 (4.3: below min(1, θ₁)/max(θ₁, θ₂)), for "definite" and
-    "h-plus" the factor σ; `witness`, also called `vector`, the scaling v > 0 that proves it; `theorem` the name,
-    `sentence` the statement, `as_printed` whether it is the paper's own, `false_as_printed` the counterexample to the
-    paper's own statement in words, empty where that is true.
+    Attributes
+    ----------
+    holds : bool or None
+        False says that the theorem does not apply, not that the method fails.
+    number : float
+        A proved upper bound of the spectral radius that the theorem requires below 1. For 4.3 it is
+        required below min(1, θ₁)/max(θ₁, θ₂). For "definite" and "h-plus" it is the factor σ.
+    witness : array of shape (n,)
+        The scaling v > 0 that proves it, also called `vector`.
+    theorem : str
+        The name.
+    sentence : str
+        The statement.
+    as_printed : bool
+        Whether it is the paper's own statement.
+    false_as_printed : str
+        The counterexample to the paper's own statement in words; empty where that is true.
 
+    Examples
+    --------
     >>> from icpmodel import MNMJ
     >>> found = check("4.1", ICP([[2, -1], [-1, 2]], [0, 0]), MNMJ())
     >>> found.holds, round(found.number, 6), found.vector
@@ -81,12 +95,35 @@ def theorems() -> dict[str, str]:
 def check(theorem: str, problem: ProblemData, member: Member, as_printed: bool = False) -> Check:
     """Whether `member` meets the hypotheses of `theorem` on `problem`, rounding included.
 
-    Parameters: `theorem` one of `theorems()`; `member` a method of the modulus family, as an object; `as_printed` asks
-    for the paper's own statement, which may be false (`Check.false_as_printed`) and is kept to be compared with.
-    Returns a `Check`. Raises InputError for an unknown theorem, or one that the paper does not print.
-    Reference: the docstrings of `icpmodel.theory.convergence.conditions`, `.rowwise` and `.structural` hold statements
-    and proofs.
+    Parameters
+    ----------
+    theorem : str
+        One of `theorems()`.
+    problem : ProblemData
+        The problem.
+    member : Member
+        A method of the modulus family, as an object.
+    as_printed : bool, default False
+        Whether to check the paper's own statement. It may be false (`Check.false_as_printed`) and
+        is kept for comparison.
 
+    Returns
+    -------
+    Check
+        The answer.
+
+    Raises
+    ------
+    InputError
+        For an unknown theorem, or one that the paper does not print.
+
+    References
+    ----------
+    The docstrings of `icpmodel.theory.convergence.conditions`, `.rowwise` and `.structural` hold
+    statements and proofs.
+
+    Examples
+    --------
     >>> from icpmodel import MNMGS
     >>> print(check("4.3", ICP([[1.0]], [-1.0]), MNMGS(phi=-1.5)))
     no: phi has the negative entry -1.5

@@ -69,10 +69,11 @@ def scaling_vectors(comparison: sp.csr_array) -> Iterator[tuple[str, Vector]]:
 
 
 def solve_for_diagonal(M: sp.csr_array) -> Vector | None:
-    """v with Mv ≈ D1, D the diagonal of the Z-matrix M, of any sign, whatever the units of the rows; None if singular.
+    """v with Mv ≈ D1, D the diagonal of the Z-matrix M; None if M is singular.
 
-    Large M get a few Krylov steps with multigrid, which leave a residual of at most 1/2 in every row of D⁻¹M, and a
-    factorisation where those do not give a v > 0 with Mv > 0.
+    v may have any sign, and the rows any units. A large M gets a few Krylov steps with multigrid,
+    which leave a residual of at most 1/2 in every row of D⁻¹M. Where those do not give a v > 0 with
+    Mv > 0, M is factorised.
     """
     diagonal = M.diagonal()
     if (np.abs(diagonal) < np.finfo(np.float64).tiny).any():
@@ -92,12 +93,16 @@ def solve_for_diagonal(M: sp.csr_array) -> Vector | None:
 def layered(comparison: sp.csr_array) -> Vector | None:
     """v = f(layer) with ⟨A⟩v ≥ D1, in one pass over the matrix, where its rows are weakly dominant.
 
-    Layer 0 are the rows with Σ_j≠i|a_ij| < |a_ii|, layer k those joined to layer k − 1 and to none before. With the
-    increments g_k = f(k) − f(k−1) > 0, row i of layer k reads Σ_below|a_ij|(f(k) − f(layer j)) −
-    Σ_above|a_ij|(f(layer j) − f(k)) ≥ a_ii, which gives g_k from g_k+1, g_k+2, …, beginning with the last layer. On a
-    grid with zero boundary values f is the parabola of the distance to the edge. Where rows pull outwards, as with
-    transport against the layers, f grows without need: it is refused where more than a tenth of ⟨A⟩v/a_ii is above 4.
-    None as well where a row is not weakly dominant, or not joined to a strictly dominant one.
+    Layer 0 are the rows with Σ_j≠i|a_ij| < |a_ii|. Layer k are those joined to layer k − 1 and to
+    none before. Let g_k = f(k) − f(k−1) > 0. Row i of layer k is
+
+        Σ_below|a_ij|(f(k) − f(layer j)) − Σ_above|a_ij|(f(layer j) − f(k)) ≥ a_ii.
+
+    It gives g_k from g_k+1, g_k+2, …, beginning with the last layer. On a grid with zero boundary
+    values f is the parabola of the distance to the edge. Where couplings to later layers dominate,
+    as with transport against the layers, f grows without need. v is refused where more than a tenth
+    of ⟨A⟩v/a_ii is above 4. It is None as well where a row is not weakly dominant, or not joined to
+    a strictly dominant one.
     """
     from ...numerics.kernels.graph import layer_increments, layers
 

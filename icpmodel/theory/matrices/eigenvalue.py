@@ -27,13 +27,21 @@ _POWER_STEPS = 40  #: steps of the power method; each makes the bound sharper, n
 def above(S: sp.csr_array, c: float, slack: float = 0.0) -> float:
     """A lower bound c − ε of λ_min of a symmetric matrix by a factorisation of S − cI, −inf where a pivot is not > 0.
 
-    Dense S: a Cholesky factorisation that runs to its end has a backward error of norm ≤ γ_{n+1}trace(S − cI). Sparse
-    S: P(S − cI)Pᵀ + ΔT = LU by diagonal pivots with |ΔT| ≤ γ|L||U|. With D = diag(U) > 0 and U = DLᵀ + ΔU it is
-    LDLᵀ + (LΔU − ΔT), a positive definite matrix and a bracket that is symmetric as the other two are, so that its
-    ∞-norm, ‖|L||ΔU|1 + γ|L||U|1‖_∞ at most, bounds its eigenvalues.
-    `S` is known to one rounding of its entries and to `slack` in norm, and not all of it is below 1e-280, where
-    underflow would count.
-    Reference: Higham, Accuracy and Stability of Numerical Algorithms (2002), theorems 9.3, 10.5; Rump, BIT 46 (2006).
+    Dense S: a Cholesky factorisation that runs to its end has a backward error of norm ≤
+    γ_{n+1}trace(S − cI).
+
+    Sparse S: P(S − cI)Pᵀ + ΔT = LU by diagonal pivots with |ΔT| ≤ γ|L||U|. Let D = diag(U) > 0 and
+    U = DLᵀ + ΔU. Then LU is LDLᵀ + LΔU, and P(S − cI)Pᵀ is LDLᵀ + (LΔU − ΔT). LDLᵀ is positive
+    definite. The bracket is symmetric, as the other two matrices are, so its ∞-norm bounds its
+    eigenvalues. That norm is at most ‖|L||ΔU|1 + γ|L||U|1‖_∞.
+
+    `S` is known to one rounding of its entries and to `slack` in norm. Not all of it is below
+    1e-280, where underflow would count.
+
+    References
+    ----------
+    Higham, Accuracy and Stability of Numerical Algorithms (2002), theorems 9.3, 10.5. Rump, BIT 46
+    (2006).
     """
     n = S.shape[0]
     shifted = sp.csr_array(S - c * sp.eye_array(n))

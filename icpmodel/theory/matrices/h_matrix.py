@@ -1,15 +1,18 @@
 """Is A an H-matrix? Decided block by irreducible block: by its row sums, by Perron's vector, or by one linear solve.
 
-A is an H-matrix if ⟨A⟩ is a nonsingular M-matrix. That is proved by a v > 0 with ⟨A⟩v > 0 and disproved by an x ≥ 0,
-x ≠ 0, with ⟨A⟩x ≤ 0 (were ⟨A⟩⁻¹ ≥ 0, then x = ⟨A⟩⁻¹⟨A⟩x ≤ 0). Entries between the irreducible diagonal blocks of ⟨A⟩
-make no difference to its truth. In one block:
+A is an H-matrix if ⟨A⟩ is a nonsingular M-matrix. That is proved by a v > 0 with ⟨A⟩v > 0. It is
+disproved by an x ≥ 0, x ≠ 0, with ⟨A⟩x ≤ 0 (were ⟨A⟩⁻¹ ≥ 0, then x = ⟨A⟩⁻¹⟨A⟩x ≤ 0). Entries
+between the irreducible diagonal blocks of ⟨A⟩ make no difference to its truth. In one block:
 
-- all row sums ≥ 0, one of them > 0: H (Taussky); all ≤ 0: not H, with x = 1.
-- Jx > x > 0 or Jx < x for J = |D|⁻¹|D − A| and some x on the way of the power method: not H, or H.
-- v with ⟨A⟩v ≈ D1: where v > 0 it is a proof. Otherwise x = v⁻ = max(−v, 0) is a disproof, and always: where v_i ≤ 0,
-  (⟨A⟩v⁻)_i = (⟨A⟩v⁺)_i − (⟨A⟩v)_i with both terms ≤ 0; elsewhere (⟨A⟩v⁻)_i has entries off the diagonal only.
+- All row sums ≥ 0, one of them > 0: H (Taussky). All ≤ 0: not H, with x = 1.
+- Jx > x > 0 or Jx < x for J = |D|⁻¹|D − A| and some iterate x of the power method: not H, or H.
+- v with ⟨A⟩v ≈ D1: where v > 0 it is a proof. Otherwise x = v⁻ = max(−v, 0) is always a disproof.
+  Where v_i ≤ 0, (⟨A⟩v⁻)_i = (⟨A⟩v⁺)_i − (⟨A⟩v)_i with both terms ≤ 0. Elsewhere (⟨A⟩v⁻)_i has
+  entries off the diagonal only.
 
-Reference: Berman and Plemmons, Nonnegative Matrices in the Mathematical Sciences (1994), chapter 6.
+References
+----------
+Berman and Plemmons, Nonnegative Matrices in the Mathematical Sciences (1994), chapter 6.
 """
 
 from __future__ import annotations

@@ -1,15 +1,21 @@
 """Is A a P-matrix, that is, are all of its principal minors positive? Then every LCP(q, A) has exactly one solution.
 
-The general question is co-NP-complete, so the answer may be unknown. It is decided for each irreducible diagonal block:
+The general question is co-NP-complete, so the answer may be unknown. It is decided for each
+irreducible diagonal block:
 
-- sufficient: H₊; a positive definite symmetric part. For Z-matrices H₊ is necessary, for symmetric ones definiteness.
-- up to `LIMIT` rows: the signs of all pivots (A is P iff a₁₁ > 0 and both A without row and column 1 and the Schur
-  complement A/a₁₁ are P), about 6·2ⁿ operations with bounds on their rounding; where a bound leaves a sign
-  open, rational arithmetic decides it. "Yes" and "no" are proofs.
-- beyond: minors of order 2 over the pattern, and those of the closest neighbours of some rows, may say "no".
+- Sufficient: H₊; a positive definite symmetric part. For Z-matrices H₊ is necessary, for symmetric
+  ones definiteness.
+- Up to `LIMIT` rows: the signs of all pivots, in about 6·2ⁿ operations with bounds on their
+  rounding. A is P if and only if a₁₁ > 0 and two matrices are P: A without row and column 1, and
+  the Schur complement A/a₁₁. Where a bound leaves a sign open, rational arithmetic decides it.
+  "Yes" and "no" are proofs.
+- Beyond: minors of order 2 over the pattern, and those of the closest neighbours of some rows, may
+  say "no".
 
-References: Coxson, Math. Program. 64 (1994), on the complexity; Tsatsomeros and Li, Linear Algebra Appl. 330 (2001), on
-the recursion.
+References
+----------
+Coxson, Math. Program. 64 (1994), on the complexity. Tsatsomeros and Li, Linear Algebra Appl. 330
+(2001), on the recursion.
 """
 
 from __future__ import annotations
