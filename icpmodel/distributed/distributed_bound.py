@@ -1,8 +1,9 @@
 """What is certain of an answer on ranks: the error bound of H₊-matrices, and the rows that it decides.
 
-v > 0 with ⟨A⟩v ≥ α > 0 and (I − G)v ≥ β > 0 comes from one Krylov solve with the levels that there are; that both are
-positive is checked, rounding included, by one product each, so that nothing hangs on how well v was solved for. The
-bound is that of `theory.certificates.h_plus`, the rows those of `theory.certificates.certificate`.
+One Krylov solve with the existing levels gives v > 0 with ⟨A⟩v ≥ α > 0 and (I − G)v ≥ β > 0. One
+product each checks that both are positive, rounding included, so the proof does not depend on the
+accuracy of v. The bound is that of `theory.certificates.h_plus`, the rows those of
+`theory.certificates.certificate`.
 """
 
 from __future__ import annotations
@@ -36,11 +37,25 @@ HPlusVectors = tuple[str, Vector, Vector, Vector]
 class DistributedCertificate(Shown):
     """What is true of z on ranks, recomputed from (A, q, ψ, z).
 
-    `residual` = Res_D(z), as in `ProblemData.residual`; `bound` the `ErrorBound`, whose
-    `componentwise` are the entries of the own rows; how many rows of z* are proved to be `active` (at the obstacle
-    below), `inactive` (off both), at the one `above` and `undecided`, over all ranks; and of the own rows the masks
-    `own_active` and `own_inactive`.
+    Attributes
+    ----------
+    residual : float
+        Res_D(z), as in `ProblemData.residual`.
+    bound : ErrorBound
+        The error bound; its `componentwise` are the entries of the own rows.
+    active : int
+        Number of rows of z*, over all ranks, proved to be at the obstacle below.
+    inactive : int
+        Number of rows proved to be off both obstacles.
+    above : int
+        Number of rows proved to be at the obstacle above.
+    undecided : int
+        Number of the other rows.
+    own_active, own_inactive : mask
+        The active and inactive rows among the own ones.
 
+    Examples
+    --------
     >>> problem = icp.distributed.distribute(icp.scenes.hand_lcp().problem)
     >>> icp.distributed.solve(problem).certify().bound.unique
     True
@@ -66,11 +81,31 @@ class DistributedCertificate(Shown):
 
 
 def certify(problem: DistributedICP, z: Any, levels: DistributedLevels | None = None) -> DistributedCertificate:
-    """What is certain of the `Vec` `z`, whoever found it: the residual, the error bound, the rows that it decides.
+    """State what is certain of `z`: the residual, the error bound, the rows that it decides.
 
-    Every rank calls it at the same time. Parameters: `problem`; `z`; `levels` those of a solve with the same A, which
-    also sharpen the bound, or None. Returns a `DistributedCertificate`. Raises MapError where ψ fails at z.
+    Every rank calls it at the same time.
 
+    Parameters
+    ----------
+    problem : DistributedICP
+        The problem.
+    z : Vec
+        Any point.
+    levels : DistributedLevels, optional
+        The levels of a solve with the same A, which also sharpen the bound.
+
+    Returns
+    -------
+    DistributedCertificate
+        The certificate.
+
+    Raises
+    ------
+    MapError
+        Where ψ fails at z.
+
+    Examples
+    --------
     >>> problem = icp.distributed.distribute(ICP([[2.0]], [-2.0]))
     >>> icp.distributed.certify(problem, problem.vector([1.5])).bound.value >= 0.5
     True

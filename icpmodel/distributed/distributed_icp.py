@@ -21,15 +21,32 @@ from .ranks import norm, petsc, together, totals, world
 
 
 class DistributedICP(Shown):
-    """An ICP on the ranks of a communicator: p = Az + q ≥ 0, r = z − ψ(z) ≥ 0, pᵀr = 0, or one with ψ ≤ z ≤ ψ̄.
+    """An ICP on the ranks of a communicator: p = Az + q ≥ 0, r = z − ψ(z) ≥ 0, pᵀr = 0, or one with ψ
+    ≤ z ≤ ψ̄.
 
-    Every rank makes it at the same time, with its share of each argument; so are all functions of this room called.
-    Parameters: `A` an assembled PETSc `Mat` (aij), n × n, whose columns are distributed as its rows; `q` a `Vec` of the
-    same layout, a number, or the entries of the own rows; `psi` a number, a `Vec`, the entries of the own rows, an
-    `icpmodel.Elementwise` map of them with its `lipschitz` < 1, or a pair (`Mat`, any of these) for ψ(z) = Gz + f(z);
-    −inf for no obstacle; `upper` the same above z, or None. A is not copied: leave it as it is.
-    Raises InputError on all ranks where one finds its share wrong.
+    Every rank makes it at the same time, with its share of each argument. All functions of this
+    room are called in the same way.
 
+    Parameters
+    ----------
+    A : Mat of shape (n, n)
+        An assembled PETSc matrix (aij) with its columns distributed as its rows. It is not copied:
+        leave it as it is.
+    q : Vec, float or array of the own rows
+        A `Vec` has the layout of A.
+    psi : float, Vec, array of the own rows, Elementwise or pair, default 0
+        The obstacle below; −inf for none. An `icpmodel.Elementwise` map of the own rows needs a
+        `lipschitz` < 1. A pair (`Mat`, any of these) stands for ψ(z) = Gz + f(z).
+    upper : optional
+        The same for the obstacle above z, or None.
+
+    Raises
+    ------
+    InputError
+        On all ranks, where one finds its share wrong.
+
+    Examples
+    --------
     >>> from petsc4py import PETSc
     >>> A = PETSc.Mat().createAIJ((2, 2), csr=([0, 2, 4], [0, 1, 0, 1], [2.0, -1.0, -1.0, 2.0]))
     >>> A.assemble()
@@ -135,12 +152,29 @@ def _own_entries(value: Any, low: int, high: int) -> Vector:
 
 
 def by_rows(problem: Any, comm: Any = None) -> DistributedICP:
-    """The problem of which every rank assembles its own rows, and nobody holds all.
+    """The problem of which every rank assembles its own rows; no rank holds all.
 
-    Parameters: `problem` an `icpmodel.ByRows`; or what has its `n` and `local_rows(lo, hi)`; `comm` a communicator of
-    mpi4py or petsc4py, by default that of all ranks. Returns a `DistributedICP`. Raises InputError, on all ranks, what
-    one of them finds wrong with its rows, and whatever else `local_rows` raises as RuntimeError.
+    Parameters
+    ----------
+    problem : icpmodel.ByRows
+        Or an object with `n` and `local_rows(lo, hi)`.
+    comm : optional
+        A communicator of mpi4py or petsc4py, by default that of all ranks.
 
+    Returns
+    -------
+    DistributedICP
+        The problem.
+
+    Raises
+    ------
+    InputError
+        On all ranks, where one finds its rows wrong.
+    RuntimeError
+        For any other exception in `local_rows`.
+
+    Examples
+    --------
     >>> class Springs:
     ...     n = 1000
     ...     def local_rows(self, lo, hi):
@@ -157,13 +191,29 @@ def by_rows(problem: Any, comm: Any = None) -> DistributedICP:
 
 
 def distribute(problem: Any, comm: Any = None) -> DistributedICP:
-    """The `problem` that rank 0 holds, or all ranks hold, spread over the ranks of `comm`.
+    """Spread the `problem` of rank 0, or of all ranks, over the ranks of `comm`.
 
-    Parameters: `problem` an ICP, or what has one, such as a scene, with obstacles that are constant, affine or
-    elementwise; None on the ranks that have none: then rank 0 sends them their rows, and functions in ψ must be ones
-    that can be pickled. `comm` a communicator of mpi4py or petsc4py, by default that of all ranks.
-    Returns a `DistributedICP`. Raises InputError, on all ranks, where ψ is another one or rank 0 has no problem.
+    Parameters
+    ----------
+    problem : ICP, Scene or None
+        An ICP, or an object that has one, with obstacles that are constant, affine or elementwise.
+        Ranks without it pass None. Then rank 0 sends them their rows, and functions in ψ must be
+        picklable.
+    comm : optional
+        A communicator of mpi4py or petsc4py, by default that of all ranks.
 
+    Returns
+    -------
+    DistributedICP
+        The problem.
+
+    Raises
+    ------
+    InputError
+        On all ranks, where ψ is of another kind or rank 0 has no problem.
+
+    Examples
+    --------
     >>> icp.distributed.distribute(icp.scenes.membrane(n=100))
     DistributedICP(n=100, ranks=1)
     """

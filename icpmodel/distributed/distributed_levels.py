@@ -1,14 +1,20 @@
-"""The levels of algebraic multigrid for a matrix on ranks: hypre's or GAMG's, made once, and V-cycles of them in which
-only some rows take part.
+"""The levels of algebraic multigrid for a matrix on ranks, and V-cycles of them in which only some
+rows take part.
 
-PETSc makes the hierarchy (BoomerAMG by way of PCHMG, which gives away its interpolations, or GAMG where hypre is not
-built in) and runs the cycles (PCMG); here rows are masked: on every level J = A_l with the rows and columns that do not
-take part replaced by those of the diagonal, which on the coarser levels is made so large that nothing comes back from
-them: on the finest one the sweep after the correction puts such rows right. Which coarse rows take part is decided by a
-representative of each: of the fine unknowns of its own rank, where there are any, that which it weighs most in, for
-hypre the coarse point itself.
-Reference: Kornhuber, Numer. Math. 69 (1994), for the truncation; Henson and Yang, Appl. Numer. Math. 41 (2002), for
-BoomerAMG.
+PETSc makes the hierarchy once: BoomerAMG by way of PCHMG, which gives away its interpolations, or
+GAMG without hypre. It also runs the cycles (PCMG). Here rows are masked. On every level J = A_l
+with the rows and columns that do not take part replaced by those of the diagonal. On the coarser
+levels that diagonal is so large that these rows return no correction. On the finest one the sweep
+after the correction puts such rows right.
+
+Each coarse row has a representative, which decides whether it takes part. Of the fine unknowns of
+its own rank, where there are any, that is the one with the largest weight. For hypre it is the
+coarse point itself.
+
+References
+----------
+Kornhuber, Numer. Math. 69 (1994), for the truncation. Henson and Yang, Appl. Numer. Math. 41
+(2002), for BoomerAMG.
 """
 
 from __future__ import annotations
@@ -38,8 +44,11 @@ _PREFIX = "icpmodel_"
 
 
 class DistributedLevel:
-    """One level: its `matrix`, and where there is a `coarser` one the interpolation `P` from it, the `chosen` fine
-    unknown of each own coarse one, counted from the first own one, and its `weight` in P."""
+    """One level: its `matrix`, and where there is a `coarser` one the interpolation `P` from it.
+
+    `chosen` is the representative of each own coarse unknown: a fine unknown, counted from the
+    first own one. `weight` is its weight in P.
+    """
 
     def __init__(self, matrix: DistributedMatrix, coarser: Any, P: Any) -> None:
         self.matrix, self.coarser, self.P = matrix, coarser, P

@@ -35,15 +35,39 @@ def load_problem(
     upper: Source | float | None = None,
     comm: Any = None,
 ) -> DistributedICP:
-    """Read a problem from files that all ranks see; each rank reads its part, and nobody holds all.
+    """Read a problem from files that all ranks see; each rank reads its part, and no rank holds all.
 
-    Parameters: `path` a folder of Matrix Market files, as `icpmodel.load_problem` reads it; or a file of A alone:
-    `.mtx`, or `.bin`, what PETSc's `MatView` writes to a binary viewer (one matrix, real, of double precision, with
-    integers of 32 or 64 bits). `q`, `psi`, `upper` files of n numbers each, `.mtx` or `.bin` (a `Vec`), of the
-    obstacles also a number; without `psi` it is 0, without `upper` there is none. `comm` a communicator of mpi4py or
-    petsc4py, by default that of all ranks. A `.mtx` file is cut into as many ranges of bytes as there are ranks.
-    Returns a `DistributedICP`. Raises FileError, on all ranks, which names the file and what was expected.
+    Parameters
+    ----------
+    path : str or path
+        A folder of Matrix Market files, as `icpmodel.load_problem` reads it, or a file of A alone:
+        `.mtx` or `.bin`.
+    q : str or path, optional
+        A file of n numbers, `.mtx` or `.bin` (a `Vec`).
+    psi, upper : str, path or float, optional
+        A file of the obstacle, or a number. Without `psi` it is 0; without `upper` there is no
+        obstacle above.
+    comm : optional
+        A communicator of mpi4py or petsc4py, by default that of all ranks.
 
+    Returns
+    -------
+    DistributedICP
+        The problem.
+
+    Raises
+    ------
+    FileError
+        On all ranks; the message names the file and what was expected.
+
+    Notes
+    -----
+    A `.bin` file is what PETSc's `MatView` writes to a binary viewer: one real matrix in double
+    precision, with integers of 32 or 64 bits. A `.mtx` file is cut into as many ranges of bytes as
+    there are ranks.
+
+    Examples
+    --------
     >>> import scipy.io, tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     scipy.io.mmwrite(f"{folder}/A.mtx", sp.eye_array(3))
@@ -110,16 +134,38 @@ def start_in(path: Path, problem: DistributedICP) -> Any:
 
 
 def save_solution(solution: DistributedSolution, path: Source) -> None:
-    """Write the answer to the file `path`, which all ranks see, each its rows; what its name ends in says how.
+    """Write the answer to the file `path`, which all ranks see; each rank writes its rows.
 
-    `.bin`: z, as PETSc's `VecView` writes it to a binary viewer, which `Vec.load` reads, `icpmodel` wherever it takes a
-    vector, such as `--z0`, and NumPy: `numpy.fromfile(path, ">f8", offset=8)`, where the head of a PETSc whose integers
-    have 64 bits takes 16 bytes. `.h5`: z, p and r as vectors of these names in HDF5, where PETSc has it:
+    Every rank calls it at the same time.
+
+    Parameters
+    ----------
+    solution : DistributedSolution
+        The answer.
+    path : str or path
+        The suffix decides on the format, `.bin` or `.h5`.
+
+    Raises
+    ------
+    InputError
+        For an object that is no solution.
+    FileError
+        On all ranks, where the path cannot be written.
+
+    Notes
+    -----
+    `.bin` has z, as PETSc's `VecView` writes it to a binary viewer. `Vec.load` reads it, and so
+    does `icpmodel` wherever it takes a vector, such as `--z0`. NumPy reads it by
+    `numpy.fromfile(path, ">f8", offset=8)`; where PETSc's integers have 64 bits the head takes 16
+    bytes. `.h5` has z, p and r as vectors of these names in HDF5, where PETSc has it:
     `h5py.File(path)["z"][:]`. Numbers have double precision.
-    It is written beside, read again, compared, and then renamed: whatever happens the old file or the new one is there,
-    whole. Only a vector of PETSc is replaced, no file of HDF5, and links are not followed. Every rank calls it at the
-    same time. Raises InputError for what is no solution, FileError, on all ranks, where the path cannot be written.
 
+    The file is written under another name, read again, compared, and then renamed. So the old file
+    or the new one is there, whole. Only a vector of PETSc is replaced, no file of HDF5, and links
+    are not followed.
+
+    Examples
+    --------
     >>> import tempfile
     >>> solution = icp.distributed.solve(icp.distributed.distribute(ICP([[2.0]], [-1.0])))
     >>> with tempfile.TemporaryDirectory() as folder:

@@ -1,8 +1,10 @@
-"""Inexact Newton steps on the modulus equation on one level of a hierarchy on ranks, and its start from coarser ones.
+"""Inexact Newton steps on the modulus equation on one level of a hierarchy on ranks, and its start
+from coarser ones.
 
-The steps are those of `algebra.looks`: projected Gauss–Seidel in the rows of each rank moves the border of the active
-set, the active rows take z = ψ(z), and Krylov's steps with V-cycles on the free rows reduce Az + q there. Whoever has
-the rows of another rank beside his own is told of them between the sweeps.
+The steps are those of `algebra.looks`. Projected Gauss–Seidel in the rows of each rank moves the
+border of the active set. The active rows take z = ψ(z). Krylov's method with V-cycles on the free
+rows reduces Az + q there. Between the sweeps, neighbouring ranks exchange the values of their
+common rows.
 """
 
 from __future__ import annotations
@@ -175,8 +177,12 @@ def _coarse(
 
 
 def simplified(problem: DistributedICP, start: bool = False) -> DistributedICP:
-    """The problem with the same solutions in which a user's function f is called only where the obstacle is Gz + f(z);
-    for a `start` not there either: f is then its value at its own fixed point. Raises MapError, NotApplicable."""
+    """The problem with the same solutions in which a user's function f is called only where it must
+    be.
+
+    That is where the obstacle is Gz + f(z). For a `start` f is not called there either: it is then
+    its value at its own fixed point. Raises MapError, NotApplicable.
+    """
     maps: list[Any] = []
     for one in (problem.psi, problem.upper):
         if one is not None and one.is_users and (one.G is None or start):

@@ -39,12 +39,34 @@ _ROUNDS, _SWEEPS, _RESCUES = 100, 8, 10
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DistributedSolution(Shown):
-    """An answer on ranks: the returned z, a `Vec`, why the run stopped, and, when all ranks ask, what is certain of z.
+    """An answer on ranks: the returned z, the reason why the run stopped and, on request, what is
+    certain of z.
 
-    `problem`; `z`; `status`; `message` with advice; `residual` = Res_D(z) and the `tolerance` it was held against;
-    `iterations` on the finest level, a Newton step or a round of sweeps each; `krylov_steps` on all levels; `sizes`,
-    the unknowns of each level; `seconds`, set-up included.
+    Attributes
+    ----------
+    problem : DistributedICP
+        The problem.
+    z : Vec
+        The best iterate.
+    status : Status
+        Why the run stopped.
+    message : str
+        The same in words, with advice.
+    residual : float
+        Res_D(z).
+    tolerance : float
+        The tolerance for the residual.
+    iterations : int
+        Newton steps and rounds of sweeps on the finest level.
+    krylov_steps : int
+        Krylov steps on all levels.
+    sizes : tuple of int
+        The number of unknowns of each level.
+    seconds : float
+        Time, set-up included.
 
+    Examples
+    --------
     >>> solution = icp.distributed.solve(icp.distributed.distribute(icp.scenes.membrane(n=100).problem))
     >>> solution.status, solution.solved
     (<Status.SOLVED: 'solved'>, True)
@@ -141,23 +163,62 @@ def solve(
     progress: bool = False,
     raise_on_failure: bool = True,
 ) -> DistributedSolution:
-    """Solve an ICP on the ranks of A: stop at Res_D(z) ≤ rtol·Res_D(0), or Res(z) ≤ atol, as `icpmodel.solve`.
+    """Solve an ICP on the ranks of A: stop at Res_D(z) ≤ rtol·Res_D(0), or Res(z) ≤ atol, as
+    `icpmodel.solve`.
 
-    Every rank calls it at the same time with the same options. It is the multilevel modulus Newton method of
-    `icpmodel.Multilevel`: PETSc's algebraic multigrid (hypre's BoomerAMG where it is built in, else GAMG) makes the
-    levels, once; each level starts from the answer of the next coarser one; projected Gauss–Seidel in the rows of each
-    rank moves the border of the active set, and conjugate gradients, or GMRES where A is not symmetric, solve for the
+    Every rank calls it at the same time with the same options.
+
+    Parameters
+    ----------
+    A : DistributedICP or Mat
+        The problem, or its matrix.
+    q, psi, upper : optional
+        With a `Mat`, the other arguments of `DistributedICP`.
+    z0 : Vec, optional
+        The start, by default 0. It is kept where Res_D(z0) ≤ 1e-7·Res_D(0).
+    rtol : float, default 1e-8
+        Relative tolerance.
+    atol : float, default 0
+        Absolute tolerance.
+    max_iter : int, default 200
+        Largest number of iterations on the finest level.
+    time_limit : float, optional
+        Seconds of rank 0, checked between two iterations. A step that PETSc has begun is not cut
+        short.
+    progress : bool, default False
+        Whether rank 0 shows a line.
+    raise_on_failure : bool, default True
+        Whether a failure raises NotSolved.
+
+    Returns
+    -------
+    DistributedSolution
+        On every rank; its z is the best iterate.
+
+    Raises
+    ------
+    InputError
+        On all ranks, for wrong arguments.
+    MapError
+        Where ψ fails at the start.
+    NotApplicable
+        Where the diagonal of A is not positive.
+    NotSolved
+        With the best iterate, unless `raise_on_failure` is False.
+
+    Notes
+    -----
+    It is the multilevel modulus Newton method of `icpmodel.Multilevel`. PETSc's algebraic multigrid
+    makes the levels once: hypre's BoomerAMG where it is built in, else GAMG. Each level starts from
+    the answer of the next coarser one. Projected Gauss–Seidel in the rows of each rank moves the
+    border of the active set. Conjugate gradients, or GMRES where A is not symmetric, solve for the
     free rows. Where Newton's steps do not reduce the residual, sweeps take over for a while.
 
-    Parameters: `A` a `DistributedICP`, or with `q`, `psi` and `upper` what makes one; `z0` the start, a `Vec` (default
-    0), which is kept where Res_D(z0) ≤ 1e-7·Res_D(0); `rtol`, `atol`; `max_iter` iterations on the finest level;
-    `time_limit` in seconds of rank 0, looked at between two iterations: what PETSc has begun is not cut short;
-    `progress` shows a line on rank 0; `raise_on_failure`.
-    Returns a `DistributedSolution`, on every rank; its z is the best iterate. Ctrl-C ends the run after the iteration
-    that is at work. Raises, on all ranks, InputError, MapError where ψ fails at the start, NotApplicable where the
-    diagonal of A is not positive, and NotSolved, which carries the best iterate, unless `raise_on_failure` is False.
-    PETSc's options that begin with `-icpmodel_` reach what makes the levels.
+    Ctrl-C ends the run after the current iteration. PETSc's options that begin with `-icpmodel_`
+    reach its multigrid.
 
+    Examples
+    --------
     >>> problem = icp.distributed.distribute(icp.scenes.membrane(n=100).problem)
     >>> bool(abs(icp.distributed.solve(problem).z.array - icp.scenes.membrane(n=100).problem.solve().z).max() < 1e-6)
     True

@@ -16,10 +16,11 @@ from .formulations import Target
 
 
 class ColdActiveSet(ForeignSolver):
-    """z = 0 at the start, and a factorisation for every system; its tolerance is Res_D(z)/Res_D(0).
+    """The active-set method from z = 0, with a factorisation for every system.
 
-    The rows with p_i ≤ a_ii r_i are taken for p_i = 0, the others for r_i = 0; those with p_i < a_ii(z_i − ψ̄_i), where
-    there is an obstacle above, for z_i = ψ̄_i.
+    Its tolerance is Res_D(z)/Res_D(0). Rows with p_i ≤ a_ii r_i take the equation p_i = 0, the
+    others r_i = 0. Where there is an obstacle above, rows with p_i < a_ii(z_i − ψ̄_i) take z_i =
+    ψ̄_i.
     """
 
     name = "active set, cold"

@@ -23,18 +23,41 @@ from .osqp import osqp_options
 
 
 def to_cvxpy(problem: ProblemLike, formulation: str = "qp") -> Any:
-    """`problem` as a CVXPY problem in one variable named z, in the units of the ICP.
+    """State `problem` as a CVXPY problem in one variable named z, in the units of the ICP.
 
-    "qp": ½zᵀAz + qᵀz subject to r ≥ 0 where ψ is constant and A symmetric, else the gap pᵀr subject to p ≥ 0, r ≥ 0; an
-    optimum of the gap solves the ICP only if its value is 0. "mip": p ≤ p̄b, r ≤ r̄(1 − b) with a vector b of zeros and
-    ones, for an A of any kind; the certificate at z = 0 bounds |z*|, from which p̄ and r̄ follow. Rows without an
-    obstacle have p_i = 0 in both. Where a row has another obstacle above, a second variable v ≥ 0 makes p + v and r one
-    pair, v and ψ̄(z) − z another.
+    Parameters
+    ----------
+    problem : ICP
+        Its ψ is constant or affine; for another one take `problem.frozen(z)`.
+    formulation : {"qp", "mip"}, default "qp"
+        A quadratic or a mixed-integer program.
 
-    Parameters: `problem` with constant or affine ψ (else take `problem.frozen(z)`); `formulation`.
-    Returns a `cvxpy.Problem`. Raises InputError for an unknown formulation, and NotApplicable where the problem has no
-    such form, with the reason.
+    Returns
+    -------
+    cvxpy.Problem
+        The problem.
 
+    Raises
+    ------
+    InputError
+        For an unknown formulation.
+    NotApplicable
+        Where the problem has no such form; the message says why.
+
+    Notes
+    -----
+    "qp": minimise ½zᵀAz + qᵀz subject to r ≥ 0 where ψ is constant and A symmetric. Otherwise
+    minimise the gap pᵀr subject to p ≥ 0, r ≥ 0. An optimum of the gap solves the ICP only if its
+    value is 0.
+
+    "mip": p ≤ p̄b, r ≤ r̄(1 − b) with a vector b of zeros and ones, for an A of any kind. The
+    certificate at z = 0 bounds |z*|, from which p̄ and r̄ follow.
+
+    Rows without an obstacle have p_i = 0 in both. Where a row also has an obstacle above, there is
+    a second variable v ≥ 0. Then p + v and r are one pair, v and ψ̄(z) − z another.
+
+    Examples
+    --------
     >>> float(ICP([[2.0]], [-1.0]).to_cvxpy("mip").solve(solver="HIGHS"))
     0.0
     """
@@ -86,8 +109,12 @@ def _mip(target: Target) -> Any:
 
 
 def _conditions(target: Target, z: Any) -> tuple[list[Any], list[Any]]:
-    """(p, r, rows), which are complementary in the rows with an obstacle; where a row has two (u, r, rows) and
-    (v, s, rows) with u = p + v; and the constraints that they are ≥ 0 and that p_i = 0 in the free rows."""
+    """The complementary pairs and the constraints of `target` at `z`.
+
+    The first list has (p, r, rows) for the rows with one obstacle. For rows with two it has (u, r,
+    rows) and (v, s, rows) with u = p + v. The second list has the constraints: these are ≥ 0, and
+    p_i = 0 in the free rows.
+    """
     import cvxpy as cp
 
     held, both, p = target.held, target.both, target.problem.A @ z + target.problem.q

@@ -38,10 +38,21 @@ _REGISTRY: dict[str, type[ForeignSolver]] = {}
 class Claim(Shown):
     """What a foreign solver returns: it is recorded, and never believed.
 
-    Parameters: `z`, shape (n,), in the units of `target.problem`, or None; `words`, its status in its own words;
-    `solved`, whether these claim success. `ask` adds the `seconds` that it took in all, and how many of them are
-    `setup`, None where that failed.
+    Parameters
+    ----------
+    z : array of shape (n,) or None
+        Its answer, in the units of `target.problem`.
+    words : str
+        Its status in its own words.
+    solved : bool
+        Whether it claims success.
+    seconds : float
+        Time in all, filled in by `ask`.
+    setup : float or None
+        Time of the set-up, filled in by `ask`; None where that failed.
 
+    Examples
+    --------
     >>> icp.solvers.Claim(None, "infeasible", False).z is None
     True
     """
@@ -54,20 +65,33 @@ class Claim(Shown):
 
 
 class ForeignSolver(Shown, ABC):
-    """What another package, or other code, takes to solve a `Target`. Whoever asks it fixes tolerance and time limit.
+    """Base class: one foreign solver that solves a `Target`.
 
-    A subclass has a unique `name`, which is what users write, and is made without arguments. It may have
+    The caller sets its tolerance and its time limit. A subclass is made without arguments.
 
-    - `package`, the module that it needs, which it imports in `set_up` at the earliest, and `extra`, the extra of
-      this package that brings it;
-    - `forms`, the formulations that it can take, best first, of "energy" and "gap" (convex QPs) and "mpec" (as it
-      stands; see `icpmodel.solvers.formulations`);
-    - `asked_by`, who asks it where no solvers are named, of "crosscheck" and "race";
-    - `tight`, the tolerances that a cross-check asks for, the next one where it does not claim success; each solver
-      takes them in its own sense;
-    - `largest`, the n beyond which it is not asked, or None, and `too_large`, what would happen there; with `size`
-      another number counts instead of n.
+    Attributes
+    ----------
+    name : str
+        The unique name that users write.
+    package : str or None
+        The module that it needs. It is imported in `set_up` at the earliest.
+    extra : str or None
+        The extra of this package that installs the module.
+    forms : tuple of str
+        The formulations that it takes, best first. They are "energy" and "gap" (convex QPs) and
+        "mpec" (as it stands); see `icpmodel.solvers.formulations`.
+    asked_by : tuple of str
+        The studies that run it where no solvers are named: "crosscheck", "race".
+    tight : tuple of float
+        Tolerances of a cross-check, in the solver's own sense. The next one is tried where it does
+        not claim success.
+    largest : int or None
+        The n beyond which it is not run; with `size` another number counts instead of n.
+    too_large : str
+        What would happen beyond `largest`.
 
+    Examples
+    --------
     >>> class Guess(icp.solvers.ForeignSolver):
     ...     name, asked_by = "guess", ()
     ...     def set_up(self, target, tolerance, time_limit):
@@ -190,11 +214,27 @@ def foreign_solvers() -> dict[str, ForeignSolver]:
 
 
 def chosen_solvers(solvers: Iterable[str | ForeignSolver] | None, asker: str | None = None) -> list[ForeignSolver]:
-    """The solvers that are meant, each once.
+    """The named solvers, each once.
 
-    Parameters: `solvers` names, or objects of one's own; None for all that `asker`, "crosscheck" or "race",
-    asks of itself. Raises InputError for an unknown name, with the known ones.
+    Parameters
+    ----------
+    solvers : iterable of str or ForeignSolver, optional
+        Names or objects; by default all that `asker` runs.
+    asker : {"crosscheck", "race"}, optional
+        The study that runs them.
 
+    Returns
+    -------
+    list of ForeignSolver
+        The solvers.
+
+    Raises
+    ------
+    InputError
+        For an unknown name; the message lists the known ones.
+
+    Examples
+    --------
     >>> [solver.name for solver in icp.solvers.chosen_solvers(["osqp", "osqp"])]
     ['osqp']
     """
@@ -213,11 +253,26 @@ def chosen_solvers(solvers: Iterable[str | ForeignSolver] | None, asker: str | N
 
 
 def ask(solver: ForeignSolver, target: Target, tolerance: float, time_limit: float) -> Claim:
-    """What `solver` claims of `target`, silently; what it raises becomes its words.
+    """Run `solver` on `target` silently; an exception becomes the words of its claim.
 
-    Parameters: a `target` of which `solver.why_not` is None; `tolerance` > 0; `time_limit` in seconds.
-    Returns a `Claim` with the seconds that `set_up` and `run` took.
+    Parameters
+    ----------
+    solver : ForeignSolver
+        A solver whose `why_not(target)` is None.
+    target : Target
+        The problem.
+    tolerance : float
+        Tolerance > 0, in the solver's own sense.
+    time_limit : float
+        Seconds.
 
+    Returns
+    -------
+    Claim
+        With the seconds that `set_up` and `run` took.
+
+    Examples
+    --------
     >>> solver = icp.solvers.foreign_solvers()["osqp"]
     >>> icp.solvers.ask(solver, icp.solvers.Target(ICP([[2.0]], [-1.0])), 1e-9, 10.0).z.round(6)
     array([0.5])

@@ -1,19 +1,26 @@
-"""What foreign solvers are given: the problem in handy units, as a convex QP or as it stands.
+"""The forms in which foreign solvers get a problem: scaled, as a convex QP or as it stands.
 
-With p = Az + q, r = z − Gz − c (G = 0 for a constant ψ) and i "free" where c_i = −∞ (no obstacle: p_i = 0):
+With p = Az + q, r = z − Gz − c (G = 0 for a constant ψ) and i "free" where c_i = −∞ (no obstacle:
+p_i = 0):
 
-    energy   min ½zᵀAz + qᵀz       subject to r_i ≥ 0 (i not free)                   ψ constant, A symmetric, A ≥ 0
-    gap      min p(z)ᵀr(z)         subject to p ≥ 0, r ≥ 0, p_i = 0 (i free)         Aᵀ(I − G) + (I − G)ᵀA ≥ 0
-    mpec     p ≥ 0 ⟂ r ≥ 0         and p_i = 0 (i free)                              always
+    energy   min ½zᵀAz + qᵀz       subject to r_i ≥ 0 (i not free)                   ψ constant, A symmetric, A ≥ 0.
+    gap      min p(z)ᵀr(z)         subject to p ≥ 0, r ≥ 0, p_i = 0 (i free)         Aᵀ(I − G) + (I − G)ᵀA ≥ 0.
+    mpec     p ≥ 0 ⟂ r ≥ 0         and p_i = 0 (i free)                              always.
 
-An obstacle above z, s = ψ̄(z) − z = d + Hz − z ≥ 0, adds its side to energy, and to mpec with p = u − v the two
-conditions 0 ≤ u ⟂ r ≥ 0, 0 ≤ v ⟂ s ≥ 0. The gap is then uᵀr + vᵀs = pᵀr + vᵀ(d − c) with u = p + v, and v ≥ 0 as
-further unknowns in the rows with two obstacles, which have to move alike there, H = G: else vᵀ(H − G)z is not convex.
-In a row with an obstacle above alone r stands for −s, and both p and r are ≤ 0.
+An obstacle above z, s = ψ̄(z) − z = d + Hz − z ≥ 0, adds its side to energy. In mpec, with p = u −
+v, it makes two conditions: 0 ≤ u ⟂ r ≥ 0 and 0 ≤ v ⟂ s ≥ 0.
 
-z itself has no sign. The affine ψ stays in the constraints: A(I − G)⁻¹ would be dense. A problem whose ψ is not
-constant is also posed with its *obstacle frozen* at c = ψ(z), z the answer under test: z solves ICP(q, A, ψ) if and
-only if it solves that LCP. Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (2009), 1.4 and 3.1.
+The gap is then uᵀr + vᵀs = pᵀr + vᵀ(d − c) with u = p + v. The unknowns v ≥ 0 stand in the rows
+with two obstacles. There the two have to move alike, H = G: else vᵀ(H − G)z is not convex. In a row
+with an obstacle above alone r stands for −s, and both p and r are ≤ 0.
+
+z itself has no sign. The affine ψ stays in the constraints: A(I − G)⁻¹ would be dense. For a ψ that
+is not constant there is another problem, with its *frozen obstacle* c = ψ(z), z the answer under
+test. z solves ICP(q, A, ψ) if and only if it solves that LCP.
+
+References
+----------
+Cottle, Pang and Stone, The Linear Complementarity Problem (2009), sections 1.4 and 3.1.
 """
 
 from __future__ import annotations
@@ -66,11 +73,17 @@ class QP(Shown):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Target(Shown):
-    """One problem for foreign solvers, with what they all need to know of it computed once.
+    """One problem for foreign solvers, with the data that they share computed once.
 
-    Parameters: `problem` the ICP to be solved, obstacles constant or affine, in units that suit absolute tolerances;
-    `frozen` whether they were frozen at the answer under test.
+    Parameters
+    ----------
+    problem : ProblemData
+        The ICP, with constant or affine obstacles, in units that suit absolute tolerances.
+    frozen : bool
+        Whether the obstacles were frozen at the answer under test.
 
+    Examples
+    --------
     >>> target = icp.solvers.Target(ICP([[2.0, 1.0], [0.0, 2.0]], [-1.0, 0.0]))
     >>> target.why_not("energy"), target.why_not("gap")
     ('A is not symmetric', None)
@@ -237,12 +250,14 @@ class Target(Shown):
 
 
 def in_handy_units(problem: ProblemData) -> tuple[ProblemData, float]:
-    """The same problem with a typical |a_ii| and a typical size of z near 1, and the unit: z = unit · y.
+    """The same problem with a typical |a_ii| and a typical size of z near 1, and the unit: z = unit ·
+    y.
 
-    A becomes 2⁻ⁱA, q 2⁻ⁱ⁻ᵏq, ψ y ↦ 2⁻ᵏψ(2ᵏy), without rounding, so that absolute tolerances of solvers mean something.
-    The size of z is taken from q_i/a_ii, between two obstacles at most the larger one, and from the positive obstacles
-    below and the negative ones above at z = 0, never from an answer.
-    Returns (problem in y, 2ᵏ); the problem as it is, and 1, where something would overflow.
+    A becomes 2⁻ⁱA, q 2⁻ⁱ⁻ᵏq, ψ y ↦ 2⁻ᵏψ(2ᵏy), without rounding, so that absolute tolerances of
+    solvers mean something. The size of z follows from the data, never from an answer. It is taken
+    from q_i/a_ii, between two obstacles at most the larger one. The positive obstacles below and
+    the negative ones above, at z = 0, count as well. Returns (problem in y, 2ᵏ); the problem as it
+    is, and 1, where something would overflow.
     """
     diagonal = np.abs(problem.A.diagonal())
     size_A = _typical(diagonal) or _typical(np.abs(problem.A.data)) or 1.0
@@ -263,8 +278,11 @@ def in_handy_units(problem: ProblemData) -> tuple[ProblemData, float]:
 
 
 def targets(problem: ProblemData, y: Vector) -> list[Target]:
-    """What is to be solved: `problem`, in handy units, where ψ is constant or affine; else, and for affine ψ too, the
-    problem frozen at the answer under test `y`, shape (n,), if ψ(y), and ψ̄(y), are finite obstacles that do not cross.
+    """The problems to be solved by foreign solvers.
+
+    The first is `problem`, scaled, where ψ is constant or affine. Unless ψ is constant the second
+    is the problem frozen at the answer under test `y`, shape (n,). It needs finite obstacles ψ(y)
+    and ψ̄(y) that do not cross.
     """
     found = [Target(problem)] if problem.psi.linear is not None else []
     if not problem.psi.is_constant and np.isfinite(y).all():

@@ -1,11 +1,17 @@
-"""IPOPT, which CasADi's wheel holds as a library: the products of the conditions minimised, be they convex or not.
+"""IPOPT, which CasADi's wheel holds as a library: it minimises the products of the conditions, convex
+or not.
 
-    min uᵀr + vᵀs   subject to   u, r, v, s ≥ 0,   Az + q = u − v,   r = (I − G)z − c,   s = d − (I − H)z
+    min uᵀr + vᵀs   subject to   u, r, v, s ≥ 0,   Az + q = u − v,   r = (I − G)z − c,   s = d − (I
+    − H)z
 
-with the rows of `icpmodel.solvers.formulations`. Where ψ is constant and A row sufficient, a P-matrix for one, every
-point at which it may stop is a solution; else it may stop where uᵀr + vᵀs > 0.
-References: Wächter and Biegler, Math. Program. 106 (2006), doi 10.1007/s10107-004-0559-y; Cottle, Pang and Stone,
-The Linear Complementarity Problem (2009), section 3.5.
+The rows are those of `icpmodel.solvers.formulations`. Let ψ be constant and A row sufficient, for
+example a P-matrix. Then every point at which it may stop is a solution. Otherwise it may stop where
+uᵀr + vᵀs > 0.
+
+References
+----------
+Wächter and Biegler, Math. Program. 106 (2006), doi 10.1007/s10107-004-0559-y. Cottle, Pang and
+Stone, The Linear Complementarity Problem (2009), section 3.5.
 """
 
 from __future__ import annotations

@@ -1,13 +1,15 @@
 """PATH, the field's reference for complementarity, as the GAMS system of `gamspy_base` runs it.
 
-With multipliers u ≥ 0 and v ≥ 0 of the obstacles below and above that move, it is given the mixed complementarity
-problem in x = (z, u, v), each line of which is a function and the variable that it goes with:
+Obstacles below and above that move have multipliers u ≥ 0 and v ≥ 0. PATH gets the mixed
+complementarity problem in x = (z, u, v). Each line is a function and its variable:
 
-    Az + q − u + v    ⟂   z, between the obstacles that do not move
-    z − Gz − c        ⟂   u ≥ 0
-    d + Hz − z        ⟂   v ≥ 0
+    Az + q − u + v    ⟂   z, between the obstacles that do not move,
+    z − Gz − c        ⟂   u ≥ 0,
+    d + Hz − z        ⟂   v ≥ 0.
 
-Reference: Dirkse and Ferris, Optim. Methods Softw. 5 (1995), doi 10.1080/10556789508805606.
+References
+----------
+Dirkse and Ferris, Optim. Methods Softw. 5 (1995), doi 10.1080/10556789508805606.
 """
 
 from __future__ import annotations

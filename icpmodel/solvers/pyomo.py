@@ -33,17 +33,37 @@ _FUNCTIONS += tuple(f"arc{name}" for name in _FUNCTIONS[4:])
 
 
 def to_pyomo(problem: ProblemLike) -> Any:
-    """`problem` as a Pyomo model: variables z[i], and complements(p_i ≥ 0, r_i ≥ 0) for every row i with an obstacle.
+    """State `problem` as a Pyomo model in the variables z[i].
 
-    With an obstacle above as well a row is complements(c_i ≤ f_i ≤ d_i, p_i) where the two move alike, f = z − Gz; else
-    it gets a variable v[i], complements(p_i + v_i ≥ 0, r_i ≥ 0) and `above[i]`, complements(v_i ≥ 0, ψ̄_i − z_i ≥ 0).
-    A row without obstacle is the equality constraint `equation[i]`, p_i = 0. `objective` is the constant 0, without
-    which some solvers do not start: every point that satisfies the conditions is a solution.
-    Parameters: `problem` with a ψ that is constant, affine, read from a Pyomo model, or Python code of arithmetic and
-    of NumPy functions that Pyomo has as well, without branches; the code is run once on symbols, and the expressions
-    are compared with it.
-    Returns a `pyomo.environ.ConcreteModel`. Raises NotApplicable for another ψ.
+    Parameters
+    ----------
+    problem : ICP
+        Its ψ is constant, affine, read from a Pyomo model, or Python code. Such code may use
+        arithmetic and NumPy functions that Pyomo has as well, without branches. It is run once on
+        symbols, and the expressions are compared with it.
 
+    Returns
+    -------
+    pyomo.environ.ConcreteModel
+        The model.
+
+    Raises
+    ------
+    NotApplicable
+        For another ψ.
+
+    Notes
+    -----
+    A row with an obstacle is complements(p_i ≥ 0, r_i ≥ 0). A row that has one above as well is
+    complements(c_i ≤ f_i ≤ d_i, p_i), f = z − Gz, where the two move alike. Otherwise it gets a
+    variable v[i], complements(p_i + v_i ≥ 0, r_i ≥ 0) and `above[i]`, complements(v_i ≥ 0, ψ̄_i −
+    z_i ≥ 0). A row without obstacle is the equality constraint `equation[i]`, p_i = 0.
+
+    `objective` is the constant 0, without which some solvers do not start: every point that
+    satisfies the conditions is a solution.
+
+    Examples
+    --------
     >>> len(ICP([[2.0]], [-1.0]).to_pyomo().complementarity)
     1
     """
@@ -261,9 +281,10 @@ class PyomoIpopt(ForeignSolver):
 
 
 def _model(target: Target, bounds: tuple[Vector, Vector, Vector] | None, *transformations: str) -> Any:
-    """`target` as a transformed Pyomo model with variables z, p and r; `bounds` as `Target.bounds`, or None.
+    """`target` as a transformed Pyomo model with variables z, p and r.
 
-    p and r are those of the one obstacle of a row; where it has two p is u = Az + q + v, and v ≥ 0 ⟂ s ≥ 0.
+    `bounds` are those of `Target.bounds`, or None. p and r belong to the one obstacle of a row.
+    Where it has two, p is u = Az + q + v, and v ≥ 0 ⟂ s ≥ 0.
     """
     import pyomo.environ as pyo
     from pyomo.mpec import Complementarity, complements
