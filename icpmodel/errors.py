@@ -1,16 +1,16 @@
-"""What can go wrong, as a tree.
+"""The tree of errors and what they say.
 
 IcpError
-├── InputError (also a ValueError)   an argument is wrong: which, what was found, what was expected
-├── FileError (also an OSError)      a file is missing, truncated or not what it claims to be
-├── MapError                         the user's ψ raised or returned something unusable
-├── NotApplicable                    a method or solver cannot take this problem; the sentence says why
-│   └── SingularOperator             X = M₁ + φ + Ω cannot be inverted; ``row`` says where
-├── OutOfTime                        a step was not begun, as the time that is left is too short for it
-├── OutOfMemory (also a MemoryError) a step was not begun, as the memory that is left is too small for it
-└── NotSolved                        the run ended without a solution; ``solution`` has the best iterate
+├── InputError (also a ValueError)   an argument is wrong: which, what was found, what was expected.
+├── FileError (also an OSError)      a file is missing, truncated or not what it claims to be.
+├── MapError                         the user's ψ raised or returned something unusable.
+├── NotApplicable                    a method or solver cannot take this problem; the sentence says why.
+│   └── SingularOperator             X = M₁ + φ + Ω cannot be inverted; ``row`` says where.
+├── OutOfTime                        a step was not begun, as the remaining time is too short for it.
+├── OutOfMemory (also a MemoryError) a step was not begun, as the free memory is too small for it.
+└── NotSolved                        the run ended without a solution; ``solution`` has the best iterate.
 
-Interrupted (a KeyboardInterrupt)    Ctrl-C during a cross-check or measurement; ``report`` has what was done
+Interrupted (a KeyboardInterrupt)    Ctrl-C during a cross-check or measurement; ``report`` has the results so far.
 """
 
 from __future__ import annotations
@@ -41,8 +41,10 @@ def meant(found: Any, known: Iterable[str]) -> str:
 
 
 def by_name(call: str, told: str = "") -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """A function that tells who gives it arguments that it has not, or not all that it needs, which it takes; under the
-    name `call`, with what is `told` of them."""
+    """Decorator: turn Python's TypeError for unknown or missing arguments into an InputError with the accepted names.
+
+    The message calls the function `call` and ends in the hint `told`.
+    """
 
     def checking(function: Callable[P, R]) -> Callable[P, R]:
         code = function.__code__

@@ -14,20 +14,44 @@ from .theory.certificates import bounds, certificate
 
 
 class ICP(ProblemData):
-    """Find z with p = Az + q ≥ 0, r = z − ψ(z) ≥ 0 and pᵀr = 0; with an obstacle above as well, ψ(z) ≤ z ≤ ψ̄(z) with
-    p_i ≥ 0 where z_i = ψ_i(z), p_i ≤ 0 where z_i = ψ̄_i(z), and p_i = 0 in between.
+    """An implicit complementarity problem: find z with p = Az + q ≥ 0, r = z − ψ(z) ≥ 0 and pᵀr = 0.
 
-    Parameters: `A` dense array-like or any SciPy sparse matrix, shape (n, n); `q` array-like, shape (n,); `psi` a
-    number, a vector of shape (n,) (−inf: no obstacle in that row), an `Affine`, `Elementwise`, `Function` or
-    `Intervention` map, or any callable z ↦ ψ(z); `upper` = ψ̄ the same (+inf: none in that row), or None. ψ = 0 is the
-    linear complementarity problem (LCP); a row without any obstacle is the equation p_i = 0.
-    The data is copied: A becomes float64 CSR with every diagonal entry stored. An ICP never changes; `with_q`,
-    `with_psi` and `with_upper` make new ones that share the rest.
-    Raises InputError where A, q or ψ has a wrong shape, is empty, complex or not finite, and where the obstacles cross.
-    Its verbs are functions of the package with the problem as their first argument, and their help is these functions'.
-    Reference: Kumar, Deepmala and Das, More on modulus based iterative method for solving implicit complementarity
-    problem; Bensoussan and Lions (1973).
+    With an obstacle above as well, ψ(z) ≤ z ≤ ψ̄(z). Then p_i ≥ 0 where z_i = ψ_i(z), p_i ≤ 0 where
+    z_i = ψ̄_i(z), and p_i = 0 in between.
 
+    Parameters
+    ----------
+    A : array_like or SciPy sparse matrix of shape (n, n)
+        The matrix.
+    q : array_like of shape (n,)
+        The vector.
+    psi : float, array_like of shape (n,), map or callable, default 0
+        The obstacle ψ; −inf for none in that row. A map is an `Affine`, `Elementwise`, `Function`
+        or `Intervention`; a callable is z ↦ ψ(z). ψ = 0 is the linear complementarity problem
+        (LCP).
+    upper : optional
+        The obstacle ψ̄ above, in the same forms; +inf for none in that row, None for none at all.
+
+    Raises
+    ------
+    InputError
+        Where A, q or ψ has a wrong shape, is empty, complex or not finite, and where the obstacles
+        cross.
+
+    Notes
+    -----
+    A row without any obstacle is the equation p_i = 0. The data is copied: A becomes float64 CSR
+    with every diagonal entry stored. An ICP never changes; `with_q`, `with_psi` and `with_upper`
+    make new ones that share the rest. The methods `solve`, `explain` and so on are the functions of
+    the package of the same name, with the problem as first argument.
+
+    References
+    ----------
+    Kumar, Deepmala and Das, More on modulus based iterative method for solving implicit
+    complementarity problem. Bensoussan and Lions (1973).
+
+    Examples
+    --------
     >>> problem = ICP([[2, -1], [-1, 2]], [-1, 3])
     >>> problem.solve("mnmgs").z.round(6) + 0.0
     array([0.5, 0. ])

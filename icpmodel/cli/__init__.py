@@ -1,7 +1,8 @@
 """The command line: arguments in, text or JSON out. No numerics here.
 
-Exit codes: 0 success (solved; for `crosscheck` also confirmed), 1 not solved or not confirmed, 2 wrong input or a file
-that cannot be read or written, 130 interrupted; `solve` and `crosscheck` show what they have then, and exit as above.
+Exit codes: 0 success (solved; for `crosscheck` also confirmed); 1 not solved or not confirmed. 2
+wrong input, or a file that cannot be read or written; 130 interrupted. After an interrupt `solve`
+and `crosscheck` show what they have, and exit as above.
 """
 
 from __future__ import annotations
@@ -98,8 +99,16 @@ def commands() -> None:
 def main(arguments: list[str] | None = None) -> None:
     """The entry point: every error is one line on standard error.
 
-    Parameters: `arguments` of the command, by default those of this process, which then ends without waiting for a step
-    that has outlasted its time limit. Raises SystemExit with the exit code.
+    Parameters
+    ----------
+    arguments : list of str, optional
+        Arguments of the command, by default those of this process. By default the process ends at
+        once, without waiting for a step that has exceeded its time limit.
+
+    Raises
+    ------
+    SystemExit
+        With the exit code.
     """
     if arguments is not None:
         sys.exit(_run(arguments))

@@ -53,9 +53,9 @@ _TIMINGS = {"repeats": "Rounds of timings.", "time_limit": "Seconds for one run.
 def stability(plane: str, output: str | None, form: str | None, **arguments: Any) -> int:
     """Map where a method converges, how fast, how it fails elsewhere, and where the theorems prove what.
 
-    PLANE is one of relaxation (theta1 x theta2, the default) and shift (phi x Omega), which vary a method on SOURCE or
-    on a built-in problem, and coupling (mu x norm of G), transport (skewness x mu), condition (condition number x
-    units) and units (units x norm of G), which vary the problem.
+    PLANE is what varies. On SOURCE, or on a built-in problem, a method varies: relaxation (theta1 x theta2, the
+    default) or shift (phi x Omega). On the other planes the problem varies: coupling (mu x norm of G), transport
+    (skewness x mu), condition (condition number x units) or units (units x norm of G).
     """
     must_be_a_picture(output)
     asked = {name: arguments[name] for name in ("method", *_RUNS)}

@@ -74,8 +74,11 @@ def distributed(as_json: bool, **arguments: Any) -> int:
 
 @contextmanager
 def _ended_together(comm: Any) -> Iterator[None]:
-    """What ends one rank ends all of them, as nobody knows where the others are; rank 0 says why, or another one where
-    rank 0 has not done so a moment later. mpiexec makes SIGTERM, for all ranks, of Ctrl-C, and of the end of one."""
+    """A block whose failure on one rank ends all ranks, as nobody knows where the others are.
+
+    Rank 0 says why; another rank does where rank 0 has not done so a moment later. mpiexec sends
+    SIGTERM to all ranks after Ctrl-C, and after the end of one.
+    """
     sent = list[int]()
 
     def stop(signum: int, frame: Any) -> None:

@@ -21,8 +21,7 @@ from .ranks import norm, petsc, together, totals, world
 
 
 class DistributedICP(Shown):
-    """An ICP on the ranks of a communicator: p = Az + q ≥ 0, r = z − ψ(z) ≥ 0, pᵀr = 0, or one with ψ
-    ≤ z ≤ ψ̄.
+    """An ICP on the ranks of a communicator: p = Az + q ≥ 0, r = z − ψ(z) ≥ 0, pᵀr = 0, or one with ψ ≤ z ≤ ψ̄.
 
     Every rank makes it at the same time, with its share of each argument. All functions of this
     room are called in the same way.

@@ -1,5 +1,4 @@
-"""The levels of algebraic multigrid for a matrix on ranks, and V-cycles of them in which only some
-rows take part.
+"""The levels of algebraic multigrid for a matrix on ranks, and V-cycles of them in which only some rows take part.
 
 PETSc makes the hierarchy once: BoomerAMG by way of PCHMG, which gives away its interpolations, or
 GAMG without hypre. It also runs the cycles (PCMG). Here rows are masked. On every level J = A_l

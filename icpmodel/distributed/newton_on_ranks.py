@@ -1,5 +1,4 @@
-"""Inexact Newton steps on the modulus equation on one level of a hierarchy on ranks, and its start
-from coarser ones.
+"""Inexact Newton steps on the modulus equation on one level of a hierarchy on ranks, and its start from coarser ones.
 
 The steps are those of `algebra.looks`. Projected Gauss–Seidel in the rows of each rank moves the
 border of the active set. The active rows take z = ψ(z). Krylov's method with V-cycles on the free
@@ -177,8 +176,7 @@ def _coarse(
 
 
 def simplified(problem: DistributedICP, start: bool = False) -> DistributedICP:
-    """The problem with the same solutions in which a user's function f is called only where it must
-    be.
+    """The problem with the same solutions in which a user's function f is called only where it must be.
 
     That is where the obstacle is Gz + f(z). For a `start` f is not called there either: it is then
     its value at its own fixed point. Raises MapError, NotApplicable.

@@ -39,8 +39,7 @@ _ROUNDS, _SWEEPS, _RESCUES = 100, 8, 10
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DistributedSolution(Shown):
-    """An answer on ranks: the returned z, the reason why the run stopped and, on request, what is
-    certain of z.
+    """An answer on ranks: the returned z, the reason why the run stopped and, on request, what is certain of z.
 
     Attributes
     ----------
@@ -163,8 +162,7 @@ def solve(
     progress: bool = False,
     raise_on_failure: bool = True,
 ) -> DistributedSolution:
-    """Solve an ICP on the ranks of A: stop at Res_D(z) ≤ rtol·Res_D(0), or Res(z) ≤ atol, as
-    `icpmodel.solve`.
+    """Solve an ICP on the ranks of A: stop at Res_D(z) ≤ rtol·Res_D(0), or Res(z) ≤ atol, as `icpmodel.solve`.
 
     Every rank calls it at the same time with the same options.
 

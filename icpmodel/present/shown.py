@@ -36,11 +36,26 @@ class Plotted(Shown):
     __slots__ = ()
 
     def plot(self, path: str | os.PathLike[str] | None = None, *, ax: Any = None) -> Any:
-        """Show the picture, or write it, or draw it into axes of yours; see `icpmodel.study.plot`.
+        """Show the picture, write it to a file, or draw it into given axes; see `icpmodel.study.plot`.
 
-        Parameters: `path` a file to write instead, PNG, PDF or SVG by its suffix; `ax` matplotlib axes to draw into
-        instead, as many as the picture has panels, or one for the first of them.
-        Returns the matplotlib figure. Raises InputError, and FileError where the file cannot be written.
+        Parameters
+        ----------
+        path : str or path, optional
+            A file to write: PNG, PDF or SVG by its suffix.
+        ax : matplotlib axes, optional
+            Axes to draw into, one for each panel, or one for the first panel.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            The figure.
+
+        Raises
+        ------
+        InputError
+            For wrong arguments.
+        FileError
+            Where the file cannot be written.
         """
         from ..study import plot
 

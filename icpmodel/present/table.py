@@ -48,8 +48,11 @@ class Table(Shown):
         return self.to_text(width(_UNBOUNDED))
 
     def to_text(self, columns: int) -> str:
-        """Numbers to the right, texts to the left, these wrapped where the table is wider than so many `columns`; where
-        that is not enough the columns that are left stand below, after the first one once more."""
+        """The table as text of at most `columns` columns, numbers to the right, texts to the left.
+
+        Where the table is wider, its texts are wrapped. Where that is not enough, the remaining
+        columns stand below, after the first one once more.
+        """
         from rich.console import Console
         from rich.table import Table as Grid
         from rich.text import Text
@@ -99,8 +102,15 @@ class Table(Shown):
         return [dict(zip(self.heads, row, strict=True)) for row in self.rows]
 
     def to_dataframe(self) -> Any:
-        """The rows as a pandas DataFrame, numbers in full. Raises NotApplicable where pandas is not installed.
+        """The rows as a pandas DataFrame, numbers at full precision.
 
+        Raises
+        ------
+        NotApplicable
+            Where pandas is not installed.
+
+        Examples
+        --------
         >>> Table("", ("method", "n"), (("newton", 900),)).to_dataframe()
            method    n
         0  newton  900
@@ -129,8 +139,8 @@ class Table(Shown):
     def to_latex(self) -> str:
         """The table as LaTeX: a float of the kind `table`, with the rules of the package booktabs.
 
-        A text of the first column that stands for several rows is told once; where all of them do, each has a float of
-        its own, and the text is in its caption.
+        A text of the first column that several rows share is printed once. Where every text is shared, each has a
+        float of its own, with the text in its caption.
 
         >>> print(Table("Steps", ("method", "RES"), (("newton", 1.5e-9), ("psor", None))).to_latex(), end="")
         \\begin{table}
@@ -164,7 +174,13 @@ class Tabular(ABC):
     def table(self) -> Table: ...
 
     def to_dataframe(self) -> Any:
-        """Its table as a pandas DataFrame, numbers in full. Raises NotApplicable where pandas is not installed."""
+        """Its table as a pandas DataFrame, numbers at full precision.
+
+        Raises
+        ------
+        NotApplicable
+            Where pandas is not installed.
+        """
         return self.table().to_dataframe()
 
 

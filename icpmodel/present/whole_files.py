@@ -93,10 +93,10 @@ def check_suffix(path: Path, written: tuple[str, ...]) -> None:
 
 @contextmanager
 def part_of(path: Path) -> Iterator[BinaryIO]:
-    """A new file in the folder of `path`, empty, with the rights of what is there. It is removed in the end.
+    """A new, empty file in the folder of `path`, with the access rights of the existing file; removed at the end.
 
-    Its name has that of the machine and the number of the process, so that what killed processes have left is known
-    and removed by the next one that writes there.
+    Its name has the name of the machine and the number of the process. So the next process that
+    writes there recognises the files of killed processes and removes them.
     """
     _remove_left_parts(path.parent)
     file = path.with_name(f".{_machine()}-{os.getpid()}-{secrets.token_hex(4)}.part").open("x+b")

@@ -18,9 +18,13 @@ from .map import Map
 class Constant(Map):
     """ψ(z) = c: an obstacle that does not move.
 
-    Parameters: `c` a number or a vector of shape (n,), in the units of z; −inf means no obstacle in that row, as +inf
-    does for one above.
+    Parameters
+    ----------
+    c : float or array_like of shape (n,)
+        The obstacle, in the units of z. −inf means no obstacle in that row; above z, +inf does.
 
+    Examples
+    --------
     >>> Constant([0, 1]).bind(2).value(np.array([5.0, 5.0]))
     array([0., 1.])
     """
@@ -89,9 +93,15 @@ class AffineData(NamedTuple):
 class Affine(Map):
     """ψ(z) = Gz + c. Its Lipschitz matrix is |G|.
 
-    Parameters: `G` dense or sparse, shape (n, n); `c` a number or a vector of shape (n,), −inf for no obstacle
-    (+inf where it is one above).
+    Parameters
+    ----------
+    G : array_like or sparse matrix of shape (n, n)
+        The matrix.
+    c : float or array_like of shape (n,), default 0
+        The constant part. −inf means no obstacle in that row; above z, +inf does.
 
+    Examples
+    --------
     >>> Affine([[0, 1], [0, 0]], [1, 2]).bind(2).value(np.array([3.0, 4.0]))
     array([5., 2.])
     """

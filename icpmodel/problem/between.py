@@ -187,9 +187,25 @@ def chosen(psi: Map, above: Mask | None) -> Map:
 
 
 def mid(p: Vector, below: Vector, above: Vector | None = None) -> Vector:
-    """mid(z − ψ̄, p, z − ψ), the median of the three, `below` = z − ψ and `above` = z − ψ̄ ≤ z − ψ; min(p, z − ψ) where
-    nothing is above. Where the obstacles cross, ψ_i > ψ̄_i, the larger one of the two in absolute value: never 0.
+    """mid(z − ψ̄, p, z − ψ), the median of the three; min(p, z − ψ) without an obstacle above.
 
+    Parameters
+    ----------
+    p : array of shape (n,)
+        Az + q.
+    below : array of shape (n,)
+        z − ψ.
+    above : array of shape (n,), optional
+        z − ψ̄ ≤ z − ψ.
+
+    Returns
+    -------
+    array of shape (n,)
+        The median. Where the obstacles cross, ψ_i > ψ̄_i, it is the one of `below` and `above` with
+        the larger absolute value, which is never 0.
+
+    Examples
+    --------
     >>> mid(np.array([3.0, -3.0, 0.5]), np.ones(3), -np.ones(3))
     array([ 1. , -1. ,  0.5])
     """
@@ -205,10 +221,26 @@ def mid(p: Vector, below: Vector, above: Vector | None = None) -> Vector:
 
 
 def as_map(psi: Any, n: int, upper: Any = None) -> Map:
-    """Whatever a user may give as ψ, as a `Map` for vectors of length `n`, and as ψ̄, `upper`, where that is not None.
+    """Convert the obstacles of a user to one `Map` for vectors of length `n`.
 
-    Parameters: each a `Map`, a number, a vector of shape (n,), or a callable z ↦ ψ(z).
-    Raises InputError where it is none of these, and where the two cross for every z.
+    Parameters
+    ----------
+    psi : Map, float, array_like of shape (n,) or callable
+        The obstacle ψ; a callable is z ↦ ψ(z).
+    n : int
+        Number of unknowns.
+    upper : optional
+        The obstacle ψ̄ above, in the same forms, or None.
+
+    Returns
+    -------
+    Map
+        The obstacle, or the pair of obstacles.
+
+    Raises
+    ------
+    InputError
+        For an obstacle of another kind, and where the two cross for every z.
     """
     if upper is None:
         if type(psi) is float and psi == 0.0:

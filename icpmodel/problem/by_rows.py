@@ -25,9 +25,19 @@ class _Four(NamedTuple):
 class LocalRows(Shown, _Four):
     """The rows lo ≤ i < hi of a problem with n unknowns, in the order of the arguments of `ICP`.
 
-    `A` CSR, shape (hi − lo, n): rows counted from lo, columns from 0, as in the whole; `q` shape (hi − lo,); `psi` the
-    fixed obstacle, shape (hi − lo,), −inf for none; `upper` the one above, +inf for none, or None.
+    Parameters
+    ----------
+    A : CSR array of shape (hi − lo, n)
+        Rows are counted from lo, columns from 0.
+    q : array of shape (hi − lo,)
+        The vector.
+    psi : array of shape (hi − lo,)
+        The fixed obstacle; −inf for none.
+    upper : array of shape (hi − lo,), optional
+        The one above; +inf for none.
 
+    Examples
+    --------
     >>> rows = icp.scenes.by_rows("membrane", n=10**9).local_rows(5 * 10**8, 5 * 10**8 + 2)
     >>> rows.A.shape, rows.A.nnz, rows.psi.shape
     ((2, 1000014129), 10, (2,))
@@ -69,10 +79,26 @@ class ByRows(Shown):
         return math.prod(int(m) for m in self.shape)
 
     def local_rows(self, lo: int, hi: int) -> LocalRows:
-        """The rows lo ≤ i < hi, of 0 ≤ lo ≤ hi ≤ n, checked; A has sorted columns and no duplicates.
+        """The rows lo ≤ i < hi, checked; A has sorted columns and no duplicates.
 
-        Raises InputError for another range, and where `rows` returns what does not fit or is not finite.
+        Parameters
+        ----------
+        lo, hi : int
+            The range, 0 ≤ lo ≤ hi ≤ n.
 
+        Returns
+        -------
+        LocalRows
+            The rows.
+
+        Raises
+        ------
+        InputError
+            For another range, and where `rows` returns something that does not fit or is not
+            finite.
+
+        Examples
+        --------
         >>> icp.ByRows((3,), lambda lo, hi: (np.eye(3)[lo:hi], 1.0)).local_rows(0, 3)
         Traceback (most recent call last):
         icpmodel.errors.InputError: rows(0, 3) is a tuple of 2; LocalRows, or A, q, psi and perhaps upper, were expected

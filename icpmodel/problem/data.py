@@ -43,12 +43,29 @@ _PIECE = 10_000
 
 
 class ProblemData(Shown):
-    """A, q and ψ, and what follows from them at a z: p = Az + q, r = z − ψ(z), Res_D(z), and their rounding errors.
+    """A, q and ψ, and the values at a point z: p = Az + q, r = z − ψ(z), Res_D(z), and their rounding errors.
 
-    `icpmodel.ICP` is this with the verbs that users call. `matrix` is A with the facts about it, `facts` those about A
-    and ψ; problems that share A, or A and ψ, share these. Where there is an obstacle above, `psi` is a `Between`, and
-    `upper` is not None.
-    Parameters: see `icpmodel.ICP`.
+    `icpmodel.ICP` is this class with the methods that users call.
+
+    Parameters
+    ----------
+    A, q, psi, upper
+        See `icpmodel.ICP`.
+
+    Attributes
+    ----------
+    matrix : Matrix
+        A with the facts about it.
+    facts : Facts
+        The facts about A and ψ.
+    psi : Map
+        The obstacle; a `Between` where there is one above.
+    upper : Map or None
+        The obstacle above.
+
+    Notes
+    -----
+    Problems that share A, or A and ψ, share the facts.
     """
 
     __slots__ = ("__weakref__", "facts", "matrix", "n", "psi", "q")
@@ -85,16 +102,38 @@ class ProblemData(Shown):
     def vertical(cls, A: Any, q: Any, B: Any, d: Any) -> Self:
         """The vertical linear complementarity problem of two matrices: min(Az + q, Bz + d) = 0, entry by entry.
 
-        It is the ICP with ψ(z) = z − D⁻¹(Bz + d), so that r(z) = D⁻¹(Bz + d), D the diagonal of B. That changes no
-        solution, as rows of B and d may be multiplied by any positive number, and makes ψ_i independent of z_i: a step
-        that is scaled by the diagonal of A would else be wrong by the factor B_ii on the rows where r is the smaller.
-        Where B_ii ≤ 0, row i of (B, d) is divided by its largest |entry| instead. Each quotient is rounded once.
-        Parameters: `A` and `B` dense or sparse, shape (n, n); `q` and `d` shape (n,), +inf in d for a row without a
-        second side, which is the equation p_i = 0.
-        Raises InputError where one of them has a wrong shape or is not finite.
-        Reference: Cottle and Dantzig, J. Combin. Theory 8 (1970), doi:10.1016/S0021-9800(70)80010-2; Sznajder and
-        Gowda, Linear Algebra Appl. 223/224 (1995), for when z is the only one.
+        Parameters
+        ----------
+        A, B : array_like or sparse matrix of shape (n, n)
+            The matrices.
+        q, d : array_like of shape (n,)
+            The vectors; d_i = +inf for a row without a second side, which is the equation p_i = 0.
 
+        Returns
+        -------
+        ICP
+            The problem with ψ(z) = z − D⁻¹(Bz + d), D the diagonal of B.
+
+        Raises
+        ------
+        InputError
+            Where one of them has a wrong shape or is not finite.
+
+        Notes
+        -----
+        Then r(z) = D⁻¹(Bz + d). That changes no solution, as rows of B and d may be multiplied by
+        any positive number. It makes ψ_i independent of z_i. Otherwise a step that is scaled by the
+        diagonal of A would be wrong by the factor B_ii on the rows where r is the smaller. Where
+        B_ii ≤ 0, row i of (B, d) is divided by its largest |entry| instead. Each quotient is
+        rounded once.
+
+        References
+        ----------
+        Cottle and Dantzig, J. Combin. Theory 8 (1970), doi:10.1016/S0021-9800(70)80010-2. Sznajder
+        and Gowda, Linear Algebra Appl. 223/224 (1995), for when z is the only one.
+
+        Examples
+        --------
         >>> problem = ICP.vertical([[2, -1], [0, 2]], [-1, 1], [[1, 0], [-2, 4]], [-1, 6])
         >>> z = problem.solve().z
         >>> z, problem.p(z), problem.r(z)
@@ -247,12 +286,28 @@ class ProblemData(Shown):
         return self.with_sides(self.psi.lower if isinstance(self.psi, Between) else self.psi, upper)
 
     def frozen(self, z: Any) -> Self:
-        """The ICP with its obstacles held at c = ψ(z), and ψ̄(z): where there is one below z only, an LCP in y = z − c.
-        z solves the one iff it solves the other.
+        """The ICP with its obstacles fixed at c = ψ(z), and ψ̄(z).
 
-        Parameters: `z` shape (n,). Returns the problem with constant ψ. Raises InputError where the obstacles cross at
-        z by more than rounding; by less they are made equal.
+        z solves one of the two problems if and only if it solves the other. With obstacles below
+        only, the result is an LCP in y = z − c.
 
+        Parameters
+        ----------
+        z : array_like of shape (n,)
+            The point.
+
+        Returns
+        -------
+        ICP
+            The problem with constant ψ.
+
+        Raises
+        ------
+        InputError
+            Where the obstacles cross at z by more than rounding; by less they are made equal.
+
+        Examples
+        --------
         >>> ICP([[2.0]], [1.0], psi=lambda z: 0.5 * z - 1).frozen([-2.0])
         ICP(n=1, nnz=1, psi=Constant(-2))
         """
@@ -265,10 +320,31 @@ class ProblemData(Shown):
         return self.with_sides(psi, np.where(touch, psi, upper))
 
     def vector(self, z: Any, name: str = "z", *, finite: bool = False) -> Vector:
-        """`z` as a float64 vector of shape (n,), of a `Solution` its z; NaN and infinities pass unless `finite`.
+        """Convert `z` to a float64 vector of shape (n,).
 
-        Every method and function that takes a z takes it through here. Raises InputError for anything else.
+        Every method and function that takes a z converts it here.
 
+        Parameters
+        ----------
+        z : array_like of shape (n,) or Solution
+            The point; of a `Solution` its z.
+        name : str, default "z"
+            Name of the argument in messages.
+        finite : bool, default False
+            Whether NaN and infinities are rejected.
+
+        Returns
+        -------
+        array of shape (n,)
+            The vector.
+
+        Raises
+        ------
+        InputError
+            For anything else.
+
+        Examples
+        --------
         >>> ICP([[2.0]], [1.0]).vector([1, 2])
         Traceback (most recent call last):
         icpmodel.errors.InputError: z has shape (2,); shape (1,) was expected
@@ -316,13 +392,30 @@ class ProblemData(Shown):
 
     @np.errstate(over="ignore", invalid="ignore", under="ignore")
     def natural_map(self, z: Any, omega: Any = 1.0) -> Vector:
-        """F_Ω(z) = min(Az + q, Ω(z − ψ(z))), shape (n,): zero exactly at the solutions, for every Ω > 0.
+        """F_Ω(z) = min(Az + q, Ω(z − ψ(z))): zero exactly at the solutions, for every Ω > 0.
 
-        With an obstacle above it is mid(Ω(z − ψ̄(z)), Az + q, Ω(z − ψ(z))), the median of the three.
+        With an obstacle above it is mid(Ω(z − ψ̄(z)), Az + q, Ω(z − ψ(z))), the median of the
+        three.
 
-        Parameters: `z` shape (n,); `omega` the diagonal of Ω, a positive number or vector of shape (n,).
-        Raises InputError where it is not positive.
+        Parameters
+        ----------
+        z : array_like of shape (n,)
+            The point.
+        omega : float or array_like of shape (n,), default 1
+            The positive diagonal of Ω.
 
+        Returns
+        -------
+        array of shape (n,)
+            F_Ω(z).
+
+        Raises
+        ------
+        InputError
+            Where `omega` is not positive.
+
+        Examples
+        --------
         >>> ICP([[2.0]], [-1.0]).natural_map([3.0], omega=0.5)
         array([1.5])
         """
@@ -334,13 +427,29 @@ class ProblemData(Shown):
 
     @np.errstate(over="ignore", invalid="ignore", under="ignore")
     def residual(self, z: Any) -> float:
-        """Res_D(z) = ‖min(D⁻¹p(z), r(z))‖₂ with d_i = max_j |a_ij|; safe against overflow, NaN where z or ψ(z) is.
+        """Res_D(z) = ‖min(D⁻¹p(z), r(z))‖₂ with d_i = max_j |a_ij|.
 
-        It is a number in the units of z: to multiply a row of (A, q) by a positive number does not change it, and it is
-        multiplied by t when z, ψ and q are. In rows that are diagonally dominant d_i = |a_ii|.
-        With an obstacle above it is that of mid(z − ψ̄(z), D⁻¹p(z), r(z)); where ψ_i(z) > ψ̄_i(z), so that no z_i will
-        do, the larger |z_i − ψ_i|, |z_i − ψ̄_i| takes the place of the median.
+        Parameters
+        ----------
+        z : array_like of shape (n,)
+            The point.
 
+        Returns
+        -------
+        float
+            The residual, safe against overflow; NaN where z or ψ(z) is.
+
+        Notes
+        -----
+        It is a number in the units of z. Multiplication of a row of (A, q) by a positive number
+        does not change it. It is multiplied by t when z, ψ and q are. In rows that are diagonally
+        dominant d_i = |a_ii|.
+
+        With an obstacle above it is that of mid(z − ψ̄(z), D⁻¹p(z), r(z)). Where ψ_i(z) > ψ̄_i(z)
+        no z_i is admissible. There the larger of |z_i − ψ_i| and |z_i − ψ̄_i| replaces the median.
+
+        Examples
+        --------
         >>> ICP([[3.0]], [-6.0]).residual([1.0]), ICP([[2**-30 * 3.0]], [2**-30 * -6.0]).residual([1.0])
         (1.0, 1.0)
         """
@@ -371,13 +480,28 @@ class ProblemData(Shown):
         return self.residual_of(self.q, -self.psi.value(zero), None if upper is None else -upper.value(zero))
 
     def residual_scale(self, at_0: float | None = None) -> float:
-        """What a relative tolerance is a share of: Res_D(0), or where 0 is a solution the smallest of the numbers
-        |q_i|/d_i, |ψ_i(0)| and |ψ̄_i(0)| that are not 0.
+        """The reference of a relative tolerance: Res_D(0).
 
-        By Res_D(0) ≤ ‖max(D⁻¹|A|, I + G)‖₂ ‖z*‖₂ a small share of it is small beside the solution. Where all of these
-        are 0, or ψ has no value at 0, nothing is large, and it is 0: then `solve` takes the size of z. Parameters:
-        `at_0` is Res_D(0), if it is known.
+        Where 0 is a solution, it is the smallest of the numbers |q_i|/d_i, |ψ_i(0)| and |ψ̄_i(0)|
+        that are not 0.
 
+        Parameters
+        ----------
+        at_0 : float, optional
+            Res_D(0), if it is known.
+
+        Returns
+        -------
+        float
+            The scale; 0 where all of these numbers are 0, or ψ has no value at 0. Then `solve`
+            takes the size of z.
+
+        Notes
+        -----
+        By Res_D(0) ≤ ‖max(D⁻¹|A|, I + G)‖₂ ‖z*‖₂ a small share of it is small beside the solution.
+
+        Examples
+        --------
         >>> problem = ICP([[2, -1], [-1, 2]], [-4, 3])
         >>> problem.residual_scale(), problem.with_q([4, 3]).residual_scale(), problem.with_q([0, 0]).residual_scale()
         (2.0, 1.5, 0.0)
@@ -420,13 +544,31 @@ class ProblemData(Shown):
 
     @np.errstate(over="ignore", invalid="ignore", under="ignore")
     def rounding(self, z: Any) -> tuple[Vector, Vector]:
-        """Bounds on the rounding errors of p(z) and of r(z) as computed, entry by entry, both of shape (n,).
+        """Bounds on the rounding errors of p(z) and of r(z) as computed, entry by entry.
 
-        γ_k(|A||z| + |q|) for p, 0 where |A||z| is, and γ_k(|z| + G|z| + |ψ(z)|) for r, 0 where r is infinite, the
-        larger one where there is an obstacle above as well, with γ_k = ku/(1 − ku), u = 2⁻⁵³ and k two more than the
-        entries of the row, and k·2⁻¹⁰⁷⁴ for underflow. ψ itself is taken as exact to a few u, which holds for constant
-        and affine maps. Reference: Higham, Accuracy and Stability of Numerical Algorithms (2002), section 3.5.
+        Parameters
+        ----------
+        z : array_like of shape (n,)
+            The point.
 
+        Returns
+        -------
+        tuple of two arrays of shape (n,)
+            The bounds for p and for r.
+
+        Notes
+        -----
+        For p it is γ_k(|A||z| + |q|), 0 where |A||z| is 0. For r it is γ_k(|z| + G|z| + |ψ(z)|), 0
+        where r is infinite. With an obstacle above as well, it is the larger of the two. Here γ_k =
+        ku/(1 − ku), u = 2⁻⁵³, k is two more than the entries of the row, and k·2⁻¹⁰⁷⁴ is added for
+        underflow. ψ itself is taken as exact to a few u, which holds for constant and affine maps.
+
+        References
+        ----------
+        Higham, Accuracy and Stability of Numerical Algorithms (2002), section 3.5.
+
+        Examples
+        --------
         >>> for_p, for_r = ICP([[3.0]], [-6.0]).rounding([2.0])
         >>> bool(0 < for_p[0] < 1e-14), bool(0 < for_r[0] < 1e-14)
         (True, True)

@@ -18,13 +18,24 @@ from .user_code import Parametrised, as_function, call_user, diagonal_lipschitz,
 class Elementwise(Parametrised):
     """ψ_i(z) = f(z_i) + c_i: every row's obstacle moves with its own unknown.
 
-    Parameters: `f` a function of an array of shape (n,), applied entry by entry (NumPy style), or a scalar function
-    compiled with `numba.njit`, which is then called in a compiled loop; `derivative` of f, in the same style;
-    `lipschitz` a number or vector ℓ ≥ 0 with |f(s) − f(t)| ≤ ℓ_i|s − t|; `c` a number or vector of shape (n,);
-    `parameter_derivative`, for `icpmodel.Derivative`, maps z to the derivative of ψ(z) in m parameters of yours, shape
-    (n, m), dense or sparse, or (n,) where there is one: they then are what ψ is made of, c no longer.
-    The Lipschitz matrix is diag(ℓ).
+    Parameters
+    ----------
+    f : callable
+        A function of an array of shape (n,), applied entry by entry (NumPy style). Or a scalar
+        function compiled with `numba.njit`, which is then called in a compiled loop.
+    derivative : callable, optional
+        Derivative of f, in the same style.
+    lipschitz : float or array_like of shape (n,), optional
+        ℓ ≥ 0 with |f(s) − f(t)| ≤ ℓ_i|s − t|. The Lipschitz matrix is diag(ℓ).
+    c : float or array_like of shape (n,), default 0
+        The constant part.
+    parameter_derivative : callable, optional
+        For `icpmodel.Derivative`: maps z to the derivative of ψ(z) in m parameters of yours. Its
+        shape is (n, m), dense or sparse, or (n,) for one parameter. These parameters replace c as
+        the data of ψ.
 
+    Examples
+    --------
     >>> psi = Elementwise(lambda z: 0.3 * np.sin(z), lambda z: 0.3 * np.cos(z), lipschitz=0.3, c=1.0).bind(2)
     >>> psi.value(np.zeros(2))
     array([1., 1.])

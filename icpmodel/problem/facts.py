@@ -63,10 +63,11 @@ class Facts:
     def obstacle(self) -> Vector:
         """c such that the problem with the obstacle c has the same solutions, where `has_fixed_obstacle`.
 
-        r_i(z) = z_i − ψ_i(z_i) then grows with z_i, so that r_i ≥ 0 says z_i ≥ c_i with r_i(c_i) = 0. The n equations
-        are solved at once by Newton's method, kept in the bracket that the Lipschitz constant ℓ_i < 1 gives,
-        −r/(1 − ℓ) ≤ c − z ≤ −r/(1 + ℓ) for r > 0, and by halving it where ψ has no derivative, to rounding or until
-        nothing moves; −inf where ψ_i is. Raises MapError where ψ fails.
+        r_i(z) = z_i − ψ_i(z_i) then grows with z_i, so r_i ≥ 0 says z_i ≥ c_i with r_i(c_i) = 0.
+        Newton's method solves the n equations at once. It is kept in the bracket that the Lipschitz
+        constant ℓ_i < 1 gives, −r/(1 − ℓ) ≤ c − z ≤ −r/(1 + ℓ) for r > 0. Where ψ has no derivative
+        the bracket is halved. The iteration ends at rounding accuracy, or where nothing moves. c_i
+        = −inf where ψ_i is. Raises MapError where ψ fails.
         """
         return self._fixed(self.psi, -np.inf)
 

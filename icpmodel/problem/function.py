@@ -15,12 +15,21 @@ from .user_code import Parametrised, as_function, call_user, diagonal_lipschitz,
 class Function(Parametrised):
     """ψ given by a Python function of the whole vector.
 
-    Parameters: `fun` maps shape (n,) to shape (n,); `jacobian`, if known, maps z to an element of the generalised
-    Jacobian, shape (n, n), dense or sparse; `lipschitz`, if known, the matrix G ≥ 0, shape (n, n), or a number or
-    vector that stands for diag(ℓ) and thus says that ψ_i depends on z_i only; `parameter_derivative`, for
-    `icpmodel.Derivative`, maps z to the derivative of ψ(z) in m parameters of yours, shape (n, m), dense or sparse, or
-    (n,) where there is one.
+    Parameters
+    ----------
+    fun : callable
+        z ↦ ψ(z), both of shape (n,).
+    jacobian : callable, optional
+        Maps z to an element of the generalised Jacobian, shape (n, n), dense or sparse.
+    lipschitz : array_like or sparse of shape (n, n), float or array_like of shape (n,), optional
+        The matrix G ≥ 0. A number or a vector stands for diag(ℓ), and thus says that ψ_i depends on
+        z_i only.
+    parameter_derivative : callable, optional
+        For `icpmodel.Derivative`: maps z to the derivative of ψ(z) in m parameters of yours. Its
+        shape is (n, m), dense or sparse, or (n,) for one parameter.
 
+    Examples
+    --------
     >>> psi = Function(lambda z: 0.5 * z[::-1], lipschitz=[[0, 0.5], [0.5, 0]]).bind(2)
     >>> psi.value(np.array([2.0, 4.0]))
     array([2., 1.])

@@ -18,13 +18,26 @@ from .user_code import call_user, raising_map_error, returned
 class Intervention(Map):
     """The intervention operator of impulse control: ψ_i(z) = max (or min) over the jumps i → j of z_j + k_ij.
 
-    Parameters: `jumps` a SciPy sparse matrix of shape (n, n) whose *stored* entries are the possible jumps and whose
-    values are the gains k_ij (a stored 0 is a free jump), or a function z ↦ (value, target), both of shape (n,), with
-    target_i the best j and −1 where row i has no jump; `best` is "max" or "min".
-    A row without a jump has no obstacle: ψ_i = −inf, +inf where it is the one above z. For a matrix, G has a 1 wherever
-    a jump is possible.
-    Reference: Bensoussan and Lions, Impulse Control and Quasi-Variational Inequalities (1984).
+    Parameters
+    ----------
+    jumps : sparse matrix of shape (n, n) or callable
+        The *stored* entries of a SciPy sparse matrix are the possible jumps, and their values the
+        gains k_ij; a stored 0 is a free jump. A function maps z to (value, target), both of shape
+        (n,), with target_i the best j, and −1 where row i has no jump.
+    best : {"max", "min"}, default "max"
+        Which of the jumps is the best.
 
+    Notes
+    -----
+    A row without a jump has no obstacle: ψ_i = −inf; above z, +inf. For a matrix, G has a 1
+    wherever a jump is possible.
+
+    References
+    ----------
+    Bensoussan and Lions, Impulse Control and Quasi-Variational Inequalities (1984).
+
+    Examples
+    --------
     >>> jumps = sp.csr_array((np.array([-1.0, -3.0]), (np.array([1, 1]), np.array([0, 2]))), shape=(3, 3))
     >>> psi = Intervention(jumps).bind(3)
     >>> psi.value(np.array([5.0, 0.0, 6.0]))

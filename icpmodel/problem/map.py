@@ -1,8 +1,9 @@
-"""The contract of the obstacle map ψ, and what every map can do without being asked for its kind.
+"""The contract of the obstacle map ψ, and the generic methods of every map.
 
-ψ may be −∞ in a row: that row has no obstacle, and p_i = 0 must hold there. A map may as well be the obstacle above z,
-where +∞ means none. A new kind of ψ is one file with a subclass of `Map` that has `bind`, `value` and `jacobian`; all
-else has a generic default, which it may replace by a quicker one.
+ψ may be −∞ in a row: that row has no obstacle, and p_i = 0 must hold there. A map may as well be
+the obstacle above z, where +∞ means none. A new kind of ψ is one file with a subclass of `Map` that
+has `bind`, `value` and `jacobian`. All other methods have a generic default, which the subclass may
+replace by a quicker one.
 """
 
 from __future__ import annotations
@@ -24,10 +25,20 @@ from ..present.shown import Shown
 class Map(ReadOnly, Shown, ABC):
     """ψ: Rⁿ → (R ∪ {−∞})ⁿ.
 
-    `value(z)` is ψ(z); `jacobian(z)` an element of the generalised Jacobian, or None where it is not known;
-    `lipschitz` a matrix G ≥ 0 with |ψ(x) − ψ(y)| ≤ G|x − y| componentwise, or None where none is known.
     Maps are made without a length; `ICP` binds them to its own. They never change.
 
+    Attributes
+    ----------
+    lipschitz : CSR array of shape (n, n) or None
+        A matrix G ≥ 0 with |ψ(x) − ψ(y)| ≤ G|x − y| componentwise, None where none is known.
+
+    Notes
+    -----
+    `value(z)` is ψ(z). `jacobian(z)` is an element of the generalised Jacobian, or None where it is
+    not known.
+
+    Examples
+    --------
     >>> icp.Affine([[0, 0.5], [0.5, 0]], 1).bind(2).value(np.array([2.0, 4.0]))
     array([3., 2.])
     """
@@ -56,16 +67,48 @@ class Map(ReadOnly, Shown, ABC):
     def bind(self, n: int) -> Map:
         """The same map for vectors of length `n`: numbers broadcast, shapes checked.
 
-        Raises InputError where the map's own data has another length.
+        Parameters
+        ----------
+        n : int
+            Number of unknowns.
 
+        Returns
+        -------
+        Map
+            The bound map.
+
+        Raises
+        ------
+        InputError
+            Where the map's own data has another length.
+
+        Examples
+        --------
         >>> icp.Constant(1).bind(2).c
         array([1., 1.])
         """
 
     @abstractmethod
     def value(self, z: Vector) -> Vector:
-        """ψ(z), shape (n,), for `z` of shape (n,). Raises MapError where a user's function fails.
+        """ψ(z).
 
+        Parameters
+        ----------
+        z : array of shape (n,)
+            The point.
+
+        Returns
+        -------
+        array of shape (n,)
+            The obstacle at z.
+
+        Raises
+        ------
+        MapError
+            Where a user's function fails.
+
+        Examples
+        --------
         >>> icp.Constant(1).bind(2).value(np.zeros(2))
         array([1., 1.])
         """
@@ -141,8 +184,22 @@ class Map(ReadOnly, Shown, ABC):
     def coarsened(self, P: sp.csr_array, shift: Vector, kept: NDArray[np.intp]) -> Map:
         """y ↦ ψ(Py + s) at the points that are `kept`: ψ on a coarser level.
 
-        Parameters: `P` CSR, shape (n, m); `shift` = s, shape (n,); `kept`, shape (m,), the points of that level.
+        Parameters
+        ----------
+        P : CSR array of shape (n, m)
+            The interpolation.
+        shift : array of shape (n,)
+            The vector s.
+        kept : array of int, shape (m,)
+            The points of the coarser level.
 
+        Returns
+        -------
+        Map
+            The map for vectors of length m.
+
+        Examples
+        --------
         >>> icp.Constant([1, 2]).bind(2).coarsened(sp.csr_array([[1.0], [0.5]]), np.zeros(2), np.array([1])).c
         array([2.])
         """
@@ -173,11 +230,29 @@ class Map(ReadOnly, Shown, ABC):
         return Substituted(self, 1.0, factor=moved(np.ones(n)))
 
     def data_change(self, z: Vector, change: Any, name: str) -> tuple[sp.csr_array | None, Vector]:
-        """(H, d): where ψ's own data change by `change`, ψ changes by Hz + d, to first order; H is None for 0.
+        """(H, d): where ψ's own data change by `change`, ψ changes by Hz + d, to first order.
 
-        Here its data are the values ψ(z), and `change` is a number or of shape (n,). Raises InputError, which calls it
-        `name`.
+        Parameters
+        ----------
+        z : array of shape (n,)
+            The point.
+        change : float or array_like of shape (n,)
+            The change of the data; by default the data are the values ψ(z).
+        name : str
+            Name of the argument in messages.
 
+        Returns
+        -------
+        tuple
+            H, None for 0, and d of shape (n,).
+
+        Raises
+        ------
+        InputError
+            For a `change` of another kind.
+
+        Examples
+        --------
         >>> icp.Constant([1, 2]).bind(2).data_change(np.zeros(2), 3, "dpsi")[1]
         array([3., 3.])
         """
@@ -192,9 +267,22 @@ class Map(ReadOnly, Shown, ABC):
         return weight
 
     def kinks(self, z: Vector, delta: Vector) -> Mask:
-        """The rows, a mask of shape (n,), in which ψ may have another derivative at an x with |x − z| ≤ `delta`, for
-        all that is known; a user's function is taken to be smooth.
+        """Rows in which ψ may have another derivative at an x with |x − z| ≤ `delta`.
 
+        A user's function is taken to be smooth.
+
+        Parameters
+        ----------
+        z, delta : array of shape (n,)
+            The point and the distance.
+
+        Returns
+        -------
+        mask of shape (n,)
+            The rows; a row is in it unless it is known to be smooth.
+
+        Examples
+        --------
         >>> jumps = sp.csr_array([[0.0, 1.0, 1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
         >>> icp.Intervention(jumps).bind(3).kinks(np.zeros(3), np.zeros(3))
         array([ True, False, False])
@@ -202,11 +290,31 @@ class Map(ReadOnly, Shown, ABC):
         return np.zeros(z.size, dtype=np.bool_)
 
     def kinked(self, z: Vector, delta: Vector, change: Any, name: str) -> Map | None:
-        """d ↦ lim (ψ_t(z + td) − ψ(z))/t as t ↓ 0, where ψ_t has its own data changed by t · `change`, in case it is
-        not linear, as it has `kinks` at z; what `delta` cannot tell apart counts as equal. Else None.
+        """The directional derivative d ↦ lim (ψ_t(z + td) − ψ(z))/t as t ↓ 0, where it is not linear.
 
-        Raises InputError, which calls `change` `name`.
+        ψ_t has its own data changed by t · `change`.
 
+        Parameters
+        ----------
+        z, delta : array of shape (n,)
+            The point, and the distance within which values count as equal.
+        change : optional
+            The change of the data, as for `data_change`.
+        name : str
+            Name of the argument in messages.
+
+        Returns
+        -------
+        Map or None
+            The derivative where ψ has `kinks` at z, else None.
+
+        Raises
+        ------
+        InputError
+            For a `change` of another kind.
+
+        Examples
+        --------
         >>> jumps = sp.csr_array([[0.0, 1.0, 1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
         >>> psi = icp.Intervention(jumps).bind(3)
         >>> psi.kinked(np.zeros(3), np.zeros(3), 0.0, "dpsi").value(np.array([0.0, -2.0, 4.0]))[0]
@@ -232,8 +340,18 @@ class Map(ReadOnly, Shown, ABC):
 class Substituted(Map):
     """y ↦ t·ψ(Py + s) at some rows: ψ restricted, carried to a coarser level, or in other units.
 
-    Parameters: `psi` for vectors of length n; `P` CSR, shape (n, m), or a number; `shift` = s, shape (n,), or 0; `rows`
-    the rows that are kept, or all; `factor` = t, a number, or a vector of the length of the rows.
+    Parameters
+    ----------
+    psi : Map
+        A map for vectors of length n.
+    P : CSR array of shape (n, m) or float
+        The matrix.
+    shift : array of shape (n,) or 0
+        The vector s.
+    rows : optional
+        The rows that are kept; by default all.
+    factor : float or array of the length of the rows
+        The factor t.
     """
 
     def __init__(self, psi: Map, P: Any, shift: Any = 0.0, rows: Any = slice(None), factor: Any = 1.0) -> None:

@@ -27,11 +27,22 @@ _DOMINANT = 1.0 + 1e-12
 
 
 class Rows(NamedTuple):
-    """What the sweeps and the choice of a method ask of the rows of A.
+    """Statistics of the rows of A for the sweeps and for the choice of a method.
 
-    `diag` where in A.data each diagonal entry stands; `diagonal`; `rest` = Σ_{j≠i}|a_ij|; `largest` = max_j |a_ij|, all
-    of shape (n,); how far the entries reach `below` the diagonal and `above` it, and the sums `lower` and `upper` of
-    all |a_ij| there.
+    Attributes
+    ----------
+    diag : array of int, shape (n,)
+        The place of each diagonal entry in A.data.
+    diagonal : array of shape (n,)
+        a_ii.
+    rest : array of shape (n,)
+        Σ_{j≠i}|a_ij|.
+    largest : array of shape (n,)
+        max_j |a_ij|.
+    below, above : int
+        Lower and upper bandwidth.
+    lower, upper : float
+        Sums of all |a_ij| below and above the diagonal.
     """
 
     diag: Any
@@ -56,9 +67,20 @@ def weights_of(largest: Vector) -> Vector:
 class Matrix(ReadOnly):
     """A as float64, every diagonal entry stored, and the facts about it.
 
-    With few rows it is `dense`, however it was handed in, so that the same numbers come out; then `sparse` is made when
-    it is asked for.
-    Raises InputError where `A` is no square matrix of finite numbers.
+    Parameters
+    ----------
+    A : array_like or sparse matrix of shape (n, n)
+        The matrix.
+
+    Raises
+    ------
+    InputError
+        Where `A` is no square matrix of finite numbers.
+
+    Notes
+    -----
+    A matrix with few rows is `dense`, in whichever form it was given, so that the same numbers come
+    out. Then `sparse` is made on request.
     """
 
     def __init__(self, A: Any) -> None:

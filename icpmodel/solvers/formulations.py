@@ -250,8 +250,7 @@ class Target(Shown):
 
 
 def in_handy_units(problem: ProblemData) -> tuple[ProblemData, float]:
-    """The same problem with a typical |a_ii| and a typical size of z near 1, and the unit: z = unit ·
-    y.
+    """The same problem with a typical |a_ii| and a typical size of z near 1, and the unit: z = unit · y.
 
     A becomes 2⁻ⁱA, q 2⁻ⁱ⁻ᵏq, ψ y ↦ 2⁻ᵏψ(2ᵏy), without rounding, so that absolute tolerances of
     solvers mean something. The size of z follows from the data, never from an answer. It is taken

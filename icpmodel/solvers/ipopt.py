@@ -1,8 +1,6 @@
-"""IPOPT, which CasADi's wheel holds as a library: it minimises the products of the conditions, convex
-or not.
+"""IPOPT, which CasADi's wheel holds as a library: it minimises the products of the conditions, convex or not.
 
-    min uᵀr + vᵀs   subject to   u, r, v, s ≥ 0,   Az + q = u − v,   r = (I − G)z − c,   s = d − (I
-    − H)z
+    min uᵀr + vᵀs   subject to   u, r, v, s ≥ 0,   Az + q = u − v,   r = (I − G)z − c,   s = d − (I − H)z.
 
 The rows are those of `icpmodel.solvers.formulations`. Let ψ be constant and A row sufficient, for
 example a P-matrix. Then every point at which it may stop is a solution. Otherwise it may stop where
