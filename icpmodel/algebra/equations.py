@@ -227,10 +227,10 @@ class ShiftedEquations:
         return self.problem.matrix.look.to_the_end()
 
     def solve(self, free: Mask, D: Vector, f: Vector, tolerance: float, briefly: bool) -> Vector | None:
-        """x with an error of f of at most the relative `tolerance`, by steps `INEXACT` in the units of the diagonal, or
-        None; `D`, `f` and x of shape (n,).
+        """x with an error of f of at most the relative `tolerance`, or None; `D`, `f` and x of shape (n,).
 
-        With `briefly` the free rows are not factorised where all have been.
+        Steps are `INEXACT` in the units of the diagonal. With `briefly` the free rows are not
+        factorised where all have been.
         """
         matrix, rows, x, found = self.problem.matrix, np.flatnonzero(free), np.zeros(free.size), None
         share, whole = rows.size / free.size, matrix.fill

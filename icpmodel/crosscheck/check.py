@@ -59,7 +59,6 @@ def crosscheck(
     progress : bool, default False
         Whether to show on a terminal, and now and then in a log, which solver is at work.
 
-
     Returns
     -------
     Report

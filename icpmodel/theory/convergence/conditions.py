@@ -5,7 +5,7 @@ G|x − y|. ⟨·⟩ is the comparison matrix, off(·) the part off the diagonal
 (D − Ω)⁺ = 0 and φ₂ ≥ φ₁D.
 
 **sharper.** Let z⁺ = z − 2X⁻¹min(p, Ωr). As min(a, b) − min(c, d) is a mean of a − c and b − d,
-there are a diagonal 0 ≤ Θ ≤ I and |Γ| ≤ G with
+there are a diagonal 0 ≤ Θ ≤ I and |Γ| ≤ G. With these the difference of two steps is:
 
     z⁺ − y⁺ = X⁻¹(Θ(X − 2A) + (I − Θ)(X − 2Ω + 2ΩΓ))(z − y).
 
@@ -35,8 +35,9 @@ N̂ − (A − Ω) and X − 2Ω = N̂ + (A − Ω), the same v and σ serve "sh
 
 **4.2.** The condition is that K = 2(diag(min(m̂, D)) − (D − Ω)⁺) − off(|M̂| + |N̂| + |A|) − 2ΩG is
 a nonsingular M-matrix. Then its diagonal is positive, hence m̂ > 0 and D > 0, and ⟨X⟩ = diag(m̂ +
-Ω) − off(|M̂|). m̂ − |m̂ − d| = 2min(m̂, d) − d and ω − |d − ω| = 2min(d, ω) − d = d − 2(d − ω)⁺ add
-up to K = ⟨X⟩ − F, F = |N̂| + |A − Ω| + 2ΩG. Some v > 0 has Kv > 0, so ⟨X⟩v > Fv ≥ 0. So X is an
+Ω) − off(|M̂|). With d in D and ω in Ω,
+m̂ − |m̂ − d| = 2min(m̂, d) − d and ω − |d − ω| = 2min(d, ω) − d = d − 2(d − ω)⁺. They add up to
+K = ⟨X⟩ − F, F = |N̂| + |A − Ω| + 2ΩG. Some v > 0 has Kv > 0, so ⟨X⟩v > Fv ≥ 0. So X is an
 H-matrix, |X⁻¹|Fv ≤ ⟨X⟩⁻¹Fv < v, and 4.1 holds with this v. Nothing else is needed: neither that A
 is an H₊-matrix (it follows) nor Ω ≥ D.
 
