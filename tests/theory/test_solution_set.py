@@ -1,69 +1,109 @@
 """All solutions of small problems: each is one, in fractions, and none is missing."""
 
+import itertools
+import math
 from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from exact import dot, fractions, rational, solve_rational
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 import icpmodel as icp
 
-
-def in_fractions(A, z):
-    return [sum((Fraction(float(a)) * x for a, x in zip(row, z, strict=True)), Fraction(0)) for row in A]
-
-
-def is_solution(z, A, q, G, c, d):
-    """Whether the integer or half-integer `z` solves the problem exactly."""
-    z = [Fraction(x).limit_denominator(10**6) for x in z]
-    p = [a + Fraction(float(b)) for a, b in zip(in_fractions(A, z), q, strict=True)]
-    r = [x - g - Fraction(float(b)) for x, g, b in zip(z, in_fractions(G, z), c, strict=True)]
-    above = [Fraction(1) if np.isinf(b) else Fraction(float(b)) - x for x, b in zip(z, d, strict=True)]
-    rows = zip(p, r, above, strict=True)
-    return all(
-        (a == 0 or b == 0 or (a < 0 and s == 0)) and b >= 0 and s >= 0 and (a >= 0 or s == 0) for a, b, s in rows
-    )
+#: of steps from a point of a face along it
+LENGTHS = [Fraction(1, 4**k) for k in range(10)]
 
 
 @st.composite
-def planted(draw):
-    """A problem of small integers with a solution that is known; degenerate and singular ones are frequent."""
-    n = draw(st.integers(1, 5))
-    entries = st.integers(-2, 2)
-    A = np.array(draw(st.lists(entries, min_size=n * n, max_size=n * n))).reshape(n, n)
-    G = np.zeros((n, n), dtype=int)
+def problems(draw):
+    """(A, q, G, c, H, d) of small integers: ψ(z) = Gz + c, ψ̄(z) = Hz + d; degenerate and singular ones are frequent."""
+    n = draw(st.integers(1, 6))
+    few, rows = st.integers(-2, 2), st.integers(-1, 2)
+    A = draw(arrays(np.int64, (n, n), elements=few))
+    G, H = np.zeros((2, n, n), dtype=int)
     if draw(st.booleans()):
-        G = np.array(draw(st.lists(st.sampled_from([0, 0, 0, 1]), min_size=n * n, max_size=n * n))).reshape(n, n)
-    z = np.array(draw(st.lists(st.integers(-2, 3), min_size=n, max_size=n)))
-    side = np.array(draw(st.lists(st.sampled_from("dflu"), min_size=n, max_size=n)))
-    room = np.array(draw(st.lists(st.integers(0, 2), min_size=n, max_size=n)))
-    c = z - G @ z - np.where(side == "l", 0, room)
-    d = np.where(side == "u", z, np.where(side == "d", z + room, np.inf))
-    p = np.where(side == "l", room, np.where(side == "u", -room, 0))
-    return A, p - A @ z, G, c.astype(float), d, z.astype(float)
+        G = H = draw(arrays(np.int64, (n, n), elements=st.sampled_from([0, 0, 0, 1, -1])))
+        H = draw(st.sampled_from([G, np.zeros((n, n), dtype=int)]))
+    c = draw(arrays(np.float64, n, elements=st.sampled_from([0.0, 0.0, -1.0, 1.0, -np.inf])))
+    d = np.full(n, np.inf)
+    if n <= 4 and draw(st.booleans()):
+        d = np.where(np.isfinite(c), c, 0.0) + draw(arrays(np.float64, n, elements=st.sampled_from([0, 1, 2, np.inf])))
+    return A, draw(arrays(np.int64, n, elements=rows)), G, c, H, d
 
 
-def contains(found, z):
-    """Whether `z` is one of the points, or lies on the affine hull of a face."""
-    if any(np.abs(point - z).max() <= 1e-9 for point in found.points):
-        return True
-    for face in found.faces:
-        coefficients = np.linalg.lstsq(face.directions.T, z - face.point, rcond=None)[0]
-        if np.abs(face.directions.T @ coefficients - (z - face.point)).max() <= 1e-9:
-            return True
-    return False
+def is_solution(z, p, r, s):
+    """Whether z solves the problem in every row; a row (a, b) of p, r or s has the value az + b, None is no obstacle."""
+    for of_p, of_r, of_s in zip(p, r, s, strict=True):
+        value, below, above = (None if row is None else dot(row[0], z) + row[1] for row in (of_p, of_r, of_s))
+        if (below is not None and below < 0) or (above is not None and above < 0):
+            return False
+        if (value > 0 and below != 0) or (value < 0 and above != 0):
+            return False
+    return True
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
-@given(planted())
-def test_every_solution_is_one_and_the_planted_one_is_among_them(data):
-    A, q, G, c, d, z = data
-    found = icp.all_solutions(icp.ICP(A, q, icp.Affine(G, c), upper=d))
+def corners(p, r, s):
+    """The solutions in which n independent rows of p, r and s are 0: each set of solutions without a line has one."""
+    rows = [row for row in (*p, *r, *s) if row is not None]
+    found = set()
+    for chosen in itertools.combinations(rows, len(p)):
+        z = solve_rational([a for a, _ in chosen], [-b for _, b in chosen])
+        if z is not None and is_solution(z, p, r, s):
+            found.add(tuple(z))
+    return found
+
+
+def on_face(z, face):
+    """Whether `z` lies on the affine hull of the face."""
+    away = z - face.point
+    coefficients = np.linalg.lstsq(face.directions.T, away, rcond=None)[0]
+    return np.abs(face.directions.T @ coefficients - away).max() <= 1e-9
+
+
+def against_brute_force(A, q, G, c, H, d):
+    one, other = np.eye(len(q)) - G, np.eye(len(q)) - H
+    found = icp.all_solutions(icp.ICP(A, q, icp.Affine(G, c), upper=icp.Affine(H, d)))
     assert found.complete
-    assert contains(found, z)
-    for point in [*found.points, *(face.point for face in found.faces)]:
-        assert is_solution(point, A, q, G, c, d)
+    p = list(zip(rational(A), fractions(q), strict=True))
+    r = [(a, -b) if math.isfinite(b) else None for a, b in zip(rational(one), fractions(c), strict=True)]
+    s = [(a, b) if math.isfinite(b) else None for a, b in zip(rational(-other), fractions(d), strict=True)]
+    exactly = lambda z: [Fraction(x).limit_denominator(10**7) for x in z]  # noqa: E731
+    points, known = {tuple(exactly(z)) for z in found.points}, corners(p, r, s)
+    assert len(points) == len(found.points)
+    assert points <= known
+    for z in known - points:
+        assert any(on_face(np.array(z, dtype=float), face) for face in found.faces)
+    for face in found.faces:
+        z = exactly(face.point)
+        assert np.linalg.matrix_rank(face.directions) == len(face.directions)
+        for step in [exactly(direction) for direction in face.directions]:
+            moved = lambda t, z=z, step=step: [a + t * b for a, b in zip(z, step, strict=True)]  # noqa: E731
+            assert any(is_solution(moved(t), p, r, s) and is_solution(moved(-t), p, r, s) for t in LENGTHS)
+    for z, end in itertools.permutations(known, 2):  # what a segment of solutions joins is not isolated
+        if z in points:
+            assert not is_solution([a + (b - a) / 1024 for a, b in zip(z, end, strict=True)], p, r, s)
+
+
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(problems())
+def test_all_solutions_are_those_of_brute_force(data):
+    against_brute_force(*data)
+
+
+@pytest.mark.slow
+@settings(max_examples=1000, deadline=None, suppress_health_check=list(HealthCheck))
+@given(problems())
+def test_all_solutions_are_those_of_brute_force_on_many(data):
+    against_brute_force(*data)
+
+
+def test_between_two_equal_obstacles_p_has_either_sign():
+    """z_0 = 0 and z_1 is free: p_0 = z_1, so that the pieces at the lower and at the upper obstacle are half-lines."""
+    found = icp.all_solutions(icp.ICP([[0, 1], [0, 0]], [0, 0], [0, -np.inf], upper=[0, np.inf]))
+    assert {tuple(np.sign(face.point)) for face in found.faces} == {(0, 1), (0, -1)}
 
 
 @pytest.mark.parametrize("n", [1, 4, 8])
