@@ -35,7 +35,7 @@ def problems(draw):
 
 
 def is_solution(z, p, r, s):
-    """Whether z solves the problem in every row; a row (a, b) of p, r or s has the value az + b, None is no obstacle."""
+    """Whether z solves the problem in every row. A row (a, b) of p, r or s has the value az + b; None: no obstacle."""
     for of_p, of_r, of_s in zip(p, r, s, strict=True):
         value, below, above = (None if row is None else dot(row[0], z) + row[1] for row in (of_p, of_r, of_s))
         if (below is not None and below < 0) or (above is not None and above < 0):
