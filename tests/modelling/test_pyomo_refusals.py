@@ -27,3 +27,16 @@ def test_two_conditions_of_one_variable_leave_another_without():
     model.f = Complementarity(expr=complements(model.z >= model.y, model.y + model.z >= 1))
     with pytest.raises(icp.InputError, match=r"4 conditions for 3 variables .*: no free variable is left for [cd];"):
         read_pyomo(model)
+
+
+@pytest.mark.parametrize("constant", [0.0, 1.0])
+def test_a_variable_with_the_coefficient_0_needs_no_value(constant):
+    model = pyo.ConcreteModel()
+    model.x, model.y = pyo.Var(), pyo.Var()
+    model.c = Complementarity(expr=complements(model.x - 1 == 0, model.x))
+    model.e = pyo.Constraint(expr=0.0 * model.y + constant == 0)
+    if constant:
+        with pytest.raises(icp.InputError, match="e has no free variable"):
+            read_pyomo(model)
+    else:
+        assert read_pyomo(model).problem.n == 1

@@ -11,9 +11,10 @@ from pyomo.core.expr.visitor import StreamBasedExpressionVisitor
 
 
 def size_of_terms(expression: Any) -> float:
-    """The sum of the absolute values of the terms of `expression`, whose variables all have values.
+    """The sum of the absolute values of the terms of `expression`.
 
-    Sums within products and quotients are multiplied out. Anything else, such as a power, is one term.
+    A variable without a value counts as 0: its coefficients are 0. Sums within products and quotients are multiplied
+    out. Anything else, such as a power, is one term.
 
     >>> import pyomo.environ as pyo
     >>> model = pyo.ConcreteModel()
@@ -32,4 +33,4 @@ def _of_node(node: Any, parts: list[float]) -> float:
         return math.prod(parts)
     if isinstance(node, DivisionExpression):
         return parts[0] / abs(pyo.value(node.args[1]))
-    return abs(float(pyo.value(node)))
+    return abs(float(pyo.value(node, exception=False) or 0.0))
