@@ -84,6 +84,13 @@ def test_a_tiny_entry_on_the_diagonal_makes_no_residual_small():
     assert problem.solve(z0=[5.0, 5.0]).z == pytest.approx([0.0, 1.0], abs=1e-8)
 
 
+def test_a_row_whose_p_is_no_float_in_the_units_of_z_is_decided_by_r():
+    """1e150/1e-300 is none: z_1 rests on its obstacle, whatever else is computed."""
+    problem = icp.ICP([[1.0, 0.0], [0.0, 1e-300]], [-1.0, 1e150], [-1.0, -2.0])
+    found = problem.solve()
+    assert found.z == pytest.approx([1.0, -2.0])
+
+
 @pytest.mark.parametrize("unit", [1e-9, 1e9])
 def test_many_problems_and_a_cross_check_are_judged_in_all_units_alike(unit):
     membrane = icp.scenes.membrane(n=400).problem

@@ -182,6 +182,8 @@ def weighted(weight, value, error):
     product = weight * value
     if value == 0.0 and error == 0.0:
         return product, error
+    if weight * (abs(value) - error) == np.inf:  # larger than every float: the other side is the smaller one
+        return product, 0.0
     return product, (1.0 + 4.0 * UNIT_ROUNDOFF) * (weight * error) + 4.0 * UNIT_ROUNDOFF * abs(product) + SMALLEST
 
 
