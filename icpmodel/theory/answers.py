@@ -20,9 +20,19 @@ _SMALL = 0.05
 class Answer(ReadOnly, Shown):
     """The answer to a question about a problem.
 
-    `holds` is True (proved), False (disproved) or None (not known); `reason` a sentence; `witness` what proves it, such
-    as a vector or an index set, or None; `number` the figure behind it, such as a spectral radius, or None.
+    Attributes
+    ----------
+    holds : bool or None
+        True (proved), False (disproved) or None (not known).
+    reason : str
+        A sentence.
+    witness : optional
+        The proof, such as a vector or an index set, or None.
+    number : float or None
+        The figure behind it, such as a spectral radius.
 
+    Examples
+    --------
     >>> print(Answer(None, "n = 40 is too large for the exact test"))
     unknown: n = 40 is too large for the exact test
     """

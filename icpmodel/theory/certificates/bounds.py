@@ -44,12 +44,24 @@ _STEPS = 8  #: steps of the active-set Newton iteration that looks for a better 
 
 @dataclass(frozen=True, repr=False)
 class ErrorBound(ReadOnly, Shown):
-    """How far z can be from the solution.
+    """A bound on the distance of z to the solution; `print` says it in words.
 
-    `componentwise` δ with |z − z*| ≤ δ, shape (n,), its largest entry `value`, and `euclidean` ≥ ‖z − z*‖₂, all in the
-    units of z; None where nothing is proved, and then `reason` says why. `proof` is the sentence of the proof, empty
-    where there is none: it says that the solution exists and is the only one, whatever z is. `print` says it in words.
+    Attributes
+    ----------
+    value : float or None
+        The largest entry of `componentwise`, in the units of z; None where nothing is proved.
+    componentwise : array of shape (n,) or None
+        δ with |z − z*| ≤ δ.
+    euclidean : float or None
+        A bound ≥ ‖z − z*‖₂.
+    proof : str
+        The sentence of the proof, empty where there is none. The proof says that the solution
+        exists and is unique, whatever z is.
+    reason : str
+        Why nothing is proved, where nothing is.
 
+    Examples
+    --------
     >>> bound = error_bound(ICP([[2.0]], [-2.0]), [1.25])
     >>> bound.value >= 0.25, bound.proof
     (True, 'A is an H+-matrix (v = 1)')
@@ -114,24 +126,56 @@ def error_bound(
     time_limit: float | None = None,
     memory_limit: float | None = None,
 ) -> ErrorBound:
-    """A bound on |z − z*| from one evaluation of p and r, or the reason why there is none.
+    """Bound |z − z*| from one evaluation of p and r, or say why there is no bound.
 
-    Bounds on the rounding errors are included, so that the bound is a proof for constant and affine ψ and for
-    interventions given by a matrix. A user's function ψ is taken as exact to a few units in the last place, and its
-    Lipschitz matrix at the user's word, unless ψ(z) and ψ(0) contradict it: then there is no bound.
+    Parameters
+    ----------
+    problem : ICP
+        The problem.
+    z : array_like of shape (n,) or Solution
+        The point.
+    sharp : bool, optional
+        True: improve the bound by a better point ẑ and |z − z*| ≤ |z − ẑ| + |ẑ − z*|. False: the
+        bound of z itself. By default as True where A has at most 10 000 entries or the proof is a
+        wide one.
+    rigorous : bool, default False
+        Whether there is no bound where it would rest on a user's word.
+    time_limit : float, optional
+        Seconds, as in `solve`; by default a minute of counted work.
+    memory_limit : float, optional
+        Bytes, as in `solve`; by default the free memory.
 
-    Parameters: `z` shape (n,), or a `Solution`. `sharp`: look for a better point ẑ by a few active-set Newton steps (a
-    factorisation each) and use |z − z*| ≤ |z − ẑ| + |ẑ − z*|, mostly within a few per cent of the true error, where the
-    bound of z itself may be thousands of times too wide; False: the bound of z itself. By default as True where A has
-    at most 10 000 entries or the proof is a wide one; for larger A ẑ comes from sweeps or multigrid, for about half a
-    linear solve with the levels that `solve` leaves, and nothing is done where the bound of z itself is about ten times
-    the error or less. `rigorous`: no bound where it would rest on a user's word. `time_limit` in seconds and
-    `memory_limit` in bytes, as in `solve`; without them the limits are a minute of work, as it is counted, and the
-    memory that is free. What would take more is not begun: there is the bound without it, or none, and the reason says
-    so. Raises MapError where ψ fails at z.
-    Reference: the files of `icpmodel.theory.certificates`: `h_plus`, `nearby`, `representatives`, `definite`,
+    Returns
+    -------
+    ErrorBound
+        The bound. A step that would exceed a limit is not begun. Then there is the bound without
+        it, or none, and the reason says so.
+
+    Raises
+    ------
+    MapError
+        Where ψ fails at z.
+
+    Notes
+    -----
+    Bounds on the rounding errors are included. So the bound is a proof for constant and affine ψ
+    and for interventions given by a matrix. A user's function ψ is taken as exact to a few units in
+    the last place. Its Lipschitz matrix is taken at the user's word, unless ψ(z) and ψ(0)
+    contradict it: then there is no bound.
+
+    The point ẑ of a sharp bound comes from a few active-set Newton steps, a factorisation each.
+    That bound is mostly within a few per cent of the true error, where the bound of z itself may be
+    thousands of times too wide. By default, for larger A, ẑ comes from sweeps or multigrid. This
+    costs about half a linear solve with the levels of `solve`. Nothing is done where the bound of z
+    itself is about ten times the error or less.
+
+    References
+    ----------
+    The files of `icpmodel.theory.certificates`: `h_plus`, `nearby`, `representatives`, `definite`,
     `supersolution`.
 
+    Examples
+    --------
     >>> problem = ICP([[2, -1], [-1, 2]], [-1, -1])
     >>> bound = error_bound(problem, [1.0, 1.001])
     >>> 0.001 <= bound.value <= 0.001001, round(error_bound(problem, [1.0, 1.001], sharp=False).value, 9)
@@ -212,8 +256,10 @@ def never_cross(psi: Map) -> bool:
 
 
 def may_cross(problem: ProblemData, z: Vector, delta: Vector) -> int | None:
-    """A row in which ψ ≤ ψ̄ is not certain for all |x − z| ≤ `delta`, so that a zero of F need not be a solution; None
-    where there is none."""
+    """A row in which ψ ≤ ψ̄ is not certain for all |x − z| ≤ `delta`; None where there is none.
+
+    There a zero of F need not be a solution.
+    """
     psi, above = problem.psi, problem.r_upper(z)
     if above is None or never_cross(psi):
         return None

@@ -1,7 +1,8 @@
 """The one judge: what is true of z, recomputed from (A, q, ψ, z), and which rows of z* are certain.
 
-With |z − z*| ≤ δ: p_i(z) − Σ|a_ij|δ_j > 0 proves p_i(z*) > 0, hence r_i(z*) = 0; r_i(z) − δ_i − Δψ_i > 0, Δψ a bound on
-|ψ(z) − ψ(z*)|, proves r_i(z*) > 0, hence p_i(z*) = 0. Once every row is decided z* solves one system of equations.
+Let |z − z*| ≤ δ and Δψ a bound on |ψ(z) − ψ(z*)|. p_i(z) − Σ|a_ij|δ_j > 0 proves p_i(z*) > 0, hence
+r_i(z*) = 0. r_i(z) − δ_i − Δψ_i > 0 proves r_i(z*) > 0, hence p_i(z*) = 0. Once every row is
+decided z* solves one system of equations.
 """
 
 from __future__ import annotations
@@ -28,12 +29,27 @@ NOT_COMPUTED = "it was not computed"  #: the reason of a certificate without a b
 class Certificate(Shown):
     """What is true of z, recomputed from (A, q, ψ, z) by `certify` and by nothing else.
 
-    `residual` = Res_D(z) = ‖min(D⁻¹p, r)‖₂, see `ICP.residual`; `residual_max` the max-norm of the same vector;
-    `residual_of_paper` = Res(z) = ‖min(p, r)‖₂; `violation_p` and `violation_r` the largest negative parts of p and
-    r; `bound` the `ErrorBound`. With an obstacle above, the median
-    with z − ψ̄ takes the place of the minimum, `violation_p` is the largest of −p in rows without obstacle above and
-    of p in rows without one below, and `violation_r` how far z is beyond either of them.
+    Attributes
+    ----------
+    residual : float
+        Res_D(z) = ‖min(D⁻¹p, r)‖₂, see `ICP.residual`.
+    residual_max : float
+        The max-norm of the same vector.
+    residual_of_paper : float
+        Res(z) = ‖min(p, r)‖₂.
+    violation_p, violation_r : float
+        The largest negative parts of p and r.
+    bound : ErrorBound
+        The error bound.
 
+    Notes
+    -----
+    With an obstacle above, the median with z − ψ̄ replaces the minimum. `violation_p` is then the
+    largest of −p in rows without obstacle above and of p in rows without one below. `violation_r`
+    is how far z is beyond either obstacle.
+
+    Examples
+    --------
     >>> certify(ICP([[2.0]], [-2.0]), [1.0]).residual
     0.0
     """
@@ -79,12 +95,33 @@ def certify(
     time_limit: float | None = None,
     memory_limit: float | None = None,
 ) -> Certificate:
-    """The one judge of an answer, ours or a foreign solver's.
+    """Judge an answer, ours or a foreign solver's.
 
-    Parameters: `z` shape (n,), or a `Solution`; `bound` whether to look for an error bound as well, which may cost one
-    linear solve; how, say the others, which are those of `icpmodel.error_bound`.
-    Returns a `Certificate`. Raises InputError for what is no ICP or no such z, MapError where ψ fails.
+    Parameters
+    ----------
+    problem : ICP
+        The problem.
+    z : array_like of shape (n,) or Solution
+        The answer.
+    bound : bool, default True
+        Whether to compute an error bound as well, which may cost one linear solve.
+    sharp, rigorous, time_limit, memory_limit : optional
+        Options of the bound, as for `icpmodel.error_bound`.
 
+    Returns
+    -------
+    Certificate
+        The certificate.
+
+    Raises
+    ------
+    InputError
+        For an object that is no ICP or no such z.
+    MapError
+        Where ψ fails.
+
+    Examples
+    --------
     >>> certify(ICP([[2.0]], [-2.0]), [1.5]).violation_p
     0.0
     """
@@ -148,12 +185,33 @@ class ActiveSet(ReadOnly, Shown):
 
 @sheltered
 def active_set(problem: ProblemLike, z: Any, bound: ErrorBound) -> ActiveSet:
-    """The active set of z* as far as `bound` proves it, the error bound of this very `z` on this very `problem`.
+    """The active set of z* as far as `bound` proves it.
 
-    Bounds on the rounding errors are included. Nothing is decided where there is no bound, nor where p* = r* = 0.
-    Parameters: `z` shape (n,), or a `Solution`; `bound` = `error_bound(problem, z)`; that of another z, which cannot be
-    told, proves nothing. Raises InputError where `bound` is no `ErrorBound`, or one of another n.
+    Parameters
+    ----------
+    problem : ICP
+        The problem.
+    z : array_like of shape (n,) or Solution
+        The point.
+    bound : ErrorBound
+        `error_bound(problem, z)`. The bound of another z proves nothing; that cannot be detected.
 
+    Returns
+    -------
+    ActiveSet
+        The rows. Nothing is decided where there is no bound, nor where p* = r* = 0.
+
+    Raises
+    ------
+    InputError
+        Where `bound` is no `ErrorBound`, or one of another n.
+
+    Notes
+    -----
+    Bounds on the rounding errors are included.
+
+    Examples
+    --------
     >>> from icpmodel.theory import error_bound
     >>> problem, z = ICP([[2.0]], [-2.0]), np.array([1.25])
     >>> active_set(problem, z, error_bound(problem, z)).inactive

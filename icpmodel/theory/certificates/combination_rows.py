@@ -31,8 +31,11 @@ class Known:
 
 
 class CombinationRows(NamedTuple):
-    """Where z is known to be, from `low` to `high`, and where p ≤ 0 may be taken for granted, as y_i `falls` there, and
-    p ≥ 0, as it `rises`: masks of shape (n,)."""
+    """The interval of each unknown, and the rows whose sign of p is known.
+
+    z lies between `low` and `high`. p ≤ 0 may be assumed where y_i `falls`, and p ≥ 0 where it
+    `rises`: masks of shape (n,).
+    """
 
     low: Vector
     high: Vector

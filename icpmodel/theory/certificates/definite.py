@@ -1,31 +1,42 @@
 """Uniqueness and error bound where A is positive definite, symmetric or not, or AᵀB is, with B = I − G.
 
-Let r(x) − r(y) = B(x − y) − g with |g| ≤ L|x − y|: B = I − G, L = 0 for ψ = Gz + c, B = I for any other ψ with
-Lipschitz matrix L. Let H be the symmetric part of AᵀB, λ ≤ λ_min(H) and κ at least the largest eigenvalue of the
-symmetric part of |A|ᵀL. If λ > κ, ICP has exactly one solution z* for every q, and t = ‖z − z*‖₂ satisfies
+Let r(x) − r(y) = B(x − y) − g with |g| ≤ L|x − y|: B = I − G, L = 0 for ψ = Gz + c, B = I for any
+other ψ with Lipschitz matrix L. Let H be the symmetric part of AᵀB and λ ≤ λ_min(H). Let κ be at
+least the largest eigenvalue of the symmetric part of |A|ᵀL. If λ > κ, ICP has exactly one solution
+z* for every q, and t = ‖z − z*‖₂ satisfies
 
-    (λ − κ)t² ≤ (√λ‖Bᵀu + Aᵀw‖ + ‖Lᵀ|u|‖₂)t − uᵀw,    ‖g‖² = gᵀH⁻¹g ≤ ‖g‖₂²/λ,
+    (λ − κ)t² ≤ (√λ‖Bᵀu + Aᵀw‖ + ‖Lᵀ|u|‖₂)t − uᵀw,    ‖g‖² = gᵀH⁻¹g ≤ ‖g‖₂²/λ.
 
-for every z and any u and w for which p' = p − u ≥ 0, r' = r − w ≥ 0 and p'ᵀr' = 0, chosen row by row: r' = 0 with
-w = r, u = min(p, 0), or p' = 0 with u = p, w = min(r, 0). The larger root of the quadratic is the bound.
+The second formula is the norm in the first. It holds for every z and any u and w for which p' = p −
+u ≥ 0, r' = r − w ≥ 0 and p'ᵀr' = 0. These are chosen row by row: r' = 0 with w = r, u = min(p, 0),
+or p' = 0 with u = p, w = min(r, 0). The larger root of the quadratic is the bound.
 
-Proof: no term of Σ(p' − p*)(r' − r*) is positive, and p' − p* = Ae − u, r' − r* = Be − g − w with e = z − z*; so
-E = √(eᵀHe) ≥ √λ·t has (1 − κ/λ)E² ≤ (‖Bᵀu + Aᵀw‖ + ‖Lᵀ|u|‖₂/√λ)E − uᵀw, which is the quadratic for E/√λ. A row
-without obstacle has u = p, w = 0, so p' = p* = 0. F = min(p, r) has F(x) − F(y) = (ΔA + (I − Δ)(B − Γ))(x − y) with a
-diagonal 0 ≤ Δ ≤ I and |Γ| ≤ L; a null vector x of the bracket has (Ax)_i((B − Γ)x)_i ≤ 0 in every row, hence
-(λ − κ)‖x‖² ≤ 0. So F and its inverse are Lipschitz, and F is a homeomorphism of Rⁿ.
+Proof: no term of Σ(p' − p*)(r' − r*) is positive. With e = z − z*, p' − p* = Ae − u and r' − r* =
+Be − g − w. So E = √(eᵀHe) ≥ √λ·t has (1 − κ/λ)E² ≤ (‖Bᵀu + Aᵀw‖ + ‖Lᵀ|u|‖₂/√λ)E − uᵀw. That is the
+quadratic for E/√λ. A row without obstacle has u = p, w = 0, so p' = p* = 0.
 
-‖g‖ takes a y near H⁻¹g: ‖g‖ ≤ √(yᵀHy) + ‖g − Hy‖₂/√λ for every y. Without it the curvature of an error, which A
-multiplies by λ_max, would be divided by λ_min.
-With an obstacle above, a row may as well have p' ≤ 0 and z' = ψ̄, w = z − ψ̄ and u = max(p, 0); B = I − G then
-where ψ̄ = Gz + c̄ moves alike, B = I where it moves in another way. Of any two points with p ≥ 0 at ψ, p ≤ 0 at ψ̄ and
-p = 0 in between no term (p' − p*)(Be − w − g) is positive, where |g| ≤ L|x − y| is the move of ψ or of ψ̄, or what is
-between them, if ψ ≤ ψ̄ at both.
-Units: the unknowns are scaled by S = diag(A)^(−1/2) and the rows of p by S, those of r by σS⁻¹, which keeps the form;
-σ makes the largest entry of B about 1. t is then the norm of S⁻¹e. S and σ are powers of two, so that scaling commits
-no error.
-Reference: Pang, Math. Oper. Res. 12 (1987), for the idea of such bounds; Nesterov and Scrimali, Discrete Contin. Dyn.
-Syst. 31 (2011), for κ = ‖A‖‖L‖, which is never smaller where A ≥ 0; the proof above.
+F = min(p, r) has F(x) − F(y) = (ΔA + (I − Δ)(B − Γ))(x − y) with a diagonal 0 ≤ Δ ≤ I and |Γ| ≤ L.
+A null vector x of the bracket has (Ax)_i((B − Γ)x)_i ≤ 0 in every row, hence (λ − κ)‖x‖² ≤ 0. So F
+and its inverse are Lipschitz, and F is a homeomorphism of Rⁿ.
+
+‖g‖ takes a y near H⁻¹g: ‖g‖ ≤ √(yᵀHy) + ‖g − Hy‖₂/√λ for every y. Without it the curvature of an
+error, which A multiplies by λ_max, would be divided by λ_min.
+
+With an obstacle above, a row may as well have p' ≤ 0 and z' = ψ̄, w = z − ψ̄ and u = max(p, 0).
+Then B = I − G where ψ̄ = Gz + c̄ moves alike, B = I where it moves in another way. Take any two
+points with p ≥ 0 at ψ, p ≤ 0 at ψ̄ and p = 0 in between, and ψ ≤ ψ̄ at both. Then no term (p' −
+p*)(Be − w − g) is positive. Here |g| ≤ L|x − y| is the move of ψ or of ψ̄, or a number between
+them.
+
+Units: the unknowns are scaled by S = diag(A)^(−1/2) and the rows of p by S, those of r by σS⁻¹,
+which keeps the form. σ makes the largest entry of B about 1. t is then the norm of S⁻¹e. S and σ
+are powers of two, so scaling commits no error.
+
+References
+----------
+Pang, Math. Oper. Res. 12 (1987), for the idea of such bounds. Nesterov and Scrimali, Discrete
+Contin. Dyn. Syst. 31 (2011), for κ = ‖A‖‖L‖, which is never smaller where A ≥ 0. The proof is
+above.
 """
 
 from __future__ import annotations
@@ -59,10 +70,10 @@ _SPLITS = (0.25, 1.0)
 
 @dataclass(frozen=True, eq=False)
 class DefiniteProof(Proof):
-    """`smallest` ≤ λ and `gap` ≤ λ − κ of the problem scaled by 2^`exponent`, the rows of r by 2^`exponent_r`, its Aᵀ,
-    Bᵀ and Lᵀ as `A`, `B` and `L`.
+    """The data of the proof, for the problem scaled by 2^`exponent`, the rows of r by 2^`exponent_r`.
 
-    `H` differs from the symmetric part of AᵀB by at most `slack` in norm, and `solve` is about H⁻¹.
+    `smallest` ≤ λ and `gap` ≤ λ − κ. `A`, `B` and `L` are its Aᵀ, Bᵀ and Lᵀ. `H` differs from the
+    symmetric part of AᵀB by at most `slack` in norm, and `solve` is about H⁻¹.
     """
 
     smallest: float
@@ -91,9 +102,12 @@ class DefiniteProof(Proof):
     def _root(
         self, p: Vector, r: Vector, sign: Any, for_p: Vector, for_r: Vector, holds: np.ndarray, balance: np.ndarray
     ) -> tuple[float, int]:
-        """t and an exponent e, 2^e·t the larger root of the quadratic for the split with u = p in the rows of
-        `balance`, rounded up; in units of 2^e what enters it is about 1, so that no square over- or underflows. p and r
-        are those of `_reflected`, and z is where it may be for certain in the rows where it `holds`."""
+        """t and an exponent e: 2^e·t is the larger root of the quadratic, rounded up.
+
+        The split has u = p in the rows of `balance`. In units of 2^e all terms are about 1, so no
+        square over- or underflows. p and r are those of `_reflected`. In the rows where it `holds`,
+        z is certain to be admissible.
+        """
         u, w = sign * np.where(balance, p, np.minimum(p, 0.0)), sign * np.where(balance, np.minimum(r, 0.0), r)
         # min(x, 0) = 0 for certain where x exceeds its error
         for_u = np.where(~balance & (p > for_p), 0.0, for_p)

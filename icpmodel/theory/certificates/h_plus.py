@@ -1,17 +1,23 @@
 """Uniqueness and error bound where A is an H₊-matrix and ψ contracts in the same norm.
 
-A an H₊-matrix and v > 0 with α = ⟨A⟩v > 0 and β = (I − G)v > 0: ICP has exactly one solution z*, and for every z
+Let A be an H₊-matrix and v > 0 with α = ⟨A⟩v > 0 and β = (I − G)v > 0. Then ICP has exactly one
+solution z*, and for every z
 
     max_i |z_i − z*_i|/v_i ≤ max_i |min(p_i(z)/α_i, r_i(z)/β_i)|.
 
-Proof: rows of p and of r may be scaled, so take F = min(α⁻¹p, β⁻¹r). F(z) − F(z*) = (Θα⁻¹A + (I − Θ)β⁻¹(I − Γ))(z − z*)
-with a diagonal 0 ≤ Θ ≤ I and |Γ| ≤ G, and the comparison matrix of the bracket maps v above 1. No other scaling of the
-rows gives less: |min(sp, r)|/min(sα, β) is smallest at s = β/α. Rows without obstacle have Θ_i = 1.
-With an obstacle above, |ψ̄(x) − ψ̄(y)| ≤ G|x − y| too, F is the median mid(β⁻¹(z − ψ̄), α⁻¹p, β⁻¹r), whose differences
-are means of the three as those of min are of the two, and the rest of the proof stays. That F has one zero says that
-there is one solution if ψ ≤ ψ̄ there.
+Proof: rows of p and of r may be scaled, so take F = min(α⁻¹p, β⁻¹r). F(z) − F(z*) = (Θα⁻¹A + (I −
+Θ)β⁻¹(I − Γ))(z − z*) with a diagonal 0 ≤ Θ ≤ I and |Γ| ≤ G. The comparison matrix of the bracket
+maps v above 1. No other scaling of the rows gives less: |min(sp, r)|/min(sα, β) is smallest at s =
+β/α. Rows without obstacle have Θ_i = 1.
 
-Reference: Chen and Xiang, Math. Program. 106 (2006), for ψ = 0; the proof above for ψ with Lipschitz matrix G.
+With an obstacle above, let |ψ̄(x) − ψ̄(y)| ≤ G|x − y| too. F is the median mid(β⁻¹(z − ψ̄), α⁻¹p,
+β⁻¹r). Its differences are means of the three, as those of min are of the two, and the rest of the
+proof stays. As F has one zero, there is one solution if ψ ≤ ψ̄ there.
+
+References
+----------
+Chen and Xiang, Math. Program. 106 (2006), for ψ = 0. The proof above is for ψ with Lipschitz matrix
+G.
 """
 
 from __future__ import annotations

@@ -1,16 +1,22 @@
 """A proof that no z has p(z) ≥ 0 and r(z) ≥ 0, for constant and affine ψ: a combination of the rows that says 0 < 0.
 
-With y ≥ 0, Aᵀy ≤ 0 and (q + Ac)ᵀy < 0 every z ≥ c has (Az + q)ᵀy ≤ (Ac + q)ᵀy < 0 (Farkas). In rows without an
-obstacle, where p = 0 is asked for and c counts as 0, y may have either sign and (Aᵀy)_i must be 0. Where it is known of
-some unknowns in which interval every solution has them, (Aᵀy)_j z_j is at most its largest value there, whatever the
-sign of (Aᵀy)_j. That no z solves the problem is then proved, though one may have p ≥ 0 and r ≥ 0.
-An obstacle above, ψ̄ = c̄, is such an interval: z ≤ c̄. In rows that have it nothing is known of p ≥ 0, so y_i ≤ 0 there,
-y_i = 0 where there is one below as well, and then (Az + q)ᵀy ≥ 0 at every solution as before.
-For ψ(z) = Gz + c the rows of r get weights as well: x, y ≥ 0, Aᵀy + (I − G)ᵀx = 0 and qᵀy − cᵀx < 0. That is the same
-for the constant obstacle s ≥ 0 in the unknowns (z, u, s), with the equations u = Gz + c and s = z − u, and no entry of
-I − G is rounded.
+With y ≥ 0, Aᵀy ≤ 0 and (q + Ac)ᵀy < 0 every z ≥ c has (Az + q)ᵀy ≤ (Ac + q)ᵀy < 0 (Farkas). In rows
+without an obstacle p = 0 is required, and c counts as 0. There y may have either sign and (Aᵀy)_i
+must be 0.
 
-Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992), sections 2.7 and 4.4.
+For some unknowns an interval may be known that contains every solution. Then (Aᵀy)_j z_j is at most
+its largest value there, whatever the sign of (Aᵀy)_j. That proves that no z solves the problem,
+though one may have p ≥ 0 and r ≥ 0. An obstacle above, ψ̄ = c̄, is such an interval: z ≤ c̄. In
+rows that have it nothing is known of p ≥ 0, so y_i ≤ 0 there. y_i = 0 where there is one below as
+well. Then (Az + q)ᵀy ≥ 0 at every solution as before.
+
+For ψ(z) = Gz + c the rows of r get weights as well: x, y ≥ 0, Aᵀy + (I − G)ᵀx = 0 and qᵀy − cᵀx <
+0. That is the same for the constant obstacle s ≥ 0 in the unknowns (z, u, s), with the equations u
+= Gz + c and s = z − u. No entry of I − G is rounded.
+
+References
+----------
+Cottle, Pang and Stone, The Linear Complementarity Problem (1992), sections 2.7 and 4.4.
 """
 
 from __future__ import annotations
@@ -90,8 +96,10 @@ def infeasible(problem: ProblemData, y: Vector, known: Known | None = None, *, b
 
 
 def in_units_of_rows(problem: ProblemData) -> tuple[ProblemData, Exponents]:
-    """The problem with its rows times 2^e, so that the largest |entry| of each is about 1, or |q_i| in a row without is
-    that of the others, and e; the problem itself and zeros where that would round, or all are within 2^±10 as they are.
+    """The problem with its rows times 2^e, so that the largest |entry| of each is about 1, and e.
+
+    In a row without entries |q_i| becomes about as large as in the others. The result is the
+    problem itself and zeros where that would round, or where all are within 2^±10 already.
     """
     empty, of_q, weights = problem.matrix.empty_rows, np.abs(problem.q), problem.matrix.row_weights
     others = float((weights * of_q)[~empty].max(initial=0.0)) or 1.0

@@ -16,16 +16,19 @@ _SECONDS = 1.0
 
 
 class Recession:
-    """Directions along which iterates run away, tried as proofs that there is no solution.
-
-    Where A is monotone and no z has p ≥ 0 and r ≥ 0, the iterates z of a proximal or interior method grow, and their
-    direction y tends to a combination as in `infeasible`. What is wrong with y is how far Aᵀy is from the signs that it
-    needs, in the units of W; what it shows is −(q + Ac)ᵀy. Each y whose quotient is a tenth of the last one is tried.
+    """Directions along which iterates diverge, tried as proofs that there is no solution.
 
     Parameters
     ----------
-    problem
+    problem : ProblemData
         The problem; where its obstacles are not constant no proof is tried.
+
+    Notes
+    -----
+    Let A be monotone and no z have p ≥ 0 and r ≥ 0. Then the iterates z of a proximal or interior
+    method grow, and their direction y tends to a combination as in `infeasible`. The defect of y is
+    the distance of Aᵀy to its required signs, in the units of W. Its merit is −(q + Ac)ᵀy. Each y
+    is tried whose quotient of the two is a tenth of the last one.
     """
 
     def __init__(self, problem: ProblemData) -> None:
@@ -67,12 +70,12 @@ def _share(problem: ProblemData, y: Vector) -> float:
 
 
 def least_violation(problem: ProblemData) -> tuple[ProblemData, Mask]:
-    """The ICP whose solution shows whether there is a z with p ≥ 0 and r ≥ 0, and which rows of p are asked for.
+    """The ICP whose solution shows whether some z has p ≥ 0 and r ≥ 0, and the rows where p must have a sign.
 
-    min ½‖(p)⁻‖² over ψ ≤ z ≤ ψ̄, constant obstacles, always has a solution, whether A is monotone or not. Its conditions
-    of optimality are an ICP in (z, y), y = (p)⁻ being what p ≥ 0 is violated by: −Aᵀy ⟂ ψ ≤ z ≤ ψ̄ and
-    y + Az + q ⟂ y ≥ 0, where p = 0 is asked for y of any sign, where p ≤ 0 is y ≤ 0. Where y is not 0 it is the y of
-    `infeasible`.
+    min ½‖(p)⁻‖² over ψ ≤ z ≤ ψ̄, constant obstacles, always has a solution, whether A is monotone
+    or not. Let y = (p)⁻ be the violation of p ≥ 0. The optimality conditions are an ICP in (z, y):
+    −Aᵀy ⟂ ψ ≤ z ≤ ψ̄ and y + Az + q ⟂ y ≥ 0. Where p = 0 is required y has any sign; where p ≤ 0 is
+    required y ≤ 0. Where y is not 0 it is the y of `infeasible`.
     """
     rows = CombinationRows.of(problem)
     asked = rows.rises | rows.falls
@@ -87,10 +90,13 @@ def least_violation(problem: ProblemData) -> tuple[ProblemData, Mask]:
 def multipliers(problem: ProblemData) -> Vector | None:
     """A candidate y for `infeasible`: (q + Ac)ᵀy < 0, Aᵀy ≤ 0 and 0 ≤ y ≤ 1 in floats, for constant ψ = c.
 
-    In rows without an obstacle −1 ≤ y ≤ 1 and (Aᵀy)_i = 0, in those with one above alone −1 ≤ y ≤ 0 and (Aᵀy)_i ≥ 0,
-    with both y_i = 0 and t_i ≥ 0, (Aᵀy)_i(c̄_i − c_i) is added to the sum. Of several the one with the most room for
-    rounding, by linear programming (HiGHS); None where there is none, as where some z has p, r ≥ 0, or none is found in
-    a second. For an affine ψ (y, x), shape (2n,).
+    - Rows without an obstacle: −1 ≤ y ≤ 1 and (Aᵀy)_i = 0.
+    - Rows with one above alone: −1 ≤ y ≤ 0 and (Aᵀy)_i ≥ 0.
+    - Rows with both: y_i = 0, t_i ≥ 0, and (Aᵀy)_i(c̄_i − c_i) is added to the sum.
+
+    Of several candidates, linear programming (HiGHS) takes the one with the most room for rounding.
+    None where there is none, as where some z has p, r ≥ 0, or where none is found in a second. For
+    an affine ψ it is (y, x), shape (2n,).
     """
     if not problem.psi.is_constant:
         higher = lifted(problem)

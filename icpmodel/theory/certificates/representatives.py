@@ -1,24 +1,31 @@
 """Uniqueness and error bound for a few unknowns, from the matrices made of rows of A and rows of I − G.
 
-For ψ = Gz + c and F = min(p, r), F(x) − F(y) = B_d(x − y) with B_d = ΔA + (I − Δ)(I − G), Δ = diag(d), 0 ≤ d ≤ 1. The
-corners d ∈ {0, 1}ⁿ are the row representatives of A and I − G. If their determinants all have the same sign and none
-is zero, ICP has exactly one solution z* for every q; for constant ψ that says: A is a P-matrix. Then, for every z,
+For ψ = Gz + c and F = min(p, r), F(x) − F(y) = B_d(x − y) with B_d = ΔA + (I − Δ)(I − G), Δ =
+diag(d), 0 ≤ d ≤ 1. The corners d ∈ {0, 1}ⁿ are the row representatives V of A and I − G. Let their
+determinants all have the same sign and none be zero. Then ICP has exactly one solution z* for every
+q; for constant ψ the condition says that A is a P-matrix. For every z
 
-    |z_i − z*_i| ≤ max over the representatives V of |V⁻¹φ|_i ≤ Σ_j |min(K_ij p_j(z), H_ij r_j(z))|,
+    |z_i − z*_i| ≤ max_V |V⁻¹φ|_i ≤ Σ_j |min(K_ij p_j(z), H_ij r_j(z))|.
 
-K_ij and H_ij the largest |V⁻¹|_ij among those V whose row j is taken from A and from I − G.
+K_ij and H_ij are the largest |V⁻¹|_ij among those V whose row j is taken from A and from I − G.
 
-Proof: det B_d is affine in each d_k, so it keeps its sign in the cube; F is piecewise affine with all pieces and all
-their mixtures nonsingular, hence a homeomorphism. Each entry of B_d⁻¹ is a quotient of two functions affine in d_k
-whose denominator does not vanish, hence monotone in each d_k, hence largest at a corner. So |z − z*|_i ≤
-Σ_j max(K_ij, H_ij)|F_j|, and with the rows of p multiplied by any s > 0 Σ_j max(K_ij/s_j, H_ij)|min(s_j p_j, r_j)|,
-which is least at s_j = K_ij/H_ij; s may be another one for every i. The signs are compared along the edges of the
-cube: two representatives V and V′ that differ in row k have det V′/det V = (row k of V′)(column k of V⁻¹). Rows without
-obstacle always take the row of A. With an obstacle above that moves alike, ψ̄ = Gz + c̄, F is the median of the three,
-whose differences are means as well, and all else stays.
+Proof: det B_d is affine in each d_k, so it keeps its sign in the cube. F is piecewise affine with
+all pieces and all their mixtures nonsingular, hence a homeomorphism. Each entry of B_d⁻¹ is a
+quotient of two functions affine in d_k whose denominator does not vanish. Hence it is monotone in
+each d_k, and largest at a corner. So |z − z*|_i ≤ Σ_j max(K_ij, H_ij)|F_j|. With the rows of p
+multiplied by any s > 0 the bound is Σ_j max(K_ij/s_j, H_ij)|min(s_j p_j, r_j)|. It is least at s_j
+= K_ij/H_ij; s may be another one for every i.
 
-Reference: Sznajder and Gowda, Linear Algebra Appl. 223/224 (1995), for the row W-property; Cottle and Dantzig, J.
-Combin. Theory 8 (1970); Chen and Xiang, Math. Program. 106 (2006), for the norm of B_d⁻¹; the proof above.
+The signs are compared along the edges of the cube. Two representatives V and V′ that differ in row
+k have det V′/det V = (row k of V′)(column k of V⁻¹). Rows without obstacle always take the row of
+A. With an obstacle above that moves alike, ψ̄ = Gz + c̄, F is the median of the three. Its
+differences are means as well, and all else stays.
+
+References
+----------
+Sznajder and Gowda, Linear Algebra Appl. 223/224 (1995), for the row W-property. Cottle and Dantzig,
+J. Combin. Theory 8 (1970). Chen and Xiang, Math. Program. 106 (2006), for the norm of B_d⁻¹. The
+proof is above.
 """
 
 from __future__ import annotations

@@ -1,22 +1,30 @@
 """Uniqueness and error bound for impulse control, from a strict supersolution.
 
-A a Z-matrix with A1 ≥ 0 and Av > 0 for some v > 0, ψ a best jump (a maximum over jumps: isotone, convex,
-ψ(z + t1) ≤ ψ(z) + t1), F = min(p/a, r) with any a > 0, and some s with F(s) ≥ m > 0. Then ICP has exactly one solution
-z*, z* ≤ s, and for every z with −δ ≤ F(z) ≤ u, δ ≥ 0 ≤ u:
+Let A be a Z-matrix with A1 ≥ 0 and Av > 0 for some v > 0. Let ψ be a best jump: a maximum over
+jumps, isotone, convex, ψ(z + t1) ≤ ψ(z) + t1. Let F = min(p/a, r) with any a > 0, and some s with
+F(s) ≥ m > 0. Then ICP has exactly one solution z*, z* ≤ s, and for every z with −δ ≤ F(z) ≤ u, δ ≥
+0 ≤ u:
 
     z* − z ≤ δ/(δ + m)·(s − z)⁺    and, where u < m,    z − z* ≤ u/(m − u)·(s − z).
 
-Proof. Comparison: F(x) > F(y) in every row implies x ≥ y. Else t = max(y − x) > 0 is attained in a row i with
-p_i(y) ≥ p_i(x) + t(A1)_i ≥ p_i(x) and y_i − ψ_i(y) ≥ x_i + t − ψ_i(x + t1) ≥ x_i − ψ_i(x), so F_i(y) ≥ F_i(x). Along
-a segment p/a and r are concave. So w = (1 − τ)z + τs has F(w) > 0 = F(z*) for τ just above δ/(δ + m), hence z* ≤ w;
-and w = (1 − σ)z* + σs has F(w) ≥ σm > u ≥ F(z) for σ ≤ 1 just above u/m, hence z ≤ w, that is
-(1 − σ)(z − z*) ≤ σ(s − z). For u ≥ m nothing bounds z from above: with jumps 1 ⇄ 2 at the cost u each way every
-z = (t, t) has r = u, and no supersolution has m > u. Existence: the isotone, continuous map z ↦ the largest of ψ(z) and
-of the row by row solution of p = 0 takes s down, −A⁻¹q ≤ s up, so it has a fixed point between; that is a solution.
+Proof. Comparison: F(x) > F(y) in every row implies x ≥ y. Else t = max(y − x) > 0 is attained in a
+row i. There p_i(y) ≥ p_i(x) + t(A1)_i ≥ p_i(x) and y_i − ψ_i(y) ≥ x_i + t − ψ_i(x + t1) ≥ x_i −
+ψ_i(x). So F_i(y) ≥ F_i(x).
 
-s solves min(p/a, r) = m by policy iteration; what it finds is checked, not believed.
-Reference: Bensoussan and Lions, Impulse Control and Quasi-Variational Inequalities (1984); Azimzadeh and Forsyth, SIAM
-J. Numer. Anal. 54 (2016), for policy iteration; the proof above.
+Along a segment p/a and r are concave. So w = (1 − τ)z + τs has F(w) > 0 = F(z*) for τ just above
+δ/(δ + m), hence z* ≤ w. Likewise w = (1 − σ)z* + σs has F(w) ≥ σm > u ≥ F(z) for σ ≤ 1 just above
+u/m. Hence z ≤ w, that is (1 − σ)(z − z*) ≤ σ(s − z). For u ≥ m nothing bounds z from above. With
+jumps 1 ⇄ 2 at the cost u each way every z = (t, t) has r = u, and no supersolution has m > u.
+
+Existence: the map z ↦ the larger of ψ(z) and of the row by row solution of p = 0 is isotone and
+continuous. It takes s down and −A⁻¹q ≤ s up, so it has a fixed point between; that is a solution.
+
+s solves min(p/a, r) = m by policy iteration; the result is checked, not believed.
+
+References
+----------
+Bensoussan and Lions, Impulse Control and Quasi-Variational Inequalities (1984). Azimzadeh and
+Forsyth, SIAM J. Numer. Anal. 54 (2016), for policy iteration. The proof is above.
 """
 
 from __future__ import annotations
