@@ -27,7 +27,25 @@ class Splitting(Shown, ABC):
 
     @abstractmethod
     def operator(self, A: sp.csr_array, shift: Vector) -> Operator:
-        """X⁻¹ for X = M₁ + diag(`shift`), `shift` = φ + Ω of shape (n,). Raises SingularOperator."""
+        """X⁻¹ for X = M₁ + diag(`shift`).
+
+        Parameters
+        ----------
+        A : CSR array of shape (n, n)
+            The matrix.
+        shift : array of shape (n,)
+            φ + Ω.
+
+        Returns
+        -------
+        Operator
+            X⁻¹.
+
+        Raises
+        ------
+        SingularOperator
+            Where X is singular.
+        """
 
 
 class Member(Protocol):

@@ -119,7 +119,23 @@ class DistributedICP(Shown):
         return self.matrix.vector(own)
 
     def sides(self, z: Any) -> tuple[Vector, Vector, Vector | None]:
-        """p, z − ψ(z), and z − ψ̄(z) or None, in the own rows, at the `Vec` `z`. Raises MapError on all ranks."""
+        """p, z − ψ(z), and z − ψ̄(z) or None, in the own rows.
+
+        Parameters
+        ----------
+        z : Vec
+            The point.
+
+        Returns
+        -------
+        tuple of arrays
+            The three vectors; the last one None without an obstacle above.
+
+        Raises
+        ------
+        MapError
+            On all ranks, where ψ fails.
+        """
         p = self.matrix.product(z).array_r + self.q
         above = None if self.upper is None else z.array_r - self.upper.value(z)
         return p, z.array_r - self.psi.value(z), above

@@ -93,8 +93,10 @@ class DistributedSolution(Shown):
 
     @sheltered
     def certify(self) -> DistributedCertificate:
-        """What is certain of z: the error bound, whether z* is the only solution, which rows are decided. Collective:
-        all ranks must call it; it costs about one linear solve, once."""
+        """State what is certain of z: the error bound, uniqueness, and which rows are decided.
+
+        Collective: all ranks must call it. It costs about one linear solve, once.
+        """
         return self._certificate
 
     @cached_property

@@ -29,9 +29,22 @@ from ..certificates.bounds import proofs_of
 def proximal_point(problem: ProblemData) -> Answer:
     """Whether `Proximal` is proved to converge on `problem`, if there is a solution: A monotone, the obstacle fixed.
 
-    Parameters: `problem` an ICP. Returns an `Answer`; no and unknown say that the theorem tells nothing.
-    Reference: `icpmodel.theory.convergence.proximal_point` holds statement and proof.
+    Parameters
+    ----------
+    problem : ICP
+        The problem.
 
+    Returns
+    -------
+    Answer
+        No and unknown say that the theorem does not apply.
+
+    References
+    ----------
+    `icpmodel.theory.convergence.proximal_point` holds statement and proof.
+
+    Examples
+    --------
     >>> print(proximal_point(ICP([[0, -1], [1, 0]], [1, -1])))
     yes: A is monotone and the obstacle fixed: from every start the iterates converge to a solution, if there is one
     >>> print(proximal_point(ICP([[1, 3], [3, 1]], [1, 1])))

@@ -26,12 +26,26 @@ from .theorems import Check, check_all
 
 @dataclass(frozen=True, eq=False)
 class Rate(Shown, ABC):
-    """Every step of the method, in exact arithmetic, reduces a norm of the error z − z* to `factor` times it, or less.
+    """A proved rate: every step, in exact arithmetic, reduces a norm of z − z* to `factor` times it, or less.
 
-    |zᵏ − z*| ≤ factorᵏ·‖z⁰ − z*‖·v entry by entry. `factor` < 1 and `v` > 0, shape (n,), are proved, whatever q is;
-    `sentence` is the theorem behind them, `norm` the norm in words. With an obstacle above z* stands for the point that
-    the method converges to, which is the solution if ψ ≤ ψ̄ there.
+    Attributes
+    ----------
+    factor : float
+        The factor, proved to be below 1, whatever q is.
+    v : array of shape (n,)
+        The weights v > 0 of the norm.
+    sentence : str
+        The theorem behind them.
+    norm : str
+        The norm in words.
 
+    Notes
+    -----
+    Entry by entry |zᵏ − z*| ≤ factorᵏ·‖z⁰ − z*‖·v. With an obstacle above z* stands for the limit
+    of the method, which is the solution if ψ ≤ ψ̄ there.
+
+    Examples
+    --------
     >>> from icpmodel import MNMJ
     >>> problem = ICP([[2, -1], [-1, 2]], [-2, -2])
     >>> rate = predicted_rate(problem, MNMJ())
@@ -54,8 +68,22 @@ class Rate(Shown, ABC):
     def distance(self, problem: ProblemData, z0: Any) -> float:
         """A bound on the norm of z⁰ − z*, rounding included, infinite where none is known.
 
-        It rests on one step of the method: ‖z¹ − z⁰‖/(1 − factor). Parameters: `problem` with the A and ψ of the rate;
-        `z0` shape (n,), finite. Raises InputError for another A or ψ, or another z0.
+        Parameters
+        ----------
+        problem : ICP
+            A problem with the A and ψ of the rate.
+        z0 : array_like of shape (n,)
+            The start, finite.
+
+        Returns
+        -------
+        float
+            The bound ‖z¹ − z⁰‖/(1 − factor), from one step of the method.
+
+        Raises
+        ------
+        InputError
+            For another A or ψ, or another z0.
         """
         problem, step = as_problem(problem), self._step
         z0 = problem.vector(z0, "z0", finite=True)
@@ -84,10 +112,28 @@ class Rate(Shown, ABC):
             return np.nextafter(size * self.v, np.inf)
 
     def steps(self, problem: ProblemData, z0: Any, accuracy: Any) -> int | None:
-        """After so many steps |zᵏ − z*| ≤ `accuracy` in every entry, whatever z* is; None where no number is known.
+        """Number of steps after which |zᵏ − z*| ≤ `accuracy` in every entry, whatever z* is.
 
-        Parameters: `problem` and `z0` as in `distance`; `accuracy` a positive number or vector of shape (n,), in the
-        units of z; rounding in the run itself limits what can be had. Raises InputError where it is not positive.
+        Parameters
+        ----------
+        problem, z0
+            As for `distance`.
+        accuracy : float or array_like of shape (n,)
+            The positive accuracy, in the units of z.
+
+        Returns
+        -------
+        int or None
+            The number; None where none is known.
+
+        Raises
+        ------
+        InputError
+            Where `accuracy` is not positive.
+
+        Notes
+        -----
+        Rounding in the run itself limits the accuracy that can be reached.
         """
         if np.ndim(accuracy) == 0:
             accuracy = as_number(accuracy, "accuracy", above=0)

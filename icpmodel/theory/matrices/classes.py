@@ -38,10 +38,29 @@ _BASIC_FIRST = sorted(NAMES, key=lambda name: name in ("m", "definite", "semidef
 
 
 def classify(A: Any) -> MatrixClasses:
-    """The classes of `A`, shape (n, n), dense or sparse. Raises InputError where it is no square matrix of numbers.
+    """The classes of a matrix.
 
-    Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992), chapter 3.
+    Parameters
+    ----------
+    A : array_like or sparse matrix of shape (n, n)
+        The matrix.
 
+    Returns
+    -------
+    MatrixClasses
+        The classes, each with its proof.
+
+    Raises
+    ------
+    InputError
+        Where `A` is no square matrix of numbers.
+
+    References
+    ----------
+    Cottle, Pang and Stone, The Linear Complementarity Problem (1992), chapter 3.
+
+    Examples
+    --------
     >>> classes = classify([[2.0, -1.0], [-1.0, 2.0]])
     >>> print(classes.m)
     yes: Z-matrix and H+-matrix
@@ -50,11 +69,30 @@ def classify(A: Any) -> MatrixClasses:
 
 
 def p_matrix(A: Any) -> Answer:
-    """Whether `A`, shape (n, n), dense or sparse, is a P-matrix.
+    """Whether `A` is a P-matrix.
 
-    The witness of False is the index set, an array, of a principal minor ≤ 0; None where the reason is the proof.
-    Raises InputError where A is no square matrix of finite numbers. Reference: `icpmodel.theory.matrices.p_matrix`.
+    Parameters
+    ----------
+    A : array_like or sparse matrix of shape (n, n)
+        The matrix.
 
+    Returns
+    -------
+    Answer
+        The witness of False is the index set, an array, of a principal minor ≤ 0; None where the
+        reason is the proof.
+
+    Raises
+    ------
+    InputError
+        Where A is no square matrix of finite numbers.
+
+    References
+    ----------
+    `icpmodel.theory.matrices.p_matrix`.
+
+    Examples
+    --------
     >>> p_matrix([[1, 0, 2], [2, 1, 0], [0, 2, 1]]).holds
     True
     >>> p_matrix([[1, 0, -2], [2, 1, 0], [0, -2, 1]]).witness, p_matrix([[1, 2], [2, 1]]).witness

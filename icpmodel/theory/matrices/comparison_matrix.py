@@ -20,9 +20,24 @@ _FACTORISE_FIRST = 20_000  #: up to this size a factorisation costs less than lo
 def comparison_matrix(A: Any) -> sp.csr_array:
     """⟨A⟩: |a_ii| on the diagonal and −|a_ij| off it.
 
-    Parameters: `A` dense or sparse, shape (n, n). Returns CSR, of the same pattern where `A` is CSR with every diagonal
-    entry stored, and then `A` itself where it is that. Raises InputError where it is no square matrix of numbers.
+    Parameters
+    ----------
+    A : array_like or sparse matrix of shape (n, n)
+        The matrix.
 
+    Returns
+    -------
+    CSR array of shape (n, n)
+        ⟨A⟩. It has the same pattern where `A` is CSR with every diagonal entry stored. It is `A`
+        itself where `A` is its own comparison matrix.
+
+    Raises
+    ------
+    InputError
+        Where A is no square matrix of numbers.
+
+    Examples
+    --------
     >>> comparison_matrix([[-2.0, 1.0], [-1.0, 3.0]]).toarray()
     array([[ 2., -1.],
            [-1.,  3.]])
