@@ -247,11 +247,12 @@ class _Best:
         """Whether `z` is strictly good: on its obstacles, as it is, or without what may be rounding."""
         judged = self._judged(z)
         if judged.rounded <= _WORTH:
-            on_obstacles = self.conditions.pressed(z, judged.held)
-            self._judged(on_obstacles)
-            if self.violation > self.tolerance >= self.rounded[0]:
+            self._judged(self.conditions.pressed(z, judged.held))
+            if self.violation <= self.tolerance:
+                self._judged(self.conditions.snapped(self.z))
+            elif self.rounded[0] <= self.tolerance:
                 self.count += 1
-                self._judged(self.conditions.snapped(on_obstacles))
+                self._judged(self.conditions.snapped(self.rounded[1]))
         return self.violation <= self.tolerance
 
     def _judged(self, z: Vector) -> Violation:
