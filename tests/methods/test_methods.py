@@ -91,21 +91,6 @@ def test_a_path_ends_or_goes_on_with_arrays_of_its_own(method, scene):
         method_.name = "another"
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_a_path_that_waits_or_is_left_changes_nothing_of_what_a_user_asked_of_numpy(method):
-    """np.errstate around a yield is that of whoever has the turn then, and comes back when the path is collected."""
-    problem, method_ = icp.ICP([[4.0, -1.0], [-2.0, 4.0]], [-3.0, -2.0]), METHODS[method]
-    before, path = np.geterr(), method_.iterates(problem, np.zeros(problem.n))
-    for state in ("ignore", "warn"):
-        with np.errstate(all=state):
-            asked = np.geterr()
-            next(path, None)
-            assert np.geterr() == asked
-        assert np.geterr() == before
-    del path
-    assert np.geterr() == before
-
-
 def test_mms_is_the_recursion_of_hong_and_li():
     """(Ω + M)x⁺ = Nx + (Ω − A)|x| − γ(Aψ(z) + q), ψ renewed every `inner` steps; γ has no influence on z."""
     A = np.array([[4.0, -1.0], [-2.0, 4.0]])

@@ -84,6 +84,21 @@ class TestScalingVectors:
             assert isinstance(found, str) == (radius >= 1)
 
 
+def test_in_the_active_set_psi_may_move_by_what_z_is_wrong():
+    """z* = 0 touches with p* = 0.1; at z = (2, 2) |z − z*| ≤ 2 < r = 3.8, but ψ changes by 1.8 as well."""
+    problem = icp.ICP([[1.0, -0.5], [-0.5, 1.0]], [0.1, 0.1], icp.Affine(-0.9 * np.eye(2)))
+    z, delta = np.full(2, 2.0), np.full(2, 2.0)
+    known = icp.theory.active_set(problem, z, icp.ErrorBound(2.0, delta, 3.0, "z* = 0", ""))
+    assert known.undecided.all()
+
+
+@pytest.mark.parametrize("prove", ["h_plus", "definite", "representatives"])
+def test_where_psi_is_steeper_than_z_there_are_two_solutions_and_no_proof(prove):
+    """z = 0, and z = 2 sin z with p = z > 0."""
+    psi = icp.Function(lambda z: 2 * np.sin(z), lambda z: np.diag(2 * np.cos(z)), lipschitz=2.0)
+    assert isinstance(getattr(proofs_of(icp.ICP([[1.0]], [0.0], psi)), prove), str)
+
+
 def test_a_z_that_is_not_finite_is_named():
     problem = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [1.0, -2.0])
     for z, words in (([np.nan, 2.0], "z[0] is nan"), ([1.0, np.inf], "z[1] is inf")):
