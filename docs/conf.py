@@ -28,6 +28,7 @@ nitpicky = False  # annotations name what is no page; links in the text are all 
 myst_enable_extensions = ["dollarmath", "colon_fence", "deflist", "attrs_inline"]
 myst_heading_anchors = 3
 
+napoleon_use_ivar = True  # a list of attributes: those that are properties have an entry of their own
 autodoc_default_options = {"members": True, "member-order": "bysource"}
 autodoc_typehints_format = "short"
 autodoc_preserve_defaults = True
