@@ -149,6 +149,7 @@ TWO = [[2.0, 1.0], [1.0, 2.0]]
         ("monotone", icp.ICP([[1.0, 0.0], [-0.5, 1.0]], [0.0, 0.0]), icp.MNMGS(), False),
         ("monotone", icp.ICP([[1.0]], [0.0], icp.Affine([[-0.1]])), icp.MNMJ(), False),
         ("monotone", icp.ICP([[1.0]], [0.0], np.sin), icp.MNMJ(), None),
+        ("monotone", icp.ICP([[1.0]], [0.0]), icp.MNMJ(phi2=1.5), False),
         ("monotone", icp.ICP([[1.0]], [0.0]), icp.ProjectionFixedPoint(omega=1.2), False),
         ("monotone", icp.ICP([[1.0]], [0.0]), icp.ProjectionFixedPoint(omega=0.8), True),
         ("definite", icp.ICP([[1.0, 3.0], [0.0, 1.0]], [0.0, 0.0]), icp.MNMOD(), False),
