@@ -39,6 +39,7 @@ OBJECTS = [
     SCENE,
     SOLUTIONS,
     SOLUTIONS.faces[0],
+    icp.contact_state(icp.ICP.from_friction_index(np.eye(2), [1, -3], [0, -0.5], [np.inf, 0.5], [-1, 0]).solve()),
     replace(SCENE, name=LONG, title=LONG, models=LONG, why_no_reference=LONG, why_no_solution=LONG, z_exact=SOLUTION.z),
     SCENE.problem,
     icp.scenes.by_rows("membrane", n=10**9),

@@ -18,6 +18,7 @@ from ...numerics.arrays import Vector
 from ...numerics.threads import one_blas_thread
 from ...solve.progress import Progress
 from ...solve.solution import Solution, Status
+from ...theory.certificates.bounds import limited
 from ...theory.certificates.infeasible import infeasible
 from ...theory.certificates.recession import contradicts, least_violation
 from .program import Program, Tightened, Values
@@ -122,7 +123,10 @@ class _ProgramRun:
         for method, most in ((first, _ITERATIONS), (None if first else "interior", _ITERATIONS), (None, _MANY)):
             solution = self._solved(conditions.problem, method, z0, best.judged, most)
             limited = solution.status in _LIMITS
-            if best.ends(solution.z) or limited or self._refined(best, solution.z) or best.is_good():
+            if best.ends(solution.z):
+                self._polish(best)
+                break
+            if limited or self._refined(best, solution.z) or best.is_good():
                 break
             if method == first or solution.infeasible is not None:
                 proof = self._without_solution(conditions, solution) or proof
@@ -143,6 +147,13 @@ class _ProgramRun:
         return Outcome(
             status, message, values, value, best.violation, self.iterations, conditions=conditions, solution=solution
         )
+
+    def _polish(self, best: _Best) -> None:
+        """One linear solve on the active set of a good iterate, which counts where it is better."""
+        problem = best.conditions.problem
+        pattern = Pattern.at(problem, best.z, problem.p(best.z), problem.matrix.proximal_weights)
+        with suppress(IcpError, MemoryError), limited(self.left(), None):
+            best.improves(solve_on(problem, best.z, pattern.active, pattern.above))
 
     def _refined(self, best: _Best, z: Vector) -> bool:
         """Whether steps with the signs at `z` make it good: each row comes to the rounding of its own terms."""
@@ -242,6 +253,13 @@ class _Best:
     def ends(self, z: Vector) -> bool:
         """Whether the run has come to a strictly good iterate, or ends with one at `z`."""
         return self.violation <= self.tolerance or self.takes(z)
+
+    def improves(self, z: Vector) -> None:
+        """Take `z` where it is at least as good."""
+        judged = self.conditions.violation(z)
+        if judged.strict <= self.violation:
+            self.violation = judged.strict
+            self.z = z
 
     def takes(self, z: Vector) -> bool:
         """Whether `z` is strictly good: on its obstacles, as it is, or without what may be rounding."""
