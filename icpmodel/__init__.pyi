@@ -83,6 +83,8 @@ from .theory import comparison_matrix as comparison_matrix
 from .theory import error_bound as error_bound
 from .theory.certificates.certificate import Certificate as Certificate
 from .theory.certificates.certificate import certify as certify
+from .theory.certificates.contradiction import Contradiction as Contradiction
+from .theory.certificates.contradiction import contradiction as contradiction
 from .theory.solution_set import Face as Face
 from .theory.solution_set import SolutionSet as SolutionSet
 from .theory.solution_set import all_solutions as all_solutions

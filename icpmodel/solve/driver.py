@@ -19,6 +19,8 @@ from ..numerics import work
 from ..numerics.arrays import Vector, as_truth, described, norm
 from ..numerics.rounding import CTRL_C, is_ctrl_c, sheltered
 from ..problem.data import OF_ARRAYS, ProblemData, ProblemLike, as_problem
+from ..theory.certificates.contradiction import contradiction
+from ..theory.certificates.infeasible import infeasible
 from .candidate import Candidate, Ended
 from .choice import FAMILIES, why_none
 from .goal import RTOL, AccuracyGoal, Goal, Limits
@@ -272,6 +274,12 @@ def solution_of(run: Run, limits: Limits) -> Solution:
         status, note = Status.PRECISION_LIMIT, "only as float64 rounds it is the residual of this z small enough"
     if status not in (Status.SOLVED, Status.INTERRUPTED, Status.STOPPED) and (crossed := _crossed(run.problem, best.z)):
         status, note = Status.CROSSED, crossed
+    found = contradiction(run.problem) if status in (*_NO_FURTHER, Status.INFEASIBLE) else None
+    if found is not None and status is not Status.INFEASIBLE:
+        witness = found.witness(run.problem.n)
+        answer = infeasible(run.problem, witness[: run.problem.n] if run.problem.psi.is_constant else witness)
+        if answer.holds:
+            run.infeasible, status, note = answer, Status.INFEASIBLE, answer.reason
     message = "solved"
     if status is Status.SOLVED:
         last = best.candidate
@@ -280,6 +288,8 @@ def solution_of(run: Run, limits: Limits) -> Solution:
         advice = status.advice_with(last.method.to_try if len(run.tried) < 2 else "")
         if status in (Status.ITERATION_LIMIT, Status.TIME_LIMIT) and run.proved is not None:
             note += run.proved.in_words(best.z, run.goal.enough_at(best.z))
+        if found is not None:
+            note = f"{note}; {found}"
         message = (
             f"{last.method!r} {status.value}: {note}; best residual {best.residual:.3g}{by} "
             f"({run.goal.wanted(best.z)}). Advice: {advice}"

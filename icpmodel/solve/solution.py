@@ -24,6 +24,7 @@ from ..problem.data import ProblemData
 from ..theory.answers import Answer
 from ..theory.certificates.bounds import ErrorBound, error_bound, limited
 from ..theory.certificates.certificate import NOT_COMPUTED, ActiveSet, Certificate, active_set, certify
+from ..theory.certificates.contradiction import Contradiction, contradiction
 from .goal import Goal
 
 
@@ -74,7 +75,7 @@ _ADVICE = {
     "CYCLED": "try {}another method or another start z0",
     "DIVERGED": "try {}another method or another start z0; A may be far from an H+-matrix, or psi move too much: see "
     "problem.explain()",
-    "INFEASIBLE": "this is proved: mend A, q or psi; `infeasible.witness` says which rows contradict each other",
+    "INFEASIBLE": "this is proved: mend A, q or psi; `solution.contradiction` may name the conditions that contradict",
     "ITERATION_LIMIT": "raise max_iter, ask for less (rtol, accuracy), or pass this solution as z0 to go on",
     "TIME_LIMIT": "raise time_limit, ask for less (rtol, accuracy), or pass this solution as z0 to go on",
     "MEMORY_LIMIT": "raise memory_limit, free memory, or name a method that needs little, such as mnmgs",
@@ -212,6 +213,15 @@ class Solution(ReadOnly, Plotted):
         True
         """
         return certify(self.problem, self.z, time_limit=self.time_limit, memory_limit=self.memory_limit)
+
+    @cached_property
+    def contradiction(self) -> Contradiction | None:
+        """Conditions that contradict each other and the nearest q without: `icpmodel.contradiction` of the problem.
+
+        >>> ICP([[0.0]], [-2.0]).solve(raise_on_failure=False).contradiction
+        infeasible by 2: p[0] >= 0
+        """
+        return None if self.solved else contradiction(self.problem)
 
     @cached_property
     def active_set(self) -> ActiveSet:

@@ -1,0 +1,99 @@
+"""What a proof of infeasibility says: a minimal set of conditions, by how much they fail, and the nearest q."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import linprog
+
+import icpmodel as icp
+from icpmodel import ICP
+
+ENTRIES = st.integers(-2, 2)
+
+
+@st.composite
+def problems(draw):
+    n = draw(st.integers(1, 4))
+    A, G = np.array(draw(st.lists(ENTRIES, min_size=2 * n * n, max_size=2 * n * n))).reshape(2, n, n)
+    q, c = np.array(draw(st.lists(st.integers(-3, 1), min_size=2 * n, max_size=2 * n))).reshape(2, n)
+    upper = draw(st.sampled_from([None, np.full(n, 2.0)]))
+    psi = icp.Affine(G / 2, c) if draw(st.booleans()) else np.where(q < -1, -np.inf, c)
+    return ICP(A, q, psi, upper=upper)
+
+
+def inequalities(problem):
+    """{condition in words: (row, side)} with row · z ≥ side, from the definition."""
+    found, unit = {}, np.eye(problem.n)
+    (G, c), (H, d) = ((one.linear[0].toarray(), one.linear[1]) for one in (problem.psi, problem.upper or problem.psi))
+    d = d if problem.upper else np.full(problem.n, np.inf)
+    for i, (row, q) in enumerate(zip(problem.dense(), problem.q, strict=True)):
+        if np.isinf(d[i]):
+            found[f"p[{i}] >= 0"] = row, -q
+        if np.isinf(c[i]):
+            found[f"p[{i}] <= 0"] = -row, q
+        if c[i] > -np.inf:
+            found[f"z[{i}] >= psi[{i}]"] = unit[i] - G[i], c[i]
+        if d[i] < np.inf:
+            found[f"z[{i}] <= upper[{i}]"] = H[i] - unit[i], -d[i]
+    return found
+
+
+def can_be_met(conditions):
+    if not conditions:
+        return True
+    M, m = (np.array(part) for part in zip(*conditions, strict=True))
+    return linprog(np.zeros(M.shape[1]), A_ub=-M, b_ub=-m, bounds=(None, None)).status == 0
+
+
+@settings(max_examples=60, deadline=None)
+@given(problems())
+def test_the_set_contradicts_itself_and_no_part_of_it_does(problem):
+    stated, found = inequalities(problem), icp.contradiction(problem)
+    assert (found is None) == can_be_met(stated.values())
+    if found is None:
+        return
+    kept = [stated[one] for one in found.conditions]
+    assert sum(w * row for w, (row, _) in zip(found.weights, kept, strict=True)) == pytest.approx(np.zeros(problem.n))
+    assert sum(w * side for w, (_, side) in zip(found.weights, kept, strict=True)) > 0
+    for k in range(len(kept)):
+        assert can_be_met(kept[:k] + kept[k + 1 :])
+    if found.change is not None:
+        largest = np.abs(problem.dense()).max(axis=1)
+        units = np.abs(found.change) / np.where(largest > 0, largest, 1.0)
+        assert units.max() == pytest.approx(found.by)
+        nearer = inequalities(problem.with_q(problem.q + found.change))
+        assert can_be_met([(row, side - 1e-9) for row, side in nearer.values()])
+
+
+@pytest.mark.parametrize("gap", [1.0, 1e-2, 5e-6])
+def test_a_near_contradiction_is_told_from_a_solved_problem(gap):
+    """1 ≥ z₀ ≥ 1 + gap as rows 20 and 21, in a problem of 22 rows whose units go from 1 to 1e4."""
+    random = np.random.default_rng(3)
+    A = random.uniform(-1, 1, (22, 22))
+    A = A @ A.T + 22 * np.eye(22)
+    q = random.uniform(-1, 1, 22)
+    for i in (0, 20, 21):
+        A[i], A[:, i] = 0, 0
+    A[20, 0], A[0, 20], A[21, 0], A[0, 21] = -1, 1, 1, -1
+    q[[0, 20, 21]] = 0, 1, -1 - gap
+    unit = 10.0 ** random.uniform(0, 4, 22)
+    problem = ICP(unit[:, None] * A, unit * q)
+    solution = problem.solve(raise_on_failure=False)
+    assert solution.status is icp.Status.INFEASIBLE
+    assert str(solution.contradiction) == f"infeasible by {gap / 2:.3g}: p[20] >= 0, p[21] >= 0"
+    assert str(solution.contradiction) in solution.message
+    nearer = problem.with_q(problem.q + 1.001 * solution.contradiction.change).solve()
+    assert nearer.solved
+    assert nearer.contradiction is None
+
+
+def test_a_run_that_stagnates_on_a_contradiction_ends_with_its_proof():
+    """1 − z ≥ 0 and z ≥ 1 + 5e-6, of which Newton's steps find no proof."""
+    problem = ICP([[-1.0]], [1.0], psi=1 + 5e-6)
+    solution = problem.solve("newton", raise_on_failure=False, max_iter=50)
+    assert solution.status is icp.Status.INFEASIBLE
+    assert solution.infeasible.holds
+    assert replace(solution).contradiction.by == pytest.approx(5e-6)
