@@ -1,5 +1,7 @@
 """`solve_qp`: the program's own units, signs and multipliers, proofs, arguments; and the ways to its linear systems."""
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -133,3 +135,56 @@ def test_what_is_optimal_has_the_least_objective_however_large_p_is_beside_q(P, 
     """Px = 0 holds to rounding at any x in the null space: it says nothing of q, and q is all that matters there."""
     found = icp.solve_qp(np.array(P) * unit, np.array(q) * unit, G, h)
     assert found.objective == pytest.approx(least * unit, rel=1e-5)  # what float64 makes of xᵀPx is off by as much
+
+
+def a_wild_program(seed):
+    """Small data in units that differ by 10^±9 from row to row; some are infeasible or unbounded."""
+    random = np.random.default_rng(seed)
+    n, m, k = random.integers(1, 4), random.integers(0, 3), random.integers(0, 5)
+    B = random.integers(-2, 3, (random.integers(0, n + 1), n))
+    rows = [random.integers(-3, 4, (i, n)) * 10.0 ** random.integers(-6, 7, (i, 1)) for i in (m, k)]
+    sides = [random.integers(-4, 5, i) * 10.0 ** random.integers(-8, 9) for i in (m, k)]
+    q = random.integers(-3, 4, n) * 10.0 ** random.integers(-8, 9)
+    return B.T @ B * 10.0 ** random.integers(-12, 9), q, rows[0], sides[0], rows[1], sides[1]
+
+
+def exactly(*arrays):
+    return [
+        [[Fraction(float(x)) for x in row] for row in a] if np.ndim(a) == 2 else [Fraction(float(x)) for x in a]
+        for a in arrays
+    ]
+
+
+def faults(data, x, equality, inequality):
+    """What is wrong in the user's units, in fractions, each with the sum of the |terms| that it is a share of."""
+    P, q, A, b, F, g, x, equality, inequality = exactly(*data, x, equality, inequality)
+    for row, side in zip(A, b, strict=True):
+        yield terms_of(row, x, [-side])
+    for row, side in zip(F, g, strict=True):
+        wrong, size = terms_of(row, x, [-side])
+        yield max(wrong, 0), size
+    for j, slope in enumerate(q):
+        columns = [row[j] for row in A], [row[j] for row in F]
+        yield terms_of(P[j] + columns[0] + columns[1], x + equality + inequality, [slope])
+    slack = [side - terms_of(row, x, [])[0] for row, side in zip(F, g, strict=True)]
+    sizes = [terms_of(u, v, [])[1] for u, v in ((q, x), (b, equality), (g, inequality))]
+    sizes += [abs(x[j]) * terms_of(P[j], x, [])[1] for j in range(len(x))]
+    yield terms_of(inequality, slack, [])[0], sum(sizes)
+    yield from ((-min(u, 0), Fraction(0)) for u in inequality)
+
+
+def terms_of(row, x, others):
+    terms = [a * b for a, b in zip(row, x, strict=True)] + others
+    return sum(terms, Fraction(0)), sum(map(abs, terms), Fraction(0))
+
+
+@pytest.mark.parametrize("seed", [*range(20), 287, 298, 303, 347, 360, 629, 652])
+def test_optimal_is_said_of_what_is_optimal_in_the_units_of_the_user(seed):
+    """Rows, gradient, signs and gap hold to 1e-6 of their terms, whatever the units; judged in fractions."""
+    P, q, A, b, F, g = data = a_wild_program(seed)
+    rows = {"A": A, "b": b} if b.size else {}
+    rows |= {"G": F, "h": g} if g.size else {}
+    found = icp.solve_qp(P, q, **rows, time_limit=2.0, raise_on_failure=False)
+    if found.found:
+        for wrong, size in faults(data, found.x, found.y, found.z):
+            assert abs(wrong) <= 1e-6 * size
