@@ -66,11 +66,12 @@ from .problem.function import Function as Function
 from .problem.intervention import Intervention as Intervention
 from .problem.map import Map as Map
 from .solve import solve as solve
+from .solve.choice import Choice as Choice
+from .solve.choice import select_method as select_method
 from .solve.contact_state import ContactState as ContactState
 from .solve.contact_state import contact_state as contact_state
 from .solve.many import solve_many as solve_many
 from .solve.progress import Progress as Progress
-from .solve.reduced import Reduced as Reduced
 from .solve.solution import History as History
 from .solve.solution import Solution as Solution
 from .solve.solution import Status as Status

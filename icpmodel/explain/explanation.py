@@ -19,9 +19,8 @@ from ..present.card import Sections, inner_width
 from ..present.shown import Shown
 from ..present.table import Table
 from ..problem.data import ProblemData, ProblemLike, as_problem
-from ..solve.choice import why_none
-from ..solve.reduced import candidates, posed
-from ..solve.schedule import Schedule
+from ..solve.choice import select_method, why_none
+from ..solve.reduction import posed
 from ..theory.answers import Allowance, Answer
 from ..theory.certificates.bounds import ErrorBound, error_bound, listed, never_cross, proofs_of
 from ..theory.convergence.proximal_point import proximal_point
@@ -176,7 +175,7 @@ class Explanation(Shown):
             yield self.why
         else:
             alone = "left to itself " if self.asked else ""
-            yield f"call solve(); {alone}it will run {self.picked!r} first, because it is {self.why}"
+            yield f"call solve(); {alone}it will run {self.picked!r} first: {self.why}"
         if self.instead is None and not any(one.proved_by for one in self.forecasts):
             yield from what_to_do(self.problem, self.classes, self.picked)
         largest = self.bound.value
@@ -327,12 +326,12 @@ def _picked(problem: ProblemData, limit: Allowance) -> tuple[Method | None, str]
     """The method that `solve` begins with, and why; or None, and a sentence on why there is none."""
     try:
         with limit.kept():
-            turn = Schedule(candidates(posed(problem))).turn()
+            choice = select_method(posed(problem))
     except (OutOfTime, MemoryError) as error:
         return None, f"call solve(); which method it will run first: {limit.undecided(error)}"
-    if turn is None:
+    if choice is None:
         return None, f"solve() has no method for this problem: {why_none(problem)}"
-    return turn.who.method, turn.who.why
+    return choice.method, choice.why
 
 
 def _same(one: Method, other: Method) -> bool:

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
-from ..algebra.relaxation import AUTO, jacobi_step, relaxation, sor_speed
+from ..algebra.relaxation import AUTO, jacobi_step, relaxation
 from ..algebra.steps import Stepped, in_a_row
 from ..errors import InputError, MapError
 from ..numerics import work
 from ..numerics.arrays import Vector, as_number, described
 from ..problem.data import ProblemData
-from ..problem.facts import Facts
 from .aor import MNMAOR
-from .contract import SAFE_HINT, Estimate, FixedPoint, Iterate, Method, named, names
+from .contract import SAFE_HINT, FixedPoint, Iterate, Method, named, names
 from .psor import PSOR
 
 #: an accelerated iterate may have this many times the least residual so far
@@ -93,17 +91,6 @@ class Accelerated(Method):
 
     def why_not(self, problem: ProblemData) -> str | None:
         return (self.of or MNMAOR(theta1=AUTO)).why_not(problem)
-
-    def estimate(self, facts: Facts, aim: float) -> Estimate | None:
-        # sweeps with a spectrum in [0, λ], accelerated as by Chebyshev's polynomials
-        if self.of is not None and not isinstance(self.of, PSOR):
-            return None
-        omega = self.of.omega if self.of is not None else 1.0
-        rate = math.exp(-sor_speed(omega, max(facts.matrix.coupled_radius, facts.coupling)))
-        speed = _OF_CHEBYSHEV * -math.log((1.0 - math.sqrt(1.0 - rate)) / (1.0 + math.sqrt(1.0 - rate)))
-        # of the sweeps between two combinations each adds to the history
-        passes = 2.0 + 3.0 * (self.history_size + 1) / self.mixing_frequency
-        return Estimate.of_sweeps(facts, aim, speed, look=self.history_size + 2.0, vectors=passes, calls=_HISTORY)
 
     def differences(self, problem: ProblemData) -> Differences:
         """The history of a run, which makes the combinations."""

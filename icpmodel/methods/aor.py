@@ -7,24 +7,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from ..algebra.relaxation import (
-    RELAXED,
-    SETTLE,
-    AdaptedOmega,
-    a_number,
-    best_omega,
-    is_auto,
-    leave_out,
-    relaxation,
-    sor,
-    sor_speed,
-)
+from ..algebra.relaxation import RELAXED, AdaptedOmega, a_number, is_auto, leave_out, relaxation, sor
 from ..algebra.splittings import AOR, Splitting
 from ..algebra.steps import AT_ONCE, Stepped, in_a_row
 from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
-from ..problem.facts import Facts
-from .contract import Estimate, Iterate, Method
+from .contract import Iterate, Method
 from .modulus import FreeOmega
 
 #: so many times the sweeps of PSOR are needed where A couples rows more than ψ does, as those that touch the obstacle
@@ -104,12 +92,6 @@ class MNMAOR(_Relaxing):
         else:
             AOR(self.theta1, self.theta2)
 
-    def estimate(self, facts: Facts, aim: float) -> Estimate | None:
-        if not is_auto(self.theta1):
-            return None
-        speed = _dragged_speed(facts, best_omega(facts.matrix.jacobi_radius), facts.matrix.jacobi_radius)
-        return Estimate.of_sweeps(facts, aim, speed, look=2.0 * SETTLE)  # until ω is what it will be
-
     def settled(self, problem: ProblemData) -> MNMAOR:
         """With ω = `relaxation`: acceleration needs no more."""
         return self._relaxed(problem, relaxation(problem)) if is_auto(self.theta1) else self
@@ -173,16 +155,8 @@ class MNMGS(FreeOmega):
     name: ClassVar[str] = "mnmgs"
     family: ClassVar[str] = "paper"
 
-    def estimate(self, facts: Facts, aim: float) -> Estimate | None:
-        return Estimate.of_sweeps(facts, aim, _dragged_speed(facts, 1.0, facts.matrix.rough_jacobi_radius))
-
     def splitting_of(self) -> Splitting:
         return AOR(1.0, 1.0)
-
-
-def _dragged_speed(facts: Facts, omega: float, radius: float) -> float:
-    """`sor_speed` with the values of the step before in the modulus, where the Jacobi radius is `radius`."""
-    return min(sor_speed(omega, radius) / _DRAGGED, sor_speed(omega, facts.coupling))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

@@ -11,18 +11,16 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Generator, Iterator
 from dataclasses import dataclass, fields
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ..algebra.steps import Step, in_a_row
 from ..errors import InputError, meant
-from ..numerics import work
 from ..numerics.arrays import ReadOnly, Vector, described
 from ..numerics.plugins import load_plugins
 from ..present.shown import Shown
 from ..problem.data import ProblemData
-from ..problem.facts import Facts
 from ..theory.answers import Answer
 
 _REGISTRY: dict[str, type[Method]] = {}
@@ -61,33 +59,6 @@ class Infeasible(Exception):
         self.answer = answer
 
 
-class Estimate(NamedTuple):
-    """What a method expects to cost, in products with A: `setup`, then `steps` of `step` each; `memory` in bytes.
-
-    Memory is what it holds beyond the problem; before `look` steps its rate tells nothing.
-    """
-
-    setup: float
-    step: float
-    steps: float
-    memory: float
-    look: int = 6
-
-    @classmethod
-    def of_sweeps(cls, facts: Facts, aim: float, speed: float, look: float = 6.0, **more: float) -> Estimate:
-        """Sweeps that reduce the logarithm of the residual by `speed` a step, each with `more` calls and vectors."""
-        n, costs = facts.matrix.n, work.COSTS
-        calls, vectors = more.get("calls", 0.0), more.get("vectors", 0.0)
-        step = costs.iterate + calls * costs.call + work.sweep(n, facts.entries) + vectors * costs.vector * n
-        steps, unit = math.log(1.0 / aim) / speed + 1.0, facts.matrix.unit
-        return cls(costs.call / unit, step / unit, steps, 8.0 * n * (4.0 + vectors), math.ceil(look))
-
-    @property
-    def total(self) -> float:
-        """The whole cost, in products with A."""
-        return self.setup + self.step * self.steps
-
-
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Method(ReadOnly, Shown, ABC):
     """An iterative method for ICP. Subclasses with options are frozen keyword-only dataclasses that check them; a
@@ -119,14 +90,6 @@ class Method(ReadOnly, Shown, ABC):
 
         >>> icp.PSOR().why_not(ICP([[0.0]], [1.0]))
         'projected SOR divides by the diagonal of A, but A[0, 0] = 0'
-        """
-        return None
-
-    def estimate(self, facts: Facts, aim: float) -> Estimate | None:
-        """What it expects to cost on a problem with these `facts` to come to the share `aim` of Res_D(0); None:
-        unknown.
-
-        A method whose cost is unknown is never picked by `solve`; it can be named.
         """
         return None
 

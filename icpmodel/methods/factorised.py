@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -10,11 +9,8 @@ import numpy as np
 
 from ..algebra.relaxation import a_number, check_diagonal, is_auto, scale_of
 from ..algebra.splittings import Splitting, Whole
-from ..numerics import work
 from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
-from ..problem.facts import Facts
-from .contract import Estimate
 from .modulus import ModulusMember
 
 
@@ -65,18 +61,6 @@ class MNMMOD(MNMOD):
     def __post_init__(self) -> None:
         super().__post_init__()
         is_auto(self.theta1)
-
-    def estimate(self, facts: Facts, aim: float) -> Estimate | None:
-        # with θ₁ = √(λ_min λ_max) a step leaves (√κ − 1)/(√κ + 1), where A is symmetric, and κ = (1 + ρ)/(1 − ρ)
-        if not is_auto(self.theta1):
-            return None
-        matrix = facts.matrix
-        radius = min(matrix.jacobi_radius, 1.0 - 1e-6)
-        root = math.sqrt((1.0 + radius) / (1.0 - radius))
-        step = (4.0 * work.COSTS.call + work.solve_cost(matrix.fill)) / matrix.unit + 1.0
-        setup = 2.0 * matrix.factor_cost / matrix.unit
-        steps = math.log(1.0 / aim) / math.log((root + 1.0) / (root - 1.0)) if root > 1.0 else 1.0
-        return Estimate(setup, step, 1.0 + steps, 16.0 * matrix.fill.entries)
 
     def settled(self, problem: ProblemData) -> MNMMOD:
         return MNMMOD(phi=self.phi, theta1=scale_of(problem)) if is_auto(self.theta1) else self

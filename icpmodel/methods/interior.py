@@ -11,7 +11,6 @@ Reference: Mehrotra, SIAM J. Optim. 2 (1992), for the choice of ε; Friedlander 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -31,9 +30,8 @@ from ..numerics.fill import Look
 from ..problem.affine import zero
 from ..problem.between import mid
 from ..problem.data import ProblemData
-from ..problem.facts import Facts
 from ..theory.certificates.recession import Recession
-from .contract import Estimate, Infeasible, Iterate, Least, Method
+from .contract import Infeasible, Iterate, Least, Method
 
 #: so many steps in a row may reduce neither the residual nor the way to where it is one
 _PATIENCE = 20
@@ -74,16 +72,6 @@ class Interior(Method):
 
     def why_not(self, problem: ProblemData) -> str | None:
         return None if problem.facts.has_fixed_obstacle else problem.psi.no_derivative()
-
-    def estimate(self, facts: Facts, aim: float) -> Estimate:
-        # medians of 13, 16 and 20 steps were measured at n = 120, 500 and 2000, on the draws that `Proximal` names
-        steps = 3.0 + 1.5 * math.log2(max(facts.bounded, 1))
-        matrix = facts.matrix
-        fill = matrix.fill
-        factors = matrix.again_cost if facts.has_fixed_obstacle else matrix.unsymmetric_cost
-        step = facts.newton_cost + factors + _SOLVES * work.solve_cost(fill)
-        step /= matrix.unit
-        return Estimate(step, step, steps, 24.0 * fill.entries)
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         # never raises SingularOperator

@@ -11,7 +11,6 @@ an intervention, policy iteration (`Newton`) takes their place: its jumps reach 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Generator, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -21,14 +20,11 @@ from typing import ClassVar
 import numpy as np
 
 from ..algebra.hierarchy import Hierarchy, Level, NoHierarchy
-from ..algebra.looks import SWEEPS, newton_looks
+from ..algebra.looks import newton_looks
 from ..algebra.subproblems import with_fixed_obstacle
-from ..numerics import work
 from ..numerics.arrays import Vector
-from ..numerics.multigrid import cycle_cost, hierarchy_cost
 from ..problem.data import ProblemData
-from ..problem.facts import Facts
-from .contract import Estimate, Iterate, Method, positive_diagonal
+from .contract import Iterate, Method, positive_diagonal
 from .newton import Newton
 
 #: a coarser level is left at this share of the residual that it begins with, which is below what interpolation to the
@@ -60,18 +56,6 @@ class Multilevel(Method):
     name: ClassVar[str] = "multilevel"
     family: ClassVar[str] = "modulus"
     memoryless: ClassVar[bool] = False
-
-    def estimate(self, facts: Facts, aim: float) -> Estimate:
-        matrix, costs = facts.matrix, work.COSTS
-        coarser = 2.0 * math.log2(max(matrix.n / 64.0, 1.0))  # looks
-        setup = hierarchy_cost(matrix.n, matrix.nnz) + coarser * costs.newton
-        cycles = 3.0 * cycle_cost(matrix.n, matrix.nnz)
-        look = 0.5 * costs.newton + SWEEPS * work.sweep(matrix.n, facts.entries) + cycles
-        # for matrices with ρ ≤ 1 eight looks are the rule; of the others, for which it is not made, few end
-        radius = max(matrix.coupled_radius, 1.0)
-        looks = 8.0 * radius * radius * radius * radius  # ** 4 may raise OverflowError
-        # a tenth of the residual or half of it is left by each, as the third one shows
-        return Estimate(setup / matrix.unit, look / matrix.unit, looks, 40.0 * matrix.nnz, look=3)
 
     def why_not(self, problem: ProblemData) -> str | None:
         found = positive_diagonal(problem, "its smoother divides by the diagonal of A")

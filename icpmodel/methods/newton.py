@@ -20,7 +20,6 @@ patience. So the marks fall for ever, or the method ends.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -30,14 +29,13 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..algebra.active_equations import ActiveEquations
-from ..algebra.equations import Pattern, derivative, system_cost
+from ..algebra.equations import Pattern, derivative
 from ..errors import MapError
 from ..numerics import work
 from ..numerics.arrays import Mask, Vector, norm
 from ..numerics.linear import solver_of
 from ..problem.data import ProblemData
-from ..problem.facts import Facts
-from .contract import Estimate, Iterate, Method
+from .contract import Iterate, Method
 
 #: plain steps may fail to reduce θ so often; later half as often, and so on
 _PATIENCE = 8
@@ -75,21 +73,6 @@ class Newton(Method):
     family: ClassVar[str] = "modulus"
     memoryless: ClassVar[bool] = False
     finite: ClassVar[bool] = True
-
-    def estimate(self, facts: Facts, aim: float) -> Estimate:
-        # sets that only shrink do so by layers whose number doubles
-        matrix = facts.matrix
-        # without a diagonal the equations of the free rows are singular more often than not, and others follow
-        systems = 1.0 if matrix.has_positive_diagonal else 2.0
-        # where rows are not dominant signs wander: about eight times as many steps were measured
-        wander = 8.0 if matrix.coupled_radius > 1.0 else 1.0
-        # those of a descent are not symmetric, nor those with an obstacle that moves
-        simple = wander == 1.0 and facts.has_fixed_obstacle
-        factors = matrix.factor_cost if simple else matrix.unsymmetric_cost
-        system, memory = system_cost(matrix, factors, 16.0 * matrix.fill.entries)
-        step = systems * (facts.newton_cost + system) / matrix.unit
-        steps = wander * (1.0 + math.log2(max(facts.bounded, 1)) / 3.0)
-        return Estimate(0.0, step, steps, memory)
 
     def why_not(self, problem: ProblemData) -> str | None:
         return problem.psi.no_derivative()

@@ -19,14 +19,13 @@ ICP; that zᵏ converges is not proved.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
-from ..algebra.equations import Pattern, shifted_cost, system_cost
+from ..algebra.equations import Pattern
 from ..algebra.proximal_steps import ProximalSteps
 from ..algebra.subproblems import with_fixed_obstacle
 from ..errors import MapError
@@ -34,9 +33,8 @@ from ..numerics import work
 from ..numerics.arrays import Vector, norm
 from ..problem.between import mid
 from ..problem.data import ProblemData
-from ..problem.facts import Facts
 from ..theory.certificates.recession import Recession
-from .contract import Estimate, Infeasible, Iterate, Least, Method
+from .contract import Infeasible, Iterate, Least, Method
 
 #: the first μ, in units of W, and what is left of it after a problem that took at most `_QUICK` steps, or more
 _FIRST, _FALLS, _FALLS_SLOWLY, _QUICK = 0.1, 0.2, 0.5, 3
@@ -78,22 +76,6 @@ class Proximal(Method):
 
     def why_not(self, problem: ProblemData) -> str | None:
         return None if problem.facts.has_fixed_obstacle else problem.psi.no_derivative()
-
-    def estimate(self, facts: Facts, aim: float) -> Estimate:
-        # medians of 6 and 10 steps were measured at n = 120 and 1000 where there is a diagonal; of 24, 35 and 125 at
-        # n = 120, 500 and 2000 where there is none, on three draws of the families market-* and program-* and of linear
-        # and quadratic programs
-        matrix = facts.matrix
-        if facts.has_fixed_obstacle:
-            system, memory = shifted_cost(matrix)
-            step = work.COSTS.newton + system
-        else:
-            system, memory = system_cost(matrix, matrix.unsymmetric_cost, 12.0 * matrix.fill.entries)
-            step = facts.newton_cost + system
-        rows = max(facts.bounded, 1)
-        steps = 3.0 + math.log2(rows) if matrix.has_positive_diagonal else 2.0 * math.sqrt(rows)
-        step /= matrix.unit
-        return Estimate(step, step, steps, memory)
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         # never raises SingularOperator

@@ -19,13 +19,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from ..algebra.relaxation import sor_speed
 from ..algebra.splittings import AOR, Splitting
 from ..algebra.steps import Step, projected_sweep
 from ..numerics.arrays import Vector, as_number
 from ..problem.data import ProblemData
-from ..problem.facts import Facts
-from .contract import Estimate, positive_diagonal
+from .contract import positive_diagonal
 from .modulus import ModulusMember
 
 
@@ -49,14 +47,6 @@ class PSOR(ModulusMember):
 
     def __post_init__(self) -> None:
         as_number(self.omega, "omega", above=0, below=2)
-
-    def estimate(self, facts: Facts, aim: float) -> Estimate:
-        # at ω = 1 a radius that costs nothing will do; it may be too small, which the run then sees
-        matrix = facts.matrix
-        radius = matrix.rough_jacobi_radius if self.omega == 1.0 else matrix.jacobi_radius
-        # what is overrelaxed rises before it falls, for about 1/(2 − ω) sweeps
-        look = 6.0 + 2.0 * (self.omega - 1.0) / (2.0 - self.omega)
-        return Estimate.of_sweeps(facts, aim, sor_speed(self.omega, max(radius, facts.coupling)), max(look, 6.0))
 
     def why_not(self, problem: ProblemData) -> str | None:
         return positive_diagonal(problem, "projected SOR divides by the diagonal of A")

@@ -15,17 +15,16 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..algebra.affine_lcp import PIVOTS, AffineLcp, dense_lcp, dense_matrix, lcp_rows, some_pivots, too_large
+from ..algebra.affine_lcp import PIVOTS, AffineLcp, dense_lcp, dense_matrix, some_pivots, too_large
 from ..algebra.equations import derivative, solve_on
 from ..errors import SingularOperator
 from ..numerics import work
 from ..numerics.arrays import Vector, is_diagonal
 from ..problem.data import ProblemData
-from ..problem.facts import Facts
 from ..problem.map import Map
 from ..theory.certificates.infeasible import infeasible
 from ..theory.certificates.recession import multipliers
-from .contract import Estimate, Infeasible, Iterate, Method, positive_diagonal
+from .contract import Infeasible, Iterate, Method, positive_diagonal
 
 #: how often a step of Josephy's is halved, and the share of its length by which it has to reduce Res
 _HALVINGS, _SLOPE = 6, 0.1
@@ -65,9 +64,6 @@ class Lemke(Shortcut):
     """
 
     name: ClassVar[str] = "lemke"
-
-    def estimate(self, facts: Facts, aim: float) -> Estimate:
-        return _estimate(facts, 8.0, 1.0)
 
     def why_not(self, problem: ProblemData) -> str | None:
         if problem.psi.linear is None and not problem.facts.has_fixed_obstacle:
@@ -121,9 +117,6 @@ class Josephy(Shortcut):
 
     name: ClassVar[str] = "josephy"
 
-    def estimate(self, facts: Facts, aim: float) -> Estimate:
-        return _estimate(facts, 20.0, 5.0)
-
     def why_not(self, problem: ProblemData) -> str | None:
         return too_large(problem.facts) or problem.psi.no_derivative()
 
@@ -169,11 +162,6 @@ class Tridiagonal(Shortcut):
 
     name: ClassVar[str] = "tridiagonal"
 
-    def estimate(self, facts: Facts, aim: float) -> Estimate:
-        n = facts.matrix.n  # 60 ns a row were measured for n = 300 … 16 000, see work.Costs for the machine
-        steps = 1.0 if facts.psi.upper is None else _WITH_TWO
-        return Estimate(0.0, (6.0 * work.COSTS.call + 60.0 * n * steps) / facts.matrix.unit, 1.0, 64.0 * n)
-
     def why_not(self, problem: ProblemData) -> str | None:
         if problem.nnz > 3 * problem.n - 2:
             return f"A is not tridiagonal: it has {problem.nnz} entries"
@@ -211,13 +199,6 @@ def _prove(problem: ProblemData, ray: Vector) -> None:
         answer = infeasible(problem, y)
     if answer.holds:
         raise Infeasible(answer)
-
-
-def _estimate(facts: Facts, calls: float, steps: float) -> Estimate:
-    """So many LCPs, each of n/2 pivots, as half of the unknowns leave an obstacle, be there one or two; and calls."""
-    n = lcp_rows(facts)
-    step = calls * work.COSTS.call + 0.5 * facts.matrix.n * n**2 * work.COSTS.pivot_entry
-    return Estimate(0.0, step / facts.matrix.unit, steps, 24.0 * n**2)
 
 
 def _shortened(problem: ProblemData, z: Vector, step: Vector, residual: float) -> tuple[Vector, float] | None:

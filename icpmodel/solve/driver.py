@@ -21,14 +21,14 @@ from ..numerics.rounding import CTRL_C, is_ctrl_c, sheltered
 from ..problem.data import OF_ARRAYS, ProblemData, ProblemLike, as_problem
 from ..theory.certificates.contradiction import contradiction
 from ..theory.certificates.infeasible import infeasible
-from .candidate import Candidate, Ended
-from .choice import FAMILIES, why_none
-from .goal import RTOL, AccuracyGoal, Goal, Limits
+from .accuracy import solve_to_accuracy
+from .choice import FAMILIES, Choice, InTurn, Job, why_none
+from .ended import Ended
+from .goal import RTOL, Goal, Limits
 from .last_resort import search
 from .progress import Progress
-from .reduced import candidates, posed
+from .reduction import climb, posed
 from .run import WORTH_ANOTHER_METHOD, Best, Run, fault_of_psi
-from .schedule import Stage, in_turn
 from .solution import History, Solution, Status
 
 _LOG = logging.getLogger("icpmodel")
@@ -81,10 +81,9 @@ def solve(
     Parameters:
     `problem` an ICP, the name of a scene, or what holds or makes an ICP: a scene, a solution, an `icpmodel.Problem` in
     CVXPY's terms, a Pyomo model that was read; `method` a name (with its `options`, e.g. theta1=1.2), a `Method`, or
-    None to have one picked: then obstacles that move with their own unknown alone are fixed before, and the problem is
-    reduced where that pays (see `icpmodel.solve.reduced`), while a named one gets the whole problem;
-    `family`, where no method is named: "paper" for members that the paper prints alone, "modulus" for all that grows
-    out of the modulus equation, without the shortcuts (pivots, the tridiagonal pass), None for both;
+    None to have one chosen by the rule of `select_method`: then obstacles that move with their own unknown alone are
+    fixed before, and the problem may be reduced, while a named one gets the whole problem;
+    `family`, where no method is named: as in `select_method`;
     `z0` the start, shape (n,), or an earlier `Solution` (default 0); `rtol`, `atol` (the paper's ε),
     by default 1e-8 and 0, whichever is reached first; `accuracy` > 0 in the units of z, instead of the two;
     `max_iter` iterations in all, a sweep or a Newton step each; `time_limit` in seconds, kept to within a tenth
@@ -94,8 +93,8 @@ def solve(
     `callback` gets a `Progress` per tested iterate and stops the run by returning True;
     `history` keeps the residuals in `Solution.history`; `progress` shows a bar on a terminal or in a notebook, and in a
     log, where standard error is neither, a line after 1, 2, 4, … seconds, then one a minute; `raise_on_failure`.
-    The logger "icpmodel" of Python's `logging` tells what is decided: at INFO which method begins and why, how it ends,
-    and the answer; at DEBUG also what every method that was considered would cost or cannot take, and whose turn it is.
+    The logger "icpmodel" of Python's `logging` says what is decided: at INFO which method begins and why, how it ends,
+    and the answer; at DEBUG also what every method that was considered would cost or cannot take.
     Returns a `Solution`; its z is the best iterate, and SOLVED means that the residual of this very z was recomputed.
     Raises InputError, NotApplicable (SingularOperator, or nothing bounds the error and `accuracy` is wanted), MapError
     where ψ fails at the start, and NotSolved, which carries the best iterate, where the run fails, runs out of time or
@@ -128,41 +127,54 @@ def solve(
     with limits.kept():
         shown = {"callback": callback, "history": history, "progress": progress}
         run = _run(problem, start, limits, follows_theorems=method is not None, **shown)
-        _carry_out_all(run, method, options, family)
+        named_method = None if method is None else _named(method, problem, options)
+        if method is None:
+            for option in options:
+                own = _options()
+                found = f"solve has no option {option}; it takes {', '.join(own)}"
+                raise InputError(f"{found}, and the options of a method only where one is named{meant(option, own)}")
+
+        def carry_all_out() -> None:
+            _carry_all_out(run, named_method, family)
+
+        if accuracy is None:
+            carry_all_out()
+        else:
+            solve_to_accuracy(run, accuracy, carry_all_out)
         if run.singular is not None and method is not None:
             raise run.singular
         if run.best is None:
             raise NotApplicable(f"no method takes this problem: {why_none(problem)}")
-        solution = _told(solution_of(run, limits))
+        solution = _logged(solution_of(run, limits))
     if raise_on_failure and not solution.solved:
         raise NotSolved(solution) from (run.fault if solution.status is Status.MAP_FAILED else None)
     return solution
 
 
-def _carry_out_all(run: Run, method: str | Method | None, options: dict[str, Any], family: str | None) -> None:
-    """The run; where methods are picked and get another problem, its own follows where nothing leads on, as a Lipschitz
+def _carry_all_out(run: Run, method: Method | None, family: str | None) -> None:
+    """The run; where methods are chosen and get another problem, its own follows where these fail, as a Lipschitz
     constant is at the user's word."""
-    asked = _candidates(run.problem, method, options, run.aim, family)
-    if method is None and (other := posed(run.problem)) is not run.problem:
+    if method is not None:
+        carry_out(run, run.steps(InTurn(method)))
+        return
+    other = posed(run.problem)
+    if other is not run.problem:
         run.posed = other
-        carry_out(run, candidates(other, run.aim, family))
+        carry_out(run, climb(run, other, family))
         if run.ended.status not in WORTH_ANOTHER_METHOD:
             return
         run.posed = None
-    carry_out(run, asked)
-    if method is None and family is None:
+    carry_out(run, climb(run, run.problem, family))
+    if family is None:
         search(run, carry_out)
 
 
-def _candidates(
-    problem: ProblemData, method: str | Method | None, options: dict[str, Any], aim: float, family: str | None
-) -> Iterator[Stage[Candidate]]:
-    own = list(inspect.signature(solve).parameters)[2:-1] if options else []
-    if method is None:
-        for option in options:
-            found = f"solve has no option {option}; it takes {', '.join(own)}"
-            raise InputError(f"{found}, and the options of a method only where one is named{meant(option, own)}")
-        return candidates(problem, aim, family)
+def _options() -> list[str]:
+    return list(inspect.signature(solve).parameters)[2:-1]
+
+
+def _named(method: str | Method, problem: ProblemData, options: dict[str, Any]) -> Method:
+    """The method that the user names."""
     if isinstance(method, Method):
         if options:
             raise InputError(f"{next(iter(options))}: the options of a Method object go into its constructor")
@@ -172,12 +184,13 @@ def _candidates(
         except InputError as error:
             more = ""
             if "has no option" in str(error):
+                own = _options()
                 more = f"; solve itself takes {', '.join(own)}" + "".join(meant(one, own) for one in options)
             raise InputError(f"{error}{more}") from None
     why_not = method.why_not(problem)
     if why_not is not None:
         raise NotApplicable(f"{method.name}: {why_not}")
-    return in_turn(Candidate(method, ""))
+    return method
 
 
 def _run(problem: ProblemData, start: Vector, limits: Limits, **shown: Any) -> Run:
@@ -197,18 +210,19 @@ def _run(problem: ProblemData, start: Vector, limits: Limits, **shown: Any) -> R
             restart = np.zeros(problem.n)
     scale = problem.residual_scale(at_0)
     goal = Goal(float(limits.tolerance(scale)), problem, limits.atol)
-    if not scale and limits.accuracy is None:
+    if limits.accuracy is not None:
+        goal = Goal(math.inf)
+    elif not scale:
         goal = replace(goal, of_z=limits.rtol, size=norm(start))
     return Run(
         problem,
         start,
         at_start,
-        goal if limits.accuracy is None else AccuracyGoal(problem, limits.accuracy, start),
+        goal,
+        limits=limits,
         aim=min(max(_aim(problem, limits), _LEAST_AIM), _MOST_AIM),
         scale=scale,
         restart=restart,
-        max_iter=limits.max_iter,
-        time_limit=limits.time_limit,
         clock=clock,
         **shown,
     )
@@ -227,12 +241,12 @@ def _aim(problem: ProblemData, limits: Limits) -> float:
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def carry_out(run: Run, tried: Iterator[Stage[Candidate]]) -> None:
-    """The run to its end; Ctrl-C and a lack of memory are ends like others once there is an iterate."""
+def carry_out(run: Run, steps: Iterator[None]) -> None:
+    """Go through the `steps` of the run; Ctrl-C and a lack of memory are ends like others once there is an iterate."""
     try:
         if run.problem.upper is not None and _crossed_for_good(run):
             return
-        for _ in run.steps(tried):
+        for _ in steps:
             pass
     except (KeyboardInterrupt, *CTRL_C) as error:
         if not (run.tried and is_ctrl_c(error)):
@@ -242,7 +256,7 @@ def carry_out(run: Run, tried: Iterator[Stage[Candidate]]) -> None:
         run.ended = Ended(Status.INTERRUPTED, "by Ctrl-C")
     if run.best is None and run.refused is not None:
         if not run.tried:
-            run.candidate = Candidate(MNMGS(), "the limits were reached before a method was chosen")
+            run.job = Job(Choice(MNMGS(), "the limits were reached before a method was chosen"))
         run.best = run.found(run.start, run.at_start)
 
 
@@ -265,10 +279,11 @@ def judged(run: Run) -> Best:
 
 def solution_of(run: Run, limits: Limits) -> Solution:
     """What the run found."""
-    best, last, status, note = judged(run), run.candidate, run.ended.status, run.ended.note
-    if run.goal.judge(best.z, best.residual):
+    best = judged(run)
+    last, status, note = run.job, run.ended.status, run.ended.note
+    if limits.accuracy is None and run.goal.reached(best.z, best.residual):
         status = Status.SOLVED
-    elif status is Status.SOLVED:
+    elif status is Status.SOLVED and limits.accuracy is None:
         status, note = Status.MAP_FAILED, "psi gives different values at the same z"
     elif status in _NO_FURTHER and _is_luck(run, best.z):
         status, note = Status.PRECISION_LIMIT, "only as float64 rounds it is the residual of this z small enough"
@@ -282,9 +297,9 @@ def solution_of(run: Run, limits: Limits) -> Solution:
             run.infeasible, status, note = answer, Status.INFEASIBLE, answer.reason
     message = "solved"
     if status is Status.SOLVED:
-        last = best.candidate
+        last = best.job
     else:
-        by = "" if last is best.candidate else f" by {best.candidate.method!r}"
+        by = "" if last is best.job else f" by {best.job.method!r}"
         advice = status.advice_with(last.method.to_try if len(run.tried) < 2 else "")
         if status in (Status.ITERATION_LIMIT, Status.TIME_LIMIT) and run.proved is not None:
             note += run.proved.in_words(best.z, run.goal.enough_at(best.z))
@@ -294,16 +309,18 @@ def solution_of(run: Run, limits: Limits) -> Solution:
             f"{last.method!r} {status.value}: {note}; best residual {best.residual:.3g}{by} "
             f"({run.goal.wanted(best.z)}). Advice: {advice}"
         )
-    others = [f"{one.candidate.method!r}: {one.outcome}" for one in run.tried if one.candidate is not best.candidate]
+    why = [best.job.choice.why] if best.job.choice.why else []
+    if len(run.tried) > 1:
+        why.append("in turn: " + ", then ".join(str(job) for job in run.tried))
     return Solution(
         problem=run.problem,
         z=best.z.copy(),
         status=status,
         message=message,
-        method=best.candidate.method,
+        method=best.job.method,
         settled=best.settled,
         last_method=last.method,
-        why="; ".join([best.candidate.why, *(["also tried: " + ", ".join(others)] if others else []), *run.searched]),
+        why="; ".join([*why, *run.searched]),
         residual=best.residual,
         tolerance=run.goal.tolerance_at(best.z),
         atol=limits.atol,
@@ -317,8 +334,8 @@ def solution_of(run: Run, limits: Limits) -> Solution:
     )
 
 
-def _told(solution: Solution) -> Solution:
-    """The `solution`, of which the log is told."""
+def _logged(solution: Solution) -> Solution:
+    """The `solution`, written to the log."""
     if _LOG.isEnabledFor(logging.INFO):
         found = solution.status.value, solution.method, solution.iterations, solution.seconds, solution.residual
         _LOG.info("n = %d: %s, z is from %r; %d iterations, %.3g s, residual %.3g", solution.problem.n, *found)
@@ -332,7 +349,7 @@ def _crossed_for_good(run: Run) -> bool:
         if row is not None:
             c = run.problem.facts.obstacle
             run.current = np.where(np.isfinite(c), c, run.start)  # z_i ≥ c_i at every solution
-            run.candidate = Candidate(MNMGS(), f"no method was tried: psi_{row} and upper_{row} are fixed, and cross")
+            run.job = Job(Choice(MNMGS(), f"no method was tried: psi_{row} and upper_{row} are fixed, and cross"))
             run.best = run.found(run.current, run.problem.residual(run.current))
             return True
     return False

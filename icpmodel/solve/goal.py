@@ -1,22 +1,17 @@
-"""When a run has what it was asked for: a small residual, or a certified error below a bound."""
+"""When a run has what it was asked for, and the limits that it keeps to."""
 
 from __future__ import annotations
 
-import contextlib
 import math
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
-from ..errors import MapError, NotApplicable, OutOfTime
 from ..numerics import work
 from ..numerics.arrays import Vector, as_number, norm
-from ..numerics.rounding import at_most, share_of
+from ..numerics.rounding import share_of
 from ..problem.data import ProblemData
 from ..problem.verdict import certain, satisfies_paper
-from ..theory.certificates.bounds import error_bound
 
 #: the default relative tolerance
 RTOL = 1e-8
@@ -109,60 +104,6 @@ class Goal:
             return False
         return self.is_near(z, residual) and satisfies_paper(self.problem, z, self.atol)
 
-    def judge(self, z: Vector, residual: float) -> bool:
-        """The last word on `z`: `reached`, but for looks that were left out to save time."""
-        return self.reached(z, residual)
-
     def wanted(self, z: Vector) -> str:
         """What was asked for, in words, for the message of a run that did not get there with `z`."""
         return f"stop at {self.tolerance_at(z):.3g}" + (f", or at Res(z) = {self.atol:.3g}" if self.atol else "")
-
-
-class AccuracyGoal(Goal):
-    """A certified bound on max|z − z*| that is at most `accuracy`.
-
-    The bound costs more than a residual and falls about as fast, so it is looked at only where the residual is at most
-    `tolerance`, which every look sets anew. Raises NotApplicable where nothing bounds the error of `problem`.
-    """
-
-    def __init__(self, problem: ProblemData, accuracy: float, start: Vector) -> None:
-        super().__init__(np.inf)
-        self.of, self.accuracy = problem, accuracy
-        self.looked_at, self.bound = start, None
-        try:
-            bound = error_bound(problem, start)
-        except (OutOfTime, MemoryError):  # the run will tell
-            return
-        self.bound = bound.value
-        # whether obstacles that move cross is told by a small bound alone
-        if not bound.unique and (problem.upper is None or problem.psi.is_constant):
-            raise NotApplicable(
-                f"accuracy: nothing bounds the error of this problem: {bound.reason}; give rtol instead"
-            )
-
-    def reached(self, z: Vector, residual: float) -> bool:
-        if not residual <= self.tolerance:
-            return False
-        if self.judge(z, residual):
-            return True
-        share = 0.0 if self.bound is None else self.accuracy / self.bound
-        self.tolerance = residual * min(max(share, 0.1), 0.5)
-        return False
-
-    def judge(self, z: Vector, residual: float) -> bool:
-        bound = self._look(z)
-        return bound is not None and bound <= self.accuracy
-
-    def wanted(self, z: Vector) -> str:
-        bound = self._look(z)
-        known = "nothing is certain of its error" if bound is None else f"its error is at most {at_most(bound)}"
-        return f"{known}; {self.accuracy:.3g} was wanted"
-
-    def _look(self, z: Vector) -> float | None:
-        """The bound on the error of `z`, None where there is none; at a point that does not move one look will do."""
-        if not np.array_equal(z, self.looked_at):
-            self.bound = None
-            with contextlib.suppress(MapError, OutOfTime, MemoryError):
-                self.bound = error_bound(self.of, z).value
-            self.looked_at = z
-        return self.bound

@@ -10,9 +10,9 @@ from ..methods.enumeration import Enumerate
 from ..methods.milp import LARGEST, MixedInteger
 from ..methods.restarts import Restarts
 from ..numerics import work
-from .candidate import Candidate, Ended
+from .choice import InTurn
+from .ended import Ended
 from .run import Run
-from .schedule import Stage, in_turn
 from .solution import Status
 
 _LOG = logging.getLogger("icpmodel")
@@ -23,7 +23,7 @@ _FAILED = (Status.STAGNATED, Status.CYCLED, Status.DIVERGED)
 _METHODS: tuple[Method, ...] = (Restarts(), Enumerate(), MixedInteger())
 
 
-def search(run: Run, carry_out: Callable[[Run, Iterator[Stage[Candidate]]], None]) -> None:
+def search(run: Run, carry_out: Callable[[Run, Iterator[None]], None]) -> None:
     """Go on where `run` ended as stagnated, cycled or diverged, with a problem of up to `LARGEST` unknowns.
 
     In turn: each method that began elsewhere, now from z⁰, then `Restarts`, `Enumerate` and `MixedInteger`. Where
@@ -32,18 +32,19 @@ def search(run: Run, carry_out: Callable[[Run, Iterator[Stage[Candidate]]], None
     before = run.ended
     if run.best is None or before.status not in _FAILED or run.problem.n > LARGEST:
         return
-    candidate, limited = run.candidate, run.time_limit is not None
+    job = run.job
+    limited = run.limits.time_limit is not None
     seconds = work.seconds_left() if limited else SECONDS
     limit = f"a search of at most {seconds:.3g} s" + ("" if limited else " (no time_limit was given)")
     why = f"the methods before it {before.status.value}; {limit}"
-    again = [one.candidate.method for one in run.tried if not one.afresh]
+    again = [one.method for one in run.tried if not one.is_fresh]
     methods = [one for one in (*again, *_METHODS) if one.why_not(run.problem) is None]
     _LOG.info("n = %d: %s begins: %s", run.problem.n, limit, ", ".join(map(repr, methods)))
     run.restart = run.start
     with work.at_most(seconds):
-        carry_out(run, in_turn(*(Candidate(method, why) for method in methods)))
+        carry_out(run, run.steps(InTurn(*methods, why=why)))
     if run.ended.status in _FAILED or (run.ended.status is Status.TIME_LIMIT and not limited):
         tried = ", ".join(one.name for one in methods)
         run.ended = Ended(before.status, f"{before.note}; {limit} found no solution ({tried})")
-        run.candidate = candidate
+        run.job = job
         run.searched = (f"then {limit} found nothing",)

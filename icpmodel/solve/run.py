@@ -1,6 +1,6 @@
-"""The only loop: it drives one candidate after the other, tests their iterates, keeps the best, and says why it ended.
+"""The only loop: it drives one method after the other, tests their iterates, keeps the best, and says why it ended.
 
-Whole problems and parts of them go through it alike. The logger "icpmodel" tells what it decides, see `solve`.
+Whole problems and parts of them go through it alike. The logger "icpmodel" says what it decides, see `solve`.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from ..numerics import work
 from ..numerics.arrays import Vector, locked, norm
 from ..problem.data import ProblemData
 from ..theory.answers import Answer
-from .candidate import Candidate, Ended, Recent, Stalled
-from .goal import Goal
+from .choice import InTurn, Job, Ladder
+from .ended import Ended, Recent, Stalled
+from .goal import Goal, Limits
 from .progress import Bar, Progress, progress_bar
 from .proved_convergence import ProvedConvergence
-from .schedule import Schedule, Stage, Turn
 from .solution import Status
 
 _LOG = logging.getLogger("icpmodel")
@@ -36,52 +36,59 @@ PATIENCE, _LONGEST_PATIENCE = 1000, 50_000
 _LOW = 0.1
 #: a residual this many times the first one is taken for divergence even before it overflows
 _BLOW_UP = 1e200
-#: how a candidate fares whose turn another one has
-_WAITS = "waits"
-#: its iterates are as good as those of one that goes on
-_GOOD = (_WAITS, Status.TIME_LIMIT.value, Status.MEMORY_LIMIT.value)
+#: how a method ended whose iterates are as good as those of one that goes on
+_GOOD = ("", Status.SOLVED.value, Status.TIME_LIMIT.value, Status.MEMORY_LIMIT.value)
 #: another method may go where psi has values, or need no derivative
 WORTH_ANOTHER_METHOD = (Status.STAGNATED, Status.CYCLED, Status.DIVERGED, Status.MAP_FAILED)
 
 
 @dataclass
 class Best:
-    """The best iterate, the candidate that found it, and its method with the numbers that it had settled on; its
-    residual may be a hint until the end."""
+    """The best iterate, the job that found it, and its method with the numbers that it had settled on; its residual may
+    be a hint until the end."""
 
     z: Vector
     residual: float
-    candidate: Candidate
+    job: Job
     settled: Method
 
 
-@dataclass
-class Tried:
-    """A candidate that was begun, how it fared, and whether it began at the start of the run with its own problem."""
-
-    candidate: Candidate
-    outcome: str = _WAITS
-    afresh: bool = False
-
-
 class Refused(NamedTuple):
-    """What was not begun: the end that it makes, the candidate, None where one was to be chosen, and what it raised."""
+    """What was not begun: the end that it makes, the job, None where one was to be chosen, and what it raised."""
 
     ended: Ended
-    candidate: Candidate | None
+    job: Job | None
     error: Exception
 
 
 @dataclass(eq=False)
 class Run:
-    """Candidates tried on a problem, one at a time, until one ends for a reason that no other would change.
+    """Methods tried on a problem, one at a time, until one ends for a reason that no other would change.
 
-    Parameters: `problem`; `start`, shape (n,), and `at_start` = Res_D(start); `goal`; `scale`, a residual by which
-    others are judged, 0 for ‖z‖, and the share `aim` of it for which costs are forecast; `restart`, where a candidate
-    begins after one that failed; `posed`, what methods are given in its place, a problem that has the same solutions;
-    `follows_theorems`, whether a method that is proved to converge is given more patience, as one that was named is;
-    `max_iter` and `time_limit`, None for none; `callback`, `history` and `progress` as in `solve`. `steps` is the loop;
-    afterwards `ended` says why it ended, `best` what it found, `tried` who did how.
+    `steps` is the loop. Afterwards `ended` says why it ended, `best` what it found, `tried` what each method did.
+
+    Parameters
+    ----------
+    problem : ProblemData
+    start : array of shape (n,)
+    at_start : float
+        Res_D(start).
+    goal : Goal
+    limits : Limits
+    aim : float
+        The share of `scale` for which costs are estimated.
+    scale : float
+        A residual by which others are judged, 0 for ‖z‖.
+    restart : array of shape (n,), optional
+        Where a method begins after one that failed.
+    posed : ProblemData, optional
+        What methods are given in place of `problem`: one that has the same solutions.
+    follows_theorems : bool
+        Whether a method that is proved to converge is given more patience, as one that was named is.
+    watch : function, optional
+        What is called with every iterate and its residual in place of `callback`; an `Ended` ends the run.
+    callback, history, progress
+        As in `solve`.
     """
 
     problem: ProblemData
@@ -89,13 +96,13 @@ class Run:
     at_start: float
     goal: Goal
     _: KW_ONLY
+    limits: Limits
     aim: float
     scale: float
     restart: Vector | None = None
     posed: ProblemData | None = None
     follows_theorems: bool = False
-    max_iter: float = np.inf
-    time_limit: float | None = None
+    watch: Callable[[Vector, float], Ended | None] | None = None
     callback: Callable[[Progress], Any] | None = None
     history: bool = False
     progress: bool = False
@@ -104,11 +111,14 @@ class Run:
     def __post_init__(self) -> None:
         self.records: list[tuple[int, float, float]] | None = [] if self.history else None
         self.current, self.iteration = self.start, -1
-        self.candidate: Candidate
+        self.job: Job
         self.proved: ProvedConvergence | None = None
         self.path: Iterator[Iterate] = iter(())
         self.best: Best | None = None
-        self.tried: list[Tried] = []
+        self.tried: list[Job] = []
+        self.loops: dict[Job, Iterator[bool]] = {}
+        #: whether it ended for a reason that no other method would change
+        self.is_over = False
         self.ended = Ended(Status.STAGNATED, "")
         self.infeasible: Answer | None = None
         # of the search that a failure leads to: a sentence that says its limit
@@ -117,52 +127,51 @@ class Run:
         # of what was not begun, as it would not have fitted into the time or the memory that were left: the last one
         self.refused: Refused | None = None
         self.singular: SingularOperator | None = None
-        self.bar, self.told = Bar(), _LOG.isEnabledFor(logging.INFO)
+        self.bar = Bar()
+        self.logs = _LOG.isEnabledFor(logging.INFO)
         self.target = self.aim * (self.scale or self.at_start)
 
-    def steps(self, stages: Iterator[Stage[Candidate]]) -> Iterator[None]:
-        """The loop: a turn for each tested iterate that is not the last one of its candidate."""
-        loops: dict[Turn[Candidate], Iterator[bool]] = {}
-        schedule = Schedule(stages)
-        turn = self._turn(schedule)
+    def steps(self, ladder: Ladder | InTurn) -> Iterator[None]:
+        """The loop; it stops after each tested iterate that is not the last one of its method."""
         with progress_bar(self.progress) as self.bar:
-            while turn is not None:
-                if self.told:
-                    whose = self.problem.n, self.iteration, turn.who.method
-                    _LOG.debug("n = %d, iteration %d: the turn is with %r", *whose)
-                self.bar.begin(turn.who.method.name)
-                loop = loops.get(turn) or loops.setdefault(turn, self._one(turn))
-                following: Turn[Candidate] | None = turn
-                while following is turn:
-                    for look in loop:
+            job = self._next(ladder)
+            while job is not None:
+                self.bar.begin(job.method.name)
+                loop = self.loops.get(job) or self.loops.setdefault(job, self._one(job))
+                following: Job | None = job
+                while following is job:
+                    for is_due in loop:
                         yield
-                        if look:
+                        if is_due:
                             break
                     else:
                         if self.ended.status not in WORTH_ANOTHER_METHOD and not self.is_refused:
+                            self.is_over = True
                             return
-                        schedule.end(turn)
-                    following = self._turn(schedule)
-                turn = following
+                        ladder.end(job)
+                    following = self._next(ladder)
+                if self.logs and following is not None and job.outcome == "":
+                    _LOG.info("n = %d: %s, then %r", self.problem.n, job, following.method)
+                job = following
         if self.refused is not None:
             self.ended = self.refused.ended
-            if self.refused.candidate is not None:
-                self.candidate = self.refused.candidate
+            if self.refused.job is not None:
+                self.job = self.refused.job
 
-    def _turn(self, schedule: Schedule[Candidate]) -> Turn[Candidate] | None:
-        """Whose turn it is, None where nobody is left or what must be known for that cannot be afforded."""
+    def _next(self, ladder: Ladder | InTurn) -> Job | None:
+        """The next method, None where none is left or what must be known for that takes more than the limits leave."""
         try:
-            return schedule.turn()
+            return ladder.next()
         except (OutOfTime, MemoryError) as error:
             self._refuse(error, None)
             return None
 
-    def _refuse(self, error: Exception, candidate: Candidate | None) -> Ended:
+    def _refuse(self, error: Exception, job: Job | None) -> Ended:
         late = isinstance(error, OutOfTime)
-        if late and self.time_limit is not None:
-            error = OutOfTime(f"time_limit = {self.time_limit:g} s, and {error}")
+        if late and self.limits.time_limit is not None:
+            error = OutOfTime(f"time_limit = {self.limits.time_limit:g} s, and {error}")
         ended = Ended(Status.TIME_LIMIT if late else Status.MEMORY_LIMIT, str(error))
-        self.refused = Refused(ended, candidate, error)
+        self.refused = Refused(ended, job, error)
         return ended
 
     @property
@@ -170,94 +179,99 @@ class Run:
         """Whether what ended last did so for a lack of time or memory that was foreseen."""
         return self.refused is not None and self.ended is self.refused.ended
 
-    def _one(self, turn: Turn[Candidate]) -> Iterator[bool]:
-        """One candidate until there is a reason to stop, left in `ended`; whether it is time for a look at others."""
-        self.candidate = turn.who
-        self.tried.append(tried := Tried(turn.who))
-        if self.told:
-            _LOG.info("n = %d: %r begins: %s", self.problem.n, turn.who.method, turn.who.why or "it was named")
+    def _one(self, job: Job) -> Iterator[bool]:
+        """One method until there is a reason to stop, left in `ended`; whether it is time to compare it with others."""
+        self.job = job
+        self.tried.append(job)
+        if self.logs:
+            _LOG.info("n = %d: %r begins: %s", self.problem.n, job.method, job.choice.why or "it was named")
         try:
-            self.ended = yield from self._loop(turn)
+            self.ended = yield from self._loop(job)
         except SingularOperator as error:
             self.singular = error
-            self.tried.remove(tried)
-            self._tell_end(turn.who, str(error))
+            self.tried.remove(job)
+            job.outcome = str(error)
+            self._log_end(job)
             return
         except Infeasible as proof:
             self.infeasible = proof.answer
             self.ended = Ended(Status.INFEASIBLE, proof.answer.reason)
         except KeyboardInterrupt:
-            tried.outcome = Status.INTERRUPTED.value
+            job.outcome = Status.INTERRUPTED.value
             raise
         except (OutOfTime, MemoryError) as error:
-            self.ended = self._refuse(error, turn.who)
+            self.ended = self._refuse(error, job)
         except MapError as error:
             if self.best is None:
                 raise
-            self.fault, self.ended = error, Ended(Status.MAP_FAILED, str(error))
-        tried.outcome = self.ended.status.value
-        self._tell_end(turn.who, tried.outcome)
+            self.fault = error
+            self.ended = Ended(Status.MAP_FAILED, str(error))
+        job.outcome = self.ended.status.value
+        self._log_end(job)
 
-    def _tell_end(self, candidate: Candidate, why: str) -> None:
-        if self.told:
-            told = candidate.method, why, self.iteration, np.nan if self.best is None else self.best.residual
-            _LOG.info("n = %d: %r ends, %s, at iteration %d; best residual %.3g", self.problem.n, *told)
+    def _log_end(self, job: Job) -> None:
+        if self.logs:
+            best = np.nan if self.best is None else self.best.residual
+            _LOG.info("n = %d: %s: %s; best residual %.3g", self.problem.n, job, job.outcome, best)
 
     def _begin(self) -> Vector:
-        """Where a new candidate begins: with the best iterate, unless that is of one that failed."""
+        """Where a method begins: with the best iterate, unless that is of one that failed."""
         if self.best is None:
             return self.start
-        failed = any(one.candidate is self.best.candidate and one.outcome not in _GOOD for one in self.tried)
-        return self.best.z if self.restart is None or not failed else self.restart
+        return self.best.z if self.restart is None or self.best.job.outcome in _GOOD else self.restart
 
-    def _loop(self, turn: Turn[Candidate]) -> Generator[bool, None, Ended]:
-        candidate, begin = turn.who, self._begin()
-        self.tried[-1].afresh = begin is self.start and self.posed is None
-        path = candidate.method.iterates(self.posed or self.problem, begin)
+    def _loop(self, job: Job) -> Generator[bool, None, Ended]:
+        begin = self._begin()
+        job.is_fresh = begin is self.start and self.posed is None
+        path = job.method.iterates(self.posed or self.problem, begin)
         recent = Recent(self.target)
         longest = min(max(PATIENCE, 2 * self.problem.n), _LONGEST_PATIENCE)
-        self.proved = ProvedConvergence(self.posed or self.problem, candidate.method, lambda: float(self.iteration))
-        stalled = Stalled(candidate.method.memoryless, longest, self.at_floor, self._further)
-        expected, first, count, spent = None, np.nan, 0, 0.0
-        unit = self.problem.matrix.unit
-        # a generator is told how many more iterates are expected to be asked for
+        self.proved = ProvedConvergence(self.posed or self.problem, job.method, lambda: float(self.iteration))
+        stalled = Stalled(job.method.memoryless, longest, self.at_floor, self._further)
+        expected = None
+        first = np.nan
+        count = 0
+        spent = 0.0
+        # a generator is given how many more iterates are expected to be asked for
         ask: Callable[[float | None], Iterate] = getattr(path, "send", lambda expected: next(path))
         while True:
-            self.path, self.candidate, before = path, candidate, work.done()
+            self.path = path
+            self.job = job
+            before = work.done()
             try:
                 z, hint = ask(expected)
             except StopIteration:
                 return stalled.recurred()
             spent += work.done() - before
-            if count or self.iteration < 0:  # where a candidate begins another one has been
+            if count or self.iteration < 0:  # where a method begins another one has been
                 self.iteration += 1
             self.current = z
-            residual, seconds = self._residual(z, hint), work.clock() - self.clock
+            residual = self._residual(z, hint)
+            seconds = work.clock() - self.clock
             if not count:
                 first = residual
             if self.best is None or residual < self.best.residual:
                 self.best = self.found(z, residual)
             ended = self._seen(z, residual, seconds) or self._test(z, residual, first)
             if ended := ended or stalled.look(z, residual) or self._limit(seconds):
+                job.steps = max(count, job.steps)
                 return ended
             expected = recent.expected(residual)
-            look, count = False, count + 1
+            is_due = False
+            count += 1
             if count > 1:  # the set-up counts for the first step
-                look, spent = turn.stepped((spent + work.COSTS.iterate) / unit, self._fallen(first, residual)), 0.0
-            yield look
+                is_due = job.step(spent + work.COSTS.iterate, *self._fallen(first, residual))
+                spent = 0.0
+            yield is_due
 
-    def _fallen(self, first: float, residual: float) -> tuple[float, float] | None:
-        """By how much a logarithm has fallen, and by how much it has to: that of the residual, which was `first`, or,
-        for a finite method, of the rows that it takes for wrong; None where it does not say so."""
-        if self.candidate.method.finite:
-            wrong, every = getattr(self.path, "wrong", None), math.log1p(self.problem.n)
-            return None if wrong is None else (every - math.log1p(wrong), every)
+    def _fallen(self, first: float, residual: float) -> tuple[float, float]:
+        """How far the logarithm of the residual, which was `first`, has fallen, and how far it has to."""
         need = _fall(first, self.target) if self.target < first < np.inf else np.inf
         return (_fall(first, residual) if residual > 0.0 and 0.0 < first < np.inf else 0.0), need
 
     def found(self, z: Vector, residual: float) -> Best:
-        """`z` as an iterate of the candidate that is tried."""
-        return Best(z, residual, self.candidate, getattr(self.path, "settled", self.candidate.method))
+        """`z` as an iterate of the method that is tried."""
+        return Best(z, residual, self.job, getattr(self.path, "settled", self.job.method))
 
     def _residual(self, z: Vector, hint: float | None) -> float:
         """The method's hint while it is only a hint; the judge where a decision hangs on it."""
@@ -266,9 +280,38 @@ class Run:
             return hint
         return self.goal.judged(z, self.at_start if z is self.start else self.problem.residual(z))
 
+    @property
+    def is_watched(self) -> bool:
+        """Whether a bar, the history or a callback is to see the iterates."""
+        return self.progress or self.history or self.callback is not None
+
+    def join(self, z: Vector, job: Job) -> None:
+        """Judge a `z` that was solved in parts, by `job`."""
+        self.job = job
+        self.path = iter(())
+        self.tried.append(job)
+        self.current = z
+        residual = self.goal.judged(z, self.problem.residual(z))
+        if self.best is None or residual < self.best.residual:
+            self.best = self.found(z, residual)
+        if not self.is_over and self.goal.reached(z, residual):
+            self.best = self.found(z, residual)
+            self.ended = Ended(Status.SOLVED, "")
+            self.is_over = True
+        if self.logs:
+            _LOG.info("n = %d: %s: residual %.3g", self.problem.n, job.choice.why, residual)
+
+    def seen(self, z: Vector) -> Ended | None:
+        """Show an iterate that was made of one of a part."""
+        with suppress(MapError):
+            return self._seen(z, self.problem.residual(z), work.clock() - self.clock)
+        return None
+
     def _seen(self, z: Vector, residual: float, seconds: float) -> Ended | None:
-        """Who looks on sees `z`, and Res_D(z) itself where `residual` is that of the problem that methods are given."""
-        if self.posed is not None and (self.progress or self.history or self.callback is not None):
+        """Show `z`, with Res_D(z) where `residual` is that of the problem that methods are given."""
+        if self.watch is not None:
+            return self.watch(z, residual)
+        if self.posed is not None and self.is_watched:
             with suppress(MapError):
                 residual = self.problem.residual(z)
         self.bar.update(self.iteration, residual, self.goal.tolerance)
@@ -292,10 +335,11 @@ class Run:
         return None
 
     def _limit(self, seconds: float) -> Ended | None:
-        if self.iteration >= self.max_iter:
-            return Ended(Status.ITERATION_LIMIT, f"max_iter = {self.max_iter}")
-        if self.time_limit is not None and seconds >= self.time_limit:
-            return Ended(Status.TIME_LIMIT, f"time_limit = {self.time_limit:g} s")
+        most = self.limits.time_limit
+        if self.iteration >= self.limits.max_iter:
+            return Ended(Status.ITERATION_LIMIT, f"max_iter = {self.limits.max_iter}")
+        if most is not None and seconds >= most:
+            return Ended(Status.TIME_LIMIT, f"time_limit = {most:g} s")
         return None
 
     def _further(self, before: Vector, z: Vector) -> int:

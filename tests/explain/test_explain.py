@@ -98,10 +98,7 @@ def test_the_method_that_solve_begins_with_is_named_with_its_reason(name, n):
     page, begun = problem.explain(), problem.solve(max_iter=1, raise_on_failure=False)
     assert repr(page.picked) == repr(begun.last_method)
     assert begun.why.startswith(page.why)
-    assert (
-        page.about()["what_to_do"][0]
-        == f"call solve(); it will run {begun.last_method!r} first, because it is {page.why}"
-    )
+    assert page.about()["what_to_do"][0] == f"call solve(); it will run {begun.last_method!r} first: {page.why}"
 
 
 def test_one_method_can_be_asked_for():

@@ -8,7 +8,6 @@ from icpmodel import scenes
 from icpmodel.algebra.linear_rows import piece_count
 from icpmodel.methods.enumeration import MOST_CHOICES
 from icpmodel.methods.shortcuts import Lemke
-from icpmodel.solve.reduced import Reduced
 
 #: a method that is a special case of another by default is given options of its own
 METHODS = {
@@ -32,7 +31,6 @@ METHODS = {
     "projection-fixed-point": icp.ProjectionFixedPoint(omega=0.9),
     "proximal": icp.Proximal(),
     "psor": icp.PSOR(omega=1.1),
-    "reduced": Reduced(),
     "restarts": icp.Restarts(tries=40),
     "tridiagonal": icp.Tridiagonal(),
 }

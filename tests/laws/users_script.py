@@ -78,7 +78,6 @@ methods: list[icp.Method] = [
     icp.ProjectionFixedPoint(),
     icp.Interior(),
     icp.Proximal(),
-    icp.Reduced(),
     icp.Tridiagonal(),
     icp.methods.named("psor", omega=1.2),
 ]

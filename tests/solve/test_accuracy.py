@@ -22,12 +22,12 @@ class TestAccuracy:
 
     @pytest.mark.parametrize("steps", range(10))
     def test_an_error_below_it_is_a_success_wherever_the_run_ends(self, steps):
-        """The loop does not look at every z, but the last word is a look."""
+        """The last word is the bound on the error of the answer."""
         problem = icp.ICP([[1.0, -0.9], [-0.9, 1.0]], [-1.0, -1.0])
         solution = problem.solve("mnmj", accuracy=7.0, max_iter=steps, raise_on_failure=False)
         assert solution.solved == (solution.error_bound <= 7.0)
 
-    @pytest.mark.parametrize("patience", [25, 30, 35, 40, 45])
+    @pytest.mark.parametrize("patience", [18, 20, 22, 24])
     def test_a_psi_that_fails_late_leaves_the_best_iterate(self, patience):
         calls = []
 
@@ -41,7 +41,7 @@ class TestAccuracy:
         solution = icp.ICP([[2, -1], [-1, 2]], [-1, 3], psi).solve(accuracy=1e-12, raise_on_failure=False)
         assert solution.status is icp.Status.MAP_FAILED
         assert "tired" in solution.message
-        assert solution.residual < 0.1
+        assert solution.residual < 0.2
 
     def test_without_a_certificate_it_is_refused_with_the_reason(self):
         with pytest.raises(icp.NotApplicable, match=r"nothing bounds the error .* Lipschitz .* give rtol"):

@@ -1,4 +1,4 @@
-"""The choice: what the estimates promise, which families it keeps to, and that counted work decides alone."""
+"""The choice: the bound of its rule, which methods it takes, and that counted work decides alone."""
 
 import math
 import os
@@ -6,12 +6,14 @@ import os
 import numpy as np
 import pytest
 from benchmarks.families import drawn, family_names
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+import icpmodel as icp
 from icpmodel import methods, scenes
 from icpmodel.numerics import work
 from icpmodel.numerics.threads import threads_for
-from icpmodel.solve.choice import FAMILIES, WEIGHTS
-from icpmodel.solve.reduced import ReducedTo, candidates
+from icpmodel.solve.choice import FAMILIES, Choice, Estimate, InTurn, Job, Ladder
 
 PROBLEMS = {name: scenes.scene(name, 60 if "n" in scenes.parameters(name) else None).problem for name in scenes.names()}
 GRIDS = ("membrane", "bearing", "bai-nonsymmetric")
@@ -20,56 +22,87 @@ every_problem = pytest.mark.parametrize("name", PROBLEMS)
 every_family = pytest.mark.parametrize("family", family_names())
 
 
-def made(problem, **options):
-    """All candidates of all stages, with what they are expected to cost."""
-    return [one for stage in candidates(problem, 1e-8, **options) for one in stage.made()]
+def chosen(problem, family=None):
+    """All methods of the ladder, with their estimates."""
+    ladder, found = Ladder(problem, 1e-8, family), []
+    while (job := ladder.next()) is not None:
+        found.append(job.choice)
+        ladder.end(job)
+    return found
 
 
-def solved_by(problem, **options):
-    """The method that found z, and what took part."""
-    solution = problem.solve(raise_on_failure=False, **options)
-    return solution, {type(solution.method), type(solution.last_method)}
+class TestRule:
+    """What the docstring of `select_method` says."""
 
-
-class TestEstimates:
-    @every_problem
-    def test_they_are_finite_and_positive_for_every_method_that_has_one(self, name):
-        problem = PROBLEMS[name]
-        for method in map(methods.named, methods.names()):
-            if method.why_not(problem) is None and (found := method.estimate(problem.facts, 1e-8)) is not None:
-                assert all(math.isfinite(x) and x >= 0.0 for x in found), method
-                assert 0.0 < found.total < math.inf, method
-
-    @every_problem
-    def test_less_accuracy_never_costs_more(self, name):
-        problem = PROBLEMS[name]
-        for method in map(methods.named, methods.names()):
-            if method.why_not(problem) is None and (found := method.estimate(problem.facts, 1e-10)) is not None:
-                assert method.estimate(problem.facts, 1e-3).total <= found.total
-
-    def test_every_method_that_may_be_picked_has_a_family(self):
-        for name in methods.names():
-            method = methods.named(name)
-            families = [family for family, kinds in FAMILIES.items() if method.family in kinds]
-            assert bool(families) == bool(method.family)
-            assert not method.family or method.family in WEIGHTS
-
-
-class TestFamilies:
-    @every_problem
-    def test_the_paper_s_members_alone_are_made_for_the_paper(self, name):
-        assert {one.method.family for one, _ in made(PROBLEMS[name], family="paper")} <= {"paper"}
+    def test_structures_go_at_once(self):
+        line = np.diag(np.full(80, 2.0)) - np.eye(80, k=1) - np.eye(80, k=-1)
+        square = np.kron(np.eye(9), line[:9, :9]) + np.kron(line[:9, :9], np.eye(9))
+        moving = lambda z: 0.1 * np.sin(z[::-1])  # noqa: E731
+        for problem, kind in (
+            (icp.ICP(line, -np.ones(80)), icp.Tridiagonal),
+            (icp.ICP(square[:64, :64], -np.ones(64)), icp.Lemke),
+            (icp.ICP(square[:64, :64], -np.ones(64), icp.Elementwise(moving, lambda z: 0.1 * np.cos(z))), icp.Josephy),
+            (icp.ICP(square, -np.ones(81)), icp.PSOR),
+        ):
+            assert isinstance(icp.select_method(problem).method, kind)
 
     @every_problem
-    def test_no_shortcut_is_made_for_the_modulus_family(self, name):
-        assert {one.method.family for one, _ in made(PROBLEMS[name], family="modulus")} <= {"paper", "modulus", ""}
+    @pytest.mark.parametrize("family", FAMILIES)
+    def test_a_ladder_keeps_to_its_family_and_its_estimates_are_numbers(self, name, family):
+        kinds = {"paper": {"paper"}, "modulus": {"paper", "modulus"}, None: {"paper", "modulus", "shortcut"}}[family]
+        for choice in chosen(PROBLEMS[name], family):
+            assert choice.method.family in kinds
+            assert choice.estimate is None or all(math.isfinite(x) and x >= 0.0 for x in choice.estimate)
 
-    def test_a_run_keeps_to_its_family(self):
-        for name in GRIDS:
-            for family, kinds in (("paper", {"paper"}), ("modulus", {"paper", "modulus"})):
-                solution, ran = solved_by(PROBLEMS[name], family=family)
-                assert solution.solved
-                assert {kind.family for kind in ran if kind is not ReducedTo} <= kinds
+    def test_every_method_of_a_family_says_so(self):
+        assert {methods.named(name).family for name in methods.names()} <= {"", "paper", "modulus", "shortcut"}
+
+
+class Kind(icp.PSOR):
+    """A method that is `finite` where it says so."""
+
+
+class Ends(icp.PSOR):
+    finite = True
+
+
+@st.composite
+def scripts(draw):
+    """What a method says of its cost, and what it does: so many steps of one cost, its residual falling in turn."""
+    falls = draw(st.lists(st.floats(-5.0, 5.0), min_size=1, max_size=6))
+    return draw(st.booleans()), draw(st.floats(0.1, 1e3)), draw(st.floats(0.01, 10.0)), draw(st.integers(1, 300)), falls
+
+
+class Rungs(InTurn):
+    """Three jobs, of which the one with the least left to do runs."""
+
+    def next(self):
+        return min(self.jobs, key=lambda job: job.remaining)
+
+
+@given(st.lists(scripts(), min_size=1, max_size=3))
+@settings(max_examples=200, deadline=None)
+def test_the_total_is_at_most_nine_times_what_the_best_one_needs_or_says(candidates):
+    """T + 8R: see `select_method`. Looks between steps add a step each."""
+    rungs = Rungs()
+    for ends, said, cost, steps, falls in candidates:
+        job = Job(Choice((Ends if ends else Kind)(), "", Estimate(0.0, said, 1.0)))
+        job.script = cost, steps, falls
+        rungs.jobs.append(job)
+    most, total, over = dict.fromkeys(rungs.jobs, 0.0), 0.0, False
+    while not over:
+        job = rungs.next()
+        for one in rungs.jobs:
+            most[one] = max(most[one], one.remaining)
+        due = False
+        while not (due or over):
+            cost, steps, falls = job.script
+            total += cost
+            due = job.step(cost, job.fallen[-1] + falls[job.steps % len(falls)], 18.0)
+            over = job.steps == steps
+    needs = job.script[0] * job.script[1]
+    bound = needs + 8.0 * max(most[job], needs) + sum(4.0 * one.script[0] for one in rungs.jobs)
+    assert total <= bound * (1 + 1e-9)
 
 
 class TestTheSameWay:

@@ -1,12 +1,10 @@
 """The loop: when it stops, what it returns, and that it never calls solved what is not."""
 
-import math
 import signal
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
-from itertools import chain
 from typing import ClassVar
 
 import numba
@@ -18,13 +16,12 @@ from benchmarks.families import drawn
 import icpmodel as icp
 from icpmodel import Status
 from icpmodel.methods.contract import Method
-from icpmodel.solve.candidate import Candidate
+from icpmodel.solve.choice import InTurn
 from icpmodel.solve.driver import carry_out, solution_of
 from icpmodel.solve.goal import Goal, Limits
 from icpmodel.solve.run import Run
-from icpmodel.solve.schedule import Stage, in_turn
 
-LIMITS = Limits(rtol=1e-8, atol=0.0, max_iter=1000, time_limit=None)
+LIMITS = Limits(rtol=1e-8, atol=0.0, max_iter=10**5, time_limit=None)
 
 
 @pytest.fixture(autouse=True)
@@ -44,7 +41,7 @@ def slow():
 def run_on(problem, **options):
     start = np.zeros(problem.n)
     at_0 = problem.residual(start)
-    return Run(problem, start, at_0, Goal(0.0), aim=1e-14, scale=at_0, max_iter=10**5, **options)
+    return Run(problem, start, at_0, Goal(0.0), limits=LIMITS, aim=1e-14, scale=at_0, **options)
 
 
 CYCLIC = icp.scenes.hand_cyclic().problem
@@ -282,11 +279,14 @@ def test_wrong_options_are_named(options, words):
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, MemoryError])
 def test_what_happens_while_the_next_method_is_chosen_loses_nothing(error):
-    def chosen():
-        raise error
+    class Raises(InTurn):
+        def next(self):
+            if not self.jobs:
+                raise error
+            return super().next()
 
     run = run_on(CYCLIC)
-    carry_out(run, chain(in_turn(Candidate(icp.PSOR(), "first")), [Stage(math.inf, chosen)]))
+    carry_out(run, run.steps(Raises(icp.PSOR())))
     solution = solution_of(run, LIMITS)
     assert solution.status is (Status.INTERRUPTED if error is KeyboardInterrupt else Status.MEMORY_LIMIT)
     assert repr(solution.last_method) == "PSOR()"
@@ -303,7 +303,7 @@ class Greedy(icp.MNMGS):
 
 def test_a_method_that_needs_too_much_memory_gives_way_to_the_next():
     run = run_on(CYCLIC)
-    carry_out(run, in_turn(Candidate(Greedy(), "first"), Candidate(icp.Newton(), "second")))
+    carry_out(run, run.steps(InTurn(Greedy(), icp.Newton())))
     assert solution_of(run, LIMITS).z == pytest.approx(np.full(3, 1 / 3))
     solution = CYCLIC.solve(Greedy(), raise_on_failure=False)
     assert solution.status is Status.MEMORY_LIMIT
@@ -312,8 +312,8 @@ def test_a_method_that_needs_too_much_memory_gives_way_to_the_next():
 def test_an_operator_that_is_singular_is_passed_over_or_raised():
     singular = icp.MNMJ(phi=[-2.0, 0.0, 0.0])
     run = run_on(CYCLIC)
-    carry_out(run, in_turn(Candidate(singular, "first"), Candidate(icp.Newton(), "second")))
-    assert [repr(one.candidate.method) for one in run.tried] == ["Newton()"]
+    carry_out(run, run.steps(InTurn(singular, icp.Newton())))
+    assert [repr(one.method) for one in run.tried] == ["Newton()"]
     with pytest.raises(icp.SingularOperator):
         CYCLIC.solve(singular)
 

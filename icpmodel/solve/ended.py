@@ -1,4 +1,4 @@
-"""A candidate: a method, why it is one, and what ends it: it stands still, or goes round."""
+"""What ends a method: its iterates stand still, or go round."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..methods.contract import Method
 from ..numerics.arrays import Vector
 from .solution import Status
 
@@ -20,15 +19,8 @@ _PRECISION_CHECK = 50
 _NOTHING: Vector = np.zeros(0)
 
 
-class Candidate(NamedTuple):
-    """A method to try, and the sentence on why."""
-
-    method: Method
-    why: str
-
-
 class Ended(NamedTuple):
-    """Why a candidate ended."""
+    """Why a method ended."""
 
     status: Status
     note: str

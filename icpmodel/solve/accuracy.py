@@ -1,0 +1,71 @@
+"""An accuracy that was asked for: solve, bound the error, tighten the tolerance, again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+
+from ..errors import MapError, NotApplicable, OutOfTime
+from ..numerics.arrays import Vector
+from ..numerics.rounding import at_most
+from ..problem.data import ProblemData
+from ..theory.certificates.bounds import error_bound
+from .ended import Ended
+from .run import Run
+from .solution import Status
+
+#: a bound falls about as a residual does: the tolerance becomes this share of what would then do, within the other two
+_SHARE, _LEAST, _MOST = 0.5, 1e-3, 0.5
+
+
+def solve_to_accuracy(run: Run, accuracy: float, carry_out: Callable[[], None]) -> None:
+    """Carry out `run` again and again, each time with a smaller tolerance, until max|z − z*| ≤ `accuracy` is certified.
+
+    Raises
+    ------
+    NotApplicable
+        Where nothing bounds the error of the problem.
+    """
+    problem = run.problem
+    residual = run.at_start
+    bound = None
+    try:
+        first = error_bound(problem, run.start)
+    except (OutOfTime, MemoryError):
+        pass
+    else:
+        bound = first.value
+        # whether obstacles that move cross is decided by a small bound alone
+        if not first.unique and (problem.upper is None or problem.psi.is_constant):
+            raise NotApplicable(
+                f"accuracy: nothing bounds the error of this problem: {first.reason}; give rtol instead"
+            )
+    z = run.start
+    while bound is None or bound > accuracy or run.iteration < 0:
+        share = _LEAST if bound is None else min(max(_SHARE * accuracy / bound, _LEAST), _MOST)
+        run.goal = replace(run.goal, tolerance=share * residual if bound is None or bound > accuracy else np.inf)
+        run.is_over = False
+        carry_out()
+        if run.best is None:
+            return
+        z, before = run.best.z, residual
+        residual = run.best.residual
+        bound = certified(problem, z)
+        if run.ended.status is not Status.SOLVED or not residual < before:
+            break
+    if bound is not None and bound <= accuracy:
+        run.ended = Ended(Status.SOLVED, "")
+    else:
+        known = "nothing is certain of its error" if bound is None else f"its error is at most {at_most(bound)}"
+        status = Status.PRECISION_LIMIT if run.ended.status is Status.SOLVED else run.ended.status
+        run.ended = Ended(status, f"{run.ended.note}; {known}; {accuracy:.3g} was wanted".removeprefix("; "))
+
+
+def certified(problem: ProblemData, z: Vector) -> float | None:
+    """The bound on max|z − z*|, None where there is none."""
+    with suppress(MapError, OutOfTime, MemoryError):
+        return error_bound(problem, z).value
+    return None

@@ -1,0 +1,261 @@
+"""Reduction: transforms before a run. What need not be iterated on is left out, what does not interact is solved apart.
+
+1. Obstacles that move with their own unknown alone are fixed, and redundant rows leave: `posed`.
+2. Rows that are predicted to be in contact leave, see `algebra.resting`, and come back where p < 0.
+3. The strong components of A and ψ follow one another. A row alone is a maximum, a small block is pivoted, and what is
+   left falls into stages of parts that do not interact.
+
+Each part goes up a ladder of its own. The joined answer is judged as one of the whole problem, which goes on from there
+where it is not good enough. A part that has no solution proves that the whole has none if the proof, with 0 in all
+other rows, is one of the whole; or where the unknowns of earlier stages have one answer, of which the error bound says
+how far it is from what is known of it.
+References: Tarjan, SIAM J. Comput. 1 (1972), for the components; Cottle, Pang and Stone, The Linear Complementarity
+Problem (1992), section 4.4, for blocks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+
+from ..algebra.redundant import without_redundant_rows
+from ..algebra.resting import WORTH, Border, rows_at_rest
+from ..algebra.subproblems import Blocks, Rows, blocks, restricted, with_fixed_obstacle
+from ..errors import MapError
+from ..methods.contract import Infeasible
+from ..methods.psor import PSOR
+from ..methods.shortcuts import Lemke
+from ..numerics.arrays import Vector, norm
+from ..problem.data import ProblemData
+from ..theory.certificates.bounds import error_bound
+from ..theory.certificates.combination_rows import Known
+from ..theory.certificates.infeasible import infeasible
+from .choice import Choice, Job, Ladder
+from .ended import Ended
+from .goal import Goal
+from .run import Run
+from .solution import Status
+
+#: the share of the tolerance of the whole that parts get together, and stages that others depend on
+_SHARE, _EARLIER = 0.5, 1e-3
+#: the open rows are left at this share of the residual that they had when the border was last seen
+_CLOSER = 0.1
+#: ends of a part that end the whole
+_LIMITS = (Status.ITERATION_LIMIT, Status.TIME_LIMIT, Status.STOPPED)
+
+#: steps, and in the end what is left to be solved, if anything
+Path = Generator[None, None, Blocks | None]
+
+
+def posed(problem: ProblemData) -> ProblemData:
+    """What methods that `solve` picks are given: where every ψ_i moves with z_i alone, by less than it, one with fixed
+    obstacles, so that sweeps and Newton's steps need not ask for ψ, and without redundant rows. If ψ fails on the way
+    to these it is the problem itself, as ψ may have values where the iterates are."""
+    with suppress(MapError), np.errstate(over="ignore", invalid="ignore"):
+        return without_redundant_rows(with_fixed_obstacle(problem))
+    return problem
+
+
+def climb(run: Run, problem: ProblemData, family: str | None) -> Iterator[None]:
+    """The steps of `run` up its ladder, with the reduction of `problem` before rung 5."""
+    ladder = Ladder(problem, run.aim, family)
+    ladder.held = family != "paper"
+    yield from run.steps(ladder)
+    if ladder.is_held and not run.is_over:
+        ladder.held = False
+        yield from in_parts(run, problem, family)
+        if not run.is_over:
+            yield from run.steps(ladder)
+
+
+def in_parts(run: Run, problem: ProblemData, family: str | None = None, most: float = WORTH) -> Iterator[None]:
+    """The steps of the parts of `problem`, and their joined answer in `run`; none where a part has more than the share
+    `most` of the rows."""
+    found = structure(problem, most * problem.n) or rows_at_rest(problem)
+    if found is not None and not (family is not None and found.pivoted):
+        yield from _Parts(run, problem, family).steps(found)
+
+
+class _Parts:
+    """The parts of a reduced problem, and what they are joined to.
+
+    Parameters
+    ----------
+    run : Run
+        The run of the whole problem.
+    problem : ProblemData
+        What is reduced.
+    family : str or None
+        As in `select_method`.
+    """
+
+    def __init__(self, run: Run, problem: ProblemData, family: str | None) -> None:
+        self.run = run
+        self.problem = problem
+        self.family = family
+        self.z = (run.start if run.best is None else run.best.z).copy()
+        tolerance = run.goal.tolerance_at(self.z)
+        largest = max(1.0 / float(problem.matrix.row_weights.min()), 1.0)
+        self.tolerance = _SHARE * max(tolerance, run.goal.atol / largest)
+        self.unfinished: list[Run] = []
+        #: the job of the largest part
+        self.job = Job(Choice(PSOR()))
+        self.size = 0
+
+    def steps(self, found: Blocks) -> Iterator[None]:
+        """Solve what is `found`, and join it."""
+        run = self.run
+        try:
+            first: Blocks | None = found
+            while first is not None and not run.is_over:
+                found = first
+                first = yield from (self._stages if found.rows.size else self._open_rows)(found)
+            if found.pivoted and not self.size:
+                self.job = Job(Choice(Lemke()))
+        except Infeasible as proof:
+            run.infeasible = proof.answer
+            run.ended = Ended(Status.INFEASIBLE, proof.answer.reason)
+            run.is_over = True
+        finally:
+            self.job.choice = self.job.choice._replace(why=f"{found!r}; {self.job.choice.why}".removesuffix("; "))
+            with suppress(MapError):
+                run.join(self.z, self.job)
+
+    def _stages(self, found: Blocks) -> Path:
+        """The stages one after the other, each on what the earlier ones are, and the small blocks between them."""
+        self.z, solved = found.forward(self.z, found.before)
+        if (unsolved := found.before & ~solved).any():
+            return found.with_core(unsolved)
+        last = len(found.stages) - 1
+        for at, stage in enumerate(found.stages):
+            follow = found.after if at == last else found.between[at]
+            share = _EARLIER if at < last or follow.any() else 1.0
+            for rows in stage:
+                part = self._part(found.problem, rows, share * self.tolerance / len(stage) ** 0.5)
+                yield from self._solve(part, rows)
+                if self.run.is_over:
+                    return None
+            self.z, solved = found.forward(self.z, follow)
+            if (unsolved := follow & ~solved).any():
+                return found.with_core(unsolved)
+        return None
+
+    def _open_rows(self, found: Blocks) -> Path:
+        """The open rows, and p at the border of those at rest: where that is below 0 more rows are opened."""
+        (rows,) = found.parts
+        self.z = np.where(found.open, self.z, found.problem.facts.obstacle)
+        border = Border(found)
+        part = self._part(found.problem, rows, self.tolerance)
+        seen = np.inf
+        for _ in self._solve(part, rows):
+            yield
+            if part.best is not None and part.best.residual <= _CLOSER * seen:
+                seen = part.best.residual
+                if self._violation(border) > seen:
+                    break
+        if self.run.is_over or self._violation(border) <= self.tolerance:
+            return None
+        return border.opened(border.p(self.z))
+
+    def _violation(self, border: Border) -> float:
+        p = border.p(self.z)
+        return norm(border.weights * np.minimum(p, 0.0)) if p.size else 0.0
+
+    def _part(self, problem: ProblemData, rows: Rows, tolerance: float) -> Run:
+        """The run of a part, where the other unknowns are what they are in z."""
+        part = restricted(problem, rows, self.z)
+        start = self.z[rows]
+        known = [at_start := part.residual(start)]
+        with suppress(MapError):
+            known.append(part.residual_at_0())
+        scale = max((x for x in known if x < np.inf), default=0.0)
+        aim = min(max(tolerance / scale if scale else 0.0, 1e-14), 0.5)
+        limits = replace(self.run.limits, max_iter=max(self.run.limits.max_iter - max(self.run.iteration, 0), 0))
+        before = max(self.run.iteration, 0)
+
+        def watch(z: Vector, residual: float) -> Ended | None:
+            self.run.iteration = before + max(made.iteration, 0)
+            if not self.run.is_watched:
+                return None
+            whole = self.z.copy()
+            whole[rows] = z
+            return self.run.seen(whole)
+
+        made = Run(
+            part,
+            start,
+            at_start,
+            Goal(tolerance),
+            limits=limits,
+            aim=aim,
+            scale=scale,
+            watch=watch,
+            clock=self.run.clock,
+        )
+        return made
+
+    def _solve(self, part: Run, rows: Rows) -> Iterator[None]:
+        """The steps of a `part`, which z follows."""
+        try:
+            for _ in part.steps(Ladder(part.problem, part.aim, self.family)):
+                if part.best is not None:
+                    self.z[rows] = part.best.z
+                yield
+        finally:
+            if part.best is not None:
+                self.z[rows] = part.best.z
+                if rows.size > self.size:
+                    self.size = rows.size
+                    self.job = part.best.job
+        if part.infeasible is not None:
+            self._report(part, rows)
+        if part.ended.status in _LIMITS:
+            self.run.ended = part.ended
+            self.run.is_over = True
+
+    def _report(self, part: Run, rows: Rows) -> None:
+        """Raise Infeasible where the proof that a `part` has no solution is one of the whole problem."""
+        assert part.infeasible is not None
+        problem = self.problem
+        witness = np.array([float(x) for x in part.infeasible.witness]).reshape(-1, rows.size)
+        y = np.zeros((len(witness), problem.n))
+        y[:, rows] = witness
+        answer = infeasible(problem, y.ravel())
+        if answer.holds is None and (known := proved_of_earlier(problem, rows, self.z)):
+            answer = infeasible(problem, y.ravel(), known)
+        if answer.holds:
+            raise Infeasible(answer)
+
+
+def proved_of_earlier(problem: ProblemData, rows: Rows, z: Vector) -> Known | None:
+    """What is proved of the unknowns that the `rows` hang on, where these have an answer of their own near `z`."""
+    A, seen = problem.A, np.zeros(problem.n, dtype=bool)
+    seen[rows] = True
+    new = rows
+    while new.size:
+        reached = np.unique(A[new].indices)
+        new = reached[~seen[reached]]
+        seen[new] = True
+    seen[rows] = False
+    earlier = np.flatnonzero(seen)
+    if not earlier.size or not problem.is_lcp or not seen[A[earlier].indices].all():
+        return None
+    bound = error_bound(restricted(problem, earlier, z), z[earlier])
+    if bound.componentwise is None:
+        return None
+    low, high = np.full(problem.n, -np.inf), np.full(problem.n, np.inf)
+    low[earlier] = np.nextafter(z[earlier] - bound.componentwise, -np.inf)
+    high[earlier] = np.nextafter(z[earlier] + bound.componentwise, np.inf)
+    return Known(low, high, bound.proof)
+
+
+def structure(problem: ProblemData, most: float) -> Blocks | None:
+    """The blocks of the whole problem, if no part that they leave has more than so many rows."""
+    with suppress(MapError), np.errstate(over="ignore", invalid="ignore"):
+        found = blocks(problem)
+        if found is not None and max((part.size for part in found.parts), default=0) <= most:
+            return found
+    return None
