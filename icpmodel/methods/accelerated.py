@@ -26,8 +26,6 @@ _FAR = 1e100
 _ACCELERATED, _PLAIN = 100, 25
 #: calls in Python that a step takes beside the sweep
 _HISTORY = 2.0
-#: of what Chebyshev would gain so much is had, as the history is short
-_OF_CHEBYSHEV = 0.5
 #: directions of the history that are less independent than this say nothing but rounding errors
 _INDEPENDENT = 1e-10
 

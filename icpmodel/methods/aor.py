@@ -15,10 +15,6 @@ from ..problem.data import ProblemData
 from .contract import Iterate, Method
 from .modulus import FreeOmega
 
-#: so many times the sweeps of PSOR are needed where A couples rows more than ψ does, as those that touch the obstacle
-#: are dragged along by their neighbours' steps: 1.48 in the median of 586 random problems, half of them 1.35 to 1.5
-_DRAGGED = 1.5
-
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class _Relaxing(FreeOmega):

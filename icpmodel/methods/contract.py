@@ -100,8 +100,7 @@ class Method(ReadOnly, Shown, ABC):
         Each zᵏ is an array of shape (n,) that the method will not change afterwards. The residual is None where it does
         not fall out of the step for free; it is a hint, never the verdict. Where this is a generator, a run sends it
         how many more iterates it expects to ask for, so that several may be made at once; it need not listen. The
-        iterator may have an attribute `settled`: this method with the numbers that the run came to; and, where it is
-        `finite`, `wrong`: how many of the n rows have yet to take the other side, as far as the last step tells.
+        iterator may have an attribute `settled`: this method with the numbers that the run came to.
         Raises SingularOperator at the first step where the method's operator cannot be inverted, MapError where ψ
         fails, and Infeasible where it is proved that there is no solution.
 

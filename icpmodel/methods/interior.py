@@ -46,8 +46,6 @@ _ACCURATE, _ROUGH, _LESS, _MORE = 2.0**-26, 2.0**-13, 0.1, 100.0
 _NEARLY_ALL = 0.995
 #: the least room between two obstacles, as a share of what rows with one have
 _LEAST = 1e-12
-#: the solves in a step
-_SOLVES = 4.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

@@ -173,11 +173,6 @@ class Path(Iterator[Iterate]):
         self.begun = True
         return self.here.z, self.here.residual
 
-    @property
-    def wrong(self) -> int:
-        """In how many rows the last plain step took the other side than is seen now."""
-        return int(np.count_nonzero(self.taken != self.here.active))
-
     def advance(self) -> bool:
         """One step, or False where nothing leads on. Raises MapError where that is because ψ fails."""
         if self.here.theta == 0:

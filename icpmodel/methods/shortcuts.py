@@ -30,8 +30,6 @@ from .contract import Infeasible, Iterate, Method, positive_diagonal
 _HALVINGS, _SLOPE = 6, 0.1
 #: rounds of Newton's steps, and steps in a round; where A is an M-matrix one step is the rule
 _ROUNDS, _STEPS = 5, 10
-#: what Newton's steps make of the price of the pass where there are two obstacles: a dozen were measured, 3 to 40
-_WITH_TWO = 4.0
 #: steps of iterative refinement, for those who ask for the last digit
 _REFINEMENTS = 2
 

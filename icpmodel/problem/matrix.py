@@ -259,19 +259,8 @@ class Matrix(ReadOnly):
         return bool((self.rows.rest <= _DOMINANT * np.abs(self.rows.diagonal)).all())
 
     @cached_property
-    def rough_jacobi_radius(self) -> float:
-        """The mean of the row sums Σ_{j≠i}|a_ij|/|a_ii|, at most 1 where A is dominant: a look at the rows is enough.
-
-        Where D⁻¹A is a symmetric M-matrix that mean is a Rayleigh quotient.
-        """
-        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            mean = float((self.rows.rest / np.abs(self.rows.diagonal)).sum() / self.n)
-        return min(mean, 1.0) if self.is_dominant else max(mean, 0.0)
-
-    @cached_property
     def coupled_radius(self) -> float:
-        """The mean row sum of `couplings`, a Rayleigh quotient: the radius as roughly, but the same in all units, and
-        what acts in one direction only counts as nothing."""
+        """The mean row sum of `couplings`, a Rayleigh quotient for their spectral radius, the same in all units."""
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             mean = float(self.couplings.data.sum()) / self.n
         return mean if mean < np.inf else np.inf

@@ -32,8 +32,8 @@ from .goal import RTOL
 _LOG = logging.getLogger("icpmodel")
 #: which methods may be chosen, see `select_method`
 FAMILIES = ("paper", "modulus", None)
-#: sweeps are tried for the first share of what the next method is expected to cost, or for the second one where they
-#: are expected to cost more than so many times as much; a third share of 2 would do as well
+#: accelerated sweeps are tried for the first share of what the next method is expected to cost, or for the second one
+#: where they are expected to cost more than so many times as much
 _TRIAL, _BRIEF_TRIAL, _HOPELESS = 0.5, 0.125, 2.0
 #: sweeps that are made before a rate is read off: plain ones, and accelerated ones, twice their history; plain ones go
 #: on where the second number of them will do
@@ -79,25 +79,27 @@ def select_method(problem: ProblemLike, *, rtol: float = RTOL, family: str | Non
     2. At most 64 unknowns: `Lemke` where ψ is fixed or affine, `Josephy` where it is not.
     3. ψ an intervention: policy iteration, by `Newton` or from the coarser levels by `Multilevel`.
 
-    Everything else goes up a ladder:
+    Everything else goes up a ladder, each rung from the best iterate so far:
 
-    4. `Accelerated` sweeps of PSOR, where A has a positive diagonal: for half of what rung 5 is expected to cost, or an
-       eighth of it where the Jacobi radius ρ of A foretells that sweeps cost more than twice as much.
-    5. The cheapest of `Lemke`, `Newton` and `Multilevel`, by the fill of the factors of A and by ρ.
-    6. The cheaper of `Proximal` and `Interior`. Rungs 5 and 6 change places where 6 is expected to cost less.
-    7. Where all of these have ended: the rest of 5 and 6, then MNMGS and MNMMOD.
+    4. Where A has a positive diagonal, sweeps. PSOR makes 12, and goes on while 20 more will do. `Accelerated` follows,
+       for half of what rung 5 is expected to cost; for an eighth of that, where the Jacobi radius ρ < 1 of A foretells
+       that it needs more than twice as much.
+    5. The cheapest of `Newton`, `Multilevel` and, with fixed obstacles, `Lemke`, by ρ and the fill of the factors of A.
+    6. The cheaper of `Proximal` and `Interior`. It comes before rung 5 where it is expected to cost less.
+    7. Where all of these have ended: the others of 5 and 6, then MNMGS and MNMMOD.
 
-    **Handing over.** The run is with the method that has least left to do. That is its estimate less what it has spent,
-    until it has spent twice the estimate, or sweeps their trial. From then on it is what the residual's rate over the
-    last half of the steps says, and at least half of what was spent; what was spent itself, where a method ends after
-    some steps; four times that, where the residual does not fall. A method that is stopped goes on later where it was.
+    Before rung 5 the problem is reduced, see `solve.reduction`; each of its parts goes up a ladder of its own.
 
-    **Bound.** Let the best method need T in hindsight, and say at most R ≥ T of what it has left. A method that has its
-    turn says at most R as well. In its first turn it spends 2R at most. Later it has spent 2R at most when its turn
-    begins, and stops when it has spent twice that: 4R. On a ladder of three that is T + 8R, nine times T where the best
-    method's own estimates are right; methods that end early make room for others, and cost at most 4R each.
+    **Handing over.** From `Accelerated` on, the method with the least left to do runs. At first that is its estimate. A
+    method is stopped when it has spent twice its estimate, or accelerated sweeps their trial, and later whenever that
+    has doubled, or the rate says that it should be done. What it has left is then what the rate of the residual over
+    the last half of its steps says, and at least half of what it has spent. For a method that ends after some steps it
+    is what it has spent; where the residual does not fall, four times that. A method that is stopped may go on later.
 
-    Before rung 5 a problem is reduced, see `solve.reduction`, and each of its parts goes up a ladder of its own.
+    **Bound.** The best method needs T, and never says that it has more left than R ≥ T. Another one runs only where it
+    says R at most. At first it spends 2R at most. Later it has spent 2R at most when it begins to run, as it says at
+    least half of that, and it is stopped before it has spent 4R. With three methods the total is T + 8R at most: 9T
+    where the best method's estimates are right. A method that ends for good has spent 4R at most, too.
 
     Parameters
     ----------
@@ -257,13 +259,11 @@ class Ladder:
     def _plain(self) -> None:
         if self.family == "paper" or self.problem.psi.takes_best:
             return
-        for job in self._estimated([PSOR()]):
-            assert job.choice.estimate is not None
-            step = job.choice.estimate.step
-            job.limit = _PLAIN * step
-            job.remaining = 0.0
+        sweeps = PSOR()
+        if sweeps.why_not(self.problem) is None:
+            step = _sweeps(sweeps, self.problem.facts, self.aim).step
             self.floor = _ACCELERATED * step
-            self.jobs.append(job)
+            self.jobs.append(Job(Choice(sweeps, f"{_PLAIN} sweeps are tried first"), _PLAIN * step))
 
     def _sweeps(self) -> None:
         self.jobs.clear()
@@ -454,7 +454,6 @@ def _factorised(method: Method, facts: Facts, aim: float) -> Estimate:
 
 _ESTIMATES: dict[type[Method], Callable[[Method, Facts, float], Estimate]] = {
     Accelerated: _sweeps,
-    PSOR: _sweeps,
     MNMAOR: _sweeps,
     MNMGS: _sweeps,
     MNMMOD: _factorised,

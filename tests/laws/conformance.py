@@ -74,39 +74,6 @@ MUST_FAIL = {
     **dict.fromkeys([(m, "hand-splittings") for m in ("mnmaor", "mnmgs", "mnmod", "mnmsor", "modulus")], _COUPLED),
     **dict.fromkeys(
         [
-            ("reduced", scene)
-            for scene in (
-                "bai-nonsymmetric",
-                "bai-symmetric",
-                "ball",
-                "box-manufactured",
-                "dividend",
-                "hand-affine",
-                "hand-box",
-                "hand-splittings",
-                "hard-crossing",
-                "hard-degenerate",
-                "hard-domain",
-                "hard-jump",
-                "hard-pinned",
-                "hard-semidefinite",
-                "hard-singular",
-                "hard-skew",
-                "hard-steep",
-                "hard-three",
-                "manufactured-affine",
-                "manufactured-elementwise",
-                "manufactured-vertical",
-                "membrane",
-                "obstacle-3d",
-                "phase-step",
-                "torsion",
-            )
-        ],
-        "why_not: every row hangs on every other, or it is not known on which",
-    ),
-    **dict.fromkeys(
-        [
             ("tridiagonal", scene)
             for scene in (
                 "bai-nonsymmetric",

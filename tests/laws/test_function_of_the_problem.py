@@ -49,7 +49,7 @@ def use(problem):
     with suppress(icp.IcpError):
         icp.error_bound(problem, np.ones(problem.n), sharp=True)
     pivots = ("lemke",) if problem.n <= 1000 else ()  # an iterate is n pivots, of n² operations each
-    for method in ("psor", "newton", "mnmmod", "reduced", "accelerated", *pivots, "multilevel"):
+    for method in ("psor", "newton", "mnmmod", "accelerated", *pivots, "multilevel"):
         with suppress(icp.IcpError):
             str(problem.solve(method, max_iter=20, raise_on_failure=False))
     if problem.n <= 60 or problem.n > 150:  # else a page takes seconds, as what is proved is sought in many ways
