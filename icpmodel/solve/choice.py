@@ -39,8 +39,8 @@ _TRIAL, _BRIEF_TRIAL, _HOPELESS = 0.5, 0.125, 2.0
 #: on where the second number of them will do
 _PLAIN, _ACCELERATED = 12, 20
 #: a method that has spent so many times what it said is stopped; one whose residual does not fall counts as having so
-#: many times left what it has spent, any other one half of that at least
-_OVERRUN, _STILL, _LEAST = 2.0, 4.0, 0.5
+#: many times left what it has spent
+_OVERRUN, _STILL = 2.0, 4.0
 
 
 class Estimate(NamedTuple):
@@ -82,24 +82,24 @@ def select_method(problem: ProblemLike, *, rtol: float = RTOL, family: str | Non
     Everything else goes up a ladder, each rung from the best iterate so far:
 
     4. Where A has a positive diagonal, sweeps. PSOR makes 12, and goes on while 20 more will do. `Accelerated` follows,
-       for half of what rung 5 is expected to cost; for an eighth of that, where the Jacobi radius ρ < 1 of A foretells
-       that it needs more than twice as much.
-    5. The cheapest of `Newton`, `Multilevel` and, with fixed obstacles, `Lemke`, by ρ and the fill of the factors of A.
-    6. The cheaper of `Proximal` and `Interior`. It comes before rung 5 where it is expected to cost less.
-    7. Where all of these have ended: the others of 5 and 6, then MNMGS and MNMMOD.
+       for half of what the cheapest method of rung 5 is expected to cost. Where the Jacobi radius ρ < 1 of A foretells
+       that it needs more than twice as much, it is for an eighth.
+    5. Of three methods the one with the least left to do: the cheapest of `Newton`, `Multilevel` and, with fixed
+       obstacles, `Lemke`; `Proximal`; `Interior`. Their estimates follow from ρ and the fill of the factors of A.
+    6. Where all of these have ended: the others that rung 5 names, then MNMGS and MNMMOD.
 
     Before rung 5 the problem is reduced, see `solve.reduction`; each of its parts goes up a ladder of its own.
 
     **Handing over.** From `Accelerated` on, the method with the least left to do runs. At first that is its estimate. A
-    method is stopped when it has spent twice its estimate, or accelerated sweeps their trial, and later whenever that
-    has doubled, or the rate says that it should be done. What it has left is then what the rate of the residual over
-    the last half of its steps says, and at least half of what it has spent. For a method that ends after some steps it
-    is what it has spent; where the residual does not fall, four times that. A method that is stopped may go on later.
+    method is stopped when it has spent twice its estimate, or accelerated sweeps their trial; later when what it has
+    spent has doubled, or its residual should have become small enough. What it has left is then at least what it has
+    spent; more, where the rate of the residual over the last half of its steps says so, or the residual does not fall
+    at all: four times that. Of methods that end after some steps the rate says nothing. A method may go on later.
 
     **Bound.** The best method needs T, and never says that it has more left than R ≥ T. Another one runs only where it
-    says R at most. At first it spends 2R at most. Later it has spent 2R at most when it begins to run, as it says at
-    least half of that, and it is stopped before it has spent 4R. With three methods the total is T + 8R at most: 9T
-    where the best method's estimates are right. A method that ends for good has spent 4R at most, too.
+    says R at most. In its first turn it spends 2R at most. Later it has spent R at most when its turn begins, as it
+    says at least that. It is stopped when this has doubled: it spends 2R in all. Sweeps and three methods need T + 6R: 7T
+    where the best method's estimates are right. What ended early has spent 2R at most, too.
 
     Parameters
     ----------
@@ -171,7 +171,7 @@ class Job:
         if not gained > 0.0:
             return _STILL * self.spent
         steps = (need - max(self.fallen)) * (self.steps - half) / gained
-        return max(steps * self.spent / self.steps, _LEAST * self.spent)
+        return max(steps * self.spent / self.steps, self.spent)
 
     def __str__(self) -> str:
         """What it did: 40 of an expected 300 steps."""
@@ -197,7 +197,7 @@ class Ladder:
         self.problem = problem
         self.aim = aim
         self.family = family
-        #: the methods that may run; for each rung beyond the sweeps the ones that follow where the first one ends
+        #: the methods that may run; for each of the three of rung 5 the ones that follow where it ends
         self.jobs: list[Job] = []
         self.others: list[list[Job]] = []
         self.rungs = [self._at_once, self._plain, self._sweeps, self._costly, self._last]
@@ -294,7 +294,7 @@ class Ladder:
         if self.family is None and self.problem.facts.has_fixed_obstacle:
             newton.append(Lemke())
         sweeps = self.jobs[:]
-        self.others = [self._estimated(newton), self._estimated(proximal)]
+        self.others = [self._estimated(newton), *([job] for job in self._estimated(proximal))]
         for rung in self.others:
             self.jobs += rung[:1]
         following = min((rung[0].remaining for rung in self.others if rung), default=math.inf)
