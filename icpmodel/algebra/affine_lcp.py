@@ -27,7 +27,7 @@ _ARRAYS = 5
 #: these made and filled cost so many nanoseconds per entry; 40 to 50 at n = 10⁴ and 2·10⁴, where all pages are new
 _BEGIN = 45.0
 #: an inverse and a product with it take so many times as long as a factorisation
-_INVERSE = 6.0
+INVERSE = 6.0
 
 
 def lcp_rows(facts: Facts) -> int:
@@ -189,7 +189,7 @@ def some_pivots(state: Any, entering: int, most: int) -> Any:
 def _inverse(G: Matrix | Vector) -> Any:
     """(I − G)⁻¹, as a diagonal where G is one."""
     if G.ndim == 2:
-        work.afford(_INVERSE * work.dense_cost(len(G)))
+        work.afford(INVERSE * work.dense_cost(len(G)))
     if G.ndim == 1 and (G != 1.0).all():
         return 1.0 / (1.0 - G)
     with suppress(np.linalg.LinAlgError):

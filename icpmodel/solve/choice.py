@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..algebra.affine_lcp import PIVOT_UP_TO, lcp_rows
+from ..algebra.affine_lcp import INVERSE, PIVOT_UP_TO, lcp_rows
 from ..algebra.equations import shifted_cost, system_cost
 from ..algebra.looks import SWEEPS
 from ..algebra.relaxation import AUTO, relaxation, sor_speed
@@ -84,8 +84,8 @@ def select_method(problem: ProblemLike, *, rtol: float = RTOL, family: str | Non
     4. Where A has a positive diagonal, sweeps. PSOR makes 12, and goes on while 20 more will do. `Accelerated` follows,
        for half of what the cheapest method of rung 5 is expected to cost. Where the Jacobi radius ρ < 1 of A foretells
        that it needs more than twice as much, it is for an eighth.
-    5. Of three methods the one with the least left to do: the cheapest of `Newton`, `Multilevel` and, with fixed
-       obstacles, `Lemke`; `Proximal`; `Interior`. Their estimates follow from ρ and the fill of the factors of A.
+    5. Of three methods the one with the least left to do: the cheapest of `Newton`, `Multilevel` and `Lemke`;
+       `Proximal`; `Interior`. Their estimates follow from ρ and the fill of the factors of A.
     6. Where all of these have ended: the others that rung 5 names, then MNMGS and MNMMOD.
 
     Before rung 5 the problem is reduced, see `solve.reduction`; each of its parts goes up a ladder of its own.
@@ -98,7 +98,7 @@ def select_method(problem: ProblemLike, *, rtol: float = RTOL, family: str | Non
 
     **Bound.** The best method needs T, and never says that it has more left than R ≥ T. Another one runs only where it
     says R at most. In its first turn it spends 2R at most. Later it has spent R at most when its turn begins, as it
-    says at least that. It is stopped when this has doubled: it spends 2R in all. Sweeps and three methods need T + 6R: 7T
+    says at least that. It is stopped when this has doubled, with 2R in all. Sweeps and three methods need T + 6R, 7T
     where the best method's estimates are right. What ended early has spent 2R at most, too.
 
     Parameters
@@ -260,27 +260,28 @@ class Ladder:
         if self.family == "paper" or self.problem.psi.takes_best:
             return
         sweeps = PSOR()
-        if sweeps.why_not(self.problem) is None:
+        if sweeps.why_not(self.problem) is None and work.fits(8.0 * 4.0 * self.problem.n):
             step = _sweeps(sweeps, self.problem.facts, self.aim).step
             self.floor = _ACCELERATED * step
             self.jobs.append(Job(Choice(sweeps, f"{_PLAIN} sweeps are tried first"), _PLAIN * step))
 
     def _sweeps(self) -> None:
-        self.jobs.clear()
         self.floor = _floor(self.problem, self.family)
         if self.problem.psi.takes_best:
             return
         paper = self.family == "paper"
         method = MNMAOR(theta1=AUTO) if paper else Accelerated(of=PSOR(omega=relaxation(self.problem)))
-        for job in self._estimated([method]):
+        if found := self._estimated([method]):
+            self.jobs = found  # plain sweeps are over
+        for job in found:
             job.limit = self._trial(job, self.floor)
             job.remaining = 0.0
-            self.jobs.append(job)
 
     def _trial(self, job: Job, following: float) -> float:
         """What sweeps may spend before they are compared with methods that cost as much as `following`."""
         estimate = job.choice.estimate
-        assert estimate is not None
+        if estimate is None:
+            return following
         hopeless = self.problem.matrix.coupled_radius < 1.0 and estimate.total > _HOPELESS * following
         return max((_BRIEF_TRIAL if hopeless else _TRIAL) * following, _ACCELERATED * estimate.step)
 
@@ -291,7 +292,7 @@ class Ladder:
         if self.family != "paper":
             newton = [Newton(), Multilevel()]
             proximal = [Proximal(), Interior()]
-        if self.family is None and self.problem.facts.has_fixed_obstacle:
+        if self.family is None:
             newton.append(Lemke())
         sweeps = self.jobs[:]
         self.others = [self._estimated(newton), *([job] for job in self._estimated(proximal))]
@@ -349,12 +350,13 @@ def _floor(problem: ProblemData, family: str | None) -> float:
     floor = factors + facts.newton_cost
     if family != "paper":
         floor = min(floor, _multilevel_costs(facts)[0])
-    return min(floor, _pivots(facts)) if family is None and facts.has_fixed_obstacle else floor
+    return min(floor, _pivots(facts)) if family is None else floor
 
 
 def _pivots(facts: Facts) -> float:
-    """n/2 pivots, as half of the unknowns leave an obstacle, be there one or two."""
-    return 0.5 * facts.matrix.n * lcp_rows(facts) ** 2 * work.COSTS.pivot_entry
+    """n/2 pivots, as half of the unknowns leave an obstacle, be there one or two; and (I − G)⁻¹ where it moves."""
+    inverse = 0.0 if facts.has_fixed_obstacle else INVERSE * work.dense_cost(facts.matrix.n)
+    return 0.5 * facts.matrix.n * lcp_rows(facts) ** 2 * work.COSTS.pivot_entry + inverse
 
 
 def _sweep_steps(facts: Facts, aim: float, method: Method) -> float:
