@@ -62,7 +62,7 @@ class Choice(NamedTuple):
     """A `method`, `why` it was chosen, and the `estimate` of its cost, None where a structure decides.
 
     >>> icp.select_method(ICP([[2.0, 1.0], [1.0, 2.0]], [-1.0, 3.0], [0.0, 1.0])).why
-    'A is tridiagonal'
+    '2 unknowns are few'
     """
 
     method: Method
@@ -75,8 +75,9 @@ def select_method(problem: ProblemLike, *, rtol: float = RTOL, family: str | Non
 
     What one method solves at once goes to it:
 
-    1. A tridiagonal, every ψ_i fixed, or moving with its own z_i alone and by less: `Tridiagonal`.
-    2. At most 64 unknowns: `Lemke` where ψ is fixed or affine, `Josephy` where it is not.
+    1. At most 64 unknowns: `Lemke` where ψ is affine, or every ψ_i moves with its own z_i alone and by less; else
+       `Josephy`.
+    2. A tridiagonal, and every ψ_i fixed, or moving with its own z_i alone and by less: `Tridiagonal`.
     3. ψ an intervention: policy iteration, by `Newton` or from the coarser levels by `Multilevel`.
 
     Everything else goes up a ladder, each rung from the best iterate so far:
@@ -118,7 +119,7 @@ def select_method(problem: ProblemLike, *, rtol: float = RTOL, family: str | Non
     Examples
     --------
     >>> icp.select_method(ICP([[2, -1], [-1, 2]], [-1, 3])).method
-    Tridiagonal()
+    Lemke()
     """
     job = Ladder(as_problem(problem), rtol, family).next()
     return None if job is None else job.choice
@@ -176,8 +177,9 @@ class Job:
     def __str__(self) -> str:
         """What it did: 40 of an expected 300 steps."""
         estimate = self.choice.estimate
-        expected = "" if estimate is None else f" of an expected {max(round(estimate.steps), 1)}"
-        return f"{self.method!r}, {self.steps}{expected} steps"
+        if estimate is None:
+            return f"{self.method!r}, {self.steps} step{'' if self.steps == 1 else 's'}"
+        return f"{self.method!r}, {self.steps} of an expected {max(round(estimate.steps), 1)} steps"
 
 
 class Ladder:
@@ -245,10 +247,10 @@ class Ladder:
         self.floor = math.inf
         rules: list[tuple[Method, str]] = []
         if self.family is None:
-            rules.append((Tridiagonal(), "A is tridiagonal"))
             if problem.n <= PIVOT_UP_TO:
                 few = f"{problem.n} unknowns are few"
                 rules += [(Lemke(), few), (Josephy(), few)]
+            rules.append((Tridiagonal(), "A is tridiagonal"))
         for method, why in rules:
             why_not = method.why_not(problem)
             if why_not is None:
