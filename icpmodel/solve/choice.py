@@ -38,8 +38,8 @@ _TRIAL, _BRIEF_TRIAL, _HOPELESS = 0.5, 0.125, 2.0
 #: sweeps that are made before a rate is read off: plain ones, and accelerated ones, twice their history; plain ones go
 #: on where the second number of them will do
 _PLAIN, _ACCELERATED = 12, 20
-#: a method that has spent so many times what it said is stopped; one whose residual does not fall counts as having so
-#: many times left what it has spent
+#: a method that has spent so many times what it said is stopped; by its rate it has left what it has spent, and at most
+#: so many times that
 _OVERRUN, _STILL = 2.0, 4.0
 
 
@@ -94,8 +94,8 @@ def select_method(problem: ProblemLike, *, rtol: float = RTOL, family: str | Non
     **Handing over.** From `Accelerated` on, the method with the least left to do runs. At first that is its estimate. A
     method is stopped when it has spent twice its estimate, or accelerated sweeps their trial; later when what it has
     spent has doubled, or its residual should have become small enough. What it has left is then at least what it has
-    spent; more, where the rate of the residual over the last half of its steps says so, or the residual does not fall
-    at all: four times that. Of methods that end after some steps the rate says nothing. A method may go on later.
+    spent; more, up to four times that, where the rate of the residual over the last half of its steps says so. Of
+    methods that end after some steps the rate says nothing. A method may go on later.
 
     **Bound.** The best method needs T, and never says that it has more left than R ≥ T. Another one runs only where it
     says R at most. In its first turn it spends 2R at most. Later it has spent R at most when its turn begins, as it
@@ -172,7 +172,7 @@ class Job:
         if not gained > 0.0:
             return _STILL * self.spent
         steps = (need - max(self.fallen)) * (self.steps - half) / gained
-        return max(steps * self.spent / self.steps, self.spent)
+        return min(max(steps * self.spent / self.steps, self.spent), _STILL * self.spent)
 
     def __str__(self) -> str:
         """What it did: 40 of an expected 300 steps."""
