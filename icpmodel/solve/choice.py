@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +26,7 @@ from ..methods.psor import PSOR
 from ..methods.shortcuts import Josephy, Lemke, Tridiagonal
 from ..numerics import work
 from ..numerics.multigrid import cycle_cost, hierarchy_cost
+from ..present.shown import Shown
 from ..problem.data import ProblemData, ProblemLike, as_problem
 from ..problem.facts import Facts
 from .goal import RTOL
@@ -59,7 +61,8 @@ class Estimate(NamedTuple):
         return self.setup + self.step * self.steps
 
 
-class Choice(NamedTuple):
+@dataclass(frozen=True, repr=False)
+class Choice(Shown):
     """A `method`, `why` it was chosen, and the `estimate` of its cost, None where a structure decides.
 
     >>> icp.select_method(ICP([[2.0, 1.0], [1.0, 2.0]], [-1.0, 3.0], [0.0, 1.0])).why
@@ -180,7 +183,7 @@ class Job:
         estimate = self.choice.estimate
         if estimate is None:
             return f"{self.method!r}, {self.steps} step{'' if self.steps == 1 else 's'}"
-        return f"{self.method!r}, {self.steps} of an expected {max(round(estimate.steps), 1)} steps"
+        return f"{self.method!r}, {self.steps} of an expected {_counted(estimate.steps)} steps"
 
 
 class Ladder:
@@ -238,7 +241,8 @@ class Ladder:
                 _LOG.debug("n = %d: %r is left out: %s", self.problem.n, method, why_not or "memory_limit")
                 continue
             products = estimate.total / self.problem.matrix.unit
-            why = f"{max(round(estimate.steps), 1)} steps are expected, as much work as {products:.3g} products with A"
+            steps = _counted(estimate.steps)
+            why = f"{steps} steps are expected, as much work as {products:.3g} products with A"
             _LOG.debug("n = %d: %r: %s", self.problem.n, method, why)
             found.append(Job(Choice(method, why, estimate)))
         return sorted(found, key=lambda job: job.remaining)
@@ -334,6 +338,10 @@ class InTurn:
     def end(self, job: Job) -> None:
         """`job` has ended."""
         self.jobs.remove(job)
+
+
+def _counted(steps: float) -> str:
+    return f"{max(round(steps), 1)}" if math.isfinite(steps) else "endless"
 
 
 def why_none(problem: ProblemData) -> str:
