@@ -35,8 +35,8 @@ _LOG = logging.getLogger("icpmodel")
 #: which methods may be chosen, see `select_method`
 FAMILIES = ("paper", "modulus", None)
 #: accelerated sweeps are tried for the first share of what the next method is expected to cost, or for the second one
-#: where they are expected to cost more than so many times as much; where the sweeps would have ended soon, the rate that
-#: was seen lets them go on. Not tested for matrices whose rows have more than some hundred entries
+#: where they are expected to cost more than so many times as much; sweeps that would have ended soon go on by the rate
+#: that was seen. Not tested for matrices whose rows have more than some hundred entries
 _TRIAL, _BRIEF_TRIAL, _HOPELESS = 0.25, 0.125, 1.0
 #: sweeps that are made before a rate is read off: plain ones, and accelerated ones, twice their history; plain ones go
 #: on where the second number of them will do
@@ -373,9 +373,9 @@ def _pivots(facts: Facts) -> float:
 def _sweep_steps(facts: Facts, aim: float, method: Method) -> float:
     """The sweeps that reduce the residual to `aim`, for the radius ρ of the Jacobi matrix (Young 1971, chapter 6).
 
-    ρ is the Rayleigh quotient of the vector of ones. It is below ρ. Rows in contact make ρ smaller, which twenty Lanczos steps for
-    the whole of A mostly overstated on 188 problems; on fine grids the quotient understates it. Anderson's method is
-    expected to gain half of what Chebyshev's would.
+    ρ is estimated by the Rayleigh quotient of the vector of ones, which is below ρ, most of all on fine grids. Rows in
+    contact make ρ smaller: on 188 problems twenty Lanczos steps for the whole of A mostly overstated it. Anderson's
+    method is expected to gain half of what Chebyshev's would.
     """
     if isinstance(method, PSOR):
         return float(_PLAIN)
@@ -422,8 +422,8 @@ def _multilevel_costs(facts: Facts) -> tuple[float, float]:
 
 
 def _multilevel(method: Method, facts: Facts, aim: float) -> Estimate:
-    # for matrices with ρ ≤ 1 five steps were the median of 67 problems, n = 300 … 4000, three quarters took six at most;
-    # of the others, for which it is not made, few end
+    # for matrices with ρ ≤ 1 the median of 67 problems, n = 300 … 4000, was five steps, and three quarters took six at
+    # most; of the others, for which it is not made, few end
     radius = max(facts.matrix.coupled_radius, 1.0)
     setup, step = _multilevel_costs(facts)
     return Estimate(setup, step, 5.0 * radius * radius * radius * radius, 40.0 * facts.matrix.nnz)

@@ -120,7 +120,7 @@ class _Parts:
             run.ended = Ended(Status.INFEASIBLE, proof.answer.reason)
             run.is_over = True
         finally:
-            self.job.choice = self.job.choice._replace(why=f"{found!r}; {self.job.choice.why}".removesuffix("; "))
+            self.job.choice = replace(self.job.choice, why=f"{found!r}; {self.job.choice.why}".removesuffix("; "))
             with suppress(MapError):
                 run.join(self.z, self.job)
 

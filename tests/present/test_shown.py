@@ -36,6 +36,7 @@ TARGET = Target(icp.ICP(2 * np.eye(40), -np.ones(40)))
 #: an object of every public class, with much in it where it can have
 SOLUTIONS = icp.all_solutions(icp.ICP(np.ones((2, 2)), [-1.0, -1.0]))
 OBJECTS = [
+    icp.contradiction(icp.ICP([[0, -1], [1, 0]], [1, -3], upper=[2, np.inf])),
     icp.select_method(SCENE),
     SCENE,
     SOLUTIONS,
