@@ -20,14 +20,14 @@ _LOG = logging.getLogger("icpmodel")
 SECONDS = 10.0
 #: they fail where no global search helps
 _FAILED = (Status.STAGNATED, Status.CYCLED, Status.DIVERGED)
-_METHODS: tuple[Method, ...] = (Restarts(), Enumerate(), MixedInteger())
 
 
 def search(run: Run, carry_out: Callable[[Run, Iterator[None]], None]) -> None:
     """Go on where `run` ended as stagnated, cycled or diverged, with a problem of up to `LARGEST` unknowns.
 
-    In turn: each method that began elsewhere, now from z⁰, then `Restarts`, `Enumerate` and `MixedInteger`. Where
-    nothing is found `run` ends as it did before, and its note says what was tried.
+    In turn: `Enumerate`, which settles what has few active sets in less time than anything else takes; each method that
+    began elsewhere, now from z⁰; `Restarts`; and `MixedInteger`. Where nothing is found `run` ends as it did
+    before, and its note says what was tried.
     """
     before = run.ended
     if run.best is None or before.status not in _FAILED or run.problem.n > LARGEST:
@@ -38,7 +38,7 @@ def search(run: Run, carry_out: Callable[[Run, Iterator[None]], None]) -> None:
     limit = f"a search of at most {seconds:.3g} s" + ("" if limited else " (no time_limit was given)")
     why = f"the methods before it {before.status.value}; {limit}"
     again = [one.method for one in run.tried if not one.is_fresh]
-    methods = [one for one in (*again, *_METHODS) if one.why_not(run.problem) is None]
+    methods = [one for one in (Enumerate(), *again, Restarts(), MixedInteger()) if one.why_not(run.problem) is None]
     _LOG.info("n = %d: %s begins: %s", run.problem.n, limit, ", ".join(map(repr, methods)))
     run.restart = run.start
     with work.at_most(seconds):

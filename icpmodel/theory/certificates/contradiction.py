@@ -209,8 +209,8 @@ class _Conditions:
                 _KINDS[k].format(i, i) for k, i in zip(self.kinds[support], self.rows[support], strict=True)
             ),
             weights=np.array([nearest(x) for x in weights]),
-            by=nearest(total / sum(sizes)) if change is not None else np.inf,
-            change=change,
+            by=nearest(total / sum(sizes)) if sizes else np.inf,  # no q helps where the obstacles alone contradict
+            change=change if sizes else None,
             _kinds=self.kinds[support],
         )
 
