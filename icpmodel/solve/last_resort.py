@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterator
 
-from ..methods.contract import Method
 from ..methods.enumeration import Enumerate
 from ..methods.milp import LARGEST, MixedInteger
 from ..methods.restarts import Restarts

@@ -18,7 +18,6 @@ sys.path.insert(0, str(DOCS))
 sys.path.insert(0, str(DOCS / "_extensions"))
 
 import gallery  # noqa: E402
-import house_style  # noqa: E402
 import record  # noqa: E402
 
 README = HOUSE / "README.md"
@@ -77,7 +76,8 @@ def test_every_public_name_has_one_entry_in_the_reference():
             elif directive:
                 found.append(directive[2] if directive[2].startswith("icpmodel.") else f"{room}{directive[2]}")
     assert len(found) == len(set(found))
-    assert set(house_style.public_names()) - set(found) == set()
+    style = pytest.importorskip("house_style", reason="Sphinx, which comes with the extra docs, is not installed")
+    assert set(style.public_names()) - set(found) == set()
 
 
 def test_the_readme_is_short_and_all_that_it_links_is_there():

@@ -40,7 +40,7 @@ def test_status_and_value_are_those_of_a_problem_with_the_objective_0():
     never.solve(raise_on_failure=False)
     assert (never.status, never.value) == (cp.INFEASIBLE, np.inf)
     x = cp.Variable(2)
-    lost = icp.Problem(icp.complements(np.array([[1.0, -2.0], [-2.0, 1.0]]) @ x - 1, x))
+    lost = icp.Problem(icp.complements(np.array([[1.0, -2.0], [2.0, 2.0]]) @ x - [1, 2], x))
     lost.solve("mnmgs", raise_on_failure=False)
     assert (lost.status, lost.value) == (cp.SOLVER_ERROR, None)
 
