@@ -53,7 +53,7 @@ class Contradiction(ReadOnly, Shown):
         The least s such that |dq_i|/d_i ≤ s for some q + dq with p ≥ 0 and r ≥ 0 at some z; d as in `ICP.residual`, 1
         where row i of A is 0. It is inf where the obstacles alone contradict each other.
     change : ndarray or None, shape (n,)
-        Such a dq of the smallest Σ|dq_i|/d_i, up to rounding; None where there is none.
+        Such a dq of the smallest Σ|dq_i|/d_i, up to rounding; None where there is none, and where Az overflows.
 
     Examples
     --------
@@ -80,7 +80,7 @@ class Contradiction(ReadOnly, Shown):
         return weights
 
     def __str__(self) -> str:
-        how = "infeasible by its obstacles alone" if self.change is None else f"infeasible by {self.by:.3g}"
+        how = "infeasible by its obstacles alone" if self.by == np.inf else f"infeasible by {self.by:.3g}"
         return f"{how}: {', '.join(self.conditions)}"
 
     def named(self, name: Callable[[int], str]) -> str:
@@ -172,7 +172,8 @@ class _Conditions:
         kept = self.kinds >= 2
         return _Conditions(self.problem, self.M[kept], self.m[kept], self.kinds[kept], self.rows[kept])
 
-    def change(self, z: Vector, least: float) -> Vector:
+    @np.errstate(over="ignore", invalid="ignore")
+    def change(self, z: Vector, least: float) -> Vector | None:
         """The smallest dq with |dq_i|/d_i ≤ `least`: with the fewest units in all, else that which makes `z` do."""
         asked = np.flatnonzero(self.kinds < 2)
         E = sp.csr_array((np.ones(asked.size), (asked, np.arange(asked.size))), shape=(self.m.size, asked.size))
@@ -183,7 +184,7 @@ class _Conditions:
         change[at_least] = np.maximum(-p[at_least], 0.0)
         change[at_most] += np.minimum(-p[at_most], 0.0)
         change[np.abs(change) * _inverse_units(self.problem) < _ZERO * least] = 0.0
-        return change
+        return change if np.isfinite(change).all() else None
 
     def confirmed(self, y: Vector, change: Vector | None) -> Contradiction | None:
         """The combination of the support of `y`, if it is one in fractions."""
