@@ -126,7 +126,7 @@ def contradiction(problem: ProblemLike) -> Contradiction | None:
     (array([1, 0]), 0.5, array([0. , 0.5]))
     """
     conditions = _Conditions.of(as_problem(problem))
-    if conditions is None or conditions.M.nnz > _LARGEST:
+    if conditions is None or conditions.M.nnz > _LARGEST or not conditions.representable:
         return None
     found = _least(conditions)
     if found is None:  # no q helps where the obstacles contradict each other
@@ -148,6 +148,7 @@ class _Conditions:
     rows: NDArray[np.intp]
 
     @classmethod
+    @np.errstate(over="ignore", invalid="ignore")
     def of(cls, problem: ProblemData) -> _Conditions | None:
         if problem.psi.linear is None or (problem.upper is not None and problem.upper.linear is None):
             return None
@@ -166,6 +167,11 @@ class _Conditions:
         kinds = np.repeat(np.arange(4), [one.size for one in rows])
         m = np.concatenate([side[there] for _, side, there in sides])
         return cls(problem, sp.csr_array(sp.vstack(matrices)), m, kinds, np.concatenate(rows))
+
+    @property
+    def representable(self) -> bool:
+        """Whether none of its entries overflows."""
+        return bool(np.isfinite(self.M.data).all() and np.isfinite(self.m).all())
 
     def of_obstacles(self) -> _Conditions:
         """Those of r alone."""

@@ -102,7 +102,8 @@ def in_units_of_rows(problem: ProblemData) -> tuple[ProblemData, Exponents]:
     problem itself and zeros where that would round, or where all are within 2^±10 already.
     """
     empty, of_q, weights = problem.matrix.empty_rows, np.abs(problem.q), problem.matrix.row_weights
-    others = float((weights * of_q)[~empty].max(initial=0.0)) or 1.0
+    with np.errstate(over="ignore"):
+        others = float((weights[~empty] * of_q[~empty]).max(initial=0.0)) or 1.0
     size = np.where(empty, of_q / others, 1.0 / weights)
     exponents, none = -np.frexp(size)[1].astype(np.int64), np.zeros(problem.n, dtype=np.int64)
     if np.abs(exponents).max() <= _ONE_SIZE or (A := in_units_exactly(problem.A, exponents)) is None:
