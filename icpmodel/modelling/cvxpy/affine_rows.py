@@ -26,7 +26,8 @@ class AffineRows(NamedTuple):
         """Row i times factor_i; a row times 0 is 0 whatever it is, and stores nothing."""
         zero = factor == 0
         D = sp.diags_array(factor)
-        Z, W = sp.csr_array(D @ self.Z), sp.csr_array(D @ self.W)
+        Z = sp.csr_array(D @ self.Z)
+        W = sp.csr_array(D @ self.W)
         if zero.any():
             Z.eliminate_zeros()
             W.eliminate_zeros()

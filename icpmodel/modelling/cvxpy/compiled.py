@@ -65,14 +65,16 @@ class Compiled:
         """They, at the present values of the parameters, without stored zeros."""
         # of CVXPY's compilers the one in SciPy is the quickest for large matrices; with parameters it knows better
         backend = None if self.parameters else cp.SCIPY_CANON_BACKEND
-        solver, ignore = cvxpy_solver(), not self.is_dpp
+        solver = cvxpy_solver()
+        ignore = not self.is_dpp
         # it reads sparse parameters in a way of which it warns its users
         is_sparse = any(parameter.attributes["sparsity"] for parameter in self.parameters)
         with warnings.catch_warnings(action="ignore", category=RuntimeWarning) if is_sparse else nullcontext():
             data, chain, _ = self._model.get_problem_data(solver, ignore_dpp=ignore, canon_backend=backend)
         self._program, self._reductions = data[cp.settings.PARAM_PROB], chain.reductions
         columns = self._program.var_id_to_col
-        M, constant = sp.csr_array(data[cp.settings.A]), -data[cp.settings.B]
+        M = sp.csr_array(data[cp.settings.A])
+        constant = -data[cp.settings.B]
         assert M.shape[0] == self._rows, "CVXPY has added rows of its own"
         M.eliminate_zeros()
         variables = [self._plain.get(x, x) for x in self.variables]
@@ -117,7 +119,8 @@ class AtomObstacle:
     ) -> None:
         self.__name__ = f"{name} of CVXPY"
         self.G, self.c, self.V = G, c, V
-        atoms, inner = list(atoms), [cp.Variable(x.shape, name=x.name()) for x in variables]
+        atoms = list(atoms)
+        inner = [cp.Variable(x.shape, name=x.name()) for x in variables]
         copies: dict[int, Any] = {id(x): copy for x, copy in zip(variables, inner, strict=True)}
         copies |= {id(one): cp.Constant(value_of(one)) for atom in atoms for one in atom.parameters()}
         self._atoms = Copies(atoms, inner, copies)
@@ -171,7 +174,8 @@ class Copies:
 
     def _blocks(self, one: cp.Expression) -> list[sp.csr_array]:
         """∂one/∂x for each variable x."""
-        gradients, blocks = one.grad, []
+        gradients = one.grad
+        blocks = []
         for x in self._variables:
             gradient: Any = gradients.get(x, 0.0)
             if gradient is None:
@@ -224,10 +228,12 @@ def _separated(expression: cp.Expression, atoms: dict[cp.Variable, cp.Expression
 
 def _as_product(cumsum: cp.cumsum) -> cp.Expression:
     """Lx with the matrix L of ones below the diagonal, along the axis of the array."""
-    x, axis = _separated(cumsum.args[0], {}), cumsum.axis
+    x = _separated(cumsum.args[0], {})
+    axis = cumsum.axis
     if not isinstance(axis, int):
         return np.tril(np.ones((x.size, x.size))) @ cp.vec(x, order="C")
-    before, after = math.prod(x.shape[:axis]), math.prod(x.shape[axis:][1:])
+    before = math.prod(x.shape[:axis])
+    after = math.prod(x.shape[axis:][1:])
     L = np.tril(np.ones((x.shape[axis], x.shape[axis])))
     along = sp.kron(sp.eye_array(after), sp.kron(L, sp.eye_array(before)))
     return cp.reshape(along @ cp.vec(x, order="F"), x.shape, order="F")

@@ -107,7 +107,8 @@ def complements(p: Any, r: Any, *, lower: Any = 0.0, upper: Any = None) -> Compl
     >>> icp.Problem(box).solve().z, box.p
     (array([1. , 0.5]), array([-2.,  0.]))
     """
-    p, r = _expression(p, "p"), _expression(r, "r")
+    p = _expression(p, "p")
+    r = _expression(r, "r")
     if p.shape != r.shape:
         found = f"p = {named(p)} has shape {p.shape}, r = {named(r)} {r.shape}"
         raise InputError(f"complements(p, r) goes entry by entry: {found}")

@@ -29,7 +29,8 @@ from .complementarity import Complementarity
 from .expressions import CvxpyReading
 from .parameter_derivative import ParameterDerivative
 
-_EQUATIONS, _INEQUALITIES = (Equality, Zero), (Inequality, cp.NonNeg, cp.NonPos)
+_EQUATIONS = (Equality, Zero)
+_INEQUALITIES = (Inequality, cp.NonNeg, cp.NonPos)
 #: what CVXPY calls each end of a run
 STATUSES = {
     Status.SOLVED: s.OPTIMAL,
@@ -209,7 +210,8 @@ class Problem(Shown):
         for name, flag in {**flags, "requires_grad": requires_grad}.items():
             as_truth(flag, name)
         _check_solver(method, options)
-        reading, begin = self._reading, time.perf_counter()
+        reading = self._reading
+        begin = time.perf_counter()
         problem = self.icp()
         seconds = time.perf_counter() - begin
         if z0 is None and not warm_start:

@@ -112,7 +112,8 @@ class CvxpyReading:
 
     def distances(self, z: Vector) -> list[tuple[Any, Any]]:
         """The conditions without bounds, each with its r, as it was written, at `z`."""
-        r, above = self.problem.r(z), self.problem.r_upper(z)
+        r = self.problem.r(z)
+        above = self.problem.r_upper(z)
         if above is not None:
             r[self._own] = np.where(self._sign < 0, -above[self._own], r[self._own])
         found = self._by_condition((r * self._scale)[self._own])
@@ -152,7 +153,8 @@ class CvxpyReading:
 
     def _obstacle(self, r: AffineRows, bound: AffineRows | None, name: str) -> Any:
         """z − (r − `bound`)/ρ, the bound being 0 where it is None."""
-        (R, W, constant), scale = r, self._scale
+        (R, W, constant) = r
+        scale = self._scale
         with np.errstate(over="ignore"):
             factor = -1.0 / scale
             others = R.indices != row_of(R)
@@ -179,20 +181,26 @@ class CvxpyReading:
 
     def _in_order(self, p: AffineRows, r: AffineRows, equations: AffineRows, *bounds: AffineRows | None) -> list[Any]:
         """p, r and its bounds, None for 0 below and for none above, of all rows in the order of z."""
-        R, m, n = r.Z, self._m, self._n
+        R = r.Z
+        m = self._m
+        n = self._n
         positive = np.bincount(row_of(R)[R.data > 0], minlength=m) > 0
         self._sign = np.where(positive | (np.diff(R.indptr) == 0), 1.0, -1.0)
         lower, upper = bounds
         if (self._sign < 0).any():
-            p, r = p.times(self._sign), r.times(self._sign)
-            lower, upper = lower or r.constants(m, 0.0), upper or r.constants(m, np.inf)
-            kept, turned = np.maximum(self._sign, 0.0), np.minimum(self._sign, 0.0)
+            p = p.times(self._sign)
+            r = r.times(self._sign)
+            lower = lower or r.constants(m, 0.0)
+            upper = upper or r.constants(m, np.inf)
+            kept = np.maximum(self._sign, 0.0)
+            turned = np.minimum(self._sign, 0.0)
             sides = (lower, upper), (upper, lower)
             lower, upper = (one.times(kept).plus(other.times(turned)) for one, other in sides)
         own = own_entries(r.Z)
         if own is None:
             raise InputError(self._misfit(r.Z, *unowned(r.Z)))
-        self._own, owners = own, own
+        self._own = own
+        owners = own
         parts: list[Any] = [p, r, lower, upper]
         self._linear = equations.Z, p.Z
         if n > m:
@@ -246,7 +254,8 @@ class CvxpyReading:
 
     def _p_before_r(self, Z: sp.csr_array) -> np.ndarray:
         """The order of the rows that turns round the pairs of which the first side looks more like z − ψ(z)."""
-        order, done = np.arange(Z.shape[0]), 0
+        order = np.arange(Z.shape[0])
+        done = 0
         for k, (p, r) in enumerate(self._pairs):
             first, second = (slice(start, start + p.size) for start in (done, self._m + done))
             free = r.is_affine() and not self._conditions[k].is_bounded

@@ -68,7 +68,8 @@ class ParameterDerivative:
 
     def _by_rows(self, reading: CvxpyReading, rows: AffineRows) -> sp.csr_array:
         """∂row/∂θ of the compiled rows at the answer."""
-        compiled, values = reading.compiled, dict(reading.values(self._solution.z))
+        compiled = reading.compiled
+        values = dict(reading.values(self._solution.z))
         constants: dict[int, Any] = {id(x): cp.Constant(value) for x, value in values.items()}
         constants |= {id(one): cp.Constant(value_of(one)) for one in self._parameters}
         if self._solution.problem.psi.no_derivative() is not None:
@@ -125,7 +126,8 @@ def _beside(expression: Any) -> Iterator[cp.Parameter]:
 
 def _filled(leaf: cp.Variable | cp.Parameter, name: str, default: float) -> np.ndarray:
     """The attribute `name` of `leaf` in its shape; a number stands for all entries. Raises InputError."""
-    value, title = getattr(leaf, name), f"the {name} of {leaf.name()}"
+    value = getattr(leaf, name)
+    title = f"the {name} of {leaf.name()}"
     if value is None:
         return np.full(leaf.shape, default)
     array = as_float64(as_rows(value, title).toarray() if sp.issparse(value) else value, title)

@@ -44,13 +44,16 @@ class Multipliers(NamedTuple):
 def multiples(E: sp.csr_array, B: sp.csr_array) -> tuple[NDArray[np.intp], Vector]:
     """For each row of `B` a row of `E` of which it is a multiple, −1 where there is none, and the factor. Multiples
     have the same quotient of two random sums, so that only neighbours in that are compared."""
-    of, factor = np.full(B.shape[0], -1, dtype=np.intp), np.zeros(B.shape[0])
+    of = np.full(B.shape[0], -1, dtype=np.intp)
+    factor = np.zeros(B.shape[0])
     if not E.shape[0] or not E.shape[1]:
         return of, factor
     weights = np.random.default_rng(0).normal(size=(E.shape[1], 2))
     with np.errstate(all="ignore"):
-        e, b = E @ weights, B @ weights
-        quotients, wanted = e[:, 0] / e[:, 1], b[:, 0] / b[:, 1]
+        e = E @ weights
+        b = B @ weights
+        quotients = e[:, 0] / e[:, 1]
+        wanted = b[:, 0] / b[:, 1]
         order = np.argsort(quotients)
         after = np.searchsorted(quotients[order], wanted)
         for place in (after - 1, after):
@@ -59,5 +62,6 @@ def multiples(E: sp.csr_array, B: sp.csr_array) -> tuple[NDArray[np.intp], Vecto
             apart = abs(B - sp.diags_array(times) @ E[row]).max(axis=1).toarray()
             largest = abs(B).max(axis=1).toarray()
             same = (largest > 0) & (apart <= _ROUNDING * largest)
-            of, factor = np.where(same, row, of), np.where(same, times, factor)
+            of = np.where(same, row, of)
+            factor = np.where(same, times, factor)
     return of, factor

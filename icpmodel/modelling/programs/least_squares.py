@@ -157,9 +157,11 @@ def solve_lsq(
     wrong = np.where(mask > 0, np.maximum(gradient, 0.0), np.where(mask < 0, np.minimum(gradient, 0.0), gradient))
     size = abs(B)
     rounding = gamma(m + n + 2) * (size @ np.abs(x) + np.abs(c))
-    status, message = found.status, found.message
+    status = found.status
+    message = found.message
     if (np.abs(wrong) <= size.T @ (tolerance * np.abs(fun) + rounding)).all():
-        status, message = "optimal", "solved"
+        status = "optimal"
+        message = "solved"
     told = found.iterations, status, message, time.perf_counter() - begin
     solution = LeastSquares(x, 0.5 * norm(fun) ** 2, fun, float(np.abs(wrong).max()), mask, *told)
     if raise_on_failure and not solution.success:

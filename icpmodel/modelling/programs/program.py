@@ -76,7 +76,9 @@ class Tightened:
 
     def __init__(self, program: Program) -> None:
         self.of = program
-        G, h, n = program.G, program.h, program.g.size
+        G = program.G
+        h = program.h
+        n = program.g.size
         count = np.diff(G.indptr)
         finite = h < np.inf
         self.single = np.flatnonzero((count == 1) & finite)
@@ -87,7 +89,8 @@ class Tightened:
         with np.errstate(over="ignore"):
             value = h[self.single] / self.entry
         up = self.entry > 0
-        high, low = program.high.copy(), program.low.copy()
+        high = program.high.copy()
+        low = program.low.copy()
         np.minimum.at(high, self.column[up], value[up])
         np.maximum.at(low, self.column[~up], value[~up])
         #: of the single rows those that give the tightest bound of their variable, one for each side
@@ -122,7 +125,9 @@ def conditions_of(program: Program) -> ICP:
 
 def matrix_of(program: Program) -> sp.csr_array:
     """[[H, Eᵀ, Gᵀ], [−E, 0, 0], [−G, 0, 0]]."""
-    H, E, G = program.H, program.E, program.G
+    H = program.H
+    E = program.E
+    G = program.G
     use = [True, E.shape[0] > 0, G.shape[0] > 0]
     blocks = [[H, E.T, G.T], [-E, None, None], [-G, None, None]]
     rows = [[block for block, used in zip(row, use, strict=True) if used] for row in blocks]

@@ -70,7 +70,8 @@ def check_convex(P: sp.csr_array) -> None:
     size = np.abs(P.data).max(initial=0.0)
     if np.abs(skew.data).max(initial=0.0) > P.shape[0] * UNIT_ROUNDOFF * size:
         k = int(np.argmax(np.abs(skew.data)))
-        i, j = int(skew.coords[0][k]), int(skew.coords[1][k])
+        i = int(skew.coords[0][k])
+        j = int(skew.coords[1][k])
         raise InputError(
             f"P[{i}, {j}] = {P[i, j]:.6g}, but P[{j}, {i}] differs by {P[j, i] - P[i, j]:.3g}; a symmetric matrix "
             "was expected: (P + P.T)/2 has the same objective, and solve_avi takes matrices that are not symmetric"

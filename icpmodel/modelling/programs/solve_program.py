@@ -29,9 +29,11 @@ from .program_judge import Violation
 _INACCURATE = 1e-4
 _LIMITS = Status.TIME_LIMIT, Status.MEMORY_LIMIT
 #: iterations after which another method is tried, and after which there is no other
-_ITERATIONS, _MANY = 1000, 100_000
+_ITERATIONS = 1000
+_MANY = 100_000
 #: steps of the refinement, and what of W is added to A in them
-_REFINEMENTS, _STEADY = 3, 1e-9
+_REFINEMENTS = 3
+_STEADY = 1e-9
 #: what may be wrong at an iterate for it to be put on its obstacles
 _WORTH = 1e-2
 #: iterates that are good up to rounding, but not strictly, after which a run ends
@@ -137,7 +139,8 @@ class _ProgramRun:
         if proof is not None and not good:
             return replace(proof, iterations=self.iterations)
         values = tightened.back(conditions.values(best.z))
-        status, message = "optimal", "solved"
+        status = "optimal"
+        message = "solved"
         if not good:
             message = f"rows or multipliers are wrong by {best.violation:.3g} of their terms; {solution.message}"
             status = "optimal_inaccurate" if best.violation <= _INACCURATE else "solver_error"
