@@ -21,8 +21,10 @@ _SHORT = np.iinfo(np.int32).max
 #: no float is as large as this integer
 _LONG = 10**309
 #: what counts as a number, whole or not, although bools and times are among them, and as a truth value
-_WHOLE, _REAL = (int, np.integer), (int, float, np.integer, np.floating)
-_NO_NUMBER, _TRUTH = (bool, np.timedelta64), (bool, np.bool_)
+_WHOLE = (int, np.integer)
+_REAL = (int, float, np.integer, np.floating)
+_NO_NUMBER = (bool, np.timedelta64)
+_TRUTH = (bool, np.bool_)
 #: every whole number up to this one is a float64
 _EXACT = 2.0**53
 #: inner products of so many entries BLAS makes with one thread
@@ -364,14 +366,16 @@ def check_labels(given: Mapping[str, Any]) -> None:
     `given` maps argument → value. Rows and columns must have the labels, in the order, of the rows
     of the first object: numbers are taken by their place.
     """
-    first, expected = "", None
+    first = ""
+    expected = None
     for name, value in given.items():
         for axis in ("index", "columns"):
             labels = getattr(value, axis, None)
             if labels is None or callable(labels):  # a list has a method of this name
                 continue
             if expected is None:
-                first, expected = f"{name}.{axis}", labels
+                first = f"{name}.{axis}"
+                expected = labels
             elif not labels.equals(expected):
                 found = f"{name}.{axis} has other labels than {first}, or in another order"
                 raise InputError(f"{found}; sort them alike, or give {name}.to_numpy() if it is the place that counts")

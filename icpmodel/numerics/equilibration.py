@@ -27,7 +27,9 @@ _MEANS = 50
 _NONE = -(2**20)
 #: weights go half the way to where rows are balanced so often at the most, 2^200 takes all, and so far do their roots
 #: go; they stay where none moves by more than this share: of .03, .1 and .3, .1 took the fewest proximal steps
-_PASSES, _FAR, _NEAR = 100, 2.0**500, 0.1
+_PASSES = 100
+_FAR = 2.0**500
+_NEAR = 0.1
 
 
 def row_exponents(X: Any, columns: Any = 0) -> Exponents:
@@ -72,10 +74,12 @@ def natural_exponents(A: sp.csr_array) -> tuple[Exponents, Exponents]:
     The diagonal is brought into [1, 2). That leaves a_ij → a_ij 2^(c_j − c_i), and c minimises the sum of
     (log₂|a_ij/a_ii| + c_j − c_i)² over the stored entries: for A = D₁SD₂ with |s_ij| = 1 this finds D₁ and D₂.
     """
-    n, rows = A.shape[0], row_of(A)
+    n = A.shape[0]
+    rows = row_of(A)
     size = np.frexp(A.diagonal())[1].astype(np.int64) - 1
     off = (rows != A.indices) & (A.data != 0)
-    i, j = rows[off], A.indices[off]
+    i = rows[off]
+    j = A.indices[off]
     ratio = np.frexp(A.data[off])[1] - 1.0 - size[i]
     if np.abs(ratio).max(initial=0.0) <= _TAME:
         return -size, np.zeros(n, dtype=np.int64)
@@ -129,11 +133,13 @@ def balanced(A: Any) -> Vector:
         sizes = sp.csr_array((np.exp(M.data.imag / M.data.real), M.indices, M.indptr), shape=A.shape)
         count = np.diff(M.indptr)
     else:
-        sizes, count = np.abs(A), np.count_nonzero(A, axis=1)
+        sizes = np.abs(A)
+        count = np.count_nonzero(A, axis=1)
     roots = np.ones(A.shape[0])
     with np.errstate(over="ignore"):
         for _ in range(_PASSES):
-            mean, before = roots * (sizes @ (1.0 / roots)) / np.maximum(count, 1), roots
+            mean = roots * (sizes @ (1.0 / roots)) / np.maximum(count, 1)
+            before = roots
             roots = np.clip(np.sqrt(np.where(count > 0, mean, 1.0)), 1.0 / _FAR, _FAR)
             if np.abs(roots / before - 1.0).max(initial=0.0) <= _NEAR:
                 break

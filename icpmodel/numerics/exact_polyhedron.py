@@ -76,10 +76,12 @@ def relative_interior(C: Rationals, e: Rational) -> tuple[Rational, list[int]] |
     >>> relative_interior([[one], [-one]], [one, one])[1], relative_interior([[one], [-one]], [-two, one])
     ([], None)
     """
-    m, k = len(C), len(C[0])
+    m = len(C)
+    k = len(C[0])
     # the unknowns are t⁺, t⁻, τ − 1, u, the slacks of the rows and those of u ≤ 1, and artificial ones where e_j < 0
     columns = 2 * k + 1 + 3 * m + m
-    tableau, basis = [], []
+    tableau = []
+    basis = []
     for j in range(m):
         sign = 1 if e[j] < 0 else -1
         row = [Fraction(0)] * (columns + 1)

@@ -30,7 +30,8 @@ _LARGE = 0.1
 _BY_COLUMNS = 32
 #: bytes of an entry of a factor, doubled for exchanges of rows that were not foreseen; and of one of L + U where L is
 #: stored alone, with some zeros
-_BYTES, _OF_SYMMETRIC = 2 * 12, 6
+_BYTES = 2 * 12
+_OF_SYMMETRIC = 6
 
 
 class Factors:
@@ -139,7 +140,8 @@ class Symmetric:
         from .kernels.supernodes import solve
 
         work.add(work.solve_cost(self._of.fill))
-        order, signs = self._of.order, self._of.signs
+        order = self._of.order
+        signs = self._of.signs
         y = np.asarray(f if trans == "T" else signs * f, dtype=np.float64)[order]
         solve(self._of.form, self._L, self._D, y)
         x = np.empty_like(y)
@@ -172,7 +174,8 @@ class SymmetricPattern:
     def __init__(self, A: sp.csr_array, seen: Seen, signs: Vector | None = None) -> None:
         from .kernels.supernodes import analysed
 
-        n, self.fill = A.shape[0], seen[0]._replace(symmetric=True)
+        n = A.shape[0]
+        self.fill = seen[0]._replace(symmetric=True)
         self.signs = np.ones(n) if signs is None else signs
         memory = _OF_SYMMETRIC * self.fill.entries + 12 * A.nnz + 24 * n
         work.spend(work.factor_cost(self.fill) - work.refactor_cost(self.fill), memory)
@@ -189,8 +192,12 @@ class SymmetricPattern:
         """
         from .kernels.supernodes import enter, factor
 
-        n, supernodes, cost = self.order.size, self._made.size, work.refactor_cost(self.fill)
-        L, D, free = np.empty(self._offset[-1]), np.empty(n), np.ones(n, bool) if free is None else free
+        n = self.order.size
+        supernodes = self._made.size
+        cost = work.refactor_cost(self.fill)
+        L = np.empty(self._offset[-1])
+        D = np.empty(n)
+        free = np.ones(n, bool) if free is None else free
         if not enter(*self._pattern, *locked((data.view(), self.signs.view())), free, self._to, L):
             return None
         pieces = math.ceil(supernodes / work.pieces(cost / supernodes))
@@ -286,7 +293,9 @@ def _of_band(matrix: sp.csr_array, look: Look, definite: bool) -> Band | None:
 
     from .kernels.graph import diagonals
 
-    n, (below, above), of = matrix.shape[0], look.reach, (matrix.indptr, matrix.indices, matrix.data)
+    n = matrix.shape[0]
+    (below, above) = look.reach
+    of = (matrix.indptr, matrix.indices, matrix.data)
     work.spend(work.factor_cost(look.band), 8.0 * look.band.entries)
     # LAPACK goes through narrow bands without calls of BLAS that would take threads
     with one_blas_thread() if max(below, above) > _BY_COLUMNS else nullcontext():
@@ -320,7 +329,8 @@ def _of_pattern(matrix: sp.csr_array, look: Look, diagonal_pivots: bool) -> Fact
         shifted = matrix
     fill, order = _seen(shifted, look.seen if shifted is matrix else None)
     work.afford(work.factor_cost(fill))
-    rows, place = rows[order], np.empty(n, np.int32)
+    rows = rows[order]
+    place = np.empty(n, np.int32)
     place[order] = np.arange(n)
     arrays = permuted(matrix.indptr, matrix.indices, matrix.data, rows, place)
     inner = sp.csc_array(arrays, shape=matrix.shape)
@@ -365,7 +375,8 @@ def _onto_diagonal(matrix: sp.csr_array) -> NDArray[np.int32] | None:
     """
     from scipy.sparse.csgraph import maximum_bipartite_matching
 
-    size, largest = np.abs(matrix.data), largest_of_columns(matrix)
+    size = np.abs(matrix.data)
+    largest = largest_of_columns(matrix)
     for chosen in (size >= np.maximum(_LARGE * largest[matrix.indices], np.finfo(np.float64).tiny), size > 0.0):
         kept = sp.csr_array((size[chosen], (row_of(matrix)[chosen], matrix.indices[chosen])), shape=matrix.shape)
         rows = maximum_bipartite_matching(kept, perm_type="row")
@@ -376,7 +387,8 @@ def _onto_diagonal(matrix: sp.csr_array) -> NDArray[np.int32] | None:
 
 def largest_of_columns(matrix: sp.csr_array) -> Vector:
     """The largest size of an entry in each column, shape (n,)."""
-    columns, largest = matrix.tocsc(), np.zeros(matrix.shape[1])
+    columns = matrix.tocsc()
+    largest = np.zeros(matrix.shape[1])
     stored = np.flatnonzero(np.diff(columns.indptr))
     largest[stored] = np.maximum.reduceat(np.abs(columns.data), columns.indptr[stored])
     return largest

@@ -180,7 +180,9 @@ def _looked(
 
     work.afford(work.COSTS.look * A.nnz)  # to make the graph costs a look per entry
     graph = both_ways(A.indptr, A.indices, int(_DENSE * A.shape[0] ** 0.5) + 16)
-    n, least, costs = A.shape[0], least_factor_cost(A.shape[0], 0, symmetric), work.COSTS
+    n = A.shape[0]
+    least = least_factor_cost(A.shape[0], 0, symmetric)
+    costs = work.COSTS
     an_entry = costs.symmetric_entry if symmetric else costs.factor_entry
     a_flop = costs.symmetric_flop if symmetric else costs.factor_flop
     prices = (2.0 * an_entry, a_flop, a_look)

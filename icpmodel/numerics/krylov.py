@@ -16,13 +16,16 @@ from .rounding import UNIT_ROUNDOFF
 SMALL_RADIUS = 0.7
 #: it is looked at whenever so many more Lanczos steps are made, and where they bring it no nearer to 1 than by this
 #: share of what is left it will do, as after the last number of steps
-_LOOK, _SHARE, _MOST = 4, 0.3, 60
+_LOOK = 4
+_SHARE = 0.3
+_MOST = 60
 #: nanoseconds for which a_ji is found, in rows of thousands of entries
 _COUPLE = 40.0
 #: the relative residual of an inexact solve
 INEXACT = 1e-4
 #: directions that GCR keeps, and its steps before the rate is asked for
-_KEPT, _TRIED = 8, 32
+_KEPT = 8
+_TRIED = 32
 
 
 class NotConverged(Exception):
@@ -60,7 +63,10 @@ def radius_of(S: sp.csr_array, share: float = _SHARE) -> float:
     bound = float(sums.max())
     if not SMALL_RADIUS < bound < np.inf:
         return bound if bound <= SMALL_RADIUS else np.inf
-    before, v, radius = np.zeros(n), np.full(n, 1.0 / np.sqrt(n)), float(sums.mean())  # vᵀSv
+    # vᵀSv
+    before = np.zeros(n)
+    v = np.full(n, 1.0 / np.sqrt(n))
+    radius = float(sums.mean())
     own: list[float] = []
     next_to: list[float] = []
     w = sums / np.sqrt(n)
@@ -73,13 +79,15 @@ def radius_of(S: sp.csr_array, share: float = _SHARE) -> float:
         if invariant or step == last or step % _LOOK == 0:
             # eigvalsh reads the lower triangle
             try:
-                known, radius = radius, float(np.linalg.eigvalsh(np.diag(own) + np.diag(next_to, -1))[-1])
+                known = radius
+                radius = float(np.linalg.eigvalsh(np.diag(own) + np.diag(next_to, -1))[-1])
             except np.linalg.LinAlgError:  # what overflowed
                 return np.inf
             if invariant or radius - known <= share * abs(1.0 - radius):
                 break
         next_to.append(size)
-        before, v = v, w / size
+        before = v
+        v = w / size
         work.spend(price)
         w = S @ v - size * before
     return radius
@@ -90,7 +98,8 @@ def conjugate_gradients(M: sp.csr_array, f: Vector, most: int) -> Vector | None:
 
     SciPy's does not count its work, nor ask for the time between two steps.
     """
-    inverse, first = 1.0 / M.diagonal(), None
+    inverse = 1.0 / M.diagonal()
+    first = None
     for x, _, square in islice(cg_steps(lambda y: M @ y, lambda rest: inverse * rest, f), most):
         work.afford()
         first = square if first is None else first
@@ -106,18 +115,22 @@ def conjugate_residuals(M: sp.csr_array, f: Vector, most: int, tolerance: float 
     M need not be symmetric. Returns None as soon as the observed rate predicts more than `most`
     steps.
     """
-    unit, price = 1.0 / np.sqrt(M.diagonal()), gcr_step_cost(M.shape[0], M.nnz)
+    unit = 1.0 / np.sqrt(M.diagonal())
+    price = gcr_step_cost(M.shape[0], M.nnz)
 
     def product(y: Vector) -> Vector:
         work.spend(price)
         return unit * (M @ (unit * y))
 
-    steps, x, made = GCR(product, np.copy, unit * f), np.zeros(f.size), 0
+    steps = GCR(product, np.copy, unit * f)
+    x = np.zeros(f.size)
+    made = 0
     first = norm(steps.rest)
     while made < most and first < np.inf:
         further = min(max(made, _TRIED), most - made)
         x, _ = steps.further(x, tolerance * first, further)
-        made, left = made + further, norm(steps.rest)
+        made = made + further
+        left = norm(steps.rest)
         if left <= tolerance * first:
             return unit * x
         if not made * np.log(1.0 / max(tolerance, UNIT_ROUNDOFF)) <= most * np.log(first / left):
@@ -132,7 +145,8 @@ def cg_steps(
 
     From x = 0 on, in the same arrays; they end where M or B is seen not to be definite.
     """
-    x, rest = np.zeros(f.size), f.copy()
+    x = np.zeros(f.size)
+    rest = f.copy()
     direction = preconditioned(rest)
     square = inner(rest, direction)
     while True:
@@ -145,7 +159,8 @@ def cg_steps(
         x += step * direction
         rest -= step * image
         y = preconditioned(rest)
-        square, before = inner(rest, y), square
+        before = square
+        square = inner(rest, y)
         direction *= square / before
         direction += y
 
@@ -184,7 +199,8 @@ class GCR:
         from .kernels.vcycle import add_both  # loads numba
 
         # in place: to touch memory that is new costs more than these sums
-        x, moved = x.copy(), False
+        x = x.copy()
+        moved = False
         for _ in range(most):
             y = self._preconditioned(self.rest)
             w = self._product(y)
@@ -193,7 +209,8 @@ class GCR:
                 share = inner(w, image)
                 add_both(w, image, -share, y, direction, -share)
                 taken = max(taken, abs(share))
-            size, length = norm(w), norm(y)
+            size = norm(w)
+            length = norm(y)
             if not (0 < size < np.inf and length > 0):  # which may underflow
                 break
             self._shortest = min(self._shortest, length / size)

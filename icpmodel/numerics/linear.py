@@ -27,12 +27,14 @@ class Solver(Protocol):
 
 
 #: more diagonals than this are no band, and more rows that reach beyond it no border
-_WIDEST_BAND, _WIDEST_BORDER = 16, 16
+_WIDEST_BAND = 16
+_WIDEST_BORDER = 16
 #: the relative error up to which systems count as solved: for a bordered band the backward one
 _BACKWARD = 1e-12
 #: the share of the diagonal that is added so that a singular matrix is seen in time, the least that did it in every
 #: case; and the share of the solution, or of the step before, up to which a step of refinement takes it back
-_NUDGE, _SMALL = 2.0**-36, 0.5
+_NUDGE = 2.0**-36
+_SMALL = 0.5
 #: what is added to smaller entries of the diagonal, in units of the largest one of the column: enough for a pivot
 _SHIFT = 2.0**-25
 #: so many Krylov steps multigrid needs as a rule
@@ -151,7 +153,8 @@ def _by_steps(M: sp.csr_array, look: Look) -> Solver | None:
     cost = MANY_STEPS * a_step
     if not (look.band_costs_more(cost) and (M.diagonal() > 0.0).all() and look.costs_more(cost)):
         return None
-    turned, failed = cache(lambda: sp.csr_array(M.T)), False
+    turned = cache(lambda: sp.csr_array(M.T))
+    failed = False
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
         nonlocal failed
@@ -170,7 +173,8 @@ def _bordered(M: sp.csr_array) -> Solver | None:
     border = np.flatnonzero(np.bincount(rows[far], minlength=M.shape[0]))
     if not 0 < border.size <= _WIDEST_BORDER:
         return None
-    n, k = M.shape[0], border.size
+    n = M.shape[0]
+    k = border.size
     band = sp.csr_array(sp.coo_array((M.data[~far], (rows[~far], M.indices[~far])), shape=M.shape))
     W = sp.csr_array((M.data[far], (np.searchsorted(border, rows[far]), M.indices[far])), shape=(k, n))
     units = np.zeros((n, k))
@@ -184,7 +188,8 @@ def _bordered(M: sp.csr_array) -> Solver | None:
         U, V, whole = (W.T.toarray(), units.T, M.T) if transposed else (units, W, M)
         X = solve_band(np.column_stack([f, U]), tolerance, transposed)
         if X is not None:
-            x, Y = X[:, 0], X[:, 1:]
+            x = X[:, 0]
+            Y = X[:, 1:]
             with suppress(np.linalg.LinAlgError):
                 x = x - Y @ np.linalg.solve(np.eye(k) + V @ Y, V @ x)
             size = max(np.abs(x).max(), np.abs(f).max())
@@ -232,7 +237,8 @@ def _nudged(M: sp.csr_array, look: Look, signs: Vector | None = None) -> Solver:
     at the end that M is singular. On traffic equilibria that took 80 times as long as predicted. M
     counts as singular where refinement fails.
     """
-    diagonal, units = M.diagonal(), largest_of_columns(M)
+    diagonal = M.diagonal()
+    units = largest_of_columns(M)
 
     @cache
     def by_nudged() -> Solver:
@@ -273,7 +279,8 @@ def _refined(M: sp.csr_array, units: Vector, by_factors: Solver) -> Solver:
         x = by_factors(f, tolerance, transposed)
         if x is None:
             return None
-        refined, before = None, norm(unit * x)
+        refined = None
+        before = norm(unit * x)
         while True:
             add(product(f.size, M.nnz))
             step = by_factors(f - whole @ x, tolerance, transposed)
@@ -292,14 +299,18 @@ def by_refinement(
 ) -> tuple[Vector, float]:
     """x, near where the rest f − Mx, `rest_of`(x), is 0, and the norm of that, by what solves nearly: so many times at
     the most, as long as that helps and more than `enough` is left."""
-    best, least, x, rest = np.zeros(f.size), np.inf, np.zeros(f.size), f
+    best = np.zeros(f.size)
+    least = np.inf
+    x = np.zeros(f.size)
+    rest = f
     for _ in range(solves):
         x = x + solve(rest)
         rest = rest_of(x)
         left = norm(rest)
         if not left < least:
             break
-        best, least = x, left
+        best = x
+        least = left
         if left <= enough:
             break
     return best, least

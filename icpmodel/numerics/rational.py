@@ -44,7 +44,8 @@ def eliminate(M: Rationals, order: Sequence[int], rest: Sequence[int] = ()) -> i
 
 def subtract_row(M: Rationals, k: int, below: Sequence[int]) -> None:
     """One step of elimination with pivot `M`[k][k] in the rows and columns `below`; row k stays."""
-    pivot, row = M[k][k], M[k]
+    pivot = M[k][k]
+    row = M[k]
     for i in below:
         if M[i][k]:
             factor = M[i][k] / pivot
@@ -78,7 +79,8 @@ def m_matrix(C: Any) -> tuple[bool, list[Fraction] | None]:
 def curvature(S: Any) -> tuple[bool, bool, list[Fraction] | None]:
     """Whether the symmetric `S` is semidefinite, whether it is definite, and if not an x ≠ 0 with xᵀSx < 0, or = 0."""
     M = S if isinstance(S, list) else rationals(S)
-    n, flat = len(M), None
+    n = len(M)
+    flat = None
     for k in range(n):
         if M[k][k] < 0:
             return False, False, substitute_back(M, k, {k: 1})

@@ -39,7 +39,8 @@ def checked_sparse(value: Any, name: str) -> Any:
     try:
         rows, columns = (1, *value.shape)[-2:]
         if value.format in ("csr", "csc", "bsr"):
-            indptr, indices = _whole(value.indptr), _whole(value.indices)
+            indptr = _whole(value.indptr)
+            indices = _whole(value.indices)
             data = value.data[: indptr[-1]]
             height, width = data.shape[1:] if value.format == "bsr" else (1, 1)
             if rows % height or columns % width:

@@ -25,7 +25,9 @@ _T = TypeVar("_T")
 #: the name of threads with steps that take too long
 LEFT = "icpmodel: out of time"
 #: how many threads ask for one thread of BLAS, and what gives BLAS its threads back
-_LIMIT, _limited, _limiter = Lock(), 0, None
+_LIMIT = Lock()
+_limited = 0
+_limiter = None
 
 
 def cores() -> int:
@@ -124,7 +126,8 @@ def one_behind_the_other(
             done = ready
 
     with ThreadPoolExecutor(1) as behind:
-        following, low = behind.submit(follow), 0
+        following = behind.submit(follow)
+        low = 0
         try:
             for high in [*range(chunk, size, chunk), size]:
                 first(low, high)

@@ -187,7 +187,9 @@ _BELIEF = 0.1
 #: a piece of a long loop between two looks at the clock, in nanoseconds
 _PIECE = 2e7
 #: for fewer bytes the system is not asked how many are free, nor for this share of what it had so many seconds ago
-_TRIFLE, _MODEST, _LATELY = 2.0**24, 0.05, 0.5
+_TRIFLE = 2.0**24
+_MODEST = 0.05
+_LATELY = 0.5
 
 
 class _Budget(NamedTuple):
@@ -246,7 +248,8 @@ def clock() -> float:
 @contextmanager
 def within(seconds: float = math.inf, memory: float = math.inf, begun: float | None = None) -> Iterator[None]:
     """In this block of this thread `afford` raises where more is asked for than so many seconds and bytes."""
-    before, begun = _counted.budget, clock() if begun is None else begun
+    before = _counted.budget
+    begun = clock() if begun is None else begun
     held = _held() if memory < math.inf else 0.0
     _counted.budget = _Budget(begun, done(), begun + seconds, held, memory)
     try:
@@ -270,7 +273,8 @@ def of_count(nanoseconds: float) -> Iterator[None]:
 @contextmanager
 def at_most(seconds: float) -> Iterator[None]:
     """In this block no more than so many seconds are left; other limits stay."""
-    before, now = _counted.budget, clock()
+    before = _counted.budget
+    now = clock()
     within_all = before or _Budget(now, done(), math.inf)
     _counted.budget = within_all._replace(begun=now, counted=done(), end=min(now + seconds, within_all.end))
     try:
@@ -321,7 +325,8 @@ def pieces(nanoseconds: float) -> int:
 def free_memory() -> float:
     """The bytes that may still be asked for: what the system has, or half of all where it does not say, and the limit
     leaves."""
-    budget, left = _counted.budget, math.inf
+    budget = _counted.budget
+    left = math.inf
     if budget is not None and budget.memory < math.inf:
         left = max(budget.memory - max(_held() - budget.held, 0.0), 0.0)
     return min(left, _SYSTEM.free())

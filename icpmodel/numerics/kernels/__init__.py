@@ -42,7 +42,8 @@ _LONG = uint(16)
 #: a function that becomes part of the compiled ones that call it
 inlined = numba.njit(forceinline=True, **_OPTIONS)
 #: one that these call, and one in which sums may be added up in another order
-called, sums = numba.njit(**_OPTIONS), numba.njit(**_SUMS)
+called = numba.njit(**_OPTIONS)
+sums = numba.njit(**_SUMS)
 
 
 class _Files(IndexDataCacheFile):
@@ -106,7 +107,8 @@ class _Watch(Listener):
             COMPILER.ends()
 
 
-_LOCK, _COMPILE = "numba:compiler_lock", "numba:compile"
+_LOCK = "numba:compiler_lock"
+_COMPILE = "numba:compile"
 _watch = _Watch()
 register(_LOCK, _watch)
 register(_COMPILE, _watch)
@@ -146,7 +148,8 @@ def _run_sum(total, k, stop, j, data, z):
 @sums
 def two_run_sums(k, stop, j, data, z, y):
     # the sums of data_e z_e and of data_e y_e over a run that begins with column j
-    first, second = 0.0, 0.0
+    first = 0.0
+    second = 0.0
     for e in range(stop - k):
         first += data[k + e] * z[j + e]
         second += data[k + e] * y[j + e]
@@ -156,7 +159,8 @@ def two_run_sums(k, stop, j, data, z, y):
 @inlined
 def row_sum(total, k, stop, indices, data, z):
     # total + the sum of data_e z_(indices_e) over k <= e < stop; the indices rise
-    k, stop = uint(k), uint(stop)
+    k = uint(k)
+    stop = uint(stop)
     end = run_end(k, stop, indices)
     if end > k:
         total = _run_sum(total, k, end, uint(indices[k]), data, z)

@@ -20,18 +20,24 @@ def combine(F, G, known, newest, weight, least, out):
     # rows 0 ... known - 1 of F and G are values of f and g, and out = G[newest] - gamma dG with gamma as in
     # `methods.accelerated`, the differences those of the other rows to the newest; False where a product is not
     # finite, and then `out` is nothing
-    n, last = weight.size, known - 1
+    n = weight.size
+    last = known - 1
     # `newest` is the row that the last one takes the place of
     order = np.arange(known)
     order[newest], order[last] = last, newest
-    products, right, gamma = np.zeros((last, last)), np.zeros(last), np.zeros(last)
-    differences, weighted = np.empty((last, _BLOCK)), np.empty(_BLOCK)
+    products = np.zeros((last, last))
+    right = np.zeros(last)
+    gamma = np.zeros(last)
+    differences = np.empty((last, _BLOCK))
+    weighted = np.empty(_BLOCK)
     for start in range(0, n, _BLOCK):
         size = min(_BLOCK, n - start)
         # slices, as an index into them needs no offset, which would keep the loops out of vector instructions
-        f, weights = F[newest, start : start + size], weight[start : start + size]
+        f = F[newest, start : start + size]
+        weights = weight[start : start + size]
         for j in range(last):
-            other, difference = F[order[j], start : start + size], differences[j]
+            other = F[order[j], start : start + size]
+            difference = differences[j]
             with_f = 0.0
             for i in range(size):
                 difference[i] = f[i] - other[i]
@@ -51,10 +57,12 @@ def combine(F, G, known, newest, weight, least, out):
         return False
     for start in range(0, n, _BLOCK):
         size = min(_BLOCK, n - start)
-        block, image = out[start : start + size], G[newest, start : start + size]
+        block = out[start : start + size]
+        image = G[newest, start : start + size]
         block[:] = image
         for j in range(last):
-            other, factor = G[order[j], start : start + size], gamma[j]
+            other = G[order[j], start : start + size]
+            factor = gamma[j]
             for i in range(size):
                 block[i] -= factor * (image[i] - other[i])
     return True
@@ -65,7 +73,8 @@ def _solve(products, right, known, least, gamma):
     # products gamma = right by Cholesky elimination of the equilibrated matrix, the largest pivot first; directions
     # whose pivot is at most `least` are left out
     # (loops, as the array expressions of NumPy take five times as long to compile)
-    scale, S = np.empty(known), np.empty((known, known + 1))
+    scale = np.empty(known)
+    S = np.empty((known, known + 1))
     for j in range(known):
         scale[j] = np.sqrt(products[j, j])
         if not (0.0 < scale[j] < np.inf and abs(right[j]) < np.inf):

@@ -9,7 +9,9 @@ import numpy as np
 from . import compiled
 
 #: entries within 2^±so many of each other need no balancing; passes of balancing; the exponent of 0
-_TAME, _PASSES, _NONE = 20, 60, -5000
+_TAME = 20
+_PASSES = 60
+_NONE = -5000
 
 
 @compiled
@@ -17,13 +19,15 @@ def _to_means(size, c, r):
     # r such that the means of size_ij + r_i + c_j over the rows are near 0; returns how far it moved
     moved = 0
     for i in range(r.size):
-        total, count = 0, 0
+        total = 0
+        count = 0
         for j in range(c.size):
             if size[i, j] != _NONE:
                 total += size[i, j] + c[j]
                 count += 1
         to = -round(total / count) if count else 0
-        moved, r[i] = max(moved, abs(to - r[i])), to
+        moved = max(moved, abs(to - r[i]))
+        r[i] = to
     return moved
 
 
@@ -34,14 +38,17 @@ def scale(M):
     # small in their row and in their column are no reason: those of an inverse fade with the distance, and units in
     # which they do not would make q grow as fast.)
     n = M.shape[0]
-    r, c = np.zeros(n, np.int64), np.zeros(n, np.int64)
+    r = np.zeros(n, np.int64)
+    c = np.zeros(n, np.int64)
     size = np.full((n, n), _NONE)
-    rows, columns = np.full(n, _NONE), np.full(n, _NONE)
+    rows = np.full(n, _NONE)
+    columns = np.full(n, _NONE)
     for i in range(n):
         for j in range(n):
             if M[i, j] != 0.0:
                 size[i, j] = math.frexp(M[i, j])[1]
-                rows[i], columns[j] = max(rows[i], size[i, j]), max(columns[j], size[i, j])
+                rows[i] = max(rows[i], size[i, j])
+                columns[j] = max(columns[j], size[i, j])
     high = _NONE
     for i in range(n):
         high = max(high, rows[i])

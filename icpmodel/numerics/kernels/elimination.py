@@ -14,14 +14,17 @@ from . import compiled, inlined
 #: after so many looks per entry of A the rest of the graph is cut in the middle, and so again whenever they have
 #: doubled; looking is given up where it takes so many times what it cost so far to factorise what the cut leaves, which
 #: is up to 9 times too much on graphs without geometry
-_BACK, _PATIENCE = 3, 300.0
+_BACK = 3
+_PATIENCE = 300.0
 
 
 @inlined
 def _insert(i, degree, head, after, before):
     d = degree[i]
     j = head[d]
-    after[i], before[i], head[d] = j, -1, i
+    after[i] = j
+    before[i] = -1
+    head[d] = i
     if j >= 0:
         before[j] = i
 
@@ -39,7 +42,8 @@ def _remove(i, degree, head, after, before):
 @compiled
 def _packed(start, length, weight, mark, lists):
     # what is alive, moved together into new lists; returns them and where they end
-    packed, end = np.empty_like(lists), 0
+    packed = np.empty_like(lists)
+    end = 0
     for i in range(start.size):
         if weight[i] != 0 and length[i] > 0 and mark[i] != 0:
             packed[end : end + length[i]] = lists[start[i] : start[i] + length[i]]
@@ -52,7 +56,9 @@ def _packed(start, length, weight, mark, lists):
 def _element(me, lists, end, start, length, elements, weight, degree, mark, head, after, before):
     # the rows that hang together once `me` is eliminated, written to `end` and flagged by a negative weight; the
     # elements of `me` are part of the new one. Returns where the lists end then, the sum of the weights, and the looks.
-    total, looks, first = 0, 0, start[me]
+    total = 0
+    looks = 0
+    first = start[me]
     for k in range(elements[me] + 1):
         last = k == elements[me]
         e = me if last else lists[first + k]
@@ -67,7 +73,8 @@ def _element(me, lists, end, start, length, elements, weight, degree, mark, head
                 end += 1
                 _remove(i, degree, head, after, before)
         if not last:
-            mark[e], length[e] = 0, 0
+            mark[e] = 0
+            length[e] = 0
     return end, total, looks
 
 
@@ -91,7 +98,9 @@ def _cleaned(i, me, lists, start, length, elements, weight, mark, flag):
     # the lists of row i without what the new element `me` covers, `me` first; returns the weight of what is left
     # outside and a number that rows with equal lists have in common
     low = start[i]
-    at, outside, key = low, 0, 0
+    at = low
+    outside = 0
+    key = 0
     for k in range(low, low + elements[i]):
         e = lists[k]
         if mark[e] != 0:
@@ -112,7 +121,8 @@ def _cleaned(i, me, lists, start, length, elements, weight, mark, flag):
             at += 1
     # the place of what led to i, an element that is gone or `me` itself, is free
     lists[at], lists[middle], lists[low] = lists[middle], lists[low], me
-    elements[i], length[i] = middle - low + 1, at - low + 1
+    elements[i] = middle - low + 1
+    length[i] = at - low + 1
     return outside, key
 
 
@@ -127,7 +137,8 @@ def _merged(rows, lists, start, length, elements, weight, mark, flag, bucket, ch
         while i >= 0 and chain[i] >= 0:
             for k in range(start[i] + 1, start[i] + length[i]):
                 mark[lists[k]] = flag
-            before, j = i, chain[i]
+            before = i
+            j = chain[i]
             while j >= 0:
                 same = length[j] == length[i] and elements[j] == elements[i]
                 k = start[j] + 1
@@ -136,7 +147,8 @@ def _merged(rows, lists, start, length, elements, weight, mark, flag, bucket, ch
                     k += 1
                 if same:
                     weight[i] += weight[j]
-                    weight[j], into[j] = 0, i
+                    weight[j] = 0
+                    into[j] = i
                     chain[before] = chain[j]
                 else:
                     before = j
@@ -166,9 +178,20 @@ def _begun(length):
 def _eliminated(me, end, flag, widest, left, lists, state):
     # row `me` becomes an element; returns where the lists end, how many rows went with it, the weight of the element,
     # the next flag and the looks
-    start, length, elements, weight, degree, mark = state[0], state[1], state[2], state[3], state[4], state[5]
-    after, before, head, bucket, keys, into = state[6], state[7], state[8], state[9], state[10], state[11]
-    low, pivots = end, weight[me]
+    start = state[0]
+    length = state[1]
+    elements = state[2]
+    weight = state[3]
+    degree = state[4]
+    mark = state[5]
+    after = state[6]
+    before = state[7]
+    head = state[8]
+    bucket = state[9]
+    keys = state[10]
+    into = state[11]
+    low = end
+    pivots = weight[me]
     weight[me] = -pivots
     end, size, looks = _element(me, lists, low, start, length, elements, weight, degree, mark, head, after, before)
     rows = lists[low:end]
@@ -179,11 +202,13 @@ def _eliminated(me, end, flag, widest, left, lists, state):
         if outside == 0:  # it can go together with `me`
             pivots -= weight[i]
             size += weight[i]
-            weight[i], into[i] = 0, me
+            weight[i] = 0
+            into[i] = me
         else:
             degree[i] = min(degree[i], outside)
             keys[i] = key % length.size
-            after[i], bucket[keys[i]] = bucket[keys[i]], i
+            after[i] = bucket[keys[i]]
+            bucket[keys[i]] = i
     flag += max(widest, size)
     flag = _merged(rows, lists, start, length, elements, weight, mark, flag, bucket, after, keys, into)
     end = low
@@ -194,7 +219,11 @@ def _eliminated(me, end, flag, widest, left, lists, state):
             _insert(i, degree, head, after, before)
             lists[end] = i
             end += 1
-    start[me], length[me], elements[me], weight[me], degree[me] = low, end - low, 0, pivots, size
+    start[me] = low
+    length[me] = end - low
+    elements[me] = 0
+    weight[me] = pivots
+    degree[me] = size
     if low == end:
         mark[me] = 0
     return end, pivots, size, flag, looks
@@ -204,12 +233,18 @@ def _eliminated(me, end, flag, widest, left, lists, state):
 def _layered(first, level, queue, done, lists, start, length, elements, weight):
     # breadth-first layers from row `first` over the rows whose level is -1 yet, an element being passed through once;
     # returns the weight of the heaviest layer and the last row
-    queue[0], level[first] = first, 0
-    at, end, depth, layer, heaviest = 0, 1, 0, 0, 0
+    queue[0] = first
+    level[first] = 0
+    at = 0
+    end = 1
+    depth = 0
+    layer = 0
+    heaviest = 0
     while at < end:
         i = queue[at]
         if level[i] > depth:
-            depth, layer = level[i], 0
+            depth = level[i]
+            layer = 0
         layer += weight[i]
         heaviest = max(heaviest, layer)
         for k in range(start[i], start[i] + length[i]):
@@ -222,7 +257,8 @@ def _layered(first, level, queue, done, lists, start, length, elements, weight):
             for m in range(low, high):
                 j = lists[m]
                 if weight[j] > 0 and level[j] < 0:
-                    level[j], queue[end] = depth + 1, j
+                    level[j] = depth + 1
+                    queue[end] = j
                     end += 1
         at += 1
     return heaviest, queue[end - 1]
@@ -233,14 +269,19 @@ def _separator(lists, start, length, elements, weight, turn):
     # the weight of the heaviest layer, seen from the far end of the part of the graph where it is heaviest: about what
     # has to be eliminated at last, together, where no small separator cuts the rest of the graph
     n = start.size
-    level, queue, done = np.full(n, -1, np.int32), np.empty(n, np.int32), np.zeros(n, np.bool_)
-    heaviest, last = 0, -1
+    level = np.full(n, -1, np.int32)
+    queue = np.empty(n, np.int32)
+    done = np.zeros(n, np.bool_)
+    heaviest = 0
+    last = -1
     for i in range(n):
         if turn[i] == n and weight[i] > 0 and level[i] < 0:
             layer, end = _layered(i, level, queue, done, lists, start, length, elements, weight)
             if layer > heaviest:
-                heaviest, last = layer, end
-    level[:], done[:] = -1, False
+                heaviest = layer
+                last = end
+    level[:] = -1
+    done[:] = False
     return _layered(last, level, queue, done, lists, start, length, elements, weight)[0] if last >= 0 else 0
 
 
@@ -251,27 +292,51 @@ def minimum_degree(start, length, lists, end, left_out, stored, prices, most_ent
     # for. It ends early where the entries, or what the factorisation costs by the `prices` of (an entry, a
     # multiplication, a look), are more than the limits, and where a separator of the rest tells that it costs more than
     # that, or some hundred times what it did to look, or after so many looks: then entries and squares are rough
-    n, neighbours, an_entry, a_flop, a_look = length.size, length.sum(), prices[0], prices[1], prices[2]
+    n = length.size
+    neighbours = length.sum()
+    an_entry = prices[0]
+    a_flop = prices[1]
+    a_look = prices[2]
     state = _begun(length)
     state[0] = start
-    start, length, elements, weight, degree, mark = state[0], state[1], state[2], state[3], state[4], state[5]
-    after, before, head, into, turn = state[6], state[7], state[8], state[11], state[12]
-    left, flag, widest, least, step, looks, entries, squares = n - left_out, 2, 0, 0, 0, 0, 0.0, 0.0
+    start = state[0]
+    length = state[1]
+    elements = state[2]
+    weight = state[3]
+    degree = state[4]
+    mark = state[5]
+    after = state[6]
+    before = state[7]
+    head = state[8]
+    into = state[11]
+    turn = state[12]
+    left = n - left_out
+    flag = 2
+    widest = 0
+    least = 0
+    step = 0
+    looks = 0
+    entries = 0.0
+    squares = 0.0
     back = _BACK * stored
     while left:
         while head[least] < 0:
             least += 1
         if 2 * least > left:  # as good as dense
             break
-        me, room = head[least], length[head[least]]
+        me = head[least]
+        room = length[head[least]]
         _remove(me, degree, head, after, before)
         for k in range(start[me], start[me] + elements[me]):
             room += length[lists[k]]
         if end + room > lists.size:
             lists, end = _packed(start, length, weight, mark, lists)
-        turn[me], step = step, step + 1
+        turn[me] = step
+        step = step + 1
         end, pivots, size, flag, more = _eliminated(me, end, flag, widest, left, lists, state)
-        left, looks, widest = left - pivots, looks + more, max(widest, size)
+        left = left - pivots
+        looks = looks + more
+        widest = max(widest, size)
         for k in range(start[me], end):
             least = min(least, degree[lists[k]])
         for c in range(size + left_out, size + left_out + pivots):
@@ -282,7 +347,8 @@ def minimum_degree(start, length, lists, end, left_out, stored, prices, most_ent
         # pivots with fewer neighbours than there were on the average hardly fill it up, whatever hangs together
         if looks > back and least * n >= neighbours:
             rest = float(_separator(lists, start, length, elements, weight, turn))
-            more, back = (0.5 * rest**2, rest**3 / 3.0), 2 * looks
+            more = (0.5 * rest**2, rest**3 / 3.0)
+            back = 2 * looks
             if an_entry * more[0] + a_flop * more[1] > min(most_cost, _PATIENCE * a_look * looks):
                 return entries + more[0], squares + more[1], looks, False, into, turn
     rest = float(left + left_out)

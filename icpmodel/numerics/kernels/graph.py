@@ -12,10 +12,13 @@ def linked(indptr, indices):
     # whether every row but the first has an entry before its diagonal with one opposite to it: then each hangs on one
     # of a smaller number and that one on it, and all are one strong component
     for i in range(1, indptr.size - 1):
-        found, k, stop = False, uint(indptr[i]), uint(indptr[i + 1])
+        found = False
+        k = uint(indptr[i])
+        stop = uint(indptr[i + 1])
         while k < stop and indices[k] < i and not found:
             j = uint(indices[k])
-            e, end = uint(indptr[j]), uint(indptr[j + uint(1)])
+            e = uint(indptr[j])
+            end = uint(indptr[j + uint(1)])
             while e < end and indices[e] < i:
                 e += one()
             found = bool(e < end and indices[e] == i)
@@ -29,7 +32,8 @@ def linked(indptr, indices):
 def stages(indptr, indices, part, rows, starts, core):
     # part k = rows[starts[k] : starts[k + 1]] hangs on parts of smaller number only. Returns how many of `core` follow
     # one another up to each part, itself included, and which parts are needed by one of `core`, those included
-    depth, before = np.zeros(core.size, np.int64), core.copy()
+    depth = np.zeros(core.size, np.int64)
+    before = core.copy()
     for k in range(core.size):
         for i in rows[starts[k] : starts[k + 1]]:
             for e in range(indptr[i], indptr[i + 1]):
@@ -47,7 +51,8 @@ def stages(indptr, indices, part, rows, starts, core):
 def spread(indptr, indices, chosen, seeds, most):
     # `chosen` with the `seeds` and, in layers around these, up to so many more: columns that rows have entries in
     chosen, queue, first = chosen | seeds, np.empty(chosen.size, np.int32), np.flatnonzero(seeds)
-    at, end = 0, first.size
+    at = 0
+    end = first.size
     queue[:end] = first
     most += end
     while at < end <= most:
@@ -56,7 +61,8 @@ def spread(indptr, indices, chosen, seeds, most):
             for e in range(indptr[queue[at]], indptr[queue[at] + 1]):
                 j = indices[e]
                 if not chosen[j]:
-                    chosen[j], queue[end] = True, j
+                    chosen[j] = True
+                    queue[end] = j
                     end += 1
             at += 1
         if end > most:
@@ -67,19 +73,26 @@ def spread(indptr, indices, chosen, seeds, most):
 @compiled
 def cut(indptr, indices, data, q, rows, z):
     # A and q in the unknowns `rows` alone, these ascending, all others being what they are in z
-    place, m = np.full(z.size, -1, indices.dtype), rows.size
-    place[rows], entries = np.arange(m), np.sum(indptr[rows + 1] - indptr[rows])
-    starts, columns, values = np.empty(m + 1, indptr.dtype), np.empty(entries, indices.dtype), np.empty(entries)
-    inside, at = np.empty(m), 0
+    place = np.full(z.size, -1, indices.dtype)
+    m = rows.size
+    place[rows] = np.arange(m)
+    entries = np.sum(indptr[rows + 1] - indptr[rows])
+    starts = np.empty(m + 1, indptr.dtype)
+    columns = np.empty(entries, indices.dtype)
+    values = np.empty(entries)
+    inside = np.empty(m)
+    at = 0
     for t in range(m):
-        i, starts[t] = uint(rows[t]), at
+        i = uint(rows[t])
+        starts[t] = at
         known = 0.0
         for k in range(uint(indptr[i]), uint(indptr[i + uint(1)])):
             j = uint(indices[k])
             if place[j] < 0:
                 known += data[k] * z[j]
             else:
-                columns[at], values[at] = place[j], data[k]
+                columns[at] = place[j]
+                values[at] = data[k]
                 at += 1
         inside[t] = known + q[i]
     starts[m] = at
@@ -92,7 +105,8 @@ def mirrored(indptr, indices, data):
     n = indptr.size - 1
     ahead = np.empty(n, indptr.dtype)
     for i in range(n):
-        k, stop = uint(indptr[i]), uint(indptr[i + 1])
+        k = uint(indptr[i])
+        stop = uint(indptr[i + 1])
         while k < stop and indices[k] < i:
             j = uint(indices[k])
             e = uint(ahead[j])
@@ -122,9 +136,13 @@ def signs(indptr, indices, data, same):
     # signs of the rows that make a matrix symmetric up to this share of its entries; none where there are none, or
     # where entries are not opposite to one another. Rows are sorted
     n = indptr.size - 1
-    ahead, into, sign, none = np.empty(n, indptr.dtype), np.arange(n), np.ones(n), np.empty(0)
+    ahead = np.empty(n, indptr.dtype)
+    into = np.arange(n)
+    sign = np.ones(n)
+    none = np.empty(0)
     for i in range(n):
-        k, stop = uint(indptr[i]), uint(indptr[i + 1])
+        k = uint(indptr[i])
+        stop = uint(indptr[i + 1])
         while k < stop and indices[k] < i:
             j = indices[k]
             e = uint(ahead[j])
@@ -132,14 +150,17 @@ def signs(indptr, indices, data, same):
                 return none
             ahead[j] += 1
             least = same * max(abs(data[k]), abs(data[e]))
-            alike, opposite = abs(data[k] - data[e]) <= least, abs(data[k] + data[e]) <= least
+            alike = abs(data[k] - data[e]) <= least
+            opposite = abs(data[k] + data[e]) <= least
             if not (alike or opposite):
                 return none
             if alike != opposite:
-                (a, of_i), (b, of_j) = _root(i, into, sign), _root(j, into, sign)
+                (a, of_i) = _root(i, into, sign)
+                (b, of_j) = _root(j, into, sign)
                 wanted = of_i * of_j if alike else -of_i * of_j
                 if a != b:
-                    into[a], sign[a] = b, wanted
+                    into[a] = b
+                    sign[a] = wanted
                 elif wanted < 0.0:
                     return none
             k += one()
@@ -165,15 +186,19 @@ def diagonals(indptr, indices, data, top, band):
 @compiled
 def layers(indptr, indices, data, first):
     # breadth-first layers along the stored nonzeros j -> indices of row j; layer -1: not reached
-    layer, order, start = np.where(first, 0, -1), np.empty(first.size, np.int64), np.flatnonzero(first)
-    at, filled = 0, start.size
+    layer = np.where(first, 0, -1)
+    order = np.empty(first.size, np.int64)
+    start = np.flatnonzero(first)
+    at = 0
+    filled = start.size
     order[:filled] = start
     while at < filled:
         j = order[at]
         for k in range(uint(indptr[j]), uint(indptr[j + 1])):
             i = indices[k]
             if layer[i] < 0 and data[k] != 0.0:
-                layer[i], order[filled] = layer[j] + 1, i
+                layer[i] = layer[j] + 1
+                order[filled] = i
                 filled += 1
         at += 1
     return layer, order[:filled]
@@ -184,13 +209,16 @@ def layer_increments(indptr, indices, data, surplus, layer, order):
     # g with f(k) = g_0 + ... + g_k and <A>f(layer) >= D1; the data is that of <A>, `surplus` is D^-1<A>1, and
     # above[k] = f(deepest) - f(k)
     deepest = layer[order[-1]]
-    g, above = np.zeros(deepest + 1), np.zeros(deepest + 2)
+    g = np.zeros(deepest + 1)
+    above = np.zeros(deepest + 2)
     for at in range(order.size - 1, -1, -1):
         i = order[at]
         k = layer[i]
         if at < order.size - 1 and layer[order[at + 1]] != k:
             above[k] = above[k + 1] + g[k + 1]
-        own, pull, hold = 0.0, 0.0, 0.0
+        own = 0.0
+        pull = 0.0
+        hold = 0.0
         for e in range(uint(indptr[i]), uint(indptr[i + 1])):
             j = indices[e]
             if j == i:
@@ -219,7 +247,8 @@ def both_ways(indptr, indices, dense):
     start = np.zeros(n + 1, np.int64)
     for i in range(n):
         start[i + 1] = start[i] + count[i]
-    lists, filled = np.empty(start[n] + start[n] // 5 + n, np.int32), start[:n].copy()
+    lists = np.empty(start[n] + start[n] // 5 + n, np.int32)
+    filled = start[:n].copy()
     for i in range(n):
         for k in range(indptr[i], indptr[i + 1]):
             j = indices[k]
@@ -227,13 +256,16 @@ def both_ways(indptr, indices, dense):
                 lists[filled[i]], lists[filled[j]] = j, i
                 filled[i] += 1
                 filled[j] += 1
-    length, seen, left_out = np.zeros(n, np.int64), np.full(n, -1, np.int32), 0
+    length = np.zeros(n, np.int64)
+    seen = np.full(n, -1, np.int32)
+    left_out = 0
     for i in range(n):  # each neighbour once
         at = start[i]
         for k in range(start[i], start[i + 1]):
             j = lists[k]
             if seen[j] != i:
-                seen[j], lists[at] = i, j
+                seen[j] = i
+                lists[at] = j
                 at += 1
         length[i] = at - start[i]
         if length[i] > dense:
@@ -254,7 +286,8 @@ def both_ways(indptr, indices, dense):
 def order(into, turn):
     # the rows in their turn, those that went with another one next to it, what was not reached at the end
     n = into.size
-    first, last = np.zeros(n + 2, np.int64), np.empty(n, np.int32)
+    first = np.zeros(n + 2, np.int64)
+    last = np.empty(n, np.int32)
     for i in range(n):
         j = i
         while into[j] >= 0:
@@ -281,10 +314,13 @@ def permuted(indptr, indices, data, rows, place):
         start[place[j] + 1] += 1
     for j in range(n):
         start[j + 1] += start[j]
-    filled, new, values = start[:n].copy(), np.empty(data.size, np.int32), np.empty(data.size)
+    filled = start[:n].copy()
+    new = np.empty(data.size, np.int32)
+    values = np.empty(data.size)
     for k in range(n):
         for e in range(indptr[rows[k]], indptr[rows[k] + 1]):
             j = place[indices[e]]
-            new[filled[j]], values[filled[j]] = k, data[e]
+            new[filled[j]] = k
+            values[filled[j]] = data[e]
             filled[j] += 1
     return values, new, start

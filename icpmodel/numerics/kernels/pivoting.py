@@ -15,15 +15,22 @@ import numpy as np
 from . import compiled
 
 #: how a run of pivots ended
-SOLVED, RAY, UNFINISHED, SINGULAR = 0, 1, 2, 3
+SOLVED = 0
+RAY = 1
+UNFINISHED = 2
+SINGULAR = 3
 #: in place of a label that is to enter: begin, or with a q that is moved a little, or go on with rows without obstacle
-START, NUDGED, REACHING = -1, -2, -3
+START = -1
+NUDGED = -2
+REACHING = -3
 #: in a column of the dictionary, a smaller share of its largest entry counts as zero; ratios so near are ties
-_ZERO, _TIE = 1e-11, 1e-13
+_ZERO = 1e-11
+_TIE = 1e-13
 #: by how much q, whose largest entry is about 1, is moved so that no ties are left
 _NUDGE = 1e-8
 #: blocks: entries within 2^±so many of each other need no units of their own; pivots per row
-_TAME, _PIVOTS = 40, 50
+_TAME = 40
+_PIVOTS = 50
 
 
 @compiled
@@ -47,7 +54,10 @@ def exchange(D, r, e, basic, nonbasic, place):
 def leaving(D, e, free, basic, place, ties):
     # the row whose variable reaches 0 first as that of column e grows, or -1; ties are broken by the inverse of the
     # basis, in the columns of w: the lexicographically least ratio is unique. y of a row without obstacle never leaves
-    n, count, largest, least = D.shape[0], 0, 0.0, np.inf
+    n = D.shape[0]
+    count = 0
+    largest = 0.0
+    least = np.inf
     for i in range(n):
         largest = max(largest, abs(D[i, e]))
     for i in range(n):
@@ -55,7 +65,8 @@ def leaving(D, e, free, basic, place, ties):
             ties[count] = i
             count += 1
             least = min(least, max(D[i, n + 1], 0.0) / -D[i, e])
-    kept, most = 0, least + _TIE * (1.0 + least)
+    kept = 0
+    most = least + _TIE * (1.0 + least)
     for at in range(count):
         i = ties[at]
         if max(D[i, n + 1], 0.0) <= most * -D[i, e]:
@@ -98,13 +109,18 @@ def reach(D, free, basic, nonbasic, place, first, limit):
     # they ended, the largest of all, and how many are left of the limit
     n = D.shape[0]
     for made in range(limit + 1):
-        row, column, largest, left = -1, -1, 0.0, False
+        row = -1
+        column = -1
+        largest = 0.0
+        left = False
         for i in range(n):
             if basic[i] < n and free[basic[i]]:
                 left = True
                 for j in range(n):
                     if n <= nonbasic[j] and free[nonbasic[j] - n] and abs(D[i, j]) > largest:
-                        row, column, largest = i, j, abs(D[i, j])
+                        row = i
+                        column = j
+                        largest = abs(D[i, j])
         first = max(first, largest)
         if not left:
             return UNFINISHED, first, limit - made
@@ -125,7 +141,8 @@ def set_up(S, q, free, D, basic, nonbasic, place, nudge):
         D[i, n] = 0.0 if free[i] else 1.0
         D[i, n + 1] = q[i] + nudge * D[i, n] * (1.0 + math.sin((i + 1.0) ** 2))
         basic[i], nonbasic[i], place[i], place[n + i] = i, n + i, i, -1 - i
-    nonbasic[n], place[2 * n] = 2 * n, -1 - n
+    nonbasic[n] = 2 * n
+    place[2 * n] = -1 - n
 
 
 @compiled
@@ -195,8 +212,10 @@ def _refine(S, f, D, basic, nonbasic, y, work):
 def go_on(S, f, free, units, D, labels, work, entering, limit):
     # a start (entering < 0), up to `limit` pivots: how they ended, what is to enter, y, and of a ray its direction
     n = S.shape[0]
-    basic, nonbasic = labels[:n], labels[n : 2 * n + 1]
-    place, ties = labels[2 * n + 1 : 4 * n + 2], labels[4 * n + 2 :]
+    basic = labels[:n]
+    nonbasic = labels[n : 2 * n + 1]
+    place = labels[2 * n + 1 : 4 * n + 2]
+    ties = labels[4 * n + 2 :]
     code = UNFINISHED
     if entering in (START, NUDGED):
         set_up(S, f, free, D, basic, nonbasic, place, _NUDGE if entering == NUDGED else 0.0)
@@ -205,7 +224,8 @@ def go_on(S, f, free, units, D, labels, work, entering, limit):
         code, entering, limit = start(D, free, basic, nonbasic, place, work, limit)
     if code == UNFINISHED and entering >= 0:
         code, entering = pivot(D, free, basic, nonbasic, place, ties, entering, limit)
-    y, ray = np.zeros(n), np.zeros(n)
+    y = np.zeros(n)
+    ray = np.zeros(n)
     if code != SINGULAR:
         _unpack(D, n + 1, basic, y)
     if code == SOLVED:
@@ -215,7 +235,8 @@ def go_on(S, f, free, units, D, labels, work, entering, limit):
         if entering >= n:
             ray[entering - n] = 1.0
     for i in range(n):
-        y[i], ray[i] = math.ldexp(y[i], units[i]), math.ldexp(ray[i], units[i])
+        y[i] = math.ldexp(y[i], units[i])
+        ray[i] = math.ldexp(ray[i], units[i])
     return code, entering, y, ray
 
 
@@ -228,14 +249,16 @@ def right(q, r, c, f, units):
             size = max(size, math.frexp(q[i])[1] + r[i])
     size = size if size > -5000 else 0
     for i in range(q.size):
-        f[i], units[i] = math.ldexp(q[i], r[i] - size), c[i] + size
+        f[i] = math.ldexp(q[i], r[i] - size)
+        units[i] = c[i] + size
 
 
 @compiled
 def begin(S, r, c, q, free):
     # all that `go_on` takes but for the last two arguments
     n = S.shape[0]
-    f, units = np.empty(n), np.empty(n, np.int64)
+    f = np.empty(n)
+    units = np.empty(n, np.int64)
     right(q, r, c, f, units)
     return S, f, free, units, np.empty((n, n + 2)), np.empty(5 * n + 2, np.int64), np.empty(n + 1)
 
@@ -244,9 +267,13 @@ def begin(S, r, c, q, free):
 def many(S, r, c, M, Q, C, limit, Z):
     # the LCPs with the rows of Q over the obstacles in the rows of C, each from its own start, to the rows of Z
     n = S.shape[0]
-    f, units = np.empty(n), np.empty(n, np.int64)
-    D, labels, work = np.empty((n, n + 2)), np.empty(5 * n + 2, np.int64), np.empty(n + 1)
-    free, base = np.empty(n, np.bool_), np.empty(n)
+    f = np.empty(n)
+    units = np.empty(n, np.int64)
+    D = np.empty((n, n + 2))
+    labels = np.empty(5 * n + 2, np.int64)
+    work = np.empty(n + 1)
+    free = np.empty(n, np.bool_)
+    base = np.empty(n)
     for k in range(Q.shape[0]):
         for i in range(n):
             free[i] = C[k, i] == -np.inf
@@ -258,7 +285,8 @@ def many(S, r, c, M, Q, C, limit, Z):
 @compiled
 def row(indptr, indices, data, i, z):
     # (the diagonal entry of row i, the sum over its other columns of the entry times z)
-    own, others = 0.0, 0.0
+    own = 0.0
+    others = 0.0
     for k in range(indptr[i], indptr[i + 1]):
         if indices[k] == i:
             own += data[k]
@@ -272,9 +300,11 @@ def apart(indptr, indices, data, q, c, slopes, above, rows, starts, wanted, z):
     # the wanted blocks k, rows[starts[k] : starts[k + 1]], in turn: a row is a maximum, more are pivoted, G = `slopes`
     # having no entry there. Returns which may be solved: none that needs units of its own, or need not have one answer.
     # `above` is None, or (slopes, d) of the obstacle above; then there are only rows
-    solved, place = np.zeros_like(wanted), np.full(z.size, -1, np.int32)
+    solved = np.zeros_like(wanted)
+    place = np.full(z.size, -1, np.int32)
     for k in np.flatnonzero(wanted):
-        b, i = starts[k + 1] - starts[k], rows[starts[k]]
+        b = starts[k + 1] - starts[k]
+        i = rows[starts[k]]
         if b == 1:
             own, p = row(indptr, indices, data, i, z)
             slope, r = row(*slopes, i, z)
@@ -284,7 +314,9 @@ def apart(indptr, indices, data, q, c, slopes, above, rows, starts, wanted, z):
                 z[i] = min((r + above[1][i]) / (1.0 - slope), z[i])
             solved[k] = own > 0.0 and slope < 1.0 and math.isfinite(z[i])
             continue
-        block, S, f = rows[starts[k] : starts[k + 1]], np.zeros((b, b)), np.empty(b)
+        block = rows[starts[k] : starts[k + 1]]
+        S = np.zeros((b, b))
+        f = np.empty(b)
         free = c[block] == -np.inf
         for at in range(b):
             place[block[at]] = at
@@ -297,7 +329,8 @@ def apart(indptr, indices, data, q, c, slopes, above, rows, starts, wanted, z):
                     S[at, place[indices[e]]] += data[e]
         place[block] = -1
         size = np.abs(S.ravel())
-        low, high = math.frexp(np.min(np.where(size > 0.0, size, np.inf)))[1], math.frexp(np.max(size))[1]
+        low = math.frexp(np.min(np.where(size > 0.0, size, np.inf)))[1]
+        high = math.frexp(np.max(size))[1]
         if high - low > _TAME or not np.all(np.isfinite(f)):
             continue
         state = begin(np.ldexp(S, -high), np.full(b, -high), np.zeros(b, np.int64), f, free)

@@ -19,9 +19,12 @@ def search_pivots(mid, rad, base, undecided):
     # at. Where `undecided` is full, the search ends.
     # u and tiny are twice the unit roundoff and a normal number: what is generous in them pays for the rounding of the
     # radii. Fused multiply-adds only make the errors smaller.
-    u, tiny = 2.0**-52, 2.0**-1000
+    u = 2.0**-52
+    tiny = 2.0**-1000
     n = mid.shape[1]
-    level, chosen, count = 0, 0, 0
+    level = 0
+    chosen = 0
+    count = 0
     base[0] = 0
     while level < n or chosen:
         if level == n:  # back to the last index that is chosen, and now without it
@@ -31,12 +34,17 @@ def search_pivots(mid, rad, base, undecided):
             level += 1
             base[level] = base[level - 1]
             continue
-        here, to = base[level], level + 1
-        pivot, radius, minor = mid[here, level, level], rad[here, level, level], chosen | (1 << level)
+        here = base[level]
+        to = level + 1
+        pivot = mid[here, level, level]
+        radius = rad[here, level, level]
+        minor = chosen | (1 << level)
         if pivot <= -radius and radius < 1 / tiny:  # not for -inf and inf
             return minor, count
         if not pivot > radius:  # NaN as well
-            undecided[count], base[to], level = minor, here, to
+            undecided[count] = minor
+            base[to] = here
+            level = to
             count += 1
             if count == undecided.size:
                 break
@@ -46,11 +54,14 @@ def search_pivots(mid, rad, base, undecided):
             f = mid[here, i, level] / pivot
             f_rad = (1 + 8 * u) * ((rad[here, i, level] + abs(f) * radius) / least + u * abs(f) + tiny)
             for j in range(to, n):
-                b, b_rad = mid[here, level, j], rad[here, level, j]
+                b = mid[here, level, j]
+                b_rad = rad[here, level, j]
                 product = f * b
                 new = mid[here, i, j] - product
                 error = rad[here, i, j] + abs(f) * b_rad + f_rad * (abs(b) + b_rad)
                 mid[to, i, j] = new
                 rad[to, i, j] = (1 + 8 * u) * (error + u * (abs(product) + abs(new)) + tiny)
-        chosen, base[to], level = minor, to, to
+        chosen = minor
+        base[to] = to
+        level = to
     return 0, count

@@ -27,13 +27,19 @@ def look(indptr, indices, data, low, high, diag, diagonal, rest, largest):
     # rows low <= i < high: where the diagonal entry stands, its value, the sum of the other |entries|, the largest of
     # all; returns how far the entries reach below the diagonal and above it, and the sums of those there. Rows are
     # sorted, and every diagonal entry is stored.
-    below, above, lower, whole = 0, 0, 0.0, 0.0
+    below = 0
+    above = 0
+    lower = 0.0
+    whole = 0.0
     start = uint(indptr[low])
     for i in range(low, high):
         end = uint(indptr[i + 1])
         below = max(below, i - indices[start])
         above = max(above, indices[end - uint(1)] - i)
-        total, first, most, left = 0.0, 0.0, 0.0, 0
+        total = 0.0
+        first = 0.0
+        most = 0.0
+        left = 0
         k = start
         while k < end:
             total += abs(data[k])
@@ -42,7 +48,10 @@ def look(indptr, indices, data, low, high, diag, diagonal, rest, largest):
             left += indices[k] < i
             k += one()
         own = data[start + uint(left)]
-        diag[i], diagonal[i], rest[i], largest[i] = start + uint(left), own, total - abs(own), most
+        diag[i] = start + uint(left)
+        diagonal[i] = own
+        rest[i] = total - abs(own)
+        largest[i] = most
         lower += first
         whole += rest[i]
         start = end
@@ -86,7 +95,8 @@ def natural(indptr, indices, data, weights, q, psi, upper, z, low, high):
     # With `upper`, else None, of the median's square: see `between.mid`
     squares = 0.0
     for i in range(uint(low), uint(high)):
-        p, r = row_sum(q[i], indptr[i], indptr[i + uint(1)], indices, data, z), z[i] - psi[i]
+        p = row_sum(q[i], indptr[i], indptr[i + uint(1)], indices, data, z)
+        r = z[i] - psi[i]
         p *= weights[i]
         least = r if r <= p or r != r else p
         if upper is not None:
@@ -100,13 +110,16 @@ def couple(indptr, indices, data, weight):
     # sqrt|a_ij a_ji| weight_i weight_j off the diagonal, 0 on it. Rows are sorted, and i rises: what row j > i is asked
     # for is at or behind what it was asked for last, so that `at` only ever moves on
     n = indptr.size - 1
-    at, out = indptr[:-1].copy(), np.zeros(data.size)
+    at = indptr[:-1].copy()
+    out = np.zeros(data.size)
     for i in range(n):
-        k, stop = uint(indptr[i]), uint(indptr[i + 1])
+        k = uint(indptr[i])
+        stop = uint(indptr[i + 1])
         while k < stop:
             j = uint(indices[k])
             if j > uint(i):
-                end, here = indptr[j + uint(1)], at[j]
+                end = indptr[j + uint(1)]
+                here = at[j]
                 while here < end and indices[uint(here)] < i:
                     here += 1
                 at[j] = here
@@ -128,7 +141,11 @@ fma: Any = intrinsic(_fma)
 @inlined
 def once(start, left, k, stop, sign, indices, data, z):
     # start + left + sign times a row of Az, and a bound on the error of that
-    total, size, entries, lost, first = start, abs(start), 3, abs(left), k
+    total = start
+    size = abs(start)
+    entries = 3
+    lost = abs(left)
+    first = k
     while k < stop:
         term = sign * data[k] * z[uint(indices[k])]
         total += term
@@ -145,14 +162,23 @@ def once(start, left, k, stop, sign, indices, data, z):
 @inlined
 def twice(start, left, k, stop, sign, indices, data, z):
     # the same, the rounding errors of all products and sums added up apart
-    total, rest, size, entries, lost = start, left, abs(left), 3, 0.0
+    total = start
+    rest = left
+    size = abs(left)
+    entries = 3
+    lost = 0.0
     while k < stop:
-        a, b = sign * data[k], z[uint(indices[k])]
+        a = sign * data[k]
+        b = z[uint(indices[k])]
         term = a * b
         after = total + term
         part = after - total
-        low, error = fma(a, b, -term), (total - (after - part)) + (term - part)
-        total, rest, size, entries = after, rest + (low + error), size + (abs(low) + abs(error)), entries + 2
+        low = fma(a, b, -term)
+        error = (total - (after - part)) + (term - part)
+        total = after
+        rest = rest + (low + error)
+        size = size + (abs(low) + abs(error))
+        entries = entries + 2
         if abs(term) < _NORMAL and a != 0.0 and b != 0.0:
             lost += SMALLEST
         k += one()
@@ -168,7 +194,8 @@ def gap(i, indptr, indices, data, c, known, z, pairs):
     start = z[i] - c[i]
     part = start - z[i]
     left = (z[i] - (start - part)) - (c[i] + part)
-    k, stop = uint(indptr[i]), uint(indptr[i + uint(1)])
+    k = uint(indptr[i])
+    stop = uint(indptr[i + uint(1)])
     if pairs:
         r, for_r = twice(start, left, k, stop, -1.0, indices, data, z)
     else:
@@ -197,10 +224,13 @@ def unknown(value, error):
 def worst(of_p, of_r, of_s):
     # the largest |median of p, r and s <= r| that (value, bound on its error) of all three leave possible, and of r and
     # s themselves where these may cross; without an obstacle above s is -inf, and that is |min(p, r)|
-    (p, for_p), (r, for_r), (s, for_s) = of_p, of_r, of_s
+    (p, for_p) = of_p
+    (r, for_r) = of_r
+    (s, for_s) = of_s
     if unknown(p, for_p) or unknown(r, for_r) or unknown(s, for_s):
         return np.inf
-    low, high = max(s - for_s, min(p - for_p, r - for_r)), max(s + for_s, min(p + for_p, r + for_r))
+    low = max(s - for_s, min(p - for_p, r - for_r))
+    high = max(s + for_s, min(p + for_p, r + for_r))
     size = max(abs(low), abs(high))
     if s + for_s > r - for_r:
         size = max(size, abs(r) + for_r, abs(s) + for_s)
@@ -213,14 +243,18 @@ def raised(indptr, indices, data, weights, Q, G_indptr, G_indices, G_data, C, kn
     # by row p = weight (Az + q) and r = z - c - Gz, where c is off by up to `known` times itself; `upper` is None or
     # (indptr, indices, data, C, known) of the obstacle above
     for row in range(Z.shape[0]):
-        q, c, z = Q[row], C[row], Z[row]
+        q = Q[row]
+        c = C[row]
+        z = Z[row]
         bound = 0.0
         for pairs in range(2 * (residuals[row] <= tolerances[row])):
             if pairs and bound <= tolerances[row]:
                 break
-            scale, squares = 0.0, 0.0
+            scale = 0.0
+            squares = 0.0
             for i in range(uint(z.size)):
-                k, stop = uint(indptr[i]), uint(indptr[i + uint(1)])
+                k = uint(indptr[i])
+                stop = uint(indptr[i + uint(1)])
                 if pairs:
                     p, for_p = twice(q[i], 0.0, k, stop, 1.0, indices, data, z)
                 else:
@@ -249,7 +283,8 @@ def sum_signs(indptr, data, parts, signs):
     for i in range(signs.size):
         count = 0
         for k in range(indptr[i], indptr[i + 1]):
-            x, kept = data[k], 0
+            x = data[k]
+            kept = 0
             for j in range(count):
                 y = parts[j]
                 if abs(x) < abs(y):

@@ -25,8 +25,10 @@ def improve(c, value, slope, own, low, high, out):
     moved = False
     for i in range(c.size):
         r = 0.0 if abs(value[i]) == math.inf else c[i] - value[i]
-        near, far = c[i] - r / (1.0 + slope[i]), c[i] - r / (1.0 - slope[i])
-        low[i], high[i] = max(low[i], min(near, far)), min(high[i], max(near, far))
+        near = c[i] - r / (1.0 + slope[i])
+        far = c[i] - r / (1.0 - slope[i])
+        low[i] = max(low[i], min(near, far))
+        high[i] = min(high[i], max(near, far))
         newton = c[i] - r / (1.0 - own[i]) if own.size else math.nan
         out[i] = newton if low[i] <= newton <= high[i] else 0.5 * (low[i] + high[i])
         if math.isnan(r):

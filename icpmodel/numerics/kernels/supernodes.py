@@ -14,14 +14,18 @@ from . import called, compiled, inlined, one, sums, uint
 
 #: of the entries of a supernode this share may be zeros, it has at most so many columns, and products of fewer
 #: multiplications are not worth a call of BLAS; half or twice as much made no difference
-_ZEROS, _WIDEST, _LITTLE = 0.3, 64, 500
+_ZEROS = 0.3
+_WIDEST = 64
+_LITTLE = 500
 
 
 @called
 def _tree(indptr, indices, order, place):
     # the elimination tree: the parent of column j is the first row below j that it fills; and how many rows it fills
     n = order.size
-    parent, count, seen = np.full(n, -1, np.int32), np.zeros(n, np.int32), np.full(n, -1, np.int32)
+    parent = np.full(n, -1, np.int32)
+    count = np.zeros(n, np.int32)
+    seen = np.full(n, -1, np.int32)
     for i in range(n):
         seen[i] = i
         for e in range(indptr[order[i]], indptr[order[i] + 1]):
@@ -39,16 +43,23 @@ def _tree(indptr, indices, order, place):
 def _postorder(parent):
     # children right before their parents, which fill what they do: L is as full as before
     n = parent.size
-    child, sibling = np.full(n + 1, -1, np.int32), np.empty(n, np.int32)
+    child = np.full(n + 1, -1, np.int32)
+    sibling = np.empty(n, np.int32)
     for j in range(n - 1, -1, -1):
-        sibling[j], child[parent[j]] = child[parent[j]], j  # the roots are children of the last one, n
-    turn, path, depth, at = np.empty(n, np.int32), np.empty(n + 1, np.int32), 0, 0
+        # the roots are children of the last one, n
+        sibling[j] = child[parent[j]]
+        child[parent[j]] = j
+    turn = np.empty(n, np.int32)
+    path = np.empty(n + 1, np.int32)
+    depth = 0
+    at = 0
     path[0] = n
     while depth >= 0:
         i = path[depth]
         if child[i] >= 0:
             depth += 1
-            path[depth], child[i] = child[i], sibling[child[i]]
+            path[depth] = child[i]
+            child[i] = sibling[child[i]]
         else:
             if i < n:
                 turn[at] = i
@@ -60,7 +71,9 @@ def _postorder(parent):
 @called
 def _joined(parent, count):
     # where the supernodes begin, and n
-    n, first, zeros = parent.size, [0], 0.0
+    n = parent.size
+    first = [0]
+    zeros = 0.0
     for j in range(1, n):
         width = j - first[-1]
         more = zeros + (count[j] + 1 - count[j - 1]) * width
@@ -78,23 +91,31 @@ def analysed(indptr, indices, order):
     # the pattern, symmetric, of a matrix in this order of its rows, and what else is known before its entries: its rows
     # in the order that is taken, where supernodes begin, which one a column is in, where its rows and entries begin,
     # the rows, and where the entries of the matrix go, -1 above the diagonal
-    n, place = order.size, np.empty(order.size, np.int32)
+    n = order.size
+    place = np.empty(order.size, np.int32)
     place[order] = np.arange(n)
     parent, count = _tree(indptr, indices, order, place)
     turn = _postorder(parent)
-    order, count, place = order[turn], count[turn], np.empty(n + 1, np.int32)
+    order = order[turn]
+    count = count[turn]
+    place = np.empty(n + 1, np.int32)
     place[turn], place[n] = np.arange(n), -1
     parent = place[parent[turn]]  # of a root, -1, it is the last one
     place[order] = np.arange(n)
     first = _joined(parent, count)
     m = first.size - 1
-    of, start, offset = np.empty(n, np.int32), np.zeros(m + 1, np.int64), np.zeros(m + 1, np.int64)
+    of = np.empty(n, np.int32)
+    start = np.zeros(m + 1, np.int64)
+    offset = np.zeros(m + 1, np.int64)
     for s in range(m):
-        width, last = first[s + 1] - first[s], first[s + 1] - 1
+        width = first[s + 1] - first[s]
+        last = first[s + 1] - 1
         of[first[s] : last + 1] = s
         start[s + 1] = start[s] + width + count[last]
         offset[s + 1] = offset[s] + (width + count[last]) * width
-    rows, end, seen = np.empty(start[m], np.int32), start[:m].copy(), np.full(m, -1, np.int32)
+    rows = np.empty(start[m], np.int32)
+    end = start[:m].copy()
+    seen = np.full(m, -1, np.int32)
     for i in range(n):
         rows[end[of[i]]] = i
         end[of[i]] += 1
@@ -105,15 +126,19 @@ def analysed(indptr, indices, order):
                 s = of[j]
                 if end[s] == start[s + 1]:
                     raise ValueError("the pattern is not symmetric")
-                rows[end[s]], seen[s] = i, i
+                rows[end[s]] = i
+                seen[s] = i
                 end[s] += 1
                 j = parent[first[s + 1] - 1]
     if (end < start[1:]).any():
         raise ValueError("the pattern is not symmetric")
-    to, at, seen = np.full(indices.size, -1, np.int64), np.empty(n, np.int32), np.full(n, -1, np.int32)
+    to = np.full(indices.size, -1, np.int64)
+    at = np.empty(n, np.int32)
+    seen = np.full(n, -1, np.int32)
     for s in range(m):
         own = rows[start[s] : start[s + 1]]
-        at[own], seen[own] = np.arange(own.size), s
+        at[own] = np.arange(own.size)
+        seen[own] = s
         for j in range(first[s], first[s + 1]):
             for e in range(indptr[order[j]], indptr[order[j] + 1]):
                 i = place[indices[e]]
@@ -144,9 +169,12 @@ def _subtract(values, base, depth, D, f, rows, low, high, end, at):
     # L_a D L_b' of the rows low <= a < end and b, which are before `high`, one by one; L_low begins at `base`, its D at
     # f, and the row that it belongs to at `at`
     for b in range(uint(high - low)):
-        j, q = rows[uint(low) + b], uint(base) + b * uint(depth)
+        j = rows[uint(low) + b]
+        q = uint(base) + b * uint(depth)
         for a in range(b, uint(end - low)):
-            p, k, total = uint(base) + a * uint(depth), uint(0), 0.0
+            p = uint(base) + a * uint(depth)
+            k = uint(0)
+            total = 0.0
             while k < uint(depth):
                 total += values[p + k] * values[q + k] * D[uint(f) + k]
                 k += one()
@@ -156,8 +184,10 @@ def _subtract(values, base, depth, D, f, rows, low, high, end, at):
 @called
 def _subtract_product(values, base, depth, D, f, rows, low, high, end, at, scaled, product):
     # the same as a product of two arrays, which goes into the third
-    height, width = end - low, high - low
-    L, LD = values[base : base + height * depth].reshape(height, depth), scaled[: width * depth].reshape(width, depth)
+    height = end - low
+    width = high - low
+    L = values[base : base + height * depth].reshape(height, depth)
+    LD = scaled[: width * depth].reshape(width, depth)
     for b in range(width):
         for k in range(depth):
             LD[b, k] = L[b, k] * D[f + k]
@@ -175,7 +205,8 @@ def _gather(values, base, depth, D, f, rows, low, end, at, first_at, width, wide
     for k in range(full * height, (full + depth) * height):
         wide[k] = 0.0
     for a in range(uint(end - low)):
-        to, p = full * height + (at[rows[uint(low) + a]] - first_at) // width, uint(base) + a * uint(depth)
+        to = full * height + (at[rows[uint(low) + a]] - first_at) // width
+        p = uint(base) + a * uint(depth)
         for k in range(uint(depth)):
             wide[uint(to) + k * uint(height)] = values[p + k]
     for k in range(depth):
@@ -185,7 +216,8 @@ def _gather(values, base, depth, D, f, rows, low, end, at, first_at, width, wide
 @called
 def _subtract_gathered(values, target, width, wide, height, of_wide, full, scaled, product):
     # what has been gathered, at once
-    L, LD = wide[: full * height].reshape(full, height), scaled[: full * width].reshape(full, width)
+    L = wide[: full * height].reshape(full, height)
+    LD = scaled[: full * width].reshape(full, width)
     for k in range(full):
         for b in range(width):
             LD[k, b] = L[k, b] * of_wide[k]
@@ -201,9 +233,12 @@ def _subtract_gathered(values, target, width, wide, height, of_wide, full, scale
 def _eliminate(values, base, width, height, D, f):
     # the columns of one supernode among themselves, its array beginning at `base` and its D at f
     for i in range(height):
-        p, before, square = uint(base + i * width), uint(min(i, width)), 0.0
+        p = uint(base + i * width)
+        before = uint(min(i, width))
+        square = 0.0
         for k in range(uint(1), before):
-            q, total = uint(base) + k * uint(width), 0.0
+            q = uint(base) + k * uint(width)
+            total = 0.0
             for j in range(k):
                 total += values[p + j] * values[q + j]
             values[p + k] -= total
@@ -217,7 +252,8 @@ def _eliminate(values, base, width, height, D, f):
 
 @inlined
 def _hand_on(s, to, head, after):
-    after[s], head[to] = head[to], s
+    after[s] = head[to]
+    head[to] = s
 
 
 @compiled
@@ -225,21 +261,33 @@ def factor(form, values, D, links, begin, stop):
     # L in the place of the entries, and D, of the supernodes begin <= s < stop. `links`, -1 at first, are a list for
     # each of those whose turn it is to contribute to it, and their first row that has not been
     first, of, start, offset, rows = form
-    head, after, reached = links[0], links[1], links[2]
+    head = links[0]
+    after = links[1]
+    reached = links[2]
     tallest = 0
     for s in range(start.size - 1):
         tallest = max(tallest, start[s + 1] - start[s])
-    at, scaled, product = np.empty(of.size, np.int64), np.empty(_WIDEST * _WIDEST), np.empty(tallest * _WIDEST)
-    wide, of_wide = np.empty(tallest * _WIDEST), np.empty(_WIDEST)
+    at = np.empty(of.size, np.int64)
+    scaled = np.empty(_WIDEST * _WIDEST)
+    product = np.empty(tallest * _WIDEST)
+    wide = np.empty(tallest * _WIDEST)
+    of_wide = np.empty(_WIDEST)
     for s in range(begin, stop):
-        width, height, full = first[s + 1] - first[s], start[s + 1] - start[s], 0
+        width = first[s + 1] - first[s]
+        height = start[s + 1] - start[s]
+        full = 0
         first_at = offset[s] - first[s]
         for k in range(height):
             at[rows[start[s] + k]] = first_at + k * width
-        t, reached[s] = head[s], start[s] + width
+        t = head[s]
+        reached[s] = start[s] + width
         while t >= 0:
-            low, end, depth, f = reached[t], start[t + 1], first[t + 1] - first[t], first[t]
-            base, high = offset[t] + (low - start[t]) * depth, low
+            low = reached[t]
+            end = start[t + 1]
+            depth = first[t + 1] - first[t]
+            f = first[t]
+            base = offset[t] + (low - start[t]) * depth
+            high = low
             while high < end and rows[high] < first[s + 1]:
                 high += 1
             entries = (end - low) * (high - low)
@@ -253,7 +301,8 @@ def factor(form, values, D, links, begin, stop):
                 full += depth
             else:
                 _subtract_product(values, base, depth, D, f, rows, low, high, end, at, scaled, product)
-            reached[t], following = high, after[t]
+            reached[t] = high
+            following = after[t]
             if high < end:
                 _hand_on(t, of[rows[high]], head, after)
             t = following
@@ -267,7 +316,8 @@ def factor(form, values, D, links, begin, stop):
 @sums
 def _forward(values, base, width, rows, low, end, f, x):
     for i in range(1, end - low):
-        p, total = uint(base + i * width), 0.0
+        p = uint(base + i * width)
+        total = 0.0
         for k in range(uint(min(i, width))):
             total += values[p + k] * x[uint(f) + k]
         x[uint(rows[uint(low + i)])] -= total
@@ -276,7 +326,8 @@ def _forward(values, base, width, rows, low, end, f, x):
 @called
 def _backward(values, base, width, rows, low, end, f, x):
     for i in range(end - low - 1, 0, -1):
-        p, of_row = uint(base + i * width), x[uint(rows[uint(low + i)])]
+        p = uint(base + i * width)
+        of_row = x[uint(rows[uint(low + i)])]
         for k in range(uint(min(i, width))):
             x[uint(f) + k] -= values[p + k] * of_row
 

@@ -83,7 +83,8 @@ def _moved(par, i, zi, own, obstacle, top, p, rest, old, new):
         # X = diag(1/inverse) + tau * (strict lower triangle of A), and out = z - 2 X^-1 F(z):
         # out_i = z_i - inverse_i (2 F_i + tau * sum_{j<i} a_ij (out_j - z_j))
         omega, inverse, tau = par
-        x, F = inverse[i], pressed(_smaller(p, omega[i] * (zi - obstacle)), zi, top, omega[i])
+        x = inverse[i]
+        F = pressed(_smaller(p, omega[i] * (zi - obstacle)), zi, top, omega[i])
         return (zi + x * (tau * old - 2.0 * F)) - (x * tau) * new
     # projected SOR: max(psi_i(z), z_i - omega/a_ii (sum_{j before i} a_ij out_j + sum_{others} a_ij z_j + q_i));
     # a division costs less than one more number per row from memory
@@ -96,23 +97,36 @@ def _moved(par, i, zi, own, obstacle, top, p, rest, old, new):
 def _row(i, forward, indptr, indices, data, diag, weights, q, psi, par, z, out):
     # sets out_i and returns the square of the residual of row i. The sums over the entries that the sweep has passed,
     # old and new, are kept apart, so that only one multiply-add stands between one row and the next
-    d, start, end = uint(diag[i]), uint(indptr[i]), uint(indptr[i + uint(1)])
-    k, last, first_left, end_left = start, d, d + uint(1), end
+    d = uint(diag[i])
+    start = uint(indptr[i])
+    end = uint(indptr[i + uint(1)])
+    k = start
+    last = d
+    first_left = d + uint(1)
+    end_left = end
     if not forward:
-        k, last, first_left, end_left = d + uint(1), end, start, d
-    old, new = 0.0, 0.0
+        k = d + uint(1)
+        last = end
+        first_left = start
+        end_left = d
+    old = 0.0
+    new = 0.0
     run = run_end(k, last, indices)
     if run > k:
         old, new = two_run_sums(k, run, uint(indices[k]), data, z, out)
         k = run
     while k < last:
-        a, j = data[k], uint(indices[k])
+        a = data[k]
+        j = uint(indices[k])
         old += a * z[j]
         new += a * out[j]
         k += one()
-    zi, own = z[i], data[d]
+    zi = z[i]
+    own = data[d]
     rest = row_sum(q[i] + own * zi, first_left, end_left, indices, data, z)
-    p, obstacle, top = rest + old, psi_entry(psi, i, z), upper_entry(psi, i, z)
+    p = rest + old
+    obstacle = psi_entry(psi, i, z)
+    top = upper_entry(psi, i, z)
     natural = lifted(_smaller(weights[i] * p, zi - obstacle), zi, obstacle, top, 1.0)
     out[i] = _moved(par, i, zi, own, obstacle, top, p, rest, old, new)
     return natural * natural
@@ -121,7 +135,8 @@ def _row(i, forward, indptr, indices, data, diag, weights, q, psi, par, z, out):
 @compiled
 def in_order(indptr, indices, data, diag, weights, q, psi, par, forward, z, out):
     # one sweep, z -> out; `par` is (Ω, the inverse diagonal of X, tau), or (ω,) for the projected one
-    squares, n = 0.0, z.size
+    squares = 0.0
+    n = z.size
     for step in range(n):
         i = uint(step if forward else n - 1 - step)
         squares += _row(i, forward, indptr, indices, data, diag, weights, q, psi, par, z, out)
@@ -133,8 +148,10 @@ def two_in_order(indptr, indices, data, diag, weights, q, psi, par, lag, z, one,
     # rows low <= i < high of the sweep z -> one, and rows low - lag <= i < high - lag of the next one, one -> two: no
     # row of A reaches further above its diagonal than `lag`, and a row's entries come from memory once for both. The
     # two sweeps do not wait for each other.
-    squares, more = 0.0, 0.0
-    n, lag = uint(z.size), uint(lag)
+    squares = 0.0
+    more = 0.0
+    n = uint(z.size)
+    lag = uint(lag)
     for i in range(uint(low), uint(high)):
         if i < n:
             squares += _row(i, True, indptr, indices, data, diag, weights, q, psi, par, z, one)
@@ -147,7 +164,8 @@ def two_in_order(indptr, indices, data, diag, weights, q, psi, par, lag, z, one,
 def some_in_order(indptr, indices, data, diag, weights, q, psi, par, forward, lag, Z, squares):
     # sweeps one after the other, Z[0] -> Z[1] -> ..., for problems so small that to call one costs more than to make
     # it; two at a time, as each waits for its own rows alone
-    k, n = 0, Z.shape[1]
+    k = 0
+    n = Z.shape[1]
     while forward and k + 1 < squares.size:
         args = (indptr, indices, data, diag, weights, q, psi, par, lag)
         squares[k], squares[k + 1] = two_in_order(*args, Z[k], Z[k + 1], Z[k + 2], 0, n + lag)
@@ -164,9 +182,12 @@ def diagonal(indptr, indices, data, weights, q, psi, omega, inverse, z, out):
     start = uint(indptr[0])
     for i in range(uint(z.size)):
         end = uint(indptr[i + uint(1)])
-        low, top = psi_entry(psi, i, z), upper_entry(psi, i, z)
-        p, r = row_sum(q[i], start, end, indices, data, z), z[i] - low
-        start, natural = end, lifted(_smaller(weights[i] * p, r), z[i], low, top, 1.0)
+        low = psi_entry(psi, i, z)
+        top = upper_entry(psi, i, z)
+        p = row_sum(q[i], start, end, indices, data, z)
+        r = z[i] - low
+        start = end
+        natural = lifted(_smaller(weights[i] * p, r), z[i], low, top, 1.0)
         squares += natural * natural
         out[i] = z[i] - (2.0 * inverse[i]) * pressed(_smaller(p, omega[i] * r), z[i], top, omega[i])
     return squares
@@ -175,13 +196,17 @@ def diagonal(indptr, indices, data, weights, q, psi, omega, inverse, z, out):
 @compiled
 def triangular(indptr, indices, data, weights, q, psi, omega, start, stop, x_indices, x_data, inverse, forward, z, out):
     # X = diag(1/inverse) + T with T strictly triangular, its row i at start[i] ... stop[i] of x_indices, x_data
-    squares, n = 0.0, z.size
+    squares = 0.0
+    n = z.size
     for step in range(n):
         i = uint(step if forward else n - 1 - step)
-        low, top = psi_entry(psi, i, z), upper_entry(psi, i, z)
-        p, r = row_sum(q[i], indptr[i], indptr[i + uint(1)], indices, data, z), z[i] - low
+        low = psi_entry(psi, i, z)
+        top = upper_entry(psi, i, z)
+        p = row_sum(q[i], indptr[i], indptr[i + uint(1)], indices, data, z)
+        r = z[i] - low
         total = 0.0
-        k, end = uint(start[i]), uint(stop[i])
+        k = uint(start[i])
+        end = uint(stop[i])
         while k < end:
             j = uint(x_indices[k])
             total += x_data[k] * (out[j] - z[j])

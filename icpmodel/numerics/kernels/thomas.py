@@ -10,14 +10,18 @@ import numpy as np
 from . import compiled
 
 #: how Newton's steps ended: there is nothing left to change, too many were needed, or a pivot is not positive
-SETTLED, UNSETTLED, NO_PIVOT = 0, 1, 2
+SETTLED = 0
+UNSETTLED = 1
+NO_PIVOT = 2
 
 
 @compiled
 def bands(indptr, indices, data):
     # the three diagonals of a CSR matrix
     n = indptr.size - 1
-    lower, diagonal, upper = np.zeros(n), np.zeros(n), np.zeros(n)
+    lower = np.zeros(n)
+    diagonal = np.zeros(n)
+    upper = np.zeros(n)
     for i in range(n):
         for k in range(indptr[i], indptr[i + 1]):
             if indices[k] < i:
@@ -35,7 +39,9 @@ def solve(lower, diagonal, upper, free, f, fixed, x):
     # Returns whether all pivots are positive, as they are where A is a P-matrix
     n = free.size
     above = np.empty(n)
-    carried, value, sound = 0.0, 0.0, True
+    carried = 0.0
+    value = 0.0
+    sound = True
     for i in range(n):
         if free[i]:
             pivot = diagonal[i] - lower[i] * carried
@@ -43,8 +49,10 @@ def solve(lower, diagonal, upper, free, f, fixed, x):
             value = (f[i] - lower[i] * value) / pivot
             carried = upper[i] / pivot
         else:
-            value, carried = fixed[i], 0.0
-        x[i], above[i] = value, carried
+            value = fixed[i]
+            carried = 0.0
+        x[i] = value
+        above[i] = carried
     for i in range(n - 2, -1, -1):
         x[i] -= above[i] * x[i + 1]
     return sound
@@ -67,7 +75,9 @@ def newton(lower, diagonal, upper, q, c, top, held, free, limit):
     # steps z: p = 0 in the free rows, z = c in the others; free: p < diagonal * (z - c). With an obstacle above, at
     # `top`, else None, z = top where p < diagonal * (z - top). `free` is changed, and so is what the others are `held`
     # at, which is c itself where there is one obstacle. Returns the last z, and how the steps ended
-    z, p, f = np.empty(q.size), np.empty(q.size), -q
+    z = np.empty(q.size)
+    p = np.empty(q.size)
+    f = -q
     for _ in range(limit):
         if not solve(lower, diagonal, upper, free, f, held, z):
             return z, NO_PIVOT
@@ -78,7 +88,8 @@ def newton(lower, diagonal, upper, q, c, top, held, free, limit):
             if top is not None:
                 at = c[i]
                 if opens and p[i] < diagonal[i] * (z[i] - top[i]):
-                    opens, at = False, top[i]
+                    opens = False
+                    at = top[i]
                 changed |= not opens and at != held[i]
                 held[i] = at
             changed |= opens != free[i]
@@ -91,7 +102,8 @@ def newton(lower, diagonal, upper, q, c, top, held, free, limit):
 @compiled
 def refine(lower, diagonal, upper, q, free, z):
     # z after a step of iterative refinement in the free rows
-    p, step = np.empty_like(z), np.empty_like(z)
+    p = np.empty_like(z)
+    step = np.empty_like(z)
     product(lower, diagonal, upper, q, z, p)
     solve(lower, diagonal, upper, free, -p, np.zeros_like(z), step)
     return z + step
@@ -124,14 +136,17 @@ def top_down(lower, diagonal, upper, f):
     # of open rows: its first row; of its inverse the corners top (first, first), bottom (last, last), up (first, last)
     # and down (last, first); y at both ends, as long as the rows around it are at 0
     n = f.size
-    free, runs, count = np.zeros(n, np.bool_), np.empty((n // 2 + 2, 7)), 0
+    free = np.zeros(n, np.bool_)
+    runs = np.empty((n // 2 + 2, 7))
+    count = 0
     for i in range(n):
         run = (float(i), 1.0, 1.0, 1.0, 1.0, -f[i], -f[i])
         meets = i > 0 and free[i - 1]
         back = lower[i] / diagonal[i]
         if f[i] + (back * runs[count - 1, 6] if meets else 0.0) >= 0.0:
             continue
-        free[i], k = True, i - 1
+        free[i] = True
+        k = i - 1
         # the row above the run has to follow where it is pulled below 0
         while True:
             if meets:
@@ -144,7 +159,8 @@ def top_down(lower, diagonal, upper, f):
             k = int(run[0]) - 1
             if k < 0:
                 break
-            to, back = upper[k] / diagonal[k], lower[k + 1] / diagonal[k + 1]
+            to = upper[k] / diagonal[k]
+            back = lower[k + 1] / diagonal[k + 1]
             meets = k > 0 and free[k - 1]
             pull = lower[k] / diagonal[k] * runs[count - 1, 6] if meets else 0.0
             if f[k] + pull + to * run[5] >= 0.0:
@@ -153,7 +169,8 @@ def top_down(lower, diagonal, upper, f):
             sound, run = join((float(k), 1.0, 1.0, 1.0, 1.0, -f[k], -f[k]), run, to, back)
             if not sound:
                 return free, False
-            back, k = lower[k] / diagonal[k], k - 1
+            back = lower[k] / diagonal[k]
+            k = k - 1
         runs[count] = run
         count += 1
     return free, True
@@ -166,9 +183,12 @@ def release(lower, diagonal, upper, q, c):
     n = q.size
     bounded = c != -np.inf
     if not bounded.all():
-        below, load, every = np.empty(n), np.empty(n), np.empty(n, np.bool_)
+        below = np.empty(n)
+        load = np.empty(n)
+        every = np.empty(n, np.bool_)
         for i in range(n):
-            load[i], every[i] = -q[i], True
+            load[i] = -q[i]
+            every[i] = True
         solve(lower, diagonal, upper, every, load, c, below)
         for i in range(n):
             if bounded[i]:

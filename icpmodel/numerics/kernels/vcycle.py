@@ -26,7 +26,8 @@ def restrict(indptr, indices, data, diag, free, p_indptr, p_indices, p_data, x, 
     for i in range(uint(low), uint(high)):
         if free[i]:
             left = -row_sum(0.0, diag[i] + uint(1), indptr[i + uint(1)], indices, data, x)
-            k, stop = uint(p_indptr[i]), uint(p_indptr[i + uint(1)])
+            k = uint(p_indptr[i])
+            stop = uint(p_indptr[i + uint(1)])
             while k < stop:
                 coarse[uint(p_indices[k])] += p_data[k] * left
                 k += one()
@@ -62,12 +63,14 @@ def add_both(x, y, share, v, w, part):
 @compiled
 def largest_of(indptr, groups, data, count):
     # where the largest entry of each of so many groups stands, the first of them, and in which row; -1 where none is
-    places, rows = np.full(count, -1), np.zeros(count, np.int64)
+    places = np.full(count, -1)
+    rows = np.zeros(count, np.int64)
     for i in range(indptr.size - 1):
         for k in range(indptr[i], indptr[i + 1]):
             j = groups[k]
             if places[j] < 0 or abs(data[k]) > abs(data[places[j]]):
-                places[j], rows[j] = k, i
+                places[j] = k
+                rows[j] = i
     return places, rows
 
 
@@ -77,20 +80,31 @@ def split_off(indptr, indices, data, low):
     # columns counted from there: returns its indptr, where its diagonal is (every row must have one), and row, column
     # and entry of all else
     n = indptr.size - 1
-    high, count = low + n, 0
+    high = low + n
+    count = 0
     for k in range(indices.size):
         count += not low <= indices[k] < high
-    own, diag = np.empty_like(indptr), np.empty_like(indptr[:-1])
-    rows, columns, others = np.empty(count, indices.dtype), np.empty(count, indices.dtype), np.empty(count)
-    at, beyond, own[0] = 0, 0, 0
+    own = np.empty_like(indptr)
+    diag = np.empty_like(indptr[:-1])
+    rows = np.empty(count, indices.dtype)
+    columns = np.empty(count, indices.dtype)
+    others = np.empty(count)
+    at = 0
+    beyond = 0
+    own[0] = 0
     for i in range(n):
         for k in range(indptr[i], indptr[i + 1]):
             j = indices[k]
             if low <= j < high:
                 if j == low + i:
                     diag[i] = at
-                indices[at], data[at], at = j - low, data[k], at + 1
+                indices[at] = j - low
+                data[at] = data[k]
+                at = at + 1
             else:
-                rows[beyond], columns[beyond], others[beyond], beyond = i, j, data[k], beyond + 1
+                rows[beyond] = i
+                columns[beyond] = j
+                others[beyond] = data[k]
+                beyond = beyond + 1
         own[i + 1] = at
     return own, diag, rows, columns, others
