@@ -25,7 +25,9 @@ from .report import Certain, Report
 #: how many times as long as a factorisation by BLAS, and how many nanoseconds for each entry of A beside it, a solver
 #: sets up in one piece: OSQP and CVXPY at n = 1000, dense, and for the membrane with n = 40 000; up to this share of
 #: the time that is no reason for a process of its own
-_FACTORS, _ENTRY, _SHARE = 25.0, 3000.0, 0.1
+_FACTORS = 25.0
+_ENTRY = 3000.0
+_SHARE = 0.1
 #: what is certain of the answer, the name of a solver that begins, or what came of it
 _Item = Certain | str | Row
 
@@ -93,7 +95,8 @@ def crosscheck(
         checked = Checked(problem, solution, atol)
         rows: list[Row] = []
         certain = Certain(problem.residual(checked.z), None, f"time_limit = {time_limit:g} s was over")
-        at_work, note = "", f"time_limit = {time_limit:g} s was over before it answered"
+        at_work = ""
+        note = f"time_limit = {time_limit:g} s was over before it answered"
         items = partial(_items, checked, chosen, solution, end)
         try:
             with status_line(progress, f"{len(chosen)} solvers, {time_limit:g} s at most") as say:
@@ -110,7 +113,8 @@ def crosscheck(
         except ChildProcessError as error:
             note = str(error)
         except KeyboardInterrupt:
-            at_work, note = "", "interrupted"
+            at_work = ""
+            note = "interrupted"
         answered = {row.solver for row in rows}
         missing = [solver.name for solver in chosen if solver.name not in answered]
         rows += [Row(name, "", Verdict.FAILED if name == at_work else Verdict.SKIPPED, note=note) for name in missing]
@@ -162,12 +166,14 @@ def _why_not(solver: ForeignSolver, checked: Checked) -> list[str]:
 
 def _claim(solver: ForeignSolver, target: Target, time_limit: float) -> Claim:
     """What it claims at the first of its tight tolerances at which it claims success, else at the last one."""
-    begin, seconds = time.perf_counter(), 0.0
+    begin = time.perf_counter()
+    seconds = 0.0
     for k, tolerance in enumerate(solver.tight):
         left = time_limit - (time.perf_counter() - begin)
         if k and left <= 0.0:
             break
-        claim, asked_for = ask(solver, target, tolerance, left), tolerance
+        claim = ask(solver, target, tolerance, left)
+        asked_for = tolerance
         seconds += claim.seconds
         if claim.solved:
             break

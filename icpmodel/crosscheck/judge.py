@@ -23,11 +23,13 @@ from ..theory.certificates.bounds import error_bound
 
 #: how small Res_D(z) must be, as a share of `residual_scale`, for an answer under test, and for a foreign one, to count
 #: as a solution
-OURS, THEIRS = 1e-8, 1e-7
+OURS = 1e-8
+THEIRS = 1e-7
 #: a Solution may have been stopped at a looser tolerance, but at most at this one
 LOOSEST = 1e-4
 #: two answers agree within AGREE·max|z| + FLOOR·unit: the second counts where z is about zero
-AGREE, FLOOR = 1e-6, 1e-9
+AGREE = 1e-6
+FLOOR = 1e-9
 #: how many times that a certified bound may be and still count; a wide bound proves nothing
 WIDEST = 10.0
 
@@ -89,7 +91,9 @@ class Checked:
     def __init__(self, problem: ProblemData, solution: Any, atol: float | None = None) -> None:
         self.problem, self.z = problem, problem.vector(solution, "solution")
         handy, self.unit = in_handy_units(problem)
-        self.y, rtol, scale = self.z / self.unit, OURS, problem.residual_scale() or norm(self.z)
+        rtol = OURS
+        scale = problem.residual_scale() or norm(self.z)
+        self.y = self.z / self.unit
         if isinstance(solution, Solution) and solution.solved and solution.problem is problem and scale > 0:
             rtol = min(max(OURS, solution.tolerance / scale, solution.residual / scale), LOOSEST)
         self.holds = solves(problem, self.z, rtol)
@@ -100,7 +104,10 @@ class Checked:
 
     def judge(self, solver: str, form: str, target: Target, claim: Claim) -> Row:
         """The row of a foreign `claim`, which is about `target` in `form`."""
-        verdict, x, residual, difference = Verdict.FAILED, None, np.nan, np.nan
+        verdict = Verdict.FAILED
+        x = None
+        residual = np.nan
+        difference = np.nan
         note = f"claims {claim.words!r}, but returned no z" if claim.solved else self._ended(claim)
         try:
             x = None if claim.z is None else self.problem.vector(claim.z, "its z", finite=True)
@@ -150,7 +157,8 @@ class Checked:
 def solves(problem: ProblemData, y: Vector, rtol: float) -> bool:
     """Whether the exact Res_D(y) is at most this share of `residual_scale`, or rounding, which is small as well,
     explains what float64 makes of it; false for NaN and infinities."""
-    scale, residual = problem.residual_scale() or norm(y), problem.residual(y)
+    scale = problem.residual_scale() or norm(y)
+    residual = problem.residual(y)
     tolerance = float(share_of(scale, rtol))
     if certain(problem, y, residual, tolerance) <= tolerance:
         return True
@@ -164,5 +172,6 @@ def finite(value: float) -> float | None:
 
 def sum_of_bounds(target: Target, y: Vector, x: Vector) -> float:
     """How far apart y and x can be if both are as near to the one solution as certified; NaN without certificate."""
-    ours, theirs = error_bound(target.problem, y).value, error_bound(target.problem, x).value
+    ours = error_bound(target.problem, y).value
+    theirs = error_bound(target.problem, x).value
     return np.nan if ours is None or theirs is None else ours + theirs

@@ -74,12 +74,17 @@ class Report(Shown, Tabular):
     @classmethod
     def of(cls, checked: Checked, rows: Iterable[Row], solution: Any, certain: Certain) -> Report:
         """The report on `checked` with its `rows`; `solution` a `Solution` or a vector, of which this is `certain`."""
-        problem, answer, status = checked.problem, "given as a vector", ""
+        problem = checked.problem
+        answer = "given as a vector"
+        status = ""
         if isinstance(solution, Solution):
             status = solution.status.value
             answer = f"{status}, {solution.method!r}"
-        residual, bound, reason = finite(certain.residual), certain.error_bound, certain.reason
-        tolerance, holds = finite(checked.tolerance), checked.holds
+        residual = finite(certain.residual)
+        bound = certain.error_bound
+        reason = certain.reason
+        tolerance = finite(checked.tolerance)
+        holds = checked.holds
         return cls(tuple(rows), repr(problem), problem.n, answer, status, residual, holds, bound, reason, tolerance)
 
     @property

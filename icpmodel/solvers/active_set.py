@@ -36,19 +36,27 @@ class ColdActiveSet(ForeignSolver):
 
     def run(self, model: Any) -> Claim:
         target, tolerance, end = model
-        A, q, c, d = target.problem.A, target.problem.q, target.c, target.d
+        A = target.problem.A
+        q = target.problem.q
+        c = target.c
+        d = target.d
         diagonal = A.diagonal()
         weight = np.where(diagonal > 0, diagonal, 1.0)
-        z, before, start = np.zeros(q.size), np.zeros(0), 0.0
+        z = np.zeros(q.size)
+        before = np.zeros(0)
+        start = 0.0
         while True:
-            p, r = A @ z + q, z - c
+            p = A @ z + q
+            r = z - c
             residual = target.problem.residual_of(p, r, None if d is None else z - d)
             start = start or residual
-            inactive, side = p <= weight * r, c
+            inactive = p <= weight * r
+            side = c
             rows = inactive
             if d is not None:
                 above = p < weight * (z - d)
-                inactive, side = inactive & ~above, np.where(above, d, c)
+                inactive = inactive & ~above
+                side = np.where(above, d, c)
                 rows = inactive - 1.0 * above
             if residual <= tolerance * start:
                 return Claim(z, "solved", True)
@@ -56,7 +64,8 @@ class ColdActiveSet(ForeignSolver):
                 return Claim(z, "the active set repeats", False)
             if time.perf_counter() > end:
                 return Claim(z, "time limit", False)
-            before, z = rows, np.where(inactive, 0.0, side)
+            before = rows
+            z = np.where(inactive, 0.0, side)
             if inactive.any():
                 lu = factorise(A[inactive][:, inactive])
                 if lu is None:

@@ -83,7 +83,8 @@ def _qp(target: Target, form: str) -> Any:
     """`target` as "energy" or "gap"; call it only where `target.why_not(form)` is None."""
     import cvxpy as cp
 
-    qp, z = target.qp(form), cp.Variable(target.problem.n, name="z")
+    qp = target.qp(form)
+    z = cp.Variable(target.problem.n, name="z")
     pairs, rows = _conditions(target, z)
     y = cp.hstack([z, pairs[1][0]]) if qp.q.size > target.problem.n else z
     # definiteness was decided before, so that CVXPY need not
@@ -117,14 +118,20 @@ def _conditions(target: Target, z: Any) -> tuple[list[Any], list[Any]]:
     """
     import cvxpy as cp
 
-    held, both, p = target.held, target.both, target.problem.A @ z + target.problem.q
-    r, free, p = target.I_minus_G[held] @ z - target.near[held], p[~held] == 0, p[held]
+    held = target.held
+    both = target.both
+    p = target.problem.A @ z + target.problem.q
+    r = target.I_minus_G[held] @ z - target.near[held]
+    free = p[~held] == 0
+    p = p[held]
     if target.capped.any():
         sign = np.where(target.capped, -1.0, 1.0)[held]
-        p, r = cp.multiply(sign, p), cp.multiply(sign, r)
+        p = cp.multiply(sign, p)
+        r = cp.multiply(sign, r)
     pairs = [(p, r, held)]
     if target.d is not None and both.any():
-        v, s = cp.Variable(int(both.sum()), name="v"), target.d[both] - target.I_minus_H @ z
+        v = cp.Variable(int(both.sum()), name="v")
+        s = target.d[both] - target.I_minus_H @ z
         pairs = [(p + sp.eye_array(both.size).tocsc()[:, both][held] @ v, r, held), (v, s, both)]
     return pairs, [*(p >= 0 for p, _, _ in pairs), free, *(r >= 0 for _, r, _ in pairs)]
 
@@ -162,7 +169,9 @@ class _ThroughCvxpy(ForeignSolver):
 class CvxpyClarabel(_ThroughCvxpy):
     """Clarabel through CVXPY; where it cannot reach a tolerance it may return a worse point than at a looser one."""
 
-    name, package, solver = "cvxpy-clarabel", "clarabel", "CLARABEL"
+    name = "cvxpy-clarabel"
+    package = "clarabel"
+    solver = "CLARABEL"
     tight = (1e-12, 1e-9)
     options = staticmethod(clarabel_options)
 
@@ -170,7 +179,9 @@ class CvxpyClarabel(_ThroughCvxpy):
 class CvxpyOsqp(_ThroughCvxpy):
     """OSQP through CVXPY."""
 
-    name, package, solver = "cvxpy-osqp", "osqp", "OSQP"
+    name = "cvxpy-osqp"
+    package = "osqp"
+    solver = "OSQP"
     options = staticmethod(osqp_options)
 
     def solve(self, problem: Any, options: dict[str, Any]) -> None:
@@ -192,7 +203,9 @@ class CvxpyHighs(_ThroughCvxpy):
     (HiGHS 1.15.1); a report then says failed.
     """
 
-    name, package, solver = "cvxpy-highs", "highspy", "HIGHS"
+    name = "cvxpy-highs"
+    package = "highspy"
+    solver = "HIGHS"
     options = staticmethod(highs_options)
     forms = ("gap", "energy")
     largest = 1000

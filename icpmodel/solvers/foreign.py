@@ -122,7 +122,8 @@ class ForeignSolver(Shown, ABC):
         """Why it cannot take `target`, in one sentence, or None; an overriding method asks `super()` as well."""
         if self.package is not None and (reason := missing(self.package, self.extra)):
             return reason
-        n, size = target.problem.n, self.size(target)
+        n = target.problem.n
+        size = self.size(target)
         if self.largest is not None and size > self.largest:
             more = f", and {size - n} further unknowns count as well" if size > n else ""
             return f"{self.too_large} beyond n = {self.largest}; this n is {n}{more}"
@@ -277,7 +278,8 @@ def ask(solver: ForeignSolver, target: Target, tolerance: float, time_limit: flo
     >>> icp.solvers.ask(solver, icp.solvers.Target(ICP([[2.0]], [-1.0])), 1e-9, 10.0).z.round(6)
     array([0.5])
     """
-    begin, setup = time.perf_counter(), None
+    begin = time.perf_counter()
+    setup = None
     try:
         with _silence(), np.errstate(all="ignore"):
             posed = solver.pose(target)

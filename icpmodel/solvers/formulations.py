@@ -144,7 +144,8 @@ class Target(Shown):
     @cached_property
     def _sides(self) -> tuple[sp.csr_array, sp.csr_array]:
         """G and H."""
-        below, above = self.problem.psi, self.problem.upper or self.problem.psi
+        below = self.problem.psi
+        above = self.problem.upper or self.problem.psi
         assert below.linear is not None
         assert above.linear is not None
         return below.linear[0], above.linear[0]
@@ -174,7 +175,8 @@ class Target(Shown):
 
         They bound |z*|, |p*| and |r*| (∞ in free rows), and |s*| as well. Without δ a box bounds z; else None.
         """
-        z_max, larger = self.at_zero.componentwise, 1 + 1e-9
+        z_max = self.at_zero.componentwise
+        larger = 1 + 1e-9
         if z_max is None:
             if self.d is None or not (self.problem.psi.is_constant and self.both.all()):
                 return None
@@ -199,7 +201,8 @@ class Target(Shown):
 
     def why_not(self, form: str) -> str | None:
         """Why `form` ("energy", "gap" or "mpec") does not apply, in one sentence; None where it does."""
-        A, constant = self.problem.A, self.problem.psi.is_constant
+        A = self.problem.A
+        constant = self.problem.psi.is_constant
         if form == "mpec":
             return None
         if form == "energy" and not constant:
@@ -233,18 +236,23 @@ class Target(Shown):
 
     @cached_property
     def _gap(self) -> QP:
-        A, q, held = self.problem.A, self.problem.q, self.held
+        A = self.problem.A
+        q = self.problem.q
+        held = self.held
         linear = self.I_minus_G.T @ q - A.T @ np.where(held, self.near, 0.0)
         lower, upper = (side[held] for side in self._range)
-        least, most = np.where(self.capped, -np.inf, -q), np.where(held & ~self.capped, np.inf, -q)
-        K, P = sp.csc_array(sp.vstack([A, self.I_minus_G[held]])), sp.csc_array(self.curvature.A)
+        least = np.where(self.capped, -np.inf, -q)
+        most = np.where(held & ~self.capped, np.inf, -q)
+        K = sp.csc_array(sp.vstack([A, self.I_minus_G[held]]))
+        P = sp.csc_array(self.curvature.A)
         if not (k := int(self.both.sum())):
             return QP(P, linear, K, np.append(least, lower), np.append(most, upper))
         # p + v ≥ 0, r, and v ≥ 0
         v = sp.eye_array(self.problem.n).tocsc()[:, self.both]
         K = sp.csc_array(sp.block_array([[A, v], [self.I_minus_G[held], None], [None, sp.eye_array(k)]]))
         width = (self._range[1] - self.c)[self.both]
-        lower, upper = np.append(lower, np.zeros(k)), np.append(upper, np.full(k, np.inf))
+        lower = np.append(lower, np.zeros(k))
+        upper = np.append(upper, np.full(k, np.inf))
         P = sp.csc_array(sp.block_diag([P, sp.csc_array((k, k))]))
         return QP(P, np.append(linear, width), K, np.append(least, lower), np.append(most, upper))
 
@@ -261,16 +269,19 @@ def in_handy_units(problem: ProblemData) -> tuple[ProblemData, float]:
     diagonal = np.abs(problem.A.diagonal())
     size_A = _typical(diagonal) or _typical(np.abs(problem.A.data)) or 1.0
     with np.errstate(over="ignore", under="ignore"):
-        from_q, obstacle = np.abs(problem.q) / np.where(diagonal > 0, diagonal, size_A), np.zeros(0)
+        from_q = np.abs(problem.q) / np.where(diagonal > 0, diagonal, size_A)
+        obstacle = np.zeros(0)
         with contextlib.suppress(MapError):  # it only helps to choose a unit
             obstacle = problem.psi.value(np.zeros(problem.n))
             if problem.upper is not None:
                 above = problem.upper.value(np.zeros(problem.n))
                 from_q = np.minimum(from_q, np.maximum(np.abs(obstacle), np.abs(above)))
                 obstacle = np.maximum(obstacle, -above)
-        i, k = math.frexp(size_A)[1], math.frexp(max(_typical(from_q), _typical(obstacle)) or 1.0)[1]
+        i = math.frexp(size_A)[1]
+        k = math.frexp(max(_typical(from_q), _typical(obstacle)) or 1.0)[1]
         A = in_units(problem.A, np.full(problem.n, -i), np.zeros(problem.n, dtype=int))
-        q, unit = np.ldexp(problem.q, -i - k), float(np.ldexp(1.0, k))
+        q = np.ldexp(problem.q, -i - k)
+        unit = float(np.ldexp(1.0, k))
     if not (np.isfinite(A.data).all() and np.isfinite(q).all() and 0.0 < unit < math.inf):
         return problem, 1.0
     return ProblemData(A, q, problem.psi.in_units(unit)), unit

@@ -17,7 +17,8 @@ from .formulations import Target
 class Highs(ForeignSolver):
     """HiGHS, which shows in a race what does not grow."""
 
-    name, package = "highs", "highspy"
+    name = "highs"
+    package = "highspy"
     asked_by = ("race",)
 
     def set_up(self, target: Target, tolerance: float, time_limit: float) -> Any:
@@ -25,8 +26,10 @@ class Highs(ForeignSolver):
 
         qp = self.pose(target)
         model = highspy.HighsModel()
-        lp, hessian = model.lp_, model.hessian_
-        K, P = sp.csc_matrix(qp.K), sp.csc_matrix(sp.tril(qp.P))
+        lp = model.lp_
+        hessian = model.hessian_
+        K = sp.csc_matrix(qp.K)
+        P = sp.csc_matrix(sp.tril(qp.P))
         lp.num_col_, lp.num_row_, lp.col_cost_ = qp.q.size, K.shape[0], qp.q
         lp.col_lower_, lp.col_upper_ = np.full(qp.q.size, -np.inf), np.full(qp.q.size, np.inf)
         lp.row_lower_, lp.row_upper_ = qp.lower, qp.upper
@@ -44,7 +47,8 @@ class Highs(ForeignSolver):
         import highspy
 
         model.run()
-        status, z = model.getModelStatus(), model.getSolution().col_value
+        status = model.getModelStatus()
+        z = model.getSolution().col_value
         return Claim(z, model.modelStatusToString(status), status == highspy.HighsModelStatus.kOptimal)
 
 

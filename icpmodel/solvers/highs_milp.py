@@ -45,7 +45,8 @@ class HighsMilp(ForeignSolver):
         problem, rows, time_limit = model
         with work.at_most(time_limit):
             try:
-                limits, found = None, None
+                limits = None
+                found = None
                 for limits in limits_in_turn(rows):
                     if (found := active_set(rows, limits, [])) is not None:
                         break

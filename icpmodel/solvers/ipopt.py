@@ -26,7 +26,9 @@ from .formulations import Target
 class Ipopt(ForeignSolver):
     """IPOPT on the MPEC, with the derivatives of CasADi."""
 
-    name, package, extra = "ipopt", "casadi", "ipopt"
+    name = "ipopt"
+    package = "casadi"
+    extra = "ipopt"
     forms = ("mpec",)
     asked_by = ("crosscheck",)
     tight = (1e-13, 1e-10)
@@ -37,8 +39,11 @@ class Ipopt(ForeignSolver):
     def set_up(self, target: Target, tolerance: float, time_limit: float) -> Any:
         import casadi as ca
 
-        n, held, both = target.problem.n, np.flatnonzero(target.held), np.flatnonzero(target.both)
-        unit, sign = sp.eye_array(n, format="csr"), np.where(target.capped, -1.0, 1.0)
+        n = target.problem.n
+        held = np.flatnonzero(target.held)
+        both = np.flatnonzero(target.both)
+        unit = sp.eye_array(n, format="csr")
+        sign = np.where(target.capped, -1.0, 1.0)
         sizes = (n, n, held.size, both.size, both.size)
         z, u, r, v, s = parts = [ca.MX.sym(name, size) for name, size in zip("zurvs", sizes, strict=True)]
 
@@ -53,7 +58,8 @@ class Ipopt(ForeignSolver):
             zero.append(target.d[both] - times(target.I_minus_H, z) - s)
         # where the obstacles touch there is no room between them: r = 0, which makes s = 0, and u alone stands for both
         pinned = target.both & (target.near == target.d) & target.parallel
-        below, room = np.where(pinned, -np.inf, 0.0), np.where(pinned, 0.0, np.inf)
+        below = np.where(pinned, -np.inf, 0.0)
+        room = np.where(pinned, 0.0, np.inf)
         least = (np.full(n, -np.inf), below, np.zeros(held.size), np.zeros(both.size), below[both])
         u_most = np.where(target.held, np.inf, 0.0)
         most = (np.full(n, np.inf), u_most, room[held], room[both], np.full(both.size, np.inf))
@@ -74,7 +80,8 @@ class Ipopt(ForeignSolver):
 
     def run(self, model: Any) -> Claim:
         solver, data, n = model
-        x, told = solver(**data)["x"], solver.stats()
+        x = solver(**data)["x"]
+        told = solver.stats()
         if told["return_status"] == "NonIpopt_Exception_Thrown":  # CasADi swallows Ctrl-C, and nothing else is thrown
             raise KeyboardInterrupt
         return Claim(np.asarray(x).ravel()[:n], told["return_status"], told["success"])

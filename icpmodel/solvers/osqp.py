@@ -25,7 +25,8 @@ class Osqp(ForeignSolver):
     def set_up(self, target: Target, tolerance: float, time_limit: float) -> Any:
         import osqp
 
-        qp, model = self.pose(target), osqp.OSQP()
+        qp = self.pose(target)
+        model = osqp.OSQP()
         rows = sp.csc_matrix(qp.K), qp.lower, qp.upper
         options = {**osqp_options(tolerance), "time_limit": float(time_limit), "polishing": self.polishes}
         model.setup(sp.csc_matrix(sp.triu(qp.P)), qp.q, *rows, verbose=False, **options)
@@ -35,7 +36,8 @@ class Osqp(ForeignSolver):
         """Raises KeyboardInterrupt, which OSQP itself turns into a status."""
         import osqp
 
-        result, status = model.solve(raise_error=False), osqp.SolverStatus
+        result = model.solve(raise_error=False)
+        status = osqp.SolverStatus
         if result.info.status_val == status.OSQP_SIGINT:
             raise KeyboardInterrupt
         polished = ", polished" if result.info.status_polish == 1 else ""

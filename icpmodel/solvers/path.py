@@ -47,7 +47,9 @@ put answer; loop(i, put x.l(i):26:17 /);
 class PathSolver(ForeignSolver):
     """PATH; its tolerance is that of its own residual. A run starts a process, which takes some 0.05 s."""
 
-    name, package, extra = "path", "gamspy_base", "path"
+    name = "path"
+    package = "gamspy_base"
+    extra = "path"
     forms = ("mpec",)
     largest = 1000
     too_large = "the demo licence of GAMS takes no model"
@@ -85,9 +87,13 @@ class PathSolver(ForeignSolver):
 
 def mixed(target: Target) -> tuple[sp.coo_array, Vector, Vector, Vector]:
     """(M, b, l, h) of the mixed complementarity problem Mx + b ⟂ l ≤ x ≤ h whose solutions begin with those z."""
-    problem, n = target.problem, target.problem.n
-    unit, bounds = sp.eye_array(n, format="csr"), [np.full(n, -np.inf), np.full(n, np.inf)]
-    rows, offsets, columns = [], [problem.q], [problem.A]
+    problem = target.problem
+    n = target.problem.n
+    unit = sp.eye_array(n, format="csr")
+    bounds = [np.full(n, -np.inf), np.full(n, np.inf)]
+    rows = []
+    offsets = [problem.q]
+    columns = [problem.A]
     for k, (sign, G, c, moves) in enumerate(_sides(target)):
         bounds[k][~moves] = c[~moves]
         rows.append(sign * (unit - G)[moves])
@@ -95,7 +101,8 @@ def mixed(target: Target) -> tuple[sp.coo_array, Vector, Vector, Vector]:
         columns.append(-sign * unit[:, moves])
     m = sum(one.shape[0] for one in rows)
     M = sp.vstack([sp.hstack(columns), sp.hstack([sp.vstack(rows), sp.csr_array((m, m))])])
-    least, most = np.append(bounds[0], np.zeros(m)), np.append(bounds[1], np.full(m, np.inf))
+    least = np.append(bounds[0], np.zeros(m))
+    most = np.append(bounds[1], np.full(m, np.inf))
     return sp.coo_array(M), np.concatenate(offsets), least, most
 
 

@@ -32,11 +32,14 @@ class Piqp(ForeignSolver):
         settings.verbose = False
         settings.eps_abs = settings.eps_rel = tolerance
         settings.eps_duality_gap_abs = settings.eps_duality_gap_rel = tolerance
-        K, equal = sp.csr_array(qp.K), qp.lower == qp.upper
+        K = sp.csr_array(qp.K)
+        equal = qp.lower == qp.upper
         single = (np.diff(K.indptr) == 1) & ~equal
         single[single] = K.data[K.indptr[:-1][single]] == 1.0
-        of, least = K.indices[K.indptr[:-1][single]], np.full(qp.q.size, -np.inf)
-        most, two = -least, np.isfinite(qp.upper[~equal]).any()
+        of = K.indices[K.indptr[:-1][single]]
+        least = np.full(qp.q.size, -np.inf)
+        most = -least
+        two = np.isfinite(qp.upper[~equal]).any()
         np.maximum.at(least, of, qp.lower[single])
         np.minimum.at(most, of, qp.upper[single])
         rows = ~equal & ~single

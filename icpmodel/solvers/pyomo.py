@@ -74,7 +74,8 @@ def to_pyomo(problem: ProblemLike) -> Any:
     model.z = pyo.Var(range(problem.n))
     if isinstance(problem.psi, Between):
         return _between(problem, problem.psi, model)
-    obstacle, p = _obstacle(problem.psi, model.z), _moved(problem.A, problem.q, model.z)
+    obstacle = _obstacle(problem.psi, model.z)
+    p = _moved(problem.A, problem.q, model.z)
     held = [i for i, one in enumerate(obstacle) if not (isinstance(one, float) and one == -np.inf)]
     _add_conditions(model, held, p, {i: model.z[i] - obstacle[i] for i in held})
     return model
@@ -95,14 +96,18 @@ def _between(problem: ProblemData, psi: Between, model: Any) -> Any:
     import pyomo.environ as pyo
     from pyomo.mpec import Complementarity, complements
 
-    z, p = model.z, _moved(problem.A, problem.q, model.z)
-    below, above = _obstacle(psi.lower, z), _obstacle(psi.upper, z)
+    z = model.z
+    p = _moved(problem.A, problem.q, model.z)
+    below = _obstacle(psi.lower, z)
+    above = _obstacle(psi.upper, z)
     missing = [[isinstance(one, float) and np.isinf(one) for one in side] for side in (below, above)]
     free = [i for i in z if missing[0][i] and missing[1][i]]
     two = [i for i in z if not (missing[0][i] or missing[1][i])]
-    ends, body = {}, {}
+    ends = {}
+    body = {}
     if psi.linear is not None and psi.upper.linear is not None:
-        (G, c), (H, d) = psi.linear, psi.upper.linear
+        (G, c) = psi.linear
+        (H, d) = psi.upper.linear
         moves = _moved(sp.csr_array(sp.eye_array(problem.n) - G), np.zeros(problem.n), z)
         apart = np.diff(sp.csr_array(G - H).indptr) > 0
         ends = {i: (float(c[i]), float(d[i])) for i in two if not apart[i]}
@@ -157,7 +162,9 @@ def _obstacle(psi: Map, z: Any) -> list[Any]:
 
 def _moved(G: Any, c: Any, z: Any) -> list[Any]:
     """Gz + c, row by row, as Pyomo expressions: `G` CSR, shape (n, n), `z` Pyomo variables by number."""
-    start, data, columns = G.indptr.tolist(), G.data.tolist(), G.indices.tolist()
+    start = G.indptr.tolist()
+    data = G.data.tolist()
+    columns = G.indices.tolist()
     rows = ([data[k] * z[columns[k]] for k in range(*ends)] for ends in itertools.pairwise(start))
     return [one if np.isinf(one) else sum(row) + one for row, one in zip(rows, c.tolist(), strict=True)]
 
@@ -218,7 +225,8 @@ for _name in ("add", "sub", "mul", "truediv", "pow"):
 class PyomoHighs(ForeignSolver):
     """HiGHS's branch and bound on the big-M form, of n ≤ 250. Its bounds on p and r are `Target.bounds`."""
 
-    name, package = "pyomo-highs", "highspy"
+    name = "pyomo-highs"
+    package = "highspy"
     forms = ("mpec",)
     asked_by = ("crosscheck",)
     # tighter than 1e-8, or with a large M, HiGHS's rounding errors make a solvable problem "infeasible"
@@ -254,7 +262,8 @@ class PyomoHighs(ForeignSolver):
 class PyomoIpopt(ForeignSolver):
     """IPOPT on the nonlinear form, where its executable is on the PATH."""
 
-    name, package = "pyomo-ipopt", "pyomo"
+    name = "pyomo-ipopt"
+    package = "pyomo"
     forms = ("mpec",)
     asked_by = ("crosscheck",)
 
@@ -289,15 +298,18 @@ def _model(target: Target, bounds: tuple[Vector, Vector, Vector] | None, *transf
     import pyomo.environ as pyo
     from pyomo.mpec import Complementarity, complements
 
-    problem, held = target.problem, np.flatnonzero(target.held).tolist()
+    problem = target.problem
+    held = np.flatnonzero(target.held).tolist()
     z_max, p_max, r_max = (one.tolist() for one in bounds or (np.full(problem.n, np.inf),) * 3)
     model = pyo.ConcreteModel()
     model.z = pyo.Var(range(problem.n), bounds=lambda _, i: (-z_max[i], z_max[i]))
     model.p = pyo.Var(range(problem.n), bounds=lambda _, i: (0.0, p_max[i] if target.held[i] else 0.0))
     model.r = pyo.Var(held, bounds=lambda _, i: (0.0, r_max[i]))
-    p, r = _moved(problem.A, problem.q, model.z), _moved(target.I_minus_G, -target.near, model.z)
+    p = _moved(problem.A, problem.q, model.z)
+    r = _moved(target.I_minus_G, -target.near, model.z)
     for i in np.flatnonzero(target.capped).tolist():
-        p[i], r[i] = -p[i], -r[i]
+        p[i] = -p[i]
+        r[i] = -r[i]
     both = np.flatnonzero(target.both).tolist()
     if both:
         assert target.d is not None

@@ -67,7 +67,8 @@ class Argument:
         entries, *constant = tangents
         if entries.ndim == 2:
             return sum(constant, entries @ z)
-        rows, products = row_of(self.matrix), entries * z[self.matrix.indices]
+        rows = row_of(self.matrix)
+        products = entries * z[self.matrix.indices]
         return sum(constant, jax.ops.segment_sum(products, rows, z.size, indices_are_sorted=True))
 
     def direction(self, change: Any) -> Any:
@@ -119,8 +120,10 @@ def obstacles(problem: ProblemData) -> dict[str, Map | None]:
 
 def argument(name: str, value: Any, problem: ProblemData, make: Callable[[Any], Any] | None) -> Argument:
     """How the argument `name` is written. Raises InputError."""
-    A, psi = problem.A, obstacles(problem).get(name)
-    vector, number_too = [(problem.n,)], [(problem.n,), ()]
+    A = problem.A
+    psi = obstacles(problem).get(name)
+    vector = [(problem.n,)]
+    number_too = [(problem.n,), ()]
     if name == "A":
         return Argument(name, ([A.data.shape, A.shape],), partial(_on, A), A)
     if name in ("q", "z0"):
@@ -139,7 +142,8 @@ def argument(name: str, value: Any, problem: ProblemData, make: Callable[[Any], 
     if isinstance(psi, Elementwise) and psi.parameter_derivative is None:
         return Argument(name, (number_too,), lambda c: Elementwise(psi.f, psi.derivative, psi.given_lipschitz, c))
     if isinstance(psi, Intervention) and psi.jumps is not None:
-        jumps, best = psi.jumps, psi.best
+        jumps = psi.jumps
+        best = psi.best
         return Argument(name, ([jumps.data.shape],), lambda gains: Intervention(_on(jumps, gains), best), jumps, True)
     raise InputError(
         f"{name} of the problem is {psi!r}, which is not made of one array: give solution_of a function {name}= that "

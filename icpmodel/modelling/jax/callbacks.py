@@ -91,9 +91,12 @@ class LastAnswers:
 
     def derivative(self, number: int, again: Callable[[], Solution | None]) -> Derivative | None:
         """That of the answer with this number, which is found `again` where it is not kept; None where it has none."""
-        answers, last = self.answers, self.last  # what is forgotten meanwhile is still there
+        # what is forgotten meanwhile is still there
+        answers = self.answers
+        last = self.last
         if not self.first <= number < self.first + len(answers):
-            answers, last = [again()], None
+            answers = [again()]
+            last = None
             self.answers, self.first = answers, number
         if last is None or last[0] != number:
             solution = answers[number - self.first]
@@ -161,7 +164,8 @@ class Callbacks:
             answers = self.answers(rows)
             first = self.last.keep(answers)
         if isinstance(answers, Solutions):
-            Z, failed = answers.Z, np.array([status not in _ANSWERS for status in answers.statuses])
+            Z = answers.Z
+            failed = np.array([status not in _ANSWERS for status in answers.statuses])
             Z = np.where(failed[:, None], np.nan, Z) if failed.any() else Z
         else:
             nothing = np.full(self.problem.n, np.nan)
@@ -180,7 +184,8 @@ class Callbacks:
 
     def many(self, rows: Mapped) -> dict[str, Any]:
         """What `solve_many` takes: lists, or matrices with a row for each, of what is not the same for all."""
-        problem, made = self.problem, {}
+        problem = self.problem
+        made = {}
         sides = obstacles(problem)
         for name, form in self.forms.items():
             arrays = rows.arrays[name]
@@ -191,14 +196,16 @@ class Callbacks:
             else:
                 made[name] = [form.made(*rows.at(row)[name]) for row in range(rows.count)]
         Q = np.broadcast_to(made.get("q", problem.q), (rows.count, self.problem.n))
-        A, start = made.get("A", problem.A), made.get("z0")
+        A = made.get("A", problem.A)
+        start = made.get("z0")
         psi, upper = (made.get(name, sides[name]) for name in ("psi", "upper"))
         return {"A": A, "Q": Q, "psi": psi, "upper": upper, "Z0": start}
 
     def answer(self, row: Arrays) -> Solution | None:
         """The solution of one row."""
         try:
-            problem, start = self.stated(row), row.get("z0", (None,))[0]
+            problem = self.stated(row)
+            start = row.get("z0", (None,))[0]
             return solve(problem, z0=start, raise_on_failure=self.loud, **self.options)
         except IcpError:
             if self.loud:
@@ -207,7 +214,8 @@ class Callbacks:
 
     def stated(self, row: Arrays) -> ProblemData:
         """The problem of one row, which shares with the owner's what is the same."""
-        problem, made = self.problem, {name: self.forms[name].made(*row[name]) for name in self.forms}
+        problem = self.problem
+        made = {name: self.forms[name].made(*row[name]) for name in self.forms}
         sides = [made.get(name, own) for name, own in obstacles(problem).items()]
         if "A" in made:
             return type(problem)(made["A"], made.get("q", problem.q), *sides)
@@ -247,11 +255,13 @@ class Callbacks:
         rows = Mapped(residuals, self.shapes | {"z": ((self.problem.n,),), "number": ((),)})
         directions = Mapped({"": (vectors,)}, {"": (np.shape(vectors)[-1:],)})
         lead = np.broadcast_shapes(rows.lead, directions.lead)
-        of_rows, of_directions = rows.numbers(lead), directions.numbers(lead)
+        of_rows = rows.numbers(lead)
+        of_directions = directions.numbers(lead)
         found = np.full((of_rows.size, size), np.nan)
         with self.last.lock, one_blas_thread():  # told once, not by every row
             for k in np.argsort(of_rows, kind="stable"):  # one derivative after the other
-                derivative, (vector,) = self.derivative(rows.at(of_rows[k])), directions.at(of_directions[k])[""]
+                derivative = self.derivative(rows.at(of_rows[k]))
+                (vector,) = directions.at(of_directions[k])[""]
                 if derivative is None or not np.isfinite(vector).all():
                     continue
                 try:

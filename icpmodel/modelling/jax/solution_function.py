@@ -152,7 +152,8 @@ class Traced:
     def tangent(self, primals: Any, tangents: Any) -> Any:
         """The rule of forward mode, of which JAX makes that of reverse mode."""
         jax = the_package()
-        (arrays,), (moved,) = primals, tangents
+        (arrays,) = primals
+        (moved,) = tangents
         for name, psi in obstacles(self.calls.problem).items():
             form = self.calls.forms.get(name)
             if psi is None or (form and form.in_data):
@@ -163,7 +164,8 @@ class Traced:
         changes: dict[str, Any] = {}
         for name, several in moved.items():
             if name != "z0":
-                key, change = "q" if name == "A" else name, self.calls.forms[name].change(z, *several)
+                key = "q" if name == "A" else name
+                change = self.calls.forms[name].change(z, *several)
                 changes[key] = changes[key] + change if key in changes else change
         dz = self.linear(arrays | {"z": (z,), "number": (number,)}, changes, z) if changes else jax.numpy.zeros_like(z)
         return (z, number), (dz, np.zeros((), jax.dtypes.float0))
@@ -174,8 +176,11 @@ class Traced:
         `jax.custom_derivatives.linear_call`, made for this, cannot be batched; `custom_linear_solve` can, and takes a
         map L for the solution of (x − Ld, d) = b, which for b = (0, d) is (Ld, d).
         """
-        jax, n, once = the_package(), self.n, _guard()(z)
-        jnp, options = jax.numpy, {"vmap_method": "expand_dims"}
+        jax = the_package()
+        n = self.n
+        once = _guard()(z)
+        jnp = jax.numpy
+        options = {"vmap_method": "expand_dims"}
         all_of_them = jax.ShapeDtypeStruct((sum(self.calls.sizes.values()),), np.float64)
 
         def ahead(_: Any, b: Any) -> Any:

@@ -157,7 +157,8 @@ class ConditionRows:
             if constant < 0:
                 found = f"{condition.name} has a lower bound that is larger than the upper one"
                 raise InputError(f"{found}, by {-constant:g}")
-        f, g = self._read(low, condition), self._read(force, condition)
+        f = self._read(low, condition)
+        g = self._read(force, condition)
         shared = any(value * g[1].get(key, 0.0) > 0 for key, value in f[1].items())
         if nonlinear is None and g[2] is None and (f[2] is not None or len(f[1]) == 1 or shared):
             self.widths[len(self.owners)] = width
@@ -218,7 +219,8 @@ class ConditionRows:
         self.equation.append(equation)
 
     def _read(self, terms: Terms, owner: Any) -> Side:
-        constant, nonlinear = 0.0, None
+        constant = 0.0
+        nonlinear = None
         linear: dict[int, float] = {}
         for factor, expression in terms:
             if expression.__class__ in native_numeric_types:

@@ -78,7 +78,8 @@ class LegacyPyomoSolver(LegacySolverWrapper, PyomoSolver):
 
     def _map_results(self, model: Any, results: Results) -> tuple[SolverResults, LegacySolution]:
         mapped, point = super()._map_results(model, results)
-        reading, solution = results.solution_loader.reading, results.extra_info.solution
+        reading = results.solution_loader.reading
+        solution = results.extra_info.solution
         size = reading.problem.n - len(reading.added)
         mapped.problem.number_of_constraints = mapped.problem.number_of_variables = size
         mapped.problem.number_of_nonzeros = reading.problem.A.nnz
@@ -98,7 +99,9 @@ class LegacyPyomoSolver(LegacySolverWrapper, PyomoSolver):
         """As with Pyomo's older solvers the results hold the solution where it is not in the model, which notes that
         it has one: so `pyomo solve` writes the values into its file."""
         mapped._smap_id = None
-        symbols, label, loader = SymbolMap(), CNameLabeler(), results.solution_loader
+        symbols = SymbolMap()
+        label = CNameLabeler()
+        loader = results.solution_loader
         if load_solutions:
             kept = getattr(model, "solutions", None)
             if isinstance(kept, ModelSolutions):  # a block has none

@@ -52,7 +52,8 @@ class PyomoReading:
         z: Vector = self.signs * np.array(values, dtype=np.float64)
         bad = ~np.isfinite(z)
         if not bad.any():
-            psi, upper = self.problem.psi.value(z), self.problem.upper
+            psi = self.problem.psi.value(z)
+            upper = self.problem.upper
             bad = ~(np.isfinite(psi) | np.isneginf(psi))
             if upper is not None:
                 bad |= np.isnan(upper.value(z))
@@ -80,15 +81,20 @@ class PyomoReading:
         return [(variable, sign * p) for _, p, variable, sign in self._forces(z)]
 
     def _forces(self, z: Vector) -> list[tuple[Any, float, Any, float]]:
-        p, r, found = self.problem.p(z), self.problem.r(z), []
+        p = self.problem.p(z)
+        r = self.problem.r(z)
+        found = []
         skipped = {row + 1 for row in self.added} | set(np.flatnonzero(self.equation).tolist())
         for row, owner in enumerate(self.owners):
             if row in skipped:
                 continue
-            own, force, sign = row, float(p[row]), float(self.signs[row])
+            own = row
+            force = float(p[row])
+            sign = float(self.signs[row])
             if row in self.added:
                 added = self.added[row]
-                own, sign = 2 * row + 1 - added, 1.0
+                own = 2 * row + 1 - added
+                sign = 1.0
                 side_1 = p[row] if self.which_r[row] == 0 else r[row] * self.scale[row]
                 force = float(side_1 - self.signs[added] * z[added])
             found.append((owner, force, self.variables[own], sign))
@@ -128,17 +134,23 @@ def read_pyomo(model: Any) -> PyomoReading:
 
 def _reading(rows: ConditionRows, owned: Ownership) -> PyomoReading:
     """The ICP in which row i has the variable own[i], and its side which_r[i] is r."""
-    own, which_r, free, m = owned.own, owned.which_r, owned.free, owned.m
-    every, position = np.arange(m), np.argsort(own)
+    own = owned.own
+    which_r = owned.which_r
+    free = owned.free
+    m = owned.m
+    every = np.arange(m)
+    position = np.argsort(own)
     both = np.array([owned.own_coefficient(k) for k in (0, 1)])
-    in_r, in_p = both[which_r, every], both[1 - which_r, every]
+    in_r = both[which_r, every]
+    in_p = both[1 - which_r, every]
     plain = (in_r == 0) | free
     scale = np.where(plain, 1.0, np.abs(in_r))
     signs = np.where(free, 1.0, np.where(plain, np.where(in_p < 0, -1.0, 1.0), np.sign(in_r)))
     flip = np.where(free & (in_p < 0), -1.0, 1.0)
     parts: list[list[tuple[Any, ...]]] = [[], []]
     for k, side in enumerate(owned.sides):
-        is_r, column = which_r[side.row] == k, position[side.col]
+        is_r = which_r[side.row] == k
+        column = position[side.col]
         data = side.data * signs[column]
         kept = is_r & (column != side.row) & ~free[side.row]
         parts[0].append((data * flip[side.row], side.row, column, ~is_r))
@@ -168,7 +180,8 @@ def _obstacles(
     rows: ConditionRows, owned: Ownership, G: sp.csr_array, c: Vector, signs: Vector, scale: Vector
 ) -> tuple[Any, Any]:
     """ψ(z) = Gz + c with what is nonlinear, and ψ̄, which lies above it by what `rows.widths` say; None if nowhere."""
-    position, m = np.argsort(owned.own), owned.m
+    position = np.argsort(owned.own)
+    m = owned.m
     columns = {key: int(position[j]) for key, j in owned.column.items()}
 
     def made(G: sp.csr_array, c: Vector, flat: dict[int, Any]) -> Any:
@@ -180,7 +193,8 @@ def _obstacles(
     flat = rows.nonlinear()
     if not rows.widths:
         return made(G, c, flat), None
-    above, entries = np.full(m, np.inf), []
+    above = np.full(m, np.inf)
+    entries = []
     for row, (constant, linear, _) in rows.widths.items():
         above[row] = c[row] + constant / scale[row]
         entries += [(value * signs[columns[key]] / scale[row], row, columns[key]) for key, value in linear.items()]
@@ -202,7 +216,9 @@ def _inequalities(rows: ConditionRows, owned: Ownership, signs: Vector) -> tuple
     """The names, Z and c of all that is to be checked: Zz + c ≤ 0. Raises InputError for a variable that is in no
     condition."""
     position = np.argsort(owned.own)
-    names, constants, entries = list[str](), list[float](), list[tuple[float, int, int]]()
+    names = list[str]()
+    constants = list[float]()
+    entries = list[tuple[float, int, int]]()
     for constraint, constant, linear in rows.inequalities:
         for key, value in linear.items():
             if key not in owned.column:
@@ -226,14 +242,17 @@ def _inequalities(rows: ConditionRows, owned: Ownership, signs: Vector) -> tuple
 
 def _bounds(owned: Ownership, widths: dict[int, Side]) -> tuple[tuple[int, float, float], ...]:
     """The bounds of variables that no side says: row, lower, upper. Raises InputError for discrete variables."""
-    lower, upper, width = np.full(owned.n, -np.inf), np.full(owned.n, np.inf), np.full(owned.m, np.inf)
+    lower = np.full(owned.n, -np.inf)
+    upper = np.full(owned.n, np.inf)
+    width = np.full(owned.m, np.inf)
     for row, (constant, linear, _) in widths.items():
         width[row] = np.inf if linear else constant
     for k, side in enumerate(owned.sides):
         alone = (np.bincount(side.row, minlength=owned.m) == 1)[side.row] & ~owned.bent[k, side.row]
         if k == 1:
             alone &= ~owned.free[side.row]
-        column, slope = side.col[alone], side.data[alone]
+        column = side.col[alone]
+        slope = side.data[alone]
         ends = -owned.constants[k, side.row[alone]] / slope
         both = owned.free[side.row[alone]]
         np.maximum.at(lower, column[(slope > 0) | both], ends[(slope > 0) | both])
@@ -248,7 +267,8 @@ def _bounds(owned: Ownership, widths: dict[int, Side]) -> tuple[tuple[int, float
         if not variable.is_continuous():
             raise InputError(f"{variable.name} is in {variable.domain.name}; a continuous variable was expected")
         low, high = variable.bounds
-        low, high = -np.inf if low is None else low, np.inf if high is None else high
+        low = -np.inf if low is None else low
+        high = np.inf if high is None else high
         if low > lower[j] or high < upper[j]:
             found.append((row, float(low), float(high)))
     return tuple(found)

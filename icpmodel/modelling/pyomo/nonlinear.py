@@ -108,7 +108,8 @@ def flattened(expression: Any, owner: Any) -> Flat:
 
 def _operation(node: Any, owner: Any) -> tuple[str, tuple[Any, ...]]:
     """What an expression node does, as a word, and to what. An exponent that is a number is part of the word."""
-    word, arguments = _word(node.__class__) or node.getname(), tuple(node.args)
+    word = _word(node.__class__) or node.getname()
+    arguments = tuple(node.args)
     if word == "power" and not hasattr(arguments[1], "is_expression_type"):
         return f"power {float(arguments[1])!r}", arguments[:1]
     if word not in _FUNCTIONS and word not in _OPERATIONS:
@@ -153,7 +154,8 @@ class _Compiled:
         self.constants = np.array(constants, dtype=np.float64).reshape(self.rows.size, -1).T
         stand_in = pyo.ConcreteModel()
         stand_in.x, stand_in.c = pyo.Var(range(len(self.variables))), pyo.Var(range(len(self.constants)))
-        x, c = list(stand_in.x.values()), list(stand_in.c.values())
+        x = list(stand_in.x.values())
+        c = list(stand_in.c.values())
         template = _rebuilt(tokens, x, c)
         #: position of every known quantity in the list that a run fills: first x and c, then one per step
         self._place = {id(leaf): k for k, leaf in enumerate([*x, *c])}

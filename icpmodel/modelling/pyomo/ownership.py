@@ -12,7 +12,9 @@ from .condition_rows import ConditionRows
 
 #: what it costs a row to own a variable that is not on the side that should become r, that is missing on one side, or
 #: that has different signs on the two, in powers of two of the coefficients, which count only among equals
-_NOT_IN_R, _MISSING, _OPPOSITE = 2e7, 1e7, 1e5
+_NOT_IN_R = 2e7
+_MISSING = 1e7
+_OPPOSITE = 1e5
 #: how many names a message lists
 _LISTED = 5
 
@@ -104,7 +106,8 @@ class Ownership:
         more, or has a coefficient nearer to 1, or the smaller obstacle."""
         ranks = []
         for k, side in enumerate(self.sides):
-            mine, weight = np.abs(self.own_coefficient(k)), np.bincount(side.row, np.abs(side.data), self.m)
+            mine = np.abs(self.own_coefficient(k))
+            weight = np.bincount(side.row, np.abs(side.data), self.m)
             with np.errstate(all="ignore"):
                 by_own = ((weight - mine) / mine, np.abs(np.log2(mine)), np.abs(self.constants[k] / mine))
             there = [np.where(mine == 0, np.inf, rank) for rank in by_own]
