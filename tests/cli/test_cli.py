@@ -280,6 +280,7 @@ def outside(folder, source):
     return lambda *arguments: run("-c", f"from icpmodel.cli import main; main({list(arguments)})", folder=folder)
 
 
+@pytest.mark.slow
 def test_a_method_of_a_plugin_is_found_by_its_name(tmp_path):
     command = outside(tmp_path, METHOD)
     assert "outside-method" in "".join(command("solve", "--help").stdout.split())  # its lines end at hyphens, too
@@ -295,6 +296,7 @@ def test_ctrl_c_shows_the_best_iterate_and_no_traceback(tmp_path):
     assert "residual" in ran.stdout
 
 
+@pytest.mark.slow
 def test_ctrl_c_while_a_compiled_module_is_imported_is_ctrl_c(tmp_path):
     """Its initialisation ends as an ImportError because of it."""
     (tmp_path / "matplotlib.py").write_text("raise ImportError('initialization failed') from KeyboardInterrupt()")
@@ -302,6 +304,7 @@ def test_ctrl_c_while_a_compiled_module_is_imported_is_ctrl_c(tmp_path):
     assert (told.returncode, said(told.stderr)) == (130, "icpmodel: interrupted\n")
 
 
+@pytest.mark.slow
 def test_after_ctrl_c_a_crosscheck_shows_what_was_done_before(tmp_path):
     solvers = [word for name in ("osqp", "pressed", "cvxpy-clarabel") for word in ("--solver", name)]
     command = outside(tmp_path, SOLVER)

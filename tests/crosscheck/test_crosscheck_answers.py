@@ -99,7 +99,7 @@ def test_the_exact_answer_is_confirmed_by_every_solver_and_no_other_is(kind: str
         json.loads(report.to_json(), parse_constant=pytest.fail)
 
 
-@pytest.mark.parametrize(("of_z", "of_p"), [(1e-100, 1.0), (1e9, 1.0), (1e100, 1.0), (1.0, 1e-100), (1.0, 1e100)])
+@pytest.mark.parametrize(("of_z", "of_p"), [(1e-100, 1.0), (1e9, 1.0), (1.0, 1e100)])
 @pytest.mark.parametrize("kind", KINDS)
 def test_units_do_not_matter(kind: str, of_z: float, of_p: float) -> None:
     problem, z = planted(kind, scale=of_z)

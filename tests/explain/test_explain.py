@@ -23,7 +23,11 @@ def built(name):
     return scenes.scene(name, SIZES.get(name)).problem
 
 
-@pytest.fixture(scope="module", params=scenes.names())
+#: every third scene in the short run
+NAMES = [pytest.param(name, marks=[pytest.mark.slow] if k % 3 else []) for k, name in enumerate(scenes.names())]
+
+
+@pytest.fixture(scope="module", params=NAMES)
 def page(request):
     return built(request.param).explain()
 

@@ -83,6 +83,7 @@ def membrane():
     return icp.report(solution, title="A <membrane>", about=scene.models, points=scene.points, time_limit=5)
 
 
+@pytest.mark.slow
 def test_the_page_has_every_section_and_loads_nothing(membrane):
     page = Page(membrane)
     assert page.headings == SECTIONS
@@ -95,6 +96,7 @@ def test_the_page_has_every_section_and_loads_nothing(membrane):
     assert len(membrane) < 5_000_000
 
 
+@pytest.mark.slow
 def test_first_of_all_it_is_said_in_short_what_there_is_to_know(membrane):
     page = Page(membrane)
     assert list(page.short) == QUESTIONS
@@ -130,6 +132,7 @@ def test_wrong_wishes_are_named(wrong):
         icp.report(**arguments)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("chromium") is None, reason="no chromium on the PATH")
 def test_a_browser_opens_it_offline(membrane, tmp_path):
     """The page as the browser sees it has all headings, the figures, and what the script has made of them."""
