@@ -195,7 +195,7 @@ def options(draw):
         chosen.pop("family", None)
     if "accuracy" in chosen:
         chosen = {name: value for name, value in chosen.items() if name not in ("rtol", "atol")}
-    return method, {"max_iter": 100} | chosen
+    return method, {"max_iter": 100, "time_limit": 1.0} | chosen  # a search without a limit may take 10 s
 
 
 @dataclass(frozen=True)

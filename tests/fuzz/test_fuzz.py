@@ -93,7 +93,7 @@ def test_bounds_and_uniqueness_are_true_at_any_z(drawn, off, kind):
     if problem is None:
         return
     with suppress(icp.IcpError):
-        answer = problem.solve(raise_on_failure=False, max_iter=100)
+        answer = problem.solve(raise_on_failure=False, max_iter=100, time_limit=1.0)
         z = answer.z + off * np.cos(3 * np.arange(problem.n))
         bound = icp.error_bound(problem, z, **kind)
         check("bounds", drawn, false_bound(ExactProblem(problem), z, bound), answer.solved)
@@ -167,7 +167,7 @@ def pyomo_answer(A, q, of_r, c):
 
     model.rows = Complementarity(range(n), rule=rule)
     answer = pyo.SolverFactory("icpmodel").solve(
-        model, load_solutions=False, raise_exception_on_nonoptimal_result=False
+        model, load_solutions=False, raise_exception_on_nonoptimal_result=False, timelimit=1
     )
     if str(answer.solver.termination_condition) != "optimal":
         return None
@@ -182,7 +182,7 @@ def cvxpy_answer(A, q, of_r, c):
     rows = [p[~held] == 0] * bool((~held).any())
     rows += [icp.complements(p[held], cp.multiply(of_r, x)[held] - (of_r * c)[held])] * bool(held.any())
     problem = icp.Problem(*rows)
-    problem.solve()
+    problem.solve(time_limit=1.0)
     return x.value if problem.status == "optimal" else None
 
 
