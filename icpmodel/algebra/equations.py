@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..errors import MapError, SingularOperator
 from ..numerics import work
 from ..numerics.arrays import Mask, Vector, diagonal_positions, norm
-from ..numerics.factorisation import SymmetricPattern, factorise
+from ..numerics.factorisation import Symmetric, factorise
 from ..numerics.fill import Look
 from ..numerics.krylov import cg_step_cost, conjugate_gradients, conjugate_residuals, gcr_step_cost
 from ..numerics.linear import MANY_STEPS, by_refinement, solver_of
@@ -216,10 +216,11 @@ class ShiftedEquations:
         self.problem, self.iterative = problem, True
 
     @cached_property
-    def repeated(self) -> SymmetricPattern | None:
+    def repeated(self) -> Symmetric | None:
         """What factorises all rows again and again, where that costs less than each time in an order of its own."""
         matrix, look = self.problem.matrix, self.problem.matrix.look
-        return SymmetricPattern(matrix.sparse, look.seen, look.signs) if matrix.repeats and look.seen else None
+        signs = look.signs
+        return Symmetric(matrix.sparse, matrix.fill, signs) if matrix.repeats and signs is not None else None
 
     @cached_property
     def look(self) -> Look:

@@ -25,7 +25,7 @@ from ..algebra.subproblems import with_fixed_obstacle
 from ..errors import MapError
 from ..numerics import work
 from ..numerics.arrays import Mask, Vector, inner, norm, row_of
-from ..numerics.factorisation import SymmetricPattern, factorise
+from ..numerics.factorisation import Symmetric, factorise
 from ..numerics.fill import Look
 from ..problem.affine import zero
 from ..problem.between import mid
@@ -114,7 +114,7 @@ class InteriorPath:
         self.diagonal = problem.matrix.rows.diag
         self.row = row_of(problem.A)
         self.moves = self.steps.moves
-        self.pattern: SymmetricPattern | Look | None = None
+        self.pattern: Symmetric | Look | None = None
         if not self.moves:
             self.pattern = self.steps.equations.repeated or self.steps.equations.look
         self.steady = self.first_steady = _STEADY if problem.matrix.is_nearly_symmetric else _STEADY_SKEW
@@ -280,6 +280,6 @@ class InteriorPath:
         return solve
 
     def _factors(self, M: sp.csr_array) -> Any:
-        if isinstance(self.pattern, SymmetricPattern):
+        if isinstance(self.pattern, Symmetric):
             return self.pattern.factors(M.data)
         return factorise(M, definite=True, look=self.pattern or Look(M, lambda: False))  # symmetric at most by chance

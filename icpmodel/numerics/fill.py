@@ -181,15 +181,16 @@ def _looked(
     work.afford(work.COSTS.look * A.nnz)  # to make the graph costs a look per entry
     graph = both_ways(A.indptr, A.indices, int(_DENSE * A.shape[0] ** 0.5) + 16)
     n = A.shape[0]
-    least = least_factor_cost(A.shape[0], 0, symmetric)
+    least = least_factor_cost(n, 0, symmetric)
     costs = work.COSTS
     an_entry = costs.symmetric_entry if symmetric else costs.factor_entry
-    a_flop = costs.symmetric_flop if symmetric else costs.factor_flop
-    prices = (2.0 * an_entry, a_flop, a_look)
+    prices = (2.0 * an_entry, costs.factor_flop, a_look)
     limits = most_entries, most_cost - least, work.nanoseconds_left() / costs.look
     entries, squares, looks, within, *path = minimum_degree(*graph, A.nnz, prices, *limits)
     work.add(costs.call + costs.look * (looks + A.nnz))
     if looks > limits[2]:
         raise OutOfTime("to foresee what a factorisation costs takes longer than what is left of the time")
-    cost = least + prices[0] * entries + prices[1] * squares
-    return Fill(n, 2.0 * (entries + n), entries + squares, within, symmetric=symmetric), cost, (path[0], path[1])
+    fill = Fill(n, 2.0 * (entries + n), entries + squares, within)
+    if symmetric:
+        fill = min(fill, fill._replace(symmetric=True), key=factor_cost)
+    return fill, factor_cost(fill), (path[0], path[1])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
 from functools import cache
 from typing import Any, Protocol
 
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 
 from .arrays import Vector, bandwidths, is_symmetric, norm, row_of
 from .equilibration import Exponents, in_units, row_exponents
-from .factorisation import factorise, largest_of_columns, of_array, of_dense, of_symmetric
+from .factorisation import factorise, largest_of_columns, of_array, of_dense
 from .fill import Look
 from .krylov import INEXACT, conjugate_residuals, gcr_step_cost
 from .multigrid import KrylovMultigrid, krylov_cost
@@ -26,10 +25,9 @@ class Solver(Protocol):
     def __call__(self, f: Vector, tolerance: float, transposed: bool = False) -> Vector | None: ...
 
 
-#: more diagonals than this are no band, and more rows that reach beyond it no border
+#: more diagonals than this are no band
 _WIDEST_BAND = 16
-_WIDEST_BORDER = 16
-#: the relative error up to which systems count as solved: for a bordered band the backward one
+#: the relative error up to which systems count as solved
 _BACKWARD = 1e-12
 #: the share of the diagonal that is added so that a singular matrix is seen in time, the least that did it in every
 #: case; and the share of the solution, or of the step before, up to which a step of refinement takes it back
@@ -69,8 +67,7 @@ def solver_of(M: sp.csr_array, by_multigrid: bool | None = None, look: Look | No
     -----
     Multigrid is for matrices with a positive diagonal and nothing positive off it. Krylov's method
     is for others with a positive diagonal that fill up. Where these do not converge M is factorised
-    as well: as a band, as one with a few full rows, as a dense or as a sparse matrix. Rows are
-    brought to one size first.
+    as well: as a band, as a dense or as a sparse matrix. Rows are brought to one size first.
     """
     n = M.shape[0]
     if n == 0:
@@ -89,8 +86,6 @@ def solver_of(M: sp.csr_array, by_multigrid: bool | None = None, look: Look | No
     @cache
     def direct() -> tuple[Solver, Exponents | int, Exponents | int]:
         """By factors, and in which units of the rows and columns."""
-        if not look.is_narrow and (border := _bordered(scaled())) is not None:
-            return border, exponents(), 0
         if look.is_dense or look.is_band:
             # Cholesky's factor is as good in all units, and others would take the symmetry
             if look.is_symmetric and (factors := factorise(M, definite=True, look=look)):
@@ -100,7 +95,7 @@ def solver_of(M: sp.csr_array, by_multigrid: bool | None = None, look: Look | No
         if look.signs is None:
             return _nudged(scaled(), look), exponents(), 0
         both = exponents() // 2  # as large as before at the most, and as symmetric as it was
-        return _nudged(in_units(M, both, both), look, look.signs), both, both
+        return _nudged(in_units(M, both, both), look), both, both
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
         afford()
@@ -166,42 +161,6 @@ def _by_steps(M: sp.csr_array, look: Look) -> Solver | None:
     return solve
 
 
-def _bordered(M: sp.csr_array) -> Solver | None:
-    """The solver of a band but for a few rows that reach far beyond it, by Woodbury's formula; None for others."""
-    rows = row_of(M)
-    far = 2 * np.abs(rows - M.indices) >= _WIDEST_BAND
-    border = np.flatnonzero(np.bincount(rows[far], minlength=M.shape[0]))
-    if not 0 < border.size <= _WIDEST_BORDER:
-        return None
-    n = M.shape[0]
-    k = border.size
-    band = sp.csr_array(sp.coo_array((M.data[~far], (rows[~far], M.indices[~far])), shape=M.shape))
-    W = sp.csr_array((M.data[far], (np.searchsorted(border, rows[far]), M.indices[far])), shape=(k, n))
-    units = np.zeros((n, k))
-    units[border, np.arange(k)] = 1.0
-    solve_band = _by(factorise(band))
-    sparse = cache(lambda: _refined(M, largest_of_columns(M), _by(factorise(M))))
-    size_of = cache(lambda: abs(M))
-
-    def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
-        # M = band + UV, and Mᵀ = bandᵀ + VᵀUᵀ
-        U, V, whole = (W.T.toarray(), units.T, M.T) if transposed else (units, W, M)
-        X = solve_band(np.column_stack([f, U]), tolerance, transposed)
-        if X is not None:
-            x = X[:, 0]
-            Y = X[:, 1:]
-            with suppress(np.linalg.LinAlgError):
-                x = x - Y @ np.linalg.solve(np.eye(k) + V @ Y, V @ x)
-            size = max(np.abs(x).max(), np.abs(f).max())
-            if transposed:  # its rows are not of one size
-                size = size_of().T @ np.abs(x) + np.abs(f)
-            if (np.abs(whole @ x - f) <= _BACKWARD * size).all():
-                return np.asarray(x)
-        return sparse()(f, tolerance, transposed)
-
-    return solve
-
-
 def dense_solver(M: NDArray[np.float64]) -> Solver:
     """The same of a dense matrix."""
     if not np.isfinite(M).all():
@@ -226,12 +185,12 @@ def _by(factors: Any) -> Solver:
     return solve
 
 
-def _nudged(M: sp.csr_array, look: Look, signs: Vector | None = None) -> Solver:
+def _nudged(M: sp.csr_array, look: Look) -> Solver:
     """The solver by the factors of M + εD, with few or no exchanges of rows.
 
-    Where M + εD has a nearly zero diagonal, √ε is added there and no rows are exchanged, unless
-    these factors are bad: exchanges fill up many times as much as predicted. None are exchanged
-    where `signs` of the rows make M symmetric.
+    Entries of the diagonal that are nearly 0 are first raised to √ε of the column, and no rows are
+    exchanged: exchanges can fill up many times as much as predicted. Where these factors are bad,
+    they are made again with exchanges.
 
     SuperLU goes on behind a pivot that is exactly 0, with its rows in another order, and says only
     at the end that M is singular. On traffic equilibria that took 80 times as long as predicted. M
@@ -240,29 +199,29 @@ def _nudged(M: sp.csr_array, look: Look, signs: Vector | None = None) -> Solver:
     diagonal = M.diagonal()
     units = largest_of_columns(M)
 
+    def by(more: Vector, definite: bool) -> tuple[sp.csr_array, Solver]:
+        near = sp.csr_array(M + sp.diags_array(more))
+        return near, _by(factorise(near, definite=definite, look=look))
+
     @cache
-    def by_nudged() -> Solver:
-        data = np.where(M.indices == row_of(M), 1.0 + _NUDGE, 1.0) * M.data
-        nudged = sp.csr_array((data, M.indices, M.indptr), shape=M.shape)
-        return _refined(M, units, _by(factorise(nudged, look=look)))
+    def exchanged() -> Solver:
+        return _refined(M, units, by(_NUDGE * diagonal, False)[1])
 
     shift = _SHIFT * units
     small = np.abs(diagonal) < shift
     # columns of different sizes hide the small entries
-    if (signs is None and not small.any()) or units.min() < _SHIFT * units.max():
-        return by_nudged()
-    shifted = sp.csr_array(M + sp.diags_array(np.where(small, np.copysign(shift, diagonal), _NUDGE * diagonal)))
-    factors = factorise(shifted, definite=True, look=look) if signs is None else of_symmetric(shifted, look, signs)
-    by_shifted = _by(factors)
-    refined = _refined(M, units, by_shifted)
+    if (look.signs is None and not small.any()) or units.min() < _SHIFT * units.max():
+        return exchanged()
+    near, by_near = by(np.where(small, np.copysign(shift, diagonal), _NUDGE * diagonal), True)
+    refined = _refined(M, units, by_near)
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
         x = refined(f, tolerance, transposed)
-        if x is None and (y := by_shifted(f, tolerance, transposed)) is not None:
-            whole = shifted.T if transposed else shifted
+        if x is None and (y := by_near(f, tolerance, transposed)) is not None:
+            whole = near.T if transposed else near
             if norm(f - whole @ y) <= INEXACT * norm(y):  # good factors: it is M that is nearly singular
                 return None
-        return by_nudged()(f, tolerance, transposed) if x is None else x
+        return exchanged()(f, tolerance, transposed) if x is None else x
 
     return solve
 

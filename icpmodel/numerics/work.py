@@ -62,10 +62,10 @@ class Costs(NamedTuple):
     factor_entry: float = 28.0
     factor_flop: float = 0.1
     solve_entry: float = 0.8
-    #: a symmetric one, by supernodes: the same, of the L + U that it stands for
-    symmetric_row: float = 600.0
-    symmetric_entry: float = 5.0
-    symmetric_flop: float = 0.02
+    #: a symmetric one, by QDLDL: the same, of the L + U that it stands for
+    symmetric_row: float = 400.0
+    symmetric_entry: float = 4.0
+    symmetric_flop: float = 0.3
     #: an entry that minimum degree looks at, and the graph that it begins with, per entry
     look: float = 13.5
     #: a band factorised, whatever its size, per entry of its factors and per multiplication

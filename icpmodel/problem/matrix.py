@@ -212,7 +212,7 @@ class Matrix(ReadOnly):
 
     @property
     def repeats(self) -> bool:
-        """Whether `SymmetricPattern` is for matrices with the pattern of A, and costs less than dense factors."""
+        """Whether `Symmetric` is for matrices with the pattern of A, and costs less than dense factors."""
         fill = self.fill
         return fill.seen and fill.symmetric and work.refactor_cost(fill) < work.dense_cost(self.n, self.is_symmetric)
 

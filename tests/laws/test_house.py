@@ -58,6 +58,7 @@ HEAVY = {
     "mpi4py",
     "numba",
     "osqp",
+    "qdldl",
     "pandas",
     "petsc4py",
     "piqp",
