@@ -127,7 +127,7 @@ class AffineLcp:
 
         `covering` is the vector d > 0 in w = q + My + d·t, in the units of the rows; by default its entries are 1.
         """
-        from ..numerics.kernels import balancing, pivoting  # loads numba
+        from .kernels import balancing, pivoting  # loads numba
 
         S, *units = balancing.scale(self.M)
         if covering is None:
@@ -170,7 +170,7 @@ def dense_lcp(problem: ProblemData) -> AffineLcp:
 
 def some_pivots(state: Any, entering: int, most: int) -> Any:
     """Up to `most` pivots as `kernels.pivoting.go_on` makes and returns them, in pieces. Raises OutOfTime."""
-    from ..numerics.kernels.pivoting import UNFINISHED, go_on  # loads numba
+    from .kernels.pivoting import UNFINISHED, go_on  # loads numba
 
     n = len(state[0])
     price = work.COSTS.pivot_entry * n**2

@@ -77,7 +77,7 @@ class AOROperator(Operator):
         return diagonal_positions(self.A)
 
     def solve(self, f: Vector) -> Vector:
-        from ..numerics.kernels.sweeps import substitute
+        from .kernels.sweeps import substitute
 
         A, out = self.A, np.empty(f.size)
         work.add(work.product(f.size, A.nnz))
@@ -107,7 +107,7 @@ class TriangularOperator(Operator):
         return (self.M1.indptr[:-1], self.diag) if self.lower else (self.diag + 1, self.M1.indptr[1:])
 
     def solve(self, f: Vector) -> Vector:
-        from ..numerics.kernels.sweeps import substitute
+        from .kernels.sweeps import substitute
 
         out = np.empty(f.size)
         work.add(work.product(f.size, self.M1.nnz))

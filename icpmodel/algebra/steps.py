@@ -63,7 +63,7 @@ def compiled_step(
     sweeps a `few` entries. More are swept by so many `threads`, which keep a `chunk` of rows
     between them.
     """
-    from ..numerics.kernels.sweeps import SWEEPS
+    from .kernels.sweeps import SWEEPS
 
     psi, inside = problem.psi, read_only(problem.psi.kernel_data())
     before, after = read_only(before), read_only(after)

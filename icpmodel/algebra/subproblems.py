@@ -116,7 +116,7 @@ class Blocks:
         """
         if not wanted.any():
             return z, wanted
-        from ..numerics.kernels.pivoting import apart  # loads numba
+        from .kernels.pivoting import apart  # loads numba
 
         A, z = self.problem.A, z.copy()
         # rows of a best jump are never in a block

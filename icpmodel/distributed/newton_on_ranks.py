@@ -53,7 +53,7 @@ class LookOnRanks:
     def swept(self, count: int) -> Any:
         """z after `count` sweeps of projected Gauss–Seidel in the rows of each rank, which is told between them of what
         the others have; the obstacles are as they were. Collective."""
-        from ..numerics.kernels.sweeps import SWEEPS as LOOPS  # loads numba
+        from ..algebra.kernels.sweeps import SWEEPS as LOOPS  # loads numba
 
         problem, matrix, z, at = self.problem, self.problem.matrix, self.z.array_r, self.z.copy()
         psi: Any = z - self.below

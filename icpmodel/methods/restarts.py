@@ -115,7 +115,7 @@ def _start(problem: ProblemData, z: Vector, scale: float, rng: np.random.Generat
 
 def _pivoted(problem: ProblemData, lcp: AffineLcp, rng: np.random.Generator) -> Vector | None:
     """What Lemke's pivots find with a random covering vector, None where they end in a ray. Raises OutOfTime."""
-    from ..numerics.kernels.pivoting import SOLVED, START  # loads numba
+    from ..algebra.kernels.pivoting import SOLVED, START  # loads numba
 
     covering = np.exp(rng.uniform(-3.0, 3.0, len(lcp.q)))
     ended, _, y, _ = some_pivots(lcp.start(covering), START, PIVOTS * (len(lcp.q) + 1))

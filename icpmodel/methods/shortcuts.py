@@ -71,7 +71,7 @@ class Lemke(Shortcut):
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         # raises SingularOperator where I − G is singular, or A in the rows without obstacle
-        from ..numerics.kernels.pivoting import NUDGED, SINGULAR, SOLVED, START, UNFINISHED  # loads numba
+        from ..algebra.kernels.pivoting import NUDGED, SINGULAR, SOLVED, START, UNFINISHED  # loads numba
 
         yield z, None
         lcp = dense_lcp(problem)
@@ -119,7 +119,7 @@ class Josephy(Shortcut):
         return too_large(problem.facts) or problem.psi.no_derivative()
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
-        from ..numerics.kernels.pivoting import SOLVED, START  # loads numba
+        from ..algebra.kernels.pivoting import SOLVED, START  # loads numba
 
         best = problem.residual(z)
         yield z, best
@@ -172,7 +172,7 @@ class Tridiagonal(Shortcut):
         return positive_diagonal(problem, "it divides by the diagonal of A")
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
-        from ..numerics.kernels.thomas import SETTLED, UNSETTLED, bands, newton, refine, release  # loads numba
+        from ..algebra.kernels.tridiagonal import SETTLED, UNSETTLED, bands, newton, refine, release  # loads numba
 
         yield z, None
         A, q, c, top = problem.A, problem.q, problem.facts.obstacle, problem.facts.upper_obstacle

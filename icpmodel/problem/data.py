@@ -529,7 +529,7 @@ class ProblemData(Shown):
 
     def _squares(self, z: Vector, psi: Vector, upper: Vector | None) -> float:
         """Res_D(z)², without care for overflow, in one pass over A on all cores, of which the sum does not depend."""
-        from ..numerics.kernels.products import natural  # loads numba
+        from .kernels.residual import natural  # loads numba
 
         A, z, psi = self.A, np.ascontiguousarray(z), np.ascontiguousarray(psi)
         matrix = A.indptr, A.indices, A.data, self.matrix.row_weights

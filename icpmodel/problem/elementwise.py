@@ -92,7 +92,7 @@ class Elementwise(Parametrised):
 
     def _entrywise(self, f: Callable[[Any], Any], z: Vector, name: str) -> Vector:
         if is_compiled(f):
-            from ..numerics.kernels.scalars import entrywise  # loads numba
+            from .kernels.obstacle import entrywise  # loads numba
 
             return call_user(lambda: entrywise(f)(z), z.shape, name)
         return call_user(lambda: f(z.copy()), z.shape, name)

@@ -93,7 +93,7 @@ class Facts:
         n = self.matrix.n
         if psi.is_constant or (psi.linear is not None and not psi.linear[0].nnz):
             return psi.value(np.zeros(n))
-        from ..numerics.kernels.scalars import improve, settled  # loads numba
+        from .kernels.obstacle import improve, settled  # loads numba
 
         assert psi.lipschitz is not None, "ask has_fixed_obstacle first"
         slope = psi.lipschitz.diagonal()

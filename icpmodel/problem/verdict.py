@@ -62,7 +62,7 @@ def certain_rows(
     Row i has `Q`[i], and ψ(z) = Gz + `C`[i] where `psi` is linear, else `C`[i] = ψ(Z[i]), taken as exact to an ulp; the
     same of what is `above`. `weights`, shape (n,), take the place of those of Res_D: with ones it is Res of the paper.
     """
-    from ..numerics.kernels.products import raised  # loads numba
+    from .kernels.residual import raised  # loads numba
 
     upper = None if psi.upper is None or above is None else _side(psi.upper, above)
     weights = read_only(matrix.row_weights if weights is None else weights)

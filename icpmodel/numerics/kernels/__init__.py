@@ -98,7 +98,7 @@ class _Watch(Listener):
     def on_start(self, event: Any) -> None:
         if event.kind == _LOCK:
             COMPILER.begins()
-        elif not _Watch.told and event.data["dispatcher"].py_func.__module__.startswith(__name__):
+        elif not _Watch.told and event.data["dispatcher"].py_func.__module__.startswith("icpmodel."):
             _Watch.told = True
             _tell("compiles its loops, once per installation")
 

@@ -219,8 +219,8 @@ class Batch:
 
     def pivoted(self, lcp: AffineLcp, Q: Matrix, C: Matrix, D: Matrix | None) -> Matrix:
         """What the pivots make of the rows, each an LCP of its own."""
-        from ...numerics.kernels.balancing import scale
-        from ...numerics.kernels.pivoting import many  # loads numba
+        from ...algebra.kernels.balancing import scale
+        from ...algebra.kernels.pivoting import many  # loads numba
 
         if D is not None:
             Q = lcp.extended(Q, D)
@@ -233,7 +233,7 @@ class Batch:
 
     def by_thomas(self, Q: Matrix, C: Matrix, D: Matrix | None) -> Matrix:
         """What the direct method for tridiagonal A makes of the rows."""
-        from ...numerics.kernels.thomas import bands, many  # loads numba
+        from ...algebra.kernels.tridiagonal import bands, many  # loads numba
 
         A, Z = self.problem.A, np.zeros(Q.shape)
         Q, C, D = read_only((Q, C, D))

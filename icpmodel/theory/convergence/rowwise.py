@@ -83,7 +83,7 @@ class SweepMap(HomogeneousMap):
         return self._swept(b, none, none, 1.0)
 
     def _swept(self, f: Vector, v: Vector, g: Vector, sign: float) -> Vector:
-        from ...numerics.kernels.sweeps import bounded  # loads numba
+        from ...algebra.kernels.sweeps import bounded  # loads numba
 
         A, out, k = self._A, np.empty(v.size), np.diff(self._A.indptr) + 8
         scale = np.nextafter(self._omega / self._rows.diagonal, np.inf if sign > 0 else 0.0)

@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from . import compiled
+from ...numerics.kernels import compiled
 
 #: how a run of pivots ended
 SOLVED = 0

@@ -14,8 +14,8 @@ from types import SimpleNamespace
 from numba import types
 from numba.extending import overload
 
-from . import called, compiled, inlined, one, row_sum, run_end, two_run_sums, uint
-from .products import larger, median
+from ...numerics.kernels import called, compiled, inlined, one, row_sum, run_end, two_run_sums, uint
+from ...problem.kernels.residual import larger, median
 
 
 def psi_entry(psi, i, z):

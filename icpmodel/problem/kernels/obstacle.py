@@ -9,7 +9,7 @@ from functools import lru_cache
 import numba
 import numpy as np
 
-from . import compiled
+from ...numerics.kernels import compiled
 
 
 @compiled

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from . import compiled
+from ...numerics.kernels import compiled
 
 #: entries within 2^±so many of each other need no balancing; passes of balancing; the exponent of 0
 _TAME = 20

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from . import compiled
+from ...numerics.kernels import compiled
 
 #: how Newton's steps ended: there is nothing left to change, too many were needed, or a pivot is not positive
 SETTLED = 0

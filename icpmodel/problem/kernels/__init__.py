@@ -1,0 +1,1 @@
+"""Compiled loops over the data of a problem: its residual, and its obstacle."""

@@ -1,0 +1,197 @@
+"""The natural residual, and bounds on the exact one.
+
+A bound is made from float64 where that is enough, else from products and sums in pairs. References: Higham, Accuracy
+and Stability of Numerical Algorithms (2002), section 3.1; Ogita, Rump and Oishi, SIAM J. Sci. Comput. 26 (2005), for
+the pairs, whose errors are zero where nothing was rounded.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from typing import Any
+
+import numba
+import numpy as np
+from numba.extending import intrinsic
+
+from ...numerics.kernels import compiled, inlined, one, row_sum, uint
+from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
+
+#: products from this size on lose less to underflow than to rounding, and what they lose is a float
+_NORMAL = 2.0**-960
+
+
+@inlined
+def larger(least, above):
+    # max(least, above); NaN stays
+    return above if above > least or above != above else least
+
+
+@inlined
+def median(least, below, above):
+    # of below, p and above, `least` = min(p, below), as `between.mid` has it; NaN stays
+    if above > below:
+        return above if abs(above) > abs(below) else below
+    return larger(least, above)
+
+
+@compiled
+def natural(indptr, indices, data, weights, q, psi, upper, z, low, high):
+    # the sum of min(weight p, r)^2 over the rows low <= i < high, p = Az + q and r = z - psi; NaN where one of them is.
+    # With `upper`, else None, of the median's square: see `between.mid`
+    squares = 0.0
+    for i in range(uint(low), uint(high)):
+        p = row_sum(q[i], indptr[i], indptr[i + uint(1)], indices, data, z)
+        r = z[i] - psi[i]
+        p *= weights[i]
+        least = r if r <= p or r != r else p
+        if upper is not None:
+            least = median(least, r, z[i] - upper[i])
+        squares += least * least
+    return squares
+
+
+def _fma(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
+    return numba.float64(*[numba.float64] * 3), lambda context, builder, signature, given: builder.fma(*given)
+
+
+fma: Any = intrinsic(_fma)
+
+
+@inlined
+def once(start, left, k, stop, sign, indices, data, z):
+    # start + left + sign times a row of Az, and a bound on the error of that
+    total = start
+    size = abs(start)
+    entries = 3
+    lost = abs(left)
+    first = k
+    while k < stop:
+        term = sign * data[k] * z[uint(indices[k])]
+        total += term
+        size += abs(term)
+        entries += 1
+        k += one()
+    if size < _NORMAL:
+        while first < stop:
+            lost += SMALLEST * (data[first] != 0.0 and z[uint(indices[first])] != 0.0)
+            first += one()
+    return total, lost + (entries * UNIT_ROUNDOFF * size if entries > 3 else 0.0)
+
+
+@inlined
+def twice(start, left, k, stop, sign, indices, data, z):
+    # the same, the rounding errors of all products and sums added up apart
+    total = start
+    rest = left
+    size = abs(left)
+    entries = 3
+    lost = 0.0
+    while k < stop:
+        a = sign * data[k]
+        b = z[uint(indices[k])]
+        term = a * b
+        after = total + term
+        part = after - total
+        low = fma(a, b, -term)
+        error = (total - (after - part)) + (term - part)
+        total = after
+        rest = rest + (low + error)
+        size = size + (abs(low) + abs(error))
+        entries = entries + 2
+        if abs(term) < _NORMAL and a != 0.0 and b != 0.0:
+            lost += SMALLEST
+        k += one()
+    value = total + rest
+    return value, lost + entries * UNIT_ROUNDOFF * size + (4.0 * UNIT_ROUNDOFF * abs(value) if size > 0.0 else 0.0)
+
+
+@inlined
+def gap(i, indptr, indices, data, c, known, z, pairs):
+    # (z - c - Gz)_i, where c is off by up to `known` times itself, and a bound on its error; infinite where c is
+    if abs(c[i]) == np.inf:
+        return -c[i], 0.0
+    start = z[i] - c[i]
+    part = start - z[i]
+    left = (z[i] - (start - part)) - (c[i] + part)
+    k = uint(indptr[i])
+    stop = uint(indptr[i + uint(1)])
+    if pairs:
+        r, for_r = twice(start, left, k, stop, -1.0, indices, data, z)
+    else:
+        r, for_r = once(start, left, k, stop, -1.0, indices, data, z)
+    return r, for_r + known * abs(c[i])
+
+
+@inlined
+def weighted(weight, value, error):
+    # weight * value and a bound on its error, where `weight` is 1/d to an ulp and `error` a bound on that of the value
+    product = weight * value
+    if value == 0.0 and error == 0.0:
+        return product, error
+    if weight * (abs(value) - error) == np.inf:  # larger than every float: the other side is the smaller one
+        return product, 0.0
+    return product, (1.0 + 4.0 * UNIT_ROUNDOFF) * (weight * error) + 4.0 * UNIT_ROUNDOFF * abs(product) + SMALLEST
+
+
+@inlined
+def unknown(value, error):
+    # what overflowed on the way is infinite, and so is the bound on its error: their difference is no number
+    return math.isnan(value - error) or math.isnan(value + error)
+
+
+@inlined
+def worst(of_p, of_r, of_s):
+    # the largest |median of p, r and s <= r| that (value, bound on its error) of all three leave possible, and of r and
+    # s themselves where these may cross; without an obstacle above s is -inf, and that is |min(p, r)|
+    (p, for_p) = of_p
+    (r, for_r) = of_r
+    (s, for_s) = of_s
+    if unknown(p, for_p) or unknown(r, for_r) or unknown(s, for_s):
+        return np.inf
+    low = max(s - for_s, min(p - for_p, r - for_r))
+    high = max(s + for_s, min(p + for_p, r + for_r))
+    size = max(abs(low), abs(high))
+    if s + for_s > r - for_r:
+        size = max(size, abs(r) + for_r, abs(s) + for_s)
+    return size
+
+
+@partial(compiled, exact=True)
+def raised(indptr, indices, data, weights, Q, G_indptr, G_indices, G_data, C, known, Z, tolerances, residuals, upper):
+    # residuals within their tolerances become bounds of the exact ones where rounding could lift these above them. Row
+    # by row p = weight (Az + q) and r = z - c - Gz, where c is off by up to `known` times itself; `upper` is None or
+    # (indptr, indices, data, C, known) of the obstacle above
+    for row in range(Z.shape[0]):
+        q = Q[row]
+        c = C[row]
+        z = Z[row]
+        bound = 0.0
+        for pairs in range(2 * (residuals[row] <= tolerances[row])):
+            if pairs and bound <= tolerances[row]:
+                break
+            scale = 0.0
+            squares = 0.0
+            for i in range(uint(z.size)):
+                k = uint(indptr[i])
+                stop = uint(indptr[i + uint(1)])
+                if pairs:
+                    p, for_p = twice(q[i], 0.0, k, stop, 1.0, indices, data, z)
+                else:
+                    p, for_p = once(q[i], 0.0, k, stop, 1.0, indices, data, z)
+                of_p = weighted(weights[i], p, for_p)
+                of_r = gap(i, G_indptr, G_indices, G_data, c, known, z, pairs)
+                of_s = -np.inf, 0.0
+                if upper is not None:
+                    of_s = gap(i, upper[0], upper[1], upper[2], upper[3][row], upper[4], z, pairs)
+                size = worst(of_p, of_r, of_s)
+                if size > scale:
+                    squares = 1.0 + squares * (scale / size) ** 2
+                    scale = size
+                elif size > 0.0:
+                    squares += (size / scale) ** 2
+            rounding = 1.0 + 8.0 * (z.size + 8) * UNIT_ROUNDOFF
+            bound = scale * math.sqrt(squares) * rounding if scale < np.inf else np.inf
+        if bound > tolerances[row]:
+            residuals[row] = bound
