@@ -23,7 +23,8 @@ _GROWTH = 10.0
 #: beyond this it is not even shown, as it would be taken for divergence
 _FAR = 1e100
 #: accelerated steps that have to halve the least residual, and the plain ones that follow where they do not
-_ACCELERATED, _PLAIN = 100, 25
+_ACCELERATED = 100
+_PLAIN = 25
 #: calls in Python that a step takes beside the sweep
 _HISTORY = 2.0
 #: directions of the history that are less independent than this say nothing but rounding errors
@@ -98,33 +99,46 @@ class Accelerated(Method):
         # rejected iterates are yielded as well, so that every sweep counts
         of = self.of or _default(problem)
         opening = of.opening(problem) if self.of else jacobi_step(problem)
-        step, history, phase = opening or of.step_of(problem), self.differences(problem), _Phases()
+        step = opening or of.step_of(problem)
+        history = self.differences(problem)
+        phase = _Phases()
         ahead: list[Stepped] = []
-        sweeps, plain, least = 0, None, np.inf
+        sweeps = 0
+        plain = None
+        least = np.inf
         while True:
             if sweeps == 1 and opening:
-                step, opening = of.step_of(problem), None
+                step = of.step_of(problem)
+                opening = None
             try:
                 ahead = ahead or in_a_row(step, z, self.mixing_frequency - sweeps % self.mixing_frequency)
                 image, hint = ahead.pop(0)
             except MapError:
                 if plain is None:
                     raise
-                image, hint = z, np.nan
+                image = z
+                hint = np.nan
             residual = _residual(problem, z, hint)
             if plain is None or residual <= _FAR * least:
                 yield z, residual
             if plain is not None and not residual <= _GROWTH * least:
-                z, plain, ahead = plain, None, []
+                z = plain
+                plain = None
+                ahead = []
                 history.forget()
                 continue
-            least, sweeps, plain, following = min(least, residual), sweeps + 1, None, image
+            least = min(least, residual)
+            sweeps = sweeps + 1
+            plain = None
+            following = image
             if not phase.accelerates(least):
                 history.forget()
             else:
                 history.add(z, image)
                 if sweeps % self.mixing_frequency == 0 and (combined := history.combined()) is not None:
-                    following, plain, ahead = combined, image, []
+                    following = combined
+                    plain = image
+                    ahead = []
             z = following
 
 

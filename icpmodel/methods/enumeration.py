@@ -60,7 +60,8 @@ class Enumerate(Method):
         yield z, None
         affine = problem.psi.linear is not None
         for _ in range(1 if affine else _LINEARISATIONS):
-            rows, best = LinearRows.of(problem, z), (np.inf, z)
+            rows = LinearRows.of(problem, z)
+            best = (np.inf, z)
             undecided = []
             for batch in rows.batches():
                 undecided.append(batch.sides[~batch.empty])
@@ -78,7 +79,8 @@ class Enumerate(Method):
 
 def _exactly(problem: ProblemData, undecided: Sides) -> Iterator[Iterate]:
     """Solutions of the `undecided` pieces in fractions, rounded. Raises Infeasible where there are none."""
-    exact, any_found = ExactRows(problem), False
+    exact = ExactRows(problem)
+    any_found = False
     for sides in undecided:
         if (found := exact.solve(sides)) is not None:
             any_found = True

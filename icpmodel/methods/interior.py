@@ -38,10 +38,15 @@ _PATIENCE = 20
 #: what of W is added to A at first, and where A is not symmetric: entries are then not bounded by those of the
 #: diagonal, and the square of what is added has to be above rounding, or pivots may come to 0; and the least that is
 #: added where factors have been accurate with more, next to rounding
-_STEADY, _STEADY_SKEW, _STEADY_LEAST = 1e-9, 1e-7, 1e-13
+_STEADY = 1e-9
+_STEADY_SKEW = 1e-7
+_STEADY_LEAST = 1e-13
 #: a tenth is added after a solve that has lost up to √ε of its right-hand side, a hundred times as much, and the solve
 #: made again, where it has lost the root of that
-_ACCURATE, _ROUGH, _LESS, _MORE = 2.0**-26, 2.0**-13, 0.1, 100.0
+_ACCURATE = 2.0**-26
+_ROUGH = 2.0**-13
+_LESS = 0.1
+_MORE = 100.0
 #: the share of the way to the boundary that is gone
 _NEARLY_ALL = 0.995
 #: the least room between two obstacles, as a share of what rows with one have
@@ -207,7 +212,8 @@ class InteriorPath:
     def advance(self) -> bool:
         """One step, False where it fails."""
         work.add(self.problem.facts.newton_cost)
-        r, s = self.r, self.s
+        r = self.r
+        s = self.s
         both = max(int(np.count_nonzero(self.bounded)), 1)
         size = inner(r.ravel(), s.ravel()) / both
         while True:
@@ -233,7 +239,8 @@ class InteriorPath:
 
     def _direction(self, solve: Callable[[Vector], Vector], target: Vector) -> tuple[Vector, Vector, Vector, float]:
         """The ways of z, r and s where rs falls by `target`, and how many times as long as to the boundary they are."""
-        r, s = self.r, self.s
+        r = self.r
+        s = self.s
         dz = solve(self.rest - np.where(self.bounded, (target + s * self.gap) / r, 0.0) @ self.sign)
         dr = self.sign * np.column_stack([dz - J @ dz if J.nnz else dz for J in self.slopes]) + self.gap
         ds = np.where(self.bounded, -(target + s * dr) / r, 0.0)

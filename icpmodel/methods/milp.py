@@ -31,7 +31,8 @@ _MARGIN = 0.01
 #: the first active set ends the search, whatever the objective could be
 _ANY_GAP = 1e9
 #: active sets that are excluded because their solution does not hold, and linearisations of an obstacle
-_CUTS, _LINEARISATIONS = 5, 20
+_CUTS = 5
+_LINEARISATIONS = 20
 
 
 class ActiveRows(NamedTuple):
@@ -135,12 +136,14 @@ def proved_limits(rows: LinearRows) -> Dense:
 
     All are ∞ where some z with the right signs go to infinity. Raises OutOfTime.
     """
-    n, (below, above) = rows.n, (np.isfinite(rows.c), np.isfinite(rows.d))
+    n = rows.n
+    (below, above) = (np.isfinite(rows.c), np.isfinite(rows.d))
     M = np.stack([rows.A, -rows.A, rows.R, -rows.S])
     v = np.stack([rows.q, -rows.q, np.where(below, -rows.c, 0.0), np.where(above, rows.d, 0.0)])
     # p ≥ 0 where there is no obstacle above, p ≤ 0 where there is none below
     signs = np.stack([~above, ~below, below, above])
-    G, g = M[signs], v[signs]
+    G = M[signs]
+    g = v[signs]
     work.afford()
     if (most := _largest(G.sum(axis=0), G, np.zeros(len(g)), 1.0)) is None or most > _MARGIN:
         return np.full((4, n), np.inf)
@@ -169,7 +172,8 @@ def active_set(rows: LinearRows, most: MostOf, cuts: list[Vector]) -> ActiveRows
     """
     from scipy.optimize import Bounds, LinearConstraint, milp
 
-    n, (below, above) = rows.n, (np.isfinite(rows.c), np.isfinite(rows.d))
+    n = rows.n
+    (below, above) = (np.isfinite(rows.c), np.isfinite(rows.d))
     constraints = _constraints(rows, most)
     for cut in cuts:
         sign = np.where(cut > 0.5, 1.0, -1.0)
@@ -191,7 +195,8 @@ def active_set(rows: LinearRows, most: MostOf, cuts: list[Vector]) -> ActiveRows
         raise OutOfTime("branch and bound did not end in what was left of the time")
     if found.x is None:
         return None
-    lower, upper = found.x[n : 2 * n] < 0.5, found.x[2 * n :] < 0.5
+    lower = found.x[n : 2 * n] < 0.5
+    upper = found.x[2 * n :] < 0.5
     return ActiveRows(lower | upper, upper & ~lower, np.round(found.x[n:]))
 
 
@@ -200,7 +205,8 @@ def _constraints(rows: LinearRows, most: MostOf) -> list[tuple[Any, Any, Any]]:
 
     y_i = 1: above the lower obstacle, so p_i ≤ 0; y'_i = 1: below the upper one, so p_i ≥ 0.
     """
-    n, (below, above) = rows.n, (np.isfinite(rows.c), np.isfinite(rows.d))
+    n = rows.n
+    (below, above) = (np.isfinite(rows.c), np.isfinite(rows.d))
     nothing = sp.csr_array((n, n))
     p, minus_p, r, s = (sp.diags_array(limit) for limit in most.limits)
     return [

@@ -62,7 +62,8 @@ class MMS(Method):
         return positive_diagonal(problem, "Omega = D/2 must be positive") if self.omega is None else None
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
-        A, q = problem.A, problem.q
+        A = problem.A
+        q = problem.q
         omega = A.diagonal() / 2 if self.omega is None else as_vector(self.omega, problem.n, "omega")
         operator = self.splitting.operator(A, omega)
         psi = problem.psi.value(z)

@@ -29,14 +29,17 @@ from .newton import Newton
 
 #: a coarser level is left at this share of the residual that it begins with, which is below what interpolation to the
 #: next one brings in, as full multigrid has it; at this one of its Res_D(0) at the latest; or after so many looks
-_COARSE, _LEAST, _LOOKS = 0.05, 1e-8, 8
+_COARSE = 0.05
+_LEAST = 1e-8
+_LOOKS = 8
 #: where ψ is an intervention, at the second one or after so many: a step there costs little against the finest level's
 _POLICIES = 30
 #: a start with this share of Res_D(0) is kept, ten times what is asked for by default; with more the error may be
 #: smooth and large, as what sweeps leave
 _NEAR = 1e-7
 #: where so many looks do not halve the residual, or the second number do not reduce it at all, others do better
-_PATIENCE, _SHORT_PATIENCE = 12, 5
+_PATIENCE = 12
+_SHORT_PATIENCE = 5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -74,7 +77,8 @@ class Multilevel(Method):
 
     def start(self, hierarchy: Hierarchy, problem: ProblemData) -> Vector:
         """z from the coarser levels, each of which begins with the answer of the one below it."""
-        problems, shifts = [problem], []
+        problems = [problem]
+        shifts = []
         for level, coarser in pairwise(hierarchy.levels):
             coarse, shift = coarse_problem(problems[-1], level, coarser)
             problems.append(coarse)
@@ -103,15 +107,22 @@ class Multilevel(Method):
         start = z if first <= _NEAR * at_0 else self.start(hierarchy, simple)
         if problem.psi.takes_best:
             return start if problem.residual(start) <= min(first, at_0) else z
-        mark, least, halved_at, better_at, best = np.inf, np.inf, 0, 0, z
+        mark = np.inf
+        least = np.inf
+        halved_at = 0
+        better_at = 0
+        best = z
         for look, (iterate, residual) in enumerate(newton_looks(hierarchy, simple, start, 0)):
             if not residual < np.inf:
                 break
             yield iterate, residual if simple is problem else None
             if residual < least:
-                least, better_at, best = residual, look, iterate
+                least = residual
+                better_at = look
+                best = iterate
             if residual <= 0.5 * mark:
-                mark, halved_at = residual, look
+                mark = residual
+                halved_at = look
             if look - halved_at >= _PATIENCE or look - better_at >= _SHORT_PATIENCE:
                 break
         return best
@@ -123,7 +134,9 @@ def coarse_problem(problem: ProblemData, level: Level, coarser: Level) -> tuple[
     Points that are not kept solve their own equation: s = −q/D there, so that rows without a coarse neighbour and those
     at a boundary do not lose their q.
     """
-    P, kept, psi = level.P, level.kept, problem.psi
+    P = level.P
+    kept = level.kept
+    psi = problem.psi
     shift = -problem.q * level.inverse
     shift[kept] = 0.0
     return coarser.problem.with_q(P.T @ problem.p(shift)).with_psi(psi.coarsened(P, shift, kept)), shift

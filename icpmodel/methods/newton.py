@@ -44,13 +44,15 @@ _REDUCED = 0.9
 #: the share of the largest move up to which moves the other way are rounding: 1e-11 of them was seen, with 1e5 for z
 _ROUNDED = 1e-6
 #: Armijo's share of the slope, and how often a step is halved
-_SLOPE, _HALVINGS = 1e-4, 30
+_SLOPE = 1e-4
+_HALVINGS = 30
 #: so many descents without a new mark are the last ones
 _DESCENTS = 40
 #: what is added where the Newton matrix of φ is singular
 _SHIFT = 1e-6
 #: the relative tolerance of an inexact solve, in the first steps and near the solution
-_LOOSE, _TIGHT = 1e-3, 1e-8
+_LOOSE = 1e-3
+_TIGHT = 1e-8
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -107,13 +109,18 @@ class Point:
 
     def derivative(self) -> tuple[sp.csr_array, Vector]:
         """V, an element of the generalised derivative of φ at z, and the sum of the slopes that it is made of."""
-        problem, (of_p, of_r) = self.problem, self.outer.slopes()
-        identity, total, V = sp.eye_array(problem.n), of_r, 0
+        problem = self.problem
+        (of_p, of_r) = self.outer.slopes()
+        identity = sp.eye_array(problem.n)
+        total = of_r
+        V = 0
         if self.inner is not None:
             assert problem.upper is not None
             inner, of_s = self.inner.slopes()
-            of_p, of_s = of_p * inner, of_p * of_s
-            J, total = derivative(problem.upper, self.z), total + of_s
+            of_s = of_p * of_s
+            of_p = of_p * inner
+            J = derivative(problem.upper, self.z)
+            total = total + of_s
             V = sp.diags_array(of_s) @ (identity - J)
         J = self.jacobian if self.above is None else derivative(problem.psi, self.z)
         V = V + sp.diags_array(of_p / self.omega) @ problem.A + sp.diags_array(of_r) @ (identity - J)
@@ -122,7 +129,8 @@ class Point:
 
 def _within_reach(problem: ProblemData, a: Vector, gap: Vector) -> Vector:
     """`a` = p/Ω, in rows that are not dominant no more than half the `gap` between the obstacles."""
-    rows, half = problem.matrix.rows, 0.5 * gap
+    rows = problem.matrix.rows
+    half = 0.5 * gap
     free = (rows.rest > np.abs(rows.diagonal)) & (half > 0)
     return np.where(free, np.clip(a, -half, half), a)
 
@@ -144,7 +152,8 @@ class _Fischer:
         corner = self.root == 0
         root = np.where(corner, 1.0, self.root)
         in_a, in_b = (np.where(corner, 1.0 - np.sqrt(0.5), 1.0 - side / root) for side in (self.a, self.b))
-        in_a[self.free], in_b[self.free] = 1.0, 0.0
+        in_a[self.free] = 1.0
+        in_b[self.free] = 0.0
         return in_a, in_b
 
 
@@ -215,17 +224,21 @@ class Path(Iterator[Iterate]):
 
     def plain(self) -> Point | None:
         """A step of the active set method, None where θ would be above its mark for too long."""
-        own, active = self.here.active, self._foreseen()
+        own = self.here.active
+        active = self._foreseen()
         new = self._reached(active)
         if active is not own:
             further = own & ~active
             if new is None or 2 * np.count_nonzero(new.active & further) > np.count_nonzero(further):
                 self.alike *= 2
-                active, new = own, self._reached(own)
+                active = own
+                new = self._reached(own)
         if new is None:
             return None
-        moved, before = new.z - self.here.z, self.way
-        down, up = max(-float(moved.min()), 0.0), max(float(moved.max()), 0.0)
+        moved = new.z - self.here.z
+        before = self.way
+        down = max(-float(moved.min()), 0.0)
+        up = max(float(moved.max()), 0.0)
         self.way = int(down <= _ROUNDED * up) - int(up <= _ROUNDED * down)
         self.taken = active
         if not self.shrunk:
@@ -241,9 +254,11 @@ class Path(Iterator[Iterate]):
         """
         from scipy.sparse.csgraph import dijkstra
 
-        active, taken = self.here.active, self.taken
+        active = self.here.active
+        taken = self.taken
         free = taken & ~active
-        before, self.dropped = self.dropped, int(np.count_nonzero(free))
+        before = self.dropped
+        self.dropped = int(np.count_nonzero(free))
         self.shrunk = self.shrunk + 1 if self.dropped and not (active & ~taken).any() else 0
         if not (self.shrunk > self.alike and 2 * self.dropped > before):
             return active
@@ -254,7 +269,8 @@ class Path(Iterator[Iterate]):
 
     def _reached(self, active: Mask) -> Point | None:
         """Where the step with this active set leads."""
-        here, J = self.here, self.here.jacobian
+        here = self.here
+        J = self.here.jacobian
         # inexact solves follow the residual
         tolerance = min(_LOOSE, max(_TIGHT, here.theta / self.first)) if self.first > 0 else _TIGHT
         if self.kept is None or self.kept[1] is not J or not np.array_equal(self.kept[0], active):

@@ -37,16 +37,21 @@ from ..theory.certificates.recession import Recession
 from .contract import Infeasible, Iterate, Least, Method
 
 #: the first μ, in units of W, and what is left of it after a problem that took at most `_QUICK` steps, or more
-_FIRST, _FALLS, _FALLS_SLOWLY, _QUICK = 0.1, 0.2, 0.5, 3
+_FIRST = 0.1
+_FALLS = 0.2
+_FALLS_SLOWLY = 0.5
+_QUICK = 3
 #: so many steps may pass without a reduction of the subproblem's residual by a tenth; then μ grows by this factor
-_PATIENCE, _GROWS = 5, 5.0
+_PATIENCE = 5
+_GROWS = 5.0
 #: a problem is done where its residual is below this share of that of the LCP
 _SHARE = 0.1
 #: smaller shifts do nothing to the pivots
 _LEAST = 1e-12
 #: μ after the first problem: where A is singular rounding over μ is what the iterates drift by, and where A is not
 #: symmetric pivots may be the square of μ
-_NEXT, _NEXT_SKEW = 1e-10, 1e-6
+_NEXT = 1e-10
+_NEXT_SKEW = 1e-6
 #: so many steps without a better iterate are the last ones
 _LAST = 100
 

@@ -23,7 +23,8 @@ from .shortcuts import Lemke
 _STEPS = 60
 #: tries for each start of Newton's method, where pivots make them and where nothing else does: at n = 20 a start took
 #: as long as 1500 tries with pivots, and succeeded five times as often
-_PIVOTED, _ALONE = 100, 20
+_PIVOTED = 100
+_ALONE = 20
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -87,7 +88,8 @@ class Restarts(Method):
                 lcp = dense_lcp(problem)
         every = _ALONE if lcp is None else _PIVOTED
         has_newton = Newton().why_not(problem) is None
-        scale, start = _scale(problem, z), z
+        scale = _scale(problem, z)
+        start = z
         for k in range(self.tries):
             with suppress(MapError):
                 if lcp is not None and (found := _pivoted(problem, lcp, rng)) is not None:

@@ -27,9 +27,11 @@ from ..theory.certificates.recession import multipliers
 from .contract import Infeasible, Iterate, Method, positive_diagonal
 
 #: how often a step of Josephy's is halved, and the share of its length by which it has to reduce Res
-_HALVINGS, _SLOPE = 6, 0.1
+_HALVINGS = 6
+_SLOPE = 0.1
 #: rounds of Newton's steps, and steps in a round; where A is an M-matrix one step is the rule
-_ROUNDS, _STEPS = 5, 10
+_ROUNDS = 5
+_STEPS = 10
 #: steps of iterative refinement, for those who ask for the last digit
 _REFINEMENTS = 2
 
@@ -77,7 +79,8 @@ class Lemke(Shortcut):
         lcp = dense_lcp(problem)
         state = lcp.start()
         for entering in (START, NUDGED):
-            seen, ended = set[bytes](), UNFINISHED
+            seen = set[bytes]()
+            ended = UNFINISHED
             while ended == UNFINISHED:
                 ended, entering, y, ray = some_pivots(state, entering, len(lcp.q))
                 if ended == SINGULAR:
@@ -175,9 +178,15 @@ class Tridiagonal(Shortcut):
         from ..algebra.kernels.tridiagonal import SETTLED, UNSETTLED, bands, newton, refine, release  # loads numba
 
         yield z, None
-        A, q, c, top = problem.A, problem.q, problem.facts.obstacle, problem.facts.upper_obstacle
-        matrix, held = bands(A.indptr, A.indices, A.data), c if top is None else c.copy()
-        free, ended, rounds = release(*matrix, q, c), UNSETTLED, 0
+        A = problem.A
+        q = problem.q
+        c = problem.facts.obstacle
+        top = problem.facts.upper_obstacle
+        matrix = bands(A.indptr, A.indices, A.data)
+        held = c if top is None else c.copy()
+        free = release(*matrix, q, c)
+        ended = UNSETTLED
+        rounds = 0
         while ended == UNSETTLED and rounds < _ROUNDS:
             found, ended = newton(*matrix, q, c, top, held, free, _STEPS)
             rounds += 1

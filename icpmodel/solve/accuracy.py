@@ -18,7 +18,9 @@ from .run import Run
 from .solution import Status
 
 #: a bound falls about as a residual does: the tolerance becomes this share of what would then do, within the other two
-_SHARE, _LEAST, _MOST = 0.5, 1e-3, 0.5
+_SHARE = 0.5
+_LEAST = 1e-3
+_MOST = 0.5
 
 
 def solve_to_accuracy(run: Run, accuracy: float, carry_out: Callable[[], None]) -> None:
@@ -51,7 +53,8 @@ def solve_to_accuracy(run: Run, accuracy: float, carry_out: Callable[[], None]) 
         carry_out()
         if run.best is None:
             return
-        z, before = run.best.z, residual
+        z = run.best.z
+        before = residual
         residual = run.best.residual
         bound = certified(problem, z)
         if run.ended.status is not Status.SOLVED or not residual < before:

@@ -37,13 +37,17 @@ FAMILIES = ("paper", "modulus", None)
 #: accelerated sweeps are tried for the first share of what the next method is expected to cost, or for the second one
 #: where they are expected to cost more than so many times as much; sweeps that would have ended soon go on by the rate
 #: that was seen. Not tested for matrices whose rows have more than some hundred entries
-_TRIAL, _BRIEF_TRIAL, _HOPELESS = 0.25, 0.125, 1.0
+_TRIAL = 0.25
+_BRIEF_TRIAL = 0.125
+_HOPELESS = 1.0
 #: sweeps that are made before a rate is read off: plain ones, and accelerated ones, twice their history; plain ones go
 #: on where the second number of them will do
-_PLAIN, _ACCELERATED = 12, 20
+_PLAIN = 12
+_ACCELERATED = 20
 #: a method that has spent so many times what it said is stopped; by its rate it has left what it has spent, and at most
 #: so many times that
-_OVERRUN, _STILL = 2.0, 4.0
+_OVERRUN = 2.0
+_STILL = 4.0
 
 
 class Estimate(NamedTuple):
@@ -356,7 +360,8 @@ def why_none(problem: ProblemData) -> str:
 
 def _floor(problem: ProblemData, family: str | None) -> float:
     """The least that rung 5 can cost, from n and the entries of A alone."""
-    matrix, facts = problem.matrix, problem.facts
+    matrix = problem.matrix
+    facts = problem.facts
     factors = min(work.least_factor_cost(matrix.n, matrix.nnz), work.dense_cost(matrix.n))
     floor = factors + facts.newton_cost
     if family != "paper":
@@ -388,7 +393,8 @@ def _sweep_steps(facts: Facts, aim: float, method: Method) -> float:
 
 
 def _sweeps(method: Method, facts: Facts, aim: float) -> Estimate:
-    n, costs = facts.matrix.n, work.COSTS
+    n = facts.matrix.n
+    costs = work.COSTS
     step = costs.iterate + work.sweep(n, facts.entries)
     vectors = 0.0
     if isinstance(method, Accelerated):
@@ -414,7 +420,8 @@ def _newton(method: Method, facts: Facts, aim: float) -> Estimate:
 
 def _multilevel_costs(facts: Facts) -> tuple[float, float]:
     """The set-up and a step."""
-    matrix, costs = facts.matrix, work.COSTS
+    matrix = facts.matrix
+    costs = work.COSTS
     coarser = 2.0 * math.log2(max(matrix.n / 64.0, 1.0))  # steps
     setup = hierarchy_cost(matrix.n, matrix.nnz) + coarser * costs.newton
     cycles = 3.0 * cycle_cost(matrix.n, matrix.nnz)

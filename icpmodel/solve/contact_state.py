@@ -85,8 +85,10 @@ def contact_state(solution: Solution) -> ContactState:
     psi: Any = solution.problem.psi
     if not isinstance(psi, FrictionIndex):
         raise NotApplicable(f"psi is {psi!r}; a problem made by ICP.from_friction_index was expected")
-    problem, tolerance = solution.problem, solution.tolerance
-    weights, rounding = problem.matrix.row_weights, problem.rounding(solution.z)[0]
+    problem = solution.problem
+    tolerance = solution.tolerance
+    weights = problem.matrix.row_weights
+    rounding = problem.rounding(solution.z)[0]
     moving = weights * np.abs(solution.p) > tolerance + weights * rounding
     friction = psi.friction
     apart = moving & ~friction & (psi.low == 0.0) & np.isposinf(psi.high)

@@ -34,7 +34,8 @@ from .solution import History, Solution, Status
 _LOG = logging.getLogger("icpmodel")
 #: steps are forecast for this share of Res_D(0) where less is asked for, as rounding may not allow it, and for the
 #: second one where more would do
-_LEAST_AIM, _MOST_AIM = 1e-14, 0.5
+_LEAST_AIM = 1e-14
+_MOST_AIM = 0.5
 #: ends for which rounding is a better reason, where there is one
 _NO_FURTHER = (Status.STAGNATED, Status.CYCLED, Status.DIVERGED)
 
@@ -48,7 +49,8 @@ def _residual(run: Run, z: Vector) -> float:
 def _is_luck(run: Run, z: Vector) -> bool:
     """Whether rounding alone makes the residual of `z`, which was judged otherwise, small enough."""
     with contextlib.suppress(MapError):
-        goal, problem = run.goal, run.problem
+        goal = run.goal
+        problem = run.problem
         if goal.problem is not None:
             return problem.residual(z) <= goal.tolerance_at(z) or problem.paper_residual(z) <= goal.atol
     return False
@@ -262,7 +264,8 @@ def carry_out(run: Run, steps: Iterator[None]) -> None:
 
 def judged(run: Run) -> Best:
     """The best iterate by the judge's word: hints chose it, and may have hidden that the last one is better."""
-    problem, best = run.problem, run.best
+    problem = run.problem
+    best = run.best
     assert best is not None
     # of a z that solved the judge has just spoken
     judged = [] if run.ended.status is Status.SOLVED and not problem.psi.at_users_word else [best]
@@ -280,21 +283,28 @@ def judged(run: Run) -> Best:
 def solution_of(run: Run, limits: Limits) -> Solution:
     """What the run found."""
     best = judged(run)
-    last, status, note = run.job, run.ended.status, run.ended.note
+    last = run.job
+    status = run.ended.status
+    note = run.ended.note
     if limits.accuracy is None and run.goal.reached(best.z, best.residual):
         status = Status.SOLVED
     elif status is Status.SOLVED and limits.accuracy is None:
-        status, note = Status.MAP_FAILED, "psi gives different values at the same z"
+        status = Status.MAP_FAILED
+        note = "psi gives different values at the same z"
     elif status in _NO_FURTHER and _is_luck(run, best.z):
-        status, note = Status.PRECISION_LIMIT, "only as float64 rounds it is the residual of this z small enough"
+        status = Status.PRECISION_LIMIT
+        note = "only as float64 rounds it is the residual of this z small enough"
     if status not in (Status.SOLVED, Status.INTERRUPTED, Status.STOPPED) and (crossed := _crossed(run.problem, best.z)):
-        status, note = Status.CROSSED, crossed
+        status = Status.CROSSED
+        note = crossed
     found = contradiction(run.problem) if status in (*_NO_FURTHER, Status.INFEASIBLE) else None
     if found is not None and status is not Status.INFEASIBLE:
         witness = found.witness(run.problem.n)
         answer = infeasible(run.problem, witness[: run.problem.n] if run.problem.psi.is_constant else witness)
         if answer.holds:
-            run.infeasible, status, note = answer, Status.INFEASIBLE, answer.reason
+            run.infeasible = answer
+            status = Status.INFEASIBLE
+            note = answer.reason
     message = "solved"
     if status is Status.SOLVED:
         last = best.job
@@ -358,7 +368,8 @@ def _crossed_for_good(run: Run) -> bool:
 def _crossed(problem: ProblemData, z: Vector) -> str:
     """In which row ψ > ψ̄ at `z`, beyond rounding; empty where there is none."""
     with contextlib.suppress(MapError):
-        below, above = problem.r(z), problem.r_upper(z)
+        below = problem.r(z)
+        above = problem.r_upper(z)
         if above is not None:
             gap = above - below - 2.0 * problem.rounding(z)[1]
             if (gap > 0.0).any():

@@ -68,8 +68,10 @@ class Stalled:
 
     def look(self, z: Vector, residual: float) -> Ended | None:
         """Whether the next iterate, `z`, is the last."""
-        k, self.step = self.step, self.step + 1
-        before, self.before = self.before, z
+        k = self.step
+        self.step = self.step + 1
+        before = self.before
+        self.before = z
         if residual < self.better_residual:
             self.better_at, self.better_residual = k, residual
         if self.memoryless and residual == self.milestone_residual and np.array_equal(z, self.milestone_z):

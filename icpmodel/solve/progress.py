@@ -20,7 +20,8 @@ from ..present.shown import Shown
 
 #: how often a bar is drawn, in seconds; and how far the lines of a log, which come after 1, 2, 4, … seconds, are apart
 #: at the most
-_DRAWN, _APART = 0.1, 60.0
+_DRAWN = 0.1
+_APART = 60.0
 _LOG = logging.getLogger("icpmodel")
 #: what the status line shows that is open
 _OPEN: ContextVar[Callable[[str], None] | None] = ContextVar("status line", default=None)
@@ -175,7 +176,8 @@ def _status(wanted: bool, opening: str, clock: Callable[[], float]) -> Iterator[
         with Console(stderr=True).status(escape(opening)) as status:
             yield lambda text: status.update(escape(text))
     else:
-        write, pace = _write if wanted else _LOG.info, _Pace(clock, log=True)
+        write = _write if wanted else _LOG.info
+        pace = _Pace(clock, log=True)
         if opening:
             write(opening)
         yield lambda text: write(text) if pace.is_due() else None

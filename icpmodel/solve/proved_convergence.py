@@ -75,7 +75,8 @@ class ProvedConvergence:
         """
         if self.rate is None:
             return None
-        G, matrix = self.problem.psi.lipschitz, self.problem.matrix
+        G = self.problem.psi.lipschitz
+        matrix = self.problem.matrix
         growth = matrix.row_weights * (abs(self.problem.A) @ np.ones(self.problem.n))
         most = norm(np.maximum(growth, 1.0 if G is None else 1.0 + G @ np.ones(self.problem.n)))
         accuracy = tolerance / most

@@ -40,7 +40,8 @@ from .run import Run
 from .solution import Status
 
 #: the share of the tolerance of the whole that parts get together, and stages that others depend on
-_SHARE, _EARLIER = 0.5, 1e-3
+_SHARE = 0.5
+_EARLIER = 1e-3
 #: the open rows are left at this share of the residual that they had when the border was last seen
 _CLOSER = 0.1
 #: ends of a part that end the whole
@@ -232,7 +233,8 @@ class _Parts:
 
 def proved_of_earlier(problem: ProblemData, rows: Rows, z: Vector) -> Known | None:
     """What is proved of the unknowns that the `rows` hang on, where these have an answer of their own near `z`."""
-    A, seen = problem.A, np.zeros(problem.n, dtype=bool)
+    A = problem.A
+    seen = np.zeros(problem.n, dtype=bool)
     seen[rows] = True
     new = rows
     while new.size:
@@ -246,7 +248,8 @@ def proved_of_earlier(problem: ProblemData, rows: Rows, z: Vector) -> Known | No
     bound = error_bound(restricted(problem, earlier, z), z[earlier])
     if bound.componentwise is None:
         return None
-    low, high = np.full(problem.n, -np.inf), np.full(problem.n, np.inf)
+    low = np.full(problem.n, -np.inf)
+    high = np.full(problem.n, np.inf)
     low[earlier] = np.nextafter(z[earlier] - bound.componentwise, -np.inf)
     high[earlier] = np.nextafter(z[earlier] + bound.componentwise, np.inf)
     return Known(low, high, bound.proof)

@@ -31,7 +31,8 @@ _LOG = logging.getLogger("icpmodel")
 _LOG.addHandler(logging.NullHandler())
 #: after so many steps without a better iterate, or twice the number of unknowns (a signal may have to cross them all)
 #: up to the second number, the run counts as stagnated
-PATIENCE, _LONGEST_PATIENCE = 1000, 50_000
+PATIENCE = 1000
+_LONGEST_PATIENCE = 50_000
 #: rounding explains nothing where it leaves more than this share of the first residual: z has run away
 _LOW = 0.1
 #: a residual this many times the first one is taken for divergence even before it overflows

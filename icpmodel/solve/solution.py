@@ -247,7 +247,8 @@ class Solution(ReadOnly, Plotted):
         >>> rough.polish().z
         array([0.5, 0. ])
         """
-        problem, known = self.problem, self.active_set
+        problem = self.problem
+        known = self.active_set
         try:
             with limited(self.time_limit, self.memory_limit):
                 z = solve_on(problem, self.z, *known.completed(pattern_at(problem, self.z)))
@@ -330,10 +331,13 @@ class Solution(ReadOnly, Plotted):
         """
         plural = "" if self.iterations == 1 else "s"
         try:
-            bound, rows_known = self.certificate.bound, str(self.active_set)
+            bound = self.certificate.bound
+            rows_known = str(self.active_set)
         except MapError as error:
-            bound, rows_known = ErrorBound.none(str(error).replace("; ", ", ")), ""
-        last, found = "", "" if self.settled is self.method else f", in the end {self.settled!r}"
+            bound = ErrorBound.none(str(error).replace("; ", ", "))
+            rows_known = ""
+        last = ""
+        found = "" if self.settled is self.method else f", in the end {self.settled!r}"
         if self.last_method is not self.method:
             last = f"; the last method was {self.last_method!r}"
             found += ", which found this z"
@@ -383,7 +387,8 @@ class Solution(ReadOnly, Plotted):
         >>> ICP([[2.0]], [-1.0]).solve().about()["status"]
         'solved'
         """
-        certificate, known = self.certificate, self.active_set
+        certificate = self.certificate
+        known = self.active_set
         numbers = {field.name: getattr(certificate, field.name) for field in fields(certificate)}
         bound = numbers.pop("bound")
         told = {

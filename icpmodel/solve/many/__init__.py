@@ -23,7 +23,8 @@ from .batch import CHAIN, SHARE, Batch
 #: a share without rows, which is sent first: whether anything can be
 _NOTHING = (0, 0)
 #: what is found for a share: by row, and else
-_BY_ROW, _ELSE = ("Z", "residuals", "tolerances", "solved"), ("failures", "alone", "compiled")
+_BY_ROW = ("Z", "residuals", "tolerances", "solved")
+_ELSE = ("failures", "alone", "compiled")
 #: what this worker has no more to do, as Ctrl-C came: by when it began
 _INTERRUPTED: set[float] = set()
 
@@ -100,15 +101,19 @@ def _by_workers(batch: Batch, make: Any) -> None:
     if not callable(make):
         wanted = "a function that makes a pool was expected, such as ProcessPoolExecutor or Dask's client.get_executor"
         raise InputError(f"executor is {described(make)}; {wanted}")
-    k, price, limit = len(batch.Z), batch.price(), batch.limits.time_limit
+    k = len(batch.Z)
+    price = batch.price()
+    limit = batch.limits.time_limit
     size = CHAIN if price is None else CHAIN * int(np.ceil(SHARE / price / CHAIN))
     groups = [[(low, min(low + size, k)) for low in range(0, k, size)], [_NOTHING]]
-    pool, begun = None, time.time() - batch.elapsed()
+    pool = None
+    begun = time.time() - batch.elapsed()
     ends: dict[tuple[int, int], Future[Any]] = {}
     tried: set[tuple[int, int]] = set()
     try:
         while groups:
-            group, pool = groups.pop(), pool or make()
+            group = groups.pop()
+            pool = pool or make()
             with suppress(BrokenExecutor):
                 for share in group:
                     ends[share] = pool.submit(_done, _part(batch, *share), begun)
@@ -116,9 +121,12 @@ def _by_workers(batch: Batch, make: Any) -> None:
             left = None if limit is None else max(1.1 * limit + 0.2 - batch.elapsed(), 0.0)
             if wait(ends.values(), timeout=left).not_done:
                 break
-            failed, ends = _failed(batch, group, ends), {}
+            failed = _failed(batch, group, ends)
+            ends = {}
             if failed:
-                pool, half, (low, high) = pool.shutdown(), len(failed) // 2, failed[0]
+                pool = pool.shutdown()
+                half = len(failed) // 2
+                (low, high) = failed[0]
                 if half:
                     groups += [failed[half:], failed[:half]]
                 elif failed[0] not in tried:
@@ -165,7 +173,8 @@ def _part(batch: Batch, low: int, high: int) -> Batch:
     def cut(rows: Any) -> Any:
         return rows if rows is None or len(rows) == 1 else rows[low:high]
 
-    part, stated = copy.copy(batch), batch.stated
+    part = copy.copy(batch)
+    stated = batch.stated
     for name in ("maps", "obstacles", "uppers", "above", "starts"):
         setattr(part, name, cut(getattr(batch, name)))
     for name in ("Q", *_BY_ROW):

@@ -37,7 +37,8 @@ _STEPS = 50
 #: arrays of the size of Q that the rows at once take
 _COPIES = 6
 #: so many rows, or unknowns where A is tridiagonal, are worth a thread of their own
-ROWS_A_THREAD, UNKNOWNS_A_THREAD = 200, 20_000
+ROWS_A_THREAD = 200
+UNKNOWNS_A_THREAD = 20_000
 #: so many rows that are solved one by one start each from the answer of the one before; the next one begins anew, so
 #: that a share of the rows in another process has the same answers: measured, a cold row costs .7 to 2 times as much
 CHAIN = 16
@@ -95,7 +96,8 @@ class Batch:
         self.starts = None if Z0 is None else _rows(getattr(Z0, "Z", Z0), "Z0", 0.0)
         k = _common(A=matrices, Q=Q, psi=self.maps, upper=self.uppers, Z0=self.starts)
         # what is wrong in a row is said before another one is solved
-        below, above = (psi, self.maps), (upper, self.uppers)
+        below = (psi, self.maps)
+        above = (upper, self.uppers)
         of_all = limits.atol, limits.time_limit, limits.memory_limit
         self.stated = Stated([], np.broadcast_to(Q, (k, Q.shape[1])), below, above, *of_all)
         first = self.stated.sides(0)
@@ -143,7 +145,10 @@ class Batch:
     def at_once(self) -> None:
         """The rows in compiled code, where there is some for them, while the limits allow it; a row is solved where its
         residual says so."""
-        problem, psi, small, price = self.problem, self.problem.psi, self.small, self.price()
+        problem = self.problem
+        psi = self.problem.psi
+        small = self.small
+        price = self.price()
         if price is None:
             return
         with (
@@ -169,9 +174,12 @@ class Batch:
 
     def _affine(self, psi: Map, rows: Matrix | None) -> tuple[Matrix, Any]:
         """c and G of one obstacle Gz + c, c row by row, be it fixed: then G is None."""
-        facts, G, c = self.problem.facts, None, rows
+        facts = self.problem.facts
+        G = None
+        c = rows
         if self.affine and psi.linear is not None:
-            G, c = psi.linear[0].toarray(), psi.linear[1] if rows is None else rows
+            G = psi.linear[0].toarray()
+            c = psi.linear[1] if rows is None else rows
         elif rows is None:
             c = facts.obstacle if psi is self.problem.psi else facts.upper_obstacle
         return np.broadcast_to(np.asarray(c), self.Q.shape), G
@@ -189,11 +197,20 @@ class Batch:
     def _judged(self, Z: Matrix, Q: Matrix, C: Matrix, D: Matrix | None) -> tuple[Vector, Vector, Any]:
         """The residuals of the rows `Z`, which have the obstacles `C` and `D`, what they are held against, and which
         rows are solved."""
-        problem, psi, upper, zero = self.problem, self.problem.psi, self.problem.upper, np.zeros((1, self.problem.n))
-        here, p, above, above_0 = self._values(psi, Z, C), (problem.A @ Z.T).T + Q, None, None
+        problem = self.problem
+        psi = self.problem.psi
+        upper = self.problem.upper
+        zero = np.zeros((1, self.problem.n))
+        here = self._values(psi, Z, C)
+        p = (problem.A @ Z.T).T + Q
+        above = None
+        above_0 = None
         if upper is not None and D is not None:
-            above, above_0 = self._values(upper, Z, D), -self._values(upper, zero, D)
-        weights, below, top = problem.matrix.row_weights, Z - here, None if above is None else Z - above
+            above = self._values(upper, Z, D)
+            above_0 = -self._values(upper, zero, D)
+        weights = problem.matrix.row_weights
+        below = Z - here
+        top = None if above is None else Z - above
         residuals = row_norms(mid(weights * p, below, top))
         below_0 = -self._values(psi, zero, C)
         at_0 = row_norms(mid(weights * Q, below_0, above_0))
@@ -226,7 +243,9 @@ class Batch:
             Q = lcp.extended(Q, D)
             C = np.concatenate([C, np.zeros((len(C), len(lcp.q) - lcp.n))], axis=1)
         M, Q, C = read_only((lcp.M, Q, C))
-        X, scaled, limit = np.empty(Q.shape), scale(M), PIVOTS * (M.shape[0] + 1)
+        X = np.empty(Q.shape)
+        scaled = scale(M)
+        limit = PIVOTS * (M.shape[0] + 1)
         rows = lambda low, high: many(*scaled, M, Q[low:high], C[low:high], limit, X[low:high])  # noqa: E731
         in_parts(len(Q), self._threads(Q), rows)
         return X
@@ -235,7 +254,8 @@ class Batch:
         """What the direct method for tridiagonal A makes of the rows."""
         from ...algebra.kernels.tridiagonal import bands, many  # loads numba
 
-        A, Z = self.problem.A, np.zeros(Q.shape)
+        A = self.problem.A
+        Z = np.zeros(Q.shape)
         Q, C, D = read_only((Q, C, D))
         matrix = bands(A.indptr, A.indices, A.data)
         parts = lambda low, high: (Q[low:high], C[low:high], None if D is None else D[low:high], _STEPS, Z[low:high])  # noqa: E731
@@ -247,7 +267,8 @@ class Batch:
         if self.interrupted:
             self.failures[row] = Status.INTERRUPTED, "an earlier row was interrupted"
             return
-        limits, left = self.limits, None
+        limits = self.limits
+        left = None
         if limits.time_limit is not None:
             left = limits.time_limit - self.elapsed()
             if left <= 0.0:
