@@ -64,6 +64,16 @@ class Factors:
         place[self._columns] = self._lu.perm_c
         return place
 
+    def schur(self, k: int) -> sp.csr_array | None:
+        """The Schur complement of the last k rows and columns; None where they are not last
+        in the factors."""
+        low = self._columns.size - k
+        place = self._lu.perm_c[low:] - low
+        if place.min() < 0:
+            return None
+        product = sp.csr_array(self._lu.L[low:, low:] @ self._lu.U[low:, low:])
+        return sp.csr_array(product[place][:, place])
+
     def solve(self, f: Vector, trans: str = "N") -> Vector:
         """A⁻¹f, or A⁻ᵀf with `trans` = "T"; `f` of shape (n,) or (n, k)."""
         columns = f.size / f.shape[0]
@@ -251,6 +261,17 @@ def factorise(
     return factors if factors is not None and factors.pivots.min() > 0.0 else None
 
 
+def factors_and_schur(matrix: sp.csr_array, look: Look, last: NDArray[np.intp]) -> tuple[Factors, sp.csr_array] | None:
+    """Factors of a sparse matrix without exchanges of rows, and the Schur complement of the rows `last`.
+
+    None where a pivot is 0. Raises OutOfTime and OutOfMemory as `factorise` does. In `matrix` each of the `last` rows
+    but the first has an entry, be it 0, in the column of the one before, so that all of them come last.
+    """
+    factors = _of_pattern(matrix, look, True, last)
+    S = None if factors is None else factors.schur(last.size)
+    return None if factors is None or S is None else (factors, S)
+
+
 def of_dense(matrix: sp.csr_array, cholesky: bool = False) -> Full | None:
     """Those of a sparse matrix with all entries stored; raises OutOfTime and OutOfMemory as `factorise` does."""
     n = matrix.shape[0]
@@ -296,7 +317,9 @@ def _of_band(matrix: sp.csr_array, look: Look, definite: bool) -> Band | None:
     return None if failed or not np.isfinite(factors[below + above]).all() else Band(look.reach, factors, pivots)
 
 
-def _of_pattern(matrix: sp.csr_array, look: Look, diagonal_pivots: bool) -> Factors | None:
+def _of_pattern(
+    matrix: sp.csr_array, look: Look, diagonal_pivots: bool, last: NDArray[np.intp] | None = None
+) -> Factors | None:
     from scipy.sparse.linalg import splu
 
     from .kernels.graph import permuted
@@ -313,6 +336,8 @@ def _of_pattern(matrix: sp.csr_array, look: Look, diagonal_pivots: bool) -> Fact
     else:
         shifted = matrix
     fill, order = _seen(shifted, look.seen if shifted is matrix else None)
+    if last is not None:
+        order = np.concatenate([order[~np.isin(order, last)], last.astype(order.dtype)])
     work.afford(work.factor_cost(fill))
     rows = rows[order]
     place = np.empty(n, np.int32)

@@ -88,6 +88,10 @@ def select_method(problem: ProblemLike, *, rtol: float = RTOL, family: str | Non
     2. A tridiagonal, and every ψ_i fixed, or moving with its own z_i alone and by less: `Tridiagonal`.
     3. ψ an intervention: policy iteration, by `Newton` or from the coarser levels by `Multilevel`.
 
+    Rows without any obstacle are equations. They are eliminated where at most √nnz rows have an obstacle, ψ is fixed,
+    and to factorise A is expected to cost less than sweeps or `Multilevel`. What is left takes the place of the
+    problem.
+
     Everything else goes up a ladder, each rung from the best iterate so far:
 
     4. Where A has a positive diagonal, sweeps. PSOR makes 12, and goes on while 20 more will do. `Accelerated` follows,
@@ -215,6 +219,19 @@ class Ladder:
         #: whether rung 5 waits, as the problem may be reduced before; and whether it is next
         self.held = False
         self.is_held = False
+
+    @property
+    def is_decided(self) -> bool:
+        """Whether a structure decides the method."""
+        if self.rungs[0] == self._at_once:
+            self.rungs.pop(0)()
+        return bool(self.jobs) or self.problem.psi.takes_best
+
+    @property
+    def cost_of_iterations(self) -> float:
+        """The least that methods without factors are expected to cost, in nanoseconds."""
+        methods = [Accelerated(of=PSOR(omega=relaxation(self.problem))), Multilevel()]
+        return min((job.remaining for job in self._estimated(methods)), default=math.inf)
 
     def next(self) -> Job | None:
         """The method that runs next, None where none is left, or where the ladder is held."""

@@ -1,8 +1,9 @@
 """Reduction: transforms before a run. What need not be iterated on is left out, what does not interact is solved apart.
 
 1. Obstacles that move with their own unknown alone are fixed, and redundant rows leave: `posed`.
-2. Rows that are predicted to be in contact leave, see `algebra.resting`, and come back where p < 0.
-3. The strong components of A and ψ follow one another. A row alone is a maximum, a small block is pivoted, and what is
+2. Rows without any obstacle are eliminated before anything is iterated, see `algebra.elimination`, where few have one.
+3. Rows that are predicted to be in contact leave, see `algebra.resting`, and come back where p < 0.
+4. The strong components of A and ψ follow one another. A row alone is a maximum, a small block is pivoted, and what is
    left falls into stages of parts that do not interact.
 
 Each part goes up a ladder of its own. The joined answer is judged as one of the whole problem, which goes on from there
@@ -15,12 +16,13 @@ Problem (1992), section 4.4, for blocks.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 
+from ..algebra.elimination import Elimination, elimination
 from ..algebra.redundant import without_redundant_rows
 from ..algebra.resting import WORTH, Border, rows_at_rest
 from ..algebra.subproblems import Blocks, Rows, blocks, restricted, with_fixed_obstacle
@@ -64,6 +66,12 @@ def climb(run: Run, problem: ProblemData, family: str | None) -> Iterator[None]:
     """The steps of `run` up its ladder, with the reduction of `problem` before rung 5."""
     ladder = Ladder(problem, run.aim, family)
     ladder.held = family != "paper"
+    if ladder.held and problem.psi.is_constant and not ladder.is_decided:
+        found = elimination(problem, ladder.cost_of_iterations)
+        if found is not None:
+            yield from _Parts(run, problem, family).steps(found)
+            if run.is_over:
+                return
     yield from run.steps(ladder)
     if ladder.is_held and not run.is_over:
         ladder.held = False
@@ -101,20 +109,25 @@ class _Parts:
         tolerance = run.goal.tolerance_at(self.z)
         largest = max(1.0 / float(problem.matrix.row_weights.min()), 1.0)
         self.tolerance = _SHARE * max(tolerance, run.goal.atol / largest)
-        self.unfinished: list[Run] = []
+        #: an iterate of a part as one of the whole
+        self.completed: Callable[[Vector], Vector] = np.copy
         #: the job of the largest part
         self.job = Job(Choice(PSOR()))
         self.size = 0
 
-    def steps(self, found: Blocks) -> Iterator[None]:
+    def steps(self, found: Blocks | Elimination) -> Iterator[None]:
         """Solve what is `found`, and join it."""
         run = self.run
         try:
-            first: Blocks | None = found
+            first: Blocks | None = None
+            if isinstance(found, Elimination):
+                yield from self._eliminated(found)
+            else:
+                first = found
             while first is not None and not run.is_over:
                 found = first
                 first = yield from (self._stages if found.rows.size else self._open_rows)(found)
-            if found.pivoted and not self.size:
+            if isinstance(found, Blocks) and found.pivoted and not self.size:
                 self.job = Job(Choice(Lemke()))
         except Infeasible as proof:
             run.infeasible = proof.answer
@@ -135,7 +148,9 @@ class _Parts:
             follow = found.after if at == last else found.between[at]
             share = _EARLIER if at < last or follow.any() else 1.0
             for rows in stage:
-                part = self._part(found.problem, rows, share * self.tolerance / len(stage) ** 0.5)
+                part = self._part(
+                    restricted(found.problem, rows, self.z), rows, share * self.tolerance / len(stage) ** 0.5
+                )
                 yield from self._solve(part, rows)
                 if self.run.is_over:
                     return None
@@ -149,7 +164,7 @@ class _Parts:
         (rows,) = found.parts
         self.z = np.where(found.open, self.z, found.problem.facts.obstacle)
         border = Border(found)
-        part = self._part(found.problem, rows, self.tolerance)
+        part = self._part(restricted(found.problem, rows, self.z), rows, self.tolerance)
         seen = np.inf
         for _ in self._solve(part, rows):
             yield
@@ -161,13 +176,24 @@ class _Parts:
             return None
         return border.opened(border.p(self.z))
 
+    def _eliminated(self, found: Elimination) -> Iterator[None]:
+        """The rows with an obstacle; the equations follow, unless their factors prove to be bad."""
+        problem = self.problem
+        equations = problem.matrix.row_weights.copy()
+        equations[found.rows] = 0.0
+        z = found.extended(problem, self.z)
+        if norm(equations * problem.p(z)) <= self.tolerance:
+            self.z = z
+            self.completed = lambda z: found.extended(problem, z)
+            yield from self._solve(self._part(found.reduced(problem), found.rows, self.tolerance), found.rows)
+            self.z = self.completed(self.z)
+
     def _violation(self, border: Border) -> float:
         p = border.p(self.z)
         return norm(border.weights * np.minimum(p, 0.0)) if p.size else 0.0
 
-    def _part(self, problem: ProblemData, rows: Rows, tolerance: float) -> Run:
-        """The run of a part, where the other unknowns are what they are in z."""
-        part = restricted(problem, rows, self.z)
+    def _part(self, part: ProblemData, rows: Rows, tolerance: float) -> Run:
+        """The run of a part, whose unknowns are the `rows` of the whole."""
         start = self.z[rows]
         known = [at_start := part.residual(start)]
         with suppress(MapError):
@@ -183,7 +209,7 @@ class _Parts:
                 return None
             whole = self.z.copy()
             whole[rows] = z
-            return self.run.seen(whole)
+            return self.run.seen(self.completed(whole))
 
         made = Run(
             part,

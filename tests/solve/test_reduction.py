@@ -7,9 +7,11 @@ import pytest
 import scipy.sparse as sp
 
 import icpmodel as icp
+from icpmodel.algebra.elimination import elimination
 from icpmodel.algebra.resting import rows_at_rest
 from icpmodel.algebra.subproblems import blocks
 from icpmodel.methods.multilevel import Multilevel
+from icpmodel.numerics import work
 from icpmodel.scenes.grid import five_point
 from icpmodel.solve.choice import Ladder
 from icpmodel.solve.driver import carry_out, solution_of
@@ -265,3 +267,64 @@ class TestInfeasible:
         """z_0 >= 0 is any number, z_1 (z_0 - 2) = 0 and z_0 >= 2."""
         solution = icp.ICP([[0.0, 0.0], [1.0, 0.0]], [0.0, -2.0]).solve(raise_on_failure=False)
         assert solution.status is not icp.Status.INFEASIBLE
+
+
+class TestElimination:
+    """Rows without an obstacle are equations: the others see the Schur complement."""
+
+    @pytest.mark.parametrize("kind", ["definite", "rounded", "signs", "box"])
+    def test_the_matrix_that_is_left_is_the_schur_complement_and_the_answer_is_that_of_the_whole(self, kind):
+        rng = np.random.default_rng(3)
+        A = np.array(five_point(12, 0.0).toarray())
+        n = len(A)
+        bounded = np.isin(np.arange(n), rng.choice(n, 20, replace=False))
+        if kind == "rounded":
+            A[0, 1] *= 1.0 + 1e-16
+            A[1, 50] = 1e-17
+        if kind == "signs":  # equilibrium and constraints: [[A, B'], [-B, C]]
+            A[n // 2 :, : n // 2] *= -1.0
+            bounded &= np.arange(n) < n // 2
+        psi = np.where(bounded, rng.standard_normal(n), -np.inf)
+        problem = icp.ICP(
+            A, rng.standard_normal(n), psi, upper=np.where(bounded, psi + 1.0, np.inf) if kind == "box" else None
+        )
+        found = elimination(problem, np.inf)
+        assert elimination(problem.with_q(np.ones(n)), np.inf) is found
+        assert np.array_equal(found.rows, np.flatnonzero(bounded))
+        C, F = found.rows, np.flatnonzero(~bounded)
+        S = A[np.ix_(C, C)] - A[np.ix_(C, F)] @ np.linalg.solve(A[np.ix_(F, F)], A[np.ix_(F, C)])
+        assert np.allclose(found.reduced(problem).dense(), S, rtol=1e-12, atol=1e-12)
+        z = found.extended(problem, rng.standard_normal(n))
+        assert np.abs(problem.p(z)[F]).max() <= 1e-12
+        solution = problem.solve()
+        assert solution.solved
+        assert np.abs(solution.z - plain(problem)).max() <= 1e-6
+
+    def test_a_large_problem_with_few_obstacles_takes_one_factorisation_and_problems_that_share_A_none(self):
+        rng = np.random.default_rng(4)
+        A = sp.csr_array(five_point(100, 0.0) * 100.0)
+        psi = np.full(10_000, -np.inf)
+        psi[rng.choice(10_000, 60, replace=False)] = 0.2
+        problem = icp.ICP(A, np.ones(10_000), psi)
+        solution = problem.solve()
+        assert "eliminated" in solution.why
+        assert solution.error_bound <= 1e-8
+        before = work.done()
+        again = problem.with_q(np.full(10_000, 1.1)).solve()
+        assert "eliminated" in again.why
+        assert work.done() - before < work.factor_cost(problem.matrix.fill)
+
+    def test_factors_that_fail_leave_the_problem_as_it_is(self):
+        """p_F = 0 is singular, and still there are solutions."""
+        n = 100
+        A = sp.csr_array(
+            sp.diags_array(
+                [np.full(n - 1, -1.0), np.r_[1.0, np.full(n - 2, 2.0), 1.0], np.full(n - 1, -1.0)], offsets=[-1, 0, 1]
+            )
+        )
+        A = sp.csr_array(sp.block_diag([A, five_point(10, 0.0)]))
+        psi = np.full(2 * n, -np.inf)
+        psi[-8:] = 1.0
+        solution = icp.ICP(A, np.zeros(2 * n), psi).solve()
+        assert solution.solved
+        assert np.abs(solution.problem.p(solution.z)[:n]).max() <= 1e-8
