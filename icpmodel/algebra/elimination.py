@@ -11,6 +11,7 @@ ACM TOMS 9 (1983), for the complement from a factorisation that ends early.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -84,15 +85,15 @@ class Elimination:
         return x
 
 
-def elimination(problem: ProblemData, most: float) -> Elimination | None:
+def elimination(problem: ProblemData, most: Callable[[], float]) -> Elimination | None:
     """What eliminates the equations of `problem`; None where they are few, or a factorisation is not worth it.
 
     Parameters
     ----------
     problem : ProblemData
         The problem, with constant obstacles.
-    most : float
-        What a factorisation of A may cost, in nanoseconds.
+    most : callable
+        Returns what a factorisation of A may cost, in nanoseconds.
 
     Raises
     ------
@@ -110,7 +111,8 @@ def elimination(problem: ProblemData, most: float) -> Elimination | None:
     rows = np.flatnonzero(bounded)
     if not 0 < rows.size < problem.n or rows.size**2 > matrix.nnz:
         return None
-    if matrix.look.costs_more(most) or not matrix.fill.seen or matrix.unsymmetric_cost > most:
+    limit = most()
+    if matrix.look.costs_more(limit) or not matrix.fill.seen or matrix.unsymmetric_cost > limit:
         return None
     key = rows.tobytes()
     known = _LAST.get(matrix)

@@ -227,7 +227,6 @@ class Ladder:
             self.rungs.pop(0)()
         return bool(self.jobs) or self.problem.psi.takes_best
 
-    @property
     def cost_of_iterations(self) -> float:
         """The least that methods without factors are expected to cost, in nanoseconds."""
         methods = [Accelerated(of=PSOR(omega=relaxation(self.problem))), Multilevel()]

@@ -29,6 +29,7 @@ from .last_resort import search
 from .progress import Progress
 from .reduction import climb, posed
 from .run import WORTH_ANOTHER_METHOD, Best, Run, fault_of_psi
+from .small import pivoted
 from .solution import History, Solution, Status
 
 _LOG = logging.getLogger("icpmodel")
@@ -125,9 +126,14 @@ def solve(
     for name, flag in (("history", history), ("progress", progress), ("raise_on_failure", raise_on_failure)):
         as_truth(flag, name)
     problem = as_problem(problem)
+    by_rule = method is None and family is None and not options
+    shown = {"callback": callback, "history": history, "progress": progress}
+    if by_rule and z0 is None and limits.is_default and not any(shown.values()):
+        found = pivoted(problem, limits)
+        if found is not None:
+            return _logged(found)
     start = np.zeros(problem.n) if z0 is None else problem.vector(z0, "z0", finite=True).copy()
     with limits.kept():
-        shown = {"callback": callback, "history": history, "progress": progress}
         run = _run(problem, start, limits, follows_theorems=method is not None, **shown)
         named_method = None if method is None else _named(method, problem, options)
         if method is None:

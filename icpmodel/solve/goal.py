@@ -47,6 +47,11 @@ class Limits:
         if self.accuracy is not None:
             as_number(self.accuracy, "accuracy", above=0)
 
+    @property
+    def is_default(self) -> bool:
+        """Whether at least one iteration may be made, and nothing but the residual is limited."""
+        return self.max_iter > 0 and self.time_limit is self.memory_limit is self.accuracy is None
+
     def tolerance(self, scale: Any) -> Any:
         """`rtol`·`scale`, a number or an array of them."""
         return share_of(scale, self.rtol)

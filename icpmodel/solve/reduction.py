@@ -26,7 +26,7 @@ from ..algebra.elimination import Elimination, elimination
 from ..algebra.redundant import without_redundant_rows
 from ..algebra.resting import WORTH, Border, rows_at_rest
 from ..algebra.subproblems import Blocks, Rows, blocks, restricted, with_fixed_obstacle
-from ..errors import MapError
+from ..errors import MapError, OutOfTime
 from ..methods.contract import Infeasible
 from ..methods.psor import PSOR
 from ..methods.shortcuts import Lemke
@@ -67,7 +67,9 @@ def climb(run: Run, problem: ProblemData, family: str | None) -> Iterator[None]:
     ladder = Ladder(problem, run.aim, family)
     ladder.held = family != "paper"
     if ladder.held and problem.psi.is_constant and not ladder.is_decided:
-        found = elimination(problem, ladder.cost_of_iterations)
+        found = None
+        with suppress(OutOfTime, MemoryError):
+            found = elimination(problem, ladder.cost_of_iterations)
         if found is not None:
             yield from _Parts(run, problem, family).steps(found)
             if run.is_over:

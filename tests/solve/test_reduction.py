@@ -288,8 +288,8 @@ class TestElimination:
         problem = icp.ICP(
             A, rng.standard_normal(n), psi, upper=np.where(bounded, psi + 1.0, np.inf) if kind == "box" else None
         )
-        found = elimination(problem, np.inf)
-        assert elimination(problem.with_q(np.ones(n)), np.inf) is found
+        found = elimination(problem, lambda: np.inf)
+        assert elimination(problem.with_q(np.ones(n)), lambda: np.inf) is found
         assert np.array_equal(found.rows, np.flatnonzero(bounded))
         C, F = found.rows, np.flatnonzero(~bounded)
         S = A[np.ix_(C, C)] - A[np.ix_(C, F)] @ np.linalg.solve(A[np.ix_(F, F)], A[np.ix_(F, C)])

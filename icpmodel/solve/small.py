@@ -1,0 +1,53 @@
+"""Few unknowns over fixed obstacles: pivots in one compiled call, and the judge, without a run."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..algebra.affine_lcp import PIVOT_UP_TO, PIVOTS
+from ..methods.shortcuts import Lemke
+from ..numerics import work
+from ..problem.data import ProblemData
+from .goal import Goal, Limits
+from .solution import Solution, Status
+
+_LEMKE = Lemke()
+
+
+def pivoted(problem: ProblemData, limits: Limits) -> Solution | None:
+    """The solution of a problem that `Lemke` solves by one chain of pivots; None where it does not, or is too large.
+
+    It takes dense A, n ≤ 64, and a constant obstacle below. The refinement of the pivots is all there is.
+    """
+    M = problem.matrix.dense
+    n = problem.n
+    if M is None or n > PIVOT_UP_TO or not problem.psi.is_constant or problem.psi.upper is not None:
+        return None
+    from ..algebra.kernels.balancing import scale
+    from ..algebra.kernels.pivoting import many  # loads numba
+
+    assert problem.psi.linear is not None
+    begun = work.clock()
+    Z = np.empty((1, n))
+    many(*scale(M), M, problem.q[None], problem.psi.linear[1][None], PIVOTS * (n + 1), Z)
+    z = Z[0]
+    goal = Goal(float(limits.tolerance(problem.residual_scale())), problem)
+    residual = goal.judged(z, problem.residual(z))
+    if not residual <= goal.tolerance:
+        return None
+    work.add(work.COSTS.pivot_entry * n**3 / 3.0)
+    return Solution(
+        problem=problem,
+        z=z,
+        status=Status.SOLVED,
+        message="solved",
+        method=_LEMKE,
+        settled=_LEMKE,
+        last_method=_LEMKE,
+        why=f"{n} unknowns are few",
+        residual=residual,
+        tolerance=goal.tolerance,
+        atol=limits.atol,
+        iterations=1,
+        seconds=work.clock() - begun,
+    )
