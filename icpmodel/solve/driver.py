@@ -129,9 +129,9 @@ def solve(
     by_rule = method is None and family is None and not options
     shown = {"callback": callback, "history": history, "progress": progress}
     if by_rule and z0 is None and limits.is_default and not any(shown.values()):
-        found = pivoted(problem, limits)
-        if found is not None:
-            return _logged(found)
+        pivots = pivoted(problem, limits)
+        if pivots is not None:
+            return _logged(pivots)
     start = np.zeros(problem.n) if z0 is None else problem.vector(z0, "z0", finite=True).copy()
     with limits.kept():
         run = _run(problem, start, limits, follows_theorems=method is not None, **shown)

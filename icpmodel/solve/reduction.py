@@ -1,7 +1,7 @@
 """Reduction: transforms before a run. What need not be iterated on is left out, what does not interact is solved apart.
 
 1. Obstacles that move with their own unknown alone are fixed, and redundant rows leave: `posed`.
-2. Rows without any obstacle are eliminated before anything is iterated, see `algebra.elimination`, where few have one.
+2. Rows without any obstacle are eliminated before anything is iterated, see `algebra.schur`, where few have one.
 3. Rows that are predicted to be in contact leave, see `algebra.resting`, and come back where p < 0.
 4. The strong components of A and ψ follow one another. A row alone is a maximum, a small block is pivoted, and what is
    left falls into stages of parts that do not interact.
@@ -22,7 +22,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..algebra.elimination import Elimination, elimination
+from ..algebra.schur import Elimination, elimination
 from ..algebra.redundant import without_redundant_rows
 from ..algebra.resting import WORTH, Border, rows_at_rest
 from ..algebra.subproblems import Blocks, Rows, blocks, restricted, with_fixed_obstacle

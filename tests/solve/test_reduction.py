@@ -7,7 +7,7 @@ import pytest
 import scipy.sparse as sp
 
 import icpmodel as icp
-from icpmodel.algebra.elimination import elimination
+from icpmodel.algebra.schur import elimination
 from icpmodel.algebra.resting import rows_at_rest
 from icpmodel.algebra.subproblems import blocks
 from icpmodel.methods.multilevel import Multilevel
