@@ -58,8 +58,10 @@ def without_redundant_rows(problem: ProblemData) -> ProblemData:
 
 
 def _of_empty_rows(problem: ProblemData, low: Vector, high: Vector, c: Vector) -> None:
+    empty = problem.matrix.empty_rows
+    if not empty.any():
+        return
     A = problem.A
-    empty = np.bincount(row_of(A)[A.data != 0], minlength=problem.n) == 0
     q = problem.q
     side = np.where(q > 0, low, np.where(q < 0, high, np.minimum(np.maximum(0.0, low), high)))
     unseen = np.bincount(A.indices[A.data != 0], minlength=problem.n) == 0

@@ -22,9 +22,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..algebra.schur import Elimination, elimination
 from ..algebra.redundant import without_redundant_rows
 from ..algebra.resting import WORTH, Border, rows_at_rest
+from ..algebra.schur import Elimination, elimination
 from ..algebra.subproblems import Blocks, Rows, blocks, restricted, with_fixed_obstacle
 from ..errors import MapError, OutOfTime
 from ..methods.contract import Infeasible

@@ -7,8 +7,8 @@ import pytest
 import scipy.sparse as sp
 
 import icpmodel as icp
-from icpmodel.algebra.schur import elimination
 from icpmodel.algebra.resting import rows_at_rest
+from icpmodel.algebra.schur import elimination
 from icpmodel.algebra.subproblems import blocks
 from icpmodel.methods.multilevel import Multilevel
 from icpmodel.numerics import work
