@@ -25,7 +25,7 @@ from ..problem.data import ProblemData
 from ..problem.matrix import Matrix
 
 
-class Elimination:
+class SchurComplement:
     """The factors of the rows of A without an obstacle, and the Schur complement of the others.
 
     Parameters
@@ -85,7 +85,7 @@ class Elimination:
         return x
 
 
-def elimination(problem: ProblemData, most: Callable[[], float]) -> Elimination | None:
+def elimination(problem: ProblemData, most: Callable[[], float]) -> SchurComplement | None:
     """What eliminates the equations of `problem`; None where they are few, or a factorisation is not worth it.
 
     Parameters
@@ -122,12 +122,12 @@ def elimination(problem: ProblemData, most: Callable[[], float]) -> Elimination 
     return known[1]
 
 
-def _made(matrix: Matrix, rows: NDArray[np.intp]) -> Elimination | None:
+def _made(matrix: Matrix, rows: NDArray[np.intp]) -> SchurComplement | None:
     shift = 1.0 / matrix.row_weights[rows]
     A = _linked(matrix.sparse, rows, shift)
     seen = matrix.look.seen
     found = factors_and_schur(A, Look(A, lambda: matrix.is_symmetric, seen), rows)
-    return None if found is None else Elimination(matrix, rows, *found, shift)
+    return None if found is None else SchurComplement(matrix, rows, *found, shift)
 
 
 def _linked(A: sp.csr_array, rows: NDArray[np.intp], shift: Vector) -> sp.csr_array:
@@ -139,4 +139,4 @@ def _linked(A: sp.csr_array, rows: NDArray[np.intp], shift: Vector) -> sp.csr_ar
 
 
 #: the last one; factors may be large
-_LAST: WeakKeyDictionary[Matrix, tuple[bytes, Elimination | None]] = WeakKeyDictionary()
+_LAST: WeakKeyDictionary[Matrix, tuple[bytes, SchurComplement | None]] = WeakKeyDictionary()

@@ -24,7 +24,7 @@ import numpy as np
 
 from ..algebra.redundant import without_redundant_rows
 from ..algebra.resting import WORTH, Border, rows_at_rest
-from ..algebra.schur import Elimination, elimination
+from ..algebra.schur import SchurComplement, elimination
 from ..algebra.subproblems import Blocks, Rows, blocks, restricted, with_fixed_obstacle
 from ..errors import MapError, OutOfTime
 from ..methods.contract import Infeasible
@@ -117,12 +117,12 @@ class _Parts:
         self.job = Job(Choice(PSOR()))
         self.size = 0
 
-    def steps(self, found: Blocks | Elimination) -> Iterator[None]:
+    def steps(self, found: Blocks | SchurComplement) -> Iterator[None]:
         """Solve what is `found`, and join it."""
         run = self.run
         try:
             first: Blocks | None = None
-            if isinstance(found, Elimination):
+            if isinstance(found, SchurComplement):
                 yield from self._eliminated(found)
             else:
                 first = found
@@ -178,7 +178,7 @@ class _Parts:
             return None
         return border.opened(border.p(self.z))
 
-    def _eliminated(self, found: Elimination) -> Iterator[None]:
+    def _eliminated(self, found: SchurComplement) -> Iterator[None]:
         """The rows with an obstacle; the equations follow, unless their factors prove to be bad."""
         problem = self.problem
         equations = problem.matrix.row_weights.copy()
