@@ -68,76 +68,72 @@ def _same(one: sp.csr_array, other: sp.csr_array) -> bool:
     return one.shape == other.shape and all(np.array_equal(getattr(one, name), getattr(other, name)) for name in parts)
 
 
-class Tightened:
-    """A program whose rows of G with one entry are bounds, and without rows with h = ∞; and the multipliers back.
+class Presolve:
+    """A program whose rows of G with one entry are bounds, without rows with h = ∞, and the way back.
 
     Bounds that cross by no more than quotients and data are rounded are made to touch.
     """
 
-    def __init__(self, program: Program) -> None:
-        self.of = program
-        G = program.G
-        h = program.h
-        n = program.g.size
+    def __init__(self, given: Program) -> None:
+        self.given = given
+        G = given.G
         count = np.diff(G.indptr)
-        finite = h < np.inf
-        self.single = np.flatnonzero((count == 1) & finite)
-        self.general = np.flatnonzero((count != 1) & finite)
-        first = G.indptr[self.single]
-        self.column = G.indices[first]
-        self.entry = G.data[first]
+        finite = given.h < np.inf
+        single = np.flatnonzero((count == 1) & finite)
+        self.rows = np.flatnonzero((count != 1) & finite)
+        column = G.indices[G.indptr[single]]
+        self.entry = np.ones(given.h.size)
+        self.entry[single] = G.data[G.indptr[single]]
         with np.errstate(over="ignore"):
-            value = h[self.single] / self.entry
-        up = self.entry > 0
-        high = program.high.copy()
-        low = program.low.copy()
-        np.minimum.at(high, self.column[up], value[up])
-        np.maximum.at(low, self.column[~up], value[~up])
-        #: of the single rows those that give the tightest bound of their variable, one for each side
-        self.binding = np.zeros(self.single.size, dtype=bool)
-        for side, tight, own in ((up, high, program.high), (~up, low, program.low)):
-            at = np.flatnonzero(side & (value == tight[self.column]) & (value != own[self.column]))
-            _, one = np.unique(self.column[at], return_index=True)
-            self.binding[at[one]] = True
+            value = given.h[single] / self.entry[single]
+        rises = self.entry[single] > 0
+        low = given.low.copy()
+        high = given.high.copy()
+        np.minimum.at(high, column[rises], value[rises])
+        np.maximum.at(low, column[~rises], value[~rises])
+        #: for the bounds above and below, the row of G that gives each, -1 where none does
+        self.origins = []
+        for side, tight, own in ((rises, high, given.high), (~rises, low, given.low)):
+            gives = side & (value == tight[column]) & (value != own[column])
+            origin = np.full(low.size, -1)
+            origin[column[gives]] = single[gives]
+            self.origins.append(origin)
         with np.errstate(invalid="ignore"):
             touch = (low > high) & (low - high <= _TOUCH * (np.abs(low) + np.abs(high)))
         low = np.where(touch, high, low)
-        self.program = replace(program, G=G[self.general], h=h[self.general], low=low, high=high)
         self.crossed = bool((low > high).any())
-        self.n = n
+        self.program = replace(given, G=G[self.rows], h=given.h[self.rows], low=low, high=high)
 
-    def back(self, values: Values) -> Values:
+    def postsolve(self, values: Values) -> Values:
         """The multipliers of the program that was given."""
-        inequality = np.zeros(self.of.h.size)
-        inequality[self.general] = values.inequality
+        inequality = np.zeros(self.given.h.size)
+        inequality[self.rows] = values.inequality
         box = values.box.copy()
-        force = box[self.column] / self.entry  # positive where the row binds on its side
-        taken = self.binding & (force > 0)
-        inequality[self.single[taken]] = force[taken]
-        box[self.column[taken]] = 0.0
+        for origin, sign in zip(self.origins, (1.0, -1.0), strict=True):
+            moved = np.flatnonzero((origin >= 0) & (sign * box > 0))
+            inequality[origin[moved]] = box[moved] / self.entry[origin[moved]]
+            box[moved] = 0.0
         return values._replace(inequality=inequality, box=box)
 
 
-def conditions_of(program: Program) -> ICP:
-    """The conditions of `program`, as they are, in (x, ν, λ). Raises InputError where bounds cross or h is infinite."""
-    return ICP(matrix_of(program), np.concatenate([program.g, program.b, program.h])).with_sides(*sides_of(program))
+def conditions_of(program: Program, base: ICP | None = None) -> ICP:
+    """The conditions of `program` in (x, ν, λ); `base` is an ICP with the same matrix. Raises InputError for h = ∞."""
+    q = np.concatenate([program.g, program.b, program.h])
+    low, high = sides_of(program)
+    problem = ICP(_matrix_of(program), q) if base is None else base.with_q(q)
+    return problem.with_sides(low, None if np.isposinf(high).all() else high)
 
 
-def matrix_of(program: Program) -> sp.csr_array:
+def sides_of(program: Program) -> tuple[Vector, Vector]:
+    """The obstacles of the conditions below and above."""
+    free = np.full(program.b.size, np.inf)
+    low = np.concatenate([program.low, -free, np.zeros(program.h.size)])
+    return low, np.concatenate([program.high, free, np.full(program.h.size, np.inf)])
+
+
+def _matrix_of(program: Program) -> sp.csr_array:
     """[[H, Eᵀ, Gᵀ], [−E, 0, 0], [−G, 0, 0]]."""
-    H = program.H
-    E = program.E
-    G = program.G
-    use = [True, E.shape[0] > 0, G.shape[0] > 0]
-    blocks = [[H, E.T, G.T], [-E, None, None], [-G, None, None]]
-    rows = [[block for block, used in zip(row, use, strict=True) if used] for row in blocks]
-    return sp.csr_array(sp.block_array([row for row, used in zip(rows, use, strict=True) if used], format="csr"))
-
-
-def sides_of(program: Program) -> tuple[Vector, Vector | None]:
-    """The obstacles of the conditions below and above, None where there is none above."""
-    none = np.full(program.b.size, np.inf)
-    low = np.concatenate([program.low, -none, np.zeros(program.h.size)])
-    if np.isposinf(program.high).all():
-        return low, None
-    return low, np.concatenate([program.high, none, np.full(program.h.size, np.inf)])
+    C = sp.csr_array(sp.vstack([program.E, program.G]))
+    if not C.shape[0]:
+        return program.H
+    return sp.csr_array(sp.block_array([[program.H, C.T], [-C, None]]))

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ...algebra.equations import Pattern, solve_on
+from ...algebra.equations import Pattern
 from ...algebra.proximal_steps import ProximalSteps
 from ...errors import IcpError
 from ...icp import ICP
@@ -21,23 +21,17 @@ from ...solve.solution import Solution, Status
 from ...theory.certificates.bounds import limited
 from ...theory.certificates.infeasible import infeasible
 from ...theory.certificates.recession import contradicts, least_violation
-from .program import Program, Tightened, Values
-from .program_conditions import Conditions
-from .program_judge import Violation
+from .program import Presolve, Program, Values, conditions_of, sides_of
+from .program_judge import Judge, Violation, room_of
 
 #: what may be wrong for an answer to be called inaccurate and not an error
 _INACCURATE = 1e-4
 _LIMITS = Status.TIME_LIMIT, Status.MEMORY_LIMIT
-#: iterations after which another method is tried, and after which there is no other
-_ITERATIONS = 1000
-_MANY = 100_000
 #: steps of the refinement, and what of W is added to A in them
 _REFINEMENTS = 3
 _STEADY = 1e-9
-#: what may be wrong at an iterate for it to be put on its obstacles
-_WORTH = 1e-2
-#: iterates that are good up to rounding, but not strictly, after which a run ends
-_PATIENCE = 3
+#: the share of its terms up to which a row is tight at a start
+_TIGHT = 1e-6
 #: the share of the largest residual from which on the judge is asked
 _NEAR = 1e-4
 
@@ -45,7 +39,7 @@ _NEAR = 1e-4
 @dataclass(frozen=True, eq=False)
 class Outcome:
     """`status` in CVXPY's words and `message`, what it rests on; `values`, None where there is no solution; `objective`
-    there; `violation` in the units of the program; `iterations`; `conditions` and their `solution`, for one like it."""
+    there; `violation` in the units of the program; `iterations`; `incumbent`, for a program like it."""
 
     status: str
     message: str
@@ -54,8 +48,7 @@ class Outcome:
     violation: float = np.nan
     iterations: int = 0
     seconds: float = 0.0
-    conditions: Conditions | None = None
-    solution: Solution | None = None
+    incumbent: Incumbent | None = None
 
 
 def solve_program(
@@ -110,102 +103,86 @@ class _ProgramRun:
         return None if self.end is None else max(self.end - time.perf_counter(), 0.0)
 
     def outcome(self, before: Outcome | None, start: Vector | None) -> Outcome:
-        tightened = Tightened(self.program)
-        if tightened.crossed:
+        presolve = Presolve(self.program)
+        if presolve.crossed:
             return Outcome("infeasible", "the lower bound of a variable is above its upper bound")
-        conditions = Conditions(tightened.program, None if before is None else before.conditions)
-        best = _Best(conditions, self.tolerance)
-        z0 = None
-        if before is not None and before.solution is not None and before.solution.z.size == conditions.q.size:
-            z0 = before.solution.z
-        elif start is not None:
-            z0 = conditions.near(start)
+        last = None if before is None else before.incumbent
+        best = Incumbent(presolve.program, self.tolerance, last)
+        z0 = last.z if last is not None and last.z.size == best.z.size else None
+        if start is not None:
+            self._polish(best, *best.near(start))
+            z0 = best.z
+        methods = ["interior", "newton"]
+        if z0 is not None or not best.has_obstacles:
+            methods.reverse()
         proof = None
-        first = "interior" if z0 is None and np.isfinite(np.append(conditions.low, conditions.high)).any() else None
-        for method, most in ((first, _ITERATIONS), (None if first else "interior", _ITERATIONS), (None, _MANY)):
-            solution = self._solved(conditions.problem, method, z0, best.judged, most)
-            limited = solution.status in _LIMITS
-            if best.ends(solution.z):
-                self._polish(best)
+        for method in (*methods, None):
+            if method is None and proof is not None:
                 break
-            if limited or self._refined(best, solution.z) or best.is_good():
+            solution = self._solved(best.problem, method, z0, best.judged)
+            is_limited = solution.status in _LIMITS
+            for z in (best.z, solution.z):
+                if not best.is_good or z is best.z:
+                    self._polish(best, z, best.pattern(z))
+            if is_limited or best.is_good:
                 break
-            if method == first or solution.infeasible is not None:
-                proof = self._without_solution(conditions, solution) or proof
-                if proof is not None and proof.status in ("infeasible", "unbounded"):
-                    break
-            z0 = None if method else solution.z
-        good = best.is_good()
-        if proof is not None and not good:
+            proof = proof or self._without_solution(best.problem, solution)
+            if proof is not None and not proof.status.endswith("_inaccurate"):
+                break
+        if proof is not None and not best.is_good:
             return replace(proof, iterations=self.iterations)
-        values = tightened.back(conditions.values(best.z))
+        values = presolve.postsolve(best.values())
         status = "optimal"
         message = "solved"
-        if not good:
-            message = f"rows or multipliers are wrong by {best.violation:.3g} of their terms; {solution.message}"
-            status = "optimal_inaccurate" if best.violation <= _INACCURATE else "solver_error"
-            if solution.status in _LIMITS or self.left() == 0.0:
+        if not best.is_good:
+            error = best.violation.strict
+            message = f"rows or multipliers are wrong by {error:.3g} of their terms; {solution.message}"
+            status = "optimal_inaccurate" if error <= _INACCURATE else "solver_error"
+            if is_limited or self.left() == 0.0:
                 status = "user_limit"
-        value = self.program.objective(values.x)
         return Outcome(
-            status, message, values, value, best.violation, self.iterations, conditions=conditions, solution=solution
+            status, message, values, self.program.objective(values.x), best.error, self.iterations, incumbent=best
         )
 
-    def _polish(self, best: _Best) -> None:
-        """One linear solve on the active set of a good iterate, which counts where it is better."""
-        problem = best.conditions.problem
-        pattern = Pattern.at(problem, best.z, problem.p(best.z), problem.matrix.proximal_weights)
+    def _polish(self, best: Incumbent, z: Vector, pattern: Pattern) -> None:
+        """Newton steps from `z` with one active set, of the equations and a small multiple of W."""
+        steps = ProximalSteps(best.problem, z)
+        weights = _STEADY * best.problem.matrix.proximal_weights
         with suppress(IcpError, MemoryError), limited(self.left(), None):
-            best.improves(solve_on(problem, best.z, pattern.active, pattern.above))
-
-    def _refined(self, best: _Best, z: Vector) -> bool:
-        """Whether steps with the signs at `z` make it good: each row comes to the rounding of its own terms."""
-        problem = best.conditions.problem
-        weights = problem.matrix.proximal_weights
-        pattern = Pattern.at(problem, z, problem.p(z), weights)
-        with suppress(IcpError, MemoryError):
-            if best.takes(solve_on(problem, z, pattern.active, pattern.above)):
-                return True
-        steps = ProximalSteps(problem, z)
-        for _ in range(_REFINEMENTS):
-            found = steps.step(z, problem.p(z), pattern, z, _STEADY * weights)
-            if found is None or not np.isfinite(found[0]).all():
-                break
-            z = found[0]
-            if best.takes(z):
-                return True
-        return False
+            for _ in range(_REFINEMENTS):
+                found = steps.step(z, best.problem.p(z), pattern, z, weights)
+                if found is None or not np.isfinite(found[0]).all():
+                    break
+                z = found[0]
+                if best.takes(z):
+                    break
 
     def _solved(
-        self, problem: ICP, method: str | None = None, z0: Vector | None = None, judged: Any = None, most: int = _MANY
+        self, problem: ICP, method: str | None = None, z0: Vector | None = None, judged: Any = None
     ) -> Solution:
         solution = problem.solve(
-            method, z0=z0, rtol=0.0, callback=judged, max_iter=most, time_limit=self.left(), raise_on_failure=False
+            method, z0=z0, rtol=0.0, callback=judged, time_limit=self.left(), raise_on_failure=False
         )
         if solution.status is Status.INTERRUPTED:
             raise KeyboardInterrupt
         self.iterations += solution.iterations
         return solution
 
-    def _without_solution(self, conditions: Conditions, solution: Solution) -> Outcome | None:
+    def _without_solution(self, problem: ICP, solution: Solution) -> Outcome | None:
         """What is proved by the directions in which the run ended, and by the least violation of the conditions."""
-        problem = conditions.problem
-        if solution.infeasible is not None:
+        if solution.infeasible is not None and solution.infeasible.witness is not None:
             y = np.array([float(weight) for weight in solution.infeasible.witness])
         else:
             nearest, asked = least_violation(problem)
             found = self._solved(ICP(nearest.A, nearest.q, nearest.psi)).polish()
             y = np.zeros(problem.n)
             y[asked] = found.z[problem.n :]
-        n = conditions.n
-        rows = np.arange(problem.n) >= n
+        rows = np.arange(problem.n) >= self.program.g.size
         for direction, primal in ((np.where(rows, y, 0.0), True), (y, False)):
-            inaccurate = ""
+            if not contradicts(problem, direction):
+                continue
             answer = infeasible(problem, direction)
-            if not answer.holds:
-                if not contradicts(problem, direction):
-                    continue
-                inaccurate = "_inaccurate"
+            inaccurate = "" if answer.holds else "_inaccurate"
             how = "up to rounding" if inaccurate else answer.reason
             if primal:
                 return Outcome(f"infeasible{inaccurate}", f"a combination of the constraints says 0 < 0: {how}")
@@ -228,65 +205,90 @@ class _ProgramRun:
         return Outcome("infeasible_or_unbounded", f"no multipliers exist: {how}; no feasible point was computed")
 
 
-class _Best:
-    """The best iterate of a program: strictly, and up to rounding, which counts where no run leads further.
+class Incumbent:
+    """The best iterate of a program: of those that are good up to rounding the one that is wrong least.
 
     Parameters
     ----------
-    conditions, tolerance
+    program, tolerance
         What is judged, and what may be wrong.
+    before
+        The incumbent of another program, whose matrices may be the same.
     """
 
-    def __init__(self, conditions: Conditions, tolerance: float) -> None:
-        self.conditions = conditions
+    def __init__(self, program: Program, tolerance: float, before: Incumbent | None = None) -> None:
+        self.program = program
         self.tolerance = tolerance
-        self.z = conditions.clipped(np.zeros(conditions.q.size))
-        self.violation = np.inf
-        self.rounded = np.inf, self.z
+        if before is None or not program.has_matrices_of(before.program):
+            self.problem = conditions_of(program)
+            self.judge = Judge(self.problem.A, program.g.size)
+        else:
+            self.problem = conditions_of(program, before.problem)
+            self.judge = before.judge
+        self.low, self.high = sides_of(program)
+        self.z = np.clip(0.0, self.low, self.high)
+        self.violation = Violation(np.inf, np.inf)
         self.largest = 0.0
-        self.count = 0
+
+    @property
+    def has_obstacles(self) -> bool:
+        """Whether the conditions are more than equations."""
+        return bool(np.isfinite(self.low).any() or np.isfinite(self.high).any())
+
+    @property
+    def is_good(self) -> bool:
+        """Whether nothing is wrong by more than the tolerance, up to rounding."""
+        return self.error <= self.tolerance
+
+    @property
+    def error(self) -> float:
+        """What is wrong, up to rounding if that is enough."""
+        strict, rounded = self.violation
+        return strict if strict <= self.tolerance or rounded > self.tolerance else rounded
 
     def judged(self, progress: Progress) -> bool:
-        """Whether a run has come far enough."""
+        """Whether a run has come to an answer."""
         self.largest = max(self.largest, progress.residual)
         if progress.iteration and progress.residual > _NEAR * self.largest:
             return False
-        return self.takes(progress.z) or self.count >= _PATIENCE
+        return self.takes(progress.z)
 
-    def ends(self, z: Vector) -> bool:
-        """Whether the run has come to a strictly good iterate, or ends with one at `z`."""
-        return self.violation <= self.tolerance or self.takes(z)
-
-    def improves(self, z: Vector) -> None:
-        """Take `z` where it is at least as good."""
-        judged = self.conditions.violation(z)
-        if judged.strict <= self.violation:
-            self.violation = judged.strict
-            self.z = z
+    def pattern(self, z: Vector) -> Pattern:
+        """The active set at `z`."""
+        return Pattern.at(self.problem, z, self.problem.p(z), self.problem.matrix.proximal_weights)
 
     def takes(self, z: Vector) -> bool:
-        """Whether `z` is strictly good: on its obstacles, as it is, or without what may be rounding."""
-        judged = self._judged(z)
-        if judged.rounded <= _WORTH:
-            self._judged(self.conditions.pressed(z, judged.held))
-            if self.violation <= self.tolerance:
-                self._judged(self.conditions.snapped(self.z))
-            elif self.rounded[0] <= self.tolerance:
-                self.count += 1
-                self._judged(self.conditions.snapped(self.rounded[1]))
-        return self.violation <= self.tolerance
+        """Whether the incumbent is strictly good, after `z`, with its active rows on their obstacles, was tried."""
+        z = np.clip(z, self.low, self.high)
+        pattern = self.pattern(z)
+        z = np.where(pattern.active, self.low, z)
+        if pattern.above is not None:
+            z = np.where(pattern.above, self.high, z)
+        for one in (z, np.clip(self.judge.snapped(z), self.low, self.high)):
+            found = self.judge.violation(self.problem, one)
+            if self._order(found) <= self._order(self.violation):
+                self.violation = found
+                self.z = one
+            if found.strict <= self.tolerance:
+                break
+        return self.violation.strict <= self.tolerance
 
-    def _judged(self, z: Vector) -> Violation:
-        judged = self.conditions.violation(z)
-        # of several that are good the last one counts, which is on its obstacles
-        if judged.strict <= max(self.violation, self.tolerance):
-            self.violation, self.z = judged.strict, z
-        if judged.rounded <= max(self.rounded[0], self.tolerance):
-            self.rounded = judged.rounded, z
-        return judged
+    def near(self, x: Vector) -> tuple[Vector, Pattern]:
+        """An iterate at `x`, with the active set of the rows and bounds that are tight there."""
+        z = self.z.copy()
+        z[: x.size] = x
+        slack = self.problem.p(z)
+        free = slack <= _TIGHT * (abs(self.problem.A) @ np.abs(z) + np.abs(self.problem.q))
+        free[: x.size] = ((self.low < z) & (z < self.high))[: x.size]
+        return z, Pattern(z, ~free, ~free & (z >= self.high))
 
-    def is_good(self) -> bool:
-        """Whether there is an answer, which is then `z`; up to rounding if there is no other."""
-        if self.violation > self.tolerance >= self.rounded[0]:
-            self.violation, self.z = self.rounded
-        return self.violation <= self.tolerance
+    def _order(self, violation: Violation) -> tuple[float, float]:
+        return max(violation.rounded, self.tolerance), violation.strict
+
+    def values(self) -> Values:
+        """The unknowns apart; multipliers of bounds are p where it presses x on them."""
+        p = self.problem.p(self.z)
+        n = self.program.g.size
+        box = np.where(room_of(self.problem, self.z, p) == 0, -p, 0.0)[:n]
+        x, nu, multiplier = np.split(self.z, [n, n + self.program.b.size])
+        return Values(x, nu, multiplier, box)
