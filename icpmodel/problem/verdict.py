@@ -69,6 +69,17 @@ def certain_rows(
     raised(*_entries(matrix), weights, read_only(Q), *_side(psi, C), read_only(Z), tolerances, residuals, upper)
 
 
+def certain_rows_of_each(
+    A: NDArray[np.float64], weights: Rows, Q: Rows, C: Rows, Z: Rows, residuals: Vector, tolerances: Vector, psi: Map
+) -> None:
+    """The same where row i has the matrix `A`[i] and the `weights`[i], and nothing is above."""
+    from .kernels.residual import raised_each  # loads numba
+
+    k, n = Q.shape
+    data, weights, Q = read_only((A.reshape(k, n * n), weights, Q))
+    raised_each(*_full(n), data, weights, Q, *_side(psi, C), read_only(Z), tolerances, residuals)
+
+
 def _entries(matrix: Matrix) -> tuple[Any, Any, Any]:
     """A as the compiled loop takes it."""
     if matrix.dense is None:

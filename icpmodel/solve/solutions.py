@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, SupportsIndex, overload
 
@@ -39,7 +39,7 @@ class Found(NamedTuple):
     @classmethod
     def at_once(cls, method: Method, rows: int, seconds: float) -> Found:
         """That of so many `rows` in one compiled call."""
-        why = f"{rows} problems that share A were solved in compiled code at once; the seconds are their mean"
+        why = f"{rows} problems were solved in compiled code at once; the seconds are their mean"
         return cls(method, method, method, why, 1, seconds / max(rows, 1))
 
 
@@ -52,7 +52,7 @@ class Stated:
     """The problems as they were stated: `problems` with A, one for all or each its own, `Q`, and for each obstacle what
     was given, and the list of these or None where one holds for all; `atol`; the limits of all rows together."""
 
-    problems: list[ProblemData]
+    problems: Sequence[ProblemData]
     Q: NDArray[np.float64]
     below: tuple[Any, list[Any] | None]
     above: tuple[Any, list[Any] | None]

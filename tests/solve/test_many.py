@@ -7,7 +7,7 @@ import scipy.sparse as sp
 import icpmodel as icp
 from icpmodel import Status
 from icpmodel.solve.many import solve_many
-from icpmodel.solve.many.batch import ROWS_A_THREAD, UNKNOWNS_A_THREAD
+from icpmodel.solve.many.at_once import ROWS_A_THREAD, UNKNOWNS_A_THREAD
 
 SMALL = [[2.0, -1.0], [-1.0, 2.0]]
 TRIDIAGONAL = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(100, 100))
@@ -38,6 +38,29 @@ def test_small_lcps_with_fixed_obstacles(n):
     rng = np.random.default_rng(n)
     same_as_row_by_row(spd(rng, n), rng.normal(size=(30, n)), 0.0)
     same_as_row_by_row(spd(rng, n), rng.normal(size=(30, n)), rng.normal(size=n))
+
+
+@pytest.mark.parametrize("atol", [0.0, 1e-9])
+@pytest.mark.parametrize("obstacles", ["one", "each"])
+def test_matrices_of_their_own_in_one_call(obstacles, atol):
+    """Rows of which 0 is the answer, in units of their own, without obstacles, and one that has no solution."""
+    rng = np.random.default_rng(5)
+    k, n = 40, 7
+    A = [spd(rng, n) * 2.0 ** rng.integers(-60, 60) for _ in range(k)]
+    Q = rng.normal(size=(k, n)) * np.array([np.abs(M).max() for M in A])[:, None]
+    Q[3] = np.abs(Q[3])
+    A[5] = -np.eye(n)
+    Q[5] = -1.0
+    psi = np.zeros(n) if obstacles == "one" else np.where(rng.random((k, n)) < 0.2, -np.inf, rng.normal(size=(k, n)))
+    found = solve_many(A, Q, psi, atol=atol, raise_on_failure=False)
+    assert found.failed == [5]
+    for i in set(range(k)) - {5}:
+        alone = icp.ICP(A[i], Q[i], psi if obstacles == "one" else psi[i]).solve(atol=atol)
+        assert found.Z[i] == pytest.approx(alone.z, rel=1e-9, abs=1e-12)
+        assert found[i].solved
+        assert found[i].problem.residual(found.Z[i]) == pytest.approx(found[i].residual, rel=1e-6, abs=1e-13)
+        assert found.tolerances[i] == pytest.approx(alone.tolerance, rel=1e-12)
+        assert "at once" in found[i].why
 
 
 def test_obstacles_of_each_row_and_rows_without_one():

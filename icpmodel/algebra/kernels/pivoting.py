@@ -13,6 +13,7 @@ import math
 import numpy as np
 
 from ...numerics.kernels import compiled
+from .balancing import scale
 
 #: how a run of pivots ended
 SOLVED = 0
@@ -280,6 +281,14 @@ def many(S, r, c, M, Q, C, limit, Z):
             base[i] = 0.0 if free[i] else C[k, i]
         right(Q[k] + M @ base if base.any() else Q[k], r, c, f, units)
         Z[k] = base + go_on(S, f, free, units, D, labels, work, START, limit)[2]
+
+
+@compiled
+def each(M, Q, C, limit, Z):
+    # the same where each row has a matrix of its own
+    for k in range(Q.shape[0]):
+        S, r, c = scale(M[k])
+        many(S, r, c, M[k], Q[k : k + 1], C[k : k + 1], limit, Z[k : k + 1])
 
 
 @compiled

@@ -195,3 +195,14 @@ def raised(indptr, indices, data, weights, Q, G_indptr, G_indices, G_data, C, kn
             bound = scale * math.sqrt(squares) * rounding if scale < np.inf else np.inf
         if bound > tolerances[row]:
             residuals[row] = bound
+
+
+@partial(compiled, exact=True)
+def raised_each(indptr, indices, A, weights, Q, G_indptr, G_indices, G_data, C, known, Z, tolerances, residuals):
+    # the same where each row has a dense matrix of its own, with no obstacle above
+    for k in range(Q.shape[0]):
+        one = slice(k, k + 1)
+        G = G_indptr, G_indices, G_data
+        raised(
+            indptr, indices, A[k], weights[k], Q[one], *G, C[one], known, Z[one], tolerances[one], residuals[one], None
+        )

@@ -1,0 +1,206 @@
+"""What compiled code makes of the rows of one `solve_many`: pivots of small problems, and the tridiagonal pass."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...algebra.affine_lcp import PIVOT_UP_TO, PIVOTS, AffineLcp
+from ...methods.contract import Method
+from ...methods.shortcuts import Lemke, Tridiagonal
+from ...numerics import work
+from ...numerics.arrays import Vector, read_only, row_norms
+from ...numerics.threads import cores, in_parts
+from ...problem.between import mid
+from ...problem.map import Map
+from ...problem.matrix import weights_of
+from ...problem.verdict import certain_rows, certain_rows_of_each
+from ..goal import Limits
+from ..solutions import Stated
+
+Matrix = NDArray[np.float64]
+
+#: Newton's steps that a row may take where A is tridiagonal, before `solve` has a try at it
+_STEPS = 50
+#: arrays of the size of Q that the rows at once take
+_COPIES = 6
+#: so many rows, or unknowns where A is tridiagonal, are worth a thread of their own
+ROWS_A_THREAD = 200
+UNKNOWNS_A_THREAD = 20_000
+
+
+class AtOnce:
+    """The rows in compiled code, with fixed or affine obstacles: of one A, or small ones each with its own.
+
+    Parameters
+    ----------
+    stated : Stated
+        The problems.
+    obstacles, above : array of shape (k, n), optional
+        The obstacles of each row, where they are numbers.
+    limits : Limits
+        The tolerances.
+    """
+
+    def __init__(self, stated: Stated, obstacles: Matrix | None, above: Matrix | None, limits: Limits) -> None:
+        self.stated = stated
+        self.problem = stated.problems[0]
+        self.obstacles = obstacles
+        self.above = above
+        self.limits = limits
+        self.Q = stated.Q
+        #: the matrices, shape (k, n, n), where each row has its own
+        self.stack: Matrix | None = getattr(stated.problems, "matrices", None)
+        self.small = self.problem.n <= PIVOT_UP_TO
+        psi = self.problem.psi
+        self.affine = psi.linear is not None and not psi.is_constant
+        self.method: Method = Lemke() if self.small else Tridiagonal()
+
+    def price(self) -> float | None:
+        """What a row costs, in nanoseconds; None where these problems are not for it."""
+        problem = self.problem
+        if not (self.affine or problem.facts.has_fixed_obstacle):
+            return None
+        if self.stack is not None and (self.affine or problem.upper is not None):
+            return None
+        if self.small:
+            return work.COSTS.pivot_entry * problem.n**3 / 3.0
+        return None if self.affine or self.method.why_not(problem) else work.COSTS.band_entry * 3.0 * problem.n
+
+    def pieces(self, price: float) -> Iterator[tuple[slice, tuple[Matrix, Vector, Vector, Any]]]:
+        """Some rows, their z, residuals and tolerances, and which of them are solved, until there are none left.
+
+        Raises MapError, SingularOperator, OutOfTime and MemoryError.
+        """
+        psi = self.problem.psi
+        work.afford(memory=_COPIES * 8.0 * self.Q.size)
+        C, G = self._affine(psi, self.obstacles)
+        D, H = (None, None) if psi.upper is None else self._affine(psi.upper, self.above)
+        lcp = None
+        if self.small and self.stack is None:
+            lcp = AffineLcp(self.problem.dense(), self.Q[0], C[0], G, None if D is None else (D[0], H))
+        piece = work.pieces(price)
+        for low in range(0, len(C), piece):
+            rows = slice(low, low + piece)
+            work.afford(price)
+            work.add(price * len(C[rows]))
+            of_rows = self.Q[rows], C[rows], None if D is None else D[rows]
+            if self.stack is not None:
+                Z = self._pivoted_each(self.stack[rows], *of_rows[:2])
+            else:
+                Z = self._by_thomas(*of_rows) if lcp is None else lcp.back(self._pivoted(lcp, *of_rows))
+            yield rows, (Z, *self._judged(rows, Z, *of_rows))
+
+    def _affine(self, psi: Map, rows: Matrix | None) -> tuple[Matrix, Any]:
+        """c and G of one obstacle Gz + c, c row by row, be it fixed: then G is None."""
+        facts = self.problem.facts
+        G = None
+        c = rows
+        if self.affine and psi.linear is not None:
+            G = psi.linear[0].toarray()
+            c = psi.linear[1] if rows is None else rows
+        elif rows is None:
+            c = facts.obstacle if psi is self.problem.psi else facts.upper_obstacle
+        return np.broadcast_to(np.asarray(c), self.Q.shape), G
+
+    def _on_threads(self, loop: Callable[[int, int], Any], rows: int) -> None:
+        """Call `loop` for parts of so many rows, on as many threads as they are worth."""
+        worth = -(-rows // ROWS_A_THREAD) if self.small else -(-rows * self.problem.n // UNKNOWNS_A_THREAD)
+        in_parts(rows, min(cores(), rows, worth), loop)
+
+    def _values(self, psi: Map, Z: Matrix, C: Matrix) -> Matrix:
+        """ψ(z), row by row."""
+        if psi.is_constant:
+            return C
+        return (psi.linear[0] @ Z.T).T + psi.linear[1] if psi.linear else np.array([psi.value(z) for z in Z])
+
+    def _judged(self, rows: slice, Z: Matrix, Q: Matrix, C: Matrix, D: Matrix | None) -> tuple[Vector, Vector, Any]:
+        """The residuals of Z, what they are held against, and which of the `rows` are solved."""
+        problem = self.problem
+        psi = problem.psi
+        upper = problem.upper
+        zero = np.zeros((1, problem.n))
+        here = self._values(psi, Z, C)
+        below_0 = -self._values(psi, zero, C)
+        top = None
+        top_0 = None
+        known = [Q, C if psi.linear is not None else here, Z]
+        if upper is not None and D is not None:
+            values = self._values(upper, Z, D)
+            top = Z - values
+            top_0 = -self._values(upper, zero, D)
+            known.append(D if upper.linear is not None else values)
+        if self.stack is None:
+            weights = problem.matrix.row_weights
+            p = (problem.A @ Z.T).T + Q
+        else:
+            weights = weights_of(np.abs(self.stack[rows]).max(2))
+            p = np.einsum("kij,kj->ki", self.stack[rows], Z) + Q
+        residuals = row_norms(mid(weights * p, Z - here, top))
+        at_0 = row_norms(mid(weights * Q, below_0, top_0))
+        for row in np.flatnonzero(~((at_0 > 0.0) & np.isfinite(at_0))):
+            at_0[row] = self.stated.problem(rows.start + int(row)).residual_scale()
+        tolerances = self.limits.tolerance(at_0)
+        self._raise(rows, known, residuals, tolerances, weights)
+        solved = residuals <= tolerances
+        if self.limits.atol:
+            paper = row_norms(mid(p, Z - here, top))
+            self._raise(rows, known, paper, np.full(len(Q), self.limits.atol), np.ones_like(weights))
+            solved |= paper <= self.limits.atol
+        return residuals, tolerances, solved
+
+    def _raise(self, rows: slice, known: list[Matrix], residuals: Vector, tolerances: Vector, weights: Any) -> None:
+        """Make bounds of the exact residuals of what is within the tolerances."""
+        Q, C, Z, *above = known
+        psi = self.problem.psi
+        if self.stack is None:
+            judge = partial(certain_rows, self.problem.matrix, psi, weights=weights)
+            of_rows = [Q, C, Z, residuals, tolerances, *above]
+        else:
+            judge = partial(certain_rows_of_each, psi=psi)
+            of_rows = [self.stack[rows], weights, Q, C, Z, residuals, tolerances]
+        self._on_threads(lambda low, high: judge(*(X[low:high] for X in of_rows)), len(Q))
+
+    def _pivoted(self, lcp: AffineLcp, Q: Matrix, C: Matrix, D: Matrix | None) -> Matrix:
+        """What the pivots make of the rows, each an LCP of its own."""
+        from ...algebra.kernels.balancing import scale
+        from ...algebra.kernels.pivoting import many  # loads numba
+
+        if D is not None:
+            Q = lcp.extended(Q, D)
+            C = np.concatenate([C, np.zeros((len(C), len(lcp.q) - lcp.n))], axis=1)
+        M, Q, C = read_only((lcp.M, Q, C))
+        X = np.empty(Q.shape)
+        scaled = scale(M)
+        limit = PIVOTS * (M.shape[0] + 1)
+        self._on_threads(lambda low, high: many(*scaled, M, Q[low:high], C[low:high], limit, X[low:high]), len(Q))
+        return X
+
+    def _pivoted_each(self, M: Matrix, Q: Matrix, C: Matrix) -> Matrix:
+        """The same where each row has a matrix of its own."""
+        from ...algebra.kernels.pivoting import each  # loads numba
+
+        M, Q, C = read_only((M, Q, C))
+        X = np.empty(Q.shape)
+        limit = PIVOTS * (M.shape[1] + 1)
+        self._on_threads(lambda low, high: each(M[low:high], Q[low:high], C[low:high], limit, X[low:high]), len(Q))
+        return X
+
+    def _by_thomas(self, Q: Matrix, C: Matrix, D: Matrix | None) -> Matrix:
+        """What the direct method for tridiagonal A makes of the rows."""
+        from ...algebra.kernels.tridiagonal import bands, many  # loads numba
+
+        A = self.problem.A
+        Z = np.zeros(Q.shape)
+        Q, C, D = read_only((Q, C, D))
+        matrix = bands(A.indptr, A.indices, A.data)
+
+        def part(low: int, high: int) -> None:
+            many(*matrix, Q[low:high], C[low:high], None if D is None else D[low:high], _STEPS, Z[low:high])
+
+        self._on_threads(part, len(Q))
+        return Z
