@@ -76,8 +76,8 @@ def _common(**several: Any) -> int:
     return k
 
 
-def _problem(q: Vector, psi: Any, upper: Any, A: Any) -> ProblemData:
-    return ProblemData(A, q, psi, upper)
+def _problem(q: Vector, sides: list[Any], A: Any) -> ProblemData:
+    return ProblemData(A, q, *sides)
 
 
 class Stack(Sequence[ProblemData]):
@@ -122,7 +122,7 @@ class Batch:
         above = (upper, self.uppers)
         of_all = limits.atol, limits.time_limit, limits.memory_limit
         self.stated = Stated([], np.broadcast_to(Q, (k, Q.shape[1])), below, above, *of_all)
-        make = partial(_problem, Q[0], *self.stated.sides(0))
+        make = partial(_problem, Q[0], self.stated.sides(0))
         problems: Any = Stack.of(matrices, make) or [make(one) for one in (matrices or [A])]
         self.stated = replace(self.stated, problems=problems)
         self.problem = self.stated.problems[0]
