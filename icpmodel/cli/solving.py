@@ -63,7 +63,9 @@ _SOLVE_OPTIONS = (
 
 
 @command(*_SOLVE_OPTIONS)
-@click.option("-o", "--output", type=click.Path(), help="Write z, p, r to this file: .npz (all of it), .npy, .csv.")
+@click.option(
+    "-o", "--output", type=click.Path(), help="Write the answer to this file: .npz (all of it) or .csv (z, p, r)."
+)
 @click.option("--polish", is_flag=True, help="Solve once more on the active set, to rounding accuracy.")
 @click.option("--save-problem", "problem_file", type=click.Path(), help="Write the problem to this .npz file.")
 def solve(output: str | None, polish: bool, problem_file: str | None, as_json: bool, **arguments: Any) -> int:

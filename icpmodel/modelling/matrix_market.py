@@ -1,4 +1,6 @@
-"""Matrix Market files of real numbers. Nothing is guessed: what is not exactly as the format says is an error.
+"""Matrix Market files of real numbers, whole or in parts. What is not exactly as the format says is an error.
+
+SciPy's reader takes 1,5 for 1, leaves out what follows on a line, and reads no parts.
 
 Reference: Boisvert, Pozo and Remington, The Matrix Market exchange formats (1996), NISTIR 5935.
 """
@@ -28,7 +30,7 @@ _MIRRORED = {"general": 0, "symmetric": 1, "skew-symmetric": -1}
 
 
 class MarketHead(NamedTuple):
-    """What a file says it holds: `lines` of numbers, in coordinates or not, with values or all 1."""
+    """The header of a file: `lines` of numbers, in coordinates or not, with values or all 1."""
 
     coordinate: bool
     pattern: bool
@@ -50,17 +52,19 @@ def read_vector(path: Path, n: int) -> Vector:
 
 
 def _read(path: Path, n: int | None) -> Any:
-    """What `path` holds; a vector of `n` entries unless that is None."""
+    """The content of `path`; a vector of `n` entries unless that is None."""
     with opened(path) as (raw, size):
         check_end(path, raw, size)
         file = io.TextIOWrapper(raw, encoding="utf-8", errors="replace")
         head = market_head(path, file.readline, size, n)
         found = numbers_of(path, head, file)
         check_count(path, head, found.size)
-        if not head.coordinate:
-            return _in_columns(head, found)
         i, j, values = entries_of(path, head, found)
-        return sp.coo_array((values, (i, j)), shape=(head.rows, head.columns))
+        if head.coordinate:
+            return sp.coo_array((values, (i, j)), shape=(head.rows, head.columns))
+        array = np.zeros((head.rows, head.columns))
+        array[i, j] = values
+        return array
 
 
 def check_end(path: Path, raw: BinaryIO, size: int) -> None:
@@ -102,8 +106,7 @@ def market_head(path: Path, readline: Callable[..., str], size: int, n: int | No
 
 
 def numbers_of(path: Path, head: MarketHead, lines: Iterable[Any]) -> np.ndarray:
-    """Of each of the `lines` that is not empty its numbers, called i, j and a, as far as it has them. Raises
-    FileError."""
+    """The numbers in each of the `lines` that is not empty: i, j and a, as far as the header says. Raises FileError."""
     columns = [] if not head.coordinate else _INDEX
     columns = columns if head.pattern else [*columns, ("a", np.float64)]
     lines = iter(lines)
@@ -125,21 +128,11 @@ def check_count(path: Path, head: MarketHead, count: int) -> None:
         raise FileError(f"{path}: holds {count} entries; its header promises {head.lines}; is it truncated?")
 
 
-def _in_columns(head: MarketHead, found: np.ndarray) -> np.ndarray:
-    """An array, column by column; of one that is mirrored the part below the diagonal."""
-    values = found["a"]
-    if not head.mirrored:
-        return values.reshape(head.columns, head.rows).T
-    j, i = np.triu_indices(head.rows, k=head.mirrored < 0)
-    array = np.zeros((head.rows, head.columns))
-    array[i, j] = values
-    array[j, i] = head.mirrored * values
-    return array
-
-
 def entries_of(path: Path, head: MarketHead, found: np.ndarray, before: int = 0) -> tuple[Places, Places, Vector]:
-    """i, j and a_ij, counted from 0, of the lines `found`, with so many lines `before` them: what is mirrored as well.
-    Entries that are there twice are to be added. Raises FileError."""
+    """i, j and a_ij, counted from 0, of the lines `found` after so many lines `before`, with mirrored ones.
+
+    Entries that are there twice are to be added. Raises FileError.
+    """
     values = np.ones(found.size) if head.pattern else found["a"]
     i, j = (found["i"] - 1, found["j"] - 1) if head.coordinate else _positions(head, found.size, before)
     wrong = (i < 0) | (i >= head.rows) | (j < 0) | (j >= head.columns)

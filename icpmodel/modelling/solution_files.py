@@ -1,7 +1,6 @@
 """Solutions on disk, whole as `.npz`, or as numbers alone for other programs.
 
 .npz    z, p, r, what is known of z as JSON text, and the problem where ψ has a file form
-.npy    an array of shape (3, n) with the rows z, p and r: `z, p, r = numpy.load("answer.npy")`
 .csv    a line of the heads z,p,r, and one line for each row of the problem
 """
 
@@ -10,82 +9,90 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 
 from ..errors import FileError, InputError, NotApplicable
 from ..methods.contract import Iterate, Method
 from ..numerics.arrays import Vector, as_vector, described
-from ..present.whole_files import as_path, check_replaceable, check_suffix, told, write_whole
+from ..present.whole_files import as_path, check_ours, check_suffix, told, write_whole
 from ..problem.data import ProblemData, ProblemLike, as_problem
 from ..solve.goal import RTOL, Goal, Limits
 from ..solve.solution import Solution, Status
 from ..theory.certificates.infeasible import infeasible
-from .archive import check_free, opened, read_archive, read_array, write_archive
-from .files import Source, as_json, problem_fields, stored_problem
+from .archive import check_free, check_kind, read_arrays, text_of, write_arrays
+from .files import Source, as_json, problem_of, problem_parts
 from .formats import read_text, read_values
 
-_SOLUTION = "icpmodel solution 2"
+_SOLUTION = "icpmodel solution 3"
 #: the first line of a solution as text
 _HEADS = "z,p,r"
-WRITTEN = (".npz", ".npy", ".csv")
+WRITTEN = (".npz", ".csv")
 
 
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Remembered(Method):
-    """A method of which a file keeps what it was called."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FromFile(Method):
+    """The method of an answer that was read from the file `path`."""
 
-    called: str
+    path: str
 
     def why_not(self, problem: ProblemData) -> str | None:
-        return f"a file keeps only that the method was called {self.called}; name a method"
+        return f"the answer was read from {self.path}; name a method"
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         raise NotApplicable(self.why_not(problem))
 
-    def __repr__(self) -> str:
-        return self.called
-
 
 def save_solution(solution: Solution, path: str | PathLike[str]) -> None:
-    """Write z, p and r of `solution` to the file `path`: what its name ends in says how.
+    """Write `solution` to the file `path`.
 
-    `.npz`: all that `load_solution` reads, with the certificate, and with the problem unless ψ is Python code; `.npy`:
-    an array of shape (3, n), its rows z, p and r; `.csv`: one line for each row, below the heads z, p, r. It is written
-    as `save_problem` does, and only a file of the same kind is replaced.
-    Raises InputError for what is no solution, FileError where the path cannot be written or ends otherwise.
+    Parameters
+    ----------
+    solution : Solution
+        The answer.
+    path : str or path
+        `.npz` for all that `load_solution` reads: z, the status, the certificate, the options, and the problem unless
+        ψ is Python code. `.csv` for z, p and r alone, one line for each row below the heads z, p, r.
 
+    Raises
+    ------
+    InputError
+        For an object that is no solution.
+    FileError
+        Where the path cannot be written or ends otherwise. Only a file of the same kind is replaced.
+
+    Examples
+    --------
     >>> import tempfile
     >>> solution = ICP([[2.0]], [-1.0]).solve()
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     save_solution(solution, f"{folder}/s.npz")
-    ...     save_solution(solution, f"{folder}/s.npy")
-    ...     load_solution(f"{folder}/s.npz").z, np.load(f"{folder}/s.npy").shape
-    (array([0.5]), (3, 1))
+    ...     load_solution(f"{folder}/s.npz").z, np.load(f"{folder}/s.npz")["p"]
+    (array([0.5]), array([0.]))
     """
     if not isinstance(solution, Solution):
         raise InputError(f"solution is {described(solution)}; what solve returns was expected")
-    path, parts = as_path(path), {"z": solution.z, "p": solution.p, "r": solution.r}
+    path = as_path(path)
     check_suffix(path, WRITTEN)
-    if path.suffix.lower() == ".npz":
-        about = np.array(json.dumps(solution.about() | {"settled": repr(solution.settled)}))
-        if solution.infeasible is not None:
-            parts["witness"] = np.array(solution.infeasible.witness, dtype=np.float64)
-        write_archive(path, _SOLUTION, {**parts, "about": about, **_problem_fields(solution.problem)})
+    parts: dict[str, Any] = {"z": solution.z, "p": solution.p, "r": solution.r}
+    if path.suffix.lower() == ".csv":
+        rows = np.array(list(parts.values())).T
+        write_whole(
+            path,
+            lambda file: np.savetxt(file, rows, "%.17g", ",", header=_HEADS, comments=""),
+            lambda: check_ours(path, begins=_HEADS.encode()),
+        )
         return
-    rows = np.array(list(parts.values()))
-
-    def write(file: BinaryIO) -> None:
-        if path.suffix.lower() == ".npy":
-            np.save(file, rows)
-        else:
-            np.savetxt(file, rows.T, "%.17g", ",", header=_HEADS, comments="")
-
-    write_whole(path, write, lambda: check_replaceable(path, lambda: _check_saved(path)))
+    if solution.infeasible is not None:
+        parts["witness"] = np.array(solution.infeasible.witness, dtype=np.float64)
+    with suppress(InputError):  # ψ may have no file form
+        parts |= problem_parts(solution.problem)
+    write_arrays(path, _SOLUTION, parts | {"about": np.array(json.dumps(solution.about()))})
 
 
 def check_place(path: str) -> None:
@@ -96,7 +103,7 @@ def check_place(path: str) -> None:
         if place.suffix.lower() == ".npz":
             check_free(place, _SOLUTION)
         else:
-            check_replaceable(place, lambda: _check_saved(place))
+            check_ours(place, begins=_HEADS.encode())
 
 
 def load_solution(
@@ -111,8 +118,7 @@ def load_solution(
 
     Nothing read is believed: p, r, the residual, the tolerance, the proof that there is no solution, and the
     certificate are those of z and the problem. A run that was asked for less than by default is read by asking for as
-    little here. What only the run knew is what the file says: why it stopped unsolved, its steps and seconds, and the
-    names of its methods.
+    little here. Why the run stopped unsolved, its steps, seconds and method are as the file says.
 
     Parameters
     ----------
@@ -140,141 +146,110 @@ def load_solution(
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     save_solution(ICP([[2.0]], [-1.0]).solve("mnmgs"), f"{folder}/s.npz")
     ...     again = load_solution(f"{folder}/s.npz")
-    >>> again.status, again.z, again.method, again.error_bound < 1e-14
-    (<Status.SOLVED: 'solved'>, array([0.5]), MNMGS(), True)
+    >>> again.status, again.z, again.error_bound < 1e-14
+    (<Status.SOLVED: 'solved'>, array([0.5]), True)
     """
-    path, limits = as_path(path), Limits(rtol=rtol, atol=atol, max_iter=0, time_limit=None, accuracy=accuracy)
-    if path.suffix.lower() in WRITTEN[1:] and path.is_file():
+    path = as_path(path)
+    limits = Limits(rtol=rtol, atol=atol, max_iter=0, time_limit=None, accuracy=accuracy)
+    if path.suffix.lower() == ".csv" and path.is_file():
         raise FileError(f"{path}: holds numbers alone; an .npz file was expected, or see icpmodel.certify(problem, z)")
     given = None if problem is None else as_problem(problem)
-    with read_archive(path, _SOLUTION) as archive:
-        if given is None and "A_indptr" not in archive.names:
-            raise FileError(f"{path}: holds no problem, as psi was Python code; give it: load_solution(path, problem)")
-        held = stored_problem(archive) if given is None else given
-        z, about = archive.vector("z", held.n), as_json(f"{path}: field about", archive.text("about"))
-        size = held.n if held.psi.is_constant else 2 * held.n
-        witness = archive.vector("witness", size) if "witness" in archive.names else np.zeros(size)
-    return _judged(path, _Record(path, about), held, z, witness, limits)
+    fields = read_arrays(path)
+    check_kind(path, fields, _SOLUTION)
+    if given is None and "A" not in fields:
+        raise FileError(f"{path}: holds no problem, as psi was Python code; give it: load_solution(path, problem)")
+    held = problem_of(fields, dict.fromkeys(fields, path)) if given is None else given
+    about = as_json(f"{path}: field about", text_of(path, fields, "about"))
+    return _judged(path, about if isinstance(about, dict) else {}, held, fields, limits)
 
 
 def read_start(path: Path, n: int) -> Vector:
-    """z, shape (n,), of what `save_solution` wrote in any form, or a vector in any other file, to start from. Raises
-    FileError."""
-    found = _start(path, n)
+    """Read z, shape (n,), of what `save_solution` wrote, or a vector in any other file, to start from.
+
+    Raises FileError.
+    """
+    if path.suffix.lower() == ".csv" and path.is_file() and path.read_bytes().startswith(_HEADS.encode()):
+        return _vector(path, read_text(path, _HEADS)[:, 0], n, "z")
+    if path.suffix.lower() == ".npz" and "about" in (fields := read_arrays(path)):
+        check_kind(path, fields, _SOLUTION)
+        return _vector(path, fields.get("z"), n, "z")
+    return _vector(path, read_values(path, "z", n), n, "z")
+
+
+def _vector(path: Path, value: Any, n: int, name: str) -> Vector:
     try:
-        return as_vector(found, n, "z")
+        return as_vector(value, n, name)
     except InputError as error:
         raise FileError(f"{path}: {error}") from error
 
 
-def _start(path: Path, n: int) -> Any:
-    suffix = path.suffix.lower()
-    if suffix == ".npz":
-        with read_archive(path) as archive:
-            if archive.is_ours:
-                archive.check(_SOLUTION)
-                return archive.vector("z", n)
-    if suffix == ".csv" and _is_text(path):
-        return read_text(path, _HEADS)[:, 0]
-    found = read_values(path, "z", n)
-    return found[0] if np.shape(found) == (3, n) else found
-
-
-def _problem_fields(problem: ProblemData) -> dict[str, Any]:
-    try:
-        fields = problem_fields(problem)
-    except InputError:
-        return {}
-    return fields | {"sides": np.array("psi upper" if "upper" in fields else "psi")}
-
-
-def _is_text(path: Path) -> bool:
-    with opened(path) as (file, _):
-        return file.readline(len(_HEADS) + 2).strip() == _HEADS.encode()
-
-
-def _check_saved(path: Path) -> None:
-    """Raise FileError unless `path` holds the numbers of a solution, by all that can be seen of it."""
-    if path.suffix.lower() == ".npy":
-        right = lambda shape, dtype: shape[:-1] == (3,) and dtype == np.float64  # noqa: E731
-        with opened(path) as (file, size):
-            read_array(file, size, f"{path}: it", "z, p and r", right)
-    elif not _is_text(path):
-        raise FileError(f"{path}: its first line is not {_HEADS!r}")
-
-
-class _Record:
-    """What a file says `about` its solution, field by field, each of the type that it should have."""
-
-    def __init__(self, path: Path, about: Any) -> None:
-        self.path, self.about = path, about if isinstance(about, dict) else {}
-
-    def _wrong(self, name: str, wanted: str) -> FileError:
-        return FileError(f"{self.path}: field about has {name} = {self.about.get(name)!r:.80}; {wanted} was expected")
-
-    def text(self, name: str) -> str:
-        """A text, in which nothing moves the cursor of a terminal."""
-        value = self.about.get(name)
-        if not isinstance(value, str):
-            raise self._wrong(name, "a text")
+def _known(path: Path, about: dict[str, Any], name: str, wanted: str) -> Any:
+    """The field `name` of the JSON text, where it is `wanted`: a text, without control characters, or a number >= 0."""
+    value = about.get(name)
+    if wanted == "a text" and isinstance(value, str):
+        # nothing moves the cursor of a terminal
         return "".join(letter if letter.isprintable() or letter == "\n" else "?" for letter in value)
-
-    def number(self, name: str) -> Any:
-        """A number ≥ 0."""
-        value = self.about.get(name)
-        if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value < math.inf:
-            raise self._wrong(name, "a number >= 0")
+    if wanted == "a number >= 0" and type(value) in (int, float) and 0.0 <= value < math.inf:
         return value
-
-    def status(self) -> Status:
-        try:
-            return Status(self.about.get("status"))
-        except ValueError:
-            raise self._wrong("status", f"one of {', '.join(one.value for one in Status)}") from None
+    raise FileError(f"{path}: field about has {name} = {value!r:.80}; {wanted} was expected")
 
 
-def _judged(path: Path, record: _Record, problem: ProblemData, z: Vector, witness: Vector, limits: Limits) -> Solution:
-    """The solution `z` of `problem` with what is on `record`, as far as that holds. Raises FileError."""
-    called = [record.text(name) for name in ("method", "settled", "last_method")]
-    known = {text: Remembered(called=text) for text in called}  # one object for what is the same
-    method, settled, last = (known[text] for text in called)
-    status, scale = record.status(), problem.residual_scale()
+def _judged(
+    path: Path, about: dict[str, Any], problem: ProblemData, fields: dict[str, Any], limits: Limits
+) -> Solution:
+    """The solution of `problem` in the `fields` of a file, as far as it holds. Raises FileError."""
+    z = _vector(path, fields.get("z"), problem.n, "field z")
+    try:
+        status = Status(about.get("status"))
+    except ValueError:
+        wanted = ", ".join(one.value for one in Status)
+        raise FileError(f"{path}: field about has status = {about.get('status')!r}; one of {wanted}") from None
+    scale = problem.residual_scale()
     goal = Goal(limits.tolerance(scale), problem, limits.atol, of_z=0.0 if scale else limits.rtol)
     residual = problem.residual(z)
     if status is Status.SOLVED and limits.accuracy is None:
         residual = goal.judged(z, residual)
-    proof = infeasible(problem, witness) if status is Status.INFEASIBLE else None
+    proof = None
+    if status is Status.INFEASIBLE:
+        size = problem.n if problem.psi.is_constant else 2 * problem.n
+        proof = infeasible(problem, _vector(path, fields.get("witness", np.zeros(size)), size, "field witness"))
+        if not proof.holds:
+            raise FileError(f"{path}: says that there is no solution, but its witness is no proof on {problem!r}")
+    method = FromFile(path=str(path))
     found = Solution(
         problem=problem,
         z=z,
         status=status,
-        message=record.text("message"),
+        message=_known(path, about, "message", "a text"),
         method=method,
-        settled=settled,
-        last_method=last,
-        why="; ".join(filter(None, [record.text("why"), f"read from {path}"])),
+        settled=method,
+        last_method=method,
+        why=f"found by {_known(path, about, 'method', 'a text')}; read from {path}",
         residual=residual,
         tolerance=goal.tolerance_at(z),
         atol=limits.atol,
-        iterations=int(record.number("iterations")),
-        seconds=float(record.number("seconds")),
+        iterations=int(_known(path, about, "iterations", "a number >= 0")),
+        seconds=float(_known(path, about, "seconds", "a number >= 0")),
         accuracy=limits.accuracy,
         infeasible=proof,
     )
-    if proof is not None and not proof.holds:
-        raise FileError(f"{path}: says that there is no solution, but its witness is no proof of that on {problem!r}")
     if status is Status.SOLVED:
-        bound = found.error_bound if limits.accuracy else None
-        if limits.accuracy:
-            holds = bound is not None and bound <= limits.accuracy
-            off = f"its error bound is {bound}, and {limits.accuracy:.3g} was wanted"
-        else:
-            holds = goal.reached(z, residual)
-            off = f"Res_D(z) = {residual:.3g} on {problem!r}, and at most {found.tolerance:.3g} was wanted"
-        if not holds:
-            raise FileError(
-                f"{path}: says that it is solved, but {off}: it was asked for less, which rtol, atol or accuracy of "
-                "load_solution can allow, is of another problem, or was changed; icpmodel.certify(problem, z) says "
-                "what is true of z"
-            )
+        _check_solved(path, found, goal)
     return found
+
+
+def _check_solved(path: Path, found: Solution, goal: Goal) -> None:
+    """Raise FileError where an answer that the file calls solved is not."""
+    if found.accuracy:
+        bound = found.error_bound
+        holds = bound is not None and bound <= found.accuracy
+        off = f"its error bound is {bound}, and {found.accuracy:.3g} was wanted"
+    else:
+        holds = goal.reached(found.z, found.residual)
+        off = f"Res_D(z) = {found.residual:.3g} on {found.problem!r}, and at most {found.tolerance:.3g} was wanted"
+    if not holds:
+        raise FileError(
+            f"{path}: says that it is solved, but {off}: it was asked for less, which rtol, atol or accuracy of "
+            "load_solution can allow, is of another problem, or was changed; icpmodel.certify(problem, z) says "
+            "what is true of z"
+        )

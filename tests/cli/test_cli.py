@@ -197,7 +197,7 @@ def test_scenes_are_listed_and_described(capsys):
             "membrane has no parameter 'nu'; its parameters are: n, mu, skew; did you mean",
         ),
         (["solve", "membrane", "--rtol", "-1"], "rtol is -1.0"),
-        (["solve", "membrane", "-o", "answer.txt"], "ends in .npz, .npy or .csv"),
+        (["solve", "membrane", "-o", "answer.txt"], "ends in .npz or .csv"),
         (["solve", "membrane", "-o", ""], "--output is empty"),
         (["solve", "membrane", "--save-problem", "p.mat"], "p.mat: a file whose name ends in .npz was expected"),
         (["stability", "unit"], "did you mean units?"),

@@ -61,7 +61,6 @@ def test_a_problem_comes_back_to_the_last_bit(tmp_path_factory, write, kind, see
 @pytest.mark.parametrize("upper", ["constant", "affine"])
 @pytest.mark.parametrize("kind", ["zero", "constant", "affine"])
 def test_the_obstacle_above_comes_back_from_both_forms(tmp_path, kind, upper):
-    """And a file without one is written as before, so that what knows of none reads it, and refuses the others."""
     A, G, c = np.array([[4.0, -1.0], [1.0, 3.0]]), np.array([[0.0, 0.25], [0.0, 0.0]]), np.array([-0.5, 0.0])
     below = {"zero": 0.0, "constant": c, "affine": icp.Affine(G, c)}[kind]
     above = {"constant": c + 2, "affine": icp.Affine(2 * G, c + 2)}[upper]
@@ -77,11 +76,7 @@ def test_the_obstacle_above_comes_back_from_both_forms(tmp_path, kind, upper):
         assert (back.r(z) == problem.r(z)).all()
         assert (back.r_upper(z) == problem.r_upper(z)).all()
         assert back.psi.upper.is_constant == (upper == "constant")
-    with np.load(tmp_path / "p.npz") as file:
-        assert str(file["format"]) == "icpmodel problem 2"
     icp.save_problem(problem.with_upper(None), tmp_path / "p.npz")
-    with np.load(tmp_path / "p.npz") as file:
-        assert str(file["format"]) == "icpmodel problem 1"
     assert icp.load_problem(tmp_path / "p.npz").upper is None
 
 
@@ -108,13 +103,14 @@ def damage(path, **changed):
 @pytest.mark.parametrize(
     ("changed", "words"),
     [
-        ({"q": None}, "field q is missing"),
-        ({"psi": np.array("cubic")}, "field psi is 'cubic'; one of zero, constant, affine"),
-        ({"format": np.array("99")}, "field format is '99'; 'icpmodel problem 1' or 'icpmodel problem 2' was expected"),
-        ({"q": np.ones(3)}, "field A_indptr has shape .5,.*; 4 integers"),
-        ({"A_indptr": np.array([0, 9, 2, 3, 4])}, "not a CSR matrix"),
-        ({"A_indptr": np.array([0, 1, 2, 3, 2**63], dtype=np.uint64)}, "not a CSR matrix"),
-        ({"q": np.ones((4, 1))}, "field q has shape .4, 1., dtype float64; a vector of numbers"),
+        ({"q": None}, "holds A alone"),
+        ({"A_data": None}, "A_. are not a square CSR matrix"),
+        ({"psi": np.zeros(4)}, "A alone, or A, q, psi and upper"),
+        ({"c": None, "G_indptr": np.zeros(5, int)}, "G_. are not a square CSR matrix"),
+        ({"format": np.array("99")}, "field format is '99'; 'icpmodel problem 3' was expected"),
+        ({"q": np.ones(3)}, r"q has shape \(3,\); shape \(4,\)"),
+        ({"A_indptr": np.array([0, 9, 2, 3, 4])}, "not a square CSR matrix"),
+        ({"A_indptr": np.array([0, 1, 2, 3, 2**63], dtype=np.uint64)}, "not a square CSR matrix"),
         ({"q": np.array([1.0, np.nan, 0.0, 0.0])}, r"q\[1\] is nan"),
     ],
 )
@@ -133,7 +129,7 @@ def test_nothing_in_a_file_is_ever_executed(tmp_path, reader):
     icp.save_problem(problem_of("zero"), path)
     trap = np.array([Trap(sprung)] * 4, dtype=object)
     damage(path, q=trap, z=trap)
-    with pytest.raises(icp.FileError, match=r"p\.npz: field [qz] has shape .4,., dtype object|p\.npz: field format is"):
+    with pytest.raises(icp.FileError, match=r"p\.npz: field [qz] .*Object arrays"):
         reader(path)
     assert not sprung.exists()
 
@@ -228,5 +224,5 @@ def test_a_small_file_does_not_become_a_large_array(tmp_path, compressed):
     with zipfile.ZipFile(path, "w", way) as archive:
         for name, content in members.items():
             archive.writestr(name, content)
-    with pytest.raises(icp.FileError, match="is compressed" if compressed else "promises 8796093022208 bytes"):
+    with pytest.raises(icp.FileError, match="field q is no array by NumPy, or truncated"):
         icp.load_problem(path)

@@ -186,7 +186,7 @@ def test_objects_in_an_array_are_never_made(tmp_path):
     np.save(tmp_path / "A.npy", trap, allow_pickle=True)
     np.savez(tmp_path / "p.npz", A=trap, q=trap)
     for name in ("A.npy", "p.npz"):
-        with pytest.raises(icp.FileError, match=f"{name}.* has shape .4,., dtype object"):
+        with pytest.raises(icp.FileError, match=f"{name}.*Object arrays"):
             icp.load_problem(tmp_path / name)
     assert not sprung.exists()
 

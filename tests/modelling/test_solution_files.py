@@ -41,10 +41,14 @@ def test_a_solution_comes_back_as_one_whose_card_prints(tmp_path, options):
         assert np.array_equal(getattr(back, name), getattr(solution, name))
     assert back.why.endswith(f"read from {tmp_path / 's.npz'}")
     card, before = dict(back.summary()), dict(solution.summary())
-    assert card.pop("method").startswith(before.pop("method").split("\n")[0])
+    for one in (card, before):
+        one["status"] = one["status"].partition(";")[0]
+        del one["method"]
     assert card == before
     about, told = back.about(), solution.about()
-    assert {k: v for k, v in about.items() if k != "why"} == {k: v for k, v in told.items() if k != "why"}
+    named = ("why", "method", "last_method")
+    assert {k: v for k, v in about.items() if k not in named} == {k: v for k, v in told.items() if k not in named}
+    assert repr(solution.method) in back.why
     assert back.polish().residual <= back.residual
     assert PROBLEM.solve(z0=back).solved
     json.dumps(about, allow_nan=False)
@@ -79,7 +83,7 @@ def test_characters_that_there_are_not_are_refused(tmp_path, field):
         fields = dict(archive)
     fields[field] = np.frombuffer(np.array([0x110000, 65], dtype="<u4"), dtype="<U2").reshape(())
     np.savez(path, **fields)
-    with pytest.raises(icp.FileError, match=f"field {field} holds characters"):
+    with pytest.raises(icp.FileError, match=r"s\.npz"):
         icp.load_solution(path)
 
 
@@ -97,22 +101,22 @@ def test_a_solution_of_psi_from_code_needs_its_problem(tmp_path):
 
 def test_the_numbers_alone_go_to_numpy_and_to_tables(tmp_path):
     solution = PROBLEM.with_psi([-np.inf, 0.0]).solve()
-    for name in ("s.npy", "s.csv"):
+    for name in ("s.npz", "s.csv"):
         for _ in range(2):  # of its own kind a file is replaced
             icp.save_solution(solution, tmp_path / name)
-        with pytest.raises(icp.FileError, match=r"holds numbers alone.*certify"):
-            icp.load_solution(tmp_path / name)
-    z, p, r = np.load(tmp_path / "s.npy")
+    with pytest.raises(icp.FileError, match=r"holds numbers alone.*certify"):
+        icp.load_solution(tmp_path / "s.csv")
     table = np.genfromtxt(tmp_path / "s.csv", delimiter=",", names=True)
-    for name, numbers in {"z": z, "p": p, "r": r}.items():
-        assert np.array_equal(numbers, getattr(solution, name))
-        assert np.array_equal(table[name], numbers)
+    with np.load(tmp_path / "s.npz") as fields:
+        for name in "zpr":
+            assert np.array_equal(fields[name], getattr(solution, name))
+            assert np.array_equal(table[name], fields[name])
 
 
 def test_a_name_that_ends_otherwise_is_refused(tmp_path):
     solution = PROBLEM.solve()
-    for name in ("s.mat", "s", "s.txt"):
-        with pytest.raises(icp.FileError, match=r"whose name ends in \.npz, \.npy or \.csv was expected"):
+    for name in ("s.npy", "s", "s.txt"):
+        with pytest.raises(icp.FileError, match=r"whose name ends in \.npz or \.csv was expected"):
             icp.save_solution(solution, tmp_path / name)
     with pytest.raises(icp.FileError, match=r"x\.mat: a file whose name ends in \.npz"):
         icp.save_problem(PROBLEM, tmp_path / "x.mat")
