@@ -17,14 +17,15 @@ from ..problem.function import Function
 from ..problem.map import Map
 from ..solve.solution import Solution, Status
 
-#: the share of its terms up to which a side counts as 0, the tolerance of PATH and of GAMS's other MCP solvers; and so
-#: many times a larger rtol that was asked for
-_SHARE, _SLACK = 1e-6, 100.0
+#: share of its terms up to which a side counts as 0: the tolerance of PATH and of GAMS's other MCP solvers
+_SHARE = 1e-6
+#: a larger rtol counts so many times as such a share
+_SLACK = 100.0
 
 
 @runtime_checkable
 class SumOfTerms(Protocol):
-    """A ψ of a front end that knows what z − ψ(z) is the sum of."""
+    """A ψ of a front end that knows the terms of z − ψ(z)."""
 
     def terms(self, z: Vector) -> Vector:
         """The sums of the absolute values of the terms of z − ψ(z), shape (n,)."""
@@ -39,7 +40,7 @@ class Reading(Protocol):
         """The ICP. Raises InputError, with the name of what is wrong, where the model is none."""
 
     def start(self) -> Vector | None:
-        """The values that the variables have now, as z, shape (n,); None where none has one."""
+        """The present values of the variables, as z, shape (n,); None where none has one."""
 
     def values(self, z: Vector) -> list[tuple[Any, Any]]:
         """The variables of the model, each with its value at `z`, shape (n,)."""
@@ -48,37 +49,49 @@ class Reading(Protocol):
         """The conditions of the model, each with p at `z`: the force that holds its r ≥ 0."""
 
     def row_name(self, row: int) -> str:
-        """What a message calls the condition or the equation of a row."""
+        """The name of the condition or the equation of a row, for messages."""
 
 
 def solved(reading: Reading, method: str | Method | None = None, *, z0: Any = None, **options: Any) -> Solution:
-    """What `icpmodel.solve` finds for what was read, solved or not; the start is by default the model's own.
+    """Solve what was read, from the present values of its variables unless `z0` is given.
 
-    A solution of the ICP is also judged side by side, each in the units of its own: of every condition the smaller of
-    p and r has to be small beside the terms that it is the sum of. Where it is not, the solution is polished; where
-    that does not help, the status is PRECISION_LIMIT.
+    Returns
+    -------
+    Solution
+        Solved or not. It is also judged in the units of each condition: the smaller of p and r has to
+        be small beside its own terms. Where it is not, the solution is polished. Where that does not
+        help, the status is PRECISION_LIMIT. A contradiction has the names of the model.
     """
-    problem = reading.problem
-    found = problem.solve(method, z0=reading.start() if z0 is None else z0, raise_on_failure=False, **options)
-    # a certified error, and the paper's residual, are what was asked for in units that the user has chosen
+    start = reading.start() if z0 is None else z0
+    found = reading.problem.solve(method, z0=start, raise_on_failure=False, **options)
+    if found.status is Status.INFEASIBLE:
+        return _named(reading, found)
+    # a certified error, and the paper's residual, were asked for in units that the user has chosen
     if not found.solved or found.accuracy or found.residual > found.tolerance:
         return found
-    share = max(_SHARE, _SLACK * float(options.get("rtol") or 0.0))
-    if not (left := _left(reading, found.z)) > share:
+    limit = max(_SHARE, _SLACK * float(options.get("rtol") or 0.0))
+    shares = _shares(reading, found.z)
+    if not shares.max(initial=0.0) > limit:
         return found
     finer = found.polish()
-    if not _left(reading, finer.z) > share:
+    if not _shares(reading, finer.z).max() > limit:
         return finer
-    row = int(np.argmax(_shares(reading, found.z)))
-    told = (
-        f"{reading.row_name(row)} holds to {left:.2g} of its own terms only, although the residual of all is small: "
-        f"lower rtol, or give the variables units in which they are of one size"
+    row = int(np.argmax(shares))
+    message = (
+        f"{reading.row_name(row)} holds to {shares[row]:.2g} of its own terms only, although the residual of all is "
+        "small: lower rtol, or give the variables units in which they are of one size"
     )
-    return replace(found, status=Status.PRECISION_LIMIT, message=told)
+    return replace(found, status=Status.PRECISION_LIMIT, message=message)
 
 
-def _left(reading: Reading, z: Vector) -> float:
-    return float(_shares(reading, z).max(initial=0.0))
+def _named(reading: Reading, found: Solution) -> Solution:
+    """An infeasible answer with the names of the model in its contradiction, which its message states."""
+    if found.contradiction is None:
+        return found
+    named = found.contradiction.named(lambda row: reading.row_name(row).removesuffix(","))
+    found = replace(found, message=f"{named}. No values of the variables meet these conditions together")
+    found.__dict__["contradiction"] = named
+    return found
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
@@ -89,8 +102,8 @@ def _shares(reading: Reading, z: Vector) -> Vector:
     """
     problem = reading.problem
     size = np.maximum(np.abs(z), max(UNIT_ROUNDOFF * np.abs(z).max(initial=0.0), np.finfo(float).tiny))
-    of_p = problem.p(z), problem.matrix.magnitude(size) + np.abs(problem.q)
-    sides = [of_p, *((z - psi.value(z), _terms(psi, z, size)) for psi in sides_of(problem.psi))]
+    sides = [(problem.p(z), problem.matrix.magnitude(size) + np.abs(problem.q))]
+    sides += [(z - psi.value(z), _terms(psi, z, size)) for psi in sides_of(problem.psi)]
     shares = (np.where(np.isfinite(side / terms), side / terms, side) for side, terms in sides)
     return np.asarray(np.abs(mid(*shares)))
 

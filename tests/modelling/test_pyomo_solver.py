@@ -134,8 +134,10 @@ def test_a_failed_solve_loads_nothing_and_says_how_to_get_the_best_iterate(name)
 def test_what_is_proved_infeasible_is_said_to_be():
     model = pyo.ConcreteModel()
     model.x = pyo.Var()
-    model.c = Complementarity(expr=complements(model.x >= 0, -model.x - 1 >= 0))
+    model.balance = Complementarity([3], rule=lambda m, i: complements(m.x >= 0, -m.x - 1 >= 0))
     results = old(model, load_solutions=False)
+    assert results.solver.message.startswith("infeasible by 1: balance[3]: ")
+    assert "balance[3]" in str(results.extra_info["solution"].contradiction)
     assert results.solver.termination_condition == pyo.TerminationCondition.infeasible
     results = NEW.solve(model, raise_exception_on_nonoptimal_result=False, load_solutions=False)
     assert results.termination_condition is TerminationCondition.provenInfeasible

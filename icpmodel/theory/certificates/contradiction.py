@@ -10,7 +10,7 @@ Reference: Gleeson and Ryan, ORSA J. Comput. 2 (1990), doi:10.1287/ijoc.2.1.61.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
@@ -83,17 +83,15 @@ class Contradiction(ReadOnly, Shown):
         how = "infeasible by its obstacles alone" if self.by == np.inf else f"infeasible by {self.by:.3g}"
         return f"{how}: {', '.join(self.conditions)}"
 
-    def named(self, name: Callable[[int], str]) -> str:
-        """The same sentence with the names of the rows, such as those of constraints in a model.
+    def named(self, name: Callable[[int], str]) -> Contradiction:
+        """The same with the names of rows before the conditions: constraints of a model, labels of a DataFrame.
 
         >>> found = icp.contradiction(ICP([[0]], [-2]))
-        >>> found.named({0: "balance"}.__getitem__)
-        'infeasible by 2: balance: p[0] >= 0'
+        >>> print(found.named(["balance"].__getitem__))
+        infeasible by 2: balance: p[0] >= 0
         """
-        how = str(self).partition(": ")[0]
-        return f"{how}: " + ", ".join(
-            f"{name(int(i))}: {one}" for i, one in zip(self.rows, self.conditions, strict=True)
-        )
+        named = (f"{name(int(i))}: {one}" for i, one in zip(self.rows, self.conditions, strict=True))
+        return replace(self, conditions=tuple(named))
 
 
 def contradiction(problem: ProblemLike) -> Contradiction | None:
