@@ -17,10 +17,11 @@ from ..numerics.rounding import sheltered
 from ..problem.data import ProblemData, ProblemLike, as_problem
 from ..solve.driver import solve
 from ..solve.progress import status_line
+from ..solve.solution import Solution, certify
 from ..solvers.foreign import Claim, ForeignSolver, ask, chosen_solvers
 from ..solvers.formulations import Target
-from .judge import Checked, Row, Verdict
-from .report import Certain, Report
+from .judge import Checked, Row, Verdict, finite
+from .report import Report
 
 #: how many times as long as a factorisation by BLAS, and how many nanoseconds for each entry of A beside it, a solver
 #: sets up in one piece: OSQP and CVXPY at n = 1000, dense, and for the membrane with n = 40 000; up to this share of
@@ -28,8 +29,8 @@ from .report import Certain, Report
 _FACTORS = 25.0
 _ENTRY = 3000.0
 _SHARE = 0.1
-#: what is certain of the answer, the name of a solver that begins, or what came of it
-_Item = Certain | str | Row
+#: what is certain of the answer (Res_D(z), the error bound or None, why there is none), a solver that begins, or a row
+_Item = tuple[float, float | None, str] | str | Row
 
 
 @sheltered
@@ -94,9 +95,11 @@ def crosscheck(
     with np.errstate(over="ignore", invalid="ignore"):
         checked = Checked(problem, solution, atol)
         rows: list[Row] = []
-        certain = Certain(problem.residual(checked.z), None, f"time_limit = {time_limit:g} s was over")
+        certain: tuple[float, float | None, str]
+        certain = (problem.residual(checked.z), None, f"time_limit = {time_limit:g} s was over")
         at_work = ""
         note = f"time_limit = {time_limit:g} s was over before it answered"
+        interrupted = False
         items = partial(_items, checked, chosen, solution, end)
         try:
             with status_line(progress, f"{len(chosen)} solvers, {time_limit:g} s at most") as say:
@@ -104,26 +107,48 @@ def crosscheck(
                     if isinstance(item, str):
                         at_work = item
                         say(f"asking {at_work}")
-                    elif isinstance(item, Certain):
-                        certain = item
-                    else:
+                    elif isinstance(item, Row):
                         rows.append(item)
+                    else:
+                        certain = item
         except OutOfTime:
             pass
         except ChildProcessError as error:
             note = str(error)
         except KeyboardInterrupt:
+            interrupted = True
             at_work = ""
             note = "interrupted"
-        answered = {row.solver for row in rows}
-        missing = [solver.name for solver in chosen if solver.name not in answered]
-        rows += [Row(name, "", Verdict.FAILED if name == at_work else Verdict.SKIPPED, note=note) for name in missing]
-        order = {solver.name: k for k, solver in enumerate(chosen)}
-        rows.sort(key=lambda row: order[row.solver])
-        report = Report.of(checked, rows, solution, certain)
-        if note == "interrupted":
+        report = _report(checked, solution, certain, _completed(rows, chosen, at_work, note))
+        if interrupted:
             raise Interrupted(report) from None
         return report
+
+
+def _completed(rows: list[Row], chosen: list[ForeignSolver], at_work: str, note: str) -> tuple[Row, ...]:
+    """The `rows` in the order of the solvers, with one, and the `note`, for each solver that has none."""
+    found: list[Row] = []
+    for solver in chosen:
+        own = [row for row in rows if row.solver == solver.name]
+        verdict = Verdict.FAILED if solver.name == at_work else Verdict.SKIPPED
+        found += own or [Row(solver.name, "", verdict, note=note)]
+    return tuple(found)
+
+
+def _report(checked: Checked, solution: Any, certain: tuple[float, float | None, str], rows: tuple[Row, ...]) -> Report:
+    is_vector = not isinstance(solution, Solution)
+    return Report(
+        rows=rows,
+        problem=repr(checked.problem),
+        n=checked.problem.n,
+        answer="given as a vector" if is_vector else f"{solution.status.value}, {solution.method!r}",
+        status="" if is_vector else solution.status.value,
+        residual=finite(certain[0]),
+        holds=checked.holds,
+        error_bound=certain[1],
+        reason=certain[2],
+        tolerance=finite(checked.tolerance),
+    )
 
 
 def _followed(items: Callable[[], Iterator[_Item]], problem: ProblemData, count: int, end: float) -> Iterator[_Item]:
@@ -138,7 +163,9 @@ def _followed(items: Callable[[], Iterator[_Item]], problem: ProblemData, count:
 
 def _items(checked: Checked, chosen: list[ForeignSolver], solution: Any, end: float) -> Iterator[_Item]:
     """What is certain of the answer; then, solver by solver, its name as it begins, and its rows."""
-    yield Certain.of(checked, solution)
+    known = isinstance(solution, Solution) and solution.problem is checked.problem
+    certificate = solution.certificate if known else certify(checked.problem, checked.z)
+    yield certificate.residual, certificate.error_bound, certificate.bound.reason
     asked: list[ForeignSolver] = []
     for solver in chosen:
         because = _why_not(solver, checked)
@@ -165,17 +192,16 @@ def _why_not(solver: ForeignSolver, checked: Checked) -> list[str]:
 
 
 def _claim(solver: ForeignSolver, target: Target, time_limit: float) -> Claim:
-    """What it claims at the first of its tight tolerances at which it claims success, else at the last one."""
+    """Its claim at the first of its tight tolerances at which it claims success, else at the last one."""
     begin = time.perf_counter()
-    seconds = 0.0
-    for k, tolerance in enumerate(solver.tight):
+    claim = ask(solver, target, solver.tight[0], time_limit)
+    seconds = claim.seconds
+    for tolerance in solver.tight[1:]:
         left = time_limit - (time.perf_counter() - begin)
-        if k and left <= 0.0:
+        if claim.solved or left <= 0.0:
             break
         claim = ask(solver, target, tolerance, left)
-        asked_for = tolerance
         seconds += claim.seconds
-        if claim.solved:
-            break
-    words = f"{claim.words}, at {asked_for:g}" if asked_for != solver.tight[0] and claim.solved else claim.words
+    loosened = claim.solved and claim.tolerance is not None and claim.tolerance != solver.tight[0]
+    words = f"{claim.words}, at {claim.tolerance:g}" if loosened else claim.words
     return replace(claim, words=words, seconds=seconds)

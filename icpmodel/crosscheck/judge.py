@@ -43,7 +43,7 @@ class Verdict(Enum):
     <Verdict.AGREES: 'agrees'>
     >>> from icpmodel.crosscheck import Verdict
     >>> Verdict("loose").meaning
-    'it claims success, but its own residual is above tolerance'
+    'it claims success by its own criterion, but its residual is above tolerance by ours'
     """
 
     meaning: str
@@ -54,7 +54,7 @@ class Verdict(Enum):
         return verdict
 
     AGREES = "agrees", "both answers are the same, within tolerance or within their certified bounds"
-    LOOSE = "loose", "it claims success, but its own residual is above tolerance"
+    LOOSE = "loose", "it claims success by its own criterion, but its residual is above tolerance by ours"
     OTHER_SOLUTION = "other solution", "both answers are solutions, and nothing proves that there is only one"
     INCONCLUSIVE = "inconclusive", "both residuals are small and the answers differ, but not by more than is certified"
     DISAGREES = "disagrees", "its answer is a solution, the answer under test is not, or is provably another point"
@@ -128,12 +128,19 @@ class Checked:
             right = f"it ended with: {claim.words}; its z solves the problem all the same"
             return Verdict.FAILED, right if theirs else self._ended(claim)
         if not theirs:
-            return Verdict.LOOSE, f"claims {claim.words!r}, but its residual is above {THEIRS:g} Res_D(0)"
+            return Verdict.LOOSE, self._loose(target.problem, x, claim)
         if np.isfinite(self.z).all() and difference <= self.tolerance:
             return Verdict.AGREES, claim.words
         if not self.holds:
             return Verdict.DISAGREES, "the residual of the answer under test is above tolerance"
         return self.by_bound(difference, sum_of_bounds(target, self.y, x) * self.unit, target.unique)
+
+    @staticmethod
+    def _loose(problem: ProblemData, x: Vector, claim: Claim) -> str:
+        """The accuracy that was asked for, by the solver's criterion, beside that of its answer by ours."""
+        share = problem.residual(x) / (problem.residual_scale() or norm(x) or 1.0)
+        asked = "" if claim.tolerance is None else f"asked for {claim.tolerance:g} in its own measure, "
+        return f"claims {claim.words!r}: {asked}{share:.1e} in ours, where {THEIRS:g} was expected"
 
     def _ended(self, claim: Claim) -> str:
         """How it ended without success. "infeasible" and "unbounded" are rays that nobody has checked, and false where

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import json
 import textwrap
-from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from ..numerics.rounding import at_most
 from ..present.card import Card
@@ -15,42 +14,40 @@ from ..present.rendering import render
 from ..present.shown import Shown
 from ..present.table import Table, Tabular, width
 from ..present.whole_files import as_path, write_ours
-from ..solve.solution import Solution, Status, certify
-from .judge import Checked, Row, Verdict, finite
+from ..solve.solution import Status
+from .judge import Row, Verdict
 
 #: columns of a report that goes to no terminal
 _WIDTH = 118
-#: what the verdict counts beside agreement
-_OTHERWISE = [verdict for verdict in Verdict if verdict not in (Verdict.AGREES, Verdict.SKIPPED)]
-
-
-#: with this a report in CSV begins
+#: the first line of a report in CSV
 HEADS = ",".join(Row.__annotations__).encode()
-
-
-class Certain(NamedTuple):
-    """What is certain of an answer: Res_D(z), |z − z*| ≤ `error_bound`, or None and the `reason`."""
-
-    residual: float
-    error_bound: float | None
-    reason: str
-
-    @classmethod
-    def of(cls, checked: Checked, solution: Any) -> Certain:
-        """That of the `solution`, or of the vector that was `checked`."""
-        known = solution.certificate if isinstance(solution, Solution) and solution.problem is checked.problem else None
-        found = known or certify(checked.problem, checked.z)
-        return cls(found.residual, found.error_bound, found.bound.reason)
 
 
 @dataclass(frozen=True, repr=False)
 class Report(Shown, Tabular):
-    """What the independent solvers say of an answer; print it, or let a notebook show it.
+    """The answers of the independent solvers beside the answer under test; print it, or let a notebook show it.
 
-    `rows`; `problem` and `answer` as texts; `n` unknowns; `status` of the run that gave the answer, empty for a vector.
-    `residual` = Res_D(z) of the answer under test; `holds`: whether it is a solution; `error_bound` with |z − z*| ≤ it,
-    or None and the `reason`; `tolerance` of the differences.
+    Attributes
+    ----------
+    rows : tuple of Row
+        One line for each solver and each form of the problem.
+    problem, answer : str
+        Both in words.
+    n : int
+        The number of unknowns.
+    status : str
+        Of the run that gave the answer; empty for a vector.
+    residual : float or None
+        Res_D(z) of the answer under test.
+    holds : bool
+        Whether the answer under test is a solution.
+    error_bound : float or None
+        |z − z*| ≤ `error_bound`, else the `reason` why there is none.
+    tolerance : float or None
+        Largest difference of two answers that agree.
 
+    Examples
+    --------
     >>> report = icp.crosscheck(ICP([[2.0]], [-1.0]), [0.5], ["osqp"])
     >>> report.agrees, report.rows[0].verdict.value
     (True, 'agrees')
@@ -71,22 +68,6 @@ class Report(Shown, Tabular):
     reason: str
     tolerance: float | None
 
-    @classmethod
-    def of(cls, checked: Checked, rows: Iterable[Row], solution: Any, certain: Certain) -> Report:
-        """The report on `checked` with its `rows`; `solution` a `Solution` or a vector, of which this is `certain`."""
-        problem = checked.problem
-        answer = "given as a vector"
-        status = ""
-        if isinstance(solution, Solution):
-            status = solution.status.value
-            answer = f"{status}, {solution.method!r}"
-        residual = finite(certain.residual)
-        bound = certain.error_bound
-        reason = certain.reason
-        tolerance = finite(checked.tolerance)
-        holds = checked.holds
-        return cls(tuple(rows), repr(problem), problem.n, answer, status, residual, holds, bound, reason, tolerance)
-
     @property
     def agrees(self) -> bool:
         """Whether the answer is a solution, at least one solver agrees, and none disagrees."""
@@ -105,14 +86,16 @@ class Report(Shown, Tabular):
             answer = f"Solved{ended}; no error bound is known"
         else:
             answer = f"Solved{ended}; no entry off by more than {at_most(self.error_bound)}"
-        by_verdict = {verdict: {row.solver for row in self.rows if row.verdict is verdict} for verdict in Verdict}
-        agreeing = by_verdict[Verdict.AGREES] - by_verdict[Verdict.DISAGREES]
+        names = {verdict: {row.solver for row in self.rows if row.verdict is verdict} for verdict in Verdict}
+        agreeing = names.pop(Verdict.AGREES) - names[Verdict.DISAGREES]
+        skipped = names.pop(Verdict.SKIPPED)
         asked = {row.solver for row in self.asked}
-        others = [f"{len(more)} {v.value}" for v in _OTHERWISE if (more := by_verdict[v] - agreeing)]
-        said = ", ".join([f"{len(agreeing)} of {len(asked)} independent solvers agree", *others])
+        counts = [f"{len(agreeing)} of {len(asked)} independent solvers agree"]
+        counts += [f"{len(more)} {verdict.value}" for verdict, found in names.items() if (more := found - agreeing)]
         if not asked:
-            said = "no independent solver could be asked" if self.rows else "no independent solver was asked"
-        return f"{answer}; {said}{': not confirmed' if self.holds and not self.agrees else ''}."
+            counts = ["no independent solver could be asked" if skipped else "no independent solver was asked"]
+        unconfirmed = ": not confirmed" if self.holds and not self.agrees else ""
+        return f"{answer}; {', '.join(counts)}{unconfirmed}."
 
     @property
     def asked(self) -> tuple[Row, ...]:
@@ -120,26 +103,31 @@ class Report(Shown, Tabular):
         return tuple(row for row in self.rows if row.verdict is not Verdict.SKIPPED)
 
     def coverage(self, *smaller: Report) -> str:
-        """Which check that agrees covers what, in a sentence, empty without any; `smaller` of the scene at fewer n."""
-        whole, frozen = ([row for row in self.rows if row.frozen is kind] for kind in (False, True))
+        """The checks that agree and what each covers, in one sentence; `smaller` are reports of the scene at fewer n.
+
+        Empty where none agrees.
+        """
         covered = {
-            "the whole problem": whole,
-            "with its obstacle frozen at the answer, which leaves open whether there are others,": frozen,
+            "the whole problem": [row for row in self.rows if not row.frozen],
+            "with its obstacle frozen at the answer, which leaves open whether there are others,": [
+                row for row in self.rows if row.frozen
+            ],
         } | {f"the same scene at n = {one.n}, which says nothing of this answer,": one.rows for one in smaller}
-        told = []
+        parts = []
         for what, rows in covered.items():
-            if names := dict.fromkeys(row.solver for row in rows if row.verdict is Verdict.AGREES):
-                told.append(f"{what} by {', '.join(names)}")
-        return f"Solved alike: {'; '.join(told)}." if told else ""
+            names = dict.fromkeys(row.solver for row in rows if row.verdict is Verdict.AGREES)
+            if names:
+                parts.append(f"{what} by {', '.join(names)}")
+        return f"Solved alike: {'; '.join(parts)}." if parts else ""
 
     def findings(self) -> str:
-        """The verdict, the solvers that were asked, why others were not, and what the checks cover, as text."""
+        """The verdict, the solvers that ran, why others did not, and what the checks cover, as text."""
         columns = width(_WIDTH)
-        sentences = [
+        verdict, coverage = (
             textwrap.fill(one, columns, break_on_hyphens=False) for one in (self.conclusion(), self.coverage())
-        ]
+        )
         tables = [table.to_text(columns) for table in self._tables()]
-        return "\n\n".join(filter(None, (sentences[0], *tables, sentences[1])))
+        return "\n\n".join(filter(None, (verdict, *tables, coverage)))
 
     def card(self) -> Card:
         """Problem, answer, residual and error bound."""
@@ -179,7 +167,7 @@ class Report(Shown, Tabular):
         str
             The text.
         """
-        return _written(self._in_full().to_csv(), path, HEADS)
+        return _written(self._all_digits().to_csv(), path, HEADS)
 
     def to_dataframe(self) -> Any:
         """The rows as a pandas DataFrame, numbers at full precision.
@@ -189,9 +177,9 @@ class Report(Shown, Tabular):
         NotApplicable
             Where pandas is not installed.
         """
-        return self._in_full().to_dataframe()
+        return self._all_digits().to_dataframe()
 
-    def _in_full(self) -> Table:
+    def _all_digits(self) -> Table:
         rows = tuple(tuple(_plain(row).values()) for row in self.rows)
         return Table("", tuple(Row.__annotations__), rows)
 

@@ -50,6 +50,8 @@ class Claim(Shown):
         Time in all, filled in by `ask`.
     setup : float or None
         Time of the set-up, filled in by `ask`; None where that failed.
+    tolerance : float or None
+        What it was asked for, by its own criterion; filled in by `ask`.
 
     Examples
     --------
@@ -62,6 +64,7 @@ class Claim(Shown):
     solved: bool
     seconds: float = 0.0
     setup: float | None = None
+    tolerance: float | None = None
 
 
 class ForeignSolver(Shown, ABC):
@@ -99,7 +102,7 @@ class ForeignSolver(Shown, ABC):
     ...     def run(self, model):
     ...         return icp.solvers.Claim(np.zeros(model.n), "zero, what else", True)
     >>> print(ICP([[2.0]], [-1.0]).crosscheck(solvers=["guess"]).rows[0].note)
-    claims 'zero, what else', but its residual is above 1e-07 Res_D(0)
+    claims 'zero, what else': asked for 1e-10 in its own measure, 1.0e+00 in ours, where 1e-07 was expected
     """
 
     name: ClassVar[str]
@@ -293,4 +296,4 @@ def ask(solver: ForeignSolver, target: Target, tolerance: float, time_limit: flo
         if is_ctrl_c(error):
             raise KeyboardInterrupt from error
         claim = Claim(None, f"{type(error).__name__}: {error}", False)
-    return replace(claim, seconds=time.perf_counter() - begin, setup=setup)
+    return replace(claim, seconds=time.perf_counter() - begin, setup=setup, tolerance=tolerance)
