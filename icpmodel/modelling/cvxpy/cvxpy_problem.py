@@ -23,7 +23,7 @@ from ...numerics.arrays import Vector, as_truth, described
 from ...present.shown import Shown
 from ...solve.solution import Solution, Status
 from ..reading import solved
-from ..running_log import log_on
+from ..running_log import printed_on
 from .compiled import named
 from .complementarity import Complementarity
 from .expressions import CvxpyReading
@@ -218,10 +218,8 @@ class Problem(Shown):
             z0 = np.zeros(problem.n)
         if verbose:
             print(f"icpmodel: {problem!r}")
-            with log_on(sys.stdout, options.pop("callback", None)) as callback:
-                found = solved(reading, method, z0=z0, callback=callback, **options)
-        else:
-            found = solved(reading, method, z0=z0, **options)
+            options["callback"] = printed_on(sys.stdout, options.get("callback"))
+        found = solved(reading, method, z0=z0, **options)
         self._of_conditions = found
         if found.status in (Status.SOLVED, Status.PRECISION_LIMIT):
             found = reading.checked(found)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import datetime
 import time
 from collections.abc import Mapping, Sequence
@@ -23,7 +22,7 @@ from pyomo.core.staleflag import StaleFlagManager
 from ...errors import InputError
 from ...solve.solution import Solution, Status
 from ..reading import solved
-from ..running_log import log_on
+from ..running_log import printed_on
 from .models import PyomoReading, read_pyomo
 
 _VERSION = version("icpmodel")
@@ -137,10 +136,9 @@ class PyomoSolver(SolverBase):
         limit = config.time_limit
         left = None if limit is None else max(limit - (time.perf_counter() - begin), 0.0)
         timer.start("solve")
-        with contextlib.ExitStack() as stack:
-            for stream in config.tee:
-                options["callback"] = stack.enter_context(log_on(stream, options.get("callback")))
-            solution = solved(reading, time_limit=left, **options)
+        for stream in config.tee:
+            options["callback"] = printed_on(stream, options.get("callback"))
+        solution = solved(reading, time_limit=left, **options)
         timer.stop("solve")
         StaleFlagManager.mark_all_as_stale()
         self._fill(results, model, reading, solution)
