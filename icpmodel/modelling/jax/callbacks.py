@@ -1,10 +1,8 @@
-"""What JAX calls back: problems are solved, and derivatives taken, with NumPy's arrays and in threads that are none of
-JAX's."""
+"""The callbacks of JAX, with NumPy's arrays and in threads that are none of JAX's: solves and derivatives."""
 
 from __future__ import annotations
 
 import os
-import secrets
 import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -38,16 +36,18 @@ _ANSWERS = (Status.SOLVED, Status.PRECISION_LIMIT)
 
 @lru_cache(maxsize=1)
 def own_threads() -> tuple[ThreadPoolExecutor, ThreadPoolExecutor]:
-    """Threads that round as that of the user does, who is the first to ask: those of JAX flush subnormal numbers to
-    zero, and hand this on to threads that they begin. So the first one begins the others, as many as are waited for at
-    once: a map of the user's may call another layer."""
+    """Two pools of threads that round as the thread of the user, who asks first.
+
+    Threads of JAX flush subnormal numbers to zero, and so do threads that these begin. So the one thread of the first
+    pool begins those of the second, as many as are waited for at once: a map of the user's may call another layer.
+    """
     first = ThreadPoolExecutor(1, "icpmodel")
     first.submit(int).result()
     return first, ThreadPoolExecutor(sys.maxsize, "icpmodel")
 
 
-def apart(call: Callable[..., Any], *arguments: Any) -> Any:
-    """What the call returns, made in one of those threads."""
+def in_own_thread(call: Callable[..., Any], *arguments: Any) -> Any:
+    """Call it in a thread of `own_threads`."""
     first, others = own_threads()
     return first.submit(others.submit, _in_float64, call, *arguments).result().result()
 
@@ -69,40 +69,18 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_begin_anew)
 
 
-class LastAnswers:
-    """The answers of the last callback, each under a number of its own, and the derivative that was last asked for."""
+class LastDerivative:
+    """The derivative that was last asked for, with its factors, and the arrays and z that it belongs to."""
 
     def __init__(self) -> None:
-        self.answers: Answers = ()
-        # told apart from those of another layer and another process
-        self.first = self.next = secrets.randbits(62)
-        self.last: tuple[int, Derivative | None] | None = None
+        self.key: tuple[bytes, ...] = ()
+        self.derivative: Derivative | None = None
         self.lock = RLock()
 
     def forget(self) -> None:
         """Keep none."""
-        self.answers, self.last = (), None
-
-    def keep(self, answers: Answers) -> int:
-        """Keep these, and no others; the number of the first one."""
-        self.answers, self.first, self.last = answers, self.next, None
-        self.next += len(answers)
-        return self.first
-
-    def derivative(self, number: int, again: Callable[[], Solution | None]) -> Derivative | None:
-        """That of the answer with this number, which is found `again` where it is not kept; None where it has none."""
-        # what is forgotten meanwhile is still there
-        answers = self.answers
-        last = self.last
-        if not self.first <= number < self.first + len(answers):
-            answers = [again()]
-            last = None
-            self.answers, self.first = answers, number
-        if last is None or last[0] != number:
-            solution = answers[number - self.first]
-            found = Derivative(solution) if solution is not None and solution.status in _ANSWERS else None
-            self.last = last = number, found
-        return last[1]
+        self.key = ()
+        self.derivative = None
 
 
 class Mapped:
@@ -135,7 +113,7 @@ class Mapped:
         return any(len(one) > 1 for one in self.arrays[name])
 
     def numbers(self, lead: Shape) -> Any:
-        """Which row it is at each index of the larger `lead`."""
+        """The number of the row at each index of the larger `lead`."""
         return np.broadcast_to(np.arange(self.count).reshape(self.lead), lead).reshape(-1)
 
 
@@ -148,7 +126,7 @@ class Callbacks:
     shapes: Shapes
     options: dict[str, Any]
     loud: bool
-    last: LastAnswers
+    last: LastDerivative
 
     @cached_property
     def sizes(self) -> dict[str, int]:
@@ -156,13 +134,10 @@ class Callbacks:
         sizes = {"q": self.problem.n} if "A" in self.forms or "q" in self.forms else {}
         return sizes | {name: self.shapes[name][-1][0] for name in ("psi", "upper") if name in self.forms}
 
-    def solved(self, arrays: Arrays) -> tuple[Any, Any]:
-        """z of all rows, and their numbers."""
-        rows = Mapped(arrays, self.shapes)  # waits for the arrays, and with the lock would wait for itself
-        with self.last.lock:
-            self.last.forget()  # so that no two are held at once
-            answers = self.answers(rows)
-            first = self.last.keep(answers)
+    def solved(self, arrays: Arrays) -> Any:
+        """z of all rows, NaN where there is none."""
+        rows = Mapped(arrays, self.shapes)
+        answers = self.answers(rows)
         if isinstance(answers, Solutions):
             Z = answers.Z
             failed = np.array([status not in _ANSWERS for status in answers.statuses])
@@ -170,7 +145,7 @@ class Callbacks:
         else:
             nothing = np.full(self.problem.n, np.nan)
             Z = np.array([nothing if one is None or one.status not in _ANSWERS else one.z for one in answers])
-        return Z.reshape(*rows.lead, self.problem.n), (first + np.arange(rows.count)).reshape(rows.lead)
+        return Z.reshape(*rows.lead, self.problem.n)
 
     def answers(self, rows: Mapped) -> Answers:
         """The solutions of all rows, None where not even a problem can be made and nothing is to be raised."""
@@ -252,13 +227,13 @@ class Callbacks:
 
     def each(self, residuals: Arrays, vectors: Any, act: Callable[[Derivative, Vector], Vector], size: int) -> Any:
         """What `act` makes of every derivative and the vectors that come with it, of this `size`; else NaN."""
-        rows = Mapped(residuals, self.shapes | {"z": ((self.problem.n,),), "number": ((),)})
+        rows = Mapped(residuals, self.shapes | {"z": ((self.problem.n,),)})
         directions = Mapped({"": (vectors,)}, {"": (np.shape(vectors)[-1:],)})
         lead = np.broadcast_shapes(rows.lead, directions.lead)
         of_rows = rows.numbers(lead)
         of_directions = directions.numbers(lead)
         found = np.full((of_rows.size, size), np.nan)
-        with self.last.lock, one_blas_thread():  # told once, not by every row
+        with self.last.lock, one_blas_thread():
             for k in np.argsort(of_rows, kind="stable"):  # one derivative after the other
                 derivative = self.derivative(rows.at(of_rows[k]))
                 (vector,) = directions.at(of_directions[k])[""]
@@ -272,8 +247,13 @@ class Callbacks:
         return found.reshape(*lead, size)
 
     def derivative(self, row: Arrays) -> Derivative | None:
-        """That at the z of one row; None where it has none."""
+        """That at the z of one row, where a solve from there ends at once; None where there is none."""
+        key = tuple(np.ascontiguousarray(one).tobytes() for several in row.values() for one in several)
+        if key == self.last.key:
+            return self.last.derivative
         if np.isnan(row["z"][0]).any():
             return None
-        given = {name: several for name, several in row.items() if name in self.forms} | {"z0": row["z"]}
-        return self.last.derivative(int(row["number"][0]), lambda: self.answer(given))
+        solution = self.answer({name: several for name, several in row.items() if name != "z"} | {"z0": row["z"]})
+        self.last.derivative = Derivative(solution) if solution is not None and solution.status in _ANSWERS else None
+        self.last.key = key
+        return self.last.derivative

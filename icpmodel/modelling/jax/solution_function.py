@@ -20,7 +20,7 @@ from ...problem.data import ProblemData, ProblemLike, as_problem
 from ...problem.map import Map
 from ...solve.goal import RTOL, Limits
 from .argument_forms import argument, obstacles, the_package
-from .callbacks import Arrays, Callbacks, LastAnswers, apart, own_threads
+from .callbacks import Arrays, Callbacks, LastDerivative, in_own_thread, own_threads
 
 Make: TypeAlias = Callable[[Any], Any]
 
@@ -38,15 +38,37 @@ def solution_of(
 ) -> SolutionFunction:
     """The answer z of a problem as a function of its arrays, for `jax.jit`, `grad`, `jacrev`, `jacfwd`, `jvp`, `vmap`.
 
-    Parameters: `problem` an ICP or what holds, names or makes one; `psi`, and `upper` for the obstacle above, only
-    where the map has parameters of yours: a function of their values, a NumPy array of shape (m,), that returns the
-    map, a `Function` or an `Elementwise` with its `parameter_derivative`; `rtol`, `atol`, `time_limit` and
-    `memory_limit` as for `solve` and `solve_many`; `raise_on_failure`: where it is False, z and its derivatives are NaN
-    where there is no answer, and nothing is raised. Else NotSolved is; out of compiled code JAX lets it through as a
-    `jax.errors.JaxRuntimeError` that ends with its message.
-    Returns a `SolutionFunction`. Raises InputError, and NotApplicable where JAX is not installed.
-    Reference: Blondel and others, Efficient and Modular Implicit Differentiation, NeurIPS 35 (2022).
+    Parameters
+    ----------
+    problem : ICP, or an object that holds, names or makes one
+        The problem.
+    psi, upper : callable, optional
+        Only where the map has parameters of yours: a function of their values, a NumPy array of shape (m,), that
+        returns the map, a `Function` or an `Elementwise` with its `parameter_derivative`. `upper` is above z.
+    rtol, atol, time_limit, memory_limit
+        As for `solve` and `solve_many`.
+    raise_on_failure : bool, default True
+        Whether NotSolved is raised where there is no answer; else z and its derivatives are NaN there. Out of compiled
+        code JAX lets it through as a `jax.errors.JaxRuntimeError` that ends with its message.
 
+    Returns
+    -------
+    SolutionFunction
+        The function.
+
+    Raises
+    ------
+    InputError
+        For wrong arguments.
+    NotApplicable
+        Where JAX is not installed.
+
+    References
+    ----------
+    Blondel and others, Efficient and Modular Implicit Differentiation, NeurIPS 35 (2022).
+
+    Examples
+    --------
     >>> from importlib.util import find_spec
     >>> if find_spec("jax"):
     ...     import jax
@@ -72,8 +94,8 @@ def solution_of(
 class SolutionFunction(Shown):
     """The answer of a problem as a function of its arrays; `solution_of` makes it.
 
-    The last answers, with the factors of the last derivative, are kept until the next ones; a derivative at an older
-    answer is taken from its z, which is not solved for again.
+    The factors of the last derivative are kept until the next one. A derivative is taken at the z that it is asked at,
+    which is not solved for again.
 
     >>> from importlib.util import find_spec
     >>> problem = ICP([[2.0]], [1.0])
@@ -85,19 +107,33 @@ class SolutionFunction(Shown):
         self, problem: ProblemData, makers: dict[str, Make | None], options: dict[str, Any], loud: bool
     ) -> None:
         self.problem, self.makers, self.options, self.raise_on_failure = problem, makers, options, loud
-        self._last = LastAnswers()
+        self._last = LastDerivative()
         weakref.finalize(self, self._last.forget)  # what JAX has compiled may live longer
         self._traced: dict[Any, Traced] = {}
 
     def __call__(self, *, A: Any = None, q: Any = None, psi: Any = None, upper: Any = None, z0: Any = None) -> Any:
         """z, shape (n,), float64, of the problem with these arrays; what is left out is the problem's own.
 
-        Parameters: `A` the data of `problem.A`, shape (nnz,), or dense, (n, n); `q` shape (n,); `psi`, and `upper`, a
-        number or shape (n,) for the c of a `Constant`, `Affine` or `Elementwise`, for an `Affine` also a tuple (G, c),
-        G as A is given, on the pattern of its own G; shape (nnz,) for the gains of an `Intervention`; shape (m,) for
-        parameters; `z0` the start, shape (n,), on which the derivative does not depend.
-        Raises InputError, also where JAX has not float64, and as `solution_of` says.
+        Parameters
+        ----------
+        A : array_like of shape (nnz,) or (n, n), optional
+            The data of `problem.A`, or a dense matrix.
+        q : array_like of shape (n,), optional
+            The vector q.
+        psi, upper : array_like or tuple, optional
+            The c of a `Constant`, `Affine` or `Elementwise`, a number or of shape (n,). For an `Affine` also a tuple
+            (G, c), with G as A is given, on the pattern of its own G. The gains of an `Intervention`, shape (nnz,).
+            Parameters, shape (m,).
+        z0 : array_like of shape (n,), optional
+            The start, on which the derivative does not depend.
 
+        Raises
+        ------
+        InputError
+            For wrong arrays, and where JAX has not float64.
+
+        Examples
+        --------
         >>> from importlib.util import find_spec
         >>> if find_spec("jax"):
         ...     import jax
@@ -122,7 +158,7 @@ class SolutionFunction(Shown):
         if key not in self._traced:
             calls = Callbacks(self.problem, forms, shapes, self.options, self.raise_on_failure, self._last)
             self._traced[key] = Traced(calls)
-        return self._traced[key].function(arrays)[0]
+        return self._traced[key].function(arrays)
 
     def __repr__(self) -> str:
         return f"SolutionFunction({self.problem!r})"
@@ -137,17 +173,16 @@ class Traced:
         self.of_vector = jax.ShapeDtypeStruct((self.n,), np.float64)
         # JAX compiles once for what is the same object
         three = calls.solved, calls.forward, calls.adjoint
-        self.solved, self.forward, self.adjoint = (partial(apart, call) for call in three)
+        self.solved, self.forward, self.adjoint = (partial(in_own_thread, call) for call in three)
         self.function = jax.custom_jvp(self.value)
         self.function.defjvp(self.tangent)
 
     def value(self, arrays: Arrays) -> Any:
-        """z, and the number under which its solution is found as long as it is kept."""
+        """z for these arrays."""
         jax = the_package()
         if any(isinstance(one, jax.core.Tracer) for several in arrays.values() for one in several):
-            found = self.of_vector, jax.ShapeDtypeStruct((), np.int64)
-            return jax.pure_callback(self.solved, found, arrays, vmap_method="expand_dims")
-        return tuple(jax.numpy.asarray(one) for one in self.calls.solved(arrays))  # what is raised comes as it is
+            return jax.pure_callback(self.solved, self.of_vector, arrays, vmap_method="expand_dims")
+        return jax.numpy.asarray(self.calls.solved(arrays))  # an error comes as it is
 
     def tangent(self, primals: Any, tangents: Any) -> Any:
         """The rule of forward mode, of which JAX makes that of reverse mode."""
@@ -160,15 +195,14 @@ class Traced:
                 continue
             if missing := psi.no_derivative():  # else the user would hear of it from compiled code
                 raise NotApplicable(missing if name == "psi" else missing.replace("psi", name, 1))
-        z, number = self.function(arrays)
+        z = self.function(arrays)
         changes: dict[str, Any] = {}
         for name, several in moved.items():
             if name != "z0":
                 key = "q" if name == "A" else name
                 change = self.calls.forms[name].change(z, *several)
                 changes[key] = changes[key] + change if key in changes else change
-        dz = self.linear(arrays | {"z": (z,), "number": (number,)}, changes, z) if changes else jax.numpy.zeros_like(z)
-        return (z, number), (dz, np.zeros((), jax.dtypes.float0))
+        return z, self.linear(arrays | {"z": (z,)}, changes, z) if changes else jax.numpy.zeros_like(z)
 
     def linear(self, residuals: Arrays, changes: dict[str, Any], z: Any) -> Any:
         """dz for these changes, by a map that JAX can transpose and batch.
