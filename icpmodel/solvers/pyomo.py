@@ -1,7 +1,8 @@
-"""An ICP as a Pyomo model, and two solvers of what Pyomo makes of it: p ≥ 0 ⟂ r ≥ 0, transformed.
+"""An ICP as a Pyomo model, and HiGHS on the mixed-integer program that Pyomo makes of it.
 
-HiGHS gets it as a mixed-integer program (mpec.simple_disjunction, then gdp.bigm: p_i = 0 or r_i = 0), which needs no
-convexity but bounds on p and r; IPOPT gets it as a nonlinear program (mpec.simple_nonlinear: p_i r_i ≤ 0).
+p ≥ 0 ⟂ r ≥ 0 becomes p_i = 0 or r_i = 0 (mpec.simple_disjunction, then gdp.bigm). This needs no convexity, but bounds
+on p and r.
+
 Reference: Bynum et al., Pyomo: Optimization Modeling in Python (2021), doi 10.1007/978-3-030-68928-5.
 """
 
@@ -9,7 +10,6 @@ from __future__ import annotations
 
 import itertools
 import operator
-import shutil
 from collections.abc import Callable
 from typing import Any
 
@@ -18,7 +18,7 @@ import scipy.sparse as sp
 
 from ..errors import NotApplicable
 from ..numerics.arrays import Vector
-from ..problem.between import Between
+from ..problem.between import sides_of
 from ..problem.data import ProblemData, ProblemLike, as_problem
 from ..problem.elementwise import Elementwise
 from ..problem.function import Function
@@ -68,67 +68,59 @@ def to_pyomo(problem: ProblemLike) -> Any:
     1
     """
     import pyomo.environ as pyo
+    from pyomo.mpec import Complementarity, complements
 
     problem = as_problem(problem)
     model = pyo.ConcreteModel()
-    model.z = pyo.Var(range(problem.n))
-    if isinstance(problem.psi, Between):
-        return _between(problem, problem.psi, model)
-    obstacle = _obstacle(problem.psi, model.z)
-    p = _moved(problem.A, problem.q, model.z)
-    held = [i for i, one in enumerate(obstacle) if not (isinstance(one, float) and one == -np.inf)]
-    _add_conditions(model, held, p, {i: model.z[i] - obstacle[i] for i in held})
-    return model
-
-
-def _add_conditions(model: Any, held: list[int], p: Any, r: Any) -> None:
-    """Give `model` p_i ≥ 0 ⟂ r_i ≥ 0 in the rows `held`, p_i = 0 in the others, and an objective that is constant."""
-    import pyomo.environ as pyo
-    from pyomo.mpec import Complementarity, complements
-
-    model.complementarity = Complementarity(held, rule=lambda _, i: complements(p[i] >= 0, r[i] >= 0))
-    model.equation = pyo.Constraint(sorted({*model.z} - {*held}), rule=lambda _, i: p[i] == 0)
-    model.objective = pyo.Objective(expr=0.0)
-
-
-def _between(problem: ProblemData, psi: Between, model: Any) -> Any:
-    """`problem` with its obstacles `psi` on both sides, in the variables z of `model`."""
-    import pyomo.environ as pyo
-    from pyomo.mpec import Complementarity, complements
-
-    z = model.z
-    p = _moved(problem.A, problem.q, model.z)
-    below = _obstacle(psi.lower, z)
-    above = _obstacle(psi.upper, z)
-    missing = [[isinstance(one, float) and np.isinf(one) for one in side] for side in (below, above)]
-    free = [i for i in z if missing[0][i] and missing[1][i]]
-    two = [i for i in z if not (missing[0][i] or missing[1][i])]
-    ends = {}
-    body = {}
-    if psi.linear is not None and psi.upper.linear is not None:
-        (G, c) = psi.linear
-        (H, d) = psi.upper.linear
-        moves = _moved(sp.csr_array(sp.eye_array(problem.n) - G), np.zeros(problem.n), z)
-        apart = np.diff(sp.csr_array(G - H).indptr) > 0
-        ends = {i: (float(c[i]), float(d[i])) for i in two if not apart[i]}
-        body = {i: z[i] if G.indptr[i] == G.indptr[i + 1] else moves[i] for i in ends}
-    model.v = pyo.Var([i for i in two if i not in ends])
+    z = model.z = pyo.Var(range(problem.n))
+    p = _moved(problem.A, problem.q, z)
+    below = _obstacle(sides_of(problem.psi)[0], z)
+    above = [np.inf] * problem.n if problem.upper is None else _obstacle(problem.upper, z)
+    has_below, has_above = ([not _is_infinite(one) for one in side] for side in (below, above))
+    two = [i for i in z if has_below[i] and has_above[i]]
+    ranges = _ranges(problem, two, z)
+    model.v = pyo.Var([i for i in two if i not in ranges])
     for i, v in model.v.items():
         p[i] = p[i] + v
 
     def rule(_: Any, i: int) -> Any:
-        if i in ends:
-            low, high = ends[i]
-            return complements(body[i] == low if low == high else pyo.inequality(low, body[i], high), p[i])
-        if missing[0][i]:
-            return complements(p[i] <= 0, z[i] - above[i] <= 0)
-        return complements(p[i] >= 0, z[i] - below[i] >= 0)
+        if i in ranges:
+            low, f, high = ranges[i]
+            return complements(f == low if low == high else pyo.inequality(low, f, high), p[i])
+        if has_below[i]:
+            return complements(p[i] >= 0, z[i] - below[i] >= 0)
+        return complements(p[i] <= 0, z[i] - above[i] <= 0)
 
-    model.complementarity = Complementarity(sorted({*z} - {*free}), rule=rule)
+    held = [i for i in z if has_below[i] or has_above[i]]
+    model.complementarity = Complementarity(held, rule=rule)
     model.above = Complementarity([*model.v], rule=lambda m, i: complements(m.v[i] >= 0, above[i] - z[i] >= 0))
-    model.equation = pyo.Constraint(free, rule=lambda _, i: p[i] == 0)
-    model.objective = pyo.Objective(expr=0.0)
+    _complete(model, held, p)
     return model
+
+
+def _complete(model: Any, held: list[int], p: Any) -> None:
+    """Give `model` p_i = 0 in the rows that are not `held`, and an objective that is constant."""
+    import pyomo.environ as pyo
+
+    model.equation = pyo.Constraint(sorted({*model.z} - {*held}), rule=lambda _, i: p[i] == 0)
+    model.objective = pyo.Objective(expr=0.0)
+
+
+def _ranges(problem: ProblemData, two: list[int], z: Any) -> dict[int, tuple[float, Any, float]]:
+    """(c_i, z_i − G_i z, d_i) of those of the rows `two`, with two obstacles, whose obstacles move alike."""
+    psi, upper = sides_of(problem.psi)[0], problem.upper
+    if upper is None or psi.linear is None or upper.linear is None:
+        return {}
+    G, c = psi.linear
+    H, d = upper.linear
+    moves = _moved(sp.csr_array(sp.eye_array(problem.n) - G), np.zeros(problem.n), z)
+    differ = np.diff(sp.csr_array(G - H).indptr) > 0
+    fixed = np.diff(G.indptr) == 0
+    return {i: (float(c[i]), z[i] if fixed[i] else moves[i], float(d[i])) for i in two if not differ[i]}
+
+
+def _is_infinite(value: Any) -> bool:
+    return isinstance(value, float) and np.isinf(value)
 
 
 def _obstacle(psi: Map, z: Any) -> list[Any]:
@@ -246,7 +238,7 @@ class PyomoHighs(ForeignSolver):
         solver.config.time_limit = float(time_limit)
         solver.config.load_solution = False
         solver.highs_options = {f"{of}_feasibility_tolerance": tolerance for of in ("mip", "primal", "dual")}
-        return _model(target, target.bounds, "mpec.simple_disjunction", "gdp.bigm"), solver
+        return _model(target, target.bounds), solver
 
     def run(self, model: Any) -> Claim:
         from pyomo.contrib.appsi.base import TerminationCondition
@@ -259,48 +251,17 @@ class PyomoHighs(ForeignSolver):
         return Claim([values[one] for one in posed.z.values()], "optimal", True)
 
 
-class PyomoIpopt(ForeignSolver):
-    """IPOPT on the nonlinear form, where its executable is on the PATH."""
+def _model(target: Target, bounds: tuple[Vector, Vector, Vector]) -> Any:
+    """`target` as a mixed-integer Pyomo model with variables z, p and r, within the `bounds` of `Target.bounds`.
 
-    name = "pyomo-ipopt"
-    package = "pyomo"
-    forms = ("mpec",)
-    asked_by = ("crosscheck",)
-
-    def why_not(self, target: Target) -> str | None:
-        none = 'no ipopt executable on the PATH; the solver "ipopt" needs none'
-        return super().why_not(target) if shutil.which("ipopt") else none
-
-    def set_up(self, target: Target, tolerance: float, time_limit: float) -> Any:
-        from pyomo.environ import SolverFactory
-
-        # IPOPT relaxes every bound by 1e-8 unless told not to
-        options = {"tol": tolerance, "bound_relax_factor": 0.0, "max_cpu_time": float(time_limit)}
-        solver = SolverFactory("ipopt", executable=shutil.which("ipopt"), options=options)
-        return _model(target, None, "mpec.simple_nonlinear"), solver
-
-    def run(self, model: Any) -> Claim:
-        posed, solver = model
-        result = solver.solve(posed, load_solutions=False)
-        words = str(result.solver.termination_condition)
-        if len(result.solution) == 0:
-            return Claim(None, words, False)
-        posed.solutions.load_from(result)
-        return Claim([one.value for one in posed.z.values()], words, words == "optimal")
-
-
-def _model(target: Target, bounds: tuple[Vector, Vector, Vector] | None, *transformations: str) -> Any:
-    """`target` as a transformed Pyomo model with variables z, p and r.
-
-    `bounds` are those of `Target.bounds`, or None. p and r belong to the one obstacle of a row.
-    Where it has two, p is u = Az + q + v, and v ≥ 0 ⟂ s ≥ 0.
+    p and r belong to the one obstacle of a row. Where it has two, p is u = Az + q + v, and v ≥ 0 ⟂ s ≥ 0.
     """
     import pyomo.environ as pyo
     from pyomo.mpec import Complementarity, complements
 
     problem = target.problem
     held = np.flatnonzero(target.held).tolist()
-    z_max, p_max, r_max = (one.tolist() for one in bounds or (np.full(problem.n, np.inf),) * 3)
+    z_max, p_max, r_max = (one.tolist() for one in bounds)
     model = pyo.ConcreteModel()
     model.z = pyo.Var(range(problem.n), bounds=lambda _, i: (-z_max[i], z_max[i]))
     model.p = pyo.Var(range(problem.n), bounds=lambda _, i: (0.0, p_max[i] if target.held[i] else 0.0))
@@ -321,9 +282,10 @@ def _model(target: Target, bounds: tuple[Vector, Vector, Vector] | None, *transf
             p[i] = p[i] + model.v[i]
     model.p_is = pyo.Constraint(range(problem.n), rule=lambda m, i: m.p[i] == p[i])
     model.r_is = pyo.Constraint(held, rule=lambda m, i: m.r[i] == r[i])
-    _add_conditions(model, held, model.p, model.r)
+    model.complementarity = Complementarity(held, rule=lambda m, i: complements(m.p[i] >= 0, m.r[i] >= 0))
+    _complete(model, held, model.p)
     if both:
         model.above = Complementarity(both, rule=lambda m, i: complements(m.v[i] >= 0, m.s[i] >= 0))
-    for transformation in transformations:
+    for transformation in ("mpec.simple_disjunction", "gdp.bigm"):
         pyo.TransformationFactory(transformation).apply_to(model)
     return model

@@ -167,18 +167,6 @@ def test_branch_and_bound_survives_a_large_big_m() -> None:
     assert set(verdicts(crosscheck(problem, None, ["pyomo-highs"]))) == {Verdict.AGREES}
 
 
-@pytest.mark.skipif(os.name != "posix", reason="makes an executable shell script")
-def test_an_ipopt_that_fails_is_failed_and_silent(tmp_path, monkeypatch, capfd) -> None:
-    fake = tmp_path / "ipopt"
-    fake.write_text("#!/bin/sh\nexit 1\n")
-    fake.chmod(0o755)
-    monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
-    report = icp.scenes.hand_lcp().problem.crosscheck(solvers=["pyomo-ipopt"])
-    assert report.rows[0].verdict.value == "failed"
-    assert not report.agrees
-    assert capfd.readouterr() == ("", "")
-
-
 def test_cross_checks_in_threads_leave_the_streams_of_the_process_as_they_were():
     state = lambda: (sys.stdout, logging.root.manager.disable, os.fstat(1), os.fstat(2))  # noqa: E731
     problem, before = icp.scenes.hand_lcp().problem, state()

@@ -156,39 +156,6 @@ def test_the_bounds_hold_for_p_and_both_distances() -> None:
             assert (distance[of_both] <= r_max[of_both]).all()
 
 
-@pytest.mark.parametrize("kind", ["symmetric", "alike", "apart"])
-def test_the_nonlinear_model_of_ipopt_holds_at_the_solution(kind: str) -> None:
-    """Every constraint, products of p and r among them, and none of them at a z that is moved."""
-    pyomo = pytest.importorskip("pyomo.environ")
-    problem, z = box(5, kind=kind)
-    target = Target(problem)
-    model, _ = foreign_solvers()["pyomo-ipopt"].set_up(target, 1e-8, 1.0)
-
-    def violated(z: np.ndarray) -> float:
-        p, r = problem.p(z), problem.r(z)
-        v = np.maximum(-p, 0.0)
-        for one in model.component_data_objects(pyomo.Var, descend_into=True):
-            one.set_value(0.0)
-        model.z.set_values(dict(enumerate(z.tolist())))
-        sign = np.where(target.capped, -1.0, 1.0)
-        u, r = sign * p + np.where(target.both, v, 0.0), np.where(target.capped, -problem.r_upper(z), r)
-        for name, values in (("p", u), ("r", r), ("v", v), ("s", -problem.r_upper(z))):
-            if (variables := getattr(model, name, None)) is not None:
-                variables.set_values({i: float(values[i]) for i in variables})
-        for one in model.component_data_objects(pyomo.Constraint, active=True, descend_into=True):
-            if one.local_name == "ve":  # v of the standard form, so far 0, is one of ours
-                one.parent_block().v.set_value(pyomo.value(one.lower) - pyomo.value(one.body))
-        worst = 0.0
-        for one in model.component_data_objects(pyomo.Constraint, active=True, descend_into=True):
-            body = pyomo.value(one.body)
-            worst = max(worst, (pyomo.value(one.lower) if one.has_lb() else body) - body)
-            worst = max(worst, body - (pyomo.value(one.upper) if one.has_ub() else body))
-        return worst
-
-    assert violated(z) <= 1e-9
-    assert violated(z + 0.1) > 1e-3
-
-
 @pytest.mark.parametrize(("kind", "formulation"), [("symmetric", "qp"), ("skew", "qp"), ("alike", "mip")])
 def test_the_cvxpy_model_between_two_obstacles_has_the_solution(kind: str, formulation: str) -> None:
     pytest.importorskip("cvxpy")

@@ -1,17 +1,19 @@
 """The conditions of a Pyomo model as rows of two sides, side 0 ≥ 0 ⟂ side 1 ≥ 0, each affine or with a nonlinear rest.
 
-A `Complementarity` has two arguments with two bounds in all; what the bounds mean is Pyomo's own standard form:
+A `Complementarity` has two arguments with two bounds in all. Their meaning is Pyomo's own standard form:
 
     f ≥ a, g ≥ b (or ≤ on either)    f − a ≥ 0 ⟂ g − b ≥ 0 (a − f where f ≤ a)
     f = a, g without bound           f − a = 0
     a ≤ f ≤ b, g without bound       g ≥ 0 where f = a, g ≤ 0 where f = b, g = 0 in between
 
-The last one is one row where f looks like an unknown with bounds: it is bent, has one variable only, or one that g has
-with the same sign; g and b − a must be affine. Else it is two, f − a ≥ 0 ⟂ g + λ ≥ 0 and b − f ≥ 0 ⟂ λ ≥ 0 with an
-unknown λ more. An infinite a or b is none, and leaves one of the forms above it.
+The last one is one row where f is like an unknown with bounds: g and b − a are affine, and f is nonlinear, or has one
+variable only, or one that g has with the same sign. Else it is two rows, f − a ≥ 0 ⟂ g + λ ≥ 0 and b − f ≥ 0 ⟂ λ ≥ 0,
+with a further unknown λ. An infinite a or b is no bound, and leaves one of the forms above it.
 
-Equality constraints are rows like f − a = 0. Reference: Ferris, Fourer and Gay, Expressing complementarity problems in
-an algebraic modeling language (1999), doi 10.1137/S105262349833338X.
+Equality constraints are rows like f − a = 0.
+
+Reference: Ferris, Fourer and Gay, Expressing complementarity problems in an algebraic modeling language (1999),
+doi 10.1137/S105262349833338X.
 """
 
 from __future__ import annotations
@@ -44,12 +46,23 @@ Side = tuple[float, dict[int, float], Any]
 
 
 class ConditionRows:
-    """The rows of a model: `sides`, side 0 and side 1 of all rows, with what is nonlinear `flattened`; `owners`, whose
-    each row is; `equation` where side 0 must be zero: there side 1 only tells which variable Pyomo's user had in mind.
-    `multipliers` are the λ above by the number of the row of g + λ, `widths` b − a by that of a row with two bounds on
-    side 0, of which side 1 has any sign; `inequalities` (constraint, constant, coefficients) of what must be ≤ 0.
-    Raises InputError, with the component's name, for
-    what is no such condition."""
+    """The rows of a model. Raises InputError, with the component's name, where one is no such condition.
+
+    Attributes
+    ----------
+    sides : two lists
+        Side 0 and side 1 of all rows, with the nonlinear parts `flattened`.
+    owners : list
+        The component of each row.
+    equation : list of bool
+        Whether side 0 must be zero; side 1 only tells the variable that Pyomo's user had in mind.
+    multipliers : dict
+        The λ above, by the number of the row of g + λ.
+    widths : dict
+        b − a, by the number of a row with two bounds on side 0, whose side 1 has any sign.
+    inequalities : list
+        (constraint, constant, coefficients) of what must be ≤ 0.
+    """
 
     def __init__(self, model: Any) -> None:
         self.sides: tuple[list[Side], list[Side]] = ([], [])

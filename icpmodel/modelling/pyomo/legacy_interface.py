@@ -132,14 +132,27 @@ def pyomo_solver(**options: Any) -> LegacyPyomoSolver:
     enters icpmodel there; `SolverFactory("icpmodel")` makes such solvers afterwards, in Pyomo's new interface
     (`pyomo.contrib.solver.common.factory`), too.
 
-    Parameters: `options` of `icpmodel.solve` for every solve, such as rtol=1e-12 or method="newton";
-    `solver.solve(model, options={...})` adds some for one.
-    Returns the solver. `solver.solve(model)` starts from the values of the variables, loads the solution into the model
-    and returns Pyomo's results, in which `results.extra_info["solution"]` is ours. Where no solution was found it loads
-    nothing and raises NoFeasibleSolutionError; with `load_solutions=False` the best iterate is in the results, for
-    `model.solutions.load_from(results)`. `timelimit` is in seconds, `tee=True` prints a log while it runs. A suffix
-    `dual` gets p by condition, `rc` by variable. Raises InputError for other models, see `read_pyomo`.
+    Parameters
+    ----------
+    **options
+        Of `icpmodel.solve` for every solve, such as rtol=1e-12 or method="newton";
+        `solver.solve(model, options={...})` adds some for one.
 
+    Returns
+    -------
+    LegacyPyomoSolver
+        `solver.solve(model)` starts from the values of the variables, loads the solution into the model and returns
+        Pyomo's results. In these `results.extra_info["solution"]` is ours.
+
+    Notes
+    -----
+    Where there is no solution, `solve` loads nothing and raises NoFeasibleSolutionError. With `load_solutions=False`
+    the best iterate is in the results, for `model.solutions.load_from(results)`. `timelimit` is in seconds, `tee=True`
+    prints the residuals while it runs. A suffix `dual` gets p by condition, `rc` by variable. InputError is raised for
+    other models, see `read_pyomo`.
+
+    Examples
+    --------
     >>> import pyomo.environ as pyo
     >>> from pyomo.mpec import Complementarity, complements
     >>> model = pyo.ConcreteModel()

@@ -1,9 +1,9 @@
 """A Pyomo model with `Complementarity` components, read as an implicit complementarity problem.
 
-Every row has two sides of which at least one is affine. It is given one variable x_j as its own; one side becomes
-p_i = (Az + q)_i and the other r_i = z_i − ψ_i(z), divided by the size of its own coefficient, with z_i = ±x_j so that
-z_i appears with a plus. The answer does not depend on these choices, the methods do: they want a large positive
-diagonal of A and a small slope of ψ.
+Every row has two sides, of which at least one is affine, and owns one variable x_j. One side becomes
+p_i = (Az + q)_i. The other becomes r_i = z_i − ψ_i(z), divided by the size of its own coefficient. The sign of
+z_i = ±x_j is such that z_i has a positive coefficient. The answer does not depend on these choices, the speed of the
+methods does: they want a large positive diagonal of A and a small slope of ψ.
 """
 
 from __future__ import annotations
@@ -31,10 +31,18 @@ from .ownership import Ownership
 class PyomoReading:
     """A `Reading`: z_i = `signs`[i] · `variables`[i]; `owners`[i] is the Complementarity or Constraint of row i.
 
-    Where a condition with two bounds on one side has two rows, one after the other, `added` says by the number of the
-    first which of the two owns the λ of `ConditionRows`. `equation`, shape (n,), tells which rows are equations,
-    `which_r` which side of a row is r, and `scale` what that was divided by. `inequalities`, names and Zz + c ≤ 0,
-    are those of the model and bounds of variables that no condition implies."""
+    Attributes
+    ----------
+    added : dict
+        A condition with two bounds on one side may have two rows, one after the other. The number of the first →
+        that of the two that owns the λ of `ConditionRows`.
+    equation : array of bool, shape (n,)
+        Whether a row is an equation.
+    which_r, scale : array of shape (n,)
+        The side of a row that is r, and the number by which it was divided.
+    inequalities : tuple
+        Names, Z and c of Zz + c ≤ 0: those of the model, and bounds of variables that no condition implies.
+    """
 
     problem: ICP
     variables: tuple[Any, ...]
@@ -109,11 +117,25 @@ class PyomoReading:
 def read_pyomo(model: Any) -> PyomoReading:
     """Read a Pyomo model, or block, as an ICP.
 
-    Parameters: `model` with active `Complementarity` components, one side of each affine, and equality constraints, as
-    many of these as variables that are not fixed; affine inequalities, which are only checked; and no objective.
-    Returns a `PyomoReading`, of which `problem` is the ICP, `start()` its z at the values of the variables and
-    `values(z)` the variables with what z says of them. Raises InputError, with the component's name, for other models.
+    Parameters
+    ----------
+    model : pyomo.environ.ConcreteModel or Block
+        It has active `Complementarity` components, one side of each affine, and equality constraints, as many of these
+        as variables that are not fixed. Affine inequalities are only checked. There is no objective.
 
+    Returns
+    -------
+    PyomoReading
+        `problem` is the ICP, `start()` its z at the values of the variables, and `values(z)` the variables with their
+        values at z.
+
+    Raises
+    ------
+    InputError
+        With the component's name, for other models.
+
+    Examples
+    --------
     >>> import pyomo.environ as pyo
     >>> from pyomo.mpec import Complementarity, complements
     >>> model = pyo.ConcreteModel()

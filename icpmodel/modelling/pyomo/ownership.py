@@ -20,10 +20,23 @@ _LISTED = 5
 
 
 class Ownership:
-    """The choice, with both sides of all rows as arrays. `own` the column of the variable that each row owns, `which_r`
-    the side that becomes r, both of shape (m,); the two `sides` COO (m, n) with their `constants` (2, m); `free` the
-    rows without obstacle; `bent` (2, m) where a side is nonlinear; `column` the column of a variable by its id. Raises
-    InputError where rows and variables cannot be paired."""
+    """The choice, with both sides of all rows as arrays. Raises InputError where rows and variables cannot be paired.
+
+    Attributes
+    ----------
+    own : array of shape (m,)
+        The column of the variable that each row owns.
+    which_r : array of shape (m,)
+        The side that becomes r.
+    sides : two COO arrays of shape (m, n)
+        The coefficients; `constants`, shape (2, m), go with them.
+    free : array of bool, shape (m,)
+        The rows without obstacle.
+    bent : array of bool, shape (2, m)
+        Whether a side is nonlinear.
+    column : dict
+        The column of a variable by its id.
+    """
 
     def __init__(self, rows: ConditionRows) -> None:
         self.variables = rows.variables()
