@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ..errors import OutOfTime
 from ..numerics import work
 from ..numerics.arrays import Mask, Vector, row_of
-from ..numerics.fill import Look, of_band
+from ..numerics.fill import SymbolicAnalysis, of_band
 from ..numerics.krylov import NotConverged
 from ..numerics.linear import Solver, dense_solver, multigrid_pays, solver_of
 from ..problem.data import ProblemData
@@ -151,13 +151,13 @@ class Elimination:
             more = np.where(active, 0.0, shift) if self._whole else shift[free]
             self._M = sp.csr_array(self._M + sp.diags_array(more))
         is_part = not self._whole and self._T is None
-        self._look = Look(self._M, (lambda: problem.matrix.is_symmetric) if is_part else None)
+        self._analysis = SymbolicAnalysis(self._M, (lambda: problem.matrix.is_symmetric) if is_part else None)
 
     def costs_more(self, most: float) -> bool:
         """Whether M is for multigrid, and a factorisation is foreseen to cost more than so many nanoseconds."""
         try:
             with work.of_count(most):
-                found = multigrid_pays(self._M, self._look, most)
+                found = multigrid_pays(self._M, self._analysis, most)
         except OutOfTime:  # to look at M costs less than to factorise it
             found = True
         self._by_multigrid = found
@@ -165,7 +165,7 @@ class Elimination:
 
     @cached_property
     def _solver(self) -> Solver:
-        return solver_of(self._M, self._by_multigrid, self._look)
+        return solver_of(self._M, self._by_multigrid, self._analysis)
 
     def solve(self, f: Vector, tolerance: float, transposed: bool) -> Vector | None:
         if self._whole:

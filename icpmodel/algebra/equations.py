@@ -13,7 +13,7 @@ from ..errors import MapError, SingularOperator
 from ..numerics import work
 from ..numerics.arrays import Mask, Vector, diagonal_positions, norm
 from ..numerics.factorisation import Symmetric, factorise
-from ..numerics.fill import Look
+from ..numerics.fill import SymbolicAnalysis
 from ..numerics.krylov import cg_step_cost, conjugate_gradients, conjugate_residuals, gcr_step_cost
 from ..numerics.linear import MANY_STEPS, by_refinement, solver_of
 from ..problem.between import chosen
@@ -218,14 +218,14 @@ class ShiftedEquations:
     @cached_property
     def repeated(self) -> Symmetric | None:
         """What factorises all rows again and again, where that costs less than each time in an order of its own."""
-        matrix, look = self.problem.matrix, self.problem.matrix.look
-        signs = look.signs
+        matrix, analysis = self.problem.matrix, self.problem.matrix.analysis
+        signs = analysis.signs
         return Symmetric(matrix.sparse, matrix.fill, signs) if matrix.repeats and signs is not None else None
 
     @cached_property
-    def look(self) -> Look:
+    def analysis(self) -> SymbolicAnalysis:
         """What it takes to factorise all rows, seen to the end."""
-        return self.problem.matrix.look.to_the_end()
+        return self.problem.matrix.analysis.to_the_end()
 
     def solve(self, free: Mask, D: Vector, f: Vector, tolerance: float, briefly: bool) -> Vector | None:
         """x with an error of f of at most the relative `tolerance`, or None; `D`, `f` and x of shape (n,).
@@ -267,11 +267,11 @@ class ShiftedEquations:
 
     def _by_free_rows(self, rows: NDArray[np.intp], D: Vector, f: Vector, tolerance: float) -> Vector | None:
         M = self._shifted(rows, D)
-        look = Look(M)
-        lu = factorise(M, definite=True, look=look)  # the ordering of a definite matrix needs no exchange of rows
+        analysis = SymbolicAnalysis(M)
+        lu = factorise(M, definite=True, analysis=analysis)
         x = None if lu is None else np.asarray(lu.solve(f))
         if x is None or not norm(M @ x - f) <= tolerance * norm(f):
-            return solver_of(M, look=look)(f, tolerance)
+            return solver_of(M, analysis=analysis)(f, tolerance)
         return x
 
     def _by_all_rows(self, free: Mask, D: Vector, f: Vector, tolerance: float) -> Vector | None:

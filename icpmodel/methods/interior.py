@@ -26,7 +26,7 @@ from ..errors import MapError
 from ..numerics import work
 from ..numerics.arrays import Mask, Vector, inner, norm, row_of
 from ..numerics.factorisation import Symmetric, factorise
-from ..numerics.fill import Look
+from ..numerics.fill import SymbolicAnalysis
 from ..problem.affine import zero
 from ..problem.between import mid
 from ..problem.data import ProblemData
@@ -119,9 +119,9 @@ class InteriorPath:
         self.diagonal = problem.matrix.rows.diag
         self.row = row_of(problem.A)
         self.moves = self.steps.moves
-        self.pattern: Symmetric | Look | None = None
+        self.pattern: Symmetric | SymbolicAnalysis | None = None
         if not self.moves:
-            self.pattern = self.steps.equations.repeated or self.steps.equations.look
+            self.pattern = self.steps.equations.repeated or self.steps.equations.analysis
         self.steady = self.first_steady = _STEADY if problem.matrix.is_nearly_symmetric else _STEADY_SKEW
         self.least_steady = _STEADY_LEAST
         self.lost = 0.0
@@ -289,4 +289,5 @@ class InteriorPath:
     def _factors(self, M: sp.csr_array) -> Any:
         if isinstance(self.pattern, Symmetric):
             return self.pattern.factors(M.data)
-        return factorise(M, definite=True, look=self.pattern or Look(M, lambda: False))  # symmetric at most by chance
+        # symmetric at most by chance
+        return factorise(M, definite=True, analysis=self.pattern or SymbolicAnalysis(M, lambda: False))

@@ -3,6 +3,7 @@ symmetric ones by QDLDL, and of others by SuperLU."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import nullcontext
 from functools import partial
 from typing import Any
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from ..errors import OutOfMemory, OutOfTime
 from . import work
 from .arrays import Mask, Vector, row_of
-from .fill import Look, Seen, ordered, signs_of_symmetry
+from .fill import SymbolicAnalysis, ordered, predicted_fill, signs_of_symmetry
 from .threads import in_time, one_blas_thread
 
 #: a row is exchanged for another one where its pivot is smaller than this share of the largest entry of the column: √ε,
@@ -33,102 +34,64 @@ _OF_SYMMETRIC = 8
 
 
 class Factors:
-    """L and U of A with rows and columns permuted, and solves with them.
+    """L and U by SuperLU of A with its rows and columns in another order, and solves with them.
 
-    `perm_c` says where column i of A went. `L` and `U` are as SuperLU has them.
+    Parameters
+    ----------
+    lu : SuperLU
+        The factors.
+    rows, columns : array of shape (n,), optional
+        The orders; None for that of A.
     """
 
-    def __init__(self, lu: Any, rows: NDArray[np.int32], columns: NDArray[np.int32]) -> None:
-        self._lu, self._rows, self._columns = lu, rows, columns
-
-    @property
-    def L(self) -> sp.csc_array:
-        """The lower triangle, with ones on the diagonal."""
-        return self._lu.L
-
-    @property
-    def U(self) -> sp.csc_array:
-        """The upper triangle."""
-        return self._lu.U
+    def __init__(
+        self, lu: Any, rows: NDArray[np.int32] | None = None, columns: NDArray[np.int32] | None = None
+    ) -> None:
+        self.lu = lu
+        self._orders = rows, columns
 
     @property
     def pivots(self) -> Vector:
         """The diagonal of U."""
-        pivots: Vector = self._lu.U.diagonal()
+        pivots: Vector = self.lu.U.diagonal()
         return pivots
-
-    @property
-    def perm_c(self) -> NDArray[np.intp]:
-        """Where the columns of A are in U."""
-        place = np.empty(self._columns.size, np.intp)
-        place[self._columns] = self._lu.perm_c
-        return place
-
-    def schur(self, k: int) -> sp.csr_array | None:
-        """The Schur complement of the last k rows and columns; None where they are not last
-        in the factors."""
-        low = self._columns.size - k
-        place = self._lu.perm_c[low:] - low
-        if place.min() < 0:
-            return None
-        product = sp.csr_array(self._lu.L[low:, low:] @ self._lu.U[low:, low:])
-        return sp.csr_array(product[place][:, place])
 
     def solve(self, f: Vector, trans: str = "N") -> Vector:
         """A⁻¹f, or A⁻ᵀf with `trans` = "T"; `f` of shape (n,) or (n, k)."""
         columns = f.size / f.shape[0]
-        work.add(columns * work.solve_cost(work.Fill(f.shape[0], self._lu.nnz, 0.0, True)))
-        to, of = (self._columns, self._rows) if trans == "N" else (self._rows, self._columns)
-        x: Vector = np.empty(f.shape)
-        x[to] = self._lu.solve(np.asarray(f, dtype=np.float64)[of], trans)
+        work.add(columns * work.solve_cost(work.Fill(f.shape[0], self.lu.nnz, 0.0, True)))
+        before, after = self._orders if trans == "N" else self._orders[::-1]
+        f = np.asarray(f, dtype=np.float64)
+        y: Vector = self.lu.solve(f if before is None else f[before], trans)
+        if after is None:
+            return y
+        x = np.empty(f.shape)
+        x[after] = y
         return x
 
 
-class Band:
-    """L and U of a matrix with few diagonals as LAPACK has them, or, without `rows`, Cholesky's factor of a symmetric
-    one, and solves with them."""
+class DenseFactors:
+    """L and U, or Cholesky's factor, of a dense matrix or a band by LAPACK.
 
-    def __init__(self, reach: tuple[int, int], factors: Any, rows: NDArray[np.int32] | None) -> None:
-        self._reach, self._factors, self._rows = reach, factors, rows
+    Parameters
+    ----------
+    solve : callable
+        (f, whether transposed) ↦ (x, …), from LAPACK.
+    pivots : array of shape (n,)
+        The diagonal of U.
+    entries : int
+        How many entries are stored.
+    """
 
-    @property
-    def pivots(self) -> Vector:
-        """The diagonal of U."""
-        below, above = self._reach
-        pivots: Vector = self._factors[0] ** 2 if self._rows is None else self._factors[below + above]
-        return pivots
-
-    def solve(self, f: Vector, trans: str = "N") -> Vector:
-        """A⁻¹f, or A⁻ᵀf with `trans` = "T"; `f` of shape (n,) or (n, k)."""
-        from scipy.linalg.lapack import dgbtrs, dpbtrs
-
-        work.add(f.size / f.shape[0] * (work.COSTS.call + work.COSTS.solve_entry * self._factors.size))
-        if self._rows is None:
-            return np.asarray(dpbtrs(self._factors, f, lower=1)[0])
-        return np.asarray(dgbtrs(self._factors, *self._reach, f, self._rows, trans=int(trans == "T"))[0])
-
-
-class Full:
-    """L and U of a matrix as LAPACK has them, or, without `rows`, Cholesky's factor of a symmetric one, and solves with
-    them."""
-
-    def __init__(self, factors: NDArray[np.float64], rows: NDArray[np.int32] | None) -> None:
-        self._factors, self._rows = factors, rows
-
-    @property
-    def pivots(self) -> Vector:
-        """The diagonal of U."""
-        pivots: Vector = self._factors.diagonal()
-        return pivots**2 if self._rows is None else pivots
+    def __init__(self, solve: Callable[[Vector, bool], Any], pivots: Vector, entries: int) -> None:
+        self.pivots = pivots
+        self._solve = solve
+        self._cost = work.COSTS.call + work.COSTS.solve_entry * entries
 
     def solve(self, f: Vector, trans: str = "N") -> Vector:
         """A⁻¹f, or A⁻ᵀf with `trans` = "T"; `f` of shape (n,) or (n, k)."""
-        from scipy.linalg.lapack import dgetrs, dpotrs
-
-        work.add(f.size / f.shape[0] * (work.COSTS.call + work.COSTS.entry * self._factors.size))
-        if self._rows is None:
-            return np.asarray(dpotrs(self._factors, f, lower=1)[0])
-        return np.asarray(dgetrs(self._factors, self._rows, f, trans=int(trans == "T"))[0])
+        work.add(f.size / f.shape[0] * self._cost)
+        return np.asarray(self._solve(f, trans == "T")[0])
 
 
 class Symmetric:
@@ -210,11 +173,9 @@ class Symmetric:
 
 
 def factorise(
-    matrix: sp.csr_array, *, definite: bool = False, triangles: bool = False, look: Look | None = None
+    matrix: sp.csr_array, *, definite: bool = False, triangles: bool = False, analysis: SymbolicAnalysis | None = None
 ) -> Any:
-    """Factors of a sparse matrix (n × n) in the cheapest of three forms, or None where it is singular or not finite.
-
-    The forms are `Factors` (sparse, ordered for the pattern), `Band` and `Full`.
+    """Factors of a sparse matrix (n × n) in the cheapest form, or None where it is singular or not finite.
 
     Parameters
     ----------
@@ -225,13 +186,13 @@ def factorise(
         a matrix that is symmetric, up to the signs of its rows, proves not to be definite, and
         where SuperLU exchanged rows. It may be `Symmetric`, which solves for f of shape (n,) alone.
     triangles : bool, default False
-        Whether L and U in `Factors` are needed.
-    look : Look, optional
+        Whether L and U by SuperLU are needed.
+    analysis : SymbolicAnalysis, optional
         Symbolic analysis of the matrix, where there is one.
 
     Returns
     -------
-    Factors, Band, Full, Symmetric or None
+    Factors, DenseFactors, Symmetric or None
         The factors.
 
     Raises
@@ -247,107 +208,119 @@ def factorise(
     """
     if not np.isfinite(matrix.data).all():
         return None
-    look = look or Look(matrix)
-    if not triangles and look.is_dense:
-        return of_dense(matrix, definite and look.is_symmetric)
-    if not triangles and look.is_band:
-        return _of_band(matrix, look, definite)
+    analysis = analysis or SymbolicAnalysis(matrix)
+    if not triangles and analysis.is_dense:
+        return of_dense(matrix, definite and analysis.is_symmetric)
+    if not triangles and analysis.is_band:
+        return _of_band(matrix, analysis, definite)
     if triangles or not definite:
-        return _of_pattern(matrix, look, definite)
-    signs = look.signs if look.matrix is matrix else signs_of_symmetry(matrix)
-    if signs is None or not (fill := _seen(matrix, look.seen, symmetric=True)[0]).symmetric:
-        return _of_pattern(matrix, look, definite)
+        return _by_superlu(matrix, analysis, definite)
+    signs = analysis.signs if analysis.matrix is matrix else signs_of_symmetry(matrix)
+    if signs is None or not (fill := _fill_of(matrix, analysis, symmetric=True)).symmetric:
+        return _by_superlu(matrix, analysis, definite)
     factors = Symmetric(matrix, fill, signs).factors(matrix.data)
     return factors if factors is not None and factors.pivots.min() > 0.0 else None
 
 
-def factors_and_schur(matrix: sp.csr_array, look: Look, last: NDArray[np.intp]) -> tuple[Factors, sp.csr_array] | None:
+def factors_and_schur(matrix: sp.csr_array, last: NDArray[np.intp]) -> tuple[Factors, sp.csr_array] | None:
     """Factors of a sparse matrix without exchanges of rows, and the Schur complement of the rows `last`.
 
     None where a pivot is 0. Raises OutOfTime and OutOfMemory as `factorise` does. In `matrix` each of the `last` rows
     but the first has an entry, be it 0, in the column of the one before, so that all of them come last.
     """
-    factors = _of_pattern(matrix, look, True, last)
-    S = None if factors is None else factors.schur(last.size)
-    return None if factors is None or S is None else (factors, S)
+    fill, order = ordered(matrix)
+    order = np.concatenate([order[~np.isin(order, last)], last])
+    lu = _superlu(sp.csr_array(matrix[order][:, order]), fill, True, "NATURAL")
+    low = order.size - last.size
+    if lu is None or (place := lu.perm_c[low:] - low).min() < 0:
+        return None
+    product = sp.csr_array(lu.L[low:, low:] @ lu.U[low:, low:])
+    return Factors(lu, order, order), sp.csr_array(product[place][:, place])
 
 
-def of_dense(matrix: sp.csr_array, cholesky: bool = False) -> Full | None:
+def of_dense(matrix: sp.csr_array, cholesky: bool = False) -> DenseFactors | None:
     """Those of a sparse matrix with all entries stored; raises OutOfTime and OutOfMemory as `factorise` does."""
     n = matrix.shape[0]
     work.afford(work.dense_cost(n, cholesky), 16.0 * n**2)
     return of_array(matrix.toarray(order="F"), cholesky)
 
 
-def of_array(M: NDArray[np.float64], cholesky: bool = False) -> Full | None:
+def of_array(M: NDArray[np.float64], cholesky: bool = False) -> DenseFactors | None:
     """Those of an array in Fortran's order, which is overwritten; None where it is singular, or, by Cholesky's method,
     which takes it for symmetric, not definite."""
-    from scipy.linalg.lapack import dgetrf, dpotrf  # lu_factor warns of a zero pivot, and is slower than a small matrix
+    # lu_factor warns of a zero pivot, and is slower than a small matrix
+    from scipy.linalg.lapack import dgetrf, dgetrs, dpotrf, dpotrs
 
-    rows = None
     with one_blas_thread():
         if cholesky:
             factors, failed = dpotrf(M, lower=1, overwrite_a=1)
         else:
             factors, rows, failed = dgetrf(M, overwrite_a=1)
     work.add(work.dense_cost(M.shape[0], cholesky))
-    return None if failed or not np.isfinite(factors.diagonal()).all() else Full(factors, rows)
+    pivots = factors.diagonal()
+    if failed or not np.isfinite(pivots).all():
+        return None
+    if cholesky:
+        return DenseFactors(lambda f, transposed: dpotrs(factors, f, lower=1), pivots**2, M.size)
+    return DenseFactors(lambda f, transposed: dgetrs(factors, rows, f, trans=int(transposed)), pivots, M.size)
 
 
-def _of_band(matrix: sp.csr_array, look: Look, definite: bool) -> Band | None:
-    from scipy.linalg.lapack import dgbtrf, dpbtrf
+def _of_band(matrix: sp.csr_array, analysis: SymbolicAnalysis, definite: bool) -> DenseFactors | None:
+    from scipy.linalg.lapack import dgbtrf, dgbtrs, dpbtrf, dpbtrs
 
     from .kernels.graph import diagonals
 
     n = matrix.shape[0]
-    (below, above) = look.reach
+    below, above = analysis.reach
     of = (matrix.indptr, matrix.indices, matrix.data)
-    work.spend(work.factor_cost(look.band), 8.0 * look.band.entries)
+    work.spend(work.factor_cost(analysis.band), 8.0 * analysis.band.entries)
     # LAPACK goes through narrow bands without calls of BLAS that would take threads
     with one_blas_thread() if max(below, above) > _BY_COLUMNS else nullcontext():
-        if below == above and look.is_symmetric:
+        if below == above and analysis.is_symmetric:
             half = np.zeros((n, below + 1))
             diagonals(*of, 0, half)
             factor, failed = dpbtrf(half.T, lower=1, overwrite_ab=1)
-            if definite or not failed:
-                return None if failed or not np.isfinite(factor[0]).all() else Band(look.reach, factor, None)
+            if not failed and np.isfinite(factor[0]).all():
+                return DenseFactors(lambda f, transposed: dpbtrs(factor, f, lower=1), factor[0] ** 2, half.size)
+            if definite:
+                return None
         band = np.zeros((n, 2 * below + above + 1))
         diagonals(*of, below + above, band)
-        factors, pivots, failed = dgbtrf(band.T, below, above, overwrite_ab=1)
-    return None if failed or not np.isfinite(factors[below + above]).all() else Band(look.reach, factors, pivots)
+        factors, rows, failed = dgbtrf(band.T, below, above, overwrite_ab=1)
+    pivots = factors[below + above]
+    if failed or not np.isfinite(pivots).all():
+        return None
+    return DenseFactors(
+        lambda f, transposed: dgbtrs(factors, below, above, f, rows, trans=int(transposed)), pivots, band.size
+    )
 
 
-def _of_pattern(
-    matrix: sp.csr_array, look: Look, diagonal_pivots: bool, last: NDArray[np.intp] | None = None
-) -> Factors | None:
-    from scipy.sparse.linalg import splu
-
-    from .kernels.graph import permuted
-
+def _by_superlu(matrix: sp.csr_array, analysis: SymbolicAnalysis, diagonal_pivots: bool) -> Factors | None:
     n = matrix.shape[0]
     work.afford(work.least_factor_cost(n, matrix.nnz, symmetric=False))
-    rows = np.arange(n, dtype=np.int32)
+    rows = None
     if np.count_nonzero(matrix.diagonal()) < n:
-        found = None if diagonal_pivots else _onto_diagonal(matrix)
-        if found is None:
+        rows = None if diagonal_pivots else _onto_diagonal(matrix)
+        if rows is None:
             return None
-        rows = found
-        shifted = sp.csr_array(matrix[rows])
-    else:
-        shifted = matrix
-    fill, order = _seen(shifted, look.seen if shifted is matrix else None)
-    if last is not None:
-        order = np.concatenate([order[~np.isin(order, last)], last.astype(order.dtype)])
+        matrix = sp.csr_array(matrix[rows])
+        analysis = SymbolicAnalysis(matrix)
+    lu = _superlu(matrix, _fill_of(matrix, analysis), diagonal_pivots)
+    return None if lu is None else Factors(lu, rows)
+
+
+def _superlu(matrix: sp.csr_array, fill: work.Fill, diagonal_pivots: bool, order: str = "MMD_AT_PLUS_A") -> Any:
+    from scipy.sparse.linalg import splu
+
+    n = matrix.shape[0]
     work.afford(work.factor_cost(fill))
-    rows = rows[order]
-    place = np.empty(n, np.int32)
-    place[order] = np.arange(n)
-    arrays = permuted(matrix.indptr, matrix.indices, matrix.data, rows, place)
-    inner = sp.csc_array(arrays, shape=matrix.shape)
-    inner.has_canonical_format = True
-    threshold = 0.0 if diagonal_pivots else _THRESHOLD
-    options = {"SymmetricMode": True}
-    by_superlu = partial(splu, inner, permc_spec="NATURAL", diag_pivot_thresh=threshold, options=options)
+    by_superlu = partial(
+        splu,
+        sp.csc_array(matrix),
+        permc_spec=order,
+        diag_pivot_thresh=0.0 if diagonal_pivots else _THRESHOLD,
+        options={"SymmetricMode": True},
+    )
     try:
         # exchanges of rows can fill all
         lu = in_time(by_superlu, work.factor_cost(work.Fill(n, n**2, n**3 / 3.0, True)))
@@ -358,24 +331,22 @@ def _of_pattern(
     # exchanges of rows make more than was foreseen
     flops = fill.flops * max(lu.nnz / fill.entries, 1.0) ** 1.5
     work.add(work.factor_cost(work.Fill(n, lu.nnz, flops, True)))
-    if diagonal_pivots and not np.array_equal(lu.perm_r, lu.perm_c):
-        return None
-    return Factors(lu, rows, order)
+    return None if diagonal_pivots and not np.array_equal(lu.perm_r, lu.perm_c) else lu
 
 
-def _seen(matrix: sp.csr_array, seen: Seen | None, symmetric: bool = False) -> Seen:
-    """The fill of a matrix and the order of its rows and columns; raises OutOfTime and OutOfMemory as `factorise`."""
+def _fill_of(matrix: sp.csr_array, analysis: SymbolicAnalysis, symmetric: bool = False) -> work.Fill:
+    """The fill of a matrix with the pattern of the `analysis`; raises OutOfTime and OutOfMemory as `factorise`."""
     n = matrix.shape[0]
     full = n * (n + 1.0)
     # to ask what is free takes as long as to factorise a small matrix
     most = full if work.fits(_BYTES * full) else work.free_memory() / _BYTES
-    fill, order = seen or ordered(matrix, most, work.nanoseconds_left(), symmetric)
+    fill = analysis.complete or predicted_fill(matrix, most, work.nanoseconds_left(), symmetric)
     fill = fill._replace(symmetric=symmetric and fill.symmetric)
     if fill.entries > most:
         raise OutOfMemory(f"the factors of a sparse matrix with n = {n} and {matrix.nnz} entries would not fit")
     if not fill.seen:
         raise OutOfTime(f"the factorisation takes at least {1e-9 * work.factor_cost(fill):.2g} s, more than is left")
-    return fill, order
+    return fill
 
 
 def _onto_diagonal(matrix: sp.csr_array) -> NDArray[np.int32] | None:

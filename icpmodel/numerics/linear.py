@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from .arrays import Vector, bandwidths, is_symmetric, norm, row_of
 from .equilibration import Exponents, in_units, row_exponents
 from .factorisation import factorise, largest_of_columns, of_array, of_dense
-from .fill import Look
+from .fill import SymbolicAnalysis
 from .krylov import INEXACT, conjugate_residuals, gcr_step_cost
 from .multigrid import KrylovMultigrid, krylov_cost
 from .work import add, afford, factor_cost, product
@@ -41,7 +41,7 @@ STEPS = 10
 MANY_STEPS = 100
 
 
-def solver_of(M: sp.csr_array, by_multigrid: bool | None = None, look: Look | None = None) -> Solver:
+def solver_of(M: sp.csr_array, by_multigrid: bool | None = None, analysis: SymbolicAnalysis | None = None) -> Solver:
     """A solver of Mx = f and Mᵀx = f for many f.
 
     Parameters
@@ -50,7 +50,7 @@ def solver_of(M: sp.csr_array, by_multigrid: bool | None = None, look: Look | No
         The matrix.
     by_multigrid : bool, optional
         Whether multigrid is taken; by default where a factorisation is predicted to cost more.
-    look : Look, optional
+    analysis : SymbolicAnalysis, optional
         Symbolic analysis of M, where one was begun.
 
     Returns
@@ -74,28 +74,28 @@ def solver_of(M: sp.csr_array, by_multigrid: bool | None = None, look: Look | No
         return lambda f, tolerance, transposed=False: f
     if not np.isfinite(M.data).all():
         return lambda f, tolerance, transposed=False: None
-    look = look or Look(M)
+    analysis = analysis or SymbolicAnalysis(M)
     exponents = cache(lambda: row_exponents(M))
     scaled = cache(lambda: in_units(M, exponents()))
     if by_multigrid is None:
-        by_multigrid = multigrid_pays(M, look, krylov_cost(M.nnz, STEPS))
+        by_multigrid = multigrid_pays(M, analysis, krylov_cost(M.nnz, STEPS))
     else:
         by_multigrid = by_multigrid and is_for_multigrid(M)
-    iterative = _multigrid(M, scaled(), exponents()) if by_multigrid else _by_steps(M, look)
+    iterative = _multigrid(M, scaled(), exponents()) if by_multigrid else _by_steps(M, analysis)
 
     @cache
     def direct() -> tuple[Solver, Exponents | int, Exponents | int]:
         """By factors, and in which units of the rows and columns."""
-        if look.is_dense or look.is_band:
+        if analysis.is_dense or analysis.is_band:
             # Cholesky's factor is as good in all units, and others would take the symmetry
-            if look.is_symmetric and (factors := factorise(M, definite=True, look=look)):
+            if analysis.is_symmetric and (factors := factorise(M, definite=True, analysis=analysis)):
                 return _by(factors), 0, 0
             # what fills up in one unit does in the other
-            return _by(of_dense(scaled()) if look.is_dense else factorise(scaled())), exponents(), 0
-        if look.signs is None:
-            return _nudged(scaled(), look), exponents(), 0
+            return _by(of_dense(scaled()) if analysis.is_dense else factorise(scaled())), exponents(), 0
+        if analysis.signs is None:
+            return _nudged(scaled(), analysis), exponents(), 0
         both = exponents() // 2  # as large as before at the most, and as symmetric as it was
-        return _nudged(in_units(M, both, both), look), both, both
+        return _nudged(in_units(M, both, both), analysis), both, both
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
         afford()
@@ -111,9 +111,9 @@ def solver_of(M: sp.csr_array, by_multigrid: bool | None = None, look: Look | No
     return solve
 
 
-def multigrid_pays(M: sp.csr_array, look: Look, cost: float) -> bool:
+def multigrid_pays(M: sp.csr_array, analysis: SymbolicAnalysis, cost: float) -> bool:
     """Whether multigrid is for M, CSR, n × n, and its `cost`, in nanoseconds, less than that of a factorisation."""
-    return look.band_costs_more(cost) and is_for_multigrid(M) and look.costs_more(cost)
+    return analysis.band_costs_more(cost) and is_for_multigrid(M) and analysis.costs_more(cost)
 
 
 def _multigrid(M: sp.csr_array, scaled: sp.csr_array, exponents: Exponents) -> Solver:
@@ -138,7 +138,7 @@ def _multigrid(M: sp.csr_array, scaled: sp.csr_array, exponents: Exponents) -> S
     return solve
 
 
-def _by_steps(M: sp.csr_array, look: Look) -> Solver | None:
+def _by_steps(M: sp.csr_array, analysis: SymbolicAnalysis) -> Solver | None:
     """The solver by GCR, with as many steps as cost no more than a factorisation.
 
     None where a factorisation is predicted to cost less than `MANY_STEPS`, or where the diagonal is
@@ -146,14 +146,14 @@ def _by_steps(M: sp.csr_array, look: Look) -> Solver | None:
     """
     a_step = gcr_step_cost(M.shape[0], M.nnz)
     cost = MANY_STEPS * a_step
-    if not (look.band_costs_more(cost) and (M.diagonal() > 0.0).all() and look.costs_more(cost)):
+    if not (analysis.band_costs_more(cost) and (M.diagonal() > 0.0).all() and analysis.costs_more(cost)):
         return None
     turned = cache(lambda: sp.csr_array(M.T))
     failed = False
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
         nonlocal failed
-        most = min(int(factor_cost(look.fill) / a_step), M.shape[0])
+        most = min(int(factor_cost(analysis.fill) / a_step), M.shape[0])
         x = None if failed else conjugate_residuals(turned() if transposed else M, f, most, tolerance)
         failed = x is None
         return x
@@ -185,7 +185,7 @@ def _by(factors: Any) -> Solver:
     return solve
 
 
-def _nudged(M: sp.csr_array, look: Look) -> Solver:
+def _nudged(M: sp.csr_array, analysis: SymbolicAnalysis) -> Solver:
     """The solver by the factors of M + εD, with few or no exchanges of rows.
 
     Entries of the diagonal that are nearly 0 are first raised to √ε of the column, and no rows are
@@ -201,7 +201,7 @@ def _nudged(M: sp.csr_array, look: Look) -> Solver:
 
     def by(more: Vector, definite: bool) -> tuple[sp.csr_array, Solver]:
         near = sp.csr_array(M + sp.diags_array(more))
-        return near, _by(factorise(near, definite=definite, look=look))
+        return near, _by(factorise(near, definite=definite, analysis=analysis))
 
     @cache
     def exchanged() -> Solver:
@@ -210,7 +210,7 @@ def _nudged(M: sp.csr_array, look: Look) -> Solver:
     shift = _SHIFT * units
     small = np.abs(diagonal) < shift
     # columns of different sizes hide the small entries
-    if (look.signs is None and not small.any()) or units.min() < _SHIFT * units.max():
+    if (analysis.signs is None and not small.any()) or units.min() < _SHIFT * units.max():
         return exchanged()
     near, by_near = by(np.where(small, np.copysign(shift, diagonal), _NUDGE * diagonal), True)
     refined = _refined(M, units, by_near)

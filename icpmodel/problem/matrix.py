@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from ..numerics import work
 from ..numerics.arrays import ReadOnly, Vector, absolute, as_csr, as_square, freeze, is_symmetric, locked
 from ..numerics.equilibration import balanced
-from ..numerics.fill import Look
+from ..numerics.fill import SymbolicAnalysis
 from ..numerics.krylov import SMALL_RADIUS, couplings, radius_of
 from ..numerics.linear import is_for_multigrid
 from ..numerics.threads import THREADS_FROM, in_parts, threads_for
@@ -208,7 +208,7 @@ class Matrix(ReadOnly):
     @cached_property
     def fill(self) -> work.Fill:
         """What a factorisation of A will cost; rough where it is not worth a closer look (`numerics.fill`)."""
-        return self.look.fill
+        return self.analysis.fill
 
     @property
     def repeats(self) -> bool:
@@ -232,9 +232,9 @@ class Matrix(ReadOnly):
         return work.refactor_cost(self.fill) if self.repeats else self.factor_cost
 
     @cached_property
-    def look(self) -> Look:
+    def analysis(self) -> SymbolicAnalysis:
         """What it takes to factorise A, or a matrix with its pattern."""
-        return Look(self.sparse, lambda: self.is_symmetric)
+        return SymbolicAnalysis(self.sparse, lambda: self.is_symmetric)
 
     @cached_property
     def couplings(self) -> sp.csr_array:

@@ -29,7 +29,7 @@ def test_products_factorisations_and_cycles_are_counted():
         again, _ = counted(partial(factorise, problem.A, triangles=triangles))
         assert first == again >= int(work.factor_cost(least))
         one, two = (counted(partial(lu.solve, f))[0] for f in (f, np.ones((900, 2))))
-        assert 0 < one == 0.5 * two < first
+        assert 0 < one == two // 2 < first
 
 
 def test_a_thread_counts_its_own_work():

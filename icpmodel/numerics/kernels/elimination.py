@@ -127,7 +127,7 @@ def _cleaned(i, me, lists, start, length, elements, weight, mark, flag):
 
 
 @compiled
-def _merged(rows, lists, start, length, elements, weight, mark, flag, bucket, chain, keys, into):
+def _merged(rows, lists, start, length, elements, weight, mark, flag, bucket, chain, keys):
     # rows with equal lists become one; returns the next flag
     for row in rows:
         if weight[row] == 0:
@@ -148,7 +148,6 @@ def _merged(rows, lists, start, length, elements, weight, mark, flag, bucket, ch
                 if same:
                     weight[i] += weight[j]
                     weight[j] = 0
-                    into[j] = i
                     chain[before] = chain[j]
                 else:
                     before = j
@@ -159,13 +158,22 @@ def _merged(rows, lists, start, length, elements, weight, mark, flag, bucket, ch
 
 
 @compiled
-def _begun(length):
-    # what is known of each row: where its lists start, their length, how many elements are in them, weight (how many
-    # rows it stands for), degree, mark, the next and the one before it in the queue of its degree, the head of the
-    # queue and the bucket that have its number, its key, into which row it went, and when it was eliminated
+def _begun(start, length):
+    # what is known of each row: where its lists start, their length, how many elements are in them (-1 for an element),
+    # weight (how many rows it stands for), degree, mark, the next and the one before it in the queue of its degree, the
+    # head of the queue and the bucket that have its number, and its key
+    # (loops, as slices that are assigned to take a second to compile)
     n = length.size
-    state = np.full((13, n), -1)
-    state[1], state[2], state[3], state[4], state[5], state[12] = length, 0, 1, length, 1, n
+    state = np.empty((11, n), np.int64)
+    for i in range(n):
+        for k in range(6, 11):
+            state[k, i] = -1
+        state[0, i] = start[i]
+        state[1, i] = length[i]
+        state[2, i] = 0
+        state[3, i] = 1
+        state[4, i] = length[i]
+        state[5, i] = 1
     for i in range(n):
         if length[i] < 0:
             state[3, i] = 0
@@ -178,18 +186,8 @@ def _begun(length):
 def _eliminated(me, end, flag, widest, left, lists, state):
     # row `me` becomes an element; returns where the lists end, how many rows went with it, the weight of the element,
     # the next flag and the looks
-    start = state[0]
-    length = state[1]
-    elements = state[2]
-    weight = state[3]
-    degree = state[4]
-    mark = state[5]
-    after = state[6]
-    before = state[7]
-    head = state[8]
-    bucket = state[9]
-    keys = state[10]
-    into = state[11]
+    start, length, elements, weight, degree, mark = state[0], state[1], state[2], state[3], state[4], state[5]
+    after, before, head, bucket, keys = state[6], state[7], state[8], state[9], state[10]
     low = end
     pivots = weight[me]
     weight[me] = -pivots
@@ -203,14 +201,13 @@ def _eliminated(me, end, flag, widest, left, lists, state):
             pivots -= weight[i]
             size += weight[i]
             weight[i] = 0
-            into[i] = me
         else:
             degree[i] = min(degree[i], outside)
             keys[i] = key % length.size
             after[i] = bucket[keys[i]]
             bucket[keys[i]] = i
     flag += max(widest, size)
-    flag = _merged(rows, lists, start, length, elements, weight, mark, flag, bucket, after, keys, into)
+    flag = _merged(rows, lists, start, length, elements, weight, mark, flag, bucket, after, keys)
     end = low
     for i in rows:
         if weight[i] != 0:
@@ -221,7 +218,7 @@ def _eliminated(me, end, flag, widest, left, lists, state):
             end += 1
     start[me] = low
     length[me] = end - low
-    elements[me] = 0
+    elements[me] = -1
     weight[me] = pivots
     degree[me] = size
     if low == end:
@@ -265,7 +262,7 @@ def _layered(first, level, queue, done, lists, start, length, elements, weight):
 
 
 @compiled
-def _separator(lists, start, length, elements, weight, turn):
+def _separator(lists, start, length, elements, weight):
     # the weight of the heaviest layer, seen from the far end of the part of the graph where it is heaviest: about what
     # has to be eliminated at last, together, where no small separator cuts the rest of the graph
     n = start.size
@@ -275,49 +272,40 @@ def _separator(lists, start, length, elements, weight, turn):
     heaviest = 0
     last = -1
     for i in range(n):
-        if turn[i] == n and weight[i] > 0 and level[i] < 0:
+        if elements[i] >= 0 and weight[i] > 0 and level[i] < 0:
             layer, end = _layered(i, level, queue, done, lists, start, length, elements, weight)
             if layer > heaviest:
                 heaviest = layer
                 last = end
-    level[:] = -1
-    done[:] = False
+    for i in range(n):
+        level[i] = -1
+        done[i] = False
     return _layered(last, level, queue, done, lists, start, length, elements, weight)[0] if last >= 0 else 0
+
+
+@inlined
+def _dense(rows):
+    # the entries of L and their squares, column by column, of a dense matrix
+    rest = float(rows)
+    return 0.5 * rest * (rest - 1.0), (rest - 1.0) * rest * (2.0 * rest - 1.0) / 6.0
 
 
 @compiled
 def minimum_degree(start, length, lists, end, left_out, stored, prices, most_entries, most_cost, most_looks):
     # rows of the least approximate degree first. Returns the entries of L without its diagonal, the sum of their
-    # squares column by column, what was looked at, whether it came to the end within the limits, and what `order` asks
-    # for. It ends early where the entries, or what the factorisation costs by the `prices` of (an entry, a
-    # multiplication, a look), are more than the limits, and where a separator of the rest tells that it costs more than
-    # that, or some hundred times what it did to look, or after so many looks: then entries and squares are rough
-    n = length.size
-    neighbours = length.sum()
-    an_entry = prices[0]
-    a_flop = prices[1]
-    a_look = prices[2]
-    state = _begun(length)
-    state[0] = start
-    start = state[0]
-    length = state[1]
-    elements = state[2]
-    weight = state[3]
-    degree = state[4]
-    mark = state[5]
-    after = state[6]
-    before = state[7]
-    head = state[8]
-    into = state[11]
-    turn = state[12]
-    left = n - left_out
+    # squares column by column, what was looked at, and whether it came to the end within the limits. It ends early
+    # where the entries, or what the factorisation costs by the `prices` of (an entry, a multiplication, a look), are
+    # more than the limits, and where a separator of the rest tells that it costs more than that, or some hundred times
+    # what it did to look, or after so many looks: then entries and squares are rough
+    an_entry, a_flop, a_look = prices
+    average = length.sum() / length.size
+    state = _begun(start, length)
+    start, length, elements, weight, degree, mark = state[0], state[1], state[2], state[3], state[4], state[5]
+    after, before, head = state[6], state[7], state[8]
+    left = length.size - left_out
     flag = 2
-    widest = 0
-    least = 0
-    step = 0
-    looks = 0
-    entries = 0.0
-    squares = 0.0
+    widest = least = looks = 0
+    entries = squares = 0.0
     back = _BACK * stored
     while left:
         while head[least] < 0:
@@ -325,34 +313,33 @@ def minimum_degree(start, length, lists, end, left_out, stored, prices, most_ent
         if 2 * least > left:  # as good as dense
             break
         me = head[least]
-        room = length[head[least]]
+        room = length[me]
         _remove(me, degree, head, after, before)
         for k in range(start[me], start[me] + elements[me]):
             room += length[lists[k]]
         if end + room > lists.size:
             lists, end = _packed(start, length, weight, mark, lists)
-        turn[me] = step
-        step = step + 1
         end, pivots, size, flag, more = _eliminated(me, end, flag, widest, left, lists, state)
-        left = left - pivots
-        looks = looks + more
+        left -= pivots
+        looks += more
         widest = max(widest, size)
         for k in range(start[me], end):
             least = min(least, degree[lists[k]])
-        for c in range(size + left_out, size + left_out + pivots):
-            entries += c
-            squares += float(c) * c
+        # columns of size + left_out, and up to so many pivots more, entries
+        first = _dense(size + left_out)
+        last = _dense(size + left_out + pivots)
+        entries += last[0] - first[0]
+        squares += last[1] - first[1]
         if looks > most_looks or entries > most_entries or an_entry * entries + a_flop * squares > most_cost:
-            return entries, squares, looks, False, into, turn
+            return entries, squares, looks, False
         # pivots with fewer neighbours than there were on the average hardly fill it up, whatever hangs together
-        if looks > back and least * n >= neighbours:
-            rest = float(_separator(lists, start, length, elements, weight, turn))
-            more = (0.5 * rest**2, rest**3 / 3.0)
+        if looks > back and least >= average:
+            further = _dense(_separator(lists, start, length, elements, weight))
             back = 2 * looks
-            if an_entry * more[0] + a_flop * more[1] > min(most_cost, _PATIENCE * a_look * looks):
-                return entries + more[0], squares + more[1], looks, False, into, turn
-    rest = float(left + left_out)
-    entries += 0.5 * rest * (rest - 1.0)
-    squares += (rest - 1.0) * rest * (2.0 * rest - 1.0) / 6.0
+            if an_entry * further[0] + a_flop * further[1] > min(most_cost, _PATIENCE * a_look * looks):
+                return entries + further[0], squares + further[1], looks, False
+    rest = _dense(left + left_out)
+    entries += rest[0]
+    squares += rest[1]
     within = entries <= most_entries and an_entry * entries + a_flop * squares <= most_cost
-    return entries, squares, looks, within, into, turn
+    return entries, squares, looks, within

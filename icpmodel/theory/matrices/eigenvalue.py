@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from ...numerics import work
 from ...numerics.arrays import Vector
 from ...numerics.factorisation import factorise
-from ...numerics.fill import ordered
+from ...numerics.fill import predicted_fill
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, upper
 
 #: shares of the estimated eigenvalue that are tried as a bound; the first one does unless rounding is felt
@@ -95,8 +95,8 @@ def falling(S: sp.csr_array) -> Vector | None:
         return None
     k = int(np.argmin(pivots))
     # L^T y = e_k gives y^T (P S P^T) y = pivot_k
-    y = spsolve_triangular(sp.csr_array(lu.L.T), np.eye(1, S.shape[0], k)[0], lower=False)
-    return np.asarray(y)[lu.perm_c]
+    y = spsolve_triangular(sp.csr_array(lu.lu.L.T), np.eye(1, S.shape[0], k)[0], lower=False)
+    return np.asarray(y)[lu.lu.perm_c]
 
 
 def _least_pair(S: sp.csr_array, B: sp.csr_array | None) -> tuple[float, Vector | None]:
@@ -119,7 +119,7 @@ def is_dense(S: sp.csr_array) -> bool:
 
 def within_reach(S: sp.csr_array) -> bool:
     """Whether the symmetric `S` (CSR) is foreseen to be factorised in seconds: a million rows on a plane."""
-    return is_dense(S) or ordered(S, np.inf, _SECONDS)[0].seen
+    return is_dense(S) or predicted_fill(S, most_cost=_SECONDS).seen
 
 
 def smallest_quotient(S: sp.csr_array, B: sp.csr_array | None = None, lu: Any = None) -> float:
@@ -167,8 +167,8 @@ def _distance_from_definite(S: sp.csr_array) -> float:
     lu = factorise(S, definite=True, triangles=True)
     if lu is None or not ((D := lu.pivots) > 0).all():
         return np.inf
-    work.build(lu.L.nnz, 6)
-    L, U, ones = sp.csr_array(lu.L), sp.csr_array(lu.U), np.ones(S.shape[0])
+    work.build(lu.lu.L.nnz, 6)
+    L, U, ones = sp.csr_array(lu.lu.L), sp.csr_array(lu.lu.U), np.ones(S.shape[0])
     exact = sp.csr_array(sp.diags_array(D) @ L.T)
     size = abs(U) @ ones + abs(exact) @ ones
     terms = int(np.diff(L.indptr).max()) + 8
