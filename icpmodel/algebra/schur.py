@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from ..numerics.arrays import Vector, row_of
 from ..numerics.factorisation import Factors, factors_and_schur
-from ..numerics.fill import Look
 from ..problem.data import ProblemData
 from ..problem.matrix import Matrix
 
@@ -112,7 +111,7 @@ def elimination(problem: ProblemData, most: Callable[[], float]) -> SchurComplem
     if not 0 < rows.size < problem.n or rows.size**2 > matrix.nnz:
         return None
     limit = most()
-    if matrix.look.costs_more(limit) or not matrix.fill.seen or matrix.unsymmetric_cost > limit:
+    if matrix.analysis.costs_more(limit) or not matrix.fill.seen or matrix.unsymmetric_cost > limit:
         return None
     key = rows.tobytes()
     known = _LAST.get(matrix)
@@ -125,8 +124,7 @@ def elimination(problem: ProblemData, most: Callable[[], float]) -> SchurComplem
 def _made(matrix: Matrix, rows: NDArray[np.intp]) -> SchurComplement | None:
     shift = 1.0 / matrix.row_weights[rows]
     A = _linked(matrix.sparse, rows, shift)
-    seen = matrix.look.seen
-    found = factors_and_schur(A, Look(A, lambda: matrix.is_symmetric, seen), rows)
+    found = factors_and_schur(A, rows)
     return None if found is None else SchurComplement(matrix, rows, *found, shift)
 
 

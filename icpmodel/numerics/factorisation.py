@@ -44,9 +44,7 @@ class Factors:
         The orders; None for that of A.
     """
 
-    def __init__(
-        self, lu: Any, rows: NDArray[np.int32] | None = None, columns: NDArray[np.int32] | None = None
-    ) -> None:
+    def __init__(self, lu: Any, rows: NDArray[Any] | None = None, columns: NDArray[Any] | None = None) -> None:
         self.lu = lu
         self._orders = rows, columns
 

@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from ..errors import OutOfTime
 from . import work
@@ -69,6 +70,26 @@ def predicted_fill(
     ----------
     Amestoy, Davis and Duff, SIAM J. Matrix Anal. Appl. 17 (1996).
     """
+    return _by_minimum_degree(A, most_entries, most_cost, symmetric, patient)[0]
+
+
+def ordered(A: sp.csr_array) -> tuple[Fill, NDArray[np.intp]]:
+    """The fill of `A` and the order of its rows, shape (n,), that minimum degree finds."""
+    fill, into, turn = _by_minimum_degree(A)
+    root = np.where(into < 0, np.arange(into.size), into)
+    while not np.array_equal(further := root[root], root):
+        root = further
+    return fill, np.argsort(turn[root], kind="stable")
+
+
+def _by_minimum_degree(
+    A: sp.csr_array,
+    most_entries: float = np.inf,
+    most_cost: float = np.inf,
+    symmetric: bool = False,
+    patient: bool = True,
+) -> tuple[Fill, NDArray[np.int64], NDArray[np.int64]]:
+    """The fill, for each row the one that it goes with, or -1, and when that was eliminated."""
     from .kernels.elimination import minimum_degree
     from .kernels.graph import both_ways
 
@@ -84,12 +105,12 @@ def predicted_fill(
     )
     most_looks = work.nanoseconds_left() / costs.look
     limits = 0.5 * most_entries - n, most_cost - least_factor_cost(n, 0, symmetric), most_looks
-    entries, squares, looks, within = minimum_degree(*graph, A.nnz, prices, *limits)
+    entries, squares, looks, within, into, turn = minimum_degree(*graph, A.nnz, prices, *limits)
     work.add(costs.call + costs.look * (looks + A.nnz))
     if looks > most_looks:
         raise OutOfTime("to foresee what a factorisation costs takes longer than what is left of the time")
     fill = Fill(n, 2.0 * (entries + n), entries + squares, within)
-    return min(fill, fill._replace(symmetric=symmetric), key=factor_cost)
+    return min(fill, fill._replace(symmetric=symmetric), key=factor_cost), into, turn
 
 
 class SymbolicAnalysis:

@@ -127,7 +127,7 @@ def _cleaned(i, me, lists, start, length, elements, weight, mark, flag):
 
 
 @compiled
-def _merged(rows, lists, start, length, elements, weight, mark, flag, bucket, chain, keys):
+def _merged(rows, lists, start, length, elements, weight, mark, flag, bucket, chain, keys, into):
     # rows with equal lists become one; returns the next flag
     for row in rows:
         if weight[row] == 0:
@@ -148,6 +148,7 @@ def _merged(rows, lists, start, length, elements, weight, mark, flag, bucket, ch
                 if same:
                     weight[i] += weight[j]
                     weight[j] = 0
+                    into[j] = i
                     chain[before] = chain[j]
                 else:
                     before = j
@@ -161,12 +162,12 @@ def _merged(rows, lists, start, length, elements, weight, mark, flag, bucket, ch
 def _begun(start, length):
     # what is known of each row: where its lists start, their length, how many elements are in them (-1 for an element),
     # weight (how many rows it stands for), degree, mark, the next and the one before it in the queue of its degree, the
-    # head of the queue and the bucket that have its number, and its key
+    # head of the queue and the bucket that have its number, its key, and the row that it goes with
     # (loops, as slices that are assigned to take a second to compile)
     n = length.size
-    state = np.empty((11, n), np.int64)
+    state = np.empty((12, n), np.int64)
     for i in range(n):
-        for k in range(6, 11):
+        for k in range(6, 12):
             state[k, i] = -1
         state[0, i] = start[i]
         state[1, i] = length[i]
@@ -187,7 +188,7 @@ def _eliminated(me, end, flag, widest, left, lists, state):
     # row `me` becomes an element; returns where the lists end, how many rows went with it, the weight of the element,
     # the next flag and the looks
     start, length, elements, weight, degree, mark = state[0], state[1], state[2], state[3], state[4], state[5]
-    after, before, head, bucket, keys = state[6], state[7], state[8], state[9], state[10]
+    after, before, head, bucket, keys, into = state[6], state[7], state[8], state[9], state[10], state[11]
     low = end
     pivots = weight[me]
     weight[me] = -pivots
@@ -201,13 +202,14 @@ def _eliminated(me, end, flag, widest, left, lists, state):
             pivots -= weight[i]
             size += weight[i]
             weight[i] = 0
+            into[i] = me
         else:
             degree[i] = min(degree[i], outside)
             keys[i] = key % length.size
             after[i] = bucket[keys[i]]
             bucket[keys[i]] = i
     flag += max(widest, size)
-    flag = _merged(rows, lists, start, length, elements, weight, mark, flag, bucket, after, keys)
+    flag = _merged(rows, lists, start, length, elements, weight, mark, flag, bucket, after, keys, into)
     end = low
     for i in rows:
         if weight[i] != 0:
@@ -293,12 +295,15 @@ def _dense(rows):
 @compiled
 def minimum_degree(start, length, lists, end, left_out, stored, prices, most_entries, most_cost, most_looks):
     # rows of the least approximate degree first. Returns the entries of L without its diagonal, the sum of their
-    # squares column by column, what was looked at, and whether it came to the end within the limits. It ends early
-    # where the entries, or what the factorisation costs by the `prices` of (an entry, a multiplication, a look), are
-    # more than the limits, and where a separator of the rest tells that it costs more than that, or some hundred times
-    # what it did to look, or after so many looks: then entries and squares are rough
+    # squares column by column, what was looked at, whether it came to the end within the limits, and for each row the
+    # one that it goes with, and when that was eliminated. It ends early where the entries, or what the factorisation
+    # costs by the `prices` of (an entry, a multiplication, a look), are more than the limits, and where a separator of
+    # the rest tells that it costs more than that, or some hundred times what it did to look, or after so many looks:
+    # then entries and squares are rough
     an_entry, a_flop, a_look = prices
     average = length.sum() / length.size
+    turn = np.full(length.size, length.size)
+    step = 0
     state = _begun(start, length)
     start, length, elements, weight, degree, mark = state[0], state[1], state[2], state[3], state[4], state[5]
     after, before, head = state[6], state[7], state[8]
@@ -313,6 +318,8 @@ def minimum_degree(start, length, lists, end, left_out, stored, prices, most_ent
         if 2 * least > left:  # as good as dense
             break
         me = head[least]
+        turn[me] = step
+        step += 1
         room = length[me]
         _remove(me, degree, head, after, before)
         for k in range(start[me], start[me] + elements[me]):
@@ -331,15 +338,15 @@ def minimum_degree(start, length, lists, end, left_out, stored, prices, most_ent
         entries += last[0] - first[0]
         squares += last[1] - first[1]
         if looks > most_looks or entries > most_entries or an_entry * entries + a_flop * squares > most_cost:
-            return entries, squares, looks, False
+            return entries, squares, looks, False, state[11], turn
         # pivots with fewer neighbours than there were on the average hardly fill it up, whatever hangs together
         if looks > back and least >= average:
             further = _dense(_separator(lists, start, length, elements, weight))
             back = 2 * looks
             if an_entry * further[0] + a_flop * further[1] > min(most_cost, _PATIENCE * a_look * looks):
-                return entries + further[0], squares + further[1], looks, False
+                return entries + further[0], squares + further[1], looks, False, state[11], turn
     rest = _dense(left + left_out)
     entries += rest[0]
     squares += rest[1]
     within = entries <= most_entries and an_entry * entries + a_flop * squares <= most_cost
-    return entries, squares, looks, within
+    return entries, squares, looks, within, state[11], turn
