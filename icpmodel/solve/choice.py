@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
-from ..algebra.affine_lcp import INVERSE, PIVOT_UP_TO, lcp_rows
-from ..algebra.equations import shifted_cost, system_cost
-from ..algebra.looks import SWEEPS
-from ..algebra.relaxation import AUTO, relaxation, sor_speed
+from ..algebra.affine_lcp import PIVOT_UP_TO
+from ..algebra.relaxation import AUTO, relaxation
 from ..methods.accelerated import Accelerated
 from ..methods.aor import MNMAOR, MNMGS
 from ..methods.contract import Method
@@ -25,10 +22,10 @@ from ..methods.proximal import Proximal
 from ..methods.psor import PSOR
 from ..methods.shortcuts import Josephy, Lemke, Tridiagonal
 from ..numerics import work
-from ..numerics.multigrid import cycle_cost, hierarchy_cost
 from ..present.shown import Shown
 from ..problem.data import ProblemData, ProblemLike, as_problem
-from ..problem.facts import Facts
+from .estimates import PLAIN, Estimate, least_cost
+from .estimates import estimate as estimate_of
 from .goal import RTOL
 
 _LOG = logging.getLogger("icpmodel")
@@ -48,21 +45,6 @@ _ACCELERATED = 20
 #: so many times that
 _OVERRUN = 2.0
 _STILL = 4.0
-
-
-class Estimate(NamedTuple):
-    """What a method is expected to cost: `setup`, then `steps` of `step` each, in nanoseconds as `work` counts them;
-    `memory` in bytes beyond the problem."""
-
-    setup: float
-    step: float
-    steps: float
-    memory: float = 0.0
-
-    @property
-    def total(self) -> float:
-        """The whole cost, in nanoseconds."""
-        return self.setup + self.step * self.steps
 
 
 @dataclass(frozen=True, repr=False)
@@ -256,7 +238,7 @@ class Ladder:
         found = []
         for method in methods:
             why_not = method.why_not(self.problem)
-            estimate = None if why_not else _ESTIMATES[type(method)](method, self.problem.facts, self.aim)
+            estimate = None if why_not else estimate_of(method, self.problem.facts, self.aim)
             if estimate is None or not work.fits(estimate.memory):
                 _LOG.debug("n = %d: %r is left out: %s", self.problem.n, method, why_not or "memory_limit")
                 continue
@@ -288,12 +270,12 @@ class Ladder:
             return
         sweeps = PSOR()
         if sweeps.why_not(self.problem) is None and work.fits(8.0 * 4.0 * self.problem.n):
-            step = _sweeps(sweeps, self.problem.facts, self.aim).step
+            step = estimate_of(sweeps, self.problem.facts, self.aim).step
             self.floor = _ACCELERATED * step
-            self.jobs.append(Job(Choice(sweeps, f"{_PLAIN} sweeps are tried first"), _PLAIN * step))
+            self.jobs.append(Job(Choice(sweeps, f"{PLAIN} sweeps are tried first"), PLAIN * step))
 
     def _sweeps(self) -> None:
-        self.floor = _floor(self.problem, self.family)
+        self.floor = least_cost(self.problem, self.family)
         if self.problem.psi.takes_best:
             return
         paper = self.family == "paper"
@@ -372,131 +354,3 @@ def why_none(problem: ProblemData) -> str:
         return "nothing that could be chosen fits into the memory that is left (memory_limit)"
     others = problem.psi.no_derivative() or "factors do not fit into the memory that is left: raise memory_limit"
     return f"A[{i}, {i}] = {diagonal[i]:g} is not positive, as sweeps ask for, and {others}"
-
-
-def _floor(problem: ProblemData, family: str | None) -> float:
-    """The least that rung 5 can cost, from n and the entries of A alone."""
-    matrix = problem.matrix
-    facts = problem.facts
-    factors = min(work.least_factor_cost(matrix.n, matrix.nnz), work.dense_cost(matrix.n))
-    floor = factors + facts.newton_cost
-    if family != "paper":
-        floor = min(floor, _multilevel_costs(facts)[0])
-    return min(floor, _pivots(facts)) if family is None else floor
-
-
-def _pivots(facts: Facts) -> float:
-    """n/2 pivots, as half of the unknowns leave an obstacle, be there one or two; and (I − G)⁻¹ where it moves."""
-    inverse = 0.0 if facts.has_fixed_obstacle else INVERSE * work.dense_cost(facts.matrix.n)
-    return 0.5 * facts.matrix.n * lcp_rows(facts) ** 2 * work.COSTS.pivot_entry + inverse
-
-
-def _sweep_steps(facts: Facts, aim: float, method: Method) -> float:
-    """The sweeps that reduce the residual to `aim`, for the radius ρ of the Jacobi matrix (Young 1971, chapter 6).
-
-    ρ is estimated by the Rayleigh quotient of the vector of ones, which is below ρ, most of all on fine grids. Rows in
-    contact make ρ smaller: on 188 problems twenty Lanczos steps for the whole of A mostly overstated it. Anderson's
-    method is expected to gain half of what Chebyshev's would.
-    """
-    if isinstance(method, PSOR):
-        return float(_PLAIN)
-    omega = method.of.omega if isinstance(method, Accelerated) and isinstance(method.of, PSOR) else 1.0
-    speed = sor_speed(omega, max(facts.matrix.coupled_radius, facts.coupling))
-    if isinstance(method, Accelerated):
-        root = math.sqrt(1.0 - math.exp(-speed))
-        speed = 0.5 * math.log((1.0 + root) / (1.0 - root))
-    return math.log(1.0 / aim) / speed + 1.0
-
-
-def _sweeps(method: Method, facts: Facts, aim: float) -> Estimate:
-    n = facts.matrix.n
-    costs = work.COSTS
-    step = costs.iterate + work.sweep(n, facts.entries)
-    vectors = 0.0
-    if isinstance(method, Accelerated):
-        # of the sweeps between two combinations each adds to the history
-        vectors = 2.0 + 3.0 * (method.history_size + 1) / method.mixing_frequency
-        step += 2.0 * costs.call + vectors * costs.vector * n
-    return Estimate(costs.call, step, _sweep_steps(facts, aim, method), 8.0 * n * (4.0 + vectors))
-
-
-def _newton(method: Method, facts: Facts, aim: float) -> Estimate:
-    # sets that only shrink do so by layers whose number doubles; where rows are not dominant signs wander: about eight
-    # times as many steps were measured. Those of a descent are not symmetric, nor those with an obstacle that moves.
-    matrix = facts.matrix
-    wander = 8.0 if matrix.coupled_radius > 1.0 and matrix.has_positive_diagonal else 1.0
-    simple = wander == 1.0 and facts.has_fixed_obstacle
-    factors = matrix.factor_cost if simple else matrix.unsymmetric_cost
-    system, memory = system_cost(matrix, factors, 16.0 * matrix.fill.entries)
-    # without a diagonal the equations of the free rows are singular more often than not, and others follow
-    systems = 1.0 if matrix.has_positive_diagonal else 4.0
-    steps = wander * (1.0 + math.log2(max(facts.bounded, 1)) / 3.0)
-    return Estimate(0.0, systems * (facts.newton_cost + system), steps, memory)
-
-
-def _multilevel_costs(facts: Facts) -> tuple[float, float]:
-    """The set-up and a step."""
-    matrix = facts.matrix
-    costs = work.COSTS
-    coarser = 2.0 * math.log2(max(matrix.n / 64.0, 1.0))  # steps
-    setup = hierarchy_cost(matrix.n, matrix.nnz) + coarser * costs.newton
-    cycles = 3.0 * cycle_cost(matrix.n, matrix.nnz)
-    return setup, 0.5 * costs.newton + SWEEPS * work.sweep(matrix.n, facts.entries) + cycles
-
-
-def _multilevel(method: Method, facts: Facts, aim: float) -> Estimate:
-    # for matrices with ρ ≤ 1 the median of 67 problems, n = 300 … 4000, was five steps, and three quarters took six at
-    # most; of the others, for which it is not made, few end
-    radius = max(facts.matrix.coupled_radius, 1.0)
-    setup, step = _multilevel_costs(facts)
-    return Estimate(setup, step, 5.0 * radius * radius * radius * radius, 40.0 * facts.matrix.nnz)
-
-
-def _lemke(method: Method, facts: Facts, aim: float) -> Estimate:
-    return Estimate(0.0, _pivots(facts), 1.0, 24.0 * lcp_rows(facts) ** 2)
-
-
-def _proximal(method: Method, facts: Facts, aim: float) -> Estimate:
-    # medians of 6 and 10 steps were measured at n = 120 and 1000 where there is a diagonal; of 24, 35 and 125 at
-    # n = 120, 500 and 2000 where there is none
-    matrix = facts.matrix
-    if facts.has_fixed_obstacle:
-        system, memory = shifted_cost(matrix)
-        step = work.COSTS.newton + system
-    else:
-        system, memory = system_cost(matrix, matrix.unsymmetric_cost, 12.0 * matrix.fill.entries)
-        step = facts.newton_cost + system
-    rows = max(facts.bounded, 1)
-    steps = 3.0 + math.log2(rows) if matrix.has_positive_diagonal else 2.0 * math.sqrt(rows)
-    return Estimate(step, step, steps, memory)
-
-
-def _interior(method: Method, facts: Facts, aim: float) -> Estimate:
-    # medians of 13, 16 and 20 steps were measured at n = 120, 500 and 2000, with four solves each
-    matrix = facts.matrix
-    factors = matrix.again_cost if facts.has_fixed_obstacle else matrix.unsymmetric_cost
-    step = facts.newton_cost + factors + 4.0 * work.solve_cost(matrix.fill)
-    return Estimate(step, step, 3.0 + 1.5 * math.log2(max(facts.bounded, 1)), 24.0 * matrix.fill.entries)
-
-
-def _factorised(method: Method, facts: Facts, aim: float) -> Estimate:
-    # with θ₁ = √(λ_min λ_max) a step leaves (√κ − 1)/(√κ + 1), where A is symmetric, and κ = (1 + ρ)/(1 − ρ)
-    matrix = facts.matrix
-    radius = min(matrix.coupled_radius, 1.0 - 1e-6)
-    root = math.sqrt((1.0 + radius) / (1.0 - radius))
-    step = 4.0 * work.COSTS.call + work.solve_cost(matrix.fill) + matrix.unit
-    steps = math.log(1.0 / aim) / math.log((root + 1.0) / (root - 1.0)) if root > 1.0 else 1.0
-    return Estimate(2.0 * matrix.factor_cost, step, 1.0 + steps, 16.0 * matrix.fill.entries)
-
-
-_ESTIMATES: dict[type[Method], Callable[[Method, Facts, float], Estimate]] = {
-    Accelerated: _sweeps,
-    MNMAOR: _sweeps,
-    MNMGS: _sweeps,
-    MNMMOD: _factorised,
-    Newton: _newton,
-    Multilevel: _multilevel,
-    Lemke: _lemke,
-    Proximal: _proximal,
-    Interior: _interior,
-}

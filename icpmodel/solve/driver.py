@@ -19,42 +19,23 @@ from ..numerics import work
 from ..numerics.arrays import Vector, as_truth, described, norm
 from ..numerics.rounding import CTRL_C, is_ctrl_c, sheltered
 from ..problem.data import OF_ARRAYS, ProblemData, ProblemLike, as_problem
-from ..theory.certificates.contradiction import contradiction
-from ..theory.certificates.infeasible import infeasible
 from .accuracy import solve_to_accuracy
 from .choice import FAMILIES, Choice, InTurn, Job, why_none
-from .ended import Ended
+from .ended import Ended, fault_of_psi
 from .goal import RTOL, Goal, Limits
 from .last_resort import search
+from .outcome import solution_of
 from .progress import Progress
 from .reduction import climb, posed
-from .run import WORTH_ANOTHER_METHOD, Best, Run, fault_of_psi
+from .run import WORTH_ANOTHER_METHOD, Run
 from .small import pivoted
-from .solution import History, Solution, Status
+from .solution import Solution, Status
 
 _LOG = logging.getLogger("icpmodel")
 #: steps are forecast for this share of Res_D(0) where less is asked for, as rounding may not allow it, and for the
 #: second one where more would do
 _LEAST_AIM = 1e-14
 _MOST_AIM = 0.5
-#: ends for which rounding is a better reason, where there is one
-_NO_FURTHER = (Status.STAGNATED, Status.CYCLED, Status.DIVERGED)
-
-
-@sheltered
-def _residual(run: Run, z: Vector) -> float:
-    return run.goal.judged(z, run.problem.residual(z))
-
-
-@sheltered
-def _is_luck(run: Run, z: Vector) -> bool:
-    """Whether rounding alone makes the residual of `z`, which was judged otherwise, small enough."""
-    with contextlib.suppress(MapError):
-        goal = run.goal
-        problem = run.problem
-        if goal.problem is not None:
-            return problem.residual(z) <= goal.tolerance_at(z) or problem.paper_residual(z) <= goal.atol
-    return False
 
 
 @sheltered
@@ -111,23 +92,11 @@ def solve(
         raise InputError(f"family is {described(family)}; 'paper', 'modulus' or None was expected")
     if family is not None and method is not None:
         raise InputError("family restricts what is chosen, but method names one: leave out one of the two")
-    if accuracy is not None and (rtol is not None or atol is not None):
-        raise InputError("accuracy bounds the error, rtol and atol the residual: give accuracy alone, or leave it out")
-    limits = Limits(
-        rtol=RTOL if rtol is None else rtol,
-        atol=0.0 if atol is None else atol,
-        max_iter=max_iter,
-        time_limit=time_limit,
-        accuracy=accuracy,
-        memory_limit=memory_limit,
-    )
-    if callback is not None and not callable(callback):
-        raise InputError(f"callback is a {type(callback).__name__}; a function was expected")
-    for name, flag in (("history", history), ("progress", progress), ("raise_on_failure", raise_on_failure)):
-        as_truth(flag, name)
+    limits = _limits(rtol, atol, accuracy, max_iter, time_limit, memory_limit)
+    shown = _shown(callback, history, progress)
+    as_truth(raise_on_failure, "raise_on_failure")
     problem = as_problem(problem)
     by_rule = method is None and family is None and not options
-    shown = {"callback": callback, "history": history, "progress": progress}
     if by_rule and z0 is None and limits.is_default and not any(shown.values()):
         pivots = pivoted(problem, limits)
         if pivots is not None:
@@ -135,12 +104,7 @@ def solve(
     start = np.zeros(problem.n) if z0 is None else problem.vector(z0, "z0", finite=True).copy()
     with limits.kept():
         run = _run(problem, start, limits, follows_theorems=method is not None, **shown)
-        named_method = None if method is None else _named(method, problem, options)
-        if method is None:
-            for option in options:
-                own = _options()
-                found = f"solve has no option {option}; it takes {', '.join(own)}"
-                raise InputError(f"{found}, and the options of a method only where one is named{meant(option, own)}")
+        named_method = _named(method, problem, options)
 
         def carry_all_out() -> None:
             _carry_all_out(run, named_method, family)
@@ -181,8 +145,35 @@ def _options() -> list[str]:
     return list(inspect.signature(solve).parameters)[2:-1]
 
 
-def _named(method: str | Method, problem: ProblemData, options: dict[str, Any]) -> Method:
-    """The method that the user names."""
+def _shown(callback: Any, history: Any, progress: Any) -> dict[str, Any]:
+    if callback is not None and not callable(callback):
+        raise InputError(f"callback is a {type(callback).__name__}; a function was expected")
+    as_truth(history, "history")
+    as_truth(progress, "progress")
+    return {"callback": callback, "history": history, "progress": progress}
+
+
+def _limits(rtol: Any, atol: Any, accuracy: Any, max_iter: Any, time_limit: Any, memory_limit: Any) -> Limits:
+    if accuracy is not None and (rtol is not None or atol is not None):
+        raise InputError("accuracy bounds the error, rtol and atol the residual: give accuracy alone, or leave it out")
+    return Limits(
+        rtol=RTOL if rtol is None else rtol,
+        atol=0.0 if atol is None else atol,
+        max_iter=max_iter,
+        time_limit=time_limit,
+        accuracy=accuracy,
+        memory_limit=memory_limit,
+    )
+
+
+def _named(method: str | Method | None, problem: ProblemData, options: dict[str, Any]) -> Method | None:
+    """The method that the user names, None where one is to be chosen."""
+    if method is None:
+        for option in options:
+            own = _options()
+            found = f"solve has no option {option}; it takes {', '.join(own)}"
+            raise InputError(f"{found}, and the options of a method only where one is named{meant(option, own)}")
+        return None
     if isinstance(method, Method):
         if options:
             raise InputError(f"{next(iter(options))}: the options of a Method object go into its constructor")
@@ -268,88 +259,6 @@ def carry_out(run: Run, steps: Iterator[None]) -> None:
         run.best = run.found(run.start, run.at_start)
 
 
-def judged(run: Run) -> Best:
-    """The best iterate by the judge's word: hints chose it, and may have hidden that the last one is better."""
-    problem = run.problem
-    best = run.best
-    assert best is not None
-    # of a z that solved the judge has just spoken
-    judged = [] if run.ended.status is Status.SOLVED and not problem.psi.at_users_word else [best]
-    if run.current is not best.z:
-        judged.append(run.found(run.current, np.inf))
-    for one in judged:
-        # a ψ that failed may fail again, or take long
-        with contextlib.suppress(MapError, KeyboardInterrupt):
-            one.residual = _residual(run, one.z)
-        if one.residual < best.residual:
-            best = one
-    return best
-
-
-def solution_of(run: Run, limits: Limits) -> Solution:
-    """What the run found."""
-    best = judged(run)
-    last = run.job
-    status = run.ended.status
-    note = run.ended.note
-    if limits.accuracy is None and run.goal.reached(best.z, best.residual):
-        status = Status.SOLVED
-    elif status is Status.SOLVED and limits.accuracy is None:
-        status = Status.MAP_FAILED
-        note = "psi gives different values at the same z"
-    elif status in _NO_FURTHER and _is_luck(run, best.z):
-        status = Status.PRECISION_LIMIT
-        note = "only as float64 rounds it is the residual of this z small enough"
-    if status not in (Status.SOLVED, Status.INTERRUPTED, Status.STOPPED) and (crossed := _crossed(run.problem, best.z)):
-        status = Status.CROSSED
-        note = crossed
-    found = contradiction(run.problem) if status in (*_NO_FURTHER, Status.INFEASIBLE) else None
-    if found is not None and status is not Status.INFEASIBLE:
-        witness = found.witness(run.problem.n)
-        answer = infeasible(run.problem, witness[: run.problem.n] if run.problem.psi.is_constant else witness)
-        if answer.holds:
-            run.infeasible = answer
-            status = Status.INFEASIBLE
-            note = answer.reason
-    message = "solved"
-    if status is Status.SOLVED:
-        last = best.job
-    else:
-        by = "" if last is best.job else f" by {best.job.method!r}"
-        advice = status.advice_with(last.method.to_try if len(run.tried) < 2 else "")
-        if status in (Status.ITERATION_LIMIT, Status.TIME_LIMIT) and run.proved is not None:
-            note += run.proved.in_words(best.z, run.goal.enough_at(best.z))
-        if found is not None:
-            note = f"{note}; {found}"
-        message = (
-            f"{last.method!r} {status.value}: {note}; best residual {best.residual:.3g}{by} "
-            f"({run.goal.wanted(best.z)}). Advice: {advice}"
-        )
-    why = [best.job.choice.why] if best.job.choice.why else []
-    if len(run.tried) > 1:
-        why.append("in turn: " + ", then ".join(str(job) for job in run.tried))
-    return Solution(
-        problem=run.problem,
-        z=best.z.copy(),
-        status=status,
-        message=message,
-        method=best.job.method,
-        settled=best.settled,
-        last_method=last.method,
-        why="; ".join([*why, *run.searched]),
-        residual=best.residual,
-        tolerance=run.goal.tolerance_at(best.z),
-        atol=limits.atol,
-        accuracy=limits.accuracy,
-        iterations=max(run.iteration, 0),
-        seconds=work.clock() - run.clock,
-        history_or_none=None if run.records is None else _history(run.records),
-        infeasible=run.infeasible if status is Status.INFEASIBLE else None,
-        time_limit=limits.time_limit,
-        memory_limit=limits.memory_limit,
-    )
-
-
 def _logged(solution: Solution) -> Solution:
     """The `solution`, written to the log."""
     if _LOG.isEnabledFor(logging.INFO):
@@ -369,21 +278,3 @@ def _crossed_for_good(run: Run) -> bool:
             run.best = run.found(run.current, run.problem.residual(run.current))
             return True
     return False
-
-
-def _crossed(problem: ProblemData, z: Vector) -> str:
-    """In which row ψ > ψ̄ at `z`, beyond rounding; empty where there is none."""
-    with contextlib.suppress(MapError):
-        below = problem.r(z)
-        above = problem.r_upper(z)
-        if above is not None:
-            gap = above - below - 2.0 * problem.rounding(z)[1]
-            if (gap > 0.0).any():
-                i = int(np.argmax(gap))
-                return f"psi_{i} = {z[i] - below[i]:.6g} is above upper_{i} = {z[i] - above[i]:.6g} at this z"
-    return ""
-
-
-def _history(records: list[tuple[int, float, float]]) -> History:
-    columns = np.array(records, dtype=np.float64).reshape(-1, 3)
-    return History(columns[:, 0].astype(np.int64), columns[:, 1], columns[:, 2])

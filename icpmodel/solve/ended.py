@@ -1,4 +1,4 @@
-"""What ends a method: its iterates stand still, or go round."""
+"""What ends a method: its iterates stand still, or go round, or ψ has no value."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..numerics.arrays import Vector
+from ..problem.data import ProblemData
 from .solution import Status
 
 #: the rate by which the iterates to come are announced is that of so many steps
@@ -93,3 +94,16 @@ class Stalled:
         still = "the iterates stand still, but z is not a solution"
         cycled = Ended(Status.CYCLED, f"the iterates repeat with period {period}")
         return self.at_floor() or (Ended(Status.STAGNATED, still) if period == 1 else cycled)
+
+
+def fault_of_psi(problem: ProblemData, z: Vector) -> str:
+    """Which entry of ψ(z) is NaN or +∞, or of ψ̄(z) NaN or −∞, although z is finite; empty where none is."""
+    if not np.isfinite(z).all():
+        return ""
+    for name, psi, none in (("psi", problem.psi, -np.inf), ("upper", problem.upper, np.inf)):
+        if psi is not None:
+            value = psi.value(z)
+            bad = ~(np.isfinite(value) | (value == none))
+            if bad.any():
+                return f"{name}(z)[{np.argmax(bad)}] is {value[np.argmax(bad)]}"
+    return ""

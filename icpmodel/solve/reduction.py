@@ -16,6 +16,7 @@ Problem (1992), section 4.4, for blocks.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Generator, Iterator
 from contextlib import suppress
 from dataclasses import replace
@@ -41,6 +42,7 @@ from .goal import Goal
 from .run import Run
 from .solution import Status
 
+_LOG = logging.getLogger("icpmodel")
 #: the share of the tolerance of the whole that parts get together, and stages that others depend on
 _SHARE = 0.5
 _EARLIER = 1e-3
@@ -138,7 +140,23 @@ class _Parts:
         finally:
             self.job.choice = replace(self.job.choice, why=f"{found!r}; {self.job.choice.why}".removesuffix("; "))
             with suppress(MapError):
-                run.join(self.z, self.job)
+                self._join()
+
+    def _join(self) -> None:
+        """Judge z as an answer of the whole problem."""
+        run = self.run
+        run.job = self.job
+        run.path = iter(())
+        run.tried.append(self.job)
+        run.current = self.z
+        residual = run.goal.judged(self.z, run.problem.residual(self.z))
+        reached = not run.is_over and run.goal.reached(self.z, residual)
+        if reached or run.best is None or residual < run.best.residual:
+            run.best = run.found(self.z, residual)
+        if reached:
+            run.ended = Ended(Status.SOLVED, "")
+            run.is_over = True
+        _LOG.info("n = %d: %s: residual %.3g", run.problem.n, self.job.choice.why, residual)
 
     def _stages(self, found: Blocks) -> Path:
         """The stages one after the other, each on what the earlier ones are, and the small blocks between them."""

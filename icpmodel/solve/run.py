@@ -21,7 +21,7 @@ from ..numerics.arrays import Vector, locked, norm
 from ..problem.data import ProblemData
 from ..theory.answers import Answer
 from .choice import InTurn, Job, Ladder
-from .ended import Ended, Recent, Stalled
+from .ended import Ended, Recent, Stalled, fault_of_psi
 from .goal import Goal, Limits
 from .progress import Bar, Progress, progress_bar
 from .proved_convergence import ProvedConvergence
@@ -129,7 +129,6 @@ class Run:
         self.refused: Refused | None = None
         self.singular: SingularOperator | None = None
         self.bar = Bar()
-        self.logs = _LOG.isEnabledFor(logging.INFO)
         self.target = self.aim * (self.scale or self.at_start)
 
     def steps(self, ladder: Ladder | InTurn) -> Iterator[None]:
@@ -151,7 +150,7 @@ class Run:
                             return
                         ladder.end(job)
                     following = self._next(ladder)
-                if self.logs and following is not None and job.outcome == "":
+                if following is not None and job.outcome == "":
                     _LOG.info("n = %d: %s, then %r", self.problem.n, job, following.method)
                 job = following
         if self.refused is not None:
@@ -184,8 +183,7 @@ class Run:
         """One method until there is a reason to stop, left in `ended`; whether it is time to compare it with others."""
         self.job = job
         self.tried.append(job)
-        if self.logs:
-            _LOG.info("n = %d: %r begins: %s", self.problem.n, job.method, job.choice.why or "it was named")
+        _LOG.info("n = %d: %r begins: %s", self.problem.n, job.method, job.choice.why or "it was named")
         try:
             self.ended = yield from self._loop(job)
         except SingularOperator as error:
@@ -211,9 +209,8 @@ class Run:
         self._log_end(job)
 
     def _log_end(self, job: Job) -> None:
-        if self.logs:
-            best = np.nan if self.best is None else self.best.residual
-            _LOG.info("n = %d: %s: %s; best residual %.3g", self.problem.n, job, job.outcome, best)
+        best = np.nan if self.best is None else self.best.residual
+        _LOG.info("n = %d: %s: %s; best residual %.3g", self.problem.n, job, job.outcome, best)
 
     def _begin(self) -> Vector:
         """Where a method begins: with the best iterate, unless that is of one that failed."""
@@ -286,22 +283,6 @@ class Run:
         """Whether a bar, the history or a callback is to see the iterates."""
         return self.progress or self.history or self.callback is not None
 
-    def join(self, z: Vector, job: Job) -> None:
-        """Judge a `z` that was solved in parts, by `job`."""
-        self.job = job
-        self.path = iter(())
-        self.tried.append(job)
-        self.current = z
-        residual = self.goal.judged(z, self.problem.residual(z))
-        if self.best is None or residual < self.best.residual:
-            self.best = self.found(z, residual)
-        if not self.is_over and self.goal.reached(z, residual):
-            self.best = self.found(z, residual)
-            self.ended = Ended(Status.SOLVED, "")
-            self.is_over = True
-        if self.logs:
-            _LOG.info("n = %d: %s: residual %.3g", self.problem.n, job.choice.why, residual)
-
     def seen(self, z: Vector) -> Ended | None:
         """Show an iterate that was made of one of a part."""
         with suppress(MapError):
@@ -362,16 +343,3 @@ class Run:
 def _fall(high: float, low: float) -> float:
     """log(high/low), where the quotient may be out of range, too; infinite at low = 0."""
     return math.log(high) - math.log(low) if low > 0.0 else math.inf
-
-
-def fault_of_psi(problem: ProblemData, z: Vector) -> str:
-    """Which entry of ψ(z) is NaN or +∞, or of ψ̄(z) NaN or −∞, although z is finite; empty where none is."""
-    if not np.isfinite(z).all():
-        return ""
-    for name, psi, none in (("psi", problem.psi, -np.inf), ("upper", problem.upper, np.inf)):
-        if psi is not None:
-            value = psi.value(z)
-            bad = ~(np.isfinite(value) | (value == none))
-            if bad.any():
-                return f"{name}(z)[{np.argmax(bad)}] is {value[np.argmax(bad)]}"
-    return ""

@@ -13,7 +13,8 @@ import icpmodel as icp
 from icpmodel import methods, scenes
 from icpmodel.numerics import work
 from icpmodel.numerics.threads import threads_for
-from icpmodel.solve.choice import FAMILIES, Choice, Estimate, InTurn, Job, Ladder
+from icpmodel.solve.choice import FAMILIES, Choice, InTurn, Job, Ladder
+from icpmodel.solve.estimates import Estimate
 
 PROBLEMS = {name: scenes.scene(name, 60 if "n" in scenes.parameters(name) else None).problem for name in scenes.names()}
 GRIDS = ("membrane", "bearing", "bai-nonsymmetric")

@@ -17,8 +17,9 @@ import icpmodel as icp
 from icpmodel import Status
 from icpmodel.methods.contract import Method
 from icpmodel.solve.choice import InTurn
-from icpmodel.solve.driver import carry_out, solution_of
+from icpmodel.solve.driver import carry_out
 from icpmodel.solve.goal import Goal, Limits
+from icpmodel.solve.outcome import solution_of
 from icpmodel.solve.run import Run
 
 LIMITS = Limits(rtol=1e-8, atol=0.0, max_iter=10**5, time_limit=None)

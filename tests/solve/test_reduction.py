@@ -14,8 +14,9 @@ from icpmodel.methods.multilevel import Multilevel
 from icpmodel.numerics import work
 from icpmodel.scenes.grid import five_point
 from icpmodel.solve.choice import Ladder
-from icpmodel.solve.driver import carry_out, solution_of
+from icpmodel.solve.driver import carry_out
 from icpmodel.solve.goal import Goal, Limits
+from icpmodel.solve.outcome import solution_of
 from icpmodel.solve.reduction import in_parts
 from icpmodel.solve.run import Run
 

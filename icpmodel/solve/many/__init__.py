@@ -20,6 +20,9 @@ from ..solution import Status
 from ..solutions import Solutions
 from .batch import CHAIN, SHARE, Batch
 
+#: the rows low ≤ i < high, several of these, and what comes back of each
+Shares = list[tuple[int, int]]
+Ends = dict[tuple[int, int], Future[Any]]
 #: a share without rows, which is sent first: whether anything can be
 _NOTHING = (0, 0)
 #: what is found for a share: by row, and else
@@ -106,9 +109,9 @@ def _by_workers(batch: Batch, make: Any) -> None:
     limit = batch.limits.time_limit
     size = CHAIN if price is None else CHAIN * int(np.ceil(SHARE / price / CHAIN))
     groups = [[(low, min(low + size, k)) for low in range(0, k, size)], [_NOTHING]]
-    pool = None
     begun = time.time() - batch.elapsed()
-    ends: dict[tuple[int, int], Future[Any]] = {}
+    pool = None
+    ends: Ends = {}
     tried: set[tuple[int, int]] = set()
     try:
         while groups:
@@ -125,15 +128,7 @@ def _by_workers(batch: Batch, make: Any) -> None:
             ends = {}
             if failed:
                 pool = pool.shutdown()
-                half = len(failed) // 2
-                (low, high) = failed[0]
-                if half:
-                    groups += [failed[half:], failed[:half]]
-                elif failed[0] not in tried:
-                    groups.append(failed)
-                    tried.add(failed[0])
-                elif high - low > 1:
-                    groups.append([(row, row + 1) for row in range(low, high)])
+                groups += _again(failed, tried)
     except KeyboardInterrupt:
         batch.interrupted = True
     finally:
@@ -146,7 +141,19 @@ def _by_workers(batch: Batch, make: Any) -> None:
     batch.failures |= {int(row): told for row in np.flatnonzero(~batch.solved) if row not in batch.failures}
 
 
-def _failed(batch: Batch, shares: list[tuple[int, int]], ends: dict[tuple[int, int], Future[Any]]) -> list[Any]:
+def _again(failed: Shares, tried: set[tuple[int, int]]) -> list[Shares]:
+    """What is done again of the shares that `failed`: halves of them, then one alone, then its rows."""
+    half = len(failed) // 2
+    if half:
+        return [failed[half:], failed[:half]]
+    if failed[0] not in tried:
+        tried.add(failed[0])
+        return [failed]
+    low, high = failed[0]
+    return [[(row, row + 1) for row in range(low, high)]] if high - low > 1 else []
+
+
+def _failed(batch: Batch, shares: Shares, ends: Ends) -> Shares:
     """Those of the `shares` that did not come back; the others are kept."""
     failed = []
     for low, high in shares:
@@ -177,10 +184,10 @@ def _part(batch: Batch, low: int, high: int) -> Batch:
     stated = batch.stated
     for name in ("maps", "obstacles", "uppers", "above", "starts"):
         setattr(part, name, cut(getattr(batch, name)))
-    for name in ("Q", *_BY_ROW):
+    for name in _BY_ROW:
         setattr(part, name, getattr(batch, name)[low:high])
     sides = [(one if maps is None else None, cut(maps)) for one, maps in (stated.below, stated.above)]
-    part.stated = replace(stated, problems=cut(stated.problems), Q=part.Q, below=sides[0], above=sides[1])
+    part.stated = replace(stated, problems=cut(stated.problems), Q=stated.Q[low:high], below=sides[0], above=sides[1])
     part.failures, part.alone, part.compiled = {}, {}, np.zeros(2)
     return part
 

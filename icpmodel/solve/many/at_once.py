@@ -123,7 +123,7 @@ class AtOnce:
         problem = self.problem
         psi = problem.psi
         upper = problem.upper
-        zero = np.zeros((1, problem.n))
+        zero = np.zeros_like(Z[:1])
         here = self._values(psi, Z, C)
         below_0 = -self._values(psi, zero, C)
         top = None
@@ -142,7 +142,7 @@ class AtOnce:
             p = np.einsum("kij,kj->ki", self.stack[rows], Z) + Q
         residuals = row_norms(mid(weights * p, Z - here, top))
         at_0 = row_norms(mid(weights * Q, below_0, top_0))
-        for row in np.flatnonzero(~((at_0 > 0.0) & np.isfinite(at_0))):
+        for row in np.flatnonzero(~((at_0 > 0.0) & (at_0 < np.inf))):
             at_0[row] = self.stated.problem(rows.start + int(row)).residual_scale()
         tolerances = self.limits.tolerance(at_0)
         self._raise(rows, known, residuals, tolerances, weights)

@@ -76,10 +76,6 @@ def _common(**several: Any) -> int:
     return k
 
 
-def _problem(q: Vector, sides: list[Any], A: Any) -> ProblemData:
-    return ProblemData(A, q, *sides)
-
-
 class Stack(Sequence[ProblemData]):
     """The problems of small dense `matrices`, shape (k, n, n), each made when it is asked for."""
 
@@ -111,7 +107,9 @@ class Batch:
     """The rows of one `solve_many` and what is found for them."""
 
     def __init__(self, A: Any, Q: Any, psi: Any, upper: Any, Z0: Any, limits: Limits) -> None:
-        self.clock, self.limits, Q = work.clock(), limits, _rows(Q, "Q", 0.0)
+        self.clock = work.clock()
+        self.limits = limits
+        Q = _rows(Q, "Q", 0.0)
         matrices = _each(A, lambda one: axes(one, "A") == 2)
         self.maps, self.obstacles = _listed(psi, "psi", -np.inf)
         self.uppers, self.above = _listed(upper, "upper", np.inf)
@@ -122,34 +120,47 @@ class Batch:
         above = (upper, self.uppers)
         of_all = limits.atol, limits.time_limit, limits.memory_limit
         self.stated = Stated([], np.broadcast_to(Q, (k, Q.shape[1])), below, above, *of_all)
-        make = partial(_problem, Q[0], self.stated.sides(0))
+        first = self.stated.sides(0)
+        make = partial(ProblemData, q=Q[0], psi=first[0], upper=first[1])
         problems: Any = Stack.of(matrices, make) or [make(one) for one in (matrices or [A])]
         self.stated = replace(self.stated, problems=problems)
         self.problem = self.stated.problems[0]
-        n = self.problem.n
+        self._check(k)
+        self.Z = np.zeros(self.stated.Q.shape)
+        if self.starts is not None:
+            self.Z[:] = self.starts
+        self.residuals = np.full(k, np.inf)
+        self.tolerances = np.zeros(k)
+        self.solved = np.zeros(k, dtype=bool)
+        self.failures: dict[int, tuple[Status, str]] = {}
+        self.alone: dict[int, Found] = {}
+        self.interrupted = False
+        #: the rows that compiled code has solved, and the seconds that it took
+        self.compiled = np.zeros(2)
+
+    def _check(self, k: int) -> None:
+        """Raise InputError where an obstacle of a row, or a start, is none of this problem."""
         for name, rows in (("Z0", self.starts), ("psi", self.obstacles), ("upper", self.above)):
             if rows is not None:
                 self.problem.vector(rows[0], name)  # has the right length
         if self.uppers is None and self.obstacles is None and self.maps is not None:
-            self.maps[:] = [as_map(one, n) for one in self.maps]
+            self.maps[:] = [as_map(one, self.problem.n) for one in self.maps]
         elif self.uppers is not None:
             for row in range(k):
                 self.problem.with_sides(*self.stated.sides(row))
-        #: whether compiled code may take the rows together: the kind of ψ, and which rows have an obstacle above, are
-        #: the same, and A is as well, or small
-        self.together = self.maps is None or self.obstacles is not None
-        self.together &= len(problems) == 1 or isinstance(problems, Stack)
-        if self.uppers is not None:
-            self.together &= self.above is not None and bool((np.isinf(self.above) == np.isinf(self.above[0])).all())
-        self.Q, self.Z = self.stated.Q, np.zeros((k, n))
-        if self.starts is not None:
-            self.Z[:] = self.starts
-        self.residuals, self.tolerances = np.full(k, np.inf), np.zeros(k)
-        self.solved = np.zeros(k, dtype=bool)
-        self.failures: dict[int, tuple[Status, str]] = {}
-        self.alone: dict[int, Found] = {}
-        #: the rows that compiled code has solved, and the seconds that it took
-        self.interrupted, self.compiled = False, np.zeros(2)
+
+    @property
+    def together(self) -> bool:
+        """Whether compiled code may take the rows together: the kind of ψ, and which rows have an obstacle above, are
+        the same, and A is as well, or small."""
+        problems = self.stated.problems
+        if (self.maps is not None and self.obstacles is None) or (
+            len(problems) > 1 and not isinstance(problems, Stack)
+        ):
+            return False
+        if self.uppers is None:
+            return True
+        return self.above is not None and bool((np.isinf(self.above) == np.isinf(self.above[0])).all())
 
     def elapsed(self) -> float:
         """The seconds since it began."""

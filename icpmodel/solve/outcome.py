@@ -1,0 +1,142 @@
+"""From what a run found to the solution: the judge's word, the status, and the message."""
+
+from __future__ import annotations
+
+import contextlib
+
+import numpy as np
+
+from ..errors import MapError
+from ..numerics import work
+from ..numerics.arrays import Vector
+from ..numerics.rounding import sheltered
+from ..problem.data import ProblemData
+from ..theory.certificates.contradiction import contradiction
+from ..theory.certificates.infeasible import infeasible
+from .goal import Limits
+from .run import Best, Run
+from .solution import History, Solution, Status
+
+#: ends for which rounding is a better reason, where there is one
+_NO_FURTHER = (Status.STAGNATED, Status.CYCLED, Status.DIVERGED)
+
+
+@sheltered
+def _residual(run: Run, z: Vector) -> float:
+    return run.goal.judged(z, run.problem.residual(z))
+
+
+@sheltered
+def _is_luck(run: Run, z: Vector) -> bool:
+    """Whether rounding alone makes the residual of `z`, which was judged otherwise, small enough."""
+    with contextlib.suppress(MapError):
+        goal = run.goal
+        problem = run.problem
+        if goal.problem is not None:
+            return problem.residual(z) <= goal.tolerance_at(z) or problem.paper_residual(z) <= goal.atol
+    return False
+
+
+def judged(run: Run) -> Best:
+    """The best iterate by the judge's word: hints chose it, and may have hidden that the last one is better."""
+    problem = run.problem
+    best = run.best
+    assert best is not None
+    # of a z that solved the judge has just spoken
+    judged = [] if run.ended.status is Status.SOLVED and not problem.psi.at_users_word else [best]
+    if run.current is not best.z:
+        judged.append(run.found(run.current, np.inf))
+    for one in judged:
+        # a ψ that failed may fail again, or take long
+        with contextlib.suppress(MapError, KeyboardInterrupt):
+            one.residual = _residual(run, one.z)
+        if one.residual < best.residual:
+            best = one
+    return best
+
+
+def solution_of(run: Run, limits: Limits) -> Solution:
+    """What the run found."""
+    best = judged(run)
+    status, note = _end(run, best, limits)
+    last = best.job if status is Status.SOLVED else run.job
+    why = [best.job.choice.why] if best.job.choice.why else []
+    if len(run.tried) > 1:
+        why.append("in turn: " + ", then ".join(str(job) for job in run.tried))
+    return Solution(
+        problem=run.problem,
+        z=best.z.copy(),
+        status=status,
+        message="solved" if status is Status.SOLVED else _message(run, best, status, note),
+        method=best.job.method,
+        settled=best.settled,
+        last_method=last.method,
+        why="; ".join([*why, *run.searched]),
+        residual=best.residual,
+        tolerance=run.goal.tolerance_at(best.z),
+        atol=limits.atol,
+        accuracy=limits.accuracy,
+        iterations=max(run.iteration, 0),
+        seconds=work.clock() - run.clock,
+        history_or_none=None if run.records is None else _history(run.records),
+        infeasible=run.infeasible if status is Status.INFEASIBLE else None,
+        time_limit=limits.time_limit,
+        memory_limit=limits.memory_limit,
+    )
+
+
+def _end(run: Run, best: Best, limits: Limits) -> tuple[Status, str]:
+    """The status, and what there is to say of it; a contradiction that is found becomes the proof of the run."""
+    status = run.ended.status
+    note = run.ended.note
+    if limits.accuracy is None and run.goal.reached(best.z, best.residual):
+        status = Status.SOLVED
+    elif status is Status.SOLVED and limits.accuracy is None:
+        status = Status.MAP_FAILED
+        note = "psi gives different values at the same z"
+    elif status in _NO_FURTHER and _is_luck(run, best.z):
+        status = Status.PRECISION_LIMIT
+        note = "only as float64 rounds it is the residual of this z small enough"
+    if status not in (Status.SOLVED, Status.INTERRUPTED, Status.STOPPED) and (crossed := _crossed(run.problem, best.z)):
+        status = Status.CROSSED
+        note = crossed
+    found = contradiction(run.problem) if status in (*_NO_FURTHER, Status.INFEASIBLE) else None
+    if found is None:
+        return status, note
+    if status is not Status.INFEASIBLE:
+        witness = found.witness(run.problem.n)
+        answer = infeasible(run.problem, witness[: run.problem.n] if run.problem.psi.is_constant else witness)
+        if answer.holds:
+            run.infeasible = answer
+            status = Status.INFEASIBLE
+            note = answer.reason
+    return status, f"{note}; {found}"
+
+
+def _message(run: Run, best: Best, status: Status, note: str) -> str:
+    """What went wrong, and what may help."""
+    last = run.job
+    by = "" if last is best.job else f" by {best.job.method!r}"
+    advice = status.advice_with(last.method.to_try if len(run.tried) < 2 else "")
+    if status in (Status.ITERATION_LIMIT, Status.TIME_LIMIT) and run.proved is not None:
+        note += run.proved.in_words(best.z, run.goal.enough_at(best.z))
+    residual = f"best residual {best.residual:.3g}{by} ({run.goal.wanted(best.z)})"
+    return f"{last.method!r} {status.value}: {note}; {residual}. Advice: {advice}"
+
+
+def _crossed(problem: ProblemData, z: Vector) -> str:
+    """In which row ψ > ψ̄ at `z`, beyond rounding; empty where there is none."""
+    with contextlib.suppress(MapError):
+        below = problem.r(z)
+        above = problem.r_upper(z)
+        if above is not None:
+            gap = above - below - 2.0 * problem.rounding(z)[1]
+            if (gap > 0.0).any():
+                i = int(np.argmax(gap))
+                return f"psi_{i} = {z[i] - below[i]:.6g} is above upper_{i} = {z[i] - above[i]:.6g} at this z"
+    return ""
+
+
+def _history(records: list[tuple[int, float, float]]) -> History:
+    columns = np.array(records, dtype=np.float64).reshape(-1, 3)
+    return History(columns[:, 0].astype(np.int64), columns[:, 1], columns[:, 2])
