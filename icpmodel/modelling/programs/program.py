@@ -120,7 +120,7 @@ def conditions_of(program: Program, base: ICP | None = None) -> ICP:
     """The conditions of `program` in (x, ν, λ); `base` is an ICP with the same matrix. Raises InputError for h = ∞."""
     q = np.concatenate([program.g, program.b, program.h])
     low, high = sides_of(program)
-    problem = ICP(_matrix_of(program), q) if base is None else base.with_q(q)
+    problem = ICP(matrix_of(program), q) if base is None else base.with_q(q)
     return problem.with_sides(low, None if np.isposinf(high).all() else high)
 
 
@@ -131,7 +131,7 @@ def sides_of(program: Program) -> tuple[Vector, Vector]:
     return low, np.concatenate([program.high, free, np.full(program.h.size, np.inf)])
 
 
-def _matrix_of(program: Program) -> sp.csr_array:
+def matrix_of(program: Program) -> sp.csr_array:
     """[[H, Eᵀ, Gᵀ], [−E, 0, 0], [−G, 0, 0]]."""
     C = sp.csr_array(sp.vstack([program.E, program.G]))
     if not C.shape[0]:
