@@ -22,10 +22,10 @@ from ..numerics import work
 from ..numerics.arrays import Mask, Vector, row_of
 from ..numerics.fill import SymbolicAnalysis, of_band
 from ..numerics.krylov import NotConverged
-from ..numerics.linear import Solver, dense_solver, multigrid_pays, solver_of
+from ..numerics.linear import Solver, dense_solver, is_for_multigrid, multigrid_pays, solver_of
 from ..problem.data import ProblemData
 from .cycled_equations import CycledEquations, cycles_cost
-from .equations import among, equations_on
+from .equations import equations_on, submatrix
 from .hierarchy import Hierarchy, NoHierarchy
 
 
@@ -79,11 +79,12 @@ class ActiveEquations:
         """Whether a factorisation costs more than cycles may."""
         problem, active, jacobian = self._of
         if not jacobian.nnz:  # M is a part of A, and need not be made where its size says enough
-            free, rows = ~active, problem.matrix.rows
+            free = ~active
+            rows = problem.matrix.rows
             count = int(np.count_nonzero(free))
             if work.factor_cost(of_band(count, rows.below, rows.above, rows.below == rows.above)) > self._most:
                 entries = int(np.count_nonzero(free[row_of(problem.A)] & free[problem.A.indices]))
-                if work.least_factor_cost(count, entries) > self._most and problem.matrix.is_for_multigrid:
+                if work.least_factor_cost(count, entries) > self._most and is_for_multigrid(problem.A):
                     return True
         if not self._eliminated.costs_more(self._most):
             return False
@@ -136,12 +137,13 @@ class Elimination:
     """
 
     def __init__(self, problem: ProblemData, active: Mask, jacobian: sp.csr_array, shift: Vector | None = None) -> None:
-        rows, free = np.flatnonzero(active), np.flatnonzero(~active)
+        rows = np.flatnonzero(active)
+        free = np.flatnonzero(~active)
         self._matrix, self._rows, self._free = problem.matrix, rows, free
         self._by_multigrid: bool | None = None
         try:
             self._slope, self._links, self._T = _chains(jacobian, rows, free)
-            self._M = among(problem, free)
+            self._M = submatrix(problem, free)
             if self._T is not None:
                 self._M = sp.csr_array(self._M + _product(sp.csr_array(problem.A[free][:, rows]), self._T))
             self._whole = False
@@ -173,7 +175,8 @@ class Elimination:
         return (self._backward if transposed else self._forward)(f, tolerance)
 
     def _forward(self, f: Vector, tolerance: float) -> Vector | None:
-        rows, free = self._rows, self._free
+        rows = self._rows
+        free = self._free
         s = f[rows] / self._slope
         for link in self._links:
             s = s + link @ s
@@ -189,7 +192,8 @@ class Elimination:
 
     def _backward(self, f: Vector, tolerance: float) -> Vector | None:
         # Mᵀx_F = f_F + Tᵀf_I, then S(I − N)ᵀx_I = f_I − A_FIᵀx_F
-        rows, free = self._rows, self._free
+        rows = self._rows
+        free = self._free
         part = self._solver(f[free] if self._T is None else f[free] + self._T.T @ f[rows], tolerance, True)
         if part is None:
             return None
@@ -218,12 +222,14 @@ def _chains(
     if not J.nnz:
         return np.ones(rows.size), [], None
     own = J.diagonal()[rows]
-    slope, J_I = 1.0 - own, J[rows]
+    slope = 1.0 - own
+    J_I = J[rows]
     if not slope.all():
         raise _NotWorth
     if own.any():
         J_I = sp.diags_array(1.0 / slope) @ J_I
-    T, N = sp.csr_array(J_I[:, free]), sp.csr_array(J_I[:, rows])
+    T = sp.csr_array(J_I[:, free])
+    N = sp.csr_array(J_I[:, rows])
     if own.any():
         N.data[row_of(N) == N.indices] = 0.0
         N.eliminate_zeros()
@@ -232,7 +238,8 @@ def _chains(
     links: list[sp.csr_array] = []
     while N.nnz:
         links.append(N)
-        T, N = sp.csr_array(T + _product(N, T)), _product(N, N)
+        T = sp.csr_array(T + _product(N, T))
+        N = _product(N, N)
     return slope, links, T if T.nnz else None
 
 

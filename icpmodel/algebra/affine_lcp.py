@@ -86,19 +86,21 @@ class AffineLcp:
         if G is not None:
             with one_blas_thread():
                 self.inverse = _inverse(G)
-                self.M = A * self.inverse if G.ndim == 1 else A @ self.inverse
+                self.M = A @ self.inverse
         if above is not None:
             q = self._with_rows_above(A, q, *above)
         self.q = q + self.M @ self.c
 
     def _with_rows_above(self, A: Matrix, q: Vector, d: Vector, H: Any) -> Vector:
         """M and c with the rows for the obstacle above; returns q with them."""
-        n, self.rows = self.n, np.flatnonzero(d < np.inf)
-        k, weight = self.rows.size, np.abs(np.diagonal(A))[self.rows]
+        n = self.n
+        self.rows = np.flatnonzero(d < np.inf)
+        k = self.rows.size
+        weight = np.abs(np.diagonal(A))[self.rows]
         self.weight = np.where(weight > 0.0, weight, 1.0)
-        moves = np.eye(n) if H is None else np.eye(n) - (np.diag(H) if H.ndim == 1 else H)
+        moves = np.eye(n) if H is None else np.eye(n) - _dense(H)
         if self.inverse is not None:
-            moves = moves * self.inverse if self.inverse.ndim == 1 else moves @ self.inverse
+            moves = moves @ self.inverse
         M = np.zeros((n + k, n + k))
         M[:n, :n], M[n:, :n] = self.M, -self.weight[:, None] * moves[self.rows]
         M[self.rows, n + np.arange(k)] = self.weight
@@ -142,9 +144,7 @@ class AffineLcp:
         """(I − G)⁻¹x, for x of shape (n,) or for all rows of a matrix, and without the entries for rows above."""
         if self.rows is not None:
             x = x[..., : self.n]
-        if self.inverse is None:
-            return x
-        return x * self.inverse if self.inverse.ndim == 1 else x @ self.inverse.T
+        return x if self.inverse is None else x @ self.inverse.T
 
 
 def dense_matrix(problem: ProblemData) -> Matrix:
@@ -160,7 +160,8 @@ def dense_lcp(problem: ProblemData) -> AffineLcp:
     if problem.psi.linear is None:
         above = problem.facts.upper_obstacle
         return AffineLcp(A, problem.q, problem.facts.obstacle, None, None if above is None else (above, None))
-    (G, c), moves = problem.psi.linear, not problem.psi.is_constant
+    (G, c) = problem.psi.linear
+    moves = not problem.psi.is_constant
     of_upper: Any = None
     if problem.upper is not None and problem.upper.linear is not None:
         H, d = problem.upper.linear
@@ -181,18 +182,19 @@ def some_pivots(state: Any, entering: int, most: int) -> Any:
         found = go_on(*state, entering, count)
         # as many pivots as were asked for, or at the end one at least for each entry of y
         work.add(price * (count if found[0] == UNFINISHED else np.count_nonzero(found[2]) + 1))
-        most, entering = most - count, found[1]
+        most = most - count
+        entering = found[1]
         if found[0] != UNFINISHED or most == 0:
             return found
 
 
-def _inverse(G: Matrix | Vector) -> Any:
-    """(I − G)⁻¹, as a diagonal where G is one."""
-    if G.ndim == 2:
-        work.afford(INVERSE * work.dense_cost(len(G)))
-    if G.ndim == 1 and (G != 1.0).all():
-        return 1.0 / (1.0 - G)
+def _inverse(G: Matrix | Vector) -> Matrix:
+    """(I − G)⁻¹, dense, as G is wherever it is not the diagonal of a small problem."""
+    work.afford(INVERSE * work.dense_cost(len(G)))
     with suppress(np.linalg.LinAlgError):
-        if G.ndim == 2:
-            return np.linalg.inv(np.eye(len(G)) - G)
+        return np.asarray(np.linalg.inv(np.eye(len(G)) - _dense(G)), dtype=np.float64)
     raise SingularOperator("I - G is singular", 0)
+
+
+def _dense(G: Matrix | Vector) -> Matrix:
+    return np.diag(G) if G.ndim == 1 else G

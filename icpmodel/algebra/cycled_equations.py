@@ -23,7 +23,7 @@ LEAST_SLOPE = 0.1
 
 def cycles_cost(problem: ProblemData) -> float:
     """What one system costs by `CycledEquations`, with as many steps as it needs as a rule."""
-    return STEPS * (cycle_cost(problem.n, problem.nnz) + problem.matrix.unit + cg_vector_cost(problem.n))
+    return STEPS * (cycle_cost(problem.n, problem.nnz) + problem.matrix.product_cost + cg_vector_cost(problem.n))
 
 
 class CycledEquations:
@@ -65,7 +65,8 @@ class CycledEquations:
         if self._alone:
             return self._in_blocks(f, partial(self._on_free, tolerance=tolerance, transposed=transposed), transposed)
         units = np.ones(f.size) if transposed else np.where(self._active, 1.0, self._level(False).inverse)
-        cycle, x = partial(self._cycle, transposed=transposed), self.start(f)
+        cycle = partial(self._cycle, transposed=transposed)
+        x = self.start(f)
         steps = GCR(
             lambda y: units * self.product(y, transposed),
             lambda rest: self._in_blocks(rest / units, cycle, transposed),
@@ -75,7 +76,8 @@ class CycledEquations:
 
     def _on_free(self, f: Vector, tolerance: float, transposed: bool) -> Vector:
         """x with A_FF x_F = f_F, or with its transpose, and x_I = 0."""
-        level, cycle = self._level(transposed), partial(self._cycle, transposed=transposed)
+        level = self._level(transposed)
+        cycle = partial(self._cycle, transposed=transposed)
         f = np.where(self._active, 0.0, f)
 
         def product(y: Vector) -> Vector:

@@ -16,10 +16,11 @@ from ..numerics.factorisation import Symmetric, factorise
 from ..numerics.fill import SymbolicAnalysis
 from ..numerics.krylov import cg_step_cost, conjugate_gradients, conjugate_residuals, gcr_step_cost
 from ..numerics.linear import MANY_STEPS, by_refinement, solver_of
-from ..problem.between import chosen
 from ..problem.data import ProblemData
 from ..problem.map import Map
 from ..problem.matrix import Matrix
+from ..problem.two_sided import chosen
+from .factor_costs import factor_costs
 from .operators import FactorisedOperator
 
 #: steps of iterative refinement, or of Newton's method with the first derivative kept
@@ -35,7 +36,7 @@ def equations_on(problem: ProblemData, active: Mask, jacobian: sp.csr_array) -> 
     return sp.csr_array(keep @ problem.A + follow @ (sp.eye_array(problem.n) - jacobian))
 
 
-def among(problem: ProblemData, rows: NDArray[np.intp]) -> sp.csr_array:
+def submatrix(problem: ProblemData, rows: NDArray[np.intp]) -> sp.csr_array:
     """A in these `rows`, ascending, and the same columns."""
     from ..numerics.kernels.graph import cut  # loads numba
 
@@ -64,7 +65,8 @@ class Pattern(NamedTuple):
     @classmethod
     def at(cls, problem: ProblemData, z: Vector, p: Vector, omega: Vector) -> Pattern:
         """At `z`, where Az + q = `p`: rows with r_i < p_i/Ω_i, and those with z_i − ψ̄_i > p_i/Ω_i."""
-        r, above = problem.r(z), problem.r_upper(z)
+        r = problem.r(z)
+        above = problem.r_upper(z)
         return cls.of(r, above, p / omega)
 
     @classmethod
@@ -79,7 +81,7 @@ class Pattern(NamedTuple):
         """The rows that take the obstacle below, and where there is one above, those that take that one."""
         return (self.active,) if self.above is None else (self.active & ~self.above, self.above)
 
-    def is_that_of(self, other: Pattern) -> bool:
+    def same_sides(self, other: Pattern) -> bool:
         """Whether every row takes the same side."""
         same = np.array_equal(self.active, other.active)
         return same and (self.above is None or other.above is None or np.array_equal(self.above, other.above))
@@ -134,12 +136,13 @@ def _refined(problem: ProblemData, psi: Map, z: Vector, active: Mask, jacobian: 
         if jacobian is not None:
             operator = FactorisedOperator(equations_on(problem, active, jacobian))
         elif free.size:
-            operator = FactorisedOperator(among(problem, free))
+            operator = FactorisedOperator(submatrix(problem, free))
     except SingularOperator as error:
         row = int(error.row if jacobian is not None else free[error.row])
         told = "the equations that the active set leaves are singular to working precision: row"
         raise SingularOperator(f"{told} {row} depends on the others", row) from None
-    best, smallest = z, np.inf
+    best = z
+    smallest = np.inf
     for _ in range(_REFINEMENTS):
         if jacobian is not None:
             z = z - operator.solve(np.where(active, z - psi.value(z), problem.p(z)))
@@ -151,7 +154,8 @@ def _refined(problem: ProblemData, psi: Map, z: Vector, active: Mask, jacobian: 
         size = float(equations.max())
         if not size < smallest:
             break
-        best, smallest = z, size
+        best = z
+        smallest = size
         if size == 0.0:
             break
     return best
@@ -169,9 +173,11 @@ def derivative(psi: Map, z: Vector, above: Mask | None = None) -> sp.csr_array:
 
 #: steps of Krylov's methods for a system: 1e-4 where μ is .01, ½√100·log(2e4); and 70 to 1000 for games without a
 #: diagonal where μ is .1
-_STEPS, _STEPS_WITHOUT_DIAGONAL = 50, 1000
+_STEPS = 50
+_STEPS_WITHOUT_DIAGONAL = 1000
 #: bytes of an entry, and vectors that steps hold
-_BYTES, _VECTORS = 12.0, 24
+_BYTES = 12.0
+_VECTORS = 24
 
 
 def krylov_step_cost(matrix: Matrix, share: float = 1.0) -> float:
@@ -192,7 +198,8 @@ def shifted_cost(matrix: Matrix) -> tuple[float, float]:
     steps: float = _STEPS if _few_steps_may_do(matrix) else _STEPS_WITHOUT_DIAGONAL
     if (matrix.rows.diagonal < 0.0).any():
         steps = np.inf
-    return _least(matrix, steps * krylov_step_cost(matrix), matrix.again_cost, _BYTES * matrix.fill.entries)
+    costs = factor_costs(matrix)
+    return _least(matrix, steps * krylov_step_cost(matrix), costs.again, _BYTES * costs.fill.entries)
 
 
 def _few_steps_may_do(matrix: Matrix) -> bool:
@@ -213,19 +220,23 @@ class ShiftedEquations:
     """
 
     def __init__(self, problem: ProblemData) -> None:
-        self.problem, self.iterative = problem, True
+        self.problem = problem
+        self.costs = factor_costs(problem.matrix)
+        self.iterative = True
 
     @cached_property
     def repeated(self) -> Symmetric | None:
         """What factorises all rows again and again, where that costs less than each time in an order of its own."""
-        matrix, analysis = self.problem.matrix, self.problem.matrix.analysis
-        signs = analysis.signs
-        return Symmetric(matrix.sparse, matrix.fill, signs) if matrix.repeats and signs is not None else None
+        costs = self.costs
+        signs = costs.analysis.signs
+        if not costs.repeats or signs is None:
+            return None
+        return Symmetric(self.problem.A, costs.fill, signs)
 
     @cached_property
     def analysis(self) -> SymbolicAnalysis:
         """What it takes to factorise all rows, seen to the end."""
-        return self.problem.matrix.analysis.to_the_end()
+        return self.costs.analysis.to_the_end()
 
     def solve(self, free: Mask, D: Vector, f: Vector, tolerance: float, briefly: bool) -> Vector | None:
         """x with an error of f of at most the relative `tolerance`, or None; `D`, `f` and x of shape (n,).
@@ -233,17 +244,22 @@ class ShiftedEquations:
         Steps are `INEXACT` in the units of the diagonal. With `briefly` the free rows are not
         factorised where all have been.
         """
-        matrix, rows, x, found = self.problem.matrix, np.flatnonzero(free), np.zeros(free.size), None
-        share, whole = rows.size / free.size, matrix.fill
+        matrix = self.problem.matrix
+        rows = np.flatnonzero(free)
+        x = np.zeros(free.size)
+        found = None
+        share = rows.size / free.size
+        whole = self.costs.fill
         part = whole._replace(rows=rows.size, entries=share**2 * whole.entries, flops=share**2 * whole.flops)
         direct = min(work.factor_cost(part), work.dense_cost(rows.size, matrix.is_symmetric))
         if self.iterative:
-            symmetric, left = matrix.is_nearly_symmetric, work.nanoseconds_left()
-            factors = min(direct, matrix.again_cost)
+            symmetric = matrix.is_nearly_symmetric
+            left = work.nanoseconds_left()
+            factors = min(direct, self.costs.again)
             # then GCR, which ends as soon as it would not get there, has the time that is left
             beyond = not symmetric and (factors > left or not work.fits(2.0 * _BYTES * part.entries))
             # whether few do is soon seen
-            self.iterative = _few_steps_may_do(matrix) or beyond or shifted_cost(matrix)[0] < matrix.again_cost
+            self.iterative = _few_steps_may_do(matrix) or beyond or shifted_cost(matrix)[0] < self.costs.again
             most = int(min(rows.size, (left if beyond else factors) / krylov_step_cost(matrix, share)))
             if self.iterative and most > 0:
                 by_steps = conjugate_gradients if symmetric else conjugate_residuals
@@ -251,7 +267,7 @@ class ShiftedEquations:
                 if found is None and beyond:
                     return None  # a larger D will help, factors will not
                 self.iterative = found is not None or briefly  # with a smaller D they will not do better
-        if found is None and matrix.again_cost < direct:
+        if found is None and self.costs.again < direct:
             x_of_all = self._by_all_rows(free, D, f, tolerance)
             if x_of_all is not None or briefly:
                 return x_of_all
@@ -261,7 +277,7 @@ class ShiftedEquations:
         return x
 
     def _shifted(self, rows: NDArray[np.intp], D: Vector) -> sp.csr_array:
-        M = among(self.problem, rows)
+        M = submatrix(self.problem, rows)
         M.data[diagonal_positions(M)] += D[rows]
         return M
 

@@ -20,7 +20,8 @@ from ..problem.data import ProblemData
 from ..problem.matrix import Matrix
 
 #: a level of at most so many rows is solved by a dense inverse, and where coarsening stalls one of so many
-_COARSEST, _STALLED = 64, 512
+_COARSEST = 64
+_STALLED = 512
 #: an inverse has digits where the condition number is below this; else that of Moore and Penrose is taken
 _REGULAR = 1e-2 / UNIT_ROUNDOFF
 #: a level that has so many times the entries of A, or more, costs more than it helps
@@ -159,8 +160,14 @@ class Hierarchy:
             x[self._rows] = self._inverse @ f[self._rows]
             return x
         x = np.empty(f.size)  # the first sweep writes all of it
-        A, P, n, free, inverse = level.A, level.P, f.size, self._free[top], level.inverse
-        matrix, transfer, coarse = (A.indptr, A.indices, A.data), (P.indptr, P.indices, P.data), np.zeros(P.shape[1])
+        A = level.A
+        P = level.P
+        n = f.size
+        free = self._free[top]
+        inverse = level.inverse
+        matrix = (A.indptr, A.indices, A.data)
+        transfer = (P.indptr, P.indices, P.data)
+        coarse = np.zeros(P.shape[1])
         threads = threads_for(A.nnz)
         down = partial(sweep_down, *matrix, level.diag, inverse, free, f, x)
         rest = partial(restrict, *matrix, level.diag, free, *transfer, x, coarse)

@@ -23,7 +23,9 @@ from ..problem.map import Map
 from .equations import derivative
 
 #: the equation of a row: p_i = 0, z_i = ψ_i(z), z_i = ψ̄_i(z)
-FREE, LOWER, UPPER = 0, 1, 2
+FREE = 0
+LOWER = 1
+UPPER = 2
 #: entries of all matrices of a batch; larger batches do not fit into a cache
 _BATCH = 200_000
 
@@ -101,7 +103,8 @@ class LinearRows:
 
     @np.errstate(all="ignore")
     def _solved(self, sides: Sides) -> PieceBatch:
-        lower, upper = sides == LOWER, sides == UPPER
+        lower = sides == LOWER
+        upper = sides == UPPER
         B = np.where(lower[:, :, None], self.R, np.where(upper[:, :, None], self.S, self.A))
         b = np.where(lower, self.c, np.where(upper, self.d, -self.q))
         inverse = _inverses(B)
@@ -123,7 +126,8 @@ class LinearRows:
 
     def _signs(self, sides: Sides) -> Iterator[tuple[Dense, Vector, float, NDArray[np.bool_]]]:
         """(M, v, ±1, rows): ±(Mz + v)_i ≥ 0 is asked for in these rows, a mask of the shape of `sides`."""
-        below, above = np.isfinite(self.c), np.isfinite(self.d)
+        below = np.isfinite(self.c)
+        above = np.isfinite(self.d)
         yield self.A, self.q, 1.0, sides == LOWER
         yield self.A, self.q, -1.0, sides == UPPER
         yield self.R, np.where(below, -self.c, 0.0), 1.0, (sides != LOWER) & below

@@ -39,7 +39,9 @@ class Operator(ABC):
         """The modulus step z ↦ (z − 2 X⁻¹ F_Ω(z), Res_D(z)) on `problem` with Ω = diag(`omega`)."""
 
         def step(z: Vector) -> tuple[Vector, float]:
-            p, r, above = problem.matrix.product(z) + problem.q, z - problem.psi.value(z), problem.r_upper(z)
+            p = problem.matrix.product(z) + problem.q
+            r = z - problem.psi.value(z)
+            above = problem.r_upper(z)
             moved = np.minimum(p, omega * r)
             if above is not None:
                 moved = np.maximum(omega * above, moved)
@@ -79,13 +81,15 @@ class AOROperator(Operator):
     def solve(self, f: Vector) -> Vector:
         from .kernels.sweeps import substitute
 
-        A, out = self.A, np.empty(f.size)
+        A = self.A
+        out = np.empty(f.size)
         work.add(work.product(f.size, A.nnz))
         substitute(A.indptr, self.diag, A.indices, A.data, self.tau, self.inverse, True, f, out)
         return out
 
     def step(self, problem: ProblemData, omega: Vector) -> Step:
-        A, rows = problem.A, problem.matrix.rows
+        A = problem.A
+        rows = problem.matrix.rows
         diag = rows.diag if self.A is A else self.diag
         matrix = (A.indptr, A.indices, A.data, diag, problem.matrix.row_weights, problem.q)
         parameters = (omega, self.inverse, self.tau)
@@ -115,7 +119,8 @@ class TriangularOperator(Operator):
         return out
 
     def step(self, problem: ProblemData, omega: Vector) -> Step:
-        A, M1 = problem.A, self.M1
+        A = problem.A
+        M1 = self.M1
         X = (*self._rows, M1.indices, M1.data, self.inverse, self.lower)
         matrix = (A.indptr, A.indices, A.data, problem.matrix.row_weights, problem.q)
         return compiled_step(problem, "triangular", matrix, (omega, *X))

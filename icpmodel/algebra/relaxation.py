@@ -30,7 +30,8 @@ from .steps import Step
 #: what theta1 may be instead of a number
 AUTO = "auto"
 #: an ω between two looks at the rate stays this many steps, until two factors agree to so much of their gap to 1
-SETTLE, _AGREE = 12, 0.05
+SETTLE = 12
+_AGREE = 0.05
 #: from the rate follows an ω that is multiplied by this, as too large a one costs more than too small a one …
 _CAUTION = 0.98
 #: … and it is taken where it comes nearer to 2 by this share
@@ -42,10 +43,13 @@ _NEAREST = 1.0 - 1e-6
 #: by how much sweeps are relaxed where nobody looks
 _UNWATCHED = 1.4
 #: below this ω there is nothing to adapt, and no rate leads beyond this one
-RELAXED, _MOST = 1.2, 1.995
+RELAXED = 1.2
+_MOST = 1.995
 #: the least patience in steps, what multiplies the steps that halve the error at the observed rate and at the one for
 #: which ω is best, and the growth that is a reason to step back at once
-_PATIENCE, _HALVES, _GROWN = 100, 3.0, 1e3
+_PATIENCE = 100
+_HALVES = 3.0
+_GROWN = 1e3
 #: but steps that halve the error are taken for at most so many where the rate does not tell: the patience is 724 then,
 #: in which SOR with the best ω = 1.999 halves the error, and what turns in a circle is found before a run gives up
 _SLOWEST = 300.0

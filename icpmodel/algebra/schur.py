@@ -22,6 +22,7 @@ from ..numerics.arrays import Vector, row_of
 from ..numerics.factorisation import Factors, factors_and_schur
 from ..problem.data import ProblemData
 from ..problem.matrix import Matrix
+from .factor_costs import factor_costs
 
 
 class SchurComplement:
@@ -111,7 +112,8 @@ def elimination(problem: ProblemData, most: Callable[[], float]) -> SchurComplem
     if not 0 < rows.size < problem.n or rows.size**2 > matrix.nnz:
         return None
     limit = most()
-    if matrix.analysis.costs_more(limit) or not matrix.fill.seen or matrix.unsymmetric_cost > limit:
+    costs = factor_costs(matrix)
+    if costs.analysis.costs_more(limit) or not costs.fill.seen or costs.unsymmetric > limit:
         return None
     key = rows.tobytes()
     known = _LAST.get(matrix)

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from ..numerics.arrays import Mask, Vector, row_of
 from ..problem.affine import Constant
-from ..problem.between import Between
 from ..problem.data import ProblemData
+from ..problem.two_sided import TwoSidedObstacle
 from .affine_lcp import PIVOT_UP_TO
 
 #: so many parts that do not interact get a method each
@@ -30,17 +30,19 @@ def with_fixed_obstacle(problem: ProblemData) -> ProblemData:
     """
     if problem.psi.is_constant or not problem.facts.has_fixed_obstacle:
         return problem
-    n, above = problem.n, problem.facts.upper_obstacle
+    n = problem.n
+    above = problem.facts.upper_obstacle
     psi = Constant(problem.facts.obstacle).bind(n)
     # without a look at whether they cross, which is said of the answer
-    return problem.with_psi(psi if above is None else Between(psi, Constant(above).bind(n)))
+    return problem.with_psi(psi if above is None else TwoSidedObstacle(psi, Constant(above).bind(n)))
 
 
 def restricted(problem: ProblemData, rows: Rows, z: Vector) -> ProblemData:
     """The ICP in the unknowns `rows` alone, ascending, where all others are what they are in `z`, shape (n,)."""
     from ..numerics.kernels.graph import cut  # loads numba
 
-    A, psi = problem.A, problem.psi
+    A = problem.A
+    psi = problem.psi
     starts, columns, values, q = cut(A.indptr, A.indices, A.data, problem.q, rows, z)
     part = sp.csr_array((values, columns, starts), shape=(rows.size, rows.size))
     return ProblemData.of_checked(part, q, psi.restricted(rows, z), problem.matrix.row_weights[rows])
@@ -48,7 +50,7 @@ def restricted(problem: ProblemData, rows: Rows, z: Vector) -> ProblemData:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Blocks:
-    """The `open` rows of `problem` in blocks that depend on earlier ones only: the strong components of A and ψ.
+    """The `free` rows of `problem` in blocks that depend on earlier ones only: the strong components of A and ψ.
 
     Block k is `rows[starts[k] : starts[k + 1]]`. The blocks in `before` are so small that they are
     solved one after the other. So are those in `after`, once the rest is known. The rest comes in
@@ -56,35 +58,39 @@ class Blocks:
     do not interact; many parts are joined into one. `between` holds a mask for each stage: the
     small blocks that follow it.
 
-    Rows that are not open are in contact with the fixed obstacle, see `resting`. `opened` is how
-    often some of them had to be opened.
+    The other rows are in contact with the fixed obstacle, see `with_contact_rows`. `releases` is how
+    often some of them were set free.
     """
 
     problem: ProblemData
-    open: Mask
+    free: Mask
     rows: Rows
     starts: Rows
     before: Mask
     after: Mask
     stages: tuple[tuple[Rows, ...], ...]
     between: tuple[Mask, ...] = ()
-    opened: int = 0
+    releases: int = 0
 
     def __repr__(self) -> str:
-        n, sizes, small = self.problem.n, np.diff(self.starts), self.before | self.after
+        n = self.problem.n
+        sizes = np.diff(self.starts)
+        small = self.before | self.after
         for blocks_between in self.between:
             small = small | blocks_between
-        rest, one_by_one = n - np.count_nonzero(self.open), int(small[sizes == 1].sum())
-        pivoted, blocks = int(sizes[small].sum()) - one_by_one, int(small.sum()) - one_by_one
+        rest = n - np.count_nonzero(self.free)
+        one_by_one = int(small[sizes == 1].sum())
+        pivoted = int(sizes[small].sum()) - one_by_one
+        blocks = int(small.sum()) - one_by_one
         told = {
             f"{rest} rest on the obstacle": rest,
-            f"others had to be opened ({self.opened} x)": self.opened,
+            f"others were released ({self.releases} x)": self.releases,
             f"{one_by_one} follow one by one": one_by_one,
             f"{pivoted} in {blocks} small blocks are pivoted": pivoted,
             f"{len(self.parts)} parts do not interact": len(self.parts) > len(self.stages) == 1,
             f"{len(self.parts)} parts in {len(self.stages)} stages follow one another": len(self.stages) > 1,
         }
-        return f"n = {n} -> {self.core} rows still open: {', '.join(text for text, holds in told.items() if holds)}"
+        return f"n = {n} -> {self.core} rows still free: {', '.join(text for text, holds in told.items() if holds)}"
 
     @property
     def pivoted(self) -> float:
@@ -118,9 +124,11 @@ class Blocks:
             return z, wanted
         from .kernels.pivoting import apart  # loads numba
 
-        A, z = self.problem.A, z.copy()
+        A = self.problem.A
+        z = z.copy()
         # rows of a best jump are never in a block
-        psi, above = self.problem.psi, None
+        psi = self.problem.psi
+        above = None
         G, c = psi.linear or (sp.csr_array(A.shape), np.full(z.size, -np.inf))
         slopes = (G.indptr, G.indices, G.data)
         if psi.upper is not None and psi.upper.linear is not None:
@@ -130,10 +138,11 @@ class Blocks:
         return z, apart(A.indptr, A.indices, A.data, self.problem.q, *given, z)
 
 
-def resting(problem: ProblemData, open_rows: Mask) -> Blocks:
-    """The `open_rows` of `problem`, a mask of shape (n,), as one part, where the others rest on a fixed obstacle."""
-    nothing, rows = np.zeros(0, dtype=bool), np.flatnonzero(open_rows)
-    return Blocks(problem, open_rows, rows[:0], np.zeros(1, dtype=np.intp), nothing, nothing, ((rows,),))
+def with_contact_rows(problem: ProblemData, free: Mask) -> Blocks:
+    """The `free` rows of `problem`, a mask of shape (n,), as one part; the others are at a fixed obstacle."""
+    nothing = np.zeros(0, dtype=bool)
+    rows = np.flatnonzero(free)
+    return Blocks(problem, free, rows[:0], np.zeros(1, dtype=np.intp), nothing, nothing, ((rows,),))
 
 
 def blocks(problem: ProblemData, core: Mask | None = None, *, most_stages: int = _STAGES) -> Blocks | None:
@@ -170,7 +179,8 @@ def blocks(problem: ProblemData, core: Mask | None = None, *, most_stages: int =
 
 def _unsuitable(problem: ProblemData, part: Any, sizes: Any) -> Mask:
     """The rows that `Blocks.forward` does not solve: those alone without one answer, and moving ψ inside a block."""
-    psi, alone = problem.psi, sizes[part] == 1
+    psi = problem.psi
+    alone = sizes[part] == 1
     wrong: Mask = alone & ~(problem.A.diagonal() > 0)
     if psi.upper is not None:
         if psi.upper.linear is None or psi.linear is None:
@@ -178,7 +188,8 @@ def _unsuitable(problem: ProblemData, part: Any, sizes: Any) -> Mask:
         wrong |= ~alone | ~(psi.upper.linear[0].diagonal() < 1)
     if psi.linear is not None:
         G = psi.linear[0]
-        i, j = row_of(G), G.indices
+        i = row_of(G)
+        j = G.indices
         wrong |= alone & ~(G.diagonal() < 1)
         wrong[i[~alone[i] & (part[i] == part[j])]] = True
     elif psi.links is not None:
@@ -193,21 +204,27 @@ def _arranged(
     """The blocks by what they need of the `heavy` ones."""
     from scipy.sparse.csgraph import connected_components
 
-    rows, everything = np.argsort(part, kind="stable"), np.ones(simple.n, dtype=bool)
+    rows = np.argsort(part, kind="stable")
+    everything = np.ones(simple.n, dtype=bool)
     if not heavy.any():
         return Blocks(simple, everything, rows, starts, ~heavy, heavy, ())
     from ..numerics.kernels.graph import stages  # loads numba
 
     depth, needed = stages(graph.indptr, graph.indices, part, rows, starts, heavy)
-    last, inner, before = int(depth.max()), (depth > 0) & needed, depth == 0
+    last = int(depth.max())
+    inner = (depth > 0) & needed
+    before = depth == 0
     many = last > most_stages or PIVOT_UP_TO * max(last - _PARTS, 0) > np.count_nonzero(heavy[part])
     # where rows are dominant nothing grows along the chain, and one method for all costs less; and jumps must not leave
     # their part
     dominant = simple.matrix.is_dominant and simple.matrix.has_positive_diagonal
     if many or dominant or simple.psi.linear is None:
-        depth, last, heavy = inner.astype(np.int64), 1, inner
+        depth = inner.astype(np.int64)
+        last = 1
+        heavy = inner
     of = np.where(heavy, depth, 0)[part]
-    i, j = row_of(graph), graph.indices
+    i = row_of(graph)
+    j = graph.indices
     inside = (of[i] == of[j]) & (of[i] > 0)
     links = sp.csr_array((np.ones(np.count_nonzero(inside)), (i[inside], j[inside])), shape=graph.shape)
     label = connected_components(links, connection="weak")[1]

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..algebra.factor_costs import factor_costs
 from ..errors import InputError, Interrupted, OutOfTime
 from ..numerics.arrays import as_number
 from ..numerics.processes import CAN_FORK, in_a_process
@@ -153,7 +154,7 @@ def _report(checked: Checked, solution: Any, certain: tuple[float, float | None,
 
 def _followed(items: Callable[[], Iterator[_Item]], problem: ProblemData, count: int, end: float) -> Iterator[_Item]:
     """The `items`, from a process of their own where they may take longer in one piece than there is time."""
-    piece = _FACTORS * problem.matrix.factor_cost + _ENTRY * problem.matrix.nnz
+    piece = _FACTORS * factor_costs(problem.matrix).first + _ENTRY * problem.matrix.nnz
     if (1 + count) * piece <= 1e9 * _SHARE * (end - time.perf_counter()):
         return items()
     if not CAN_FORK:

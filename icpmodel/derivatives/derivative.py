@@ -35,8 +35,8 @@ from ..numerics.arrays import Mask, ReadOnly, Vector, described, norm
 from ..numerics.rounding import SMALLEST, UNIT_ROUNDOFF, sheltered
 from ..present.card import Card
 from ..present.shown import Shown
-from ..problem.between import sides_of
 from ..problem.data import ProblemData
+from ..problem.two_sided import sides_of
 from ..solve.driver import solve
 from ..solve.goal import RTOL
 from ..solve.solution import Solution, Status
@@ -362,7 +362,7 @@ class Derivative(ReadOnly, Shown):
 
     def _bound(self, J: sp.csr_array, f: Vector, x: Vector, error: Vector) -> float | None:
         """max|x − x*| for Jx* = f, f wrong by up to `error`."""
-        if not self.certain or self.problem.psi.at_users_word:
+        if not self.certain or self.problem.psi.calls_user_code:
             return None
         linear = ProblemData(J, -f, -np.inf)
         for_p, for_r = linear.rounding(x)
@@ -411,7 +411,7 @@ class Derivative(ReadOnly, Shown):
         delta, found = self.solution.certificate.bound.componentwise, np.zeros_like(self._open)
         for psi, rows in zip(sides_of(self.problem.psi), self.pattern.sides(), strict=True):
             if delta is not None:
-                found |= (rows | self._open) & psi.kinks(self.z, delta)
+                found |= (rows | self._open) & psi.nonsmooth_rows(self.z, delta)
         return found
 
     @cached_property
@@ -465,7 +465,7 @@ class Derivative(ReadOnly, Shown):
         if self._tied_jumps.any():
             return f"two equally good jumps cannot be excluded in {_named(self._tied_jumps)}: {element}"
         smooth = " and continuously differentiable where z* may be"
-        word = USERS_WORD + smooth if self.problem.psi.at_users_word else ""
+        word = USERS_WORD + smooth if self.problem.psi.calls_user_code else ""
         return f"every row is proved to be at an obstacle or off it{word}"
 
     def __str__(self) -> str:

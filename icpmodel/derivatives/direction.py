@@ -12,9 +12,9 @@ from ..algebra.equations import Pattern
 from ..errors import InputError
 from ..numerics.arrays import Vector, as_csr, not_finite
 from ..numerics.rounding import gamma
-from ..problem.between import sides_of
 from ..problem.data import ProblemData
 from ..problem.map import Map
+from ..problem.two_sided import sides_of
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,8 +11,8 @@ import scipy.sparse as sp
 from ..algebra.equations import Pattern
 from ..numerics.arrays import ReadOnly, Vector, freeze, locked, row_of
 from ..present.shown import Shown, brief
-from ..problem.between import sides_of
 from ..problem.data import ProblemData
+from ..problem.two_sided import sides_of
 
 
 class Gradient(ReadOnly, Shown):

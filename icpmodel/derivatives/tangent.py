@@ -20,9 +20,9 @@ from ..algebra.equations import Pattern
 from ..numerics.arrays import Mask, Vector
 from ..numerics.equilibration import in_units
 from ..problem.affine import Affine, Constant
-from ..problem.between import Rowwise
 from ..problem.data import ProblemData
 from ..problem.map import Map
+from ..problem.two_sided import Rowwise
 from .direction import Direction, linear_value
 
 
@@ -62,7 +62,7 @@ def tangent_problem(z: Vector, pattern: Pattern, ties: Ties, direction: Directio
 def _tangent(name: str, psi: Map, change: object, z: Vector, delta: Vector) -> Map:
     """ψ′(z; ·) + dψ."""
     change = 0.0 if change is None else change
-    kinked = psi.kinked(z, delta, change, name)
-    if kinked is not None:
-        return kinked
+    one_sided = psi.directional_derivative(z, delta, change, name)
+    if one_sided is not None:
+        return one_sided
     return Affine(psi.jacobian(z), linear_value(*psi.data_change(z, change, name), z)).bind(z.size)

@@ -16,12 +16,12 @@ def what_to_do(problem: ProblemData, classes: MatrixClasses, picked: Method | No
     """What helps where no member of the family is proved to converge; `picked` is what `solve()` begins with."""
     yield "no member of the family is proved to converge; solve() tries several, and calls nothing solved that is not"
     psi, both = problem.psi, problem.upper is not None
-    if psi.lipschitz is None and not psi.takes_best:
+    if psi.lipschitz is None and not psi.has_policies:
         whose = "the Lipschitz matrices of psi and upper" if both else "psi's Lipschitz matrix"
         yield f"give {whose} (lipschitz=...): without it no theorem can be applied"
-    elif classes.h_plus.holds and not (psi.is_constant or psi.takes_best):
+    elif classes.h_plus.holds and not (psi.is_constant or psi.has_policies):
         yield "A is an H+-matrix, but psi moves too much for it: a smaller G, or a larger diagonal of A, is needed"
-    if psi.takes_best:
+    if psi.has_policies:
         if both and not psi.isotone():
             yield "for an intervention the theorem needs two obstacles that rise with z, which is not known of these"
         elif classes.z.holds:

@@ -279,7 +279,7 @@ def explain(
     problem, accuracy = as_problem(problem), as_number(accuracy, "accuracy", above=0)
     if options and not isinstance(method, str):
         raise InputError(f"{next(iter(options))}: the options of a method are taken only where it is named")
-    unit = problem.matrix.unit
+    unit = problem.matrix.product_cost
     page = min(_PRODUCTS * unit + _NANOSECONDS, _A_ROW * max(problem.n, _ROWS))
     products = math.inf if as_truth(thorough, "thorough") else page / unit
     with Allowance(products, unit).kept(), one_blas_thread():

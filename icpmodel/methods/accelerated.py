@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..algebra.relaxation import AUTO, jacobi_step, relaxation
-from ..algebra.steps import Stepped, in_a_row
+from ..algebra.steps import Stepped, repeated_steps
 from ..errors import InputError, MapError
 from ..numerics import work
 from ..numerics.arrays import Vector, as_number, described
@@ -111,7 +111,7 @@ class Accelerated(Method):
                 step = of.step_of(problem)
                 opening = None
             try:
-                ahead = ahead or in_a_row(step, z, self.mixing_frequency - sweeps % self.mixing_frequency)
+                ahead = ahead or repeated_steps(step, z, self.mixing_frequency - sweeps % self.mixing_frequency)
                 image, hint = ahead.pop(0)
             except MapError:
                 if plain is None:

@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..algebra.steps import Step, in_a_row
+from ..algebra.steps import Step, repeated_steps
 from ..errors import InputError, meant
 from ..numerics.arrays import ReadOnly, Vector, described
 from ..numerics.plugins import load_plugins
@@ -142,7 +142,7 @@ class FixedPoint(Method):
             z = following
         step = self.step_of(problem)
         while True:
-            for following, residual in in_a_row(step, z, math.inf if expected is None else expected):
+            for following, residual in repeated_steps(step, z, math.inf if expected is None else expected):
                 expected = yield z, residual
                 z = following
             # what promises to be the last iterate is judged before another sweep is made, which would tell its residual

@@ -20,6 +20,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..algebra.equations import Pattern, derivative
+from ..algebra.factor_costs import newton_cost
 from ..algebra.proximal_steps import ProximalSteps
 from ..algebra.subproblems import with_fixed_obstacle
 from ..errors import MapError
@@ -28,8 +29,8 @@ from ..numerics.arrays import Mask, Vector, inner, norm, row_of
 from ..numerics.factorisation import Symmetric, factorise
 from ..numerics.fill import SymbolicAnalysis
 from ..problem.affine import zero
-from ..problem.between import mid
 from ..problem.data import ProblemData
+from ..problem.two_sided import mid
 from ..theory.certificates.recession import Recession
 from .contract import Infeasible, Iterate, Least, Method
 
@@ -211,7 +212,7 @@ class InteriorPath:
     @np.errstate(all="ignore")
     def advance(self) -> bool:
         """One step, False where it fails."""
-        work.add(self.problem.facts.newton_cost)
+        work.add(newton_cost(self.problem.facts))
         r = self.r
         s = self.s
         both = max(int(np.count_nonzero(self.bounded)), 1)

@@ -54,7 +54,7 @@ class MMS(Method):
         # x has no value where ψ_i = −∞; a ψ without a value at 0 is asked where the run begins
         if problem.upper is not None:
             return "MMS has one |x| for each row, and a row may have two obstacles: the members of Method 3.1 take them"
-        free = problem.psi.takes_best
+        free = problem.psi.has_policies
         with suppress(MapError):
             free = free or bool(np.isneginf(problem.psi.value(np.zeros(problem.n))).any())
         if free:

@@ -3,7 +3,7 @@
 Every level of an algebraic multigrid hierarchy of A carries a problem of its own in z = Pz_c + s, where s = −q/D at the
 points that are not kept: A_c = PᵀAP, q_c = Pᵀ(As + q), and ψ at the points that are kept. Its answer is where the finer
 level starts, so that the active set there is wrong near its border only. The steps on each level are those of
-`algebra.looks`.
+`algebra.newton_steps`.
 
 Nothing is known of a grid: A, q and ψ are all. ψ_i that moves with z_i alone is first made a fixed obstacle. Where ψ is
 an intervention, policy iteration (`Newton`) takes their place: its jumps reach too far for sweeps.
@@ -20,7 +20,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..algebra.hierarchy import Hierarchy, Level, NoHierarchy
-from ..algebra.looks import newton_looks
+from ..algebra.newton_steps import newton_steps
 from ..algebra.subproblems import with_fixed_obstacle
 from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
@@ -71,7 +71,7 @@ class Multilevel(Method):
         best = z
         with suppress(NoHierarchy):
             best = yield from self._look_by_look(problem, z, first)
-        if problem.psi.takes_best:
+        if problem.psi.has_policies:
             for step in Newton().iterates(problem, best):  # noqa: UP028  to which nothing can be sent
                 yield step
 
@@ -83,10 +83,10 @@ class Multilevel(Method):
             coarse, shift = coarse_problem(problems[-1], level, coarser)
             problems.append(coarse)
             shifts.append(shift)
-        jumps = problem.psi.takes_best
+        jumps = problem.psi.has_policies
         z = np.zeros(problems[-1].n)
         for top in range(len(problems) - 1, 0, -1):
-            path = Newton().iterates(problems[top], z) if jumps else newton_looks(hierarchy, problems[top], z, top)
+            path = Newton().iterates(problems[top], z) if jumps else newton_steps(hierarchy, problems[top], z, top)
             enough = _LEAST * problems[top].residual_at_0()
             for look, (near, residual) in enumerate(islice(path, _POLICIES if jumps else _LOOKS)):
                 answer = near
@@ -105,14 +105,14 @@ class Multilevel(Method):
         simple = with_fixed_obstacle(problem)
         at_0 = problem.residual_at_0()
         start = z if first <= _NEAR * at_0 else self.start(hierarchy, simple)
-        if problem.psi.takes_best:
+        if problem.psi.has_policies:
             return start if problem.residual(start) <= min(first, at_0) else z
         mark = np.inf
         least = np.inf
         halved_at = 0
         better_at = 0
         best = z
-        for look, (iterate, residual) in enumerate(newton_looks(hierarchy, simple, start, 0)):
+        for look, (iterate, residual) in enumerate(newton_steps(hierarchy, simple, start, 0)):
             if not residual < np.inf:
                 break
             yield iterate, residual if simple is problem else None
@@ -139,4 +139,4 @@ def coarse_problem(problem: ProblemData, level: Level, coarser: Level) -> tuple[
     psi = problem.psi
     shift = -problem.q * level.inverse
     shift[kept] = 0.0
-    return coarser.problem.with_q(P.T @ problem.p(shift)).with_psi(psi.coarsened(P, shift, kept)), shift
+    return coarser.problem.with_q(P.T @ problem.p(shift)).with_psi(psi.composed(P, shift, kept)), shift

@@ -30,6 +30,7 @@ import scipy.sparse as sp
 
 from ..algebra.active_equations import ActiveEquations
 from ..algebra.equations import Pattern, derivative
+from ..algebra.factor_costs import newton_cost
 from ..errors import MapError
 from ..numerics import work
 from ..numerics.arrays import Mask, Vector, norm
@@ -186,7 +187,7 @@ class Path(Iterator[Iterate]):
         """One step, or False where nothing leads on. Raises MapError where that is because ψ fails."""
         if self.here.theta == 0:
             return False
-        work.add(self.problem.facts.newton_cost)
+        work.add(newton_cost(self.problem.facts))
         self.fault = None
         with np.errstate(all="ignore"):
             new = self._tried(self.plain) or self._tried(self.descent)

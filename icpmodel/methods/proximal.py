@@ -26,13 +26,14 @@ from typing import ClassVar
 import numpy as np
 
 from ..algebra.equations import Pattern
+from ..algebra.factor_costs import newton_cost
 from ..algebra.proximal_steps import ProximalSteps
 from ..algebra.subproblems import with_fixed_obstacle
 from ..errors import MapError
 from ..numerics import work
 from ..numerics.arrays import Vector, norm
-from ..problem.between import mid
 from ..problem.data import ProblemData
+from ..problem.two_sided import mid
 from ..theory.certificates.recession import Recession
 from .contract import Infeasible, Iterate, Least, Method
 
@@ -115,7 +116,7 @@ class ProximalPath:
         # the residuals of the LCP, and of the subproblem
         self.residuals = Least()
         self.own = Least()
-        self.own_cost = problem.facts.newton_cost if self.steps.moves else work.COSTS.newton
+        self.own_cost = newton_cost(problem.facts) if self.steps.moves else work.COSTS.newton
 
     @property
     @np.errstate(all="ignore")

@@ -33,8 +33,8 @@ from ..errors import OBSTACLES, FileError, InputError, by_name
 from ..icp import ICP
 from ..present.whole_files import as_path, told
 from ..problem.affine import Affine
-from ..problem.between import Between
 from ..problem.data import ProblemLike, as_problem
+from ..problem.two_sided import TwoSidedObstacle
 from .archive import check_kind, write_arrays
 from .formats import as_values, read_named, read_values
 from .matrix_market import read_matrix, read_vector
@@ -175,7 +175,7 @@ def problem_parts(problem: ProblemLike) -> dict[str, Any]:
     """The parts of `problem`, as `problem_of` takes them. Raises InputError where ψ has no file form."""
     problem = as_problem(problem)
     psi = problem.psi
-    sides = {"psi": psi} if not isinstance(psi, Between) else {"psi": psi.lower, "upper": psi.upper}
+    sides = {"psi": psi} if not isinstance(psi, TwoSidedObstacle) else {"psi": psi.lower, "upper": psi.upper}
     parts: dict[str, Any] = {"A": problem.A, "q": problem.q}
     for side, one in sides.items():
         if one.linear is None:

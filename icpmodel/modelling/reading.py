@@ -12,9 +12,9 @@ from ..icp import ICP
 from ..methods.contract import Method
 from ..numerics.arrays import Vector
 from ..numerics.rounding import UNIT_ROUNDOFF
-from ..problem.between import mid, sides_of
 from ..problem.function import Function
 from ..problem.map import Map
+from ..problem.two_sided import mid, sides_of
 from ..solve.solution import Solution, Status
 
 #: share of its terms up to which a side counts as 0: the tolerance of PATH and of GAMS's other MCP solvers

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from ..errors import InputError, by_name
 from ..numerics.arrays import Vector, as_csr, as_vector, axes, freeze, locked, row_of
@@ -53,20 +51,9 @@ class Constant(Map):
     def isotone(self) -> bool:
         return True
 
-    def kernel_data(self) -> Any:
-        return self.c
-
-    def restricted(self, rows: NDArray[np.intp], z: Vector) -> Map:
-        return Constant(self.c[rows]).bind(rows.size)
-
-    def coarsened(self, P: sp.csr_array, shift: Vector, kept: NDArray[np.intp]) -> Map:
-        return Constant(self.c[kept]).bind(kept.size)
-
-    def in_units(self, unit: float) -> Map:
-        return Constant(self.c / unit).bind(self.c.size)
-
-    def perturbed(self, n: int, moved: Callable[[Any], Any]) -> Map:
-        return Constant(moved(self.c)).bind(self.c.size)
+    def composed(self, P: Any, shift: Any = 0.0, rows: Any = slice(None), factor: Any = 1.0) -> Map:
+        c = factor * self.c[rows]
+        return Constant(c).bind(c.size)
 
     def describe(self) -> str:
         free = int(np.isinf(self.c).sum())
@@ -74,7 +61,8 @@ class Constant(Map):
         return f"constant: G = 0, a linear complementarity problem{rows}"
 
     def __repr__(self) -> str:
-        low, high = self.c.min(), self.c.max()
+        low = self.c.min()
+        high = self.c.max()
         return f"Constant({low:g})" if low == high else f"Constant({low:g} ... {high:g})"
 
 
@@ -125,30 +113,14 @@ class Affine(Map):
     def jacobian(self, z: Vector) -> sp.csr_array:
         return self.G
 
-    def slopes(self, z: Vector) -> Vector:
-        return self.G.diagonal()
-
     def isotone(self) -> bool:
         return bool((self.G.data >= 0).all())
 
-    def kernel_data(self) -> Any:
-        return self.c, self.G.indptr, self.G.indices, self.G.data
-
-    def restricted(self, rows: NDArray[np.intp], z: Vector) -> Map:
-        G, others = self.G[rows], z.copy()
-        others[rows] = 0.0
-        return Affine(G[:, rows], G @ others + self.c[rows])
-
-    def coarsened(self, P: sp.csr_array, shift: Vector, kept: NDArray[np.intp]) -> Map:
-        return Affine(self.G[kept] @ P, self.value(shift)[kept])
-
-    def in_units(self, unit: float) -> Map:
-        return Affine(self.G, self.c / unit)
-
-    def perturbed(self, n: int, moved: Callable[[Any], Any]) -> Map:
-        G = self.G.copy()
-        G.data = moved(G.data)
-        return Affine(G, moved(self.c))
+    def composed(self, P: Any, shift: Any = 0.0, rows: Any = slice(None), factor: Any = 1.0) -> Map:
+        G = self.G[rows]
+        G = G @ P if sp.issparse(P) else G * P
+        c = self.value(np.broadcast_to(shift, self.c.shape))[rows]
+        return Affine(sp.diags_array(np.broadcast_to(factor, c.shape)) @ G, factor * c)
 
     def data_change(self, z: Vector, change: Any, name: str) -> tuple[sp.csr_array | None, Vector]:
         if not isinstance(change, tuple):
@@ -167,7 +139,8 @@ class Affine(Map):
 
 def vertical_map(B: Any, d: Any, n: int) -> Affine:
     """ψ(z) = z − D⁻¹(Bz + d), D the diagonal of B: see `ProblemData.vertical`."""
-    B, d = as_csr(B, "B", n), as_vector(d, n, "d", infinite=np.inf)
+    B = as_csr(B, "B", n)
+    d = as_vector(d, n, "d", infinite=np.inf)
     if np.isneginf(d).any():
         raise InputError(f"d[{int(np.argmin(d))}] is -inf; a finite number, or inf for no second side, was expected")
     largest = np.maximum(abs(B).max(axis=1).toarray(), np.where(np.isinf(d), 0.0, np.abs(d)))

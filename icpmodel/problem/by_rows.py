@@ -105,7 +105,8 @@ class ByRows(Shown):
         """
         lo = int(as_number(lo, "lo", least=0, most=self.n, whole=True))
         hi = int(as_number(hi, "hi", least=lo, most=self.n, whole=True))
-        found, called = self.rows(lo, hi), f"of rows({lo}, {hi})"
+        found = self.rows(lo, hi)
+        called = f"of rows({lo}, {hi})"
         if not isinstance(found, tuple) or len(found) not in (3, 4):
             what = f"a tuple of {len(found)}" if isinstance(found, tuple) else described(found)
             raise InputError(f"{called[3:]} is {what}; LocalRows, or A, q, psi and perhaps upper, were expected")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
-from itertools import chain
 from typing import Any, Protocol, Self
 
 import numpy as np
@@ -24,22 +23,16 @@ from ..numerics.arrays import (
     smallest_size,
 )
 from ..numerics.rounding import SMALLEST, gamma
-from ..numerics.threads import THREADS_FROM, in_parts, threads_for
-from ..numerics.work import add
 from ..present.shown import Shown
 from .affine import vertical_map
-from .between import Between, as_map, mid
 from .facts import Facts
 from .friction import FrictionIndex
 from .map import Map
 from .matrix import Matrix
+from .two_sided import TwoSidedObstacle, as_map, mid
 
 #: what a message says to who has arrays and no problem
 OF_ARRAYS = "icpmodel.ICP(A, q, psi) makes a problem of arrays, and icpmodel.ICP(A, q, psi).solve() solves it"
-#: squares whose sum is outside this range may have over- or underflowed
-_SAFE = (1e-280, 1e280)
-#: rows whose squares are summed by one call, so that the sum is the same for any number of threads
-_PIECE = 10_000
 
 
 class ProblemData(Shown):
@@ -59,7 +52,7 @@ class ProblemData(Shown):
     facts : Facts
         The facts about A and ψ.
     psi : Map
-        The obstacle; a `Between` where there is one above.
+        The obstacle; a `TwoSidedObstacle` where there is one above.
     upper : Map or None
         The obstacle above.
 
@@ -258,7 +251,7 @@ class ProblemData(Shown):
         >>> ICP([[2.0]], [1.0]).with_psi(-3).solve().z
         array([-0.5])
         """
-        return self.with_sides(psi, None if isinstance(psi, Between) else self.upper)
+        return self.with_sides(psi, None if isinstance(psi, TwoSidedObstacle) else self.upper)
 
     def with_sides(self, psi: Any, upper: Any = None) -> Self:
         """The problem with another `psi` below z and another `upper`, or None, above it; A and q are shared.
@@ -283,7 +276,7 @@ class ProblemData(Shown):
         >>> ICP([[2.0]], [-8.0]).with_upper(3).solve().z
         array([3.])
         """
-        return self.with_sides(self.psi.lower if isinstance(self.psi, Between) else self.psi, upper)
+        return self.with_sides(self.psi.lower if isinstance(self.psi, TwoSidedObstacle) else self.psi, upper)
 
     def frozen(self, z: Any) -> Self:
         """The ICP with its obstacles fixed at c = ψ(z), and ψ̄(z).
@@ -456,9 +449,6 @@ class ProblemData(Shown):
         z = self.vector(z)
         psi = self.psi.value(z)
         upper = None if self.psi.upper is None else self.psi.upper.value(z)
-        large = self.matrix.dense is None and self.A.nnz >= THREADS_FROM
-        if large and _SAFE[0] < (squares := self._squares(z, psi, upper)) < _SAFE[1]:
-            return math.sqrt(squares)
         return self.residual_of(self.product(z) + self.q, z - psi, None if upper is None else z - upper)
 
     def residual_of(self, p: Vector, below: Vector, above: Vector | None) -> float:
@@ -476,7 +466,8 @@ class ProblemData(Shown):
         >>> ICP([[3.0]], [-6.0]).residual_at_0()
         2.0
         """
-        zero, upper = np.zeros(self.n), self.psi.upper
+        zero = np.zeros(self.n)
+        upper = self.psi.upper
         return self.residual_of(self.q, -self.psi.value(zero), None if upper is None else -upper.value(zero))
 
     def residual_scale(self, at_0: float | None = None) -> float:
@@ -512,7 +503,8 @@ class ProblemData(Shown):
             return 0.0
         if at_0 > 0.0:
             return at_0
-        zero, psi = np.zeros(self.n), self.psi
+        zero = np.zeros(self.n)
+        psi = self.psi
         sides = [psi.value(zero)] if psi.upper is None else [psi.value(zero), psi.upper.value(zero)]
         with np.errstate(over="ignore", under="ignore"):
             return smallest_size(self.matrix.row_weights * self.q, *sides)
@@ -526,21 +518,6 @@ class ProblemData(Shown):
         above = self.r_upper(z)
         with np.errstate(over="ignore", invalid="ignore"):
             return norm(mid(self.p(z), self.r(z), above))
-
-    def _squares(self, z: Vector, psi: Vector, upper: Vector | None) -> float:
-        """Res_D(z)², without care for overflow, in one pass over A on all cores, of which the sum does not depend."""
-        from .kernels.residual import natural  # loads numba
-
-        A, z, psi = self.A, np.ascontiguousarray(z), np.ascontiguousarray(psi)
-        matrix = A.indptr, A.indices, A.data, self.matrix.row_weights
-        given = (*matrix, self.q, psi, None if upper is None else np.ascontiguousarray(upper), z)
-        add(self.matrix.unit)
-        pieces = -(-self.n // _PIECE)
-
-        def squares(low: int, high: int) -> list[float]:
-            return [natural(*given, k * _PIECE, min((k + 1) * _PIECE, self.n)) for k in range(low, high)]
-
-        return float(sum(chain.from_iterable(in_parts(pieces, min(threads_for(A.nnz), pieces), squares))))
 
     @np.errstate(over="ignore", invalid="ignore", under="ignore")
     def rounding(self, z: Any) -> tuple[Vector, Vector]:
@@ -581,7 +558,9 @@ class ProblemData(Shown):
         free = np.isposinf(psi)
         terms = np.diff(self.A.indptr) + 2
         psi[free] = 0.0
-        for_p, z = self.matrix.magnitude(z), np.abs(z)  # and on in place: in large vectors new memory takes the time
+        # and on in place: in large vectors new memory takes the time
+        for_p = self.matrix.magnitude(z)
+        z = np.abs(z)
         exact = for_p == 0.0
         for_p += np.abs(self.q)
         for_p *= gamma(terms)
@@ -615,9 +594,11 @@ class ProblemData(Shown):
         return self.psi.is_constant and self.upper is None
 
     def __repr__(self) -> str:
-        psi, upper = self.psi, ""
-        if isinstance(psi, Between):
-            psi, upper = psi.lower, f", upper={psi.upper!r}"
+        psi = self.psi
+        upper = ""
+        if isinstance(psi, TwoSidedObstacle):
+            upper = f", upper={psi.upper!r}"
+            psi = psi.lower
         return f"ICP(n={self.n}, nnz={self.A.nnz}, psi={psi!r}{upper})"
 
 

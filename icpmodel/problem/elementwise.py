@@ -43,7 +43,7 @@ class Elementwise(Parametrised):
     array([0.3, 0.3])
     """
 
-    at_users_word = True
+    calls_user_code = True
 
     @by_name("Elementwise")
     def __init__(
@@ -76,11 +76,9 @@ class Elementwise(Parametrised):
         return self._entrywise(self.f, z, "psi.f") + self.c
 
     def jacobian(self, z: Vector) -> sp.csr_array | None:
-        slopes = self.slopes(z)
-        return None if slopes is None else sp.diags_array(slopes).tocsr()
-
-    def slopes(self, z: Vector) -> Vector | None:
-        return None if self.derivative is None else self._entrywise(self.derivative, z, "psi.derivative")
+        if self.derivative is None:
+            return None
+        return sp.diags_array(self._entrywise(self.derivative, z, "psi.derivative")).tocsr()
 
     def no_derivative(self) -> str | None:
         return "psi has no derivative: give `derivative` to Elementwise" if self.derivative is None else None

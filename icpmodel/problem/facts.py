@@ -7,7 +7,6 @@ from functools import cached_property
 import numpy as np
 
 from ..errors import MapError
-from ..numerics import work
 from ..numerics.arrays import Vector, is_diagonal
 from ..numerics.rounding import UNIT_ROUNDOFF
 from .map import Map
@@ -45,11 +44,6 @@ class Facts:
     def entries(self) -> int:
         """The entries that a sweep reads, or a Newton step: those of A, and those of ψ where it couples rows."""
         return self.matrix.nnz + (0 if self.psi.links is None else self.psi.links.nnz)
-
-    @property
-    def newton_cost(self) -> float:
-        """What a Newton step costs besides the solution of its equations, in nanoseconds."""
-        return work.newton(self.matrix.n, self.entries, mixed=not self.psi.is_constant)
 
     @cached_property
     def coupling(self) -> float:
@@ -97,13 +91,17 @@ class Facts:
 
         assert psi.lipschitz is not None, "ask has_fixed_obstacle first"
         slope = psi.lipschitz.diagonal()
-        c, value, nothing = np.zeros(n), psi.value(np.zeros(n)), np.zeros(0)
-        low, high = np.full(n, -np.inf), np.full(n, np.inf)
+        c = np.zeros(n)
+        value = psi.value(np.zeros(n))
+        nothing = np.zeros(0)
+        low = np.full(n, -np.inf)
+        high = np.full(n, np.inf)
         for _ in range(_EVALUATIONS):
             if settled(c, value, 2 * UNIT_ROUNDOFF):
                 break
-            own, following = psi.slopes(c), np.empty(n)
-            if not improve(c, value, slope, nothing if own is None else own, low, high, following):
+            J = psi.jacobian(c)
+            following = np.empty(n)
+            if not improve(c, value, slope, nothing if J is None else J.diagonal(), low, high, following):
                 break
             c = following
             value = psi.value(c)

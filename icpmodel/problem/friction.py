@@ -10,10 +10,10 @@ import scipy.sparse as sp
 from ..errors import InputError
 from ..numerics.arrays import Mask, Vector, as_array, as_vector
 from .affine import Affine
-from .between import Between
+from .two_sided import TwoSidedObstacle
 
 
-class FrictionIndex(Between):
+class FrictionIndex(TwoSidedObstacle):
     """The obstacles of contact with friction, lo_i ≤ z_i ≤ hi_i or lo_t z_n ≤ z_t ≤ hi_t z_n with n = findex[t].
 
     Parameters
@@ -50,7 +50,10 @@ class FrictionIndex(Between):
         super().__init__(self._side(self.low), self._side(self.high))
 
     def _check(self) -> None:
-        findex, low, high, last = self.findex, self.low, self.high, self.n - 1
+        findex = self.findex
+        low = self.low
+        high = self.high
+        last = self.n - 1
         if (i := _first((findex < -1) | (findex > last))) is not None:
             raise InputError(f"findex[{i}] is {findex[i]}; -1, or a row 0 ... {last}, was expected")
         friction = self.friction

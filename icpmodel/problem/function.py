@@ -35,7 +35,7 @@ class Function(Parametrised):
     array([2., 1.])
     """
 
-    at_users_word = True
+    calls_user_code = True
 
     @by_name("Function")
     def __init__(

@@ -46,7 +46,7 @@ class Intervention(Map):
     array([1., 0., 0.])
     """
 
-    takes_best = True
+    has_policies = True
     #: the value of rows without a jump
     none = -np.inf
 
@@ -57,7 +57,7 @@ class Intervention(Map):
         self.best = best
         self.fun = jumps if callable(jumps) else None
         self.jumps = None if callable(jumps) else _checked(jumps)
-        self.at_users_word = self.jumps is None
+        self.calls_user_code = self.jumps is None
         if self.jumps is not None:
             ones = np.ones(self.jumps.nnz)
             links = sp.csr_array((ones, self.jumps.indices, self.jumps.indptr), shape=self.jumps.shape)
@@ -79,7 +79,8 @@ class Intervention(Map):
     def change(self, delta: Vector) -> Vector:
         if self.jumps is None:
             return np.full(delta.size, delta.max())
-        largest, rows = np.zeros(delta.size), np.flatnonzero(np.diff(self.jumps.indptr))
+        largest = np.zeros(delta.size)
+        rows = np.flatnonzero(np.diff(self.jumps.indptr))
         if rows.size:
             largest[rows] = np.maximum.reduceat(delta[self.jumps.indices], self.jumps.indptr[rows])
         return largest
@@ -91,7 +92,7 @@ class Intervention(Map):
         if self.jumps is None or self._leave(rows):
             return super().restricted(rows, z)
         left = Intervention(self.jumps[rows][:, rows], self.best)
-        return left if self.none < 0 else left.from_above()
+        return left if self.none < 0 else left.as_upper()
 
     def _leave(self, rows: NDArray[np.intp]) -> bool:
         """Whether a jump from one of the `rows` leads to another one."""
@@ -100,7 +101,7 @@ class Intervention(Map):
         out[rows] = False
         return bool(out[self.jumps[rows].indices].any())
 
-    def from_above(self) -> Map:
+    def as_upper(self) -> Map:
         above = Intervention(self.jumps if self.fun is None else self.fun, self.best)
         above.none = np.inf
         return above
@@ -108,7 +109,8 @@ class Intervention(Map):
     def data_change(self, z: Vector, change: Any, name: str) -> tuple[sp.csr_array | None, Vector]:
         if self.jumps is None or not sp.issparse(change):
             return super().data_change(z, change, name)
-        rows, target = np.arange(z.size), self.best_jump(z)[1]
+        rows = np.arange(z.size)
+        target = self.best_jump(z)[1]
         found = self._of_gains(change, name)[rows, np.maximum(target, 0)]
         return None, np.where(target < 0, 0.0, np.asarray(found).reshape(-1))
 
@@ -120,18 +122,20 @@ class Intervention(Map):
         best = np.where(jumps.indices == self.best_jump(z)[1][rows], weight[rows], 0.0)
         return sp.csr_array((best, jumps.indices, jumps.indptr), shape=jumps.shape)
 
-    def kinks(self, z: Vector, delta: Vector) -> Mask:
+    def nonsmooth_rows(self, z: Vector, delta: Vector) -> Mask:
         value, target = self.best_jump(z)
         if self.jumps is None:  # of a function it is not known what is second best
             return target >= 0
         return np.bincount(row_of(self.jumps)[self._tied(value, z, delta)], minlength=z.size) > 1
 
-    def kinked(self, z: Vector, delta: Vector, change: Any, name: str) -> Map | None:
-        value, jumps = self.best_jump(z)[0], self.jumps
-        if jumps is None or not self.kinks(z, delta).any():
+    def directional_derivative(self, z: Vector, delta: Vector, change: Any, name: str) -> Map | None:
+        value = self.best_jump(z)[0]
+        jumps = self.jumps
+        if jumps is None or not self.nonsmooth_rows(z, delta).any():
             return None
         tied = self._tied(value, z, delta)
-        rows, columns = row_of(jumps)[tied], jumps.indices[tied]
+        rows = row_of(jumps)[tied]
+        columns = jumps.indices[tied]
         if sp.issparse(change):
             gains = np.asarray(self._of_gains(change, name)[rows, columns]).reshape(-1)
         else:
@@ -143,20 +147,24 @@ class Intervention(Map):
         jumps = self.jumps
         assert jumps is not None
         sign = 1.0 if self.best == "max" else -1.0
-        gains, off = sign * (z[jumps.indices] + jumps.data), delta[jumps.indices]
+        gains = sign * (z[jumps.indices] + jumps.data)
+        off = delta[jumps.indices]
         off = off + 4.0 * UNIT_ROUNDOFF * (np.abs(z[jumps.indices]) + np.abs(jumps.data))
-        rows, least = row_of(jumps), np.full(z.size, -np.inf)
+        rows = row_of(jumps)
+        least = np.full(z.size, -np.inf)
         np.maximum.at(least, rows, gains - off)
         return gains + off >= least[rows]
 
     def _of_gains(self, change: Any, name: str) -> sp.csr_array:
         """`change` as a matrix with entries where there are jumps, and nowhere else."""
         assert self.jumps is not None
-        changed, possible = as_csr(change, name, self.jumps.shape[0]), self.lipschitz
+        changed = as_csr(change, name, self.jumps.shape[0])
+        possible = self.lipschitz
         beyond = sp.coo_array(abs(changed) - abs(changed).multiply(possible))
         beyond.eliminate_zeros()
         if beyond.nnz:
-            i, j = beyond.row[0], beyond.col[0]
+            i = beyond.row[0]
+            j = beyond.col[0]
             raise InputError(f"{name}[{i}, {j}] is not 0 where there is no jump; changes of gains were expected")
         return changed
 
@@ -172,10 +180,12 @@ class Intervention(Map):
         if self.fun is not None:
             return self._call_best_jump(z)
         assert self.jumps is not None
-        n, indptr = z.size, self.jumps.indptr
+        n = z.size
+        indptr = self.jumps.indptr
         gains = z[self.jumps.indices] + self.jumps.data
         rows = np.flatnonzero(np.diff(indptr))
-        value, target = np.full(n, self.none), np.full(n, -1)
+        value = np.full(n, self.none)
+        target = np.full(n, -1)
         if rows.size:
             reduce = np.maximum if self.best == "max" else np.minimum
             value[rows] = reduce.reduceat(gains, indptr[rows])

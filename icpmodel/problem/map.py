@@ -9,7 +9,6 @@ replace by a quicker one.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
@@ -49,14 +48,14 @@ class Map(ReadOnly, Shown, ABC):
     linear: tuple[sp.csr_array, Vector] | None = None
     #: a CSR matrix with an entry wherever ψ_i may depend on z_j, or None where that is not known
     links: sp.csr_array | None = None
-    #: the obstacle above z, where this is the one below it and there is another: see `between.Between`
+    #: the obstacle above z, where this is the one below it and there is another: see `two_sided.TwoSidedObstacle`
     upper: Map | None = None
     #: whether ψ does not depend on z
     is_constant: bool = False
     #: whether ψ's values come from a user's code, so that nothing is known of their rounding errors
-    at_users_word: bool = False
+    calls_user_code: bool = False
     #: whether ψ_i is the best of several values, among which policy iteration chooses
-    takes_best: bool = False
+    has_policies: bool = False
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name in self.__dict__:
@@ -129,15 +128,6 @@ class Map(ReadOnly, Shown, ABC):
         """
         return None
 
-    def slopes(self, z: Vector) -> Vector | None:
-        """∂ψ_i/∂z_i, shape (n,), or None where it is not known: what `jacobian` has on its diagonal.
-
-        >>> icp.Affine([[0.5]]).bind(1).slopes(np.zeros(1))
-        array([0.5])
-        """
-        J = self.jacobian(z)
-        return None if J is None else J.diagonal()
-
     def change(self, delta: Vector) -> Vector | None:
         """A bound on |ψ(x) − ψ(y)| for all x, y with |x − y| ≤ `delta`, shape (n,); None where none is known.
 
@@ -162,14 +152,6 @@ class Map(ReadOnly, Shown, ABC):
         """
         return None
 
-    def kernel_data(self) -> Any:
-        """ψ as compiled loops take it: c, or (c, indptr, indices, data) of Gz + c; None where it has to be called.
-
-        >>> icp.Constant(1).bind(2).kernel_data()
-        array([1., 1.])
-        """
-        return None
-
     def restricted(self, rows: NDArray[np.intp], z: Vector) -> Map:
         """ψ in the unknowns `rows` alone, ascending, where all others are what they are in `z`, shape (n,).
 
@@ -179,19 +161,21 @@ class Map(ReadOnly, Shown, ABC):
         others = z.copy()
         others[rows] = 0.0
         into = sp.csr_array((np.ones(rows.size), (rows, np.arange(rows.size))), shape=(z.size, rows.size))
-        return Substituted(self, into, others, rows)
+        return self.composed(into, others, rows)
 
-    def coarsened(self, P: sp.csr_array, shift: Vector, kept: NDArray[np.intp]) -> Map:
-        """y ↦ ψ(Py + s) at the points that are `kept`: ψ on a coarser level.
+    def composed(self, P: Any, shift: Any = 0.0, rows: Any = slice(None), factor: Any = 1.0) -> Map:
+        """y ↦ t·ψ(Py + s) in some rows: ψ on a coarser level, or in other units.
 
         Parameters
         ----------
-        P : CSR array of shape (n, m)
-            The interpolation.
-        shift : array of shape (n,)
+        P : CSR array of shape (n, m) or float
+            The matrix.
+        shift : array of shape (n,) or 0
             The vector s.
-        kept : array of int, shape (m,)
-            The points of the coarser level.
+        rows : array of int, optional
+            The m rows that are kept; by default all.
+        factor : float or array of the length of the rows, default 1
+            The factor t > 0.
 
         Returns
         -------
@@ -200,34 +184,18 @@ class Map(ReadOnly, Shown, ABC):
 
         Examples
         --------
-        >>> icp.Constant([1, 2]).bind(2).coarsened(sp.csr_array([[1.0], [0.5]]), np.zeros(2), np.array([1])).c
+        >>> icp.Constant([1, 2]).bind(2).composed(sp.csr_array([[1.0], [0.5]]), np.zeros(2), np.array([1])).c
         array([2.])
         """
-        return Substituted(self, P, shift, kept)
+        return Substituted(self, P, shift, rows, factor)
 
-    def from_above(self) -> Map:
-        """The same as the obstacle above z, where +∞ means none; here the values themselves say so.
+    def as_upper(self) -> Map:
+        """The same map as an obstacle above z, where +∞ means none.
 
-        >>> icp.Constant(3).bind(1).from_above().c
+        >>> icp.Constant(3).bind(1).as_upper().c
         array([3.])
         """
         return self
-
-    def in_units(self, unit: float) -> Map:
-        """y ↦ ψ(uy)/u, u = `unit` > 0: ψ where z is measured in another unit.
-
-        >>> icp.Constant(3).bind(1).in_units(2.0).c
-        array([1.5])
-        """
-        return Substituted(self, unit, factor=1.0 / unit)
-
-    def perturbed(self, n: int, moved: Callable[[Any], Any]) -> Map:
-        """ψ for vectors of length `n` with its data changed by `moved`, array ↦ array; its values where it has none.
-
-        >>> icp.Constant(3).bind(1).perturbed(1, lambda x: 2 * x).c
-        array([6.])
-        """
-        return Substituted(self, 1.0, factor=moved(np.ones(n)))
 
     def data_change(self, z: Vector, change: Any, name: str) -> tuple[sp.csr_array | None, Vector]:
         """(H, d): where ψ's own data change by `change`, ψ changes by Hz + d, to first order.
@@ -266,7 +234,7 @@ class Map(ReadOnly, Shown, ABC):
         """
         return weight
 
-    def kinks(self, z: Vector, delta: Vector) -> Mask:
+    def nonsmooth_rows(self, z: Vector, delta: Vector) -> Mask:
         """Rows in which ψ may have another derivative at an x with |x − z| ≤ `delta`.
 
         A user's function is taken to be smooth.
@@ -284,12 +252,12 @@ class Map(ReadOnly, Shown, ABC):
         Examples
         --------
         >>> jumps = sp.csr_array([[0.0, 1.0, 1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
-        >>> icp.Intervention(jumps).bind(3).kinks(np.zeros(3), np.zeros(3))
+        >>> icp.Intervention(jumps).bind(3).nonsmooth_rows(np.zeros(3), np.zeros(3))
         array([ True, False, False])
         """
         return np.zeros(z.size, dtype=np.bool_)
 
-    def kinked(self, z: Vector, delta: Vector, change: Any, name: str) -> Map | None:
+    def directional_derivative(self, z: Vector, delta: Vector, change: Any, name: str) -> Map | None:
         """The directional derivative d ↦ lim (ψ_t(z + td) − ψ(z))/t as t ↓ 0, where it is not linear.
 
         ψ_t has its own data changed by t · `change`.
@@ -306,7 +274,7 @@ class Map(ReadOnly, Shown, ABC):
         Returns
         -------
         Map or None
-            The derivative where ψ has `kinks` at z, else None.
+            The derivative where ψ has `nonsmooth_rows` at z, else None.
 
         Raises
         ------
@@ -317,7 +285,7 @@ class Map(ReadOnly, Shown, ABC):
         --------
         >>> jumps = sp.csr_array([[0.0, 1.0, 1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
         >>> psi = icp.Intervention(jumps).bind(3)
-        >>> psi.kinked(np.zeros(3), np.zeros(3), 0.0, "dpsi").value(np.array([0.0, -2.0, 4.0]))[0]
+        >>> psi.directional_derivative(np.zeros(3), np.zeros(3), 0.0, "dpsi").value(np.array([0.0, -2.0, 4.0]))[0]
         np.float64(4.0)
         """
         return None
@@ -333,30 +301,16 @@ class Map(ReadOnly, Shown, ABC):
             return f"{self!r}: no Lipschitz matrix is known"
         slope = float(np.asarray(G.sum(axis=1)).max())
         own = "; each row depends on its own unknown only" if is_diagonal(G) else ""
-        word = " (at the user's word)" if self.at_users_word else ""
+        word = " (at the user's word)" if self.calls_user_code else ""
         return f"{self!r}: Lipschitz matrix G with {G.nnz} entries, largest row sum {slope:.6g}{word}{own}"
 
 
 class Substituted(Map):
-    """y ↦ t·ψ(Py + s) at some rows: ψ restricted, carried to a coarser level, or in other units.
-
-    Parameters
-    ----------
-    psi : Map
-        A map for vectors of length n.
-    P : CSR array of shape (n, m) or float
-        The matrix.
-    shift : array of shape (n,) or 0
-        The vector s.
-    rows : optional
-        The rows that are kept; by default all.
-    factor : float or array of the length of the rows
-        The factor t.
-    """
+    """y ↦ t·ψ(Py + s) in some rows, see `Map.composed`."""
 
     def __init__(self, psi: Map, P: Any, shift: Any = 0.0, rows: Any = slice(None), factor: Any = 1.0) -> None:
         self.psi, self.P, self.shift, self.rows, self.factor = psi, P, shift, rows, factor
-        self.at_users_word = psi.at_users_word
+        self.calls_user_code = psi.calls_user_code
 
     def bind(self, n: int) -> Substituted:
         return self
@@ -385,12 +339,12 @@ class Substituted(Map):
         matrix = matrix[self.rows] @ P if sp.issparse(P) else matrix[self.rows] * P
         return sp.csr_array(sp.diags_array(np.broadcast_to(factor, matrix.shape[:1])) @ matrix)
 
-    def coarsened(self, P: sp.csr_array, shift: Vector, kept: NDArray[np.intp]) -> Map:
-        if not sp.issparse(self.P) or np.ndim(self.factor):
-            return super().coarsened(P, shift, kept)
+    def composed(self, P: Any, shift: Any = 0.0, rows: Any = slice(None), factor: Any = 1.0) -> Map:
+        if not (sp.issparse(self.P) and sp.issparse(P)) or np.ndim(self.factor):
+            return super().composed(P, shift, rows, factor)
         # level upon level, ψ is asked once
-        rows = np.arange(self.P.shape[0])[self.rows][kept]
-        return Substituted(self.psi, self.P @ P, self._inner(shift), rows, self.factor)
+        kept = np.arange(self.P.shape[0])[self.rows][rows]
+        return Substituted(self.psi, self.P @ P, self._inner(shift), kept, factor * self.factor)
 
     def __repr__(self) -> str:
         return f"Substituted({self.psi!r})"

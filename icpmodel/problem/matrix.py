@@ -11,9 +11,7 @@ import scipy.sparse as sp
 from ..numerics import work
 from ..numerics.arrays import ReadOnly, Vector, absolute, as_csr, as_square, freeze, is_symmetric, locked
 from ..numerics.equilibration import balanced
-from ..numerics.fill import SymbolicAnalysis
 from ..numerics.krylov import SMALL_RADIUS, couplings, radius_of
-from ..numerics.linear import is_for_multigrid
 from ..numerics.threads import THREADS_FROM, in_parts, threads_for
 
 #: an A of so many rows is dense until its sparse form is asked for
@@ -21,7 +19,8 @@ _SMALL = 64
 #: Au and Aᵀu that differ by no more are the same
 _SAME = 1e-13
 #: what a row without entries counts as, and the least that 1/d_i is made of
-_EMPTY, _LEAST = 2.0**-520, 2.0**-1000
+_EMPTY = 2.0**-520
+_LEAST = 2.0**-1000
 #: a sum of a dominant row, rounding included
 _DOMINANT = 1.0 + 1e-12
 
@@ -85,7 +84,8 @@ class Matrix(ReadOnly):
 
     def __init__(self, A: Any) -> None:
         square: Any = as_csr(A, "A", keep_diagonal=True) if sp.issparse(A) else as_square(A, "A")
-        small, sparse = square.shape[0] <= _SMALL, sp.issparse(square)
+        small = square.shape[0] <= _SMALL
+        sparse = sp.issparse(square)
         self.dense = (square.toarray() if sparse else square) if small else None
         if self.dense is None:
             self.sparse = square if sparse else as_csr(square, "A", keep_diagonal=True)
@@ -106,7 +106,7 @@ class Matrix(ReadOnly):
     def _measure(self, A: Any) -> None:
         self.n: int = A.shape[0]
         #: what a product with A costs, in nanoseconds: the unit of all estimates
-        self.unit = work.product(self.n, A.size)
+        self.product_cost = work.product(self.n, A.size)
 
     @cached_property
     def sparse(self) -> sp.csr_array:
@@ -125,7 +125,7 @@ class Matrix(ReadOnly):
 
     def product(self, z: Vector) -> Vector:
         """Az, on all cores where A is large."""
-        work.add(self.unit)
+        work.add(self.product_cost)
         if self.dense is not None:
             image: Vector = self.dense @ z
             return image
@@ -144,7 +144,9 @@ class Matrix(ReadOnly):
         return self._row_by_row(magnitude, z)
 
     def _row_by_row(self, rows: Any, z: Vector) -> Vector:
-        A, image, z = self.sparse, np.empty(self.n), np.ascontiguousarray(z)
+        A = self.sparse
+        image = np.empty(self.n)
+        z = np.ascontiguousarray(z)
         given = A.indptr, A.indices, A.data, z
         in_parts(self.n, threads_for(self.nnz), lambda low, high: rows(*given, low, high, image))
         return image
@@ -159,8 +161,9 @@ class Matrix(ReadOnly):
         """The rows, looked at in one pass."""
         from ..numerics.kernels.products import look  # loads numba
 
-        A, n = self.sparse, self.n
-        work.add(self.unit)
+        A = self.sparse
+        n = self.n
+        work.add(self.product_cost)
         arrays = np.empty(n, A.indptr.dtype), np.empty(n), np.empty(n), np.empty(n)
         matrix = (A.indptr, A.indices, A.data)
         reach = in_parts(n, threads_for(self.nnz), lambda low, high: look(*matrix, low, high, *arrays))
@@ -201,47 +204,6 @@ class Matrix(ReadOnly):
         return bool(np.abs((image - self.sparse.T @ u) / root).max() <= _SAME * np.abs(image / root).max())
 
     @cached_property
-    def is_for_multigrid(self) -> bool:
-        """Whether A has the signs of an M-matrix and is no band."""
-        return is_for_multigrid(self.sparse)
-
-    @cached_property
-    def fill(self) -> work.Fill:
-        """What a factorisation of A will cost; rough where it is not worth a closer look (`numerics.fill`)."""
-        return self.analysis.fill
-
-    @property
-    def repeats(self) -> bool:
-        """Whether `Symmetric` is for matrices with the pattern of A, and costs less than dense factors."""
-        fill = self.fill
-        return fill.seen and fill.symmetric and work.refactor_cost(fill) < work.dense_cost(self.n, self.is_symmetric)
-
-    @property
-    def factor_cost(self) -> float:
-        """What it costs to factorise A, or a matrix with its pattern: as a sparse one, or as a dense one."""
-        return min(work.factor_cost(self.fill), work.dense_cost(self.n, self.is_symmetric))
-
-    @property
-    def unsymmetric_cost(self) -> float:
-        """The same for a matrix with the pattern of A that is not symmetric, whether A is or not."""
-        return min(work.factor_cost(self.fill._replace(symmetric=False)), work.dense_cost(self.n))
-
-    @property
-    def again_cost(self) -> float:
-        """The same when another one was factorised before."""
-        return work.refactor_cost(self.fill) if self.repeats else self.factor_cost
-
-    @cached_property
-    def analysis(self) -> SymbolicAnalysis:
-        """What it takes to factorise A, or a matrix with its pattern."""
-        return SymbolicAnalysis(self.sparse, lambda: self.is_symmetric)
-
-    @cached_property
-    def couplings(self) -> sp.csr_array:
-        """√|a_ij a_ji|/√|a_ii a_jj| off the diagonal: see `numerics.krylov.couplings`."""
-        return couplings(self.sparse)
-
-    @cached_property
     def jacobi_radius(self) -> float:
         """An estimate of the spectral radius of I − D⁻¹A, by row sums where they show it to be small; inf unless D > 0.
 
@@ -251,7 +213,7 @@ class Matrix(ReadOnly):
             return np.inf
         with np.errstate(over="ignore"):
             bound = float((self.rows.rest / self.rows.diagonal).max())
-        return bound if bound <= SMALL_RADIUS else radius_of(self.couplings)
+        return bound if bound <= SMALL_RADIUS else radius_of(couplings(self.sparse))
 
     @cached_property
     def is_dominant(self) -> bool:
@@ -260,9 +222,9 @@ class Matrix(ReadOnly):
 
     @cached_property
     def coupled_radius(self) -> float:
-        """The mean row sum of `couplings`, a Rayleigh quotient for their spectral radius, the same in all units."""
+        """The mean row sum of `couplings`: a Rayleigh quotient for their spectral radius, the same in all units."""
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            mean = float(self.couplings.data.sum()) / self.n
+            mean = float(couplings(self.sparse).data.sum()) / self.n
         return mean if mean < np.inf else np.inf
 
     @cached_property

@@ -88,7 +88,8 @@ class Parametrised(Map):
 
     def _by_parameters(self, z: Vector) -> Any:
         """∂ψ(z)/∂θ, shape (n, m), m the number of parameters."""
-        derivative, name = self.parameter_derivative, "psi.parameter_derivative"
+        derivative = self.parameter_derivative
+        name = "psi.parameter_derivative"
         assert derivative is not None
         D = raising_map_error(lambda: derivative(z.copy()), name)
         try:

@@ -23,7 +23,7 @@ def certain(problem: ProblemData, z: Vector, residual: float, tolerance: float, 
     """Res_D(z) by which z is judged, `residual` being what float64 makes of it, see `certain_rows`."""
     if not residual <= tolerance:
         return residual
-    add(problem.matrix.unit)
+    add(problem.matrix.product_cost)
     residuals = np.array([residual])
     rows = problem.q[None], _offset(problem.psi, z), z[None], residuals, np.array([tolerance])
     certain_rows(problem.matrix, problem.psi, *rows, _above(problem.psi, z), weights)

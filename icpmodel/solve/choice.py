@@ -207,7 +207,7 @@ class Ladder:
         """Whether a structure decides the method."""
         if self.rungs[0] == self._at_once:
             self.rungs.pop(0)()
-        return bool(self.jobs) or self.problem.psi.takes_best
+        return bool(self.jobs) or self.problem.psi.has_policies
 
     def cost_of_iterations(self) -> float:
         """The least that methods without factors are expected to cost, in nanoseconds."""
@@ -242,7 +242,7 @@ class Ladder:
             if estimate is None or not work.fits(estimate.memory):
                 _LOG.debug("n = %d: %r is left out: %s", self.problem.n, method, why_not or "memory_limit")
                 continue
-            products = estimate.total / self.problem.matrix.unit
+            products = estimate.total / self.problem.matrix.product_cost
             steps = _counted(estimate.steps)
             why = f"{steps} steps are expected, as much work as {products:.3g} products with A"
             _LOG.debug("n = %d: %r: %s", self.problem.n, method, why)
@@ -266,7 +266,7 @@ class Ladder:
             _LOG.debug("n = %d: %r is left out: %s", problem.n, method, why_not)
 
     def _plain(self) -> None:
-        if self.family == "paper" or self.problem.psi.takes_best:
+        if self.family == "paper" or self.problem.psi.has_policies:
             return
         sweeps = PSOR()
         if sweeps.why_not(self.problem) is None and work.fits(8.0 * 4.0 * self.problem.n):
@@ -276,7 +276,7 @@ class Ladder:
 
     def _sweeps(self) -> None:
         self.floor = least_cost(self.problem, self.family)
-        if self.problem.psi.takes_best:
+        if self.problem.psi.has_policies:
             return
         paper = self.family == "paper"
         method = MNMAOR(theta1=AUTO) if paper else Accelerated(of=PSOR(omega=relaxation(self.problem)))

@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 from ..algebra.affine_lcp import INVERSE, lcp_rows
 from ..algebra.equations import shifted_cost, system_cost
-from ..algebra.looks import SWEEPS
+from ..algebra.factor_costs import factor_costs, newton_cost
+from ..algebra.newton_steps import SWEEPS
 from ..algebra.relaxation import sor_speed
 from ..methods.accelerated import Accelerated
 from ..methods.aor import MNMAOR, MNMGS
@@ -49,7 +50,7 @@ def least_cost(problem: ProblemData, family: str | None) -> float:
     matrix = problem.matrix
     facts = problem.facts
     factors = min(work.least_factor_cost(matrix.n, matrix.nnz), work.dense_cost(matrix.n))
-    floor = factors + facts.newton_cost
+    floor = factors + newton_cost(facts)
     if family != "paper":
         floor = min(floor, _multilevel_costs(facts)[0])
     return min(floor, _pivots(facts)) if family is None else floor
@@ -96,12 +97,12 @@ def _newton(method: Method, facts: Facts, aim: float) -> Estimate:
     matrix = facts.matrix
     wander = 8.0 if matrix.coupled_radius > 1.0 and matrix.has_positive_diagonal else 1.0
     simple = wander == 1.0 and facts.has_fixed_obstacle
-    factors = matrix.factor_cost if simple else matrix.unsymmetric_cost
-    system, memory = system_cost(matrix, factors, 16.0 * matrix.fill.entries)
+    factors = factor_costs(matrix).first if simple else factor_costs(matrix).unsymmetric
+    system, memory = system_cost(matrix, factors, 16.0 * factor_costs(matrix).fill.entries)
     # without a diagonal the equations of the free rows are singular more often than not, and others follow
     systems = 1.0 if matrix.has_positive_diagonal else 4.0
     steps = wander * (1.0 + math.log2(max(facts.bounded, 1)) / 3.0)
-    return Estimate(0.0, systems * (facts.newton_cost + system), steps, memory)
+    return Estimate(0.0, systems * (newton_cost(facts) + system), steps, memory)
 
 
 def _multilevel_costs(facts: Facts) -> tuple[float, float]:
@@ -134,8 +135,8 @@ def _proximal(method: Method, facts: Facts, aim: float) -> Estimate:
         system, memory = shifted_cost(matrix)
         step = work.COSTS.newton + system
     else:
-        system, memory = system_cost(matrix, matrix.unsymmetric_cost, 12.0 * matrix.fill.entries)
-        step = facts.newton_cost + system
+        system, memory = system_cost(matrix, factor_costs(matrix).unsymmetric, 12.0 * factor_costs(matrix).fill.entries)
+        step = newton_cost(facts) + system
     rows = max(facts.bounded, 1)
     steps = 3.0 + math.log2(rows) if matrix.has_positive_diagonal else 2.0 * math.sqrt(rows)
     return Estimate(step, step, steps, memory)
@@ -144,9 +145,9 @@ def _proximal(method: Method, facts: Facts, aim: float) -> Estimate:
 def _interior(method: Method, facts: Facts, aim: float) -> Estimate:
     # medians of 13, 16 and 20 steps were measured at n = 120, 500 and 2000, with four solves each
     matrix = facts.matrix
-    factors = matrix.again_cost if facts.has_fixed_obstacle else matrix.unsymmetric_cost
-    step = facts.newton_cost + factors + 4.0 * work.solve_cost(matrix.fill)
-    return Estimate(step, step, 3.0 + 1.5 * math.log2(max(facts.bounded, 1)), 24.0 * matrix.fill.entries)
+    factors = factor_costs(matrix).again if facts.has_fixed_obstacle else factor_costs(matrix).unsymmetric
+    step = newton_cost(facts) + factors + 4.0 * work.solve_cost(factor_costs(matrix).fill)
+    return Estimate(step, step, 3.0 + 1.5 * math.log2(max(facts.bounded, 1)), 24.0 * factor_costs(matrix).fill.entries)
 
 
 def _factorised(method: Method, facts: Facts, aim: float) -> Estimate:
@@ -154,9 +155,9 @@ def _factorised(method: Method, facts: Facts, aim: float) -> Estimate:
     matrix = facts.matrix
     radius = min(matrix.coupled_radius, 1.0 - 1e-6)
     root = math.sqrt((1.0 + radius) / (1.0 - radius))
-    step = 4.0 * work.COSTS.call + work.solve_cost(matrix.fill) + matrix.unit
+    step = 4.0 * work.COSTS.call + work.solve_cost(factor_costs(matrix).fill) + matrix.product_cost
     steps = math.log(1.0 / aim) / math.log((root + 1.0) / (root - 1.0)) if root > 1.0 else 1.0
-    return Estimate(2.0 * matrix.factor_cost, step, 1.0 + steps, 16.0 * matrix.fill.entries)
+    return Estimate(2.0 * factor_costs(matrix).first, step, 1.0 + steps, 16.0 * factor_costs(matrix).fill.entries)
 
 
 _ESTIMATES: dict[type[Method], Callable[[Method, Facts, float], Estimate]] = {

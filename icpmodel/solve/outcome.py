@@ -43,7 +43,7 @@ def judged(run: Run) -> Best:
     best = run.best
     assert best is not None
     # of a z that solved the judge has just spoken
-    judged = [] if run.ended.status is Status.SOLVED and not problem.psi.at_users_word else [best]
+    judged = [] if run.ended.status is Status.SOLVED and not problem.psi.calls_user_code else [best]
     if run.current is not best.z:
         judged.append(run.found(run.current, np.inf))
     for one in judged:

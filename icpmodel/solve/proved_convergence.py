@@ -37,7 +37,7 @@ class ProvedConvergence:
         if self.member is None:
             return {}
         try:
-            return check_all(self.problem, self.member, Allowance(self.spent(), self.problem.matrix.unit))
+            return check_all(self.problem, self.member, Allowance(self.spent(), self.problem.matrix.product_cost))
         except IcpError:  # ψ may fail
             return {}
 

@@ -2,7 +2,7 @@
 
 1. Obstacles that move with their own unknown alone are fixed, and redundant rows leave: `posed`.
 2. Rows without any obstacle are eliminated before anything is iterated, see `algebra.schur`, where few have one.
-3. Rows that are predicted to be in contact leave, see `algebra.resting`, and come back where p < 0.
+3. Rows that are predicted to be in contact leave, see `algebra.contact_prediction`, and come back where p < 0.
 4. The strong components of A and ψ follow one another. A row alone is a maximum, a small block is pivoted, and what is
    left falls into stages of parts that do not interact.
 
@@ -23,8 +23,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..algebra.contact_prediction import MOST_FREE, ContactBoundary, predicted_contact_set
 from ..algebra.redundant import without_redundant_rows
-from ..algebra.resting import WORTH, Border, rows_at_rest
 from ..algebra.schur import SchurComplement, elimination
 from ..algebra.subproblems import Blocks, Rows, blocks, restricted, with_fixed_obstacle
 from ..errors import MapError, OutOfTime
@@ -46,7 +46,7 @@ _LOG = logging.getLogger("icpmodel")
 #: the share of the tolerance of the whole that parts get together, and stages that others depend on
 _SHARE = 0.5
 _EARLIER = 1e-3
-#: the open rows are left at this share of the residual that they had when the border was last seen
+#: the free rows are left at this share of the residual that they had when the boundary was last seen
 _CLOSER = 0.1
 #: ends of a part that end the whole
 _LIMITS = (Status.ITERATION_LIMIT, Status.TIME_LIMIT, Status.STOPPED)
@@ -84,10 +84,10 @@ def climb(run: Run, problem: ProblemData, family: str | None) -> Iterator[None]:
             yield from run.steps(ladder)
 
 
-def in_parts(run: Run, problem: ProblemData, family: str | None = None, most: float = WORTH) -> Iterator[None]:
+def in_parts(run: Run, problem: ProblemData, family: str | None = None, most: float = MOST_FREE) -> Iterator[None]:
     """The steps of the parts of `problem`, and their joined answer in `run`; none where a part has more than the share
     `most` of the rows."""
-    found = structure(problem, most * problem.n) or rows_at_rest(problem)
+    found = structure(problem, most * problem.n) or predicted_contact_set(problem)
     if found is not None and not (family is not None and found.pivoted):
         yield from _Parts(run, problem, family).steps(found)
 
@@ -130,7 +130,7 @@ class _Parts:
                 first = found
             while first is not None and not run.is_over:
                 found = first
-                first = yield from (self._stages if found.rows.size else self._open_rows)(found)
+                first = yield from (self._stages if found.rows.size else self._free_rows)(found)
             if isinstance(found, Blocks) and found.pivoted and not self.size:
                 self.job = Job(Choice(Lemke()))
         except Infeasible as proof:
@@ -179,22 +179,22 @@ class _Parts:
                 return found.with_core(unsolved)
         return None
 
-    def _open_rows(self, found: Blocks) -> Path:
-        """The open rows, and p at the border of those at rest: where that is below 0 more rows are opened."""
+    def _free_rows(self, found: Blocks) -> Path:
+        """Solve the free rows; where p < 0 at the boundary of the contact rows, release more of them."""
         (rows,) = found.parts
-        self.z = np.where(found.open, self.z, found.problem.facts.obstacle)
-        border = Border(found)
+        self.z = np.where(found.free, self.z, found.problem.facts.obstacle)
+        boundary = ContactBoundary(found)
         part = self._part(restricted(found.problem, rows, self.z), rows, self.tolerance)
         seen = np.inf
         for _ in self._solve(part, rows):
             yield
             if part.best is not None and part.best.residual <= _CLOSER * seen:
                 seen = part.best.residual
-                if self._violation(border) > seen:
+                if self._violation(boundary) > seen:
                     break
-        if self.run.is_over or self._violation(border) <= self.tolerance:
+        if self.run.is_over or self._violation(boundary) <= self.tolerance:
             return None
-        return border.opened(border.p(self.z))
+        return boundary.released(boundary.p(self.z))
 
     def _eliminated(self, found: SchurComplement) -> Iterator[None]:
         """The rows with an obstacle; the equations follow, unless their factors prove to be bad."""
@@ -208,9 +208,9 @@ class _Parts:
             yield from self._solve(self._part(found.reduced(problem), found.rows, self.tolerance), found.rows)
             self.z = self.completed(self.z)
 
-    def _violation(self, border: Border) -> float:
-        p = border.p(self.z)
-        return norm(border.weights * np.minimum(p, 0.0)) if p.size else 0.0
+    def _violation(self, boundary: ContactBoundary) -> float:
+        p = boundary.p(self.z)
+        return norm(boundary.weights * np.minimum(p, 0.0)) if p.size else 0.0
 
     def _part(self, part: ProblemData, rows: Rows, tolerance: float) -> Run:
         """The run of a part, whose unknowns are the `rows` of the whole."""

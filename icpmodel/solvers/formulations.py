@@ -284,7 +284,7 @@ def in_handy_units(problem: ProblemData) -> tuple[ProblemData, float]:
         unit = float(np.ldexp(1.0, k))
     if not (np.isfinite(A.data).all() and np.isfinite(q).all() and 0.0 < unit < math.inf):
         return problem, 1.0
-    return ProblemData(A, q, problem.psi.in_units(unit)), unit
+    return ProblemData(A, q, problem.psi.composed(unit, factor=1.0 / unit)), unit
 
 
 def targets(problem: ProblemData, y: Vector) -> list[Target]:

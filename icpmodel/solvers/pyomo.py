@@ -18,11 +18,11 @@ import scipy.sparse as sp
 
 from ..errors import NotApplicable
 from ..numerics.arrays import Vector
-from ..problem.between import sides_of
 from ..problem.data import ProblemData, ProblemLike, as_problem
 from ..problem.elementwise import Elementwise
 from ..problem.function import Function
 from ..problem.map import Map
+from ..problem.two_sided import sides_of
 from ..problem.user_code import is_compiled
 from .foreign import Claim, ForeignSolver, missing
 from .formulations import Target

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,10 +15,10 @@ from ..numerics.arrays import Vector, as_number
 from ..numerics.rounding import at_most
 from ..present.card import Card
 from ..present.shown import Shown
-from ..problem.affine import Constant
-from ..problem.between import Between
+from ..problem.affine import Affine, Constant
 from ..problem.data import ProblemData
 from ..problem.map import Map
+from ..problem.two_sided import TwoSidedObstacle
 from ..solve.solution import Solution
 from ..theory.certificates.bounds import bound_of_change
 from .cases import unbroken
@@ -153,10 +154,23 @@ def _local(answer: Solution, size: float) -> float | None:
 def _uncrossed(psi: Map) -> Map:
     """`psi` with its obstacles exchanged in rows where they are constant and have crossed: had each of them moved by a
     relative ε at the most, so has each of what they are exchanged for."""
-    if not isinstance(psi, Between) or psi.linear is None or psi.upper.linear is None or not psi.is_constant:
+    if not isinstance(psi, TwoSidedObstacle) or psi.linear is None or psi.upper.linear is None or not psi.is_constant:
         return psi
     c, d = psi.linear[1], psi.upper.linear[1]
-    return psi if (c <= d).all() else Between(Constant(np.minimum(c, d)), Constant(np.maximum(c, d)))
+    return psi if (c <= d).all() else TwoSidedObstacle(Constant(np.minimum(c, d)), Constant(np.maximum(c, d)))
+
+
+def _perturbed(psi: Map, n: int, moved: Callable[[Any], Any]) -> Map:
+    """ψ with its data changed by `moved`, array ↦ array; with its values changed where it has no data."""
+    if isinstance(psi, TwoSidedObstacle):
+        return TwoSidedObstacle(_perturbed(psi.lower, n, moved), _perturbed(psi.upper, n, moved))
+    if isinstance(psi, Constant):
+        return Constant(moved(psi.c)).bind(n)
+    if isinstance(psi, Affine):
+        G = psi.G.copy()
+        G.data = moved(G.data)
+        return Affine(G, moved(psi.c))
+    return psi.composed(1.0, factor=moved(np.ones(n)))
 
 
 def _observed(problem: ProblemData, z: Vector, change: float, trials: int, random: np.random.Generator) -> float | None:
@@ -169,7 +183,7 @@ def _observed(problem: ProblemData, z: Vector, change: float, trials: int, rando
     for _ in range(trials):
         A = problem.A.copy()
         A.data = moved(A.data)
-        other = ICP(A, moved(problem.q), _uncrossed(problem.psi.perturbed(problem.n, moved)))
+        other = ICP(A, moved(problem.q), _uncrossed(_perturbed(problem.psi, problem.n, moved)))
         again = unbroken(other.solve(z0=z, raise_on_failure=False)).polish()
         if not again.solved:
             return None

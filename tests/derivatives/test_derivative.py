@@ -192,7 +192,7 @@ def test_central_differences_agree_on_scenes_to_what_is_certain_of_their_ends(na
     ends = [problem.with_q(problem.q + t * dq).solve(rtol=1e-13, z0=solution.z).polish() for t in (step, -step)]
     off = np.abs((ends[0].z - ends[1].z) / (2 * step) - dz).max()
     # psi' moves with z, by a share of the step
-    curved = 0.0 if problem.psi.linear or problem.psi.takes_best else 10 * step * np.abs(dz).max() ** 2
+    curved = 0.0 if problem.psi.linear or problem.psi.has_policies else 10 * step * np.abs(dz).max() ** 2
     assert off <= sum(end.error_bound for end in ends) / (2 * step) + curved + 1e-9 * np.abs(dz).max()
 
 

@@ -231,7 +231,7 @@ def test_a_page_costs_no_more_than_so_many_products_and_says_what_it_left_open()
     before = work.done()
     page = problem.explain()
     told = str(page)
-    unit = problem.matrix.unit
+    unit = problem.matrix.product_cost
     assert work.done() - before < 1.2 * (_PRODUCTS * unit + _NANOSECONDS)
     assert "not decided within" in told
     assert "thorough=True" in told

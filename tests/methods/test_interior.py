@@ -87,7 +87,7 @@ def test_what_has_no_solution_ends_with_a_proof(method, boxed):
 @settings(max_examples=100, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_what_redundant_rows_are_left_out_changes_no_solution(seed):
-    """Fixed unknowns, empty rows, rows that repeat others with any factor, in a program with its multipliers."""
+    """Fixed unknowns, and empty rows, in a program with its multipliers that has repeated rows."""
     rng = np.random.default_rng(seed)
     n, m = int(rng.integers(1, 6)), int(rng.integers(1, 6))
     P, G = np.diag(rng.integers(0, 3, n)).astype(float), rng.integers(-2, 3, (m, n)).astype(float)

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import icpmodel as icp
-from icpmodel.problem.between import as_map
+from icpmodel.problem.two_sided import as_map
 
 N = 5
 

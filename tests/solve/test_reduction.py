@@ -7,7 +7,8 @@ import pytest
 import scipy.sparse as sp
 
 import icpmodel as icp
-from icpmodel.algebra.resting import rows_at_rest
+from icpmodel.algebra.contact_prediction import predicted_contact_set
+from icpmodel.algebra.factor_costs import factor_costs
 from icpmodel.algebra.schur import elimination
 from icpmodel.algebra.subproblems import blocks
 from icpmodel.methods.multilevel import Multilevel
@@ -159,7 +160,7 @@ class TestRest:
         problem = landscape(110, seed)
         solution = solve_in_parts(problem)
         assert solution.solved
-        assert "rest on the obstacle" in repr(rows_at_rest(problem))
+        assert "rest on the obstacle" in repr(predicted_contact_set(problem))
         assert np.abs(solution.z - problem.solve(Multilevel(), rtol=1e-11).z).max() <= 1e-6
 
 
@@ -313,7 +314,7 @@ class TestElimination:
         before = work.done()
         again = problem.with_q(np.full(10_000, 1.1)).solve()
         assert "eliminated" in again.why
-        assert work.done() - before < work.factor_cost(problem.matrix.fill)
+        assert work.done() - before < work.factor_cost(factor_costs(problem.matrix).fill)
 
     def test_factors_that_fail_leave_the_problem_as_it_is(self):
         """p_F = 0 is singular, and still there are solutions."""

@@ -4,7 +4,7 @@ A sweep makes one pass over the CSR arrays of A: it writes the next iterate to `
 iterate it started from, which falls out for free; `weights` are the diagonal of D⁻¹. There is no branch per stored
 entry: `diag[i]` splits row i of A at its diagonal entry, so that the loop over the strict lower triangle and the loop
 over the rest need no comparison of indices. ψ enters as `psi`, resolved when the loop is compiled: a vector ψ(z), or
-(c, indptr, indices, data) for Gz + c; with an obstacle above, `Sides` of two such.
+(c, indptr, indices, data) for Gz + c; with an obstacle above, `ObstaclePair` of two such.
 """
 
 from __future__ import annotations
@@ -144,35 +144,26 @@ def in_order(indptr, indices, data, diag, weights, q, psi, par, forward, z, out)
 
 
 @compiled
-def two_in_order(indptr, indices, data, diag, weights, q, psi, par, lag, z, one, two, low, high):
-    # rows low <= i < high of the sweep z -> one, and rows low - lag <= i < high - lag of the next one, one -> two: no
-    # row of A reaches further above its diagonal than `lag`, and a row's entries come from memory once for both. The
-    # two sweeps do not wait for each other.
-    squares = 0.0
-    more = 0.0
-    n = uint(z.size)
-    lag = uint(lag)
-    for i in range(uint(low), uint(high)):
-        if i < n:
-            squares += _row(i, True, indptr, indices, data, diag, weights, q, psi, par, z, one)
-        if i >= lag:
-            more += _row(i - lag, True, indptr, indices, data, diag, weights, q, psi, par, one, two)
-    return squares, more
-
-
-@compiled
-def some_in_order(indptr, indices, data, diag, weights, q, psi, par, forward, lag, Z, squares):
-    # sweeps one after the other, Z[0] -> Z[1] -> ..., for problems so small that to call one costs more than to make
-    # it; two at a time, as each waits for its own rows alone
-    k = 0
-    n = Z.shape[1]
-    while forward and k + 1 < squares.size:
-        args = (indptr, indices, data, diag, weights, q, psi, par, lag)
-        squares[k], squares[k + 1] = two_in_order(*args, Z[k], Z[k + 1], Z[k + 2], 0, n + lag)
-        k += 2
-    while k < squares.size:
+def some_in_order(indptr, indices, data, diag, weights, q, psi, par, forward, reach, Z, squares):
+    # sweeps one after the other, Z[0] -> Z[1] -> ...; two forward ones at a time: no row of A reaches further above its
+    # diagonal than `reach`, so that the second follows so many rows behind the first, and the two do not wait for each
+    # other
+    k = uint(0)
+    n = uint(Z.shape[1])
+    lag = uint(reach)
+    while forward and k + uint(1) < uint(squares.size):
+        squares[k] = 0.0
+        squares[k + 1] = 0.0
+        for i in range(n + lag):
+            if i < n:
+                squares[k] += _row(i, True, indptr, indices, data, diag, weights, q, psi, par, Z[k], Z[k + 1])
+            if i >= lag:
+                j = i - lag
+                squares[k + 1] += _row(j, True, indptr, indices, data, diag, weights, q, psi, par, Z[k + 1], Z[k + 2])
+        k += uint(2)
+    while k < uint(squares.size):
         squares[k] = in_order(indptr, indices, data, diag, weights, q, psi, par, forward, Z[k], Z[k + 1])
-        k += 1
+        k += uint(1)
 
 
 @compiled
@@ -238,6 +229,4 @@ def bounded(indptr, indices, data, diag, scale, growth, tiny, f, v, g, out):
         out[i] = g[i] if moved <= g[i] else moved  # NaN stays
 
 
-SWEEPS = SimpleNamespace(
-    in_order=in_order, some_in_order=some_in_order, two_in_order=two_in_order, diagonal=diagonal, triangular=triangular
-)
+SWEEPS = SimpleNamespace(in_order=in_order, some_in_order=some_in_order, diagonal=diagonal, triangular=triangular)

@@ -13,12 +13,12 @@ import scipy.sparse as sp
 from ...errors import InputError, NotApplicable
 from ...numerics.arrays import described, row_of
 from ...problem.affine import Affine, Constant
-from ...problem.between import sides_of
 from ...problem.data import ProblemData
 from ...problem.elementwise import Elementwise
 from ...problem.function import Function
 from ...problem.intervention import Intervention
 from ...problem.map import Map
+from ...problem.two_sided import sides_of
 
 Shape = tuple[int, ...]
 

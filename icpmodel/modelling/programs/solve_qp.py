@@ -246,10 +246,11 @@ def _solved(
     as_truth(raise_on_failure, "raise_on_failure")
     as_number(tolerance, "tolerance", above=0)
     if time_limit is not None:
-        as_number(time_limit, "time_limit", above=0)
+        time_limit = as_number(time_limit, "time_limit", above=0)
+        time_limit = max(time_limit - (time.perf_counter() - begin), 0.0)
     n = program.g.size
     start = None if initvals is None else as_vector(initvals, n, "initvals")
-    found = solve_program(program, tolerance=tolerance, time_limit=time_limit, start=start, begin=begin)
+    found = solve_program(program, tolerance=tolerance, time_limit=time_limit, start=start)
     sizes = n, program.b.size, program.h.size, n
     values = found.values or Values(*(np.full(size, np.nan) for size in sizes))
     objective = program.objective(values.x) if program.is_symmetric else np.nan

@@ -1,4 +1,4 @@
-"""The natural residual, and bounds on the exact one.
+"""Bounds on the exact natural residual.
 
 A bound is made from float64 where that is enough, else from products and sums in pairs. References: Higham, Accuracy
 and Stability of Numerical Algorithms (2002), section 3.1; Ogita, Rump and Oishi, SIAM J. Sci. Comput. 26 (2005), for
@@ -15,7 +15,7 @@ import numba
 import numpy as np
 from numba.extending import intrinsic
 
-from ...numerics.kernels import compiled, inlined, one, row_sum, uint
+from ...numerics.kernels import compiled, inlined, one, uint
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
 
 #: products from this size on lose less to underflow than to rounding, and what they lose is a float
@@ -30,26 +30,10 @@ def larger(least, above):
 
 @inlined
 def median(least, below, above):
-    # of below, p and above, `least` = min(p, below), as `between.mid` has it; NaN stays
+    # of below, p and above, `least` = min(p, below), as `two_sided.mid` has it; NaN stays
     if above > below:
         return above if abs(above) > abs(below) else below
     return larger(least, above)
-
-
-@compiled
-def natural(indptr, indices, data, weights, q, psi, upper, z, low, high):
-    # the sum of min(weight p, r)^2 over the rows low <= i < high, p = Az + q and r = z - psi; NaN where one of them is.
-    # With `upper`, else None, of the median's square: see `between.mid`
-    squares = 0.0
-    for i in range(uint(low), uint(high)):
-        p = row_sum(q[i], indptr[i], indptr[i + uint(1)], indices, data, z)
-        r = z[i] - psi[i]
-        p *= weights[i]
-        least = r if r <= p or r != r else p
-        if upper is not None:
-            least = median(least, r, z[i] - upper[i])
-        squares += least * least
-    return squares
 
 
 def _fma(typing_context: Any, a: Any, b: Any, c: Any) -> Any:

@@ -15,9 +15,9 @@ from ...methods.shortcuts import Lemke, Tridiagonal
 from ...numerics import work
 from ...numerics.arrays import Vector, read_only, row_norms
 from ...numerics.threads import cores, in_parts
-from ...problem.between import mid
 from ...problem.map import Map
 from ...problem.matrix import weights_of
+from ...problem.two_sided import mid
 from ...problem.verdict import certain_rows, certain_rows_of_each
 from ..goal import Limits
 from ..solutions import Stated

@@ -17,9 +17,9 @@ from ...errors import InputError, MapError, NotApplicable, OutOfTime, SingularOp
 from ...numerics import work
 from ...numerics.arrays import Vector, as_float64, axes
 from ...numerics.rounding import is_ctrl_c
-from ...problem.between import as_map
 from ...problem.data import ProblemData
 from ...problem.map import Map
+from ...problem.two_sided import as_map
 from ..driver import solve
 from ..goal import Limits
 from ..solution import Status

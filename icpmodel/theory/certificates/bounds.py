@@ -17,11 +17,11 @@ from ...numerics import work
 from ...numerics.arrays import ReadOnly, Vector, as_number, as_truth, not_finite
 from ...numerics.rounding import UNIT_ROUNDOFF, at_most, sheltered
 from ...present.shown import Shown
-from ...problem.between import Between
 from ...problem.data import ProblemData, ProblemLike, as_problem
 from ...problem.facts import Facts
 from ...problem.map import Map
 from ...problem.matrix import Matrix
+from ...problem.two_sided import TwoSidedObstacle
 from ..answers import UNDECIDED
 from ..matrices.classes import MatrixClasses
 from .definite import prove as prove_definite
@@ -185,7 +185,7 @@ def error_bound(
     z = problem.vector(z)
     if sharp is not None:
         as_truth(sharp, "sharp")
-    if as_truth(rigorous, "rigorous") and problem.psi.at_users_word:
+    if as_truth(rigorous, "rigorous") and problem.psi.calls_user_code:
         return ErrorBound.none("psi is computed by a user's function, whose rounding errors are not known")
     for name, limit in (("time_limit", time_limit), ("memory_limit", memory_limit)):
         if limit is not None:
@@ -219,7 +219,7 @@ def _bound(problem: ProblemData, z: Vector, sharp: bool | None) -> ErrorBound:
             points = points_near(problem, z, proof, float(delta.max()), *rounding)
         if points is not None:
             delta, euclidean = sharpened(problem, z, proof, points, delta, euclidean)
-        sentence = proof.sentence + (USERS_WORD if problem.psi.at_users_word else "")
+        sentence = proof.sentence + (USERS_WORD if problem.psi.calls_user_code else "")
         if (row := may_cross(problem, z, delta)) is not None:
             told = f"psi <= upper is not proved within {at_most(float(delta.max()))} of z, where z* would be: row {row}"
             return ErrorBound.none(told)
@@ -236,7 +236,7 @@ def broken_promise(problem: ProblemData, z: Vector) -> str:
     psi = problem.psi
     sides = {"psi": psi} if problem.upper is None else {"psi": psi.lower, "upper": psi.upper}  # type: ignore[attr-defined]
     for name, one in sides.items():
-        allowed = one.change(np.abs(z)) if one.at_users_word else None
+        allowed = one.change(np.abs(z)) if one.calls_user_code else None
         if allowed is None:
             continue
         with suppress(MapError), np.errstate(all="ignore"):  # 0 may be outside of where ψ has a value
@@ -252,7 +252,7 @@ def broken_promise(problem: ProblemData, z: Vector) -> str:
 
 def never_cross(psi: Map) -> bool:
     """Whether there is one obstacle, or two with ψ ≤ ψ̄ at every z, because both are fixed, or move alike."""
-    return not isinstance(psi, Between) or psi.parallel
+    return not isinstance(psi, TwoSidedObstacle) or psi.parallel
 
 
 def may_cross(problem: ProblemData, z: Vector, delta: Vector) -> int | None:
@@ -310,7 +310,7 @@ class Proofs:
         if self.psi.linear is not None:
             yield self.representatives
         yield self.definite
-        if self.psi.takes_best and self.psi.upper is None:
+        if self.psi.has_policies and self.psi.upper is None:
             yield self.supersolution(problem)
 
 

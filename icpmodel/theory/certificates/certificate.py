@@ -18,8 +18,8 @@ from ...numerics.arrays import Mask, ReadOnly, as_truth, described
 from ...numerics.rounding import UNIT_ROUNDOFF, sheltered, upper
 from ...present.card import Card
 from ...present.shown import Shown
-from ...problem.between import mid
 from ...problem.data import ProblemLike, as_problem
+from ...problem.two_sided import mid
 from .bounds import ErrorBound, error_bound
 
 NOT_COMPUTED = "it was not computed"  #: the reason of a certificate without a bound that nobody asked for

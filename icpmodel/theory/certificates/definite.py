@@ -53,10 +53,10 @@ from ...numerics.arrays import Vector
 from ...numerics.equilibration import in_units_exactly, row_exponents, symmetric_exponents
 from ...numerics.factorisation import factorise
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, at_least, at_most, upper
-from ...problem.between import Between
 from ...problem.data import ProblemData
 from ...problem.map import Map
 from ...problem.matrix import Matrix
+from ...problem.two_sided import TwoSidedObstacle
 from ..matrices.comparison_matrix import positive_diagonal
 from ..matrices.eigenvalue import largest_above, smallest_below, within_reach
 from .proof import Proof, no_lipschitz, norm_up
@@ -208,7 +208,7 @@ def _reflected(problem: ProblemData, z: Vector) -> tuple[Vector, Vector, Any, Ve
 def _slopes(psi: Map, n: int) -> tuple[sp.csr_array, sp.csr_array]:
     """B and L with r(x) − r(y) = B(x − y) − g, |g| ≤ L|x − y|; L takes up the rounding of I − G."""
     identity = sp.csr_array(sp.eye_array(n))
-    if psi.linear is None or (isinstance(psi, Between) and not psi.parallel):
+    if psi.linear is None or (isinstance(psi, TwoSidedObstacle) and not psi.parallel):
         assert psi.lipschitz is not None
         return identity, psi.lipschitz
     G, c = psi.linear

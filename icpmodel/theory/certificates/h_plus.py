@@ -33,10 +33,10 @@ from ...numerics.arrays import Vector
 from ...numerics.equilibration import in_units, natural_exponents
 from ...numerics.factorisation import factorise
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, lower, upper
-from ...problem.between import mid
 from ...problem.data import ProblemData
 from ...problem.map import Map
 from ...problem.matrix import Matrix
+from ...problem.two_sided import mid
 from ..matrices.comparison_matrix import comparison_matrix, positive_diagonal, scaling_vectors
 from .proof import Proof, no_lipschitz, norm_up
 

@@ -20,12 +20,12 @@ from collections.abc import Callable, Generator
 import numpy as np
 
 from ...algebra.hierarchy import Hierarchy, NoHierarchy
-from ...algebra.looks import SWEEPS, newton_looks, sweep_with_flow, swept
+from ...algebra.newton_steps import SWEEPS, newton_steps, sweep_with_flow, swept
 from ...algebra.subproblems import with_fixed_obstacle
 from ...numerics import work
 from ...numerics.arrays import Vector
-from ...problem.between import mid
 from ...problem.data import ProblemData
+from ...problem.two_sided import mid
 from .h_plus import HPlusProof
 
 #: a bound that is at most so many times the error will do
@@ -91,7 +91,7 @@ def points_near(
     def smooth(better: Vector) -> Vector:
         return swept(sweep, better, SWEEPS)
 
-    yield from _by_cycles(newton_looks(hierarchy, simple, better, 0), smooth, seen, beyond, 2 * floor)
+    yield from _by_cycles(newton_steps(hierarchy, simple, better, 0), smooth, seen, beyond, 2 * floor)
 
 
 def _by_cycles(

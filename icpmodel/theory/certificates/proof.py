@@ -12,9 +12,9 @@ from ...algebra.equations import pattern_at, solve_on
 from ...errors import IcpError
 from ...numerics.arrays import Vector, norm
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
-from ...problem.between import Between
 from ...problem.data import ProblemData
 from ...problem.map import Map
+from ...problem.two_sided import TwoSidedObstacle
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +43,7 @@ class Proof(ABC):
 
 def no_lipschitz(psi: Map) -> str:
     """Why nothing is proved where ψ, or ψ̄, has no Lipschitz matrix."""
-    lower = psi.lower if isinstance(psi, Between) else psi
+    lower = psi.lower if isinstance(psi, TwoSidedObstacle) else psi
     return f"no Lipschitz matrix of {'psi' if lower.lipschitz is None else 'upper'} is known: give `lipschitz`"
 
 

@@ -37,10 +37,10 @@ import numpy as np
 from ...numerics.arrays import Vector
 from ...numerics.equilibration import in_units_exactly, mean_exponents, row_exponents
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
-from ...problem.between import Between, mid
 from ...problem.data import ProblemData
 from ...problem.map import Map
 from ...problem.matrix import Matrix
+from ...problem.two_sided import TwoSidedObstacle, mid
 from .proof import Proof, norm_up
 
 LIMIT = 12  #: with so many unknowns there are 4096 representatives, inverted within a tenth of a second
@@ -90,7 +90,7 @@ def prove(matrix: Matrix, psi: Map) -> RepresentativesProof | str:
         return "psi is neither constant nor affine, so I - G has no rows to be compared with those of A"
     A, (G, c) = matrix.sparse.toarray(), psi.linear
     free = np.isneginf(c)
-    if isinstance(psi, Between):
+    if isinstance(psi, TwoSidedObstacle):
         if not psi.parallel or psi.upper.linear is None:
             return "the two obstacles do not move alike, so I - G has other rows for the one than for the other"
         free &= np.isposinf(psi.upper.linear[1])

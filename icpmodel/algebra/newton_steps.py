@@ -21,25 +21,28 @@ from ..problem.data import ProblemData
 from .cycled_equations import LEAST_SLOPE, CycledEquations
 from .equations import Pattern, derivative
 from .hierarchy import Hierarchy
-from .steps import Step, in_a_row, projected_sweep
+from .steps import Step, projected_sweep, repeated_steps
 
 #: sweeps where the active set has moved
 SWEEPS = 4
 #: Krylov steps between two looks at the active set: until the rest has fallen to a share, and at the most
-_SHARE, _KRYLOV = 0.1, 8
+_SHARE = 0.1
+_KRYLOV = 8
 #: entries above the diagonal that weigh so much more than those below make the sweeps go backwards
 _FLOW = 1.1
 
 
-def newton_looks(
+def newton_steps(
     hierarchy: Hierarchy, problem: ProblemData, z: Vector, top: int
 ) -> Generator[tuple[Vector, float], float | None, None]:
     """Newton's steps on level `top` of `hierarchy`, whose problem is `problem`: (z, residual) after each look.
 
     What is sent is the share of Az + q that the next steps are to leave in the free rows, 0.1 where nothing is.
     """
-    level, moves = hierarchy.levels[top], not problem.psi.is_constant
-    omega, sweep = level.diagonal, sweep_with_flow(problem)
+    level = hierarchy.levels[top]
+    moves = not problem.psi.is_constant
+    omega = level.diagonal
+    sweep = sweep_with_flow(problem)
     newton: GCR | None = None
     taken: Pattern | None = None
     while True:
@@ -51,14 +54,18 @@ def newton_looks(
             omega = level.diagonal / np.maximum(1.0 - own, LEAST_SLOPE)
         pattern = Pattern.at(problem, z, p, omega)
         work.add(0.5 * work.COSTS.newton)
-        if taken is None or not pattern.is_that_of(taken):
-            z, newton = swept(sweep, z, SWEEPS), None  # whose rest is that of the z before, if the pattern comes back
+        if taken is None or not pattern.same_sides(taken):
+            # whose rest is that of the z before, if the pattern comes back
+            z = swept(sweep, z, SWEEPS)
+            newton = None
             p = problem.p(z)
             pattern = Pattern.at(problem, z, p, omega)
         share = (yield z, problem.residual_of(p, problem.r(z), problem.r_upper(z))) or _SHARE
-        if newton is None or taken is None or moves or not pattern.is_that_of(taken):
-            taken, J = pattern, derivative(problem.psi, z, pattern.above) if moves else None
-            equations, f = CycledEquations(hierarchy, top, pattern.active, J), -np.where(pattern.active, pattern.r, p)
+        if newton is None or taken is None or moves or not pattern.same_sides(taken):
+            taken = pattern
+            J = derivative(problem.psi, z, pattern.above) if moves else None
+            equations = CycledEquations(hierarchy, top, pattern.active, J)
+            f = -np.where(pattern.active, pattern.r, p)
             step = equations.start(f)
             newton = GCR(equations.product, equations.preconditioned, f - equations.product(step))
             z, _ = newton.further(z + step, share * norm(newton.rest), _KRYLOV)
@@ -77,6 +84,7 @@ def sweep_with_flow(problem: ProblemData) -> Step:
 def swept(sweep: Step, z: Vector, count: int) -> Vector:
     """`z` after `count` sweeps."""
     while count > 0:
-        sweeps = in_a_row(sweep, z, count)
-        z, count = sweeps[-1][0], count - len(sweeps)
+        sweeps = repeated_steps(sweep, z, count)
+        z = sweeps[-1][0]
+        count = count - len(sweeps)
     return z

@@ -17,19 +17,19 @@ from .function import Function
 from .map import Map
 
 
-class Sides(NamedTuple):
+class ObstaclePair(NamedTuple):
     """What a compiled loop, or whoever asks for both values at once, gets of two obstacles."""
 
     lower: Any
     upper: Any
 
 
-class Between(Map):
+class TwoSidedObstacle(Map):
     """ψ ≤ z ≤ ψ̄: as a map it is the obstacle below, `lower`, and it has another one above, `upper`.
 
     `ICP` makes it of its `psi` and `upper`; all that is known of both maps together, G for one, is known of this one.
 
-    >>> psi = Between(icp.Constant(0), icp.Constant(1)).bind(2)
+    >>> psi = TwoSidedObstacle(icp.Constant(0), icp.Constant(1)).bind(2)
     >>> psi.value(np.zeros(2)), psi.upper.value(np.zeros(2))
     (array([0., 0.]), array([1., 1.]))
     """
@@ -39,21 +39,22 @@ class Between(Map):
     def __init__(self, lower: Map, upper: Map) -> None:
         self.lower, self.upper = lower, upper
         self.is_constant = lower.is_constant and upper.is_constant
-        self.at_users_word = lower.at_users_word or upper.at_users_word
-        self.takes_best = lower.takes_best or upper.takes_best
+        self.calls_user_code = lower.calls_user_code or upper.calls_user_code
+        self.has_policies = lower.has_policies or upper.has_policies
         if upper.linear is not None:
             self.linear = lower.linear
         if lower.links is not None and upper.links is not None:
             self.links = sp.csr_array(lower.links + upper.links)
 
-    def bind(self, n: int) -> Between:
-        return Between(self.lower.bind(n), self.upper.bind(n))
+    def bind(self, n: int) -> TwoSidedObstacle:
+        return TwoSidedObstacle(self.lower.bind(n), self.upper.bind(n))
 
     def crossed_everywhere(self) -> int | None:
         """A row where ψ_i > ψ̄_i whatever z is, as far as that can be seen of constant and affine maps; else None."""
         if self.linear is None or self.upper.linear is None:
             return None
-        (G, c), (H, d) = self.linear, self.upper.linear
+        (G, c) = self.linear
+        (H, d) = self.upper.linear
         crossed = c > d
         if G.nnz or H.nnz:
             crossed &= np.diff(sp.csr_array(G - H).indptr) == 0
@@ -64,12 +65,14 @@ class Between(Map):
         """Whether ψ = Gz + c and ψ̄ = Gz + c̄, with one G and c ≤ c̄, so that ψ ≤ ψ̄ at every z."""
         if self.linear is None or self.upper.linear is None:
             return False
-        (G, c), (H, d) = self.linear, self.upper.linear
+        (G, c) = self.linear
+        (H, d) = self.upper.linear
         return bool((c <= d).all() and not (G - H).nnz)
 
     @cached_property
     def lipschitz(self) -> sp.csr_array | None:  # type: ignore[override]
-        G, H = self.lower.lipschitz, self.upper.lipschitz
+        G = self.lower.lipschitz
+        H = self.upper.lipschitz
         if G is None or H is None:
             return None
         return G if self.is_constant else freeze(sp.csr_array(G.maximum(H)))
@@ -85,31 +88,22 @@ class Between(Map):
         return self.lower.no_derivative() or (above and above.replace("psi", "upper", 1))
 
     def change(self, delta: Vector) -> Vector | None:
-        below, above = self.lower.change(delta), self.upper.change(delta)
+        below = self.lower.change(delta)
+        above = self.upper.change(delta)
         return None if below is None or above is None else np.maximum(below, above)
 
     def isotone(self) -> bool | None:
         found = {self.lower.isotone(), self.upper.isotone()}
         return False if False in found else None if None in found else True
 
-    def kernel_data(self) -> Any:
-        sides = Sides(self.lower.kernel_data(), self.upper.kernel_data())
-        return None if any(one is None for one in sides) else sides
-
     def restricted(self, rows: NDArray[np.intp], z: Vector) -> Map:
         return self._of_both(lambda one: one.restricted(rows, z))
 
-    def coarsened(self, P: sp.csr_array, shift: Vector, kept: NDArray[np.intp]) -> Map:
-        return self._of_both(lambda one: one.coarsened(P, shift, kept))
+    def composed(self, P: Any, shift: Any = 0.0, rows: Any = slice(None), factor: Any = 1.0) -> Map:
+        return self._of_both(lambda one: one.composed(P, shift, rows, factor))
 
-    def in_units(self, unit: float) -> Map:
-        return self._of_both(lambda one: one.in_units(unit))
-
-    def perturbed(self, n: int, moved: Callable[[Any], Any]) -> Map:
-        return self._of_both(lambda one: one.perturbed(n, moved))
-
-    def _of_both(self, made: Callable[[Map], Map]) -> Between:
-        return Between(made(self.lower), made(self.upper))
+    def _of_both(self, made: Callable[[Map], Map]) -> TwoSidedObstacle:
+        return TwoSidedObstacle(made(self.lower), made(self.upper))
 
     def describe(self) -> str:
         if self.is_constant:
@@ -118,7 +112,7 @@ class Between(Map):
         return "below: {}; above: {}; ".format(*sides) + ("they never" if self.parallel else "they may") + " cross"
 
     def __repr__(self) -> str:
-        return f"Between({self.lower!r}, {self.upper!r})"
+        return f"TwoSidedObstacle({self.lower!r}, {self.upper!r})"
 
 
 class Rowwise(Map):
@@ -127,8 +121,8 @@ class Rowwise(Map):
     def __init__(self, maps: Sequence[Map], which: NDArray[np.integer]) -> None:
         self.maps, self.which = tuple(maps), which
         self.is_constant = all(one.is_constant for one in maps)
-        self.at_users_word = any(one.at_users_word for one in maps)
-        self.takes_best = any(one.takes_best for one in maps)
+        self.calls_user_code = any(one.calls_user_code for one in maps)
+        self.has_policies = any(one.has_policies for one in maps)
 
     def bind(self, n: int) -> Rowwise:
         return self
@@ -138,10 +132,6 @@ class Rowwise(Map):
 
     def jacobian(self, z: Vector) -> sp.csr_array | None:
         return self._matrix([one.jacobian(z) for one in self.maps])
-
-    def slopes(self, z: Vector) -> Vector | None:
-        known = [slope for one in self.maps if (slope := one.slopes(z)) is not None]
-        return self._of_rows(known) if len(known) == len(self.maps) else None
 
     @cached_property
     def lipschitz(self) -> sp.csr_array | None:  # type: ignore[override]
@@ -173,12 +163,12 @@ class Rowwise(Map):
 
 def sides_of(psi: Map) -> tuple[Map, ...]:
     """The obstacle below z, and the one above it where there is one."""
-    return (psi.lower, psi.upper) if isinstance(psi, Between) else (psi,)
+    return (psi.lower, psi.upper) if isinstance(psi, TwoSidedObstacle) else (psi,)
 
 
-def values(psi: Map, z: Vector) -> Any:
+def obstacle_values(psi: Map, z: Vector) -> Any:
     """ψ(z), with ψ̄(z), where there is one, as compiled loops take the two."""
-    return psi.value(z) if psi.upper is None else Sides(psi.value(z), psi.upper.value(z))
+    return psi.value(z) if psi.upper is None else ObstaclePair(psi.value(z), psi.upper.value(z))
 
 
 def chosen(psi: Map, above: Mask | None) -> Map:
@@ -245,12 +235,12 @@ def as_map(psi: Any, n: int, upper: Any = None) -> Map:
     if upper is None:
         if type(psi) is float and psi == 0.0:
             return _at_zero(n)
-        return psi.bind(n) if isinstance(psi, Between) else _one_side(psi, n, "psi", -np.inf)
-    if isinstance(psi, Between):
+        return psi.bind(n) if isinstance(psi, TwoSidedObstacle) else _one_side(psi, n, "psi", -np.inf)
+    if isinstance(psi, TwoSidedObstacle):
         raise InputError("psi has an obstacle above z already; give upper, or that one")
-    both = Between(_one_side(psi, n, "psi", -np.inf), _one_side(upper, n, "upper", np.inf))
+    both = TwoSidedObstacle(_one_side(psi, n, "psi", -np.inf), _one_side(upper, n, "upper", np.inf))
     if (row := both.crossed_everywhere()) is not None:
-        below, above = both.lower.linear[1][row], both.upper.linear[1][row]  # type: ignore[index]
+        below, above = both.value(np.zeros(n))[row], both.upper.value(np.zeros(n))[row]
         raise InputError(
             f"the obstacles cross in row {row}: psi has {below:g} there, upper {above:g}; psi <= upper was expected"
         )
@@ -259,10 +249,10 @@ def as_map(psi: Any, n: int, upper: Any = None) -> Map:
 
 def _one_side(value: Any, n: int, name: str, none: float) -> Map:
     """The obstacle `value`, of which a user speaks as `name`, and where the infinite number `none` means none."""
-    if isinstance(value, Between):
+    if isinstance(value, TwoSidedObstacle):
         raise InputError(f"{name} has two sides; one obstacle was expected")
     if isinstance(value, Map):
-        bound = value.bind(n) if none < 0 else value.bind(n).from_above()
+        bound = value.bind(n) if none < 0 else value.bind(n).as_upper()
         return bound if (c := getattr(bound, "c", None)) is None else _checked(bound, c, f"{name}.c", none)
     if callable(value):
         return Function(value).bind(n)

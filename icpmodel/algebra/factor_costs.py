@@ -1,0 +1,71 @@
+"""What a factorisation of A costs, or of another matrix with its pattern; one symbolic analysis for each A."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from weakref import WeakKeyDictionary, ref
+
+from ..numerics import work
+from ..numerics.fill import SymbolicAnalysis
+from ..problem.facts import Facts
+from ..problem.matrix import Matrix
+
+
+class FactorCosts:
+    """The costs of factors of `matrix`, in nanoseconds; ask `factor_costs`, which keeps them as long as the matrix."""
+
+    def __init__(self, matrix: Matrix) -> None:
+        self._matrix = ref(matrix)
+        self.analysis = SymbolicAnalysis(matrix.sparse, self._is_symmetric)
+        self.n = matrix.n
+
+    def _is_symmetric(self) -> bool:
+        matrix = self._matrix()
+        return matrix is not None and matrix.is_symmetric
+
+    @cached_property
+    def fill(self) -> work.Fill:
+        """The entries and operations of a sparse factorisation; rough where it is not worth a full analysis."""
+        return self.analysis.fill
+
+    @cached_property
+    def dense(self) -> float:
+        """A dense factorisation of A."""
+        return work.dense_cost(self.n, self._is_symmetric())
+
+    @cached_property
+    def repeats(self) -> bool:
+        """Whether `Symmetric` is for matrices with the pattern of A, and costs less than dense factors."""
+        fill = self.fill
+        return fill.seen and fill.symmetric and work.refactor_cost(fill) < self.dense
+
+    @cached_property
+    def first(self) -> float:
+        """A, or a matrix with its pattern: as a sparse one, or as a dense one."""
+        return min(work.factor_cost(self.fill), self.dense)
+
+    @cached_property
+    def unsymmetric(self) -> float:
+        """A matrix with the pattern of A that is not symmetric, whether A is or not."""
+        return min(work.factor_cost(self.fill._replace(symmetric=False)), work.dense_cost(self.n))
+
+    @cached_property
+    def again(self) -> float:
+        """A matrix with the pattern of A when another one was factorised before."""
+        return work.refactor_cost(self.fill) if self.repeats else self.first
+
+
+_COSTS: WeakKeyDictionary[Matrix, FactorCosts] = WeakKeyDictionary()
+
+
+def factor_costs(matrix: Matrix) -> FactorCosts:
+    """The costs of factors of `matrix`, found out once."""
+    found = _COSTS.get(matrix)
+    if found is None:
+        found = _COSTS[matrix] = FactorCosts(matrix)
+    return found
+
+
+def newton_cost(facts: Facts) -> float:
+    """What a Newton step costs besides the solution of its equations, in nanoseconds."""
+    return work.newton(facts.matrix.n, facts.entries, mixed=not facts.psi.is_constant)
