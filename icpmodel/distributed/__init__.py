@@ -6,8 +6,9 @@ It needs petsc4py and mpi4py, which are loaded when they are first asked for.
 
 from .distributed_bound import DistributedCertificate, certify
 from .distributed_icp import DistributedICP, by_rows, distribute
+from .distributed_solution import DistributedSolution
 from .files_on_ranks import load_problem, save_solution
-from .solve_on_ranks import DistributedSolution, solve
+from .solve_on_ranks import solve
 
 __all__ = [
     "DistributedCertificate",

@@ -15,20 +15,22 @@ from typing import Any
 import numpy as np
 
 from ..errors import MapError
-from ..numerics.arrays import Vector
+from ..numerics.arrays import Mask, Vector
 from ..numerics.rounding import SMALLEST, UNIT_ROUNDOFF, gamma
 from ..present.card import Card
 from ..present.shown import Shown
-from ..problem.between import mid
+from ..problem.two_sided import mid
 from ..theory.certificates.bounds import USERS_WORD, ErrorBound
 from .distributed_icp import DistributedICP
 from .distributed_levels import DistributedLevels
 from .distributed_matrix import DistributedMatrix
-from .newton_on_ranks import looks, simplified
+from .newton_on_ranks import newton_steps, simplified
 from .ranks import largest, norm, totals
 
-#: what Newton's steps towards a better z are to leave of the residual, and how many there are at the most
-_SHARPER, _STEPS = 1e-3, 3
+#: share of the residual that Newton's steps towards a better z are to leave
+_SHARPER = 1e-3
+#: such steps at the most
+_SHARPENING_STEPS = 3
 #: (how it was found, v, α, β)
 HPlusVectors = tuple[str, Vector, Vector, Vector]
 
@@ -111,23 +113,23 @@ def certify(problem: DistributedICP, z: Any, levels: DistributedLevels | None = 
     True
     """
     here = _Point(problem, z)
-    proof, nothing = _proof(problem, levels), np.zeros(here.p.size, dtype=bool)
+    proof = _proof(problem, levels)
     if isinstance(proof, str):
-        return _certificate(problem, here, ErrorBound.none(proof), nothing, nothing, nothing)
+        return here.certificate(ErrorBound.none(proof))
     delta = here.bound(proof)
     if levels is not None:
         delta = _sharpened(problem, z, levels, proof, delta)
-    value, change = largest(problem.comm, float(delta.max(initial=0.0)))[0], moved(problem, delta)
+    value = largest(problem.comm, float(delta.max(initial=0.0)))[0]
+    change = moved(problem, delta)
     sentence = f"A is an H+-matrix ({proof[0]})" + (USERS_WORD if problem.calls_users else "")
     if _may_cross(problem, here, change):
-        told = "psi <= upper is not proved near z, where z* would be"
-        return _certificate(problem, here, ErrorBound.none(told), nothing, nothing, nothing)
+        return here.certificate(ErrorBound.none("psi <= upper is not proved near z, where z* would be"))
     if not np.isfinite(value):
-        bound = ErrorBound.none("the proof bounds nothing at this z: it is too far from z*, or not finite", sentence)
-        return _certificate(problem, here, bound, nothing, nothing, nothing)
+        reason = "the proof bounds nothing at this z: it is too far from z*, or not finite"
+        return here.certificate(ErrorBound.none(reason, sentence))
     squares = totals(problem.comm, float(np.sum((delta / value) ** 2)))[0] if value else 0.0
     euclidean = value * float(np.sqrt(squares)) * (1 + (problem.n + 8) * UNIT_ROUNDOFF)
-    return _certificate(problem, here, ErrorBound(value, delta, euclidean, sentence, ""), *here.rows(delta, change))
+    return here.certificate(ErrorBound(value, delta, euclidean, sentence, ""), here.rows(delta, change))
 
 
 class _Point:
@@ -138,9 +140,14 @@ class _Point:
         self.p, self.below, self.above = problem.sides(z)
         self.for_p, self.for_r = rounding(problem, z)
 
-    @property
-    def residual(self) -> float:
-        return norm(self.problem.comm, mid(self.problem.matrix.row_weights * self.p, self.below, self.above))
+    def certificate(self, bound: ErrorBound, rows: tuple[Mask, ...] = ()) -> DistributedCertificate:
+        """The certificate with this bound, and with the masks of the decided `rows`, if any. Collective."""
+        comm = self.problem.comm
+        residual = norm(comm, mid(self.problem.matrix.row_weights * self.p, self.below, self.above))
+        masks = rows or (np.zeros(self.p.size, dtype=bool),) * 3
+        active, inactive, above = (int(x) for x in totals(comm, *(float(mask.sum()) for mask in masks)))
+        undecided = self.problem.n - active - inactive - above
+        return DistributedCertificate(residual, bound, active, inactive, above, undecided, *masks[:2])
 
     def bound(self, proof: HPlusVectors) -> Vector:
         """δ with |z − z*| ≤ δ."""
@@ -152,14 +159,17 @@ class _Point:
             factor = largest(self.problem.comm, own)[0] + SMALLEST
             return np.nextafter(v * (factor * (1 + 8 * UNIT_ROUNDOFF)), np.inf)
 
-    def rows(self, delta: Vector, change: Vector) -> tuple[Any, Any, Any]:
+    def rows(self, delta: Vector, change: Vector) -> tuple[Mask, Mask, Mask]:
         """The masks of the rows that |z − z*| ≤ `delta` proves to be active, off both obstacles, at the one above."""
         inflate = 1 + 8 * UNIT_ROUNDOFF
         of_p = (self.for_p + self.problem.matrix.absolute(delta)) * inflate
         of_r = (self.for_r + delta + change) * inflate
-        active, inactive, at_upper = self.p > of_p, self.below > of_r, np.zeros(delta.size, dtype=bool)
+        active = self.p > of_p
+        inactive = self.below > of_r
+        at_upper = np.zeros(delta.size, dtype=bool)
         if self.above is not None:
-            inactive, at_upper = inactive & (-self.above > of_r), self.p < -of_p
+            inactive = inactive & (-self.above > of_r)
+            at_upper = self.p < -of_p
         return active & ~inactive, inactive & ~active & ~at_upper, at_upper & ~inactive
 
 
@@ -167,45 +177,37 @@ def _sharpened(
     problem: DistributedICP, z: Any, levels: DistributedLevels, proof: HPlusVectors, delta: Vector
 ) -> Vector:
     """The better one of δ(z) and |z − ẑ| + δ(ẑ), ẑ from a few of Newton's steps. Collective."""
-    before = levels.done.copy()
+    before = levels.steps
     try:
-        path = looks(levels, simplified(problem), z, 0)
-        look = next(path)
-        wanted = _SHARPER * look.residual
-        for _ in range(_STEPS):
-            look = path.send(wanted)
-            if look.residual <= wanted:
+        path = newton_steps(levels, simplified(problem), z, 0)
+        better = next(path)
+        wanted = _SHARPER * better.residual
+        for _ in range(_SHARPENING_STEPS):
+            better = path.send(wanted)
+            if better.residual <= wanted:
                 break
-        beyond = _Point(problem, look.z).bound(proof)
+        beyond = _Point(problem, better.z).bound(proof)
     except MapError:  # ψ need not have a value anywhere but at z
         return delta
     finally:
-        levels.done = before
+        levels.steps = before
     with np.errstate(over="ignore", invalid="ignore"):
-        candidate = (np.abs(z.array_r - look.z.array_r) + beyond) * (1 + 4 * UNIT_ROUNDOFF)
+        candidate = (np.abs(z.array_r - better.z.array_r) + beyond) * (1 + 4 * UNIT_ROUNDOFF)
     ours, theirs = largest(problem.comm, float(delta.max(initial=0.0)), float(candidate.max(initial=0.0)))
     return candidate if theirs < ours or not np.isfinite(ours) else delta
 
 
-def _certificate(
-    problem: DistributedICP, here: _Point, bound: ErrorBound, active: Any, inactive: Any, above: Any
-) -> DistributedCertificate:
-    at, off, top = (int(x) for x in totals(problem.comm, *(float(mask.sum()) for mask in (active, inactive, above))))
-    left = problem.n - at - off - top
-    return DistributedCertificate(here.residual, bound, at, off, top, left, active, inactive)
-
-
 def rounding(problem: DistributedICP, z: Any) -> tuple[Vector, Vector]:
     """Bounds on the rounding errors of p(z) and r(z) in the own rows, as `ProblemData.rounding`. Collective."""
-    size, k = np.abs(z.array_r), problem.matrix.terms + 2
+    size = np.abs(z.array_r)
+    k = problem.matrix.terms + 2
     for_p = gamma(k) * (problem.matrix.absolute(size) + np.abs(problem.q)) + k * SMALLEST
     for_r = np.zeros(size.size)
     for one in problem.maps:
         value = np.abs(one.value(z))
-        own, G = one.lipschitz
-        terms = 3 if G is None else G.terms + 3
-        total = size + own * size + np.where(np.isinf(value), 0.0, value) + (0.0 if G is None else G.product_of(size))
-        for_r = np.maximum(for_r, np.where(np.isinf(value), 0.0, gamma(terms) * total + terms * SMALLEST))
+        total = size + one.change(size) + np.where(np.isinf(value), 0.0, value)
+        lost = gamma(one.terms) * total + one.terms * SMALLEST
+        for_r = np.maximum(for_r, np.where(np.isinf(value), 0.0, lost))
     return for_p, for_r
 
 
@@ -213,11 +215,10 @@ def moved(problem: DistributedICP, delta: Vector) -> Vector:
     """A bound on |ψ(x) − ψ(y)|, and on that of ψ̄, for |x − y| ≤ `delta`, in the own rows. Collective."""
     most = np.zeros(delta.size)
     for one in problem.maps:
-        own, G = one.lipschitz
-        with np.errstate(over="ignore", invalid="ignore"):
-            total = own * delta + (0.0 if G is None else G.product_of(delta))
-        k = 3 if G is None else G.terms + 3
-        most = np.maximum(most, total * (1 + 2 * gamma(k)) + (0.0 if one.is_fixed else k * SMALLEST))
+        k = one.terms
+        with np.errstate(over="ignore"):
+            total = one.change(delta) * (1 + 2 * gamma(k)) + (0.0 if one.is_fixed else k * SMALLEST)
+        most = np.maximum(most, total)
     return most
 
 
@@ -233,12 +234,14 @@ def _may_cross(problem: DistributedICP, here: _Point, change: Vector) -> bool:
 
 def _proof(problem: DistributedICP, levels: DistributedLevels | None) -> HPlusVectors | str:
     """(name, v, α, β), or why there is none. Collective."""
-    matrix, comm = problem.matrix, problem.comm
+    matrix = problem.matrix
+    comm = problem.comm
     if largest(comm, float((matrix.diagonal <= 0).any()))[0]:
         return "A is not an H+-matrix: its diagonal is not positive"
     dominated = False
     for name, v in _candidates(matrix, levels):
-        image, size = matrix.comparison.product(matrix.vector(v)).array, matrix.absolute(v)
+        image = matrix.comparison.product(matrix.vector(v)).array
+        size = matrix.absolute(v)
         k = matrix.terms + 2
         alpha = image - 2.0 * gamma(k) * size - k * SMALLEST
         beta = v - moved(problem, v) - 2.0 * UNIT_ROUNDOFF * v

@@ -11,10 +11,10 @@ from ..errors import OBSTACLES, InputError, by_name
 from ..numerics.arrays import Vector, described
 from ..present.shown import Shown
 from ..problem.affine import Affine, Constant
-from ..problem.between import mid, sides_of
 from ..problem.by_rows import ByRows
 from ..problem.data import ProblemData, as_problem
 from ..problem.elementwise import Elementwise
+from ..problem.two_sided import mid, sides_of
 from .distributed_map import DistributedMap
 from .distributed_matrix import DistributedMatrix, from_rows
 from .ranks import norm, petsc, together, totals, world
@@ -58,7 +58,8 @@ class DistributedICP(Shown):
         PETSc = petsc()
         if not isinstance(A, PETSc.Mat):
             raise InputError(f"A is {described(A)}; a matrix of PETSc (petsc4py.PETSc.Mat) was expected")
-        sizes, comm = A.getSizes(), A.comm.tompi4py()
+        sizes = A.getSizes()
+        comm = A.comm.tompi4py()
         with together(comm):
             if sizes[0] != sizes[1]:
                 raise InputError(f"A has the sizes {sizes}; a square matrix, its columns as its rows, was expected")
@@ -91,7 +92,8 @@ class DistributedICP(Shown):
     def _check_sides(self) -> None:
         if self.upper is None or not (self.psi.is_fixed and self.upper.is_fixed):
             return
-        below, above = self.psi.fixed(), self.upper.fixed()
+        below = self.psi.fixed()
+        above = self.upper.fixed()
         if (below > above).any():
             i = int(np.argmax(below > above))
             raise InputError(
@@ -155,7 +157,8 @@ class DistributedICP(Shown):
 
 def _own_entries(value: Any, low: int, high: int) -> Vector:
     """q in the own rows, low ≤ i < high."""
-    array, size = np.asarray(getattr(value, "array_r", value), dtype=np.float64), high - low
+    array = np.asarray(getattr(value, "array_r", value), dtype=np.float64)
+    size = high - low
     if not array.ndim:
         array = np.full(size, array)
     if array.shape != (size,):
@@ -197,7 +200,8 @@ def by_rows(problem: Any, comm: Any = None) -> DistributedICP:
     >>> icp.distributed.solve(icp.distributed.by_rows(Springs())).z.sum()
     500.0
     """
-    comm, PETSc = world(comm), petsc()
+    comm = world(comm)
+    PETSc = petsc()
     checked = problem if isinstance(problem, ByRows) else ByRows((problem.n,), problem.local_rows)
     layout = PETSc.Vec().createMPI(checked.n, comm=comm)
     with together(comm):

@@ -18,7 +18,6 @@ Kornhuber, Numer. Math. 69 (1994), for the truncation. Henson and Yang, Appl. Nu
 
 from __future__ import annotations
 
-from collections import Counter
 from functools import cached_property
 from typing import Any
 
@@ -33,7 +32,9 @@ from .ranks import petsc, release, totals
 #: up to so many rows every rank factorises all of them where nothing is coarser
 _DIRECT = 2000
 #: Krylov's steps at the most while the active set moves, and afterwards, to this part of the residual that is wanted
-_FEW, _MANY, _PART = 8, 60, 0.3
+_FEW = 8
+_MANY = 60
+_PART = 0.3
 #: times its diagonal, a row counts as apart: what is left of a residual there is nothing
 _APART = 1e100
 #: PETSc's words for: A, or the cycle, is not positive definite
@@ -71,7 +72,8 @@ class DistributedLevel:
             found = np.zeros(self.matrix.high - self.matrix.low, dtype=bool)
             found[self.chosen] = True
             return found
-        fine, ones = self.matrix.vector(), self.coarser.vector()
+        fine = self.matrix.vector()
+        ones = self.coarser.vector()
         ones.set(1.0)
         self.choosing.multTranspose(ones, fine)
         return np.asarray(fine.array_r > 0)
@@ -80,7 +82,8 @@ class DistributedLevel:
     def choosing(self) -> Any:
         """What takes the chosen out of all, a `Mat` with one 1 in each row. (For a part of a matrix PETSc wants no row
         twice, and one unknown may be chosen for two.) Collective, the first time."""
-        columns, (fine, coarse) = (self.matrix.low + self.chosen).astype(petsc().IntType), self.P.getSizes()
+        columns = (self.matrix.low + self.chosen).astype(petsc().IntType)
+        (fine, coarse) = self.P.getSizes()
         places = np.arange(columns.size + 1, dtype=columns.dtype)
         mat = petsc().Mat().createAIJ((coarse, fine), csr=(places, columns, np.ones(columns.size)), comm=self.P.comm)
         mat.assemble()
@@ -111,20 +114,14 @@ class DistributedLevels:
         transfers = [*(P for _, P in found), None]
         self.levels = [DistributedLevel(*one) for one in zip(matrices, [*matrices[1:], None], transfers, strict=True)]
         self.krylov = "cg" if matrix.is_symmetric else "gmres"
-        #: how often so far, by level: Krylov's "steps", "looks", "sweeps" and "masks"
-        self.done: Counter[tuple[str, int]] = Counter()
+        #: Krylov steps so far, on all levels
+        self.steps = 0
         self._top = -1
         self._solver: Any = None
         release(matrix.comm, self.levels[-1].matrix.comm)  # hypre's levels have a communicator of their own
 
-    @property
-    def steps(self) -> int:
-        """Krylov's steps so far, on all levels."""
-        return sum(count for (what, _), count in self.done.items() if what == "steps")
-
     def restrict(self, free: Vector, top: int) -> None:
         """Let only the rows where `free` is 1, of level `top`, take part in what is solved from now on. Collective."""
-        self.done["masks", top] += 1
         apart = 1.0
         for level in self.levels[top:]:
             mask = level.matrix.vector(free)
@@ -132,12 +129,14 @@ class DistributedLevels:
             level.J.diagonalScale(mask, mask)
             level.J.setDiagonal(level.matrix.vector(np.where(free > 0, 1.0, apart) * level.matrix.diagonal))
             if level.P is not None:
-                free, apart = level.injected(mask), _APART
+                free = level.injected(mask)
+                apart = _APART
 
     def solved(self, f: Any, top: int, J: Any, share: float | None, wanted: float | None) -> Any:
         """x with A_FF x = f_F on level `top`, 0 elsewhere, or Jx = f where a `J` is given: until ‖f − Jx‖ is a `share`
         of ‖f‖, within a few steps, or ‖D⁻¹(f − Jx)‖ at most `_PART` of `wanted`, or as near as the steps get."""
-        ksp, x = self.krylov_solver(top, J), f.duplicate()
+        ksp = self.krylov_solver(top, J)
+        x = f.duplicate()
         if wanted is None:
             ksp.setTolerances(rtol=share, atol=0.0, max_it=_FEW)
         else:
@@ -146,7 +145,7 @@ class DistributedLevels:
             ksp.setTolerances(rtol=0.0, atol=_PART * wanted * size, max_it=_MANY)
         x.zeroEntries()
         ksp.solve(f, x)
-        self.done["steps", top] += ksp.getIterationNumber()
+        self.steps += ksp.getIterationNumber()
         if ksp.getConvergedReason() in _INDEFINITE and self.krylov == "cg":
             self.krylov = "gmres"
             return self.solved(f, top, J, share, wanted)
@@ -154,7 +153,8 @@ class DistributedLevels:
 
     def krylov_solver(self, top: int, J: Any) -> Any:
         """CG or GMRES with a cycle of level `top`; it is kept until another level's is asked for."""
-        PETSc, levels = petsc(), self.levels[top:]
+        PETSc = petsc()
+        levels = self.levels[top:]
         if self._top != top:
             if self._solver is not None:
                 self._solver.destroy()
@@ -180,7 +180,8 @@ def _make_cycle(pc: Any, levels: list[DistributedLevel]) -> None:
     pc.setType("mg")
     pc.setUseAmat(False)  # or the finest residual would stay that of the first J that was given
     pc.setMGLevels(len(levels))
-    options, coarse = PETSc.Options(), pc.getMGCoarseSolve()
+    options = PETSc.Options()
+    coarse = pc.getMGCoarseSolve()
     coarse.setOperators(levels[-1].J, levels[-1].J)
     for k, level in enumerate(reversed(levels[:-1]), 1):
         pc.setMGInterpolation(k, level.P)
@@ -201,7 +202,8 @@ def _hierarchy(matrix: DistributedMatrix) -> list[tuple[Any, Any]]:
     """(A of a coarser level, the interpolation to the finer one) level by level, as PETSc makes them; none where it
     fails, or where a coarse diagonal is not positive."""
     PETSc = petsc()
-    pc, options = PETSc.PC().create(matrix.mat.comm), PETSc.Options(_PREFIX)
+    pc = PETSc.PC().create(matrix.mat.comm)
+    options = PETSc.Options(_PREFIX)
     # the smoothers that come with it are replaced: Chebyshev's would look for eigenvalues, which is half of the set-up
     for name, value in (("ksp_type", "richardson"), ("pc_type", "none")):
         if not options.hasName(f"mg_levels_{name}"):
@@ -227,7 +229,8 @@ def _representatives(P: Any, matrix: DistributedMatrix) -> tuple[NDArray[np.inte
     the own, or one of all where some have none there; and whether all of all ranks are their own. Collective."""
     from ..numerics.kernels.vcycle import largest_of  # loads numba
 
-    PETSc, coarse = petsc(), P.getLocalSize()[1]
+    PETSc = petsc()
+    coarse = P.getLocalSize()[1]
     indptr, indices, data = P.getDiagonalBlock().getValuesCSR()
     places, chosen = largest_of(indptr, indices, data, coarse)
     are_own = not totals(matrix.comm, float((places < 0).any()))[0]

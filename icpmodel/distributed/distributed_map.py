@@ -12,13 +12,13 @@ from ..algebra.cycled_equations import LEAST_SLOPE
 from ..errors import InputError, NotApplicable
 from ..numerics.arrays import Vector, described
 from ..problem.affine import Constant
-from ..problem.between import as_map
 from ..problem.elementwise import Elementwise
 from ..problem.facts import Facts
 from ..problem.map import Map
 from ..problem.matrix import Matrix
-from .distributed_matrix import Bounding, DistributedMatrix, with_entries
-from .ranks import petsc, together, totals
+from ..problem.two_sided import as_map
+from .distributed_matrix import DistributedMatrix, with_entries
+from .ranks import largest, petsc, together, totals
 
 #: of a difference quotient, relative: √u balances what it cuts off and rounding
 _STEP = 2.0**-26
@@ -45,14 +45,17 @@ class DistributedMap:
     @classmethod
     def of(cls, value: Any, matrix: DistributedMatrix, name: str) -> DistributedMap:
         """What a user gives as the obstacle `name`, psi or upper. Collective. Raises InputError."""
-        PETSc, size, G = petsc(), matrix.high - matrix.low, None
+        PETSc = petsc()
+        size = matrix.high - matrix.low
+        G = None
         with together(matrix.comm):
             if isinstance(value, tuple):
                 if len(value) != 2 or not isinstance(value[0], PETSc.Mat):
                     raise InputError(f"{name} is {described(value)}; {_WANTED}")
                 G, value = value
                 if G.getSizes() != matrix.mat.getSizes():
-                    found, wanted = G.getSizes(), matrix.mat.getSizes()
+                    found = G.getSizes()
+                    wanted = matrix.mat.getSizes()
                     raise InputError(f"{name}[0] has the sizes {found}; {wanted}, those of A, were expected")
             if isinstance(value, PETSc.Vec):
                 value = value.array.copy()
@@ -98,11 +101,11 @@ class DistributedMap:
             if self.own is None or self.own.is_constant:
                 return np.zeros(self.matrix.high - self.matrix.low)
             at = z.array_r
-            found = self.own.slopes(at)
-            if found is None:
-                step = _STEP * (1.0 + np.abs(at))
-                found = (self.own.value(at + step) - self.own.value(at)) / ((at + step) - at)
-            return found
+            J = self.own.jacobian(at)
+            if J is not None:
+                return J.diagonal()
+            step = _STEP * (1.0 + np.abs(at))
+            return (self.own.value(at + step) - self.own.value(at)) / ((at + step) - at)
 
     def fixed(self) -> Vector:
         """c with c_i = f_i(c_i) in the own rows, which serves in place of f, see `Facts.obstacle`. Local. Raises
@@ -120,9 +123,24 @@ class DistributedMap:
         return 1.0 if self.G is None else np.maximum(1.0 - self.G.getDiagonal().array, LEAST_SLOPE)
 
     @cached_property
-    def lipschitz(self) -> tuple[Vector, Any]:
-        """(ℓ, |G|): |ψ(x) − ψ(y)| ≤ ℓ|x − y| + |G||x − y|, ℓ in the own rows, |G| or None. Collective."""
+    def _lipschitz(self) -> tuple[Vector, Any]:
+        """ℓ in the own rows and |G|, or None, with |ψ(x) − ψ(y)| ≤ ℓ|x − y| + |G||x − y|. Collective."""
         own = np.zeros(self.matrix.high - self.matrix.low)
         if self.own is not None and self.own.lipschitz is not None:
             own = self.own.lipschitz.diagonal()
-        return own, None if self.G is None else Bounding(self.matrix, with_entries(self.G, np.abs))
+        return own, None if self.G is None else with_entries(self.G, np.abs)
+
+    @cached_property
+    def terms(self) -> int:
+        """How many terms a row of ψ has at the most, which bounds its rounding. Collective."""
+        if self.G is None:
+            return 3
+        lengths = np.diff(self.G.getValuesCSR()[0])
+        return 3 + int(largest(self.matrix.comm, float(lengths.max(initial=0)))[0])
+
+    def change(self, delta: Vector) -> Vector:
+        """ℓδ + |G|δ in the own rows, without its rounding. Collective."""
+        own, G = self._lipschitz
+        with np.errstate(over="ignore", invalid="ignore"):
+            total: Vector = own * delta
+            return total if G is None else total + self.matrix.image(G, self.matrix.vector(delta)).array

@@ -16,7 +16,7 @@ from ..numerics.rounding import SMALLEST, gamma
 from ..problem.matrix import weights_of
 from .ranks import largest, petsc, together, totals
 
-#: what rounding may make of xᵀAy − yᵀAx, as a share of |xᵀAy| + |yᵀAx| and of ‖x‖‖Ay‖
+#: what rounding may make of Au − Aᵀu, as a share of ‖Au‖
 _SYMMETRIC = 1e-10
 
 
@@ -101,8 +101,10 @@ class DistributedMatrix:
         """
         indptr, _, data = self.mat.getValuesCSR()
         signs = (self.diagonal > 0).all() and np.count_nonzero(data > 0) == self.diagonal.size
-        finite, entries = bool(np.isfinite(data).all()), np.diff(indptr)
-        largest_of_rows, full = np.zeros(entries.size), entries > 0
+        finite = bool(np.isfinite(data).all())
+        entries = np.diff(indptr)
+        largest_of_rows = np.zeros(entries.size)
+        full = entries > 0
         if full.any():
             largest_of_rows[full] = np.maximum.reduceat(np.abs(data, out=data), indptr[:-1][full])
         return int(entries.max(initial=0)), bool(signs), finite, weights_of(largest_of_rows)
@@ -138,18 +140,19 @@ class DistributedMatrix:
 
     @cached_property
     def is_symmetric(self) -> bool:
-        """Whether A looks symmetric: xᵀAy = yᵀAx for two vectors without a pattern, two products. It decides which
-        Krylov method is tried, and nothing that is proved."""
+        """Whether Au = Aᵀu up to rounding, for a u without pattern. Collective.
+
+        It decides which Krylov method is tried, and nothing that is proved.
+        """
         known, symmetric = self.mat.isSymmetricKnown()
         if known:
             return bool(symmetric)
-        x, y = self.vector(), self.vector()
-        for vector, step in ((x, np.sqrt(2.0)), (y, np.sqrt(3.0))):
-            vector.array = np.modf(step * (1.0 + np.arange(self.low, self.high)))[0] - 0.5
-        of_y, of_x = self.product(y), self.product(x)
-        one, other = x.dot(of_y), y.dot(of_x)
-        allowed = _SYMMETRIC * (abs(one) + abs(other)) + 1e-5 * _SYMMETRIC * x.norm() * of_y.norm()
-        return bool(abs(one - other) <= allowed)
+        u = self.vector(np.cos(np.arange(self.low, self.high) ** 2.0))
+        image = self.product(u)
+        difference = image.duplicate()
+        self.mat.multTranspose(u, difference)
+        difference.axpy(-1.0, image)
+        return bool(difference.norm() <= _SYMMETRIC * image.norm())
 
     def vector(self, own: Vector | None = None) -> Any:
         """A new PETSc vector of shape (n,), with the `own` entries, or zeros."""
@@ -173,19 +176,6 @@ class DistributedMatrix:
         return made
 
 
-class Bounding:
-    """A matrix with entries ≥ 0, a `Mat`, and how many the longest row has."""
-
-    def __init__(self, matrix: DistributedMatrix, mat: Any) -> None:
-        self.matrix, self.mat = matrix, mat
-        lengths = np.diff(mat.getValuesCSR()[0])
-        self.terms = int(largest(matrix.comm, float(lengths.max(initial=0)))[0])
-
-    def product_of(self, own: Vector) -> Vector:
-        """Gv in the own rows, for `own` entries v. Collective."""
-        return self.matrix.image(self.mat, self.matrix.vector(own)).array.copy()
-
-
 def with_entries(mat: Any, made: Callable[[Vector], Vector]) -> Any:
     """The `Mat` whose entries are `made` of those of `mat`. Collective."""
     indptr, indices, data = mat.getValuesCSR()
@@ -204,7 +194,8 @@ def check_counts(n: int, entries: int) -> None:
 
 def from_rows(rows: sp.csr_array, comm: Any) -> Any:
     """PETSc's square matrix of the `rows` that each rank gives, CSR with all columns. Collective. Raises InputError."""
-    PETSc, own = petsc(), rows.shape[0]
+    PETSc = petsc()
+    own = rows.shape[0]
     n = int(totals(comm, own)[0])
     with together(comm):
         if rows.shape[1] != n:

@@ -17,9 +17,9 @@ from ..modelling.petsc_binary import PetscFile
 from ..numerics.arrays import described
 from ..present.whole_files import as_path, check_replaceable, check_suffix, part_of, put_in_place, told
 from .distributed_icp import DistributedICP
+from .distributed_solution import DistributedSolution
 from .ranks import petsc, together, world
 from .rows_of_files import PARTED, matrix_in, vector_in
-from .solve_on_ranks import DistributedSolution
 
 Source = str | PathLike[str]
 #: in what an answer can be written: PETSc's own form, and HDF5
@@ -177,7 +177,8 @@ def save_solution(solution: DistributedSolution, path: Source) -> None:
         raise InputError(f"solution is {described(solution)}; what icpmodel.distributed.solve returns was expected")
     problem = solution.problem
     check_place_on_ranks(path, problem.comm)
-    path, vectors = as_path(path), {"z": solution.z}
+    path = as_path(path)
+    vectors = {"z": solution.z}
     if path.suffix.lower() == ".h5":
         p, below, _ = problem.sides(solution.z)
         vectors |= {"p": problem.vector(p), "r": problem.vector(below)}
@@ -220,7 +221,8 @@ def _written(path: Path, vectors: dict[str, Any], comm: Any) -> None:
                     made = stack.enter_context(part_of(path))
                     stack.callback(Path(f"{made.name}.info").unlink, missing_ok=True)  # which PETSc writes beside
                     _check_free_space(made, sum(8 * vector.getSize() for vector in vectors.values()) + _HEADS)
-        beside, hdf5 = comm.bcast(made and Path(made.name)), path.suffix.lower() == ".h5"
+        beside = comm.bcast(made and Path(made.name))
+        hdf5 = path.suffix.lower() == ".h5"
         fault = _viewed(beside, hdf5, "w", vectors, comm)
         again = {name: vector.duplicate() for name, vector in vectors.items()}
         fault = fault or _viewed(beside, hdf5, "r", again, comm)
@@ -245,7 +247,8 @@ def _check_free_space(file: BinaryIO, size: int) -> None:
 def _viewed(path: Path, hdf5: bool, mode: str, vectors: dict[str, Any], comm: Any) -> str:
     """Write, or read, the vectors by PETSc and MPI, and say what went wrong. Collective."""
     PETSc = petsc()
-    viewer, faults = PETSc.Viewer(), list[str]()
+    viewer = PETSc.Viewer()
+    faults = list[str]()
     create = viewer.createHDF5 if hdf5 else viewer.createMPIIO
     try:
         create(str(path), mode, comm=comm)

@@ -1,6 +1,6 @@
 """Inexact Newton steps on the modulus equation on one level of a hierarchy on ranks, and its start from coarser ones.
 
-The steps are those of `algebra.looks`. Projected Gauss–Seidel in the rows of each rank moves the
+The steps are those of `algebra.newton_steps`. Projected Gauss–Seidel in the rows of each rank moves the
 border of the active set. The active rows take z = ψ(z). Krylov's method with V-cycles on the free
 rows reduces Az + q there. Between the sweeps, neighbouring ranks exchange the values of their
 common rows.
@@ -15,28 +15,31 @@ from typing import Any
 import numpy as np
 
 from ..algebra.equations import Pattern
-from ..algebra.looks import SWEEPS
+from ..algebra.newton_steps import SWEEPS
 from ..numerics.arrays import Vector
-from ..problem.between import Sides, mid
+from ..problem.two_sided import ObstaclePair, mid
 from .distributed_icp import DistributedICP
 from .distributed_levels import DistributedLevel, DistributedLevels
 from .distributed_map import DistributedMap
 from .ranks import petsc, release, together, totals
 
-#: what Krylov's steps leave of Az + q in the free rows while the active set moves, until a step leaves no more of the
-#: residual than the second number: the border is then where it will be but for a few rows, and the next one may end it
-_SHARE, _SETTLED = 0.1, 0.5
-#: so many times the residual that is wanted may be left when as many sweeps again are tried before a Newton step, which
-#: costs several times as much: what is left falls at best with the number of sweeps
+#: share of Az + q that Krylov's steps leave in the free rows while the active set moves
+_SHARE = 0.1
+#: share of the residual that a step leaves when the active set has settled but for a few rows
+_SETTLED = 0.5
+#: multiple of the wanted residual below which sweeps are tried once more, as a Newton step costs several times as much
 _WITHIN = 2.0
-#: a coarser level is left at this share of the residual that it begins with, which is well below what interpolation to
-#: the next one brings in, as full multigrid has it; or after so many looks
-_COARSE, _LOOKS = 0.02, 8
+#: share of its first residual at which a coarser level ends: below the error of interpolation, as in full multigrid
+_COARSE = 0.02
+#: Newton steps on a coarser level at the most
+_COARSE_STEPS = 8
 
 
-class LookOnRanks:
-    """z with all that is evaluated there: p, z − ψ `below`, z − ψ̄ `above`, the pattern, the residual, and whether the
-    pattern `moved` from `taken`. One product and one reduction."""
+class Evaluation:
+    """p, z − ψ `below`, z − ψ̄ `above`, the active set and the residual at z; one product and one reduction.
+
+    `moved` says whether the active set differs from `taken` on any rank.
+    """
 
     def __init__(self, problem: DistributedICP, z: Any, taken: Pattern | None) -> None:
         self.problem, self.z = problem, z
@@ -46,19 +49,24 @@ class LookOnRanks:
             a = self.p / problem.matrix.diagonal * problem.psi.own_slope
             self.pattern = Pattern.of(self.below, self.above, a)
             squares = float(np.sum(mid(problem.matrix.row_weights * self.p, self.below, self.above) ** 2))
-        moved = taken is None or not self.pattern.is_that_of(taken)
+        moved = taken is None or not self.pattern.same_sides(taken)
         total, changes = totals(problem.comm, squares, float(moved))
         self.residual, self.moved = float(np.sqrt(total)), changes > 0
 
     def swept(self, count: int) -> Any:
-        """z after `count` sweeps of projected Gauss–Seidel in the rows of each rank, which is told between them of what
-        the others have; the obstacles are as they were. Collective."""
+        """z after `count` sweeps of projected Gauss–Seidel in the rows of each rank. Collective.
+
+        Ranks exchange their values between two sweeps; the obstacles stay as they were.
+        """
         from ..algebra.kernels.sweeps import SWEEPS as LOOPS  # loads numba
 
-        problem, matrix, z, at = self.problem, self.problem.matrix, self.z.array_r, self.z.copy()
+        problem = self.problem
+        matrix = self.problem.matrix
+        z = self.z.array_r
+        at = self.z.copy()
         psi: Any = z - self.below
         if self.above is not None:
-            psi = Sides(psi, z - self.above)
+            psi = ObstaclePair(psi, z - self.above)
         z, out = z.copy(), np.empty(z.size)
         for k in range(count):
             q = matrix.with_others(problem.q, at)
@@ -69,58 +77,63 @@ class LookOnRanks:
         return at
 
 
-def looks(
+def newton_steps(
     levels: DistributedLevels, problem: DistributedICP, z: Any, top: int, wanted: float | None = None
-) -> Generator[LookOnRanks, float | None, None]:
-    """Newton's steps on level `top`, whose problem is `problem`, as `simplified` makes it: a look after each.
+) -> Generator[Evaluation, float | None, None]:
+    """Newton's steps on level `top`, whose problem is `problem`, as `simplified` makes it: the evaluation after each.
 
-    What is sent is the residual that is `wanted` from then on, or None.
+    The residual that is `wanted` from then on, or None, is sent.
     """
     taken: Pattern | None = None
     before = np.inf
     while True:
-        look = LookOnRanks(problem, z, taken)
-        levels.done["looks", top] += 1
+        at = Evaluation(problem, z, taken)
         enough = wanted or 0.0
         for most in (np.inf, _WITHIN * enough):
-            if look.moved and enough < look.residual <= most:
-                look = LookOnRanks(problem, look.swept(SWEEPS), taken)
-                levels.done["sweeps", top] += 1
-        wanted = yield look
-        if look.moved:
-            taken = look.pattern
+            if at.moved and enough < at.residual <= most:
+                at = Evaluation(problem, at.swept(SWEEPS), taken)
+        wanted = yield at
+        if at.moved:
+            taken = at.pattern
             levels.restrict(np.where(taken.active, 0.0, 1.0), top)
-        settled = not look.moved or look.residual <= _SETTLED * before < np.inf
-        z, before = _stepped(levels, look, top, wanted if settled else None), look.residual
+        settled = not at.moved or at.residual <= _SETTLED * before < np.inf
+        z = _stepped(levels, at, top, wanted if settled else None)
+        before = at.residual
         release(problem.comm)
 
 
-def _stepped(levels: DistributedLevels, look: LookOnRanks, top: int, wanted: float | None) -> Any:
-    """z after one Newton step from `look`, until ‖Az + q‖ in the free rows is a fraction of `wanted`, or a tenth."""
-    problem, active = look.problem, look.pattern.active
-    J, at_rest = _coupled(look), np.where(active, look.pattern.r, 0.0)
+def _stepped(levels: DistributedLevels, at: Evaluation, top: int, wanted: float | None) -> Any:
+    """z after one Newton step from `at`, until ‖Az + q‖ in the free rows is a fraction of `wanted`, or a tenth."""
+    problem = at.problem
+    active = at.pattern.active
+    J = _coupled(at)
+    at_rest = np.where(active, at.pattern.r, 0.0)
     if J is None:  # z = ψ(z) in the active rows needs no equations
-        z = problem.vector(look.z.array_r - at_rest)
+        z = problem.vector(at.z.array_r - at_rest)
         f = np.where(active, 0.0, -(problem.matrix.product(z).array_r + problem.q))
     else:
-        z, f = look.z, np.where(active, -at_rest * problem.matrix.diagonal, -look.p)
+        z = at.z
+        f = np.where(active, -at_rest * problem.matrix.diagonal, -at.p)
     step = levels.solved(problem.vector(f), top, J, _SHARE if wanted is None else None, wanted)
     if np.isfinite(step.norm()):
         z.axpy(1.0, step)
     return z
 
 
-def _coupled(look: LookOnRanks) -> Any:
+def _coupled(at: Evaluation) -> Any:
     """The Newton matrix where an obstacle moves with other unknowns, else None: rows of A, and of D(I − F′ − G) where
     active."""
-    problem, pattern = look.problem, look.pattern
+    problem = at.problem
+    pattern = at.pattern
     if all(one.G is None for one in problem.maps):
         return None
-    Mat, matrix = petsc().Mat, problem.matrix
-    J, own = matrix.mat.duplicate(copy=True), np.where(pattern.active, matrix.diagonal, 0.0)
+    Mat = petsc().Mat
+    matrix = problem.matrix
+    J = matrix.mat.duplicate(copy=True)
+    own = np.where(pattern.active, matrix.diagonal, 0.0)
     J.diagonalScale(matrix.vector(np.where(pattern.active, 0.0, 1.0)))
     for one, rows in zip(problem.maps, pattern.sides(), strict=True):
-        own -= np.where(rows, matrix.diagonal * one.slopes(look.z), 0.0)
+        own -= np.where(rows, matrix.diagonal * one.slopes(at.z), 0.0)
         if one.G is not None:
             G = one.G.duplicate(copy=True)
             G.diagonalScale(matrix.vector(np.where(rows, -matrix.diagonal, 0.0)))
@@ -131,22 +144,23 @@ def _coupled(look: LookOnRanks) -> Any:
 
 def start(levels: DistributedLevels, problem: DistributedICP) -> Any:
     """z from the coarser levels, each of which begins with the answer of the one below it; see `methods.multilevel`."""
-    problems, shifts = [problem], []
+    problems = [problem]
+    shifts = []
     for level, coarser in pairwise(levels.levels):
         coarse, shift = _coarse(problems[-1], level, coarser)
         problems.append(coarse)
         shifts.append(shift)
     z = problems[-1].vector()
     for top in range(len(problems) - 1, 0, -1):
-        path = looks(levels, problems[top], z, top)
-        look = next(path)
-        enough = _COARSE * look.residual
-        for _ in range(_LOOKS - 1):
-            if look.residual <= enough:
+        path = newton_steps(levels, problems[top], z, top)
+        at = next(path)
+        enough = _COARSE * at.residual
+        for _ in range(_COARSE_STEPS - 1):
+            if at.residual <= enough:
                 break
-            look = path.send(enough)
+            at = path.send(enough)
         problems[top].matrix.forget_parts()
-        z = levels.levels[top - 1].interpolated(look.z)
+        z = levels.levels[top - 1].interpolated(at.z)
         z.array = z.array_r + shifts[top - 1]
     return z
 

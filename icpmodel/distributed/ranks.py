@@ -102,7 +102,8 @@ def _in_words(fault: BaseException | None) -> str:
 
 def totals(comm: Any, *numbers: float) -> list[float]:
     """The sums of the `numbers` over all ranks, in one reduction."""
-    mine, every = np.array(numbers, dtype=np.float64), np.empty(len(numbers))
+    mine = np.array(numbers, dtype=np.float64)
+    every = np.empty(len(numbers))
     comm.Allreduce(mine, every)
     return [float(x) for x in every]
 

@@ -34,7 +34,9 @@ def matrix_in(path: Path, comm: Any) -> Any:
 def vector_in(path: Path, mat: Any) -> Vector:
     """The entries, for the rows of `mat` that this rank has, of the vector in the file `path`. Collective. Raises
     FileError on all ranks."""
-    (low, high), n, comm = mat.getOwnershipRange(), mat.getSize()[0], mat.comm.tompi4py()
+    (low, high) = mat.getOwnershipRange()
+    n = mat.getSize()[0]
+    comm = mat.comm.tompi4py()
     if path.suffix.lower() == ".bin":
         with together(comm), opened(path, comm.size) as (raw, size):
             file = PetscFile(path, raw, size)
@@ -84,7 +86,8 @@ def _petsc_matrix(path: Path, comm: Any) -> Any:
     with together(comm), opened(path, comm.size) as (raw, size):
         lengths = PetscFile(path, raw, size).lengths(low, high)
     count = int(lengths.sum())
-    before, total = comm.exscan(count) or 0, comm.allreduce(count)
+    before = comm.exscan(count) or 0
+    total = comm.allreduce(count)
     with together(comm), opened(path, comm.size) as (raw, size):
         rows = PetscFile(path, raw, size).matrix(lengths, low, before, total)
     return from_rows(rows, comm)
@@ -100,7 +103,8 @@ def _market(path: Path, comm: Any, n: int | None) -> tuple[MarketHead, Places, P
         ends = [begin + (size - begin) * k // comm.size for k in (comm.rank, comm.rank + 1)]
         found = numbers_of(path, head, lines_within(raw, begin, *ends))
     _check_same(path, comm, (head, size))
-    before, total = comm.exscan(found.size) or 0, comm.allreduce(found.size)
+    before = comm.exscan(found.size) or 0
+    total = comm.allreduce(found.size)
     with together(comm):
         check_count(path, head, total)
         i, j, values = entries_of(path, head, found, before)

@@ -7,146 +7,36 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from ..errors import InputError, MapError, NotApplicable, NotSolved
-from ..numerics.arrays import as_truth
+from ..numerics.arrays import as_truth, smallest_size
 from ..numerics.rounding import sheltered
-from ..present.card import Card
-from ..present.shown import Shown
 from ..solve.goal import RTOL, Limits
 from ..solve.progress import status_line
 from ..solve.solution import Status
-from .distributed_bound import DistributedCertificate, certify, rounding
+from .distributed_bound import rounding
 from .distributed_icp import DistributedICP
 from .distributed_levels import DistributedLevels
-from .newton_on_ranks import LookOnRanks, looks, simplified, start
+from .distributed_solution import DistributedSolution
+from .newton_on_ranks import Evaluation, newton_steps, simplified, start
 from .ranks import largest, norm, release, together, totals
 
 #: a start with this share of Res_D(0) is kept
 _NEAR = 1e-7
-#: what counts as reduced, and how many Newton steps may fail to
-_REDUCED, _PATIENCE = 0.9, 5
-#: rounding explains nothing where it leaves more than this share of the first residual, as in `solve.run`
+#: factor that counts as a reduction of the residual
+_REDUCED = 0.9
+#: Newton steps without a reduction before sweeps take over
+_PATIENCE = 5
+#: share of the first residual above which rounding is no explanation, as in `solve.run`
 _LOW = 0.1
-#: where they do, so many rounds of sweeps must, and that may happen so often
-_ROUNDS, _SWEEPS, _RESCUES = 100, 8, 10
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class DistributedSolution(Shown):
-    """An answer on ranks: the returned z, the reason why the run stopped and, on request, what is certain of z.
-
-    Attributes
-    ----------
-    problem : DistributedICP
-        The problem.
-    z : Vec
-        The best iterate.
-    status : Status
-        Why the run stopped.
-    message : str
-        The same in words, with advice.
-    residual : float
-        Res_D(z).
-    tolerance : float
-        The tolerance for the residual.
-    iterations : int
-        Newton steps and rounds of sweeps on the finest level.
-    krylov_steps : int
-        Krylov steps on all levels.
-    sizes : tuple of int
-        The number of unknowns of each level.
-    seconds : float
-        Time, set-up included.
-
-    Examples
-    --------
-    >>> solution = icp.distributed.solve(icp.distributed.distribute(icp.scenes.membrane(n=100).problem))
-    >>> solution.status, solution.solved
-    (<Status.SOLVED: 'solved'>, True)
-    """
-
-    problem: DistributedICP
-    z: Any
-    status: Status
-    message: str
-    residual: float
-    tolerance: float
-    iterations: int
-    krylov_steps: int
-    sizes: tuple[int, ...]
-    seconds: float
-    levels: DistributedLevels | None = field(repr=False)
-
-    @property
-    def solved(self) -> bool:
-        """Whether the status is SOLVED."""
-        return self.status is Status.SOLVED
-
-    def __bool__(self) -> bool:
-        return self.solved
-
-    @sheltered
-    def certify(self) -> DistributedCertificate:
-        """State what is certain of z: the error bound, uniqueness, and which rows are decided.
-
-        Collective: all ranks must call it. It costs about one linear solve, once.
-        """
-        return self._certificate
-
-    @cached_property
-    def _certificate(self) -> DistributedCertificate:
-        return certify(self.problem, self.z, self.levels)
-
-    def summary(self) -> dict[str, str]:
-        """What `print` shows, as names and texts. The bound is in it once all ranks have called `certify`."""
-        many = "s" if self.problem.comm.size > 1 else ""
-        steps = f"{self.iterations} iteration{'' if self.iterations == 1 else 's'}"
-        rows = {
-            "problem": f"{self.problem.n} unknowns on {self.problem.comm.size} rank{many}",
-            "status": f"{self.status.value} after {steps} and {self.krylov_steps} Krylov steps",
-            "method": f"multilevel modulus Newton on {len(self.sizes)} levels",
-            "residual": f"{self.residual:.3g} (stop at {self.tolerance:.3g})",
-        }
-        known = vars(self).get("_certificate")
-        if known is not None:
-            rows |= {"error": known.bound.in_words(), "rows": known.rows}
-        if not self.solved:
-            rows["message"] = self.message
-        return rows | {"seconds": f"{self.seconds:.3g}"}
-
-    def about(self) -> dict[str, Any]:
-        """The same as plain data for JSON."""
-        known = vars(self).get("_certificate")
-        told = {
-            "n": self.problem.n,
-            "ranks": self.problem.comm.size,
-            "status": self.status.value,
-            "message": self.message,
-            "residual": self.residual,
-            "tolerance": self.tolerance,
-            "iterations": self.iterations,
-            "krylov_steps": self.krylov_steps,
-            "levels": list(self.sizes),
-            "seconds": self.seconds,
-        }
-        if known is not None:
-            bound = known.bound
-            told |= {"error_bound": bound.value, "unique": bound.unique or None, "proof": bound.proof or None}
-            told |= {"no_error_bound_because": bound.reason or None}
-            told |= {f"rows_{name}": getattr(known, name) for name in ("active", "inactive", "above", "undecided")}
-        return {name: None if isinstance(x, float) and not np.isfinite(x) else x for name, x in told.items()}
-
-    def __repr__(self) -> str:
-        return f"DistributedSolution({self.problem!r}, {self.status.value}, residual={self.residual:.3g})"
-
-    def __str__(self) -> str:
-        return str(Card(self.summary()))
+#: rounds of sweeps that may take over, and how many sweeps a round has
+_ROUNDS = 100
+_SWEEPS = 8
+#: how often sweeps take over
+_RESCUES = 10
 
 
 @sheltered
@@ -232,7 +122,7 @@ def solve(
         raise NotApplicable("the diagonal of A has an entry that is not positive, which sweeps and multigrid divide by")
     with _watch(problem.comm, limits) as watch, status_line(progress and problem.comm.rank == 0) as say:
         run = _Run(problem, limits, watch, say)
-        status, note = run.carried_out(z0)
+        status, note = run.status_from(z0)
     solution = run.solution(status, note)
     if raise_on_failure and not solution.solved:
         raise NotSolved(solution)
@@ -243,7 +133,8 @@ def solve(
 def _watch(comm: Any, limits: Limits) -> Iterator[Callable[[], Status | None]]:
     """What tells, on all ranks the same, whether Ctrl-C was pressed or the time is over. Ctrl-C, and what mpiexec sends
     then, perhaps twice, is a flag as long as the block lasts; a second Ctrl-C is what it was before."""
-    begin, pressed = time.perf_counter(), list[int]()
+    begin = time.perf_counter()
+    pressed = list[int]()
     old: dict[int, Any] = {}
 
     def note(signum: int, frame: Any) -> None:
@@ -277,7 +168,7 @@ class _Run:
         self.levels: DistributedLevels | None = None
         self.best, self.least, self.size = problem.vector(), np.inf, np.inf
 
-    def carried_out(self, z0: Any) -> tuple[Status, str]:
+    def status_from(self, z0: Any) -> tuple[Status, str]:
         """(the status, what is to be said of it)."""
         problem = self.problem
         at_0 = problem.residual(problem.vector())
@@ -308,35 +199,39 @@ class _Run:
 
     def _steps(self, simple: DistributedICP, z: Any) -> tuple[Status, str]:
         assert self.levels is not None
-        mark, since, rescues = np.inf, 0, 0
-        path = looks(self.levels, simple, z, 0, self.wanted)
-        look = next(path)
+        mark = np.inf
+        since = 0
+        rescues = 0
+        path = newton_steps(self.levels, simple, z, 0, self.wanted)
+        at = next(path)
         while True:
-            residual = look.residual if simple is self.problem else self.problem.residual(look.z)
-            self._seen(look.z, residual)
+            residual = at.residual if simple is self.problem else self.problem.residual(at.z)
+            self._seen(at.z, residual)
             self.say(f"iteration {self.iterations}, residual {residual:.2e} -> {self.tolerance:.2e}")
-            if self._reached(look.z, residual):
+            if self._reached(at.z, residual):
                 return Status.SOLVED, ""
             if self.iterations >= self.limits.max_iter:
                 return Status.ITERATION_LIMIT, f"{self.iterations} iterations"
             if (stop := self.watch()) is not None:
                 return stop, f"in iteration {self.iterations}"
             if np.isnan(residual):
-                _check_maps(self.problem, look.z, f"in iteration {self.iterations}")
+                _check_maps(self.problem, at.z, f"in iteration {self.iterations}")
             since += 1
             if residual <= _REDUCED * mark:
-                mark, since = residual, 0
+                mark = residual
+                since = 0
             if since > _PATIENCE or not np.isfinite(residual):
-                if self.least <= 2.0 * (noise := self._noise()) < _LOW * self.scale:
+                if self.least <= 2.0 * (noise := self._rounding()[0]) < _LOW * self.scale:
                     return Status.PRECISION_LIMIT, f"rounding leaves a residual of up to about {noise:.2g} at this z"
                 rescues += 1
                 rescued = self._swept(simple) if rescues <= _RESCUES else None
                 if rescued is None:
                     return Status.STAGNATED, "neither Newton's steps nor sweeps reduce the residual any more"
-                path = looks(self.levels, simple, rescued, 0, self.wanted)
-                look, since = next(path), 0
+                path = newton_steps(self.levels, simple, rescued, 0, self.wanted)
+                at = next(path)
+                since = 0
             else:
-                look = path.send(self.wanted)
+                at = path.send(self.wanted)
             self.iterations += 1
 
     def _reached(self, z: Any, residual: float) -> bool:
@@ -353,23 +248,20 @@ class _Run:
         """z from the best iterate by sweeps, with a residual that counts as reduced, or None."""
         z = self.best
         for _ in range(_ROUNDS):
-            look = LookOnRanks(simple, z, None)
-            if look.residual <= _REDUCED * self.least:
-                return look.z
-            if self.iterations >= self.limits.max_iter or not np.isfinite(look.residual):
+            at = Evaluation(simple, z, None)
+            if at.residual <= _REDUCED * self.least:
+                return at.z
+            if self.iterations >= self.limits.max_iter or not np.isfinite(at.residual):
                 return None
-            z = look.swept(_SWEEPS)
+            z = at.swept(_SWEEPS)
             release(self.problem.comm)
             self.iterations += 1
         return None
 
-    def _noise(self) -> float:
-        """What rounding may make of the residual of the best iterate."""
-        return self._noises()[0]
-
-    def _noises(self) -> tuple[float, float]:
+    def _rounding(self) -> tuple[float, float]:
         """What rounding may make of Res_D and of Res there. Collective."""
-        (for_p, for_r), comm = rounding(self.problem, self.best), self.problem.comm
+        (for_p, for_r) = rounding(self.problem, self.best)
+        comm = self.problem.comm
         weighted = np.maximum(self.problem.matrix.row_weights * for_p, for_r)
         return norm(comm, weighted), norm(comm, np.maximum(for_p, for_r))
 
@@ -379,13 +271,15 @@ class _Run:
 
     def solution(self, status: Status, note: str) -> DistributedSolution:
         """The best iterate, judged once more, rounding included."""
-        problem, residual = self.problem, self.least
+        problem = self.problem
+        residual = self.least
         if status is Status.SOLVED:
-            luck, of_paper = self._noises()
+            luck, of_paper = self._rounding()
             atol = self.limits.atol
             sure = residual + luck <= self.tolerance or (atol and problem.paper_residual(self.best) + of_paper <= atol)
             if not sure and max(self.tolerance, atol) > 0:
-                status, note = Status.PRECISION_LIMIT, f"rounding may be worth {luck:.3g} of it"
+                status = Status.PRECISION_LIMIT
+                note = f"rounding may be worth {luck:.3g} of it"
         message = "solved"
         if status is not Status.SOLVED:
             message = (
@@ -409,13 +303,11 @@ class _Run:
 
 
 def _least_term(problem: DistributedICP) -> float:
-    """The smallest of |q_i|/d_i, |ψ_i(0)| and |ψ̄_i(0)| that is not 0, 0 where there is none: see
-    `ProblemData.residual_scale`. Collective."""
-    _, below, above = problem.sides(problem.vector())
-    sizes = np.abs(np.concatenate([problem.matrix.row_weights * problem.q, below, *([] if above is None else [above])]))
-    inverse = 1.0 / sizes[(sizes > 0.0) & (sizes < np.inf)]
-    most = largest(problem.comm, float(inverse.max(initial=0.0)))[0]
-    return 1.0 / most if most > 0.0 else 0.0
+    """The smallest term of Res_D(0) that is not 0, or 0, as in `ProblemData.residual_scale`. Collective."""
+    _, *sides = problem.sides(problem.vector())
+    least = smallest_size(problem.matrix.row_weights * problem.q, *(side for side in sides if side is not None))
+    inverse = largest(problem.comm, 1.0 / least if least else 0.0)[0]
+    return 1.0 / inverse if inverse else 0.0
 
 
 def _check_maps(problem: DistributedICP, z: Any, when: str) -> None:

@@ -1,0 +1,134 @@
+"""An answer on ranks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..numerics.rounding import sheltered
+from ..present.card import Card
+from ..present.shown import Shown
+from ..solve.solution import Status
+from .distributed_bound import DistributedCertificate, certify
+from .distributed_icp import DistributedICP
+from .distributed_levels import DistributedLevels
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DistributedSolution(Shown):
+    """An answer on ranks: the returned z, the reason why the run stopped and, on request, what is certain of z.
+
+    Attributes
+    ----------
+    problem : DistributedICP
+        The problem.
+    z : Vec
+        The best iterate.
+    status : Status
+        Why the run stopped.
+    message : str
+        The same in words, with advice.
+    residual : float
+        Res_D(z).
+    tolerance : float
+        The tolerance for the residual.
+    iterations : int
+        Newton steps and rounds of sweeps on the finest level.
+    krylov_steps : int
+        Krylov steps on all levels.
+    sizes : tuple of int
+        The number of unknowns of each level.
+    seconds : float
+        Time, set-up included.
+
+    Examples
+    --------
+    >>> solution = icp.distributed.solve(icp.distributed.distribute(icp.scenes.membrane(n=100).problem))
+    >>> solution.status, solution.solved
+    (<Status.SOLVED: 'solved'>, True)
+    """
+
+    problem: DistributedICP
+    z: Any
+    status: Status
+    message: str
+    residual: float
+    tolerance: float
+    iterations: int
+    krylov_steps: int
+    sizes: tuple[int, ...]
+    seconds: float
+    levels: DistributedLevels | None = field(repr=False)
+
+    @property
+    def solved(self) -> bool:
+        """Whether the status is SOLVED."""
+        return self.status is Status.SOLVED
+
+    def __bool__(self) -> bool:
+        return self.solved
+
+    @sheltered
+    def certify(self) -> DistributedCertificate:
+        """State what is certain of z: the error bound, uniqueness, and which rows are decided.
+
+        Collective: all ranks must call it. It costs about one linear solve, once.
+        """
+        return self._certificate
+
+    @cached_property
+    def _certificate(self) -> DistributedCertificate:
+        return certify(self.problem, self.z, self.levels)
+
+    @property
+    def _known(self) -> DistributedCertificate | None:
+        """The certificate, once all ranks have called `certify`."""
+        return vars(self).get("_certificate")
+
+    def summary(self) -> dict[str, str]:
+        """What `print` shows, as names and texts. The bound is in it once all ranks have called `certify`."""
+        many = "s" if self.problem.comm.size > 1 else ""
+        steps = f"{self.iterations} iteration{'' if self.iterations == 1 else 's'}"
+        rows = {
+            "problem": f"{self.problem.n} unknowns on {self.problem.comm.size} rank{many}",
+            "status": f"{self.status.value} after {steps} and {self.krylov_steps} Krylov steps",
+            "method": f"multilevel modulus Newton on {len(self.sizes)} levels",
+            "residual": f"{self.residual:.3g} (stop at {self.tolerance:.3g})",
+        }
+        known = self._known
+        if known is not None:
+            rows |= {"error": known.bound.in_words(), "rows": known.rows}
+        if not self.solved:
+            rows["message"] = self.message
+        return rows | {"seconds": f"{self.seconds:.3g}"}
+
+    def about(self) -> dict[str, Any]:
+        """The same as plain data for JSON."""
+        found = {
+            "n": self.problem.n,
+            "ranks": self.problem.comm.size,
+            "status": self.status.value,
+            "message": self.message,
+            "residual": self.residual,
+            "tolerance": self.tolerance,
+            "iterations": self.iterations,
+            "krylov_steps": self.krylov_steps,
+            "levels": list(self.sizes),
+            "seconds": self.seconds,
+        }
+        known = self._known
+        if known is not None:
+            bound = known.bound
+            found |= {"error_bound": bound.value, "unique": bound.unique or None, "proof": bound.proof or None}
+            found |= {"no_error_bound_because": bound.reason or None}
+            found |= {f"rows_{name}": getattr(known, name) for name in ("active", "inactive", "above", "undecided")}
+        return {name: None if isinstance(x, float) and not np.isfinite(x) else x for name, x in found.items()}
+
+    def __repr__(self) -> str:
+        return f"DistributedSolution({self.problem!r}, {self.status.value}, residual={self.residual:.3g})"
+
+    def __str__(self) -> str:
+        return str(Card(self.summary()))
