@@ -32,6 +32,8 @@ _NUDGE = 1e-8
 #: blocks: entries within 2^±so many of each other need no units of their own; pivots per row
 _TAME = 40
 _PIVOTS = 50
+#: the exponent of 0
+_NONE = -5000
 
 
 @compiled
@@ -305,15 +307,54 @@ def row(indptr, indices, data, i, z):
 
 
 @compiled
+def _block(indptr, indices, data, q, c, slopes, block, place, z):
+    # the LCP of the rows in `block` over their obstacles, z being what it is in the others: (S, exponent, f, free),
+    # where 2^-exponent S has entries up to 1; the exponent is _NONE where the block needs units of its own. To z goes
+    # the obstacle, or 0 where there is none
+    b = block.size
+    S = np.zeros((b, b))
+    f = np.empty(b)
+    free = np.empty(b, np.bool_)
+    for at in range(b):
+        i = block[at]
+        place[i] = at
+        free[at] = c[i] == -np.inf
+        z[i] = 0.0 if free[at] else c[i] + row(*slopes, i, z)[1]
+    low = -_NONE
+    high = _NONE
+    finite = True
+    for at in range(b):
+        i = block[at]
+        f[at] = q[i]
+        for e in range(indptr[i], indptr[i + 1]):
+            f[at] += data[e] * z[indices[e]]
+            if place[indices[e]] >= 0:
+                S[at, place[indices[e]]] += data[e]
+        finite = finite and math.isfinite(f[at])
+        for j in range(b):
+            if S[at, j] != 0.0:
+                low = min(low, math.frexp(S[at, j])[1])
+                high = max(high, math.frexp(S[at, j])[1])
+    for at in range(b):
+        place[block[at]] = -1
+    return S, high if finite and high - low <= _TAME else _NONE, f, free
+
+
+@compiled
 def apart(indptr, indices, data, q, c, slopes, above, rows, starts, wanted, z):
     # the wanted blocks k, rows[starts[k] : starts[k + 1]], in turn: a row is a maximum, more are pivoted, G = `slopes`
     # having no entry there. Returns which may be solved: none that needs units of its own, or need not have one answer.
     # `above` is None, or (slopes, d) of the obstacle above; then there are only rows
-    solved = np.zeros_like(wanted)
-    place = np.full(z.size, -1, np.int32)
-    for k in np.flatnonzero(wanted):
-        b = starts[k + 1] - starts[k]
-        i = rows[starts[k]]
+    solved = np.zeros(wanted.size, np.bool_)
+    place = np.empty(z.size, np.int32)
+    for i in range(z.size):
+        place[i] = -1
+    for k in range(wanted.size):
+        if not wanted[k]:
+            continue
+        block = rows[starts[k] : starts[k + 1]]
+        b = block.size
+        i = block[0]
         if b == 1:
             own, p = row(indptr, indices, data, i, z)
             slope, r = row(*slopes, i, z)
@@ -323,27 +364,17 @@ def apart(indptr, indices, data, q, c, slopes, above, rows, starts, wanted, z):
                 z[i] = min((r + above[1][i]) / (1.0 - slope), z[i])
             solved[k] = own > 0.0 and slope < 1.0 and math.isfinite(z[i])
             continue
-        block = rows[starts[k] : starts[k + 1]]
-        S = np.zeros((b, b))
-        f = np.empty(b)
-        free = c[block] == -np.inf
-        for at in range(b):
-            place[block[at]] = at
-            z[block[at]] = 0.0 if free[at] else c[block[at]] + row(*slopes, block[at], z)[1]
-        for at in range(b):
-            f[at] = q[block[at]]
-            for e in range(indptr[block[at]], indptr[block[at] + 1]):
-                f[at] += data[e] * z[indices[e]]
-                if place[indices[e]] >= 0:
-                    S[at, place[indices[e]]] += data[e]
-        place[block] = -1
-        size = np.abs(S.ravel())
-        low = math.frexp(np.min(np.where(size > 0.0, size, np.inf)))[1]
-        high = math.frexp(np.max(size))[1]
-        if high - low > _TAME or not np.all(np.isfinite(f)):
+        S, high, f, free = _block(indptr, indices, data, q, c, slopes, block, place, z)
+        if high == _NONE:
             continue
-        state = begin(np.ldexp(S, -high), np.full(b, -high), np.zeros(b, np.int64), f, free)
-        code, _, y, _ = go_on(*state, START, _PIVOTS * (b + 1))
+        exponents = np.empty(b, np.int64)
+        none = np.zeros(b, np.int64)
+        for at in range(b):
+            exponents[at] = -high
+            for j in range(b):
+                S[at, j] = math.ldexp(S[at, j], -high)
+        code, _, y, _ = go_on(*begin(S, exponents, none, f, free), START, _PIVOTS * (b + 1))
         solved[k] = code == SOLVED
-        z[block] += y
+        for at in range(b):
+            z[block[at]] += y[at]
     return solved

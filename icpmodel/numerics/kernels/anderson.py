@@ -59,7 +59,8 @@ def combine(F, G, known, newest, weight, least, out):
         size = min(_BLOCK, n - start)
         block = out[start : start + size]
         image = G[newest, start : start + size]
-        block[:] = image
+        for i in range(size):
+            block[i] = image[i]
         for j in range(last):
             other = G[order[j], start : start + size]
             factor = gamma[j]

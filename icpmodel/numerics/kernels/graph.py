@@ -50,33 +50,44 @@ def stages(indptr, indices, part, rows, starts, core):
 @compiled
 def spread(indptr, indices, chosen, seeds, most):
     # `chosen` with the `seeds` and, in layers around these, up to so many more: columns that rows have entries in
-    chosen, queue, first = chosen | seeds, np.empty(chosen.size, np.int32), np.flatnonzero(seeds)
+    n = chosen.size
+    found = np.empty(n, np.bool_)
+    queue = np.empty(n, np.int32)
     at = 0
-    end = first.size
-    queue[:end] = first
+    end = 0
+    for i in range(n):
+        found[i] = chosen[i] or seeds[i]
+        if seeds[i]:
+            queue[end] = i
+            end += 1
     most += end
     while at < end <= most:
         layer = end
         while at < layer:
             for e in range(indptr[queue[at]], indptr[queue[at] + 1]):
                 j = indices[e]
-                if not chosen[j]:
-                    chosen[j] = True
+                if not found[j]:
+                    found[j] = True
                     queue[end] = j
                     end += 1
             at += 1
         if end > most:
-            chosen[queue[layer:end]] = False
-    return chosen
+            for k in range(layer, end):
+                found[queue[k]] = False
+    return found
 
 
 @compiled
 def cut(indptr, indices, data, q, rows, z):
     # A and q in the unknowns `rows` alone, these ascending, all others being what they are in z
-    place = np.full(z.size, -1, indices.dtype)
     m = rows.size
-    place[rows] = np.arange(m)
-    entries = np.sum(indptr[rows + 1] - indptr[rows])
+    place = np.empty(z.size, indices.dtype)
+    for i in range(z.size):
+        place[i] = -1
+    entries = 0
+    for t in range(m):
+        place[rows[t]] = t
+        entries += indptr[rows[t] + 1] - indptr[rows[t]]
     starts = np.empty(m + 1, indptr.dtype)
     columns = np.empty(entries, indices.dtype)
     values = np.empty(entries)
@@ -115,7 +126,10 @@ def mirrored(indptr, indices, data):
             ahead[j] += 1
             k += one()
         ahead[i] = k + one() if k < stop and indices[k] == i else k
-    return (ahead >= indptr[1:]).all()
+    complete = True
+    for i in range(n):
+        complete &= ahead[i] >= indptr[i + 1]
+    return complete
 
 
 @inlined
@@ -165,8 +179,9 @@ def signs(indptr, indices, data, same):
                     return none
             k += one()
         ahead[i] = k + one() if k < stop and indices[k] == i else k
-    if (ahead < indptr[1:]).any():
-        return none
+    for i in range(n):
+        if ahead[i] < indptr[i + 1]:
+            return none
     found = np.empty(n)
     for i in range(n):
         found[i] = _root(i, into, sign)[1]
@@ -186,12 +201,17 @@ def diagonals(indptr, indices, data, top, band):
 @compiled
 def layers(indptr, indices, data, first):
     # breadth-first layers along the stored nonzeros j -> indices of row j; layer -1: not reached
-    layer = np.where(first, 0, -1)
-    order = np.empty(first.size, np.int64)
-    start = np.flatnonzero(first)
+    n = first.size
+    layer = np.empty(n, np.int64)
+    order = np.empty(n, np.int64)
     at = 0
-    filled = start.size
-    order[:filled] = start
+    filled = 0
+    for i in range(n):
+        layer[i] = -1
+        if first[i]:
+            layer[i] = 0
+            order[filled] = i
+            filled += 1
     while at < filled:
         j = order[at]
         for k in range(uint(indptr[j]), uint(indptr[j + 1])):
