@@ -10,7 +10,6 @@ from icpmodel.errors import OutOfMemory
 from icpmodel.numerics import work
 from icpmodel.numerics.factorisation import factorise
 from icpmodel.numerics.fill import SymbolicAnalysis, of_band, predicted_fill
-from icpmodel.problem.matrix import Matrix
 
 
 def with_pattern(rows, columns, n):
@@ -39,7 +38,7 @@ def test_a_band_a_clique_and_blocks_fill_up_themselves():
     assert predicted_fill(tridiagonal).entries == 4 * n - 2
     assert of_band(n, 1, 1)[1:3] == (4 * n, 4 * n)
     assert of_band(n, 1, 1, symmetric=True)[1:3] == (2 * n, n)
-    assert Matrix(tridiagonal).fill == of_band(n, 1, 1, symmetric=True)
+    assert SymbolicAnalysis(tridiagonal).fill == of_band(n, 1, 1, symmetric=True)
     clique = np.eye(n) * n - 1.0
     assert predicted_fill(sp.csr_array(clique))[1:3] == (n**2 + n, sum(c**2 + c for c in range(n)))
     blocks = sp.csr_array(sp.block_diag([clique[:6, :6]] * 10))
