@@ -12,7 +12,6 @@ from icpmodel.algebra.factor_costs import factor_costs
 from icpmodel.errors import OutOfMemory, OutOfTime
 from icpmodel.numerics import work
 from icpmodel.numerics.factorisation import factorise
-from icpmodel.numerics.fill import SymbolicAnalysis
 
 
 def counted(make):
