@@ -6,10 +6,8 @@ The affine part is what CVXPY's own compiler makes of it, once; a new value of a
 from __future__ import annotations
 
 import math
-import re
-import textwrap
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from contextlib import nullcontext
 from typing import Any
 
@@ -17,20 +15,12 @@ import cvxpy as cp
 import numpy as np
 import scipy.sparse as sp
 from cvxpy.atoms.affine.affine_atom import AffAtom
-from cvxpy.atoms.affine.binary_operators import DivExpression
-from cvxpy.atoms.affine.broadcast_to import broadcast_to
-from cvxpy.atoms.elementwise.elementwise import Elementwise
-from cvxpy.atoms.quad_form import QuadForm
 
 from ...errors import InputError
 from ...numerics.arrays import Vector
 from .affine_rows import AffineRows
+from .atoms import copied, unique, value_of
 from .qp_solver import cvxpy_solver
-
-#: constants with more entries than this are not printed
-_PRINTED = 20
-#: how far a difference quotient may lie from the gradient
-_SAME = 1e-4
 
 
 class Compiled:
@@ -44,7 +34,7 @@ class Compiled:
         bound = unique(x for part in parts for x in part.variables() if any(x.attributes.values()))
         self._plain = {x: cp.Variable(x.shape, name=x.name()) for x in bound}
         copies: dict[int, Any] = {id(x): plain for x, plain in self._plain.items()}
-        self._model = cp.Problem(cp.Minimize(0), [(_copied(part, copies) if copies else part) == 0 for part in parts])
+        self._model = cp.Problem(cp.Minimize(0), [(copied(part, copies) if copies else part) == 0 for part in parts])
         self.is_dpp = self._model.is_dpp()
         self._rows = sum(side.size for side in sides)
         self.parameters = unique(x for side in sides for x in side.parameters())
@@ -103,111 +93,6 @@ class Compiled:
         return _columns(J, list(parameters.values()), starts)
 
 
-class AtomObstacle:
-    """ψ(z) = Gz + c + Vw(z), w being the `atoms` in the `variables`, at the present values of their parameters. It
-    works on copies, so that neither new values of the variables nor of the parameters change it. `name` is what it is
-    called, as ψ̄ is such a function, too."""
-
-    def __init__(
-        self,
-        atoms: Iterable[cp.Expression],
-        variables: Sequence[cp.Variable],
-        G: sp.csr_array,
-        c: Vector,
-        V: sp.csr_array,
-        name: str,
-    ) -> None:
-        self.__name__ = f"{name} of CVXPY"
-        self.G, self.c, self.V = G, c, V
-        atoms = list(atoms)
-        inner = [cp.Variable(x.shape, name=x.name()) for x in variables]
-        copies: dict[int, Any] = {id(x): copy for x, copy in zip(variables, inner, strict=True)}
-        copies |= {id(one): cp.Constant(value_of(one)) for atom in atoms for one in atom.parameters()}
-        self._atoms = Copies(atoms, inner, copies)
-        self.gradient_holds = self._atoms.gradient_holds
-
-    def __call__(self, z: Vector) -> Vector:
-        """ψ(z). Raises ArithmeticError where an expression has no finite value at `z`."""
-        return self.G @ z + self.c + self.V @ self._atoms.value(z)
-
-    def terms(self, z: Vector) -> Vector:
-        """The sums of the absolute values of the terms of z − ψ(z)."""
-        own = abs(sp.eye_array(z.size) - self.G) @ np.abs(z)
-        return np.asarray(own + np.abs(self.c) + abs(self.V) @ np.abs(self._atoms.value(z)))
-
-    def jacobian(self, z: Vector) -> sp.csr_array:
-        """ψ′(z) = G + Vw′(z). Raises ArithmeticError where an expression has no gradient at `z`."""
-        return sp.csr_array(self.G + self.V @ self._atoms.derivative(z))
-
-
-class Copies:
-    """Copies of the `expressions`, in which leaves are replaced by their `copies`, as functions of the `variables`
-    among these, stacked column by column."""
-
-    def __init__(
-        self, expressions: Sequence[cp.Expression], variables: Sequence[cp.Variable], copies: dict[int, Any]
-    ) -> None:
-        self._variables, self._expressions = variables, [_copied(one, copies) for one in expressions]
-
-    def _write(self, z: Vector) -> None:
-        for x, value in zip(self._variables, unstacked(z, self._variables), strict=True):
-            x.save_value(value)
-
-    def value(self, z: Vector) -> Vector:
-        """Of all of them. Raises ArithmeticError where one has no finite value at `z`."""
-        self._write(z)
-        values = []
-        for one in self._expressions:
-            with np.errstate(all="ignore"):
-                value = np.asarray(one.value, dtype=np.float64).ravel(order="F")
-            if not np.isfinite(value).all():
-                found = f"{named(one)} is {value[np.argmin(np.isfinite(value))]} here"
-                raise ArithmeticError(f"{found}; start where it is finite, from the variables' values")
-            values.append(value)
-        return np.concatenate(values)
-
-    def derivative(self, z: Vector) -> sp.csr_array:
-        """Raises ArithmeticError where one has no gradient at `z`."""
-        self._write(z)
-        with np.errstate(all="ignore"):
-            return sp.csr_array(sp.block_array([self._blocks(one) for one in self._expressions]))
-
-    def _blocks(self, one: cp.Expression) -> list[sp.csr_array]:
-        """∂one/∂x for each variable x."""
-        gradients = one.grad
-        blocks = []
-        for x in self._variables:
-            gradient: Any = gradients.get(x, 0.0)
-            if gradient is None:
-                raise ArithmeticError(f"{named(one)} has no gradient here")
-            if sp.issparse(gradient) or np.size(gradient) > 1:
-                blocks.append(sp.csr_array(gradient).reshape(x.size, one.size).T.tocsr())
-            else:
-                shape = (one.size, x.size)
-                blocks.append(sp.csr_array(shape if gradient == 0.0 else np.full(shape, np.asarray(gradient).item())))
-        return blocks
-
-    def gradient_holds(self, z: Vector) -> bool:
-        """Whether CVXPY gives a gradient that no difference quotient near `z` contradicts. CVXPY 1.9 has none of
-        norm_inf."""
-        random = np.random.default_rng(0)
-        size = float(np.abs(z).max(initial=0.0)) or 1.0
-        step = 1e-6 * size * random.choice([-1.0, 1.0], z.size) * random.uniform(0.5, 1.0, z.size)
-        for least in (-0.01, 0.0):
-            at = z + size * random.uniform(least, 0.01, z.size)
-            try:
-                quotient = self.value(at + step) - self.value(at - step)
-                expected = 2.0 * (self.derivative(at) @ step)
-            except ArithmeticError:
-                continue
-            except Exception:  # whatever an expression without a gradient raises
-                return False
-            noise = 1e-12 * np.abs(self.value(at)).max()
-            allowed = _SAME * max(np.abs(quotient).max(), np.abs(expected).max()) + noise
-            return bool((np.abs(quotient - expected) <= allowed).all())
-        return True
-
-
 def _separated(expression: cp.Expression, atoms: dict[cp.Variable, cp.Expression]) -> cp.Expression:
     """`expression` with a new variable for each largest part that is not affine; these go into `atoms`. CVXPY's
     compiler adds variables and rows for `cumsum`, which is therefore written as a product."""
@@ -249,62 +134,3 @@ def _columns(M: sp.csr_array, variables: list[cp.Variable], columns: dict[int, i
     if (wanted == none).any():
         M = sp.csr_array((M.data, M.indices, M.indptr), shape=(M.shape[0], none + 1))
     return sp.csr_array(M[:, wanted])
-
-
-def value_of(parameter: cp.Parameter) -> Any:
-    """A copy of its value as an array; None where it has none."""
-    value: Any = parameter.value_sparse if parameter.attributes["sparsity"] else parameter.value
-    return value.toarray() if sp.issparse(value) else value if value is None else np.array(value)
-
-
-def unique(items: Iterable[Any]) -> list[Any]:
-    """Each of the `items` once, in order of appearance."""
-    return list(dict.fromkeys(items))
-
-
-def _copied(expression: Any, copies: dict[int, Any]) -> Any:
-    """`expression` with some of its leaves replaced, also a parameter that is no argument (power, huber). What is
-    stretched to the shape of the others is stretched beforehand: CVXPY 1.9 forgets it in gradients. Nor does it know
-    those of a quotient a/b in b, which becomes ab/b², and of a quadratic form in its matrix."""
-    if id(expression) in copies or not expression.args:
-        return copies.get(id(expression), expression)
-    arguments = [_copied(argument, copies) for argument in expression.args]
-    if isinstance(expression, DivExpression) and not arguments[1].is_constant():
-        return cp.multiply(cp.multiply(*arguments), cp.power(cp.square(arguments[1]), -1))
-    if isinstance(expression, Elementwise):
-        arguments = [x if x.shape == expression.shape else broadcast_to(x, expression.shape) for x in arguments]
-    if isinstance(expression, QuadForm) and not arguments[1].is_constant():
-        return cp.sum(cp.multiply(arguments[0], arguments[1] @ arguments[0]))
-    data = expression.get_data() or []
-    if not any(isinstance(x, cp.Expression) for x in data):
-        return expression.copy(arguments)
-    return type(expression)(*arguments, *(cp.Constant(x.value) if isinstance(x, cp.Expression) else x for x in data))
-
-
-def named(expression: cp.Expression | cp.Constraint) -> str:
-    """What a message calls `expression`: its label, else its text where that is short enough."""
-    if expression.label is None and any(constant.size > _PRINTED for constant in expression.constants()):
-        names = ", ".join(x.name() for x in expression.variables())
-        kind = "a constraint" if isinstance(expression, cp.Constraint) else "an expression"
-        text = f"{kind} of shape {expression.shape}" + (f" in {names}" if names else "")
-        return textwrap.shorten(text, 80, placeholder=" ...")
-    text = re.sub(r"Promote\(([^()]*), \([\d, ]*\)\)", r"\1", expression.format_labeled())
-    return textwrap.shorten(text, 80, placeholder=" ...")
-
-
-def at(stacked: Sequence[cp.Expression], k: int) -> tuple[int, str]:
-    """Which of the `stacked` expressions has the `k`-th of all their numbers, and in which entry, as "[i, j]"; ""
-    where it is the only one."""
-    number = 0
-    while k >= stacked[number].size:
-        k -= stacked[number].size
-        number += 1
-    x = stacked[number]
-    index = np.unravel_index(k, x.shape, order="F")
-    return number, f"[{', '.join(str(int(i)) for i in index)}]" if x.size > 1 else ""
-
-
-def unstacked(z: Vector, like: Sequence[cp.Expression]) -> list[np.ndarray]:
-    """The parts of `z`, one for each expression of `like` and in its shape, column by column."""
-    parts = np.split(z, np.cumsum([x.size for x in like]))  # the last one is empty
-    return [part.reshape(x.shape, order="F").copy() for x, part in zip(like, parts, strict=False)]

@@ -11,7 +11,7 @@ from cvxpy.atoms.affine.promote import promote
 from ...errors import InputError
 from ...numerics.arrays import described
 from ...present.shown import Shown, cut
-from .compiled import named
+from .atoms import named
 
 #: the attributes that a variable of CVXPY's may have here
 BOUNDING = ("nonneg", "nonpos", "bounds")

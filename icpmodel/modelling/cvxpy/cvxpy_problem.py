@@ -24,7 +24,7 @@ from ...present.shown import Shown
 from ...solve.solution import Solution, Status
 from ..reading import solved
 from ..running_log import printed_on
-from .compiled import named
+from .atoms import named
 from .complementarity import Complementarity
 from .expressions import CvxpyReading
 from .parameter_derivative import ParameterDerivative

@@ -17,16 +17,18 @@ import scipy.sparse as sp
 
 from ...errors import InputError
 from ...icp import ICP
-from ...numerics.arrays import Vector, row_of
+from ...numerics.arrays import Vector
 from ...problem.affine import Affine
 from ...problem.function import Function
 from ...solve.solution import Solution
 from ..inequalities import checked
-from ..matching import arranged, looks_like_r, own_entries, unowned
+from ..matching import unowned
 from .affine_rows import AffineRows
-from .compiled import AtomObstacle, Compiled, at, named, unique, unstacked
-from .complementarity import BOUNDING, own_bounds
+from .atoms import AtomObstacle, at, named, unique, unstacked
+from .compiled import Compiled
+from .row_order import OrderedRows, in_order, is_same, obstacle_terms, p_before_r
 from .side_constraints import Multipliers
+from .statement_checks import bounds_of, check_affine, check_variables, pair
 
 #: what the bounds of r are called, and the number that means none
 _BOUNDS = (("lower", -np.inf), ("upper", np.inf))
@@ -43,20 +45,16 @@ class CvxpyReading:
         inequalities: Sequence[cp.Constraint] = (),
     ) -> None:
         variables = unique(x for one in (*conditions, *equations, *inequalities) for x in one.variables())
-        inequalities = [*inequalities, *(one for x in variables for one in _bounds_of(x))]
+        inequalities = [*inequalities, *(one for x in variables for one in bounds_of(x))]
         self._conditions, self._equations, self._inequalities = conditions, equations, inequalities
-        self._pairs = [_pair(one) for one in conditions]
-        _check_affine(equations, "equation", "a row of Az + q = 0 was expected (complements(1, r) says r = 0)")
-        _check_affine(inequalities, "inequality", "only affine ones are checked; ask its violation() after the solve")
+        self._pairs = [pair(one) for one in conditions]
+        check_affine(equations, "equation", "a row of Az + q = 0 was expected (complements(1, r) says r = 0)")
+        check_affine(inequalities, "inequality", "only affine ones are checked; ask its violation() after the solve")
         self._m = sum(p.size for p, _ in self._pairs)
         self._n = self._m + sum(one.expr.size for one in equations)
-        bounds = [[one.bounds[k] for one in conditions if one.bounds[k] is not None] for k in (0, 1)]
-        zero = [one.expr for one in equations]
-        least = [-one.expr if isinstance(one, cp.NonNeg) else one.expr for one in inequalities]  # at most 0
-        parts = [[p for p, _ in self._pairs], [r for _, r in self._pairs], zero, least, *bounds]
-        sides = [side for part in parts for side in part]
-        _check_variables(variables, self._n, bool(inequalities))
-        self.compiled = Compiled(sides)
+        parts = self._parts_of_sides()
+        check_variables(variables, self._n, bool(inequalities))
+        self.compiled = Compiled([side for part in parts for side in part])
         self._ends = np.cumsum([sum(side.size for side in part) for part in parts])
         self.variables, self.parameters = self.compiled.variables, self.compiled.parameters
         self.is_dpp = self.compiled.is_dpp
@@ -70,7 +68,16 @@ class CvxpyReading:
         self._linear: tuple[sp.csr_array, sp.csr_array]
         self._multipliers: Multipliers | None = None
         #: of each row of a condition the entry of z that it owns, and −1 where it was turned round; ρ by entry of z
-        self._own, self._sign, self._scale = np.arange(self._m), np.ones(self._m), np.ones(self._n)
+        self._own: np.ndarray
+        self._sign: Vector
+        self._scale: Vector
+
+    def _parts_of_sides(self) -> list[list[cp.Expression]]:
+        """The expressions of p, of r, of the equations, of the inequalities, at most 0, and of both bounds."""
+        bounds = [[one.bounds[k] for one in self._conditions if one.bounds[k] is not None] for k in (0, 1)]
+        zero = [one.expr for one in self._equations]
+        least = [-one.expr if isinstance(one, cp.NonNeg) else one.expr for one in self._inequalities]
+        return [[p for p, _ in self._pairs], [r for _, r in self._pairs], zero, least, *bounds]
 
     @property
     def problem(self) -> ICP:
@@ -86,7 +93,7 @@ class CvxpyReading:
         r = l in each row in which ψ holds z, so that a change of ρ moves no ψ_i = z_i − (r_i − l_i)/ρ."""
         # nothing but Z says which row goes where, so that the columns of W can be the compiled rows themselves
         tagged = rows._replace(W=sp.eye_array(rows.constant.size, format="csr"))
-        p, r, lower, upper = self._in_order(*self._parts(tagged))
+        p, r, lower, upper = self._in_order(*self._parts(tagged))[:4]
         down = sp.diags_array(-1.0 / r.Z.diagonal())
         psi, above = (down @ (r.W - bound.W if bound else r.W) for bound in (lower, upper))
         return p.W, psi, above if upper else None
@@ -139,7 +146,7 @@ class CvxpyReading:
         return list(zip(self._conditions, unstacked(rows, [p for p, _ in self._pairs]), strict=True))
 
     def _read(self, last: ICP | None) -> ICP:
-        p, r, lower, upper = self._in_order(*self._parts(self.compiled.rows()))
+        p, r, lower, upper = self._in_order(*self._parts(self.compiled.rows()))[:4]
         self._scale = r.Z.diagonal()
         before = self._obstacles
         now = self._obstacle(r, lower, "psi"), upper and self._obstacle(r, upper, "upper")
@@ -148,25 +155,12 @@ class CvxpyReading:
         if last is None or (last.A != p.Z).nnz:
             self._multipliers = None
             return ICP(p.Z, p.constant, *now)
-        unchanged = all(map(_is_same, before, now))
+        unchanged = all(map(is_same, before, now))
         return (last if unchanged else last.with_sides(*now)).with_q(p.constant)
 
     def _obstacle(self, r: AffineRows, bound: AffineRows | None, name: str) -> Any:
         """z − (r − `bound`)/ρ, the bound being 0 where it is None."""
-        (R, W, constant) = r
-        scale = self._scale
-        with np.errstate(over="ignore"):
-            factor = -1.0 / scale
-            others = R.indices != row_of(R)
-            data = (R.data * factor[row_of(R)])[others]
-            c = constant * factor + 0.0
-        G = sp.csr_array((data, (row_of(R)[others], R.indices[others])), shape=R.shape)
-        V = sp.csr_array(sp.diags_array(factor) @ W)
-        if bound is not None:  # where it is infinite nothing moves
-            held = np.where(np.isinf(bound.constant) | np.isinf(c), 0.0, 1.0)
-            c = np.where(np.isinf(bound.constant), bound.constant, c)
-            G, V, moved = AffineRows(G, V, np.zeros(c.size)).times(held).plus(bound.times(held / scale))
-            c = c + moved
+        G, c, V = obstacle_terms(r, bound)
         if V.nnz:
             return self._bent(G, c, V, name)
         return Affine(G, c) if G.nnz else c
@@ -179,48 +173,21 @@ class CvxpyReading:
             self._gradient_holds = obstacle.gradient_holds(np.zeros(self._n) if start is None else start)
         return Function(obstacle, obstacle.jacobian if self._gradient_holds else None)
 
-    def _in_order(self, p: AffineRows, r: AffineRows, equations: AffineRows, *bounds: AffineRows | None) -> list[Any]:
-        """p, r and its bounds, None for 0 below and for none above, of all rows in the order of z."""
-        R = r.Z
-        m = self._m
-        n = self._n
-        positive = np.bincount(row_of(R)[R.data > 0], minlength=m) > 0
-        self._sign = np.where(positive | (np.diff(R.indptr) == 0), 1.0, -1.0)
-        lower, upper = bounds
-        if (self._sign < 0).any():
-            p = p.times(self._sign)
-            r = r.times(self._sign)
-            lower = lower or r.constants(m, 0.0)
-            upper = upper or r.constants(m, np.inf)
-            kept = np.maximum(self._sign, 0.0)
-            turned = np.minimum(self._sign, 0.0)
-            sides = (lower, upper), (upper, lower)
-            lower, upper = (one.times(kept).plus(other.times(turned)) for one, other in sides)
-        own = own_entries(r.Z)
-        if own is None:
-            raise InputError(self._misfit(r.Z, *unowned(r.Z)))
-        self._own = own
-        owners = own
-        parts: list[Any] = [p, r, lower, upper]
-        self._linear = equations.Z, p.Z
-        if n > m:
-            owners = np.concatenate([own, np.setdiff1d(np.arange(n), own)])
-            free = r.constants(n - m, np.inf)._replace(Z=sp.eye_array(n, format="csr")[owners[m:]])
-            ends = equations, free, equations.constants(n - m, -np.inf), free.constants(n - m, np.inf)
-            parts = [one and one.above(end) for one, end in zip(parts, ends, strict=True)]
-        if not np.array_equal(owners, np.arange(n)):
-            rows = np.argsort(owners)
-            parts = [one and one.of(rows) for one in parts]
-        if n > m:
-            rows, sign = arranged(parts[0].Z, np.argsort(owners) >= m)
-            parts[0] = parts[0].of(rows).times(sign)
-        return parts
+    def _in_order(self, p: AffineRows, r: AffineRows, equations: AffineRows, *bounds: AffineRows | None) -> OrderedRows:
+        found = in_order(p, r, equations, *bounds, misfit=self._misfit)
+        self._sign = found.sign
+        self._own = found.own
+        self._linear = equations.Z, found.turned
+        return found
 
     def _parts(self, rows: AffineRows) -> tuple[Any, ...]:
         """The compiled `rows` of p, of r, of the equations, and of the bounds of r, None where no condition has such a
         one; those of the inequalities are kept."""
         if self._order is None:
-            self._order = self._p_before_r(rows.Z)
+            may_swap = [
+                r.is_affine() and not one.is_bounded for one, (_, r) in zip(self._conditions, self._pairs, strict=True)
+            ]
+            self._order, self._pairs = p_before_r(rows.Z, self._pairs, may_swap)
         if not np.array_equal(self._order, np.arange(self._ends[-1])):  # it would copy a matrix that may be large
             rows = rows.of(self._order)
         parts = map(slice, [0, *self._ends[:-1]], self._ends)
@@ -245,27 +212,12 @@ class CvxpyReading:
         return bound.spread(np.flatnonzero(rows), self._m, none if k else 0.0)
 
     def _check_crossing(self, psi: Any, upper: Any) -> None:
-        if isinstance(psi, np.ndarray) and isinstance(upper, np.ndarray) and (crossed := psi > upper).any():
-            row = int(np.flatnonzero(crossed[self._own])[0])
-            number, place = at([p for p, _ in self._pairs], row)
-            raise InputError(
-                f"lower is larger than upper in {self._conditions[number]}" + (place and f", entry {place}")
-            )
+        if isinstance(psi, np.ndarray) and isinstance(upper, np.ndarray) and (psi > upper).any():
+            row = self.row_name(int(np.argmax(psi > upper)))
+            raise InputError(f"lower is larger than upper in {row.removesuffix(',')}")
 
-    def _p_before_r(self, Z: sp.csr_array) -> np.ndarray:
-        """The order of the rows that turns round the pairs of which the first side looks more like z − ψ(z)."""
-        order = np.arange(Z.shape[0])
-        done = 0
-        for k, (p, r) in enumerate(self._pairs):
-            first, second = (slice(start, start + p.size) for start in (done, self._m + done))
-            free = r.is_affine() and not self._conditions[k].is_bounded
-            if free and looks_like_r(Z[first]) > looks_like_r(Z[second]):
-                order[first], order[second] = order[second], order[first].copy()
-                self._pairs[k] = r, p
-            done += p.size
-        return order
-
-    def _misfit(self, R: sp.csr_array, row: int, column: int) -> str:
+    def _misfit(self, R: sp.csr_array) -> str:
+        row, column = unowned(R)
         expressions = [r for _, r in self._pairs]
         k, place = at(expressions, row)
         what = f"r = {named(expressions[k])} is not z - psi(z)" + (f" in entry {place}" if place else "")
@@ -274,51 +226,3 @@ class CvxpyReading:
         k, place = at(self.variables, column)
         left = f"{self.variables[k].name()}{place}"
         return f"{what}: the entries of z that it has belong to other rows already, while no row belongs to {left}"
-
-
-def _pair(condition: Any) -> tuple[cp.Expression, cp.Expression]:
-    """p and r, as they are where r has bounds of its own; else the affine one first."""
-    a, b = condition.sides
-    for side in (*condition.sides, *condition.bounds):
-        if side is not None and side.is_complex():
-            raise InputError(f"{named(side)} is complex; real expressions were expected: ICP is stated over the reals")
-    if condition.is_bounded and not a.is_affine():
-        raise InputError(f"p = {named(a)} is not affine in the variables; lower and upper are bounds of the second one")
-    if not a.is_affine() and not b.is_affine():
-        raise InputError(f"neither {named(a)} nor {named(b)} is affine in the variables; p = Az + q must be")
-    return (a, b) if a.is_affine() else (b, a)
-
-
-def _bounds_of(x: cp.Variable) -> list[cp.Constraint]:
-    """What the attributes of `x` say, as inequalities."""
-    low, high = own_bounds(x)
-    return [one for one in (low is not None and x >= low, high is not None and x <= high) if one is not False]
-
-
-def _check_affine(constraints: Sequence[cp.Constraint], kind: str, wanted: str) -> None:
-    for one in constraints:
-        if one.is_complex() or not one.expr.is_affine():
-            what = "complex" if one.is_complex() else "not affine in the variables"
-            raise InputError(f"the {kind} {named(one)} is {what}; {wanted}")
-
-
-def _check_variables(variables: list[cp.Variable], rows: int, inequalities: bool) -> None:
-    for x in variables:
-        given = [name for name, value in x.attributes.items() if value and name not in BOUNDING]
-        if given:
-            found = f"the variable {x.name()} has the attribute {given[0]}"
-            raise InputError(f"{found}; a variable of an ICP may have these attributes alone: {', '.join(BOUNDING)}")
-    unknowns = sum(x.size for x in variables)
-    if rows != unknowns or not rows:
-        entries = ", ".join(f"{x.name()} with {x.size}" for x in variables) or "no variables"
-        found = f"the conditions and equations have {rows} entries, the variables {unknowns} ({entries})"
-        wanted = "each entry of a variable needs one row of its own, a condition with r = z - psi(z) or an equation"
-        more = "; inequalities are only checked: a <= b with a multiplier of its own is complements(b - a, multiplier)"
-        raise InputError(f"{found}; {wanted}{more if inequalities else ''}")
-
-
-def _is_same(one: Any, other: Any) -> bool:
-    """Whether two obstacles are known to be the same: none, or equal numbers."""
-    if one is None or other is None:
-        return one is other
-    return isinstance(one, np.ndarray) and isinstance(other, np.ndarray) and np.array_equal(one, other)

@@ -21,7 +21,7 @@ from ...errors import InputError
 from ...numerics.arrays import Vector, as_float64, as_rows, not_finite
 from ...solve.solution import Solution
 from .affine_rows import AffineRows
-from .compiled import Copies, named, unstacked, value_of
+from .atoms import Copies, named, unstacked, value_of
 from .expressions import CvxpyReading
 
 

@@ -1,0 +1,135 @@
+"""Rows of conditions and equations in the order of z, so that row i of r is ρz_i − …, ρ > 0."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import cvxpy as cp
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ...errors import InputError
+from ...numerics.arrays import Vector, row_of
+from ..matching import arranged, looks_like_r, own_entries
+from .affine_rows import AffineRows
+
+
+class OrderedRows(NamedTuple):
+    """All rows in the order of z, and how those of the conditions came there.
+
+    Attributes
+    ----------
+    p, r : AffineRows
+    lower, upper : AffineRows or None
+        The bounds of r, None for 0 below and for none above.
+    own : ndarray of int, shape (m,)
+        The entry of z that each row of a condition owns.
+    sign : ndarray, shape (m,)
+        −1 where such a row was multiplied by that, else 1.
+    turned : csr_array, shape (m, n)
+        The coefficients of p with these signs, in the order of the conditions.
+    """
+
+    p: AffineRows
+    r: AffineRows
+    lower: AffineRows | None
+    upper: AffineRows | None
+    own: NDArray[np.intp]
+    sign: Vector
+    turned: sp.csr_array
+
+
+def in_order(
+    p: AffineRows,
+    r: AffineRows,
+    equations: AffineRows,
+    lower: AffineRows | None,
+    upper: AffineRows | None,
+    *,
+    misfit: Callable[[sp.csr_array], str],
+) -> OrderedRows:
+    """The rows in the order of z. Raises InputError with the sentence `misfit` where a row owns no entry of z."""
+    m, n = r.Z.shape
+    sign = _signs(r.Z)
+    if (sign < 0).any():
+        p = p.times(sign)
+        r = r.times(sign)
+        lower, upper = _turned(lower or r.constants(m, 0.0), upper or r.constants(m, np.inf), sign)
+    own = own_entries(r.Z)
+    if own is None:
+        raise InputError(misfit(r.Z))
+    owners = own
+    parts: list[Any] = [p, r, lower, upper]
+    if n > m:
+        owners = np.concatenate([own, np.setdiff1d(np.arange(n), own)])
+        free = r.constants(n - m, np.inf)._replace(Z=sp.eye_array(n, format="csr")[owners[m:]])
+        ends = equations, free, equations.constants(n - m, -np.inf), free.constants(n - m, np.inf)
+        parts = [one and one.above(end) for one, end in zip(parts, ends, strict=True)]
+    rows = np.argsort(owners)
+    if not np.array_equal(owners, np.arange(n)):
+        parts = [one and one.of(rows) for one in parts]
+    if n > m:
+        places, factor = arranged(parts[0].Z, rows >= m)
+        parts[0] = parts[0].of(places).times(factor)
+    p_rows, r_rows, lower, upper = parts
+    return OrderedRows(p_rows, r_rows, lower, upper, own, sign, p.Z)
+
+
+def _signs(R: sp.csr_array) -> Vector:
+    """−1 for the rows in which all entries are negative, else 1."""
+    positive = np.bincount(row_of(R)[R.data > 0], minlength=R.shape[0]) > 0
+    return np.where(positive | (np.diff(R.indptr) == 0), 1.0, -1.0)
+
+
+def _turned(lower: AffineRows, upper: AffineRows, sign: Vector) -> tuple[AffineRows, AffineRows]:
+    """The bounds of the rows times `sign`: lower and upper change places where it is −1."""
+    kept = np.maximum(sign, 0.0)
+    turned = np.minimum(sign, 0.0)
+    return lower.times(kept).plus(upper.times(turned)), upper.times(kept).plus(lower.times(turned))
+
+
+def p_before_r(
+    Z: sp.csr_array, pairs: Sequence[tuple[cp.Expression, cp.Expression]], may_swap: Sequence[bool]
+) -> tuple[NDArray[np.intp], list[tuple[cp.Expression, cp.Expression]]]:
+    """The order of the rows, and the pairs, where the side that is more like z − ψ(z) is the second one."""
+    order = np.arange(Z.shape[0])
+    m = sum(p.size for p, _ in pairs)
+    done = 0
+    swapped = []
+    for (p, r), free in zip(pairs, may_swap, strict=True):
+        first, second = (slice(start, start + p.size) for start in (done, m + done))
+        swaps = free and looks_like_r(Z[first]) > looks_like_r(Z[second])
+        if swaps:
+            order[first], order[second] = order[second], order[first].copy()
+        swapped.append((r, p) if swaps else (p, r))
+        done += p.size
+    return order, swapped
+
+
+def obstacle_terms(r: AffineRows, bound: AffineRows | None) -> tuple[sp.csr_array, Vector, sp.csr_array]:
+    """G, c and V of z − (r − `bound`)/ρ = Gz + c + Vw, the bound being 0 where it is None."""
+    R, W, constant = r
+    scale = R.diagonal()
+    with np.errstate(over="ignore"):
+        factor = -1.0 / scale
+        others = R.indices != row_of(R)
+        data = (R.data * factor[row_of(R)])[others]
+        c = constant * factor + 0.0
+    G = sp.csr_array((data, (row_of(R)[others], R.indices[others])), shape=R.shape)
+    V = sp.csr_array(sp.diags_array(factor) @ W)
+    if bound is None:
+        return G, c, V
+    # where it is infinite nothing moves
+    held = np.where(np.isinf(bound.constant) | np.isinf(c), 0.0, 1.0)
+    c = np.where(np.isinf(bound.constant), bound.constant, c)
+    G, V, moved = AffineRows(G, V, np.zeros(c.size)).times(held).plus(bound.times(held / scale))
+    return G, c + moved, V
+
+
+def is_same(one: Any, other: Any) -> bool:
+    """Whether two obstacles are known to be the same: none, or equal numbers."""
+    if one is None or other is None:
+        return one is other
+    return isinstance(one, np.ndarray) and isinstance(other, np.ndarray) and np.array_equal(one, other)
