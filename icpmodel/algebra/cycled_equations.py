@@ -29,8 +29,16 @@ def cycles_cost(problem: ProblemData) -> float:
 class CycledEquations:
     """J on level `top` of a hierarchy of A, never made: its products, V-cycles on the free rows, and what they solve.
 
-    Parameters: the `hierarchy`, whose free rows are from now on those that are not `active`; `jacobian` = ψ′(z), or
-    None where ψ is constant.
+    Parameters
+    ----------
+    hierarchy : Hierarchy
+        The levels; their free rows are from now on those that are not `active`.
+    top : int
+        The level.
+    active : mask of shape (m,)
+        The active rows of that level.
+    jacobian : CSR array of shape (m, m) or None
+        ψ′(z), None where ψ is constant.
     """
 
     def __init__(self, hierarchy: Hierarchy, top: int, active: Mask, jacobian: sp.csr_array | None) -> None:

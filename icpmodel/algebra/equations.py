@@ -30,7 +30,14 @@ _REFINEMENTS = 4
 def equations_on(problem: ProblemData, active: Mask, jacobian: sp.csr_array) -> sp.csr_array:
     """The matrix with the rows of I − ψ′ where `active` and those of A elsewhere; CSR, shape (n, n).
 
-    Parameters: `active` a mask of shape (n,); `jacobian` = ψ′(z), CSR, shape (n, n).
+    Parameters
+    ----------
+    problem : ProblemData
+        The problem.
+    active : mask of shape (n,)
+        The active rows.
+    jacobian : CSR array of shape (n, n)
+        ψ′(z).
     """
     keep, follow = (sp.diags_array(mask.astype(np.float64)) for mask in (~active, active))
     return sp.csr_array(keep @ problem.A + follow @ (sp.eye_array(problem.n) - jacobian))

@@ -125,7 +125,17 @@ class Hierarchy:
     def cycle(self, f: Vector, top: int = 0) -> Vector:
         """About the x with (Ax)_i = f_i in the free rows and x_i = 0 in the others, by one V(1, 1)-cycle.
 
-        Parameters: `f` of shape (m,), m the rows of level `top`. Returns a new array of that shape.
+        Parameters
+        ----------
+        f : array of shape (m,)
+            The right-hand side, m the rows of level `top`.
+        top : int, default 0
+            The level.
+
+        Returns
+        -------
+        array of shape (m,)
+            The approximation.
         """
         A = self.levels[top].A
         work.spend(cycle_cost(A.shape[0], A.nnz))

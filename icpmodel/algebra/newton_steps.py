@@ -1,11 +1,13 @@
-"""Inexact Newton steps on the modulus equation by multigrid, and a look at the active set between them.
+"""Inexact Newton steps on the modulus equation by multigrid; the active set is updated between them.
 
 1. Sweeps of projected Gauss–Seidel move the border of the active set,
 2. the active rows take z = ψ(z), linearised,
 3. a few steps of a Krylov method (GCR), preconditioned by V-cycles on the free rows, reduce Az + q there.
 
-Reference: Hintermüller, Ito and Kunisch, SIAM J. Optim. 13 (2002), for the active sets; Eisenstat, Elman and Schultz,
-SIAM J. Numer. Anal. 20 (1983), for GCR.
+References
+----------
+Hintermüller, Ito and Kunisch, SIAM J. Optim. 13 (2002), for the active sets. Eisenstat, Elman and Schultz, SIAM J.
+Numer. Anal. 20 (1983), for GCR.
 """
 
 from __future__ import annotations
@@ -25,7 +27,7 @@ from .steps import Step, projected_sweep, repeated_steps
 
 #: sweeps where the active set has moved
 SWEEPS = 4
-#: Krylov steps between two looks at the active set: until the rest has fallen to a share, and at the most
+#: share of the rest that Krylov's steps leave between two updates of the active set, and how many there are at most
 _SHARE = 0.1
 _KRYLOV = 8
 #: entries above the diagonal that weigh so much more than those below make the sweeps go backwards
@@ -35,7 +37,7 @@ _FLOW = 1.1
 def newton_steps(
     hierarchy: Hierarchy, problem: ProblemData, z: Vector, top: int
 ) -> Generator[tuple[Vector, float], float | None, None]:
-    """Newton's steps on level `top` of `hierarchy`, whose problem is `problem`: (z, residual) after each look.
+    """Newton's steps on level `top` of `hierarchy`, whose problem is `problem`: (z, residual) after each step.
 
     What is sent is the share of Az + q that the next steps are to leave in the free rows, 0.1 where nothing is.
     """

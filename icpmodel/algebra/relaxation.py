@@ -106,7 +106,7 @@ def check_diagonal(method: Any, name: str, *, positive: bool = True) -> None:
 def sor(problem: ProblemData, omega: float) -> tuple[float, Vector]:
     """θ₁ = 1/(2/ω − s) and the diagonal of Ω = sD, s = 2 − ω, shape (n,): then D/θ₁ + Ω = 2D/ω.
 
-    The small Ω keeps overrelaxed rows near the contact set from flipping sides. Parameters: `omega` in (0, 2).
+    The small Ω keeps overrelaxed rows near the contact set from flipping sides; 0 < `omega` < 2.
     """
     share = 2.0 - omega
     return 1.0 / (2.0 / omega - share), share * problem.matrix.rows.diagonal
@@ -157,9 +157,19 @@ def scale_of(problem: ProblemData) -> float:
 def jacobi_step(problem: ProblemData, phi: Any = 0.0) -> Step | None:
     """Jacobi's step with Ω = D/(1 − g_ii), which solves every row on its own where ψ is affine with g_ii < 1.
 
-    With it theta1="auto" begins: it may be all there is to do, as on many small problems.
-    Parameters: `phi` a number or a vector of shape (n,). Where ψ is not affine or g_ii ≥ 1, Ω_ii = a_ii. None unless
-    D > 0.
+    With it theta1="auto" begins, as it may be all that a small problem needs.
+
+    Parameters
+    ----------
+    problem : ProblemData
+        The problem.
+    phi : float or array of shape (n,), default 0
+        The diagonal φ.
+
+    Returns
+    -------
+    Step or None
+        None unless D > 0. Where ψ is not affine, or g_ii ≥ 1, Ω_ii = a_ii.
     """
     if not problem.matrix.has_positive_diagonal:
         return None

@@ -118,7 +118,9 @@ class Blocks:
     def forward(self, z: Vector, wanted: Mask) -> tuple[Vector, Mask]:
         """`z` with the `wanted` blocks solved in turn, and which of them are solved, as far as the kernel knows.
 
-        Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992), section 4.4, for the blocks.
+        References
+        ----------
+        Cottle, Pang and Stone, The Linear Complementarity Problem (1992), section 4.4.
         """
         if not wanted.any():
             return z, wanted
@@ -148,9 +150,18 @@ def with_contact_rows(problem: ProblemData, free: Mask) -> Blocks:
 def blocks(problem: ProblemData, core: Mask | None = None, *, most_stages: int = _STAGES) -> Blocks | None:
     """The blocks of `problem`, None where all rows are one, or where it is not known on which unknowns ψ depends.
 
-    Parameters: rows that are to be in the `core`, a mask of shape (n,), or None; longer chains than `most_stages` are
-    one stage.
-    Reference: Tarjan, SIAM J. Comput. 1 (1972), for strong components.
+    Parameters
+    ----------
+    problem : ProblemData
+        The problem.
+    core : mask of shape (n,), optional
+        Rows that are to be in the core.
+    most_stages : int
+        Longer chains than this are one stage.
+
+    References
+    ----------
+    Tarjan, SIAM J. Comput. 1 (1972), for strong components.
     """
     from scipy.sparse.csgraph import connected_components
 

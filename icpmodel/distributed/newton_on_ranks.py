@@ -1,7 +1,7 @@
 """Inexact Newton steps on the modulus equation on one level of a hierarchy on ranks, and its start from coarser ones.
 
 The steps are those of `algebra.newton_steps`. Projected Gauss–Seidel in the rows of each rank moves the
-border of the active set. The active rows take z = ψ(z). Krylov's method with V-cycles on the free
+boundary of the active set. The active rows take z = ψ(z). Krylov's method with V-cycles on the free
 rows reduces Az + q there. Between the sweeps, neighbouring ranks exchange the values of their
 common rows.
 """

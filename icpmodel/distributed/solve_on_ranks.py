@@ -101,7 +101,7 @@ def solve(
     It is the multilevel modulus Newton method of `icpmodel.Multilevel`. PETSc's algebraic multigrid
     makes the levels once: hypre's BoomerAMG where it is built in, else GAMG. Each level starts from
     the answer of the next coarser one. Projected Gauss–Seidel in the rows of each rank moves the
-    border of the active set. Conjugate gradients, or GMRES where A is not symmetric, solve for the
+    boundary of the active set. Conjugate gradients, or GMRES where A is not symmetric, solve for the
     free rows. Where Newton's steps do not reduce the residual, sweeps take over for a while.
 
     Ctrl-C ends the run after the current iteration. PETSc's options that begin with `-icpmodel_`

@@ -53,12 +53,22 @@ class LocalRows(Shown, _Four):
 class ByRows(Shown):
     """A problem that is assembled a range of rows at a time: processes that share it make each its own rows.
 
-    `rows(lo, hi)`, a function of yours, returns `LocalRows`, or a tuple of three or four in their order: A, dense or
-    any sparse matrix of SciPy's, with all n columns, q, ψ and, where there is one, the obstacle above; numbers stand
-    for vectors. It must give the same rows in whatever range they are asked for, and should take time and memory for
-    hi − lo rows only. To be sent to another process it must be a function at the top of a module, or `partial` of one.
-    `shape` is (n,), or the grid, such as (m, m), of which the unknowns are numbered with the last axis quickest.
+    Parameters
+    ----------
+    shape : tuple of int
+        (n,), or the grid, such as (m, m), whose unknowns are numbered with the last axis quickest.
+    rows : callable
+        Maps (lo, hi) to `LocalRows`, or to a tuple (A, q, psi) or (A, q, psi, upper). A has all n
+        columns and is dense or sparse; numbers stand for vectors.
 
+    Notes
+    -----
+    `rows` must give the same rows in whatever range they are asked for. It should take time and
+    memory for hi − lo rows only. Another process can get a function at the top of a module, or a
+    `partial` of one.
+
+    Examples
+    --------
     >>> made = icp.ByRows((10**6,), lambda lo, hi: (2.0 * sp.eye_array(hi - lo, 10**6, k=lo), -1.0, 0.0))
     >>> made.n, made.local_rows(500, 502).A.indices
     (1000000, array([500, 501], dtype=int32))
