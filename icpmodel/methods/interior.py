@@ -137,10 +137,7 @@ class InteriorPath:
         #: c with 0, or what is nearest to it and not above, for the rows without obstacle below, and p there
         self.resting = c, p
         bounded = ~np.isneginf(below)
-        # in rows without obstacle p > 0 pulls at c as well
-        size = float(np.abs((np.where(bounded, np.minimum(p, 0.0), p) if top is None else p) / self.root).max())
-        if self.moves:  # where nothing pulls at c, c is no solution as yet
-            size = max(size, float(np.max((self.root * np.abs(problem.r(c)))[bounded], initial=0.0))) or 1.0
+        size = self._size(bounded, top)
         self._start(c, size, bounded, top)
         one = self.bounded & (self.bounded.sum(axis=1, keepdims=True) == 1)
         if self.moves or not one.any():
@@ -152,6 +149,15 @@ class InteriorPath:
         farther = float(np.maximum(-share, 1.0 + share).max())
         if 1.0 < farther < np.inf:
             self._start(c, farther * size, bounded, top)
+
+    def _size(self, bounded: Mask, top: Vector | None) -> float:
+        """How far p/W is from 0 at c, in the units of W."""
+        c, p = self.resting
+        # in rows without obstacle p > 0 pulls at c as well
+        size = float(np.abs((np.where(bounded, np.minimum(p, 0.0), p) if top is None else p) / self.root).max())
+        if self.moves:  # where nothing pulls at c, c is no solution as yet
+            size = max(size, float(np.max((self.root * np.abs(self.problem.r(c)))[bounded], initial=0.0))) or 1.0
+        return size
 
     def _start(self, c: Vector, size: float, bounded: Mask, top: Vector | None) -> None:
         """So far from the obstacles, in the units of W, which is where p/W comes to."""

@@ -173,7 +173,8 @@ def active_set(rows: LinearRows, most: MostOf, cuts: list[Vector]) -> ActiveRows
     from scipy.optimize import Bounds, LinearConstraint, milp
 
     n = rows.n
-    (below, above) = (np.isfinite(rows.c), np.isfinite(rows.d))
+    below = np.isfinite(rows.c)
+    above = np.isfinite(rows.d)
     constraints = _constraints(rows, most)
     for cut in cuts:
         sign = np.where(cut > 0.5, 1.0, -1.0)
@@ -182,7 +183,7 @@ def active_set(rows: LinearRows, most: MostOf, cuts: list[Vector]) -> ActiveRows
     objective = direction @ (rows.A + np.where(below[:, None], rows.R, rows.S))
     lowest = np.concatenate([np.full(n, -np.inf), ~below, ~above])
     highest = np.concatenate([np.full(n, np.inf), np.ones(2 * n)])
-    options = {"mip_rel_gap": _ANY_GAP} | ({} if math.isinf(left := work.seconds_left()) else {"time_limit": left})
+    options = {"mip_rel_gap": _ANY_GAP, "time_limit": work.seconds_left()}
     work.afford()
     found = milp(
         np.append(objective, np.zeros(2 * n)),
