@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -118,7 +118,6 @@ class InteriorPath:
         self.steps = ProximalSteps(problem, start)
         self.weights = problem.matrix.proximal_weights
         self.diagonal = problem.matrix.rows.diag
-        self.row = row_of(problem.A)
         self.moves = self.steps.moves
         self.pattern: Symmetric | SymbolicAnalysis | None = None
         if not self.moves:
@@ -137,27 +136,11 @@ class InteriorPath:
         #: c with 0, or what is nearest to it and not above, for the rows without obstacle below, and p there
         self.resting = c, p
         bounded = ~np.isneginf(below)
-        size = self._size(bounded, top)
-        self._start(c, size, bounded, top)
-        one = self.bounded & (self.bounded.sum(axis=1, keepdims=True) == 1)
-        if self.moves or not one.any():
-            return
-        # so far that the first direction does not lead beyond the boundary, where one obstacle alone leaves the room;
-        # obstacles that move are elsewhere then
-        dr = self._direction(self._solver(), self.r * self.s)[1]
-        share = (dr / self.r)[one]  # that of s is −1 − this
-        farther = float(np.maximum(-share, 1.0 + share).max())
-        if 1.0 < farther < np.inf:
-            self._start(c, farther * size, bounded, top)
-
-    def _size(self, bounded: Mask, top: Vector | None) -> float:
-        """How far p/W is from 0 at c, in the units of W."""
-        c, p = self.resting
         # in rows without obstacle p > 0 pulls at c as well
         size = float(np.abs((np.where(bounded, np.minimum(p, 0.0), p) if top is None else p) / self.root).max())
         if self.moves:  # where nothing pulls at c, c is no solution as yet
-            size = max(size, float(np.max((self.root * np.abs(self.problem.r(c)))[bounded], initial=0.0))) or 1.0
-        return size
+            size = max(size, float(np.max((self.root * np.abs(problem.r(c)))[bounded], initial=0.0))) or 1.0
+        self._start(c, size, bounded, top)
 
     def _start(self, c: Vector, size: float, bounded: Mask, top: Vector | None) -> None:
         """So far from the obstacles, in the units of W, which is where p/W comes to."""
@@ -235,7 +218,7 @@ class InteriorPath:
         after = inner(np.where(self.bounded, r + t * dr, 0.0).ravel(), (s + t * ds).ravel()) / both
         target = r * s + dr * ds - ((after / size) ** 3 * size if size else 0.0)
         dz, dr, ds, longest = self._direction(solve, target)
-        t = min(1.0, _NEARLY_ALL / longest) if longest > 0 else 1.0
+        t = 1.0 / max(longest / _NEARLY_ALL, 1.0)
         self.r = np.where(self.bounded, r + t * dr, 1.0)
         self.s = s + t * ds
         try:
@@ -275,10 +258,12 @@ class InteriorPath:
             for J, slope in zip(self.slopes, slopes.T, strict=True):
                 M = sp.csr_array(M - sp.diags_array(slope) @ J)
         unit = 1.0 / np.sqrt(np.abs(M.diagonal()))
-        row = row_of(M) if self.moves else self.row
-        M.data *= unit[row]
+        M.data *= unit[row_of(M)]
         M.data *= unit[M.indices]
-        factors = self._factors(M)
+        if isinstance(self.pattern, Symmetric):
+            factors = self.pattern.factors(M.data)
+        else:  # symmetric at most by chance
+            factors = factorise(M, definite=True, analysis=self.pattern or SymbolicAnalysis(M, lambda: False))
 
         def solve(f: Vector) -> Vector:
             if factors is None:
@@ -292,9 +277,3 @@ class InteriorPath:
             return np.asarray(unit * x)
 
         return solve
-
-    def _factors(self, M: sp.csr_array) -> Any:
-        if isinstance(self.pattern, Symmetric):
-            return self.pattern.factors(M.data)
-        # symmetric at most by chance
-        return factorise(M, definite=True, analysis=self.pattern or SymbolicAnalysis(M, lambda: False))
