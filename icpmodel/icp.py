@@ -14,7 +14,7 @@ from .theory.certificates import bounds, certificate
 
 
 class ICP(ProblemData):
-    """An implicit complementarity problem: find z with p = Az + q ≥ 0, r = z − ψ(z) ≥ 0 and pᵀr = 0.
+    """An implicit complementarity problem: find z with p(z) = Az + q + f(z) ≥ 0, r = z − ψ(z) ≥ 0, pᵀr = 0.
 
     With an obstacle above as well, ψ(z) ≤ z ≤ ψ̄(z). Then p_i ≥ 0 where z_i = ψ_i(z), p_i ≤ 0 where
     z_i = ψ̄_i(z), and p_i = 0 in between.
@@ -31,11 +31,14 @@ class ICP(ProblemData):
         (LCP).
     upper : optional
         The obstacle ψ̄ above, in the same forms; +inf for none in that row, None for none at all.
+    f : Affine, Elementwise, Function or callable, optional
+        The nonlinear part of p; None where p is affine. A derivative that it lacks is made by
+        differences.
 
     Raises
     ------
     InputError
-        Where A, q or ψ has a wrong shape, is empty, complex or not finite, and where the obstacles
+        Where A, q, f or ψ has a wrong shape, is empty, complex or not finite, and where the obstacles
         cross.
 
     Notes
@@ -59,6 +62,8 @@ class ICP(ProblemData):
     (True, True)
     >>> problem
     ICP(n=2, nnz=4, psi=Constant(0))
+    >>> ICP([[2, -1], [-1, 2]], [-1, 3], f=lambda z: z**3).solve().z.round(6)
+    array([0.453398, 0.      ])
     >>> ICP([[2, -1], [-1, 2]], [-3, 3], psi=-1, upper=[0.25, np.inf]).solve("psor").z
     array([ 0.25, -1.  ])
     """

@@ -118,7 +118,7 @@ class Derivative(ReadOnly, Shown):
             raise InputError(f"solution is {described(solution)}; a Solution was expected")
         if solution.status not in (Status.SOLVED, Status.PRECISION_LIMIT):
             raise InputError(f"solution is not solved ({solution.status.value}): only a solution has a derivative")
-        problem, z = solution.problem, solution.z
+        problem, z = solution.problem.linearised(solution.z), solution.z
         if (missing := problem.psi.no_derivative()) is not None:
             raise NotApplicable(missing)
         self.solution, self.problem, self.z = solution, problem, z
@@ -362,7 +362,7 @@ class Derivative(ReadOnly, Shown):
 
     def _bound(self, J: sp.csr_array, f: Vector, x: Vector, error: Vector) -> float | None:
         """max|x − x*| for Jx* = f, f wrong by up to `error`."""
-        if not self.certain or self.problem.psi.calls_user_code:
+        if not self.certain or self.problem.psi.calls_user_code or self.solution.problem.f is not None:
             return None
         linear = ProblemData(J, -f, -np.inf)
         for_p, for_r = linear.rounding(x)

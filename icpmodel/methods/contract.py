@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, fields
+from functools import wraps
 from typing import Any, ClassVar
 
 import numpy as np
@@ -51,6 +52,20 @@ class Least:
         return self.waited
 
 
+#: the sentence for a nonlinear p
+OF_F = "p is nonlinear, and it takes affine p: name no method, or solve problem.linearised(z)"
+
+
+def _of_affine_p(own: Callable[[Any, ProblemData], str | None]) -> Callable[[Any, ProblemData], str | None]:
+    """`own`, a method's `why_not`, after the question whether it takes a nonlinear p."""
+
+    @wraps(own)
+    def why_not(self: Any, problem: ProblemData) -> str | None:
+        return OF_F if problem.f is not None and not self.takes_f else own(self, problem)
+
+    return why_not
+
+
 class Infeasible(Exception):
     """Raised by a method that has proved that there is no solution: `answer` has the reason and the witness."""
 
@@ -80,8 +95,12 @@ class Method(ReadOnly, Shown, ABC):
     finite: ClassVar[bool] = False
     #: which of its options are worth another try where it stagnates, cycles or diverges, for the advice to the user
     to_try: ClassVar[str] = ""
+    #: whether it takes a nonlinear p, of which `why_not` then says what it asks
+    takes_f: ClassVar[bool] = False
 
     def __init_subclass__(cls) -> None:
+        if "why_not" in cls.__dict__:
+            cls.why_not = _of_affine_p(cls.why_not)  # type: ignore[method-assign]
         if cls.__dict__.get("name"):  # one of its own
             _REGISTRY[cls.name] = cls
 
@@ -91,7 +110,7 @@ class Method(ReadOnly, Shown, ABC):
         >>> icp.PSOR().why_not(ICP([[0.0]], [1.0]))
         'projected SOR divides by the diagonal of A, but A[0, 0] = 0'
         """
-        return None
+        return None if problem.f is None or self.takes_f else OF_F
 
     @abstractmethod
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:

@@ -213,7 +213,7 @@ class Path(Iterator[Iterate]):
             self.fault = error
             return None
 
-    def _point(self, z: Vector) -> Point | None:
+    def point(self, z: Vector) -> Point | None:
         """The point at `z`, None where it has no finite θ."""
         point = self._tried(lambda: Point(self.problem, self.omega, z))
         if point is None or np.isfinite(point.theta):
@@ -278,7 +278,7 @@ class Path(Iterator[Iterate]):
             self.kept = None  # so that not two factorisations are held
             self.kept = (active, J, ActiveEquations(self.problem, active, J, by_cycles=False))
         step = self.kept[2].solve(-np.where(active, here.r, here.p), tolerance)
-        return None if step is None else self._point(here.z + step)
+        return None if step is None else self.point(here.z + step)
 
     def descent(self) -> Point | None:
         """A step from the best point that reduces Ψ by Armijo's rule; None where none does, or many do too little."""
@@ -313,7 +313,7 @@ class Path(Iterator[Iterate]):
     def along(self, best: Point, step: Vector, slope: float) -> Point | None:
         for k in range(_HALVINGS):
             t = 0.5**k
-            new = self._point(best.z + t * step)
+            new = self.point(best.z + t * step)
             growth = np.inf if new is None else new.theta / best.theta
             if new is not None and growth * growth <= 1.0 + 2.0 * _SLOPE * t * slope:  # growth**2 raises if it is inf
                 return new

@@ -88,7 +88,7 @@ class Restarts(Method):
                 lcp = dense_lcp(problem)
         every = _ALONE if lcp is None else _PIVOTED
         has_newton = Newton().why_not(problem) is None
-        scale = _scale(problem, z)
+        scale = scale_of_starts(problem, z)
         start = z
         for k in range(self.tries):
             with suppress(MapError):
@@ -98,17 +98,17 @@ class Restarts(Method):
                 with suppress(MapError):
                     for found, residual in islice(Newton().iterates(problem, start), _STEPS):
                         yield found, problem.residual(found) if residual is None else residual
-                start = _start(problem, z, scale, rng)
+                start = start_above(problem, z, scale, rng)
 
 
-def _scale(problem: ProblemData, z: Vector) -> float:
+def scale_of_starts(problem: ProblemData, z: Vector) -> float:
     """The largest entry of D⁻¹q, ψ(z) and z, 1 where all are 0."""
-    sizes = np.concatenate([problem.q / problem.matrix.weights, problem.psi.value(z), z])
+    sizes = np.concatenate([problem.offset(z) / problem.matrix.weights, problem.psi.value(z), z])
     largest = float(np.abs(sizes[np.isfinite(sizes)]).max(initial=0.0))
     return largest or 1.0
 
 
-def _start(problem: ProblemData, z: Vector, scale: float, rng: np.random.Generator) -> Vector:
+def start_above(problem: ProblemData, z: Vector, scale: float, rng: np.random.Generator) -> Vector:
     """A random start above the obstacle, in half of the rows on it."""
     obstacle = problem.psi.value(z)
     above = np.where(rng.random(z.size) < 0.5, scale * np.abs(rng.normal(size=z.size)), 0.0)

@@ -173,7 +173,9 @@ def problem_of(parts: dict[str, Any], sources: dict[str, Path]) -> ICP:
 
 def problem_parts(problem: ProblemLike) -> dict[str, Any]:
     """The parts of `problem`, as `problem_of` takes them. Raises InputError where ψ has no file form."""
-    problem = as_problem(problem)
+    problem = as_problem(problem, nonlinear=True)
+    if problem.f is not None:
+        raise InputError(f"f is {problem.f!r}, code of yours; only problems with affine p can be written to a file")
     psi = problem.psi
     sides = {"psi": psi} if not isinstance(psi, TwoSidedObstacle) else {"psi": psi.lower, "upper": psi.upper}
     parts: dict[str, Any] = {"A": problem.A, "q": problem.q}

@@ -153,11 +153,11 @@ def load_solution(
     limits = Limits(rtol=rtol, atol=atol, max_iter=0, time_limit=None, accuracy=accuracy)
     if path.suffix.lower() == ".csv" and path.is_file():
         raise FileError(f"{path}: holds numbers alone; an .npz file was expected, or see icpmodel.certify(problem, z)")
-    given = None if problem is None else as_problem(problem)
+    given = None if problem is None else as_problem(problem, nonlinear=True)
     fields = read_arrays(path)
     check_kind(path, fields, _SOLUTION)
     if given is None and "A" not in fields:
-        raise FileError(f"{path}: holds no problem, as psi was Python code; give it: load_solution(path, problem)")
+        raise FileError(f"{path}: holds no problem, as psi or f was Python code; give it: load_solution(path, problem)")
     held = problem_of(fields, dict.fromkeys(fields, path)) if given is None else given
     about = as_json(f"{path}: field about", text_of(path, fields, "about"))
     return _judged(path, about if isinstance(about, dict) else {}, held, fields, limits)

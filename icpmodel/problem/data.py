@@ -1,8 +1,9 @@
-"""The data of an implicit complementarity problem: A, q and ψ, checked once and then never changed."""
+"""The data of an implicit complementarity problem: A, q, f and ψ, checked once and then never changed."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, Protocol, Self
 
@@ -10,11 +11,12 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..errors import OBSTACLES, InputError, MapError, by_name
+from ..errors import OBSTACLES, InputError, MapError, NotApplicable, by_name
 from ..numerics.arrays import (
     Vector,
     as_array,
     as_float64,
+    as_number,
     as_vector,
     check_labels,
     described,
@@ -27,8 +29,10 @@ from ..present.shown import Shown
 from .affine import vertical_map
 from .facts import Facts
 from .friction import FrictionIndex
+from .function import Function
 from .map import Map
 from .matrix import Matrix
+from .nonlinear_term import NonlinearTerm
 from .two_sided import TwoSidedObstacle, as_map, mid
 
 #: what a message says to who has arrays and no problem
@@ -36,13 +40,13 @@ OF_ARRAYS = "icpmodel.ICP(A, q, psi) makes a problem of arrays, and icpmodel.ICP
 
 
 class ProblemData(Shown):
-    """A, q and ψ, and the values at a point z: p = Az + q, r = z − ψ(z), Res_D(z), and their rounding errors.
+    """A, q, f and ψ, and the values at a point z: p = Az + q + f(z), r = z − ψ(z), Res_D(z), and their rounding errors.
 
     `icpmodel.ICP` is this class with the methods that users call.
 
     Parameters
     ----------
-    A, q, psi, upper
+    A, q, psi, upper, f
         See `icpmodel.ICP`.
 
     Attributes
@@ -55,31 +59,38 @@ class ProblemData(Shown):
         The obstacle; a `TwoSidedObstacle` where there is one above.
     upper : Map or None
         The obstacle above.
+    f : NonlinearTerm or None
+        The nonlinear part of p; None where p is affine.
 
     Notes
     -----
     Problems that share A, or A and ψ, share the facts.
     """
 
-    __slots__ = ("__weakref__", "facts", "matrix", "n", "psi", "q")
+    __slots__ = ("__weakref__", "f", "facts", "matrix", "n", "psi", "q")
 
     matrix: Matrix
     q: Vector
     psi: Map
     n: int
     facts: Facts
+    f: NonlinearTerm | None
 
     @by_name("ICP", OBSTACLES)
-    def __init__(self, A: Any, q: Any, psi: Any = 0.0, upper: Any = None) -> None:
+    def __init__(self, A: Any, q: Any, psi: Any = 0.0, upper: Any = None, f: Any = None) -> None:
         if hasattr(A, "columns"):
             check_labels({"A": A, "q": q, "psi": psi, "upper": upper})
         matrix = Matrix(A)
         n = matrix.n
-        self._set(matrix, as_vector(q, n, "q"), as_map(psi, n, upper), None)
+        term = None
+        if f is not None:
+            term = NonlinearTerm(f, n)
+            matrix = term.weighted(matrix)
+        self._set(matrix, as_vector(q, n, "q"), as_map(psi, n, upper), None, term)
 
-    def _set(self, matrix: Matrix, q: Vector, psi: Map, facts: Facts | None) -> None:
+    def _set(self, matrix: Matrix, q: Vector, psi: Map, facts: Facts | None, f: NonlinearTerm | None = None) -> None:
         q.flags.writeable = False
-        for name, value in (("matrix", matrix), ("q", q), ("psi", psi), ("n", q.size)):
+        for name, value in (("matrix", matrix), ("q", q), ("psi", psi), ("n", q.size), ("f", f)):
             object.__setattr__(self, name, value)
         object.__setattr__(self, "facts", Facts(matrix, psi) if facts is None else facts)
 
@@ -138,6 +149,58 @@ class ProblemData(Shown):
         return problem.with_psi(vertical_map(B, d, problem.n))
 
     @classmethod
+    def nonlinear(
+        cls,
+        F: Callable[[Vector], Any],
+        jacobian: Callable[[Vector], Any] | None = None,
+        psi: Any = 0.0,
+        upper: Any = None,
+        *,
+        n: int | None = None,
+        sparsity: Any = None,
+    ) -> Self:
+        """The problem of a general p = F(z): the mixed complementarity problem (MCP), with bounds that may move.
+
+        Parameters
+        ----------
+        F : callable
+            z ↦ F(z), both of shape (n,).
+        jacobian : callable, optional
+            Maps z to F′(z), shape (n, n), dense or sparse. Without it F′ is made by differences.
+        psi, upper
+            The obstacles, see `icpmodel.ICP`; ψ = 0 makes a nonlinear complementarity problem (NCP).
+        n : int, optional
+            Number of unknowns; needed where neither obstacle is a vector and no `sparsity` is given.
+        sparsity : array_like or sparse of shape (n, n), optional
+            An entry wherever F_i may depend on z_j: for differences of columns together.
+
+        Returns
+        -------
+        ICP
+            The problem with A = 0, q = 0 and f = F.
+
+        Raises
+        ------
+        InputError
+            Where n is not known, and as for `icpmodel.ICP`.
+
+        References
+        ----------
+        Dirkse and Ferris, Optim. Methods Softw. 5 (1995), doi:10.1080/10556789508805606.
+
+        Examples
+        --------
+        >>> problem = ICP.nonlinear(lambda z: z**2 - [4, -1], psi=[0, 0])
+        >>> problem.solve().z.round(6), problem.p([2, 0])
+        (array([2., 0.]), array([0., 1.]))
+        """
+        known = [np.shape(side)[0] for side in (psi, upper, sparsity) if np.ndim(side)]
+        if n is None and not known:
+            raise InputError("n is not known, as psi and upper are no vectors; give n, the number of unknowns")
+        n = as_number(known[0] if n is None else n, "n", least=1, whole=True)
+        return cls(sp.csr_array((n, n)), np.zeros(n), psi, upper, f=Function(F, jacobian, sparsity=sparsity))
+
+    @classmethod
     def from_friction_index(cls, A: Any, b: Any, lo: Any, hi: Any, findex: Any) -> Self:
         """The contact problem of a physics engine: w = Az − b, with bounds on z that friction moves.
 
@@ -191,7 +254,7 @@ class ProblemData(Shown):
 
     def _with(self, q: Vector, psi: Map, facts: Facts | None) -> Self:
         new = object.__new__(type(self))
-        new._set(self.matrix, q, psi, facts)
+        new._set(self.matrix, q, psi, facts, self.f)
         return new
 
     @property
@@ -221,7 +284,7 @@ class ProblemData(Shown):
         return self.matrix.nnz
 
     def product(self, z: Vector) -> Vector:
-        """Az, shape (n,), for z of that shape.
+        """Az, shape (n,), for z of that shape, without q and f.
 
         >>> ICP([[2.0]], [1.0]).product(np.array([3.0]))
         array([6.])
@@ -235,10 +298,11 @@ class ProblemData(Shown):
         self.__setattr__(name, None)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (self.A, self.q, self.psi)
+        given = (self.A, self.q, self.psi)
+        return type(self), given if self.f is None else (*given, None, self.f.map)
 
     def with_q(self, q: Any) -> Self:
-        """The problem with another `q`, shape (n,); A, ψ and what is known of them are shared.
+        """The problem with another `q`, shape (n,); A, ψ, f and what is known of them are shared.
 
         >>> ICP([[2.0]], [1.0]).with_q([-4.0]).solve().z
         array([2.])
@@ -354,12 +418,61 @@ class ProblemData(Shown):
 
     @np.errstate(over="ignore", under="ignore")
     def p(self, z: Any) -> Vector:
-        """p(z) = Az + q, shape (n,).
+        """p(z) = Az + q + f(z), shape (n,).
 
         >>> ICP([[2.0]], [1.0]).p([3.0])
         array([7.])
         """
-        return self.product(self.vector(z)) + self.q
+        z = self.vector(z)
+        return self.product(z) + self.offset(z)
+
+    def offset(self, z: Vector) -> Vector:
+        """What p(z) is beside Az: q + f(z), shape (n,); q itself where p is affine.
+
+        >>> ICP([[2.0]], [1.0], f=np.exp).offset(np.zeros(1))
+        array([2.])
+        """
+        return self.q if self.f is None else self.q + self.f.value(z)
+
+    def linearised(self, z: Any) -> Self:
+        """The problem with p replaced by its tangent at z: A + f′(z) and q + f(z) − f′(z)z; itself where p is affine.
+
+        p and r are the same at z. So z is a solution of one of the two problems if and only if it is
+        one of the other.
+
+        Parameters
+        ----------
+        z : array_like of shape (n,) or Solution
+            The point.
+
+        Returns
+        -------
+        ICP
+            The problem with affine p.
+
+        Raises
+        ------
+        MapError
+            Where f or its derivative fails at z.
+
+        References
+        ----------
+        Josephy, MRC report 1965, Wisconsin (1979).
+
+        Examples
+        --------
+        >>> tangent = ICP([[1.0]], [-6.0], f=lambda z: z**2).linearised([2.0])
+        >>> tangent.dense().round(6), tangent.q.round(6)
+        (array([[5.]]), array([-10.]))
+        """
+        if self.f is None:
+            return self
+        z = self.vector(z, finite=True)
+        A, moved = self.f.tangent(self.matrix, z)
+        offset = self.offset(z) - moved
+        if fault := not_finite(offset, "q + f(z) - f'(z)z"):
+            raise MapError(f"{fault}; a finite number was expected")
+        return type(self)(A, offset, self.psi)
 
     @np.errstate(over="ignore", under="ignore")
     def r(self, z: Any) -> Vector:
@@ -436,7 +549,8 @@ class ProblemData(Shown):
         -----
         It is a number in the units of z. Multiplication of a row of (A, q) by a positive number
         does not change it. It is multiplied by t when z, ψ and q are. In rows that are diagonally
-        dominant d_i = |a_ii|.
+        dominant d_i = |a_ii|. With an f, A + f′ takes the place of A: at z, and
+        near 1 where that is larger.
 
         With an obstacle above it is that of mid(z − ψ̄(z), D⁻¹p(z), r(z)). Where ψ_i(z) > ψ̄_i(z)
         no z_i is admissible. There the larger of |z_i − ψ_i| and |z_i − ψ̄_i| replaces the median.
@@ -449,31 +563,44 @@ class ProblemData(Shown):
         z = self.vector(z)
         psi = self.psi.value(z)
         upper = None if self.psi.upper is None else self.psi.upper.value(z)
-        return self.residual_of(self.product(z) + self.q, z - psi, None if upper is None else z - upper)
+        p = self.product(z) + self.offset(z)
+        return norm(mid(self.weights_at(z) * p, z - psi, None if upper is None else z - upper))
+
+    def weights_at(self, z: Vector) -> Vector:
+        """The diagonal of D⁻¹ by which p(z) is judged, shape (n,): that of `matrix`, with an f no less, by its slopes.
+
+        >>> ICP([[4.0]], [1.0]).weights_at(np.zeros(1))
+        array([0.25])
+        """
+        if self.f is None:
+            return self.matrix.row_weights
+        with suppress(MapError):
+            return self.f.weights_at(self.matrix, z)
+        return self.matrix.row_weights
 
     def residual_of(self, p: Vector, below: Vector, above: Vector | None) -> float:
-        """Res_D of a z at which `p`, z − ψ `below` and z − ψ̄ `above` are known.
+        """Res_D of a z at which `p`, z − ψ `below` and z − ψ̄ `above` are known; with an f at most that.
 
         >>> ICP([[3.0]], [-6.0]).residual_of(np.array([-3.0]), np.array([1.0]), None)
         1.0
         """
         return norm(mid(self.matrix.row_weights * p, below, above))
 
-    @np.errstate(over="ignore", invalid="ignore", under="ignore")
+    @np.errstate(all="ignore")
     def residual_at_0(self) -> float:
-        """Res_D(0) = ‖min(D⁻¹q, −ψ(0))‖₂, without a product with A.
+        """Res_D(0) = ‖min(D⁻¹p(0), −ψ(0))‖₂, without a product with A.
 
         >>> ICP([[3.0]], [-6.0]).residual_at_0()
         2.0
         """
         zero = np.zeros(self.n)
         upper = self.psi.upper
-        return self.residual_of(self.q, -self.psi.value(zero), None if upper is None else -upper.value(zero))
+        return self.residual_of(self.offset(zero), -self.psi.value(zero), None if upper is None else -upper.value(zero))
 
     def residual_scale(self, at_0: float | None = None) -> float:
         """The reference of a relative tolerance: Res_D(0).
 
-        Where 0 is a solution, it is the smallest of the numbers |q_i|/d_i, |ψ_i(0)| and |ψ̄_i(0)|
+        Where 0 is a solution, it is the smallest of the numbers |p_i(0)|/d_i, |ψ_i(0)| and |ψ̄_i(0)|
         that are not 0.
 
         Parameters
@@ -506,8 +633,8 @@ class ProblemData(Shown):
         zero = np.zeros(self.n)
         psi = self.psi
         sides = [psi.value(zero)] if psi.upper is None else [psi.value(zero), psi.upper.value(zero)]
-        with np.errstate(over="ignore", under="ignore"):
-            return smallest_size(self.matrix.row_weights * self.q, *sides)
+        with np.errstate(all="ignore"):
+            return smallest_size(self.matrix.row_weights * self.offset(zero), *sides)
 
     def paper_residual(self, z: Any) -> float:
         """Res(z) = ‖min(p(z), r(z))‖₂, the residual of the paper, by which `atol` is judged; see `residual`.
@@ -538,7 +665,8 @@ class ProblemData(Shown):
         For p it is γ_k(|A||z| + |q|), 0 where |A||z| is 0. For r it is γ_k(|z| + G|z| + |ψ(z)|), 0
         where r is infinite. With an obstacle above as well, it is the larger of the two. Here γ_k =
         ku/(1 − ku), u = 2⁻⁵³, k is two more than the entries of the row, and k·2⁻¹⁰⁷⁴ is added for
-        underflow. ψ itself is taken as exact to a few u, which holds for constant and affine maps.
+        underflow. ψ itself is taken as exact to a few u, which holds for constant and affine maps, and so
+        is f.
 
         References
         ----------
@@ -558,6 +686,7 @@ class ProblemData(Shown):
         free = np.isposinf(psi)
         terms = np.diff(self.A.indptr) + 2
         psi[free] = 0.0
+        given = z
         # and on in place: in large vectors new memory takes the time
         for_p = self.matrix.magnitude(z)
         z = np.abs(z)
@@ -565,6 +694,8 @@ class ProblemData(Shown):
         for_p += np.abs(self.q)
         for_p *= gamma(terms)
         for_p[exact] = 0.0
+        if self.f is not None:
+            for_p += self.f.rounding(self.f.value(given))
         for_p += terms * SMALLEST
         size = z + psi
         entries: Any = 3
@@ -582,16 +713,16 @@ class ProblemData(Shown):
         True
         """
         for_p, for_r = self.rounding(z)
-        return norm(np.maximum(self.matrix.row_weights * for_p, for_r))
+        return norm(np.maximum(self.weights_at(self.vector(z)) * for_p, for_r))
 
     @property
     def is_lcp(self) -> bool:
-        """Whether ψ is constant, and the only obstacle, so that y = z − c solves an ordinary LCP.
+        """Whether p is affine, ψ constant and the only obstacle, so that y = z − c solves an ordinary LCP.
 
         >>> ICP([[2.0]], [1.0], psi=3).is_lcp
         True
         """
-        return self.psi.is_constant and self.upper is None
+        return self.psi.is_constant and self.upper is None and self.f is None
 
     def __repr__(self) -> str:
         psi = self.psi
@@ -599,7 +730,8 @@ class ProblemData(Shown):
         if isinstance(psi, TwoSidedObstacle):
             upper = f", upper={psi.upper!r}"
             psi = psi.lower
-        return f"ICP(n={self.n}, nnz={self.A.nnz}, psi={psi!r}{upper})"
+        f = "" if self.f is None else f", f={self.f!r}"
+        return f"ICP(n={self.n}, nnz={self.A.nnz}, psi={psi!r}{upper}{f})"
 
 
 class Holder(Protocol):
@@ -619,8 +751,30 @@ class Model(Protocol):
 ProblemLike = ProblemData | Holder | Model
 
 
-def as_problem(problem: ProblemLike) -> ProblemData:
-    """The ICP that `problem` is, holds or makes. Raises InputError."""
+#: what is said where p has to be affine
+NONLINEAR = (
+    "p(z) = Az + q + f(z) is nonlinear, and affine p = Az + q was expected: give problem.linearised(z), "
+    "with p's tangent at a z, such as that of problem.solve()"
+)
+
+
+def as_problem(problem: ProblemLike, *, nonlinear: bool = False) -> ProblemData:
+    """The ICP that `problem` is, holds or makes.
+
+    Raises
+    ------
+    InputError
+        For anything else.
+    NotApplicable
+        Where p is nonlinear, unless `nonlinear` says that it may be.
+    """
+    found = _found(problem)
+    if found.f is not None and not nonlinear:
+        raise NotApplicable(NONLINEAR)
+    return found
+
+
+def _found(problem: ProblemLike) -> ProblemData:
     if isinstance(problem, ProblemData):
         return problem
     if isinstance(problem, str):

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any
 
+import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from ..errors import InputError, MapError, by_name
 from ..numerics.arrays import Vector, as_csr, as_float64, axes, locked
+from .differences import colours, jacobian_by_differences
 from .user_code import Parametrised, as_function, call_user, diagonal_lipschitz, raising_map_error
 
 
@@ -24,6 +28,9 @@ class Function(Parametrised):
     lipschitz : array_like or sparse of shape (n, n), float or array_like of shape (n,), optional
         The matrix G ≥ 0. A number or a vector stands for diag(ℓ), and thus says that ψ_i depends on
         z_i only.
+    sparsity : array_like or sparse of shape (n, n), optional
+        A matrix with an entry wherever ψ_i may depend on z_j. Where no `jacobian` is given it is then
+        made by differences, one value of ψ for each group of columns that share no row.
     parameter_derivative : callable, optional
         For `icpmodel.Derivative`: maps z to the derivative of ψ(z) in m parameters of yours. Its
         shape is (n, m), dense or sparse, or (n,) for one parameter.
@@ -44,6 +51,7 @@ class Function(Parametrised):
         jacobian: Callable[[Vector], Any] | None = None,
         lipschitz: Any = None,
         *,
+        sparsity: Any = None,
         parameter_derivative: Callable[[Vector], Any] | None = None,
     ) -> None:
         super().__init__(parameter_derivative)
@@ -53,11 +61,19 @@ class Function(Parametrised):
         if lipschitz is not None:
             checked = (as_csr if axes(lipschitz, "psi.lipschitz") == 2 else as_float64)(lipschitz, "psi.lipschitz")
         self.given_lipschitz = locked(checked)
+        if sparsity is not None:
+            self.links = as_csr(sparsity, "psi.sparsity")
 
     def bind(self, n: int) -> Function:
         bound = Function(
-            self.fun, self.derivative, self.given_lipschitz, parameter_derivative=self.parameter_derivative
+            self.fun,
+            self.derivative,
+            self.given_lipschitz,
+            sparsity=self.links,
+            parameter_derivative=self.parameter_derivative,
         )
+        if self.links is not None and self.links.shape != (n, n):
+            raise InputError(f"psi.sparsity has shape {self.links.shape}; shape ({n}, {n}) was expected")
         if sp.issparse(self.given_lipschitz):
             G = as_csr(self.given_lipschitz, "psi.lipschitz", n)
             if (G.data < 0).any():
@@ -71,17 +87,36 @@ class Function(Parametrised):
         return call_user(lambda: self.fun(z.copy()), z.shape, "psi")
 
     def jacobian(self, z: Vector) -> sp.csr_array | None:
-        if self.derivative is None:
-            return None
         derivative = self.derivative
-        matrix = raising_map_error(lambda: derivative(z.copy()), "psi.jacobian")
+        if derivative is None:
+            if self.links is None:
+                return None
+            matrix: Any = jacobian_by_differences(self.value, z, self.links, self._colours)
+        else:
+            given = derivative
+            matrix = raising_map_error(lambda: given(z.copy()), "psi.jacobian")
         try:
             return as_csr(matrix, "psi.jacobian(z)", z.size)
         except InputError as error:
             raise MapError(str(error)) from None
 
     def no_derivative(self) -> str | None:
-        return "psi has no derivative: give `jacobian` to Function" if self.derivative is None else None
+        known = self.derivative is not None or self.links is not None
+        return None if known else "psi has no derivative: give `jacobian` to Function"
+
+    @cached_property
+    def _colours(self) -> NDArray[np.intp]:
+        return colours(self.links)
+
+    def with_sparsity(self, pattern: Any) -> Function:
+        """The same function, its Jacobian made by differences on the entries of `pattern`, shape (n, n).
+
+        >>> Function(lambda z: z**2).bind(1).with_sparsity(np.ones((1, 1))).jacobian(np.ones(1)).toarray().round(6)
+        array([[2.]])
+        """
+        named = self.parameter_derivative
+        new = Function(self.fun, None, self.given_lipschitz, sparsity=pattern, parameter_derivative=named)
+        return new.bind(np.shape(pattern)[0])
 
     def __repr__(self) -> str:
         return f"Function({getattr(self.fun, '__name__', 'psi')})"

@@ -93,11 +93,11 @@ class Matrix(ReadOnly):
         self._measure(self.sparse if self.dense is None else self.dense)
 
     @classmethod
-    def of_checked(cls, A: sp.csr_array, row_weights: Vector | None = None) -> Matrix:
+    def of_checked(cls, A: sp.csr_array, row_weights: Vector | None = None, dense: Any = None) -> Matrix:
         """The matrix of an `A` that is known to be as the constructor would leave it, and is not copied; of rows that
-        have lost columns the `row_weights` are given."""
+        have lost columns, or to whose p something nonlinear is added, the `row_weights` are given."""
         new = object.__new__(cls)
-        new.dense, new.sparse = None, freeze(A)
+        new.dense, new.sparse = dense, freeze(A)
         if row_weights is not None:
             new.row_weights = locked(row_weights)
         new._measure(A)

@@ -24,8 +24,9 @@ def certain(problem: ProblemData, z: Vector, residual: float, tolerance: float, 
     if not residual <= tolerance:
         return residual
     add(problem.matrix.product_cost)
+    weights = problem.weights_at(z) if weights is None else weights
     residuals = np.array([residual])
-    rows = problem.q[None], _offset(problem.psi, z), z[None], residuals, np.array([tolerance])
+    rows = problem.offset(z)[None], _offset(problem.psi, z), z[None], residuals, np.array([tolerance])
     certain_rows(problem.matrix, problem.psi, *rows, _above(problem.psi, z), weights)
     return float(residuals[0])
 

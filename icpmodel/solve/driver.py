@@ -24,6 +24,7 @@ from .choice import FAMILIES, Choice, InTurn, Job, why_none
 from .ended import Ended, fault_of_psi
 from .goal import RTOL, Goal, Limits
 from .last_resort import search
+from .newton_josephy import NewtonJosephy
 from .outcome import solution_of
 from .progress import Progress
 from .reduction import climb, posed
@@ -95,8 +96,8 @@ def solve(
     limits = _limits(rtol, atol, accuracy, max_iter, time_limit, memory_limit)
     shown = _shown(callback, history, progress)
     as_truth(raise_on_failure, "raise_on_failure")
-    problem = as_problem(problem)
-    by_rule = method is None and family is None and not options
+    problem = as_problem(problem, nonlinear=True)
+    by_rule = problem.f is None and method is None and family is None and not options
     if by_rule and z0 is None and limits.is_default and not any(shown.values()):
         pivots = pivoted(problem, limits)
         if pivots is not None:
@@ -128,6 +129,9 @@ def _carry_all_out(run: Run, method: Method | None, family: str | None) -> None:
     constant is at the user's word."""
     if method is not None:
         carry_out(run, run.steps(InTurn(method)))
+        return
+    if run.problem.f is not None:
+        carry_out(run, run.steps(InTurn(NewtonJosephy(family=family), why="p is nonlinear")))
         return
     other = posed(run.problem)
     if other is not run.problem:
@@ -213,6 +217,8 @@ def _run(problem: ProblemData, start: Vector, limits: Limits, **shown: Any) -> R
         goal = Goal(math.inf)
     elif not scale:
         goal = replace(goal, of_z=limits.rtol, size=norm(start))
+    elif problem.f is not None:
+        goal = replace(goal, of_z=limits.rtol)
     return Run(
         problem,
         start,

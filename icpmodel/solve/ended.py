@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..numerics.arrays import Vector
+from ..numerics.arrays import Vector, not_finite
 from ..problem.data import ProblemData
 from .solution import Status
 
@@ -97,9 +97,11 @@ class Stalled:
 
 
 def fault_of_psi(problem: ProblemData, z: Vector) -> str:
-    """Which entry of ψ(z) is NaN or +∞, or of ψ̄(z) NaN or −∞, although z is finite; empty where none is."""
+    """Which entry of ψ(z) is NaN or +∞, of ψ̄(z) NaN or −∞, or of f(z) not finite, although z is finite; or empty."""
     if not np.isfinite(z).all():
         return ""
+    if problem.f is not None and (fault := not_finite(problem.f.value(z), "f(z)")):
+        return fault
     for name, psi, none in (("psi", problem.psi, -np.inf), ("upper", problem.upper, np.inf)):
         if psi is not None:
             value = psi.value(z)

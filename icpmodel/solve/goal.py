@@ -69,7 +69,8 @@ class Goal:
     """Res_D(z) ≤ `tolerance`, or Res(z) ≤ `atol`, of the exact residuals where the `problem` is given.
 
     Where nothing in the problem is large, the tolerance is the share `of_z` of ‖z‖, or of the `size` of the start, if
-    that is the smaller one: what runs away makes no residual small.
+    that is the smaller one: what runs away makes no residual small. Where p is nonlinear it is the smaller of the two,
+    as Res_D(0) then need not be of the size of z.
     """
 
     tolerance: float
@@ -80,7 +81,10 @@ class Goal:
 
     def tolerance_at(self, z: Vector) -> float:
         """The Res_D that `z` may have."""
-        return self.tolerance if not self.of_z else float(share_of(min(norm(z), self.size), self.of_z))
+        if not self.of_z:
+            return self.tolerance
+        of_z = float(share_of(min(norm(z), self.size), self.of_z))
+        return min(self.tolerance, of_z) if self.tolerance else of_z
 
     def enough_at(self, z: Vector) -> float:
         """A Res_D of `z` that is small enough, as Res(z) ≤ max(1, d_i) Res_D(z)."""

@@ -100,7 +100,8 @@ def _end(run: Run, best: Best, limits: Limits) -> tuple[Status, str]:
     if status not in (Status.SOLVED, Status.INTERRUPTED, Status.STOPPED) and (crossed := _crossed(run.problem, best.z)):
         status = Status.CROSSED
         note = crossed
-    found = contradiction(run.problem) if status in (*_NO_FURTHER, Status.INFEASIBLE) else None
+    may_contradict = run.problem.f is None and status in (*_NO_FURTHER, Status.INFEASIBLE)
+    found = contradiction(run.problem) if may_contradict else None
     if found is None:
         return status, note
     if status is not Status.INFEASIBLE:

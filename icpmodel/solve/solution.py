@@ -81,7 +81,7 @@ _ADVICE = {
     "MEMORY_LIMIT": "raise memory_limit, free memory, or name a method that needs little, such as mnmgs",
     "INTERRUPTED": "pass this solution as z0 to go on",
     "STOPPED": "the callback returned True; pass this solution as z0 to go on",
-    "MAP_FAILED": "mend psi, or start nearer to the solution; this is the best iterate before it failed",
+    "MAP_FAILED": "mend psi, or f, or start nearer to the solution; this is the best iterate before it failed",
     "CROSSED": "mend psi or upper, or start elsewhere: no z is between them in that row where the run has come to",
     "WORKER_LOST": "solve it alone to see why, or give its worker more memory",
 }
@@ -189,7 +189,7 @@ class Solution(ReadOnly, Plotted):
 
     @cached_property
     def p(self) -> Vector:
-        """p = Az + q, shape (n,).
+        """p(z), shape (n,).
 
         >>> ICP([[2.0]], [-2.0]).solve().p
         array([0.])
@@ -221,7 +221,7 @@ class Solution(ReadOnly, Plotted):
         >>> ICP([[0.0]], [-2.0]).solve(raise_on_failure=False).contradiction
         infeasible by 2: p[0] >= 0
         """
-        return None if self.solved else contradiction(self.problem)
+        return None if self.solved or self.problem.f is not None else contradiction(self.problem)
 
     @cached_property
     def active_set(self) -> ActiveSet:
@@ -251,7 +251,7 @@ class Solution(ReadOnly, Plotted):
         known = self.active_set
         try:
             with limited(self.time_limit, self.memory_limit):
-                z = solve_on(problem, self.z, *known.completed(pattern_at(problem, self.z)))
+                z = solve_on(problem.linearised(self.z), self.z, *known.completed(pattern_at(problem, self.z)))
             residual = problem.residual(z)
             if not self.accuracy:
                 residual = self._goal.judged(z, residual)

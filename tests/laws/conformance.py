@@ -31,6 +31,7 @@ METHODS = {
     "projection-fixed-point": icp.ProjectionFixedPoint(omega=0.9),
     "proximal": icp.Proximal(),
     "psor": icp.PSOR(omega=1.1),
+    "newton-josephy": icp.NewtonJosephy(),
     "restarts": icp.Restarts(tries=40),
     "tridiagonal": icp.Tridiagonal(),
 }

@@ -61,6 +61,7 @@ MADE_FOR = {
     "interior": {"definite": ("constant",)},
     "proximal": {"definite": ("constant",), "M": ("own",)},
     "psor": {"H+": ALL},
+    "newton-josephy": {},  # of nonlinear p: tests/solve/test_newton_josephy.py
     "restarts": {"H+": ALL},
     "tridiagonal": {"line": ("constant", "own")},
 }
@@ -124,7 +125,8 @@ def test_small_and_singular_cases_by_hand(name, A, q, psi, z):
 
 
 @pytest.mark.parametrize(
-    "name", [None, *(name for name in MADE_FOR if name not in (None, "enumerate", "mms", "tridiagonal"))]
+    "name",
+    [None, *(name for name in MADE_FOR if name not in (None, "enumerate", "mms", "newton-josephy", "tridiagonal"))],
 )
 def test_upside_down_the_problem_has_the_answer_upside_down(name):
     """z ↦ −z turns (A, q, ψ, ψ̄) into (A, −q, −ψ̄, −ψ); and an obstacle above that is never touched changes nothing."""

@@ -181,8 +181,10 @@ def error_bound(
     >>> 0.001 <= bound.value <= 0.001001, round(error_bound(problem, [1.0, 1.001], sharp=False).value, 9)
     (True, 0.002)
     """
-    problem = as_problem(problem)
+    problem = as_problem(problem, nonlinear=True)
     z = problem.vector(z)
+    if problem.f is not None:
+        return ErrorBound.none("p is nonlinear, and nothing is known of the slopes of f")
     if sharp is not None:
         as_truth(sharp, "sharp")
     if as_truth(rigorous, "rigorous") and problem.psi.calls_user_code:

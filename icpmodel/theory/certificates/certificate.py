@@ -125,7 +125,7 @@ def certify(
     >>> certify(ICP([[2.0]], [-2.0]), [1.5]).violation_p
     0.0
     """
-    problem, bound = as_problem(problem), as_truth(bound, "bound")
+    problem, bound = as_problem(problem, nonlinear=True), as_truth(bound, "bound")
     z = problem.vector(z)
     how: Any = {"sharp": sharp, "rigorous": rigorous, "time_limit": time_limit, "memory_limit": memory_limit}
     with np.errstate(over="ignore", invalid="ignore"):
@@ -137,7 +137,7 @@ def certify(
             wrong = np.where(np.isposinf(r), np.maximum(p, wrong), wrong)
     return Certificate(
         residual=problem.residual(z),
-        residual_max=float(np.abs(mid(problem.matrix.row_weights * p, r, above)).max()),
+        residual_max=float(np.abs(mid(problem.weights_at(z) * p, r, above)).max()),
         residual_of_paper=problem.paper_residual(z),
         violation_p=float(wrong.max()),
         violation_r=float(beyond.max()),
@@ -217,7 +217,7 @@ def active_set(problem: ProblemLike, z: Any, bound: ErrorBound) -> ActiveSet:
     >>> active_set(problem, z, error_bound(problem, z)).inactive
     array([ True])
     """
-    problem = as_problem(problem)
+    problem = as_problem(problem, nonlinear=True)
     z, nothing = problem.vector(z), np.zeros(problem.n, dtype=bool)
     if not isinstance(bound, ErrorBound):
         raise InputError(f"bound is {described(bound)}; error_bound(problem, z), an ErrorBound, was expected")

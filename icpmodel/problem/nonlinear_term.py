@@ -1,0 +1,162 @@
+"""f in p(z) = Az + q + f(z): any map that a user may give, with a derivative in any case."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..errors import InputError, MapError
+from ..numerics.arrays import Vector, described, not_finite
+from ..numerics.rounding import UNIT_ROUNDOFF
+from ..present.shown import Shown
+from .affine import Affine
+from .differences import steps
+from .elementwise import Elementwise
+from .function import Function
+from .map import Map
+from .matrix import Matrix, weights_of
+
+#: beyond so many unknowns the n + 1 values of f that a dense Jacobian takes want a word of the user
+DENSE_UP_TO = 1000
+#: units in the last place to which f is taken as exact
+ULPS = 8.0
+
+
+@contextmanager
+def _about_f() -> Iterator[None]:
+    """A block in which messages on a map, which speak of psi, speak of f."""
+    try:
+        yield
+    except (InputError, MapError) as error:
+        raise type(error)(str(error).replace("psi", "f")) from error.__cause__
+
+
+class NonlinearTerm(Shown):
+    """The map f for `n` unknowns.
+
+    Parameters
+    ----------
+    f : Affine, Elementwise, Function or callable
+        The map; a callable is z ↦ f(z).
+    n : int
+        Number of unknowns.
+
+    Raises
+    ------
+    InputError
+        For an f of another kind or length, and for one of many unknowns without a derivative.
+
+    Examples
+    --------
+    >>> f = NonlinearTerm(lambda z: z**2, 2)
+    >>> f.value(np.array([1.0, 3.0])), f.jacobian(np.array([1.0, 3.0])).diagonal().round(6)
+    (array([1., 9.]), array([2., 6.]))
+    """
+
+    def __init__(self, f: Any, n: int) -> None:
+        if not isinstance(f, Affine | Elementwise | Function) and (isinstance(f, Map) or not callable(f)):
+            wanted = "a callable, Elementwise, Function or Affine was expected"
+            raise InputError(f"f is {described(f)}; {wanted}")
+        with _about_f():
+            self.map: Map = (f if isinstance(f, Map) else Function(f)).bind(n)
+        self.n = n
+        #: the last z and f′(z), which the judge and the next tangent both ask for
+        self._kept: tuple[Vector, sp.csr_array] | None = None
+        if isinstance(self.map, Function) and self.map.no_derivative() is not None:
+            if n > DENSE_UP_TO:
+                told = (
+                    f"for more than {DENSE_UP_TO} unknowns give Function(f, jacobian) or Function(f, sparsity=pattern)"
+                )
+                raise InputError(f"f has no derivative: {told}, or Elementwise(f) where f_i depends on z_i alone")
+            self.map = self.map.with_sparsity(np.ones((n, n)))
+
+    @property
+    def is_elementwise(self) -> bool:
+        """Whether f_i depends on z_i alone."""
+        return isinstance(self.map, Elementwise)
+
+    def value(self, z: Vector) -> Vector:
+        """f(z), shape (n,). Raises MapError where the user's function fails."""
+        with _about_f():
+            return self.map.value(z)
+
+    def jacobian(self, z: Vector) -> sp.csr_array:
+        """f′(z), CSR, shape (n, n), by differences where no derivative was given.
+
+        Raises
+        ------
+        MapError
+            Where the user's functions fail or f′(z) is not finite.
+        """
+        kept = self._kept
+        if kept is not None and np.array_equal(kept[0], z):
+            return kept[1]
+        J = self._jacobian(z)
+        self._kept = (z.copy(), J)
+        return J
+
+    def _jacobian(self, z: Vector) -> sp.csr_array:
+        if self.is_elementwise:
+            slopes = self.slopes(z)
+            if fault := not_finite(slopes, "the derivative of f"):
+                raise MapError(f"{fault}; a finite number was expected")
+            return sp.csr_array(sp.diags_array(slopes))
+        with _about_f():
+            J = self.map.jacobian(z)
+        assert J is not None, "a Function without a derivative was given a sparsity"
+        return J
+
+    def slopes(self, z: Vector) -> Vector:
+        """∂f_i/∂z_i, shape (n,), of an elementwise f."""
+        with _about_f():
+            known = self.map.slopes(z)
+        if known is not None:
+            return known
+        h = steps(z)
+        with np.errstate(all="ignore"):
+            here = self.value(z)
+            ahead = (self.value(z + h) - here) / h
+            return np.where(np.isfinite(ahead), ahead, (here - self.value(z - h)) / h)
+
+    def rounding(self, value: Vector) -> Vector:
+        """What rounding may make of a `value` of f, which is taken as exact to some units in the last place."""
+        return ULPS * UNIT_ROUNDOFF * np.abs(value)
+
+    def tangent(self, A: Matrix, z: Vector) -> tuple[Any, Vector]:
+        """(A + f′(z), f′(z)z), the matrix dense where A is."""
+        J = self.jacobian(z)
+        return (A.dense + J.toarray() if A.dense is not None else sp.csr_array(A.sparse + J)), J @ z
+
+    def weighted(self, A: Matrix) -> Matrix:
+        """A with the row weights of p: d_i is the mean of the largest |entries| of row i of A + f′ at z = ½ and 1.
+
+        Where f′ is not finite at one of the two the other one counts; d_i = 1 where neither is, and in
+        rows that are 0. So no iterate and no start changes the scale. At 0 the slope of a power or of a
+        root is not typical.
+        """
+        sizes = []
+        for at in (0.5, 1.0):
+            with suppress(MapError), np.errstate(all="ignore"):
+                J = self.jacobian(np.full(self.n, at))
+                sizes.append(abs(sp.csr_array(A.sparse + J)).max(axis=1).toarray().reshape(-1))
+        largest = np.mean(sizes, axis=0) if sizes else np.zeros(self.n)
+        D = np.where(largest > 0.0, largest, 1.0)
+        weighted = Matrix.of_checked(A.sparse, weights_of(D), A.dense)
+        weighted.weights = D
+        return weighted
+
+    def weights_at(self, A: Matrix, z: Vector) -> Vector:
+        """The diagonal of D⁻¹ at z: d_i is the largest |entry| of row i of A + f′(z) where that is less than D's.
+
+        So Res_D(z) counts a step of Newton's method in full, and a slope that grows without bound hides no p.
+        """
+        with np.errstate(all="ignore"):
+            size = abs(sp.csr_array(A.sparse + self.jacobian(z))).max(axis=1).toarray().reshape(-1)
+        return np.maximum(A.row_weights, weights_of(size))
+
+    def __repr__(self) -> str:
+        return repr(self.map)

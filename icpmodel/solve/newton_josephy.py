@@ -1,0 +1,197 @@
+"""Newton-Josephy: a problem with nonlinear p as a sequence of problems with affine p, which `solve()` solves each."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..errors import MapError
+from ..methods.contract import Iterate, Least, Method
+from ..methods.milp import LARGEST
+from ..methods.newton import Path, Point
+from ..methods.restarts import scale_of_starts, start_above
+from ..numerics import work
+from ..numerics.arrays import Vector
+from ..problem.data import ProblemData
+from .goal import Goal, Limits
+from .reduction import climb, posed
+from .run import Run
+
+#: the weights μ of the proximal term beside A + f′ in the units of its diagonal, the next one where a step fails
+_PROXIMAL = (0.0, 1e-2, 1.0, 1e2)
+#: a linearised problem is solved to the share θ/θ⁰ of its residual, kept within these (Eisenstat and Walker 1996)
+_TIGHT, _LOOSE = 1e-4, 0.1
+#: a step of length t is taken where θ ≤ (1 − σt) times the largest of the last so many (Grippo and others 1986)
+_SIGMA, _MEMORY = 1e-4, 5
+#: a step is halved so many times; so many steps may pass until the least θ has fallen by a tenth
+_HALVINGS, _PATIENCE = 10, 40
+#: random starts where no step leads on, for as many unknowns as a search is made for
+_RESTARTS = 20
+#: their size, in powers of ten of the largest entry of D⁻¹p(0), ψ and z⁰, or of 1 where all are smaller
+_SMALLEST, _LARGEST = -1.0, 2.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class NewtonJosephy(Method):
+    """Linearise p at z, solve the ICP that this makes, and search on the line to its solution.
+
+    Parameters
+    ----------
+    family : {None, "modulus", "paper"}
+        Which methods may solve the linearised problems, as in `solve`.
+
+    Notes
+    -----
+    The tangent problem has A + f′(z), q + f(z) − f′(z)z and the same ψ. `solve` solves it from z to a
+    share of its residual. The merit function is that of `Newton`, the Fischer-Burmeister θ. Where no
+    step reduces it, a proximal term μW(z⁺ − z) is added to the tangent, W its diagonal, then a descent
+    direction of θ is tried, and with few unknowns other starts. Fixed obstacles are never crossed, so
+    that f need not have values beyond them. An iteration is one step, whatever its inner solves take.
+    The convergence is quadratic at a strongly regular solution.
+
+    References
+    ----------
+    Josephy, MRC report 1965, Wisconsin (1979). Robinson, Math. Oper. Res. 5 (1980). Dirkse and Ferris,
+    Optim. Methods Softw. 5 (1995), for the method of PATH.
+
+    Examples
+    --------
+    >>> solution = ICP([[1.0]], [-6.0], f=lambda z: z**3).solve()
+    >>> solution.method, solution.z.round(6)
+    (NewtonJosephy(), array([1.634365]))
+    """
+
+    name: ClassVar[str] = "newton-josephy"
+    memoryless: ClassVar[bool] = False
+    finite: ClassVar[bool] = True
+    takes_f: ClassVar[bool] = True
+    to_try: ClassVar[str] = "another start z0"
+
+    family: str | None = None
+
+    def why_not(self, problem: ProblemData) -> str | None:
+        return "p is affine, so that its tangent is the problem itself: name no method" if problem.f is None else None
+
+    def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
+        rng = np.random.default_rng(0)
+        with np.errstate(all="ignore"):
+            here = Point(problem, problem.matrix.weights, z)
+        yield z, here.residual
+        search = _Search(problem, z, self.family)
+        tries = _RESTARTS if problem.n <= LARGEST else 0
+        for left in range(tries, -1, -1):
+            for here in search.steps():
+                yield here.z, here.residual
+            if here.residual <= 2.0 * problem.rounding_of_residual(here.z) or not left:
+                break
+            size = max(scale_of_starts(problem, z), 1.0) * 10.0 ** rng.uniform(_SMALLEST, _LARGEST)
+            with suppress(MapError):
+                search = _Search(problem, start_above(problem, z, size, rng), self.family)
+                if np.isfinite(search.here.theta):
+                    yield search.here.z, search.here.residual
+        if search.fault is not None:
+            raise search.fault
+
+
+class _Search:
+    """The steps from one start.
+
+    Parameters
+    ----------
+    problem : ProblemData
+    z : array of shape (n,)
+    family : str or None
+    """
+
+    def __init__(self, problem: ProblemData, z: Vector, family: str | None) -> None:
+        self.problem = problem
+        self.family = family
+        with np.errstate(all="ignore"):
+            self.path = Path(problem, z)
+        self.here = self.path.here
+        self.recent = deque([self.here.theta], _MEMORY)
+        self.least = Least()
+        self.weight = 0
+        self.fault: MapError | None = None
+        facts = problem.facts
+        self.low = facts.obstacle if facts.has_fixed_obstacle else None
+        self.high = facts.upper_obstacle if facts.has_fixed_obstacle else None
+
+    def steps(self) -> Iterator[Point]:
+        """The points after the start, until none is better."""
+        while self.here.theta > 0.0 and self.least.add(self.here.theta) < _PATIENCE:
+            try:
+                with np.errstate(all="ignore"):
+                    new = self._next()
+            except MapError as error:
+                self.fault = error
+                return
+            if new is None:
+                return
+            self.here = new
+            self.recent.append(new.theta)
+            yield new
+
+    def _next(self) -> Point | None:
+        linear = self.problem.linearised(self.here.z)
+        self.weight = max(self.weight - 1, 0)
+        while self.weight < len(_PROXIMAL):
+            z = self._solved(_proximal(linear, self.here.z, _PROXIMAL[self.weight]))
+            if z is not None and (new := self._on_line(z - self.here.z)) is not None:
+                return new
+            self.weight += 1
+        return self._descent(linear)
+
+    def _solved(self, linear: ProblemData) -> Vector | None:
+        """A solution of the `linear` problem to a share of the residual of z; None where there is none to be found."""
+        z = self.here.z
+        share = min(max(self.here.theta / self.path.first, _TIGHT), _LOOSE)
+        at_start = linear.residual(z)
+        seconds = work.seconds_left()
+        limits = Limits(rtol=share, atol=0.0, max_iter=100_000, time_limit=seconds if seconds < np.inf else None)
+        run = Run(linear, z, at_start, Goal(share * at_start), limits=limits, aim=share, scale=at_start)
+        fixed = posed(linear)
+        run.posed = None if fixed is linear else fixed
+        for _ in climb(run, fixed, self.family):
+            pass
+        if run.is_refused and run.refused is not None:
+            raise run.refused.error
+        found = run.best
+        if found is None or run.infeasible is not None or not found.residual < at_start:
+            return None
+        return np.clip(found.z, self.low, self.high) if self.low is not None else found.z
+
+    def _on_line(self, step: Vector) -> Point | None:
+        """The first point z + tΔz, t = 1, ½, …, at which θ is small enough."""
+        for k in range(_HALVINGS):
+            t = 0.5**k
+            new = self.path.point(self.here.z + t * step)
+            if new is not None and new.theta <= (1.0 - _SIGMA * t) * max(self.recent):
+                return new
+        return None
+
+    def _descent(self, linear: ProblemData) -> Point | None:
+        """A point at which θ is smaller, in a direction in which it falls."""
+        here = Point(linear, self.path.omega, self.here.z)
+        V, total = here.derivative()
+        phi = here.phi / here.theta
+        for direction in self.path.directions(V, phi, total):
+            slope = float(phi @ (V @ direction))
+            if slope < -_SIGMA and (new := self.path.along(self.here, self.here.theta * direction, slope)) is not None:
+                return new
+        return None
+
+
+def _proximal(linear: ProblemData, z: Vector, weight: float) -> ProblemData:
+    """The `linear` problem with the `weight` times W(z⁺ − z) added to p, W its diagonal."""
+    if not weight:
+        return linear
+    W = weight * linear.matrix.weights
+    A = linear.dense() + np.diag(W) if linear.matrix.dense is not None else sp.csr_array(linear.A + sp.diags_array(W))
+    return type(linear)(A, linear.q - W * z, linear.psi)

@@ -1,0 +1,218 @@
+"""Newton-Josephy: problems of the literature with their known answers, and honest ends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from scipy.special import lambertw
+
+import icpmodel as icp
+from icpmodel import ICP
+
+
+class Known(NamedTuple):
+    """F, its starts, the solutions, and the bounds."""
+
+    F: Callable[[np.ndarray], Any]
+    starts: list[Any]
+    solutions: list[Any]
+    psi: Any = 0.0
+    upper: Any = None
+
+
+def quadratics(of_c: tuple[float, float], of_d: tuple[float, float], last: float) -> Callable[[np.ndarray], Any]:
+    """The four quadratics of Josephy (1979) and of Kojima and Shindo (1986)."""
+
+    def F(z: np.ndarray) -> Any:
+        a, b, c, d = z
+        return [
+            3 * a**2 + 2 * a * b + 2 * b**2 + c + 3 * d - 6,
+            2 * a**2 + a + b**2 + of_c[0] * c + 2 * d - 2,
+            3 * a**2 + a * b + 2 * b**2 + of_c[1] * c + of_d[1] * d - last,
+            a**2 + 3 * b**2 + 2 * c + of_d[0] * d - 3,
+        ]
+
+    return F
+
+
+def five_firms(x: np.ndarray) -> Any:
+    """Nash-Cournot equilibrium (Murphy, Sherali and Soyster 1982)."""
+    total = x.sum()
+    price = (5000.0 / total) ** (1.0 / 1.1)
+    cost = np.array([10.0, 8.0, 6.0, 4.0, 2.0]) + (x / 5.0) ** (1.0 / np.array([1.2, 1.1, 1.0, 0.9, 0.8]))
+    return cost - price + x * price / (1.1 * total)
+
+
+def mathiesen(x: np.ndarray) -> Any:
+    """A Walrasian equilibrium (Mathiesen 1987): every (t, 0, 0, 0) with 0 ≤ t ≤ 3 is a solution."""
+    a, b, c, d = x
+    return [-b + c + d, a - (4.5 * c + 2.7 * d) / (b + 1), 5 - a - (0.5 * c + 0.3 * d) / (c + 1), 3 - a]
+
+
+def watson(x: np.ndarray) -> Any:
+    """The gradient of exp Σ(x_i − i + 2)² (Watson 1979)."""
+    shifted = x - np.arange(1, 6) + 2
+    return 2 * np.exp((shifted**2).sum()) * shifted
+
+
+def colville(z: np.ndarray) -> Any:
+    """The conditions of Colville's first program (Hock and Schittkowski 1981, 86)."""
+    x, multipliers = z[:5], z[5:]
+    e = np.array([-15.0, -27, -36, -18, -12])
+    d = np.array([4.0, 8, 10, 6, 2])
+    b = np.array([-40, -2, -0.25, -4, -4, -1, -40, -60, 5, 1])
+    C = np.array(
+        [
+            [30.0, -20, -10, 32, -10],
+            [-20, 39, -6, -31, 32],
+            [-10, -6, 10, -6, -10],
+            [32, -31, -6, 39, -20],
+            [-10, 32, -10, -20, 30],
+        ]
+    )
+    A = np.array(
+        [
+            [-16, 2, 0, 1, 0],
+            [0, -2, 0, 0.4, 2],
+            [-3.5, 0, 2, 0, 0],
+            [0, -2, 0, -4, -1],
+            [0, -9, -2, 1, -2.8],
+            [2, 0, -4, 0, 0],
+            [-1, -1, -1, -1, -1],
+            [-1, -2, -3, -2, -1],
+            [1, 2, 3, 4, 5],
+            [1, 1, 1, 1, 1],
+        ]
+    )
+    return np.concatenate([e + 2 * C @ x + 3 * d * x**2 - A.T @ multipliers, A @ x - b])
+
+
+def powell(x: np.ndarray) -> Any:
+    """Powell's singular equations as conditions with bounds: F′ is singular at the solution 0."""
+    a, b, c, d = x
+    return [a + 10 * b, 5**0.5 * (c - d), (b - 2 * c) ** 2, 10**0.5 * (a - d) ** 2]
+
+
+def pigou(x: np.ndarray) -> Any:
+    """Two roads, one with the travel time h³, and the demand 2."""
+    return [x[0] ** 3 - x[2], 1 - x[2], x[0] + x[1] - 2]
+
+
+def logit(x: np.ndarray) -> Any:
+    """The price of a firm whose customers choose by a logit model (the kind of Choi, DeSarbo and Harker 1990)."""
+    share = 1 / (1 + np.exp(x - 3))
+    return (x - 1) * (1 - share) - 1
+
+
+COLVILLE = [0.3, 0.33346761, 0.4, 0.42831010, 0.22396487]
+HALF = [[1.5**0.5, 0, 0, 0.5]]
+LITERATURE = {
+    "josephy": Known(quadratics((3, 2), (3, 3), 1), [0, 1, 100, [1, 0, 1, 0], [0, 1, 1, 0], [1, 0, 0, 0]], HALF),
+    "kojima-shindo": Known(
+        quadratics((10, 2), (3, 9), 9), [0, 1, 100, [0, 1, 1, 0], [1, 0, 0, 1]], [*HALF, [1, 0, 3, 0]]
+    ),
+    "mathiesen": Known(mathiesen, [0, 1, [0.1, 1, 1, 1]], []),
+    "five firms": Known(
+        five_firms, [1, 10, 100, [1, 2, 3, 4, 5]], [[36.93251, 41.81814, 43.70658, 42.65924, 39.17895]]
+    ),
+    "billups": Known(lambda z: (z - 1) ** 2 - 1.01, [0, 3], [[1 + 1.01**0.5]]),
+    "watson": Known(watson, [0, [1, 1, 1, 2, 2]], [[0, 0, 1, 2, 3]]),
+    "colville": Known(colville, [0, 1], [COLVILLE]),
+    "powell": Known(powell, [[3, -1, 0, 1]], [], psi=-10.0, upper=10.0),
+    "pigou": Known(pigou, [0, 1], [[1, 1, 1]]),
+    "exchange": Known(lambda p: 1 - 0.3 - 0.6 / p, [0.1, 1, 50], [[0.6 / 0.7]]),
+    "logit": Known(logit, [0, 5], [[2 + float(lambertw(np.exp(1)).real)]]),
+    "square": Known(lambda z: z**2 + z[::-1] - 3, [1, 5], [[(13**0.5 - 1) / 2] * 2], psi=-np.inf),
+}
+
+
+def sizes(known: Known) -> int:
+    """n."""
+    first = known.starts[0]
+    return next((len(s) for s in (*known.solutions, *known.starts) if np.ndim(s)), len(np.atleast_1d(first)))
+
+
+@pytest.mark.parametrize("name", LITERATURE)
+def test_known_answers_are_found_from_every_start(name):
+    known = LITERATURE[name]
+    n = 15 if name == "colville" else sizes(known)
+    problem = ICP.nonlinear(lambda z: np.asarray(known.F(z)), psi=known.psi, upper=known.upper, n=n)
+    for start in known.starts:
+        with np.errstate(all="ignore"):
+            z = problem.solve(z0=np.broadcast_to(np.asarray(start, dtype=float), n)).z
+        assert np.abs(problem.natural_map(z)).max() < 1e-5
+        if known.solutions:
+            k = len(known.solutions[0])
+            assert min(np.abs(z[:k] - one).max() for one in known.solutions) < 1e-5
+
+
+GRID = 40
+STIFF = np.diag(np.full(GRID, 2.0)) - np.diag(np.ones(GRID - 1), 1) - np.diag(np.ones(GRID - 1), -1)
+
+
+def radiating(**options: Any) -> ICP:
+    """A string over an obstacle that loses u³: monotone, with rows in contact and free ones."""
+    x = np.linspace(0, 1, GRID)
+    return ICP(STIFF, 0.001 * np.sin(3 * x), 0.2 - 2 * (x - 0.4) ** 2, f=lambda z: 0.01 * z**3, **options)
+
+
+def test_a_monotone_problem_takes_a_few_linear_ones():
+    solution = radiating().solve(history=True)
+    assert solution.iterations <= 6
+    assert solution.history.residual.size == solution.iterations + 1
+    assert 0 < (solution.r > 1e-9).sum() < GRID
+
+
+@pytest.mark.parametrize("family", [None, "modulus", "paper"])
+def test_each_family_solves_the_linear_ones(family):
+    assert radiating().solve(family=family).z == pytest.approx(radiating().solve().z, abs=1e-7)
+
+
+def test_limits_and_callback_are_those_of_the_run():
+    problem = ICP.nonlinear(LITERATURE["kojima-shindo"].F, n=4)
+    limited = problem.solve(z0=np.full(4, 100.0), max_iter=2, raise_on_failure=False)
+    assert (limited.status.name, limited.iterations) == ("ITERATION_LIMIT", 2)
+    late = problem.solve(z0=np.full(4, 100.0), time_limit=0.0, raise_on_failure=False)
+    assert late.status.name == "TIME_LIMIT"
+    stopped = problem.solve(
+        z0=np.full(4, 100.0), callback=lambda progress: progress.iteration == 1, raise_on_failure=False
+    )
+    assert (stopped.status.name, stopped.iterations) == ("STOPPED", 1)
+
+
+def test_a_problem_without_a_solution_is_never_called_solved():
+    """p = z² + 1 = 0 has no real root; p = 1 − 1/z cannot start at 0."""
+    solution = ICP.nonlinear(lambda z: z**2 + 1.0, psi=[-np.inf]).solve(raise_on_failure=False)
+    assert solution.status.name in ("STAGNATED", "DIVERGED", "CYCLED")
+    with np.errstate(all="ignore"), pytest.raises(icp.MapError, match="start z0"):
+        ICP.nonlinear(lambda z: 1.0 - 1.0 / z, n=1).solve()
+
+
+def test_the_derivative_and_the_polish_have_the_slopes_of_f():
+    problem = radiating()
+    solution = problem.solve(rtol=1e-12)
+    dq = np.cos(np.arange(GRID))
+    moved = [problem.with_q(problem.q + t * 1e-6 * dq).solve(rtol=1e-12).z for t in (1.0, -1.0)]
+    assert solution.derivative().forward(dq=dq) == pytest.approx((moved[0] - moved[1]) / 2e-6, abs=1e-4)
+    rough = problem.solve(rtol=1e-3)
+    assert rough.polish().residual < 0.01 * rough.residual
+
+
+def test_an_obstacle_above_and_one_that_moves():
+    f = icp.Elementwise(np.exp, np.exp)
+    problem = ICP([[2.0, -1.0], [-1.0, 2.0]], [-9.0, -1.0], icp.Affine([[0, 0.5], [0.5, 0]], -1.0), [1.0, 9.0], f=f)
+    z = problem.solve(rtol=1e-12).z
+    assert problem.natural_map(z) == pytest.approx([0.0, 0.0], abs=1e-9)
+    assert z[0] == 1.0
+
+
+def test_files_keep_the_answer(tmp_path):
+    problem = radiating()
+    solution = problem.solve()
+    icp.save_solution(solution, tmp_path / "s.npz")
+    assert (icp.load_solution(tmp_path / "s.npz", problem).z == solution.z).all()
+    with pytest.raises(icp.FileError, match="f was Python code"):
+        icp.load_solution(tmp_path / "s.npz")
