@@ -71,8 +71,8 @@ from .solve.choice import select_method as select_method
 from .solve.contact_state import ContactState as ContactState
 from .solve.contact_state import contact_state as contact_state
 from .solve.many import solve_many as solve_many
-from .solve.progress import Progress as Progress
 from .solve.newton_josephy import NewtonJosephy as NewtonJosephy
+from .solve.progress import Progress as Progress
 from .solve.solution import History as History
 from .solve.solution import Solution as Solution
 from .solve.solution import Status as Status
