@@ -29,6 +29,9 @@ class Elementwise(Parametrised):
         ℓ ≥ 0 with |f(s) − f(t)| ≤ ℓ_i|s − t|. The Lipschitz matrix is diag(ℓ).
     c : float or array_like of shape (n,), default 0
         The constant part.
+    slope_range : tuple of two floats or array_like of shape (n,), optional
+        (m, M) with m_i ≤ (f(s) − f(t))/(s − t) ≤ M_i; (0, inf) for a nondecreasing f. It is what
+        proofs on a nonlinear p take, and by default ℓ = max(|m|, |M|) where that is finite.
     parameter_derivative : callable, optional
         For `icpmodel.Derivative`: maps z to the derivative of ψ(z) in m parameters of yours. Its
         shape is (n, m), dense or sparse, or (n,) for one parameter. These parameters replace c as
@@ -53,9 +56,14 @@ class Elementwise(Parametrised):
         lipschitz: Any = None,
         c: Any = 0.0,
         *,
+        slope_range: Any = None,
         parameter_derivative: Callable[[Vector], Any] | None = None,
     ) -> None:
         super().__init__(parameter_derivative)
+        self.slope_range = None if slope_range is None else _range(slope_range)
+        if lipschitz is None and self.slope_range is not None:
+            largest = np.maximum(*(np.abs(side) for side in self.slope_range))
+            lipschitz = largest if np.isfinite(largest).all() else None
         self.f = as_function(f, "psi.f")
         self.derivative = None if derivative is None else as_function(derivative, "psi.derivative")
         self.given_lipschitz = None if lipschitz is None else locked(as_float64(lipschitz, "psi.lipschitz"))
@@ -65,8 +73,11 @@ class Elementwise(Parametrised):
 
     def bind(self, n: int) -> Elementwise:
         c = as_vector(self.c, n, "psi.c", infinite=np.inf)
+        named, slopes = self.parameter_derivative, self.slope_range
+        if slopes is not None:
+            slopes = tuple(as_vector(side, n, "psi.slope_range", infinite=np.inf) for side in slopes)
         bound = Elementwise(
-            self.f, self.derivative, self.given_lipschitz, c, parameter_derivative=self.parameter_derivative
+            self.f, self.derivative, self.given_lipschitz, c, slope_range=slopes, parameter_derivative=named
         )
         if self.given_lipschitz is not None:
             bound.lipschitz = diagonal_lipschitz(self.given_lipschitz, n)
@@ -97,3 +108,13 @@ class Elementwise(Parametrised):
 
     def __repr__(self) -> str:
         return f"Elementwise({getattr(self.f, '__name__', 'f')})"
+
+
+def _range(given: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(m, M), m finite and m ≤ M. Raises InputError."""
+    if not isinstance(given, tuple | list) or len(given) != 2:
+        raise InputError(f"psi.slope_range is {given!r}; a pair (m, M) was expected, as (0, inf) for a nondecreasing f")
+    m, M = (as_float64(side, "psi.slope_range") for side in given)
+    if not (np.isfinite(m).all() and (m <= M).all()):
+        raise InputError(f"psi.slope_range is ({m}, {M}); finite m <= M were expected")
+    return locked(m), locked(M)

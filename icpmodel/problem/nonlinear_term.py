@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -125,6 +126,47 @@ class NonlinearTerm(Shown):
     def rounding(self, value: Vector) -> Vector:
         """What rounding may make of a `value` of f, which is taken as exact to some units in the last place."""
         return ULPS * UNIT_ROUNDOFF * np.abs(value)
+
+    @cached_property
+    def slope_range(self) -> tuple[Vector, Vector] | None:
+        """(m, M) with m_i ≤ (f_i(x) − f_i(y))/(x_i − y_i) ≤ M_i, shape (n,) each; None where that is not known."""
+        given = getattr(self.map, "slope_range", None)
+        if given is None:
+            return None
+        return np.broadcast_to(given[0], (self.n,)), np.broadcast_to(given[1], (self.n,))
+
+    def change(self, z: Vector, delta: Vector) -> Vector:
+        """A bound on |f(x) − f(z)| for all |x − z| ≤ `delta`, infinite where nothing is known of the slopes.
+
+        f − mz does not decrease, so that its values at z ± δ bound it.
+
+        >>> NonlinearTerm(icp.Elementwise(np.exp, slope_range=(0, np.inf)), 1).change(np.zeros(1), np.ones(1)).round(3)
+        array([1.718])
+        """
+        if self.slope_range is None:
+            return np.full(self.n, np.inf)
+        m = self.slope_range[0]
+        low, here, high = (self.value(x) for x in (z - delta, z, z + delta))
+        most = np.maximum(high - here, here - low) + np.abs(m) * (2.0 * delta)
+        rounding = self.rounding(np.maximum(np.abs(low), np.abs(high)) + np.abs(here) + most)
+        return np.nan_to_num(most + rounding, nan=np.inf, posinf=np.inf)
+
+    def broken_promise(self, z: Vector) -> str:
+        """Which mean slope between `z` and 0 is outside of `slope_range`, beyond rounding; empty where none is."""
+        if self.slope_range is None:
+            return ""
+        with suppress(MapError), np.errstate(all="ignore"):
+            here, there = self.value(z), self.value(np.zeros(self.n))
+            room = self.rounding(here) + self.rounding(there)
+            moved = here - there
+            ends = [np.where(side == 0.0, 0.0, side * z) for side in self.slope_range]
+            wrong = (moved < np.minimum(*ends) - room) | (moved > np.maximum(*ends) + room)
+            if wrong.any():
+                i = int(np.argmax(wrong))
+                slope, (m, M) = moved[i] / z[i], (side[i] for side in self.slope_range)
+                found = f"f_{i} has the mean slope {slope:.6g} between z and 0"
+                return f"f.slope_range is wrong: {found}, outside of [{m:g}, {M:g}]"
+        return ""
 
     def tangent(self, A: Matrix, z: Vector) -> tuple[Any, Vector]:
         """(A + f′(z), f′(z)z), the matrix dense where A is."""

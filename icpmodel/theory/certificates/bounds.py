@@ -30,6 +30,7 @@ from .h_plus import prove as prove_h_plus
 from .nearby import Points, points_near
 from .proof import Proof, norm_up
 from .representatives import prove as prove_representatives
+from .slopes import proofs_by_slopes
 from .supersolution import prove as prove_supersolution
 
 _SHARPEN_UP_TO = 10_000  #: up to so many entries of A sharpening costs a few milliseconds and is not worth a question
@@ -38,6 +39,7 @@ _NEGLIGIBLE = 0.01  #: a share of the bound that is not worth another step
 BUDGET = 60e9
 #: added to the sentence of a proof that rests on what a user says of ψ
 USERS_WORD = ", given that psi is what the user says"
+_OF_F = ", given that f has the slopes that the user says"  #: the same of f
 _FEW = 8.0  #: units in the last place to which a user's function is taken as exact
 _STEPS = 8  #: steps of the active-set Newton iteration that looks for a better z
 
@@ -85,7 +87,7 @@ class ErrorBound(ReadOnly, Shown):
 
     def in_words(self, accuracy: float | None = None) -> str:
         """What is known of the error, `accuracy` being what was asked for, or None; several reasons on a line each."""
-        given = USERS_WORD if self.proof.endswith(USERS_WORD) else ""
+        given = "".join(word for word in (USERS_WORD, _OF_F) if word in self.proof)
         if self.value is not None:
             wanted = "" if accuracy is None else f" ({accuracy:g} was asked for)"
             size = at_most(self.value, below=math.inf if accuracy is None else accuracy)
@@ -161,7 +163,7 @@ def error_bound(
     Bounds on the rounding errors are included. So the bound is a proof for constant and affine ψ
     and for interventions given by a matrix. A user's function ψ is taken as exact to a few units in
     the last place. Its Lipschitz matrix is taken at the user's word, unless ψ(z) and ψ(0)
-    contradict it: then there is no bound.
+    contradict it: then there is no bound. The same holds of f and its `slope_range`.
 
     The point ẑ of a sharp bound comes from a few active-set Newton steps, a factorisation each.
     That bound is mostly within a few per cent of the true error, where the bound of z itself may be
@@ -183,12 +185,10 @@ def error_bound(
     """
     problem = as_problem(problem, nonlinear=True)
     z = problem.vector(z)
-    if problem.f is not None:
-        return ErrorBound.none("p is nonlinear, and nothing is known of the slopes of f")
     if sharp is not None:
         as_truth(sharp, "sharp")
-    if as_truth(rigorous, "rigorous") and problem.psi.calls_user_code:
-        return ErrorBound.none("psi is computed by a user's function, whose rounding errors are not known")
+    if as_truth(rigorous, "rigorous") and (problem.psi.calls_user_code or problem.f is not None):
+        return ErrorBound.none("psi or f is computed by a user's function, whose rounding errors are not known")
     for name, limit in (("time_limit", time_limit), ("memory_limit", memory_limit)):
         if limit is not None:
             as_number(limit, name, least=0)
@@ -209,12 +209,14 @@ def _bound(problem: ProblemData, z: Vector, sharp: bool | None) -> ErrorBound:
     if fault := broken_promise(problem, z):
         return ErrorBound.none(fault)
     reasons = []
-    for proof in proofs_of(problem).tried(problem):
+    for proof in proofs_of(problem).tried(problem) if problem.f is None else proofs_by_slopes(problem):
         if isinstance(proof, str):
             reasons.append(proof.replace("; ", ", "))
             continue
         delta, euclidean = proof.bound(problem, z, *(rounding := problem.rounding(z)))
         points: Points | None = None
+        if problem.f is not None:
+            sharp = False
         if sharp or (sharp is None and (proof.wide or problem.A.nnz <= _SHARPEN_UP_TO)):
             points = _by_factorisation(problem, z, proof)
         elif sharp is None and isinstance(proof, HPlusProof):
@@ -222,6 +224,7 @@ def _bound(problem: ProblemData, z: Vector, sharp: bool | None) -> ErrorBound:
         if points is not None:
             delta, euclidean = sharpened(problem, z, proof, points, delta, euclidean)
         sentence = proof.sentence + (USERS_WORD if problem.psi.calls_user_code else "")
+        sentence += _OF_F if problem.f is not None else ""
         if (row := may_cross(problem, z, delta)) is not None:
             told = f"psi <= upper is not proved within {at_most(float(delta.max()))} of z, where z* would be: row {row}"
             return ErrorBound.none(told)
@@ -235,6 +238,8 @@ def _bound(problem: ProblemData, z: Vector, sharp: bool | None) -> ErrorBound:
 def broken_promise(problem: ProblemData, z: Vector) -> str:
     """Between `z` and 0, where ψ costs next to nothing beside a proof: that it moves by more than the Lipschitz matrix
     of its user allows, beyond rounding. Empty where that is not seen."""
+    if problem.f is not None and (fault := problem.f.broken_promise(z)):
+        return fault
     psi = problem.psi
     sides = {"psi": psi} if problem.upper is None else {"psi": psi.lower, "upper": psi.upper}  # type: ignore[attr-defined]
     for name, one in sides.items():

@@ -232,6 +232,8 @@ def active_set(problem: ProblemLike, z: Any, bound: ErrorBound) -> ActiveSet:
     inflate = 1 + 8 * UNIT_ROUNDOFF
     with np.errstate(over="ignore", invalid="ignore"):
         of_p = (for_p + upper(problem.matrix.absolute, delta)) * inflate
+        if problem.f is not None:
+            of_p = (of_p + problem.f.change(z, delta)) * inflate
         of_r = (for_r + delta + change) * inflate
         p = problem.p(z)
         active, inactive = p > of_p, below > of_r

@@ -1,0 +1,83 @@
+"""Uniqueness and error bounds where p is nonlinear and the slopes of an elementwise f are in a known interval.
+
+Let f_i(x_i) − f_i(y_i) = d_i(x_i − y_i) with d_i ≥ m_i for all x and y. Then p(x) − p(y) = (A + diag(d))(x − y).
+
+1. ⟨A + diag(d)⟩ ≥ ⟨A⟩ + diag(m) where a_ii + m_i > 0. So the proof of `h_plus` for A + diag(m) and ψ is one for the
+   nonlinear problem, with its p.
+2. Let A + diag(m) be positive definite and the obstacles fixed, λ‖x‖² ≤ xᵀ(A + diag(m))x. Take any z̃ between the
+   obstacles and u such that p(z̃) − u ≥ 0 at ψ, ≤ 0 at ψ̄, and = 0 in between. Then ‖z̃ − z*‖₂ ≤ ‖u‖₂/λ.
+
+Proof of 2: z̃ solves the variational inequality of p − u, and z* that of p. The sum of the two inequalities at each
+other's solution is (p(z̃) − u − p(z*))ᵀ(z̃ − z*) ≤ 0. So λ‖z̃ − z*‖² ≤ uᵀ(z̃ − z*). The problem has one solution as p is
+strongly monotone and continuous. Units are those of `definite`.
+
+References
+----------
+Facchinei and Pang, Finite-Dimensional Variational Inequalities and Complementarity Problems (2003), theorem 2.3.3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...numerics.arrays import Vector
+from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
+from ...problem.data import ProblemData
+from ...problem.matrix import Matrix
+from .definite import DefiniteProof
+from .definite import prove as prove_definite
+from .h_plus import prove as prove_h_plus
+from .proof import Proof, norm_up
+
+
+@dataclass(frozen=True, eq=False)
+class MonotoneProof(Proof):
+    """`definite` proves λ for A + diag(m)."""
+
+    definite: DefiniteProof
+
+    def bound(self, problem: ProblemData, z: Vector, for_p: Vector, for_r: Vector) -> tuple[Vector, float]:
+        low, high = problem.psi.value(z), np.full(z.size, np.inf)
+        if problem.upper is not None:
+            high = problem.upper.value(z)
+        with np.errstate(over="ignore", invalid="ignore"):
+            p = problem.matrix.row_weights * problem.p(z)
+            inside = np.clip(z, low, high)
+            at_low = (p > inside - low) & np.isfinite(low)
+            at_high = (-p > high - inside) & np.isfinite(high)
+            point = np.where(at_low, low, np.where(at_high, high, inside))
+            p = problem.p(point)
+            beyond = np.where(at_low, np.maximum(-p, 0.0), np.where(at_high, np.maximum(p, 0.0), np.abs(p)))
+            u = np.ldexp(beyond + problem.rounding(point)[0], self.definite.exponent) + SMALLEST
+            root = norm_up(u) / self.definite.smallest * (1.0 + 8.0 * UNIT_ROUNDOFF)
+            delta = np.ldexp(np.full(z.size, root), self.definite.exponent) + np.abs(point - z)
+            delta = np.nextafter(delta * (1.0 + 8.0 * UNIT_ROUNDOFF), np.inf)
+        return delta, norm_up(delta)
+
+
+def proofs_by_slopes(problem: ProblemData) -> Iterator[Proof | str]:
+    """The proofs for a problem with an f, or why there are none."""
+    assert problem.f is not None
+    bounds = problem.f.slope_range
+    if bounds is None:
+        yield "p is nonlinear, and nothing is known of the slopes of f: give `slope_range` to Elementwise"
+        return
+    matrix = problem.matrix
+    if bounds[0].any():
+        A, diagonal = problem.A.copy(), problem.A.diagonal()
+        # rounded down, so that a_ii + m_i is no larger than it is
+        A.setdiag(np.nextafter(diagonal + bounds[0], -np.inf))
+        matrix = Matrix(A)
+    yield prove_h_plus(matrix, problem.psi)
+    if not problem.psi.is_constant:
+        yield "where the obstacles move, strong monotonicity of a nonlinear p proves nothing"
+        return
+    definite = prove_definite(matrix, problem.psi)
+    yield (
+        definite
+        if isinstance(definite, str)
+        else MonotoneProof(f"p is strongly monotone: {definite.sentence}", definite)
+    )
