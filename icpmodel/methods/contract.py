@@ -100,7 +100,7 @@ class Method(ReadOnly, Shown, ABC):
 
     def __init_subclass__(cls) -> None:
         if "why_not" in cls.__dict__:
-            cls.why_not = _of_affine_p(cls.why_not)  # type: ignore[method-assign]
+            cls.why_not = _of_affine_p(cls.why_not)  # type: ignore[assignment, method-assign]
         if cls.__dict__.get("name"):  # one of its own
             _REGISTRY[cls.name] = cls
 

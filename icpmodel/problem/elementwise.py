@@ -75,7 +75,8 @@ class Elementwise(Parametrised):
         c = as_vector(self.c, n, "psi.c", infinite=np.inf)
         named, slopes = self.parameter_derivative, self.slope_range
         if slopes is not None:
-            slopes = tuple(as_vector(side, n, "psi.slope_range", infinite=np.inf) for side in slopes)
+            m, M = (as_vector(side, n, "psi.slope_range", infinite=np.inf) for side in slopes)
+            slopes = (m, M)
         bound = Elementwise(
             self.f, self.derivative, self.given_lipschitz, c, slope_range=slopes, parameter_derivative=named
         )

@@ -131,7 +131,7 @@ def _carry_all_out(run: Run, method: Method | None, family: str | None) -> None:
         carry_out(run, run.steps(InTurn(method)))
         return
     if run.problem.f is not None:
-        carry_out(run, run.steps(InTurn(NewtonJosephy(family=family), why="p is nonlinear")))
+        carry_out(run, run.steps(InTurn(NewtonJosephy(inner_family=family), why="p is nonlinear")))
         return
     other = posed(run.problem)
     if other is not run.problem:

@@ -43,7 +43,7 @@ class NewtonJosephy(Method):
 
     Parameters
     ----------
-    family : {None, "modulus", "paper"}
+    inner_family : {None, "modulus", "paper"}
         Which methods may solve the linearised problems, as in `solve`.
 
     Notes
@@ -73,7 +73,7 @@ class NewtonJosephy(Method):
     takes_f: ClassVar[bool] = True
     to_try: ClassVar[str] = "another start z0"
 
-    family: str | None = None
+    inner_family: str | None = None
 
     def why_not(self, problem: ProblemData) -> str | None:
         return "p is affine, so that its tangent is the problem itself: name no method" if problem.f is None else None
@@ -83,7 +83,7 @@ class NewtonJosephy(Method):
         with np.errstate(all="ignore"):
             here = Point(problem, problem.matrix.weights, z)
         yield z, here.residual
-        search = _Search(problem, z, self.family)
+        search = _Search(problem, z, self.inner_family)
         tries = _RESTARTS if problem.n <= LARGEST else 0
         for left in range(tries, -1, -1):
             for here in search.steps():
@@ -92,7 +92,7 @@ class NewtonJosephy(Method):
                 break
             size = max(scale_of_starts(problem, z), 1.0) * 10.0 ** rng.uniform(_SMALLEST, _LARGEST)
             with suppress(MapError):
-                search = _Search(problem, start_above(problem, z, size, rng), self.family)
+                search = _Search(problem, start_above(problem, z, size, rng), self.inner_family)
                 if np.isfinite(search.here.theta):
                     yield search.here.z, search.here.residual
         if search.fault is not None:

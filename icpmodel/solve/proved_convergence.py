@@ -28,8 +28,8 @@ class ProvedConvergence:
     def __init__(self, problem: ProblemData, method: Method, spent: Callable[[], float]) -> None:
         self.problem, self.spent = problem, spent
         #: members of the family whose steps are all alike are what theorems are about
-        is_member = isinstance(method, ModulusMember) and method.memoryless and problem.f is None
-        self.member = method if is_member else None
+        is_affine = problem.f is None
+        self.member = method if isinstance(method, ModulusMember) and method.memoryless and is_affine else None
         self.was_followed = False
 
     @cached_property
