@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import partial
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -95,7 +96,7 @@ def crosscheck(
     # an answer may hold anything, infinities too: the judge sees what comes of them, the user need not be warned
     with np.errstate(over="ignore", invalid="ignore"):
         checked = Checked(problem, solution, atol)
-        rows: list[Row] = []
+        rows: dict[str, list[Row]] = {solver.name: [] for solver in chosen}
         certain: tuple[float, float | None, str]
         certain = (problem.residual(checked.z), None, f"time_limit = {time_limit:g} s was over")
         at_work = ""
@@ -109,7 +110,7 @@ def crosscheck(
                         at_work = item
                         say(f"asking {at_work}")
                     elif isinstance(item, Row):
-                        rows.append(item)
+                        rows[item.solver].append(item)
                     else:
                         certain = item
         except OutOfTime:
@@ -120,20 +121,13 @@ def crosscheck(
             interrupted = True
             at_work = ""
             note = "interrupted"
-        report = _report(checked, solution, certain, _completed(rows, chosen, at_work, note))
+        for name, own in rows.items():
+            verdict = Verdict.FAILED if name == at_work else Verdict.SKIPPED
+            rows[name] = own or [Row(name, "", verdict, note=note)]
+        report = _report(checked, solution, certain, tuple(chain(*rows.values())))
         if interrupted:
             raise Interrupted(report) from None
         return report
-
-
-def _completed(rows: list[Row], chosen: list[ForeignSolver], at_work: str, note: str) -> tuple[Row, ...]:
-    """The `rows` in the order of the solvers, with one, and the `note`, for each solver that has none."""
-    found: list[Row] = []
-    for solver in chosen:
-        own = [row for row in rows if row.solver == solver.name]
-        verdict = Verdict.FAILED if solver.name == at_work else Verdict.SKIPPED
-        found += own or [Row(solver.name, "", verdict, note=note)]
-    return tuple(found)
 
 
 def _report(checked: Checked, solution: Any, certain: tuple[float, float | None, str], rows: tuple[Row, ...]) -> Report:
@@ -167,12 +161,10 @@ def _items(checked: Checked, chosen: list[ForeignSolver], solution: Any, end: fl
     known = isinstance(solution, Solution) and solution.problem is checked.problem
     certificate = solution.certificate if known else certify(checked.problem, checked.z)
     yield certificate.residual, certificate.error_bound, certificate.bound.reason
-    asked: list[ForeignSolver] = []
-    for solver in chosen:
-        because = _why_not(solver, checked)
-        yield from (Row(solver.name, "", Verdict.SKIPPED, note=reason) for reason in because)
-        if not because:
-            asked.append(solver)
+    reasons = {solver.name: _why_not(solver, checked) for solver in chosen}
+    for name, because in reasons.items():
+        yield from (Row(name, "", Verdict.SKIPPED, note=reason) for reason in because)
+    asked = [solver for solver in chosen if not reasons[solver.name]]
     for k, solver in enumerate(asked):
         yield solver.name
         if time.perf_counter() >= end:
@@ -186,10 +178,8 @@ def _items(checked: Checked, chosen: list[ForeignSolver], solution: Any, end: fl
 def _why_not(solver: ForeignSolver, checked: Checked) -> list[str]:
     """Why `solver` can take none of the targets; empty where it can take one."""
     reasons = [solver.why_not(target) for target in checked.targets]
-    nothing = ["psi(z) is not finite at the answer, so that its obstacle cannot be frozen"]
-    if checked.problem.upper is not None:
-        nothing = ["psi(z) and upper(z) are not finite at the answer, or cross there, so that they cannot be frozen"]
-    return [] if None in reasons else [reason for reason in dict.fromkeys(reasons or nothing) if reason]
+    nothing = "the obstacles are not finite at the answer, or cross there, so that they cannot be frozen"
+    return [] if None in reasons else [reason for reason in dict.fromkeys(reasons or [nothing]) if reason]
 
 
 def _claim(solver: ForeignSolver, target: Target, time_limit: float) -> Claim:

@@ -19,6 +19,8 @@ from .judge import Row, Verdict
 
 #: columns of a report that goes to no terminal
 _WIDTH = 118
+#: the columns that are printed
+_SHOWN = ("solver", "formulation", "verdict", "residual", "difference", "seconds", "note")
 #: the first line of a report in CSV
 HEADS = ",".join(Row.__annotations__).encode()
 
@@ -138,13 +140,13 @@ class Report(Shown, Tabular):
         return Card({"problem": self.problem, "answer": answer, "compared": compared})
 
     def table(self) -> Table:
-        """The rows, numbers rounded to two digits."""
-        return _rounded(self.rows)
+        """The rows, numbers at full precision."""
+        return _table(self.rows, tuple(Row.__annotations__))
 
     def _tables(self) -> list[Table]:
-        """The solvers that were asked, and those that were not, where there are any."""
+        """The solvers that ran, and those that did not, where there are any."""
         skipped = tuple((row.solver, row.note) for row in self.rows if row.verdict is Verdict.SKIPPED)
-        tables = [_rounded(self.asked), Table("", ("not asked", "why"), skipped)]
+        tables = [_table(self.asked, _SHOWN), Table("", ("not asked", "why"), skipped)]
         return [table for table in tables if table.rows]
 
     def __str__(self) -> str:
@@ -167,21 +169,7 @@ class Report(Shown, Tabular):
         str
             The text.
         """
-        return _written(self._all_digits().to_csv(), path, HEADS)
-
-    def to_dataframe(self) -> Any:
-        """The rows as a pandas DataFrame, numbers at full precision.
-
-        Raises
-        ------
-        NotApplicable
-            Where pandas is not installed.
-        """
-        return self._all_digits().to_dataframe()
-
-    def _all_digits(self) -> Table:
-        rows = tuple(tuple(_plain(row).values()) for row in self.rows)
-        return Table("", tuple(Row.__annotations__), rows)
+        return _written(self.table().to_csv(), path, HEADS)
 
     def to_json(self, path: str | Path | None = None) -> str:
         """Everything as strict JSON; an unknown number is null.
@@ -201,11 +189,8 @@ class Report(Shown, Tabular):
         return _written(json.dumps(data, indent=2, allow_nan=False, ensure_ascii=False), path, b'{\n  "rows"')
 
 
-def _rounded(rows: tuple[Row, ...]) -> Table:
-    heads = ("solver", "formulation", "verdict", "residual", "difference", "seconds", "note")
-    plain = [_plain(row) | {"formulation": row.formulation or "-"} for row in rows]
-    two = [{key: float(f"{x:.1e}") if isinstance(x, float) else x for key, x in row.items()} for row in plain]
-    return Table("", heads, tuple(tuple(row[head] for head in heads) for row in two))
+def _table(rows: tuple[Row, ...], heads: tuple[str, ...]) -> Table:
+    return Table("", heads, tuple(tuple(_plain(row)[head] for head in heads) for row in rows))
 
 
 def _plain(row: Row) -> dict[str, Any]:
