@@ -18,9 +18,9 @@ from icpmodel.crosscheck.check import crosscheck
 from icpmodel.crosscheck.judge import Row, Verdict
 from icpmodel.crosscheck.report import Report
 from icpmodel.solvers import Claim, ForeignSolver, Target, chosen_solvers
-from icpmodel.solvers.formulations import in_handy_units
+from icpmodel.solvers.formulations import in_typical_units
 
-QUICK = ("osqp", "cvxpy-clarabel", "cvxpy-osqp", "cvxpy-highs", "pyomo-highs")
+QUICK = ("osqp", "cvxpy-clarabel", "cvxpy-osqp", "cvxpy-highs", "cvxpy-milp")
 
 
 def verdicts(report: Report) -> list[Verdict]:
@@ -50,12 +50,12 @@ LCP_Z = np.array([0.5, 0.0])
 
 def ask(z: Any, solution: Any = LCP_Z, problem: icp.ICP = LCP, **claim: Any) -> Row:
     """The one row of a fake solver, whose answer is given in the user's units."""
-    scaled = z if z is None or isinstance(z, BaseException | str) else np.asarray(z) / handy_unit(problem)
+    scaled = z if z is None or isinstance(z, BaseException | str) else np.asarray(z) / typical_unit(problem)
     return crosscheck(problem, solution, [Fake(scaled, **claim)]).rows[0]
 
 
-def handy_unit(problem: icp.ICP) -> float:
-    return in_handy_units(problem)[1]
+def typical_unit(problem: icp.ICP) -> float:
+    return in_typical_units(problem)[1]
 
 
 # --- what foreign solvers do -------------------------------------------------------------------------------------
@@ -107,7 +107,7 @@ def test_an_indefinite_problem_is_skipped_with_the_reason_and_not_confirmed() ->
 
 
 def test_the_certified_bound_can_make_the_agreement() -> None:
-    row = crosscheck(LCP, np.array([0.5 + 1e-10, 0.0]), [Fake(LCP_Z / handy_unit(LCP))], atol=1e-12).rows[0]
+    row = crosscheck(LCP, np.array([0.5 + 1e-10, 0.0]), [Fake(LCP_Z / typical_unit(LCP))], atol=1e-12).rows[0]
     assert row.verdict is Verdict.AGREES
     assert row.note.startswith("within the certified bound")
 

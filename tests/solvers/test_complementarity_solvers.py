@@ -16,7 +16,7 @@ from test_two_sided_targets import box
 
 import icpmodel as icp
 from icpmodel.solvers import Target, ask, foreign_solvers
-from icpmodel.solvers.formulations import in_handy_units
+from icpmodel.solvers.formulations import in_typical_units
 from icpmodel.solvers.path import mixed
 
 BOTH = pytest.mark.parametrize("name", ["ipopt", "path"])
@@ -29,9 +29,9 @@ def test_obstacles_that_do_not_move_alike_need_no_convexity(name: str, seed: int
     solver = foreign_solvers()[name]
     pytest.importorskip(solver.package or "")
     problem, z = box(seed, kind="apart")
-    handy, unit = in_handy_units(problem)
-    assert not Target(handy).parallel
-    claim = ask(solver, Target(handy), solver.tight[0], 20.0)
+    scaled, unit = in_typical_units(problem)
+    assert not Target(scaled).parallel
+    claim = ask(solver, Target(scaled), solver.tight[0], 20.0)
     assert claim.solved, claim.words
     assert np.asarray(claim.z) * unit == pytest.approx(z, abs=1e-6)
 

@@ -10,16 +10,16 @@ import pytest
 
 import icpmodel as icp
 from icpmodel.solvers import Claim, ForeignSolver, Target, ask, chosen_solvers, foreign_solvers
-from icpmodel.solvers.formulations import in_handy_units
+from icpmodel.solvers.formulations import in_typical_units
 
 NATIVE = ("osqp", "osqp, not polished", "clarabel", "piqp", "scs", "active set, cold", "highs", "ipopt", "path")
-NAMES = (*NATIVE, "cvxpy-clarabel", "cvxpy-osqp", "cvxpy-highs", "pyomo-highs")
+NAMES = (*NATIVE, "cvxpy-clarabel", "cvxpy-osqp", "cvxpy-highs", "cvxpy-milp")
 
 
 def solved(name: str, problem: icp.ICP, tolerance: float = 1e-11) -> np.ndarray | str:
     """The solver's z for `problem` in its own units, or the reason why it has none."""
-    handy, unit = in_handy_units(problem)
-    solver, target = foreign_solvers()[name], Target(handy)
+    scaled, unit = in_typical_units(problem)
+    solver, target = foreign_solvers()[name], Target(scaled)
     if solver.package is not None and name in NATIVE:
         pytest.importorskip(solver.package)
     reason = solver.why_not(target)
@@ -108,7 +108,7 @@ def test_a_solver_from_outside_is_found_by_its_name() -> None:
     assert "test-exact" not in {row.solver for row in icp.crosscheck(icp.ICP([[2.0]], [-1.0]), [0.5]).rows}
 
 
-@pytest.mark.parametrize("name", ["osqp", "highs", "cvxpy-clarabel", "pyomo-highs", "ipopt", "path"])
+@pytest.mark.parametrize("name", ["osqp", "highs", "cvxpy-clarabel", "cvxpy-milp", "ipopt", "path"])
 def test_a_missing_package_is_a_sentence(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     solver = foreign_solvers()[name]
     assert solver.package is not None

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import icpmodel as icp
 from icpmodel.solvers import Target, ask, foreign_solvers
-from icpmodel.solvers.formulations import in_handy_units, targets
+from icpmodel.solvers.formulations import in_typical_units, targets
 
 SOLVERS = [
     "active set, cold",
@@ -23,7 +23,7 @@ SOLVERS = [
     "cvxpy-osqp",
     "ipopt",
     "path",
-    "pyomo-highs",
+    "cvxpy-milp",
 ]
 
 
@@ -58,12 +58,12 @@ def test_a_solver_finds_the_solution_between_two_obstacles(name: str, kind: str)
     pytest.importorskip(solver.package or "numpy")
     for seed in range(3):
         problem, z = box(seed, kind=kind)
-        handy, unit = in_handy_units(problem)
-        target = Target(handy)
+        scaled, unit = in_typical_units(problem)
+        target = Target(scaled)
         if solver.why_not(target) is not None:
             assert (name, kind) == ("active set, cold", "alike")
             continue
-        claim = ask(solver, target, 1e-8 if name == "pyomo-highs" else 1e-10, 20.0)
+        claim = ask(solver, target, 1e-8 if name == "cvxpy-milp" else 1e-10, 20.0)
         assert claim.solved, claim.words
         assert np.shape(claim.z) == (8,)
         assert np.asarray(claim.z) * unit == pytest.approx(z, abs=1e-6)
@@ -119,16 +119,16 @@ def test_obstacles_that_cross_at_the_answer_are_not_frozen() -> None:
     assert row.note == "psi(z) and upper(z) are not finite at the answer, or cross there, so that they cannot be frozen"
 
 
-def test_handy_units_pass_both_obstacles_on_and_a_box_bounds_the_unit() -> None:
+def test_typical_units_pass_both_obstacles_on_and_a_box_bounds_the_unit() -> None:
     """Forces of a million on a box of one: z is not of the size q/a."""
     problem = icp.ICP(4.0 * np.eye(3), [-3e6, 2e6, 1e6], -1.0, upper=[1.0, 1.0, 2.0])
-    handy, unit = in_handy_units(problem)
+    scaled, unit = in_typical_units(problem)
     z = np.array([0.75, -0.25, 2.0])
     assert 0.5 <= unit <= 4.0
-    assert (handy.r(z / unit) * unit == problem.r(z)).all()
-    assert (handy.r_upper(z / unit) * unit == problem.r_upper(z)).all()
+    assert (scaled.r(z / unit) * unit == problem.r(z)).all()
+    assert (scaled.r_upper(z / unit) * unit == problem.r_upper(z)).all()
     below = icp.ICP(np.eye(2), [0.0, 0.0], -np.inf, upper=-4096.0)
-    assert in_handy_units(below)[1] >= 4096.0
+    assert in_typical_units(below)[1] >= 4096.0
 
 
 def test_a_box_bounds_what_no_certificate_does_and_branch_and_bound_finds_one_of_three_solutions() -> None:
@@ -137,7 +137,7 @@ def test_a_box_bounds_what_no_certificate_does_and_branch_and_bound_finds_one_of
     assert target.at_zero.componentwise is None
     z_max, p_max, r_max = target.bounds
     assert (z_max[0], p_max[0], r_max[0]) == pytest.approx((1.0, 1.25, 2.0))
-    report = icp.crosscheck(problem, [1.0], ["osqp", "pyomo-highs"])
+    report = icp.crosscheck(problem, [1.0], ["osqp", "cvxpy-milp"])
     assert report.rows[0].verdict.value == "skipped"
     assert report.rows[1].verdict.value in ("agrees", "other solution")
 
