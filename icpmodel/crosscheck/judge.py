@@ -18,7 +18,7 @@ from ..problem.data import ProblemData
 from ..problem.verdict import certain
 from ..solve.solution import Solution
 from ..solvers.foreign import Claim
-from ..solvers.formulations import Target, in_handy_units, targets
+from ..solvers.formulations import Target, in_typical_units, targets
 from ..theory.certificates.bounds import error_bound
 
 #: how small Res_D(z) must be, as a share of `residual_scale`, for an answer under test, and for a foreign one, to count
@@ -32,6 +32,9 @@ AGREE = 1e-6
 FLOOR = 1e-9
 #: how many times that a certified bound may be and still count; a wide bound proves nothing
 WIDEST = 10.0
+
+#: names of the formulations in a report
+_FORMS = {"energy": "energy QP", "gap": "gap QP", "mpec": "MPEC"}
 
 
 class Verdict(Enum):
@@ -83,14 +86,14 @@ class Row:
 
 
 class Checked:
-    """An answer under test, `z`, and `y` = z/`unit`, the same in the handy units of its `targets`.
+    """An answer under test, `z`, and `y` = z/`unit`, the same in the typical units of its `targets`.
 
     `holds` says whether z is a solution, `tolerance` how far another answer may lie apart; `atol` replaces its default.
     """
 
     def __init__(self, problem: ProblemData, solution: Any, atol: float | None = None) -> None:
         self.problem, self.z = problem, problem.vector(solution, "solution")
-        handy, self.unit = in_handy_units(problem)
+        scaled, self.unit = in_typical_units(problem)
         rtol = OURS
         scale = problem.residual_scale() or norm(self.z)
         self.y = self.z / self.unit
@@ -100,7 +103,7 @@ class Checked:
         # the unit may be far larger than z: it counts only for an answer that is known to be a solution
         default = AGREE * float(np.abs(self.z).max()) + (FLOOR * self.unit if self.holds else 0.0)
         self.tolerance = default if atol is None else float(atol)
-        self.targets = targets(handy, self.y)
+        self.targets = targets(scaled, self.y)
 
     def judge(self, solver: str, form: str, target: Target, claim: Claim) -> Row:
         """The row of a foreign `claim`, which is about `target` in `form`."""
@@ -118,8 +121,10 @@ class Checked:
             difference = float(np.abs(z - self.z).max())
             residual = (self.problem.frozen(self.z) if target.frozen else self.problem).residual(z)
             verdict, note = self._compare(target, x, claim, difference)
-        posed = ("frozen " if target.frozen else "") + {"energy": "energy QP", "gap": "gap QP", "mpec": "MPEC"}[form]
-        return Row(solver, posed, verdict, finite(residual), finite(difference), claim.seconds, claim.words, note)
+        form_name = ("frozen " if target.frozen else "") + {"energy": "energy QP", "gap": "gap QP", "mpec": "MPEC"}[
+            form
+        ]
+        return Row(solver, form_name, verdict, finite(residual), finite(difference), claim.seconds, claim.words, note)
 
     def _compare(self, target: Target, x: Vector, claim: Claim, difference: float) -> tuple[Verdict, str]:
         """The verdict on a finite x, in the units of `target`. Every comparison is false for NaN."""

@@ -53,5 +53,5 @@ def checked(solution: Solution, Z: sp.csr_array, constant: Vector, name: Callabl
     else:
         status = Status.STAGNATED
         more = "the conditions may have another solution, or a more accurate one: start elsewhere, or lower rtol"
-    told = f"{name(row)} is violated by {values[row]:.3g}: no condition of the model implies it; {more}"
-    return replace(solution, status=status, message=told)
+    message = f"{name(row)} is violated by {values[row]:.3g}: no condition of the model implies it; {more}"
+    return replace(solution, status=status, message=message)

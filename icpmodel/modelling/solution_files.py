@@ -189,7 +189,8 @@ def _known(path: Path, about: dict[str, Any], name: str, wanted: str) -> Any:
     if wanted == "a text" and isinstance(value, str):
         # nothing moves the cursor of a terminal
         return "".join(letter if letter.isprintable() or letter == "\n" else "?" for letter in value)
-    if wanted == "a number >= 0" and type(value) in (int, float) and 0.0 <= value < math.inf:
+    is_number = isinstance(value, int | float) and not isinstance(value, bool) and 0.0 <= value < math.inf
+    if wanted == "a number >= 0" and is_number:
         return value
     raise FileError(f"{path}: field about has {name} = {value!r:.80}; {wanted} was expected")
 

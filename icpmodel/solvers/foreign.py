@@ -285,12 +285,12 @@ def ask(solver: ForeignSolver, target: Target, tolerance: float, time_limit: flo
     setup = None
     try:
         with _silence(), np.errstate(all="ignore"):
-            posed = solver.pose(target)
+            stated = solver.pose(target)
             begin = time.perf_counter()
             model = solver.set_up(target, tolerance, time_limit)
             setup = time.perf_counter() - begin
             claim = solver.run(model)
-            if isinstance(posed, QP) and np.shape(claim.z) == posed.q.shape:
+            if isinstance(stated, QP) and np.shape(claim.z) == stated.q.shape:
                 claim = replace(claim, z=claim.z[: target.problem.n])
     except Exception as error:  # whatever a foreign package may raise; KeyboardInterrupt is none of these
         if is_ctrl_c(error):

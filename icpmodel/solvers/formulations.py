@@ -257,7 +257,7 @@ class Target(Shown):
         return QP(P, np.append(linear, width), K, np.append(least, lower), np.append(most, upper))
 
 
-def in_handy_units(problem: ProblemData) -> tuple[ProblemData, float]:
+def in_typical_units(problem: ProblemData) -> tuple[ProblemData, float]:
     """The same problem with a typical |a_ii| and a typical size of z near 1, and the unit: z = unit · y.
 
     A becomes 2⁻ⁱA, q 2⁻ⁱ⁻ᵏq, ψ y ↦ 2⁻ᵏψ(2ᵏy), without rounding, so that absolute tolerances of

@@ -56,14 +56,6 @@ class Ipopt(ForeignSolver):
         ]
         if target.d is not None:
             zero.append(target.d[both] - times(target.I_minus_H, z) - s)
-        # where the obstacles touch there is no room between them: r = 0, which makes s = 0, and u alone stands for both
-        pinned = target.both & (target.near == target.d) & target.parallel
-        below = np.where(pinned, -np.inf, 0.0)
-        room = np.where(pinned, 0.0, np.inf)
-        least = (np.full(n, -np.inf), below, np.zeros(held.size), np.zeros(both.size), below[both])
-        u_most = np.where(target.held, np.inf, 0.0)
-        most = (np.full(n, np.inf), u_most, room[held], room[both], np.full(both.size, np.inf))
-        bounds = {"lbx": np.concatenate(least), "ubx": np.concatenate(most), "lbg": 0.0, "ubg": 0.0}
         options = {
             "tol": tolerance,
             "max_wall_time": float(time_limit),
@@ -76,12 +68,29 @@ class Ipopt(ForeignSolver):
         }
         program = {"x": ca.vertcat(*parts), "f": ca.dot(times(unit[held], u), r) + ca.dot(v, s), "g": ca.vertcat(*zero)}
         quiet: dict[str, Any] = {"print_time": False, "error_on_fail": False, "ipopt": options}
-        return ca.nlpsol("icp", "ipopt", program, quiet), {"x0": 0.0, **bounds}, n
+        return ca.nlpsol("icp", "ipopt", program, quiet), {"x0": 0.0, **_bounds(target)}, n
 
     def run(self, model: Any) -> Claim:
         solver, data, n = model
         x = solver(**data)["x"]
-        told = solver.stats()
-        if told["return_status"] == "NonIpopt_Exception_Thrown":  # CasADi swallows Ctrl-C, and nothing else is thrown
+        stats = solver.stats()
+        if stats["return_status"] == "NonIpopt_Exception_Thrown":  # CasADi swallows Ctrl-C, and nothing else is thrown
             raise KeyboardInterrupt
-        return Claim(np.asarray(x).ravel()[:n], told["return_status"], told["success"])
+        return Claim(np.asarray(x).ravel()[:n], stats["return_status"], stats["success"])
+
+
+def _bounds(target: Target) -> dict[str, Any]:
+    """The bounds of (z, u, r, v, s), and of the equations.
+
+    Where the obstacles touch there is no room between them: r = 0, which makes s = 0, and u alone stands for both.
+    """
+    n = target.problem.n
+    held = target.held
+    both = target.both
+    pinned = both & (target.near == target.d) & target.parallel
+    below = np.where(pinned, -np.inf, 0.0)
+    room = np.where(pinned, 0.0, np.inf)
+    count = int(both.sum())
+    least = (np.full(n, -np.inf), below, np.zeros(int(held.sum())), np.zeros(count), below[both])
+    most = (np.full(n, np.inf), np.where(held, np.inf, 0.0), room[held], room[both], np.full(count, np.inf))
+    return {"lbx": np.concatenate(least), "ubx": np.concatenate(most), "lbg": 0.0, "ubg": 0.0}

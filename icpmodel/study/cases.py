@@ -12,7 +12,7 @@ from ..errors import IcpError, InputError
 from ..icp import ICP
 from ..problem.data import ProblemData
 from ..solve.solution import Solution, Status
-from ..solvers.formulations import Target, in_handy_units
+from ..solvers.formulations import Target, in_typical_units
 
 
 def fresh(problem: ProblemData) -> ICP:
@@ -47,7 +47,7 @@ class Case:
         """The problem as foreign solvers get it, and the unit of its z; None where ψ is not constant or affine."""
         if self.problem.psi.linear is None:
             return None
-        problem, unit = in_handy_units(self.problem)
+        problem, unit = in_typical_units(self.problem)
         return Target(problem), unit
 
     def judged(self, z: Any) -> float | None:

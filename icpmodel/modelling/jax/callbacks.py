@@ -219,8 +219,8 @@ class Callbacks:
                 if name in self.sizes:
                     parts[name] = self.forms[name].gradient(partial(getattr, found, name), values)
                     if parts[name].size != self.sizes[name]:
-                        told = f"{self.sizes[name]} parameters, its parameter_derivative {parts[name].size} columns"
-                        raise MapError(f"{name} has {told}; as many were expected")
+                        sizes = f"{self.sizes[name]} parameters, its parameter_derivative {parts[name].size} columns"
+                        raise MapError(f"{name} has {sizes}; as many were expected")
             return np.concatenate([parts[name] for name in self.sizes])
 
         return self.each(residuals, zbar, act, sum(self.sizes.values()))

@@ -147,8 +147,8 @@ class SolutionFunction(Shown):
         """
         jax = the_package()
         if not jax.config.jax_enable_x64:
-            told = "JAX rounds to float32 here, and an answer is float64"
-            raise InputError(f'{told}: call jax.config.update("jax_enable_x64", True) at the start of the program')
+            reason = "JAX rounds to float32 here, and an answer is float64"
+            raise InputError(f'{reason}: call jax.config.update("jax_enable_x64", True) at the start of the program')
         given = {"A": A, "q": q, "psi": psi, "upper": upper, "z0": z0}
         given = {name: value for name, value in given.items() if value is not None}
         forms = {name: argument(name, value, self.problem, self.makers.get(name)) for name, value in given.items()}

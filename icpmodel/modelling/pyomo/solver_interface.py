@@ -179,9 +179,9 @@ class PyomoSolver(SolverBase):
             results.incumbent_objective = results.objective_bound = value(objective)
 
 
-def _say(streams: Sequence[TextIO], *told: object) -> None:
+def _say(streams: Sequence[TextIO], *lines: object) -> None:
     for stream in streams:  # to put an answer in words is work: it is shown that it is the only one
-        print(*told, sep="\n", file=stream, flush=True)
+        print(*lines, sep="\n", file=stream, flush=True)
 
 
 def _chosen(pairs: list[tuple[Any, Any]], wanted: Sequence[Any] | None) -> Any:
