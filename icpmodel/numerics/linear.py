@@ -69,8 +69,7 @@ def solver_of(M: sp.csr_array, by_multigrid: bool | None = None, analysis: Symbo
     is for others with a positive diagonal that fill up. Where these do not converge M is factorised
     as well: as a band, as a dense or as a sparse matrix. Rows are brought to one size first.
     """
-    n = M.shape[0]
-    if n == 0:
+    if M.shape[0] == 0:
         return lambda f, tolerance, transposed=False: f
     if not np.isfinite(M.data).all():
         return lambda f, tolerance, transposed=False: None

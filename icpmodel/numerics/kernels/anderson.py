@@ -50,9 +50,7 @@ def combine(F, G, known, newest, weight, least, out):
                 for i in range(size):
                     total += weighted[i] * one[i]
                 products[j, k] += total
-    for j in range(last):
-        for k in range(j):
-            products[k, j] = products[j, k]
+                products[k, j] = products[j, k]
     if not _solve(products, right, last, least, gamma):
         return False
     for start in range(0, n, _BLOCK):

@@ -272,7 +272,7 @@ def _separator(lists, start, length, elements, weight):
     queue = np.empty(n, np.int32)
     done = np.zeros(n, np.bool_)
     heaviest = 0
-    last = -1
+    last = np.int64(-1)
     for i in range(n):
         if elements[i] >= 0 and weight[i] > 0 and level[i] < 0:
             layer, end = _layered(i, level, queue, done, lists, start, length, elements, weight)
@@ -308,8 +308,10 @@ def minimum_degree(start, length, lists, end, left_out, stored, prices, most_ent
     start, length, elements, weight, degree, mark = state[0], state[1], state[2], state[3], state[4], state[5]
     after, before, head = state[6], state[7], state[8]
     left = length.size - left_out
-    flag = 2
-    widest = least = looks = 0
+    # of a literal number a function that is called makes a second version
+    flag = np.int64(2)
+    widest = np.int64(0)
+    least = looks = 0
     entries = squares = 0.0
     back = _BACK * stored
     while left:

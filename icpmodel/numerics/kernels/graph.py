@@ -158,7 +158,7 @@ def signs(indptr, indices, data, same):
         k = uint(indptr[i])
         stop = uint(indptr[i + 1])
         while k < stop and indices[k] < i:
-            j = indices[k]
+            j = np.int64(indices[k])
             e = uint(ahead[j])
             if e >= uint(indptr[j + 1]) or indices[e] != i:
                 return none
@@ -258,15 +258,14 @@ def both_ways(indptr, indices, dense):
     # the graph of A + A^T without loops and without rows that have more than `dense` neighbours: (start, length, lists,
     # how many rows are left out). The degree of a row that is left out is -1.
     n = indptr.size - 1
-    count = np.zeros(n + 1, np.int64)
+    start = np.zeros(n + 1, np.int64)
     for i in range(n):
         for k in range(indptr[i], indptr[i + 1]):
             if indices[k] != i:
-                count[i] += 1
-                count[indices[k]] += 1
-    start = np.zeros(n + 1, np.int64)
+                start[i + 1] += 1
+                start[indices[k] + 1] += 1
     for i in range(n):
-        start[i + 1] = start[i] + count[i]
+        start[i + 1] += start[i]
     lists = np.empty(start[n] + start[n] // 5 + n, np.int32)
     filled = start[:n].copy()
     for i in range(n):
