@@ -160,7 +160,7 @@ class Elimination:
         try:
             with work.of_count(most):
                 found = multigrid_pays(self._M, self._analysis, most)
-        except OutOfTime:  # to look at M costs less than to factorise it
+        except OutOfTime:  # the analysis alone costs less than the factorisation
             found = True
         self._by_multigrid = found
         return found

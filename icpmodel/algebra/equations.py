@@ -146,8 +146,8 @@ def _refined(problem: ProblemData, psi: Map, z: Vector, active: Mask, jacobian: 
             operator = FactorisedOperator(submatrix(problem, free))
     except SingularOperator as error:
         row = int(error.row if jacobian is not None else free[error.row])
-        told = "the equations that the active set leaves are singular to working precision: row"
-        raise SingularOperator(f"{told} {row} depends on the others", row) from None
+        message = "the equations that the active set leaves are singular to working precision: row"
+        raise SingularOperator(f"{message} {row} depends on the others", row) from None
     best = z
     smallest = np.inf
     for _ in range(_REFINEMENTS):

@@ -50,7 +50,7 @@ def newton_steps(
     while True:
         p = problem.p(z)
         if moves:
-            # which obstacle a row is held by is told by the sign of p
+            # the sign of p says which obstacle holds a row
             own = derivative(problem.psi, z, None if problem.upper is None else p < 0).diagonal()
             # p and r then change alike with z_i
             omega = level.diagonal / np.maximum(1.0 - own, LEAST_SLOPE)

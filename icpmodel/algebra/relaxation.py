@@ -29,7 +29,7 @@ from .steps import Step
 
 #: what theta1 may be instead of a number
 AUTO = "auto"
-#: an ω between two looks at the rate stays this many steps, until two factors agree to so much of their gap to 1
+#: steps between two changes of ω, which wait until two factors agree to this share of their gap to 1
 SETTLE = 12
 _AGREE = 0.05
 #: from the rate follows an ω that is multiplied by this, as too large a one costs more than too small a one …
@@ -40,7 +40,7 @@ _WORTH = 0.05
 _FASTEST = 1e-4
 #: a radius counts as at most this one
 _NEAREST = 1.0 - 1e-6
-#: by how much sweeps are relaxed where nobody looks
+#: largest ω of a run that does not adapt it
 _UNWATCHED = 1.4
 #: below this ω there is nothing to adapt, and no rate leads beyond this one
 RELAXED = 1.2

@@ -33,7 +33,7 @@ def with_fixed_obstacle(problem: ProblemData) -> ProblemData:
     n = problem.n
     above = problem.facts.upper_obstacle
     psi = Constant(problem.facts.obstacle).bind(n)
-    # without a look at whether they cross, which is said of the answer
+    # whether they cross is judged with the answer
     return problem.with_psi(psi if above is None else TwoSidedObstacle(psi, Constant(above).bind(n)))
 
 
@@ -82,7 +82,7 @@ class Blocks:
         one_by_one = int(small[sizes == 1].sum())
         pivoted = int(sizes[small].sum()) - one_by_one
         blocks = int(small.sum()) - one_by_one
-        told = {
+        facts = {
             f"{rest} rest on the obstacle": rest,
             f"others were released ({self.releases} x)": self.releases,
             f"{one_by_one} follow one by one": one_by_one,
@@ -90,7 +90,7 @@ class Blocks:
             f"{len(self.parts)} parts do not interact": len(self.parts) > len(self.stages) == 1,
             f"{len(self.parts)} parts in {len(self.stages)} stages follow one another": len(self.stages) > 1,
         }
-        return f"n = {n} -> {self.core} rows still free: {', '.join(text for text, holds in told.items() if holds)}"
+        return f"n = {n} -> {self.core} rows still free: {', '.join(text for text, holds in facts.items() if holds)}"
 
     @property
     def pivoted(self) -> float:
@@ -124,7 +124,7 @@ class Blocks:
         """
         if not wanted.any():
             return z, wanted
-        from .kernels.pivoting import apart  # loads numba
+        from .kernels.pivoting import solve_blocks  # loads numba
 
         A = self.problem.A
         z = z.copy()
@@ -137,7 +137,7 @@ class Blocks:
             H, d = psi.upper.linear
             above = (H.indptr, H.indices, H.data), d
         given = (c, slopes, above, self.rows, self.starts, wanted)
-        return z, apart(A.indptr, A.indices, A.data, self.problem.q, *given, z)
+        return z, solve_blocks(A.indptr, A.indices, A.data, self.problem.q, *given, z)
 
 
 def with_contact_rows(problem: ProblemData, free: Mask) -> Blocks:

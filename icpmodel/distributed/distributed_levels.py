@@ -35,8 +35,8 @@ _DIRECT = 2000
 _FEW = 8
 _MANY = 60
 _PART = 0.3
-#: times its diagonal, a row counts as apart: what is left of a residual there is nothing
-_APART = 1e100
+#: factor of the diagonal that decouples a row: it returns no correction
+_DECOUPLED = 1e100
 #: PETSc's words for: A, or the cycle, is not positive definite
 _INDEFINITE = (-8, -10)
 #: options of what makes the levels begin with this in PETSc's database
@@ -122,15 +122,15 @@ class DistributedLevels:
 
     def restrict(self, free: Vector, top: int) -> None:
         """Let only the rows where `free` is 1, of level `top`, take part in what is solved from now on. Collective."""
-        apart = 1.0
+        weight = 1.0
         for level in self.levels[top:]:
             mask = level.matrix.vector(free)
             level.matrix.mat.copy(level.J, petsc().Mat.Structure.SAME_NONZERO_PATTERN)
             level.J.diagonalScale(mask, mask)
-            level.J.setDiagonal(level.matrix.vector(np.where(free > 0, 1.0, apart) * level.matrix.diagonal))
+            level.J.setDiagonal(level.matrix.vector(np.where(free > 0, 1.0, weight) * level.matrix.diagonal))
             if level.P is not None:
                 free = level.injected(mask)
-                apart = _APART
+                weight = _DECOUPLED
 
     def solved(self, f: Any, top: int, J: Any, share: float | None, wanted: float | None) -> Any:
         """x with A_FF x = f_F on level `top`, 0 elsewhere, or Jx = f where a `J` is given: until ‖f − Jx‖ is a `share`

@@ -89,8 +89,8 @@ def together(comm: Any) -> Iterator[None]:
     first = comm.allreduce(comm.rank if fault is not None else comm.size, op=MPI.MIN)
     if first == comm.size:
         return
-    told = None if comm.rank != first else (type(fault) if isinstance(fault, _PASSED) else None, _in_words(fault))
-    kind, text = comm.bcast(told, root=first)
+    report = None if comm.rank != first else (type(fault) if isinstance(fault, _PASSED) else None, _in_words(fault))
+    kind, text = comm.bcast(report, root=first)
     text = f"{text} (rank {first} of {comm.size})" if first else text
     raise (kind or FailedOnRank)(text) from fault
 

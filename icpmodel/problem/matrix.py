@@ -158,15 +158,15 @@ class Matrix(ReadOnly):
 
     @cached_property
     def rows(self) -> Rows:
-        """The rows, looked at in one pass."""
-        from ..numerics.kernels.products import look  # loads numba
+        """The statistics of the rows, by one pass over A."""
+        from ..numerics.kernels.products import row_statistics  # loads numba
 
         A = self.sparse
         n = self.n
         work.add(self.product_cost)
         arrays = np.empty(n, A.indptr.dtype), np.empty(n), np.empty(n), np.empty(n)
         matrix = (A.indptr, A.indices, A.data)
-        reach = in_parts(n, threads_for(self.nnz), lambda low, high: look(*matrix, low, high, *arrays))
+        reach = in_parts(n, threads_for(self.nnz), lambda low, high: row_statistics(*matrix, low, high, *arrays))
         locked(arrays)
         below, above, lower, upper = zip(*reach, strict=True)
         return Rows(*arrays, max(below), max(above), sum(lower), sum(upper))

@@ -341,7 +341,7 @@ def _block(indptr, indices, data, q, c, slopes, block, place, z):
 
 
 @compiled
-def apart(indptr, indices, data, q, c, slopes, above, rows, starts, wanted, z):
+def solve_blocks(indptr, indices, data, q, c, slopes, above, rows, starts, wanted, z):
     # the wanted blocks k, rows[starts[k] : starts[k + 1]], in turn: a row is a maximum, more are pivoted, G = `slopes`
     # having no entry there. Returns which may be solved: none that needs units of its own, or need not have one answer.
     # `above` is None, or (slopes, d) of the obstacle above; then there are only rows

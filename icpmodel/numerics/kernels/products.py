@@ -10,7 +10,7 @@ from . import compiled, one, row_sum, uint
 
 
 @compiled
-def look(indptr, indices, data, low, high, diag, diagonal, rest, largest):
+def row_statistics(indptr, indices, data, low, high, diag, diagonal, rest, largest):
     # rows low <= i < high: where the diagonal entry stands, its value, the sum of the other |entries|, the largest of
     # all; returns how far the entries reach below the diagonal and above it, and the sums of those there. Rows are
     # sorted, and every diagonal entry is stored.
