@@ -59,32 +59,75 @@ def solve(
     raise_on_failure: bool = True,
     **options: Any,
 ) -> Solution:
-    """Solve an ICP: stop at Res_D(z) = ‖min(D⁻¹p, r)‖₂ ≤ rtol·Res_D(0), d_i = max_j |a_ij|, which no change of units
-    changes, or at Res(z) = ‖min(p, r)‖₂ ≤ atol, or, with `accuracy`, where it is proved that |z_i − z*_i| ≤ accuracy in
-    every entry. `ICP.residual_scale` says what takes the place of Res_D(0) where 0 is a solution.
+    """Solve an ICP.
 
-    Parameters:
-    `problem` an ICP, the name of a scene, or what holds or makes an ICP: a scene, a solution, an `icpmodel.Problem` in
-    CVXPY's terms, a Pyomo model that was read; `method` a name (with its `options`, e.g. theta1=1.2), a `Method`, or
-    None to have one chosen by the rule of `select_method`: then obstacles that move with their own unknown alone are
-    fixed before, and the problem may be reduced, while a named one gets the whole problem;
-    `family`, where no method is named: as in `select_method`;
-    `z0` the start, shape (n,), or an earlier `Solution` (default 0); `rtol`, `atol` (the paper's ε),
-    by default 1e-8 and 0, whichever is reached first; `accuracy` > 0 in the units of z, instead of the two;
-    `max_iter` iterations in all, a sweep or a Newton step each; `time_limit` in seconds, kept to within a tenth
-    and .2 s: what is foreseen to take longer than what is left is not begun, and to compile and load loops at the first
-    calls of a process does not count; `memory_limit` in bytes that may be taken beyond what is held, by default what
-    the machine has free: methods that need more give way to others;
-    `callback` gets a `Progress` per tested iterate and stops the run by returning True;
-    `history` keeps the residuals in `Solution.history`; `progress` shows a bar on a terminal or in a notebook, and in a
-    log, where standard error is neither, a line after 1, 2, 4, … seconds, then one a minute; `raise_on_failure`.
-    The logger "icpmodel" of Python's `logging` says what is decided: at INFO which method begins and why, how it ends,
-    and the answer; at DEBUG also what every method that was considered would cost or cannot take.
-    Returns a `Solution`; its z is the best iterate, and SOLVED means that the residual of this very z was recomputed.
-    Raises InputError, NotApplicable (SingularOperator, or nothing bounds the error and `accuracy` is wanted), MapError
-    where ψ fails at the start, and NotSolved, which carries the best iterate, where the run fails, runs out of time or
-    is interrupted, unless `raise_on_failure` is False: then that solution is returned.
+    Parameters
+    ----------
+    problem : ICP or str or object
+        An ICP, the name of a scene, or what holds or makes an ICP: a scene, a solution, an
+        `icpmodel.Problem` in CVXPY's terms, a Pyomo model that was read.
+    method : str or Method, optional
+        A name with its `options`, e.g. theta1=1.2, or a `Method`. By default one is chosen by the
+        rule of `select_method`. Then obstacles that move with their own unknown alone are fixed
+        before, and the problem may be reduced. A named method gets the whole problem.
+    z0 : array of shape (n,) or Solution, optional
+        The start, 0 by default.
+    rtol, atol : float, optional
+        The run stops at Res_D(z) ≤ rtol·Res_D(0), or at Res(z) ≤ atol, the paper's ε, whichever
+        comes first. They are 1e-8 and 0 by default.
+    accuracy : float, optional
+        Instead of the two: the run stops where it is proved that |z_i − z*_i| ≤ accuracy in every
+        entry, in the units of z.
+    family : {None, "modulus", "paper"}
+        Where no method is named: as in `select_method`.
+    max_iter : int, default 100_000
+        Iterations in all, a sweep or a Newton step each.
+    time_limit : float, optional
+        Seconds, kept to within a tenth and .2 s. What is foreseen to take longer than what is left
+        is not begun. To compile and load loops at the first calls of a process does not count.
+    memory_limit : float, optional
+        Bytes that may be taken beyond what is held, by default what the machine has free. Methods
+        that need more give way to others.
+    callback : callable, optional
+        It gets a `Progress` for each tested iterate, and stops the run by returning True.
+    history : bool, default False
+        Whether the residuals are kept in `Solution.history`.
+    progress : bool, default False
+        Whether a bar is shown, on a terminal or in a notebook. Where standard error is neither, a
+        line is written after 1, 2, 4, … seconds, then one a minute.
+    raise_on_failure : bool, default True
+        Whether a run that fails raises NotSolved; else its best iterate is returned.
+    **options
+        The options of the method that is named.
 
+    Returns
+    -------
+    Solution
+        Its z is the best iterate. SOLVED means that the residual of this very z was recomputed.
+
+    Raises
+    ------
+    InputError
+        For arguments that make no sense.
+    NotApplicable
+        Where the method cannot take the problem (SingularOperator: its operator is singular), or
+        nothing bounds the error and `accuracy` is wanted.
+    MapError
+        Where ψ fails at the start.
+    NotSolved
+        Where the run fails, runs out of time or is interrupted; it carries the best iterate.
+
+    Notes
+    -----
+    Res_D(z) = ‖min(D⁻¹p, r)‖₂ with d_i = max_j |a_ij| does not depend on the units of p.
+    `ICP.residual_scale` says what takes the place of Res_D(0) where 0 is a solution.
+
+    The logger "icpmodel" of Python's `logging` says what is decided. At INFO these are the methods
+    that begin, why, how they end, and the answer. At DEBUG there is also what every method that was
+    considered would cost or cannot take.
+
+    Examples
+    --------
     >>> solution = solve(ICP([[4, -1], [-2, 4]], [-3, -2]), "mnmsor", theta1=1.1)
     >>> solution.status, solution.z.round(6)
     (<Status.SOLVED: 'solved'>, array([1., 1.]))

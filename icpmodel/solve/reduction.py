@@ -7,9 +7,9 @@
    left falls into stages of parts that do not interact.
 
 Each part goes up a ladder of its own. The joined answer is judged as one of the whole problem, which goes on from there
-where it is not good enough. A part that has no solution proves that the whole has none if the proof, with 0 in all
-other rows, is one of the whole; or where the unknowns of earlier stages have one answer, of which the error bound says
-how far it is from what is known of it.
+where it is not good enough. A part without a solution proves that the whole has none in two cases. Its proof, with 0 in
+all other rows, is one of the whole. Or the unknowns of earlier stages have one answer, and the error bound says how far
+that is from what is known of it.
 References: Tarjan, SIAM J. Comput. 1 (1972), for the components; Cottle, Pang and Stone, The Linear Complementarity
 Problem (1992), section 4.4, for blocks.
 """

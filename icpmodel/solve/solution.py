@@ -118,15 +118,38 @@ class History(ReadOnly, Plotted, Tabular):
 class Solution(ReadOnly, Plotted):
     """An answer: the returned z, why the loop stopped, and, computed when first asked for, what is certain of z.
 
-    `problem`; `z` shape (n,); `status`; `message` with advice; `method`, the method that found z, and `why` it was
-    picked; `settled`, that method with the numbers that theta1="auto" came to, else the method itself; `last_method`,
-    whose end the `status` is: another one where several were tried and the last was not the best; `residual` =
-    Res_D(z), judged on the returned z, and the `tolerance` it was held against, as the paper's Res(z) was against
-    `atol`; `iterations` in all; `seconds` of the run, set-up included; `accuracy`, the certified error that was asked
-    for, or None; `history`, where it was kept; `infeasible`, the proof with its witness where the status is INFEASIBLE,
-    else None; `time_limit` and `memory_limit` of the run, or None: the certificate and `polish` keep to them, too, each
-    for itself.
+    Attributes
+    ----------
+    problem : ICP
+        The problem.
+    z : array of shape (n,)
+        The best iterate.
+    status : Status
+        Why the run stopped.
+    message : str
+        What went wrong, with advice.
+    method, settled, last_method : Method
+        The method that found z; the same with the numbers that theta1="auto" came to; and the one
+        whose end the `status` is, another one where several were tried and the last was not best.
+    why : str
+        Why `method` was chosen.
+    residual, tolerance : float
+        Res_D(z), judged on the returned z, and what it was held against.
+    atol : float
+        What the paper's Res(z) was held against.
+    iterations : int
+        Those of all methods.
+    seconds : float
+        The time of the run, set-up included.
+    accuracy : float or None
+        The certified error that was asked for.
+    infeasible : Answer or None
+        The proof with its witness where the status is INFEASIBLE.
+    time_limit, memory_limit : float or None
+        Those of the run. The certificate and `polish` keep to them, too, each for itself.
 
+    Examples
+    --------
     >>> solution = ICP([[2.0]], [-2.0]).solve("mnmgs")
     >>> solution.status, solution.iterations
     (<Status.SOLVED: 'solved'>, 1)

@@ -74,12 +74,27 @@ class Stated:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Solutions(ReadOnly, Shown, Tabular):
-    """The answers of `solve_many`, one row per problem; a list of them, too: `many[0]`, `many[-1]` and what a loop over
-    them gives is a `Solution`, made when it is asked for, `many[:2]` is a list of these.
+    """The answers of `solve_many`, one row per problem.
 
-    `Z` shape (k, n), read-only; `statuses` k members of `Status`; `residuals` = Res_D(z) of the returned rows,
-    recomputed from (A, q, ψ, z), and the `tolerances` they were held against, shape (k,) each; `seconds` of the whole;
-    `messages` what went wrong, by row.
+    It is a list of them, too: `many[0]` is a `Solution`, made when it is asked for, and `many[:2]` a list of these.
+
+    Attributes
+    ----------
+    Z : array of shape (k, n)
+        The answers, read-only.
+    statuses : tuple of Status
+        Why each run stopped.
+    residuals : array of shape (k,)
+        Res_D(z) of the returned rows, recomputed from A, q, ψ and z.
+    tolerances : array of shape (k,)
+        What the residuals were held against.
+    seconds : float
+        The time of all.
+    messages : dict
+        What went wrong, by row.
+
+    Examples
+    --------
 
     >>> many = icp.solve_many([[2.0]], [[-2.0], [3.0]])
     >>> many.Z
