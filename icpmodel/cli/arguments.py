@@ -67,7 +67,9 @@ class Completed(click.ParamType):
 
 
 #: texts of which a shell knows the rest
-SOURCE, SCENE, METHOD = Completed(scene_names, or_file=True), Completed(scene_names), Completed(names)
+SOURCE = Completed(scene_names, or_file=True)
+SCENE = Completed(scene_names)
+METHOD = Completed(names)
 SOLVER = Completed(foreign_solvers)
 
 
@@ -139,7 +141,9 @@ class Named(NamedTuple):
 
 def named_source(arguments: dict[str, Any]) -> Named:
     """The scene or the files that the arguments name. Raises InputError, FileError."""
-    source, file, n = arguments["source"], arguments["a_file"], arguments["n"]
+    source = arguments["source"]
+    file = arguments["a_file"]
+    n = arguments["n"]
     parameters = pairs(arguments["parameters"])
     files = {f"--{name}": arguments[key] for name, key in _PARTS.items() if arguments[key] is not None}
     if (source is None) == (file is None):

@@ -107,7 +107,8 @@ def _ended_together(comm: Any) -> Iterator[None]:
 
 def _carried_out(comm: Any, as_json: bool, arguments: dict[str, Any]) -> int:
     """Solve, write, prove and show; the exit code of this rank. Collective."""
-    solution, first = _solved(comm, arguments), comm.rank == 0
+    solution = _solved(comm, arguments)
+    first = comm.rank == 0
     if arguments["output"] is not None:  # before the bound, which Ctrl-C may end
         save_solution(solution, arguments["output"])
         if first:
@@ -123,7 +124,8 @@ def _carried_out(comm: Any, as_json: bool, arguments: dict[str, Any]) -> int:
 
 def _solved(comm: Any, arguments: dict[str, Any]) -> DistributedSolution:
     """The solution. Collective."""
-    output, z0_file = arguments["output"], arguments["z0_file"]
+    output = arguments["output"]
+    z0_file = arguments["z0_file"]
     with together(comm):
         must_be_writable(output)
         named = named_source(arguments)

@@ -48,7 +48,8 @@ def print_table(found: Any, table: Table, form: str | None) -> None:
 @contextmanager
 def compiling_told() -> Iterator[None]:
     """A block in which a person who has typed a command hears of compilation, though standard error goes elsewhere."""
-    compiler, handler = logging.getLogger("icpmodel.compiler"), logging.StreamHandler()
+    compiler = logging.getLogger("icpmodel.compiler")
+    handler = logging.StreamHandler()
     handler.setFormatter(logging.Formatter("icpmodel ... %(message)s"))
     level = compiler.level
     compiler.setLevel(logging.INFO)
@@ -79,9 +80,11 @@ def exit_code(success: bool, complaint: str) -> int:
 def measured(measure: Callable[[], Any], show: Callable[[Any], None], partly: str) -> int:
     """Measure and show; after Ctrl-C show what there is, with the sentence `partly`. Returns 0 or 130."""
     try:
-        found, code = measure(), 0
+        found = measure()
+        code = 0
     except Interrupted as stopped:
-        found, code = stopped.report, complain(f"interrupted: {partly}", 130)
+        found = stopped.report
+        code = complain(f"interrupted: {partly}", 130)
     show(found)
     return code
 

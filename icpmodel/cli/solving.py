@@ -190,7 +190,8 @@ def at_their_size(scene: Scene, report: Report, parameters: dict[str, Any]) -> l
             by_size.setdefault((solver.largest, solver.size(whole)), []).append(row.solver)
     found = []
     for (largest, size), asked in by_size.items():
-        solver, n = chosen_solvers(asked[0])[0], largest * scene.problem.n // size
+        solver = chosen_solvers(asked[0])[0]
+        n = largest * scene.problem.n // size
         while solver.size(Target(smaller := scene_called(scene.name, n, **parameters).problem)) > largest:
             n -= 1
         found.append((smaller, tuple(dict.fromkeys(asked))))
@@ -227,7 +228,8 @@ def scenes(name: str | None, as_json: bool) -> int:
     if name is None:
         print_told(titles(), Table("", ("scene", "what it is"), tuple(titles().items())), as_json)
         return 0
-    scene, parameters = scene_called(name), parameters_of(name)
+    scene = scene_called(name)
+    parameters = parameters_of(name)
     reference = (["z"] if scene.z_exact is not None else []) + list(scene.quantities)
     about = {"name": scene.name, "title": scene.title, "models": scene.models, "problem": repr(scene.problem)}
     why = {"why_no_reference": scene.why_no_reference, "why_no_solution": scene.why_no_solution}

@@ -10,7 +10,9 @@ from .shown import Shown, brief
 from .table import width
 
 #: the longest lines of a card, the columns of its names, and the longest lines of sections
-_WIDTH, _NAMES, _PAGE = 100, 9, 116
+_WIDTH = 100
+_NAMES = 9
+_PAGE = 116
 
 
 class Card(Shown, Mapping[str, str]):

@@ -12,7 +12,8 @@ import numpy as np
 from .rendering import render
 
 #: a line on a terminal or two for a field, and a screenful is too long for all of them
-_FIELD, _ALL = 72, 480
+_FIELD = 72
+_ALL = 480
 
 
 class Shown:

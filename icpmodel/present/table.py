@@ -65,7 +65,8 @@ class Table(Shown):
         for block, least in self._blocks(cells, columns):
             if block[0] > 0:
                 console.print()
-                block, least = [0, *block], [self._least(cells, 0), *least]
+                block = [0, *block]
+                least = [self._least(cells, 0), *least]
             grid = Grid(box=None, pad_edge=False, header_style="")
             for k, narrowest in zip(block, least, strict=True):
                 grid.add_column(Text(self.heads[k]), overflow="fold", min_width=narrowest)
@@ -77,7 +78,8 @@ class Table(Shown):
 
     def _least(self, cells: list[list[str]], k: int) -> int:
         """The fewest characters that column `k` can have: numbers and words are not cut, texts not too short."""
-        longest, word = max((len(row[k]) for row in cells), default=0), max(map(len, self.heads[k].split()), default=0)
+        longest = max((len(row[k]) for row in cells), default=0)
+        word = max(map(len, self.heads[k].split()), default=0)
         return max(min(longest, _NARROWEST) if self._is_text(k) else longest, word)
 
     def _blocks(self, cells: list[list[str]], columns: int) -> list[tuple[list[int], list[int]]]:

@@ -14,16 +14,21 @@ from .grid import index, points, rows_on_grid, side, square_points
 from .registry import Quantity, Scene, assembles, farthest, register, size
 
 #: ball obstacle: contact radius a, and u = SLOPE·ln r + LEVEL outside of it
-RADIUS, SLOPE, LEVEL = 0.697965148223374, -0.680259411891719, 0.471519893402112
+RADIUS = 0.697965148223374
+SLOPE = -0.680259411891719
+LEVEL = 0.471519893402112
 #: half the side of the ball obstacle's square
 HALF = 2.0
 #: obstacle in space: contact radius a, and u = a/r + LEVEL_3D outside of it
-RADIUS_3D, LEVEL_3D = 0.5, -0.5
+RADIUS_3D = 0.5
+LEVEL_3D = -0.5
 
 
 @assembles("membrane")
 def _membrane(n: int, mu: float, skew: float) -> ByRows:
-    m, mu, skew = side(n), as_number(mu, "mu", least=0), as_number(skew, "skew", least=-1, most=1)
+    m = side(n)
+    mu = as_number(mu, "mu", least=0)
+    skew = as_number(skew, "skew", least=-1, most=1)
     return ByRows((m, m), partial(rows_on_grid, (m, m), 0.0, 1.0, _paraboloid, None, (4.0 + mu, skew)))
 
 
@@ -119,8 +124,10 @@ def ball(n: int = 900) -> Scene:
     doi:10.1137/1.9781611976311.
     """
     rows = _ball(n)
-    h, points = 2 * HALF / (rows.shape[0] + 1), square_points(-HALF, HALF, rows.shape[0])
-    problem, u = ICP(*rows.local_rows(0, rows.n)), _ball_solution(points)
+    h = 2 * HALF / (rows.shape[0] + 1)
+    points = square_points(-HALF, HALF, rows.shape[0])
+    problem = ICP(*rows.local_rows(0, rows.n))
+    u = _ball_solution(points)
     known = {
         "u": Quantity(0.0, partial(farthest, u), order=2.0),
         "contact radius": Quantity(RADIUS, partial(_radius, problem), order=2.0),
@@ -165,7 +172,8 @@ def obstacle_3d(n: int = 1000) -> Scene:
     .78h² for m ≤ 35.
     """
     rows = _obstacle_3d(n)
-    at, h = index(rows.shape, 0, rows.n), 2.0 / (rows.shape[0] + 1)
+    at = index(rows.shape, 0, rows.n)
+    h = 2.0 / (rows.shape[0] + 1)
     u = Quantity(0.0, partial(farthest, _solution_3d(points(-1.0, 1.0, rows.shape, at))), order=2.0)
     models = "A cube that sources keep at least as warm as a given profile: where they must heat, and how much."
     return Scene(problem=ICP(*rows.local_rows(0, rows.n)), models=models, quantities={"u": u}, h=h)
@@ -208,9 +216,11 @@ def coulomb(alpha: float = 30.0, mu: float = 0.3, mass: float = 1.0, g: float = 
     Acary and Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008).
     """
     slope = np.deg2rad(as_number(alpha, "alpha", least=0, most=89))
-    mu, mass = as_number(mu, "mu", least=0), as_number(mass, "mass", above=0)
+    mu = as_number(mu, "mu", least=0)
+    mass = as_number(mass, "mass", above=0)
     push = as_number(g, "g", above=0) * as_number(dt, "dt", above=0)
-    sine, cosine = float(np.sin(slope)), float(np.cos(slope))
+    sine = float(np.sin(slope))
+    cosine = float(np.cos(slope))
     normal = mass * push * cosine
     z = np.array([normal, -min(mass * push * sine, mu * normal)])
     problem = ICP(np.eye(2) / mass, push * np.array([-cosine, sine]), Affine([[0.0, 0.0], [-mu, 0.0]]))

@@ -81,7 +81,8 @@ def rows_on_grid(
     On the edge u = `edge`, or 0. Both functions take points of shape (k, d). `stencil` holds the
     diagonal and the skew of `difference_rows`.
     """
-    at, q = index(shape, lo, hi), np.zeros(hi - lo)
+    at = index(shape, lo, hi)
+    q = np.zeros(hi - lo)
     for axis, m in enumerate(shape):
         for last, outside in ((0, -1), (m - 1, m)) if edge else ():
             there = np.flatnonzero(at[axis] == last)
@@ -118,5 +119,6 @@ def level_crossing(x: Vector, y: Vector, level: float) -> float:
 
 def smooth_fit(x: Vector, z: Vector, first: int, slope: float) -> float:
     """Where z(x) has this `slope`, by three cells from the `first` on; NaN where there are none."""
-    h, cells = x[1] - x[0], slice(first, first + 3)
+    h = x[1] - x[0]
+    cells = slice(first, first + 3)
     return level_crossing(x[:-1][cells] + h / 2, (np.diff(z) / h)[cells], slope)

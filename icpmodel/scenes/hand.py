@@ -95,7 +95,8 @@ def hand_splittings() -> Scene:
 
     From `z0` = (5, −7) MNMJ with Ω = D converges, MNMGS with Ω = D and MNMOD do not.
     """
-    A, psi = [[1.0, -0.9], [-0.9, 1.0]], Affine([[0.0, -0.9], [-0.9, 0.0]], 1.0)
+    A = [[1.0, -0.9], [-0.9, 1.0]]
+    psi = Affine([[0.0, -0.9], [-0.9, 0.0]], 1.0)
     models = "Two partners who pull each other up while the floor of each sinks as the other rises."
     return by_hand(A, [-1, 3], psi, [190 / 181, 10 / 181], models, z0=[5, -7])
 

@@ -103,7 +103,8 @@ def hard_skew(n: int = 100, skew: float = 10.0, seed: int = 0) -> Scene:
     seed : int, default 0
         Seed ≥ 0 of the random numbers.
     """
-    n, s = size(n, 2), as_number(skew, "skew")
+    n = size(n, 2)
+    s = as_number(skew, "skew")
     z, p, r = complementary(n, seed)
     A = rows_of(n, 0, n, {-1: -s, 0: 1.0, 1: s})
     return manufactured(A, z, p, z - r, "A ring of gyroscopes, each turning the next, with little friction and stops.")
@@ -134,7 +135,8 @@ def hard_semidefinite(n: int = 40, seed: int = 0) -> Scene:
     B = random.standard_normal((m, m))
     amount = random.uniform(0.5, 1.5, 2 * m)
     basic = np.concatenate([random.permutation(m) < (m + 1) // 2 for _ in range(2)])
-    z, p = np.where(basic, amount, 0.0), np.where(basic, 0.0, amount)
+    z = np.where(basic, amount, 0.0)
+    p = np.where(basic, 0.0, amount)
     A = np.block([[np.zeros((m, m)), -B.T], [B, np.zeros((m, m))]])
     return manufactured(A, z, p, 0.0, "A production plan and the prices that support it.")
 
@@ -208,7 +210,8 @@ def hard_overflow() -> Scene:
     A = [2, −1; −1, 2], q = (−1.5e308, 1.5e308), ψ = 0; z* = (7.5e307, 0), p* = (0, 7.5e307). Sums and squares of such
     numbers overflow though the answer does not. Honest: solved, or diverged; never NaN called solved.
     """
-    q, models = [-1.5e308, 1.5e308], "Two weights on a string under forces at the end of the scale."
+    q = [-1.5e308, 1.5e308]
+    models = "Two weights on a string under forces at the end of the scale."
     return by_hand(PAIR, q, 0.0, [7.5e307, 0.0], models)
 
 

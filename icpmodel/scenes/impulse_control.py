@@ -15,13 +15,19 @@ from .grid import smooth_fit, tridiagonal
 from .registry import Quantity, Scene, register, size
 
 #: drift and volatility of the reserve, discount rate, tax on a payment and its fixed cost
-DRIFT, VOLATILITY, DISCOUNT, TAX, COST = 0.5, 0.3, 0.2, 0.2, 0.05
+DRIFT = 0.5
+VOLATILITY = 0.3
+DISCOUNT = 0.2
+TAX = 0.2
+COST = 0.05
 #: what one unit paid out is worth
 WORTH = 1.0 / (1.0 + TAX)
 #: the interval [0, LENGTH] reaches beyond the free boundary; there V is a straight line and the length has no influence
 LENGTH = 1.5
 #: solution: pay when the reserve reaches BOUNDARY, down to TARGET; V(1)
-BOUNDARY, TARGET, VALUE_AT_1 = 1.01412848138701, 0.395539941170187, 2.14368352523354
+BOUNDARY = 1.01412848138701
+TARGET = 0.395539941170187
+VALUE_AT_1 = 2.14368352523354
 
 
 @register
@@ -92,14 +98,17 @@ def _target(x: Vector, z: Vector) -> float:
 
 def _operator(n: int, h: float) -> tuple[Any, Vector]:
     """A and q of ρV − ½σ²V″ − μV′ with V(0) = 0 in row 0 and V′ = 1/(1 + λ) at the right end."""
-    diffusion, drift = 0.5 * VOLATILITY**2 / h**2, 0.5 * DRIFT / h
+    diffusion = 0.5 * VOLATILITY**2 / h**2
+    drift = 0.5 * DRIFT / h
     left = np.full(n - 1, -diffusion + drift)
     right = np.full(n - 1, -diffusion - drift)
     middle = np.full(n, DISCOUNT + 2.0 * diffusion)
     q = np.zeros(n)
-    middle[0], right[0] = 1.0, 0.0
+    middle[0] = 1.0
+    right[0] = 0.0
     # ghost point: V(x + h) = V(x - h) + 2h·WORTH
-    left[-1], q[-1] = -2.0 * diffusion, -2.0 * (diffusion + drift) * h * WORTH
+    left[-1] = -2.0 * diffusion
+    q[-1] = -2.0 * (diffusion + drift) * h * WORTH
     return tridiagonal(left, middle, right), q
 
 
@@ -109,7 +118,8 @@ def _best_payment(z: Vector, x: Vector, k: int) -> tuple[Vector, np.ndarray]:
     best = np.maximum.accumulate(merit)
     record = np.concatenate([[True], merit[1:] > best[:-1]])
     where = np.maximum.accumulate(np.where(record, np.arange(z.size), 0))
-    value, target = np.full(z.size, -np.inf), np.full(z.size, -1)
+    value = np.full(z.size, -np.inf)
+    target = np.full(z.size, -1)
     value[k:] = best[:-k] + WORTH * (x[k:] - COST)
     target[k:] = where[:-k]
     return value, target

@@ -13,7 +13,9 @@ from .grid import rows_of
 from .registry import Quantity, Scene, assembles, register, size
 
 #: eccentricity, and the solution's greatest pressure and the angle where the film tears
-ECCENTRICITY, P_MAX, CAVITATION = 0.5, 0.745831366621, 3.83438392852963
+ECCENTRICITY = 0.5
+P_MAX = 0.745831366621
+CAVITATION = 3.83438392852963
 
 
 @assembles("bearing")
@@ -68,7 +70,8 @@ def bearing(n: int = 300) -> Scene:
     Cryer, Math. Comp. 25 (1971), doi:10.1090/S0025-5718-1971-0298961-7.
     """
     rows = _bearing(n)
-    h, first = 2.0 * np.pi / (n + 1), 1.0 + ECCENTRICITY * np.cos(np.pi / (n + 1))
+    h = 2.0 * np.pi / (n + 1)
+    first = 1.0 + ECCENTRICITY * np.cos(np.pi / (n + 1))
     known = {
         "p_max": Quantity(P_MAX, _top, order=2.0),
         "cavitation angle": Quantity(CAVITATION, partial(_angle, first, first**3 / h), order=2.0),
@@ -81,7 +84,8 @@ def bearing(n: int = 300) -> Scene:
 def _top(z: Vector) -> float:
     """The maximum of the parabola through the highest point and its two neighbours."""
     i = min(max(int(np.argmax(z)), 1), z.size - 2)
-    slope, bend = (z[i + 1] - z[i - 1]) / 2.0, z[i + 1] - 2.0 * z[i] + z[i - 1]
+    slope = (z[i + 1] - z[i - 1]) / 2.0
+    bend = z[i + 1] - 2.0 * z[i] + z[i - 1]
     return float(z[i] - slope**2 / (2.0 * bend)) if bend != 0 else float(z[i])
 
 

@@ -19,7 +19,8 @@ def complementary(n: int, seed: Any, degenerate: float = 0.0) -> tuple[Vector, V
     """Random z* in [−1, 1] and p*, r* ≥ 0 with p*ᵀr* = 0, entries in [.5, 1.5], half of the rows at the obstacle.
     `degenerate` is the share of all rows with p* = r* = 0. Raises InputError for a bad seed."""
     random = np.random.default_rng(int(as_number(seed, "seed", least=0, whole=True)))
-    z, size = random.uniform(-1.0, 1.0, n), random.uniform(0.5, 1.5, n)
+    z = random.uniform(-1.0, 1.0, n)
+    size = random.uniform(0.5, 1.5, n)
     place = random.permutation(n)
     size[place >= round((1.0 - degenerate) * n)] = 0.0
     at_obstacle = place < round((1.0 - degenerate) * n) // 2
@@ -42,7 +43,9 @@ def boxed(n: int, seed: Any, kinds: Iterable[tuple[float, float, float]]) -> tup
     Raises InputError for a bad seed."""
     random = np.random.default_rng(int(as_number(seed, "seed", least=0, whole=True)))
     table = np.array(tuple(kinds))
-    z, sizes, kind = random.uniform(-1.0, 1.0, n), random.uniform(0.5, 1.5, (n, 3)), random.permutation(n) % len(table)
+    z = random.uniform(-1.0, 1.0, n)
+    sizes = random.uniform(0.5, 1.5, (n, 3))
+    kind = random.permutation(n) % len(table)
     p, r, s = (table[kind] * sizes).T
     return z, p, r, s
 
@@ -123,7 +126,9 @@ def manufactured_affine(n: int = 900, mu: float = 4.0, seed: int = 0, skew: floa
     ----------
     Bai, Numer. Linear Algebra Appl. 17 (2010), doi:10.1002/nla.680, for A.
     """
-    m, mu, skew = side(n), as_number(mu, "mu", least=0), as_number(skew, "skew", least=-1, most=1)
+    m = side(n)
+    mu = as_number(mu, "mu", least=0)
+    skew = as_number(skew, "skew", least=-1, most=1)
     z, p, r = complementary(m * m, seed)
     G = (0.9 / 4.0) * adjacency(m)
     models = "A grid of cells, each resting on its own neighbours, with forces chosen so that the answer is known."
@@ -152,7 +157,9 @@ def manufactured_elementwise(n: int = 900, mu: float = 4.0, seed: int = 0, skew:
     ----------
     Bai, Numer. Linear Algebra Appl. 17 (2010), doi:10.1002/nla.680, for A.
     """
-    m, mu, skew = side(n), as_number(mu, "mu", least=0), as_number(skew, "skew", least=-1, most=1)
+    m = side(n)
+    mu = as_number(mu, "mu", least=0)
+    skew = as_number(skew, "skew", least=-1, most=1)
     z, p, r = complementary(m * m, seed)
     models = "A grid of cells whose obstacles bend with them, with forces chosen so that the answer is known."
     psi = Elementwise(_sine, _cosine, lipschitz=0.3, c=z - r - _sine(z))
@@ -180,9 +187,11 @@ def manufactured_vertical(n: int = 900, mu: float = 4.0, seed: int = 0) -> Scene
     ----------
     Lions and Mercier, RAIRO Anal. Numér. 14 (1980), for such equations.
     """
-    m, mu = side(n), as_number(mu, "mu", least=0)
+    m = side(n)
+    mu = as_number(mu, "mu", least=0)
     z, p, r = complementary(m * m, seed)
-    A, B = five_point(m, mu, 0.5), five_point(m, mu, -0.5)
+    A = five_point(m, mu, 0.5)
+    B = five_point(m, mu, -0.5)
     problem = ICP.vertical(A, p - A @ z, B, r * B.diagonal() - B @ z)
     models = "A grid of cells that drift in one of two winds, in each the one that serves it, with a known answer."
     return Scene(problem=problem, models=models, z_exact=z, points=square_points(0.0, 1.0, m))
@@ -221,11 +230,14 @@ def box_manufactured(n: int = 900, mu: float = 4.0, skew: float = 0.0, coupling:
     ----------
     Bai, Numer. Linear Algebra Appl. 17 (2010), doi:10.1002/nla.680, for A.
     """
-    m, mu, skew = side(n), as_number(mu, "mu", least=0), as_number(skew, "skew", least=-1, most=1)
+    m = side(n)
+    mu = as_number(mu, "mu", least=0)
+    skew = as_number(skew, "skew", least=-1, most=1)
     coupling = as_number(coupling, "coupling", least=0)
     z, p, r, s = boxed(m * m, seed, BOXED.values())
     G = (coupling / 4.0) * adjacency(m)
-    low, high = z - r - G @ z, z + s - G @ z
+    low = z - r - G @ z
+    high = z + s - G @ z
     psi, upper = (Affine(G, low), Affine(G, high)) if coupling else (low, high)
     models = "A grid of cells, each between a floor and a ceiling, with forces chosen so that the answer is known."
     return manufactured(five_point(m, mu, skew), z, p, psi, models, upper, points=square_points(0.0, 1.0, m))

@@ -13,7 +13,8 @@ from .grid import smooth_fit, tridiagonal
 from .registry import Quantity, Scene, farthest, register, size
 
 #: interest and volatility, a year; the bounded solution of the equation decays as s^-DECAY
-INTEREST, VOLATILITY = 0.05, 0.3
+INTEREST = 0.05
+VOLATILITY = 0.3
 DECAY = 2.0 * INTEREST / VOLATILITY**2
 
 
@@ -54,9 +55,11 @@ def game_put(n: int = 201, delta: float = 0.05) -> Scene:
     ----------
     Kifer, Finance Stoch. 4 (2000), 443-463. Kyprianou, Finance Stoch. 8 (2004), 73-86.
     """
-    n, delta = size(n, 33) | 1, as_number(delta, "delta", above=0)
+    n = size(n, 33) | 1
+    delta = as_number(delta, "delta", above=0)
     y = np.linspace(-1.0, 1.0, n)
-    h, s = 2.0 / (n - 1), np.exp(y)
+    h = 2.0 / (n - 1)
+    s = np.exp(y)
     A, q = _operator(n, h)
     payoff = np.maximum(1.0 - s, 0.0)
     problem = ICP(A, q, payoff, payoff + delta)
@@ -83,20 +86,26 @@ def game_put_value(delta: float) -> tuple[Any, float]:
 
 def _value(k: float, at_1: float, s: Vector) -> Vector:
     """Smooth fit at k: b = k^γ/(1 + γ), a = γ/((1 + γ)k) − 1."""
-    a, b = DECAY / ((1.0 + DECAY) * k) - 1.0, k**DECAY / (1.0 + DECAY)
+    a = DECAY / ((1.0 + DECAY) * k) - 1.0
+    b = k**DECAY / (1.0 + DECAY)
     decay = s**-DECAY
     return np.where(s <= k, 1.0 - s, np.where(s < 1.0, a * s + b * decay, at_1 * decay))
 
 
 def _operator(n: int, h: float) -> tuple[Any, Vector]:
     """A and q of rV − ½σ²V″ − (r − ½σ²)V′ with V = 1 − 1/e in row 0 and V′ = −γV at the right end."""
-    diffusion, drift = 0.5 * VOLATILITY**2 / h**2, (0.5 * INTEREST - 0.25 * VOLATILITY**2) / h
-    left, right = np.full(n - 1, drift - diffusion), np.full(n - 1, -drift - diffusion)
-    middle, q = np.full(n, INTEREST + 2.0 * diffusion), np.zeros(n)
+    diffusion = 0.5 * VOLATILITY**2 / h**2
+    drift = (0.5 * INTEREST - 0.25 * VOLATILITY**2) / h
+    left = np.full(n - 1, drift - diffusion)
+    right = np.full(n - 1, -drift - diffusion)
+    middle = np.full(n, INTEREST + 2.0 * diffusion)
+    q = np.zeros(n)
     # with the diagonal of the other rows, and the last row halved, A + A' is positive definite
-    right[0], q[0] = 0.0, middle[0] * (np.exp(-1.0) - 1.0)
+    right[0] = 0.0
+    q[0] = middle[0] * (np.exp(-1.0) - 1.0)
     # ghost point: V(y + h) = V(y - h) - 2h·DECAY·V(y)
-    left[-1], middle[-1] = -diffusion, middle[-1] / 2.0 + h * DECAY * (diffusion + drift)
+    left[-1] = -diffusion
+    middle[-1] = middle[-1] / 2.0 + h * DECAY * (diffusion + drift)
     return tridiagonal(left, middle, right), q
 
 

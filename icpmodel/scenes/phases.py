@@ -54,10 +54,12 @@ def phase_step(n: int = 201) -> Scene:
     Blowey and Elliott, Eur. J. Appl. Math. 2 (1991), doi:10.1017/S095679250000053X.
     """
     n = size(n, 33)
-    x, h = np.linspace(-1.0, 1.0, n), 2.0 / (n - 1)
+    x = np.linspace(-1.0, 1.0, n)
+    h = 2.0 / (n - 1)
     u = np.sin(np.clip(x / EPSILON, -np.pi / 2, np.pi / 2))
     stiff = EPSILON**2 / h**2
-    beside, share = np.full(n - 1, -stiff), np.where((x == x[0]) | (x == x[-1]), 0.5, 1.0)
+    beside = np.full(n - 1, -stiff)
+    share = np.where((x == x[0]) | (x == x[-1]), 0.5, 1.0)
     A = tridiagonal(beside, share * (1.0 / STEP - 1.0 + 2.0 * stiff), beside)
     known = {
         "u": Quantity(0.0, partial(farthest, u), order=2.0),

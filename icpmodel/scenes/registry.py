@@ -207,7 +207,8 @@ def title(problem: ProblemData) -> str:
 
 
 #: beyond this the matrix alone would need tens of gigabytes, and the side of a grid would not be exact in float64
-LARGEST, LARGEST_BY_ROWS = 10**8, 2**52
+LARGEST = 10**8
+LARGEST_BY_ROWS = 2**52
 
 _BUILDERS: dict[str, Builder] = {}
 #: what assembles the rows of a scene, by its name
@@ -253,7 +254,8 @@ def register(build: Callable[Given, Scene]) -> Callable[Given, Scene]:
     Traceback (most recent call last):
     icpmodel.errors.InputError: the scene <lambda> has no docstring; its first line is the scene's title
     """
-    name, signature = build.__name__.replace("_", "-"), inspect.signature(build)
+    name = build.__name__.replace("_", "-")
+    signature = inspect.signature(build)
     if not build.__doc__ and sys.flags.optimize < 2:  # `python -OO` drops them all
         raise InputError(f"the scene {name} has no docstring; its first line is the scene's title")
     if name in _BUILDERS:

@@ -132,11 +132,13 @@ class Foreign(Competitor):
 class Limit(Competitor):
     """One linear solve with A by PyAMG, to ‖Ax − b‖ ≤ 1e-8‖b‖ or as rounding allows: what bounds every method."""
 
-    name, kind = "PyAMG, one solve", "limit"
+    name = "PyAMG, one solve"
+    kind = "limit"
     raises = (MemoryError, RuntimeError, ValueError, np.linalg.LinAlgError)
 
     def attempt(self, case: Case, tolerance: float, time_limit: float) -> Claim:
-        A, b = case.problem.A, np.ones(case.problem.n)
+        A = case.problem.A
+        b = np.ones(case.problem.n)
         begin = time.perf_counter()
         x = linear_solve(A, b)
         seconds = time.perf_counter() - begin

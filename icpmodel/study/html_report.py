@@ -38,9 +38,11 @@ _MAP_UP_TO = 1000
 #: maps that are tried in turn, until on a few points each a share of them converges: the largest θ, a smaller one makes
 #: shorter steps, how many of these a run may take, and the points per axis and starts that this leaves time for
 _MAPS = ((2.5, 1000, 11, 2), (2.5, 10_000, 7, 1), (0.25, 10_000, 7, 1))
-_TRIED, _SHARE = 4, 0.25
+_TRIED = 4
+_SHARE = 0.25
 #: the tolerances of the race, and the seconds that each of its runs may take
-_TOLERANCES, _RACE_LIMIT = tuple(10.0**-k for k in range(2, 13, 2)), 3.0
+_TOLERANCES = tuple(10.0**-k for k in range(2, 13, 2))
+_RACE_LIMIT = 3.0
 
 #: what a section shows, each entry left out where there is none: "short", the answer to its question; "lead", a
 #: sentence or two; "pictures", each with "still", an SVG, its "caption" and "alt"; as many "charts" by Bokeh that take
@@ -80,7 +82,8 @@ def report(
     scene = problem if isinstance(problem, Scene) else None
     if scene is not None:
         known = said_of(scene)
-        title, about = title or known["title"], about or known["about"]
+        title = title or known["title"]
+        about = about or known["about"]
         z_exact = known["z_exact"] if z_exact is None else z_exact
     start = None if scene is None else scene.z0
     with status_line(progress, f"seven sections; the cross-check takes {time_limit:g} s at most") as say:
@@ -231,13 +234,15 @@ def _map(problem: ProblemData) -> _Section:
     lead = f"What relaxation does to the paper's method: at each point {found.plane.title} is solved{worst}."
     charts, slider = map_charts(found, problem)
     falls = {"alt": "Residual against steps.", "caption": "The residual at θ₁ = θ₂ as the slider has it, others grey."}
-    pictures, folded = [*_pictures(found), falls], [("Counted", found._repr_html_())]
+    pictures = [*_pictures(found), falls]
+    folded = [("Counted", found._repr_html_())]
     return {"lead": lead, "pictures": pictures, "charts": charts, "slider": slider, "folded": folded}
 
 
 def _worth_mapping(problem: ProblemData) -> tuple[float, int, int, int]:
     """The first of the maps of which enough converges, or else the one of which most does. Raises InputError."""
-    share, ends = {}, set()
+    share = {}
+    ends = set()
     for one in _MAPS:
         largest, max_iter, *_ = one
         found = stability(relaxation(_TRIED, problem, largest), starts=1, max_iter=max_iter)

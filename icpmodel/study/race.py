@@ -211,12 +211,16 @@ def _measure(case: Case, z_exact: Any) -> tuple[str, _Error]:
     """What "error" is in words, and the function of z that gives it."""
     problem = case.problem
     if z_exact is not None:
-        exact, known, words = problem.vector(z_exact, "z_exact", finite=True), 0.0, "max |z - z*|"
+        exact = problem.vector(z_exact, "z_exact", finite=True)
+        known = 0.0
+        words = "max |z - z*|"
     else:
         best = unbroken(solve(problem, rtol=1e-12, raise_on_failure=False)).polish()
         if best.error_bound is None:
             return "Res_D(z) / Res_D(0)", case.judged
-        exact, known, words = best.z, best.error_bound, "certified bound on max |z - z*|"
+        exact = best.z
+        known = best.error_bound
+        words = "certified bound on max |z - z*|"
 
     def error(z: Any) -> float | None:
         distance = float(np.abs(np.asarray(z, dtype=np.float64) - exact).max()) + known
@@ -235,13 +239,17 @@ def _run(
     built = timed({one.name: clocked(partial(one.build, case)) for one in entered}, _BUILDS, warm=False)
     builds = {name: float(np.median(seconds)) for name, seconds in built.items()}
     enough = dict.fromkeys(builds, 1.0)  # tolerances from this one on need no run of their own, 0 for none at all
-    again, entries = {}, {}
-    done, total, begin = 0, len(asked) * len(entered), time.monotonic()
+    again = {}
+    entries = {}
+    done = 0
+    total = len(asked) * len(entered)
+    begin = time.monotonic()
     for tolerance in asked:
         for one in (one for one in entered if tolerance < enough[one.name]):
             say(f"round 1 of {repeats}: {one.name} at {tolerance:.0e}{time_left(begin, done, total)}")
             done += 1
-            run, build = one.run(case, tolerance, limit), builds[one.name]
+            run = one.run(case, tolerance, limit)
+            build = builds[one.name]
             entry = Entry(one.name, one.kind, tolerance, (build + run.seconds,), build, run.setup, claim=run.words)
             if run.z is not None:
                 entry = replace(entry, error=error(run.z), residual=case.judged(run.z))
@@ -262,7 +270,9 @@ def _run(
 def _path(case: Case, one: Own, tolerance: float, limit: float, error: _Error) -> tuple[Vector, Vector]:
     """(seconds, errors) along one run, at iterates in geometric progression; what the errors take is not counted."""
     seen: list[tuple[float, float | None]] = []
-    following, lost, unseen = 0, 0.0, None
+    following = 0
+    lost = 0.0
+    unseen = None
 
     def look(state: Any) -> None:
         nonlocal following, lost, unseen

@@ -90,7 +90,8 @@ def sensitivity(solution: Solution, *, change: float = 1e-6, trials: int = 10, s
     if size == 0.0:
         raise InputError("solution has z = 0, to which no change is relative")
     answer = solution.polish()
-    problem, z = solution.problem, answer.z
+    problem = solution.problem
+    z = answer.z
     of_p, of_r = _moved_by(problem, z, size)
     unit = change * size
     with np.errstate(over="ignore", invalid="ignore"):
@@ -110,7 +111,8 @@ def sensitivity(solution: Solution, *, change: float = 1e-6, trials: int = 10, s
 def _moved_by(problem: ProblemData, z: Vector, size: float) -> tuple[Vector, Vector]:
     """E/size where p and where r counts: |A||z| + |q|, and |G||z| + |c| or |ψ(z)|, of both obstacles the larger one;
     divided first, so none overflows."""
-    x, of_r = np.abs(z) / size, np.zeros(z.size)
+    x = np.abs(z) / size
+    of_r = np.zeros(z.size)
     for psi in (problem.psi, problem.upper):
         if psi is None:
             continue
@@ -129,7 +131,8 @@ def _local(answer: Solution, size: float) -> float | None:
     if answer.problem.psi.no_derivative() is not None:
         return None
     derivative = Derivative(answer)
-    equations, (of_p, of_r) = derivative.equations, _moved_by(answer.problem, answer.z, size)
+    equations = derivative.equations
+    (of_p, of_r) = _moved_by(answer.problem, answer.z, size)
     E = np.where(derivative.pattern.active, of_r, of_p)
     try:
         derivative.solved(E)
@@ -156,7 +159,8 @@ def _uncrossed(psi: Map) -> Map:
     relative ε at the most, so has each of what they are exchanged for."""
     if not isinstance(psi, TwoSidedObstacle) or psi.linear is None or psi.upper.linear is None or not psi.is_constant:
         return psi
-    c, d = psi.linear[1], psi.upper.linear[1]
+    c = psi.linear[1]
+    d = psi.upper.linear[1]
     return psi if (c <= d).all() else TwoSidedObstacle(Constant(np.minimum(c, d)), Constant(np.maximum(c, d)))
 
 

@@ -176,8 +176,10 @@ def stability(
 
 
 def _fill(found: StabilityMap, starts: int, progress: bool) -> None:
-    plane, shape = found.plane, found.ends.shape
-    total, begin = shape[0] * shape[1], time.monotonic()
+    plane = found.plane
+    shape = found.ends.shape
+    total = shape[0] * shape[1]
+    begin = time.monotonic()
     with status_line(progress, f"{total} points, {starts} runs of at most {found.max_iter} steps at each") as say:
         for k, (j, i) in enumerate(np.ndindex(*shape)):
             say(f"point {k + 1} of {total}{time_left(begin, k, total)}")

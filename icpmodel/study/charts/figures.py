@@ -26,7 +26,12 @@ Name = TypeVar("Name", bound=Hashable)
 Figure = Any
 
 #: which colour-blind readers can tell apart: Okabe and Ito, Color Universal Design (2008)
-BLUE, ORANGE, GREEN, PURPLE, YELLOW, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
+BLUE = "#0072B2"
+ORANGE = "#D55E00"
+GREEN = "#009E73"
+PURPLE = "#CC79A7"
+YELLOW = "#E69F00"
+SKY = "#56B4E9"
 COLOURS = (BLUE, ORANGE, GREEN, PURPLE, YELLOW, SKY)
 #: one for each colour; with the black circle of solve() a panel has seven series at the most
 MARKERS = ("s", "^", "D", "v", "P", "X")
@@ -37,11 +42,13 @@ ACCURATE = "more accurate →"
 #: what a picture is written as
 FORMATS = (".png", ".pdf", ".svg")
 #: what a picture of ours says of its origin, and with what the data beside it begin
-_OURS, _DATA = b"made by icpmodel", b"# icpmodel"
+_OURS = b"made by icpmodel"
+_DATA = b"# icpmodel"
 #: a panel on its own, in inches: on the screen of a phone its letters are still those of a small print
 ALONE = (4.9, 3.7)
 #: the letters at lines, in points, and how far apart lines of them stand, as a multiple
-_LETTERS, _APART = 8.0, 1.6
+_LETTERS = 8.0
+_APART = 1.6
 
 
 def new_figure(width: float, height: float) -> Figure:
@@ -79,7 +86,8 @@ def name_lines(axes: Any, ends: Sequence[tuple[str, Any, str, str]]) -> None:
         return
     inverse = axes.transAxes.inverted()
     wanted = np.array([inverse.transform(axes.transData.transform(point))[1] for _, point, _, _ in ends])
-    order, many = np.argsort(wanted), len(ends)
+    order = np.argsort(wanted)
+    many = len(ends)
     line = min(_APART * _LETTERS / 72.0 / (axes.bbox.height / axes.figure.dpi), 1.0 / max(many - 1, 1))
     steps = line * np.arange(many)
     heights = np.clip(isotonic_regression(wanted[order] - steps).x, 0.0, max(1.0 - steps[-1], 0.0)) + steps
@@ -246,7 +254,8 @@ def picture_file(path: Any) -> Path:
 
 def write(figure: Figure, path: Path, command: str = "") -> Figure:
     """The `figure`, written to `path` with the `command` that makes it again in it. Raises FileError."""
-    form, picture = path.suffix[1:].lower(), io.BytesIO()
+    form = path.suffix[1:].lower()
+    picture = io.BytesIO()
     says = {"Software" if form == "png" else "Creator": _OURS.decode()} | ({"Title": command} if command else {})
     figure.savefig(picture, format=form, dpi=100, metadata=says)
     write_ours(path, picture.getvalue(), holds=_OURS)

@@ -95,7 +95,8 @@ def answer_charts(solution: Solution, points: Any, z0: Any, time_limit: float) -
     for k, method in enumerate({repr(one): one for one in (solution.method, MNMGS())}.values()):
         with contextlib.suppress(IcpError):
             runs[k:] = [turned_run(problem, rows, method, z0, time_limit) | {"name": f"{method!r}, {words[k]}"}]
-    first, way = runs[0]["frames"], runs[0]["data"].get("way")
+    first = runs[0]["frames"]
+    way = runs[0]["data"].get("way")
     first[-1:] = [answer]
     spots = _source("points", answer["data"]["points"] | where)
     charts = _on_line(spots, places is None) if cell is None else _in_plane(spots, cell)
@@ -110,10 +111,12 @@ def answer_charts(solution: Solution, points: Any, z0: Any, time_limit: float) -
 
 def _on_line(spots: Any, by_row: bool) -> list[Any]:
     """z between its obstacles, and p; rows in contact have a ring."""
-    x, few = "row" if by_row else "x", len(spots.data["x"]) <= FEW
+    x = "row" if by_row else "x"
+    few = len(spots.data["x"]) <= FEW
     heights = _chart(x, "z", 380)
     forces = _chart(x, "force p", 380, x_range=heights.x_range)
-    lower, upper = ("psi", ORANGE, "obstacle ψ(z)"), ("upper", PURPLE, "obstacle above")
+    lower = ("psi", ORANGE, "obstacle ψ(z)")
+    upper = ("upper", PURPLE, "obstacle above")
     drawn = {}
     for name, colour, words in (lower, upper, ("z", BLUE, "z"), ("p", GREEN, "p")):
         if name in spots.data:
@@ -176,9 +179,12 @@ def race_charts(found: Race) -> list[Any]:
 def _runs(chart: Any, found: Race, name: str, look: tuple[str, str], floor: float) -> list[Any]:
     """A competitor: its runs, hollow where they claim too much, and the way of one of them."""
     runs = [run for run in found.entries if run.name == name and run.error is not None]
-    colour, tags, data = look[0], [_INK] if look[0] == "black" else [], _told(runs, floor)
+    colour = look[0]
+    tags = [_INK] if look[0] == "black" else []
+    data = _told(runs, floor)
     seconds, path = found.traces.get(name, (data["time"], data["error"]))
-    dash, style = "solid" if name in found.traces else "dotted", {"color": colour, "legend_label": name}
+    dash = "solid" if name in found.traces else "dotted"
+    style = {"color": colour, "legend_label": name}
     sign = {"marker": _MARKERS.get(look[1], "circle"), "size": 11 if tags else 9, "fill_alpha": "fill"}
     drawn = [
         chart.line(numbers(np.maximum(path, floor)), numbers(seconds), line_dash=dash, line_alpha=0.6, **style),
@@ -205,15 +211,18 @@ def _told(runs: Sequence[Entry], floor: float = 0.0) -> dict[str, list[Any]]:
 
 def _bars(first: dict[str, Entry], named: dict[str, list[Any]]) -> Any:
     """The time to the default accuracy, on a logarithmic axis, with numbers; `named` gets the bar of each name."""
-    times, bars = [run.median for run in first.values()], []
+    times = [run.median for run in first.values()]
+    bars = []
     axis = f"time to Res_D(z) ≤ {RTOL:g} Res_D(0), s\n(in brackets the share before the first step)"
     ranges = {"x_range": (min(times) / 3, 60.0 * max(times)), "y_range": [*first][::-1]}
     chart = _chart(axis, "", 150 + 26 * max(len(first), 4), x_axis_type="log", **ranges)
     for name, run in first.items():
-        (colour, words), at = still.KINDS[run.kind], {"y": "name", "source": _source(None, _told([run]))}
+        (colour, words) = still.KINDS[run.kind]
+        at = {"y": "name", "source": _source(None, _told([run]))}
         bar = chart.hbar(left=min(times) / 3, right="time", height=0.65, color=colour, legend_label=words, **at)
         text = chart.text(x="time", text="took", text_baseline="middle", text_font_size="12px", **at)
-        text.glyph.tags, bar.glyph.tags = [_INK], [_INK] if colour == "black" else []
+        text.glyph.tags = [_INK]
+        bar.glyph.tags = [_INK] if colour == "black" else []
         named.setdefault(name, []).extend([bar, text])
         bars.append(bar)
     return _finished(chart, bars, {"": "@name", "time": "@took", "says": "@claim"}, 1)
@@ -221,7 +230,8 @@ def _bars(first: dict[str, Entry], named: dict[str, list[Any]]) -> Any:
 
 def map_charts(found: StabilityMap, problem: ProblemData) -> tuple[list[Any], dict[str, Any]]:
     """The steps and ends of a map over θ₁ and θ₂, the residuals where they are equal, and a slider over these."""
-    frames, ways = [], []
+    frames = []
+    ways = []
     thetas = np.linspace(found.plane.x.values[0], found.plane.x.values[-1], 25)
     options: dict[str, Any] = {"max_iter": found.max_iter, "rtol": found.rtol, "raise_on_failure": False}
     for theta in thetas.tolist():
@@ -231,7 +241,8 @@ def map_charts(found: StabilityMap, problem: ProblemData) -> tuple[list[Any], di
         end = f"{'solved in' if run.solved else f'{run.status.value} after'} {run.iterations} steps"
         data = {"theta-way": ways[-1], "theta": {"x": [theta], "y": [theta]}}
         frames.append({"says": f"θ₁ = θ₂ = {theta:.3g}: {end}", "data": data})
-    start, first = int(np.abs(thetas - 1.0).argmin()), ways[0]["residual"][0]
+    start = int(np.abs(thetas - 1.0).argmin())
+    first = ways[0]["residual"][0]
     axes = {"x_axis_type": "log", "y_axis_type": "log", "y_range": (0.1 * found.rtol * first, 1e3 * first)}
     falls = _chart("step", "residual Res_D(z)", 460, **axes)
     falls.multi_line([one["step"] for one in ways], [one["residual"] for one in ways], color=_BETWEEN, alpha=0.35)
@@ -243,15 +254,19 @@ def map_charts(found: StabilityMap, problem: ProblemData) -> tuple[list[Any], di
 
 def _map(found: StabilityMap, theta: dict[str, Any]) -> Any:
     """Steps as colours, failures as signs, lines around what is proved, or as printed said, to converge, and θ."""
-    x, y = found.plane.x, found.plane.y
+    x = found.plane.x
+    y = found.plane.y
     chart = _chart(x.label, y.label, 520)
     j, i = (of.ravel() for of in np.indices(found.ends.shape))
-    steps, ends = found.steps[j, i], found.ends[j, i]
+    steps = found.steps[j, i]
+    ends = found.ends[j, i]
     by = [", ".join(name for name, at in found.proved.items() if at[k]) or "nothing" for k in zip(j, i, strict=True)]
     cells = {"x": x.values[i], "y": y.values[j], "end": ends, "steps": steps, "by": np.array(by)}
     width, height = (float(of.values[1] - of.values[0]) for of in (x, y))
-    solved, drawn = steps[ends == "solved"], []
-    least, most = int(solved.min(initial=found.max_iter)), int(solved.max(initial=1))
+    solved = steps[ends == "solved"]
+    drawn = []
+    least = int(solved.min(initial=found.max_iter))
+    most = int(solved.max(initial=1))
     paint = _coloured(chart, "steps", "Viridis256", least, max(most, 10 * least), log=True)
     for sign, end in zip(("", *_FAILURES), ("solved", *still.SIGNS), strict=True):
         here = {"source": _source(None, {name: values[ends == end].tolist() for name, values in cells.items()})}

@@ -26,13 +26,16 @@ _PANEL = (3 * 72) ** 2
 #: so many points or rows are shown one by one
 FEW = 60
 #: in figures that can be turned so many points of a curve, and so many unknowns on a line and in the plane
-ON_CURVE, _ON_LINE, _IN_PLANE = 200, 400, 900
+ON_CURVE = 200
+_ON_LINE = 400
+_IN_PLANE = 900
 #: the iterates that are shown, in geometric progression, of 100 000 (the limit of solve) less than forty
 _SHOWN = {0, *(int(1.4**k) for k in range(35))}
 #: what is 0 on a logarithmic axis is drawn at, as a share of the smallest value above 0
 _ZERO = 0.1
 #: contact with the obstacle below and with the one above, where there are two; how they are shaded and outlined
-_BELOW, _ABOVE = "contact below", "contact above"
+_BELOW = "contact below"
+_ABOVE = "contact above"
 _SHADES = {"contact set": GREY, _BELOW: GREY, _ABOVE: PURPLE}
 _SHADE = 0.25
 _OUTLINES = {"contact set": "white", _BELOW: "white", _ABOVE: ORANGE}
@@ -90,7 +93,8 @@ def _(history: History, points: Any = None) -> Drawing:
 
 
 def _line(solution: Solution, points: Vector | None, contacts: dict[str, Any]) -> Drawing:
-    problem, n = solution.problem, solution.problem.n
+    problem = solution.problem
+    n = solution.problem.n
     x = np.arange(n, dtype=np.float64) if points is None else points
     keep = np.unique(np.linspace(0, n - 1, min(n, _DRAWN)).astype(int))
     middles = (x[:-1] + x[1:]) / 2
@@ -162,8 +166,10 @@ def _told(name: str, values: Vector, contacts: dict[str, Any]) -> str:
 
 
 def _plane(solution: Solution, points: Any, contacts: dict[str, Any]) -> Drawing:
-    x, y = points[:, 0], points[:, 1]
-    columns, rows = np.unique(x), np.unique(y)
+    x = points[:, 0]
+    y = points[:, 1]
+    columns = np.unique(x)
+    rows = np.unique(y)
     regular = columns.size * rows.size == x.size
 
     def field(values: Any) -> Any:
@@ -223,7 +229,8 @@ def turned_rows(n: int, places: Vector | None) -> tuple[Any, dict[str, Any], tup
         rows = np.unique(np.linspace(0, n - 1, min(n, _ON_LINE)).astype(int))
         return rows, {"x": rows if places is None else places[rows]}, None
     ranks = [np.unique(of, return_inverse=True)[1] for of in places.T]
-    step, many = int(np.ceil((n / _IN_PLANE) ** 0.5)), [int(rank.max()) + 1 for rank in ranks]
+    step = int(np.ceil((n / _IN_PLANE) ** 0.5))
+    many = [int(rank.max()) + 1 for rank in ranks]
     rows = np.flatnonzero((ranks[0] % step == 0) & (ranks[1] % step == 0))
     if many[0] * many[1] != n:  # no grid
         many = [int(n**0.5) + 1] * 2
@@ -244,7 +251,8 @@ def turned_run(problem: ProblemData, rows: Any, method: Method, z0: Any, time_li
     frames[found.iterations] = last = frame(problem, rows, found.z, found.iterations, found.residual)
     last["says"] += f"; {found.status.value}"
     some = np.unique(np.linspace(0, found.history.residual.size - 1, ON_CURVE).astype(int))
-    steps, residual = found.history.iteration[some].tolist(), found.history.residual[some]
+    steps = found.history.iteration[some].tolist()
+    residual = found.history.residual[some]
     shown = np.maximum(residual, _ZERO * residual[residual > 0.0].min(initial=1.0))
     way = {"step": steps, "residual": numbers(shown), "told": [f"{one:.2g}" for one in residual]}
     return {"data": {"way": way}, "frames": [*frames.values()]}

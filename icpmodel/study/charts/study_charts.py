@@ -25,7 +25,8 @@ KINDS = {
     "peer": (ORANGE, "an independent solver"),
 }
 #: what a panel on its own needs for a bar, in inches, and for the axes around them
-_BAR, _AROUND = 0.24, 1.0
+_BAR = 0.24
+_AROUND = 1.0
 #: room for the numbers at the bars, as a factor
 _NUMBERS = 30.0
 #: how a run ended → the sign for it and its words; solved points have colours
@@ -41,7 +42,8 @@ SIGNS = {
     "overflowed": ("$\\ast$", "overflowed"),
     "refused": ("$/$", "not applicable"),
 }
-_INK, _PLATE = "0.25", "0.97"
+_INK = "0.25"
+_PLATE = "0.97"
 #: what proves convergence → the theorems, the colour and dashes of its line: they often bound the same region
 _PROVED: dict[str, tuple[tuple[str, ...], str, Any]] = {
     "paper, corrected": (("4.1", "4.2", "4.3", "4.4"), SKY, (0, (2, 1))),
@@ -56,7 +58,8 @@ FALSE = "#C00000"
 def _(found: Race, points: Any = None) -> Drawing:
     """Time against error, more accurate to the right, for seven competitors at most in a panel; then the times to
     Res_D ≤ 1e-8·Res_D(0) as bars."""
-    parts, limits = parts_of(found), limits_of(found)
+    parts = parts_of(found)
+    limits = limits_of(found)
     panels = [
         Panel(
             draw=partial(_times, found, shown, limits, len(parts) > 1),
@@ -133,7 +136,9 @@ def limits_of(found: Race) -> dict[str, Any]:
 def _times(
     found: Race, shown: dict[str, tuple[str, str]], limits: dict[str, Any], several: bool, axes: Any
 ) -> list[Any]:
-    entries, floor, ends = found.entries, limits["floor"], []
+    entries = found.entries
+    floor = limits["floor"]
+    ends = []
     axes.set(xscale="log", yscale="log", ylabel="time, s", xlabel=f"{found.measure}   ({ACCURATE})")
     axes.set(xlim=limits["xlim"], ylim=limits["ylim"])
     for name, (colour, marker) in shown.items():
@@ -226,7 +231,9 @@ def _map(found: StabilityMap, axes: Any) -> list[Any]:
     from matplotlib.colors import LogNorm
     from matplotlib.lines import Line2D
 
-    x, y, ends = found.plane.x, found.plane.y, found.ends
+    x = found.plane.x
+    y = found.plane.y
+    ends = found.ends
     solved = ends == "solved"
     counts = np.ma.masked_where(~solved, np.maximum(found.steps, 1))
     least = int(counts.min()) if solved.any() else found.max_iter
@@ -299,7 +306,10 @@ def _edges(axis: Axis) -> Any:
 
 def outline(found: StabilityMap, mask: Any) -> list[tuple[tuple[float, float], tuple[float, float]]]:
     """The borders of the cells where `mask` holds, in pieces from a point to a point."""
-    ex, ey, wide = _edges(found.plane.x), _edges(found.plane.y), np.pad(mask, 1)
-    upright, level = wide[1:-1, 1:] != wide[1:-1, :-1], wide[1:, 1:-1] != wide[:-1, 1:-1]
+    ex = _edges(found.plane.x)
+    ey = _edges(found.plane.y)
+    wide = np.pad(mask, 1)
+    upright = wide[1:-1, 1:] != wide[1:-1, :-1]
+    level = wide[1:, 1:-1] != wide[:-1, 1:-1]
     pieces = [((ex[i], ey[j]), (ex[i], ey[j + 1])) for j, i in np.argwhere(upright)]
     return pieces + [((ex[i], ey[j]), (ex[i + 1], ey[j])) for j, i in np.argwhere(level)]
