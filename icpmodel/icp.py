@@ -96,11 +96,11 @@ class ICP(ProblemData):
 
         return stability(plane, self, **options)
 
-    def report(self, **options: Any) -> Any:
-        """Write one HTML page on this problem: `icpmodel.report` with this problem."""
+    def report(self, *args: Any, **options: Any) -> Any:
+        """Make one HTML page on this problem, or write it: `icpmodel.report` with this problem."""
         from .study import report
 
-        return report(self, **options)
+        return report(self, *args, **options)
 
     def distribute(self, comm: Any = None) -> Any:
         """Spread this problem over the ranks of MPI: `icpmodel.distributed.distribute` with this problem."""

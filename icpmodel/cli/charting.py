@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import click
 
 from ..errors import InputError
-from ..present.whole_files import check_ours, write_ours
 from ..solve.progress import status_line
 from ..study import race as run_race
 from ..study import report as make_report
 from ..study import stability as map_stability
 from ..study.charts.figures import data_file, figure, picture_file, save
-from ..study.html_report import GENERATOR, said_of
+from ..study.html_report import page_file, scene_texts
 from ..study.planes import PLANES
 from .arguments import (
     METHOD,
@@ -118,14 +116,13 @@ def _shown(run: Callable[[], Any], output: str | None, form: str | None, partly:
 def report(output: str, time_limit: float, **arguments: Any) -> int:
     """Write one self-contained HTML page on SOURCE: explained, solved, pictured, cross-checked, charted."""
     must_be_writable(output, ".html")
-    check_ours(Path(output), holds=GENERATOR)
+    page_file(output)
     problem, scene = named_problem(arguments)
     method = named_method(arguments)
-    about = {"title": arguments["source"] or arguments["a_file"]} if scene is None else said_of(scene)
+    about = {"title": arguments["source"] or arguments["a_file"]} if scene is None else scene_texts(scene)
     with status_line(True) as say:
         say("solving")
         solution = problem.solve(method, z0=scene and scene.z0, history=True, raise_on_failure=False)
-        page = make_report(solution, **about, command=typed(), time_limit=time_limit, progress=True)
-    write_ours(Path(output), page.encode(), holds=GENERATOR)
+        make_report(solution, output, **about, command=typed(), time_limit=time_limit, progress=True)
     wrote(output)
     return exit_code(solution.solved, unsolved(solution))

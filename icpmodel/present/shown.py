@@ -36,7 +36,14 @@ class Plotted(Shown):
 
     __slots__ = ()
 
-    def plot(self, path: str | os.PathLike[str] | None = None, *, ax: Any = None) -> Any:
+    def plot(
+        self,
+        path: str | os.PathLike[str] | None = None,
+        *,
+        ax: Any = None,
+        points: Any = None,
+        shape: tuple[int, ...] | None = None,
+    ) -> Any:
         """Show the picture, write it to a file, or draw it into given axes; see `icpmodel.study.plot`.
 
         Parameters
@@ -45,6 +52,12 @@ class Plotted(Shown):
             A file to write: PNG, PDF or SVG by its suffix.
         ax : matplotlib axes, optional
             Axes to draw into, one for each panel, or one for the first panel.
+        points : array_like of shape (n,), (n, 2) or (n, 3), optional
+            Coordinates of the unknowns, for what has some; by default those of the scene that A is
+            from, else the row numbers.
+        shape : tuple of int, optional
+            Shape (ny, nx) or (nz, ny, nx) of the grid whose unknowns are numbered row by row, in
+            place of `points`.
 
         Returns
         -------
@@ -60,7 +73,7 @@ class Plotted(Shown):
         """
         from ..study import plot
 
-        return plot(self, path, ax=ax)
+        return plot(self, path, ax=ax, points=points, shape=shape)
 
 
 def brief(value: Any) -> str:

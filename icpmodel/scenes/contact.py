@@ -23,6 +23,9 @@ HALF = 2.0
 RADIUS_3D = 0.5
 LEVEL_3D = -0.5
 
+#: the names of the coordinates in pictures
+_AXES = ("x, radii", "y, radii")
+
 
 @assembles("membrane")
 def _membrane(n: int, mu: float, skew: float) -> ByRows:
@@ -133,7 +136,7 @@ def ball(n: int = 900) -> Scene:
         "contact radius": Quantity(RADIUS, partial(_radius, problem), order=2.0),
     }
     models = "A membrane held along the edge of a square and lifted by a ball from below."
-    return Scene(problem=problem, models=models, quantities=known, h=h, points=points)
+    return Scene(problem=problem, models=models, quantities=known, h=h, points=points, axes=_AXES, unknown="height z")
 
 
 @assembles("obstacle-3d")
@@ -174,9 +177,10 @@ def obstacle_3d(n: int = 1000) -> Scene:
     rows = _obstacle_3d(n)
     at = index(rows.shape, 0, rows.n)
     h = 2.0 / (rows.shape[0] + 1)
-    u = Quantity(0.0, partial(farthest, _solution_3d(points(-1.0, 1.0, rows.shape, at))), order=2.0)
+    places = points(-1.0, 1.0, rows.shape, at)
+    u = Quantity(0.0, partial(farthest, _solution_3d(places)), order=2.0)
     models = "A cube that sources keep at least as warm as a given profile: where they must heat, and how much."
-    return Scene(problem=ICP(*rows.local_rows(0, rows.n)), models=models, quantities={"u": u}, h=h)
+    return Scene(problem=ICP(*rows.local_rows(0, rows.n)), models=models, quantities={"u": u}, h=h, points=places)
 
 
 @register

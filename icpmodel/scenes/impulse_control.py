@@ -29,6 +29,9 @@ BOUNDARY = 1.01412848138701
 TARGET = 0.395539941170187
 VALUE_AT_1 = 2.14368352523354
 
+#: the names of the coordinates in pictures
+_AXES = ("reserve x",)
+
 
 @register
 def dividend(n: int = 241) -> Scene:
@@ -84,7 +87,9 @@ def dividend(n: int = 241) -> Scene:
         "target": Quantity(TARGET, partial(_target, x), order=2.0),
     }
     models = "The value of a reserve to its owner, who pays himself dividends at a fixed cost and a tax."
-    return Scene(problem=problem, models=models, quantities=known, h=h, points=x)
+    return Scene(
+        problem=problem, models=models, quantities=known, h=h, points=x, axes=_AXES, unknown="value z of the reserve"
+    )
 
 
 def _boundary(problem: ICP, x: Vector, z: Vector) -> float:

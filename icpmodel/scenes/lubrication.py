@@ -78,7 +78,16 @@ def bearing(n: int = 300) -> Scene:
     }
     models = "The pressure of the oil between a shaft and its bearing, and where the oil film tears."
     points = np.linspace(0.0, 2.0 * np.pi, n + 2)[1:-1]
-    return Scene(problem=ICP(*rows.local_rows(0, n)), models=models, quantities=known, h=h, points=points)
+    problem = ICP(*rows.local_rows(0, n))
+    return Scene(
+        problem=problem,
+        models=models,
+        quantities=known,
+        h=h,
+        points=points,
+        axes=("angle θ, rad",),
+        unknown="pressure z, dimensionless",
+    )
 
 
 def _top(z: Vector) -> float:

@@ -17,6 +17,9 @@ INTEREST = 0.05
 VOLATILITY = 0.3
 DECAY = 2.0 * INTEREST / VOLATILITY**2
 
+#: the names of the coordinates in pictures
+_AXES = ("log of price / strike",)
+
 
 @register
 def game_put(n: int = 201, delta: float = 0.05) -> Scene:
@@ -69,7 +72,9 @@ def game_put(n: int = 201, delta: float = 0.05) -> Scene:
         "k": Quantity(k, partial(_exercise, problem, y), order=2.0),
     }
     models = "The value of a put for ever, which its holder may exercise and its writer cancel at a penalty."
-    return Scene(problem=problem, models=models, quantities=known, h=h, points=y)
+    return Scene(
+        problem=problem, models=models, quantities=known, h=h, points=y, axes=_AXES, unknown="option value z, strikes"
+    )
 
 
 def game_put_value(delta: float) -> tuple[Any, float]:

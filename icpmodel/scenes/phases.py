@@ -66,7 +66,8 @@ def phase_step(n: int = 201) -> Scene:
         "energy": Quantity(np.pi / 2, partial(_energy, h), order=2.0),
     }
     models = "Two phases of an alloy side by side, and the interface between them."
-    return Scene(problem=ICP(A, -share * u / STEP, -1.0, 1.0), models=models, quantities=known, h=h, points=x)
+    problem = ICP(A, -share * u / STEP, -1.0, 1.0)
+    return Scene(problem=problem, models=models, quantities=known, h=h, points=x, unknown="order parameter z")
 
 
 def _energy(h: float, z: Vector) -> float:

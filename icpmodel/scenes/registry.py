@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import inspect
-import os
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -86,8 +85,12 @@ class Scene(ReadOnly, Plotted):
         Why the problem has no solution.
     z0 : array of shape (n,), optional
         Start that the literature prescribes.
-    points : array of shape (n,) or (n, 2), optional
+    points : array of shape (n,), (n, 2) or (n, 3), optional
         Coordinates of the unknowns.
+    axes : tuple of str, default ("x", "y", "z")
+        Names of the coordinates with their units, for pictures.
+    unknown : str, default "z"
+        Name of z with its unit, for pictures.
 
     Examples
     --------
@@ -108,11 +111,13 @@ class Scene(ReadOnly, Plotted):
     why_no_solution: str | None = None
     z0: Vector | None = None
     points: Vector | None = None
+    axes: tuple[str, ...] = ("x", "y", "z")
+    unknown: str = "z"
 
     def __post_init__(self) -> None:
         locked((self.z_exact, self.z0, self.points))
         if self.points is not None:
-            _PLACES[self.problem.matrix] = self.points
+            _PLACES[self.problem.matrix] = Placement(self.points, self.axes, self.unknown)
         if self.name:
             _CALLED[self.problem] = self.name
 
@@ -153,46 +158,26 @@ class Scene(ReadOnly, Plotted):
         """
         return self.problem.solve(z0=self.z0, raise_on_failure=False)
 
-    def plot(
-        self, path: str | os.PathLike[str] | None = None, *, ax: Any = None, solution: Solution | None = None
-    ) -> Any:
-        """Plot the `solution` over the places of its unknowns; see `icpmodel.study.plot`.
-
-        Parameters
-        ----------
-        path : str or path, optional
-            File to write.
-        ax : matplotlib axes, optional
-            Axes to draw into.
-        solution : Solution, optional
-            A solution of the scene's problem; by default the result of `solve`.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-            The figure.
-
-        Raises
-        ------
-        InputError
-            For wrong arguments.
-        FileError
-            Where the file cannot be written.
-        """
-        from ..study import plot
-
-        return plot(self if solution is None else solution, path, ax=ax)
-
 
 Builder = Callable[..., Scene]
 Given = ParamSpec("Given")
 
-#: where the unknowns of a scene's A stand, as long as that A is there: whoever plots a solution need not know its scene
-_PLACES: WeakKeyDictionary[Matrix, Vector] = WeakKeyDictionary()
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """Where the unknowns of a scene stand, and what its axes and its unknown are called."""
+
+    points: Vector
+    coordinates: tuple[str, ...]
+    unknown: str
 
 
-def points_of(problem: ProblemData) -> Vector | None:
-    """Where the unknowns of `problem` are if its A is that of a scene, shape (n,) or (n, 2), else None."""
+#: the placement of a scene's A, as long as that A is there: whoever plots a solution need not know its scene
+_PLACES: WeakKeyDictionary[Matrix, Placement] = WeakKeyDictionary()
+
+
+def placement_of(problem: ProblemData) -> Placement | None:
+    """Where the unknowns of `problem` are if its A is that of a scene, else None."""
     return _PLACES.get(problem.matrix)
 
 

@@ -78,7 +78,7 @@ def solution_of(run: Run, limits: Limits) -> Solution:
         accuracy=limits.accuracy,
         iterations=max(run.iteration, 0),
         seconds=work.clock() - run.clock,
-        history_or_none=None if run.records is None else _history(run.records),
+        history_or_none=None if run.records is None else _history(run.records, run.goal.tolerance),
         infeasible=run.infeasible if status is Status.INFEASIBLE else None,
         time_limit=limits.time_limit,
         memory_limit=limits.memory_limit,
@@ -138,6 +138,6 @@ def _crossed(problem: ProblemData, z: Vector) -> str:
     return ""
 
 
-def _history(records: list[tuple[int, float, float]]) -> History:
-    columns = np.array(records, dtype=np.float64).reshape(-1, 3)
-    return History(columns[:, 0].astype(np.int64), columns[:, 1], columns[:, 2])
+def _history(records: list[tuple[int, float, float, str]], tolerance: float) -> History:
+    iteration, residual, seconds, method = zip(*records, strict=True) if records else ((), (), (), ())
+    return History(np.array(iteration, dtype=np.int64), np.array(residual), np.array(seconds), method, tolerance)

@@ -110,7 +110,7 @@ class Run:
     clock: float = field(default_factory=work.clock)
 
     def __post_init__(self) -> None:
-        self.records: list[tuple[int, float, float]] | None = [] if self.history else None
+        self.records: list[tuple[int, float, float, str]] | None = [] if self.history else None
         self.current, self.iteration = self.start, -1
         self.job: Job
         self.proved: ProvedConvergence | None = None
@@ -298,7 +298,7 @@ class Run:
                 residual = self.problem.residual(z)
         self.bar.update(self.iteration, residual, self.goal.tolerance)
         if self.records is not None:
-            self.records.append((self.iteration, residual, seconds))
+            self.records.append((self.iteration, residual, seconds, self.job.method.name))
         # a copy, as whoever has a view can write through its base
         if self.callback is not None and self.callback(Progress(self.iteration, locked(z.copy()), residual, seconds)):
             return Ended(Status.STOPPED, "by the callback")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from enum import Enum
@@ -94,24 +93,41 @@ _QUICK = 0.02
 
 @dataclass(frozen=True, repr=False)
 class History(ReadOnly, Plotted, Tabular):
-    """The path of a run: iterate number, Res_D(z) and seconds since the start, one entry per tested iterate.
+    """The path of a run, one entry per tested iterate.
+
+    Parameters
+    ----------
+    iteration : array of int
+        Number of the iterate.
+    residual : array
+        Res_D(z).
+    seconds : array
+        Seconds since the start.
+    method : tuple of str
+        Name of the method that made the iterate.
+    tolerance : float
+        The residual at which the run stops.
+
+    Examples
+    --------
 
     >>> history = ICP([[2.0]], [-2.0]).solve("mnmgs", history=True).history
     >>> history.iteration
     array([0, 1])
     >>> history
-    History(iteration=<2 values>, residual=<2 values>, seconds=<2 values>)
+    History(iteration=<2 values>, residual=<2 values>, seconds=<2 values>, method=('mnmgs', 'mnmgs'), tolerance=2e-08)
     """
 
     iteration: NDArray[np.int64]
     residual: Vector
     seconds: Vector
+    method: tuple[str, ...] = ()
+    tolerance: float = 0.0
 
     def table(self) -> Table:
         """One row per tested iterate."""
-        columns = (self.iteration, self.residual, self.seconds)
-        rows = tuple(zip(*(column.tolist() for column in columns), strict=True))
-        return Table("", ("iteration", "Res_D(z)", "seconds"), rows)
+        columns = (self.iteration.tolist(), self.residual.tolist(), self.seconds.tolist(), self.method)
+        return Table("", ("iteration", "Res_D(z)", "seconds", "method"), tuple(zip(*columns, strict=True)))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -440,17 +456,6 @@ class Solution(ReadOnly, Plotted):
         }
         # JSON has no NaN and no infinity
         return {name: None if isinstance(x, float) and not np.isfinite(x) else x for name, x in told.items()}
-
-    def plot(self, path: str | os.PathLike[str] | None = None, *, ax: Any = None, points: Any = None) -> Any:
-        """Show z, ψ(z) and p where the unknowns are, or write them, or draw them into axes; see `icpmodel.study.plot`.
-
-        Parameters: `path` and `ax` as there; `points` the coordinates of the unknowns, shape (n,) or (n, 2), by default
-        those of the scene that A is from, else the row numbers. Returns the matplotlib figure. Raises InputError, and
-        FileError where the file cannot be written.
-        """
-        from ..study import plot
-
-        return plot(self, path, ax=ax, points=points)
 
     def __repr__(self) -> str:
         found = f"{self.problem!r}, {self.status.value}, {self.method!r}"

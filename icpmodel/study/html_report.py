@@ -3,28 +3,35 @@
 from __future__ import annotations
 
 import io
+import os
 import re
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from html import escape
+from pathlib import Path
 from typing import Any
 
 from ..crosscheck.check import crosscheck
 from ..derivatives.derivative import Derivative
-from ..errors import IcpError, InputError
+from ..errors import FileError, IcpError, InputError
 from ..explain.explanation import explain
 from ..numerics.arrays import Vector, as_number
 from ..numerics.rounding import at_most
 from ..present.card import Card
 from ..present.rendering import render
+from ..present.whole_files import as_path, check_ours, write_ours
 from ..problem.data import ProblemData, ProblemLike
 from ..scenes import Scene
 from ..scenes.registry import title as called
 from ..solve.driver import solve
 from ..solve.progress import status_line
 from ..solve.solution import Solution
-from .charts.figures import Figure, drawing
-from .charts.interactive_charts import answer_charts, map_charts, race_charts
+from .charts.figures import Panel, drawing, panel_figure
+from .charts.interactive import is_installed, linked
+from .charts.sliders import MOVED, run_slider, theta_slider
+from .charts.solution_charts import solution_drawing
+from .charts.study_charts import map_panel
 from .planes import relaxation
 from .race import race
 from .sensitivity import sensitivity
@@ -44,14 +51,61 @@ _SHARE = 0.25
 _TOLERANCES = tuple(10.0**-k for k in range(2, 13, 2))
 _RACE_LIMIT = 3.0
 
-#: what a section shows, each entry left out where there is none: "short", the answer to its question; "lead", a
-#: sentence or two; "pictures", each with "still", an SVG, its "caption" and "alt"; as many "charts" by Bokeh that take
-#: the places of the first ones; the "slider" of these; "folded", (what it is, HTML) each
-_Section = dict[str, Any]
+
+class Page(str):
+    """The text of a page, which is too long to be shown."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return f"<page, {len(self) / 1e6:.1f} MB of HTML>"
+
+
+@dataclass
+class Section:
+    """One section of the page.
+
+    Parameters
+    ----------
+    short : str
+        The answer to the question of the section.
+    lead : str
+        A sentence or two.
+    panels : sequence of Panel
+        The pictures.
+    slider : dict or None
+        The slider of the pictures, see `icpmodel.study.charts.sliders`.
+    folded : list of (str, str)
+        What can be unfolded: what it is, and its HTML.
+    missing : str
+        Why the section is empty.
+    """
+
+    short: str = ""
+    lead: str = ""
+    panels: Sequence[Panel] = ()
+    slider: dict[str, Any] | None = None
+    folded: list[tuple[str, str]] = field(default_factory=list)
+    missing: str = ""
+    heading: str = ""
+    question: str = ""
+    charts: list[str] = field(default_factory=list)
+
+    @property
+    def anchor(self) -> str:
+        """The name of the section in links."""
+        return re.sub(r"\W+", "-", self.heading.lower())
+
+    @property
+    def pictures(self) -> list[tuple[Panel, str, str]]:
+        """(panel, its SVG, its chart or "") of each picture."""
+        charts = [*self.charts, *[""] * len(self.panels)]
+        return [(panel, _svg(panel), made) for panel, made in zip(self.panels, charts, strict=False)]
 
 
 def report(
     problem: ProblemLike,
+    path: str | os.PathLike[str] | None = None,
     *,
     title: str = "",
     about: str = "",
@@ -60,32 +114,64 @@ def report(
     command: str = "",
     time_limit: float = 60.0,
     progress: bool = False,
-) -> str:
-    """A page that opens offline: in short whether the problem is solved, how sure that is, who agrees, who is quickest
-    and whether the answer has a derivative; then the answer, what is certain, the cross-check, the race and a map.
+) -> Page:
+    """Make one page that opens offline: the answer, what is certain, second opinions, a race and a map.
 
-    What cannot be done, such as a cross-check of a problem that is too large, is said in its place. The page is dark
-    where the reader's screen is, and can be read on a phone.
-    The figures can be pointed at, zoomed and filtered by solver, and sliders go through iterates on the way to the
-    answer and over θ; without scripts, and in print, they stand still.
-    Parameters: `problem`, which is solved first, or a `Solution`, solved or not; `title` and `about`, text; `points` as
-    in `icpmodel.study.figure`; `z_exact` the solution, shape (n,), where it is known; where `problem` is a scene,
-    these are by default what it says of itself; `command` what makes the page again; `time_limit` in
-    seconds for the cross-check; `progress` shows a line on what is going on. Returns the HTML text, less
-    than 5 MB, of which Bokeh is 1.3, that loads nothing. Raises InputError.
+    It begins in short: whether the problem is solved, how sure that is, who agrees, who is quickest,
+    and whether the answer has a derivative. What cannot be done, such as a cross-check of a problem
+    that is too large, is said in its place. The page is dark where the reader's screen is.
 
+    Where Bokeh is installed, which the extra "report" does, the figures can be pointed at, zoomed and
+    filtered by solver, and sliders go through iterates and over θ. Without scripts, and in print,
+    they stand still.
+
+    Parameters
+    ----------
+    problem : ICP, Scene, Solution, or what else can be solved
+        What is reported on. It is solved first, but for a solution.
+    path : str or path, optional
+        The file to write, whose name ends in .html.
+    title, about : str, optional
+        Heading and introduction; by default those of the scene.
+    points : array_like of shape (n,), (n, 2) or (n, 3), optional
+        Coordinates of the unknowns; by default those of the scene that A is from.
+    z_exact : array_like of shape (n,), optional
+        The solution where it is known; by default that of the scene.
+    command : str, optional
+        What makes the page again.
+    time_limit : float, default 60.0
+        Seconds for the cross-check.
+    progress : bool, default False
+        Whether a line shows what is going on.
+
+    Returns
+    -------
+    str
+        The HTML text, less than 5 MB, of which Bokeh is 1.3. It loads nothing.
+
+    Raises
+    ------
+    InputError
+        For wrong arguments.
+    FileError
+        Where the file cannot be written.
+
+    Examples
+    --------
     >>> page = icp.report(ICP([[2, -1], [-1, 2]], [-1, 3]), title="A pair", time_limit=5)
     >>> page.startswith("<!DOCTYPE html>"), "Who agrees?" in page
     (True, True)
     """
     time_limit = as_number(time_limit, "time_limit", above=0.0)
+    place = None if path is None else page_file(path)
     scene = problem if isinstance(problem, Scene) else None
     if scene is not None:
-        known = said_of(scene)
+        known = scene_texts(scene)
         title = title or known["title"]
         about = about or known["about"]
         z_exact = known["z_exact"] if z_exact is None else z_exact
     start = None if scene is None else scene.z0
+    sections: list[Section] = []
     with status_line(progress, f"seven sections; the cross-check takes {time_limit:g} s at most") as say:
         if isinstance(problem, Solution):
             solution = problem
@@ -93,16 +179,16 @@ def report(
             say("solving")
             solution = solve(scene.problem if scene else problem, z0=start, history=True, raise_on_failure=False)
         problem = solution.problem
-        sections: list[_Section] = []
         for heading, question, make in _contents(solution, start, points, z_exact, time_limit):
             say(heading)
-            section: _Section = {"heading": heading, "question": question, "id": re.sub(r"\W+", "-", heading.lower())}
             try:
-                section |= make()
+                section = make()
             except IcpError as error:
-                section |= {"missing": str(error), "short": f"Not known: {error}."}
+                section = Section(missing=str(error), short=f"Not known: {error}.")
+            section.heading = heading
+            section.question = question
             sections.append(section)
-    return render(
+    page = render(
         "report.html",
         title=title or called(problem),
         about=about,
@@ -113,16 +199,30 @@ def report(
         sections=sections,
         **_bokeh(sections),
     )
+    if place is not None:
+        write_ours(place, page.encode(), holds=GENERATOR)
+    return Page(page)
 
 
-def said_of(scene: Scene) -> dict[str, Any]:
-    """What a page on the `scene` takes from it: its title, what it models, and its reference."""
+def scene_texts(scene: Scene) -> dict[str, Any]:
+    """The title, the introduction and the known solution of a page on `scene`."""
     return {"title": called(scene.problem), "about": f"{scene.title}. {scene.models}", "z_exact": scene.z_exact}
+
+
+def page_file(path: Any) -> Path:
+    """`path`, where a page can be written. Raises InputError and FileError."""
+    place = as_path(path)
+    if place.suffix.lower() != ".html":
+        raise InputError(f"path is {str(path)!r}; a file name that ends in .html was expected")
+    if not place.parent.is_dir():
+        raise FileError(f"{place}: the folder {place.parent} does not exist")
+    check_ours(place, holds=GENERATOR)
+    return place
 
 
 def _contents(
     solution: Solution, start: Vector | None, points: Vector | None, z_exact: Vector | None, time_limit: float
-) -> list[tuple[str, str, Callable[[], _Section]]]:
+) -> list[tuple[str, str, Callable[[], Section]]]:
     """Heading, the question that it answers in short, and what makes the section."""
     problem = solution.problem
     return [
@@ -145,30 +245,27 @@ def _data(problem: ProblemData) -> str:
     return f"A is {problem.n} × {problem.n}, with {problem.A.nnz} entries that are not 0; ψ {kind}."
 
 
-def _answer(solution: Solution, start: Vector | None, points: Vector | None, time_limit: float) -> _Section:
+def _answer(solution: Solution, start: Vector | None, points: Vector | None, time_limit: float) -> Section:
     took = f"{solution.iterations} step{'' if solution.iterations == 1 else 's'}, {solution.seconds:.2g}\u00a0s"
     short = (
         f"Yes, by {solution.method.name}: {took}. The residual, which is 0 at a solution, is {solution.residual:.2g}."
     )
     if not solution.solved:
         short = f"No: {solution.message}. What is shown is the best that was found in {took}."
-    pictures = _pictures(solution, points)
+    panels = [*solution_drawing(solution, points, most=MOVED).panels]
     if solution.history_or_none is not None and solution.history.residual.size > 1:
-        pictures += _pictures(solution.history)
-    charts, slider = answer_charts(solution, points, start, min(_RACE_LIMIT, time_limit))
-    return {
-        "short": short,
-        "lead": "The slider goes through a run, from the start to the answer; in sweeps one sees the contact close in.",
-        "pictures": pictures,
-        "charts": charts[: len(pictures)],
-        "slider": slider,
-        "folded": [("The solve in detail", Card(solution.summary()).to_html())],
-    }
+        panels += drawing(solution.history).panels
+    return Section(
+        short=short,
+        lead="The slider goes through a run, from the start to the answer; in sweeps one sees the contact close in.",
+        panels=panels,
+        slider=run_slider(solution, points, start, min(_RACE_LIMIT, time_limit)),
+        folded=[("The solve in detail", Card(solution.summary()).to_html())],
+    )
 
 
-def _certain(solution: Solution) -> _Section:
-    certificate = solution.certificate
-    bound = certificate.bound
+def _certain(solution: Solution) -> Section:
+    bound = solution.certificate.bound
     short = f"It is not proved: {bound.reason}."
     if bound.value is not None:
         size = at_most(bound.value)
@@ -177,66 +274,65 @@ def _certain(solution: Solution) -> _Section:
         short = (
             f"It is proved that there is one solution and no other; how far z is from it is not known: {bound.reason}."
         )
-    lead = "What is said here was computed again from A, q, ψ and z, whatever solver found z."
-    return {"short": short, "lead": lead, "folded": [("The certificate", render("folded.html", text=str(certificate)))]}
+    lead = "What is said here was computed again from A, q, ψ and z, whatever solver made z."
+    folded = [("The certificate", render("folded.html", text=str(solution.certificate)))]
+    return Section(short, lead, folded=folded)
 
 
-def _checked(solution: Solution, time_limit: float) -> _Section:
-    found = crosscheck(solution.problem, solution, time_limit=time_limit)
+def _checked(solution: Solution, time_limit: float) -> Section:
+    checks = crosscheck(solution.problem, solution, time_limit=time_limit)
     lead = "Other solvers got the same problem, from scratch and without being told the answer, and one judge compares."
-    return {"short": found.conclusion(), "lead": lead, "folded": [("Every check", found._repr_html_())]}
+    return Section(checks.conclusion(), lead, folded=[("Every check", checks._repr_html_())])
 
 
-def _moved(solution: Solution) -> _Section:
+def _moved(solution: Solution) -> Section:
     derivative = Derivative(solution)
     sure = "Yes, and this is proved" if derivative.certain else "Not for certain"
-    short = f"{sure}: {derivative.reason}."
-    lead = "How much z moves when A, q and ψ change by a small share of themselves, entry by entry."
-    folded = [("The derivative", render("folded.html", text=str(derivative)))]
+    section = Section(f"{sure}: {derivative.reason}.")
+    section.folded = [("The derivative", render("folded.html", text=str(derivative)))]
     try:
-        folded.insert(0, ("The condition number", render("folded.html", text=str(sensitivity(solution)))))
+        section.folded.insert(0, ("The condition number", render("folded.html", text=str(sensitivity(solution)))))
+        section.lead = "How much z moves when A, q and ψ change by a small share of themselves, entry by entry."
     except IcpError as error:
-        lead = f"How much z moves with the data is not told: {error}."
-    return {"short": short, "lead": lead, "folded": folded}
+        section.lead = f"How much z moves with the data is not known: {error}."
+    return section
 
 
-def _explained(problem: ProblemData) -> _Section:
+def _explained(problem: ProblemData) -> Section:
     page = explain(problem)
     first, *_ = next(iter(page.sections().values())).splitlines()
-    return {
-        "lead": f"To do: {first}.",
-        "folded": [("What is known of A and ψ, and what is proved", page._repr_html_())],
-    }
+    return Section(
+        lead=f"To do: {first}.", folded=[("What is known of A and ψ, and what is proved", page._repr_html_())]
+    )
 
 
-def _race(problem: ProblemData, z_exact: Vector | None, time_limit: float) -> _Section:
+def _race(problem: ProblemData, z_exact: Vector | None, time_limit: float) -> Section:
     limit = min(_RACE_LIMIT, time_limit)
-    found = race(problem, z_exact=z_exact, tolerances=_TOLERANCES, repeats=1, time_limit=limit)
-    folded = [("Every run", found.table().to_html())]
-    if left := found.left_out():
+    outcome = race(problem, z_exact=z_exact, tolerances=_TOLERANCES, repeats=1, time_limit=limit)
+    folded = [("Every run", outcome.table().to_html())]
+    if left := outcome.left_out():
         folded.append(("Who did not take part", render("folded.html", text="\n".join(left))))
-    lead = "Each run was made once; times on other machines, and of problems of another size, differ."
-    return {
-        "short": found.in_words("To {goal:g} of the residual at z = 0"),
-        "lead": lead,
-        "pictures": _pictures(found),
-        "charts": race_charts(found),
-        "folded": folded,
-    }
+    return Section(
+        short=outcome.in_words("To {goal:g} of the residual at z = 0"),
+        lead="Each run was made once; times on other machines, and of problems of another size, differ.",
+        panels=drawing(outcome).panels,
+        folded=folded,
+    )
 
 
-def _map(problem: ProblemData) -> _Section:
+def _map(problem: ProblemData) -> Section:
     if problem.n > _MAP_UP_TO:
         raise InputError(f"a map solves the problem hundreds of times, which is done up to n = {_MAP_UP_TO}")
     largest, max_iter, points, starts = _worth_mapping(problem)
     found = stability(relaxation(points, problem, largest), starts=starts, max_iter=max_iter)
     worst = f" from {starts} starts, of which the worst counts" if starts > 1 else ""
-    lead = f"What relaxation does to the paper's method: at each point {found.plane.title} is solved{worst}."
-    charts, slider = map_charts(found, problem)
-    falls = {"alt": "Residual against steps.", "caption": "The residual at θ₁ = θ₂ as the slider has it, others grey."}
-    pictures = [*_pictures(found), falls]
-    folded = [("Counted", found._repr_html_())]
-    return {"lead": lead, "pictures": pictures, "charts": charts, "slider": slider, "folded": folded}
+    falls, theta, slider = theta_slider(found, problem)
+    return Section(
+        lead=f"What relaxation does to the paper's method: at each point {found.plane.title} is solved{worst}.",
+        panels=[map_panel(found, theta), falls],
+        slider=slider,
+        folded=[("Counted", found._repr_html_())],
+    )
 
 
 def _worth_mapping(problem: ProblemData) -> tuple[float, int, int, int]:
@@ -257,29 +353,28 @@ def _worth_mapping(problem: ProblemData) -> tuple[float, int, int, int]:
     return best
 
 
-def _pictures(what: Any, points: Vector | None = None) -> list[dict[str, str]]:
-    made = drawing(what, points)
-    pairs = zip(made.apart(), made.panels, strict=True)
-    return [{"still": _svg(one, panel.alt), "alt": panel.alt, "caption": panel.caption} for one, panel in pairs]
-
-
-def _bokeh(sections: list[_Section]) -> dict[str, str]:
-    """The library itself, and the script that puts the charts into the elements which take their places here."""
+def _bokeh(sections: list[Section]) -> dict[str, str]:
+    """The library and the script that puts the charts into their elements, empty where Bokeh is not installed."""
+    if not is_installed():
+        return {"library": "", "script": ""}
     from bokeh.embed import components
     from bokeh.resources import Resources
 
-    charts = [chart for section in sections for chart in section.get("charts", ())]
-    script, elements = components(charts) if charts else ("", ())
+    charts = [linked(section.panels) for section in sections]
+    script, elements = components([one for part in charts for one in part])
     placed = iter(elements)
-    for section in sections:
-        section["charts"] = [next(placed) for _ in section.get("charts", ())]
-    library = Resources(mode="inline", components=["bokeh"]).render_js() if charts else ""
-    return {"library": library, "script": script}
+    for section, part in zip(sections, charts, strict=True):
+        section.charts = [next(placed) for _ in part]
+    return {"library": Resources(mode="inline", components=["bokeh"]).render_js(), "script": script}
 
 
-def _svg(figure: Figure, alt: str) -> str:
-    """The figure as an SVG element that says what it shows, with names of its own within it, as several figures meet on
-    a page; what is black has the colour of the text, and white paper is the page."""
+def _svg(panel: Panel) -> str:
+    """The panel as an SVG element that says what it shows.
+
+    Names within it are its own, as several figures meet on a page. What is black has the colour of the text, and white
+    paper is the page.
+    """
+    figure = panel_figure(panel)
     figure.patch.set_visible(False)
     for axes in figure.axes:
         axes.patch.set_visible(axes.get_facecolor() != (1.0, 1.0, 1.0, 1.0))
@@ -288,5 +383,5 @@ def _svg(figure: Figure, alt: str) -> str:
     svg = text.getvalue()
     svg = svg[svg.index("<svg") :].replace("#000000", "currentColor")
     mark = f"f{zlib.crc32(svg.encode()):x}-"
-    svg = re.sub(r'(\bid="|url\(#|href="#)', lambda found: found.group(1) + mark, svg)
-    return svg.replace("<svg", f'<svg role="img" aria-label="{escape(alt)}" fill="currentColor"', 1)
+    svg = re.sub(r'(\bid="|url\(#|href="#)', lambda match: match.group(1) + mark, svg)
+    return svg.replace("<svg", f'<svg role="img" aria-label="{escape(panel.alt)}" fill="currentColor"', 1)

@@ -14,7 +14,7 @@ from ..icp import ICP
 from ..numerics.arrays import Vector, as_number
 from ..numerics.rounding import at_most
 from ..present.card import Card
-from ..present.shown import Shown
+from ..present.shown import Plotted
 from ..problem.affine import Affine, Constant
 from ..problem.data import ProblemData
 from ..problem.map import Map
@@ -29,29 +29,52 @@ _INVERT_UP_TO = 500
 _TOLERANCE = 1e-6
 
 
-@dataclass(frozen=True, repr=False)
-class Sensitivity(Shown):
+@dataclass(frozen=True, eq=False, repr=False)
+class Sensitivity(Plotted):
     """κ with max|δz| ≤ κ·ε·max|z| where A, q and ψ change by at most ε of themselves, entry by entry.
 
-    `local`: to first order, on the active set of z (undecided rows on the side they are nearer to), None where its
-    equations are singular or ψ has no derivative; `exact` whether it was computed or estimated (from below, seldom
-    by more than a factor of 3). `certified`: an upper bound, to first order as well, from the proof behind the error
-    bound, whatever the active set; None where there is no proof. `observed`: the largest among `trials` random changes
-    of size `change`, each solved again, None where one of them was not solved. `undecided`: rows of which it is not
-    proved that they are at the obstacle or off it.
+    Parameters
+    ----------
+    problem : ICP
+        The problem.
+    local : float or None
+        To first order, on the active set of z, undecided rows on the side they are nearer to. None
+        where its equations are singular or ψ has no derivative.
+    exact : bool
+        Whether `local` was computed. An estimate is from below, seldom by more than a factor of 3.
+    certified : float or None
+        An upper bound to first order, from the proof behind the error bound, whatever the active
+        set. None where there is no proof.
+    moved : array of shape (n,) or None
+        The largest |δz_i|/(ε max|z|) among random changes, each solved again; `plot` draws it. None
+        where one of them was not solved.
+    change : float
+        ε of the random changes.
+    trials : int
+        How many random changes were solved.
+    undecided : int
+        Rows of which it is not proved that they are at the obstacle or off it.
 
+    Examples
+    --------
     >>> found = icp.study.sensitivity(ICP([[2.0]], [-2.0]).solve())
     >>> found.local, 0.0 < found.observed <= 2.00001
     (2.0, True)
     """
 
+    problem: ProblemData
     local: float | None
     exact: bool
     certified: float | None
-    observed: float | None
+    moved: Vector | None
     change: float
     trials: int
     undecided: int
+
+    @property
+    def observed(self) -> float | None:
+        """The largest entry of `moved`."""
+        return None if self.moved is None else float(self.moved.max())
 
     def __str__(self) -> str:
         local = "not known: the equations of the active set are singular" if self.local is None else f"{self.local:.3g}"
@@ -73,11 +96,35 @@ def sensitivity(solution: Solution, *, change: float = 1e-6, trials: int = 10, s
     On the active set z solves Jδz = δ, J with the rows of I − ψ′ at the obstacle and of A elsewhere, and |δ| ≤ ε·E, E_i
     being (|A||z| + |q|)_i off the obstacle and (|G||z| + |c|)_i at it, |ψ_i(z)| where ψ is not affine; hence
     κ = ‖|J⁻¹|E‖_∞/‖z‖_∞ (Skeel's condition number).
-    Parameters: `solution`; `change` in (0, .1); `trials` ≥ 1 random changes, from `seed`.
-    Returns a `Sensitivity`. Raises InputError where the solution is not solved, or is 0.
-    References: Skeel, J. ACM 26 (1979), doi:10.1145/322139.322148; for the 1-norm estimate Higham and Tisseur, SIAM J.
-    Matrix Anal. Appl. 21 (2000), doi:10.1137/S0895479899356080.
 
+    Parameters
+    ----------
+    solution : Solution
+        A solved solution with z ≠ 0.
+    change : float in (0, 0.1), default 1e-6
+        The relative size ε of the random changes.
+    trials : int, default 10
+        Number of random changes, at least 1.
+    seed : int, default 0
+        Seed of the random changes.
+
+    Returns
+    -------
+    Sensitivity
+        The condition number, computed in three ways.
+
+    Raises
+    ------
+    InputError
+        Where the solution is not solved, or is 0.
+
+    References
+    ----------
+    Skeel, J. ACM 26 (1979), doi:10.1145/322139.322148; for the 1-norm estimate Higham and Tisseur,
+    SIAM J. Matrix Anal. Appl. 21 (2000), doi:10.1137/S0895479899356080.
+
+    Examples
+    --------
     >>> round(icp.study.sensitivity(ICP([[1.0, -0.999], [-0.999, 1.0]], [-1.0, -1.0]).solve()).local)
     2000
     """
@@ -96,12 +143,13 @@ def sensitivity(solution: Solution, *, change: float = 1e-6, trials: int = 10, s
     unit = change * size
     with np.errstate(over="ignore", invalid="ignore"):
         certified = bound_of_change(problem, z, unit * of_p, unit * of_r)
-    observed = _observed(problem, z, change, trials, random)
+    moved = _observed(problem, z, change, trials, random)
     return Sensitivity(
+        problem=problem,
         local=_local(answer, size),
         exact=problem.n <= _INVERT_UP_TO,
         certified=None if certified is None else certified / unit,
-        observed=None if observed is None else observed / unit,
+        moved=None if moved is None else moved / unit,
         change=change,
         trials=trials,
         undecided=int(solution.active_set.undecided.sum()),
@@ -177,13 +225,15 @@ def _perturbed(psi: Map, n: int, moved: Callable[[Any], Any]) -> Map:
     return psi.composed(1.0, factor=moved(np.ones(n)))
 
 
-def _observed(problem: ProblemData, z: Vector, change: float, trials: int, random: np.random.Generator) -> float | None:
-    """max|δz| over random changes of every entry by a factor 1 ± ε."""
+def _observed(
+    problem: ProblemData, z: Vector, change: float, trials: int, random: np.random.Generator
+) -> Vector | None:
+    """The largest |δz_i| over random changes of every entry by a factor 1 ± ε."""
 
     def moved(x: Any) -> Any:
         return x * (1.0 + change * random.choice([-1.0, 1.0], np.shape(x)))
 
-    largest = 0.0
+    largest = np.zeros(problem.n)
     for _ in range(trials):
         A = problem.A.copy()
         A.data = moved(A.data)
@@ -191,5 +241,5 @@ def _observed(problem: ProblemData, z: Vector, change: float, trials: int, rando
         again = unbroken(other.solve(z0=z, raise_on_failure=False)).polish()
         if not again.solved:
             return None
-        largest = max(largest, float(np.abs(again.z - z).max()))
+        largest = np.maximum(largest, np.abs(again.z - z))
     return largest

@@ -6,18 +6,20 @@ from matplotlib import pyplot
 from matplotlib.figure import Figure
 
 import icpmodel as icp
+from icpmodel.study.charts.figures import styles
 from icpmodel.study.competitors import Entry
 
 SQUARE = icp.scenes.membrane(n=100)
 SOLUTION = SQUARE.problem.solve("psor", history=True)
 LINE = icp.scenes.bearing(n=50)
-ENTRIES = tuple(Entry("solve()", "solve", 1e-3, seconds=(1.0,), error=error, residual=1e-9) for error in (0.1, 0.01))
+KINDS = {"solve()": "solve"} | {f"m{k}": "own" for k in range(8)} | {f"s{k}": "peer" for k in range(8)}
+ENTRIES = tuple(Entry(name, kind, 1e-3, seconds=(1.0,), error=0.1, residual=1e-9) for name, kind in KINDS.items())
 THINGS = {
     "solution": SOLUTION,
     "history": SOLUTION.history,
     "scene": SQUARE,
     "line": LINE,
-    "race": icp.study.Race(title="a race", measure="error", entries=ENTRIES),
+    "race": icp.study.Race(title="a race", measure="error", entries=ENTRIES[:2]),
     "map": icp.stability("units", points=4, n=9),
 }
 PANELS = {"solution": 2, "history": 1, "scene": 2, "line": 2, "race": 2, "map": 1}
@@ -80,3 +82,67 @@ def test_where_there_is_no_window_it_is_said_what_to_do_instead():
     assert isinstance(figure, Figure)
     assert warned[0].filename == __file__
     assert pyplot.get_fignums() == []
+
+
+def test_an_own_grid_is_drawn_in_the_plane_or_in_slices_and_hinted_at_elsewhere():
+    for shape, m in (((8, 13), 1), ((3, 4, 5), 3)):
+        lines = [np.diag(np.full(k, 2.0)) - np.diag(np.ones(k - 1), 1) - np.diag(np.ones(k - 1), -1) for k in shape]
+        A = sum(
+            np.kron(np.kron(np.eye(int(np.prod(shape[:k]))), line), np.eye(int(np.prod(shape[k + 1 :]))))
+            for k, line in enumerate(lines)
+        )
+        solution = icp.ICP(A, -np.ones(len(A)), -1.0).solve()
+        assert f"shape={shape}" in icp.study.figure(solution).axes[-1].get_xlabel()
+        drawn = icp.study.figure(solution, shape=shape)
+        fields = [axes.collections[0] for axes in drawn.axes if axes.get_title()]
+        assert len(fields) == 2 * m
+        middle = solution.z.reshape(shape)[shape[0] // 2] if m == 3 else solution.z.reshape(shape)
+        assert np.array_equal(fields[0].get_array().reshape(shape[-2:]), middle)
+        assert all(field.colorbar.ax.get_ylabel() for field in fields)
+        points = np.indices(shape)[::-1].reshape(len(shape), -1).T
+        again = icp.study.figure(solution, points)
+        assert np.array_equal(again.axes[0].collections[0].get_array(), fields[0].get_array())
+
+
+@pytest.mark.parametrize("wrong", [{"shape": (10, 11)}, {"points": np.zeros(3)}, {"shape": (10, 10), "points": [0.0]}])
+def test_places_that_do_not_fit_are_refused(wrong):
+    with pytest.raises(icp.InputError, match=r"expected|placed"):
+        icp.study.figure(SOLUTION, **wrong)
+    with pytest.raises(icp.InputError, match="no unknowns to be placed"):
+        icp.study.figure(SOLUTION.history, **wrong)
+
+
+def test_a_history_shows_its_tolerance_and_where_another_method_took_over():
+    solution = SQUARE.problem.solve(history=True)
+    history = solution.history
+    assert history.iteration[-1] == solution.iterations
+    assert history.tolerance == solution.tolerance
+    (axes,) = icp.study.figure(history).axes
+    level = [line.get_ydata()[0] for line in axes.lines if line.get_label() == "tolerance"]
+    assert level == [history.tolerance]
+    changes = [k for k in range(1, len(history.method)) if history.method[k] != history.method[k - 1]]
+    drawn = {text.get_text() for text in axes.texts}
+    assert all(history.method[k] in drawn for k in changes)
+
+
+def test_a_competitor_has_one_colour_and_marker_of_its_own_in_all_panels():
+    """And a logarithmic axis has no bars."""
+    look = styles(KINDS)
+    assert len(set(look.values())) == len(KINDS)
+    race = icp.study.Race(title="a race", measure="error", entries=ENTRIES)
+    *panels, times = icp.study.figure(race).axes
+    assert len(panels) == 4
+    assert not times.patches
+    for axes in (*panels, times):
+        for line in axes.lines:
+            if line.get_label() in look and line.get_marker() not in ("None", ""):
+                assert (line.get_color(), line.get_marker()) == look[line.get_label()]
+
+
+def test_solves_in_a_row_and_what_moves_with_the_data_have_a_picture():
+    solves = [LINE.problem.with_q(c * LINE.problem.q).solve() for c in (1.0, 2.0, 3.0)]
+    (axes,) = icp.study.figure(solves).axes
+    assert all(np.array_equal(line.get_ydata(), one.z) for line, one in zip(axes.lines, solves, strict=True))
+    moved = icp.study.sensitivity(SOLUTION, trials=2)
+    field = icp.study.figure(moved).axes[0].collections[0]
+    assert np.array_equal(np.ravel(field.get_array()), moved.moved)

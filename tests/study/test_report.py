@@ -77,10 +77,13 @@ class Page(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def membrane():
+def membrane(tmp_path_factory):
     scene = icp.scenes.membrane(n=100)
     solution = scene.problem.solve(history=True)
-    return icp.report(solution, title="A <membrane>", about=scene.models, points=scene.points, time_limit=5)
+    written = tmp_path_factory.mktemp("report") / "page.html"
+    page = icp.report(solution, written, title="A <membrane>", about=scene.models, points=scene.points, time_limit=5)
+    assert written.read_text(encoding="utf-8") == page
+    return page
 
 
 @pytest.mark.slow
@@ -125,7 +128,7 @@ def test_what_cannot_be_shown_is_said():
     assert "which is done up to n = 1000" in large
 
 
-@pytest.mark.parametrize("wrong", [{"problem": 5}, {"time_limit": 0}, {"time_limit": float("nan")}])
+@pytest.mark.parametrize("wrong", [{"problem": 5}, {"time_limit": 0}, {"time_limit": float("nan")}, {"path": "a.png"}])
 def test_wrong_wishes_are_named(wrong):
     arguments = {"problem": icp.scenes.hand_lcp().problem.solve(), "title": "x"} | wrong
     with pytest.raises(icp.InputError, match=f"^{next(iter(wrong))} is "):

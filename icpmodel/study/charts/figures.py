@@ -6,8 +6,9 @@ import io
 import os
 import warnings
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import singledispatch
+from inspect import signature
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -33,12 +34,13 @@ PURPLE = "#CC79A7"
 YELLOW = "#E69F00"
 SKY = "#56B4E9"
 COLOURS = (BLUE, ORANGE, GREEN, PURPLE, YELLOW, SKY)
-#: one for each colour; with the black circle of solve() a panel has seven series at the most
 MARKERS = ("s", "^", "D", "v", "P", "X")
 #: what is neither a series nor text
 GREY = "0.5"
 #: what stands on an axis of errors, which is turned round
 ACCURATE = "more accurate →"
+#: what has a picture
+_DRAWN = "a Solution, a list of them, Fields, a Sensitivity, History, Scene, Race or StabilityMap"
 #: what a picture is written as
 FORMATS = (".png", ".pdf", ".svg")
 #: what a picture of ours says of its origin, and with what the data beside it begin
@@ -58,15 +60,15 @@ def new_figure(width: float, height: float) -> Figure:
     return Empty(figsize=(width, height), layout="constrained")
 
 
-def looks(names: Iterable[Name]) -> list[dict[Name, tuple[str, str]]]:
-    """Panel by panel name → (colour, marker), alike for no two of a panel; "solve()", a black circle, is in each."""
-    listed = list(names)
-    own = [name for name in listed if name == "solve()"]
-    others = [name for name in listed if name != "solve()"]
-    each = -(-len(others) // max(-(-len(others) // len(COLOURS)), 1)) or 1
-    parts = [others[k : k + each] for k in range(0, len(others), each)] or [[]]
-    pairs = tuple(zip(COLOURS, MARKERS, strict=True))
-    return [dict.fromkeys(own, ("black", "o")) | dict(zip(part, pairs, strict=False)) for part in parts]
+def styles(names: Iterable[Name]) -> dict[Name, tuple[str, str]]:
+    """Name → (colour, marker), a pair of its own for each of up to 36 names; "solve()" is a black circle.
+
+    No two of six names in a row have the same colour, so a panel of six can be told apart by colour alone.
+    """
+    others = [name for name in names if name != "solve()"]
+    many = len(COLOURS)
+    pairs = {name: (COLOURS[k % many], MARKERS[(k + k // many) % many]) for k, name in enumerate(others)}
+    return {name: pairs.get(name, ("black", "o")) for name in names}
 
 
 def legend_below(figure: Figure, columns: int, **more: Any) -> None:
@@ -139,11 +141,6 @@ class Drawing:
             legend_below(figure, self.columns, handles=handles)
         return figure
 
-    def apart(self) -> list[Figure]:
-        """Each panel as a figure of its own, without the title."""
-        plain = replace(self, mosaic=((0,),), layout={}, columns=1, title="")
-        return [replace(plain, panels=(one,)).on(new_figure(ALONE[0], one.height)) for one in self.panels]
-
     def into(self, ax: Any) -> Figure:
         """The panels in somebody's axes, or the first one where `ax` is one. Returns the figure that these are in."""
         from matplotlib.axes import Axes
@@ -162,45 +159,101 @@ class Drawing:
         return given[0].get_figure(root=True)
 
 
+def panel_figure(panel: Panel) -> Figure:
+    """A panel on its own."""
+    return Drawing(panels=(panel,), size=ALONE, columns=1).on(new_figure(ALONE[0], panel.height))
+
+
 @singledispatch
-def drawing(what: Any, points: Any = None) -> Drawing:
-    """How `what` is drawn, `points` being where its unknowns are. Raises InputError where it has no picture."""
-    raise InputError(f"{described(what)} has no picture; a Solution, History, Scene, Race or StabilityMap was expected")
+def drawing(what: Any, points: Any = None, shape: Any = None) -> Drawing:
+    """How `what` is drawn, `points` or `shape` saying where its unknowns are.
+
+    Raises
+    ------
+    InputError
+        Where it has no picture.
+    """
+    raise InputError(f"{described(what)} has no picture; {_DRAWN} was expected")
 
 
-def figure(what: Any, points: Any = None) -> Figure:
-    """The picture of a `Solution`, `History`, `Scene`, `Race` or `StabilityMap`, as a matplotlib figure of no window.
+def figure(what: Any, points: Any = None, shape: Any = None) -> Figure:
+    """Draw a picture as a matplotlib figure that belongs to no window.
 
-    Parameters: `what`; `points` the coordinates of the unknowns of a solution, shape (n,) or
-    (n, 2), by default those of the scene that its A is from, else the row numbers. Raises InputError for anything else.
+    Parameters
+    ----------
+    what : Solution, list of Solution, Fields, Sensitivity, History, Scene, Race or StabilityMap
+        What is drawn.
+    points : array_like of shape (n,), (n, 2) or (n, 3), optional
+        Coordinates of the unknowns; by default those of the scene that A is from, else the row numbers.
+    shape : tuple of int, optional
+        Shape (ny, nx) or (nz, ny, nx) of the grid whose unknowns are numbered row by row, in place of `points`.
 
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure.
+
+    Raises
+    ------
+    InputError
+        For what has no picture, and for points or a shape that do not fit.
+
+    Examples
+    --------
     >>> solution = icp.scenes.membrane(n=100).problem.solve()
     >>> [axes.get_title() for axes in icp.study.figure(solution).axes[:2]]
     ['z, contact set outlined', 'force p']
     """
-    made = drawing(what, points)
+    made = _drawing(what, points, shape)
     return made.on(new_figure(*made.size))
 
 
+def _drawing(what: Any, points: Any, shape: Any) -> Drawing:
+    where = {name: value for name, value in (("points", points), ("shape", shape)) if value is not None}
+    if where and "points" not in signature(drawing.dispatch(type(what))).parameters:
+        raise InputError(f"{next(iter(where))} is given; {described(what)} has no unknowns to be placed: leave it out")
+    return drawing(what, **where)
+
+
 @sheltered
-def plot(what: Any, path: Any = None, *, ax: Any = None, points: Any = None) -> Figure:
-    """Show a picture, or write it, or draw it into axes: of a `Solution`, `History`, `Scene`, `Race`, `StabilityMap`.
+def plot(what: Any, path: Any = None, *, ax: Any = None, points: Any = None, shape: Any = None) -> Figure:
+    """Show a picture, write it to a file, or draw it into axes.
 
-    Without `path` and `ax` it is shown: by a notebook where the figure that is returned is the value of a cell, else in
-    a window of matplotlib's.
-    Parameters: `what`, and its `points` as in `icpmodel.study.figure`; `path` a file to write instead, its format by
-    its suffix, .png, .pdf or .svg; `ax` matplotlib axes to draw into instead, one for the panel that says most, or as
-    many as there are panels (two of a solution: z with its obstacles, and p; of a race time against error, for at most
-    seven competitors each, and last how long each takes).
-    Returns the matplotlib figure. Raises InputError for another suffix, other axes or what has no picture, FileError
-    where the file cannot be written.
+    Without `path` and `ax` a notebook shows it as the value of a cell; elsewhere matplotlib opens a window.
 
+    Parameters
+    ----------
+    what : Solution, list of Solution, Fields, Sensitivity, History, Scene, Race or StabilityMap
+        What is drawn. Of a list of solutions all z are drawn, one curve or field each.
+    path : str or path, optional
+        File to write instead; its suffix is .png, .pdf or .svg.
+    ax : matplotlib axes or sequence of them, optional
+        Axes to draw into instead: one for the first panel, or one for each panel.
+    points : array_like of shape (n,), (n, 2) or (n, 3), optional
+        Coordinates of the unknowns; by default those of the scene that A is from, else the row numbers.
+    shape : tuple of int, optional
+        Shape (ny, nx) or (nz, ny, nx) of the grid whose unknowns are numbered row by row, in place of `points`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure.
+
+    Raises
+    ------
+    InputError
+        For another suffix, other axes, other places, or what has no picture.
+    FileError
+        Where the file cannot be written.
+
+    Examples
+    --------
     >>> from matplotlib.figure import Figure
     >>> page = Figure()
     >>> axes = page.subplots()
     >>> _ = icp.study.plot(icp.scenes.hand_lcp().problem.solve(), ax=axes)
     >>> [line.get_label() for line in axes.lines]
-    ['obstacle ψ(z)', 'z']
+    ['obstacle ψ(z)', 'z', 'contact set']
     >>> icp.study.plot(icp.scenes.hand_lcp(), "answer.doc")
     Traceback (most recent call last):
     icpmodel.errors.InputError: path is 'answer.doc'; a file name that ends in .png, .pdf or .svg was expected
@@ -208,7 +261,7 @@ def plot(what: Any, path: Any = None, *, ax: Any = None, points: Any = None) -> 
     if ax is not None and path is not None:
         raise InputError("path and ax are both given; a picture is written or drawn into axes: leave out one of them")
     place = None if path is None else picture_file(path)
-    made = drawing(what, points)
+    made = _drawing(what, points, shape)
     if ax is not None:
         return made.into(ax)
     if place is not None:
@@ -233,8 +286,8 @@ def _has_windows(backend: str) -> bool:
 
     if backend.lower() not in map(str.lower, backend_registry.list_builtin(BackendFilter.NON_INTERACTIVE)):
         return True
-    told = 'plot("picture.png") writes the picture, plot(ax=...) draws it into axes of yours'
-    warnings.warn(f"nothing is shown, as matplotlib's backend {backend} has no windows: {told}", stacklevel=6)
+    advice = 'plot("picture.png") writes the picture, plot(ax=...) draws it into axes of yours'
+    warnings.warn(f"nothing is shown, as matplotlib's backend {backend} has no windows: {advice}", stacklevel=6)
     return False
 
 

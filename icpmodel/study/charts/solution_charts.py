@@ -1,7 +1,9 @@
-"""The figures of a solution, of a scene and of the path of a run."""
+"""The figures of solutions, of vectors over their unknowns, and of the path of a run."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -9,133 +11,130 @@ import numpy as np
 
 from ...algebra.equations import pattern_at
 from ...errors import InputError
-from ...methods.contract import Method
-from ...numerics.arrays import Vector
+from ...numerics.arrays import Mask, Vector
+from ...present.shown import Plotted
 from ...problem.data import ProblemData
 from ...scenes import Scene
-from ...scenes.registry import points_of, title
-from ...solve.driver import solve
+from ...scenes.registry import title
 from ...solve.solution import History, Solution
-from ..cases import unbroken
+from ..sensitivity import Sensitivity
 from .figures import BLUE, GREEN, GREY, ORANGE, PURPLE, Drawing, Panel, drawing
+from .places import PIXELS, Columns, Places, Plane, numbers, places_of
 
-#: more points than this are thinned out before they are drawn: a figure has fewer pixels
-_DRAWN = 200_000
-#: dots on points of no grid cover half of a panel, which is about 3 inches square, in squared points
-_PANEL = (3 * 72) ** 2
 #: so many points or rows are shown one by one
 FEW = 60
-#: in figures that can be turned so many points of a curve, and so many unknowns on a line and in the plane
-ON_CURVE = 200
-_ON_LINE = 400
-_IN_PLANE = 900
-#: the iterates that are shown, in geometric progression, of 100 000 (the limit of solve) less than forty
-_SHOWN = {0, *(int(1.4**k) for k in range(35))}
 #: what is 0 on a logarithmic axis is drawn at, as a share of the smallest value above 0
 _ZERO = 0.1
-#: contact with the obstacle below and with the one above, where there are two; how they are shaded and outlined
-_BELOW = "contact below"
-_ABOVE = "contact above"
-_SHADES = {"contact set": GREY, _BELOW: GREY, _ABOVE: PURPLE}
-_SHADE = 0.25
-_OUTLINES = {"contact set": "white", _BELOW: "white", _ABOVE: ORANGE}
+#: of a sequence of fields so many are drawn, evenly spaced
+_FIELDS = 6
+#: contact with an obstacle → its colour on a line and in the plane
+CONTACTS = {"contact set": (GREY, "white"), "contact below": (GREY, "white"), "contact above": (PURPLE, ORANGE)}
+_FORCE = "The force p = Az + q with which the obstacle pushes back: 0 where z is free."
 
 
-@drawing.register
-def _(solution: Solution, points: Any = None) -> Drawing:
-    """z, ψ(z) and p where the unknowns are: on a line as curves, on a plane as two fields, else against the row number.
+@dataclass(frozen=True, eq=False, repr=False)
+class Fields(Plotted):
+    """Vectors over the unknowns of a problem, to be drawn: curves in one panel, or one field each.
 
-    The contact set, the rows where z is at its obstacle rather than in balance, is shaded on a line and outlined in the
-    plane; where there is an obstacle above, ψ̄(z) is drawn as well, and contact with it in another colour.
+    Parameters
+    ----------
+    problem : ICP
+        The problem that has the unknowns.
+    values : dict of str to array of shape (n,)
+        Name → vector. In a plane at most six are drawn, evenly spaced.
+
+    Examples
+    --------
+    >>> scene = icp.scenes.membrane(n=100)
+    >>> values = {f"q + {c}": scene.problem.with_q(scene.problem.q + c).solve().z for c in (0.0, 0.1)}
+    >>> [axes.get_title() for axes in icp.study.figure(icp.study.Fields(scene.problem, values)).axes[:2]]
+    ['q + 0.0', 'q + 0.1']
     """
-    n = solution.problem.n
-    points = points_of(solution.problem) if points is None else np.asarray(points)
-    if points is not None and points.shape not in ((n,), (n, 2)):
-        raise InputError(f"points has shape {points.shape}; ({n},) or ({n}, 2) was expected")
-    _, active, above = pattern_at(solution.problem, solution.z)
-    contacts = {"contact set": active} if above is None else {_BELOW: active & ~above, _ABOVE: above}
-    return (_line if points is None or points.ndim == 1 else _plane)(solution, points, contacts)
+
+    problem: ProblemData
+    values: Mapping[str, Vector]
 
 
 @drawing.register
-def _(scene: Scene, points: Any = None) -> Drawing:
-    return drawing(scene.solution(), points)
+def _(fields: Fields, points: Any = None, shape: Any = None) -> Drawing:
+    places = places_of(fields.problem, points, shape)
+    values = {name: fields.problem.vector(one, name, finite=True) for name, one in fields.values.items()}
+    if not values:
+        raise InputError("values is empty; at least one vector was expected")
+    ranges = "; ".join(f"{name}: {_range(one)}" for name, one in values.items())
+    if places.planes:
+        names = [*values]
+        chosen = [names[k] for k in np.unique(np.linspace(0, len(names) - 1, _FIELDS).round().astype(int))]
+        scale = min(values[name].min() for name in chosen), max(values[name].max() for name in chosen)
+        data = {name: (values[name], name, "viridis", scale) for name in chosen}
+        alt = {name: f"{name}: {_range(values[name])}." for name in chosen}
+        return _in_planes(places, data, {}, alt, title(fields.problem))
+    draw = partial(_curves, places, values)
+    panel = Panel(draw=draw, caption="Vectors over the unknowns, the first one darkest.", alt=ranges)
+    return Drawing(panels=(panel,), size=(7.2, 4.0), title=title(fields.problem))
+
+
+def _curves(places: Places, values: Mapping[str, Vector], axes: Any) -> list[Any]:
+    from matplotlib import colormaps
+
+    for k, (name, one) in enumerate(values.items()):
+        colour = colormaps["viridis"](0.85 * k / max(len(values) - 1, 1))
+        axes.plot(places.x, one[places.rows], label=name, **_line_style(places, colour, 1.5))
+    axes.set(xlabel=places.label, ylabel=places.unknown if len(values) > 1 else next(iter(values), ""))
+    if len(values) > 1:
+        axes.legend(frameon=False, fontsize=9)
+    return _clean(axes, places)
+
+
+@drawing.register(list)
+@drawing.register(tuple)
+def _(solutions: Any, points: Any = None, shape: Any = None) -> Drawing:
+    if not solutions or not all(isinstance(one, Solution) for one in solutions):
+        raise InputError("a list that is drawn holds solutions only, and at least one; use Fields for other vectors")
+    values = {f"solve {k + 1}": one.z for k, one in enumerate(solutions)}
+    return drawing(Fields(solutions[0].problem, values), points=points, shape=shape)
 
 
 @drawing.register
-def _(history: History, points: Any = None) -> Drawing:
-    """Res_D(z) of every tested iterate."""
-
-    above_0 = history.residual[history.residual > 0.0]
-    shown = np.maximum(history.residual, _ZERO * above_0.min() if above_0.size else 1.0)
-
-    def residuals(axes: Any) -> list[Any]:
-        style = {"marker": "o", "markersize": 4} if shown.size <= FEW else {}
-        axes.plot(history.iteration, shown, color=BLUE, linewidth=1.5, **style)
-        axes.plot(history.iteration[-1:], shown[-1:], "o", color=BLUE, markersize=5)
-        lowest = ", 0 at the lower end" if above_0.size < shown.size else ""
-        axes.set(yscale="log", xlabel="iteration", ylabel=f"residual Res_D(z){lowest}")
-        where = {"textcoords": "offset points", "ha": "right", "va": "top", "fontsize": 9}
-        axes.annotate(ended, (history.iteration[-1], shown[-1]), (0, -7), **where)
-        axes.locator_params(axis="x", integer=True)
-        axes.margins(x=0.03, y=0.12)
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.grid(alpha=0.3)
-        return []
-
-    last = int(history.iteration[-1])
-    ended = f"{history.residual[-1]:.2g} after {last} step{'' if last == 1 else 's'}"
-    caption = (
-        "How far z is from a solution, step by step, on a logarithmic axis: a straight line is a fixed factor a step."
-    )
-    alt = f"The residual goes from {history.residual[0]:.2g} to {ended}."
-    return Drawing(panels=(Panel(draw=residuals, caption=caption, alt=alt),), size=(6.0, 3.8))
+def _(sensitivity: Sensitivity, points: Any = None, shape: Any = None) -> Drawing:
+    if sensitivity.moved is None:
+        raise InputError("the sensitivity has no picture: a changed problem was not solved")
+    name = f"largest |dz| of {sensitivity.trials} changes / ({sensitivity.change:g} max |z|)"
+    return drawing(Fields(sensitivity.problem, {name: sensitivity.moved}), points=points, shape=shape)
 
 
-def _line(solution: Solution, points: Vector | None, contacts: dict[str, Any]) -> Drawing:
+@drawing.register
+def _(scene: Scene, points: Any = None, shape: Any = None) -> Drawing:
+    return drawing(scene.solution(), points=points, shape=shape)
+
+
+@drawing.register(Solution)
+def solution_drawing(solution: Solution, points: Any = None, shape: Any = None, most: int = PIXELS) -> Drawing:
+    """z, its obstacles and p over the unknowns: curves on a line, fields in the plane, slices in space.
+
+    The contact set, the rows where z is at its obstacle rather than in balance, has rings on a line and an outline in
+    the plane.
+    """
     problem = solution.problem
-    n = solution.problem.n
-    x = np.arange(n, dtype=np.float64) if points is None else points
-    keep = np.unique(np.linspace(0, n - 1, min(n, _DRAWN)).astype(int))
-    middles = (x[:-1] + x[1:]) / 2
-    apart = x[1] - x[0] if n > 1 else 1.0
-    ends = np.concatenate([[x[0] - apart / 2], middles, [x[-1] + apart / 2]])
-    single = points is None and n <= FEW  # rows have nothing between them
-
-    def style(width: float, sign: str = "o") -> dict[str, Any]:
-        if single:
-            return {"linestyle": "", "marker": sign, "markersize": 6 if sign == "o" else max(400 / max(n, 8), 8)}
-        drawn = {"drawstyle": "steps-mid"} if points is None else {}
-        return {"linewidth": width, "marker": "o" if n <= FEW else "", "markersize": 3} | drawn
-
-    def heights(axes: Any) -> list[Any]:
-        for psi, colour, label in ((problem.psi, ORANGE, "obstacle ψ(z)"), (problem.upper, PURPLE, "obstacle above")):
-            if psi is not None:
-                value = psi.value(solution.z)
-                value = np.where(np.isfinite(value), value, np.nan)
-                axes.plot(x[keep], value[keep], color=colour, label=label, **style(2.5, "_"))
-        axes.plot(x[keep], solution.z[keep], color=BLUE, label="z", **style(1.5))
-        _dressed(axes, "z", ends, contacts, points is None)
-        for name, rows in contacts.items():
-            if rows.any():
-                axes.fill_between([], [], facecolor=_SHADES[name], alpha=_SHADE, linewidth=0, label=name)
-        for handle in axes.legend(loc="best", frameon=False, fontsize=9).legend_handles:
-            if single and hasattr(handle, "set_markersize"):
-                handle.set_markersize(7)
-        return []
-
-    def forces(axes: Any) -> list[Any]:
-        if single:
-            axes.vlines(x, 0.0, solution.p, color=GREEN, linewidth=1.5)
-        axes.plot(x[keep], solution.p[keep], color=GREEN, **style(1.5))
-        _dressed(axes, "force p", ends, contacts, points is None)
-        return []
-
-    caption = "The answer z and its obstacle. They touch where it is shaded, or has a ring."
+    places = places_of(problem, points, shape, most)
+    masks = contacts(problem, solution.z)
+    held = " and ".join(f"{int(rows.sum())} of {rows.size} rows in the {name}" for name, rows in masks.items())
+    alt = {"z": f"z {_range(solution.z)}, {held}.", "p": f"The force p {_range(solution.p)}, {held}."}
+    if places.planes:
+        fields = {
+            "z": (solution.z, places.unknown + _outlined(masks), "viridis", None),
+            "p": (solution.p, "force p", "cividis", None),
+        }
+        return _in_planes(places, fields, masks, alt, title(problem))
+    data = columns(problem, places, solution.z)
     return Drawing(
         panels=(
-            Panel(draw=heights, caption=caption, alt=_told("z", solution.z, contacts)),
-            Panel(draw=forces, caption=_PUSHES, alt=_told("The force p", solution.p, contacts)),
+            Panel(
+                draw=partial(_heights, places, data),
+                caption="The answer z and its obstacle. They touch where there are rings.",
+                alt=alt["z"],
+            ),
+            Panel(draw=partial(_forces, places, data), caption=_FORCE, alt=alt["p"]),
         ),
         size=(7.2, 4.8),
         mosaic=[[0], [1]],
@@ -144,129 +143,183 @@ def _line(solution: Solution, points: Vector | None, contacts: dict[str, Any]) -
     )
 
 
-def _dressed(axes: Any, label: str, ends: Vector, contacts: dict[str, Any], by_row: bool) -> None:
-    """Contact shaded between the `ends` of its rows, and the axes named."""
-    across = {"transform": axes.get_xaxis_transform(), "fill": True, "linewidth": 0, "zorder": 0, "alpha": _SHADE}
-    for name, rows in contacts.items():  # a single row is shaded, too
-        shade = axes.stairs(rows.astype(float), ends, color=_SHADES[name], **across)
-        shade.sticky_edges.y.clear()  # or the axis would begin at 0
+def contacts(problem: ProblemData, z: Vector) -> dict[str, Mask]:
+    """Name of the obstacle's contact → its rows."""
+    _, active, above = pattern_at(problem, z)
+    if above is None:
+        return {"contact set": active}
+    return {"contact below": active & ~above, "contact above": above}
+
+
+def columns(problem: ProblemData, places: Places, z: Vector) -> dict[str, Columns]:
+    """Name of an artist → the columns that it draws of an iterate z, which a slider exchanges."""
+    p = problem.p(z)
+    masks = contacts(problem, z)
+    drawn: dict[str, Columns] = {}
+    for k, plane in enumerate(places.planes):
+        drawn |= {f"{name}{k}": {"value": numbers(of[plane.rows])} for name, of in (("z", z), ("p", p))}
+        drawn |= {f"{name}{k}": plane.marked(mask) for name, mask in masks.items()}
+    if places.planes:
+        return drawn
+    curves = {"psi": problem.psi.value(z), "z": z, "p": p}
+    curves |= {} if problem.upper is None else {"upper": problem.upper.value(z)}
+    curves |= {name: np.where(mask, z, np.nan) for name, mask in masks.items()}
+    return {name: {"y": numbers(of[places.rows])} for name, of in curves.items()}
+
+
+def _line_style(places: Places, colour: Any, width: float, marker: str = "o") -> dict[str, Any]:
+    """Rows have nothing between them: few of them are markers, many are steps."""
+    many = places.x.size
+    if places.by_row and many <= FEW:
+        size = 6 if marker == "o" else max(400 / max(many, 8), 8)
+        return {"color": colour, "linestyle": "", "marker": marker, "markersize": size}
+    steps = {"drawstyle": "steps-mid"} if places.by_row else {}
+    return {"color": colour, "linewidth": width, "marker": "o" if many <= FEW else "", "markersize": 3} | steps
+
+
+def _heights(places: Places, data: dict[str, Columns], axes: Any) -> list[Any]:
+    for name, colour, words in (("psi", ORANGE, "obstacle ψ(z)"), ("upper", PURPLE, "obstacle above")):
+        if name in data:
+            style = _line_style(places, colour, 2.5, "_")
+            axes.plot(places.x, data[name]["y"], gid=name, label=words, **style)
+    axes.plot(places.x, data["z"]["y"], gid="z", label="z", **_line_style(places, BLUE, 1.5))
+    for name, (colour, _) in CONTACTS.items():
+        if name in data:
+            ring = {"linestyle": "", "marker": "o", "markersize": 9, "alpha": 0.3, "zorder": 0}
+            seen = "_" if data[name]["y"] == [None] * places.x.size else name
+            axes.plot(places.x, data[name]["y"], gid=name, label=seen, color=colour, **ring)
+    for handle in axes.legend(loc="best", frameon=False, fontsize=9).legend_handles:
+        if handle.get_linestyle() == "None":
+            handle.set_markersize(7)
+    axes.set(xlabel=places.label, ylabel=places.unknown)
+    return _clean(axes, places)
+
+
+def _forces(places: Places, data: dict[str, Columns], axes: Any) -> list[Any]:
+    if places.by_row and places.x.size <= FEW:
+        axes.vlines(places.x, 0.0, data["p"]["y"], color=GREEN, linewidth=1.5)
+    axes.plot(places.x, data["p"]["y"], gid="p", label="p", **_line_style(places, GREEN, 1.5))
+    axes.set(xlabel=places.label, ylabel="force p")
+    return _clean(axes, places)
+
+
+def _clean(axes: Any, places: Places) -> list[Any]:
     axes.grid(alpha=0.3)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.set(ylabel=label, xlabel="row" if by_row else "x")
-    if by_row:
+    if places.by_row:
         axes.locator_params(axis="x", integer=True)
+    return []
 
 
-_PUSHES = "The force p = Az + q with which the obstacle pushes back: 0 where z is free."
+def _in_planes(
+    places: Places,
+    fields: Mapping[str, tuple[Vector, str, str, tuple[float, float] | None]],
+    masks: Mapping[str, Mask],
+    alt: Mapping[str, str],
+    heading: str,
+) -> Drawing:
+    """Every field (values, title, colours, their limits) in every plane; the contact of z has an outline."""
+    panels = []
+    for name, (values, words, colours, scale) in fields.items():
+        for k, plane in enumerate(places.planes):
+            marks = {contact: (f"{contact}{k}", plane.marked(mask)) for contact, mask in masks.items() if name == "z"}
+            shown = f"{words}, {plane.at}" if plane.at else words
+            draw = partial(_field, plane, f"{name}{k}", values[plane.rows], shown, colours, scale, marks)
+            caption = _FORCE if name == "p" else "The answer z; the contact set has an outline." if masks else words
+            panels.append(Panel(draw=draw, caption=caption, alt=alt[name]))
+    wide = len(places.planes) if len(places.planes) > 1 else min(len(panels), 3)
+    mosaic = [[min(k + i, len(panels)) for i in range(wide)] for k in range(0, len(panels), wide)]
+    rows: list[list[Any]] = [[k if k < len(panels) else "." for k in row] for row in mosaic]
+    size = (max(4.8 * wide, 4.8) if wide < 3 else 12.0, 4.2 * len(rows))
+    share = len(places.planes) == 1 and len(panels) > 1
+    layout = {"sharex": True, "sharey": True} if share else {}
+    return Drawing(panels=panels, size=size, mosaic=rows, layout=layout, title=heading)
 
 
-def _told(name: str, values: Vector, contacts: dict[str, Any]) -> str:
-    held = " and ".join(f"{int(rows.sum())} of {rows.size} rows in the {words}" for words, rows in contacts.items())
-    return f"{name} between {values.min():.3g} and {values.max():.3g}, {held}."
+def _field(
+    plane: Plane,
+    name: str,
+    values: Vector,
+    heading: str,
+    colours: str,
+    scale: tuple[float, float] | None,
+    marks: Mapping[str, tuple[str, Columns]],
+    axes: Any,
+) -> list[Any]:
+    label = heading.split(",")[0]
+    if plane.is_grid:
+        cells = values.reshape(plane.cells)
+        shown = axes.pcolormesh(*plane.axes, cells, cmap=colours, shading="nearest", rasterized=True, gid=name)
+    else:
+        size = 72 * min(axes.bbox.width, axes.bbox.height) / axes.figure.dpi
+        style = {"cmap": colours, "s": max(size**2 / (2 * values.size), 1.0), "rasterized": True}
+        shown = axes.scatter(plane.x, plane.y, c=values, gid=name, **style)
+    axes.figure.colorbar(shown, ax=axes, fraction=0.046, pad=0.02, label=label)
+    if scale is not None:
+        shown.set_clim(*scale)
+    axes.set_title(heading, fontsize=10)
+    axes.set(aspect="equal", xlabel=plane.labels[0], ylabel=plane.labels[1])
+    for contact, (gid, border) in marks.items():
+        style = {"linewidth": 1.5} if plane.is_grid else {"linestyle": "", "marker": ".", "markersize": 3}
+        axes.plot(border["x"], border["y"], gid=gid, color=CONTACTS[contact][1], **style)
+    return []
 
 
-def _plane(solution: Solution, points: Any, contacts: dict[str, Any]) -> Drawing:
-    x = points[:, 0]
-    y = points[:, 1]
-    columns = np.unique(x)
-    rows = np.unique(y)
-    regular = columns.size * rows.size == x.size
-
-    def field(values: Any) -> Any:
-        found = np.empty((rows.size, columns.size))
-        found[np.searchsorted(rows, y), np.searchsorted(columns, x)] = values
-        return found
-
-    def half(values: Vector, heading: str, colours: str, outlined: dict[str, Any], axes: Any) -> list[Any]:
-        if regular:
-            shown = axes.pcolormesh(columns, rows, field(values), cmap=colours, shading="nearest", rasterized=True)
-        else:
-            size = max(_PANEL / (2 * x.size), 1.0)
-            shown = axes.scatter(x, y, c=values, cmap=colours, s=size, rasterized=True)
-        axes.figure.colorbar(shown, ax=axes, pad=0.01)
-        axes.set_title(heading, fontsize=10)
-        axes.set(aspect="equal", xlabel="x", ylabel="y")
-        for name, contact in outlined.items():
-            if regular and contact.any() and not contact.all() and min(columns.size, rows.size) > 1:
-                axes.contour(columns, rows, field(contact), [0.5], colors=_OUTLINES[name], linewidths=1.5)
-        return []
-
-    heading = f"z, {_outlined(contacts)}" if regular else "z"
-    heights = partial(half, solution.z, heading, "viridis", contacts)
-    caption = "The answer z; where it touches its obstacle it has an outline, or dots." if regular else "The answer z."
-    return Drawing(
-        panels=(
-            Panel(draw=heights, caption=caption, alt=_told("z", solution.z, contacts)),
-            Panel(
-                draw=partial(half, solution.p, "force p", "cividis", {}),
-                caption=_PUSHES,
-                alt=_told("The force p", solution.p, contacts),
-            ),
-        ),
-        size=(9.6, 4.2),
-        mosaic=[[0, 1]],
-        layout={"sharex": True, "sharey": True},
-        title=title(solution.problem),
-    )
-
-
-def _outlined(contacts: dict[str, Any]) -> str:
+def _outlined(masks: Mapping[str, Mask]) -> str:
     """What has which outline."""
-    if len(contacts) == 1:
-        return "contact set outlined"
-    colours = {_BELOW: "below (white)", _ABOVE: "above (orange)"}
-    return "contact " + " and ".join(colours[name] for name, rows in contacts.items() if rows.any())
+    if "contact set" in masks:
+        return ", contact set outlined"
+    colours = {"contact below": "below (white)", "contact above": "above (orange)"}
+    seen = [colours[name] for name, rows in masks.items() if rows.any()]
+    return f", contact {' and '.join(seen)}" if seen else ""
 
 
-def numbers(values: Any) -> list[float | None]:
-    """To five digits, for JSON: None where there is none."""
-    return [float(f"{one:.5g}") if np.isfinite(one) else None for one in np.asarray(values, dtype=np.float64).tolist()]
+def _range(values: Vector) -> str:
+    return f"between {values.min():.3g} and {values.max():.3g}"
 
 
-def turned_rows(n: int, places: Vector | None) -> tuple[Any, dict[str, Any], tuple[float, float] | None]:
-    """The rows that are drawn, evenly, the columns that say where, and in the plane the width and height of a cell."""
-    if places is None or places.ndim == 1:
-        rows = np.unique(np.linspace(0, n - 1, min(n, _ON_LINE)).astype(int))
-        return rows, {"x": rows if places is None else places[rows]}, None
-    ranks = [np.unique(of, return_inverse=True)[1] for of in places.T]
-    step = int(np.ceil((n / _IN_PLANE) ** 0.5))
-    many = [int(rank.max()) + 1 for rank in ranks]
-    rows = np.flatnonzero((ranks[0] % step == 0) & (ranks[1] % step == 0))
-    if many[0] * many[1] != n:  # no grid
-        many = [int(n**0.5) + 1] * 2
-    width, height = step * np.ptp(places, axis=0) / np.maximum(np.array(many) - 1, 1)
-    return rows, dict(zip("xy", places[rows].T, strict=True)), (float(width) or 1.0, float(height) or 1.0)
+@drawing.register
+def _(history: History) -> Drawing:
+    """Res_D(z) of every tested iterate, the tolerance, and the iterates at which another method took over."""
+    last = int(history.iteration[-1])
+    ended = f"{history.residual[-1]:.2g} after {last} step{'' if last == 1 else 's'}"
+    caption = "How far z is from a solution, step by step; the dashed line is the tolerance. On the logarithmic axis a "
+    caption += "straight line is a fixed factor a step; a dotted line is a change of the method."
+    alt = f"The residual goes from {history.residual[0]:.2g} to {ended}."
+    panel = Panel(draw=partial(_residuals, history, ended), caption=caption, alt=alt)
+    return Drawing(panels=(panel,), size=(6.0, 3.8))
 
 
-def turned_run(problem: ProblemData, rows: Any, method: Method, z0: Any, time_limit: float) -> dict[str, Any]:
-    """The "data" and "frames" of a run of the `method`. Raises IcpError."""
-    frames = {}
-
-    def look(now: Any) -> None:
-        if now.iteration in _SHOWN:
-            frames[now.iteration] = frame(problem, rows, now.z, now.iteration, now.residual)
-
-    options: dict[str, Any] = {"z0": z0, "time_limit": time_limit, "history": True, "raise_on_failure": False}
-    found = unbroken(solve(problem, method, callback=look, **options))
-    frames[found.iterations] = last = frame(problem, rows, found.z, found.iterations, found.residual)
-    last["says"] += f"; {found.status.value}"
-    some = np.unique(np.linspace(0, found.history.residual.size - 1, ON_CURVE).astype(int))
-    steps = found.history.iteration[some].tolist()
-    residual = found.history.residual[some]
-    shown = np.maximum(residual, _ZERO * residual[residual > 0.0].min(initial=1.0))
-    way = {"step": steps, "residual": numbers(shown), "told": [f"{one:.2g}" for one in residual]}
-    return {"data": {"way": way}, "frames": [*frames.values()]}
+def on_log_axis(residual: Vector) -> Vector:
+    """The residuals, 0 raised to where it can be drawn."""
+    above_0 = residual[residual > 0.0]
+    return np.maximum(residual, _ZERO * above_0.min() if above_0.size else 1.0)
 
 
-def frame(problem: ProblemData, rows: Any, z: Vector, step: int | None, residual: float) -> dict[str, Any]:
-    """What a slider says and shows of an iterate, or of the answer, which has no `step`."""
-    _, active, above = pattern_at(problem, z)
-    fields = {"z": z, "p": problem.p(z), "psi": problem.psi.value(z)}
-    masks = {"below": active} if above is None else {"below": active & ~above, "above": above}
-    fields |= {} if problem.upper is None else {"upper": problem.upper.value(z)}
-    columns = {name: numbers(values[rows]) for name, values in fields.items()}
-    columns |= {name: mask[rows].astype(int).tolist() for name, mask in masks.items()}
-    at = {"step": [step or 0], "residual": numbers([residual or np.nan]), "told": [f"{residual:.2g}"]}
-    begin = "the answer" if step is None else f"step {step}"
-    says = f"{begin}: residual {residual:.2g}, {int(active.sum())} of {z.size} rows in contact"
-    return {"says": says, "data": {"points": columns, "at": at}}
+def _residuals(history: History, ended: str, axes: Any) -> list[Any]:
+    shown = on_log_axis(history.residual)
+    style = {"marker": "o", "markersize": 4} if shown.size <= FEW else {}
+    axes.plot(history.iteration, shown, color=BLUE, linewidth=1.5, gid="path", label="residual", **style)
+    axes.plot(history.iteration[-1:], shown[-1:], "o", color=BLUE, markersize=5, gid="at", label="_")
+    if history.tolerance > 0.0:
+        axes.axhline(history.tolerance, color=GREY, linestyle="--", linewidth=1.2, label="tolerance")
+        axes.annotate("tolerance", (0.0, history.tolerance), (2, 3), textcoords="offset points", fontsize=8, color=GREY)
+    for iteration, name in _changes(history):
+        axes.axvline(iteration, color=GREY, linestyle=":", linewidth=1.0, label="_")
+        where = {"rotation": 90, "va": "top", "ha": "right", "fontsize": 8, "color": GREY}
+        axes.text(iteration, 0.98, name, transform=axes.get_xaxis_transform(), **where)
+    lowest = ", 0 at the lower end" if (history.residual == 0.0).any() else ""
+    axes.set(yscale="log", xlabel="iteration", ylabel=f"residual Res_D(z){lowest}")
+    axes.set_title(ended, loc="right", fontsize=9)
+    axes.locator_params(axis="x", integer=True)
+    axes.margins(x=0.03, y=0.12)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.grid(alpha=0.3)
+    return []
+
+
+def _changes(history: History) -> Iterable[tuple[int, str]]:
+    """The iterates from which another method ran, with its name; the first one where there are several."""
+    names = history.method
+    changed = [k for k in range(len(names)) if k == 0 or names[k] != names[k - 1]]
+    return [(int(history.iteration[k]), names[k]) for k in changed] if len(changed) > 1 else []

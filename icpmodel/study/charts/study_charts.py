@@ -2,32 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
 import numpy as np
 
+from ...numerics.arrays import Mask, Vector
 from ...numerics.rounding import UNIT_ROUNDOFF
 from ...solve.goal import RTOL
 from ..competitors import Entry
 from ..planes import Axis
 from ..race import Race
 from ..stability_map import StabilityMap
-from .figures import ACCURATE, BLUE, GREY, ORANGE, SKY, YELLOW, Drawing, Panel, drawing, looks, name_lines
+from .figures import ACCURATE, BLUE, GREY, SKY, YELLOW, Drawing, Panel, drawing, name_lines, styles
+from .places import edges, outline
 
 #: what an answer that is exact to the last digit is drawn at, as a share of the smallest error above 0
 _EXACT = 0.1
-#: kind of a competitor → colour of its bar and what that means
-KINDS = {
-    "solve": ("black", "what solve() does by itself"),
-    "own": (BLUE, "a method of this package"),
-    "peer": (ORANGE, "an independent solver"),
-}
-#: what a panel on its own needs for a bar, in inches, and for the axes around them
-_BAR = 0.24
+#: so many competitors beside solve() are in one panel, each in a colour of its own
+_SERIES = 6
+#: what a panel on its own needs for a line of times, in inches, and for the axes around them
+_LINE = 0.24
 _AROUND = 1.0
-#: room for the numbers at the bars, as a factor
+#: room for the numbers beside the times, as a factor
 _NUMBERS = 30.0
 #: how a run ended → the sign for it and its words; solved points have colours
 SIGNS = {
@@ -51,39 +49,43 @@ _PROVED: dict[str, tuple[tuple[str, ...], str, Any]] = {
     "row by row": (("rowwise", "h-plus"), BLUE, (0, (6, 2))),
     "positive definite": (("definite",), YELLOW, (0, (5, 1, 1, 1))),
 }
-FALSE = "#C00000"
+_FALSE = "#C00000"
+
+
+Look = tuple[str, str]
 
 
 @drawing.register
-def _(found: Race, points: Any = None) -> Drawing:
-    """Time against error, more accurate to the right, for seven competitors at most in a panel; then the times to
-    Res_D ≤ 1e-8·Res_D(0) as bars."""
-    parts = parts_of(found)
-    limits = limits_of(found)
+def _(race: Race) -> Drawing:
+    """Time against error, more accurate to the right, in panels; then the times to Res_D ≤ 1e-8·Res_D(0)."""
+    kinds = {run.name: run.kind for run in race.entries}
+    ordered = sorted(kinds, key=lambda name: ("solve", "own", "peer").index(kinds[name]))
+    look = styles(ordered)
+    limits = _limits(race)
     panels = [
         Panel(
-            draw=partial(_times, found, shown, limits, len(parts) > 1),
+            draw=partial(_times, race, {name: look[name] for name in shown}, limits, heading),
             caption=_HOW_TIMES if k == 0 else "The same for others, with solve() once more.",
-            alt=_times_told(found, shown),
+            alt=_times_in_words(race, shown),
         )
-        for k, shown in enumerate(parts)
+        for k, (heading, shown) in enumerate(_parts(kinds))
     ]
-    first = found.quickest(RTOL)
-    took = [f"{name} {in_seconds(run.median)}" for name, run in first.items()]
-    bars = Panel(
-        draw=partial(_bars, first),
+    first = race.quickest(RTOL)
+    took = ", ".join(f"{name} {in_seconds(run.median)}" for name, run in first.items())
+    times = Panel(
+        draw=partial(_quickest, first, look),
         caption="The time to the accuracy that solve() aims at by default, the shortest at the top, on a logarithmic "
         "axis; in brackets how much of it goes by before the first step.",
-        alt=f"Bars of times. {', '.join(took) or 'Nobody got there'}.",
-        height=_AROUND + _BAR * max(len(first), 4),
+        alt=f"Times to the default accuracy. {took or 'Nobody got there'}.",
+        height=_AROUND + _LINE * max(len(first), 4),
     )
     many = len(panels)
     return Drawing(
-        panels=(*panels, bars),
+        panels=(*panels, times),
         size=(11.5, max(4.4, 3.7 * many)),
         mosaic=[[k, many] for k in range(many)],
         layout={"width_ratios": (1.5, 1)},
-        title=found.title,
+        title=race.title,
     )
 
 
@@ -94,37 +96,41 @@ _HOW_TIMES = (
 )
 
 
-def parts_of(found: Race) -> list[dict[str, tuple[str, str]]]:
-    """Panel by panel competitor → (colour, marker), solve() in each."""
-    kinds = {run.name: run.kind for run in found.entries}
-    parts = looks(kinds)
-    if len(parts) > 1:
-        groups = [[name for name, one in kinds.items() if one in ("solve", kind)] for kind in ("own", "peer")]
-        parts = [one for group in groups for one in looks(group) if {*one} - {"solve()"}]
-    return parts
+def _parts(kinds: Mapping[str, str]) -> list[tuple[str, list[str]]]:
+    """Title and competitors of each panel, solve() in each; one panel without a title where all fit into it."""
+    if len(kinds) <= _SERIES + 1:
+        return [("", [*kinds])]
+    parts = []
+    for kind, heading in (("own", "methods of this package"), ("peer", "independent solvers")):
+        names = [name for name, one in kinds.items() if one == kind]
+        parts += [(heading, ["solve()", *names[k : k + _SERIES]]) for k in range(0, len(names), _SERIES)]
+    return [(heading, [name for name in shown if name in kinds]) for heading, shown in parts]
 
 
-def _times_told(found: Race, shown: Iterable[str]) -> str:
+def _times_in_words(race: Race, shown: Iterable[str]) -> str:
     """For each competitor its most accurate run."""
-    told = []
-    for name in shown:
-        if runs := [run for run in found.entries if run.name == name and run.error is not None]:
-            best = _most_accurate(runs)
-            told.append(f"{name} gets to {best.error or 0.0:.1e} in {in_seconds(best.median)}")
-    return f"Time against {found.measure}. {'; '.join(told) or 'No run has an error'}."
+    best = [_most_accurate(runs) for name in shown if (runs := _judged(race, name))]
+    words = [f"{run.name} gets to {run.error or 0.0:.1e} in {in_seconds(run.median)}" for run in best]
+    return f"Time against {race.measure}. {'; '.join(words) or 'No run has an error'}."
+
+
+def _judged(race: Race, name: str) -> list[Entry]:
+    return [run for run in race.entries if run.name == name and run.error is not None]
 
 
 def _most_accurate(runs: Sequence[Entry]) -> Entry:
     return min(runs, key=lambda run: np.inf if run.error is None else run.error)
 
 
-def limits_of(found: Race) -> dict[str, Any]:
-    """The limits of all panels, errors the other way round, and what is drawn where the error is 0, or nothing beside
-    the largest: a way may begin, or a run that diverges may go, far beyond."""
-    errors = [run.error for run in found.entries if run.error]
-    times = [second for run in found.entries if run.error is not None for second in run.seconds]
-    times += [t for seconds, _ in found.traces.values() for t in seconds.tolist() if t > 0]
-    times += [found.limit] if found.limit else []
+def _limits(race: Race) -> dict[str, Any]:
+    """The limits of all panels, and what is drawn where the error is 0, or nothing beside the largest.
+
+    The path of a run may begin, or one that diverges may go, far beyond the limits of the errors.
+    """
+    errors = [run.error for run in race.entries if run.error]
+    times = [second for run in race.entries if run.error is not None for second in run.seconds]
+    times += [t for seconds, _ in race.traces.values() for t in seconds.tolist() if t > 0]
+    times += [race.limit] if race.limit else []
     floor = max(_EXACT * min(errors, default=1.0), UNIT_ROUNDOFF * max(errors, default=1.0))
     return {
         "floor": floor,
@@ -133,71 +139,77 @@ def limits_of(found: Race) -> dict[str, Any]:
     }
 
 
-def _times(
-    found: Race, shown: dict[str, tuple[str, str]], limits: dict[str, Any], several: bool, axes: Any
-) -> list[Any]:
-    entries = found.entries
+def _times(race: Race, shown: Mapping[str, Look], limits: dict[str, Any], heading: str, axes: Any) -> list[Any]:
     floor = limits["floor"]
     ends = []
-    axes.set(xscale="log", yscale="log", ylabel="time, s", xlabel=f"{found.measure}   ({ACCURATE})")
-    axes.set(xlim=limits["xlim"], ylim=limits["ylim"])
+    axes.set(xscale="log", yscale="log", ylabel="time, s", xlabel=f"{race.measure}   ({ACCURATE})")
+    axes.set(xlim=limits["xlim"], ylim=limits["ylim"], title=heading)
     for name, (colour, marker) in shown.items():
-        mine = [run for run in entries if run.name == name and run.error is not None]
-        _points(axes, mine, colour, marker, floor)
-        if name in found.traces:
-            seconds, path = found.traces[name]
-            axes.plot(np.maximum(path, floor), seconds, color=colour, linewidth=0.7, alpha=0.6, zorder=1)
-        if mine:
-            best = _most_accurate(mine)
+        runs = _judged(race, name)
+        for wrong in (False, True):
+            _runs(axes, [run for run in runs if run.wrong is wrong], colour, marker, floor)
+        line = {"color": colour, "linewidth": 0.7, "label": name, "zorder": 1}
+        if name in race.traces:
+            seconds, path = race.traces[name]
+            axes.plot(np.maximum(path, floor), seconds, alpha=0.6, **line)
+        elif runs:  # a foreign solver has no path of its own
+            places = sorted((max(run.error or 0.0, floor), run.median) for run in runs)
+            axes.plot(*zip(*places, strict=True), linestyle=":", **line)
+        if runs:
+            best = _most_accurate(runs)
             ends.append((name, (max(best.error or 0.0, floor), best.median), colour, marker))
-    if found.limit is not None:
-        axes.axhline(found.limit, color=GREY, linestyle="--", linewidth=1.2)
-        ends.append(("one linear solve", (limits["xlim"][1], found.limit), GREY, "$-$"))
+    if race.limit is not None:
+        axes.axhline(race.limit, color=GREY, linestyle="--", linewidth=1.2, label="one linear solve")
+        ends.append(("one linear solve", (limits["xlim"][1], race.limit), GREY, "$-$"))
     axes.grid(alpha=0.3)
-    if several:
-        kinds = {run.kind for run in entries if run.name in shown}
-        axes.set_title("methods of this package" if "own" in kinds else "independent solvers", fontsize=10)
-    if any(run.wrong for run in entries if run.name in shown):
+    axes.title.set_fontsize(10)
+    if any(run.wrong for run in race.entries if run.name in shown):
         hollow = axes.plot([], [], "o", color=GREY, markerfacecolor="none", label='says "solved", is not')
         axes.legend(handles=hollow, loc="best", fontsize=8, frameon=False)
     name_lines(axes, ends)
     return []
 
 
-def _points(axes: Any, mine: list[Entry], colour: str, marker: str, floor: float) -> None:
-    """The runs of one competitor."""
-    places = [(max(run.error or 0.0, floor), run.median) for run in mine]
-    for k, (run, (error, median)) in enumerate(zip(mine, places, strict=True)):
-        size, order = (7, 3) if run.kind == "solve" else (5, 2)
-        spread = [[median - min(run.seconds)], [max(run.seconds) - median]]
-        style = {"color": colour, "marker": marker, "markersize": size, "linestyle": "", "linewidth": 0.8}
-        style |= {"markerfacecolor": "none" if run.wrong else colour, "zorder": order}
-        axes.errorbar([error], [median], yerr=spread, label=run.name if k == 0 else None, **style)
-    if mine and mine[0].kind == "peer":  # they have no path of their own
-        axes.plot(*zip(*sorted(places), strict=True), color=colour, linewidth=0.7, linestyle=":", zorder=1)
+def _runs(axes: Any, runs: Sequence[Entry], colour: str, marker: str, floor: float) -> None:
+    """Some runs of one competitor, all of them wrong or none."""
+    if not runs:
+        return
+    medians = np.array([run.median for run in runs])
+    lowest = np.array([min(run.seconds) for run in runs])
+    highest = np.array([max(run.seconds) for run in runs])
+    size, order = (7, 3) if runs[0].kind == "solve" else (5, 2)
+    axes.errorbar(
+        [max(run.error or 0.0, floor) for run in runs],
+        medians,
+        yerr=[medians - lowest, highest - medians],
+        color=colour,
+        marker=marker,
+        markersize=size,
+        markerfacecolor="none" if runs[0].wrong else colour,
+        linestyle="",
+        elinewidth=0.8,
+        label=runs[0].name,
+        zorder=order,
+    )
 
 
-def _bars(first: dict[str, Entry], axes: Any) -> list[Any]:
-    """On a logarithmic axis parts of a bar have no length, so what goes by before the first step is a number."""
+def _quickest(first: Mapping[str, Entry], look: Mapping[str, Look], axes: Any) -> list[Any]:
+    """One marker for each time: a bar has no length on a logarithmic axis."""
     times = [run.median for run in first.values()]
-    left = min(times, default=1.0) / 3
+    axes.hlines(range(len(first)), min(times, default=1.0) / 3, times, color=GREY, linewidth=0.6, linestyle=":")
     for k, run in enumerate(first.values()):
-        axes.barh(k, run.median - left, left=left, color=KINDS[run.kind][0], alpha=0.85, height=0.6)
+        colour, marker = look[run.name]
+        axes.plot([run.median], [k], color=colour, marker=marker, markersize=7, linestyle="", label=run.name)
         before = (run.build + (run.setup or 0.0)) / run.median
-        axes.text(1.1 * run.median, k, f"{in_seconds(run.median)} ({before:.0%})", va="center", fontsize=8)
-    axes.set(xscale="log", xlim=(left, _NUMBERS * max(times, default=1.0)))
+        axes.text(1.3 * run.median, k, f"{in_seconds(run.median)} ({before:.0%})", va="center", fontsize=8)
+    axes.set(xscale="log", xlim=(min(times, default=1.0) / 3, _NUMBERS * max(times, default=1.0)))
     axes.set_yticks(range(len(first)), list(first), fontsize=8)
     axes.invert_yaxis()
+    axes.margins(y=0.1)
     axes.set_xlabel(f"time to Res_D(z) ≤ {RTOL:g} Res_D(0), s\n(in brackets the share before the first step)")
     axes.grid(axis="x", alpha=0.3)
-    kinds = {run.kind for run in first.values()}
-    for kind, (colour, words) in KINDS.items():
-        if kind in kinds:
-            axes.barh([0], [0], color=colour, alpha=0.85, label=words)
     if not first:
         axes.text(0.5, 0.5, "nobody got there", ha="center", transform=axes.transAxes)
-    else:
-        axes.legend(loc="upper right", fontsize=8, frameon=False)  # where bars are short
     return []
 
 
@@ -210,7 +222,12 @@ def in_seconds(t: float) -> str:
 
 
 @drawing.register
-def _(found: StabilityMap, points: Any = None) -> Drawing:
+def _(found: StabilityMap) -> Drawing:
+    return Drawing(panels=(map_panel(found),), size=(8.2, 5.6), columns=2, title=found.plane.title)
+
+
+def map_panel(found: StabilityMap, theta: float | None = None) -> Panel:
+    """The map, with a marker at θ₁ = θ₂ = `theta`."""
     ends = {end: int((found.ends == end).sum()) for end in np.unique(found.ends)}
     counted = ", ".join(f"{many} {end}" for end, many in sorted(ends.items(), key=lambda pair: -pair[1]))
     caption = (
@@ -218,23 +235,19 @@ def _(found: StabilityMap, points: Any = None) -> Drawing:
         "Within a line it is proved that the method converges, whatever the start."
     )
     alt = f"Map over {found.plane.x.label} and {found.plane.y.label}. Of {found.ends.size} points {counted}."
-    panel = Panel(draw=partial(_map, found), caption=caption, alt=alt, height=5.2)
-    return Drawing(panels=(panel,), size=(8.2, 5.6), columns=2, title=found.plane.title)
+    return Panel(draw=partial(_map, found, theta), caption=caption, alt=alt, height=5.2)
 
 
-def _map(found: StabilityMap, axes: Any) -> list[Any]:
+def _map(found: StabilityMap, theta: float | None, axes: Any) -> list[Any]:
     """Steps as colours, failures as signs on a plate, and a line around the points where convergence is proved.
 
     A red line encloses what the paper, as printed, says to converge, where that is more than is proved.
     """
-    from matplotlib.collections import LineCollection
     from matplotlib.colors import LogNorm
-    from matplotlib.lines import Line2D
 
     x = found.plane.x
     y = found.plane.y
-    ends = found.ends
-    solved = ends == "solved"
+    solved = found.ends == "solved"
     counts = np.ma.masked_where(~solved, np.maximum(found.steps, 1))
     least = int(counts.min()) if solved.any() else found.max_iter
     norm = LogNorm(least, max(int(counts.max()) if solved.any() else 1, 10 * least))  # at least a factor of ten apart
@@ -244,72 +257,54 @@ def _map(found: StabilityMap, axes: Any) -> list[Any]:
     handles = []
     X, Y = np.meshgrid(x.values, y.values)
     for end, (sign, words) in SIGNS.items():
-        here = ends == end
+        here = found.ends == end
         if here.any():
-            style: dict[str, Any] = {"linestyle": "", "marker": sign}
-            axes.plot(X[here], Y[here], markersize=5, color=_INK, **style)
-            words = words.format(max_iter=found.max_iter)
-            handles.append(Line2D([], [], markersize=7, color=GREY, label=words, **style))
-    for words, mask, colour, dashes in proofs(found):
-        width, shown = (3.0, colour) if colour == FALSE else (2.0, "black" if dashes == "solid" else colour)
-        style = {"colors": [colour], "linestyles": [dashes], "linewidths": width, "zorder": 4.5 - width}
-        axes.add_collection(LineCollection(outline(found, mask), **style))
-        handles.append(Line2D([], [], color=shown, linestyle=dashes, linewidth=width, label=words))
+            style = {"linestyle": "", "marker": sign, "label": words.format(max_iter=found.max_iter)}
+            handles += axes.plot(X[here], Y[here], markersize=5, color=_INK, **style)
+    for words, mask, colour, dashes in _proofs(found):
+        width = 3.0 if colour == _FALSE else 2.0
+        border = outline(_edges(x), _edges(y), mask)
+        style = {"color": colour, "linestyle": dashes, "linewidth": width, "label": words}
+        handles += axes.plot(*border, zorder=4.5 - width, **style)
     axes.set(xscale="log" if x.log else "linear", yscale="log" if y.log else "linear", xlabel=x.label, ylabel=y.label)
-    return handles + _marked(found, axes)
+    marks = [*_marked_places(found), *([("θ of the slider", (theta, theta), "D")] if theta else [])]
+    for words, place, marker in marks:
+        size = 12 if marker == "*" else 8
+        style = {"marker": marker, "color": "white", "markeredgecolor": "#1a1a1a", "linestyle": ""}
+        gid = "theta" if marker == "D" else None
+        handles += axes.plot(*[[at] for at in place], label=words, markersize=size, zorder=4, gid=gid, **style)
+    return handles
 
 
-def proofs(found: StabilityMap) -> list[tuple[str, Any, str, Any]]:
+def _proofs(found: StabilityMap) -> list[tuple[str, Mask, str, Any]]:
     """(words, points, colour, dashes) of what proves convergence, each region once, and of what was printed."""
     alike: dict[bytes, list[str]] = {}
     masks = {words: np.any([found.proved[name] for name in names], axis=0) for words, (names, *_) in _PROVED.items()}
     for words, mask in masks.items():
         if mask.any():
             alike.setdefault(mask.tobytes(), []).append(words)
-    told = []
+    lines = []
     for same in alike.values():
         how = "" if len(alike) == 1 else f" ({', '.join(same)})"
-        told.append((f"proved to converge{how}", masks[same[-1]], *_PROVED[same[-1]][1:]))
+        lines.append((f"proved to converge{how}", masks[same[-1]], *_PROVED[same[-1]][1:]))
     if (found.any_printed & ~found.any_proved).any():
-        told.append(("said to converge, as printed (false)", found.any_printed, FALSE, "solid"))
-    return told
+        lines.append(("said to converge, as printed (false)", found.any_printed, _FALSE, "solid"))
+    return lines
 
 
-def marked_places(found: StabilityMap) -> dict[str, tuple[tuple[float, float], str]]:
-    """Words → (point, marker): on the plane of a method where it is by default, and where it needs the fewest steps."""
-    places = {}
-    if found.plane.default is not None:
-        places["default"] = found.plane.default, "o"
-        if (found.ends == "solved").any():
-            j, i = np.unravel_index(np.where(found.ends == "solved", found.steps, np.inf).argmin(), found.ends.shape)
-            best = float(found.plane.x.values[i]), float(found.plane.y.values[j])
-            places[f"fewest steps: {found.steps[j, i]}"] = best, "*"
+def _marked_places(found: StabilityMap) -> list[tuple[str, tuple[float, float], str]]:
+    """(words, point, marker), of a plane of a method: its default, and where it needs the fewest steps."""
+    if found.plane.default is None:
+        return []
+    places = [("default", found.plane.default, "o")]
+    if (found.ends == "solved").any():
+        j, i = np.unravel_index(np.where(found.ends == "solved", found.steps, np.inf).argmin(), found.ends.shape)
+        inside = 0 < j < found.ends.shape[0] - 1 and 0 < i < found.ends.shape[1] - 1
+        words = f"fewest steps: {found.steps[j, i]}" + ("" if inside else ", at the rim of the map")
+        places.append((words, (float(found.plane.x.values[i]), float(found.plane.y.values[j])), "*"))
     return places
 
 
-def _marked(found: StabilityMap, axes: Any) -> list[Any]:
-    marked: list[Any] = []
-    for words, (place, marker) in marked_places(found).items():
-        size = 12 if marker == "*" else 8
-        style = {"marker": marker, "color": "white", "markeredgecolor": "#1a1a1a", "linestyle": ""}
-        marked += axes.plot(*[[at] for at in place], label=words, markersize=size, zorder=4, **style)
-    return marked
-
-
-def _edges(axis: Axis) -> Any:
+def _edges(axis: Axis) -> Vector:
     """The borders of the cells around the values."""
-    t = np.log(axis.values) if axis.log else axis.values
-    middle = 0.5 * (t[1:] + t[:-1])
-    found = np.concatenate([[2.0 * t[0] - middle[0]], middle, [2.0 * t[-1] - middle[-1]]])
-    return np.exp(found) if axis.log else found
-
-
-def outline(found: StabilityMap, mask: Any) -> list[tuple[tuple[float, float], tuple[float, float]]]:
-    """The borders of the cells where `mask` holds, in pieces from a point to a point."""
-    ex = _edges(found.plane.x)
-    ey = _edges(found.plane.y)
-    wide = np.pad(mask, 1)
-    upright = wide[1:-1, 1:] != wide[1:-1, :-1]
-    level = wide[1:, 1:-1] != wide[:-1, 1:-1]
-    pieces = [((ex[i], ey[j]), (ex[i], ey[j + 1])) for j, i in np.argwhere(upright)]
-    return pieces + [((ex[i], ey[j]), (ex[i + 1], ey[j])) for j, i in np.argwhere(level)]
+    return np.exp(edges(np.log(axis.values))) if axis.log else edges(axis.values)

@@ -1,0 +1,227 @@
+"""Where the unknowns of a problem are drawn: by row number, on a line, or in planes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from math import prod
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InputError
+from ...numerics.arrays import Mask, Vector, as_list, as_number, described
+from ...problem.data import ProblemData
+from ...scenes.registry import placement_of
+
+#: a curve of more points than this is thinned out before it is drawn, a field of more cells too: a figure has fewer
+#: pixels
+PIXELS = 200_000
+#: the names of the axes of a grid that is given by its shape
+_GRID_AXES = ("column", "row", "layer")
+
+Rows = NDArray[np.intp]
+#: what an artist draws, None where there is nothing
+Columns = dict[str, list[float | None]]
+
+
+@dataclass(frozen=True, eq=False)
+class Plane:
+    """A part of the unknowns in a plane.
+
+    Parameters
+    ----------
+    rows : array of int
+        The unknowns. On a grid they are ordered by y, then by x.
+    x, y : array
+        Their coordinates.
+    labels : tuple of str
+        The names of the two axes.
+    at : str
+        Which slice of three dimensions it is, empty in two.
+    """
+
+    rows: Rows
+    x: Vector
+    y: Vector
+    labels: tuple[str, str]
+    at: str = ""
+
+    @cached_property
+    def axes(self) -> tuple[Vector, Vector]:
+        """The different x and y."""
+        return np.unique(self.x), np.unique(self.y)
+
+    @property
+    def is_grid(self) -> bool:
+        """Whether there is one unknown for each pair of an x and a y."""
+        return prod(axis.size for axis in self.axes) == self.rows.size
+
+    @property
+    def cells(self) -> tuple[int, int]:
+        """The shape of a field of the grid."""
+        return self.axes[1].size, self.axes[0].size
+
+    def marked(self, mask: Mask) -> Columns:
+        """The outline of the cells of the rows in `mask`, or the points themselves where there is no grid."""
+        inside = mask[self.rows]
+        if not self.is_grid:
+            return {"x": numbers(self.x[inside]), "y": numbers(self.y[inside])}
+        x, y = outline(*map(edges, self.axes), inside.reshape(self.cells))
+        return {"x": numbers(x), "y": numbers(y)}
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Where the unknowns are that are drawn.
+
+    Parameters
+    ----------
+    rows : array of int
+        The drawn unknowns of a line, in the order of `x`.
+    x : array
+        Their coordinates, or row numbers.
+    label : str
+        The name of the axis of x.
+    unknown : str
+        The name of z.
+    planes : sequence of Plane
+        In place of a line: the plane, or slices through the middle of three dimensions.
+    by_row : bool
+        Whether x are row numbers.
+    """
+
+    rows: Rows
+    x: Vector
+    label: str
+    unknown: str
+    planes: Sequence[Plane] = ()
+    by_row: bool = False
+
+
+def places_of(problem: ProblemData, points: Any = None, shape: Any = None, most: int = PIXELS) -> Places:
+    """Choose the places of the unknowns of `problem`, at most about `most` of them.
+
+    Parameters
+    ----------
+    problem : ProblemData
+        The problem.
+    points : array_like of shape (n,), (n, 2) or (n, 3), optional
+        Coordinates, by default those of the scene that A is from.
+    shape : tuple of int, optional
+        Shape (ny, nx) or (nz, ny, nx) of the grid, in place of `points`.
+    most : int, default 200 000
+        How many unknowns are drawn of a line, or in each plane.
+
+    Returns
+    -------
+    Places
+        By row number where nothing is known.
+
+    Raises
+    ------
+    InputError
+        Where points or shape do not fit the problem.
+    """
+    known = placement_of(problem)
+    unknown = known.unknown if known else "z"
+    labels: tuple[str, ...] = ("x", "y", "z")
+    if points is not None and shape is not None:
+        raise InputError("points and shape are both given; the unknowns are placed by one of them")
+    if shape is not None:
+        points, labels = _grid_points(problem.n, shape), _GRID_AXES
+    elif points is None and known is not None:
+        points, labels = known.points, known.coordinates
+    if points is None:
+        rows = _evenly(problem.n, most)
+        return Places(rows, rows.astype(np.float64), f"row{_hint(problem)}", unknown, by_row=True)
+    points = np.asarray(points, dtype=np.float64)
+    if points.shape[:1] != (problem.n,) or points.ndim > 2 or not 1 <= points.size // problem.n <= 3:
+        raise InputError(f"points has shape {points.shape}; ({problem.n},), (n, 2) or (n, 3) was expected")
+    points = points.reshape(problem.n, -1)
+    if points.shape[1] == 1:
+        rows = np.argsort(points[:, 0], kind="stable")[_evenly(problem.n, most)]
+        return Places(rows, points[rows, 0], labels[0], unknown)
+    return Places(np.arange(0), np.zeros(0), "", unknown, _planes(points, labels, most))
+
+
+def _grid_points(n: int, shape: Any) -> Vector:
+    sizes = [int(as_number(size, "shape", least=1, whole=True)) for size in as_list(shape, "shape")]
+    if len(sizes) not in (2, 3) or prod(sizes) != n:
+        raise InputError(f"shape is {described(shape)}; (ny, nx) or (nz, ny, nx) with the product {n} was expected")
+    return np.indices(sizes).reshape(len(sizes), n)[::-1].T.astype(np.float64)
+
+
+def _evenly(n: int, most: int) -> Rows:
+    return np.unique(np.linspace(0, n - 1, min(n, most)).astype(np.intp))
+
+
+def _planes(points: Vector, labels: Sequence[str], most: int) -> list[Plane]:
+    """The plane that the points are in, or for each axis of three dimensions the slice through its middle."""
+    if points.shape[1] == 2:
+        return [_plane(points, np.arange(len(points)), (0, 1), labels, most)]
+    planes = []
+    for axis in (2, 1, 0):
+        values = np.unique(points[:, axis])
+        middle = values[values.size // 2]
+        first, second = (other for other in range(3) if other != axis)
+        rows = np.flatnonzero(points[:, axis] == middle)
+        planes.append(_plane(points, rows, (first, second), labels, most, f"{labels[axis]} = {middle:.3g}"))
+    return planes
+
+
+def _plane(points: Vector, rows: Rows, axes: tuple[int, int], labels: Sequence[str], most: int, at: str = "") -> Plane:
+    """Every k-th point along both axes, with the smallest k that leaves about `most` of them."""
+    x, y = points[rows][:, axes].T
+    step = int(np.ceil(np.sqrt(rows.size / most)))
+    kept = np.ones(rows.size, dtype=bool)
+    for coordinate in (x, y):
+        kept &= np.unique(coordinate, return_inverse=True)[1] % step == 0
+    order = np.flatnonzero(kept)[np.lexsort((x[kept], y[kept]))]
+    return Plane(rows[order], x[order], y[order], (labels[axes[0]], labels[axes[1]]), at)
+
+
+def _hint(problem: ProblemData) -> str:
+    """What to say beside the row numbers of a grid, whose curve is a zigzag: the shape of the grid.
+
+    Neighbours i − 1 and i are coupled but where a row of the grid ends: at every multiple of its length m.
+    """
+    n = problem.n
+    if n < 4 or not problem.A.diagonal(1).any():
+        return ""
+    ends = np.flatnonzero(problem.A.diagonal(1) == 0.0) + 1
+    m = int(ends[0]) if ends.size else n
+    if m == n or n % m or not np.array_equal(ends, np.arange(m, n, m)):
+        return ""
+    shape = [n // m, m]
+    layers = np.flatnonzero(problem.A.diagonal(m) == 0.0)
+    if layers.size and n % (area := int(layers[0]) + m) == 0:
+        shape = [n // area, area // m, m]
+    return f" (A is that of a grid: see plot(shape={tuple(shape)}))"
+
+
+def edges(values: Vector) -> Vector:
+    """The borders of the cells around the increasing `values`."""
+    if values.size == 1:
+        return np.array([values[0] - 0.5, values[0] + 0.5])
+    middle = 0.5 * (values[1:] + values[:-1])
+    return np.concatenate([[2.0 * values[0] - middle[0]], middle, [2.0 * values[-1] - middle[-1]]])
+
+
+def outline(x: Vector, y: Vector, mask: NDArray[np.bool_]) -> tuple[Vector, Vector]:
+    """The borders, between the edges `x` and `y`, of the cells in `mask`, as one line with gaps at NaN."""
+    wide = np.pad(mask, 1)
+    upright = np.argwhere(wide[1:-1, 1:] != wide[1:-1, :-1])
+    level = np.argwhere(wide[1:, 1:-1] != wide[:-1, 1:-1])
+    gap = np.nan
+    pieces = [((x[i], x[i], gap), (y[j], y[j + 1], gap)) for j, i in upright]
+    pieces += [((x[i], x[i + 1], gap), (y[j], y[j], gap)) for j, i in level]
+    along, across = np.array(pieces, dtype=np.float64).reshape(-1, 2, 3).transpose(1, 0, 2).reshape(2, -1)
+    return along, across
+
+
+def numbers(values: Vector) -> list[float | None]:
+    """To five digits, for JSON: None where there is none."""
+    return [float(f"{one:.5g}") if np.isfinite(one) else None for one in values.tolist()]
