@@ -191,7 +191,7 @@ def _field(made: Any, field: Any) -> Any:
     made.add_layout(ColorBar(color_mapper=colours, width=12, background_fill_alpha=0.0, title=label), "right")
     paint = {"field": "value", "transform": colours}
     if isinstance(field, PathCollection):
-        x, y = field.get_offsets().T
+        x, y = np.transpose(np.asarray(field.get_offsets()))
         source = ColumnDataSource(data={"x": x, "y": y, "value": values}, name=field.get_gid())
         return made.scatter("x", "y", source=source, size=9, color=paint, name=label)
     corners = field.get_coordinates()

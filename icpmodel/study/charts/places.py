@@ -69,7 +69,8 @@ class Plane:
         inside = mask[self.rows]
         if not self.is_grid:
             return {"x": numbers(self.x[inside]), "y": numbers(self.y[inside])}
-        x, y = outline(*map(edges, self.axes), inside.reshape(self.cells))
+        columns, rows = self.axes
+        x, y = outline(edges(columns), edges(rows), inside.reshape(self.cells))
         return {"x": numbers(x), "y": numbers(y)}
 
 

@@ -91,7 +91,7 @@ def theta_slider(found: StabilityMap, problem: ProblemData) -> tuple[Panel, floa
     """The residuals at θ₁ = θ₂, the θ that is drawn at first, and the slider over the others."""
     thetas = np.linspace(found.plane.x.values[0], found.plane.x.values[-1], _THETAS)
     options: dict[str, Any] = {"max_iter": found.max_iter, "rtol": found.rtol, "raise_on_failure": False}
-    frames = []
+    frames: list[Slider] = []
     for theta in thetas.tolist():
         run = unbroken(solve(problem, MNMSOR(theta1=theta), history=True, **options))
         some = np.unique(np.geomspace(1, run.history.iteration.size, _ON_CURVE).astype(int)) - 1

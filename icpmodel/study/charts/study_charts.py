@@ -259,12 +259,12 @@ def _map(found: StabilityMap, theta: float | None, axes: Any) -> list[Any]:
     for end, (sign, words) in SIGNS.items():
         here = found.ends == end
         if here.any():
-            style = {"linestyle": "", "marker": sign, "label": words.format(max_iter=found.max_iter)}
-            handles += axes.plot(X[here], Y[here], markersize=5, color=_INK, **style)
+            sign_style = {"linestyle": "", "marker": sign, "label": words.format(max_iter=found.max_iter)}
+            handles += axes.plot(X[here], Y[here], markersize=5, color=_INK, **sign_style)
     for words, mask, colour, dashes in _proofs(found):
         width = 3.0 if colour == _FALSE else 2.0
         border = outline(_edges(x), _edges(y), mask)
-        style = {"color": colour, "linestyle": dashes, "linewidth": width, "label": words}
+        style: dict[str, Any] = {"color": colour, "linestyle": dashes, "linewidth": width, "label": words}
         handles += axes.plot(*border, zorder=4.5 - width, **style)
     axes.set(xscale="log" if x.log else "linear", yscale="log" if y.log else "linear", xlabel=x.label, ylabel=y.label)
     marks = [*_marked_places(found), *([("θ of the slider", (theta, theta), "D")] if theta else [])]
