@@ -115,7 +115,7 @@ class History(ReadOnly, Plotted, Tabular):
     >>> history.iteration
     array([0, 1])
     >>> history
-    History(iteration=<2 values>, residual=<2 values>, seconds=<2 values>, method=('mnmgs', 'mnmgs'), tolerance=2e-08)
+    History(iteration=<2 values>, residual=<2 values>, seconds=<2 values>, method=('mnmgs', 'mnmgs'), tolerance=1e-08)
     """
 
     iteration: NDArray[np.int64]
