@@ -28,7 +28,7 @@ Columns = dict[str, list[float | None]]
 
 
 @dataclass(frozen=True, eq=False)
-class Plane:
+class Slice:
     """A part of the unknowns in a plane.
 
     Parameters
@@ -88,7 +88,7 @@ class Places:
         The name of the axis of x.
     unknown : str
         The name of z.
-    planes : sequence of Plane
+    planes : sequence of Slice
         In place of a line: the plane, or slices through the middle of three dimensions.
     by_row : bool
         Whether x are row numbers.
@@ -98,7 +98,7 @@ class Places:
     x: Vector
     label: str
     unknown: str
-    planes: Sequence[Plane] = ()
+    planes: Sequence[Slice] = ()
     by_row: bool = False
 
 
@@ -159,7 +159,7 @@ def _evenly(n: int, most: int) -> Rows:
     return np.unique(np.linspace(0, n - 1, min(n, most)).astype(np.intp))
 
 
-def _planes(points: Vector, labels: Sequence[str], most: int) -> list[Plane]:
+def _planes(points: Vector, labels: Sequence[str], most: int) -> list[Slice]:
     """The plane that the points are in, or for each axis of three dimensions the slice through its middle."""
     if points.shape[1] == 2:
         return [_plane(points, np.arange(len(points)), (0, 1), labels, most)]
@@ -173,7 +173,7 @@ def _planes(points: Vector, labels: Sequence[str], most: int) -> list[Plane]:
     return planes
 
 
-def _plane(points: Vector, rows: Rows, axes: tuple[int, int], labels: Sequence[str], most: int, at: str = "") -> Plane:
+def _plane(points: Vector, rows: Rows, axes: tuple[int, int], labels: Sequence[str], most: int, at: str = "") -> Slice:
     """Every k-th point along both axes, with the smallest k that leaves about `most` of them."""
     x, y = points[rows][:, axes].T
     step = int(np.ceil(np.sqrt(rows.size / most)))
@@ -181,7 +181,7 @@ def _plane(points: Vector, rows: Rows, axes: tuple[int, int], labels: Sequence[s
     for coordinate in (x, y):
         kept &= np.unique(coordinate, return_inverse=True)[1] % step == 0
     order = np.flatnonzero(kept)[np.lexsort((x[kept], y[kept]))]
-    return Plane(rows[order], x[order], y[order], (labels[axes[0]], labels[axes[1]]), at)
+    return Slice(rows[order], x[order], y[order], (labels[axes[0]], labels[axes[1]]), at)
 
 
 def _hint(problem: ProblemData) -> str:

@@ -19,7 +19,7 @@ from ...scenes.registry import title
 from ...solve.solution import History, Solution
 from ..sensitivity import Sensitivity
 from .figures import BLUE, GREEN, GREY, ORANGE, PURPLE, Drawing, Panel, drawing
-from .places import PIXELS, Columns, Places, Plane, numbers, places_of
+from .places import PIXELS, Columns, Places, Slice, numbers, places_of
 
 #: so many points or rows are shown one by one
 FEW = 60
@@ -237,7 +237,7 @@ def _in_planes(
 
 
 def _field(
-    plane: Plane,
+    plane: Slice,
     name: str,
     values: Vector,
     heading: str,
