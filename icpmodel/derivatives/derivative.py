@@ -50,7 +50,8 @@ _DRAWS = 3
 #: so many rows are named
 _NAMED = 5
 #: the relative tolerance of tangent problems, and the least one of linear systems that are solved by steps
-_RTOL, _LEAST = 1e-10, 1e-14
+_RTOL = 1e-10
+_LEAST = 1e-14
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -118,7 +119,8 @@ class Derivative(ReadOnly, Shown):
             raise InputError(f"solution is {described(solution)}; a Solution was expected")
         if solution.status not in (Status.SOLVED, Status.PRECISION_LIMIT):
             raise InputError(f"solution is not solved ({solution.status.value}): only a solution has a derivative")
-        problem, z = solution.problem.linearised(solution.z), solution.z
+        problem = solution.problem.linearised(solution.z)
+        z = solution.z
         if (missing := problem.psi.no_derivative()) is not None:
             raise NotApplicable(missing)
         self.solution, self.problem, self.z = solution, problem, z
@@ -250,7 +252,10 @@ class Derivative(ReadOnly, Shown):
 
     def _sizes(self, x: Vector, transposed: bool) -> Vector:
         """|J||x| or |J|ᵀ|x|."""
-        matrix, G, active, x = self.problem.matrix, self._jacobian, self.pattern.active, np.abs(x)
+        matrix = self.problem.matrix
+        G = self._jacobian
+        active = self.pattern.active
+        x = np.abs(x)
         A = matrix.absolute if matrix.dense is None else np.abs(matrix.dense)
         held = np.where(active, x, 0.0) if transposed else x
         moved = (abs(G).T if transposed else abs(G)) @ held + held if G.nnz else held
@@ -338,7 +343,8 @@ class Derivative(ReadOnly, Shown):
         """
         dz = self.problem.vector(dz, "dz")
         direction = Direction.of(self.problem, dA, dq, dpsi, dupper)
-        f, known = direction.right_side(self.z, self.pattern), self.solution.certificate.bound.componentwise
+        f = direction.right_side(self.z, self.pattern)
+        known = self.solution.certificate.bound.componentwise
         error = np.zeros(dz.size) if known is None else direction.error(self.z, known, self.pattern)
         return self._bound(self._matrix(), f, dz, error)
 
@@ -376,7 +382,9 @@ class Derivative(ReadOnly, Shown):
         known = self.solution.certificate.bound.componentwise
         if known is not None:
             return known
-        problem, z, active = self.problem, self.z, self.pattern.active
+        problem = self.problem
+        z = self.z
+        active = self.pattern.active
         for_p, for_r = problem.rounding(z)
         F = np.where(active, np.abs(self.pattern.r) + for_r, np.abs(problem.p(z)) + for_p)
         # what the entries of F add to a step may cancel, but not with one random weight after the other
@@ -393,10 +401,14 @@ class Derivative(ReadOnly, Shown):
     @cached_property
     def _ties(self) -> Ties:
         """Which of the undecided rows may be held by which obstacle."""
-        problem, z, delta, (for_p, for_r) = self.problem, self.z, self._delta, self.problem.rounding(self.z)
+        problem = self.problem
+        z = self.z
+        delta = self._delta
+        (for_p, for_r) = self.problem.rounding(self.z)
         moves = abs(self._jacobian) @ delta
         held = self._open & (np.abs(problem.p(z)) <= for_p + problem.matrix.absolute @ delta)
-        below, above = problem.r(z), problem.r_upper(z)
+        below = problem.r(z)
+        above = problem.r_upper(z)
         tied = [held & (np.abs(r) <= for_r + delta + moves) for r in (below, above) if r is not None]
         return Ties(tied[0], tied[1] if above is not None else np.zeros_like(held), delta)
 
@@ -408,7 +420,8 @@ class Derivative(ReadOnly, Shown):
     @cached_property
     def _tied_jumps(self) -> Mask:
         """The rows that are, or may be, at an obstacle which is the best of several jumps, perhaps not the only one."""
-        delta, found = self.solution.certificate.bound.componentwise, np.zeros_like(self._open)
+        delta = self.solution.certificate.bound.componentwise
+        found = np.zeros_like(self._open)
         for psi, rows in zip(sides_of(self.problem.psi), self.pattern.sides(), strict=True):
             if delta is not None:
                 found |= (rows | self._open) & psi.nonsmooth_rows(self.z, delta)
@@ -417,7 +430,8 @@ class Derivative(ReadOnly, Shown):
     @cached_property
     def _misplaced(self) -> Mask:
         """The rows that are proved to be on another side than z is nearer to."""
-        known, pattern = self.solution.active_set, self.pattern
+        known = self.solution.active_set
+        pattern = self.pattern
         proved = [known.active] if known.above is None else [known.active, known.above]
         wrong = known.inactive & pattern.active
         for rows, at in zip(proved, pattern.sides(), strict=True):

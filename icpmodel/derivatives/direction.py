@@ -85,7 +85,8 @@ def _error(H: sp.csr_array | None, d: Vector | None, z: Vector, delta: Vector) -
     """|H|δ and the rounding error of Hz + d."""
     if H is None:
         return np.zeros(z.size)
-    terms, size = np.diff(H.indptr) + 3, abs(H)
+    terms = np.diff(H.indptr) + 3
+    size = abs(H)
     return (size @ delta) * (1 + gamma(terms)) + gamma(terms) * (size @ np.abs(z) + (0.0 if d is None else np.abs(d)))
 
 

@@ -46,7 +46,8 @@ class Gradient(ReadOnly, Shown):
     """
 
     def __init__(self, problem: ProblemData, z: Vector, pattern: Pattern, w: Vector) -> None:
-        active, above = pattern.active, pattern.above
+        active = pattern.active
+        above = pattern.above
         self.problem, self.z = problem, z
         self.q: Vector = np.where(active, 0.0, -w)
         at_upper = np.zeros_like(active) if above is None else above

@@ -55,7 +55,8 @@ def tangent_problem(z: Vector, pattern: Pattern, ties: Ties, direction: Directio
     # one unit for all rows, so that A stays as symmetric as it is, and a power of two, so that nothing is rounded
     exponents = np.full(z.size, -np.frexp(np.median(matrix.weights))[1])
     with np.errstate(over="ignore"):
-        A, q = in_units(matrix.sparse, exponents), np.ldexp(direction.of_p(z), exponents)
+        A = in_units(matrix.sparse, exponents)
+        q = np.ldexp(direction.of_p(z), exponents)
     return ProblemData(A, q).with_sides(-np.inf if below is None else below, above)
 
 

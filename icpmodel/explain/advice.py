@@ -15,7 +15,8 @@ from ..theory.matrices.classes import MatrixClasses
 def what_to_do(problem: ProblemData, classes: MatrixClasses, picked: Method | None = None) -> Iterator[str]:
     """What helps where no member of the family is proved to converge; `picked` is what `solve()` begins with."""
     yield "no member of the family is proved to converge; solve() tries several, and calls nothing solved that is not"
-    psi, both = problem.psi, problem.upper is not None
+    psi = problem.psi
+    both = problem.upper is not None
     if psi.lipschitz is None and not psi.has_policies:
         whose = "the Lipschitz matrices of psi and upper" if both else "psi's Lipschitz matrix"
         yield f"give {whose} (lipschitz=...): without it no theorem can be applied"

@@ -30,9 +30,12 @@ from .forecasts import Forecast, forecasts_of, members, parameters, shown, tie
 
 #: what a page may cost, in products with A and in nanoseconds: for n = 10⁶ and n = 10⁴ that were 5 s and 2 s on the
 #: machine of `work.Costs`; and the share of it that one question may cost
-_PRODUCTS, _NANOSECONDS, _SHARE = 600.0, 0.8e9, 0.2
+_PRODUCTS = 600.0
+_NANOSECONDS = 0.8e9
+_SHARE = 0.2
 #: and at most so many nanoseconds a row, where rows are long, and no less than 10⁶ rows would get
-_A_ROW, _ROWS = 3_000.0, 1e6
+_A_ROW = 3_000.0
+_ROWS = 1e6
 _CENTURY = 3e9  #: in seconds
 
 
@@ -276,7 +279,8 @@ def explain(
     >>> page.bound.unique, page.recommended.factor < 0.5
     (True, True)
     """
-    problem, accuracy = as_problem(problem), as_number(accuracy, "accuracy", above=0)
+    problem = as_problem(problem)
+    accuracy = as_number(accuracy, "accuracy", above=0)
     if options and not isinstance(method, str):
         raise InputError(f"{next(iter(options))}: the options of a method are taken only where it is named")
     unit = problem.matrix.product_cost
@@ -289,7 +293,8 @@ def explain(
 def _explained(
     problem: ProblemData, method: str | Method | None, accuracy: float, limit: Allowance, options: dict[str, Any]
 ) -> Explanation:
-    asked, instead = method is not None, None
+    asked = method is not None
+    instead = None
     classes = proofs_of(problem).classes.decided(limit)
     picked, why = _picked(problem, limit)
     if isinstance(method, type):

@@ -28,7 +28,8 @@ from ..theory.matrices.classes import MatrixClasses
 #: beyond this size only the members that need no factorisation are looked at
 _FACTORISE_UP_TO = 20_000
 #: factors that differ by less, or are all rounding, are the same
-_TIE, _NOTHING = 1e-6, 1e-12
+_TIE = 1e-6
+_NOTHING = 1e-12
 #: titles of members that differ in one parameter alone, the simplest first
 _OMEGA = {label: f"MNMGS(), Omega = {label}" for label in ("D", "0.9 D", "1.5 D")}
 _THETA = {
@@ -139,7 +140,9 @@ def forecasts_of(
         supersolution = isinstance(proofs_of(problem).supersolution(problem), SupersolutionProof)
     for title, one in methods.items():
         if isinstance(one, ModulusMember) and one.why_not(problem) is None:
-            checks, rate, steps = check_all(problem, one, limit), None, None
+            checks = check_all(problem, one, limit)
+            rate = None
+            steps = None
             with suppress(OutOfTime, MemoryError), limit.kept():
                 rate = predicted_rate(problem, one, checks)
                 steps = rate.steps(problem, np.zeros(problem.n), accuracy) if isinstance(rate, Rate) else None

@@ -158,12 +158,14 @@ class ExactRows:
 
     def solve(self, sides: Any) -> _Exact | None:
         """The solutions of the problem in a piece, None where there are none."""
-        n, rows = self.n, self.equations(sides)
+        n = self.n
+        rows = self.equations(sides)
         pivots = row_reduce(rows, n)
         if any(row[n] for row in rows[len(pivots) :]):
             return None
         free = [j for j in range(n) if j not in pivots]
-        start, span = [Fraction(0)] * n, [[Fraction(int(j == k)) for j in range(n)] for k in free]
+        start = [Fraction(0)] * n
+        span = [[Fraction(int(j == k)) for j in range(n)] for k in free]
         for row, pivot in zip(rows, pivots, strict=False):
             start[pivot] = row[n]
             for direction, k in zip(span, free, strict=True):

@@ -247,7 +247,8 @@ def broken_promise(problem: ProblemData, z: Vector) -> str:
         if allowed is None:
             continue
         with suppress(MapError), np.errstate(all="ignore"):  # 0 may be outside of where ψ has a value
-            here, there = one.value(z), one.value(np.zeros(z.size))
+            here = one.value(z)
+            there = one.value(np.zeros(z.size))
             moved = np.abs(here - there)
             excess = moved - allowed - _FEW * UNIT_ROUNDOFF * (np.abs(here) + np.abs(there))
             if (excess > 0.0).any():
@@ -267,10 +268,13 @@ def may_cross(problem: ProblemData, z: Vector, delta: Vector) -> int | None:
 
     There a zero of F need not be a solution.
     """
-    psi, above = problem.psi, problem.r_upper(z)
+    psi = problem.psi
+    above = problem.r_upper(z)
     if above is None or never_cross(psi):
         return None
-    below, change, for_r = problem.r(z), psi.change(delta), problem.rounding(z)[1]
+    below = problem.r(z)
+    change = psi.change(delta)
+    for_r = problem.rounding(z)[1]
     with np.errstate(over="ignore", invalid="ignore"):
         safe = np.isinf(below) | np.isinf(above)
         if change is not None:
@@ -349,7 +353,8 @@ def sharpened(
                 candidate = step + beyond
                 candidate *= 1 + 4 * UNIT_ROUNDOFF
                 if candidate.max() < delta.max() or not np.isfinite(delta).all():
-                    delta, euclidean = candidate, (norm_up(step) + beyond_euclidean) * (1 + 4 * UNIT_ROUNDOFF)
+                    delta = candidate
+                    euclidean = (norm_up(step) + beyond_euclidean) * (1 + 4 * UNIT_ROUNDOFF)
             told = float(step.max()), float(beyond.max())
     return delta, euclidean
 

@@ -125,15 +125,20 @@ def certify(
     >>> certify(ICP([[2.0]], [-2.0]), [1.5]).violation_p
     0.0
     """
-    problem, bound = as_problem(problem, nonlinear=True), as_truth(bound, "bound")
+    problem = as_problem(problem, nonlinear=True)
+    bound = as_truth(bound, "bound")
     z = problem.vector(z)
     how: Any = {"sharp": sharp, "rigorous": rigorous, "time_limit": time_limit, "memory_limit": memory_limit}
     with np.errstate(over="ignore", invalid="ignore"):
-        p, r, above = problem.p(z), problem.r(z), problem.r_upper(z)
-        beyond, wrong = np.maximum(-r, 0.0), np.maximum(-p, 0.0)
+        p = problem.p(z)
+        r = problem.r(z)
+        above = problem.r_upper(z)
+        beyond = np.maximum(-r, 0.0)
+        wrong = np.maximum(-p, 0.0)
         if above is not None:
             # p < 0 where nothing is above, p > 0 where nothing is below
-            beyond, wrong = np.maximum(beyond, above), np.where(np.isneginf(above), wrong, 0.0)
+            beyond = np.maximum(beyond, above)
+            wrong = np.where(np.isneginf(above), wrong, 0.0)
             wrong = np.where(np.isposinf(r), np.maximum(p, wrong), wrong)
     return Certificate(
         residual=problem.residual(z),
@@ -218,14 +223,16 @@ def active_set(problem: ProblemLike, z: Any, bound: ErrorBound) -> ActiveSet:
     array([ True])
     """
     problem = as_problem(problem, nonlinear=True)
-    z, nothing = problem.vector(z), np.zeros(problem.n, dtype=bool)
+    z = problem.vector(z)
+    nothing = np.zeros(problem.n, dtype=bool)
     if not isinstance(bound, ErrorBound):
         raise InputError(f"bound is {described(bound)}; error_bound(problem, z), an ErrorBound, was expected")
     delta = bound.componentwise
     if delta is not None and delta.size != problem.n:
         raise InputError(f"bound is that of {delta.size} unknowns; {problem.n} were expected")
     change = None if delta is None else problem.psi.change(delta)
-    below, above = problem.r(z), problem.r_upper(z)
+    below = problem.r(z)
+    above = problem.r_upper(z)
     if delta is None or change is None:
         return ActiveSet(nothing, nothing, None if above is None else nothing)
     for_p, for_r = problem.rounding(z)
@@ -236,7 +243,8 @@ def active_set(problem: ProblemLike, z: Any, bound: ErrorBound) -> ActiveSet:
             of_p = (of_p + problem.f.change(z, delta)) * inflate
         of_r = (for_r + delta + change) * inflate
         p = problem.p(z)
-        active, inactive = p > of_p, below > of_r
+        active = p > of_p
+        inactive = below > of_r
         if above is None:
             return ActiveSet(active & ~inactive, inactive & ~active)
         # a row with p* > 0 is at ψ, whatever is said of r; where both are said of it, something is wrong with the bound

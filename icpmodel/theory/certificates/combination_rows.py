@@ -44,9 +44,11 @@ class CombinationRows(NamedTuple):
 
     @classmethod
     def of(cls, problem: ProblemData, known: Known | None = None) -> CombinationRows:
-        low, high = problem.facts.obstacle, problem.facts.upper_obstacle
+        low = problem.facts.obstacle
+        high = problem.facts.upper_obstacle
         high = np.full(problem.n, np.inf) if high is None else high
-        falls, rises = np.isneginf(low), np.isposinf(high)
+        falls = np.isneginf(low)
+        rises = np.isposinf(high)
         if known is not None:
             low = np.where(np.isfinite(known.low), known.low, low)
             high = np.where(np.isfinite(known.high), known.high, high)
@@ -57,8 +59,10 @@ def lifted(problem: ProblemData) -> ProblemData | None:
     """The problem of an affine ψ in (z, u, s), where the obstacle is constant; None for another ψ, and with two."""
     if problem.psi.linear is None or problem.upper is not None:
         return None
-    (G, c), unit = problem.psi.linear, sp.eye_array(problem.n)
-    nothing, there = np.full(problem.n, -np.inf), np.isfinite(c)
+    (G, c) = problem.psi.linear
+    unit = sp.eye_array(problem.n)
+    nothing = np.full(problem.n, -np.inf)
+    there = np.isfinite(c)
     A = sp.block_array([[-G, unit, None], [unit, -unit, -unit], [problem.A, None, None]])
     q = np.concatenate([np.where(there, -c, 0.0), np.zeros(problem.n), problem.q])
     return ProblemData(A, q, np.concatenate([nothing, nothing, np.where(there, 0.0, -np.inf)]))

@@ -150,10 +150,13 @@ class _Conditions:
     def of(cls, problem: ProblemData) -> _Conditions | None:
         if problem.psi.linear is None or (problem.upper is not None and problem.upper.linear is None):
             return None
-        unit, inverse = sp.eye_array(problem.n, format="csr"), _inverse_units(problem)
-        (G, c), none = problem.psi.linear, np.full(problem.n, np.inf)
+        unit = sp.eye_array(problem.n, format="csr")
+        inverse = _inverse_units(problem)
+        (G, c) = problem.psi.linear
+        none = np.full(problem.n, np.inf)
         H, d = (G, none) if problem.upper is None or problem.upper.linear is None else problem.upper.linear
-        p, right = sp.diags_array(inverse) @ problem.A, -inverse * problem.q
+        p = sp.diags_array(inverse) @ problem.A
+        right = -inverse * problem.q
         sides = [
             (p, right, np.isinf(d)),
             (-p, -right, np.isinf(c)),
@@ -183,7 +186,8 @@ class _Conditions:
         E = sp.csr_array((np.ones(asked.size), (asked, np.arange(asked.size))), shape=(self.m.size, asked.size))
         sparse = _minimised(self, E, (1.0 + _ZERO) * least)
         z = z if sparse is None else sparse[0]
-        p, change = self.problem.p(z), np.zeros(self.problem.n)
+        p = self.problem.p(z)
+        change = np.zeros(self.problem.n)
         at_least, at_most = (self.rows[self.kinds == kind] for kind in (0, 1))
         change[at_least] = np.maximum(-p[at_least], 0.0)
         change[at_most] += np.minimum(-p[at_most], 0.0)
@@ -221,14 +225,18 @@ class _Conditions:
 
     def _exact(self, support: NDArray[np.intp]) -> tuple[Any, list[Fraction]]:
         """These conditions as they are stated, in fractions."""
-        M, m, problem = [], [], self.problem
+        M = []
+        m = []
+        problem = self.problem
         for kind, i in zip(self.kinds[support], self.rows[support], strict=True):
             sign = 1 if kind in (0, 2) else -1
             if kind < 2:
-                [row], side = rationals(problem.A[[i]]), -problem.q[i]
+                [row] = rationals(problem.A[[i]])
+                side = -problem.q[i]
             else:
                 G, c = (problem.psi if kind == 2 else problem.upper).linear  # type: ignore[union-attr,misc]
-                [moves], side = rationals(G[[i]]), c[i]
+                [moves] = rationals(G[[i]])
+                side = c[i]
                 row = [int(j == i) - x for j, x in enumerate(moves)]
             M.append([sign * x for x in row])
             m.append(sign * Fraction(float(side)))
@@ -252,7 +260,9 @@ def _minimised(conditions: _Conditions, E: sp.csr_array, most: float) -> tuple[V
     """z, the multipliers and the value of min Σs, Mz + Es ≥ m, 0 ≤ s ≤ `most`, by the dual simplex method."""
     from scipy.optimize import linprog
 
-    M, m, n = conditions.M, conditions.m, conditions.M.shape[1]
+    M = conditions.M
+    m = conditions.m
+    n = conditions.M.shape[1]
     unit = float(np.abs(m).max(initial=0.0)) or 1.0  # a solver takes 1e20 for infinite
     found = linprog(
         np.concatenate([np.zeros(n), np.ones(E.shape[1])]),

@@ -108,16 +108,20 @@ class DefiniteProof(Proof):
         square over- or underflows. p and r are those of `_reflected`. In the rows where it `holds`,
         z is certain to be admissible.
         """
-        u, w = sign * np.where(balance, p, np.minimum(p, 0.0)), sign * np.where(balance, np.minimum(r, 0.0), r)
+        u = sign * np.where(balance, p, np.minimum(p, 0.0))
+        w = sign * np.where(balance, np.minimum(r, 0.0), r)
         # min(x, 0) = 0 for certain where x exceeds its error
         for_u = np.where(~balance & (p > for_p), 0.0, for_p)
         for_w = np.where(balance & holds, 0.0, for_r)
         sizes = np.frexp(np.abs(u) + for_u)[1] + self.exponent, np.frexp(np.abs(w) + for_w)[1] + self.exponent_r
         there = (u != 0.0) | (for_u > 0.0), (w != 0.0) | (for_w > 0.0)
         size = max((int(of[any_].max()) for of, any_ in zip(sizes, there, strict=True) if any_.any()), default=0)
-        u, for_u = np.ldexp(u, self.exponent - size), np.ldexp(for_u, self.exponent - size) + 2 * SMALLEST
-        w, for_w = np.ldexp(w, self.exponent_r - size), np.ldexp(for_w, self.exponent_r - size) + 2 * SMALLEST
-        U, W = np.abs(u) + for_u, np.abs(w) + for_w
+        u = np.ldexp(u, self.exponent - size)
+        for_u = np.ldexp(for_u, self.exponent - size) + 2 * SMALLEST
+        w = np.ldexp(w, self.exponent_r - size)
+        for_w = np.ldexp(for_w, self.exponent_r - size) + 2 * SMALLEST
+        U = np.abs(u) + for_u
+        W = np.abs(w) + for_w
         terms = np.diff(self.A.indptr) + np.diff(self.B.indptr) + 4
         error = upper(abs(self.B), for_u) + upper(abs(self.A), for_w) + terms * SMALLEST
         error += 2 * UNIT_ROUNDOFF * terms * (abs(self.B) @ U + abs(self.A) @ W)
@@ -126,15 +130,19 @@ class DefiniteProof(Proof):
             b += norm_up(upper(self.L, U))
         errors = float(np.sum(U * for_w + W * for_u)) + (u.size + 4) * UNIT_ROUNDOFF * float(np.sum(U * W))
         product = float(u @ w) - 2 * errors - 4 * u.size * SMALLEST
-        square, rest = b * b, 4 * self.gap * product
+        square = b * b
+        rest = 4 * self.gap * product
         root = np.sqrt(max(square - rest, 0.0) + 8 * UNIT_ROUNDOFF * (square + abs(rest)) + 8 * SMALLEST)
         return (b + float(root)) / (2 * self.gap) * (1 + 8 * UNIT_ROUNDOFF), size
 
     def _dual(self, g: Vector) -> float:
         """An upper bound of √λ·√(gᵀH⁻¹g), not above that of ‖g‖₂."""
-        y, n = self.solve(g), g.size
-        gamma, underflow = 2 * UNIT_ROUNDOFF * (n + 8), (n + 8) * SMALLEST
-        image, size = self.H @ y, abs(self.H) @ np.abs(y)
+        y = self.solve(g)
+        n = g.size
+        gamma = 2 * UNIT_ROUNDOFF * (n + 8)
+        underflow = (n + 8) * SMALLEST
+        image = self.H @ y
+        size = abs(self.H) @ np.abs(y)
         energy = float(y @ image) + gamma * float(np.abs(y) @ size) + underflow * (1.0 + float(np.abs(y).sum()))
         rest = norm_up(np.abs(g - image) + gamma * (np.abs(g) + size) + underflow)
         lost = 2 * self.slack * norm_up(y)
@@ -145,7 +153,8 @@ class DefiniteProof(Proof):
 
 def prove(matrix: Matrix, psi: Map) -> DefiniteProof | str:
     """λ by factorisations of the symmetric part of AᵀB, κ by the power method; both are proved bounds."""
-    A, n = matrix.sparse, matrix.n
+    A = matrix.sparse
+    n = matrix.n
     if not (positive := positive_diagonal(A)).holds:
         return f"A is not positive definite: {positive.reason}"
     if psi.lipschitz is None:
@@ -166,10 +175,13 @@ def prove(matrix: Matrix, psi: Map) -> DefiniteProof | str:
     A, B, L = scaled
     At = sp.csr_array(A.T)
     widest = int(np.diff(At.indptr).max()) + 4
-    gamma, underflow = 2 * widest * UNIT_ROUNDOFF, n * widest * SMALLEST
-    slack, ones = 0.0, np.ones(n)
+    gamma = 2 * widest * UNIT_ROUNDOFF
+    underflow = n * widest * SMALLEST
+    slack = 0.0
+    ones = np.ones(n)
     if coupled:  # rounding of the product A'B
-        rows, columns = abs(At) @ (abs(B) @ ones), abs(sp.csr_array(B.T)) @ (abs(A) @ ones)
+        rows = abs(At) @ (abs(B) @ ones)
+        columns = abs(sp.csr_array(B.T)) @ (abs(A) @ ones)
         slack = gamma * float((rows + columns).max()) + underflow
     name = "A'(I - G)" if coupled else "A"
     M = sp.csr_array(At @ B) if coupled else At
@@ -187,7 +199,8 @@ def prove(matrix: Matrix, psi: Map) -> DefiniteProof | str:
         reach = f"the eigenvalues of |A|'G are at most {at_most(kappa)}, those of A at least {at_least(smallest)}"
         return f"psi is too steep: {reach}"
     sentence = f"{name} is positive definite (the symmetric part, its diagonal scaled to 1, is >= {at_least(smallest)})"
-    Bt, Lt = sp.csr_array(B.T), sp.csr_array(L.T)
+    Bt = sp.csr_array(B.T)
+    Lt = sp.csr_array(L.T)
     return DefiniteProof(sentence, smallest, gap, exponent, exponent_r, At, Bt, Lt, H, slack, lu.solve)
 
 
@@ -197,7 +210,9 @@ def _reflected(problem: ProblemData, z: Vector) -> tuple[Vector, Vector, Any, Ve
     `room` ≥ 0 where z is between the obstacles: r where there is one. A row that is above the upper one is seen from
     there, one that is below the lower one from here, and in between the sign of p decides.
     """
-    p, r, above = problem.p(z), problem.r(z), problem.r_upper(z)
+    p = problem.p(z)
+    r = problem.r(z)
+    above = problem.r_upper(z)
     if above is None:
         return p, r, 1.0, r
     there = (above > 0) | ((p < 0) & (r >= 0))
@@ -218,7 +233,8 @@ def _slopes(psi: Map, n: int) -> tuple[sp.csr_array, sp.csr_array]:
     bound = sp.csr_array(sp.diags_array(held.astype(float)) @ G)
     bound.eliminate_zeros()
     B = sp.csr_array(identity - bound)
-    g, b = bound.diagonal(), B.diagonal()
+    g = bound.diagonal()
+    b = B.diagonal()
     # the error of 1 - g, exactly (Knuth)
     lost = np.abs((1.0 - (b - (b - 1.0))) - (g + (b - 1.0)))
     L = sp.csr_array(sp.diags_array(lost))

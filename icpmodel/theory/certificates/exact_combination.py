@@ -20,7 +20,8 @@ _RATIONAL = 30
 #: denominators that are tried first: the rays of problems in small whole numbers have them
 _DENOMINATOR = 1000
 #: nanoseconds for an entry of A in fractions, by cProfile; how many are too many
-_FRACTION, _LONG = 3000.0, 4e8
+_FRACTION = 3000.0
+_LONG = 4e8
 
 
 def candidates_near(
@@ -73,7 +74,8 @@ def contradiction(problem: ProblemData, rows: CombinationRows, y: Combination) -
         return None
     if _is_hopeless(problem, rows, y):
         return None
-    weights, A = list(y.values()), sp.csc_array(problem.A[list(y)])
+    weights = list(y.values())
+    A = sp.csc_array(problem.A[list(y)])
     total = sum((weight * Fraction(float(problem.q[i])) for i, weight in y.items()), Fraction(0))
     for j in np.flatnonzero(np.diff(A.indptr)):  # by columns, as one that is not 0 may end it
         part = range(A.indptr[j], A.indptr[j + 1])

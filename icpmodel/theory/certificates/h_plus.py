@@ -71,7 +71,8 @@ def prove(matrix: Matrix, psi: Map) -> HPlusProof | str:
     choice of rows is a linear system; its solution is positive for every choice if and only if some v serves both, and
     grows from choice to choice (Howard's policy iteration). The signs of α and β are checked, rounding included.
     """
-    A, G = matrix.sparse, psi.lipschitz
+    A = matrix.sparse
+    G = psi.lipschitz
     if not (positive := positive_diagonal(A)).holds:
         return f"A is not an H+-matrix: {positive.reason}"
     if G is None:
@@ -103,7 +104,8 @@ def _candidates(comparison: sp.csr_array, G: sp.csr_array) -> Iterator[tuple[str
     c = natural_exponents(sp.csr_array(abs(rows) + G))[1]
     if not c.any():
         return
-    rows, G = in_units(rows, -c, c), in_units(G, -c, c)
+    rows = in_units(rows, -c, c)
+    G = in_units(G, -c, c)
     for name, v in chain(scaling_vectors(rows), _policy_iteration(rows, G)):
         yield f"{name} in natural units", np.ldexp(v, c)
 
@@ -114,7 +116,8 @@ def _policy_iteration(rows: sp.csr_array, G: sp.csr_array) -> Iterator[tuple[str
     if not G.nnz or n > _POLICY_UP_TO:
         return
     moving = sp.csr_array(sp.eye_array(n) - G)
-    v, before = np.ones(n), None
+    v = np.ones(n)
+    before = None
     for _ in range(_POLICY_STEPS):
         choice = moving @ v < rows @ v
         if before is not None and np.array_equal(choice, before):

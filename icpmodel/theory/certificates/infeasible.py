@@ -48,7 +48,8 @@ def infeasible(problem: ProblemData, y: Vector, known: Known | None = None, *, b
     True with the witness y, floats or fractions, and `number`, which (Az + q)ᵀy is at most, without an obstacle above
     (q + Ac)ᵀy; else None. For an affine ψ `y` and the witness are (y, x), shape (2n,).
     """
-    given, unknown = problem, Answer(None, "no combination of the rows was found that contradicts itself")
+    given = problem
+    unknown = Answer(None, "no combination of the rows was found that contradicts itself")
     if not problem.psi.is_constant:
         higher = lifted(problem)
         if higher is None or y.size != 2 * problem.n:
@@ -57,7 +58,8 @@ def infeasible(problem: ProblemData, y: Vector, known: Known | None = None, *, b
     if not np.isfinite(y).all() or not y.any():
         return unknown
     problem, units = in_units_of_rows(problem)
-    rows, y = CombinationRows.of(problem, known), np.ldexp(y / np.abs(y).max(), -units)
+    rows = CombinationRows.of(problem, known)
+    y = np.ldexp(y / np.abs(y).max(), -units)
     if not y.any():
         return unknown
     free = rows.falls & rows.rises
@@ -72,7 +74,8 @@ def infeasible(problem: ProblemData, y: Vector, known: Known | None = None, *, b
         if number is None:
             return unknown
         top = int(units[y != 0].max())
-        y, number = np.ldexp(y, units - top), float(np.ldexp(number, -top))
+        y = np.ldexp(y, units - top)
+        number = float(np.ldexp(number, -top))
         said = f"{_weighted(y)} of Az + q, or a combination next to that, comes to {number:.3g} at most"
         return Answer(True, f"no z is a solution: {said}, every rounding error being bounded", y, number)
     top = max(int(units[i]) for i, weight in found.items() if weight)
@@ -101,11 +104,14 @@ def in_units_of_rows(problem: ProblemData) -> tuple[ProblemData, Exponents]:
     In a row without entries |q_i| becomes about as large as in the others. The result is the
     problem itself and zeros where that would round, or where all are within 2^±10 already.
     """
-    empty, of_q, weights = problem.matrix.empty_rows, np.abs(problem.q), problem.matrix.row_weights
+    empty = problem.matrix.empty_rows
+    of_q = np.abs(problem.q)
+    weights = problem.matrix.row_weights
     with np.errstate(over="ignore"):
         others = float((weights[~empty] * of_q[~empty]).max(initial=0.0)) or 1.0
     size = np.where(empty, of_q / others, 1.0 / weights)
-    exponents, none = -np.frexp(size)[1].astype(np.int64), np.zeros(problem.n, dtype=np.int64)
+    exponents = -np.frexp(size)[1].astype(np.int64)
+    none = np.zeros(problem.n, dtype=np.int64)
     if np.abs(exponents).max() <= _ONE_SIZE or (A := in_units_exactly(problem.A, exponents)) is None:
         return problem, none
     q = np.ldexp(problem.q, exponents)

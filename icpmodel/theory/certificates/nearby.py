@@ -31,13 +31,15 @@ from .h_plus import HPlusProof
 #: a bound that is at most so many times the error will do
 _GOOD = 10.0
 #: the shares of |z − ẑ| where δ(ẑ) will do, and that is aimed at: the bound is then at most nine times the error
-_ENOUGH, _AIM = 0.8, 0.6
+_ENOUGH = 0.8
+_AIM = 0.6
 #: the share of the price of a hierarchy that sweeps may cost, which are foreseen to do for less than they do
 _SWEEPING = 0.25
 #: looks at the active set at the most, of which two in a row halve δ(ẑ)
 _LOOKS = 8
 #: what is left of Az + q by the steps between two looks: at the most, and at the least, where rounding takes over
-_MOST, _LEAST = 0.1, 1e-12
+_MOST = 0.1
+_LEAST = 1e-12
 
 #: points ẑ; sent are the largest entries of |z − ẑ| and of δ(ẑ)
 Points = Generator[Vector, tuple[float, float], None]
@@ -58,14 +60,22 @@ def points_near(
     if not (first > 0 and np.isfinite(z).all() and bound > _GOOD * max(first, floor)):
         return
     simple = with_fixed_obstacle(problem)
-    sweep, better, last, count, beyond = sweep_with_flow(simple), z, first, float(SWEEPS), bound
-    price, left = work.sweep(problem.n, problem.nnz), _SWEEPING * work.COSTS.hierarchy_entry * problem.nnz
+    sweep = sweep_with_flow(simple)
+    better = z
+    last = first
+    count = float(SWEEPS)
+    beyond = bound
+    price = work.sweep(problem.n, problem.nnz)
+    left = _SWEEPING * work.COSTS.hierarchy_entry * problem.nnz
     made = SWEEPS
     while count * price <= left:
         count = min(count, made)  # the first ones fall faster than the rest
         work.afford(count * price)
-        better, left, made = swept(sweep, better, int(count)), left - count * price, made + int(count)
-        now, step = _natural(problem, better), float(np.abs(better - z).max())
+        better = swept(sweep, better, int(count))
+        left = left - count * price
+        made = made + int(count)
+        now = _natural(problem, better)
+        step = float(np.abs(better - z).max())
         beyond = bound * now / first  # as far as is known without the cost of another bound
         if not now > 0 or bound * (first - now) <= _GOOD * step * first:
             yield better
@@ -74,7 +84,8 @@ def points_near(
             step, beyond = yield better
             if beyond <= max(_ENOUGH * step, 2 * floor):
                 return
-        count, last = _more(count, now / last, _AIM * step / beyond), now
+        count = _more(count, now / last, _AIM * step / beyond)
+        last = now
     try:
         hierarchy = None if simple.psi.no_derivative() else Hierarchy(simple)
     except NoHierarchy:
@@ -107,18 +118,23 @@ def _by_cycles(
     rough. `seen` tells about what would be sent; a bound costs more, and is asked for where it may do, and at the end.
     """
     next(path)
-    share, before, asked = _MOST, math.inf, True
+    share = _MOST
+    before = math.inf
+    asked = True
     for _ in range(_LOOKS):
         # a look that finds another active set may leave as much as there was
-        earlier, before = before, beyond
+        earlier = before
+        before = beyond
         try:
             better, _ = path.send(share)
         except StopIteration:  # its steps lead no further
             break
         better = smooth(better)
-        (step, beyond), asked = seen(better), False
+        (step, beyond) = seen(better)
+        asked = False
         if beyond <= max(_ENOUGH * step, enough):
-            (step, beyond), asked = (yield better), True
+            (step, beyond) = yield better
+            asked = True
         if beyond <= max(_ENOUGH * step, enough) or not 2 * beyond <= earlier:
             break
         share = min(max(_AIM * step / beyond, _LEAST), _MOST)
@@ -134,11 +150,14 @@ def _more(count: float, left: float, wanted: float) -> float:
 
 def _natural(problem: ProblemData, z: Vector) -> float:
     """The largest |F_i(z)| in units of z, which no error in the largest entry is below; up to rounding."""
-    A, G = problem.matrix, problem.psi.lipschitz
+    A = problem.matrix
+    G = problem.psi.lipschitz
     assert G is not None  # there would be no proof
     with np.errstate(all="ignore"):
-        r, above = problem.r(z), problem.r_upper(z)
+        r = problem.r(z)
+        above = problem.r_upper(z)
         if G.nnz:
             moves = 1.0 + G @ np.ones(problem.n)
-            r, above = r / moves, None if above is None else above / moves
+            r = r / moves
+            above = None if above is None else above / moves
         return float(np.abs(mid(problem.p(z) / (A.rows.rest + A.rows.diagonal), r, above)).max())

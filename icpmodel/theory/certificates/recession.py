@@ -105,18 +105,25 @@ def multipliers(problem: ProblemData) -> Vector | None:
     from scipy.optimize import linprog
 
     problem, units = in_units_of_rows(problem)
-    A, n, (low, high, falls, rises) = problem.A.tocsc(), problem.n, CombinationRows.of(problem)
-    free, both, sign = falls & rises, ~(falls | rises), np.where(falls, -1.0, 1.0)
+    A = problem.A.tocsc()
+    n = problem.n
+    (low, high, falls, rises) = CombinationRows.of(problem)
+    free = falls & rises
+    both = ~(falls | rises)
+    sign = np.where(falls, -1.0, 1.0)
     with np.errstate(over="ignore", invalid="ignore"):
         load = problem.p(np.where(free, 0.0, np.where(falls, high, low)))
         width = np.where(both, high - low, 1.0)[:, None]
         unit = float(np.abs(load).max()) or 1.0  # a solver takes 1e20 for infinite
-        load, width = load / unit, np.where(both[:, None], width / unit, 1.0)
-        size, sums = np.abs(load).sum(), abs(A).sum(axis=0) * width[:, 0]
+        load = load / unit
+        width = np.where(both[:, None], width / unit, 1.0)
+        size = np.abs(load).sum()
+        sums = abs(A).sum(axis=0) * width[:, 0]
     if not (np.isfinite(10.0 * size) and np.isfinite(sums).all() and np.isfinite(width).all()):
         return None
     # the unknowns are y, t, and the room, in shares of what the rows could be
-    k, columns = int(both.sum()), sp.csr_array(A.T) * (sign[:, None] * width)
+    k = int(both.sum())
+    columns = sp.csr_array(A.T) * (sign[:, None] * width)
     more = -sp.eye_array(n).tocsc()[:, both]
     total = np.concatenate([load, np.ones(k), [size]])
     least = np.concatenate([np.where(falls, -1.0, 0.0), np.zeros(k + 1)])

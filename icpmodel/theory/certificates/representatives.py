@@ -59,8 +59,11 @@ class RepresentativesProof(Proof):
 
     def bound(self, problem: ProblemData, z: Vector, for_p: Vector, for_r: Vector) -> tuple[Vector, float]:
         with np.errstate(over="ignore", invalid="ignore", under="ignore"):
-            p, error_p = np.ldexp(problem.p(z), self.row_p), np.ldexp(for_p, self.row_p) + 2 * SMALLEST
-            error_r, r, above = np.ldexp(for_r, self.row_r) + 2 * SMALLEST, problem.r(z), problem.r_upper(z)
+            p = np.ldexp(problem.p(z), self.row_p)
+            error_p = np.ldexp(for_p, self.row_p) + 2 * SMALLEST
+            error_r = np.ldexp(for_r, self.row_r) + 2 * SMALLEST
+            r = problem.r(z)
+            above = problem.r_upper(z)
             # an error counts on the side that is the median alone
             low, high = (
                 mid(
@@ -83,12 +86,14 @@ class RepresentativesProof(Proof):
 
 def prove(matrix: Matrix, psi: Map) -> RepresentativesProof | str:
     """All 2ⁿ representatives are inverted, n ≤ 12, and the inverses enclosed."""
-    n, other = matrix.n, "I" if psi.is_constant else "I - G"
+    n = matrix.n
+    other = "I" if psi.is_constant else "I - G"
     if n > LIMIT:
         return f"n = {n} is too large to try all choices of rows from A and {other}, which is done up to n = {LIMIT}"
     if psi.linear is None:
         return "psi is neither constant nor affine, so I - G has no rows to be compared with those of A"
-    A, (G, c) = matrix.sparse.toarray(), psi.linear
+    A = matrix.sparse.toarray()
+    (G, c) = psi.linear
     free = np.isneginf(c)
     if isinstance(psi, TwoSidedObstacle):
         if not psi.parallel or psi.upper.linear is None:
@@ -97,12 +102,14 @@ def prove(matrix: Matrix, psi: Map) -> RepresentativesProof | str:
     is_lcp = psi.is_constant and not free.any()
     B = np.where(free[:, None], A, np.eye(n) - G.toarray())
     column = mean_exponents(np.vstack([A, B]))
-    rows_A, rows_B = _unit_rows(A, column), _unit_rows(B, column)
+    rows_A = _unit_rows(A, column)
+    rows_B = _unit_rows(B, column)
     if rows_A is None or rows_B is None:
         return f"choices of rows from A and {other} are not compared: a row is zero or has entries of too many sizes"
     yes, no = ("A is a P-matrix", "A is not a P-matrix") if is_lcp else (_HAVE, _HAVE.replace("have", "do not have"))
     corners = np.arange(2**n)
-    K, H = np.zeros((n, n)), np.zeros((n, n))
+    K = np.zeros((n, n))
+    H = np.zeros((n, n))
     for start in range(0, corners.size, _CHUNK):
         from_B = (corners[start : start + _CHUNK, None] >> np.arange(n)) & 1 == 1
         inverse, radius, sign = _enclosed_inverses(rows_A[0], rows_B[0], from_B)
@@ -131,7 +138,8 @@ def _enclosed_inverses(A: np.ndarray, B: np.ndarray, from_B: np.ndarray) -> tupl
     """
     n = A.shape[0]
     gamma = (2 * n + 12) * UNIT_ROUNDOFF
-    V, other = np.where(from_B[:, :, None], B, A), np.where(from_B[:, :, None], A, B)
+    V = np.where(from_B[:, :, None], B, A)
+    other = np.where(from_B[:, :, None], A, B)
     with np.errstate(all="ignore"):
         try:
             R = np.linalg.inv(V)

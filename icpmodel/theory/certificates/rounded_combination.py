@@ -15,14 +15,17 @@ from .combination_rows import SHOWN, CombinationRows
 
 #: nanoseconds for k²m of a factorisation with pivoting of an m × k matrix, 7 s at m = 2600 and k = 1700 were measured;
 #: and how many are too many
-_PIVOTED, _LONGEST = 1.0, 2e9
+_PIVOTED = 1.0
+_LONGEST = 2e9
 
 
 @np.errstate(all="ignore")
 def rounded_combination(problem: ProblemData, rows: CombinationRows, y: Vector) -> float | None:
     """What (Az + q)ᵀx is at most, for some x next to `y`, where that is negative, all rounding being bounded."""
     used = np.flatnonzero(y)
-    y, right, K = y[used], problem.q[used], problem.A[used]
+    y = y[used]
+    right = problem.q[used]
+    K = problem.A[used]
     signed = ~(rows.rises & rows.falls)[used]
     size = abs(K)
     # two more than the operations of a sum, twice, as for all sums here
@@ -30,7 +33,9 @@ def rounded_combination(problem: ProblemData, rows: CombinationRows, y: Vector) 
     tiny = (K.shape[0] + problem.n) * SMALLEST
     columns = K.T @ y
     off = loss * (size.T @ np.abs(y)) + tiny
-    has_low, has_high, empty = np.isfinite(rows.low), np.isfinite(rows.high), size.sum(axis=0) == 0
+    has_low = np.isfinite(rows.low)
+    has_high = np.isfinite(rows.high)
+    empty = size.sum(axis=0) == 0
 
     def sure() -> Any:
         return ((columns - off >= 0) & has_high) | ((columns + off <= 0) & has_low) | (has_low & has_high) | empty

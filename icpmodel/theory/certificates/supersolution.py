@@ -69,7 +69,8 @@ class SupersolutionProof(Proof):
             F = np.minimum(problem.p(z) / self.weight, problem.r(z))
             error = np.maximum(for_p / self.weight, for_r) * (1 + 4 * UNIT_ROUNDOFF) + 4 * UNIT_ROUNDOFF * np.abs(F)
             error += SMALLEST  # the quotients may have underflowed
-            below, above = max(float(np.max(error - F)), 0.0), max(float(np.max(F + error)), 0.0)
+            below = max(float(np.max(error - F)), 0.0)
+            above = max(float(np.max(F + error)), 0.0)
             delta = np.full(z.size, np.inf)
             for m, s in self.pairs:
                 if above < m:
@@ -85,7 +86,8 @@ class SupersolutionProof(Proof):
 
 def prove(problem: ProblemData) -> SupersolutionProof | str:
     """Policy iteration for a few margins m, each s checked with rounding included. It depends on q as well."""
-    A, psi = problem.A, problem.psi
+    A = problem.A
+    psi = problem.psi
     if not isinstance(psi, Intervention) or psi.best != "max":
         return 'psi is no best jump (an Intervention with best="max"), for which supersolutions are sought'
     if not (found := z_matrix(A)).holds:
@@ -99,7 +101,8 @@ def prove(problem: ProblemData) -> SupersolutionProof | str:
         return f"A1 >= 0 is needed: row {i} of A has the sum {total:.3g}"
     diagonal = A.diagonal()
     unit = sp.csr_array(sp.diags_array(1.0 / diagonal) @ A)
-    ones, lu = np.ones(problem.n), factorise(unit)
+    ones = np.ones(problem.n)
+    lu = factorise(unit)
     v = None if lu is None else lu.solve(ones)
     if v is None or not (v > 0).all() or not (lower(A, v) > 0).all():
         return "A is not proved to be a nonsingular M-matrix: no v > 0 with Av > 0 was found"
@@ -127,7 +130,8 @@ def _supersolutions(problem: ProblemData, weight: Vector, start: Vector) -> Iter
             new = _policy_step(problem, weight, target, s)
             if new is None:
                 break
-            step, s = float(np.abs(new - s).max()), new
+            step = float(np.abs(new - s).max())
+            s = new
             if step <= 1e-9 * target:
                 m = _margin(problem, weight, s)
                 if m > 0.5 * target:
@@ -158,6 +162,7 @@ def _policy_step(problem: ProblemData, weight: Vector, m: float, s: Vector) -> V
 def _margin(problem: ProblemData, weight: Vector, s: Vector) -> float:
     """A lower bound of min(p(s)/a, r(s))."""
     for_p, for_r = problem.rounding(s)
-    p, r = problem.p(s), problem.r(s)
+    p = problem.p(s)
+    r = problem.r(s)
     F = np.minimum((p - for_p) / weight, r - for_r)
     return float((F - 4 * UNIT_ROUNDOFF * np.abs(F)).min()) - SMALLEST

@@ -139,7 +139,8 @@ class StepMatrices:
 def off_diagonal(matrix: sp.csr_array) -> sp.csr_array:
     """|`matrix`| with a zero diagonal."""
     work.build(matrix.nnz, 2)
-    data, own = np.abs(matrix.data), matrix.indices == row_of(matrix)
+    data = np.abs(matrix.data)
+    own = matrix.indices == row_of(matrix)
     data[own] -= data[own]  # NaN where it is infinite
     return sp.csr_array((data, matrix.indices, matrix.indptr), shape=matrix.shape)
 
@@ -158,7 +159,8 @@ def _shifted(matrix: sp.csr_array, positions: Any, by: Vector) -> sp.csr_array:
 def sharper(step: StepMatrices) -> MonotoneMap:
     """T(v) = |X⁻¹| max(|X − 2A|v, (|X − 2Ω| + 2ΩG)v)."""
     work.build(step.size.nnz, 6)
-    X, omega = step.X, sp.diags_array(step.omega)
+    X = step.X
+    omega = sp.diags_array(step.omega)
     first = sp.csr_array(abs(X - 2.0 * step.A))
     second = total(abs(X - 2.0 * omega), 2.0 * step.omega_G)
     return MonotoneMap(absolute_inverse(X, step.size), (first, second), step.size)
@@ -183,7 +185,8 @@ def theorem_43(step: StepMatrices, *, as_printed: bool = False) -> MonotoneMap |
     theta = step.splitting
     if not isinstance(theta, AOR):
         return "it is about AOR splittings only"
-    B, factor = off_diagonal(step.A), theta_factor(theta)
+    B = off_diagonal(step.A)
+    factor = theta_factor(theta)
     if as_printed:
         if reason := _not_as_printed(step):
             return reason
@@ -220,7 +223,8 @@ def printed_42(step: StepMatrices) -> MonotoneMap | str:
     excess = sp.coo_array(step.G - times_rows(0.5 / step.omega, bound + (16 * UNIT_ROUNDOFF) * step.size))
     if excess.nnz and excess.data.max() > 0:
         k = int(np.argmax(excess.data))
-        i, j = int(excess.coords[0][k]), int(excess.coords[1][k])
+        i = int(excess.coords[0][k])
+        j = int(excess.coords[1][k])
         return f"g[{i}, {j}] = {step.G[i, j]:g} exceeds its bound {0.5 * bound[i, j] / step.omega[i]:.3g}"
     return _h_splitting(step)
 
@@ -255,7 +259,8 @@ def _not_as_printed(step: StepMatrices) -> str:
 
 def theta_factor(theta: AOR) -> float:
     """max(θ₁, θ₂)/min(1, θ₁), rounded up."""
-    above, below = float(max(theta.theta1, theta.theta2)), float(min(1.0, theta.theta1))
+    above = float(max(theta.theta1, theta.theta2))
+    below = float(min(1.0, theta.theta1))
     factor = above / below
     exact = np.isfinite(factor) and Fraction(factor) * Fraction(below) == Fraction(above)
     return factor if exact else float(np.nextafter(factor, np.inf))

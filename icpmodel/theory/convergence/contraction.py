@@ -25,7 +25,8 @@ from ..matrices.comparison_matrix import comparison_matrix
 #: up to this n the inverse of an X that is no M-matrix is computed densely, and so is known from both sides
 DENSE = 300
 #: entries up to which a step costs a factorisation, and entries that all power steps together may read
-_FACTORISED, _READ = 200_000, 400_000_000
+_FACTORISED = 200_000
+_READ = 400_000_000
 _WORTH = 0.01  #: a gain of this share of the distance to 1 (or to 0) is worth another step
 
 
@@ -303,7 +304,8 @@ def _noda(T: HomogeneousMap, best: Radius, enough: float) -> Radius:
         for _ in range(20):
             if best.upper < enough:
                 break
-            before, best = best, _better(T, T.steeper(best.upper, best.v), best)
+            before = best
+            best = _better(T, T.steeper(best.upper, best.v), best)
             if not _worthwhile(before.upper, best.upper):
                 break
     return best

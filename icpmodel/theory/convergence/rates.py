@@ -85,12 +85,14 @@ class Rate(Shown, ABC):
         InputError
             For another A or ψ, or another z0.
         """
-        problem, step = as_problem(problem), self._step
+        problem = as_problem(problem)
+        step = self._step
         z0 = problem.vector(z0, "z0", finite=True)
         if problem.A is not step.A or problem.psi is not step.problem.psi:
             raise InputError("problem has another A or psi than the rate; make the rate of this problem")
         with np.errstate(all="ignore"):
-            r, omega = problem.r(z0), step.omega
+            r = problem.r(z0)
+            omega = step.omega
             above = problem.r_upper(z0)
             F = np.minimum(problem.p(z0), omega * r)
             if above is not None:  # where the obstacles cross as well: what the step is made of
@@ -147,7 +149,8 @@ class Rate(Shown, ABC):
             return None
         if distance <= wanted:
             return 0
-        far, near = math.log(distance), math.log(wanted)
+        far = math.log(distance)
+        near = math.log(wanted)
         fall = far - near + 8 * UNIT_ROUNDOFF * (1 + abs(far) + abs(near))
         return math.ceil(fall / -math.log(self.factor) * (1 + 64 * UNIT_ROUNDOFF))
 
@@ -166,7 +169,8 @@ class Contraction(Rate):
 
         The factor in the maximum norm may be larger, but nothing is lost between it and the entries of z.
         """
-        numbers, ones = [Rate.steps(self, problem, z0, accuracy)], np.ones(self.v.size)
+        numbers = [Rate.steps(self, problem, z0, accuracy)]
+        ones = np.ones(self.v.size)
         with np.errstate(all="ignore"):
             factor = float(self._map().upper(ones).max())
         if factor < 1:

@@ -85,17 +85,21 @@ class SweepMap(HomogeneousMap):
     def _swept(self, f: Vector, v: Vector, g: Vector, sign: float) -> Vector:
         from ...algebra.kernels.sweeps import bounded  # loads numba
 
-        A, out, k = self._A, np.empty(v.size), np.diff(self._A.indptr) + 8
+        A = self._A
+        out = np.empty(v.size)
+        k = np.diff(self._A.indptr) + 8
         scale = np.nextafter(self._omega / self._rows.diagonal, np.inf if sign > 0 else 0.0)
         # a row takes k roundings at most, and as many underflows, of which all but a few are scaled
-        growth, tiny = 1.0 + sign * 4 * k * UNIT_ROUNDOFF, sign * (scale * (k * SMALLEST) + 4 * SMALLEST)
+        growth = 1.0 + sign * 4 * k * UNIT_ROUNDOFF
+        tiny = sign * (scale * (k * SMALLEST) + 4 * SMALLEST)
         bounded(A.indptr, A.indices, A.data, self._rows.diag, scale, growth, tiny, f, v, g, out)
         return out
 
     def steeper(self, mu: float, v: Vector) -> Vector | None:
         # at v each row of w is one of G or one of the sweep: Kw = Hv, and (μI − K⁻¹H)⁻¹v solves (μK − H)y = Kv
         work.build(self.entries, 8)
-        one, W = sp.eye_array(v.size), sp.diags_array(self._omega / self._rows.diagonal) @ self._A
+        one = sp.eye_array(v.size)
+        W = sp.diags_array(self._omega / self._rows.diagonal) @ self._A
         sweeps = sp.diags_array((self.upper(v) > upper(self._G, v)).astype(np.float64))
         K = one - sweeps @ sp.tril(W, -1)
         H = (one - sweeps) @ self._G + sweeps @ (abs(1.0 - self._omega) * one + sp.triu(W, 1))

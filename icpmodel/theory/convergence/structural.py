@@ -59,7 +59,8 @@ from .conditions import StepMatrices
 #: products in (A + Ω)ᵀ(A + Ω), which has no more entries: up to here σ is sharp, at the price of a second or two
 _LARGEST_WORK = 400_000
 #: shares of τ that are given up for certainty; the first one does unless rounding is felt
-_SHARES, _SHARES_DENSE = (1e-3, 1e-2, 0.1, 0.5), (1e-13, 1e-11, 1e-9, 1e-6, 1e-3, 0.1)
+_SHARES = (1e-3, 1e-2, 0.1, 0.5)
+_SHARES_DENSE = (1e-13, 1e-11, 1e-9, 1e-6, 1e-3, 0.1)
 
 MONOTONE = (
     "If A is a Z-matrix, ψ is continuous and isotone and X = M₁ + φ + Ω is diagonal with X ≥ 2D and X ≥ 2Ω "
@@ -98,7 +99,8 @@ def _no_isotone_sweep(step: StepMatrices) -> str | None:
 def _no_isotone_step(step: StepMatrices) -> str | None:
     if step.M1.data[step.M1.indices != row_of(step.M1)].any():
         return "M1 is not diagonal"
-    X, least = step.X.diagonal(), 2.0 * np.maximum(step.D, step.omega)
+    X = step.X.diagonal()
+    least = 2.0 * np.maximum(step.D, step.omega)
     size = np.abs(step.M1.diagonal()) + np.abs(step.phi) + step.omega
     short = least - X > 4 * UNIT_ROUNDOFF * size
     if short.any():
@@ -148,7 +150,8 @@ def contraction_factor(step: StepMatrices, largest_work: int = _LARGEST_WORK) ->
 def _from_eigenvalues(A: sp.csr_array, symmetric: bool) -> float | None:
     """σ = max|1 − λ|/(1 + λ) for symmetric A', else σ² ≤ 1 − 4λ_min(H)/(‖A'‖₂ + 1)², from bounds on A' and H."""
     size = sp.csr_array(abs(A))
-    rows, columns = float(size.sum(axis=1).max()), float(size.sum(axis=0).max())
+    rows = float(size.sum(axis=1).max())
+    columns = float(size.sum(axis=0).max())
     slack = 16 * UNIT_ROUNDOFF * max(rows, columns) + A.nnz * SMALLEST
     low = smallest_below(A, slack)
     if not low > 0:
@@ -162,9 +165,12 @@ def _from_eigenvalues(A: sp.csr_array, symmetric: bool) -> float | None:
 
 def _from_quotient(A: sp.csr_array) -> float | None:
     """σ² ≤ 1 − 4τ for a τ next to the largest with H − τKᵀK ≥ 0."""
-    n, identity, absolute = A.shape[0], sp.eye_array(A.shape[0]), sp.csr_array(abs(A))
+    n = A.shape[0]
+    identity = sp.eye_array(A.shape[0])
+    absolute = sp.csr_array(abs(A))
     work.build(int(np.square(np.diff(A.indptr)).sum()), 4)
-    size, K = sp.csr_array(absolute + identity), sp.csr_array(A + identity)
+    size = sp.csr_array(absolute + identity)
+    K = sp.csr_array(A + identity)
     H = sp.csr_array(0.5 * (A + A.T))
     KK = sp.csr_array(K.toarray().T @ K.toarray()) if is_dense(K) else sp.csr_array(K.T @ K)
     tau = smallest_quotient(H, KK) if np.isfinite(KK.data).all() else -np.inf

@@ -174,11 +174,13 @@ def _check(name: str, step: StepMatrices, as_printed: bool) -> Check:
     if not isinstance(name, str) or name not in _THEOREMS:
         raise InputError(f"theorem is {described(name)}; one of {', '.join(_THEOREMS)} was expected")
     theorem = _THEOREMS[name]
-    decide, sentence = theorem.decide, theorem.sentence
+    decide = theorem.decide
+    sentence = theorem.sentence
     if as_printed:
         if theorem.printed is None:
             raise InputError(f"theorem is {name!r} as printed, but the paper does not print it")
-        decide, sentence = theorem.printed, theorem.printed_sentence
+        decide = theorem.printed
+        sentence = theorem.printed_sentence
     with np.errstate(all="ignore"):  # what overflows proves nothing
         if theorem.newest not in (None, step.sees_newest):
             found = Answer(False, _OTHER_VALUES[step.sees_newest])

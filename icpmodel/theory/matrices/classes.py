@@ -115,7 +115,8 @@ class MatrixClasses(ReadOnly, Shown):
 
     def decided(self, limit: Allowance) -> MatrixClasses:
         """A copy that was asked for everything, each within the `limit`; unknown beyond it."""
-        asked, all_known = MatrixClasses(self.A), True
+        asked = MatrixClasses(self.A)
+        all_known = True
         vars(asked).update(vars(self))
         for name in _BASIC_FIRST:
             try:
@@ -227,9 +228,12 @@ class MatrixClasses(ReadOnly, Shown):
         pair = minor_of_order_two(self.A)
         if pair is not None:
             return Answer(False, f"the minor of rows and columns {pair[0]} and {pair[1]} is not positive", pair)
-        unknown, minors, proved = None, 0, "every irreducible diagonal block is a P-matrix"
+        unknown = None
+        minors = 0
+        proved = "every irreducible diagonal block is a P-matrix"
         for rows, part in open_blocks(self.A):
-            whole, small = rows.size == self.A.shape[0], rows.size <= LIMIT
+            whole = rows.size == self.A.shape[0]
+            small = rows.size <= LIMIT
             minors += 2**rows.size if small else 0
             if small and minors > 2 ** (LIMIT + 2):
                 return Answer(None, f"too many irreducible blocks of up to {LIMIT} rows to look at all of their minors")
@@ -270,7 +274,8 @@ class MatrixClasses(ReadOnly, Shown):
         Witness: (lower, upper); number: w.
         """
         below, above = bandwidths(without_zeros(self.A))
-        width, limit = below + above + 1, max(3.0, float(np.sqrt(self.A.shape[0])))
+        width = below + above + 1
+        limit = max(3.0, float(np.sqrt(self.A.shape[0])))
         reason = f"bandwidth {below} + {above} + 1 {'<=' if width <= limit else '>'} max(3, sqrt(n)) = {limit:g}"
         return Answer(width <= limit, reason, (below, above), width)
 

@@ -59,7 +59,8 @@ def z_matrix(A: sp.csr_array) -> Answer:
     found = np.flatnonzero((A.data > 0) & (rows != A.indices))
     if not found.size:
         return Answer(True, "no positive entry off the diagonal")
-    i, j = int(rows[found[0]]), int(A.indices[found[0]])
+    i = int(rows[found[0]])
+    j = int(A.indices[found[0]])
     return Answer(False, f"A[{i}, {j}] = {A.data[found[0]]:g} is positive", (i, j))
 
 

@@ -37,7 +37,8 @@ def definiteness(A: sp.csr_array) -> tuple[Answer, Answer]:
     An exactly singular matrix may stay open beyond n = 30.
     The witness of False is an x, shape (n,), with xᵀAx ≤ 0 (definite), xᵀAx < 0 (semidefinite), checked.
     """
-    n, diagonal = A.shape[0], A.diagonal()
+    n = A.shape[0]
+    diagonal = A.diagonal()
     definite = semidefinite = Answer(None, "")
     i = int(np.argmin(diagonal))
     if diagonal[i] <= 0:
@@ -101,7 +102,8 @@ def _in_own_units(A: sp.csr_array) -> tuple[sp.csr_array, sp.csr_array, NDArray[
     work.build(A.nnz, 5)
     largest = -np.minimum(row_exponents(A), row_exponents(sp.csr_array(A.T)))
     # (900 - E_i)/2 + (900 - E_j)/2 + min(E_i, E_j) is at most 900
-    limit, diagonal = (900 - largest) // 2, A.diagonal()
+    limit = (900 - largest) // 2
+    diagonal = A.diagonal()
     e = np.where(diagonal > 0, np.minimum(symmetric_exponents(diagonal), limit), limit)
     M = in_units(A, e, e)
     with np.errstate(under="ignore"):
@@ -114,7 +116,8 @@ def _rounding_of(T: sp.csr_array) -> float:
 
 def _by_pivots(A: sp.csr_array) -> Answer:
     """Positive definite, or indefinite with a witness, or None."""
-    n, (T, M, e) = A.shape[0], _in_own_units(A)
+    n = A.shape[0]
+    (T, M, e) = _in_own_units(A)
     x = _witness_of_two(T)
     if x is None:
         if not within_reach(T):
@@ -139,12 +142,15 @@ def _by_pivots(A: sp.csr_array) -> Answer:
 
 def _witness_of_two(T: sp.csr_array) -> Vector | None:
     """x with two nonzero entries and xᵀTx < 0 where |t_ij| > √(t_ii t_jj) plainly; no semidefinite T has that."""
-    rows, root = row_of(T), np.sqrt(np.maximum(T.diagonal(), 0.0))
+    rows = row_of(T)
+    root = np.sqrt(np.maximum(T.diagonal(), 0.0))
     excess = (np.abs(T.data) > root[rows] * root[T.indices] * (1 + 1e-8)) & (rows != T.indices)
     if not excess.any():
         return None
     k = int(np.argmax(np.where(excess, np.abs(T.data), 0.0)))
-    i, j, t = int(rows[k]), int(T.indices[k]), float(T.data[k])
+    i = int(rows[k])
+    j = int(T.indices[k])
+    t = float(T.data[k])
     if root[i] == 0:
         i, j = j, i
     x = np.zeros(T.shape[0])

@@ -17,7 +17,8 @@ from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, upper
 #: shares of the estimated eigenvalue that are tried as a bound; the first one does unless rounding is felt
 _SHARES = (0.99, 0.9, 0.5)
 #: up to so many rows dense factorisations are the quicker ones for all, and for those with many entries
-_DENSE, _DENSE_AT_MOST = 64, 2000
+_DENSE = 64
+_DENSE_AT_MOST = 2000
 _SECONDS = 5e9  #: what a factorisation may cost, in nanoseconds as they are counted
 _TRIDIAGONAL = 4  #: to make a dense matrix tridiagonal takes about as long as so many factorisations
 _SQUARABLE = 2.0**500  #: inner products of vectors with such entries do not overflow
@@ -142,7 +143,8 @@ def smallest_quotient(S: sp.csr_array, B: sp.csr_array | None = None, lu: Any = 
 
         return LinearOperator(S.shape, matvec=checked, dtype=np.float64)
 
-    inverse, weight = operator(lu.solve), None if B is None else operator(lambda x: B @ x)
+    inverse = operator(lu.solve)
+    weight = None if B is None else operator(lambda x: B @ x)
     start = np.random.default_rng(0).random(S.shape[0])
     try:
         return float(eigsh(S, 1, weight, 0.0, v0=start, tol=1e-4, OPinv=inverse, return_eigenvectors=False)[0])
@@ -168,7 +170,9 @@ def _distance_from_definite(S: sp.csr_array) -> float:
     if lu is None or not ((D := lu.pivots) > 0).all():
         return np.inf
     work.build(lu.lu.L.nnz, 6)
-    L, U, ones = sp.csr_array(lu.lu.L), sp.csr_array(lu.lu.U), np.ones(S.shape[0])
+    L = sp.csr_array(lu.lu.L)
+    U = sp.csr_array(lu.lu.U)
+    ones = np.ones(S.shape[0])
     exact = sp.csr_array(sp.diags_array(D) @ L.T)
     size = abs(U) @ ones + abs(exact) @ ones
     terms = int(np.diff(L.indptr).max()) + 8

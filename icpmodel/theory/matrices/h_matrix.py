@@ -37,7 +37,8 @@ from .comparison_matrix import comparison_matrix, solve_for_diagonal
 
 _POWER_STEPS = 30  #: so many steps of the power method cost less than a linear solve
 #: the limits of what rational elimination is asked to decide: stored entries, rows of a block
-_EXACT_ENTRIES, _EXACT_ROWS = 2000, 40
+_EXACT_ENTRIES = 2000
+_EXACT_ROWS = 40
 
 
 def irreducible_blocks(A: sp.csr_array) -> tuple[int, NDArray[np.int32]]:
@@ -76,13 +77,16 @@ def by_row_sums(A: sp.csr_array) -> tuple[Answer, Mask]:
 
     Reference: Taussky, Amer. Math. Monthly 56 (1949).
     """
-    n, diagonal, C = A.shape[0], A.diagonal(), comparison_matrix(A)
+    n = A.shape[0]
+    diagonal = A.diagonal()
+    C = comparison_matrix(A)
     if (diagonal == 0).any():
         i = int(np.argmax(diagonal == 0))
         return Answer(False, f"A[{i}, {i}] = 0", np.eye(1, n, i)[0]), np.zeros(n, dtype=bool)
     count, block = irreducible_blocks(A)
     signs = row_sum_signs(within_blocks(C, block))
-    highest, lowest = np.full(count, -1, dtype=np.int8), np.ones(count, dtype=np.int8)
+    highest = np.full(count, -1, dtype=np.int8)
+    lowest = np.ones(count, dtype=np.int8)
     np.maximum.at(highest, block, signs)
     np.minimum.at(lowest, block, signs)
     if (highest <= 0).any():
@@ -142,7 +146,8 @@ def decide(C: sp.csr_array, count: int, block: NDArray[np.int32]) -> Answer:
 
 def _candidates(S: sp.csr_array, block: NDArray[np.int32], count: int) -> Iterator[tuple[str, Vector]]:
     """Vectors that may prove or disprove, by rising cost."""
-    diagonal, x = S.diagonal(), np.ones(S.shape[0])
+    diagonal = S.diagonal()
+    x = np.ones(S.shape[0])
     price = 3 * work.product(x.size, S.nnz)
 
     def image(x: Vector) -> Vector:
@@ -155,7 +160,9 @@ def _candidates(S: sp.csr_array, block: NDArray[np.int32], count: int) -> Iterat
             largest = np.zeros(count)
             np.maximum.at(largest, block, x)
             x = x / largest[block]
-        ratio, least, most = image(x) / x, np.full(count, np.inf), np.zeros(count)
+        ratio = image(x) / x
+        least = np.full(count, np.inf)
+        most = np.zeros(count)
         np.minimum.at(least, block, ratio)
         np.maximum.at(most, block, ratio)
     if (least > 1).any():

@@ -40,7 +40,9 @@ from .h_matrix import by_row_sums, irreducible_blocks
 LIMIT = 26  #: irreducible blocks up to this size are decided by all of their minors: a second or two
 _MINOR = 15.0  #: nanoseconds that a minor takes
 _PAIRS = 1000  #: at most so many nearly singular pairs are looked at in rational arithmetic
-_ROWS, _NEIGHBOURS = 200, 9  #: beyond LIMIT: so many rows are looked at, with so many of their neighbours
+#: beyond LIMIT: so many rows are looked at, with so many of their neighbours
+_ROWS = 200
+_NEIGHBOURS = 9
 
 Indices = NDArray[np.intp]
 
@@ -64,7 +66,8 @@ def minor_of_order_two(A: sp.csr_array) -> Indices | None:
     S = in_units(A, *natural_exponents(A))
     with np.errstate(all="ignore"):
         product = sp.csr_array(S * sp.csr_array(S.T))
-        i, j = row_of(product), product.indices
+        i = row_of(product)
+        j = product.indices
         diagonal = S.diagonal()
         ratio = product.data / (diagonal[i] * diagonal[j])
     near = np.flatnonzero((i < j) & ~(ratio < 1 - 16 * UNIT_ROUNDOFF))
@@ -132,9 +135,12 @@ def search_minors(mid: Any, rad: Any, most: int) -> tuple[int, NDArray[np.int64]
     from ...numerics.kernels.principal_minors import search_pivots  # loads numba
 
     m = mid.shape[0]
-    mids, rads = np.empty((m + 1, m, m)), np.empty((m + 1, m, m))
-    mids[0], rads[0] = mid, rad
-    levels, undecided = np.empty(m + 1, dtype=np.int64), np.empty(most, dtype=np.int64)
+    mids = np.empty((m + 1, m, m))
+    rads = np.empty((m + 1, m, m))
+    mids[0] = mid
+    rads[0] = rad
+    levels = np.empty(m + 1, dtype=np.int64)
+    undecided = np.empty(most, dtype=np.int64)
     found, count = search_pivots(mids, rads, levels, undecided)
     return found, undecided[:count]
 
