@@ -377,6 +377,7 @@ class Derivative(ReadOnly, Shown):
         return None
 
     @cached_property
+    @np.errstate(all="ignore")
     def _delta(self) -> Vector:
         """How far z* is at most from z, where that is proved, else twice how far steps of Newton's method lead."""
         known = self.solution.certificate.bound.componentwise
@@ -399,6 +400,7 @@ class Derivative(ReadOnly, Shown):
             return np.where(self.pattern.active, F, F / self.problem.matrix.weights)
 
     @cached_property
+    @np.errstate(all="ignore")
     def _ties(self) -> Ties:
         """Which of the undecided rows may be held by which obstacle."""
         problem = self.problem

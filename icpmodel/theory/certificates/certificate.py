@@ -85,6 +85,7 @@ class Certificate(Shown):
 
 
 @sheltered
+@np.errstate(all="ignore")  # what overflows proves nothing
 def certify(
     problem: ProblemLike,
     z: Any,
@@ -129,17 +130,16 @@ def certify(
     bound = as_truth(bound, "bound")
     z = problem.vector(z)
     how: Any = {"sharp": sharp, "rigorous": rigorous, "time_limit": time_limit, "memory_limit": memory_limit}
-    with np.errstate(over="ignore", invalid="ignore"):
-        p = problem.p(z)
-        r = problem.r(z)
-        above = problem.r_upper(z)
-        beyond = np.maximum(-r, 0.0)
-        wrong = np.maximum(-p, 0.0)
-        if above is not None:
-            # p < 0 where nothing is above, p > 0 where nothing is below
-            beyond = np.maximum(beyond, above)
-            wrong = np.where(np.isneginf(above), wrong, 0.0)
-            wrong = np.where(np.isposinf(r), np.maximum(p, wrong), wrong)
+    p = problem.p(z)
+    r = problem.r(z)
+    above = problem.r_upper(z)
+    beyond = np.maximum(-r, 0.0)
+    wrong = np.maximum(-p, 0.0)
+    if above is not None:
+        # p < 0 where nothing is above, p > 0 where nothing is below
+        beyond = np.maximum(beyond, above)
+        wrong = np.where(np.isneginf(above), wrong, 0.0)
+        wrong = np.where(np.isposinf(r), np.maximum(p, wrong), wrong)
     return Certificate(
         residual=problem.residual(z),
         residual_max=float(np.abs(mid(problem.weights_at(z) * p, r, above)).max()),
@@ -189,6 +189,7 @@ class ActiveSet(ReadOnly, Shown):
 
 
 @sheltered
+@np.errstate(all="ignore")  # what overflows proves nothing
 def active_set(problem: ProblemLike, z: Any, bound: ErrorBound) -> ActiveSet:
     """The active set of z* as far as `bound` proves it.
 
@@ -237,17 +238,16 @@ def active_set(problem: ProblemLike, z: Any, bound: ErrorBound) -> ActiveSet:
         return ActiveSet(nothing, nothing, None if above is None else nothing)
     for_p, for_r = problem.rounding(z)
     inflate = 1 + 8 * UNIT_ROUNDOFF
-    with np.errstate(over="ignore", invalid="ignore"):
-        of_p = (for_p + upper(problem.matrix.absolute, delta)) * inflate
-        if problem.f is not None:
-            of_p = (of_p + problem.f.change(z, delta)) * inflate
-        of_r = (for_r + delta + change) * inflate
-        p = problem.p(z)
-        active = p > of_p
-        inactive = below > of_r
-        if above is None:
-            return ActiveSet(active & ~inactive, inactive & ~active)
-        # a row with p* > 0 is at ψ, whatever is said of r; where both are said of it, something is wrong with the bound
-        inactive &= -above > of_r
-        at_upper = p < -of_p
+    error_p = (for_p + upper(problem.matrix.absolute, delta)) * inflate
+    if problem.f is not None:
+        error_p = (error_p + problem.f.change(z, delta)) * inflate
+    error_r = (for_r + delta + change) * inflate
+    p = problem.p(z)
+    active = p > error_p
+    inactive = below > error_r
+    if above is None:
+        return ActiveSet(active & ~inactive, inactive & ~active)
+    # where a row is proved to be both, something is wrong with the bound, and nothing is said
+    inactive &= -above > error_r
+    at_upper = p < -error_p
     return ActiveSet(active & ~inactive, inactive & ~active & ~at_upper, at_upper & ~inactive)

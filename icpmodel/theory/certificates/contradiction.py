@@ -22,6 +22,7 @@ from ...numerics import work
 from ...numerics.arrays import ReadOnly, Vector
 from ...numerics.exact_polyhedron import null_space
 from ...numerics.rational import nearest, rationals
+from ...numerics.rounding import sheltered
 from ...present.shown import Shown
 from ...problem.data import ProblemData, ProblemLike, as_problem
 
@@ -94,6 +95,8 @@ class Contradiction(ReadOnly, Shown):
         return replace(self, conditions=tuple(named))
 
 
+@sheltered
+@np.errstate(all="ignore")  # what overflows proves nothing
 def contradiction(problem: ProblemLike) -> Contradiction | None:
     """Find a minimal set of contradictory conditions among p ≥ 0 and r ≥ 0, and the nearest q without one.
 
@@ -146,7 +149,6 @@ class _Conditions:
     rows: NDArray[np.intp]
 
     @classmethod
-    @np.errstate(over="ignore", invalid="ignore")
     def of(cls, problem: ProblemData) -> _Conditions | None:
         if problem.psi.linear is None or (problem.upper is not None and problem.upper.linear is None):
             return None
@@ -179,7 +181,6 @@ class _Conditions:
         kept = self.kinds >= 2
         return _Conditions(self.problem, self.M[kept], self.m[kept], self.kinds[kept], self.rows[kept])
 
-    @np.errstate(over="ignore", invalid="ignore")
     def change(self, z: Vector, least: float) -> Vector | None:
         """The smallest dq with |dq_i|/d_i ≤ `least`: with the fewest units in all, else that which makes `z` do."""
         asked = np.flatnonzero(self.kinds < 2)
