@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import islice
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -27,21 +28,21 @@ from ..matrices.classes import MatrixClasses
 from .definite import prove as prove_definite
 from .h_plus import HPlusProof
 from .h_plus import prove as prove_h_plus
-from .nearby import Points, points_near
+from .nearby import points_near
 from .proof import Proof, norm_up
 from .representatives import prove as prove_representatives
 from .slopes import proofs_by_slopes
 from .supersolution import prove as prove_supersolution
 
 _SHARPEN_UP_TO = 10_000  #: up to so many entries of A sharpening costs a few milliseconds and is not worth a question
-_NEGLIGIBLE = 0.01  #: a share of the bound that is not worth another step
+_NEGLIGIBLE = 0.1  #: δ(ẑ) as a share of |z − ẑ| that is not worth another point
 #: the work that a bound may cost, in counted nanoseconds, where nobody limits it
 BUDGET = 60e9
 #: added to the sentence of a proof that rests on what a user says of ψ
 USERS_WORD = ", given that psi is what the user says"
 _OF_F = ", given that f has the slopes that the user says"  #: the same of f
 _FEW = 8.0  #: units in the last place to which a user's function is taken as exact
-_STEPS = 8  #: steps of the active-set Newton iteration that looks for a better z
+_POINTS = 8  #: points ẑ at the most
 
 
 @dataclass(frozen=True, repr=False)
@@ -168,7 +169,7 @@ def error_bound(
 
     The point ẑ of a sharp bound comes from a few active-set Newton steps, a factorisation each.
     That bound is mostly within a few per cent of the true error, where the bound of z itself may be
-    thousands of times too wide. By default, for larger A, ẑ comes from sweeps or multigrid. This
+    thousands of times too wide. By default, for larger A, ẑ comes from Newton steps with multigrid. This
     costs about half a linear solve with the levels of `solve`. Nothing is done where the bound of z
     itself is about ten times the error or less.
 
@@ -214,16 +215,15 @@ def _bound(problem: ProblemData, z: Vector, sharp: bool | None) -> ErrorBound:
         if isinstance(proof, str):
             reasons.append(proof.replace("; ", ", "))
             continue
-        delta, euclidean = proof.bound(problem, z, *(rounding := problem.rounding(z)))
-        points: Points | None = None
+        delta, euclidean = proof.bound(problem, z, *problem.rounding(z))
+        points: Iterator[Vector] = iter(())
         if problem.f is not None:
             sharp = False
         if sharp or (sharp is None and (proof.wide or problem.A.nnz <= _SHARPEN_UP_TO)):
-            points = _by_factorisation(problem, z, proof)
+            points = _newton_points(problem, z, proof)
         elif sharp is None and isinstance(proof, HPlusProof):
-            points = points_near(problem, z, proof, float(delta.max()), *rounding)
-        if points is not None:
-            delta, euclidean = sharpened(problem, z, proof, points, delta, euclidean)
+            points = points_near(problem, z, proof, float(delta.max()))
+        delta, euclidean = sharpened(problem, z, proof, points, delta, euclidean)
         sentence = proof.sentence + (USERS_WORD if problem.psi.calls_user_code else "")
         sentence += _OF_F if problem.f is not None else ""
         if (row := may_cross(problem, z, delta)) is not None:
@@ -338,35 +338,32 @@ def proofs_of(problem: ProblemData) -> Proofs:
 
 
 def sharpened(
-    problem: ProblemData, z: Vector, proof: Proof, points: Points, delta: Vector, euclidean: float
+    problem: ProblemData, z: Vector, proof: Proof, points: Iterator[Vector], delta: Vector, euclidean: float
 ) -> tuple[Vector, float]:
-    """The best of δ(z) and |z − ẑ| + δ(ẑ) over the `points` ẑ that the limits allow, and the like for the Euclidean
-    norms."""
-    told: Any = None
+    """The best of δ(z) and |z − ẑ| + δ(ẑ) over the first `points` ẑ, and the like for the Euclidean norms.
+
+    It ends where δ(ẑ) is a small share of |z − ẑ|.
+    """
     # ψ need not have a value anywhere but at z
-    with suppress(StopIteration, MapError, OutOfTime, MemoryError):
-        while True:
-            better = points.send(told)
+    with suppress(MapError, OutOfTime, MemoryError):
+        for better in islice(points, _POINTS):
             beyond, beyond_euclidean = proof.bound(problem, better, *problem.rounding(better))
-            step = z - better
-            np.abs(step, out=step)
-            with np.errstate(over="ignore", invalid="ignore"):
-                candidate = step + beyond
-                candidate *= 1 + 4 * UNIT_ROUNDOFF
-                if candidate.max() < delta.max() or not np.isfinite(delta).all():
-                    delta = candidate
-                    euclidean = (norm_up(step) + beyond_euclidean) * (1 + 4 * UNIT_ROUNDOFF)
-            told = float(step.max()), float(beyond.max())
+            step = np.abs(z - better)
+            candidate = (step + beyond) * (1 + 4 * UNIT_ROUNDOFF)
+            if candidate.max() < delta.max() or not np.isfinite(delta).all():
+                delta = candidate
+                euclidean = (norm_up(step) + beyond_euclidean) * (1 + 4 * UNIT_ROUNDOFF)
+            if beyond.max() <= _NEGLIGIBLE * step.max():
+                break
     return delta, euclidean
 
 
-def _by_factorisation(problem: ProblemData, z: Vector, proof: Proof) -> Points:
-    """The points of an active-set Newton iteration from `z`."""
-    for _ in range(_STEPS if np.isfinite(z).all() else 0):
-        found = proof.nearer(problem, z)
-        if found is None or not np.isfinite(found).all() or np.array_equal(found, z):
-            return
+def _newton_points(problem: ProblemData, z: Vector, proof: Proof) -> Iterator[Vector]:
+    """The points of an active-set Newton iteration from `z`, a factorisation each."""
+    found: Vector | None = z
+    while found is not None and np.isfinite(found).all():
         z = found
-        step, beyond = yield z
-        if beyond <= _NEGLIGIBLE * step:
+        found = proof.nearer(problem, z)
+        if found is None or np.array_equal(found, z):
             return
+        yield found
