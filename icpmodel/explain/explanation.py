@@ -26,7 +26,7 @@ from ..theory.certificates.bounds import ErrorBound, error_bound, listed, never_
 from ..theory.convergence.proximal_point import proximal_point
 from ..theory.matrices.classes import NAMES, MatrixClasses
 from .advice import is_boxed, what_to_do
-from .forecasts import Forecast, forecasts_of, members, parameters, shown, tie
+from .forecasts import Forecast, forecasts_of, members, shown, tie
 
 #: what a page may cost, in products with A and in nanoseconds: for n = 10⁶ and n = 10⁴ that were 5 s and 2 s on the
 #: machine of `work.Costs`; and the share of it that one question may cost
@@ -199,7 +199,6 @@ class Explanation(Shown):
             yield f"{best.title}: each step leaves at most {shown(best.factor)} of the error{enough}; {cost}"
             if self.picked is not None and not _same(best.method, self.picked):
                 yield "solve() goes by what steps cost as well, and by what is expected, not by what is proved alone"
-            yield from parameters({one.title: one.factor for one in self.forecasts})
         elif proved is not None:
             by = proved.proved_by[0]
             how = "monotone, with a strict supersolution" if by == "monotone" else by

@@ -30,15 +30,6 @@ _FACTORISE_UP_TO = 20_000
 #: factors that differ by less, or are all rounding, are the same
 _TIE = 1e-6
 _NOTHING = 1e-12
-#: titles of members that differ in one parameter alone, the simplest first
-_OMEGA = {label: f"MNMGS(), Omega = {label}" for label in ("D", "0.9 D", "1.5 D")}
-_THETA = {
-    "theta1=1, theta2=0 (mnmj)": "MNMJ(), Omega = D",
-    "theta1=theta2=1 (mnmgs)": "MNMGS(), Omega = D",
-    "theta1=theta2=0.9 (mnmsor)": "MNMSOR(theta1=0.9), Omega = D",
-    "theta1=theta2=1.1 (mnmsor)": "MNMSOR(theta1=1.1), Omega = D",
-    "theta1=1, theta2=2 (mnmaor)": "MNMAOR(theta2=2), Omega = D",
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,27 +148,3 @@ def tie(one: float, other: float) -> bool:
 def shown(factor: float) -> str:
     """A proved factor per step as text, rounded upwards, but below 1."""
     return at_most(factor, 6, below=1.0)
-
-
-def parameters(factors: dict[str, float | None]) -> Iterator[str]:
-    """Which Ω, and which θ₁ and θ₂, by the proved `factors` of members by title; nothing where there is no choice."""
-    best, text = _compared(factors, _OMEGA)
-    if best:
-        why = "; else the share |D-Omega|/(D+Omega) of a row's own error stays" if best == "D" else ""
-        yield f"Omega = {best}: the proved factor of mnmgs is {text}{why}"
-    best, text = _compared(factors, _THETA)
-    if best:
-        yield f"{best}: with Omega = D the proved factor is {text}"
-
-
-def _compared(factors: dict[str, float | None], titles: dict[str, str]) -> tuple[str, str]:
-    """The label with the smallest factor, and the sentence that holds it against the others; empty for one alone."""
-    known = {label: factors[title] for label, title in titles.items() if title in factors}
-    proved = {label: factor for label, factor in known.items() if factor is not None}
-    if len(known) < 2 or not proved:
-        return "", ""
-    best = next(label for label, factor in proved.items() if tie(factor, min(proved.values())))
-    first = shown(proved.pop(best)) + (f" with {best}" if len(best) < 6 else "")
-    others = [f"{label} gives {shown(factor)}" for factor, label in sorted((x, label) for label, x in proved.items())]
-    unproved = [f"for {label} nothing is proved" for label, factor in known.items() if factor is None]
-    return best, ", ".join([first, *others, *unproved])

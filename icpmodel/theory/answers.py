@@ -12,8 +12,6 @@ from ..numerics.arrays import ReadOnly
 from ..present.shown import Shown
 
 UNDECIDED = "not decided"  #: how the reason begins where a limit left a question open
-#: what is felt of the limit of a question
-_SMALL = 0.05
 
 
 @dataclass(frozen=True, repr=False)
@@ -61,10 +59,6 @@ class Allowance:
     def kept(self) -> AbstractContextManager[None]:
         """A block in which more raises OutOfTime."""
         return work.of_count(self.products * self.unit)
-
-    def is_felt(self, matrices: int, nnz: int) -> bool:
-        """Whether so many sparse matrices with so many entries take more than a small share of it."""
-        return matrices * work.build_cost(nnz) > _SMALL * self.products * self.unit
 
     def undecided(self, error: Exception) -> str:
         """Why there is no answer."""

@@ -10,6 +10,7 @@ import scipy.sparse as sp
 
 from ...numerics import work
 from ...numerics.arrays import Vector
+from ...numerics.exact_polyhedron import row_reduce
 from ...numerics.rational import nearest, rationals
 from ...numerics.rounding import UNIT_ROUNDOFF
 from ...problem.data import ProblemData
@@ -49,21 +50,10 @@ def exact_combination(
     tight &= ~(np.isfinite(bounds.low) & np.isfinite(bounds.high))
     rows = [row for row in rationals(problem.A[support][:, tight].T) if any(row)]
     x = [Fraction(float(y[i])) for i in support]
-    done: list[int] = []
-    for column in range(len(x)):
-        top = len(done)
-        k = next((k for k in range(top, len(rows)) if rows[k][column]), None)
-        if k is None:
-            continue
-        rows[top], rows[k] = rows[k], rows[top]
-        done.append(column)
-        for i in range(len(rows)):
-            if i != top and rows[i][column]:
-                factor = rows[i][column] / rows[top][column]
-                rows[i] = [a - factor * b for a, b in zip(rows[i], rows[top], strict=True)]
-    left = [j for j in range(len(x)) if j not in done]
-    for top, column in enumerate(done):
-        x[column] = -sum((rows[top][j] * x[j] for j in left), Fraction(0)) / rows[top][column]
+    pivots = row_reduce(rows, len(x))
+    others = [j for j in range(len(x)) if j not in pivots]
+    for row, pivot in zip(rows, pivots, strict=False):
+        x[pivot] = -sum((row[j] * x[j] for j in others), Fraction(0))
     return dict(zip(map(int, support), x, strict=True))
 
 

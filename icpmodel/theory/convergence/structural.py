@@ -28,9 +28,8 @@ I
 
     e⁺ = (I − 2K⁻¹(ΘA' + I − Θ))e = K⁻¹(I − 2Θ)(A' − I)e.
 
-So w = Ke has ‖w⁺‖₂ ≤ σ‖w‖₂, σ = ‖(A' − I)K⁻¹‖₂. Let H be the symmetric part of A'. As ‖Kx‖² − ‖(A'
-− I)x‖² = 4xᵀHx, σ² ≤ 1 − 4τ if and only if H − τKᵀK ≥ 0. A factorisation proves it, and some τ > 0
-satisfies it. For symmetric A' with eigenvalues λ, σ = max|1 − λ|/(1 + λ). For large others σ² ≤ 1 −
+So w = Ke has ‖w⁺‖₂ ≤ σ‖w‖₂, σ = ‖(A' − I)K⁻¹‖₂. Let H be the symmetric part of A', and ‖Kx‖² − ‖(A'
+− I)x‖² = 4xᵀHx. For symmetric A' with eigenvalues λ, σ = max|1 − λ|/(1 + λ). For others σ² ≤ 1 −
 4λ_min(H)/(‖A'‖₂ + 1)². ‖Kx‖² = ‖x‖² + 2xᵀHx + ‖A'x‖² ≥ ‖x‖², hence ‖eᵏ‖₂ ≤ σᵏ‖Ke⁰‖₂. It is a
 Peaceman–Rachford iteration.
 
@@ -47,20 +46,13 @@ import scipy.sparse as sp
 
 from ...numerics import work
 from ...numerics.arrays import is_symmetric, row_of
-from ...numerics.equilibration import in_units, symmetric_exponents
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, at_most
 from ..answers import Answer
 from ..certificates.bounds import proofs_of
 from ..certificates.definite import LARGEST
 from ..matrices.comparison_matrix import positive_diagonal, z_matrix
-from ..matrices.eigenvalue import is_dense, largest_above, smallest_below, smallest_quotient, within_reach
+from ..matrices.eigenvalue import largest_above, smallest_below, within_reach
 from .conditions import StepMatrices
-
-#: products in (A + Ω)ᵀ(A + Ω), which has no more entries: up to here σ is sharp, at the price of a second or two
-_LARGEST_WORK = 400_000
-#: shares of τ that are given up for certainty; the first one does unless rounding is felt
-_SHARES = (1e-3, 1e-2, 0.1, 0.5)
-_SHARES_DENSE = (1e-13, 1e-11, 1e-9, 1e-6, 1e-3, 0.1)
 
 MONOTONE = (
     "If A is a Z-matrix, ψ is continuous and isotone and X = M₁ + φ + Ω is diagonal with X ≥ 2D and X ≥ 2Ω "
@@ -131,7 +123,7 @@ def definite(step: StepMatrices) -> Answer:
     return Answer(found.holds, f"A {known} positive definite: {found.reason}", None if found.holds else found.witness)
 
 
-def contraction_factor(step: StepMatrices, largest_work: int = _LARGEST_WORK) -> float | None:
+def contraction_factor(step: StepMatrices) -> float | None:
     """An upper bound of ‖(A' − I)(A' + I)⁻¹‖₂, rounding included, or None where none below 1 was found."""
     if step.n > LARGEST:
         return None
@@ -140,10 +132,7 @@ def contraction_factor(step: StepMatrices, largest_work: int = _LARGEST_WORK) ->
     A = sp.csr_array(half @ step.A @ half)
     if not np.isfinite(A.data).all() or not within_reach(sp.csr_array(A + A.T)):
         return None
-    if is_dense(A) or int(np.square(np.diff(A.indptr)).sum()) <= largest_work:
-        sigma = _from_quotient(A)
-    else:
-        sigma = _from_eigenvalues(A, symmetric=is_symmetric(step.A))
+    sigma = _from_eigenvalues(A, symmetric=is_symmetric(step.A))
     return sigma if sigma is not None and sigma < 1 else None
 
 
@@ -161,32 +150,3 @@ def _from_eigenvalues(A: sp.csr_array, symmetric: bool) -> float | None:
         return max((1 - low) / (1 + low), (high - 1) / (high + 1), 0.0) * (1 + 8 * UNIT_ROUNDOFF) + SMALLEST
     norm = float(np.sqrt(rows * columns)) * (1 + A.shape[0] * UNIT_ROUNDOFF) + slack
     return float(np.sqrt(1 - 4 * low / (norm + 1) ** 2 + 8 * UNIT_ROUNDOFF))
-
-
-def _from_quotient(A: sp.csr_array) -> float | None:
-    """σ² ≤ 1 − 4τ for a τ next to the largest with H − τKᵀK ≥ 0."""
-    n = A.shape[0]
-    identity = sp.eye_array(A.shape[0])
-    absolute = sp.csr_array(abs(A))
-    work.build(int(np.square(np.diff(A.indptr)).sum()), 4)
-    size = sp.csr_array(absolute + identity)
-    K = sp.csr_array(A + identity)
-    H = sp.csr_array(0.5 * (A + A.T))
-    KK = sp.csr_array(K.toarray().T @ K.toarray()) if is_dense(K) else sp.csr_array(K.T @ K)
-    tau = smallest_quotient(H, KK) if np.isfinite(KK.data).all() else -np.inf
-    if not tau > 0:
-        return None
-    terms = int(np.bincount(K.indices).max()) + 24
-    for share in _SHARES_DENSE if is_dense(K) else _SHARES:
-        t = (1 - share) * tau
-        S = sp.csr_array(H - t * KK)
-        if not (S.diagonal() > 0).all():
-            continue
-        e = symmetric_exponents(S.diagonal())
-        units = np.ldexp(1.0, e)
-        # rounding of A', whose skew part H does not show, of the product and of the difference, in the units of S
-        error = 0.5 * (absolute @ units + absolute.T @ units) + t * (size.T @ (size @ units))
-        slack = 2 * terms * UNIT_ROUNDOFF * float((units * error).max()) + n * terms * SMALLEST
-        if smallest_below(in_units(S, e, e), slack) > 0:
-            return float(np.sqrt(max(1 - 4 * t, 0.0) + 4 * UNIT_ROUNDOFF)) * (1 + 4 * UNIT_ROUNDOFF)
-    return None

@@ -21,8 +21,6 @@ from .contraction import HomogeneousMap, radius
 from .rowwise import h_plus, rowwise
 from .structural import DEFINITE, MONOTONE, definite, monotone
 
-#: sparse matrices that are made for one theorem, about
-_MATRICES = 20
 #: nanoseconds that balancing takes for an entry
 _BALANCE = 100.0
 
@@ -144,16 +142,16 @@ def check_all(problem: ProblemData, member: Member, limit: Allowance = UNLIMITED
     except (OutOfTime, MemoryError) as error:
         return {name: _of(name, Answer(None, limit.undecided(error))) for name in _THEOREMS}
     found: dict[str, Check] = {}
-    dear = limit.is_felt(_MATRICES, step.A.nnz)
-    for name in _WORTHIEST_FIRST if dear else _CHEAPEST_FIRST:
-        by = next((one for one in _FOLLOWS.get(name, ()) if one in found and found[one].holds), None)
-        follows = Answer(True, f"it follows from theorem {by}, with the same v", by and found[by].vector)
+    for name in _ORDER:
         try:
             with limit.kept():
-                taken = dear and by is not None and name != "sharper"
-                found[name] = _of(name, follows) if taken else _check(name, step, False)
+                found[name] = _check(name, step, False)
         except (OutOfTime, MemoryError) as error:
-            found[name] = _of(name, follows if by is not None else Answer(None, limit.undecided(error)))
+            found[name] = _of(name, Answer(None, limit.undecided(error)))
+            for stronger in _FOLLOWS.get(name, ()):
+                if stronger in found and found[stronger].holds:
+                    reason = f"it follows from theorem {stronger}, with the same v"
+                    found[name] = _of(name, Answer(True, reason, found[stronger].vector))
     return {name: found[name] for name in _THEOREMS}
 
 
@@ -161,7 +159,7 @@ def holding(problem: ProblemData, member: Member, names: Iterable[str], printed:
     """Which of the theorems `names` hold, and which of `printed` as printed, without their numbers: cheaper by half."""
     step = StepMatrices(problem, member)
     step.enough = 1.0
-    wanted = sorted(names, key=_CHEAPEST_FIRST.index), printed
+    wanted = sorted(names, key=_ORDER.index), printed
     return tuple({name for name in some if _check(name, step, some is printed).holds} for some in wanted)
 
 
@@ -313,9 +311,7 @@ _THEOREMS = {
     "monotone": _Theorem(MONOTONE, monotone, newest=None),
     "definite": _Theorem(DEFINITE, definite),
 }
-#: cheap conditions first: the v of one is the first that the next tries
-_CHEAPEST_FIRST = ("4.3", "4.4", "4.2", "4.1", "sharper", "h-plus", "rowwise", "monotone", "definite")
-#: with little to spend on them, those first that tell most
-_WORTHIEST_FIRST = ("4.3", "sharper", "4.4", "4.2", "4.1", "h-plus", "rowwise", "monotone", "definite")
+#: the cheap one whose v serves most others, then those that tell most
+_ORDER = ("4.3", "sharper", "4.4", "4.2", "4.1", "h-plus", "rowwise", "monotone", "definite")
 #: from which others a theorem follows, with the same v: see `conditions`
 _FOLLOWS = {"4.2": ("4.3",), "4.1": ("4.2", "4.3", "4.4"), "sharper": ("4.1", "4.2", "4.3", "4.4")}

@@ -16,7 +16,7 @@ from ..answers import Allowance, Answer
 from .comparison_matrix import comparison_matrix, positive_diagonal, z_matrix
 from .definiteness import definiteness, semidefinite_up_to_rounding
 from .h_matrix import decide, h_matrix, irreducible_blocks, row_sum_signs, without_zeros
-from .p_matrix import LIMIT, by_pivots, by_small_minors, minor_of_order_two, open_blocks
+from .p_matrix import LIMIT, by_pivots, minor_of_order_two, open_blocks
 
 #: the classes in the order of the table, with their names
 NAMES = {
@@ -247,7 +247,7 @@ class MatrixClasses(ReadOnly, Shown):
         return Answer(True, proved) if unknown is None else Answer(None, unknown)
 
     def _p_by_theorems(self) -> Answer:
-        """For blocks beyond LIMIT: theorems first, then small minors."""
+        """For blocks beyond LIMIT: what theorems say."""
         if self.h_plus.holds:
             return Answer(True, "H+-matrix")
         if self.definite.holds:
@@ -256,7 +256,8 @@ class MatrixClasses(ReadOnly, Shown):
             return Answer(False, "a Z-matrix that is no nonsingular M-matrix")
         if self.symmetric.holds and self.definite.holds is False:
             return Answer(False, "symmetric and not positive definite")
-        return by_small_minors(self.A)
+        unproved = "neither an H+-matrix nor a positive definite symmetric part was proved"
+        return Answer(None, f"n = {self.A.shape[0]} is beyond the exact test (n <= {LIMIT}); {unproved}")
 
     @cached_property
     def triangular(self) -> Answer:

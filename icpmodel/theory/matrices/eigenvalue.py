@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -51,14 +50,13 @@ def above(S: sp.csr_array, c: float, slack: float = 0.0) -> float:
     return c - 1.01 * (error + rounding + slack + n * SMALLEST)
 
 
-def smallest_below(M: sp.csr_array, slack: float = 0.0, lu: Any = None, estimate: float | None = None) -> float:
+def smallest_below(M: sp.csr_array, slack: float = 0.0, lu: Any = None) -> float:
     """A lower bound of λ_min(S), S the symmetric part of a matrix that differs from `M` by at most `slack` in norm.
 
     The diagonal of M is about 1, `lu` its factorisation with diagonal pivots, if at hand. −inf where none was found.
     """
     S = sp.csr_array(0.5 * (M + M.T))
-    if estimate is None:
-        estimate = smallest_quotient(S, lu=lu) if np.isfinite(S.data).all() else -np.inf
+    estimate = _estimate(S, lu) if np.isfinite(S.data).all() else -np.inf
     if not estimate > 0:
         return -np.inf
     bounds = (above(S, share * estimate, slack) for share in _SHARES)
@@ -87,7 +85,7 @@ def largest_above(N: sp.csr_array) -> float:
 def falling(S: sp.csr_array) -> Vector | None:
     """An x ≠ 0, shape (n,), about which xᵀSx < 0 is likely, None where the symmetric `S` (CSR) seems to have none."""
     if is_dense(S):
-        value, x = _least_pair(S, None)
+        value, x = _least_pair(S)
         return x if value < 0 else None
     from scipy.sparse.linalg import spsolve_triangular
 
@@ -100,13 +98,13 @@ def falling(S: sp.csr_array) -> Vector | None:
     return np.asarray(y)[lu.lu.perm_c]
 
 
-def _least_pair(S: sp.csr_array, B: sp.csr_array | None) -> tuple[float, Vector | None]:
-    """The least λ with Sx = λBx, and x, by dense matrices; −inf and None where that fails."""
+def _least_pair(S: sp.csr_array) -> tuple[float, Vector | None]:
+    """The least λ with Sx = λx, and x, by dense matrices; −inf and None where that fails."""
     from scipy.linalg import LinAlgError, eigh
 
     work.spend(_TRIDIAGONAL * work.dense_cost(S.shape[0]), 16.0 * S.shape[0] ** 2)
     try:
-        value, x = eigh(S.toarray(), None if B is None else B.toarray(), subset_by_index=(0, 0))
+        value, x = eigh(S.toarray(), subset_by_index=(0, 0))
     except LinAlgError:
         return -np.inf, None
     return float(value[0]), x[:, 0]
@@ -123,31 +121,27 @@ def within_reach(S: sp.csr_array) -> bool:
     return is_dense(S) or predicted_fill(S, most_cost=_SECONDS).seen
 
 
-def smallest_quotient(S: sp.csr_array, B: sp.csr_array | None = None, lu: Any = None) -> float:
-    """About the smallest xᵀSx/xᵀBx, B = I by default, or something ≤ 0 where S is seen to be indefinite; no proof."""
-    if is_dense(S if B is None else B):
-        return _least_pair(S, B)[0]
+def _estimate(S: sp.csr_array, lu: Any) -> float:
+    """About the smallest eigenvalue, or something ≤ 0 where S is seen to be indefinite; no proof."""
+    if is_dense(S):
+        return _least_pair(S)[0]
     from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
     lu = lu or factorise(S, definite=True)
     if lu is None or not lu.pivots.min() > 0:
         return -np.inf
 
-    def operator(times: Callable[[Vector], Vector]) -> LinearOperator:
-        def checked(x: Vector) -> Vector:
-            work.afford(work.product(x.size, S.nnz))
-            x = times(x)
-            if not np.abs(x).max() < _SQUARABLE:  # LAPACK, below ARPACK, prints what it thinks of infinities
-                raise ArithmeticError
-            return x
+    def solved(x: Vector) -> Vector:
+        work.afford(work.product(x.size, S.nnz))
+        x = lu.solve(x)
+        if not np.abs(x).max() < _SQUARABLE:  # LAPACK, below ARPACK, prints what it thinks of infinities
+            raise ArithmeticError
+        return x
 
-        return LinearOperator(S.shape, matvec=checked, dtype=np.float64)
-
-    inverse = operator(lu.solve)
-    weight = None if B is None else operator(lambda x: B @ x)
+    inverse = LinearOperator(S.shape, matvec=solved, dtype=np.float64)
     start = np.random.default_rng(0).random(S.shape[0])
     try:
-        return float(eigsh(S, 1, weight, 0.0, v0=start, tol=1e-4, OPinv=inverse, return_eigenvectors=False)[0])
+        return float(eigsh(S, 1, sigma=0.0, v0=start, tol=1e-4, OPinv=inverse, return_eigenvectors=False)[0])
     except (ArpackError, ArithmeticError):
         return -np.inf
 

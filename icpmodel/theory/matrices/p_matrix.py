@@ -9,8 +9,7 @@ irreducible diagonal block:
   rounding. A is P if and only if a₁₁ > 0 and two matrices are P: A without row and column 1, and
   the Schur complement A/a₁₁. Where a bound leaves a sign open, rational arithmetic decides it.
   "Yes" and "no" are proofs.
-- Beyond: minors of order 2 over the pattern, and those of the closest neighbours of some rows, may
-  say "no".
+- Beyond: minors of order 2 over the pattern may say "no".
 
 References
 ----------
@@ -40,9 +39,6 @@ from .h_matrix import by_row_sums, irreducible_blocks
 LIMIT = 26  #: irreducible blocks up to this size are decided by all of their minors: a second or two
 _MINOR = 15.0  #: nanoseconds that a minor takes
 _PAIRS = 1000  #: at most so many nearly singular pairs are looked at in rational arithmetic
-#: beyond LIMIT: so many rows are looked at, with so many of their neighbours
-_ROWS = 200
-_NEIGHBOURS = 9
 
 Indices = NDArray[np.intp]
 
@@ -77,24 +73,6 @@ def minor_of_order_two(A: sp.csr_array) -> Indices | None:
         if eliminate(rationals(minor), [0, 1]) is not None:
             return pair
     return None
-
-
-def by_small_minors(A: sp.csr_array) -> Answer:
-    """For blocks beyond LIMIT of which no theorem tells anything: not P, with the witness, or unknown."""
-    work.build(A.nnz, 8)
-    S = abs(in_units(A, *natural_exponents(A)))
-    margin = 2 * S.diagonal() - S.sum(axis=1)
-    coupling = sp.csr_array(S + S.T)
-    for i in np.argsort(margin, kind="stable")[:_ROWS]:
-        entries = slice(coupling.indptr[i], coupling.indptr[i + 1])
-        strongest = np.argsort(-coupling.data[entries], kind="stable")[: _NEIGHBOURS + 1]
-        rows = np.union1d(coupling.indices[entries][strongest], i)
-        answer = by_pivots(sp.csr_array(A[rows][:, rows]))
-        if answer.holds is False:
-            return Answer(False, answer.reason, rows[answer.witness])
-    unproved = "neither an H+-matrix nor a positive definite symmetric part was proved"
-    looked = "the small minors that were looked at are positive"
-    return Answer(None, f"n = {A.shape[0]} is beyond the exact test (n <= {LIMIT}); {unproved}, and {looked}")
 
 
 def by_pivots(A: sp.csr_array) -> Answer:
