@@ -25,6 +25,7 @@ from ..theory.answers import Allowance, Answer
 from ..theory.certificates.bounds import ErrorBound, error_bound, listed, never_cross, proofs_of
 from ..theory.convergence.proximal_point import proximal_point
 from ..theory.matrices.classes import NAMES, MatrixClasses
+from ..theory.nonuniqueness import known_of_solutions
 from .advice import is_boxed, what_to_do
 from .forecasts import Forecast, forecasts_of, members, shown, tie
 
@@ -96,6 +97,8 @@ class Explanation(Shown):
             solution = f"{known}; that it is the only one is not proved:{listed(self.bound.reason)}"
         if self.bound.unique:
             solution = f"exists, and is the only one: {self.bound.proof}"
+        else:
+            solution = "\n".join([solution, *known_of_solutions(self.problem, self.classes)])
         return {
             "what to do": "\n".join(self._to_do()),
             "problem": repr(self.problem),

@@ -21,9 +21,10 @@ from ..present.shown import Plotted, cut
 from ..present.table import Table, Tabular
 from ..problem.data import ProblemData
 from ..theory.answers import Answer
-from ..theory.certificates.bounds import ErrorBound, error_bound, limited
+from ..theory.certificates.bounds import ErrorBound, error_bound, limited, proofs_of
 from ..theory.certificates.certificate import NOT_COMPUTED, ActiveSet, Certificate, active_set, certify
 from ..theory.certificates.contradiction import Contradiction, contradiction
+from ..theory.nonuniqueness import known_of_solutions
 from .goal import Goal
 
 
@@ -389,6 +390,10 @@ class Solution(ReadOnly, Plotted):
         }
         if bound.value is not None:
             rows["rows"] = rows_known
+        if self.solved and not bound.unique:
+            with suppress(IcpError, MemoryError), limited(self.time_limit, self.memory_limit):
+                if known := list(known_of_solutions(self.problem, proofs_of(self.problem).classes, self.z)):
+                    rows["solutions"] = "\n".join(known)
         if not self.solved:
             rows["message"] = self.message
         rows["seconds"] = f"{self.seconds:.3g}"

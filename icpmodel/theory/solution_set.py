@@ -2,7 +2,7 @@
 
 The problem is a union of linear pieces (see `algebra.linear_rows`). Pieces that certainly hold no solution are left out
 in floats, with bounds on their rounding; every other one is solved in fractions. Where its system is singular, its
-solutions are a polyhedron, of which a point and the directions are told.
+solutions are a polyhedron, given by a point and its directions.
 """
 
 from __future__ import annotations
@@ -88,10 +88,10 @@ class SolutionSet(ReadOnly, Shown):
         faces = _counted(len(self.faces), "face")
         examined = "all" if self.complete else "the time limit came before all"
         rows = [f"{isolated} and {faces} of solutions; {examined} {self.pieces} linear pieces were examined"]
-        rows += [f"z = {_listed(point)}" for point in self.points]
+        rows += [f"z = {listed(point)}" for point in self.points]
         for face in self.faces:
-            along = ", ".join(_listed(direction) for direction in face.directions)
-            rows.append(f"z = {_listed(face.point)}, and it may move along {along}")
+            along = ", ".join(listed(direction) for direction in face.directions)
+            rows.append(f"z = {listed(face.point)}, and it may move along {along}")
         return "\n".join(rows)
 
 
@@ -99,7 +99,8 @@ def _counted(count: int, noun: str) -> str:
     return f"{count or 'no'} {noun}" + ("" if count == 1 else "s")
 
 
-def _listed(z: Vector) -> str:
+def listed(z: Vector) -> str:
+    """The entries of `z` in parentheses."""
     return "(" + ", ".join(f"{entry:.6g}" for entry in z) + ")"
 
 
@@ -109,6 +110,10 @@ class _Exact:
 
     point: Rational
     directions: list[Rational]
+
+    def rounded(self) -> Face:
+        """The same in floats."""
+        return Face(_rounded(self.point), np.array([_rounded(direction) for direction in self.directions]))
 
 
 class ExactRows:
@@ -196,6 +201,10 @@ class ExactRows:
         ) and all(_dot(row, found.point) + row[n] >= 0 for row in self.inequalities(sides))
 
 
+def _rounded(x: Rational) -> Vector:
+    return np.array([nearest(entry) for entry in x])
+
+
 def _exact(v: Vector) -> Rational:
     return [Fraction(float(one)) for one in v]
 
@@ -237,7 +246,7 @@ def all_solutions(problem: ProblemLike, *, time_limit: float | None = None) -> S
 
     References
     ----------
-    Cottle, Pang and Stone, The Linear Complementarity Problem (1992), section 3.1: complementary cones.
+    Cottle, Pang and Stone, The Linear Complementarity Problem (1992), section 1.3: complementary cones.
 
     Examples
     --------
@@ -264,13 +273,9 @@ def all_solutions(problem: ProblemLike, *, time_limit: float | None = None) -> S
         except OutOfTime:
             complete = False
     kept = _distinct(exact, found)
-    points = [[nearest(x) for x in one.point] for one in kept if not one.directions]
-    faces = tuple(
-        Face(np.array([nearest(x) for x in one.point]), np.array([[nearest(x) for x in d] for d in one.directions]))
-        for one in kept
-        if one.directions
-    )
-    return SolutionSet(np.array(sorted(points)).reshape(-1, problem.n), faces, int(count), complete)
+    points = sorted(_rounded(one.point).tolist() for one in kept if not one.directions)
+    faces = tuple(one.rounded() for one in kept if one.directions)
+    return SolutionSet(np.array(points).reshape(-1, problem.n), faces, int(count), complete)
 
 
 def _plausible(rows: LinearRows) -> Any:

@@ -118,7 +118,7 @@ def contradiction(problem: ProblemLike) -> Contradiction | None:
 
     References
     ----------
-    Cottle, Pang and Stone, The Linear Complementarity Problem (1992), theorems 3.1.2 and 3.8.6.
+    Cottle, Pang and Stone, The Linear Complementarity Problem (1992), chapter 3.
 
     Examples
     --------

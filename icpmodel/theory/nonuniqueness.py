@@ -1,0 +1,97 @@
+"""What is known of the solutions of a problem that is not proved to have only one.
+
+**What is the same in all.** Let xᵀAx ≥ 0 for all x and the obstacles be fixed, one or two. Two
+solutions y and z have (y − z)ᵀ(p(y) − p(z)) ≤ 0 row by row. So (y − z)ᵀA(y − z) = 0, which is the
+least value of a convex form: (A + Aᵀ)(y − z) = 0. Hence (A + Aᵀ)z is the same in all solutions, and
+p is where A is symmetric.
+
+**How z may move.** With constant and affine obstacles the solutions that have the active set of z
+are a polyhedron. Its directions are computed and its signs checked in fractions.
+
+References
+----------
+Cottle, Pang and Stone, The Linear Complementarity Problem (1992), chapter 3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..algebra.equations import pattern_at
+from ..algebra.linear_rows import FREE, LOWER, UPPER, piece_count
+from ..numerics.arrays import Vector
+from ..problem.data import ProblemData
+from .matrices.classes import MatrixClasses
+from .solution_set import ExactRows, Face, all_solutions, listed
+
+#: linear pieces up to which all solutions are looked for: they take about a tenth of a second
+_FEW_PIECES = 2**9
+#: unknowns up to which the equations of an active set are solved in fractions
+_FEW_UNKNOWNS = 20
+
+
+def known_of_solutions(problem: ProblemData, classes: MatrixClasses, z: Vector | None = None) -> Iterator[str]:
+    """Sentences on all solutions of `problem`, and on those next to the solution `z`, where it is given.
+
+    Parameters
+    ----------
+    problem : ProblemData
+        The problem.
+    classes : MatrixClasses
+        The classes of A.
+    z : array of shape (n,), optional
+        A solution.
+
+    Yields
+    ------
+    str
+        A sentence that is proved.
+
+    Examples
+    --------
+    >>> problem = ICP([[1, 1], [1, 1]], [-2, -2])
+    >>> for sentence in known_of_solutions(problem, icp.theory.classify(problem.A), np.ones(2)):
+    ...     print(sentence)
+    p = Az + q is the same in all solutions: A is symmetric and positive semidefinite
+    z may move along (-1, 1) without leaving the solutions, as far as no sign changes
+    """
+    if problem.facts.has_fixed_obstacle and classes.semidefinite.holds:
+        if classes.symmetric.holds:
+            yield "p = Az + q is the same in all solutions: A is symmetric and positive semidefinite"
+        else:
+            yield "(A + A')z is the same in all solutions: A is monotone (x'Ax >= 0 for all x)"
+    face = None if z is None else face_at(problem, z)
+    if face is not None:
+        along = ", ".join(listed(direction) for direction in face.directions)
+        yield f"z may move along {along} without leaving the solutions, as far as no sign changes"
+    if _has_linear_pieces(problem) and piece_count(problem) <= _FEW_PIECES:
+        found = all_solutions(problem)
+        points = [*found.points, *(one.point for one in found.faces)]
+        if not points:
+            yield f"there is no solution: all {found.pieces} linear pieces were examined"
+        elif len(points) > 1:
+            yield f"two of {len(points)} solutions: z = {listed(points[0])} and z = {listed(points[1])}"
+        elif not found.faces:
+            yield f"there is one solution and no other: all {found.pieces} linear pieces were examined"
+
+
+def face_at(problem: ProblemData, z: Vector) -> Face | None:
+    """The solutions with the active set of `z` where they are not isolated; None where they are or it is not known.
+
+    >>> face_at(ICP([[1, 1], [1, 1]], [-2, -2]), np.ones(2)).directions
+    array([[-1.,  1.]])
+    """
+    if problem.n > _FEW_UNKNOWNS or not _has_linear_pieces(problem):
+        return None
+    pattern = pattern_at(problem, z)
+    sides = np.where(pattern.active, LOWER, FREE)
+    if pattern.above is not None:
+        sides[pattern.above] = UPPER
+    found = ExactRows(problem).solve(sides)
+    return found.rounded() if found is not None and found.directions else None
+
+
+def _has_linear_pieces(problem: ProblemData) -> bool:
+    return problem.psi.linear is not None and (problem.upper is None or problem.upper.linear is not None)
