@@ -57,6 +57,8 @@ def known_of_solutions(problem: ProblemData, classes: MatrixClasses, z: Vector |
     p = Az + q is the same in all solutions: A is symmetric and positive semidefinite
     z may move along (-1, 1) without leaving the solutions, as far as no sign changes
     """
+    if problem.f is not None:  # the classes of A say nothing of f
+        return
     if problem.facts.has_fixed_obstacle and classes.semidefinite.holds:
         if classes.symmetric.holds:
             yield "p = Az + q is the same in all solutions: A is symmetric and positive semidefinite"
@@ -83,7 +85,7 @@ def face_at(problem: ProblemData, z: Vector) -> Face | None:
     >>> face_at(ICP([[1, 1], [1, 1]], [-2, -2]), np.ones(2)).directions
     array([[-1.,  1.]])
     """
-    if problem.n > _FEW_UNKNOWNS or not _has_linear_pieces(problem):
+    if problem.f is not None or problem.n > _FEW_UNKNOWNS or not _has_linear_pieces(problem):
         return None
     pattern = pattern_at(problem, z)
     sides = np.where(pattern.active, LOWER, FREE)
