@@ -9,6 +9,7 @@ cache on disk would not notice that it was changed.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -112,8 +113,8 @@ def reach(D, free, basic, nonbasic, place, first, limit):
     # they ended, the largest of all, and how many are left of the limit
     n = D.shape[0]
     for made in range(limit + 1):
-        row = np.int64(-1)
-        column = np.int64(-1)
+        row: Any = np.int64(-1)
+        column: Any = np.int64(-1)
         largest = 0.0
         left = False
         for i in range(n):
@@ -157,7 +158,7 @@ def start(D, free, basic, nonbasic, place, work, limit):
     code, work[0], left = reach(D, free, basic, nonbasic, place, work[0], limit)
     if code != UNFINISHED:
         return (UNFINISHED if code == REACHING else code), REACHING, 0
-    row = np.int64(-1)
+    row: Any = np.int64(-1)
     for i in range(n):  # the last of equal ones is the lexicographically least
         if basic[i] < n and D[i, n + 1] < 0.0 and (row < 0 or D[i, n + 1] <= D[row, n + 1]):
             row = i
