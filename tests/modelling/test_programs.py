@@ -102,6 +102,15 @@ def test_what_nnls_of_scipy_got_wrong_is_right():
     assert icp.solve_nnls([[3, 2], [1, 1]], [3, 2])[0] == pytest.approx([0, 1.6])
 
 
+def test_entries_next_to_nothing_hide_no_error():
+    """Columns from 1 down to e^-1000, as of a Laplace transform: the gradient has the right signs."""
+    t = np.linspace(0.0, 1.0, 100)
+    B = np.exp(-t[:, None] / np.logspace(-3, 1, 80))
+    c = np.exp(-t / 0.3) + 0.5 * np.exp(-t / 0.01)
+    x, _ = icp.solve_nnls(B, c)
+    assert np.minimum(x, B.T @ (B @ x - c)) == pytest.approx(0.0, abs=1e-9)
+
+
 def test_wrong_arguments_of_least_squares_are_named():
     for arguments, sentence in (
         (([[1.0, np.nan]], [1.0]), r"B\[0, 1\] is nan"),

@@ -16,7 +16,6 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...errors import InputError, NotSolved, by_name
-from ...numerics import work
 from ...numerics.arrays import Vector, as_number, as_truth, as_vector, norm
 from ...numerics.rounding import gamma, sheltered
 from ...numerics.threads import one_blas_thread
@@ -25,8 +24,8 @@ from .program import Program
 from .program_arguments import bounds, matrix
 from .solve_program import solve_program
 
-#: corrections by an orthogonal factorisation on the free columns
-_CORRECTIONS = 5
+#: rows and columns up to which x is corrected by an orthogonal factorisation
+_DENSE = 2000
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -129,44 +128,54 @@ def solve_lsq(
     begin = time.perf_counter()
     as_truth(raise_on_failure, "raise_on_failure")
     as_number(tolerance, "tolerance", above=0)
-    limit = None if time_limit is None else as_number(time_limit, "time_limit", above=0)
+    if time_limit is not None:
+        as_number(time_limit, "time_limit", above=0)
     B = matrix(B, "B")
-    m, n = B.shape
-    c = as_vector(c, m, "c")
-    low, high = bounds(lb, ub, n)
+    c = as_vector(c, B.shape[0], "c")
+    low, high = bounds(lb, ub, B.shape[1])
     if (low > high).any():
         i = int(np.argmax(low > high))
         raise InputError(f"lb[{i}] = {low[i]:g} is above ub[{i}] = {high[i]:g}; lb <= ub was expected")
-    H = sp.csr_array(sp.block_array([[sp.eye_array(m), B], [-B.T, None]], format="csr"))
-    free = np.full(m, np.inf)
-    none = sp.csr_array((0, m + n)), np.zeros(0)
-    sides = np.concatenate([-free, low]), np.concatenate([free, high])
-    found = solve_program(
-        Program(H, np.concatenate([-c, np.zeros(n)]), *none, *none, *sides),
-        tolerance=tolerance,
-        time_limit=None if limit is None else max(begin + limit - time.perf_counter(), 0.0),
-    )
-    x = np.zeros(n)
-    if found.values is not None:
-        box = found.values.box[m:]
-        x = np.where(box < 0, low, np.where(box > 0, high, found.values.x[m:]))
-        x = _corrected(B, c, x, low, high, np.inf if limit is None else begin + limit)
+    outcome = solve_program(_conditions(B, c, low, high), tolerance=tolerance, time_limit=time_limit, begin=begin)
+    end = np.inf if time_limit is None else begin + time_limit
+    x = np.clip(0.0, low, high)
+    if outcome.values is not None:
+        x = _corrected(B, c, outcome.values.x[c.size :], low, high, end)
     fun = B @ x - c
     gradient = B.T @ fun
     mask = np.where(x >= high, 1, np.where(x <= low, -1, 0))
-    wrong = np.where(mask > 0, np.maximum(gradient, 0.0), np.where(mask < 0, np.minimum(gradient, 0.0), gradient))
-    size = abs(B)
-    rounding = gamma(m + n + 2) * (size @ np.abs(x) + np.abs(c))
-    status = found.status
-    message = found.message
-    if (np.abs(wrong) <= size.T @ (tolerance * np.abs(fun) + rounding)).all():
-        status = "optimal"
-        message = "solved"
-    told = found.iterations, status, message, time.perf_counter() - begin
-    solution = LeastSquares(x, 0.5 * norm(fun) ** 2, fun, float(np.abs(wrong).max()), mask, *told)
+    wrong = np.where(mask * gradient < 0, 0.0, np.abs(gradient))
+    rounding = gamma(sum(B.shape) + 2) * (abs(B) @ np.abs(x) + np.abs(c))
+    is_optimal = (wrong <= abs(B).T @ (tolerance * np.abs(fun) + rounding)).all()
+    status = "optimal" if is_optimal else outcome.status
+    message = "solved" if is_optimal else outcome.message
+    if status == "optimal" and not is_optimal:
+        status = "solver_error"
+        message = "the gradient has a wrong sign"
+    solution = LeastSquares(
+        x=x,
+        cost=0.5 * norm(fun) ** 2,
+        fun=fun,
+        optimality=float(wrong.max(initial=0.0)),
+        active_mask=mask,
+        nit=outcome.iterations,
+        status=status,
+        message=message,
+        seconds=time.perf_counter() - begin,
+    )
     if raise_on_failure and not solution.success:
         raise NotSolved(solution)
     return solution
+
+
+def _conditions(B: sp.csr_array, c: Vector, low: Vector, high: Vector) -> Program:
+    """The conditions in (r, x)."""
+    m, n = B.shape
+    free = np.full(m, np.inf)
+    none = sp.csr_array((0, m + n)), np.zeros(0)
+    H = sp.csr_array(sp.block_array([[sp.eye_array(m), B], [-B.T, None]]))
+    g = np.concatenate([-c, np.zeros(n)])
+    return Program(H, g, *none, *none, np.concatenate([-free, low]), np.concatenate([free, high]))
 
 
 @sheltered
@@ -213,15 +222,13 @@ def _corrected(B: sp.csr_array, c: Vector, x: Vector, low: Vector, high: Vector,
     """x after steps by an orthogonal factorisation of the free columns, while they reduce the residual, until `end`."""
     from scipy.linalg import lstsq
 
-    if work.dense_cost(max(B.shape)) > work.dense_cost(_DENSE):
+    if max(B.shape) > _DENSE:
         return x
     dense = B.toarray()
-    for _ in range(_CORRECTIONS):
+    while time.perf_counter() < end:
         r = c - B @ x
-        if time.perf_counter() > end:
-            break
         gradient = B.T @ r
-        free = np.where(x >= high, gradient < 0, np.where(x <= low, gradient > 0, True))
+        free = ((low < x) | (gradient > 0)) & ((x < high) | (gradient < 0))
         with one_blas_thread():
             step = lstsq(dense[:, free], r, lapack_driver="gelsy", check_finite=False)[0]
         better = x.copy()
@@ -230,7 +237,3 @@ def _corrected(B: sp.csr_array, c: Vector, x: Vector, low: Vector, high: Vector,
             break
         x = better
     return x
-
-
-#: rows and columns up to which that is done
-_DENSE = 2000

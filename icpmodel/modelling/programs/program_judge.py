@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from ...numerics.arrays import Vector
+from ...numerics.arrays import Vector, row_of
 from ...numerics.rounding import gamma
 from ...problem.data import ProblemData
 
@@ -17,6 +17,8 @@ _SAID = 1e-3
 
 #: the share of the largest unknown up to which one may be rounding
 _NOISE = 1e-13
+#: an entry counts for the units above this share of the largest of its row or of its column
+_NEXT_TO_NOTHING = 1e-12
 #: steps to the units, and the largest of their exponents
 _MEANS = 50
 _LARGEST = 500
@@ -105,8 +107,9 @@ def room_of(problem: ProblemData, z: Vector, p: Vector) -> Vector:
 
 
 def _units(A: sp.csr_array) -> Vector:
-    """2^e such that log₂|a_ij| − e_i − e_j is 0 in the mean of each row."""
-    there = A.data != 0
+    """2^e such that log₂|a_ij| − e_i − e_j is 0 in the mean of the entries of a row that count."""
+    largest = abs(A).max(axis=1).toarray().ravel()
+    there = np.abs(A.data) > _NEXT_TO_NOTHING * np.minimum(largest[row_of(A)], largest[A.indices])
     logarithm = A.copy()
     logarithm.data = np.log2(np.abs(A.data), out=np.zeros(A.nnz), where=there)
     pattern = A.copy()

@@ -58,6 +58,7 @@ def solve_program(
     time_limit: float | None = None,
     before: Outcome | None = None,
     start: Vector | None = None,
+    begin: float | None = None,
 ) -> Outcome:
     """Solve a monotone variational inequality.
 
@@ -68,11 +69,13 @@ def solve_program(
     tolerance
         In the units of the program nothing is wrong by more than that.
     time_limit
-        In seconds.
+        In seconds from `begin`.
     before
         The outcome of a program with the same matrices, from which the run begins.
     start
         An x near the solution.
+    begin
+        When the clock began, by default now.
 
     Returns
     -------
@@ -81,7 +84,7 @@ def solve_program(
         "unbounded", which are proved (for the latter a feasible x was computed), or with "_inaccurate" proved up to
         rounding; "infeasible_or_unbounded"; "user_limit"; "solver_error".
     """
-    begin = time.perf_counter()
+    begin = time.perf_counter() if begin is None else begin
     if not np.isfinite(program.b).all() or np.isneginf(program.h).any():
         return Outcome("infeasible", "a right-hand side is infinite")
     with one_blas_thread():
