@@ -140,8 +140,8 @@ def solve(
     shown = _shown(callback, history, progress)
     as_truth(raise_on_failure, "raise_on_failure")
     problem = as_problem(problem, nonlinear=True)
-    by_rule = problem.f is None and method is None and family is None and not options
-    if by_rule and z0 is None and limits.is_default and not any(shown.values()):
+    plain = problem.f is method is family is z0 is None and not options
+    if plain and limits.is_default and not any(shown.values()):
         pivots = pivoted(problem, limits)
         if pivots is not None:
             return _logged(pivots)

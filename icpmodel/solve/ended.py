@@ -46,11 +46,25 @@ class Recent:
 class Stalled:
     """Whether iterates come back, lead no further, or are as good as rounding lets them be.
 
-    Cycles of a method without memory are found by Brent's search: an iterate is compared with one that is kept while
-    their number doubles. Reference: Brent, BIT 20 (1980).
-    Parameters: `memoryless` of the method; `patience`, so many steps without a better iterate are the last, unless
-    `further` says, of a step from one z to the next, how many more are proved to lead on; `at_floor`, which says
-    whether rounding explains that the residual does not fall.
+    Parameters
+    ----------
+    memoryless : bool
+        That of the method.
+    patience : int
+        So many steps without a better iterate are the last, unless `further` allows more.
+    at_floor : callable
+        Returns an end where rounding explains that the residual does not fall.
+    further : callable
+        (z, next z) ↦ how many more steps are proved to lead on.
+
+    Notes
+    -----
+    Cycles of a method without memory are found by Brent's search: an iterate is compared with one
+    that is kept while their number doubles.
+
+    References
+    ----------
+    Brent, BIT 20 (1980).
     """
 
     def __init__(

@@ -60,16 +60,47 @@ def solve_many(
     `client.get_executor`, workers solve the rows in shares, with the same answers. What a worker that dies had to do is
     done again, by a new pool; a row whose worker does so again has the status WORKER_LOST, and all others are kept.
 
-    Parameters: `A` as for `ICP`, or a list of k of them; `Q` shape (k, n), or (n,) where A or psi are k; `psi` as for
-    `ICP`, or obstacles of shape (k, n), −inf for none, or a list of k maps; `upper` the same of obstacles above, +inf
-    for none, or None; `Z0` starts of shape (k, n) or (n,), or earlier `Solutions`; `rtol` and `atol`: row i is solved
-    where Res_D(z) ≤ rtol·Res_D(0), or Res(z) ≤ atol; `time_limit` and `memory_limit` as for `solve`, of all rows
-    together: one that does not finish has its best iterate, one that was not begun its start, with an infinite
-    residual; the start of workers counts, whose clocks should agree, and `memory_limit` is that of each. Returns
-    `Solutions`. Raises InputError for wrong shapes, NotSolved, which carries them, where a row is not solved unless
-    `raise_on_failure` is False, and what else `solve` raises. Reference: Cottle, Pang and Stone, The Linear
-    Complementarity Problem (1992), section 4.4.
+    Parameters
+    ----------
+    A : array_like or sparse matrix, or a list of k of them
+        As for `ICP`.
+    Q : array_like of shape (k, n) or (n,)
+        One row per problem, or one for all where A or psi are k.
+    psi, upper : optional
+        As for `ICP`, or obstacles of shape (k, n), or a list of k maps.
+    Z0 : array_like of shape (k, n) or (n,), or Solutions, optional
+        The starts.
+    rtol, atol : float
+        Row i is solved where Res_D(z) ≤ rtol·Res_D(0), or Res(z) ≤ atol.
+    time_limit : float, optional
+        As for `solve`, of all rows together; the start of workers counts, whose clocks should
+        agree. A row that does not finish has its best iterate. One that was not begun has its
+        start, with an infinite residual.
+    memory_limit : float, optional
+        As for `solve`, of each worker.
+    executor : callable, optional
+        Makes a pool of workers.
+    raise_on_failure : bool, default True
+        Whether NotSolved is raised where a row is not solved.
 
+    Returns
+    -------
+    Solutions
+        One row per problem.
+
+    Raises
+    ------
+    InputError
+        For wrong shapes.
+    NotSolved
+        Where a row is not solved; it carries the solutions. And what else `solve` raises.
+
+    References
+    ----------
+    Cottle, Pang and Stone, The Linear Complementarity Problem (1992), section 4.4.
+
+    Examples
+    --------
     >>> solve_many([[2, -1], [-1, 2]], [[-1, 3], [3, -1], [-1, -1]]).Z
     array([[0.5, 0. ],
            [0. , 0.5],

@@ -85,11 +85,11 @@ class Stack(Sequence[ProblemData]):
 
     @classmethod
     def of(cls, matrices: list[Any] | None, make: Callable[[Any], ProblemData]) -> Stack | None:
-        """None where they are not several, small, dense, of one size and finite."""
-        if matrices is None or len(matrices) < 2 or not all(isinstance(one, np.ndarray) for one in matrices):
+        """None where they are not small, dense, of one size and finite."""
+        if matrices is None or not all(isinstance(one, np.ndarray) and one.dtype == np.float64 for one in matrices):
             return None
         n = len(matrices[0])
-        if n > PIVOT_UP_TO or any(one.shape != (n, n) or one.dtype != np.float64 for one in matrices):
+        if n > PIVOT_UP_TO or any(one.shape != (n, n) for one in matrices):
             return None
         stack = np.array(matrices)
         return cls(stack, make) if np.isfinite(stack).all() else None
@@ -118,15 +118,20 @@ class Batch:
         # what is wrong in a row is said before another one is solved
         below = (psi, self.maps)
         above = (upper, self.uppers)
-        of_all = limits.atol, limits.time_limit, limits.memory_limit
-        self.stated = Stated([], np.broadcast_to(Q, (k, Q.shape[1])), below, above, *of_all)
+        Q = np.broadcast_to(Q, (k, Q.shape[1]))
+        self.stated = Stated([], Q, below, above, limits.atol, limits.time_limit, limits.memory_limit)
         first = self.stated.sides(0)
         make = partial(ProblemData, q=Q[0], psi=first[0], upper=first[1])
         problems: Any = Stack.of(matrices, make) or [make(one) for one in (matrices or [A])]
         self.stated = replace(self.stated, problems=problems)
-        self.problem = self.stated.problems[0]
+        self.problem = problems[0]
         self._check(k)
+        self._begin()
+
+    def _begin(self) -> None:
+        """Nothing is found as yet."""
         self.Z = np.zeros(self.stated.Q.shape)
+        k = len(self.Z)
         if self.starts is not None:
             self.Z[:] = self.starts
         self.residuals = np.full(k, np.inf)
