@@ -90,7 +90,9 @@ class Elementwise(Parametrised):
     def jacobian(self, z: Vector) -> sp.csr_array | None:
         if self.derivative is None:
             return None
-        return sp.diags_array(self._entrywise(self.derivative, z, "psi.derivative")).tocsr()
+        slopes = self._entrywise(self.derivative, z, "psi.derivative")
+        n = z.size
+        return sp.csr_array((slopes, np.arange(n), np.arange(n + 1)), shape=(n, n))
 
     def no_derivative(self) -> str | None:
         return "psi has no derivative: give `derivative` to Elementwise" if self.derivative is None else None
