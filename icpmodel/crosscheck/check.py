@@ -69,6 +69,11 @@ def crosscheck(
     Report
         `report.agrees` is True only where at least one solver agreed and none disagreed.
 
+    Notes
+    -----
+    Where p is nonlinear the solvers get its tangent at the answer under test. That is a solution of
+    the one problem if and only if it is one of the other.
+
     Raises
     ------
     InputError
@@ -84,7 +89,7 @@ def crosscheck(
     >>> icp.crosscheck(ICP([[2, -1], [-1, 2]], [-1, 3]), [0.5001, 0.0], ["osqp"]).rows[0].verdict
     <Verdict.DISAGREES: 'disagrees'>
     """
-    problem = as_problem(problem)
+    problem = given = as_problem(problem, nonlinear=True)
     if isinstance(solution, list | tuple) and any(isinstance(one, str) for one in solution):
         raise InputError(f"solution is {list(solution)!r}; names of solvers go into solvers=")
     chosen = chosen_solvers(solvers, "crosscheck")
@@ -95,7 +100,8 @@ def crosscheck(
         solution = solve(problem, raise_on_failure=False, time_limit=time_limit)
     # an answer may hold anything, infinities too: the judge sees what comes of them, the user need not be warned
     with np.errstate(over="ignore", invalid="ignore"):
-        checked = Checked(problem, solution, atol)
+        problem = given.linearised(given.vector(solution, "solution"))
+        checked = Checked(problem, solution, atol, given)
         rows: dict[str, list[Row]] = {solver.name: [] for solver in chosen}
         certain: tuple[float, float | None, str]
         certain = (problem.residual(checked.z), None, f"time_limit = {time_limit:g} s was over")

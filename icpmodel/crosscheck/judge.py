@@ -91,13 +91,16 @@ class Checked:
     `holds` says whether z is a solution, `tolerance` how far another answer may lie apart; `atol` replaces its default.
     """
 
-    def __init__(self, problem: ProblemData, solution: Any, atol: float | None = None) -> None:
+    def __init__(
+        self, problem: ProblemData, solution: Any, atol: float | None = None, given: ProblemData | None = None
+    ) -> None:
         self.problem, self.z = problem, problem.vector(solution, "solution")
         scaled, self.unit = in_typical_units(problem)
         rtol = OURS
         scale = problem.residual_scale() or norm(self.z)
         self.y = self.z / self.unit
-        if isinstance(solution, Solution) and solution.solved and solution.problem is problem and scale > 0:
+        of_it = isinstance(solution, Solution) and (solution.problem is problem or solution.problem is given)
+        if of_it and solution.solved and scale > 0:
             rtol = min(max(OURS, solution.tolerance / scale, solution.residual / scale), LOOSEST)
         self.holds = solves(problem, self.z, rtol)
         # the unit may be far larger than z: it counts only for an answer that is known to be a solution

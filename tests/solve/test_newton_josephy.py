@@ -216,3 +216,10 @@ def test_files_keep_the_answer(tmp_path):
     assert (icp.load_solution(tmp_path / "s.npz", problem).z == solution.z).all()
     with pytest.raises(icp.FileError, match="f was Python code"):
         icp.load_solution(tmp_path / "s.npz")
+
+
+def test_solvers_of_linear_problems_check_the_answer_by_its_tangent():
+    problem = radiating()
+    assert problem.crosscheck(solvers=["osqp"]).agrees
+    wrong = problem.solve().z + 1e-3
+    assert not problem.crosscheck(wrong, solvers=["osqp"]).agrees
