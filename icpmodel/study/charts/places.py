@@ -223,6 +223,6 @@ def outline(x: Vector, y: Vector, mask: NDArray[np.bool_]) -> tuple[Vector, Vect
     return along, across
 
 
-def numbers(values: Vector) -> list[float | None]:
-    """To five digits, for JSON: None where there is none."""
-    return [float(f"{one:.5g}") if np.isfinite(one) else None for one in values.tolist()]
+def numbers(values: Vector, digits: int = 5) -> list[float | None]:
+    """The values to so many digits, None where one is not finite, as JSON has it."""
+    return [float(f"{one:.{digits}g}") if np.isfinite(one) else None for one in values.tolist()]

@@ -126,7 +126,7 @@ def solution_drawing(solution: Solution, points: Any = None, shape: Any = None, 
             "p": (solution.p, "force p", "cividis", None),
         }
         return _in_planes(places, fields, masks, alt, title(problem))
-    data = columns(problem, places, solution.z)
+    data = columns(problem, places, solution.z, digits=17)
     return Drawing(
         panels=(
             Panel(
@@ -151,7 +151,7 @@ def contacts(problem: ProblemData, z: Vector) -> dict[str, Mask]:
     return {"contact below": active & ~above, "contact above": above}
 
 
-def columns(problem: ProblemData, places: Places, z: Vector) -> dict[str, Columns]:
+def columns(problem: ProblemData, places: Places, z: Vector, digits: int = 5) -> dict[str, Columns]:
     """Name of an artist → the columns that it draws of an iterate z, which a slider exchanges."""
     p = problem.p(z)
     masks = contacts(problem, z)
@@ -164,7 +164,7 @@ def columns(problem: ProblemData, places: Places, z: Vector) -> dict[str, Column
     curves = {"psi": problem.psi.value(z), "z": z, "p": p}
     curves |= {} if problem.upper is None else {"upper": problem.upper.value(z)}
     curves |= {name: np.where(mask, z, np.nan) for name, mask in masks.items()}
-    return {name: {"y": numbers(of[places.rows])} for name, of in curves.items()}
+    return {name: {"y": numbers(of[places.rows], digits)} for name, of in curves.items()}
 
 
 def _line_style(places: Places, colour: Any, width: float, marker: str = "o") -> dict[str, Any]:
