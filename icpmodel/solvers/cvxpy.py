@@ -1,4 +1,4 @@
-"""An ICP as a CVXPY problem, and four solvers of different kinds through it: three of QPs, and branch and bound.
+"""An ICP as a CVXPY problem, and three QP solvers of different kinds through it.
 
 CVXPY writes the model in its own way, so that they also check the model that the native interfaces are given.
 Reference: Diamond and Boyd, J. Mach. Learn. Res. 17 (2016).
@@ -18,7 +18,7 @@ from ..problem.data import ProblemLike, as_problem
 from .clarabel import clarabel_options
 from .foreign import Claim, ForeignSolver, missing
 from .formulations import Target
-from .highs import highs_options, milp_options
+from .highs import highs_options
 from .osqp import osqp_options
 
 
@@ -143,7 +143,7 @@ def _program(value: Any, rows: list[Any]) -> Any:
 
 
 class _ThroughCvxpy(ForeignSolver):
-    """The common part: `solver` is CVXPY's name, and `options` gives the arguments for a tolerance."""
+    """What the three share: `solver` is CVXPY's name, and `options` gives the arguments for a tolerance."""
 
     asked_by = ("crosscheck",)
     solver: ClassVar[str]
@@ -153,9 +153,7 @@ class _ThroughCvxpy(ForeignSolver):
         return missing("cvxpy") or super().why_not(target)
 
     def set_up(self, target: Target, tolerance: float, time_limit: float) -> Any:
-        form = self.form(target)
-        model = _mip(target) if form == "mpec" else _qp(target, form)
-        return model, {**self.options(tolerance), "time_limit": float(time_limit)}
+        return _qp(target, self.form(target)), {**self.options(tolerance), "time_limit": float(time_limit)}
 
     def run(self, model: Any) -> Claim:
         problem, options = model
@@ -212,22 +210,3 @@ class CvxpyHighs(_ThroughCvxpy):
     forms = ("gap", "energy")
     largest = 1000
     too_large = "HiGHS's QP solver takes minutes or gives up"
-
-
-class CvxpyMilp(_ThroughCvxpy):
-    """HiGHS's branch and bound on the mixed-integer form, of n ≤ 250, with the bounds on p and r of `Target.bounds`."""
-
-    name = "cvxpy-milp"
-    package = "highspy"
-    solver = "HIGHS"
-    forms = ("mpec",)
-    # tighter than 1e-8, or with a large M, HiGHS's rounding errors make a solvable problem "infeasible"
-    tight = (1e-8, 1e-6)
-    largest = 250
-    too_large = "branch and bound may take minutes"
-    options = staticmethod(milp_options)
-
-    def why_not(self, target: Target) -> str | None:
-        if (reason := super().why_not(target)) is None and target.bounds is None:
-            return f"no bounds on p and r for the mixed-integer form: {target.at_zero.reason}"
-        return reason

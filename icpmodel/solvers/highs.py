@@ -57,8 +57,3 @@ def highs_options(tolerance: float) -> dict[str, Any]:
     # by default it adds 1e-7 to the Hessian, which shows in the seventh digit
     feasible = dict.fromkeys(("primal_feasibility_tolerance", "dual_feasibility_tolerance"), max(tolerance, 1e-10))
     return {**feasible, "qp_regularization_value": 0.0}
-
-
-def milp_options(tolerance: float) -> dict[str, Any]:
-    """HiGHS's options of branch and bound for `tolerance`, which is absolute."""
-    return {f"{part}_feasibility_tolerance": tolerance for part in ("mip", "primal", "dual")}

@@ -21,7 +21,7 @@ from .formulations import Target
 class HighsMilp(ForeignSolver):
     """The active set of HiGHS's branch and bound, and the solution of its linear system.
 
-    Asked where `Target.bounds` knows no bounds on p and r, as of indefinite A; with bounds "cvxpy-milp" is asked.
+    Asked where `Target.bounds` knows no bounds on p and r, as of indefinite A; with bounds "pyomo-highs" is asked.
     """
 
     name = "highs-milp"
@@ -34,7 +34,7 @@ class HighsMilp(ForeignSolver):
     def why_not(self, target: Target) -> str | None:
         reason = super().why_not(target)
         if reason is None and target.bounds is not None:
-            return "bounds on p and r are known, so that cvxpy-milp is asked"
+            return "bounds on p and r are known, so that pyomo-highs is asked"
         return reason
 
     def set_up(self, target: Target, tolerance: float, time_limit: float) -> Any:

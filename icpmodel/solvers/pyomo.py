@@ -1,4 +1,7 @@
-"""An ICP as a Pyomo model.
+"""An ICP as a Pyomo model, and HiGHS on the mixed-integer program that Pyomo makes of it.
+
+p ≥ 0 ⟂ r ≥ 0 becomes p_i = 0 or r_i = 0 (mpec.simple_disjunction, then gdp.bigm). This needs no convexity, but bounds
+on p and r.
 
 Reference: Bynum et al., Pyomo: Optimization Modeling in Python (2021), doi 10.1007/978-3-030-68928-5.
 """
@@ -14,12 +17,15 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..errors import NotApplicable
+from ..numerics.arrays import Vector
 from ..problem.data import ProblemData, ProblemLike, as_problem
 from ..problem.elementwise import Elementwise
 from ..problem.function import Function
 from ..problem.map import Map
 from ..problem.two_sided import sides_of
 from ..problem.user_code import is_compiled
+from .foreign import Claim, ForeignSolver, missing
+from .formulations import Target
 
 #: NumPy's functions of one argument that Pyomo has too; it calls arcsin asin
 _FUNCTIONS: tuple[str, ...] = ("exp", "log", "log10", "sqrt", "sin", "cos", "tan", "sinh", "cosh", "tanh")
@@ -88,9 +94,16 @@ def to_pyomo(problem: ProblemLike) -> Any:
     held = [i for i in z if has_below[i] or has_above[i]]
     model.complementarity = Complementarity(held, rule=rule)
     model.above = Complementarity([*model.v], rule=lambda m, i: complements(m.v[i] >= 0, above[i] - z[i] >= 0))
-    model.equation = pyo.Constraint(sorted({*z} - {*held}), rule=lambda _, i: p[i] == 0)
-    model.objective = pyo.Objective(expr=0.0)
+    _complete(model, held, p)
     return model
+
+
+def _complete(model: Any, held: list[int], p: Any) -> None:
+    """Give `model` p_i = 0 in the rows that are not `held`, and an objective that is constant."""
+    import pyomo.environ as pyo
+
+    model.equation = pyo.Constraint(sorted({*model.z} - {*held}), rule=lambda _, i: p[i] == 0)
+    model.objective = pyo.Objective(expr=0.0)
 
 
 def _ranges(problem: ProblemData, two: list[int], z: Any) -> dict[int, tuple[float, Any, float]]:
@@ -199,3 +212,80 @@ def _arithmetic(operation: Callable[[Any, Any], Any], turned: bool) -> Callable[
 for _name in ("add", "sub", "mul", "truediv", "pow"):
     setattr(_Symbol, f"__{_name}__", _arithmetic(getattr(operator, _name), turned=False))
     setattr(_Symbol, f"__r{_name}__", _arithmetic(getattr(operator, _name), turned=True))
+
+
+class PyomoHighs(ForeignSolver):
+    """HiGHS's branch and bound on the big-M form, of n ≤ 250. Its bounds on p and r are `Target.bounds`."""
+
+    name = "pyomo-highs"
+    package = "highspy"
+    forms = ("mpec",)
+    asked_by = ("crosscheck",)
+    # tighter than 1e-8, or with a large M, HiGHS's rounding errors make a solvable problem "infeasible"
+    tight = (1e-8, 1e-6)
+    largest = 250
+    too_large = "branch and bound may take minutes"
+
+    def why_not(self, target: Target) -> str | None:
+        if (reason := missing("pyomo") or super().why_not(target)) is None and target.bounds is None:
+            return f"no bounds on p and r for the big-M form: {target.at_zero.reason}"
+        return reason
+
+    def set_up(self, target: Target, tolerance: float, time_limit: float) -> Any:
+        from pyomo.contrib.appsi.solvers import Highs
+
+        solver = Highs()
+        solver.config.time_limit = float(time_limit)
+        solver.config.load_solution = False
+        solver.highs_options = {f"{of}_feasibility_tolerance": tolerance for of in ("mip", "primal", "dual")}
+        return _model(target, target.bounds), solver
+
+    def run(self, model: Any) -> Claim:
+        from pyomo.contrib.appsi.base import TerminationCondition
+
+        posed, solver = model
+        result = solver.solve(posed)
+        if result.termination_condition is not TerminationCondition.optimal:
+            return Claim(None, result.termination_condition.name, False)
+        values = result.solution_loader.get_primals()
+        return Claim([values[one] for one in posed.z.values()], "optimal", True)
+
+
+def _model(target: Target, bounds: tuple[Vector, Vector, Vector]) -> Any:
+    """`target` as a mixed-integer Pyomo model with variables z, p and r, within the `bounds` of `Target.bounds`.
+
+    p and r belong to the one obstacle of a row. Where it has two, p is u = Az + q + v, and v ≥ 0 ⟂ s ≥ 0.
+    """
+    import pyomo.environ as pyo
+    from pyomo.mpec import Complementarity, complements
+
+    problem = target.problem
+    held = np.flatnonzero(target.held).tolist()
+    z_max, p_max, r_max = (one.tolist() for one in bounds)
+    model = pyo.ConcreteModel()
+    model.z = pyo.Var(range(problem.n), bounds=lambda _, i: (-z_max[i], z_max[i]))
+    model.p = pyo.Var(range(problem.n), bounds=lambda _, i: (0.0, p_max[i] if target.held[i] else 0.0))
+    model.r = pyo.Var(held, bounds=lambda _, i: (0.0, r_max[i]))
+    p = _moved(problem.A, problem.q, model.z)
+    r = _moved(target.I_minus_G, -target.near, model.z)
+    for i in np.flatnonzero(target.capped).tolist():
+        p[i] = -p[i]
+        r[i] = -r[i]
+    both = np.flatnonzero(target.both).tolist()
+    if both:
+        assert target.d is not None
+        model.v = pyo.Var(both, bounds=lambda _, i: (0.0, p_max[i]))
+        model.s = pyo.Var(both, bounds=lambda _, i: (0.0, r_max[i]))
+        s = _moved(-target.I_minus_H, target.d[target.both], model.z)
+        model.s_is = pyo.Constraint(range(len(both)), rule=lambda m, k: m.s[both[k]] == s[k])
+        for i in both:
+            p[i] = p[i] + model.v[i]
+    model.p_is = pyo.Constraint(range(problem.n), rule=lambda m, i: m.p[i] == p[i])
+    model.r_is = pyo.Constraint(held, rule=lambda m, i: m.r[i] == r[i])
+    model.complementarity = Complementarity(held, rule=lambda m, i: complements(m.p[i] >= 0, m.r[i] >= 0))
+    _complete(model, held, model.p)
+    if both:
+        model.above = Complementarity(both, rule=lambda m, i: complements(m.v[i] >= 0, m.s[i] >= 0))
+    for transformation in ("mpec.simple_disjunction", "gdp.bigm"):
+        pyo.TransformationFactory(transformation).apply_to(model)
+    return model

@@ -19,7 +19,7 @@ from icpmodel.crosscheck.judge import Verdict
 from icpmodel.crosscheck.report import Report
 from icpmodel.scenes import scene
 
-QUICK = ("osqp", "cvxpy-clarabel", "cvxpy-osqp", "cvxpy-highs", "cvxpy-milp")
+QUICK = ("osqp", "cvxpy-clarabel", "cvxpy-osqp", "cvxpy-highs", "pyomo-highs")
 
 
 def planted(kind: str, n: int = 12, scale: float = 1.0) -> tuple[icp.ICP, np.ndarray]:
@@ -88,8 +88,7 @@ def test_the_exact_answer_is_confirmed_by_every_solver_and_no_other_is(kind: str
     report = crosscheck(problem, z, QUICK)
     assert set(verdicts(report)) == {Verdict.AGREES}, str(report)
     assert report.agrees
-    # branch and bound holds each row to 1e-8 only
-    assert max(row.residual or 0.0 for row in report.rows if row.solver != "cvxpy-milp") <= 1e-8
+    assert max(row.residual or 0.0 for row in report.rows) <= 1e-8
     for error, wrong in ERRORS.items() if n == 12 else ():
         report = crosscheck(problem, wrong(z), ["osqp", "cvxpy-clarabel"])
         assert not report.agrees
@@ -105,8 +104,8 @@ def test_the_exact_answer_is_confirmed_by_every_solver_and_no_other_is(kind: str
 def test_units_do_not_matter(kind: str, of_z: float, of_p: float) -> None:
     problem, z = planted(kind, scale=of_z)
     problem = icp.ICP(problem.A * of_p, problem.q * of_p, problem.psi)
-    assert crosscheck(problem, z, ["osqp", "cvxpy-milp"]).agrees
-    report = crosscheck(problem, z + 1e-4 * of_z, ["osqp", "cvxpy-milp"])
+    assert crosscheck(problem, z, ["osqp", "pyomo-highs"]).agrees
+    report = crosscheck(problem, z + 1e-4 * of_z, ["osqp", "pyomo-highs"])
     assert {*verdicts(report)} - {Verdict.SKIPPED} == {Verdict.DISAGREES}
 
 
@@ -165,7 +164,7 @@ def test_atol_decides() -> None:
 def test_branch_and_bound_survives_a_large_big_m() -> None:
     """At a feasibility tolerance of 1e-10 HiGHS calls this problem infeasible."""
     problem = scene("manufactured-affine", n=100).problem
-    assert set(verdicts(crosscheck(problem, None, ["cvxpy-milp"]))) == {Verdict.AGREES}
+    assert set(verdicts(crosscheck(problem, None, ["pyomo-highs"]))) == {Verdict.AGREES}
 
 
 def test_cross_checks_in_threads_leave_the_streams_of_the_process_as_they_were():

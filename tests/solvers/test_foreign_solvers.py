@@ -13,7 +13,7 @@ from icpmodel.solvers import Claim, ForeignSolver, Target, ask, chosen_solvers, 
 from icpmodel.solvers.formulations import in_typical_units
 
 NATIVE = ("osqp", "osqp, not polished", "clarabel", "piqp", "scs", "active set, cold", "highs", "ipopt", "path")
-NAMES = (*NATIVE, "cvxpy-clarabel", "cvxpy-osqp", "cvxpy-highs", "cvxpy-milp")
+NAMES = (*NATIVE, "cvxpy-clarabel", "cvxpy-osqp", "cvxpy-highs", "pyomo-highs")
 
 
 def solved(name: str, problem: icp.ICP, tolerance: float = 1e-11) -> np.ndarray | str:
@@ -108,7 +108,7 @@ def test_a_solver_from_outside_is_found_by_its_name() -> None:
     assert "test-exact" not in {row.solver for row in icp.crosscheck(icp.ICP([[2.0]], [-1.0]), [0.5]).rows}
 
 
-@pytest.mark.parametrize("name", ["osqp", "highs", "cvxpy-clarabel", "cvxpy-milp", "ipopt", "path"])
+@pytest.mark.parametrize("name", ["osqp", "highs", "cvxpy-clarabel", "pyomo-highs", "ipopt", "path"])
 def test_a_missing_package_is_a_sentence(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     solver = foreign_solvers()[name]
     assert solver.package is not None

@@ -23,7 +23,7 @@ SOLVERS = [
     "cvxpy-osqp",
     "ipopt",
     "path",
-    "cvxpy-milp",
+    "pyomo-highs",
 ]
 
 
@@ -63,7 +63,7 @@ def test_a_solver_finds_the_solution_between_two_obstacles(name: str, kind: str)
         if solver.why_not(target) is not None:
             assert (name, kind) == ("active set, cold", "alike")
             continue
-        claim = ask(solver, target, 1e-8 if name == "cvxpy-milp" else 1e-10, 20.0)
+        claim = ask(solver, target, 1e-8 if name == "pyomo-highs" else 1e-10, 20.0)
         assert claim.solved, claim.words
         assert np.shape(claim.z) == (8,)
         assert np.asarray(claim.z) * unit == pytest.approx(z, abs=1e-6)
@@ -138,7 +138,7 @@ def test_a_box_bounds_what_no_certificate_does_and_branch_and_bound_finds_one_of
     assert target.at_zero.componentwise is None
     z_max, p_max, r_max = target.bounds
     assert (z_max[0], p_max[0], r_max[0]) == pytest.approx((1.0, 1.25, 2.0))
-    report = icp.crosscheck(problem, [1.0], ["osqp", "cvxpy-milp"])
+    report = icp.crosscheck(problem, [1.0], ["osqp", "pyomo-highs"])
     assert report.rows[0].verdict.value == "skipped"
     assert report.rows[1].verdict.value in ("agrees", "other solution")
 
