@@ -238,7 +238,8 @@ class PyomoHighs(ForeignSolver):
         solver.config.time_limit = float(time_limit)
         solver.config.load_solution = False
         solver.highs_options = {f"{of}_feasibility_tolerance": tolerance for of in ("mip", "primal", "dual")}
-        return _model(target, target.bounds), solver
+        bounds: Any = target.bounds  # there are some: see why_not
+        return _model(target, bounds), solver
 
     def run(self, model: Any) -> Claim:
         from pyomo.contrib.appsi.base import TerminationCondition

@@ -80,7 +80,7 @@ def test_a_and_q_and_the_obstacles_are_files_or_numbers(capsys, tmp_path):
     [
         (["st"], {"stability"}),
         (["solve", "memb"], {"membrane"}),
-        (["solve", "membrane", "--method", "newt"], {"newton"}),
+        (["solve", "membrane", "--method", "newt"], {"newton", "newton-josephy"}),
         (["race", "membrane", "--solver", "osq"], {"osqp", "osqp, not polished"}),
         (["stability", "rel"], {"relaxation"}),
         (["stability", "units", "memb"], {"membrane"}),

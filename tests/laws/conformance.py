@@ -71,6 +71,7 @@ BY_LUCK = {("mnmmod", "hand-splittings"): "the iterates wander without a rule, u
 #: (method, scene) → the reason why it must fail; an unexpected success fails the test. On a scene without a solution
 #: every method must, and need not be listed here
 MUST_FAIL = {
+    **{("newton-josephy", scene): "why_not: p is affine" for scene in scenes.names()},
     **dict.fromkeys([(m, "hand-cyclic") for m in _BY_DIAGONAL if m != "accelerated"], _CYCLIC),
     **dict.fromkeys([(m, "hand-splittings") for m in ("mnmaor", "mnmgs", "mnmod", "mnmsor", "modulus")], _COUPLED),
     **dict.fromkeys(

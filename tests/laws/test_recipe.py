@@ -10,7 +10,7 @@ yaml = pytest.importorskip("yaml", reason="PyYAML, which comes with the extra do
 
 RECIPE = HOUSE / ".ci" / "conda" / "recipe.yaml"
 #: what is not called on conda-forge as on PyPI (the recipes of its feedstocks say so)
-CALLED = {"matplotlib": "matplotlib-base"}
+CALLED = {"matplotlib": "matplotlib-base", "qdldl": "qdldl-python"}
 
 
 @pytest.fixture(scope="module")

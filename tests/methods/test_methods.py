@@ -141,6 +141,8 @@ def test_every_option_changes_the_iterates(name):
         return last
 
     plain = methods.named(name)
+    if plain.why_not(problem) is not None:
+        return
     for option in fields(plain):
         # phi1 acts through phi2/phi1, and the window where it is full
         base = {"phi1": {"phi2": 2.0}, "history_size": {"mixing_frequency": 1}}.get(option.name, {})

@@ -60,6 +60,7 @@ OBJECTS = [
     MAP,
     MAP.plane,
     MAP.plane.x,
+    icp.study.Fields(icp.ICP([[2.0]], [-2.0]), {"z": np.ones(1)}),
     icp.study.sensitivity(icp.ICP([[2.0]], [-2.0]).solve()),
     SolutionFunction(icp.ICP([[2.0]], [-2.0]), {}, {}, True),
     icp.Derivative(icp.ICP([[2.0]], [-2.0]).solve()),

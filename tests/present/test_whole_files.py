@@ -17,7 +17,6 @@ PAGE = b"<html>" + GENERATOR + b"</html>"
 WRITERS = {
     "problem.npz": lambda path: icp.save_problem(SOLUTION.problem, path),
     "solution.npz": lambda path: icp.save_solution(SOLUTION, path),
-    "solution.npy": lambda path: icp.save_solution(SOLUTION, path),
     "solution.csv": lambda path: icp.save_solution(SOLUTION, path),
     "report.csv": REPORT.to_csv,
     "report.json": REPORT.to_json,

@@ -94,10 +94,10 @@ def cut(indptr, indices, data, q, rows, z):
     inside = np.empty(m)
     at = 0
     for t in range(m):
-        i = uint(rows[t])
+        row = uint(rows[t])
         starts[t] = at
         known = 0.0
-        for k in range(uint(indptr[i]), uint(indptr[i + uint(1)])):
+        for k in range(uint(indptr[row]), uint(indptr[row + uint(1)])):
             j = uint(indices[k])
             if place[j] < 0:
                 known += data[k] * z[j]
@@ -105,7 +105,7 @@ def cut(indptr, indices, data, q, rows, z):
                 columns[at] = place[j]
                 values[at] = data[k]
                 at += 1
-        inside[t] = known + q[i]
+        inside[t] = known + q[row]
     starts[m] = at
     return starts, columns[:at], values[:at], inside
 
