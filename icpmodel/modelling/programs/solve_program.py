@@ -161,10 +161,10 @@ class _ProgramRun:
                     break
 
     def _solved(
-        self, problem: ICP, method: str | None = None, z0: Vector | None = None, judged: Any = None
+        self, problem: ICP, method: str | None = None, z0: Vector | None = None, judged: Any = None, rtol: float = 0.0
     ) -> Solution:
         solution = problem.solve(
-            method, z0=z0, rtol=0.0, callback=judged, time_limit=self.left(), raise_on_failure=False
+            method, z0=z0, rtol=rtol, callback=judged, time_limit=self.left(), raise_on_failure=False
         )
         if solution.status is Status.INTERRUPTED:
             raise KeyboardInterrupt
@@ -177,7 +177,7 @@ class _ProgramRun:
             y = np.array([float(weight) for weight in solution.infeasible.witness])
         else:
             nearest, asked = least_violation(problem)
-            found = self._solved(ICP(nearest.A, nearest.q, nearest.psi)).polish()
+            found = self._solved(ICP(nearest.A, nearest.q, nearest.psi), rtol=1e-10).polish()
             y = np.zeros(problem.n)
             y[asked] = found.z[problem.n :]
         rows = np.arange(problem.n) >= self.program.g.size
