@@ -43,11 +43,12 @@ print(f"heights from {exact.z.min():.3f} to {exact.z.max():.3f}; {exact.active_s
 #
 # ### A residual is not an error
 #
-# *Ill-conditioned.* For $A = 10^{-6}$, $q = -10^{-6}$, $\psi = 0$ the answer is 1, and 2 has a residual of a millionth.
+# *Ill-conditioned.* For $A = 10^{-6}$, $q = -10^{-6}$, $\psi = 0$ the answer is 1, and 2 has a residual of a millionth
+# in the units of $p$.
 # The bound says what it is worth, and here it is attained: no better one can be given for that residual.
 
 soft = icp.ICP([[1e-6]], [-1e-6])
-print(f"z = 2: residual {soft.residual([2.0]):.0e}, bound on the error {icp.error_bound(soft, [2.0]).value:.9f}")
+print(f"z = 2: residual {soft.paper_residual([2.0]):.0e}, bound on the error {icp.error_bound(soft, [2.0]).value:.9f}")
 assert 1 <= icp.error_bound(soft, [2.0]).value < 1 + 1e-6
 
 # %%
@@ -55,7 +56,7 @@ assert 1 <= icp.error_bound(soft, [2.0]).value < 1 + 1e-6
 # has a residual below a millionth. No bound exists, since there is no such thing as *the* error, and none is given:
 
 two = icp.ICP([[-1e-6]], [1e-6])
-print(f"residuals of 0, 1/2 and 1: {[two.residual([z]) for z in (0.0, 0.5, 1.0)]}")
+print(f"residuals of 0, 1/2 and 1: {[two.paper_residual([z]) for z in (0.0, 0.5, 1.0)]}")
 print(icp.certify(two, [0.5]))
 
 # %%
@@ -63,7 +64,7 @@ print(icp.certify(two, [0.5]))
 #
 # Projected SOR on the string. The bound of $z$ itself costs one product with $A$, once $v$ is known, and is ten to some
 # hundred times the error. Who pays for a few linear solves more, looks for a better point near $z$, bounds *its* error
-# and adds the distance (`sharp=True`): until rounding the bound then is the error, to two digits.
+# and adds the distance (`sharp=True`): until rounding the bound then is the error, to a few hundredths.
 #
 # A bound $|z - z^*| \le \delta$ decides rows. If $p_i(z) > \sum_j |a_{ij}|\delta_j$, then $p_i(z^*) > 0$: row $i$
 # touches the bump in the true solution, whatever it does in $z$. If $r_i(z) > \delta_i$, it hangs free.

@@ -361,7 +361,10 @@ def _bokeh(sections: list[Section]) -> dict[str, str]:
     from bokeh.resources import Resources
 
     charts = [linked(section.panels) for section in sections]
-    script, elements = components([one for part in charts for one in part])
+    every = [one for part in charts for one in part]
+    if not every:
+        return {"library": "", "script": ""}
+    script, elements = components(every)
     placed = iter(elements)
     for section, part in zip(sections, charts, strict=True):
         section.charts = [next(placed) for _ in part]

@@ -51,6 +51,15 @@ def seen(state: icp.Progress) -> bool:
     return state.residual < 1e-3 and bool(state.z.any())
 
 
+# the choice, every solution, contradictions, contact
+assert_type(icp.select_method(problem), icp.Choice | None)
+several: icp.SolutionSet = icp.all_solutions(problem)
+faces: tuple[icp.Face, ...] | list[icp.Face] = several.faces
+found: icp.Contradiction | None = icp.contradiction(problem)
+state: icp.ContactState = icp.contact_state(solution)
+searches: list[icp.Method] = [icp.Enumerate(), icp.Restarts(), icp.MixedInteger(), icp.NewtonJosephy()]
+
+
 # rows
 many = icp.solve_many(A, [[1, -2], [0, 3]], time_limit=1.0)
 assert_type(many, icp.Solutions)
@@ -88,8 +97,8 @@ assert_type(race, icp.study.Race)
 assert_type(problem.race(["mnmgs"], repeats=1), icp.study.Race)
 assert_type(icp.stability("relaxation", problem, points=5), icp.study.StabilityMap)
 assert_type(problem.stability("shift", points=5), icp.study.StabilityMap)
-assert_type(icp.report(solution, title="mine"), str)
-assert_type(problem.report(title="mine"), str)
+page: str = icp.report(solution, title="mine")
+page = problem.report(title="mine")
 assert_type(race.table(), Table)
 assert_type(race.table().to_latex(), str)
 race.plot("race.pdf")
@@ -107,7 +116,7 @@ problem.stability().plot(ax=axes[0])
 # the gallery, theory, foreign solvers
 scene = icp.scenes.membrane(n=900, mu=4.0)
 assert_type(scene, icp.scenes.Scene)
-scene.plot(solution=solution)
+scene.plot()
 assert_type(icp.scenes.scene("bearing", n=99).errors(z0), dict[str, float])
 assert_type(icp.scenes.names(), list[str])
 rows = icp.scenes.by_rows("membrane", n=10**9)
