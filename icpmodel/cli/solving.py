@@ -194,7 +194,10 @@ def at_their_size(scene: Scene, report: Report, parameters: dict[str, Any]) -> l
         n = largest * scene.problem.n // size
         while solver.size(Target(smaller := scene_called(scene.name, n, **parameters).problem)) > largest:
             n -= 1
-        found.append((smaller, tuple(dict.fromkeys(asked))))
+        target = Target(smaller)
+        takes_it = tuple(name for name in dict.fromkeys(asked) if chosen_solvers([name])[0].why_not(target) is None)
+        if takes_it:
+            found.append((smaller, takes_it))
     return found
 
 
