@@ -33,9 +33,6 @@ FLOOR = 1e-9
 #: how many times that a certified bound may be and still count; a wide bound proves nothing
 WIDEST = 10.0
 
-#: names of the formulations in a report
-_FORMS = {"energy": "energy QP", "gap": "gap QP", "mpec": "MPEC"}
-
 
 class Verdict(Enum):
     """What a foreign answer says of the answer under test, and what that means in a sentence.

@@ -118,11 +118,6 @@ class Matrix(ReadOnly):
         """How many entries of A are stored, or not 0 where A is small and dense."""
         return self.sparse.nnz if self.dense is None else int(np.count_nonzero(self.dense))
 
-    @property
-    def is_full(self) -> bool:
-        """Whether every entry is stored."""
-        return self.nnz == self.n**2
-
     def product(self, z: Vector) -> Vector:
         """Az, on all cores where A is large."""
         work.add(self.product_cost)

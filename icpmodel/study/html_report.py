@@ -354,16 +354,14 @@ def _worth_mapping(problem: ProblemData) -> tuple[float, int, int, int]:
 
 
 def _bokeh(sections: list[Section]) -> dict[str, str]:
-    """The library and the script that puts the charts into their elements, empty where Bokeh is not installed."""
-    if not is_installed():
+    """The library and the script that puts the charts into their elements, empty without charts or Bokeh."""
+    charts = [linked(section.panels) for section in sections] if is_installed() else []
+    every = [one for part in charts for one in part]
+    if not every:
         return {"library": "", "script": ""}
     from bokeh.embed import components
     from bokeh.resources import Resources
 
-    charts = [linked(section.panels) for section in sections]
-    every = [one for part in charts for one in part]
-    if not every:
-        return {"library": "", "script": ""}
     script, elements = components(every)
     placed = iter(elements)
     for section, part in zip(sections, charts, strict=True):
