@@ -15,7 +15,7 @@ from ..algebra.factor_costs import factor_costs
 from ..errors import InputError, Interrupted, OutOfTime
 from ..numerics.arrays import as_number
 from ..numerics.processes import CAN_FORK, in_a_process
-from ..numerics.rounding import sheltered
+from ..numerics.rounding import public_entry
 from ..problem.data import ProblemData, ProblemLike, as_problem
 from ..solve.driver import solve
 from ..solve.progress import status_line
@@ -35,7 +35,7 @@ _SHARE = 0.1
 _Item = tuple[float, float | None, str] | str | Row
 
 
-@sheltered
+@public_entry
 def crosscheck(
     problem: ProblemLike,
     solution: Any = None,

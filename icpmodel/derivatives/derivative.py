@@ -32,7 +32,7 @@ from ..algebra.active_equations import ActiveEquations
 from ..algebra.equations import derivative, equations_on, pattern_at
 from ..errors import InputError, MapError, NotApplicable, OutOfTime, SingularOperator
 from ..numerics.arrays import Mask, ReadOnly, Vector, described, norm
-from ..numerics.rounding import SMALLEST, UNIT_ROUNDOFF, sheltered
+from ..numerics.rounding import SMALLEST, UNIT_ROUNDOFF, public_entry
 from ..present.card import Card
 from ..present.shown import Shown
 from ..problem.data import ProblemData
@@ -139,7 +139,7 @@ class Derivative(ReadOnly, Shown):
         """
         return ActiveEquations(self.problem, self.pattern.active, self._jacobian)
 
-    @sheltered
+    @public_entry
     def forward(self, *, dA: Any = None, dq: Any = None, dpsi: Any = None, dupper: Any = None) -> Vector:
         """The change dz of z*, to first order, for a change of the data.
 
@@ -176,7 +176,7 @@ class Derivative(ReadOnly, Shown):
         change = Direction.of(self.problem, dA, dq, dpsi, dupper)
         return self.solved(change.right_side(self.z, self.pattern))
 
-    @sheltered
+    @public_entry
     def adjoint(self, zbar: Any) -> Gradient:
         """The gradient of z̄ᵀz* in all data at once, by one transposed solve.
 
@@ -261,7 +261,7 @@ class Derivative(ReadOnly, Shown):
         moved = (abs(G).T if transposed else abs(G)) @ held + held if G.nnz else held
         return A.T @ (x - held) + moved if transposed else np.where(active, moved, A @ x)
 
-    @sheltered
+    @public_entry
     def one_sided(self, *, dA: Any = None, dq: Any = None, dpsi: Any = None, dupper: Any = None) -> OneSided:
         """The right and the left derivative in one direction; where `certain`, both are `forward`.
 
@@ -307,7 +307,7 @@ class Derivative(ReadOnly, Shown):
         # numbers below SMALLEST/UNIT_ROUNDOFF have fewer digits than rtol asks for
         return solve(problem, rtol=_RTOL, atol=SMALLEST / UNIT_ROUNDOFF).polish().z
 
-    @sheltered
+    @public_entry
     def bound(self, dz: Any, *, dA: Any = None, dq: Any = None, dpsi: Any = None, dupper: Any = None) -> float | None:
         """Bound the distance of `dz` to the derivative in the direction of the other arguments.
 
@@ -348,7 +348,7 @@ class Derivative(ReadOnly, Shown):
         error = np.zeros(dz.size) if known is None else direction.error(self.z, known, self.pattern)
         return self._bound(self._matrix(), f, dz, error)
 
-    @sheltered
+    @public_entry
     def adjoint_bound(self, zbar: Any, gradient: Gradient) -> float | None:
         """Bound the error of the `q`, `psi_values` and `upper_values` of `gradient`; see `bound`.
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..numerics.rounding import sheltered
+from ..numerics.rounding import public_entry
 from ..present.card import Card
 from ..present.shown import Shown
 from ..solve.solution import Status
@@ -71,7 +71,7 @@ class DistributedSolution(Shown):
     def __bool__(self) -> bool:
         return self.solved
 
-    @sheltered
+    @public_entry
     def certify(self) -> DistributedCertificate:
         """State what is certain of z: the error bound, uniqueness, and which rows are decided.
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import InputError, MapError, NotApplicable, NotSolved
 from ..numerics.arrays import as_truth, smallest_size
-from ..numerics.rounding import sheltered
+from ..numerics.rounding import public_entry
 from ..solve.goal import RTOL, Limits
 from ..solve.progress import status_line
 from ..solve.solution import Status
@@ -39,7 +39,7 @@ _SWEEPS = 8
 _RESCUES = 10
 
 
-@sheltered
+@public_entry
 def solve(
     A: Any,
     q: Any = None,

@@ -13,7 +13,7 @@ from ..errors import InputError, OutOfTime
 from ..methods.contract import Method, named
 from ..methods.modulus import ModulusMember
 from ..numerics.arrays import as_number, as_truth, described
-from ..numerics.rounding import UNIT_ROUNDOFF, at_most, sheltered
+from ..numerics.rounding import UNIT_ROUNDOFF, at_most, public_entry
 from ..numerics.threads import one_blas_thread
 from ..present.card import Sections, inner_width
 from ..present.shown import Shown
@@ -229,7 +229,7 @@ class Explanation(Shown):
         return Sections(self.sections()).to_html()
 
 
-@sheltered
+@public_entry
 def explain(
     problem: ProblemLike,
     method: str | Method | None = None,

@@ -30,7 +30,7 @@ _FLUSHED = (
 CTRL_C = SystemError, ImportError
 
 
-def sheltered(verb: Verb) -> Verb:
+def public_entry(verb: Verb) -> Verb:
     """A verb of the package: it computes as NumPy does by default, whatever its user has asked of NumPy for himself,
     and Ctrl-C stays a KeyboardInterrupt in compiled code, too. Warns where the processor flushes to zero what is
     smaller than 2.2e-308, as some libraries make it do: proofs count on gradual underflow.

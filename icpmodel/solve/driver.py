@@ -17,7 +17,7 @@ from ..methods.aor import MNMGS
 from ..methods.contract import Method, named
 from ..numerics import work
 from ..numerics.arrays import Vector, as_truth, described, norm
-from ..numerics.rounding import CTRL_C, is_ctrl_c, sheltered
+from ..numerics.rounding import CTRL_C, is_ctrl_c, public_entry
 from ..problem.data import OF_ARRAYS, ProblemData, ProblemLike, as_problem
 from .accuracy import solve_to_accuracy
 from .choice import FAMILIES, Choice, InTurn, Job, why_none
@@ -39,7 +39,7 @@ _LEAST_AIM = 1e-14
 _MOST_AIM = 0.5
 
 
-@sheltered
+@public_entry
 @by_name("solve", OF_ARRAYS)
 def solve(
     problem: ProblemLike,

@@ -9,7 +9,7 @@ import numpy as np
 from ..errors import MapError
 from ..numerics import work
 from ..numerics.arrays import Vector
-from ..numerics.rounding import sheltered
+from ..numerics.rounding import public_entry
 from ..problem.data import ProblemData
 from ..theory.certificates.contradiction import contradiction
 from ..theory.certificates.infeasible import infeasible
@@ -21,12 +21,12 @@ from .solution import History, Solution, Status
 _NO_FURTHER = (Status.STAGNATED, Status.CYCLED, Status.DIVERGED)
 
 
-@sheltered
+@public_entry
 def _residual(run: Run, z: Vector) -> float:
     return run.goal.judged(z, run.problem.residual(z))
 
 
-@sheltered
+@public_entry
 def _is_luck(run: Run, z: Vector) -> bool:
     """Whether rounding alone makes the residual of `z`, which was judged otherwise, small enough."""
     with contextlib.suppress(MapError):

@@ -15,7 +15,7 @@ from ..algebra.equations import pattern_at, solve_on
 from ..errors import IcpError, InputError, MapError
 from ..methods.contract import Method
 from ..numerics.arrays import ReadOnly, Vector
-from ..numerics.rounding import sheltered
+from ..numerics.rounding import public_entry
 from ..present.card import Card
 from ..present.shown import Plotted, cut
 from ..present.table import Table, Tabular
@@ -272,7 +272,7 @@ class Solution(ReadOnly, Plotted):
         """
         return active_set(self.problem, self.z, self.certificate.bound)
 
-    @sheltered
+    @public_entry
     def polish(self) -> Solution:
         """The answer to rounding accuracy: the solution of the equations that the active set leaves, one linear solve.
 

@@ -14,7 +14,7 @@ import numpy as np
 from ..errors import IcpError, InputError, Interrupted
 from ..methods.contract import Method, named
 from ..numerics.arrays import Vector, as_list, as_number
-from ..numerics.rounding import sheltered
+from ..numerics.rounding import public_entry
 from ..present.rendering import render
 from ..present.shown import Plotted
 from ..present.table import Table, Tabular, folded
@@ -128,7 +128,7 @@ class Race(Plotted, Tabular):
         return f"{told}{after or ', and nobody else'}."
 
 
-@sheltered
+@public_entry
 def race(
     problem: ProblemLike,
     methods: Sequence[str | Method] | None = None,

@@ -13,7 +13,7 @@ from ..errors import IcpError, InputError, Interrupted, MapError, meant
 from ..methods.contract import Method
 from ..methods.modulus import ModulusMember
 from ..numerics.arrays import Mask, Vector, as_number, described
-from ..numerics.rounding import sheltered
+from ..numerics.rounding import public_entry
 from ..present.rendering import render
 from ..present.shown import Plotted
 from ..present.table import Table, Tabular
@@ -119,7 +119,7 @@ class StabilityMap(Plotted, Tabular):
         return self.summary().to_html() + render("folded.html", text=self._against())
 
 
-@sheltered
+@public_entry
 def stability(
     plane: str | Plane = "relaxation",
     problem: ProblemLike | None = None,

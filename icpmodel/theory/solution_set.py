@@ -19,7 +19,7 @@ from ..numerics import work
 from ..numerics.arrays import ReadOnly, Vector, as_number
 from ..numerics.exact_polyhedron import null_space, relative_interior, row_reduce
 from ..numerics.rational import nearest, rationals
-from ..numerics.rounding import sheltered
+from ..numerics.rounding import public_entry
 from ..present.shown import Shown
 from ..problem.data import ProblemData, ProblemLike, as_problem
 
@@ -217,7 +217,7 @@ def _sum(start: Rational, span: list[Rational], t: Rational) -> Rational:
     return [one + sum((w * v[j] for w, v in zip(t, span, strict=True)), Fraction(0)) for j, one in enumerate(start)]
 
 
-@sheltered
+@public_entry
 @np.errstate(all="ignore")  # what overflows proves nothing
 def all_solutions(problem: ProblemLike, *, time_limit: float | None = None) -> SolutionSet:
     """Find all solutions of a small problem with constant or affine obstacles.

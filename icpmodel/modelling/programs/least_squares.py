@@ -17,7 +17,7 @@ import scipy.sparse as sp
 
 from ...errors import InputError, NotSolved, by_name
 from ...numerics.arrays import Vector, as_number, as_truth, as_vector, norm
-from ...numerics.rounding import gamma, sheltered
+from ...numerics.rounding import gamma, public_entry
 from ...numerics.threads import one_blas_thread
 from ...present.shown import Shown
 from .program import Program
@@ -81,7 +81,7 @@ class LeastSquares(Shown):
             return f"LeastSquares({self.status}: x = {self.x}, cost = {self.cost:.6g})"
 
 
-@sheltered
+@public_entry
 @by_name("solve_lsq")
 def solve_lsq(
     B: Any,
@@ -178,7 +178,7 @@ def _conditions(B: sp.csr_array, c: Vector, low: Vector, high: Vector) -> Progra
     return Program(H, g, *none, *none, np.concatenate([-free, low]), np.concatenate([free, high]))
 
 
-@sheltered
+@public_entry
 @by_name("solve_nnls")
 def solve_nnls(B: Any, c: Any, *, tolerance: float = 1e-9, time_limit: float | None = None) -> tuple[Vector, float]:
     """Minimise ‖Bx − c‖₂ subject to x ≥ 0, without forming BᵀB; in the words of `scipy.optimize.nnls`.

@@ -14,7 +14,7 @@ from ...crosscheck.report import Report
 from ...errors import NotSolved, by_name
 from ...icp import ICP
 from ...numerics.arrays import Vector, as_number, as_truth, as_vector
-from ...numerics.rounding import sheltered
+from ...numerics.rounding import public_entry
 from ...present.shown import Shown
 from ...theory.certificates.bounds import ErrorBound
 from .distance import distance
@@ -113,7 +113,7 @@ class ProgramSolution(Shown):
             return f"ProgramSolution({self.status}: x = {self.x}{value})"
 
 
-@sheltered
+@public_entry
 @by_name("solve_qp")
 def solve_qp(
     P: Any,
@@ -182,7 +182,7 @@ def solve_qp(
     return _solved(program, initvals, tolerance, time_limit, raise_on_failure, begin)
 
 
-@sheltered
+@public_entry
 @by_name("solve_avi")
 def solve_avi(
     H: Any,

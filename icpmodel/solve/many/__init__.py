@@ -14,7 +14,7 @@ import numpy as np
 from ...errors import OBSTACLES, InputError, NotSolved, by_name
 from ...numerics import work
 from ...numerics.arrays import described
-from ...numerics.rounding import sheltered
+from ...numerics.rounding import public_entry
 from ..goal import RTOL, Limits
 from ..solution import Status
 from ..solutions import Solutions
@@ -32,7 +32,7 @@ _ELSE = ("failures", "alone", "compiled")
 _INTERRUPTED: set[float] = set()
 
 
-@sheltered
+@public_entry
 @by_name("solve_many", OBSTACLES)
 def solve_many(
     A: Any,
@@ -117,7 +117,7 @@ def solve_many(
     return solutions
 
 
-@sheltered
+@public_entry
 def _done(batch: Batch, begun: float) -> dict[str, Any]:
     """What a worker makes of a share, which `begun` says when all began, by the clock on the wall."""
     batch.clock = work.clock() - max(time.time() - begun, 0.0)

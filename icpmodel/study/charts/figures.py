@@ -17,7 +17,7 @@ import numpy as np
 from ...errors import FileError, InputError
 from ...numerics.arrays import described
 from ...numerics.plugins import in_notebook
-from ...numerics.rounding import sheltered
+from ...numerics.rounding import public_entry
 from ...present.table import Table
 from ...present.whole_files import check_ours, write_ours
 
@@ -215,7 +215,7 @@ def _drawing(what: Any, points: Any, shape: Any) -> Drawing:
     return drawing(what, **where)
 
 
-@sheltered
+@public_entry
 def plot(what: Any, path: Any = None, *, ax: Any = None, points: Any = None, shape: Any = None) -> Figure:
     """Show a picture, write it to a file, or draw it into axes.
 

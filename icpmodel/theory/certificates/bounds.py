@@ -16,7 +16,7 @@ import numpy as np
 from ...errors import MapError, OutOfTime
 from ...numerics import work
 from ...numerics.arrays import ReadOnly, Vector, as_number, as_truth, not_finite
-from ...numerics.rounding import UNIT_ROUNDOFF, at_most, sheltered
+from ...numerics.rounding import UNIT_ROUNDOFF, at_most, public_entry
 from ...present.shown import Shown
 from ...problem.data import ProblemData, ProblemLike, as_problem
 from ...problem.facts import Facts
@@ -119,7 +119,7 @@ def limited(time_limit: float | None, memory_limit: float | None) -> Iterator[No
         yield
 
 
-@sheltered
+@public_entry
 @np.errstate(all="ignore")  # what overflows proves nothing
 def error_bound(
     problem: ProblemLike,

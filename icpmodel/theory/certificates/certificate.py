@@ -15,7 +15,7 @@ import numpy as np
 from ...algebra.equations import Pattern
 from ...errors import InputError
 from ...numerics.arrays import Mask, ReadOnly, as_truth, described
-from ...numerics.rounding import UNIT_ROUNDOFF, sheltered, upper
+from ...numerics.rounding import UNIT_ROUNDOFF, public_entry, upper
 from ...present.card import Card
 from ...present.shown import Shown
 from ...problem.data import ProblemLike, as_problem
@@ -84,7 +84,7 @@ class Certificate(Shown):
         return f"Certificate(residual={self.residual:.6g}, error_bound={self.error_bound}, unique={self.unique})"
 
 
-@sheltered
+@public_entry
 @np.errstate(all="ignore")  # what overflows proves nothing
 def certify(
     problem: ProblemLike,
@@ -188,7 +188,7 @@ class ActiveSet(ReadOnly, Shown):
         )
 
 
-@sheltered
+@public_entry
 @np.errstate(all="ignore")  # what overflows proves nothing
 def active_set(problem: ProblemLike, z: Any, bound: ErrorBound) -> ActiveSet:
     """The active set of z* as far as `bound` proves it.

@@ -22,7 +22,7 @@ from ...numerics import work
 from ...numerics.arrays import ReadOnly, Vector
 from ...numerics.exact_polyhedron import null_space
 from ...numerics.rational import nearest, rationals
-from ...numerics.rounding import sheltered
+from ...numerics.rounding import public_entry
 from ...present.shown import Shown
 from ...problem.data import ProblemData, ProblemLike, as_problem
 
@@ -95,7 +95,7 @@ class Contradiction(ReadOnly, Shown):
         return replace(self, conditions=tuple(named))
 
 
-@sheltered
+@public_entry
 @np.errstate(all="ignore")  # what overflows proves nothing
 def contradiction(problem: ProblemLike) -> Contradiction | None:
     """Find a minimal set of contradictory conditions among p ≥ 0 and r ≥ 0, and the nearest q without one.
