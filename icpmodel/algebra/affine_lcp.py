@@ -48,10 +48,10 @@ class AffineLcp:
 
     Parameters
     ----------
-    A : array of shape (n, n)
-        The matrix, dense.
+    A : array of shape (n, n) or (k, n, n)
+        The matrix, dense, or k of them; `M` has as many.
     q, c : array of shape (n,)
-        The vectors.
+        The vectors; with k matrices q has the shape (k, n).
     G : array of shape (n, n) or (n,), optional
         Dense, or its diagonal if it is one; None for 0.
     above : tuple (d, H), optional
@@ -78,7 +78,7 @@ class AffineLcp:
     def __init__(
         self, A: Matrix, q: Vector, c: Vector, G: Matrix | Vector | None = None, above: tuple[Vector, Any] | None = None
     ) -> None:
-        self.n = len(A)
+        self.n = A.shape[-1]
         self.rows: Any = None
         self.free = c == -np.inf
         self.c = np.where(self.free, 0.0, c)
@@ -96,14 +96,15 @@ class AffineLcp:
         n = self.n
         self.rows = np.flatnonzero(d < np.inf)
         k = self.rows.size
-        weight = np.abs(np.diagonal(A))[self.rows]
+        weight = np.abs(np.diagonal(A, axis1=-2, axis2=-1))[..., self.rows]
         self.weight = np.where(weight > 0.0, weight, 1.0)
         moves = np.eye(n) if H is None else np.eye(n) - _dense(H)
         if self.inverse is not None:
             moves = moves @ self.inverse
-        M = np.zeros((n + k, n + k))
-        M[:n, :n], M[n:, :n] = self.M, -self.weight[:, None] * moves[self.rows]
-        M[self.rows, n + np.arange(k)] = self.weight
+        M = np.zeros((*A.shape[:-2], n + k, n + k))
+        M[..., :n, :n] = self.M
+        M[..., n:, :n] = -self.weight[..., None] * moves[self.rows]
+        M[..., self.rows, n + np.arange(k)] = self.weight
         self.M, self.c = M, np.append(self.c, np.zeros(k))
         self.free = np.append(self.free, np.zeros(k, dtype=bool))
         return self.extended(q, d)

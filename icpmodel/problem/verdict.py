@@ -71,14 +71,23 @@ def certain_rows(
 
 
 def certain_rows_of_each(
-    A: NDArray[np.float64], weights: Rows, Q: Rows, C: Rows, Z: Rows, residuals: Vector, tolerances: Vector, psi: Map
+    psi: Map,
+    A: NDArray[np.float64],
+    weights: Rows,
+    Q: Rows,
+    C: Rows,
+    Z: Rows,
+    residuals: Vector,
+    tolerances: Vector,
+    above: Rows | None = None,
 ) -> None:
-    """The same where row i has the matrix `A`[i] and the `weights`[i], and nothing is above."""
+    """The same where row i has the matrix `A`[i] and the `weights`[i]."""
     from .kernels.residual import raised_each  # loads numba
 
     k, n = Q.shape
     data, weights, Q = read_only((A.reshape(k, n * n), weights, Q))
-    raised_each(*_full(n), data, weights, Q, *_side(psi, C), read_only(Z), tolerances, residuals)
+    upper = None if psi.upper is None or above is None else _side(psi.upper, above)
+    raised_each(*_full(n), data, weights, Q, *_side(psi, C), read_only(Z), tolerances, residuals, upper)
 
 
 def _entries(matrix: Matrix) -> tuple[Any, Any, Any]:

@@ -58,12 +58,17 @@ def test_redundant_contacts_carry_the_weight_for_any_ratio_of_masses(masses):
     assert not icp.contact_state(solution).sliding.any()
 
 
-def test_problems_in_a_batch_are_those_alone():
-    problem, _ = stack([1], (4.0, 1.0, -9.81))
-    Q = np.outer([0.5, 1.0, -1.0], problem.q)
-    many = icp.solve_many(problem.A, Q, problem.psi)
-    for q, row in zip(Q, many, strict=True):
-        alone = icp.contact_state(problem.with_q(q).solve())
+@pytest.mark.parametrize("masses", [[1], [1, 2, 1e6]])
+def test_problems_in_a_batch_are_those_alone(masses):
+    """With one A for all, and each with its own, in one compiled call."""
+    pushed = [stack([mass], (4.0, 1.0, -9.81))[0] for mass in masses for _ in range(3)]
+    A = [one.dense() for one in pushed] if masses[1:] else pushed[0].A
+    Q = np.array([c * one.q for c, one in zip(np.tile([0.5, 1.0, -1.0], len(masses)), pushed, strict=True)])
+    problem = pushed[0]
+    many = icp.solve_many(A, Q, problem.psi)
+    for one, q, row in zip(pushed, Q, many, strict=True):
+        assert "at once" in row.why
+        alone = icp.contact_state(one.with_q(q).solve())
         np.testing.assert_allclose(icp.contact_state(row).velocities, alone.velocities, atol=1e-9)
         np.testing.assert_array_equal(icp.contact_state(row).separating, alone.separating)
     kept = pickle.loads(pickle.dumps(problem)).psi

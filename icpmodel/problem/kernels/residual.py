@@ -182,11 +182,13 @@ def raised(indptr, indices, data, weights, Q, G_indptr, G_indices, G_data, C, kn
 
 
 @partial(compiled, exact=True)
-def raised_each(indptr, indices, A, weights, Q, G_indptr, G_indices, G_data, C, known, Z, tolerances, residuals):
-    # the same where each row has a dense matrix of its own, with no obstacle above
+def raised_each(indptr, indices, A, weights, Q, G_indptr, G_indices, G_data, C, known, Z, tolerances, residuals, upper):
+    # the same where each row has a dense matrix of its own
     for k in range(Q.shape[0]):
         one = slice(k, k + 1)
-        G = G_indptr, G_indices, G_data
-        raised(
-            indptr, indices, A[k], weights[k], Q[one], *G, C[one], known, Z[one], tolerances[one], residuals[one], None
-        )
+        of_row = Q[one], G_indptr, G_indices, G_data, C[one], known, Z[one], tolerances[one], residuals[one]
+        if upper is None:
+            raised(indptr, indices, A[k], weights[k], *of_row, None)
+        else:
+            above = upper[0], upper[1], upper[2], upper[3][one], upper[4]
+            raised(indptr, indices, A[k], weights[k], *of_row, above)

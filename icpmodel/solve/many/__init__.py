@@ -52,9 +52,9 @@ def solve_many(
 
     Where they share A, and ψ is affine or amounts to fixed obstacles, problems with n ≤ 64 are pivoted (see `Lemke`),
     and those with a tridiagonal A go the way of `Tridiagonal`: all of them in a few compiled calls on all cores. So are
-    arrays A of one size, n ≤ 64, each with its own fixed obstacle below. What these leave open, and all other problems,
-    `solve` gets one by one. What is known of a shared A is kept from row to row. The start is the row of `Z0`, or the
-    answer of the row before, but for every 16th one. Ctrl-C leaves the rows that are solved.
+    lists of arrays A of one size, n ≤ 64, where an obstacle that moves is the same for all. What these leave open, and
+    all other problems, `solve` gets one by one. What is known of a shared A is kept from row to row. The start is the
+    row of `Z0`, or the answer of the row before, but for every 16th one. Ctrl-C leaves the rows that are solved.
 
     With an `executor`, which makes a pool, such as `ProcessPoolExecutor`, `MPIPoolExecutor` of mpi4py.futures or Dask's
     `client.get_executor`, workers solve the rows in shares, with the same answers. What a worker that dies had to do is

@@ -65,8 +65,6 @@ class AtOnce:
         problem = self.problem
         if not (self.affine or problem.facts.has_fixed_obstacle):
             return None
-        if self.stack is not None and (self.affine or problem.upper is not None):
-            return None
         if self.small:
             return work.COSTS.pivot_entry * problem.n**3 / 3.0
         return None if self.affine or self.method.why_not(problem) else work.COSTS.band_entry * 3.0 * problem.n
@@ -80,19 +78,19 @@ class AtOnce:
         work.afford(memory=_COPIES * 8.0 * self.Q.size)
         C, G = self._affine(psi, self.obstacles)
         D, H = (None, None) if psi.upper is None else self._affine(psi.upper, self.above)
-        lcp = None
-        if self.small and self.stack is None:
-            lcp = AffineLcp(self.problem.dense(), self.Q[0], C[0], G, None if D is None else (D[0], H))
+        above = None if D is None else (D[0], H)
         piece = work.pieces(price)
         for low in range(0, len(C), piece):
             rows = slice(low, low + piece)
             work.afford(price)
             work.add(price * len(C[rows]))
             of_rows = self.Q[rows], C[rows], None if D is None else D[rows]
-            if self.stack is not None:
-                Z = self._pivoted_each(self.stack[rows], *of_rows[:2])
+            if self.small:
+                A = self.problem.dense() if self.stack is None else self.stack[rows]
+                lcp = AffineLcp(A, self.Q[0] if self.stack is None else self.Q[rows], C[0], G, above)
+                Z = lcp.back(self._pivoted(lcp, *of_rows))
             else:
-                Z = self._by_thomas(*of_rows) if lcp is None else lcp.back(self._pivoted(lcp, *of_rows))
+                Z = self._by_thomas(*of_rows)
             yield rows, (Z, *self._judged(rows, Z, *of_rows))
 
     def _affine(self, psi: Map, rows: Matrix | None) -> tuple[Matrix, Any]:
@@ -161,33 +159,32 @@ class AtOnce:
             judge = partial(certain_rows, self.problem.matrix, psi, weights=weights)
             of_rows = [Q, C, Z, residuals, tolerances, *above]
         else:
-            judge = partial(certain_rows_of_each, psi=psi)
-            of_rows = [self.stack[rows], weights, Q, C, Z, residuals, tolerances]
+            judge = partial(certain_rows_of_each, psi)
+            of_rows = [self.stack[rows], weights, Q, C, Z, residuals, tolerances, *above]
         self._on_threads(lambda low, high: judge(*(X[low:high] for X in of_rows)), len(Q))
 
     def _pivoted(self, lcp: AffineLcp, Q: Matrix, C: Matrix, D: Matrix | None) -> Matrix:
         """What the pivots make of the rows, each an LCP of its own."""
         from ...algebra.kernels.balancing import scale
-        from ...algebra.kernels.pivoting import many  # loads numba
+        from ...algebra.kernels.pivoting import each, many  # loads numba
 
+        size = lcp.M.shape[-1]
         if D is not None:
             Q = lcp.extended(Q, D)
-            C = np.concatenate([C, np.zeros((len(C), len(lcp.q) - lcp.n))], axis=1)
+            C = np.concatenate([C, np.zeros((len(C), size - lcp.n))], axis=1)
         M, Q, C = read_only((lcp.M, Q, C))
         X = np.empty(Q.shape)
-        scaled = scale(M)
-        limit = PIVOTS * (M.shape[0] + 1)
-        self._on_threads(lambda low, high: many(*scaled, M, Q[low:high], C[low:high], limit, X[low:high]), len(Q))
-        return X
+        limit = PIVOTS * (size + 1)
+        scaled = scale(M) if self.stack is None else None
 
-    def _pivoted_each(self, M: Matrix, Q: Matrix, C: Matrix) -> Matrix:
-        """The same where each row has a matrix of its own."""
-        from ...algebra.kernels.pivoting import each  # loads numba
+        def loop(low: int, high: int) -> None:
+            of_rows = Q[low:high], C[low:high], limit, X[low:high]
+            if scaled is None:
+                each(M[low:high], *of_rows)
+            else:
+                many(*scaled, M, *of_rows)
 
-        M, Q, C = read_only((M, Q, C))
-        X = np.empty(Q.shape)
-        limit = PIVOTS * (M.shape[1] + 1)
-        self._on_threads(lambda low, high: each(M[low:high], Q[low:high], C[low:high], limit, X[low:high]), len(Q))
+        self._on_threads(loop, len(Q))
         return X
 
     def _by_thomas(self, Q: Matrix, C: Matrix, D: Matrix | None) -> Matrix:
