@@ -158,7 +158,7 @@ class Elimination:
     def costs_more(self, most: float) -> bool:
         """Whether M is for multigrid, and a factorisation is foreseen to cost more than so many nanoseconds."""
         try:
-            with work.of_count(most):
+            with work.work_limit(nanoseconds=most):
                 found = multigrid_pays(self._M, self._analysis, most)
         except OutOfTime:  # the analysis alone costs less than the factorisation
             found = True
@@ -248,5 +248,5 @@ def _product(A: sp.csr_array, B: sp.csr_array) -> sp.csr_array:
     cost = work.COSTS.sparse_flop * float(np.diff(B.indptr)[A.indices].sum())
     if cost > work.dense_cost(sum(B.shape)):
         raise _NotWorth
-    work.spend(cost)
+    work.charge(cost)
     return sp.csr_array(A @ B)

@@ -151,7 +151,7 @@ class AffineLcp:
 def dense_matrix(problem: ProblemData) -> Matrix:
     """A as pivots take it. Raises OutOfTime and OutOfMemory where they cannot begin with it."""
     entries = float(lcp_rows(problem.facts)) ** 2
-    work.afford(_BEGIN * entries, _ARRAYS * 8.0 * entries)
+    work.check_budget(_BEGIN * entries, _ARRAYS * 8.0 * entries)
     return problem.dense()
 
 
@@ -179,10 +179,10 @@ def some_pivots(state: Any, entering: int, most: int) -> Any:
     piece = work.pieces(price)
     while True:
         count = min(piece, most)
-        work.afford(min(count, n) * price)
+        work.check_budget(min(count, n) * price)
         found = go_on(*state, entering, count)
         # as many pivots as were asked for, or at the end one at least for each entry of y
-        work.add(price * (count if found[0] == UNFINISHED else np.count_nonzero(found[2]) + 1))
+        work.count(price * (count if found[0] == UNFINISHED else np.count_nonzero(found[2]) + 1))
         most = most - count
         entering = found[1]
         if found[0] != UNFINISHED or most == 0:
@@ -191,7 +191,7 @@ def some_pivots(state: Any, entering: int, most: int) -> Any:
 
 def _inverse(G: Matrix | Vector) -> Matrix:
     """(I − G)⁻¹, dense, as G is wherever it is not the diagonal of a small problem."""
-    work.afford(INVERSE * work.dense_cost(len(G)))
+    work.check_budget(INVERSE * work.dense_cost(len(G)))
     with suppress(np.linalg.LinAlgError):
         return np.asarray(np.linalg.inv(np.eye(len(G)) - _dense(G)), dtype=np.float64)
     raise SingularOperator("I - G is singular", 0)

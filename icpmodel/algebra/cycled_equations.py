@@ -98,7 +98,7 @@ class CycledEquations:
         units = np.sqrt(level.inverse)
         enough = tolerance * norm(units * f)
         for x, rest, _ in islice(cg_steps(product, cycle, f), KRYLOV_STEPS):
-            work.add(cg_vector_cost(f.size))
+            work.count(cg_vector_cost(f.size))
             if norm(units * rest) <= enough:
                 return x
         raise NotConverged

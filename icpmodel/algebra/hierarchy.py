@@ -85,18 +85,18 @@ class Hierarchy:
     def __init__(self, problem: ProblemData) -> None:
         # whether the levels are still there makes no difference to what is counted
         price = hierarchy_cost(problem.n, problem.nnz)
-        work.afford(price, HIERARCHY_BYTES * problem.nnz)
+        work.check_budget(price, HIERARCHY_BYTES * problem.nnz)
         finest = Level(problem)
         found = _LAST.get(problem.matrix)
         if found is None:
             _LAST.clear()
             counted = work.done()
             found = _LAST[problem.matrix] = _coarser(finest)
-            work.add(counted - work.done())
+            work.count(counted - work.done())
         if isinstance(found, NoHierarchy):
             raise NoHierarchy
         finest.P, finest.kept, coarser = found
-        work.add(price)
+        work.count(price)
         self.levels = [finest, *coarser]
         self._dense = self.levels[-1].A.toarray()
         self.restrict(np.ones(problem.n, dtype=np.bool_))
@@ -138,7 +138,7 @@ class Hierarchy:
             The approximation.
         """
         A = self.levels[top].A
-        work.spend(cycle_cost(A.shape[0], A.nnz))
+        work.charge(cycle_cost(A.shape[0], A.nnz))
         return self._cycle(f, top)
 
     @cached_property
@@ -154,8 +154,6 @@ class Hierarchy:
         """
         if self.is_symmetric:
             return self
-        for level in self.levels:
-            work.build(level.A.nnz)
         new = object.__new__(Hierarchy)
         new.levels = [level.transposed() for level in self.levels]
         new._dense, new._free, new._rows, new._inverse = self._dense.T, self._free, self._rows, self._inverse.T
@@ -210,7 +208,7 @@ def _coarser(finest: Level) -> tuple[Any, Any, list[Level]] | NoHierarchy:
 
 def _coarsened(last: Level) -> Level | None:
     """One more level below `last`, which gets P and `kept`; None where there is none."""
-    work.afford(hierarchy_cost(last.A.shape[0], last.A.nnz))
+    work.check_budget(hierarchy_cost(last.A.shape[0], last.A.nnz))
     # direct interpolation costs least and is made for M-matrices
     made = ruge_stuben(last.A, interpolation="direct", max_coarse=_COARSEST, max_levels=2, keep=True).levels
     if len(made) == 1:

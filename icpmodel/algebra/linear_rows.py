@@ -98,7 +98,7 @@ class LinearRows:
         size = max(_BATCH // self.n**2, 1)
         pieces = itertools.product(*self.choices)
         while chosen := list(itertools.islice(pieces, size)):
-            work.spend(len(chosen) * (work.COSTS.call + 8.0 * work.dense_cost(self.n)))
+            work.charge(len(chosen) * (work.COSTS.call + 8.0 * work.dense_cost(self.n)))
             yield self._solved(np.array(chosen, dtype=np.int8))
 
     @np.errstate(all="ignore")

@@ -55,7 +55,7 @@ def newton_steps(
             # p and r then change alike with z_i
             omega = level.diagonal / np.maximum(1.0 - own, LEAST_SLOPE)
         pattern = Pattern.at(problem, z, p, omega)
-        work.add(0.5 * work.COSTS.newton)
+        work.count(0.5 * work.COSTS.newton)
         if taken is None or not pattern.same_sides(taken):
             # whose rest is that of the z before, if the pattern comes back
             z = swept(sweep, z, SWEEPS)

@@ -83,7 +83,7 @@ class AOROperator(Operator):
 
         A = self.A
         out = np.empty(f.size)
-        work.add(work.product(f.size, A.nnz))
+        work.count(work.product(f.size, A.nnz))
         substitute(A.indptr, self.diag, A.indices, A.data, self.tau, self.inverse, True, f, out)
         return out
 
@@ -114,7 +114,7 @@ class TriangularOperator(Operator):
         from .kernels.sweeps import substitute
 
         out = np.empty(f.size)
-        work.add(work.product(f.size, self.M1.nnz))
+        work.count(work.product(f.size, self.M1.nnz))
         substitute(*self._rows, self.M1.indices, self.M1.data, 1.0, self.inverse, self.lower, f, out)
         return out
 
@@ -135,7 +135,7 @@ class FactorisedOperator(Operator):
     def __init__(self, X: sp.csr_array) -> None:
         X = sp.csr_array(X)
         price = work.least_factor_cost(X.shape[0], X.nnz)
-        work.afford(price)
+        work.check_budget(price)
         size = _row_maxima(X)
         if not size.all():
             row = int(np.argmin(size))
@@ -143,7 +143,7 @@ class FactorisedOperator(Operator):
         # rows and columns are brought to the size 1, so that units do not look like singularity
         self._row_scale = 1.0 / np.maximum(size, np.finfo(np.float64).tiny)
         scaled = sp.csr_array(sp.diags_array(self._row_scale) @ X)
-        work.afford(price)
+        work.check_budget(price)
         size = _row_maxima(sp.csr_array(scaled.T))
         self._column_scale = 1.0 / np.where(size > np.finfo(np.float64).tiny, size, 1.0)
         scaled = sp.csr_array(scaled @ sp.diags_array(self._column_scale))

@@ -60,7 +60,7 @@ def compiled_step(
     price = work.sweep(problem.n, problem.facts.entries)
 
     def step(z: Vector) -> tuple[Vector, float]:
-        work.add(price)
+        work.count(price)
         out = np.empty(z.size)
         squares = sweep(*before, read_only(obstacle_values(psi, z)) if inside is None else inside, *after, z, out)
         return out, float(np.sqrt(squares))
@@ -73,7 +73,7 @@ def compiled_step(
     some = partial(SWEEPS.some_in_order, *before, inside, *after, reach)
 
     def several(z: Vector, count: int) -> list[Stepped]:
-        work.add(price * count)
+        work.count(price * count)
         Z = np.empty((count + 1, z.size))
         squares = np.empty(count)
         Z[0] = z

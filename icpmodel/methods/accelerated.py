@@ -181,7 +181,7 @@ class Differences:
         self.newest = (self.newest + 1) % len(self.F) if self.known else 0
         self.known = max(self.known, self.newest + 1)
         np.subtract(image, z, out=self.F[self.newest])
-        work.add(_HISTORY * work.COSTS.call + 2.0 * work.COSTS.vector * z.size)
+        work.count(_HISTORY * work.COSTS.call + 2.0 * work.COSTS.vector * z.size)
         self.G[self.newest] = image
 
     def combined(self) -> Vector | None:
@@ -189,7 +189,7 @@ class Differences:
         from ..numerics.kernels.anderson import combine
 
         out = np.empty(self.weight.size)
-        work.add(3.0 * self.known * work.COSTS.vector * out.size)
+        work.count(3.0 * self.known * work.COSTS.vector * out.size)
         if self.known > 1 and combine(self.F, self.G, self.known, self.newest, self.weight, _INDEPENDENT, out):
             return out
         return None

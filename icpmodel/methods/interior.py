@@ -201,7 +201,7 @@ class InteriorPath:
     @np.errstate(all="ignore")
     def advance(self) -> bool:
         """One step, False where it fails."""
-        work.add(newton_cost(self.problem.facts))
+        work.count(newton_cost(self.problem.facts))
         r = self.r
         s = self.s
         both = max(int(np.count_nonzero(self.bounded)), 1)
@@ -254,7 +254,6 @@ class InteriorPath:
         data[self.diagonal] += slopes.sum(axis=1) + self.steady * self.weights
         M = sp.csr_array((data, A.indices, A.indptr), shape=A.shape)
         if self.moves:
-            work.build(A.nnz + sum(J.nnz for J in self.slopes), 1 + len(self.slopes))
             for J, slope in zip(self.slopes, slopes.T, strict=True):
                 M = sp.csr_array(M - sp.diags_array(slope) @ J)
         unit = 1.0 / np.sqrt(np.abs(M.diagonal()))

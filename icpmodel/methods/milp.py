@@ -144,12 +144,12 @@ def proved_limits(rows: LinearRows) -> Dense:
     signs = np.stack([~above, ~below, below, above])
     G = M[signs]
     g = v[signs]
-    work.afford()
+    work.check_budget()
     if (most := _largest(G.sum(axis=0), G, np.zeros(len(g)), 1.0)) is None or most > _MARGIN:
         return np.full((4, n), np.inf)
     limits = np.zeros((4, n))
     for k, i in np.argwhere(np.stack([below, above, below, above])):
-        work.afford()
+        work.check_budget()
         most = _largest(M[k, i], G, g, np.inf)
         limits[k, i] = np.inf if most is None else most + v[k, i]
     return np.maximum(limits, 0.0) * (1.0 + _MARGIN) + _MARGIN
@@ -184,7 +184,7 @@ def active_set(rows: LinearRows, most: MostOf, cuts: list[Vector]) -> ActiveRows
     lowest = np.concatenate([np.full(n, -np.inf), ~below, ~above])
     highest = np.concatenate([np.full(n, np.inf), np.ones(2 * n)])
     options = {"mip_rel_gap": _ANY_GAP, "time_limit": work.seconds_left()}
-    work.afford()
+    work.check_budget()
     found = milp(
         np.append(objective, np.zeros(2 * n)),
         integrality=np.append(np.zeros(n), np.ones(2 * n)),

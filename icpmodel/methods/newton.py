@@ -187,7 +187,7 @@ class Path(Iterator[Iterate]):
         """One step, or False where nothing leads on. Raises MapError where that is because ψ fails."""
         if self.here.theta == 0:
             return False
-        work.add(newton_cost(self.problem.facts))
+        work.count(newton_cost(self.problem.facts))
         self.fault = None
         with np.errstate(all="ignore"):
             new = self._tried(self.plain) or self._tried(self.descent)
@@ -287,7 +287,7 @@ class Path(Iterator[Iterate]):
         self.descents += 1
         if best.theta == 0 or self.descents > _DESCENTS:
             return None
-        work.add(work.newton(self.problem.n, self.problem.facts.entries, mixed=True))
+        work.count(work.newton(self.problem.n, self.problem.facts.entries, mixed=True))
         V, total = best.derivative()
         phi = best.phi / best.theta
         for direction in self.directions(V, phi, total):

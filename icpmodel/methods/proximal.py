@@ -138,7 +138,7 @@ class ProximalPath:
         """One Newton step, or False where nothing leads on."""
         whole = self.size(self.p)
         idle = self.residuals.add(whole)
-        work.add(self.own_cost)
+        work.count(self.own_cost)
         if whole == 0.0 or idle > _LAST:
             return False
         own = self.size(self.pull())

@@ -190,7 +190,7 @@ class Tridiagonal(Shortcut):
         while ended == UNSETTLED and rounds < _ROUNDS:
             found, ended = newton(*matrix, q, c, top, held, free, _STEPS)
             rounds += 1
-            work.add(work.sweep(problem.n, problem.nnz))
+            work.count(work.sweep(problem.n, problem.nnz))
             if np.isfinite(found).all():
                 z = found
                 yield z, None

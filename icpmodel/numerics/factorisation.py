@@ -57,7 +57,7 @@ class Factors:
     def solve(self, f: Vector, trans: str = "N") -> Vector:
         """A⁻¹f, or A⁻ᵀf with `trans` = "T"; `f` of shape (n,) or (n, k)."""
         columns = f.size / f.shape[0]
-        work.add(columns * work.solve_cost(work.Fill(f.shape[0], self.lu.nnz, 0.0, True)))
+        work.count(columns * work.solve_cost(work.Fill(f.shape[0], self.lu.nnz, 0.0, True)))
         before, after = self._orders if trans == "N" else self._orders[::-1]
         f = np.asarray(f, dtype=np.float64)
         y: Vector = self.lu.solve(f if before is None else f[before], trans)
@@ -88,7 +88,7 @@ class DenseFactors:
 
     def solve(self, f: Vector, trans: str = "N") -> Vector:
         """A⁻¹f, or A⁻ᵀf with `trans` = "T"; `f` of shape (n,) or (n, k)."""
-        work.add(f.size / f.shape[0] * self._cost)
+        work.count(f.size / f.shape[0] * self._cost)
         return np.asarray(self._solve(f, trans == "T")[0])
 
 
@@ -149,7 +149,7 @@ class Symmetric:
             return None
         upper = sp.csc_array((entries, j, self._start), shape=2 * self._signs.shape)
         cost = work.factor_cost(self.fill) if self._ldl is None else work.refactor_cost(self.fill)
-        work.spend(cost, _OF_SYMMETRIC * self.fill.entries + 12 * data.size)
+        work.charge(cost, _OF_SYMMETRIC * self.fill.entries + 12 * data.size)
 
         def step() -> Any:
             if self._ldl is None:
@@ -165,7 +165,7 @@ class Symmetric:
 
     def solve(self, f: Vector, trans: str = "N") -> Vector:
         """M⁻¹f, or M⁻ᵀf with `trans` = "T"; both of shape (n,)."""
-        work.add(work.solve_cost(self.fill))
+        work.count(work.solve_cost(self.fill))
         x = self._ldl.solve(np.asarray(f if trans == "T" else self._signs * f, dtype=np.float64))
         return np.asarray(self._signs * x if trans == "T" else x)
 
@@ -239,7 +239,7 @@ def factors_and_schur(matrix: sp.csr_array, last: NDArray[np.intp]) -> tuple[Fac
 def of_dense(matrix: sp.csr_array, cholesky: bool = False) -> DenseFactors | None:
     """Those of a sparse matrix with all entries stored; raises OutOfTime and OutOfMemory as `factorise` does."""
     n = matrix.shape[0]
-    work.afford(work.dense_cost(n, cholesky), 16.0 * n**2)
+    work.check_budget(work.dense_cost(n, cholesky), 16.0 * n**2)
     return of_array(matrix.toarray(order="F"), cholesky)
 
 
@@ -254,7 +254,7 @@ def of_array(M: NDArray[np.float64], cholesky: bool = False) -> DenseFactors | N
             factors, failed = dpotrf(M, lower=1, overwrite_a=1)
         else:
             factors, rows, failed = dgetrf(M, overwrite_a=1)
-    work.add(work.dense_cost(M.shape[0], cholesky))
+    work.count(work.dense_cost(M.shape[0], cholesky))
     pivots = factors.diagonal()
     if failed or not np.isfinite(pivots).all():
         return None
@@ -271,7 +271,7 @@ def _of_band(matrix: sp.csr_array, analysis: SymbolicAnalysis, definite: bool) -
     n = matrix.shape[0]
     below, above = analysis.reach
     of = (matrix.indptr, matrix.indices, matrix.data)
-    work.spend(work.factor_cost(analysis.band), 8.0 * analysis.band.entries)
+    work.charge(work.factor_cost(analysis.band), 8.0 * analysis.band.entries)
     # LAPACK goes through narrow bands without calls of BLAS that would take threads
     with one_blas_thread() if max(below, above) > _BY_COLUMNS else nullcontext():
         if below == above and analysis.is_symmetric:
@@ -295,7 +295,7 @@ def _of_band(matrix: sp.csr_array, analysis: SymbolicAnalysis, definite: bool) -
 
 def _by_superlu(matrix: sp.csr_array, analysis: SymbolicAnalysis, diagonal_pivots: bool) -> Factors | None:
     n = matrix.shape[0]
-    work.afford(work.least_factor_cost(n, matrix.nnz, symmetric=False))
+    work.check_budget(work.least_factor_cost(n, matrix.nnz, symmetric=False))
     rows = None
     if np.count_nonzero(matrix.diagonal()) < n:
         rows = None if diagonal_pivots else _onto_diagonal(matrix)
@@ -311,7 +311,7 @@ def _superlu(matrix: sp.csr_array, fill: work.Fill, diagonal_pivots: bool, order
     from scipy.sparse.linalg import splu
 
     n = matrix.shape[0]
-    work.afford(work.factor_cost(fill))
+    work.check_budget(work.factor_cost(fill))
     by_superlu = partial(
         splu,
         sp.csc_array(matrix),
@@ -324,11 +324,11 @@ def _superlu(matrix: sp.csr_array, fill: work.Fill, diagonal_pivots: bool, order
         lu = in_time(by_superlu, work.factor_cost(work.Fill(n, n**2, n**3 / 3.0, True)))
     except RuntimeError:
         # as long as was foreseen, or twice that, where few pivots are 0; 80 times where many are, which `linear` avoids
-        work.add(2.0 * work.factor_cost(fill))
+        work.count(2.0 * work.factor_cost(fill))
         return None
     # exchanges of rows make more than was foreseen
     flops = fill.flops * max(lu.nnz / fill.entries, 1.0) ** 1.5
-    work.add(work.factor_cost(work.Fill(n, lu.nnz, flops, True)))
+    work.count(work.factor_cost(work.Fill(n, lu.nnz, flops, True)))
     return None if diagonal_pivots and not np.array_equal(lu.perm_r, lu.perm_c) else lu
 
 

@@ -95,7 +95,7 @@ def _by_minimum_degree(
 
     n = A.shape[0]
     costs = work.COSTS
-    work.afford(costs.look * A.nnz)  # to make the graph costs a look per entry
+    work.check_budget(costs.look * A.nnz)  # to make the graph costs a look per entry
     graph = both_ways(A.indptr, A.indices, int(_DENSE * n**0.5) + 16)
     # the least that either library takes
     prices = (
@@ -106,7 +106,7 @@ def _by_minimum_degree(
     most_looks = work.nanoseconds_left() / costs.look
     limits = 0.5 * most_entries - n, most_cost - least_factor_cost(n, 0, symmetric), most_looks
     entries, squares, looks, within, into, turn = minimum_degree(*graph, A.nnz, prices, *limits)
-    work.add(costs.call + costs.look * (looks + A.nnz))
+    work.count(costs.call + costs.look * (looks + A.nnz))
     if looks > most_looks:
         raise OutOfTime("to foresee what a factorisation costs takes longer than what is left of the time")
     fill = Fill(n, 2.0 * (entries + n), entries + squares, within)

@@ -45,7 +45,7 @@ def couplings(A: sp.csr_array) -> sp.csr_array:
     """
     from .kernels.products import couple  # loads numba
 
-    work.afford(_COUPLE * A.nnz)
+    work.check_budget(_COUPLE * A.nnz)
     weight = 1.0 / np.sqrt(np.abs(A.diagonal()))
     return sp.csr_array((couple(A.indptr, A.indices, A.data, weight), A.indices, A.indptr), shape=A.shape)
 
@@ -58,7 +58,7 @@ def radius_of(S: sp.csr_array, share: float = _SHARE) -> float:
     """
     n = S.shape[0]
     price = work.product(n, S.nnz) + 6 * work.COSTS.vector * n
-    work.spend(price)
+    work.charge(price)
     sums = S @ np.ones(n)
     bound = float(sums.max())
     if not SMALL_RADIUS < bound < np.inf:
@@ -88,7 +88,7 @@ def radius_of(S: sp.csr_array, share: float = _SHARE) -> float:
         next_to.append(size)
         before = v
         v = w / size
-        work.spend(price)
+        work.charge(price)
         w = S @ v - size * before
     return radius
 
@@ -101,11 +101,11 @@ def conjugate_gradients(M: sp.csr_array, f: Vector, most: int) -> Vector | None:
     inverse = 1.0 / M.diagonal()
     first = None
     for x, _, square in islice(cg_steps(lambda y: M @ y, lambda rest: inverse * rest, f), most):
-        work.afford()
+        work.check_budget()
         first = square if first is None else first
         if square <= INEXACT**2 * first:
             return x
-        work.add(cg_step_cost(M.shape[0], M.nnz))
+        work.count(cg_step_cost(M.shape[0], M.nnz))
     return None
 
 
@@ -119,7 +119,7 @@ def conjugate_residuals(M: sp.csr_array, f: Vector, most: int, tolerance: float 
     price = gcr_step_cost(M.shape[0], M.nnz)
 
     def product(y: Vector) -> Vector:
-        work.spend(price)
+        work.charge(price)
         return unit * (M @ (unit * y))
 
     steps = GCR(product, np.copy, unit * f)

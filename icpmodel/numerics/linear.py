@@ -16,7 +16,7 @@ from .factorisation import factorise, largest_of_columns, of_array, of_dense
 from .fill import SymbolicAnalysis
 from .krylov import INEXACT, conjugate_residuals, gcr_step_cost
 from .multigrid import KrylovMultigrid, krylov_cost
-from .work import add, afford, factor_cost, product
+from .work import check_budget, count, factor_cost, product
 
 
 class Solver(Protocol):
@@ -97,7 +97,7 @@ def solver_of(M: sp.csr_array, by_multigrid: bool | None = None, analysis: Symbo
         return _nudged(in_units(M, both, both), analysis), both, both
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
-        afford()
+        check_budget()
         x = None if iterative is None else iterative(f, tolerance, transposed)
         if x is None:
             by_factors, rows, columns = direct()
@@ -240,7 +240,7 @@ def _refined(M: sp.csr_array, units: Vector, by_factors: Solver) -> Solver:
         refined = None
         before = norm(unit * x)
         while True:
-            add(product(f.size, M.nnz))
+            count(product(f.size, M.nnz))
             step = by_factors(f - whole @ x, tolerance, transposed)
             if step is None or not (size := norm(unit * step)) <= _SMALL * before:
                 return refined  # the best that rounding leaves, if any

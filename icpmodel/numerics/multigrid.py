@@ -64,9 +64,9 @@ class KrylovMultigrid:
     """CG, or BiCGSTAB where `A` (CSR, n × n) is not symmetric, with one cycle of `ruge_stuben` as preconditioner."""
 
     def __init__(self, A: sp.csr_array) -> None:
-        work.afford(krylov_cost(A.nnz, 0), HIERARCHY_BYTES * A.nnz)
+        work.check_budget(krylov_cost(A.nnz, 0), HIERARCHY_BYTES * A.nnz)
         self._A, self._hierarchy = A, ruge_stuben(A)
-        work.add(krylov_cost(A.nnz, 0))
+        work.count(krylov_cost(A.nnz, 0))
         self._accelerate = "cg" if is_symmetric(A) else "bicgstab"
 
     def solve(self, f: Vector, tolerance: float, maxiter: int = KRYLOV_STEPS) -> Vector | None:
@@ -79,7 +79,7 @@ class KrylovMultigrid:
     def best(self, f: Vector, tolerance: float, maxiter: int = KRYLOV_STEPS) -> Vector | None:
         """What the steps end with, near or far; None where the coarsest level is singular."""
         made: list[float] = []
-        work.afford(krylov_cost(self._A.nnz, 1, hierarchy=False))
+        work.check_budget(krylov_cost(self._A.nnz, 1, hierarchy=False))
         options = {"maxiter": maxiter, "accel": self._accelerate, "residuals": made}
         with _quiet():
             try:
@@ -87,7 +87,7 @@ class KrylovMultigrid:
             except _FAILURES:
                 return None
             finally:
-                work.add(krylov_cost(self._A.nnz, len(made), hierarchy=False))
+                work.count(krylov_cost(self._A.nnz, len(made), hierarchy=False))
 
 
 def linear_solve(A: sp.csr_array, b: Vector, tolerance: float = 1e-8) -> Vector:

@@ -1,10 +1,10 @@
 """What work costs, in nanoseconds: one table of measured constants, a count of what was done, and what may be spent.
 
 The count stands for a clock in whatever decides, so that the same problem takes the same way on every machine, with any
-number of threads and under any load. Whoever does work says so with `add`.
+number of threads and under any load. Whoever does work says so with `count`.
 
-Limits are kept by asking before: `within` says how much time and memory there is, and `afford` raises where a step is
-foreseen to take more than is left. Work in small pieces asks between them, one large piece before it is begun.
+Limits are kept by asking before: `work_limit` says how much time and memory there is, and `check_budget` raises where a
+step is foreseen to take more than is left. Work in small pieces asks between them, one large piece before it is begun.
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ COSTS = Costs()
 _counted = _Counted()
 
 
-def add(nanoseconds: float) -> None:
+def count(nanoseconds: float) -> None:
     """Count work, in whole nanoseconds: what something cost then does not hang on what was counted before."""
     _counted.total += int(nanoseconds)
 
@@ -130,14 +130,9 @@ def entries(n: int, nnz: int) -> float:
     return nnz if nnz < n * n else COSTS.full_entry / COSTS.entry * nnz
 
 
-def build_cost(nnz: int) -> float:
-    """What one sparse matrix costs that is made of others."""
-    return COSTS.built + COSTS.built_entry * nnz
-
-
-def build(nnz: int, matrices: int = 1) -> None:
-    """Count so many sparse matrices that are made of others, sums or scaled ones; raises where that is too much."""
-    spend(matrices * build_cost(nnz))
+def charge_matrices(nnz: int, matrices: int = 1) -> None:
+    """Count so many sparse matrices that are made of others, sums or scaled ones; raises as `check_budget` does."""
+    charge(matrices * (COSTS.built + COSTS.built_entry * nnz))
 
 
 def sweep(n: int, nnz: int) -> float:
@@ -246,44 +241,44 @@ def clock() -> float:
 
 
 @contextmanager
-def within(seconds: float = math.inf, memory: float = math.inf, begun: float | None = None) -> Iterator[None]:
-    """In this block of this thread `afford` raises where more is asked for than so many seconds and bytes."""
+def work_limit(
+    seconds: float = math.inf, memory: float = math.inf, nanoseconds: float = math.inf, begun: float | None = None
+) -> Iterator[None]:
+    """In this block of this thread `check_budget` raises where more is asked for; limits around it hold as well.
+
+    Parameters
+    ----------
+    seconds : float
+        By the clock, from `begun` on, by default from now on.
+    memory : float
+        Bytes beyond what the process holds now.
+    nanoseconds : float
+        Work that is counted: the same on every machine.
+    begun : float, optional
+        What `clock` said when the time began.
+    """
     before = _counted.budget
     begun = clock() if begun is None else begun
+    counted = done()
+    end = begun + seconds
+    most = counted + nanoseconds
+    if before is not None:
+        end = min(end, before.end)
+        most = min(most, before.most)
+        if seconds == math.inf:  # the pace of the machine is known already
+            begun = before.begun
+            counted = before.counted
+        if before.memory < math.inf:
+            memory = min(memory, before.memory - max(_held() - before.held, 0.0))
     held = _held() if memory < math.inf else 0.0
-    _counted.budget = _Budget(begun, done(), begun + seconds, held, memory)
+    _counted.budget = _Budget(begun, counted, end, held, memory, most)
     try:
         yield
     finally:
         _counted.budget = before
 
 
-@contextmanager
-def of_count(nanoseconds: float) -> Iterator[None]:
-    """In this block `afford` raises where more work is to be counted, the same on every machine; other limits stay."""
-    before = _counted.budget
-    within_all = before or _Budget(clock(), done(), math.inf)
-    _counted.budget = within_all._replace(most=min(done() + nanoseconds, within_all.most))
-    try:
-        yield
-    finally:
-        _counted.budget = before
-
-
-@contextmanager
-def at_most(seconds: float) -> Iterator[None]:
-    """In this block no more than so many seconds are left; other limits stay."""
-    before = _counted.budget
-    now = clock()
-    within_all = before or _Budget(now, done(), math.inf)
-    _counted.budget = within_all._replace(begun=now, counted=done(), end=min(now + seconds, within_all.end))
-    try:
-        yield
-    finally:
-        _counted.budget = before
-
-
-def afford(nanoseconds: float = 0.0, memory: float = 0.0) -> None:
+def check_budget(nanoseconds: float = 0.0, memory: float = 0.0) -> None:
     """Raises OutOfTime or OutOfMemory where a step, by the table of costs and in bytes, is more than what is left."""
     if not fits(memory):
         raise OutOfMemory(f"a step needs about {1e-6 * memory:.3g} MB, which is more than may still be taken")
@@ -291,10 +286,10 @@ def afford(nanoseconds: float = 0.0, memory: float = 0.0) -> None:
         raise OutOfTime(f"a step of about {1e-9 * nanoseconds:.2g} s does not fit into what is left of the time")
 
 
-def spend(nanoseconds: float, memory: float = 0.0) -> None:
-    """Count a step that is made now; raises as `afford` does."""
-    afford(nanoseconds, memory)
-    add(nanoseconds)
+def charge(nanoseconds: float, memory: float = 0.0) -> None:
+    """Count a step that is made now; raises as `check_budget` does."""
+    check_budget(nanoseconds, memory)
+    count(nanoseconds)
 
 
 def nanoseconds_left() -> float:
@@ -317,8 +312,8 @@ def seconds_left() -> float:
 
 
 def pieces(nanoseconds: float) -> int:
-    """How many steps of this cost, one at least, are a piece of a loop that asks `afford`, and may be interrupted,
-    between its pieces."""
+    """How many steps of this cost, one at least, are a piece of a loop that asks `check_budget`, and may be
+    interrupted, between its pieces."""
     return max(int(_PIECE / nanoseconds), 1)
 
 

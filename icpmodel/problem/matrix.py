@@ -120,7 +120,7 @@ class Matrix(ReadOnly):
 
     def product(self, z: Vector) -> Vector:
         """Az, on all cores where A is large."""
-        work.add(self.product_cost)
+        work.count(self.product_cost)
         if self.dense is not None:
             image: Vector = self.dense @ z
             return image
@@ -158,7 +158,7 @@ class Matrix(ReadOnly):
 
         A = self.sparse
         n = self.n
-        work.add(self.product_cost)
+        work.count(self.product_cost)
         arrays = np.empty(n, A.indptr.dtype), np.empty(n), np.empty(n), np.empty(n)
         matrix = (A.indptr, A.indices, A.data)
         reach = in_parts(n, threads_for(self.nnz), lambda low, high: row_statistics(*matrix, low, high, *arrays))

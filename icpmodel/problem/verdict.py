@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..numerics.arrays import Vector, locked, read_only
 from ..numerics.rounding import UNIT_ROUNDOFF
-from ..numerics.work import add
+from ..numerics.work import count
 from .affine import zero
 from .data import ProblemData
 from .map import Map
@@ -23,7 +23,7 @@ def certain(problem: ProblemData, z: Vector, residual: float, tolerance: float, 
     """Res_D(z) by which z is judged, `residual` being what float64 makes of it, see `certain_rows`."""
     if not residual <= tolerance:
         return residual
-    add(problem.matrix.product_cost)
+    count(problem.matrix.product_cost)
     weights = problem.weights_at(z) if weights is None else weights
     residuals = np.array([residual])
     rows = problem.offset(z)[None], _offset(problem.psi, z), z[None], residuals, np.array([tolerance])

@@ -57,11 +57,11 @@ class Limits:
         return share_of(scale, self.rtol)
 
     def kept(self, begun: float | None = None) -> AbstractContextManager[None]:
-        """A block that keeps to the limits of time, which `begun` then or now, and memory: see `numerics.work`."""
+        """A block that keeps to the limits of time, which `begun` then or now, and memory: see `work_limit`."""
         from ..numerics import kernels  # noqa: F401  loads numba, before the clock begins
 
         seconds, memory = (math.inf if limit is None else limit for limit in (self.time_limit, self.memory_limit))
-        return work.within(seconds, memory, begun)
+        return work.work_limit(seconds, memory, begun=begun)
 
 
 @dataclass

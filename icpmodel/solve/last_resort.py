@@ -40,7 +40,7 @@ def search(run: Run, carry_out: Callable[[Run, Iterator[None]], None]) -> None:
     methods = [one for one in (Enumerate(), *again, Restarts(), MixedInteger()) if one.why_not(run.problem) is None]
     _LOG.info("n = %d: %s begins: %s", run.problem.n, limit, ", ".join(map(repr, methods)))
     run.restart = run.start
-    with work.at_most(seconds):
+    with work.work_limit(seconds):
         carry_out(run, run.steps(InTurn(*methods, why=why)))
     if run.ended.status in _FAILED or (run.ended.status is Status.TIME_LIMIT and not limited):
         tried = ", ".join(one.name for one in methods)

@@ -35,7 +35,7 @@ def pivoted(problem: ProblemData, limits: Limits) -> Solution | None:
     residual = goal.judged(z, problem.residual(z))
     if not residual <= goal.tolerance:
         return None
-    work.add(work.COSTS.pivot_entry * n**3 / 3.0)
+    work.count(work.COSTS.pivot_entry * n**3 / 3.0)
     return Solution(
         problem=problem,
         z=z,

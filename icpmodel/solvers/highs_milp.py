@@ -43,7 +43,7 @@ class HighsMilp(ForeignSolver):
 
     def run(self, model: Any) -> Claim:
         problem, rows, time_limit = model
-        with work.at_most(time_limit):
+        with work.work_limit(time_limit):
             try:
                 limits = None
                 found = None

@@ -58,7 +58,7 @@ class Allowance:
 
     def kept(self) -> AbstractContextManager[None]:
         """A block in which more raises OutOfTime."""
-        return work.of_count(self.products * self.unit)
+        return work.work_limit(nanoseconds=self.products * self.unit)
 
     def undecided(self, error: Exception) -> str:
         """Why there is no answer."""

@@ -264,7 +264,7 @@ def all_solutions(problem: ProblemLike, *, time_limit: float | None = None) -> S
     rows = LinearRows.of(problem, np.zeros(problem.n))
     found: list[tuple[Any, _Exact]] = []
     complete = True
-    with work.within(np.inf if time_limit is None else time_limit):
+    with work.work_limit(np.inf if time_limit is None else time_limit):
         try:
             for sides in _plausible(rows):
                 one = exact.solve(sides)
@@ -282,7 +282,7 @@ def _plausible(rows: LinearRows) -> Any:
     """The pieces that may hold a solution, as far as floats tell. Raises OutOfTime."""
     for batch in rows.batches():
         for sides in batch.sides[~batch.empty]:
-            work.afford()
+            work.check_budget()
             yield sides
 
 

@@ -300,6 +300,6 @@ def test_a_bound_keeps_to_the_limits_of_the_certificate():
     ones = np.ones(problem.n)
     dz = derivative.forward(dq=ones)
     assert derivative.certain
-    with work.of_count(1.0):
+    with work.work_limit(nanoseconds=1.0):
         assert derivative.bound(dz, dq=ones) is None
     assert derivative.bound(dz, dq=ones) < 1e-9

@@ -204,5 +204,8 @@ def test_what_unpacks_to_more_than_there_is_room_for_is_refused_before(tmp_path,
         head = b"MATLAB 5.0 MAT-file".ljust(124) + b"\0\1IM"
         path.write_bytes(head + matlab_element(15, zlib.compress(matlab_element(14, zeros.tobytes()))))
     assert path.stat().st_size < 100_000
-    with work.within(memory=1e6), pytest.raises(icp.FileError, match=r"A\..*GB of memory, which is more than there is"):
+    with (
+        work.work_limit(memory=1e6),
+        pytest.raises(icp.FileError, match=r"A\..*GB of memory, which is more than there is"),
+    ):
         icp.load_problem(path, q="q.npy")

@@ -72,7 +72,7 @@ def test_an_expander_is_given_up_within_some_tens_of_products():
 def test_factors_that_would_not_fit_are_not_begun():
     A = expander(2000, np.random.default_rng(4))
     for triangles in (False, True):
-        with work.within(memory=50 * A.nnz), pytest.raises(OutOfMemory):
+        with work.work_limit(memory=50 * A.nnz), pytest.raises(OutOfMemory):
             factorise(A, triangles=triangles)
-    with work.within(memory=1e6):
+    with work.work_limit(memory=1e6):
         assert factorise(random_tree(2000, np.random.default_rng(5))) is not None

@@ -40,11 +40,11 @@ def test_a_step_that_may_take_too_long_gives_its_result_or_error_or_is_left_at_t
 
     ended = Event()
     for most in (0.0, 1e30):  # here or in a thread of its own
-        with work.within(10.0):
+        with work.work_limit(10.0):
             assert in_time(lambda: 7, most) == 7
             with pytest.raises(ZeroDivisionError):
                 in_time(fails, most)
     assert in_time(current_thread, 1e30) is current_thread()  # nothing limits it
-    with work.within(0.05), pytest.raises(OutOfTime):
+    with work.work_limit(0.05), pytest.raises(OutOfTime):
         in_time(ended.wait, 1e30)
     ended.set()

@@ -38,32 +38,31 @@ def test_a_thread_counts_its_own_work():
 
     before = work.done()
     with ThreadPoolExecutor(1) as pool:
-        assert pool.submit(lambda: (work.add(5.0), work.done())[1]).result() == 5.0
+        assert pool.submit(lambda: (work.count(5.0), work.done())[1]).result() == 5.0
     assert work.done() == before
 
 
 @given(seconds=st.floats(10.0, 1e6), share=st.floats(0.0, 2.0))
 def test_a_step_is_refused_exactly_where_it_is_foreseen_to_take_more_than_what_is_left(seconds, share):
     assume(abs(share - 1.0) > 0.1)
-    with work.within(seconds):
+    with work.work_limit(seconds):
         if share > 1.0:
             with pytest.raises(OutOfTime):
-                work.afford(1e9 * share * seconds)
+                work.check_budget(1e9 * share * seconds)
         else:
-            work.afford(1e9 * share * seconds)
-    work.afford(1e9 * share * seconds)  # nothing limits it any more
+            work.check_budget(1e9 * share * seconds)
+    work.check_budget(1e9 * share * seconds)  # nothing limits it any more
 
 
-def test_once_the_time_is_over_nothing_is_begun_and_an_inner_limit_ends_with_its_block():
-    with work.within(0.0):
-        with pytest.raises(OutOfTime):
-            work.afford()
-        with work.within(1e6):
-            work.afford(1e9)
-        with pytest.raises(OutOfTime):
-            work.afford()
-    with work.within():
-        work.afford(1e30)
+def test_once_the_time_is_over_nothing_is_begun_in_an_inner_block_either_and_limits_end_with_theirs():
+    with work.work_limit(0.0), pytest.raises(OutOfTime), work.work_limit(1e6):
+        work.check_budget()
+    with work.work_limit(1e6):
+        with pytest.raises(OutOfTime), work.work_limit(0.0):
+            work.check_budget()
+        work.check_budget(1e9)
+    with work.work_limit():
+        work.check_budget(1e30)
 
 
 def test_the_clock_stands_still_while_code_is_loaded_even_where_one_piece_asks_for_another():
@@ -77,17 +76,17 @@ def test_the_clock_stands_still_while_code_is_loaded_even_where_one_piece_asks_f
 
 def test_a_factorisation_is_foreseen_by_its_fill_and_not_begun():
     A = icp.scenes.membrane(n=2500).problem.A
-    with work.within(1e-4), pytest.raises(OutOfTime):
+    with work.work_limit(1e-4), pytest.raises(OutOfTime):
         factorise(A)
-    with work.within(memory=12 * A.nnz), pytest.raises(OutOfMemory):
+    with work.work_limit(memory=12 * A.nnz), pytest.raises(OutOfMemory):
         factorise(A)
 
 
 def test_a_limit_of_the_count_is_the_same_on_every_machine_and_leaves_other_limits():
-    with work.of_count(1e6):
-        work.add(9e5)
-        work.afford(1e5)
+    with work.work_limit(nanoseconds=1e6):
+        work.count(9e5)
+        work.check_budget(1e5)
         with pytest.raises(OutOfTime):
-            work.afford(1.1e5)
-    with work.within(0.0), work.of_count(1e6), pytest.raises(OutOfTime):
-        work.afford()
+            work.check_budget(1.1e5)
+    with work.work_limit(0.0), work.work_limit(nanoseconds=1e6), pytest.raises(OutOfTime):
+        work.check_budget()

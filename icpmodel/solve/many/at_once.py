@@ -75,15 +75,15 @@ class AtOnce:
         Raises MapError, SingularOperator, OutOfTime and MemoryError.
         """
         psi = self.problem.psi
-        work.afford(memory=_COPIES * 8.0 * self.Q.size)
+        work.check_budget(memory=_COPIES * 8.0 * self.Q.size)
         C, G = self._affine(psi, self.obstacles)
         D, H = (None, None) if psi.upper is None else self._affine(psi.upper, self.above)
         above = None if D is None else (D[0], H)
         piece = work.pieces(price)
         for low in range(0, len(C), piece):
             rows = slice(low, low + piece)
-            work.afford(price)
-            work.add(price * len(C[rows]))
+            work.check_budget(price)
+            work.count(price * len(C[rows]))
             of_rows = self.Q[rows], C[rows], None if D is None else D[rows]
             if self.small:
                 A = self.problem.dense() if self.stack is None else self.stack[rows]

@@ -113,9 +113,9 @@ def limited(time_limit: float | None, memory_limit: float | None) -> Iterator[No
     work than `BUDGET`, raises OutOfTime or OutOfMemory."""
     with ExitStack() as kept:
         if time_limit is not None or memory_limit is not None:
-            kept.enter_context(work.within(*(math.inf if x is None else x for x in (time_limit, memory_limit))))
+            kept.enter_context(work.work_limit(*(math.inf if x is None else x for x in (time_limit, memory_limit))))
         if time_limit is None and work.nanoseconds_left() == math.inf:
-            kept.enter_context(work.of_count(BUDGET))
+            kept.enter_context(work.work_limit(nanoseconds=BUDGET))
         yield
 
 

@@ -164,7 +164,7 @@ def prove(matrix: Matrix, psi: Map) -> DefiniteProof | str:
     if n > LARGEST or products > _LARGEST_WORK:
         return f"A is not tested for definiteness: with n = {n} and {A.nnz} entries it is too large to be factorised"
     coupled = (sp.eye_array(n) != B).nnz > 0
-    work.build(products, 12)
+    work.charge_matrices(products, 12)
     exponent = symmetric_exponents(A.diagonal())
     exponent_r = -exponent
     if coupled:  # so that AᵀB is about 1 as well

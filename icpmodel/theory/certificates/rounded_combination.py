@@ -74,7 +74,7 @@ def _moved(
     cost = _PIVOTED * float(k) * k * y.size
     if k > y.size or cost > min(_LONGEST, work.nanoseconds_left()) or not work.fits(24.0 * k * y.size):
         return None
-    work.add(cost)
+    work.count(cost)
     N = K[:, open_].toarray().T
     weights = np.where(signed, np.abs(y), np.abs(y).max())
     basis = qr(N * weights, mode="r", pivoting=True)[1][:k]

@@ -102,7 +102,7 @@ class StepMatrices:
         self.omega = member.omega_of(problem)
         self.phi = as_vector(member.phi, self.n, "phi")
         self.phi1 = as_vector(getattr(member, "phi1", 1.0), self.n, "phi1")
-        work.build(self.A.nnz, 6)
+        work.charge_matrices(self.A.nnz, 6)
         with np.errstate(all="ignore"):  # what overflows proves nothing
             self.M1 = as_csr(self.splitting.matrix(self.A), "M1", keep_diagonal=True)
             diagonal = diagonal_positions(self.M1)
@@ -125,20 +125,17 @@ class StepMatrices:
     @cached_property
     def omega_G(self) -> sp.csr_array:
         """ΩG."""
-        work.build(self.G.nnz)
         return times_rows(self.omega, self.G)
 
     @cached_property
     def size(self) -> sp.csr_array:
         """|M₁| + |φ| + Ω + |A| + ΩG."""
-        work.build(self.A.nnz, 5)
         diagonal = np.abs(self.phi) + self.omega + np.abs(self.D)
         return total(absolute(self.M1), absolute(self.A), self.omega_G, sp.diags_array(diagonal))
 
 
 def off_diagonal(matrix: sp.csr_array) -> sp.csr_array:
     """|`matrix`| with a zero diagonal."""
-    work.build(matrix.nnz, 2)
     data = np.abs(matrix.data)
     own = matrix.indices == row_of(matrix)
     data[own] -= data[own]  # NaN where it is infinite
@@ -158,7 +155,7 @@ def _shifted(matrix: sp.csr_array, positions: Any, by: Vector) -> sp.csr_array:
 
 def sharper(step: StepMatrices) -> MonotoneMap:
     """T(v) = |X⁻¹| max(|X − 2A|v, (|X − 2Ω| + 2ΩG)v)."""
-    work.build(step.size.nnz, 6)
+    work.charge_matrices(step.size.nnz, 6)
     X = step.X
     omega = sp.diags_array(step.omega)
     first = sp.csr_array(abs(X - 2.0 * step.A))
@@ -168,7 +165,7 @@ def sharper(step: StepMatrices) -> MonotoneMap:
 
 def theorem_41(step: StepMatrices) -> MonotoneMap:
     """v ↦ Lv, L = |X⁻¹|(|N̂| + |A − Ω| + 2ΩG)."""
-    work.build(step.size.nnz, 6)
+    work.charge_matrices(step.size.nnz, 6)
     F = total(absolute(step.N), abs(step.A - sp.diags_array(step.omega)), 2.0 * step.omega_G)
     return MonotoneMap(absolute_inverse(step.X, step.size), (F,), step.size)
 
@@ -287,7 +284,7 @@ def _jacobi(step: StepMatrices, name: str, diagonal: Vector, F: sp.csr_array, li
     if not (diagonal > 0).all():
         i = int(np.argmin(diagonal > 0))
         return f"{name} is {diagonal[i]:g} in row {i}, not positive"
-    work.build(step.size.nnz, 4)
+    work.charge_matrices(step.size.nnz, 4)
     S = sp.csr_array(sp.diags_array(diagonal))
     # F is at most a few times the size, which the factor of theorem 4.3 may exceed
     size = sp.csr_array(step.size + F)

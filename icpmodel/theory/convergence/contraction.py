@@ -103,7 +103,6 @@ class Comparison:
 
     def resolvent(self, mu: float, F: sp.csr_array, v: Vector) -> Vector | None:
         """About (μI − |X⁻¹|F)⁻¹v, F ≥ 0, by (μ⟨X⟩ − F)y = ⟨X⟩v, without any proof; None where that is singular."""
-        work.build(self._C.nnz + F.nnz, 2)
         lu = factorise(sp.csr_array(mu * self._C - F))
         return None if lu is None else lu.solve(self._C @ v)
 
@@ -120,7 +119,7 @@ class Dense:
     def of(cls, X: sp.csr_array, size: sp.csr_array) -> Dense | None:
         """The inverse of `X` (CSR, shape (n, n)) with a bound on its error, or None where it is too ill conditioned."""
         n = X.shape[0]
-        work.spend(4 * work.dense_cost(n))
+        work.charge(4 * work.dense_cost(n))
         with np.errstate(all="ignore"):
             # so that units cost no accuracy
             S, rows, columns = equilibrated(size.toarray())
@@ -147,7 +146,7 @@ class Dense:
         return np.maximum(y, 0.0)
 
     def resolvent(self, mu: float, F: sp.csr_array, v: Vector) -> Vector | None:
-        work.spend(3 * work.dense_cost(v.size))
+        work.charge(3 * work.dense_cost(v.size))
         try:
             return np.linalg.solve(mu * np.eye(v.size) - self.above @ F, v)
         except np.linalg.LinAlgError:
@@ -271,7 +270,7 @@ def radius(T: HomogeneousMap, starts: Iterable[Vector], enough: float = 0.0) -> 
         best, last = _power(T, best, int(np.clip(_READ // T.entries, 3, 100)), enough)
         fails = best.upper >= 1 and (_invariant_part(T, last) or _invariant_part(T, best.v))
         if best.upper >= 1 and not fails:
-            work.afford(T.price)
+            work.check_budget(T.price)
         return best._replace(holds=True if best.upper < 1 else False if fails else None)
 
 
@@ -279,7 +278,7 @@ def _quotient(T: HomogeneousMap, v: Vector) -> tuple[float, Vector]:
     """(max_i T(v)_i/v_i rounded up, T(v)); infinite for a v that is not positive."""
     if not ((v > 0).all() and np.isfinite(v).all()):
         return np.inf, v
-    work.add(T.price)
+    work.count(T.price)
     image = T.upper(v)
     return float(np.nextafter((image / v).max(), np.inf)), image
 
@@ -335,7 +334,7 @@ def _invariant_part(T: HomogeneousMap, v: Vector) -> bool:
     for _ in range(50):
         if work.nanoseconds_left() < T.price:
             break
-        work.add(T.price)
+        work.count(T.price)
         short = (u > 0) & ~(T.lower(u) >= u)
         if not short.any():
             return bool((u > 0).any())

@@ -45,7 +45,6 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from ...numerics import work
 from ...numerics.arrays import Vector
 from ...numerics.factorisation import factorise
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, at_most, lower, upper
@@ -97,7 +96,6 @@ class SweepMap(HomogeneousMap):
 
     def steeper(self, mu: float, v: Vector) -> Vector | None:
         # at v each row of w is one of G or one of the sweep: Kw = Hv, and (μI − K⁻¹H)⁻¹v solves (μK − H)y = Kv
-        work.build(self.entries, 8)
         one = sp.eye_array(v.size)
         W = sp.diags_array(self._omega / self._rows.diagonal) @ self._A
         sweeps = sp.diags_array((self.upper(v) > upper(self._G, v)).astype(np.float64))

@@ -44,7 +44,6 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from ...numerics import work
 from ...numerics.arrays import is_symmetric, row_of
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, at_most
 from ..answers import Answer
@@ -127,7 +126,6 @@ def contraction_factor(step: StepMatrices) -> float | None:
     """An upper bound of ‖(A' − I)(A' + I)⁻¹‖₂, rounding included, or None where none below 1 was found."""
     if step.n > LARGEST:
         return None
-    work.build(step.A.nnz, 6)
     half = sp.diags_array(1.0 / np.sqrt(step.omega))
     A = sp.csr_array(half @ step.A @ half)
     if not np.isfinite(A.data).all() or not within_reach(sp.csr_array(A + A.T)):

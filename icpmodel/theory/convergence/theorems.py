@@ -197,7 +197,7 @@ def _starts(step: StepMatrices) -> Iterator[Vector]:
     if not isinstance(proof, str):
         yield proof.v
     if 1 < step.n <= 500:
-        work.spend(_BALANCE * step.n**2)
+        work.charge(_BALANCE * step.n**2)
         from scipy.linalg import matrix_balance
 
         quotients = step.size.toarray() / step.size.diagonal()[:, None]

@@ -187,7 +187,7 @@ class MatrixClasses(ReadOnly, Shown):
     @cached_property
     def symmetric(self) -> Answer:
         """A = Aᵀ, entry by entry. Witness of no: (i, j) with a_ij ≠ a_ji."""
-        work.build(self.A.nnz, 2)
+        work.charge_matrices(self.A.nnz, 2)
         difference = sp.coo_array(self.A != self.A.T)
         if not difference.nnz:
             return Answer(True, "A equals its transpose")

@@ -44,7 +44,7 @@ def comparison_matrix(A: Any) -> sp.csr_array:
     """
     if not isinstance(A, sp.csr_array):
         A = as_csr(A, "A", keep_diagonal=True)
-    work.build(A.nnz)
+    work.charge_matrices(A.nnz)
     diagonal = diagonal_positions(A)
     if np.array_equal(np.flatnonzero(A.data > 0), diagonal):
         return A  # a copy of a large matrix is memory that nobody has touched before
@@ -94,7 +94,6 @@ def solve_for_diagonal(M: sp.csr_array) -> Vector | None:
     diagonal = M.diagonal()
     if (np.abs(diagonal) < np.finfo(np.float64).tiny).any():
         return None
-    work.build(M.nnz)
     rows = sp.csr_array(sp.diags_array(1.0 / diagonal) @ M)  # so that units do not look like singularity
     ones = np.ones(M.shape[0])
     if M.shape[0] > _FACTORISE_FIRST and (diagonal > 0).all():
@@ -122,7 +121,7 @@ def layered(comparison: sp.csr_array) -> Vector | None:
     """
     from ...numerics.kernels.graph import layer_increments, layers
 
-    work.build(comparison.nnz, 4)
+    work.charge_matrices(comparison.nnz, 4)
     diagonal = comparison.diagonal()
     # exactly 0 where the entries cancel exactly; a row that is dominant by rounding only makes a bad v, no wrong one
     with np.errstate(over="ignore", invalid="ignore"):

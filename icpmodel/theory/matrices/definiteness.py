@@ -82,7 +82,7 @@ def semidefinite_up_to_rounding(A: sp.csr_array, most: float = _ROUNDING) -> Ans
 
 def _twice_symmetric_part(A: sp.csr_array) -> sp.csr_array | None:
     """A + Aᵀ with its diagonal stored if no entry was rounded, else None."""
-    work.build(A.nnz, 4)
+    work.charge_matrices(A.nnz, 4)
     T = sp.csr_array(A.T)
     if (A != T).nnz == 0:
         return A
@@ -99,7 +99,7 @@ def _in_own_units(A: sp.csr_array) -> tuple[sp.csr_array, sp.csr_array, NDArray[
 
     Where both cannot be, the diagonal is far smaller than the other entries of its row or column: A is indefinite.
     """
-    work.build(A.nnz, 5)
+    work.charge_matrices(A.nnz, 5)
     largest = -np.minimum(row_exponents(A), row_exponents(sp.csr_array(A.T)))
     # (900 - E_i)/2 + (900 - E_j)/2 + min(E_i, E_j) is at most 900
     limit = (900 - largest) // 2

@@ -70,9 +70,8 @@ def largest_above(N: sp.csr_array) -> float:
     """
     T = sp.csr_array(0.5 * (N + N.T))
     v = np.ones(T.shape[0])
-    work.build(N.nnz, 3)
     for _ in range(_POWER_STEPS):
-        work.spend(work.product(v.size, T.nnz))
+        work.charge(work.product(v.size, T.nnz))
         w = T @ v
         largest = float(w.max())
         if not 0 < largest < np.inf:
@@ -102,7 +101,7 @@ def _least_pair(S: sp.csr_array) -> tuple[float, Vector | None]:
     """The least λ with Sx = λx, and x, by dense matrices; −inf and None where that fails."""
     from scipy.linalg import LinAlgError, eigh
 
-    work.spend(_TRIDIAGONAL * work.dense_cost(S.shape[0]), 16.0 * S.shape[0] ** 2)
+    work.charge(_TRIDIAGONAL * work.dense_cost(S.shape[0]), 16.0 * S.shape[0] ** 2)
     try:
         value, x = eigh(S.toarray(), subset_by_index=(0, 0))
     except LinAlgError:
@@ -132,7 +131,7 @@ def _estimate(S: sp.csr_array, lu: Any) -> float:
         return -np.inf
 
     def solved(x: Vector) -> Vector:
-        work.afford(work.product(x.size, S.nnz))
+        work.check_budget(work.product(x.size, S.nnz))
         x = lu.solve(x)
         if not np.abs(x).max() < _SQUARABLE:  # LAPACK, below ARPACK, prints what it thinks of infinities
             raise ArithmeticError
@@ -149,7 +148,7 @@ def _estimate(S: sp.csr_array, lu: Any) -> float:
 def _error_of_cholesky(S: sp.csr_array) -> float:
     """A bound on the norm of S − RᵀR, R the computed Cholesky factor, inf where there is none."""
     n = S.shape[0]
-    work.spend(work.dense_cost(n), 16.0 * n**2)
+    work.charge(work.dense_cost(n), 16.0 * n**2)
     try:
         factor = np.linalg.cholesky(S.toarray())
     except np.linalg.LinAlgError:
@@ -163,7 +162,6 @@ def _distance_from_definite(S: sp.csr_array) -> float:
     lu = factorise(S, definite=True, triangles=True)
     if lu is None or not ((D := lu.pivots) > 0).all():
         return np.inf
-    work.build(lu.lu.L.nnz, 6)
     L = sp.csr_array(lu.lu.L)
     U = sp.csr_array(lu.lu.U)
     ones = np.ones(S.shape[0])

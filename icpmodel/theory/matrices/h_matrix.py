@@ -48,7 +48,7 @@ def irreducible_blocks(A: sp.csr_array) -> tuple[int, NDArray[np.int32]]:
     """
     from scipy.sparse.csgraph import connected_components
 
-    work.build(A.nnz, 2)
+    work.charge_matrices(A.nnz, 2)
     return connected_components(without_zeros(A), connection="strong")
 
 
@@ -63,7 +63,7 @@ def row_sum_signs(C: sp.csr_array) -> NDArray[np.int8]:
     """The sign of each row sum of `C` (CSR, shape (n, n)), without rounding: −1, 0 or 1, shape (n,)."""
     from ...numerics.kernels.products import sum_signs  # loads numba
 
-    work.build(C.nnz, 4)
+    work.charge_matrices(C.nnz, 4)
     signs = np.empty(C.shape[0], dtype=np.int8)
     sum_signs(C.indptr, C.data, np.empty(np.diff(C.indptr).max(initial=0) + 1), signs)
     for i in np.flatnonzero(signs == 2):
@@ -129,7 +129,7 @@ def _spread(x: Vector, rows: NDArray[np.intp], n: int) -> Vector:
 
 def decide(C: sp.csr_array, count: int, block: NDArray[np.int32]) -> Answer:
     """Whether `C` = ⟨C⟩ is a nonsingular M-matrix: its `count` diagonal blocks, or with the witness v > 0 all of it."""
-    work.build(C.nnz, 8)
+    work.charge_matrices(C.nnz, 8)
     r, c = natural_exponents(C)
     S = without_zeros(in_units(within_blocks(C, block), r, c))
     if np.isfinite(S.data).all():
@@ -151,7 +151,7 @@ def _candidates(S: sp.csr_array, block: NDArray[np.int32], count: int) -> Iterat
     price = 3 * work.product(x.size, S.nnz)
 
     def image(x: Vector) -> Vector:
-        work.spend(price)
+        work.charge(price)
         return x - (S @ x) / diagonal  # Jx
 
     with np.errstate(all="ignore"):  # beside a diagonal next to nothing J overflows, and NaN proves nothing

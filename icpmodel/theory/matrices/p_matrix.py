@@ -58,7 +58,7 @@ def open_blocks(A: sp.csr_array) -> Iterator[tuple[Indices, sp.csr_array]]:
 
 def minor_of_order_two(A: sp.csr_array) -> Indices | None:
     """Indices i < j with a_ii a_jj ≤ a_ij a_ji, or None where no stored pair was found to have that."""
-    work.build(A.nnz, 8)
+    work.charge_matrices(A.nnz, 8)
     S = in_units(A, *natural_exponents(A))
     with np.errstate(all="ignore"):
         product = sp.csr_array(S * sp.csr_array(S.T))
@@ -78,8 +78,7 @@ def minor_of_order_two(A: sp.csr_array) -> Indices | None:
 def by_pivots(A: sp.csr_array) -> Answer:
     """The exact test, for n ≤ 60 or so; the time doubles with each row."""
     n = A.shape[0]
-    work.build(A.nnz, 8)
-    work.spend(_MINOR * 2.0**n)
+    work.charge(_MINOR * 2.0**n)
     r, c = natural_exponents(A)
     scaled = in_units(A, r, c).toarray()
     # what left the normal range is known up to the smallest float, or not at all
