@@ -40,7 +40,7 @@ def meant(found: Any, known: Iterable[str]) -> str:
     return f"; did you mean {near[0]}?" if near else ""
 
 
-def by_name(call: str, told: str = "") -> Callable[[Callable[P, R]], Callable[P, R]]:
+def check_arguments(call: str, told: str = "") -> Callable[[Callable[P, R]], Callable[P, R]]:
     """Decorator: turn Python's TypeError for unknown or missing arguments into an InputError with the accepted names.
 
     The message calls the function `call` and ends in the hint `told`.

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import OBSTACLES, InputError, by_name
+from ..errors import OBSTACLES, InputError, check_arguments
 from ..numerics.arrays import Vector, described
 from ..present.shown import Shown
 from ..problem.affine import Affine, Constant
@@ -53,7 +53,7 @@ class DistributedICP(Shown):
     DistributedICP(n=2, ranks=1)
     """
 
-    @by_name("DistributedICP", OBSTACLES)
+    @check_arguments("DistributedICP", OBSTACLES)
     def __init__(self, A: Any, q: Any, psi: Any = 0.0, upper: Any = None) -> None:
         PETSc = petsc()
         if not isinstance(A, PETSc.Mat):

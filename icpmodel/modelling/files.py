@@ -29,7 +29,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import OBSTACLES, FileError, InputError, by_name
+from ..errors import OBSTACLES, FileError, InputError, check_arguments
 from ..icp import ICP
 from ..present.whole_files import as_path, told
 from ..problem.affine import Affine
@@ -85,7 +85,7 @@ def save_problem(problem: ProblemLike, path: str | PathLike[str]) -> None:
     write_arrays(as_path(path), _PROBLEM, problem_parts(problem))
 
 
-@by_name("load_problem", OBSTACLES)
+@check_arguments("load_problem", OBSTACLES)
 def load_problem(
     path: Source, q: Source | None = None, psi: Source | float | None = None, upper: Source | float | None = None
 ) -> ICP:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from ..errors import InputError, by_name
+from ..errors import InputError, check_arguments
 from ..numerics.arrays import Vector, as_csr, as_vector, axes, freeze, locked, row_of
 from .map import Map
 
@@ -94,7 +94,7 @@ class Affine(Map):
     array([5., 2.])
     """
 
-    @by_name("Affine")
+    @check_arguments("Affine")
     def __init__(self, G: Any, c: Any = 0.0) -> None:
         self.G = as_csr(G, "psi.G")
         n = self.G.shape[0]

@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..errors import OBSTACLES, InputError, MapError, NotApplicable, by_name
+from ..errors import OBSTACLES, InputError, MapError, NotApplicable, check_arguments
 from ..numerics.arrays import (
     Vector,
     as_array,
@@ -76,7 +76,7 @@ class ProblemData(Shown):
     facts: Facts
     f: NonlinearTerm | None
 
-    @by_name("ICP", OBSTACLES)
+    @check_arguments("ICP", OBSTACLES)
     def __init__(self, A: Any, q: Any, psi: Any = 0.0, upper: Any = None, f: Any = None) -> None:
         if hasattr(A, "columns"):
             check_labels({"A": A, "q": q, "psi": psi, "upper": upper})

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..errors import InputError, by_name
+from ..errors import InputError, check_arguments
 from ..numerics.arrays import Vector, as_float64, as_vector, locked
 from .map import Map
 from .user_code import Parametrised, as_function, call_user, diagonal_lipschitz, is_compiled
@@ -48,7 +48,7 @@ class Elementwise(Parametrised):
 
     calls_user_code = True
 
-    @by_name("Elementwise")
+    @check_arguments("Elementwise")
     def __init__(
         self,
         f: Callable[[Any], Any],

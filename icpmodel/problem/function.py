@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..errors import InputError, MapError, by_name
+from ..errors import InputError, MapError, check_arguments
 from ..numerics.arrays import Vector, as_csr, as_float64, axes, locked
 from .differences import colours, jacobian_by_differences
 from .user_code import Parametrised, as_function, call_user, diagonal_lipschitz, raising_map_error
@@ -44,7 +44,7 @@ class Function(Parametrised):
 
     calls_user_code = True
 
-    @by_name("Function")
+    @check_arguments("Function")
     def __init__(
         self,
         fun: Callable[[Vector], Any],

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..errors import InputError, MapError, by_name
+from ..errors import InputError, MapError, check_arguments
 from ..numerics.arrays import Mask, Vector, as_csr, freeze, row_of
 from ..numerics.rounding import UNIT_ROUNDOFF
 from .map import Map
@@ -50,7 +50,7 @@ class Intervention(Map):
     #: the value of rows without a jump
     none = -np.inf
 
-    @by_name("Intervention")
+    @check_arguments("Intervention")
     def __init__(self, jumps: Any, best: str = "max") -> None:
         if best not in ("max", "min"):
             raise InputError(f'best is {best!r}; "max" or "min" was expected')

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, MapError, NotApplicable, NotSolved, by_name, meant
+from ..errors import InputError, MapError, NotApplicable, NotSolved, check_arguments, meant
 from ..methods.aor import MNMGS
 from ..methods.contract import Method, named
 from ..numerics import work
@@ -40,7 +40,7 @@ _MOST_AIM = 0.5
 
 
 @public_entry
-@by_name("solve", OF_ARRAYS)
+@check_arguments("solve", OF_ARRAYS)
 def solve(
     problem: ProblemLike,
     method: str | Method | None = None,

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ...errors import InputError, NotSolved, by_name
+from ...errors import InputError, NotSolved, check_arguments
 from ...numerics.arrays import Vector, as_number, as_truth, as_vector, norm
 from ...numerics.rounding import gamma, public_entry
 from ...numerics.threads import one_blas_thread
@@ -82,7 +82,7 @@ class LeastSquares(Shown):
 
 
 @public_entry
-@by_name("solve_lsq")
+@check_arguments("solve_lsq")
 def solve_lsq(
     B: Any,
     c: Any,
@@ -179,7 +179,7 @@ def _conditions(B: sp.csr_array, c: Vector, low: Vector, high: Vector) -> Progra
 
 
 @public_entry
-@by_name("solve_nnls")
+@check_arguments("solve_nnls")
 def solve_nnls(B: Any, c: Any, *, tolerance: float = 1e-9, time_limit: float | None = None) -> tuple[Vector, float]:
     """Minimise ‖Bx − c‖₂ subject to x ≥ 0, without forming BᵀB; in the words of `scipy.optimize.nnls`.
 

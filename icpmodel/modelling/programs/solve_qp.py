@@ -11,7 +11,7 @@ import numpy as np
 
 from ...crosscheck import crosscheck
 from ...crosscheck.report import Report
-from ...errors import NotSolved, by_name
+from ...errors import NotSolved, check_arguments
 from ...icp import ICP
 from ...numerics.arrays import Vector, as_number, as_truth, as_vector
 from ...numerics.rounding import public_entry
@@ -114,7 +114,7 @@ class ProgramSolution(Shown):
 
 
 @public_entry
-@by_name("solve_qp")
+@check_arguments("solve_qp")
 def solve_qp(
     P: Any,
     q: Any,
@@ -183,7 +183,7 @@ def solve_qp(
 
 
 @public_entry
-@by_name("solve_avi")
+@check_arguments("solve_avi")
 def solve_avi(
     H: Any,
     g: Any,
