@@ -31,7 +31,7 @@ OBSTACLES = "the obstacle below, z >= psi(z), is called psi, and the one above u
 _ELSEWHERE = {"tol": "rtol", "tolerance": "rtol", "eps": "atol", "maxiter": "max_iter", "maxit": "max_iter"}
 
 
-def meant(found: Any, known: Iterable[str]) -> str:
+def did_you_mean(found: Any, known: Iterable[str]) -> str:
     """What the end of a message asks about `found`, which is none of the names that are `known`, but near to one."""
     if not isinstance(found, str):
         return ""
@@ -59,7 +59,7 @@ def check_arguments(call: str, told: str = "") -> Callable[[Callable[P, R]], Cal
                     raise  # it comes from inside
             takes = f"it takes {', '.join(one for one in names if one != 'self')}"
             if unknown := [name for name in kwargs if name not in names]:
-                hint = meant(unknown[0], names) or (told and f"; {told}")
+                hint = did_you_mean(unknown[0], names) or (told and f"; {told}")
                 raise InputError(f"{call} has no argument {unknown[0]}; {takes}{hint}")
             needed = names[len(args) : code.co_argcount - len(function.__defaults__ or ())]
             hint = told and f"; {told}"

@@ -18,7 +18,7 @@ from typing import Any
 
 import click
 
-from ..errors import IcpError, meant
+from ..errors import IcpError, did_you_mean
 from ..numerics.plugins import load_plugins
 from ..numerics.rounding import CTRL_C, is_ctrl_c
 from ..numerics.threads import LEFT
@@ -81,7 +81,7 @@ class _Commands(click.Group):
             found: click.Command = getattr(import_module(f".{_FILES[cmd_name]}", __package__), cmd_name)
             return found
         if not (ctx.resilient_parsing or cmd_name.startswith("-")):
-            raise click.UsageError(f"No such command {cmd_name!r}{meant(cmd_name, _FILES)}")
+            raise click.UsageError(f"No such command {cmd_name!r}{did_you_mean(cmd_name, _FILES)}")
         return None
 
 

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import click
 from click.shell_completion import CompletionItem
 
-from ..errors import FileError, InputError, meant
+from ..errors import FileError, InputError, did_you_mean
 from ..icp import ICP
 from ..methods.contract import Method, named, names
 from ..modelling.files import load_problem
@@ -158,7 +158,7 @@ def named_source(arguments: dict[str, Any]) -> Named:
     if file is None and not os.path.exists(source):
         if os.path.splitext(source)[1] or os.sep in source:
             raise FileError(f"{source}: no such file or folder")
-        hint = meant(source, scene_names()) or "; `icpmodel scenes` lists the scenes"
+        hint = did_you_mean(source, scene_names()) or "; `icpmodel scenes` lists the scenes"
         raise InputError(f"SOURCE is {source!r}; there is neither a scene nor a file or folder of this name{hint}")
     if n is not None or parameters:
         raise InputError(f"--n and --set belong to scenes, and {source or file} is none; see `icpmodel scenes`")

@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..algebra.steps import Step, repeated_steps
-from ..errors import InputError, meant
+from ..errors import InputError, did_you_mean
 from ..numerics.arrays import ReadOnly, Vector, described
 from ..numerics.plugins import load_plugins
 from ..present.shown import Shown
@@ -191,13 +191,13 @@ def named(name: str, /, **options: Any) -> Method:
     """
     if not isinstance(name, str) or name.lower() not in names():
         wanted = f"; one of {', '.join(names())} or a Method object was expected"
-        raise InputError(f"method is {described(name)}{meant(name, names()) or wanted}")
+        raise InputError(f"method is {described(name)}{did_you_mean(name, names()) or wanted}")
     cls = _REGISTRY[name.lower()]
     known = [option.name for option in fields(cls)]
     for option in options:
         if option not in known:
             takes = f"it takes {', '.join(known)}" if known else "it takes none"
-            raise InputError(f"{cls.name} has no option {option}; {takes}{meant(option, known)}")
+            raise InputError(f"{cls.name} has no option {option}; {takes}{did_you_mean(option, known)}")
     return cls(**options)
 
 

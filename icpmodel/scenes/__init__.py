@@ -12,7 +12,7 @@ import json
 import pkgutil
 from typing import Any
 
-from ..errors import InputError, meant
+from ..errors import InputError, did_you_mean
 from ..problem.by_rows import ByRows
 from .registry import ASSEMBLIES, LARGEST, Builder, Quantity, Scene, builders, register, size, title_of
 
@@ -112,7 +112,7 @@ def _asked(name: str, n: int | None, parameters: dict[str, Any]) -> tuple[str, i
     for parameter in parameters:
         if parameter not in known:
             listed = ", ".join(known) or "none"
-            hint = meant(parameter, known)
+            hint = did_you_mean(parameter, known)
             raise InputError(f"{name} has no parameter {parameter!r}; its parameters are: {listed}{hint}")
     return name, n, parameters
 
@@ -164,7 +164,7 @@ def parameters(name: str) -> dict[str, Any]:
 def _builder(name: str) -> Builder:
     if name not in builders():
         listed = ", ".join(names())
-        raise InputError(f"there is no scene {name!r}{meant(name, names()) or f'; the scenes are: {listed}'}")
+        raise InputError(f"there is no scene {name!r}{did_you_mean(name, names()) or f'; the scenes are: {listed}'}")
     return builders()[name]
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, MapError, NotApplicable, NotSolved, check_arguments, meant
+from ..errors import InputError, MapError, NotApplicable, NotSolved, check_arguments, did_you_mean
 from ..methods.aor import MNMGS
 from ..methods.contract import Method, named
 from ..numerics import work
@@ -219,7 +219,7 @@ def _named(method: str | Method | None, problem: ProblemData, options: dict[str,
         for option in options:
             own = _options()
             found = f"solve has no option {option}; it takes {', '.join(own)}"
-            raise InputError(f"{found}, and the options of a method only where one is named{meant(option, own)}")
+            raise InputError(f"{found}, and the options of a method only where one is named{did_you_mean(option, own)}")
         return None
     if isinstance(method, Method):
         if options:
@@ -231,7 +231,7 @@ def _named(method: str | Method | None, problem: ProblemData, options: dict[str,
             more = ""
             if "has no option" in str(error):
                 own = _options()
-                more = f"; solve itself takes {', '.join(own)}" + "".join(meant(one, own) for one in options)
+                more = f"; solve itself takes {', '.join(own)}" + "".join(did_you_mean(one, own) for one in options)
             raise InputError(f"{error}{more}") from None
     why_not = method.why_not(problem)
     if why_not is not None:

@@ -24,7 +24,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..errors import InputError, meant
+from ..errors import InputError, did_you_mean
 from ..numerics.arrays import as_list
 from ..numerics.plugins import load_plugins
 from ..numerics.rounding import is_ctrl_c
@@ -248,7 +248,7 @@ def chosen_solvers(solvers: Iterable[str | ForeignSolver] | None, asker: str | N
     wanted = [solvers] if isinstance(solvers, str | ForeignSolver) else as_list(solvers, "solvers")
     for solver in wanted:
         if isinstance(solver, str) and solver not in known:
-            hint = meant(solver, known)
+            hint = did_you_mean(solver, known)
             raise InputError(f"solvers has {solver!r}; one of {', '.join(map(repr, known))} was expected{hint}")
         if not isinstance(solver, str | ForeignSolver):
             raise InputError(f"solvers has a {type(solver).__name__}; names or ForeignSolver objects were expected")

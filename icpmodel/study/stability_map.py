@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import IcpError, InputError, Interrupted, MapError, meant
+from ..errors import IcpError, InputError, Interrupted, MapError, did_you_mean
 from ..methods.contract import Method
 from ..methods.modulus import ModulusMember
 from ..numerics.arrays import Mask, Vector, as_number, described
@@ -147,7 +147,9 @@ def stability(
     """
     if isinstance(plane, str):
         if plane not in PLANES:
-            raise InputError(f"plane is {plane!r}; one of {', '.join(PLANES)} was expected{meant(plane, PLANES)}")
+            raise InputError(
+                f"plane is {plane!r}; one of {', '.join(PLANES)} was expected{did_you_mean(plane, PLANES)}"
+            )
         points = int(as_number(points, "points", least=2, whole=True))
         n = int(as_number(n, "n", least=1, whole=True))
         plane = plane_named(plane, points, n, None if problem is None else as_problem(problem), method)
