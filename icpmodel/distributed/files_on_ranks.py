@@ -15,7 +15,7 @@ from ..modelling.archive import opened
 from ..modelling.files import SIDES, folder_files
 from ..modelling.petsc_binary import PetscFile
 from ..numerics.arrays import described
-from ..present.whole_files import as_path, check_replaceable, check_suffix, part_of, put_in_place, told
+from ..present.whole_files import as_path, check_replaceable, check_suffix, file_errors, part_of, put_in_place
 from .distributed_icp import DistributedICP
 from .distributed_solution import DistributedSolution
 from .ranks import petsc, together, world
@@ -92,7 +92,7 @@ def load_problem(
 
 def _files(path: Path, q: Any, psi: Any, upper: Any) -> dict[str, Any]:
     """A, q, c, G, upper_c, upper_G → the file that it is in, of what there is; an obstacle may be a number."""
-    with told(path, "read"):
+    with file_errors(path, "read"):
         path.stat()
     files: dict[str, Any] = {"A": path}
     declared: dict[str, str] = {}
@@ -199,7 +199,7 @@ def check_place_on_ranks(path: Source, comm: Any) -> None:
         if place.suffix.lower() == ".h5" and not petsc().Sys.hasExternalPackage("hdf5"):
             raise NotApplicable(f"{place}: this PETSc was built without HDF5; a name that ends in .bin is written")
         if comm.rank == 0:
-            with told(place, "written"):
+            with file_errors(place, "written"):
                 check_replaceable(place, lambda: _check_vector(place))
 
 
@@ -217,7 +217,7 @@ def _written(path: Path, vectors: dict[str, Any], comm: Any) -> None:
     with ExitStack() as stack:
         with together(comm):
             if comm.rank == 0:
-                with told(path, "written"):
+                with file_errors(path, "written"):
                     made = stack.enter_context(part_of(path))
                     stack.callback(Path(f"{made.name}.info").unlink, missing_ok=True)  # which PETSc writes beside
                     _check_free_space(made, sum(8 * vector.getSize() for vector in vectors.values()) + _HEADS)
@@ -231,7 +231,7 @@ def _written(path: Path, vectors: dict[str, Any], comm: Any) -> None:
         with together(comm):
             if fault or not same:
                 raise FileError(f"{path}: cannot be written ({fault or 'what was written is not what is read'})")
-        with together(comm), told(path, "written"):
+        with together(comm), file_errors(path, "written"):
             if made is not None:
                 put_in_place(made, path)
 

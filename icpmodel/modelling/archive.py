@@ -16,7 +16,7 @@ import scipy.sparse as sp
 from ..errors import FileError
 from ..numerics import work
 from ..numerics.sparse_input import is_compressed
-from ..present.whole_files import check_replaceable, check_suffix, told, write_whole
+from ..present.whole_files import check_replaceable, check_suffix, file_errors, write_whole
 
 #: NumPy's letters for the kinds of real numbers
 REAL = "biuf"
@@ -32,7 +32,7 @@ def opened(path: Path, shares: int = 1) -> Iterator[tuple[BinaryIO, int]]:
 
     Raises FileError, for pipes and folders, too.
     """
-    with told(path, "read"):
+    with file_errors(path, "read"):
         if path.exists() and not path.is_file():
             raise FileError(f"{path}: is {'a folder' if path.is_dir() else 'no file'}; a file was expected")
         with path.open("rb") as file:
@@ -96,7 +96,7 @@ def _matrix(path: Path, name: str, fields: dict[str, Any]) -> sp.csr_array:
 
 def text_of(path: Path, fields: dict[str, Any], name: str) -> str:
     """The text in the field `name`, or "" where there is none. Raises FileError."""
-    with told(path, "read"):  # for characters that there are not
+    with file_errors(path, "read"):  # for characters that there are not
         return str(fields[name]) if name in fields and fields[name].dtype.kind == "U" else ""
 
 

@@ -31,7 +31,7 @@ import numpy as np
 
 from ..errors import OBSTACLES, FileError, InputError, check_arguments
 from ..icp import ICP
-from ..present.whole_files import as_path, told
+from ..present.whole_files import as_path, file_errors
 from ..problem.affine import Affine
 from ..problem.data import ProblemLike, as_problem
 from ..problem.two_sided import TwoSidedObstacle
@@ -201,7 +201,7 @@ def _named(path: Path | None) -> Iterator[None]:
 
 def _parts_in(path: Path) -> dict[str, Any]:
     """The parts of a problem in a file or a folder, A at least."""
-    with told(path, "read"):
+    with file_errors(path, "read"):
         path.stat()
         is_folder = path.is_dir()
     if is_folder:
@@ -233,7 +233,7 @@ def folder_files(path: Path) -> tuple[dict[str, str], dict[str, Path]]:
         if not (path / "A.mtx").is_file():
             raise FileError(f"{path}: the folder holds no problem; psi.json, A.mtx and q.mtx were expected")
         raise FileError(f'{declared}: no such file; it declares psi, for an LCP as {{"psi": "zero"}}')
-    with told(declared, "read"):
+    with file_errors(declared, "read"):
         content = as_json(declared, declared.read_text(encoding="utf-8"))
     if not isinstance(content, dict) or content.keys() not in ({"psi"}, {"psi", "upper"}):
         found = f"holds the fields {', '.join(content) or 'none'}" if isinstance(content, dict) else "holds no object"

@@ -18,7 +18,7 @@ import scipy.sparse as sp
 
 from ..errors import FileError
 from ..numerics.sparse_input import checked_sparse
-from ..present.whole_files import told
+from ..present.whole_files import file_errors
 from .archive import REAL, array_of, check_room, opened, read_arrays
 from .matlab import read_variables
 from .matrix_market import check_end, read_matrix, read_vector
@@ -35,7 +35,7 @@ def read_named(path: Path) -> dict[str, Any]:
     Raises FileError.
     """
     suffix = path.suffix.lower()
-    with told(path, "read"):
+    with file_errors(path, "read"):
         path.stat()
     if suffix == ".npz":
         return _of_npz(path)
@@ -62,7 +62,7 @@ def _of_npz(path: Path) -> dict[str, Any]:
     # fewer bytes than rows are a huge matrix with next to no entries
     if np.max(fields.get("shape", 0), initial=0) > size:
         raise FileError(f"{path}: has the shape {tuple(fields['shape'].tolist())}, but only {size} bytes")
-    with told(path, "read"):
+    with file_errors(path, "read"):
         return {"": checked_sparse(sp.load_npz(path), "it").astype(np.float64)}
 
 

@@ -19,7 +19,7 @@ import scipy.sparse as sp
 
 from ..errors import FileError, InputError
 from ..numerics.sparse_input import checked_sparse
-from ..present.whole_files import told
+from ..present.whole_files import file_errors
 from .archive import REAL, check_room, opened
 
 #: the bytes before the first variable, of which the last two tell the order of bytes
@@ -44,7 +44,7 @@ def read_variables(path: Path) -> dict[str, Any]:
     """Name → array of real numbers or sparse matrix. Raises FileError, for what is no number, too."""
     from scipy.io import loadmat
 
-    with opened(path) as (file, _), told(path, "read"):
+    with opened(path) as (file, _), file_errors(path, "read"):
         content = memoryview(file.read())
         order = _ORDERS.get(bytes(content[126:_HEAD]))
         if order is None or content[:6] != b"MATLAB":

@@ -20,7 +20,7 @@ import numpy as np
 from ..errors import FileError, InputError, NotApplicable
 from ..methods.contract import Iterate, Method
 from ..numerics.arrays import Vector, as_vector, described
-from ..present.whole_files import as_path, check_ours, check_suffix, told, write_whole
+from ..present.whole_files import as_path, check_ours, check_suffix, file_errors, write_whole
 from ..problem.data import ProblemData, ProblemLike, as_problem
 from ..solve.goal import RTOL, Goal, Limits
 from ..solve.solution import Solution, Status
@@ -99,7 +99,7 @@ def check_place(path: str) -> None:
     """Raise FileError now where `save_solution` would later: a name that ends otherwise, or another file there."""
     place = as_path(path)
     check_suffix(place, WRITTEN)
-    with told(place, "written"):
+    with file_errors(place, "written"):
         if place.suffix.lower() == ".npz":
             check_free(place, _SOLUTION)
         else:

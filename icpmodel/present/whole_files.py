@@ -30,7 +30,7 @@ def as_path(value: Any, name: str = "path") -> Path:
 
 
 @contextmanager
-def told(path: Path, done: str) -> Iterator[None]:
+def file_errors(path: Path, done: str) -> Iterator[None]:
     """Whatever the system or a library has to say of `path` while it is `done` becomes a FileError that names it."""
     try:
         yield
@@ -45,7 +45,7 @@ def told(path: Path, done: str) -> Iterator[None]:
 
 def write_whole(path: Path, write: Callable[[BinaryIO], Any], check: Callable[[], None]) -> None:
     """What `write` writes, in the file `path`, once `check` has nothing against it. Raises FileError."""
-    with told(path, "written"):
+    with file_errors(path, "written"):
         check()
         with part_of(path) as file:
             write(file)
@@ -61,7 +61,7 @@ def check_ours(path: Path, *, begins: bytes = b"", holds: bytes = b"") -> None:
     """Raise FileError where a file is at `path` that does not begin with `begins`, or in which `holds` is missing."""
 
     def recognise() -> None:
-        with told(path, "read"):
+        with file_errors(path, "read"):
             content = path.read_bytes()
         if not content.startswith(begins) or holds not in content:
             raise FileError("it was not written by icpmodel")
