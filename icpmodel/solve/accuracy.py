@@ -23,7 +23,7 @@ _LEAST = 1e-3
 _MOST = 0.5
 
 
-def solve_to_accuracy(run: Run, accuracy: float, carry_out: Callable[[], None]) -> None:
+def solve_to_accuracy(run: Run, accuracy: float, run_methods: Callable[[], None]) -> None:
     """Carry out `run` again and again, each time with a smaller tolerance, until max|z − z*| ≤ `accuracy` is certified.
 
     Raises
@@ -50,7 +50,7 @@ def solve_to_accuracy(run: Run, accuracy: float, carry_out: Callable[[], None]) 
         share = _LEAST if bound is None else min(max(_SHARE * accuracy / bound, _LEAST), _MOST)
         run.goal = replace(run.goal, tolerance=share * residual if bound is None or bound > accuracy else np.inf)
         run.is_over = False
-        carry_out()
+        run_methods()
         if run.best is None:
             return
         z = run.best.z

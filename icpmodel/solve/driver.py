@@ -171,21 +171,21 @@ def _carry_all_out(run: Run, method: Method | None, family: str | None) -> None:
     """The run; where methods are chosen and get another problem, its own follows where these fail, as a Lipschitz
     constant is at the user's word."""
     if method is not None:
-        carry_out(run, run.steps(InTurn(method)))
+        run_methods(run, run.steps(InTurn(method)))
         return
     if run.problem.f is not None:
-        carry_out(run, run.steps(InTurn(NewtonJosephy(inner_family=family), why="p is nonlinear")))
+        run_methods(run, run.steps(InTurn(NewtonJosephy(inner_family=family), why="p is nonlinear")))
         return
     other = posed(run.problem)
     if other is not run.problem:
         run.posed = other
-        carry_out(run, climb(run, other, family))
+        run_methods(run, climb(run, other, family))
         if run.ended.status not in WORTH_ANOTHER_METHOD:
             return
         run.posed = None
-    carry_out(run, climb(run, run.problem, family))
+    run_methods(run, climb(run, run.problem, family))
     if family is None:
-        search(run, carry_out)
+        search(run, run_methods)
 
 
 def _options() -> list[str]:
@@ -289,7 +289,7 @@ def _aim(problem: ProblemData, limits: Limits) -> float:
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def carry_out(run: Run, steps: Iterator[None]) -> None:
+def run_methods(run: Run, steps: Iterator[None]) -> None:
     """Go through the `steps` of the run; Ctrl-C and a lack of memory are ends like others once there is an iterate."""
     try:
         if run.problem.upper is not None and _crossed_for_good(run):

@@ -21,7 +21,7 @@ SECONDS = 10.0
 _FAILED = (Status.STAGNATED, Status.CYCLED, Status.DIVERGED)
 
 
-def search(run: Run, carry_out: Callable[[Run, Iterator[None]], None]) -> None:
+def search(run: Run, run_methods: Callable[[Run, Iterator[None]], None]) -> None:
     """Go on where `run` ended as stagnated, cycled or diverged, with a problem of up to `LARGEST` unknowns.
 
     In turn: `Enumerate`, which settles what has few active sets in less time than anything else takes; each method that
@@ -41,7 +41,7 @@ def search(run: Run, carry_out: Callable[[Run, Iterator[None]], None]) -> None:
     _LOG.info("n = %d: %s begins: %s", run.problem.n, limit, ", ".join(map(repr, methods)))
     run.restart = run.start
     with work.work_limit(seconds):
-        carry_out(run, run.steps(InTurn(*methods, why=why)))
+        run_methods(run, run.steps(InTurn(*methods, why=why)))
     if run.ended.status in _FAILED or (run.ended.status is Status.TIME_LIMIT and not limited):
         tried = ", ".join(one.name for one in methods)
         run.ended = Ended(before.status, f"{before.note}; {limit} found no solution ({tried})")

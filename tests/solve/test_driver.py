@@ -17,7 +17,7 @@ import icpmodel as icp
 from icpmodel import Status
 from icpmodel.methods.contract import Method
 from icpmodel.solve.choice import InTurn
-from icpmodel.solve.driver import carry_out
+from icpmodel.solve.driver import run_methods
 from icpmodel.solve.goal import Goal, Limits
 from icpmodel.solve.outcome import solution_of
 from icpmodel.solve.run import Run
@@ -287,7 +287,7 @@ def test_what_happens_while_the_next_method_is_chosen_loses_nothing(error):
             return super().next()
 
     run = run_on(CYCLIC)
-    carry_out(run, run.steps(Raises(icp.PSOR())))
+    run_methods(run, run.steps(Raises(icp.PSOR())))
     solution = solution_of(run, LIMITS)
     assert solution.status is (Status.INTERRUPTED if error is KeyboardInterrupt else Status.MEMORY_LIMIT)
     assert repr(solution.last_method) == "PSOR()"
@@ -304,7 +304,7 @@ class Greedy(icp.MNMGS):
 
 def test_a_method_that_needs_too_much_memory_gives_way_to_the_next():
     run = run_on(CYCLIC)
-    carry_out(run, run.steps(InTurn(Greedy(), icp.Newton())))
+    run_methods(run, run.steps(InTurn(Greedy(), icp.Newton())))
     assert solution_of(run, LIMITS).z == pytest.approx(np.full(3, 1 / 3))
     solution = CYCLIC.solve(Greedy(), raise_on_failure=False)
     assert solution.status is Status.MEMORY_LIMIT
@@ -313,7 +313,7 @@ def test_a_method_that_needs_too_much_memory_gives_way_to_the_next():
 def test_an_operator_that_is_singular_is_passed_over_or_raised():
     singular = icp.MNMJ(phi=[-2.0, 0.0, 0.0])
     run = run_on(CYCLIC)
-    carry_out(run, run.steps(InTurn(singular, icp.Newton())))
+    run_methods(run, run.steps(InTurn(singular, icp.Newton())))
     assert [repr(one.method) for one in run.tried] == ["Newton()"]
     with pytest.raises(icp.SingularOperator):
         CYCLIC.solve(singular)

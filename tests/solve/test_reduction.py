@@ -15,7 +15,7 @@ from icpmodel.methods.multilevel import Multilevel
 from icpmodel.numerics import work
 from icpmodel.scenes.grid import five_point
 from icpmodel.solve.choice import Ladder
-from icpmodel.solve.driver import carry_out
+from icpmodel.solve.driver import run_methods
 from icpmodel.solve.goal import Goal, Limits
 from icpmodel.solve.outcome import solution_of
 from icpmodel.solve.reduction import in_parts
@@ -45,7 +45,7 @@ def plain(problem):
     """The answer without any reduction."""
     at_0 = problem.residual_at_0()
     run = Run(problem, np.zeros(problem.n), at_0, Goal(1e-12 * at_0), limits=LIMITS, aim=1e-12, scale=at_0)
-    carry_out(run, run.steps(Ladder(problem, 1e-12)))
+    run_methods(run, run.steps(Ladder(problem, 1e-12)))
     solution = solution_of(run, LIMITS)
     assert solution.residual <= 1e-9 * (1.0 + at_0)
     return solution.z
@@ -55,7 +55,7 @@ def solve_in_parts(problem, rtol=1e-11, **shown):
     """What the parts alone make of the problem."""
     at_0 = problem.residual_at_0()
     run = Run(problem, np.zeros(problem.n), at_0, Goal(rtol * at_0), limits=LIMITS, aim=rtol, scale=at_0, **shown)
-    carry_out(run, in_parts(run, problem, most=1.0))
+    run_methods(run, in_parts(run, problem, most=1.0))
     return solution_of(run, LIMITS)
 
 
