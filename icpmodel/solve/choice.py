@@ -137,19 +137,19 @@ class Job:
         self.is_fresh = False
         self.steps = 0
         self.spent = 0.0
-        self.fallen = [0.0]
+        self.log_reductions = [0.0]
         total = 0.0 if choice.estimate is None else choice.estimate.total
         self.remaining = total
         self.limit = math.inf if choice.estimate is None else _OVERRUN * total
         if trial is not None:
             self.limit = trial
 
-    def step(self, cost: float, fallen: float, need: float) -> bool:
-        """Count a step; whether it is time to compare with others. `fallen`: how far the logarithm of the residual has
+    def step(self, cost: float, log_reduction: float, need: float) -> bool:
+        """Count a step; whether it is time to compare with others. `log_reduction`: how far the logarithm of the residual has
         fallen, of the `need`."""
         self.steps += 1
         self.spent += cost
-        self.fallen.append(fallen)
+        self.log_reductions.append(log_reduction)
         self.remaining = max(self.remaining - cost, 0.0)
         if self.spent < self.limit:
             return False
@@ -162,10 +162,10 @@ class Job:
         if self.method.finite:
             return self.spent
         half = self.steps // 2
-        gained = max(self.fallen[half + 1 :]) - max(self.fallen[: half + 1])
+        gained = max(self.log_reductions[half + 1 :]) - max(self.log_reductions[: half + 1])
         if not gained > 0.0:
             return _STILL * self.spent
-        steps = (need - max(self.fallen)) * (self.steps - half) / gained
+        steps = (need - max(self.log_reductions)) * (self.steps - half) / gained
         return min(max(steps * self.spent / self.steps, self.spent), _STILL * self.spent)
 
     def __str__(self) -> str:

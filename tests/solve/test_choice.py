@@ -99,7 +99,7 @@ def test_the_total_is_at_most_seven_times_what_the_best_one_needs_or_says(candid
         while not (due or over):
             cost, steps, falls = job.script
             total += cost
-            due = job.step(cost, job.fallen[-1] + falls[job.steps % len(falls)], 18.0)
+            due = job.step(cost, job.log_reductions[-1] + falls[job.steps % len(falls)], 18.0)
             over = job.steps == steps
     needs = job.script[0] * job.script[1]
     bound = needs + 2.0 * (len(candidates) - 1) * max(most[job], needs) + sum(2.0 * one.script[0] for one in rungs.jobs)
