@@ -258,11 +258,11 @@ class Run:
             is_due = False
             count += 1
             if count > 1:  # the set-up counts for the first step
-                is_due = job.step(spent + work.COSTS.iterate, *self._fallen(first, residual))
+                is_due = job.step(spent + work.COSTS.iterate, *self._log_reduction(first, residual))
                 spent = 0.0
             yield is_due
 
-    def _fallen(self, first: float, residual: float) -> tuple[float, float]:
+    def _log_reduction(self, first: float, residual: float) -> tuple[float, float]:
         """How far the logarithm of the residual, which was `first`, has fallen, and how far it has to."""
         need = _fall(first, self.target) if self.target < first < np.inf else np.inf
         return (_fall(first, residual) if residual > 0.0 and 0.0 < first < np.inf else 0.0), need
