@@ -35,7 +35,7 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def in_parts(size: int, parts: int, work: OfRows) -> list[Any]:
+def run_in_threads(size: int, parts: int, work: OfRows) -> list[Any]:
     """What `work(low, high)` returns for `parts` pieces of range(`size`): the first here, the others in threads."""
     cuts = [size * i // parts for i in range(parts + 1)]
     if parts == 1:

@@ -12,7 +12,7 @@ from ..numerics import work
 from ..numerics.arrays import ReadOnly, Vector, absolute, as_csr, as_square, freeze, is_symmetric, locked
 from ..numerics.equilibration import balanced
 from ..numerics.krylov import SMALL_RADIUS, couplings, radius_of
-from ..numerics.threads import THREADS_FROM, in_parts, threads_for
+from ..numerics.threads import THREADS_FROM, run_in_threads, threads_for
 
 #: an A of so many rows is dense until its sparse form is asked for
 _SMALL = 64
@@ -143,7 +143,7 @@ class Matrix(ReadOnly):
         image = np.empty(self.n)
         z = np.ascontiguousarray(z)
         given = A.indptr, A.indices, A.data, z
-        in_parts(self.n, threads_for(self.nnz), lambda low, high: rows(*given, low, high, image))
+        run_in_threads(self.n, threads_for(self.nnz), lambda low, high: rows(*given, low, high, image))
         return image
 
     @cached_property
@@ -161,7 +161,7 @@ class Matrix(ReadOnly):
         work.count(self.product_cost)
         arrays = np.empty(n, A.indptr.dtype), np.empty(n), np.empty(n), np.empty(n)
         matrix = (A.indptr, A.indices, A.data)
-        reach = in_parts(n, threads_for(self.nnz), lambda low, high: row_statistics(*matrix, low, high, *arrays))
+        reach = run_in_threads(n, threads_for(self.nnz), lambda low, high: row_statistics(*matrix, low, high, *arrays))
         locked(arrays)
         below, above, lower, upper = zip(*reach, strict=True)
         return Rows(*arrays, max(below), max(above), sum(lower), sum(upper))

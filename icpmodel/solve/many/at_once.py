@@ -14,7 +14,7 @@ from ...methods.contract import Method
 from ...methods.shortcuts import Lemke, Tridiagonal
 from ...numerics import work
 from ...numerics.arrays import Vector, read_only, row_norms
-from ...numerics.threads import cores, in_parts
+from ...numerics.threads import cores, run_in_threads
 from ...problem.map import Map
 from ...problem.matrix import weights_of
 from ...problem.two_sided import mid
@@ -108,7 +108,7 @@ class AtOnce:
     def _on_threads(self, loop: Callable[[int, int], Any], rows: int) -> None:
         """Call `loop` for parts of so many rows, on as many threads as they are worth."""
         worth = -(-rows // ROWS_A_THREAD) if self.small else -(-rows * self.problem.n // UNKNOWNS_A_THREAD)
-        in_parts(rows, min(cores(), rows, worth), loop)
+        run_in_threads(rows, min(cores(), rows, worth), loop)
 
     def _values(self, psi: Map, Z: Matrix, C: Matrix) -> Matrix:
         """ψ(z), row by row."""
