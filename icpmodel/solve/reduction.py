@@ -79,12 +79,12 @@ def climb(run: Run, problem: ProblemData, family: str | None) -> Iterator[None]:
     yield from run.steps(ladder)
     if ladder.is_held and not run.is_over:
         ladder.held = False
-        yield from in_parts(run, problem, family)
+        yield from solve_parts(run, problem, family)
         if not run.is_over:
             yield from run.steps(ladder)
 
 
-def in_parts(run: Run, problem: ProblemData, family: str | None = None, most: float = MOST_FREE) -> Iterator[None]:
+def solve_parts(run: Run, problem: ProblemData, family: str | None = None, most: float = MOST_FREE) -> Iterator[None]:
     """The steps of the parts of `problem`, and their joined answer in `run`; none where a part has more than the share
     `most` of the rows."""
     found = structure(problem, most * problem.n) or predicted_contact_set(problem)

@@ -18,7 +18,7 @@ from icpmodel.solve.choice import Ladder
 from icpmodel.solve.driver import run_methods
 from icpmodel.solve.goal import Goal, Limits
 from icpmodel.solve.outcome import solution_of
-from icpmodel.solve.reduction import in_parts
+from icpmodel.solve.reduction import solve_parts
 from icpmodel.solve.run import Run
 
 LIMITS = Limits(rtol=1e-8, atol=0.0, max_iter=10**5, time_limit=None)
@@ -55,7 +55,7 @@ def solve_in_parts(problem, rtol=1e-11, **shown):
     """What the parts alone make of the problem."""
     at_0 = problem.residual_at_0()
     run = Run(problem, np.zeros(problem.n), at_0, Goal(rtol * at_0), limits=LIMITS, aim=rtol, scale=at_0, **shown)
-    run_methods(run, in_parts(run, problem, most=1.0))
+    run_methods(run, solve_parts(run, problem, most=1.0))
     return solution_of(run, LIMITS)
 
 
