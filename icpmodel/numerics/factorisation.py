@@ -16,7 +16,7 @@ from ..errors import OutOfMemory, OutOfTime
 from . import work
 from .arrays import Mask, Vector, row_of
 from .fill import SymbolicAnalysis, ordered, predicted_fill, signs_of_symmetry
-from .threads import in_time, one_blas_thread
+from .threads import one_blas_thread, run_with_deadline
 
 #: a row is exchanged for another one where its pivot is smaller than this share of the largest entry of the column: √ε,
 #: so that a pivot costs half of the digits at most, and a step of refinement brings them back. Exchanges are not
@@ -158,7 +158,7 @@ class Symmetric:
             return self._ldl
 
         try:
-            self._ldl = in_time(step, cost)
+            self._ldl = run_with_deadline(step, cost)
         except RuntimeError:  # a pivot is 0
             self._ldl = None
         return self if self._ldl else None
@@ -321,7 +321,7 @@ def _superlu(matrix: sp.csr_array, fill: work.Fill, diagonal_pivots: bool, order
     )
     try:
         # exchanges of rows can fill all
-        lu = in_time(by_superlu, work.factor_cost(work.Fill(n, n**2, n**3 / 3.0, True)))
+        lu = run_with_deadline(by_superlu, work.factor_cost(work.Fill(n, n**2, n**3 / 3.0, True)))
     except RuntimeError:
         # as long as was foreseen, or twice that, where few pivots are 0; 80 times where many are, which `linear` avoids
         work.count(2.0 * work.factor_cost(fill))

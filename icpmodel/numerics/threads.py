@@ -45,7 +45,7 @@ def run_in_threads(size: int, parts: int, work: OfRows) -> list[Any]:
         return [work(0, cuts[1]), *later]
 
 
-def in_time(step: Callable[[], _T], most: float) -> _T:
+def run_with_deadline(step: Callable[[], _T], most: float) -> _T:
     """Run a `step` in one piece, and raise OutOfTime where it has not ended when the time is over.
 
     By the table of costs it takes `most` nanoseconds at the worst. A late step goes on in a thread

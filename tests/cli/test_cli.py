@@ -116,7 +116,7 @@ def test_a_command_does_not_wait_for_a_step_that_was_left_when_its_time_was_over
         "import contextlib, sys, time\nfrom icpmodel.cli import main\nfrom icpmodel.errors import OutOfTime\n"
         "from icpmodel.numerics import threads, work\n"
         "with contextlib.suppress(OutOfTime), work.work_limit(0.05):\n"
-        "    threads.in_time(lambda: time.sleep(3600), 1e30)\n"
+        "    threads.run_with_deadline(lambda: time.sleep(3600), 1e30)\n"
     )
     ran = run("-c", f"{left}sys.argv[1:] = {command}\nmain()", folder=tmp_path)
     assert ran.returncode == code

@@ -7,7 +7,7 @@ import threadpoolctl
 
 from icpmodel.errors import OutOfTime
 from icpmodel.numerics import work
-from icpmodel.numerics.threads import in_time, one_blas_thread
+from icpmodel.numerics.threads import one_blas_thread, run_with_deadline
 
 
 def threads_of_blas():
@@ -41,10 +41,10 @@ def test_a_step_that_may_take_too_long_gives_its_result_or_error_or_is_left_at_t
     ended = Event()
     for most in (0.0, 1e30):  # here or in a thread of its own
         with work.work_limit(10.0):
-            assert in_time(lambda: 7, most) == 7
+            assert run_with_deadline(lambda: 7, most) == 7
             with pytest.raises(ZeroDivisionError):
-                in_time(fails, most)
-    assert in_time(current_thread, 1e30) is current_thread()  # nothing limits it
+                run_with_deadline(fails, most)
+    assert run_with_deadline(current_thread, 1e30) is current_thread()  # nothing limits it
     with work.work_limit(0.05), pytest.raises(OutOfTime):
-        in_time(ended.wait, 1e30)
+        run_with_deadline(ended.wait, 1e30)
     ended.set()
