@@ -15,7 +15,7 @@ from ..numerics import work
 from ..numerics.arrays import Mask, Vector
 from ..numerics.multigrid import HIERARCHY_BYTES, cycle_cost, hierarchy_cost, ruge_stuben
 from ..numerics.rounding import UNIT_ROUNDOFF
-from ..numerics.threads import one_behind_the_other, one_blas_thread, threads_for
+from ..numerics.threads import one_blas_thread, run_pipelined, threads_for
 from ..problem.data import ProblemData
 from ..problem.matrix import Matrix
 
@@ -179,10 +179,10 @@ class Hierarchy:
         threads = threads_for(A.nnz)
         down = partial(sweep_down, *matrix, level.diag, inverse, free, f, x)
         rest = partial(restrict, *matrix, level.diag, free, *transfer, x, coarse)
-        one_behind_the_other(n, threads, down, rest, level.rows.above)
+        run_pipelined(n, threads, down, rest, level.rows.above)
         coarse = self._cycle(coarse, top + 1)
         correct = partial(interpolate, free, *transfer, coarse, x)
-        one_behind_the_other(n, threads, correct, partial(sweep_up, *matrix, inverse, free, f, x), level.rows.below)
+        run_pipelined(n, threads, correct, partial(sweep_up, *matrix, inverse, free, f, x), level.rows.below)
         return x
 
 

@@ -105,9 +105,7 @@ def pools(user_api: str) -> Any:
     return threadpoolctl.ThreadpoolController().select(user_api=user_api)
 
 
-def one_behind_the_other(
-    size: int, threads: int, first: OfRows, second: OfRows, lag: int, *, chunk: int = CHUNK
-) -> None:
+def run_pipelined(size: int, threads: int, first: OfRows, second: OfRows, lag: int, *, chunk: int = CHUNK) -> None:
     """`first(low, high)` over range(`size`), then `second`, which asks for nothing that is `lag` or more ahead of it.
 
     With more than one of the `threads` the second follows in one of its own, a `chunk` of rows behind.

@@ -12,7 +12,7 @@ from icpmodel.algebra.operators import AOROperator, FactorisedOperator, Triangul
 from icpmodel.algebra.splittings import AOR, Given, Whole
 from icpmodel.algebra.steps import repeated_steps
 from icpmodel.methods.contract import named
-from icpmodel.numerics.threads import one_behind_the_other
+from icpmodel.numerics.threads import run_pipelined
 
 
 @numba.njit
@@ -178,10 +178,10 @@ def test_what_interrupts_the_first_thread_ends_the_second():
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        one_behind_the_other(9, 2, first, lambda low, high: seen.append((low, high)), 1, chunk=2)
+        run_pipelined(9, 2, first, lambda low, high: seen.append((low, high)), 1, chunk=2)
     assert seen == [(0, 1), (1, 3)]
     with pytest.raises(ZeroDivisionError):
-        one_behind_the_other(9, 2, lambda low, high: None, lambda low, high: 1 / (4 - high), 0, chunk=2)
+        run_pipelined(9, 2, lambda low, high: None, lambda low, high: 1 / (4 - high), 0, chunk=2)
 
 
 def test_a_sweep_that_raises_leaves_nothing_behind():
