@@ -20,7 +20,7 @@ from ..present.shown import Shown
 from ..present.table import Table
 from ..problem.data import ProblemData, ProblemLike, as_problem
 from ..solve.choice import select_method, why_none
-from ..solve.reduction import posed
+from ..solve.reduction import presolve
 from ..theory.answers import Allowance, Answer
 from ..theory.certificates.bounds import ErrorBound, error_bound, listed, never_cross, proofs_of
 from ..theory.convergence.proximal_point import proximal_point
@@ -333,7 +333,7 @@ def _picked(problem: ProblemData, limit: Allowance) -> tuple[Method | None, str]
     """The method that `solve` begins with, and why; or None, and a sentence on why there is none."""
     try:
         with limit.kept():
-            choice = select_method(posed(problem))
+            choice = select_method(presolve(problem))
     except (OutOfTime, MemoryError) as error:
         return None, f"call solve(); which method it will run first: {limit.undecided(error)}"
     if choice is None:

@@ -27,7 +27,7 @@ from .last_resort import search
 from .newton_josephy import NewtonJosephy
 from .outcome import solution_of
 from .progress import Progress
-from .reduction import climb, posed
+from .reduction import climb, presolve
 from .run import WORTH_ANOTHER_METHOD, Run
 from .small import pivoted
 from .solution import Solution, Status
@@ -176,13 +176,13 @@ def _carry_all_out(run: Run, method: Method | None, family: str | None) -> None:
     if run.problem.f is not None:
         run_methods(run, run.steps(InTurn(NewtonJosephy(inner_family=family), why="p is nonlinear")))
         return
-    other = posed(run.problem)
+    other = presolve(run.problem)
     if other is not run.problem:
-        run.posed = other
+        run.presolved = other
         run_methods(run, climb(run, other, family))
         if run.ended.status not in WORTH_ANOTHER_METHOD:
             return
-        run.posed = None
+        run.presolved = None
     run_methods(run, climb(run, run.problem, family))
     if family is None:
         search(run, run_methods)

@@ -20,7 +20,7 @@ from ..numerics import work
 from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
 from .goal import Goal, Limits
-from .reduction import climb, posed
+from .reduction import climb, presolve
 from .run import Run
 
 #: the weights μ of the proximal term beside A + f′ in the units of its diagonal, the next one where a step fails
@@ -156,8 +156,8 @@ class _Search:
         seconds = work.seconds_left()
         limits = Limits(rtol=share, atol=0.0, max_iter=100_000, time_limit=seconds if seconds < np.inf else None)
         run = Run(linear, z, at_start, Goal(share * at_start), limits=limits, aim=share, scale=at_start)
-        fixed = posed(linear)
-        run.posed = None if fixed is linear else fixed
+        fixed = presolve(linear)
+        run.presolved = None if fixed is linear else fixed
         for _ in climb(run, fixed, self.family):
             pass
         if run.is_refused and run.refused is not None:

@@ -1,6 +1,6 @@
 """Reduction: transforms before a run. What need not be iterated on is left out, what does not interact is solved apart.
 
-1. Obstacles that move with their own unknown alone are fixed, and redundant rows leave: `posed`.
+1. Obstacles that move with their own unknown alone are fixed, and redundant rows leave: `presolve`.
 2. Rows without any obstacle are eliminated before anything is iterated, see `algebra.schur`, where few have one.
 3. Rows that are predicted to be in contact leave, see `algebra.contact_prediction`, and come back where p < 0.
 4. The strong components of A and ψ follow one another. A row alone is a maximum, a small block is pivoted, and what is
@@ -55,7 +55,7 @@ _LIMITS = (Status.ITERATION_LIMIT, Status.TIME_LIMIT, Status.STOPPED)
 Path = Generator[None, None, Blocks | None]
 
 
-def posed(problem: ProblemData) -> ProblemData:
+def presolve(problem: ProblemData) -> ProblemData:
     """What methods that `solve` picks are given: where every ψ_i moves with z_i alone, by less than it, one with fixed
     obstacles, so that sweeps and Newton's steps need not ask for ψ, and without redundant rows. If ψ fails on the way
     to these it is the problem itself, as ψ may have values where the iterates are."""

@@ -82,7 +82,7 @@ class Run:
         A residual by which others are judged, 0 for ‖z‖.
     restart : array of shape (n,), optional
         Where a method begins after one that failed.
-    posed : ProblemData, optional
+    presolved : ProblemData, optional
         What methods are given in place of `problem`: one that has the same solutions.
     follows_theorems : bool
         Whether a method that is proved to converge is given more patience, as one that was named is.
@@ -101,7 +101,7 @@ class Run:
     aim: float
     scale: float
     restart: Vector | None = None
-    posed: ProblemData | None = None
+    presolved: ProblemData | None = None
     follows_theorems: bool = False
     watch: Callable[[Vector, float], Ended | None] | None = None
     callback: Callable[[Progress], Any] | None = None
@@ -220,11 +220,11 @@ class Run:
 
     def _loop(self, job: Job) -> Generator[bool, None, Ended]:
         begin = self._begin()
-        job.is_fresh = begin is self.start and self.posed is None
-        path = job.method.iterates(self.posed or self.problem, begin)
+        job.is_fresh = begin is self.start and self.presolved is None
+        path = job.method.iterates(self.presolved or self.problem, begin)
         recent = Recent(self.target)
         longest = min(max(PATIENCE, 2 * self.problem.n), _LONGEST_PATIENCE)
-        self.proved = ProvedConvergence(self.posed or self.problem, job.method, lambda: float(self.iteration))
+        self.proved = ProvedConvergence(self.presolved or self.problem, job.method, lambda: float(self.iteration))
         stalled = Stalled(job.method.memoryless, longest, self.at_floor, self._further)
         expected = None
         first = np.nan
@@ -293,7 +293,7 @@ class Run:
         """Show `z`, with Res_D(z) where `residual` is that of the problem that methods are given."""
         if self.watch is not None:
             return self.watch(z, residual)
-        if self.posed is not None and self.is_watched:
+        if self.presolved is not None and self.is_watched:
             with suppress(MapError):
                 residual = self.problem.residual(z)
         self.bar.update(self.iteration, residual, self.goal.tolerance)
