@@ -43,7 +43,7 @@ class Case:
         return scale
 
     @cached_property
-    def posed(self) -> tuple[Target, float] | None:
+    def formulation(self) -> tuple[Target, float] | None:
         """The problem as foreign solvers get it, and the unit of its z; None where ψ is not constant or affine."""
         if self.problem.psi.linear is None:
             return None

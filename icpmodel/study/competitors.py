@@ -114,17 +114,17 @@ class Foreign(Competitor):
         self.name, self.solver = solver.name, solver
 
     def why_not(self, case: Case) -> str | None:
-        if case.posed is None:
+        if case.formulation is None:
             return "psi is neither constant nor affine: no QP"
-        return self.solver.why_not(case.posed[0])
+        return self.solver.why_not(case.formulation[0])
 
     def build(self, case: Case) -> Any:
-        posed = Case(case.scene, fresh(case.problem)).posed
-        return None if posed is None else self.solver.pose(posed[0])
+        formulation = Case(case.scene, fresh(case.problem)).formulation
+        return None if formulation is None else self.solver.pose(formulation[0])
 
     def attempt(self, case: Case, tolerance: float, time_limit: float) -> Claim:
-        assert case.posed is not None
-        target, unit = case.posed
+        assert case.formulation is not None
+        target, unit = case.formulation
         claim = ask(self.solver, target, tolerance, time_limit)
         return claim if claim.z is None else replace(claim, z=np.asarray(claim.z, dtype=np.float64) * unit)
 
