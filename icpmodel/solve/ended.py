@@ -81,7 +81,7 @@ class Stalled:
         self.progress_at, self.progress_residual = 0, np.inf
         self.better_at, self.better_residual = 0, np.inf
 
-    def look(self, z: Vector, residual: float) -> Ended | None:
+    def check(self, z: Vector, residual: float) -> Ended | None:
         """Whether the next iterate, `z`, is the last."""
         k = self.step
         self.step = self.step + 1

@@ -251,7 +251,7 @@ class Run:
             if self.best is None or residual < self.best.residual:
                 self.best = self.found(z, residual)
             ended = self._seen(z, residual, seconds) or self._test(z, residual, first)
-            if ended := ended or stalled.look(z, residual) or self._limit(seconds):
+            if ended := ended or stalled.check(z, residual) or self._limit(seconds):
                 job.steps = max(count, job.steps)
                 return ended
             expected = recent.expected(residual)
