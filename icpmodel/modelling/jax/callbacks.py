@@ -35,7 +35,7 @@ _ANSWERS = (Status.SOLVED, Status.PRECISION_LIMIT)
 
 
 @lru_cache(maxsize=1)
-def own_threads() -> tuple[ThreadPoolExecutor, ThreadPoolExecutor]:
+def worker_threads() -> tuple[ThreadPoolExecutor, ThreadPoolExecutor]:
     """Two pools of threads that round as the thread of the user, who asks first.
 
     Threads of JAX flush subnormal numbers to zero, and so do threads that these begin. So the one thread of the first
@@ -46,9 +46,9 @@ def own_threads() -> tuple[ThreadPoolExecutor, ThreadPoolExecutor]:
     return first, ThreadPoolExecutor(sys.maxsize, "icpmodel")
 
 
-def in_own_thread(call: Callable[..., Any], *arguments: Any) -> Any:
-    """Call it in a thread of `own_threads`."""
-    first, others = own_threads()
+def in_worker_thread(call: Callable[..., Any], *arguments: Any) -> Any:
+    """Call it in a thread of `worker_threads`."""
+    first, others = worker_threads()
     return first.submit(others.submit, _in_float64, call, *arguments).result().result()
 
 
@@ -60,9 +60,9 @@ def _in_float64(call: Callable[..., Any], *arguments: Any) -> Any:
 
 def _begin_anew() -> None:
     """Threads do not survive a fork."""
-    if own_threads.cache_info().currsize:
-        own_threads.cache_clear()
-        own_threads()
+    if worker_threads.cache_info().currsize:
+        worker_threads.cache_clear()
+        worker_threads()
 
 
 if hasattr(os, "register_at_fork"):

@@ -20,7 +20,7 @@ from ...problem.data import ProblemData, ProblemLike, as_problem
 from ...problem.map import Map
 from ...solve.goal import RTOL, Limits
 from .argument_forms import argument, obstacles, the_package
-from .callbacks import Arrays, Callbacks, LastDerivative, in_own_thread, own_threads
+from .callbacks import Arrays, Callbacks, LastDerivative, in_worker_thread, worker_threads
 
 Make: TypeAlias = Callable[[Any], Any]
 
@@ -81,7 +81,7 @@ def solution_of(
      [ 0.   0. ]]
     """
     the_package()
-    own_threads()
+    worker_threads()
     limits = Limits(rtol=rtol, atol=atol, max_iter=0, time_limit=time_limit, memory_limit=memory_limit)
     for name, make in (("psi", psi), ("upper", upper)):
         if make is not None and (not callable(make) or isinstance(make, Map)):
@@ -173,7 +173,7 @@ class Traced:
         self.of_vector = jax.ShapeDtypeStruct((self.n,), np.float64)
         # JAX compiles once for what is the same object
         three = calls.solved, calls.forward, calls.adjoint
-        self.solved, self.forward, self.adjoint = (partial(in_own_thread, call) for call in three)
+        self.solved, self.forward, self.adjoint = (partial(in_worker_thread, call) for call in three)
         self.function = jax.custom_jvp(self.value)
         self.function.defjvp(self.tangent)
 
