@@ -20,7 +20,7 @@ from ..theory.answers import Answer
 from .solution import Solution, Status
 
 
-class Found(NamedTuple):
+class RunRecord(NamedTuple):
     """What is told of the run of a row, beside z and its residual."""
 
     method: Method
@@ -32,19 +32,19 @@ class Found(NamedTuple):
     infeasible: Answer | None = None
 
     @classmethod
-    def of(cls, solution: Solution) -> Found:
+    def of(cls, solution: Solution) -> RunRecord:
         """What is told of the run of `solution`."""
         return cls(*(getattr(solution, name) for name in cls._fields))
 
     @classmethod
-    def at_once(cls, method: Method, rows: int, seconds: float) -> Found:
+    def at_once(cls, method: Method, rows: int, seconds: float) -> RunRecord:
         """That of so many `rows` in one compiled call."""
         why = f"{rows} problems were solved in compiled code at once; the seconds are their mean"
         return cls(method, method, method, why, 1, seconds / max(rows, 1))
 
 
 #: what is told of a row that nobody had a try at
-NOT_BEGUN = Found(MNMGS(), MNMGS(), MNMGS(), "no method was tried", 0, 0.0)
+NOT_BEGUN = RunRecord(MNMGS(), MNMGS(), MNMGS(), "no method was tried", 0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,8 +111,8 @@ class Solutions(ReadOnly, Shown, Tabular):
     seconds: float
     messages: dict[int, str]
     _stated: Stated
-    _at_once: Found
-    _alone: dict[int, Found]
+    _at_once: RunRecord
+    _alone: dict[int, RunRecord]
 
     def __len__(self) -> int:
         return len(self.Z)

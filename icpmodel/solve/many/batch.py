@@ -23,7 +23,7 @@ from ...problem.two_sided import as_map
 from ..driver import solve
 from ..goal import Limits
 from ..solution import Status
-from ..solutions import Found, Solutions, Stated
+from ..solutions import RunRecord, Solutions, Stated
 from .at_once import AtOnce
 
 _LOG = logging.getLogger("icpmodel")
@@ -138,7 +138,7 @@ class Batch:
         self.tolerances = np.zeros(k)
         self.solved = np.zeros(k, dtype=bool)
         self.failures: dict[int, tuple[Status, str]] = {}
-        self.alone: dict[int, Found] = {}
+        self.alone: dict[int, RunRecord] = {}
         self.interrupted = False
         #: the rows that compiled code has solved, and the seconds that it took
         self.compiled = np.zeros(2)
@@ -231,7 +231,7 @@ class Batch:
             self.interrupted = True
         else:
             self.Z[row], self.residuals[row], self.tolerances[row] = solution.z, solution.residual, solution.tolerance
-            self.solved[row], self.alone[row] = solution.solved, Found.of(solution)
+            self.solved[row], self.alone[row] = solution.solved, RunRecord.of(solution)
             if not solution.solved:
                 self.failures[row] = solution.status, solution.message
             self.interrupted = solution.status is Status.INTERRUPTED
@@ -265,7 +265,7 @@ class Batch:
     def solutions(self) -> Solutions:
         """What was found."""
         self.Z.flags.writeable = False
-        at_once = Found.at_once(self.compiler.method, int(self.compiled[0]), self.compiled[1])
+        at_once = RunRecord.at_once(self.compiler.method, int(self.compiled[0]), self.compiled[1])
         statuses = [self.failures.get(row, (Status.SOLVED,))[0] for row in range(len(self.Z))]
         messages = {row: self.failures[row][1] for row in sorted(self.failures)}
         found = self.Z, tuple(statuses), self.residuals, self.tolerances, self.elapsed(), messages
