@@ -48,7 +48,7 @@ NOT_BEGUN = RunRecord(MNMGS(), MNMGS(), MNMGS(), "no method was tried", 0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
-class Stated:
+class BatchData:
     """The problems as they were stated: `problems` with A, one for all or each its own, `Q`, and for each obstacle what
     was given, and the list of these or None where one holds for all; `atol`; the limits of all rows together."""
 
@@ -110,7 +110,7 @@ class Solutions(ReadOnly, Shown, Tabular):
     tolerances: Vector
     seconds: float
     messages: dict[int, str]
-    _stated: Stated
+    _data: BatchData
     _at_once: RunRecord
     _alone: dict[int, RunRecord]
 
@@ -130,16 +130,16 @@ class Solutions(ReadOnly, Shown, Tabular):
         k %= len(self)
         found = self._alone.get(k) or (NOT_BEGUN if k in self.messages else self._at_once)
         return Solution(
-            problem=self._stated.problem(k),
+            problem=self._data.problem(k),
             z=self.Z[k],
             status=self.statuses[k],
             message=self.messages.get(k, "solved"),
             residual=float(self.residuals[k]),
             tolerance=float(self.tolerances[k]),
             **found._asdict(),
-            atol=self._stated.atol,
-            time_limit=self._stated.time_limit,
-            memory_limit=self._stated.memory_limit,
+            atol=self._data.atol,
+            time_limit=self._data.time_limit,
+            memory_limit=self._data.memory_limit,
         )
 
     def __iter__(self) -> Iterator[Solution]:

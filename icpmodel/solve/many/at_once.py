@@ -20,7 +20,7 @@ from ...problem.matrix import weights_of
 from ...problem.two_sided import mid
 from ...problem.verdict import certain_rows, certain_rows_of_each
 from ..goal import Limits
-from ..solutions import Stated
+from ..solutions import BatchData
 
 Matrix = NDArray[np.float64]
 
@@ -38,7 +38,7 @@ class AtOnce:
 
     Parameters
     ----------
-    stated : Stated
+    stated : BatchData
         The problems.
     obstacles, above : array of shape (k, n), optional
         The obstacles of each row, where they are numbers.
@@ -46,7 +46,7 @@ class AtOnce:
         The tolerances.
     """
 
-    def __init__(self, stated: Stated, obstacles: Matrix | None, above: Matrix | None, limits: Limits) -> None:
+    def __init__(self, stated: BatchData, obstacles: Matrix | None, above: Matrix | None, limits: Limits) -> None:
         self.stated = stated
         self.problem = stated.problems[0]
         self.obstacles = obstacles

@@ -23,7 +23,7 @@ from ...problem.two_sided import as_map
 from ..driver import solve
 from ..goal import Limits
 from ..solution import Status
-from ..solutions import RunRecord, Solutions, Stated
+from ..solutions import BatchData, RunRecord, Solutions
 from .at_once import AtOnce
 
 _LOG = logging.getLogger("icpmodel")
@@ -119,7 +119,7 @@ class Batch:
         below = (psi, self.maps)
         above = (upper, self.uppers)
         Q = np.broadcast_to(Q, (k, Q.shape[1]))
-        self.stated = Stated([], Q, below, above, limits.atol, limits.time_limit, limits.memory_limit)
+        self.stated = BatchData([], Q, below, above, limits.atol, limits.time_limit, limits.memory_limit)
         first = self.stated.sides(0)
         make = partial(ProblemData, q=Q[0], psi=first[0], upper=first[1])
         problems: Any = Stack.of(matrices, make) or [make(one) for one in (matrices or [A])]
