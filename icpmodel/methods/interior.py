@@ -39,9 +39,9 @@ _PATIENCE = 20
 #: what of W is added to A at first, and where A is not symmetric: entries are then not bounded by those of the
 #: diagonal, and the square of what is added has to be above rounding, or pivots may come to 0; and the least that is
 #: added where factors have been accurate with more, next to rounding
-_STEADY = 1e-9
-_STEADY_SKEW = 1e-7
-_STEADY_LEAST = 1e-13
+_REGULARISATION = 1e-9
+_REGULARISATION_SKEW = 1e-7
+_REGULARISATION_LEAST = 1e-13
 #: a tenth is added after a solve that has lost up to √ε of its right-hand side, a hundred times as much, and the solve
 #: made again, where it has lost the root of that
 _ACCURATE = 2.0**-26
@@ -86,11 +86,11 @@ class Interior(Method):
         except MapError:
             return
         recession = Recession(simple)
-        while path.leads_on():
+        while path.makes_progress():
             yield path.z, None
             if (answer := recession.proof(path.z - path.resting[0])).holds:
                 raise Infeasible(answer)
-            if path.settled() and (found := path.by_signs()) is not None:
+            if path.signs_repeat() and (found := path.by_signs()) is not None:
                 yield found, None
             if not path.advance():
                 return
@@ -122,12 +122,14 @@ class InteriorPath:
         self.pattern: Symmetric | SymbolicAnalysis | None = None
         if not self.moves:
             self.pattern = self.steps.equations.repeated or self.steps.equations.analysis
-        self.steady = self.first_steady = _STEADY if problem.matrix.is_nearly_symmetric else _STEADY_SKEW
-        self.least_steady = _STEADY_LEAST
-        self.lost = 0.0
+        self.regularisation = self.first_regularisation = (
+            _REGULARISATION if problem.matrix.is_nearly_symmetric else _REGULARISATION_SKEW
+        )
+        self.least_regularisation = _REGULARISATION_LEAST
+        self.solve_error = 0.0
         self.root = np.sqrt(self.weights)
         self.residuals = Least()
-        self.ways = Least()
+        self.infeasibilities = Least()
         self.signs = np.zeros(0, bool)
         self.same = 0
         below, top = self.steps.obstacles
@@ -160,7 +162,7 @@ class InteriorPath:
         self.sign = np.array([1.0, -1.0])[: len(sides)]
         self.gap = np.zeros_like(self.r)
         self.slopes = [zero(self.problem.n)] * len(sides)
-        self._arrive(z)
+        self._move_to(z)
 
     @property
     def z(self) -> Vector:
@@ -173,14 +175,14 @@ class InteriorPath:
         return np.asarray(self.s @ self.sign - self.point[1])
 
     @np.errstate(all="ignore")
-    def leads_on(self) -> bool:
+    def makes_progress(self) -> bool:
         """Whether the residual, or the way of r and s to z − ψ(z) and p, was reduced not long ago, and is not 0."""
         _, p, below, above = self.point
         whole = norm(mid(p / self.root, self.root * below, None if above is None else self.root * above))
         way = norm(self.rest / self.root) + norm((self.root[:, None] * self.gap).ravel())
-        return whole > 0.0 and min(self.residuals.add(whole), self.ways.add(way)) < _PATIENCE
+        return whole > 0.0 and min(self.residuals.add(whole), self.infeasibilities.add(way)) < _PATIENCE
 
-    def settled(self) -> bool:
+    def signs_repeat(self) -> bool:
         """Whether the signs of the modulus have been the same for 1, 3, 7, … steps."""
         signs = self.s > self.weights[:, None] * self.r
         self.same = self.same + 1 if np.array_equal(signs, self.signs) else 0
@@ -193,7 +195,7 @@ class InteriorPath:
         z, p, below, above = self.point
         pattern = Pattern.of(below, above, p / self.weights)
         with suppress(MapError):
-            found = self.steps.step(z, p, pattern, z, self.steady * self.weights, briefly=True)
+            found = self.steps.step(z, p, pattern, z, self.regularisation * self.weights, briefly=True)
             if found is not None and np.isfinite(found[1]).all():
                 return found[0]
         return None
@@ -209,11 +211,13 @@ class InteriorPath:
         while True:
             solve = self._solver()
             _, dr, ds, longest = self._direction(solve, r * s)
-            if self.lost <= _ROUGH or self.steady >= self.first_steady:
+            if self.solve_error <= _ROUGH or self.regularisation >= self.first_regularisation:
                 break
-            self.steady = self.least_steady = min(_MORE * self.steady, self.first_steady)
-        if self.lost <= _ACCURATE:
-            self.steady = max(_LESS * self.steady, self.least_steady)
+            self.regularisation = self.least_regularisation = min(
+                _MORE * self.regularisation, self.first_regularisation
+            )
+        if self.solve_error <= _ACCURATE:
+            self.regularisation = max(_LESS * self.regularisation, self.least_regularisation)
         t = 1.0 / max(longest, 1.0)
         after = inner(np.where(self.bounded, r + t * dr, 0.0).ravel(), (s + t * ds).ravel()) / both
         target = r * s + dr * ds - ((after / size) ** 3 * size if size else 0.0)
@@ -222,7 +226,7 @@ class InteriorPath:
         self.r = np.where(self.bounded, r + t * dr, 1.0)
         self.s = s + t * ds
         try:
-            self._arrive(self.z + t * dz)
+            self._move_to(self.z + t * dz)
         except MapError:
             return False
         return bool(np.isfinite(self.point[1]).all() and np.isfinite(self.gap).all())
@@ -237,7 +241,7 @@ class InteriorPath:
         steps = -dr / r, -ds / np.where(self.bounded, s, 1.0)
         return dz, dr, ds, max(float(np.max(x[self.bounded], initial=0.0)) for x in steps)
 
-    def _arrive(self, z: Vector) -> None:
+    def _move_to(self, z: Vector) -> None:
         """z with p, z − ψ(z) and z − ψ̄(z), and how far r is from them, if it can be."""
         problem = self.problem
         self.point = z, problem.p(z), problem.r(z), problem.r_upper(z)
@@ -251,7 +255,7 @@ class InteriorPath:
         A = self.problem.A
         slopes = np.where(self.bounded, self.s / self.r, 0.0)
         data = A.data.copy()
-        data[self.diagonal] += slopes.sum(axis=1) + self.steady * self.weights
+        data[self.diagonal] += slopes.sum(axis=1) + self.regularisation * self.weights
         M = sp.csr_array((data, A.indices, A.indptr), shape=A.shape)
         if self.moves:
             for J, slope in zip(self.slopes, slopes.T, strict=True):
@@ -266,12 +270,12 @@ class InteriorPath:
 
         def solve(f: Vector) -> Vector:
             if factors is None:
-                self.lost = np.inf
+                self.solve_error = np.inf
                 return np.full(f.size, np.nan)
             f = unit * f
             x = factors.solve(f)
             rest = f - M @ x
-            self.lost = norm(rest) / (norm(f) or 1.0)
+            self.solve_error = norm(rest) / (norm(f) or 1.0)
             x += factors.solve(rest)  # without exchanges of rows digits may be lost
             return np.asarray(unit * x)
 
