@@ -129,7 +129,7 @@ class ProximalPath:
         above = None if self.above is None else self.root * self.above
         return norm(mid(p / self.root, self.root * self.r, above))
 
-    def pull(self) -> Vector:
+    def subproblem_p(self) -> Vector:
         """p of the subproblem: p + μW(z − centre)."""
         return self.p + self.shift * self.weights * (self.z - self.centre[0])
 
@@ -141,25 +141,25 @@ class ProximalPath:
         work.count(self.own_cost)
         if whole == 0.0 or idle > _LAST:
             return False
-        own = self.size(self.pull())
-        creeps = self.made > _QUICK
+        own = self.size(self.subproblem_p())
+        is_slow = self.made > _QUICK
         if self.made and own <= _SHARE * whole:
             first = not self.done
             self.done = self.shift
-            shift = max((_FALLS_SLOWLY if creeps else _FALLS) * self.shift, _LEAST)
-            if first and not creeps:
+            shift = max((_FALLS_SLOWLY if is_slow else _FALLS) * self.shift, _LEAST)
+            if first and not is_slow:
                 shift = _NEXT if self.problem.matrix.is_nearly_symmetric else _NEXT_SKEW
             self._begin(self.point, shift)
         elif not (np.isfinite(own) and self.own.add(own) <= _PATIENCE):
-            self._retreat()
+            self._enlarge_shift()
         while not self._step():
             if not self.shift < 1.0 / _LEAST:
                 return False
-            self._retreat()
+            self._enlarge_shift()
         self.made += 1
         return True
 
-    def _retreat(self) -> None:
+    def _enlarge_shift(self) -> None:
         """The problem anew, with a larger μ: at least what follows the last one that was done as a rule."""
         self._begin(self.centre, max(_GROWS * self.shift, _FALLS * self.done))
 
@@ -178,7 +178,7 @@ class ProximalPath:
 
     def _step(self) -> bool:
         """The active rows rest on the obstacle, in the others the p of the subproblem is 0; False where that fails."""
-        pattern = Pattern.of(self.r, self.above, self.pull() / ((1.0 + self.shift) * self.weights))
+        pattern = Pattern.of(self.r, self.above, self.subproblem_p() / ((1.0 + self.shift) * self.weights))
         try:
             moved = self.steps.step(self.z, self.p, pattern, self.centre[0], self.shift * self.weights)
             if moved is None:
