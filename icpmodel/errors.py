@@ -40,11 +40,12 @@ def did_you_mean(found: Any, known: Iterable[str]) -> str:
     return f"; did you mean {near[0]}?" if near else ""
 
 
-def check_arguments(call: str, told: str = "") -> Callable[[Callable[P, R]], Callable[P, R]]:
+def check_arguments(call: str, hint: str = "") -> Callable[[Callable[P, R]], Callable[P, R]]:
     """Decorator: turn Python's TypeError for unknown or missing arguments into an InputError with the accepted names.
 
-    The message calls the function `call` and ends in the hint `told`.
+    The message calls the function `call` and ends in the `hint`.
     """
+    ending = hint and f"; {hint}"
 
     def checking(function: Callable[P, R]) -> Callable[P, R]:
         code = function.__code__
@@ -59,13 +60,12 @@ def check_arguments(call: str, told: str = "") -> Callable[[Callable[P, R]], Cal
                     raise  # it comes from inside
             takes = f"it takes {', '.join(one for one in names if one != 'self')}"
             if unknown := [name for name in kwargs if name not in names]:
-                hint = did_you_mean(unknown[0], names) or (told and f"; {told}")
-                raise InputError(f"{call} has no argument {unknown[0]}; {takes}{hint}")
+                near = did_you_mean(unknown[0], names) or ending
+                raise InputError(f"{call} has no argument {unknown[0]}; {takes}{near}")
             needed = names[len(args) : code.co_argcount - len(function.__defaults__ or ())]
-            hint = told and f"; {told}"
             if lacks := [name for name in needed if name not in kwargs]:
-                raise InputError(f"{call} was not given {' and '.join(lacks)}; {takes}{hint}")
-            raise InputError(f"{call} was given an argument twice, or too many without a name; {takes}{hint}")
+                raise InputError(f"{call} was not given {' and '.join(lacks)}; {takes}{ending}")
+            raise InputError(f"{call} was given an argument twice, or too many without a name; {takes}{ending}")
 
         return checked
 

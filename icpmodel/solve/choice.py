@@ -145,8 +145,8 @@ class Job:
             self.limit = trial
 
     def step(self, cost: float, log_reduction: float, need: float) -> bool:
-        """Count a step; whether it is time to compare with others. `log_reduction`: how far the logarithm of the residual has
-        fallen, of the `need`."""
+        """Count a step; whether it is time to compare with others. `log_reduction`: that of the residual so far, of the
+        `need`."""
         self.steps += 1
         self.spent += cost
         self.log_reductions.append(log_reduction)

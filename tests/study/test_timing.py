@@ -5,7 +5,7 @@ import pytest
 from icpmodel.study.timing import clocked, interleaved, timed
 
 
-def file_errors(log, name, *seconds):
+def told(log, name, *seconds):
     """A call that takes these seconds, in turn, and notes that it was run."""
     left = iter(seconds)
 
