@@ -75,6 +75,8 @@ def check_arguments(call: str, hint: str = "") -> Callable[[Callable[P, R]], Cal
 class IcpError(Exception):
     """Base of every error that icpmodel raises on purpose.
 
+    Examples
+    --------
     >>> issubclass(InputError, IcpError) and issubclass(InputError, ValueError)
     True
     """
@@ -83,6 +85,8 @@ class IcpError(Exception):
 class InputError(IcpError, ValueError):
     """An argument is wrong. The message names it, what was found and what was expected.
 
+    Examples
+    --------
     >>> ICP([[1.0, 2.0]], [1.0])
     Traceback (most recent call last):
     icpmodel.errors.InputError: A has shape (1, 2); a square matrix was expected
@@ -92,6 +96,8 @@ class InputError(IcpError, ValueError):
 class FileError(IcpError, OSError):
     """A file cannot be read as what it should be. The message names the file and the field.
 
+    Examples
+    --------
     >>> icp.load_problem("nowhere.npz")
     Traceback (most recent call last):
     icpmodel.errors.FileError: nowhere.npz: no such file or folder
@@ -101,6 +107,8 @@ class FileError(IcpError, OSError):
 class MapError(IcpError):
     """The map ψ raised, or returned something that is not a real vector of length n.
 
+    Examples
+    --------
     >>> ICP([[1.0]], [1.0], psi=lambda z: [1.0, 2.0]).r([0.0])
     Traceback (most recent call last):
     icpmodel.errors.MapError: psi(z) has shape (2,); shape (1,) was expected
@@ -110,6 +118,8 @@ class MapError(IcpError):
 class NotApplicable(IcpError):
     """A method or an independent solver cannot take this problem; the message is its ``why_not``.
 
+    Examples
+    --------
     >>> ICP([[0.0, 1.0], [1.0, 2.0]], [0.0, 0.0]).solve("psor")
     Traceback (most recent call last):
     icpmodel.errors.NotApplicable: psor: projected SOR divides by the diagonal of A, but A[0, 0] = 0
@@ -119,6 +129,8 @@ class NotApplicable(IcpError):
 class SingularOperator(NotApplicable):
     """The operator X = M₁ + φ + Ω of a method is singular; ``row`` is a row that causes it.
 
+    Examples
+    --------
     >>> try:
     ...     ICP([[1.0]], [1.0]).solve("mnmgs", phi=-2.0)
     ... except icp.SingularOperator as error:
@@ -147,6 +159,8 @@ class NotSolved(IcpError):
 
     From `solve_many` it is the `Solutions` of all rows.
 
+    Examples
+    --------
     >>> try:
     ...     ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 1.0]).solve("mnmgs", max_iter=2)
     ... except icp.NotSolved as error:
@@ -167,6 +181,8 @@ class Interrupted(KeyboardInterrupt):
 
     ``report`` carries what was done, the rest marked as such.
 
+    Examples
+    --------
     >>> issubclass(Interrupted, KeyboardInterrupt) and not issubclass(Interrupted, Exception)
     True
     """

@@ -39,6 +39,8 @@ class Verdict(Enum):
 
     Only AGREES speaks for it, only DISAGREES against it.
 
+    Examples
+    --------
     >>> icp.crosscheck(ICP([[2.0]], [-1.0]), [0.5], ["osqp"]).rows[0].verdict
     <Verdict.AGREES: 'agrees'>
     >>> from icpmodel.crosscheck import Verdict

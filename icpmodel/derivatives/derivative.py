@@ -58,6 +58,8 @@ _LEAST = 1e-14
 class OneSided(ReadOnly, Shown):
     """The derivatives of z*(t) at t = 0 in one direction of the data, shape (n,): `right` as t ↓ 0, `left` as t ↑ 0.
 
+    Examples
+    --------
     >>> right, left = Derivative(ICP([[1.0]], [0.0]).solve()).one_sided(dq=[1.0])
     >>> right, left
     (array([0.]), array([-1.]))
@@ -134,6 +136,8 @@ class Derivative(ReadOnly, Shown):
     def equations(self) -> ActiveEquations:
         """J and Jᵀ, solved for any right-hand side: `equations.solve(f, tolerance)` and `.transposed(f, tolerance)`.
 
+        Examples
+        --------
         >>> Derivative(ICP([[2.0]], [-2.0]).solve()).equations.solve(np.ones(1), 1e-10)
         array([0.5])
         """
@@ -352,6 +356,8 @@ class Derivative(ReadOnly, Shown):
     def adjoint_bound(self, zbar: Any, gradient: Gradient) -> float | None:
         """Bound the error of the `q`, `psi_values` and `upper_values` of `gradient`; see `bound`.
 
+        Examples
+        --------
         >>> derivative = Derivative(ICP([[2.0]], [-2.0]).solve())
         >>> derivative.adjoint_bound([1.0], derivative.adjoint([1.0])) < 1e-15
         True
@@ -444,6 +450,8 @@ class Derivative(ReadOnly, Shown):
     def undecided(self) -> NDArray[np.intp]:
         """The rows, shape (k,), in which p = r = 0 or two equally good jumps cannot be excluded.
 
+        Examples
+        --------
         >>> Derivative(ICP([[1.0]], [0.0]).solve()).undecided
         array([0])
         """
@@ -457,6 +465,8 @@ class Derivative(ReadOnly, Shown):
         the user says, and ψ is continuously differentiable as far as z* may be from z. `reason`
         says so.
 
+        Examples
+        --------
         >>> Derivative(ICP([[1.0]], [0.0]).solve()).certain
         False
         """
@@ -466,6 +476,8 @@ class Derivative(ReadOnly, Shown):
     def reason(self) -> str:
         """Why it is certain, or what it is instead, in a sentence.
 
+        Examples
+        --------
         >>> print(Derivative(ICP([[1.0]], [0.0]).solve()).reason)
         p = r = 0 cannot be excluded in row 0: an element of the B-subdifferential, see one_sided
         """

@@ -60,6 +60,8 @@ class Gradient(ReadOnly, Shown):
     def A(self) -> sp.csr_array:
         """The gradient in the entries of A that are stored, CSR, shape (n, n).
 
+        Examples
+        --------
         >>> icp.Derivative(ICP([[2.0]], [-2.0]).solve()).adjoint([1.0]).A.toarray()
         array([[-0.5]])
         """
@@ -71,6 +73,8 @@ class Gradient(ReadOnly, Shown):
     def psi(self) -> Any:
         """The gradient in ψ's own data, in their form.
 
+        Examples
+        --------
         >>> icp.Derivative(ICP([[2.0]], [2.0], psi=3).solve()).adjoint([1.0]).psi
         array([1.])
         """
@@ -81,6 +85,8 @@ class Gradient(ReadOnly, Shown):
     def upper(self) -> Any:
         """The same of the obstacle above, None where there is none.
 
+        Examples
+        --------
         >>> icp.Derivative(ICP([[2.0]], [-8.0], upper=3).solve()).adjoint([1.0]).upper
         array([1.])
         """

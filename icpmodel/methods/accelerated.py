@@ -61,6 +61,8 @@ class Accelerated(Method):
     Reference: Anderson, J. ACM 12 (1965); Walker and Ni, SIAM J. Numer. Anal. 49 (2011); Pratapa, Suryanarayana and
     Pask, J. Comput. Phys. 306 (2016), for the steps between.
 
+    Examples
+    --------
     >>> ICP([[4, -1], [-2, 4]], [-3, -2]).solve(Accelerated(of="mnmgs")).z.round(6)
     array([1., 1.])
     >>> Accelerated(of="newton")

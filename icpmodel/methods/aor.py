@@ -72,6 +72,8 @@ class MNMAOR(_Relaxing):
     sees, and `Solution.settled` tells where it ended.
     Reference: Kumar, Deepmala and Das, section 3; `algebra.relaxation` for "auto".
 
+    Examples
+    --------
     >>> ICP([[4, -1], [-2, 4]], [-3, -2]).solve(MNMAOR(theta1=1.2, theta2=1.0, phi=0.5)).z.round(6)
     array([1., 1.])
     """
@@ -110,6 +112,8 @@ class MNMSOR(_Relaxing):
     theta1="auto" is 1/(2/ω − s) with Ω = sD, s = 2 − ω: of the ω that is best for SOR as much as θ₂ = θ₁ bears, and
     less where the run shows that it is too much; `Solution.settled` tells where it ended.
 
+    Examples
+    --------
     >>> ICP([[4, -1], [-2, 4]], [-3, -2]).solve(MNMSOR(theta1=1.1)).z.round(6)
     array([1., 1.])
     """
@@ -144,6 +148,8 @@ class MNMSOR(_Relaxing):
 class MNMGS(FreeOmega):
     """Gauss–Seidel: MNMAOR with θ₁ = θ₂ = 1; `phi`, `phi1`, `phi2` as in `Modulus`.
 
+    Examples
+    --------
     >>> ICP([[4, -1], [-2, 4]], [-3, -2]).solve(MNMGS()).z.round(6)
     array([1., 1.])
     """
@@ -159,6 +165,8 @@ class MNMGS(FreeOmega):
 class MNMJ(FreeOmega):
     """Jacobi: MNMAOR with θ₁ = 1, θ₂ = 0. With the default Ω = D and φ = 0 it is projected Jacobi.
 
+    Examples
+    --------
     >>> ICP([[4, -1], [-2, 4]], [-3, -2]).solve(MNMJ()).z.round(6)
     array([1., 1.])
     """

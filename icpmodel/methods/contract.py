@@ -79,6 +79,8 @@ class Method(ReadOnly, Shown, ABC):
     """An iterative method for ICP. Subclasses with options are frozen keyword-only dataclasses that check them; a
     method never changes.
 
+    Examples
+    --------
     >>> from icpmodel.methods import named
     >>> named("mnmsor", theta1=1.2)
     MNMSOR(theta1=1.2)
@@ -107,6 +109,8 @@ class Method(ReadOnly, Shown, ABC):
     def why_not(self, problem: ProblemData) -> str | None:
         """One sentence on why this method cannot take `problem`, or None.
 
+        Examples
+        --------
         >>> icp.PSOR().why_not(ICP([[0.0]], [1.0]))
         'projected SOR divides by the diagonal of A, but A[0, 0] = 0'
         """
@@ -123,6 +127,8 @@ class Method(ReadOnly, Shown, ABC):
         Raises SingularOperator at the first step where the method's operator cannot be inverted, MapError where ψ
         fails, and Infeasible where it is proved that there is no solution.
 
+        Examples
+        --------
         >>> path = icp.MNMGS().iterates(ICP([[2.0]], [-2.0]), np.array([3.0]))
         >>> next(path), next(path)
         ((array([3.]), 2.0), (array([1.]), 0.0))
@@ -173,6 +179,8 @@ class FixedPoint(Method):
 def names() -> list[str]:
     """The names of all methods, sorted.
 
+    Examples
+    --------
     >>> "mnmgs" in icp.methods.names()
     True
     """
@@ -185,6 +193,8 @@ def named(name: str, /, **options: Any) -> Method:
 
     Raises InputError for an unknown name or option, and lists the known ones.
 
+    Examples
+    --------
     >>> icp.methods.named("mnmgs", theta1=2)
     Traceback (most recent call last):
     icpmodel.errors.InputError: mnmgs has no option theta1; it takes phi, phi1, phi2

@@ -22,6 +22,8 @@ class MNMOD(ModulusMember):
     an eigenvalue λ of A leaves by (φ + 1 − λ)/(φ + 1 + λ): by nothing for λ = φ + 1, by 1 in absolute value for an
     imaginary λ, whatever φ. Reference: Kumar, Deepmala and Das, section 3.
 
+    Examples
+    --------
     >>> ICP([[4, -1], [-2, 4]], [-3, -2]).solve(MNMOD()).z.round(6)
     array([1., 1.])
     """
@@ -49,6 +51,8 @@ class MNMMOD(MNMOD):
     (A + φ + θ₁I)z⁺ = φz + |(A − θ₁I)z + q + θ₁ψ(z)| − q + θ₁ψ(z). √(λ_min λ_max) is a good θ₁ for symmetric A;
     theta1="auto" is √(‖A‖_∞/‖A⁻¹1‖_∞), which comes near to it for an M-matrix.
 
+    Examples
+    --------
     >>> ICP([[1.0]], [1.0], psi=1.0).solve(MNMMOD(theta1=2.0)).z.round(6)
     array([1.])
     """

@@ -65,6 +65,8 @@ class Interior(Method):
     where the obstacle is fixed.
     References: Mehrotra, SIAM J. Optim. 2 (1992); Wright, Primal-Dual Interior-Point Methods (1997).
 
+    Examples
+    --------
     >>> ICP([[1, 1], [1, 1]], [-1, -1]).solve(Interior()).z.round(6)
     array([0.5, 0.5])
     """

@@ -32,6 +32,8 @@ class MMS(Method):
     shape (n,), or None for D/2; `inner` ≥ 1.
     Reference: Hong and Li, Numer. Linear Algebra Appl. 23 (2016); Bai (2010) for ψ = 0.
 
+    Examples
+    --------
     >>> ICP([[4, -1], [-2, 4]], [-3, -2]).solve(MMS()).z.round(6)
     array([1., 1.])
     """

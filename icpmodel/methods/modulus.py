@@ -109,6 +109,8 @@ class Modulus(FreeOmega):
     shape (n, n); `phi` (any sign), `phi1`, `phi2` (positive) the diagonals, numbers or vectors of shape (n,).
     Raises InputError for a wrong option. Reference: Kumar, Deepmala and Das, Method 3.1.
 
+    Examples
+    --------
     >>> ICP([[4, -1], [-2, 4]], [-3, -2]).solve(Modulus(splitting="whole", phi2=2.0)).z.round(6)
     array([1., 1.])
     """
@@ -130,6 +132,8 @@ class NMMS(ModulusMember):
     Parameters: `splitting` as in `Modulus`; `omega` the diagonal of Ω, a positive number or vector of shape (n,), or
     None for D. Reference: the paper's [30].
 
+    Examples
+    --------
     >>> ICP([[4, -1], [-2, 4]], [-3, -2]).solve(NMMS(omega=4.0)).z.round(6)
     array([1., 1.])
     """
@@ -159,6 +163,8 @@ class ProjectionFixedPoint(ModulusMember):
     It is the modulus step with M₁ = Ω = D/ω: X = 2Ω and z⁺ = z − Ω⁻¹F_Ω(z).
     Reference: a baseline of Hong and Li (2016), the paper's [29].
 
+    Examples
+    --------
     >>> ICP([[4, -1], [-2, 4]], [-3, -2]).solve(ProjectionFixedPoint()).z.round(6)
     array([1., 1.])
     """

@@ -52,6 +52,8 @@ class Multilevel(Method):
     References: Hintermüller, Ito and Kunisch, SIAM J. Optim. 13 (2002), for the active sets; Kornhuber, Numer. Math. 69
     (1994), for multigrid on them; Eisenstat, Elman and Schultz, SIAM J. Numer. Anal. 20 (1983), for GCR.
 
+    Examples
+    --------
     >>> ICP([[4, -1], [-2, 4]], [-3, -2]).solve(Multilevel()).z
     array([1., 1.])
     """

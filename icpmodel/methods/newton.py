@@ -68,6 +68,8 @@ class Newton(Method):
     75 (1996), for the merit function; Billups, PhD thesis, Wisconsin (1995), for it with two obstacles; Bokanowski,
     Maroso and Zidani, SIAM J. Numer. Anal. 47 (2009), for policy iteration.
 
+    Examples
+    --------
     >>> ICP([[4, -1], [-2, 4]], [-3, -2]).solve(Newton()).z
     array([1., 1.])
     """

@@ -71,6 +71,8 @@ class Proximal(Method):
     References: Rockafellar, SIAM J. Control Optim. 14 (1976); Luque, SIAM J. Control Optim. 22 (1984), for the rate;
     Hintermüller, Ito and Kunisch, SIAM J. Optim. 13 (2002), for the inner steps.
 
+    Examples
+    --------
     >>> ICP([[1, 1], [1, 1]], [-1, -1]).solve(Proximal()).z.round(6)
     array([0.5, 0.5])
     """

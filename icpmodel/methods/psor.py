@@ -35,6 +35,8 @@ class PSOR(ModulusMember):
     the modulus (see the module's docstring); ψ sees the z that the sweep began with.
     Reference: Cryer, SIAM J. Control 9 (1971).
 
+    Examples
+    --------
     >>> ICP([[4, -1], [-2, 4]], [-3, -2]).solve(icp.PSOR(omega=1.1)).z.round(6)
     array([1., 1.])
     """

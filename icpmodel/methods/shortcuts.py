@@ -59,6 +59,8 @@ class Lemke(Shortcut):
     References: Lemke, Management Science 11 (1965); Cottle, Pang and Stone, The Linear Complementarity Problem (1992),
     sections 4.4 and 4.9.
 
+    Examples
+    --------
     >>> ICP([[4, -1], [-2, 4]], [-3, -2]).solve(Lemke()).z
     array([1., 1.])
     """
@@ -112,6 +114,8 @@ class Josephy(Shortcut):
     Reference: Josephy, Newton's method for generalized equations, MRC Technical Summary Report 1965 (1979); Cottle,
     Pang and Stone, The Linear Complementarity Problem (1992), section 4.4, for the pivots.
 
+    Examples
+    --------
     >>> ICP([[2.0]], [-1.0], icp.Elementwise(np.cos, lambda z: -np.sin(z))).solve(icp.Josephy()).z.round(9)
     array([0.73908513])
     """
@@ -157,6 +161,8 @@ class Tridiagonal(Shortcut):
     Reference: Cryer, ACM Trans. Math. Softw. 9 (1983), for a direct method on tridiagonal M-matrices; Chandrasekaran,
     Opsearch 7 (1970), for rows that once open stay open.
 
+    Examples
+    --------
     >>> ICP([[2, -1, 0], [-1, 2, -1], [0, -1, 2]], [-1, 3, -1]).solve(Tridiagonal()).z
     array([0.5, 0. , 0.5])
     """

@@ -18,6 +18,8 @@ _PAGE = 116
 class Card(Shown, Mapping[str, str]):
     """Names with texts, which may have several lines, in the order of `rows`.
 
+    Examples
+    --------
     >>> print(Card({"status": "solved", "rows": "one\\ntwo"}))
     status    solved
     rows      one

@@ -9,6 +9,8 @@ from typing import Any
 def render(template: str, **values: Any) -> str:
     """The `template` of the folder `templates` with these `values`, escaped.
 
+    Examples
+    --------
     >>> icp.present.render("sentence.html", text="a < b")
     '<p>a &lt; b</p>'
     """

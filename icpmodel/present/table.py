@@ -32,6 +32,8 @@ _CELL = 115
 class Table(Shown):
     """A `title`, column `heads` (with units) and `rows` of numbers and texts, None for what is not known.
 
+    Examples
+    --------
     >>> print(Table("Costs", ("method", "n", "time, s"), (("newton", 900, 0.0123456), ("psor", 16, None))))
     Costs
     method    n  time, s
@@ -144,6 +146,8 @@ class Table(Shown):
         A text of the first column that several rows share is printed once. Where every text is shared, each has a
         float of its own, with the text in its caption.
 
+        Examples
+        --------
         >>> print(Table("Steps", ("method", "RES"), (("newton", 1.5e-9), ("psor", None))).to_latex(), end="")
         \\begin{table}
         \\centering

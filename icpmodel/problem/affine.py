@@ -69,6 +69,8 @@ class Constant(Map):
 class AffineData(NamedTuple):
     """What an affine ψ is made of, or a change of it, or a gradient: `G`, CSR, shape (n, n), and `c`, shape (n,).
 
+    Examples
+    --------
     >>> psi = icp.Affine([[0.5]], [1.0]).bind(1)
     >>> psi.data_gradient(np.array([3.0]), np.array([2.0])).c
     array([2.])

@@ -261,6 +261,8 @@ class ProblemData(Shown):
     def A(self) -> sp.csr_array:
         """A, CSR, shape (n, n), read-only; a small dense one is compressed when it is first asked for.
 
+        Examples
+        --------
         >>> ICP([[2.0]], [1.0]).A.nnz
         1
         """
@@ -269,6 +271,8 @@ class ProblemData(Shown):
     def dense(self) -> NDArray[np.float64]:
         """A as a dense array, shape (n, n), read-only where it was handed in as one and n is small.
 
+        Examples
+        --------
         >>> ICP([[2.0]], [1.0]).dense()
         array([[2.]])
         """
@@ -278,6 +282,8 @@ class ProblemData(Shown):
     def nnz(self) -> int:
         """How many entries of A are stored, or not 0 where A is small and dense.
 
+        Examples
+        --------
         >>> ICP(np.eye(3), np.ones(3)).nnz
         3
         """
@@ -286,6 +292,8 @@ class ProblemData(Shown):
     def product(self, z: Vector) -> Vector:
         """Az, shape (n,), for z of that shape, without q and f.
 
+        Examples
+        --------
         >>> ICP([[2.0]], [1.0]).product(np.array([3.0]))
         array([6.])
         """
@@ -304,6 +312,8 @@ class ProblemData(Shown):
     def with_q(self, q: Any) -> Self:
         """The problem with another `q`, shape (n,); A, ψ, f and what is known of them are shared.
 
+        Examples
+        --------
         >>> ICP([[2.0]], [1.0]).with_q([-4.0]).solve().z
         array([2.])
         """
@@ -312,6 +322,8 @@ class ProblemData(Shown):
     def with_psi(self, psi: Any) -> Self:
         """The problem with another `psi` (anything that `ICP` takes) below z; A, q and what is above are shared.
 
+        Examples
+        --------
         >>> ICP([[2.0]], [1.0]).with_psi(-3).solve().z
         array([-0.5])
         """
@@ -320,6 +332,8 @@ class ProblemData(Shown):
     def with_sides(self, psi: Any, upper: Any = None) -> Self:
         """The problem with another `psi` below z and another `upper`, or None, above it; A and q are shared.
 
+        Examples
+        --------
         >>> ICP([[2.0]], [-8.0]).with_sides(1, 3).solve().z
         array([3.])
         """
@@ -329,6 +343,8 @@ class ProblemData(Shown):
     def upper(self) -> Map | None:
         """ψ̄, the obstacle above z, or None.
 
+        Examples
+        --------
         >>> ICP([[2.0]], [1.0], upper=[3.0]).upper
         Constant(3)
         """
@@ -337,6 +353,8 @@ class ProblemData(Shown):
     def with_upper(self, upper: Any) -> Self:
         """The problem with another `upper` (anything that `ICP` takes) above z, None for none; the rest is shared.
 
+        Examples
+        --------
         >>> ICP([[2.0]], [-8.0]).with_upper(3).solve().z
         array([3.])
         """
@@ -420,6 +438,8 @@ class ProblemData(Shown):
     def p(self, z: Any) -> Vector:
         """p(z) = Az + q + f(z), shape (n,).
 
+        Examples
+        --------
         >>> ICP([[2.0]], [1.0]).p([3.0])
         array([7.])
         """
@@ -429,6 +449,8 @@ class ProblemData(Shown):
     def offset(self, z: Vector) -> Vector:
         """What p(z) is beside Az: q + f(z), shape (n,); q itself where p is affine.
 
+        Examples
+        --------
         >>> ICP([[2.0]], [1.0], f=np.exp).offset(np.zeros(1))
         array([2.])
         """
@@ -478,6 +500,8 @@ class ProblemData(Shown):
     def r(self, z: Any) -> Vector:
         """r(z) = z − ψ(z), shape (n,); +inf where there is no obstacle.
 
+        Examples
+        --------
         >>> ICP([[2.0]], [1.0], psi=-1).r([3.0])
         array([4.])
         """
@@ -488,6 +512,8 @@ class ProblemData(Shown):
     def r_upper(self, z: Any) -> Vector | None:
         """z − ψ̄(z) ≤ 0, shape (n,), −inf where there is no obstacle above; None where there is none in any row.
 
+        Examples
+        --------
         >>> ICP([[2.0]], [1.0], upper=4).r_upper([3.0])
         array([-1.])
         """
@@ -569,6 +595,8 @@ class ProblemData(Shown):
     def weights_at(self, z: Vector) -> Vector:
         """The diagonal of D⁻¹ by which p(z) is judged, shape (n,): that of `matrix`, with an f no less, by its slopes.
 
+        Examples
+        --------
         >>> ICP([[4.0]], [1.0]).weights_at(np.zeros(1))
         array([0.25])
         """
@@ -581,6 +609,8 @@ class ProblemData(Shown):
     def residual_of(self, p: Vector, below: Vector, above: Vector | None) -> float:
         """Res_D of a z at which `p`, z − ψ `below` and z − ψ̄ `above` are known; with an f at most that.
 
+        Examples
+        --------
         >>> ICP([[3.0]], [-6.0]).residual_of(np.array([-3.0]), np.array([1.0]), None)
         1.0
         """
@@ -590,6 +620,8 @@ class ProblemData(Shown):
     def residual_at_0(self) -> float:
         """Res_D(0) = ‖min(D⁻¹p(0), −ψ(0))‖₂, without a product with A.
 
+        Examples
+        --------
         >>> ICP([[3.0]], [-6.0]).residual_at_0()
         2.0
         """
@@ -639,6 +671,8 @@ class ProblemData(Shown):
     def paper_residual(self, z: Any) -> float:
         """Res(z) = ‖min(p(z), r(z))‖₂, the residual of the paper, by which `atol` is judged; see `residual`.
 
+        Examples
+        --------
         >>> ICP([[3.0]], [-6.0]).paper_residual([1.0])
         3.0
         """
@@ -709,6 +743,8 @@ class ProblemData(Shown):
     def rounding_of_residual(self, z: Any) -> float:
         """What rounding may make of Res_D(z).
 
+        Examples
+        --------
         >>> ICP([[3.0]], [-6.0]).rounding_of_residual([2.0]) < 1e-14
         True
         """
@@ -719,6 +755,8 @@ class ProblemData(Shown):
     def is_lcp(self) -> bool:
         """Whether p is affine, ψ constant and the only obstacle, so that y = z − c solves an ordinary LCP.
 
+        Examples
+        --------
         >>> ICP([[2.0]], [1.0], psi=3).is_lcp
         True
         """

@@ -18,6 +18,8 @@ _STEP = (2.0 * UNIT_ROUNDOFF) ** 0.5
 def steps(z: Vector) -> Vector:
     """The differences h_j, shape (n,), with z_j + h_j exact: a share of |z_j|, of 1 where z_j is small.
 
+    Examples
+    --------
     >>> bool(np.allclose(steps(np.array([0.0, 4.0])), 2.0**-26 * np.array([1, 4])))
     True
     """
@@ -52,6 +54,8 @@ def jacobian_by_differences(
 
     A column is differenced backwards where forwards there is no finite value.
 
+    Examples
+    --------
     >>> full = sp.csr_array(np.ones((2, 2)))
     >>> J = jacobian_by_differences(lambda z: np.array([z[0] * z[1], z[1]]), np.array([2.0, 3.0]), full, np.arange(2))
     >>> J.toarray().round(6)

@@ -111,6 +111,8 @@ class Function(Parametrised):
     def with_sparsity(self, pattern: Any) -> Function:
         """The same function, its Jacobian made by differences on the entries of `pattern`, shape (n, n).
 
+        Examples
+        --------
         >>> Function(lambda z: z**2).bind(1).with_sparsity(np.ones((1, 1))).jacobian(np.ones(1)).toarray().round(6)
         array([[2.]])
         """

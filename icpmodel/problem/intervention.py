@@ -174,6 +174,8 @@ class Intervention(Map):
     def best_jump(self, z: Vector) -> tuple[Vector, np.ndarray]:
         """(ψ(z), target): the value and the best jump's column, −1 where there is none; both of shape (n,).
 
+        Examples
+        --------
         >>> Intervention(sp.csr_array(np.array([[0.0, 1.0], [0.0, 0.0]]))).best_jump(np.array([0.0, 2.0]))
         (array([  3., -inf]), array([ 1, -1]))
         """

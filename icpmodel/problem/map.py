@@ -116,6 +116,8 @@ class Map(ReadOnly, Shown, ABC):
     def jacobian(self, z: Vector) -> sp.csr_array | None:
         """An element of the generalised Jacobian of ψ at `z` (n × n, CSR), or None where it is not known.
 
+        Examples
+        --------
         >>> icp.Constant(1).bind(2).jacobian(np.zeros(2)).nnz
         0
         """
@@ -123,6 +125,8 @@ class Map(ReadOnly, Shown, ABC):
     def no_derivative(self) -> str | None:
         """Why `jacobian` is not known, in one sentence with what to do, or None where it is.
 
+        Examples
+        --------
         >>> icp.Function(np.sin).bind(1).no_derivative()
         'psi has no derivative: give `jacobian` to Function'
         """
@@ -133,6 +137,8 @@ class Map(ReadOnly, Shown, ABC):
 
         Gδ, rounded up.
 
+        Examples
+        --------
         >>> bool(icp.Affine([[0.5]]).bind(1).change(np.array([2.0]))[0] >= 1.0)
         True
         """
@@ -147,6 +153,8 @@ class Map(ReadOnly, Shown, ABC):
     def isotone(self) -> bool | None:
         """Whether x ≤ y gives ψ(x) ≤ ψ(y), None where that is not known.
 
+        Examples
+        --------
         >>> icp.Affine([[-0.5]]).bind(1).isotone()
         False
         """
@@ -155,6 +163,8 @@ class Map(ReadOnly, Shown, ABC):
     def restricted(self, rows: NDArray[np.intp], z: Vector) -> Map:
         """ψ in the unknowns `rows` alone, ascending, where all others are what they are in `z`, shape (n,).
 
+        Examples
+        --------
         >>> icp.Affine([[0, 0.5], [0.5, 0]]).bind(2).restricted(np.array([0]), np.array([0.0, 4.0])).value(np.zeros(1))
         array([2.])
         """
@@ -192,6 +202,8 @@ class Map(ReadOnly, Shown, ABC):
     def as_upper(self) -> Map:
         """The same map as an obstacle above z, where +∞ means none.
 
+        Examples
+        --------
         >>> icp.Constant(3).bind(1).as_upper().c
         array([3.])
         """
@@ -229,6 +241,8 @@ class Map(ReadOnly, Shown, ABC):
     def data_gradient(self, z: Vector, weight: Vector) -> Any:
         """The gradient of wᵀψ(z), w = `weight`, z staying, for ψ's own data, in their form; here for its values: w.
 
+        Examples
+        --------
         >>> icp.Affine([[0.5]]).bind(1).data_gradient(np.array([3.0]), np.ones(1)).G.toarray()
         array([[3.]])
         """
@@ -293,6 +307,8 @@ class Map(ReadOnly, Shown, ABC):
     def describe(self) -> str:
         """What is known of ψ, in one sentence.
 
+        Examples
+        --------
         >>> print(icp.Constant(1).bind(2).describe())
         constant: G = 0, a linear complementarity problem
         """

@@ -140,6 +140,8 @@ class NonlinearTerm(Shown):
 
         f − mz does not decrease, so that its values at z ± δ bound it.
 
+        Examples
+        --------
         >>> NonlinearTerm(icp.Elementwise(np.exp, slope_range=(0, np.inf)), 1).change(np.zeros(1), np.ones(1)).round(3)
         array([1.718])
         """

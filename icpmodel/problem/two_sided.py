@@ -29,6 +29,8 @@ class TwoSidedObstacle(Map):
 
     `ICP` makes it of its `psi` and `upper`; all that is known of both maps together, G for one, is known of this one.
 
+    Examples
+    --------
     >>> psi = TwoSidedObstacle(icp.Constant(0), icp.Constant(1)).bind(2)
     >>> psi.value(np.zeros(2)), psi.upper.value(np.zeros(2))
     (array([0., 0.]), array([1., 1.]))

@@ -120,6 +120,8 @@ def _asked(name: str, n: int | None, parameters: dict[str, Any]) -> tuple[str, i
 def names() -> list[str]:
     """The names of all scenes, in alphabetical order.
 
+    Examples
+    --------
     >>> "membrane" in names()
     True
     """
@@ -129,6 +131,8 @@ def names() -> list[str]:
 def titles() -> dict[str, str]:
     """Name → one line that says what it is, for a table; builds nothing.
 
+    Examples
+    --------
     >>> titles()["coulomb"]
     'A block on a slope with dry friction'
     """

@@ -50,6 +50,8 @@ class Quantity(Shown):
     def error(self, z: Vector) -> float:
         """|measure(z) − exact|, NaN where z does not have the quantity.
 
+        Examples
+        --------
         >>> Quantity(1.0, lambda z: float(z[0]), order=2.0).error(np.array([1.5]))
         0.5
         """
@@ -153,6 +155,8 @@ class Scene(ReadOnly, Plotted):
     def solution(self) -> Solution:
         """What `solve` finds from the start that the scene prescribes, solved or not.
 
+        Examples
+        --------
         >>> icp.scenes.hand_lcp().solution().solved
         True
         """

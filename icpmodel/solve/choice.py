@@ -51,6 +51,8 @@ _STILL = 4.0
 class Choice(Shown):
     """A `method`, `why` it was chosen, and the `estimate` of its cost, None where a structure decides.
 
+    Examples
+    --------
     >>> icp.select_method(ICP([[2.0, 1.0], [1.0, 2.0]], [-1.0, 3.0], [0.0, 1.0])).why
     '2 unknowns are few'
     """

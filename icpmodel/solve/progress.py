@@ -31,6 +31,8 @@ _OPEN: ContextVar[Callable[[str], None] | None] = ContextVar("status line", defa
 class Progress(Shown):
     """What a callback sees: `iteration`, `z` (read-only, shape (n,)), `residual` and `seconds` since the start.
 
+    Examples
+    --------
     >>> seen = []
     >>> _ = ICP([[2.0]], [-2.0]).solve("mnmgs", callback=lambda state: seen.append(state))
     >>> seen[1]

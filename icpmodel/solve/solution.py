@@ -31,6 +31,8 @@ from .goal import Goal
 class Status(Enum):
     """Why a run stopped. Only SOLVED is success; every other member carries advice.
 
+    Examples
+    --------
     >>> Status.CYCLED.advice
     'try another method or another start z0'
     """
@@ -54,6 +56,8 @@ class Status(Enum):
     def advice(self) -> str:
         """What to try next, in one sentence; empty for SOLVED.
 
+        Examples
+        --------
         >>> Status.SOLVED.advice
         ''
         """
@@ -62,6 +66,8 @@ class Status(Enum):
     def advice_with(self, to_try: str) -> str:
         """`advice` for a method that knows what else to try, see `Method.to_try`.
 
+        Examples
+        --------
         >>> Status.CYCLED.advice_with("a smaller omega")
         'try a smaller omega, another method or another start z0'
         """
@@ -200,6 +206,8 @@ class Solution(ReadOnly, Plotted):
     def solved(self) -> bool:
         """Whether the status is SOLVED: Res_D(z) ≤ `tolerance`, Res(z) ≤ `atol` or a certified error ≤ `accuracy`.
 
+        Examples
+        --------
         >>> ICP([[2.0]], [-2.0]).solve().solved
         True
         """
@@ -231,6 +239,8 @@ class Solution(ReadOnly, Plotted):
     def p(self) -> Vector:
         """p(z), shape (n,).
 
+        Examples
+        --------
         >>> ICP([[2.0]], [-2.0]).solve().p
         array([0.])
         """
@@ -240,6 +250,8 @@ class Solution(ReadOnly, Plotted):
     def r(self) -> Vector:
         """r = z − ψ(z), shape (n,).
 
+        Examples
+        --------
         >>> ICP([[2.0]], [-2.0]).solve().r
         array([1.])
         """
@@ -249,6 +261,8 @@ class Solution(ReadOnly, Plotted):
     def certificate(self) -> Certificate:
         """Everything that is certain of z; may cost one linear solve, once per A and ψ, where the limits allow it.
 
+        Examples
+        --------
         >>> ICP([[2.0]], [-2.0]).solve().certificate.unique
         True
         """
@@ -258,6 +272,8 @@ class Solution(ReadOnly, Plotted):
     def contradiction(self) -> Contradiction | None:
         """Conditions that contradict each other and the nearest q without: `icpmodel.contradiction` of the problem.
 
+        Examples
+        --------
         >>> ICP([[0.0]], [-2.0]).solve(raise_on_failure=False).contradiction
         infeasible by 2: p[0] >= 0
         """
@@ -267,6 +283,8 @@ class Solution(ReadOnly, Plotted):
     def active_set(self) -> ActiveSet:
         """Which rows are proved to touch the obstacle, and which not.
 
+        Examples
+        --------
         >>> ICP([[2.0]], [-2.0]).solve().active_set.inactive
         array([ True])
         """
@@ -283,6 +301,8 @@ class Solution(ReadOnly, Plotted):
         cannot be solved, because they are singular, ψ or its derivative fails or it would take too long or too much
         memory, this answer with `why` saying so.
 
+        Examples
+        --------
         >>> rough = ICP([[2, -1], [-1, 2]], [-1, 3]).solve("mnmgs", rtol=0.1)
         >>> rough.polish().z
         array([0.5, 0. ])
@@ -318,6 +338,8 @@ class Solution(ReadOnly, Plotted):
 
         It is the verb of the problem, which a row of `solve_many` does not have: `icpmodel.Derivative(row)` takes that.
 
+        Examples
+        --------
         >>> ICP([[2.0]], [-2.0]).solve().derivative().forward(dq=[1.0])
         array([-0.5])
         """
@@ -345,6 +367,8 @@ class Solution(ReadOnly, Plotted):
     def without_bound(self) -> Solution:
         """The same answer, its certificate without an error bound: for problems so large that one solve is too dear.
 
+        Examples
+        --------
         >>> ICP([[2.0]], [-2.0]).solve().without_bound().certificate.bound.reason
         'it was not computed'
         """
@@ -356,6 +380,8 @@ class Solution(ReadOnly, Plotted):
     def error_bound(self) -> float | None:
         """max_i |z_i − z*_i| is at most this, in the units of z; None where there is no certificate.
 
+        Examples
+        --------
         >>> ICP([[2.0]], [-2.0]).solve().error_bound < 1e-14
         True
         """
@@ -366,6 +392,8 @@ class Solution(ReadOnly, Plotted):
 
         The certificate is computed if it has not been, which may cost more than the solve did.
 
+        Examples
+        --------
         >>> ICP([[2.0]], [-2.0]).solve("mnmgs").summary()["status"]
         'solved after 1 iteration'
         """
@@ -428,6 +456,8 @@ class Solution(ReadOnly, Plotted):
     def about(self) -> dict[str, Any]:
         """What is known of this answer as plain data for JSON: status, method, residuals, error bound; no arrays.
 
+        Examples
+        --------
         >>> ICP([[2.0]], [-1.0]).solve().about()["status"]
         'solved'
         """

@@ -155,6 +155,8 @@ class Solutions(ReadOnly, Shown, Tabular):
     def failed(self) -> list[int]:
         """The rows whose status is not SOLVED.
 
+        Examples
+        --------
         >>> icp.solve_many([[-1.0]], [[1.0], [-1.0]], raise_on_failure=False).failed
         [1]
         """
@@ -164,6 +166,8 @@ class Solutions(ReadOnly, Shown, Tabular):
     def message(self) -> str:
         """What went wrong, in one sentence.
 
+        Examples
+        --------
         >>> icp.solve_many([[2.0]], [[-2.0], [3.0]]).message
         'all 2 rows are solved'
         """

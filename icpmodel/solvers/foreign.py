@@ -208,6 +208,8 @@ def foreign_solvers() -> dict[str, ForeignSolver]:
 
     No foreign package is imported.
 
+    Examples
+    --------
     >>> icp.solvers.foreign_solvers()["osqp"].forms
     ('energy', 'gap')
     """

@@ -49,6 +49,8 @@ class QP(Shown):
 
     y is z, followed by v where the gap has one. Where lower = upper a row is an equation.
 
+    Examples
+    --------
     >>> icp.solvers.Target(ICP([[2.0]], [-1.0])).qp("energy").P.toarray()
     array([[2.]])
     """

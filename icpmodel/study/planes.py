@@ -28,6 +28,8 @@ from ..scenes.registry import title
 class Axis(Shown):
     """One parameter: its `name`, a `label` for a chart, its `values` and whether they are spaced logarithmically.
 
+    Examples
+    --------
     >>> icp.study.Axis("mu", "shift of the diagonal", np.array([0.0, 1.0])).log
     False
     """
@@ -45,6 +47,8 @@ class Plane(Shown):
     Parameters: `title`; the axes `x` and `y`; `at(x, y)` gives (problem, method); `default` the (x, y) that the method
     has where nothing is said, or None where the problem varies.
 
+    Examples
+    --------
     >>> x, y = icp.study.Axis("theta1", "θ₁", np.array([1.0, 2.0])), icp.study.Axis("a", "a", np.array([1.0, 3.0]))
     >>> plane = icp.study.Plane("one", x, y, lambda theta, a: (ICP([[a]], [-1.0]), icp.MNMAOR(theta1=theta)))
     >>> icp.stability(plane).ends

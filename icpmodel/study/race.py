@@ -53,6 +53,8 @@ class Race(Plotted, Tabular):
     of each own method; `measure` what "error" is, in words; `limit` the seconds of one linear solve with A, None where
     PyAMG could not do it; `skipped` pairs (name, reason); `command` what makes the race again.
 
+    Examples
+    --------
     >>> found = icp.race(ICP([[2.0]], [-3.0]), methods=["mnmgs"], solvers=[], repeats=1)
     >>> found.measure, found.table().heads[:4]
     ('certified bound on max |z - z*|', ('competitor', 'kind', 'tolerance', 'time, s'))
@@ -97,6 +99,8 @@ class Race(Plotted, Tabular):
         """Who came first to Res_D(z) ≤ 1e-8·Res_D(0), or where nobody did to the smallest tolerance that somebody
         reached, in one sentence; who is level with the first, as their times overlap, is named beside it.
 
+        Examples
+        --------
         >>> icp.race(ICP([[2.0]], [-3.0]), methods=[], solvers=[], repeats=1).winner.split(", in")[0]
         'First to Res_D(z) <= 1e-08 Res_D(0): solve()'
         """
@@ -155,6 +159,8 @@ def race(
     `command` is noted.
     Returns a `Race`. Raises InputError, and Interrupted at Ctrl-C, whose `report` is the race as far as it was.
 
+    Examples
+    --------
     >>> found = icp.race(ICP([[2, -1], [-1, 2]], [-1, 3]), ["mnmgs"], ["osqp"], z_exact=[0.5, 0.0], repeats=1)
     >>> sorted({entry.name for entry in found.entries}), found.measure
     (['mnmgs', 'osqp', 'solve()'], 'max |z - z*|')

@@ -49,6 +49,8 @@ class StabilityMap(Plotted, Tabular):
     `printed` the same of the statements as the paper prints them; `max_iter` and `rtol` of the runs. Of the runs from
     several starts the worst counts. `command` is what makes it again.
 
+    Examples
+    --------
     >>> found = icp.stability("units", points=5, n=9)
     >>> found.ends.shape, found.contradictions, found.printed_contradictions > 0
     ((5, 5), 0, True)
@@ -142,6 +144,8 @@ def stability(
     what is going on; `command` is noted beside the data.
     Returns a `StabilityMap`. Raises InputError, and Interrupted at Ctrl-C, whose `report` is the map as far as it got.
 
+    Examples
+    --------
     >>> icp.stability("relaxation", points=2, n=9).plane.x.name
     'theta1'
     """

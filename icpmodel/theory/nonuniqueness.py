@@ -82,6 +82,8 @@ def known_of_solutions(problem: ProblemData, classes: MatrixClasses, z: Vector |
 def face_at(problem: ProblemData, z: Vector) -> Face | None:
     """The solutions with the active set of `z` where they are not isolated; None where they are or it is not known.
 
+    Examples
+    --------
     >>> face_at(ICP([[1, 1], [1, 1]], [-2, -2]), np.ones(2)).directions
     array([[-1.,  1.]])
     """

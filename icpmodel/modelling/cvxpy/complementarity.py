@@ -25,6 +25,8 @@ class Complementarity(Shown, cp.Constraint):
     of the other one's sign, p > 0 where r is at its lower bound, p < 0 where it is at its upper one. Before, they are
     None; after a solve that failed, they are those of what the variables were left with.
 
+    Examples
+    --------
     >>> import cvxpy as cp
     >>> z = cp.Variable(2)
     >>> contact = icp.complements(2 * z - [2, -2], z)
@@ -51,6 +53,8 @@ class Complementarity(Shown, cp.Constraint):
     def is_bounded(self) -> bool:
         """Whether r has other bounds than 0 below and nothing above, and p any sign.
 
+        Examples
+        --------
         >>> import cvxpy as cp
         >>> z = cp.Variable()
         >>> icp.complements(z - 1, z).is_bounded, icp.complements(z - 1, z, upper=3).is_bounded
@@ -62,6 +66,8 @@ class Complementarity(Shown, cp.Constraint):
     def dual_value(self) -> np.ndarray | None:
         """`p`, under CVXPY's name: the multiplier of r ≥ 0; of l ≤ r ≤ u that below less that above.
 
+        Examples
+        --------
         >>> import cvxpy as cp
         >>> z = cp.Variable(2)
         >>> box = icp.complements(z - [3, -2], z, upper=1)
@@ -99,6 +105,8 @@ def complements(p: Any, r: Any, *, lower: Any = 0.0, upper: Any = None) -> Compl
     Returns a `Complementarity`. Raises InputError where they are no such expressions.
     Reference: Dirkse and Ferris, Optim. Methods Softw. 5 (1995), for mixed complementarity.
 
+    Examples
+    --------
     >>> import cvxpy as cp
     >>> z = cp.Variable(2, name="z")
     >>> icp.complements(2 * z - 1, z - 3)

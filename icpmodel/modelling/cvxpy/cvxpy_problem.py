@@ -71,6 +71,8 @@ class Problem(Shown):
     Reference: Diamond and Boyd, J. Mach. Learn. Res. 17 (2016); Agrawal et al., Differentiable convex optimization
     layers (2019), for DPP.
 
+    Examples
+    --------
     >>> import cvxpy as cp
     >>> z, load = cp.Variable(2), cp.Parameter(2)
     >>> pair = icp.complements(np.array([[2, -1], [-1, 2]]) @ z - load, z - 0.3 * cp.minimum(z, 1))
@@ -107,6 +109,8 @@ class Problem(Shown):
     def constraints(self) -> list[Any]:
         """The constraints as they were given, in a new list.
 
+        Examples
+        --------
         >>> z = cp.Variable(name="z")
         >>> icp.Problem(icp.complements(z - 1, z)).constraints
         [complements(z + -1.0, z)]
@@ -116,6 +120,8 @@ class Problem(Shown):
     def variables(self) -> list[cp.Variable]:
         """The variables in the order in which z stacks them.
 
+        Examples
+        --------
         >>> x, y = cp.Variable(2, name="x"), cp.Variable(name="y")
         >>> icp.Problem([icp.complements(y + 1, y), icp.complements(x - y, x)]).variables()
         [Variable((), y), Variable((2,), x)]
@@ -125,6 +131,8 @@ class Problem(Shown):
     def parameters(self) -> list[cp.Parameter]:
         """The parameters, in the order in which they appear.
 
+        Examples
+        --------
         >>> z, load = cp.Variable(), cp.Parameter(name="load")
         >>> [one.name() for one in icp.Problem(icp.complements(z - load, z)).parameters()]
         ['load']
@@ -134,6 +142,8 @@ class Problem(Shown):
     def is_dpp(self) -> bool:
         """Whether CVXPY compiles the model once for all values of its parameters.
 
+        Examples
+        --------
         >>> z, a, b = cp.Variable(), cp.Parameter(), cp.Parameter()
         >>> [icp.Problem(icp.complements(p, z)).is_dpp() for p in (a * z + b, a * (b * z))]
         [True, False]
@@ -144,6 +154,8 @@ class Problem(Shown):
         """The ICP at the present values of the parameters, without the inequalities. Raises InputError where a
         parameter has none. Where an ICP is expected, as in `icp.explain`, a problem stands for this one.
 
+        Examples
+        --------
         >>> z = cp.Variable(2)
         >>> icp.Problem(icp.complements(z - 1, 2 * z - 6)).icp()
         ICP(n=2, nnz=2, psi=Constant(3))
@@ -158,6 +170,8 @@ class Problem(Shown):
         "user_limit": a limit on iterations, time or memory, the callback or Ctrl-C. "solver_error": nothing was found,
         and nothing proved; `solution.status` and `solution.message` say more.
 
+        Examples
+        --------
         >>> z = cp.Variable()
         >>> problem = icp.Problem(icp.complements(-z - 1, z))
         >>> _ = problem.solve(raise_on_failure=False)
@@ -171,6 +185,8 @@ class Problem(Shown):
         """What CVXPY would call the least value of the objective 0: 0.0 where there is an answer, "optimal" or
         "optimal_inaccurate", inf where there is proved to be none, else None.
 
+        Examples
+        --------
         >>> z = cp.Variable()
         >>> problem = icp.Problem(icp.complements(z - 1, z))
         >>> problem.value, problem.solve().z, problem.value
@@ -200,6 +216,8 @@ class Problem(Shown):
         `raise_on_failure` False they have those of the best iterate, `status` says what it is, and the `Solution`
         comes back. Raises InputError, with the answer written, where CVXPY has no gradient that `requires_grad` needs.
 
+        Examples
+        --------
         >>> z = cp.Variable()
         >>> solution = icp.Problem(icp.complements(2 * z - 3, z - cp.exp(z - 3))).solve("newton")
         >>> solution.z.round(6), round(float(z.value), 6)
@@ -252,6 +270,8 @@ class Problem(Shown):
         shape, NotSolved where the solve failed, SingularOperator where z cannot be differentiated.
         Reference: Agrawal et al., Differentiable convex optimization layers (2019).
 
+        Examples
+        --------
         >>> z, load = cp.Variable(2), cp.Parameter(2, value=[1, -3])
         >>> problem = icp.Problem(icp.complements(np.array([[2, -1], [-1, 2]]) @ z - load, z))
         >>> problem.solve(requires_grad=True).z, problem.backward(), load.gradient
@@ -265,6 +285,8 @@ class Problem(Shown):
         The direction are the parameters' `delta`, of their shape or a number for all entries, by default 0. What
         `backward` says of conditions, certainty and errors holds here, too.
 
+        Examples
+        --------
         >>> z, load = cp.Variable(2), cp.Parameter(2, value=[1, -3])
         >>> problem = icp.Problem(icp.complements(np.array([[2, -1], [-1, 2]]) @ z - load, z))
         >>> _, load.delta = problem.solve(requires_grad=True), [1, 1]
@@ -316,6 +338,8 @@ class Problem(Shown):
         It solves first where the parameters have changed since, or nothing was solved. Inequalities are no part of the
         ICP, and nobody is asked about them.
 
+        Examples
+        --------
         >>> z = cp.Variable(2)
         >>> icp.Problem(icp.complements(2 * z - [1, -1], z)).crosscheck(["osqp"]).agrees
         True
@@ -330,6 +354,8 @@ class Problem(Shown):
     ) -> Explanation:
         """What is certain of the ICP at the present values of the parameters; `icpmodel.explain.explain` says how.
 
+        Examples
+        --------
         >>> z = cp.Variable(2)
         >>> icp.Problem(icp.complements(2 * z - [1, -1], z)).explain().bound.unique
         True

@@ -79,6 +79,8 @@ def cvxpy_solver() -> IcpSolver:
     again begins with the last solution, and with what is known of its matrices.
     Returns always the same object, by which CVXPY knows that a problem with parameters need not be compiled again.
 
+    Examples
+    --------
     >>> import cvxpy as cp
     >>> x = cp.Variable(2)
     >>> problem = cp.Problem(cp.Minimize(cp.sum_squares(x - [3, 0])), [cp.sum(x) == 1, x >= 0])

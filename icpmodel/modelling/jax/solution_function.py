@@ -97,6 +97,8 @@ class SolutionFunction(Shown):
     The factors of the last derivative are kept until the next one. A derivative is taken at the z that it is asked at,
     which is not solved for again.
 
+    Examples
+    --------
     >>> from importlib.util import find_spec
     >>> problem = ICP([[2.0]], [1.0])
     >>> print(solution_of(problem) if find_spec("jax") else f"SolutionFunction({problem})")

@@ -69,6 +69,8 @@ class LeastSquares(Shown):
     def success(self) -> bool:
         """Whether x is optimal.
 
+        Examples
+        --------
         >>> icp.solve_lsq([[1.0]], [1.0]).success
         True
         """

@@ -22,6 +22,8 @@ def qpsolvers_solver() -> str:
     Raises NotApplicable where qpsolvers is not installed.
     Reference: Caron and others, qpsolvers, https://github.com/qpsolvers/qpsolvers.
 
+    Examples
+    --------
     >>> from importlib.util import find_spec
     >>> icp.qpsolvers_solver() if find_spec("qpsolvers") else "icpmodel"
     'icpmodel'

@@ -71,6 +71,8 @@ class ProgramSolution(Shown):
     def found(self) -> bool:
         """Whether x is optimal.
 
+        Examples
+        --------
         >>> icp.solve_qp([[2.0]], [-2.0], ub=[0.5]).found
         True
         """
@@ -80,6 +82,8 @@ class ProgramSolution(Shown):
     def conditions(self) -> ICP:
         """The conditions of optimality as an ICP, in the unknowns (x, y, z).
 
+        Examples
+        --------
         >>> icp.solve_qp([[2.0]], [-2.0], ub=[0.5]).conditions
         ICP(n=1, nnz=1, psi=Constant(-inf), upper=Constant(0.5))
         """
@@ -89,6 +93,8 @@ class ProgramSolution(Shown):
     def error_bound(self) -> ErrorBound:
         """How far x can be from the solution, where H is strongly monotone, and whether there is only one.
 
+        Examples
+        --------
         >>> icp.solve_qp([[2.0]], [-2.0], ub=[0.5]).error_bound.value < 1e-14
         True
         """
@@ -99,6 +105,8 @@ class ProgramSolution(Shown):
     ) -> Report:
         """Independent solvers on the same conditions: see `icpmodel.crosscheck`, which has these options.
 
+        Examples
+        --------
         >>> icp.solve_qp([[2.0]], [-2.0], ub=[0.5]).crosscheck(["osqp"]).agrees
         True
         """

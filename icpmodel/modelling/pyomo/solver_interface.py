@@ -88,6 +88,8 @@ class PyomoSolver(SolverBase):
     `max_iter`, `callback`. The start is what the variables' values say. `tee` prints a log, and the solution's card.
     `results.extra_info.solution` is the `Solution`, with its certificate; its z are ±the variables, see `PyomoReading`.
 
+    Examples
+    --------
     >>> import pyomo.environ as pyo
     >>> from pyomo.contrib.solver.common.factory import SolverFactory
     >>> from pyomo.mpec import Complementarity, complements

@@ -16,6 +16,8 @@ def size_of_terms(expression: Any) -> float:
     A variable without a value counts as 0: its coefficients are 0. Sums within products and quotients are multiplied
     out. Anything else, such as a power, is one term.
 
+    Examples
+    --------
     >>> import pyomo.environ as pyo
     >>> model = pyo.ConcreteModel()
     >>> model.x = pyo.Var(initialize=3.0)

@@ -157,6 +157,8 @@ class ActiveSet(ReadOnly, Shown):
     With an obstacle above, inactive rows are off both, and `above` are those at the upper one (p* < 0, z* = ψ̄); None
     where there is none.
 
+    Examples
+    --------
     >>> problem = ICP([[2, -1], [-1, 2]], [-1, 3])
     >>> print(problem.solve().active_set)
     1 at the obstacle, 1 off it, 0 undecided

@@ -72,6 +72,8 @@ class Contradiction(ReadOnly, Shown):
     def witness(self, n: int) -> Vector:
         """(y, x) as in `infeasible`, shape (2n,): the weights of the n rows of p and of those of r, with their signs.
 
+        Examples
+        --------
         >>> icp.contradiction(ICP([[0]], [-2])).witness(1)
         array([1., 0.])
         """
@@ -87,6 +89,8 @@ class Contradiction(ReadOnly, Shown):
     def named(self, name: Callable[[int], str]) -> Contradiction:
         """The same with the names of rows before the conditions: constraints of a model, labels of a DataFrame.
 
+        Examples
+        --------
         >>> found = icp.contradiction(ICP([[0]], [-2]))
         >>> print(found.named(["balance"].__getitem__))
         infeasible by 2: balance: p[0] >= 0

@@ -84,6 +84,8 @@ class _Theorem:
 def theorems() -> dict[str, str]:
     """Name → the theorem in one sentence, as corrected.
 
+    Examples
+    --------
     >>> list(theorems())
     ['4.1', '4.2', '4.3', '4.4', 'sharper', 'rowwise', 'h-plus', 'monotone', 'definite']
     """
@@ -132,6 +134,8 @@ def check(theorem: str, problem: ProblemData, member: Member, as_printed: bool =
 def check_all(problem: ProblemData, member: Member, limit: Allowance = UNLIMITED) -> dict[str, Check]:
     """Every theorem, corrected: name → `Check`. What serves one is tried first on the next; `limit` is that of each.
 
+    Examples
+    --------
     >>> from icpmodel import MNMGS
     >>> [name for name, found in check_all(ICP([[2, -1], [-1, 2]], [0, 0]), MNMGS()).items() if found.holds]
     ['4.1', '4.2', '4.3', '4.4', 'sharper']

@@ -106,6 +106,8 @@ class MatrixClasses(ReadOnly, Shown):
 
     Each is computed when it is first asked for; `print` asks for all. Yes and no are proved, rounding included.
 
+    Examples
+    --------
     >>> MatrixClasses(as_csr([[1.0, 2.0], [0.0, 1.0]], "A")).triangular.witness
     'upper'
     """
