@@ -11,6 +11,7 @@ import numpy as np
 from ..algebra.linear_rows import LinearRows, Sides, piece_count
 from ..numerics.arrays import Vector
 from ..numerics.rational import nearest
+from ..numerics.work import check_budget
 from ..problem.data import ProblemData
 from ..theory.answers import Answer
 from ..theory.solution_set import ExactRows
@@ -82,6 +83,7 @@ def _exactly(problem: ProblemData, undecided: Sides) -> Iterator[Iterate]:
     exact = ExactRows(problem)
     any_found = False
     for sides in undecided:
+        check_budget()
         if (found := exact.solve(sides)) is not None:
             any_found = True
             yield np.array([nearest(x) for x in found.point]), None
