@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import chain
@@ -11,26 +11,19 @@ from typing import Any
 
 import numpy as np
 
-from ..algebra.factor_costs import factor_costs
 from ..errors import InputError, Interrupted, OutOfTime
 from ..numerics.arrays import as_number
-from ..numerics.processes import CAN_FORK, in_a_process
 from ..numerics.rounding import public_entry
-from ..problem.data import ProblemData, ProblemLike, as_problem
+from ..problem.data import ProblemLike, as_problem
 from ..solve.driver import solve
 from ..solve.progress import status_line
 from ..solve.solution import Solution, certify
 from ..solvers.foreign import Claim, ForeignSolver, ask, chosen_solvers
 from ..solvers.formulations import Target
+from ..solvers.in_time import in_time
 from .judge import Checked, Row, Verdict, finite
 from .report import Report
 
-#: how many times as long as a factorisation by BLAS, and how many nanoseconds for each entry of A beside it, a solver
-#: sets up in one piece: OSQP and CVXPY at n = 1000, dense, and for the membrane with n = 40 000; up to this share of
-#: the time that is no reason for a process of its own
-_FACTORS = 25.0
-_ENTRY = 3000.0
-_SHARE = 0.1
 #: what is certain of the answer (Res_D(z), the error bound or None, why there is none), a solver that begins, or a row
 _Item = tuple[float, float | None, str] | str | Row
 
@@ -111,7 +104,7 @@ def crosscheck(
         items = partial(_items, checked, chosen, solution, end)
         try:
             with status_line(progress, f"{len(chosen)} solvers, {time_limit:g} s at most") as say:
-                for item in _followed(items, problem, len(chosen), end):
+                for item in in_time(items, problem, 1 + len(chosen), end):
                     if isinstance(item, str):
                         at_work = item
                         say(f"asking {at_work}")
@@ -150,16 +143,6 @@ def _report(checked: Checked, solution: Any, certain: tuple[float, float | None,
         reason=certain[2],
         tolerance=finite(checked.tolerance),
     )
-
-
-def _followed(items: Callable[[], Iterator[_Item]], problem: ProblemData, count: int, end: float) -> Iterator[_Item]:
-    """The `items`, from a process of their own where they may take longer in one piece than there is time."""
-    piece = _FACTORS * factor_costs(problem.matrix).first + _ENTRY * problem.matrix.nnz
-    if (1 + count) * piece <= 1e9 * _SHARE * (end - time.perf_counter()):
-        return items()
-    if not CAN_FORK:
-        raise OutOfTime("the solvers may take longer in one piece, and cannot be stopped here")
-    return in_a_process(items, end)
 
 
 def _items(checked: Checked, chosen: list[ForeignSolver], solution: Any, end: float) -> Iterator[_Item]:

@@ -34,7 +34,7 @@ from ..errors import InputError, MapError, NotApplicable, OutOfTime, SingularOpe
 from ..numerics.arrays import Mask, ReadOnly, Vector, described, norm
 from ..numerics.rounding import SMALLEST, UNIT_ROUNDOFF, public_entry
 from ..present.card import Card
-from ..present.shown import Shown
+from ..present.shown import Plotted, Shown
 from ..problem.data import ProblemData
 from ..problem.two_sided import sides_of
 from ..solve.driver import solve
@@ -72,7 +72,7 @@ class OneSided(ReadOnly, Shown):
         return iter((self.right, self.left))
 
 
-class Derivative(ReadOnly, Shown):
+class Derivative(ReadOnly, Plotted):
     """The derivative of z* in A, q and ψ at a solution, forward and adjoint.
 
     Parameters

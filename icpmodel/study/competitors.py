@@ -27,8 +27,8 @@ from .cases import Case, fresh, unbroken
 class Entry(Shown):
     """One competitor at one `tolerance` of a race: `seconds` of each round, and among them `build` seconds to make the
     ICP or the QP and `setup` seconds of the solver (None: not known apart); `error` in the race's measure, `residual`
-    Res_D(z)/Res_D(0), its `claim`, and whether that is `wrong`: success, at a residual of ten times the tolerance or
-    more.
+    Res_D(z)/Res_D(0), its `claim`, and whether that is `loose`: success, at a residual of more than ten times the
+    tolerance, which for a foreign solver is one of its own measure.
     """
 
     name: str
@@ -40,12 +40,21 @@ class Entry(Shown):
     error: float | None = None
     residual: float | None = None
     claim: str = ""
-    wrong: bool = False
+    loose: bool = False
 
     @property
     def median(self) -> float:
         """The median of the `seconds`."""
         return float(np.median(self.seconds))
+
+    @property
+    def note(self) -> str:
+        """What is to be said of a loose claim."""
+        if not self.loose:
+            return ""
+        ours = "no number" if self.residual is None else f"{self.residual:.1e}"
+        theirs = " in its own measure" if self.kind == "peer" else ""
+        return f"asked for {self.tolerance:g}{theirs}, {ours} in ours"
 
 
 class Competitor(ABC):
@@ -55,6 +64,8 @@ class Competitor(ABC):
     name: str
     #: what may be raised and is then its claim; anything else is an error of ours
     raises: tuple[type[Exception], ...] = (IcpError, MemoryError)
+    #: whether it keeps to the time limit by itself
+    stops = False
 
     def why_not(self, case: Case) -> str | None:
         """Why it cannot take `case`, or None."""
@@ -79,6 +90,8 @@ class Competitor(ABC):
 
 class Own(Competitor):
     """A `method` of this package, without one `solve()` itself; with `tune` it is tune(problem), part of its time."""
+
+    stops = True
 
     def __init__(
         self, name: str = "solve()", method: Method | None = None, tune: Callable[[ICP], Method] | None = None

@@ -6,8 +6,10 @@ import io
 import os
 import re
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -16,6 +18,7 @@ from ..crosscheck.check import crosscheck
 from ..derivatives.derivative import Derivative
 from ..errors import FileError, IcpError, InputError
 from ..explain.explanation import explain
+from ..methods.aor import MNMGS
 from ..numerics.arrays import Vector, as_number
 from ..numerics.rounding import at_most
 from ..present.card import Card
@@ -25,13 +28,11 @@ from ..problem.data import ProblemData, ProblemLike
 from ..scenes import Scene
 from ..scenes.registry import title as called
 from ..solve.driver import solve
-from ..solve.progress import status_line
+from ..solve.progress import Progress, status_line
 from ..solve.solution import Solution
+from .cases import unbroken
 from .charts.figures import Panel, drawing, panel_figure
-from .charts.interactive import is_installed, linked
-from .charts.sliders import MOVED, run_slider, theta_slider
-from .charts.solution_charts import solution_drawing
-from .charts.study_charts import map_panel
+from .charts.solution_charts import Fields
 from .planes import relaxation
 from .race import race
 from .sensitivity import sensitivity
@@ -50,6 +51,8 @@ _SHARE = 0.25
 #: the tolerances of the race, and the seconds that each of its runs may take
 _TOLERANCES = tuple(10.0**-k for k in range(2, 13, 2))
 _RACE_LIMIT = 3.0
+#: the ratio of the numbers of two iterates of a run that are pictured
+_RATIO = 3
 
 
 class Page(str):
@@ -73,8 +76,6 @@ class Section:
         A sentence or two.
     panels : sequence of Panel
         The pictures.
-    slider : dict or None
-        The slider of the pictures, see `icpmodel.study.charts.sliders`.
     folded : list of (str, str)
         What can be unfolded: what it is, and its HTML.
     missing : str
@@ -84,12 +85,10 @@ class Section:
     short: str = ""
     lead: str = ""
     panels: Sequence[Panel] = ()
-    slider: dict[str, Any] | None = None
     folded: list[tuple[str, str]] = field(default_factory=list)
     missing: str = ""
     heading: str = ""
     question: str = ""
-    charts: list[str] = field(default_factory=list)
 
     @property
     def anchor(self) -> str:
@@ -97,10 +96,9 @@ class Section:
         return re.sub(r"\W+", "-", self.heading.lower())
 
     @property
-    def pictures(self) -> list[tuple[Panel, str, str]]:
-        """(panel, its SVG, its chart or "") of each picture."""
-        charts = [*self.charts, *[""] * len(self.panels)]
-        return [(panel, _svg(panel), made) for panel, made in zip(self.panels, charts, strict=False)]
+    def pictures(self) -> list[tuple[Panel, str]]:
+        """Each panel with its SVG."""
+        return [(panel, _svg(panel)) for panel in self.panels]
 
 
 def report(
@@ -121,9 +119,7 @@ def report(
     and whether the answer has a derivative. What cannot be done, such as a cross-check of a problem
     that is too large, is said in its place. The page is dark where the reader's screen is.
 
-    Where Bokeh is installed, which the extra "report" does, the figures can be pointed at, zoomed and
-    filtered by solver, and sliders go through iterates and over θ. Without scripts, and in print,
-    they stand still.
+    A marker that is pointed at has its numbers, and a figure that is clicked on is as wide as the page.
 
     Parameters
     ----------
@@ -147,7 +143,7 @@ def report(
     Returns
     -------
     str
-        The HTML text, less than 5 MB, of which Bokeh is 1.3. It loads nothing.
+        The HTML text, about 1 MB. It loads nothing.
 
     Raises
     ------
@@ -197,7 +193,6 @@ def report(
         machine=machine(),
         command=command,
         sections=sections,
-        **_bokeh(sections),
     )
     if place is not None:
         write_ours(place, page.encode(), holds=GENERATOR)
@@ -252,16 +247,34 @@ def _answer(solution: Solution, start: Vector | None, points: Vector | None, tim
     )
     if not solution.solved:
         short = f"No: {solution.message}. What is shown is the best that was found in {took}."
-    panels = [*solution_drawing(solution, points, most=MOVED).panels]
+    panels = [*drawing(solution, points=points).panels]
     if solution.history_or_none is not None and solution.history.residual.size > 1:
         panels += drawing(solution.history).panels
+    with suppress(IcpError):
+        panels += drawing(_on_the_way(solution, start, min(_RACE_LIMIT, time_limit)), points=points).panels
     return Section(
         short=short,
-        lead="The slider goes through a run, from the start to the answer; in sweeps one sees the contact close in.",
+        lead="Last, a run of the paper's sweeps: z as the contact closes in.",
         panels=panels,
-        slider=run_slider(solution, points, start, min(_RACE_LIMIT, time_limit)),
         folded=[("The solve in detail", Card(solution.summary()).to_html())],
     )
+
+
+def _on_the_way(solution: Solution, start: Vector | None, time_limit: float) -> Fields:
+    """z at iterates in geometric progression of a run of the paper's sweeps. Raises IcpError."""
+    seen: dict[str, Vector] = {}
+    following = 0
+
+    def watch(now: Progress) -> None:
+        nonlocal following
+        if now.iteration >= following:
+            following = max(now.iteration + 1, _RATIO * now.iteration)
+            seen[f"z after {now.iteration} steps"] = now.z
+
+    problem = solution.problem
+    options: dict[str, Any] = {"z0": start, "time_limit": time_limit, "raise_on_failure": False}
+    unbroken(solve(problem, MNMGS(), callback=watch, **options))
+    return Fields(problem, seen)
 
 
 def _certain(solution: Solution) -> Section:
@@ -326,11 +339,9 @@ def _map(problem: ProblemData) -> Section:
     largest, max_iter, points, starts = _worth_mapping(problem)
     found = stability(relaxation(points, problem, largest), starts=starts, max_iter=max_iter)
     worst = f" from {starts} starts, of which the worst counts" if starts > 1 else ""
-    falls, theta, slider = theta_slider(found, problem)
     return Section(
         lead=f"What relaxation does to the paper's method: at each point {found.plane.title} is solved{worst}.",
-        panels=[map_panel(found, theta), falls],
-        slider=slider,
+        panels=drawing(found).panels,
         folded=[("Counted", found._repr_html_())],
     )
 
@@ -353,36 +364,34 @@ def _worth_mapping(problem: ProblemData) -> tuple[float, int, int, int]:
     return best
 
 
-def _bokeh(sections: list[Section]) -> dict[str, str]:
-    """The library and the script that puts the charts into their elements, empty without charts or Bokeh."""
-    charts = [linked(section.panels) for section in sections] if is_installed() else []
-    every = [one for part in charts for one in part]
-    if not every:
-        return {"library": "", "script": ""}
-    from bokeh.embed import components
-    from bokeh.resources import Resources
-
-    script, elements = components(every)
-    placed = iter(elements)
-    for section, part in zip(sections, charts, strict=True):
-        section.charts = [next(placed) for _ in part]
-    return {"library": Resources(mode="inline", components=["bokeh"]).render_js(), "script": script}
-
-
 def _svg(panel: Panel) -> str:
     """The panel as an SVG element that says what it shows.
 
     Names within it are its own, as several figures meet on a page. What is black has the colour of the text, and white
-    paper is the page.
+    paper is the page. A marker says its numbers.
     """
     figure = panel_figure(panel)
     figure.patch.set_visible(False)
+    says: dict[str, list[str]] = {}
     for axes in figure.axes:
         axes.patch.set_visible(axes.get_facecolor() != (1.0, 1.0, 1.0, 1.0))
+        for line in axes.lines:
+            if line.get_marker() != "None" and not line.get_label().startswith("_"):
+                line.set_gid(f"m{len(says)}")
+                says[line.get_gid()] = [f"{line.get_label()}: {x:.3g}, {y:.3g}" for x, y in line.get_xydata()]
     text = io.StringIO()
     figure.savefig(text, format="svg", dpi=110)
     svg = text.getvalue()
     svg = svg[svg.index("<svg") :].replace("#000000", "currentColor")
+    for gid, words in says.items():
+        svg = re.sub(rf'<g id="{gid}">.*?(?=<g id=)', partial(_tipped, iter(words)), svg, count=1, flags=re.DOTALL)
     mark = f"f{zlib.crc32(svg.encode()):x}-"
     svg = re.sub(r'(\bid="|url\(#|href="#)', lambda match: match.group(1) + mark, svg)
     return svg.replace("<svg", f'<svg role="img" aria-label="{escape(panel.alt)}" fill="currentColor"', 1)
+
+
+def _tipped(words: Iterator[str], group: re.Match[str]) -> str:
+    """The markers of a group, each with the next of the words as its title."""
+    return re.sub(
+        r"(<use [^>]*)/>", lambda one: f"{one.group(1)}><title>{escape(next(words, ''))}</title></use>", group.group()
+    )

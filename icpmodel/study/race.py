@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import contextlib
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from functools import partial
+from itertools import product
 from typing import Any
 
 import numpy as np
 
-from ..errors import IcpError, InputError, Interrupted
+from ..errors import InputError, Interrupted, OutOfTime
 from ..methods.contract import Method, named
-from ..numerics.arrays import Vector, as_list, as_number
+from ..numerics.arrays import as_list, as_number
 from ..numerics.rounding import public_entry
 from ..present.rendering import render
 from ..present.shown import Plotted
@@ -22,10 +23,11 @@ from ..problem.data import ProblemLike, as_problem
 from ..scenes import Scene
 from ..scenes.registry import title as called
 from ..solve.driver import solve
-from ..solve.goal import RTOL
+from ..solve.goal import RTOL, Limits
 from ..solve.progress import status_line, time_left
-from ..solvers.foreign import ForeignSolver, chosen_solvers
-from .cases import Case, fresh, unbroken
+from ..solvers.foreign import Claim, ForeignSolver, chosen_solvers
+from ..solvers.in_time import in_time
+from .cases import Case, unbroken
 from .competitors import Competitor, Entry, Foreign, Limit, Own, own_methods
 from .timing import clocked, interleaved, machine, timed
 
@@ -33,14 +35,12 @@ from .timing import clocked, interleaved, machine, timed
 TOLERANCES = tuple(10.0**-k for k in range(2, 13))
 #: own methods of which a chart is made where none are named
 METHODS = ("mnmgs", "mnmaor, tuned", "psor, tuned", "newton", "multilevel")
-#: a claim of success is wrong where the residual, relative to Res_D(0), is so many times what was asked for
-_WRONG = 10.0
+#: a claim of success is loose where the residual, relative to Res_D(0), is more than so many times what was asked for
+_LOOSE = 10.0
 #: a run that takes so many seconds is timed once
 _ONCE = 1.0
 #: how often what a competitor is given is made, for the median
 _BUILDS = 3
-#: after iterate k of a run the error is next computed at so many times k
-_TRACED = 1.2
 
 #: z ↦ its error, None where it has none
 _Error = Callable[[Any], float | None]
@@ -49,9 +49,22 @@ _Say = Callable[[str], None]
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Race(Plotted, Tabular):
-    """What a race found: `entries`, one per competitor and tolerance; `traces`, name → (seconds, errors) of one run
-    of each own method; `measure` what "error" is, in words; `limit` the seconds of one linear solve with A, None where
-    PyAMG could not do it; `skipped` pairs (name, reason); `command` what makes the race again.
+    """What a race found.
+
+    Attributes
+    ----------
+    title : str
+        The problem, the machine and the date.
+    measure : str
+        What "error" is, in words.
+    entries : tuple of Entry
+        One for each competitor and tolerance.
+    limit : float or None
+        The seconds of one linear solve with A, None where PyAMG could not do it.
+    skipped : tuple of (str, str)
+        Who did not take part, and why.
+    command : str
+        What makes the race again.
 
     Examples
     --------
@@ -66,7 +79,6 @@ class Race(Plotted, Tabular):
     title: str
     measure: str
     entries: tuple[Entry, ...]
-    traces: dict[str, tuple[Vector, Vector]] = field(default_factory=dict)
     limit: float | None = None
     skipped: tuple[tuple[str, str], ...] = ()
     command: str = ""
@@ -77,11 +89,11 @@ class Race(Plotted, Tabular):
         rows: list[tuple[Any, ...]] = []
         for one in self.entries:
             times = (one.median, min(one.seconds), max(one.seconds), one.build, one.setup)
-            said = (one.error, one.residual, one.claim, "wrong" if one.wrong else "")
+            said = (one.error, one.residual, one.claim, one.note)
             rows.append((one.name, one.kind, one.tolerance, *times, *said))
         if self.limit is not None:
             rows.append((Limit.name, Limit.kind, RTOL, *[self.limit] * 3, *[None] * 4, "", ""))
-        return Table(self.title, (*heads, self.measure, "Res_D(z) / Res_D(0)", "claim", "is"), tuple(rows))
+        return Table(self.title, (*heads, self.measure, "Res_D(z) / Res_D(0)", "claim", "note"), tuple(rows))
 
     def left_out(self) -> list[str]:
         """Who did not take part, and why."""
@@ -145,19 +157,50 @@ def race(
     progress: bool = False,
     command: str = "",
 ) -> Race:
-    """Own methods and foreign solvers at every tolerance, build and set-up included, in turn, `repeats` times.
+    """Time own methods and foreign solvers at every tolerance, in turn, build and set-up included.
 
-    A competitor whose answer is already as good as a smaller tolerance asks for is not run at that one again.
+    Parameters
+    ----------
+    problem : ICP, Scene, or what else can be solved
+        The problem.
+    methods : sequence of str or Method, optional
+        Own methods beside `solve()`; by default some that the problem admits. "mnmaor, tuned" and
+        "psor, tuned" have the ω of the estimated Jacobi radius.
+    solvers : sequence of str or ForeignSolver, optional
+        Independent solvers, by default all that the problem admits.
+    z_exact : array_like of shape (n,), optional
+        The solution where it is known; by default that of the scene.
+    tolerances : sequence of float, default 1e-2, 1e-3, ... 1e-12
+        What each competitor is asked for, in its own sense.
+    repeats : int, default 3
+        Rounds of timings; a run of a second or more is timed once.
+    time_limit : float, default 10
+        Seconds for a run with its set-up. A competitor that takes longer is asked for no more, and
+        one whose set-up alone is expected to take longer does not take part.
+    progress : bool, default False
+        Whether a line shows what is going on.
+    command : str, optional
+        Noted beside the data.
 
-    The error is max|z − z*| where `z_exact` is given; else |z − ẑ| + β, a certified bound, with a polished answer ẑ and
-    its own error bound β; else, where there is no bound, Res_D(z)/Res_D(0). One measure holds for all of a race.
-    Parameters: `methods` by name ("mnmaor, tuned" and "psor, tuned" have the ω of the estimated Jacobi radius) or as
-    objects, beside `solve()` itself; `solvers`, any foreign solver by name or as an object, both by default what the
-    problem admits; `z_exact` shape (n,), by default that of the scene where `problem` is one;
-    `tolerances`, to each competitor in its own sense; `repeats` ≥ 1, one for runs of a second or more; `time_limit`
-    seconds for a run, after which a competitor is not asked for more; `progress` shows a line on what is going on;
-    `command` is noted.
-    Returns a `Race`. Raises InputError, and Interrupted at Ctrl-C, whose `report` is the race as far as it was.
+    Returns
+    -------
+    Race
+        The times and errors.
+
+    Raises
+    ------
+    InputError
+        For wrong arguments.
+    Interrupted
+        At Ctrl-C; its `report` is the race so far.
+
+    Notes
+    -----
+    The error is max|z − z*| where `z_exact` is given. Otherwise it is |z − ẑ| + β, a certified bound,
+    with a polished answer ẑ and its error bound β. Without β it is Res_D(z)/Res_D(0). One measure
+    holds for all of a race.
+
+    A competitor is not asked for a tolerance that its answer to a larger one meets already.
 
     Examples
     --------
@@ -174,31 +217,27 @@ def race(
     asked = {as_number(one, "tolerances", above=0.0, below=1.0) for one in as_list(tolerances, "tolerances")}
     if not asked:
         raise InputError("tolerances is empty; at least one number in (0, 1) was expected")
-    named = Own(), *_own(methods), *map(Foreign, chosen_solvers(solvers, "race"))
-    reasons = {one: one.why_not(case) for one in named}
-    entered = [one for one, reason in reasons.items() if reason is None]
-    skipped = tuple((one.name, reason) for one, reason in reasons.items() if reason is not None)
-    found = Race(title=f"{called(problem)} ({machine()})", measure="", entries=(), skipped=skipped, command=command)
+    named = [Own(), *_own(methods), *map(Foreign, chosen_solvers(solvers, "race"))]
+    found = Race(title=f"{called(problem)} ({machine()})", measure="", entries=(), command=command)
     entries: dict[tuple[str, float], Entry] = {}
+    runs = len(named) * (1 + len(asked) * repeats)
+    opening = f"{len(named)} competitors, at most {runs} runs of up to {limit:g} s: {runs * limit:.3g} s at most"
     try:
-        runs = len(entered) * len(asked) * repeats
-        opening = f"{len(entered)} competitors, at most {runs} runs of up to {limit:g} s: {runs * limit:.3g} s at most"
         with status_line(progress, opening) as say:
             say("the measure of error")
-            measure, error = _measure(case, z_exact)
+            measure, error = _measure(case, z_exact, limit)
             found = replace(found, measure=measure)
             say("one linear solve")
-            linear = partial(Limit().run, case, RTOL, limit)
-            if linear().solved:
-                seconds = timed({"solve": lambda: linear().seconds}, repeats, warm=False)["solve"]
-                found = replace(found, limit=float(np.median(seconds)))
+            found = replace(found, limit=_linear_solve(case, repeats, limit))
+            entered = []
+            for one in named:
+                say(f"{one.name}: warming up")
+                if reason := _first_run(case, one, max(asked), limit):
+                    found = replace(found, skipped=(*found.skipped, (one.name, reason)))
+                else:
+                    entered.append(one)
             for entry in _run(case, entered, sorted(asked, reverse=True), repeats, limit, error, say):
                 entries[entry.name, entry.tolerance] = entry
-            for one in entered:
-                if isinstance(one, Own):
-                    say(f"{one.name}: its path")
-                    with contextlib.suppress(IcpError):
-                        found.traces[one.name] = _path(case, one, min(asked), limit, error)
     except KeyboardInterrupt:
         raise Interrupted(replace(found, entries=tuple(entries.values()))) from None
     return replace(found, entries=tuple(entries.values()))
@@ -213,20 +252,20 @@ def _own(methods: Sequence[str | Method] | None) -> list[Competitor]:
     ]
 
 
-def _measure(case: Case, z_exact: Any) -> tuple[str, _Error]:
+def _measure(case: Case, z_exact: Any, limit: float) -> tuple[str, _Error]:
     """What "error" is in words, and the function of z that gives it."""
     problem = case.problem
-    if z_exact is not None:
-        exact = problem.vector(z_exact, "z_exact", finite=True)
-        known = 0.0
-        words = "max |z - z*|"
-    else:
-        best = unbroken(solve(problem, rtol=1e-12, raise_on_failure=False)).polish()
-        if best.error_bound is None:
-            return "Res_D(z) / Res_D(0)", case.judged
-        exact = best.z
-        known = best.error_bound
-        words = "certified bound on max |z - z*|"
+    known = 0.0
+    words = "max |z - z*|"
+    if z_exact is None:
+        with suppress(OutOfTime), Limits(rtol=RTOL, atol=0.0, max_iter=0, time_limit=limit).kept():
+            best = unbroken(solve(problem, rtol=1e-12, raise_on_failure=False)).polish()
+            z_exact = None if best.error_bound is None else best.z
+            known = best.error_bound or 0.0
+            words = "certified bound on max |z - z*|"
+    if z_exact is None:
+        return "Res_D(z) / Res_D(0)", case.judged
+    exact = problem.vector(z_exact, "z_exact", finite=True)
 
     def error(z: Any) -> float | None:
         distance = float(np.abs(np.asarray(z, dtype=np.float64) - exact).max()) + known
@@ -235,64 +274,78 @@ def _measure(case: Case, z_exact: Any) -> tuple[str, _Error]:
     return words, error
 
 
+def _first_run(case: Case, one: Competitor, tolerance: float, limit: float) -> str | None:
+    """Why `one` does not take part, or None. Its first run imports and compiles what it needs.
+
+    What nothing can stop runs in a process that can be ended, and here only where that is over in time.
+    """
+
+    def attempt() -> Iterator[str | None]:
+        reason = one.why_not(case)
+        if reason is None:
+            one.build(case)
+            one.run(case, tolerance, limit)
+        yield reason
+
+    try:
+        reason = None if one.stops else next(in_time(attempt, case.problem, 1, time.perf_counter() + limit))
+        return reason or next(attempt())
+    except OutOfTime:
+        return f"its set-up and first run take longer than time_limit = {limit:g} s"
+    except ChildProcessError as error:
+        return str(error)
+
+
+def _linear_solve(case: Case, repeats: int, limit: float) -> float | None:
+    """The median time of `Limit`, None where it fails or takes too long."""
+    one = Limit()
+    if _first_run(case, one, RTOL, limit) is not None or not one.run(case, RTOL, limit).solved:
+        return None
+    seconds = timed({"solve": lambda: one.run(case, RTOL, limit).seconds}, repeats, warm=False)["solve"]
+    return float(np.median(seconds))
+
+
 def _run(
     case: Case, entered: list[Competitor], asked: list[float], repeats: int, limit: float, error: _Error, say: _Say
 ) -> Iterator[Entry]:
     """In the first round it turns out who needs which tolerances and how long; the short runs are then repeated."""
-    for one in entered:
-        say(f"{one.name}: warming up")
-        one.run(case, asked[0], limit)  # imports and compiles
     built = timed({one.name: clocked(partial(one.build, case)) for one in entered}, _BUILDS, warm=False)
     builds = {name: float(np.median(seconds)) for name, seconds in built.items()}
-    enough = dict.fromkeys(builds, 1.0)  # tolerances from this one on need no run of their own, 0 for none at all
+    reached = dict.fromkeys(builds, 1.0)  # 0 for one that is asked for no more
     again = {}
     entries = {}
-    done = 0
-    total = len(asked) * len(entered)
     begin = time.monotonic()
-    for tolerance in asked:
-        for one in (one for one in entered if tolerance < enough[one.name]):
-            say(f"round 1 of {repeats}: {one.name} at {tolerance:.0e}{time_left(begin, done, total)}")
-            done += 1
-            run = one.run(case, tolerance, limit)
-            build = builds[one.name]
-            entry = Entry(one.name, one.kind, tolerance, (build + run.seconds,), build, run.setup, claim=run.words)
-            if run.z is not None:
-                entry = replace(entry, error=error(run.z), residual=case.judged(run.z))
-            wrong = run.solved and (entry.residual is None or entry.residual > _WRONG * tolerance)
-            entries[one.name, tolerance] = entry = replace(entry, wrong=wrong)
-            yield entry
-            if run.seconds > limit or run.z is None:
-                enough[one.name] = 0.0
-            elif entry.residual is not None:  # it has reached more than it was asked for
-                enough[one.name] = entry.residual
-            if entry.seconds[0] < _ONCE:
-                again[one.name, tolerance] = partial(one.run, case, tolerance, limit)
+    for done, (tolerance, one) in enumerate(product(asked, entered)):
+        if tolerance >= reached[one.name]:
+            continue
+        left = time_left(begin, done, len(asked) * len(entered))
+        say(f"round 1 of {repeats}: {one.name} at {tolerance:.0e}{left}")
+        key = one.name, tolerance
+        run = one.run(case, tolerance, limit)
+        entries[key] = entry = _entry(case, one, tolerance, builds[one.name], run, error)
+        yield entry
+        if run.seconds > limit or run.z is None:
+            reached[one.name] = 0.0
+        elif entry.residual is not None:
+            reached[one.name] = entry.residual
+        if entry.seconds[0] < _ONCE:
+            again[key] = partial(one.run, case, tolerance, limit)
     for key, run in interleaved(again, repeats - 1, say=lambda k: say(f"round {k + 1} of {repeats}")):
         entries[key] = replace(entries[key], seconds=(*entries[key].seconds, builds[key[0]] + run.seconds))
         yield entries[key]
 
 
-def _path(case: Case, one: Own, tolerance: float, limit: float, error: _Error) -> tuple[Vector, Vector]:
-    """(seconds, errors) along one run, at iterates in geometric progression; what the errors take is not counted."""
-    seen: list[tuple[float, float | None]] = []
-    following = 0
-    lost = 0.0
-    unseen = None
-
-    def look(state: Any) -> None:
-        nonlocal following, lost, unseen
-        unseen = state if state.iteration < following else None
-        if unseen is None:
-            begin = time.perf_counter()
-            seen.append((state.seconds - lost, error(state.z)))
-            following = max(state.iteration + 1, int(_TRACED * state.iteration))
-            lost += time.perf_counter() - begin
-
-    problem = fresh(case.problem)
-    options: dict[str, Any] = {"rtol": tolerance, "time_limit": limit, "raise_on_failure": False}
-    unbroken(problem.solve(one.method(problem), callback=look, **options))
-    if unseen is not None:  # the last iterate
-        seen.append((unseen.seconds - lost, error(unseen.z)))
-    seconds, errors = np.array([(t, e) for t, e in seen if e is not None]).reshape(-1, 2).T
-    return seconds, errors
+def _entry(case: Case, one: Competitor, tolerance: float, build: float, run: Claim, error: _Error) -> Entry:
+    residual = None if run.z is None else case.judged(run.z)
+    return Entry(
+        one.name,
+        one.kind,
+        tolerance,
+        seconds=(build + run.seconds,),
+        build=build,
+        setup=run.setup,
+        error=None if run.z is None else error(run.z),
+        residual=residual,
+        claim=run.words,
+        loose=run.solved and (residual is None or residual > _LOOSE * tolerance),
+    )

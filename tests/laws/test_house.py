@@ -47,7 +47,6 @@ HEAVY = {
     "click",
     "cvxpy",
     "cvxpylayers",
-    "bokeh",
     "gamspy_base",
     "highspy",
     "IPython",

@@ -26,7 +26,6 @@ RACE = icp.study.Race(
     title=LONG,
     measure="error",
     entries=tuple(Entry(f"method {k}", "own", 0.1, seconds=(1.0,), claim=LONG) for k in range(20)),
-    traces={f"method {k}": (np.arange(500.0), np.arange(500.0)) for k in range(20)},
     skipped=((LONG, LONG),),
 )
 Z = cp.Variable(200, name="z" * 50)

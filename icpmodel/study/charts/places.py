@@ -23,8 +23,6 @@ PIXELS = 200_000
 _GRID_AXES = ("column", "row", "layer")
 
 Rows = NDArray[np.intp]
-#: what an artist draws, None where there is nothing
-Columns = dict[str, list[float | None]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,14 +62,13 @@ class Slice:
         """The shape of a field of the grid."""
         return self.axes[1].size, self.axes[0].size
 
-    def marked(self, mask: Mask) -> Columns:
+    def marked(self, mask: Mask) -> tuple[Vector, Vector]:
         """The outline of the cells of the rows in `mask`, or the points themselves where there is no grid."""
         inside = mask[self.rows]
         if not self.is_grid:
-            return {"x": numbers(self.x[inside]), "y": numbers(self.y[inside])}
+            return self.x[inside], self.y[inside]
         columns, rows = self.axes
-        x, y = outline(edges(columns), edges(rows), inside.reshape(self.cells))
-        return {"x": numbers(x), "y": numbers(y)}
+        return outline(edges(columns), edges(rows), inside.reshape(self.cells))
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,8 +99,8 @@ class Places:
     by_row: bool = False
 
 
-def places_of(problem: ProblemData, points: Any = None, shape: Any = None, most: int = PIXELS) -> Places:
-    """Choose the places of the unknowns of `problem`, at most about `most` of them.
+def places_of(problem: ProblemData, points: Any = None, shape: Any = None) -> Places:
+    """Choose the places of the unknowns of `problem`, about `PIXELS` of them at most.
 
     Parameters
     ----------
@@ -113,8 +110,6 @@ def places_of(problem: ProblemData, points: Any = None, shape: Any = None, most:
         Coordinates, by default those of the scene that A is from.
     shape : tuple of int, optional
         Shape (ny, nx) or (nz, ny, nx) of the grid, in place of `points`.
-    most : int, default 200 000
-        How many unknowns are drawn of a line, or in each plane.
 
     Returns
     -------
@@ -136,16 +131,16 @@ def places_of(problem: ProblemData, points: Any = None, shape: Any = None, most:
     elif points is None and known is not None:
         points, labels = known.points, known.coordinates
     if points is None:
-        rows = _evenly(problem.n, most)
+        rows = _evenly(problem.n)
         return Places(rows, rows.astype(np.float64), f"row{_hint(problem)}", unknown, by_row=True)
     points = np.asarray(points, dtype=np.float64)
     if points.shape[:1] != (problem.n,) or points.ndim > 2 or not 1 <= points.size // problem.n <= 3:
         raise InputError(f"points has shape {points.shape}; ({problem.n},), (n, 2) or (n, 3) was expected")
     points = points.reshape(problem.n, -1)
     if points.shape[1] == 1:
-        rows = np.argsort(points[:, 0], kind="stable")[_evenly(problem.n, most)]
+        rows = np.argsort(points[:, 0], kind="stable")[_evenly(problem.n)]
         return Places(rows, points[rows, 0], labels[0], unknown)
-    return Places(np.arange(0), np.zeros(0), "", unknown, _planes(points, labels, most))
+    return Places(np.arange(0), np.zeros(0), "", unknown, _planes(points, labels))
 
 
 def _grid_points(n: int, shape: Any) -> Vector:
@@ -155,28 +150,28 @@ def _grid_points(n: int, shape: Any) -> Vector:
     return np.indices(sizes).reshape(len(sizes), n)[::-1].T.astype(np.float64)
 
 
-def _evenly(n: int, most: int) -> Rows:
-    return np.unique(np.linspace(0, n - 1, min(n, most)).astype(np.intp))
+def _evenly(n: int) -> Rows:
+    return np.unique(np.linspace(0, n - 1, min(n, PIXELS)).astype(np.intp))
 
 
-def _planes(points: Vector, labels: Sequence[str], most: int) -> list[Slice]:
+def _planes(points: Vector, labels: Sequence[str]) -> list[Slice]:
     """The plane that the points are in, or for each axis of three dimensions the slice through its middle."""
     if points.shape[1] == 2:
-        return [_plane(points, np.arange(len(points)), (0, 1), labels, most)]
+        return [_plane(points, np.arange(len(points)), (0, 1), labels)]
     planes = []
     for axis in (2, 1, 0):
         values = np.unique(points[:, axis])
         middle = values[values.size // 2]
         first, second = (other for other in range(3) if other != axis)
         rows = np.flatnonzero(points[:, axis] == middle)
-        planes.append(_plane(points, rows, (first, second), labels, most, f"{labels[axis]} = {middle:.3g}"))
+        planes.append(_plane(points, rows, (first, second), labels, f"{labels[axis]} = {middle:.3g}"))
     return planes
 
 
-def _plane(points: Vector, rows: Rows, axes: tuple[int, int], labels: Sequence[str], most: int, at: str = "") -> Slice:
-    """Every k-th point along both axes, with the smallest k that leaves about `most` of them."""
+def _plane(points: Vector, rows: Rows, axes: tuple[int, int], labels: Sequence[str], at: str = "") -> Slice:
+    """Every k-th point along both axes, with the smallest k that leaves about `PIXELS` of them."""
     x, y = points[rows][:, axes].T
-    step = int(np.ceil(np.sqrt(rows.size / most)))
+    step = int(np.ceil(np.sqrt(rows.size / PIXELS)))
     kept = np.ones(rows.size, dtype=bool)
     for coordinate in (x, y):
         kept &= np.unique(coordinate, return_inverse=True)[1] % step == 0
@@ -221,8 +216,3 @@ def outline(x: Vector, y: Vector, mask: NDArray[np.bool_]) -> tuple[Vector, Vect
     pieces += [((x[i], x[i + 1], gap), (y[j], y[j], gap)) for j, i in level]
     along, across = np.array(pieces, dtype=np.float64).reshape(-1, 2, 3).transpose(1, 0, 2).reshape(2, -1)
     return along, across
-
-
-def numbers(values: Vector, digits: int = 5) -> list[float | None]:
-    """The values to so many digits, None where one is not finite, as JSON has it."""
-    return [float(f"{one:.{digits}g}") if np.isfinite(one) else None for one in values.tolist()]

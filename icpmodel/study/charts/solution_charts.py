@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...algebra.equations import pattern_at
+from ...derivatives.derivative import Derivative
 from ...errors import InputError
 from ...numerics.arrays import Mask, Vector
 from ...present.shown import Plotted
@@ -17,12 +18,15 @@ from ...problem.data import ProblemData
 from ...scenes import Scene
 from ...scenes.registry import title
 from ...solve.solution import History, Solution
+from ...solve.solutions import Solutions
 from ..sensitivity import Sensitivity
 from .figures import BLUE, GREEN, GREY, ORANGE, PURPLE, Drawing, Panel, drawing
-from .places import PIXELS, Columns, Places, Slice, numbers, places_of
+from .places import Places, Slice, places_of
 
 #: so many points or rows are shown one by one
 FEW = 60
+#: a curve of more points is written as pixels
+_VECTOR = 5000
 #: what is 0 on a logarithmic axis is drawn at, as a share of the smallest value above 0
 _ZERO = 0.1
 #: of a sequence of fields so many are drawn, evenly spaced
@@ -57,21 +61,29 @@ class Fields(Plotted):
 
 @drawing.register
 def _(fields: Fields, points: Any = None, shape: Any = None) -> Drawing:
-    places = places_of(fields.problem, points, shape)
-    values = {name: fields.problem.vector(one, name, finite=True) for name, one in fields.values.items()}
+    problem = fields.problem
+    places = places_of(problem, points, shape)
+    values = {name: problem.vector(one, name, finite=True) for name, one in fields.values.items()}
     if not values:
         raise InputError("values is empty; at least one vector was expected")
-    ranges = "; ".join(f"{name}: {_range(one)}" for name, one in values.items())
     if places.planes:
-        names = [*values]
-        chosen = [names[k] for k in np.unique(np.linspace(0, len(names) - 1, _FIELDS).round().astype(int))]
-        scale = min(values[name].min() for name in chosen), max(values[name].max() for name in chosen)
-        data = {name: (values[name], name, "viridis", scale) for name in chosen}
-        alt = {name: f"{name}: {_range(values[name])}." for name in chosen}
-        return _in_planes(places, data, {}, alt, title(fields.problem))
-    draw = partial(_curves, places, values)
-    panel = Panel(draw=draw, caption="Vectors over the unknowns, the first one darkest.", alt=ranges)
-    return Drawing(panels=(panel,), size=(7.2, 4.0), title=title(fields.problem))
+        chosen = _evenly(values)
+        limits = min(one.min() for one in chosen.values()), max(one.max() for one in chosen.values())
+        label = places.unknown if len(values) > 1 else next(iter(values))
+        drawn = [_Field(one, name, label, name, limits=limits) for name, one in chosen.items()]
+        return _in_planes(places, drawn, title(problem))
+    panel = Panel(
+        draw=partial(_curves, places, values),
+        caption="Vectors over the unknowns, the first one darkest.",
+        alt="; ".join(f"{name}: {_range(one)}" for name, one in values.items()),
+    )
+    return Drawing(panels=(panel,), size=(7.2, 4.0), title=title(problem))
+
+
+def _evenly(values: Mapping[str, Vector]) -> dict[str, Vector]:
+    """At most `_FIELDS` of the vectors."""
+    names = [*values]
+    return {names[k]: values[names[k]] for k in np.unique(np.linspace(0, len(names) - 1, _FIELDS).round().astype(int))}
 
 
 def _curves(places: Places, values: Mapping[str, Vector], axes: Any) -> list[Any]:
@@ -80,7 +92,7 @@ def _curves(places: Places, values: Mapping[str, Vector], axes: Any) -> list[Any
     for k, (name, one) in enumerate(values.items()):
         colour = colormaps["viridis"](0.85 * k / max(len(values) - 1, 1))
         axes.plot(places.x, one[places.rows], label=name, **_line_style(places, colour, 1.5))
-    axes.set(xlabel=places.label, ylabel=places.unknown if len(values) > 1 else next(iter(values), ""))
+    axes.set(xlabel=places.label, ylabel=places.unknown if len(values) > 1 else next(iter(values)))
     if len(values) > 1:
         axes.legend(frameon=False, fontsize=9)
     return _clean(axes, places)
@@ -96,6 +108,20 @@ def _(solutions: Any, points: Any = None, shape: Any = None) -> Drawing:
 
 
 @drawing.register
+def _(solutions: Solutions, points: Any = None, shape: Any = None) -> Drawing:
+    values = _evenly({f"row {k}": z for k, z in enumerate(solutions.Z)})
+    return drawing(Fields(solutions[0].problem, values), points=points, shape=shape)
+
+
+@drawing.register
+def _(derivative: Derivative, points: Any = None, shape: Any = None) -> Drawing:
+    """The change of z as the load grows, which is −q: dz for dq = −1 in every row."""
+    problem = derivative.problem
+    moved = derivative.forward(dq=-np.ones(problem.n))
+    return drawing(Fields(problem, {"dz/dt for q − t": moved}), points=points, shape=shape)
+
+
+@drawing.register
 def _(sensitivity: Sensitivity, points: Any = None, shape: Any = None) -> Drawing:
     if sensitivity.moved is None:
         raise InputError("the sensitivity has no picture: a changed problem was not solved")
@@ -108,63 +134,38 @@ def _(scene: Scene, points: Any = None, shape: Any = None) -> Drawing:
     return drawing(scene.solution(), points=points, shape=shape)
 
 
-@drawing.register(Solution)
-def solution_drawing(solution: Solution, points: Any = None, shape: Any = None, most: int = PIXELS) -> Drawing:
+@drawing.register
+def _(solution: Solution, points: Any = None, shape: Any = None) -> Drawing:
     """z, its obstacles and p over the unknowns: curves on a line, fields in the plane, slices in space.
 
     The contact set, the rows where z is at its obstacle rather than in balance, has rings on a line and an outline in
     the plane.
     """
     problem = solution.problem
-    places = places_of(problem, points, shape, most)
-    masks = contacts(problem, solution.z)
-    held = " and ".join(f"{int(rows.sum())} of {rows.size} rows in the {name}" for name, rows in masks.items())
-    alt = {"z": f"z {_range(solution.z)}, {held}.", "p": f"The force p {_range(solution.p)}, {held}."}
+    places = places_of(problem, points, shape)
+    masks = _contacts(problem, solution.z)
     if places.planes:
-        fields = {
-            "z": (solution.z, places.unknown + _outlined(masks), "viridis", None),
-            "p": (solution.p, "force p", "cividis", None),
-        }
-        return _in_planes(places, fields, masks, alt, title(problem))
-    data = columns(problem, places, solution.z, digits=17)
-    return Drawing(
-        panels=(
-            Panel(
-                draw=partial(_heights, places, data),
-                caption="The answer z and its obstacle. They touch where there are rings.",
-                alt=alt["z"],
-            ),
-            Panel(draw=partial(_forces, places, data), caption=_FORCE, alt=alt["p"]),
-        ),
-        size=(7.2, 4.8),
-        mosaic=[[0], [1]],
-        layout={"sharex": True, "height_ratios": (2, 1)},
-        title=title(problem),
+        words = places.unknown + _outlined(masks)
+        z = _Field(solution.z, words, places.unknown, "The answer z; the contact set has an outline.", masks=masks)
+        p = _Field(solution.p, "force p", "force p", _FORCE, "cividis")
+        return _in_planes(places, [z, p], title(problem))
+    held = " and ".join(f"{int(rows.sum())} of {rows.size} rows in the {name}" for name, rows in masks.items())
+    heights = Panel(
+        draw=partial(_heights, places, solution, masks),
+        caption="The answer z and its obstacle. They touch where there are rings.",
+        alt=f"z {_range(solution.z)}, {held}.",
     )
+    forces = Panel(draw=partial(_forces, places, solution.p), caption=_FORCE, alt=f"The force p {_range(solution.p)}.")
+    layout = {"sharex": True, "height_ratios": (2, 1)}
+    return Drawing(panels=(heights, forces), size=(7.2, 4.8), mosaic=[[0], [1]], layout=layout, title=title(problem))
 
 
-def contacts(problem: ProblemData, z: Vector) -> dict[str, Mask]:
+def _contacts(problem: ProblemData, z: Vector) -> dict[str, Mask]:
     """Name of the obstacle's contact → its rows."""
     _, active, above = pattern_at(problem, z)
     if above is None:
         return {"contact set": active}
     return {"contact below": active & ~above, "contact above": above}
-
-
-def columns(problem: ProblemData, places: Places, z: Vector, digits: int = 5) -> dict[str, Columns]:
-    """Name of an artist → the columns that it draws of an iterate z, which a slider exchanges."""
-    p = problem.p(z)
-    masks = contacts(problem, z)
-    drawn: dict[str, Columns] = {}
-    for k, plane in enumerate(places.planes):
-        drawn |= {f"{name}{k}": {"value": numbers(of[plane.rows])} for name, of in (("z", z), ("p", p))}
-        drawn |= {f"{name}{k}": plane.marked(mask) for name, mask in masks.items()}
-    if places.planes:
-        return drawn
-    curves = {"psi": problem.psi.value(z), "z": z, "p": p}
-    curves |= {} if problem.upper is None else {"upper": problem.upper.value(z)}
-    curves |= {name: np.where(mask, z, np.nan) for name, mask in masks.items()}
-    return {name: {"y": numbers(of[places.rows], digits)} for name, of in curves.items()}
 
 
 def _line_style(places: Places, colour: Any, width: float, marker: str = "o") -> dict[str, Any]:
@@ -173,21 +174,23 @@ def _line_style(places: Places, colour: Any, width: float, marker: str = "o") ->
     if places.by_row and many <= FEW:
         size = 6 if marker == "o" else max(400 / max(many, 8), 8)
         return {"color": colour, "linestyle": "", "marker": marker, "markersize": size}
-    steps = {"drawstyle": "steps-mid"} if places.by_row else {}
-    return {"color": colour, "linewidth": width, "marker": "o" if many <= FEW else "", "markersize": 3} | steps
+    style = {"color": colour, "linewidth": width, "marker": "o" if many <= FEW else "", "markersize": 3}
+    return style | {"drawstyle": "steps-mid" if places.by_row else "default", "rasterized": many > _VECTOR}
 
 
-def _heights(places: Places, data: dict[str, Columns], axes: Any) -> list[Any]:
-    for name, colour, words in (("psi", ORANGE, "obstacle ψ(z)"), ("upper", PURPLE, "obstacle above")):
-        if name in data:
-            style = _line_style(places, colour, 2.5, "_")
-            axes.plot(places.x, data[name]["y"], gid=name, label=words, **style)
-    axes.plot(places.x, data["z"]["y"], gid="z", label="z", **_line_style(places, BLUE, 1.5))
-    for name, (colour, _) in CONTACTS.items():
-        if name in data:
+def _heights(places: Places, solution: Solution, masks: Mapping[str, Mask], axes: Any) -> list[Any]:
+    problem = solution.problem
+    z = solution.z[places.rows]
+    for psi, colour, words in ((problem.psi, ORANGE, "obstacle ψ(z)"), (problem.upper, PURPLE, "obstacle above")):
+        if psi is not None:
+            obstacle = psi.value(solution.z)[places.rows]
+            axes.plot(places.x, obstacle, label=words, **_line_style(places, colour, 2.5, "_"))
+    axes.plot(places.x, z, label="z", **_line_style(places, BLUE, 1.5))
+    for name, mask in masks.items():
+        here = mask[places.rows]
+        if here.any():
             ring = {"linestyle": "", "marker": "o", "markersize": 9, "alpha": 0.3, "zorder": 0}
-            seen = "_" if data[name]["y"] == [None] * places.x.size else name
-            axes.plot(places.x, data[name]["y"], gid=name, label=seen, color=colour, **ring)
+            axes.plot(places.x[here], z[here], label=name, color=CONTACTS[name][0], rasterized=z.size > _VECTOR, **ring)
     for handle in axes.legend(loc="best", frameon=False, fontsize=9).legend_handles:
         if handle.get_linestyle() == "None":
             handle.set_markersize(7)
@@ -195,10 +198,10 @@ def _heights(places: Places, data: dict[str, Columns], axes: Any) -> list[Any]:
     return _clean(axes, places)
 
 
-def _forces(places: Places, data: dict[str, Columns], axes: Any) -> list[Any]:
+def _forces(places: Places, p: Vector, axes: Any) -> list[Any]:
     if places.by_row and places.x.size <= FEW:
-        axes.vlines(places.x, 0.0, data["p"]["y"], color=GREEN, linewidth=1.5)
-    axes.plot(places.x, data["p"]["y"], gid="p", label="p", **_line_style(places, GREEN, 1.5))
+        axes.vlines(places.x, 0.0, p[places.rows], color=GREEN, linewidth=1.5)
+    axes.plot(places.x, p[places.rows], label="p", **_line_style(places, GREEN, 1.5))
     axes.set(xlabel=places.label, ylabel="force p")
     return _clean(axes, places)
 
@@ -211,57 +214,51 @@ def _clean(axes: Any, places: Places) -> list[Any]:
     return []
 
 
-def _in_planes(
-    places: Places,
-    fields: Mapping[str, tuple[Vector, str, str, tuple[float, float] | None]],
-    masks: Mapping[str, Mask],
-    alt: Mapping[str, str],
-    heading: str,
-) -> Drawing:
-    """Every field (values, title, colours, their limits) in every plane; the contact of z has an outline."""
+class _Field(NamedTuple):
+    """A vector as colours: its title, the label of its colours, their limits, and the rows that have an outline."""
+
+    values: Vector
+    words: str
+    label: str
+    caption: str
+    colours: str = "viridis"
+    limits: tuple[float, float] | None = None
+    masks: Mapping[str, Mask] = {}
+
+
+def _in_planes(places: Places, fields: Sequence[_Field], heading: str) -> Drawing:
+    """Every field in every plane, on one scale in all of them."""
     panels = []
-    for name, (values, words, colours, scale) in fields.items():
-        for k, plane in enumerate(places.planes):
-            marks = {contact: (f"{contact}{k}", plane.marked(mask)) for contact, mask in masks.items() if name == "z"}
-            shown = f"{words}, {plane.at}" if plane.at else words
-            draw = partial(_field, plane, f"{name}{k}", values[plane.rows], shown, colours, scale, marks)
-            caption = _FORCE if name == "p" else "The answer z; the contact set has an outline." if masks else words
-            panels.append(Panel(draw=draw, caption=caption, alt=alt[name]))
+    for field in fields:
+        shown = np.concatenate([field.values[plane.rows] for plane in places.planes])
+        limits = field.limits or (shown.min(), shown.max())
+        for plane in places.planes:
+            draw = partial(_field, plane, field._replace(limits=limits))
+            panels.append(Panel(draw=draw, caption=field.caption, alt=f"{field.words}: {_range(field.values)}."))
     wide = len(places.planes) if len(places.planes) > 1 else min(len(panels), 3)
-    mosaic = [[min(k + i, len(panels)) for i in range(wide)] for k in range(0, len(panels), wide)]
-    rows: list[list[Any]] = [[k if k < len(panels) else "." for k in row] for row in mosaic]
-    size = (max(4.8 * wide, 4.8) if wide < 3 else 12.0, 4.2 * len(rows))
+    rows = [[k if k < len(panels) else "." for k in range(low, low + wide)] for low in range(0, len(panels), wide)]
     share = len(places.planes) == 1 and len(panels) > 1
     layout = {"sharex": True, "sharey": True} if share else {}
+    size = (4.8 * wide if wide < 3 else 12.0, 3.6 * len(rows) if wide == 3 else 4.2)
     return Drawing(panels=panels, size=size, mosaic=rows, layout=layout, title=heading)
 
 
-def _field(
-    plane: Slice,
-    name: str,
-    values: Vector,
-    heading: str,
-    colours: str,
-    scale: tuple[float, float] | None,
-    marks: Mapping[str, tuple[str, Columns]],
-    axes: Any,
-) -> list[Any]:
-    label = heading.split(",")[0]
+def _field(plane: Slice, field: _Field, axes: Any) -> list[Any]:
+    values = field.values[plane.rows]
     if plane.is_grid:
         cells = values.reshape(plane.cells)
-        shown = axes.pcolormesh(*plane.axes, cells, cmap=colours, shading="nearest", rasterized=True, gid=name)
+        shown = axes.pcolormesh(*plane.axes, cells, cmap=field.colours, shading="nearest", rasterized=True)
     else:
         size = 72 * min(axes.bbox.width, axes.bbox.height) / axes.figure.dpi
-        style = {"cmap": colours, "s": max(size**2 / (2 * values.size), 1.0), "rasterized": True}
-        shown = axes.scatter(plane.x, plane.y, c=values, gid=name, **style)
-    axes.figure.colorbar(shown, ax=axes, fraction=0.046, pad=0.02, label=label)
-    if scale is not None:
-        shown.set_clim(*scale)
-    axes.set_title(heading, fontsize=10)
+        style = {"cmap": field.colours, "s": max(size**2 / (2 * values.size), 1.0), "rasterized": True}
+        shown = axes.scatter(plane.x, plane.y, c=values, **style)
+    axes.figure.colorbar(shown, ax=axes, fraction=0.046, pad=0.02, label=field.label)
+    shown.set_clim(field.limits)
+    axes.set_title(", ".join(filter(None, (field.words, plane.at))), fontsize=10)
     axes.set(aspect="equal", xlabel=plane.labels[0], ylabel=plane.labels[1])
-    for contact, (gid, border) in marks.items():
+    for contact, mask in field.masks.items():
         style = {"linewidth": 1.5} if plane.is_grid else {"linestyle": "", "marker": ".", "markersize": 3}
-        axes.plot(border["x"], border["y"], gid=gid, color=CONTACTS[contact][1], **style)
+        axes.plot(*plane.marked(mask), color=CONTACTS[contact][1], **style)
     return []
 
 
@@ -290,17 +287,12 @@ def _(history: History) -> Drawing:
     return Drawing(panels=(panel,), size=(6.0, 3.8))
 
 
-def on_log_axis(residual: Vector) -> Vector:
-    """The residuals, 0 raised to where it can be drawn."""
-    above_0 = residual[residual > 0.0]
-    return np.maximum(residual, _ZERO * above_0.min() if above_0.size else 1.0)
-
-
 def _residuals(history: History, ended: str, axes: Any) -> list[Any]:
-    shown = on_log_axis(history.residual)
+    above_0 = history.residual[history.residual > 0.0]
+    shown = np.maximum(history.residual, _ZERO * above_0.min() if above_0.size else 1.0)  # 0 is drawn somewhere
     style = {"marker": "o", "markersize": 4} if shown.size <= FEW else {}
-    axes.plot(history.iteration, shown, color=BLUE, linewidth=1.5, gid="path", label="residual", **style)
-    axes.plot(history.iteration[-1:], shown[-1:], "o", color=BLUE, markersize=5, gid="at", label="_")
+    axes.plot(history.iteration, shown, color=BLUE, linewidth=1.5, label="residual", **style)
+    axes.plot(history.iteration[-1:], shown[-1:], "o", color=BLUE, markersize=5, label="_")
     if history.tolerance > 0.0:
         axes.axhline(history.tolerance, color=GREY, linestyle="--", linewidth=1.2, label="tolerance")
         axes.annotate("tolerance", (0.0, history.tolerance), (2, 3), textcoords="offset points", fontsize=8, color=GREY)

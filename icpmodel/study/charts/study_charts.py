@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from ...numerics.arrays import Mask, Vector
+from ...numerics.arrays import Vector
 from ...numerics.rounding import UNIT_ROUNDOFF
 from ...solve.goal import RTOL
 from ..competitors import Entry
 from ..planes import Axis
 from ..race import Race
 from ..stability_map import StabilityMap
-from .figures import ACCURATE, BLUE, GREY, SKY, YELLOW, Drawing, Panel, drawing, name_lines, styles
+from .figures import ACCURATE, GREY, SKY, Drawing, Panel, drawing, name_lines, styles
 from .places import edges, outline
 
 #: what an answer that is exact to the last digit is drawn at, as a share of the smallest error above 0
@@ -42,16 +42,12 @@ SIGNS = {
 }
 _INK = "0.25"
 _PLATE = "0.97"
-#: what proves convergence → the theorems, the colour and dashes of its line: they often bound the same region
-_PROVED: dict[str, tuple[tuple[str, ...], str, Any]] = {
-    "paper, corrected": (("4.1", "4.2", "4.3", "4.4"), SKY, (0, (2, 1))),
-    "sharper bound": (("sharper",), "#1a1a1a", "solid"),
-    "row by row": (("rowwise", "h-plus"), BLUE, (0, (6, 2))),
-    "positive definite": (("definite",), YELLOW, (0, (5, 1, 1, 1))),
-}
 _FALSE = "#C00000"
+#: the theorems of the paper, corrected
+_PAPER = ("4.1", "4.2", "4.3", "4.4")
 
 
+#: colour and marker of a competitor
 Look = tuple[str, str]
 
 
@@ -90,9 +86,9 @@ def _(race: Race) -> Drawing:
 
 
 _HOW_TIMES = (
-    "Each marker is a run to one tolerance, its bar the spread of the rounds, the thin line the way of one run; "
-    "further right is more accurate, further down is faster. A hollow marker says “solved” and is not; the dashed "
-    "line is one solve of a linear system with A."
+    "Each marker is a run to one tolerance, its bar the spread of the rounds; further right is more accurate, further "
+    "down is faster. A hollow marker claims success, and is above the tolerance in our measure; the dashed line is one "
+    "solve of a linear system with A."
 )
 
 
@@ -123,13 +119,9 @@ def _most_accurate(runs: Sequence[Entry]) -> Entry:
 
 
 def _limits(race: Race) -> dict[str, Any]:
-    """The limits of all panels, and what is drawn where the error is 0, or nothing beside the largest.
-
-    The path of a run may begin, or one that diverges may go, far beyond the limits of the errors.
-    """
+    """The limits of all panels, and what is drawn where the error is 0, or nothing beside the largest."""
     errors = [run.error for run in race.entries if run.error]
     times = [second for run in race.entries if run.error is not None for second in run.seconds]
-    times += [t for seconds, _ in race.traces.values() for t in seconds.tolist() if t > 0]
     times += [race.limit] if race.limit else []
     floor = max(_EXACT * min(errors, default=1.0), UNIT_ROUNDOFF * max(errors, default=1.0))
     return {
@@ -140,57 +132,42 @@ def _limits(race: Race) -> dict[str, Any]:
 
 
 def _times(race: Race, shown: Mapping[str, Look], limits: dict[str, Any], heading: str, axes: Any) -> list[Any]:
-    floor = limits["floor"]
     ends = []
     axes.set(xscale="log", yscale="log", ylabel="time, s", xlabel=f"{race.measure}   ({ACCURATE})")
-    axes.set(xlim=limits["xlim"], ylim=limits["ylim"], title=heading)
+    axes.set(xlim=limits["xlim"], ylim=limits["ylim"])
+    axes.set_title(heading, fontsize=10)
     for name, (colour, marker) in shown.items():
-        runs = _judged(race, name)
-        for wrong in (False, True):
-            _runs(axes, [run for run in runs if run.wrong is wrong], colour, marker, floor)
-        line = {"color": colour, "linewidth": 0.7, "label": name, "zorder": 1}
-        if name in race.traces:
-            seconds, path = race.traces[name]
-            axes.plot(np.maximum(path, floor), seconds, alpha=0.6, **line)
-        elif runs:  # a foreign solver has no path of its own
-            places = sorted((max(run.error or 0.0, floor), run.median) for run in runs)
-            axes.plot(*zip(*places, strict=True), linestyle=":", **line)
+        runs = sorted(_judged(race, name), key=lambda run: -(run.error or 0.0))
         if runs:
-            best = _most_accurate(runs)
-            ends.append((name, (max(best.error or 0.0, floor), best.median), colour, marker))
+            errors = np.maximum([run.error or 0.0 for run in runs], limits["floor"])
+            _runs(axes, runs, errors, colour, marker)
+            ends.append((name, (errors[-1], runs[-1].median), colour, marker))
     if race.limit is not None:
         axes.axhline(race.limit, color=GREY, linestyle="--", linewidth=1.2, label="one linear solve")
         ends.append(("one linear solve", (limits["xlim"][1], race.limit), GREY, "$-$"))
     axes.grid(alpha=0.3)
-    axes.title.set_fontsize(10)
-    if any(run.wrong for run in race.entries if run.name in shown):
-        hollow = axes.plot([], [], "o", color=GREY, markerfacecolor="none", label='says "solved", is not')
+    if any(run.loose for run in race.entries if run.name in shown):
+        hollow = axes.plot(
+            [], [], "o", color=GREY, markerfacecolor="none", label="claims success, above tolerance in our measure"
+        )
         axes.legend(handles=hollow, loc="best", fontsize=8, frameon=False)
     name_lines(axes, ends)
     return []
 
 
-def _runs(axes: Any, runs: Sequence[Entry], colour: str, marker: str, floor: float) -> None:
-    """Some runs of one competitor, all of them wrong or none."""
-    if not runs:
-        return
+def _runs(axes: Any, runs: Sequence[Entry], errors: Vector, colour: str, marker: str) -> None:
+    """The runs of one competitor, hollow where their claims are loose, with the spread of their times."""
     medians = np.array([run.median for run in runs])
-    lowest = np.array([min(run.seconds) for run in runs])
-    highest = np.array([max(run.seconds) for run in runs])
+    loose = np.array([run.loose for run in runs])
     size, order = (7, 3) if runs[0].kind == "solve" else (5, 2)
-    axes.errorbar(
-        [max(run.error or 0.0, floor) for run in runs],
-        medians,
-        yerr=[medians - lowest, highest - medians],
-        color=colour,
-        marker=marker,
-        markersize=size,
-        markerfacecolor="none" if runs[0].wrong else colour,
-        linestyle="",
-        elinewidth=0.8,
-        label=runs[0].name,
-        zorder=order,
-    )
+    style = {"color": colour, "zorder": order}
+    spread = [min(run.seconds) for run in runs], [max(run.seconds) for run in runs]
+    axes.vlines(errors, *spread, linewidth=0.8, **style)
+    axes.plot(errors, medians, linestyle=":", linewidth=0.8, label="_", **style)
+    for which, face in ((~loose, colour), (loose, "none")):
+        if which.any():
+            marks = {"linestyle": "", "marker": marker, "markersize": size, "markerfacecolor": face}
+            axes.plot(errors[which], medians[which], label=runs[0].name, **marks, **style)
 
 
 def _quickest(first: Mapping[str, Entry], look: Mapping[str, Look], axes: Any) -> list[Any]:
@@ -223,11 +200,6 @@ def in_seconds(t: float) -> str:
 
 @drawing.register
 def _(found: StabilityMap) -> Drawing:
-    return Drawing(panels=(map_panel(found),), size=(8.2, 5.6), columns=2, title=found.plane.title)
-
-
-def map_panel(found: StabilityMap, theta: float | None = None) -> Panel:
-    """The map, with a marker at θ₁ = θ₂ = `theta`."""
     ends = {end: int((found.ends == end).sum()) for end in np.unique(found.ends)}
     counted = ", ".join(f"{many} {end}" for end, many in sorted(ends.items(), key=lambda pair: -pair[1]))
     caption = (
@@ -235,73 +207,65 @@ def map_panel(found: StabilityMap, theta: float | None = None) -> Panel:
         "Within a line it is proved that the method converges, whatever the start."
     )
     alt = f"Map over {found.plane.x.label} and {found.plane.y.label}. Of {found.ends.size} points {counted}."
-    return Panel(draw=partial(_map, found, theta), caption=caption, alt=alt, height=5.2)
+    panel = Panel(draw=partial(_map, found), caption=caption, alt=alt, height=5.2)
+    return Drawing(panels=(panel,), size=(8.2, 5.6), columns=2, title=found.plane.title)
 
 
-def _map(found: StabilityMap, theta: float | None, axes: Any) -> list[Any]:
-    """Steps as colours, failures as signs on a plate, and a line around the points where convergence is proved.
+def _map(found: StabilityMap, axes: Any) -> list[Any]:
+    """Steps as colours, failures as signs on a plate, and lines around the points where convergence is proved.
 
     A red line encloses what the paper, as printed, says to converge, where that is more than is proved.
     """
-    from matplotlib.colors import LogNorm
-
     x = found.plane.x
     y = found.plane.y
-    solved = found.ends == "solved"
-    counts = np.ma.masked_where(~solved, np.maximum(found.steps, 1))
-    least = int(counts.min()) if solved.any() else found.max_iter
-    norm = LogNorm(least, max(int(counts.max()) if solved.any() else 1, 10 * least))  # at least a factor of ten apart
     axes.set_facecolor(_PLATE)
-    mesh = axes.pcolormesh(_edges(x), _edges(y), counts, cmap="viridis_r", norm=norm)
-    axes.figure.colorbar(mesh, ax=axes, label=f"steps to Res_D(z) ≤ {found.rtol:g} Res_D(0)", pad=0.01)
+    _steps(found, axes)
     handles = []
     X, Y = np.meshgrid(x.values, y.values)
     for end, (sign, words) in SIGNS.items():
         here = found.ends == end
         if here.any():
-            sign_style = {"linestyle": "", "marker": sign, "label": words.format(max_iter=found.max_iter)}
-            handles += axes.plot(X[here], Y[here], markersize=5, color=_INK, **sign_style)
-    for words, mask, colour, dashes in _proofs(found):
-        width = 3.0 if colour == _FALSE else 2.0
-        border = outline(_edges(x), _edges(y), mask)
-        style: dict[str, Any] = {"color": colour, "linestyle": dashes, "linewidth": width, "label": words}
-        handles += axes.plot(*border, zorder=4.5 - width, **style)
+            style = {"linestyle": "", "marker": sign, "label": words.format(max_iter=found.max_iter)}
+            handles += axes.plot(X[here], Y[here], markersize=5, color=_INK, **style)
+    paper = np.any([found.proved[name] for name in _PAPER], axis=0)
+    false = found.any_printed if (found.any_printed & ~found.any_proved).any() else np.zeros_like(paper)
+    for words, mask, colour, dashes, width in (
+        ("said to converge, as printed (false)", false, _FALSE, "-", 3.0),
+        ("proved to converge", found.any_proved, "#1a1a1a", "-", 2.0),
+        ("by the paper, corrected", paper, SKY, (0, (2, 1)), 2.0),
+    ):
+        if mask.any():
+            style = {"color": colour, "linestyle": dashes, "linewidth": width, "label": words}
+            handles += axes.plot(*outline(_edges(x), _edges(y), mask), **style)
     axes.set(xscale="log" if x.log else "linear", yscale="log" if y.log else "linear", xlabel=x.label, ylabel=y.label)
-    marks = [*_marked_places(found), *([("θ of the slider", (theta, theta), "D")] if theta else [])]
-    for words, place, marker in marks:
-        size = 12 if marker == "*" else 8
+    for words, place, marker, size in _marked_places(found):
         style = {"marker": marker, "color": "white", "markeredgecolor": "#1a1a1a", "linestyle": ""}
-        gid = "theta" if marker == "D" else None
-        handles += axes.plot(*[[at] for at in place], label=words, markersize=size, zorder=4, gid=gid, **style)
+        handles += axes.plot(*[[at] for at in place], label=words, markersize=size, zorder=4, **style)
     return handles
 
 
-def _proofs(found: StabilityMap) -> list[tuple[str, Mask, str, Any]]:
-    """(words, points, colour, dashes) of what proves convergence, each region once, and of what was printed."""
-    alike: dict[bytes, list[str]] = {}
-    masks = {words: np.any([found.proved[name] for name in names], axis=0) for words, (names, *_) in _PROVED.items()}
-    for words, mask in masks.items():
-        if mask.any():
-            alike.setdefault(mask.tobytes(), []).append(words)
-    lines = []
-    for same in alike.values():
-        how = "" if len(alike) == 1 else f" ({', '.join(same)})"
-        lines.append((f"proved to converge{how}", masks[same[-1]], *_PROVED[same[-1]][1:]))
-    if (found.any_printed & ~found.any_proved).any():
-        lines.append(("said to converge, as printed (false)", found.any_printed, _FALSE, "solid"))
-    return lines
+def _steps(found: StabilityMap, axes: Any) -> None:
+    """The steps of the solved points as colours, whose scale spans a factor of ten at least."""
+    from matplotlib.colors import LogNorm
+
+    solved = found.ends == "solved"
+    counts = np.ma.masked_where(~solved, np.maximum(found.steps, 1))
+    least = int(counts.min()) if solved.any() else found.max_iter
+    norm = LogNorm(least, max(int(counts.max()) if solved.any() else 1, 10 * least))
+    mesh = axes.pcolormesh(_edges(found.plane.x), _edges(found.plane.y), counts, cmap="viridis_r", norm=norm)
+    axes.figure.colorbar(mesh, ax=axes, label=f"steps to Res_D(z) ≤ {found.rtol:g} Res_D(0)", pad=0.01)
 
 
-def _marked_places(found: StabilityMap) -> list[tuple[str, tuple[float, float], str]]:
-    """(words, point, marker), of a plane of a method: its default, and where it needs the fewest steps."""
+def _marked_places(found: StabilityMap) -> list[tuple[str, tuple[float, float], str, int]]:
+    """(words, point, marker, size), of a plane of a method: its default, and where it needs the fewest steps."""
     if found.plane.default is None:
         return []
-    places = [("default", found.plane.default, "o")]
+    places = [("default", found.plane.default, "o", 8)]
     if (found.ends == "solved").any():
         j, i = np.unravel_index(np.where(found.ends == "solved", found.steps, np.inf).argmin(), found.ends.shape)
         inside = 0 < j < found.ends.shape[0] - 1 and 0 < i < found.ends.shape[1] - 1
         words = f"fewest steps: {found.steps[j, i]}" + ("" if inside else ", at the rim of the map")
-        places.append((words, (float(found.plane.x.values[i]), float(found.plane.y.values[j])), "*"))
+        places.append((words, (float(found.plane.x.values[i]), float(found.plane.y.values[j])), "*", 12))
     return places
 
 

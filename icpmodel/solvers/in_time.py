@@ -1,0 +1,50 @@
+"""Foreign work that nothing can stop, within a limit of time."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from typing import TypeVar
+
+from ..algebra.factor_costs import factor_costs
+from ..errors import OutOfTime
+from ..numerics.processes import CAN_FORK, in_a_process
+from ..problem.data import ProblemData
+
+_T = TypeVar("_T")
+
+#: how many times as long as a factorisation by BLAS, and how many nanoseconds for each entry of A beside it, a solver
+#: sets up in one piece: OSQP and CVXPY at n = 1000, dense, and for the membrane with n = 40 000; up to this share of
+#: the time that is no reason for a process of its own
+_FACTORS = 25.0
+_ENTRY = 3000.0
+_SHARE = 0.1
+
+
+def in_time(items: Callable[[], Iterator[_T]], problem: ProblemData, pieces: int, end: float) -> Iterator[_T]:
+    """The `items`, from a process of their own where they may take longer in one piece than there is time.
+
+    Parameters
+    ----------
+    items : callable
+        Makes the iterator; what it yields is pickled.
+    problem : ProblemData
+        What is solved.
+    pieces : int
+        How many solvers are set up.
+    end : float
+        When the time is over, as `time.perf_counter` says it.
+
+    Raises
+    ------
+    OutOfTime
+        At the `end`, or at once where there are no processes.
+    ChildProcessError
+        Where the process died.
+    """
+    piece = _FACTORS * factor_costs(problem.matrix).first + _ENTRY * problem.matrix.nnz
+    if pieces * piece <= 1e9 * _SHARE * (end - time.perf_counter()):
+        return items()
+    if not CAN_FORK:
+        raise OutOfTime("the solvers may take longer in one piece, and cannot be stopped here")
+    return in_a_process(items, end)
