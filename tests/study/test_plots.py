@@ -146,3 +146,9 @@ def test_solves_in_a_row_and_what_moves_with_the_data_have_a_picture():
     moved = icp.study.sensitivity(SOLUTION, trials=2)
     field = icp.study.figure(moved).axes[0].collections[0]
     assert np.array_equal(np.ravel(field.get_array()), moved.moved)
+    many = icp.solve_many(LINE.problem.A, [c * LINE.problem.q for c in range(1, 20)], LINE.problem.psi)
+    (axes,) = icp.study.figure(many).axes
+    assert [line.get_label() for line in axes.lines][:: len(axes.lines) - 1] == ["row 0", "row 18"]
+    derivative = SOLUTION.derivative()
+    field = icp.study.figure(derivative).axes[0].collections[0]
+    assert np.array_equal(np.ravel(field.get_array()), derivative.forward(dq=-np.ones(100)))

@@ -40,7 +40,9 @@ GREY = "0.5"
 #: what stands on an axis of errors, which is turned round
 ACCURATE = "more accurate →"
 #: what has a picture
-_DRAWN = "a Solution, a list of them, Fields, a Sensitivity, History, Scene, Race or StabilityMap"
+_DRAWN = (
+    "a Solution, a list of them, Solutions, Fields, a Derivative, Sensitivity, History, Scene, Race or StabilityMap"
+)
 #: what a picture is written as
 FORMATS = (".png", ".pdf", ".svg")
 #: what a picture of ours says of its origin, and with what the data beside it begin
@@ -181,7 +183,7 @@ def figure(what: Any, points: Any = None, shape: Any = None) -> Figure:
 
     Parameters
     ----------
-    what : Solution, list of Solution, Fields, Sensitivity, History, Scene, Race or StabilityMap
+    what : Solution, list of them, Solutions, Fields, Derivative, Sensitivity, History, Scene, Race or StabilityMap
         What is drawn.
     points : array_like of shape (n,), (n, 2) or (n, 3), optional
         Coordinates of the unknowns; by default those of the scene that A is from, else the row numbers.
@@ -223,7 +225,7 @@ def plot(what: Any, path: Any = None, *, ax: Any = None, points: Any = None, sha
 
     Parameters
     ----------
-    what : Solution, list of Solution, Fields, Sensitivity, History, Scene, Race or StabilityMap
+    what : Solution, list of them, Solutions, Fields, Derivative, Sensitivity, History, Scene, Race or StabilityMap
         What is drawn. Of a list of solutions all z are drawn, one curve or field each.
     path : str or path, optional
         File to write instead; its suffix is .png, .pdf or .svg.
