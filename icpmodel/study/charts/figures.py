@@ -40,9 +40,7 @@ GREY = "0.5"
 #: what stands on an axis of errors, which is turned round
 ACCURATE = "more accurate →"
 #: what has a picture
-_DRAWN = (
-    "a Solution, a list of them, Solutions, Fields, a Derivative, Sensitivity, History, Scene, Race or StabilityMap"
-)
+_DRAWN = "a Solution, a list of them, Solutions, Fields, a Derivative, Sensitivity, History, Scene, Race or map"
 #: what a picture is written as
 FORMATS = (".png", ".pdf", ".svg")
 #: what a picture of ours says of its origin, and with what the data beside it begin
