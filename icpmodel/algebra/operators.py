@@ -39,13 +39,13 @@ class Operator(ABC):
         """The modulus step z ↦ (z − 2 X⁻¹ F_Ω(z), Res_D(z)) on `problem` with Ω = diag(`omega`)."""
 
         def step(z: Vector) -> tuple[Vector, float]:
-            p = problem.matrix.product(z) + problem.q
+            p = problem.matrix.product(z) + problem.offset(z)
             r = z - problem.psi.value(z)
             above = problem.r_upper(z)
             moved = np.minimum(p, omega * r)
             if above is not None:
                 moved = np.maximum(omega * above, moved)
-            return z - 2.0 * self.solve(moved), problem.residual_of(p, r, above)
+            return z - 2.0 * self.solve(moved), problem.residual_of(p, r, above, problem.weights_at(z))
 
         return step
 

@@ -1,4 +1,4 @@
-"""What a page of `explain` says for the case that nothing is proved."""
+"""What a page of `explain` says where nothing is proved, or p is nonlinear."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..methods.contract import Method
+from ..methods.contract import Method, named, names
 from ..methods.newton import Newton
 from ..problem.data import ProblemData
 from ..theory.matrices.classes import MatrixClasses
@@ -42,6 +42,29 @@ def what_to_do(problem: ProblemData, classes: MatrixClasses, picked: Method | No
         yield "A is positive semidefinite: where p >= 0, r >= 0 can be met there is a solution, perhaps one of many"
     elif classes.p.holds is False:
         yield "A is no P-matrix: there may be no solution, or many; check signs and units of the model"
+
+
+def what_to_do_about_f(problem: ProblemData, unique: bool) -> Iterator[str]:
+    """What helps where p is nonlinear; `unique`: whether the solution is proved to be the only one."""
+    assert problem.f is not None
+    if unique:
+        return
+    if problem.f.slope_range is not None:
+        yield "for a proof A + diag(m), m the least slopes of f, is to be an H+-matrix, or positive definite"
+    elif problem.f.is_elementwise:
+        yield "give slope_range=(m, M) to Elementwise: without it no theorem can be applied"
+    else:
+        yield "f couples rows, of which no theorem here speaks: other starts z0 may find other solutions"
+
+
+def methods_for_f(problem: ProblemData) -> Iterator[str]:
+    """Which methods take a nonlinear p, and why the others do not."""
+    reasons: dict[str | None, list[str]] = {}
+    for name in names():
+        reasons.setdefault(named(name).why_not(problem), []).append(name)
+    yield f"taken by {', '.join(reasons.pop(None, []))}"
+    for reason, refusing in reasons.items():
+        yield f"not by {', '.join(refusing)}: {reason}"
 
 
 def is_boxed(problem: ProblemData) -> bool:

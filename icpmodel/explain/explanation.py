@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, OutOfTime
+from ..errors import InputError, MapError, NotApplicable, OutOfTime
 from ..methods.contract import Method, named
 from ..methods.modulus import ModulusMember
 from ..numerics.arrays import as_number, as_truth, described
@@ -20,13 +20,14 @@ from ..present.shown import Shown
 from ..present.table import Table
 from ..problem.data import ProblemData, ProblemLike, as_problem
 from ..solve.choice import select_method, why_none
+from ..solve.newton_josephy import NewtonJosephy
 from ..solve.reduction import presolve
 from ..theory.answers import Allowance, Answer
 from ..theory.certificates.bounds import ErrorBound, error_bound, listed, never_cross, proofs_of
 from ..theory.convergence.proximal_point import proximal_point
 from ..theory.matrices.classes import NAMES, MatrixClasses
 from ..theory.nonuniqueness import known_of_solutions
-from .advice import is_boxed, what_to_do
+from .advice import is_boxed, methods_for_f, what_to_do, what_to_do_about_f
 from .forecasts import Forecast, forecasts_of, members, shown, tie
 
 #: what a page may cost, in products with A and in nanoseconds: for n = 10⁶ and n = 10⁴ that were 5 s and 2 s on the
@@ -99,10 +100,12 @@ class Explanation(Shown):
             solution = f"exists, and is the only one: {self.bound.proof}"
         else:
             solution = "\n".join([solution, *known_of_solutions(self.problem, self.classes)])
+        f = self.problem.f
         return {
             "what to do": "\n".join(self._to_do()),
             "problem": repr(self.problem),
             "matrix A": str(self.classes),
+            **({} if f is None else {"nonlinear part f": f.describe()}),
             "map psi" if self.problem.upper is None else "obstacles": self.problem.psi.describe(),
             "solution": solution,
             "methods": "\n".join(self._methods()),
@@ -117,6 +120,7 @@ class Explanation(Shown):
             "n": self.problem.n,
             "classes": {name: _plain(getattr(self.classes, name)) for name in NAMES},
             "psi": self.problem.psi.describe(),
+            "f": None if self.problem.f is None else self.problem.f.describe(),
             "unique": self.bound.unique or None,
             "proof": self.bound.proof or None,
             "no_proof_because": self.bound.reason or None,
@@ -136,6 +140,9 @@ class Explanation(Shown):
         }
 
     def _methods(self) -> Iterator[str]:
+        if self.problem.f is not None:
+            yield from methods_for_f(self.problem)
+            return
         if not self.forecasts:
             yield "no member of the modulus family that was looked at can start with this A"
             return
@@ -182,7 +189,9 @@ class Explanation(Shown):
         else:
             alone = "left to itself " if self.asked else ""
             yield f"call solve(); {alone}it will run {self.picked!r} first: {self.why}"
-        if self.instead is None and not any(one.proved_by for one in self.forecasts):
+        if self.problem.f is not None:
+            yield from what_to_do_about_f(self.problem, self.bound.unique)
+        elif self.instead is None and not any(one.proved_by for one in self.forecasts):
             yield from what_to_do(self.problem, self.classes, self.picked)
         largest = self.bound.value
         if largest is not None and self.accuracy < UNIT_ROUNDOFF * largest:
@@ -192,6 +201,9 @@ class Explanation(Shown):
             )
 
     def _best_proved(self) -> Iterator[str]:
+        if self.problem.f is not None:
+            yield "NewtonJosephy converges quadratically near a strongly regular solution; from afar nothing is proved"
+            return
         best = self.recommended
         proved = next((one for one in self.forecasts if one.proved_by), None)
         if best is not None and best.factor is not None:
@@ -281,7 +293,7 @@ def explain(
     >>> page.bound.unique, page.recommended.factor < 0.5
     (True, True)
     """
-    problem = as_problem(problem)
+    problem = as_problem(problem, nonlinear=True)
     accuracy = as_number(accuracy, "accuracy", above=0)
     if options and not isinstance(method, str):
         raise InputError(f"{next(iter(options))}: the options of a method are taken only where it is named")
@@ -301,7 +313,9 @@ def _explained(
     picked, why = _picked(problem, limit)
     if isinstance(method, type):
         raise InputError(f"method is the class {method.__name__}; an object such as {method.__name__}() was expected")
-    if method is None:
+    if problem.f is not None and method is None:
+        methods: dict[str, Method] = {}
+    elif method is None:
         methods = members(problem)
         if picked is not None and not any(_same(picked, one) for one in methods.values()):
             title = f"{type(picked).__name__}, first choice of solve()"
@@ -310,6 +324,8 @@ def _explained(
         wanted = named(method, **options) if isinstance(method, str) else method
         if not isinstance(wanted, ModulusMember):
             raise InputError(f"method is {described(wanted)}; theory covers the members of the modulus family only")
+        if problem.f is not None:
+            raise NotApplicable("the theorems on steps have affine p: name no method, or give problem.linearised(z)")
         wanted = wanted.settled(problem)
         methods = {repr(wanted): wanted}
     try:
@@ -318,6 +334,8 @@ def _explained(
             bound = error_bound(problem, np.zeros(problem.n), sharp=False, time_limit=time_limit)
     except (OutOfTime, MemoryError) as error:
         bound = ErrorBound.none(limit.undecided(error))
+    except MapError as error:
+        bound = ErrorBound.none(f"{error}, at z = 0")
     # the first choice first, as not all may be looked at
     first = sorted(methods, key=lambda title: not (picked is not None and _same(methods[title], picked)))
     in_turn = {title: methods[title] for title in first}
@@ -331,6 +349,8 @@ def _explained(
 
 def _picked(problem: ProblemData, limit: Allowance) -> tuple[Method | None, str]:
     """The method that `solve` begins with, and why; or None, and a sentence on why there is none."""
+    if problem.f is not None:
+        return NewtonJosephy(), "p is nonlinear"
     try:
         with limit.kept():
             choice = select_method(presolve(problem))

@@ -90,6 +90,9 @@ class Accelerated(Method):
             raise InputError(f"{method.name} cannot be accelerated: its iterates are not those of one map z -> g(z)")
         object.__setattr__(self, "of", method)
 
+    def why_not_f(self, problem: ProblemData) -> str | None:
+        return None  # `why_not` asks the method that is accelerated
+
     def why_not(self, problem: ProblemData) -> str | None:
         return (self.of or MNMAOR(theta1=AUTO)).why_not(problem)
 

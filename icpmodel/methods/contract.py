@@ -61,7 +61,7 @@ def _of_affine_p(own: Callable[[Any, ProblemData], str | None]) -> Callable[[Any
 
     @wraps(own)
     def why_not(self: Any, problem: ProblemData) -> str | None:
-        return OF_F if problem.f is not None and not self.takes_f else own(self, problem)
+        return self.why_not_f(problem) or own(self, problem)
 
     return why_not
 
@@ -97,8 +97,6 @@ class Method(ReadOnly, Shown, ABC):
     finite: ClassVar[bool] = False
     #: which of its options are worth another try where it stagnates, cycles or diverges, for the advice to the user
     to_try: ClassVar[str] = ""
-    #: whether it takes a nonlinear p, of which `why_not` then says what it asks
-    takes_f: ClassVar[bool] = False
 
     def __init_subclass__(cls) -> None:
         if "why_not" in cls.__dict__:
@@ -114,7 +112,16 @@ class Method(ReadOnly, Shown, ABC):
         >>> icp.PSOR().why_not(ICP([[0.0]], [1.0]))
         'projected SOR divides by the diagonal of A, but A[0, 0] = 0'
         """
-        return None if problem.f is None or self.takes_f else OF_F
+        return self.why_not_f(problem)
+
+    def why_not_f(self, problem: ProblemData) -> str | None:
+        """One sentence on why this method cannot take the f of `problem`, or None; `why_not` asks it.
+
+        Examples
+        --------
+        >>> icp.Newton().why_not_f(ICP([[1.0]], [1.0]))
+        """
+        return None if problem.f is None else OF_F
 
     @abstractmethod
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
@@ -213,7 +220,7 @@ def named(name: str, /, **options: Any) -> Method:
 
 def positive_diagonal(problem: ProblemData, use: str) -> str | None:
     """The sentence for a method that needs a positive diagonal of A, None where it is positive."""
-    if problem.matrix.has_positive_diagonal:
+    if problem.f is not None or problem.matrix.has_positive_diagonal:  # with an f `why_not_rows` asks for more
         return None
     diagonal = problem.matrix.rows.diagonal
     i = int(np.argmax(diagonal <= 0))

@@ -29,8 +29,11 @@ from abc import abstractmethod
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from ..algebra.relaxation import as_diagonal, check_diagonal, is_auto, jacobi_step
-from ..algebra.splittings import AOR, Splitting, as_splitting
+import numpy as np
+
+from ..algebra.relaxation import AUTO, as_diagonal, check_diagonal, is_auto, jacobi_step
+from ..algebra.secants import secant_step, why_not_rows, with_slopes
+from ..algebra.splittings import AOR, Splitting, Whole, as_splitting
 from ..algebra.steps import Step
 from ..numerics.arrays import Vector, as_number
 from ..problem.data import ProblemData
@@ -65,15 +68,36 @@ class ModulusMember(FixedPoint):
         """Whether all steps are alike, which they are not with theta1="auto": see `Method.memoryless`."""
         return not is_auto(self.theta1)
 
+    def why_not_f(self, problem: ProblemData) -> str | None:
+        f = problem.f
+        if f is None:
+            return None
+        if reason := why_not_rows(problem):
+            return reason
+        if is_auto(self.theta1):
+            return f"theta1={AUTO!r} follows from A alone, and p is nonlinear: give a number"
+        if not isinstance(self.splitting_of(), AOR | Whole):
+            return "M1 is given for A alone, and p is nonlinear"
+        assert f.slope_range is not None
+        if isinstance(self.splitting_of(), Whole) and not np.isfinite(f.slope_range[1]).all():
+            return "A + diag(M) is factorised, M the largest slopes of f: give a finite M in slope_range=(m, M)"
+        return None
+
     def opening(self, problem: ProblemData) -> Step | None:
         return jacobi_step(problem, self.phi) if is_auto(self.theta1) else None
 
     def step_of(self, problem: ProblemData) -> Step:
         if is_auto(self.theta1):
             return self.settled(problem).step_of(problem)
+        A = problem.A
+        if problem.f is not None:
+            if isinstance(self.splitting_of(), AOR):
+                return secant_step(problem, self.step_of)
+            assert problem.f.slope_range is not None
+            A = with_slopes(problem, problem.f.slope_range[1], problem.q).A
         omega = self.omega_of(problem)
         shift = as_diagonal(self.phi, problem.n, "phi") + omega
-        return self.splitting_of().operator(problem.A, shift).step(problem, omega)
+        return self.splitting_of().operator(A, shift).step(problem, omega)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

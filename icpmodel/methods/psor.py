@@ -19,6 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from ..algebra.secants import secant_step
 from ..algebra.splittings import AOR, Splitting
 from ..algebra.steps import Step, projected_sweep
 from ..numerics.arrays import Vector, as_number
@@ -61,4 +62,6 @@ class PSOR(ModulusMember):
         return problem.matrix.rows.diagonal / self.omega
 
     def step_of(self, problem: ProblemData) -> Step:
+        if problem.f is not None:
+            return secant_step(problem, self.step_of)
         return projected_sweep(problem, self.omega)

@@ -58,7 +58,7 @@ class Constant(Map):
     def describe(self) -> str:
         free = int(np.isinf(self.c).sum())
         rows = f"; {free} row{'s' if free > 1 else ''} without obstacle" if free else ""
-        return f"constant: G = 0, a linear complementarity problem{rows}"
+        return f"constant: G = 0{rows}"
 
     def __repr__(self) -> str:
         low = self.c.min()

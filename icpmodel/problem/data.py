@@ -257,6 +257,12 @@ class ProblemData(Shown):
         new._set(self.matrix, q, psi, facts, self.f)
         return new
 
+    def with_matrix(self, matrix: Matrix, q: Vector) -> Self:
+        """The problem with affine p of a `matrix` and a `q` that are checked; ψ is shared."""
+        new = object.__new__(type(self))
+        new._set(matrix, q, self.psi, None)
+        return new
+
     @property
     def A(self) -> sp.csr_array:
         """A, CSR, shape (n, n), read-only; a small dense one is compressed when it is first asked for.
@@ -590,7 +596,7 @@ class ProblemData(Shown):
         psi = self.psi.value(z)
         upper = None if self.psi.upper is None else self.psi.upper.value(z)
         p = self.product(z) + self.offset(z)
-        return norm(mid(self.weights_at(z) * p, z - psi, None if upper is None else z - upper))
+        return self.residual_of(p, z - psi, None if upper is None else z - upper, self.weights_at(z))
 
     def weights_at(self, z: Vector) -> Vector:
         """The diagonal of D⁻¹ by which p(z) is judged, shape (n,): that of `matrix`, with an f no less, by its slopes.
@@ -606,15 +612,17 @@ class ProblemData(Shown):
             return self.f.weights_at(self.matrix, z)
         return self.matrix.row_weights
 
-    def residual_of(self, p: Vector, below: Vector, above: Vector | None) -> float:
+    def residual_of(self, p: Vector, below: Vector, above: Vector | None, weights: Vector | None = None) -> float:
         """Res_D of a z at which `p`, z − ψ `below` and z − ψ̄ `above` are known; with an f at most that.
+
+        Without the `weights_at` z they are those of the `matrix`.
 
         Examples
         --------
         >>> ICP([[3.0]], [-6.0]).residual_of(np.array([-3.0]), np.array([1.0]), None)
         1.0
         """
-        return norm(mid(self.matrix.row_weights * p, below, above))
+        return norm(mid((self.matrix.row_weights if weights is None else weights) * p, below, above))
 
     @np.errstate(all="ignore")
     def residual_at_0(self) -> float:

@@ -310,7 +310,7 @@ class Map(ReadOnly, Shown, ABC):
         Examples
         --------
         >>> print(icp.Constant(1).bind(2).describe())
-        constant: G = 0, a linear complementarity problem
+        constant: G = 0
         """
         G = self.lipschitz
         if G is None:

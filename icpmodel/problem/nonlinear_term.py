@@ -202,5 +202,19 @@ class NonlinearTerm(Shown):
             size = abs(sp.csr_array(A.sparse + self.jacobian(z))).max(axis=1).toarray().reshape(-1)
         return np.maximum(A.row_weights, weights_of(size))
 
+    def describe(self) -> str:
+        """One sentence: the form of f, and what is known of its slopes.
+
+        Examples
+        --------
+        >>> print(NonlinearTerm(icp.Elementwise(np.exp, slope_range=(0, np.inf)), 1).describe())
+        Elementwise(exp): its slopes are in [0, inf]
+        """
+        known = self.slope_range
+        slopes = "nothing is known of its slopes"
+        if known is not None:
+            slopes = f"its slopes are in [{known[0].min():g}, {known[1].max():g}]"
+        return f"{self!r}: {slopes}"
+
     def __repr__(self) -> str:
         return repr(self.map)

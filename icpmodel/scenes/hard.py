@@ -76,7 +76,7 @@ def hard_domain() -> Scene:
 
     A = tridiag(−1, 2, −1), n = 31, q = −.1, ψ_i(z) = −√(2 − z_i), NaN for z_i > 2. p ≥ 0 and A⁻¹ ≥
     0 lift z above the parabola .05 i(32 − i), which passes 2 in row 2. So there is no solution
-    where ψ has values. Sweeps from 0 reach z_i > 2 only after many steps. Honest: ψ failed, with
+    where ψ has values. Sweeps from 0 reach z_i > 2 only after many steps. Honest: map failed, with
     the best iterate before it did.
     """
     psi = Elementwise(_below_root, _its_slope)

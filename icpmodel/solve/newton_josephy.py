@@ -11,6 +11,7 @@ from typing import ClassVar
 import numpy as np
 import scipy.sparse as sp
 
+from ..algebra.secants import secant_problem, why_not_rows
 from ..errors import MapError
 from ..methods.contract import Iterate, Least, Method
 from ..methods.milp import LARGEST
@@ -49,11 +50,13 @@ class NewtonJosephy(Method):
     Notes
     -----
     The tangent problem has A + f′(z), q + f(z) − f′(z)z and the same ψ. `solve` solves it from z to a
-    share of its residual. The merit function is that of `Newton`, the Fischer-Burmeister θ. Where no
-    step reduces it, a proximal term μW(z⁺ − z) is added to the tangent, W its diagonal, then a descent
-    direction of θ is tried, and with few unknowns other starts. Fixed obstacles are never crossed, so
-    that f need not have values beyond them. An iteration is one step, whatever its inner solves take.
-    The convergence is quadratic at a strongly regular solution.
+    share of its residual. Where rows are known to increase with their own unknowns, mean slopes take
+    the place of f′ far from the solution: see `algebra.secants`. The merit function is that of
+    `Newton`, the Fischer-Burmeister θ. Where no step reduces it, a proximal term μW(z⁺ − z) is added
+    to the tangent, W its diagonal, then a descent direction of θ is tried, and with few unknowns other
+    starts. Fixed obstacles are never crossed, so that f need not have values beyond them.
+    An iteration is one step, whatever its inner solves take. The convergence is quadratic at a strongly
+    regular solution.
 
     References
     ----------
@@ -70,10 +73,12 @@ class NewtonJosephy(Method):
     name: ClassVar[str] = "newton-josephy"
     memoryless: ClassVar[bool] = False
     finite: ClassVar[bool] = True
-    takes_f: ClassVar[bool] = True
     to_try: ClassVar[str] = "another start z0"
 
     inner_family: str | None = None
+
+    def why_not_f(self, problem: ProblemData) -> str | None:
+        return None
 
     def why_not(self, problem: ProblemData) -> str | None:
         return "p is affine, so that its tangent is the problem itself: name no method" if problem.f is None else None
@@ -139,7 +144,7 @@ class _Search:
             yield new
 
     def _next(self) -> Point | None:
-        linear = self.problem.linearised(self.here.z)
+        linear = self._affine()
         self.weight = max(self.weight - 1, 0)
         while self.weight < len(_PROXIMAL):
             z = self._solved(_proximal(linear, self.here.z, _PROXIMAL[self.weight]))
@@ -147,6 +152,12 @@ class _Search:
                 return new
             self.weight += 1
         return self._descent(linear)
+
+    def _affine(self) -> ProblemData:
+        z = self.here.z
+        if why_not_rows(self.problem) is None:
+            return secant_problem(self.problem, self.problem.p(z), z)
+        return self.problem.linearised(z)
 
     def _solved(self, linear: ProblemData) -> Vector | None:
         """A solution of the `linear` problem to a share of the residual of z; None where there is none to be found."""

@@ -93,7 +93,7 @@ def _end(run: Run, best: Best, limits: Limits) -> tuple[Status, str]:
         status = Status.SOLVED
     elif status is Status.SOLVED and limits.accuracy is None:
         status = Status.MAP_FAILED
-        note = "psi gives different values at the same z"
+        note = "psi or f gives different values at the same z"
     elif status in _NO_FURTHER and _is_luck(run, best.z):
         status = Status.PRECISION_LIMIT
         note = "only as float64 rounds it is the residual of this z small enough"

@@ -48,7 +48,7 @@ class Status(Enum):
     MEMORY_LIMIT = "memory limit"
     INTERRUPTED = "interrupted"
     STOPPED = "stopped by callback"
-    MAP_FAILED = "psi failed"
+    MAP_FAILED = "map failed"
     CROSSED = "obstacles cross"
     WORKER_LOST = "worker lost"
 

@@ -31,7 +31,7 @@ from .planes import plane as plane_named
 #: a proof is contradicted by these; "slow" and "precision limit" are what a factor near 1 and rounding do to it
 _AGAINST = ("stagnated", "cycled", "diverged", "overflowed")
 #: and these do not contradict it: where the obstacles cross the point that is reached need not be a solution
-_EXCUSED = ("slow", "precision limit", "psi failed", "obstacles cross", "infeasible")
+_EXCUSED = ("slow", "precision limit", "map failed", "obstacles cross", "infeasible")
 #: how a run can end, from the best to the worst; the status "diverged" is split by whether the residual stayed finite
 ENDS = ("solved", *_EXCUSED, *_AGAINST, "refused", "not run")
 #: the theorems that prove convergence from every start; "monotone" needs a special one

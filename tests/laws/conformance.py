@@ -171,7 +171,7 @@ MUST_FAIL = {
 #: scene → how a method may end there without solving it; on scenes that are not listed, however it likes
 HONEST = {
     "hard-crossing": {"infeasible", "obstacles cross", "stagnated"},
-    "hard-domain": {"psi failed", "stagnated"},
+    "hard-domain": {"map failed", "stagnated"},
     "hard-infeasible": {"infeasible", "stagnated", "diverged"},
     "hard-jump": {"cycled", "stagnated"},
     "hard-overflow": {"diverged", "stagnated", "cycled"},

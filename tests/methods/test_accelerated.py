@@ -93,7 +93,7 @@ def test_where_psi_fails_at_an_accelerated_iterate_the_plain_step_is_taken():
     start = np.array([99.0, 99.0])  # from which the first plain step of this one leaves the domain
     outside = icp.ICP(problem.A, [-3000.0, -2000.0], psi)
     solution = outside.solve(spoilt(of="mnmgs"), z0=start, raise_on_failure=False)
-    assert solution.status.value == "psi failed"
+    assert solution.status.value == "map failed"
 
 
 def test_it_needs_fewer_sweeps_than_its_method_and_counts_every_one():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import pickle
 
 import numpy as np
@@ -97,7 +98,6 @@ def test_errors_speak_of_f(made, error, told):
 
 
 REFUSING = {
-    "explain": lambda problem: problem.explain(),
     "race": lambda problem: problem.race(),
     "stability": lambda problem: problem.stability(),
     "to_cvxpy": lambda problem: problem.to_cvxpy(),
@@ -116,8 +116,18 @@ def test_what_needs_affine_p_refuses(verb):
         REFUSING[verb](ICP(A, Q, f=cubes))
 
 
-def test_every_method_says_whether_it_takes_f():
-    problem = ICP(A, Q, f=cubes)
-    for name in icp.methods.names():
-        method = icp.methods.named(name)
-        assert method.takes_f or "nonlinear" in method.why_not(problem)
+def test_every_method_says_whether_it_takes_f_and_explain_repeats_it():
+    """A page for every f, although the theorems on steps have affine p."""
+    for f in (cubes, icp.Elementwise(np.exp, slope_range=(0, np.inf)), icp.Elementwise(np.arctan, slope_range=(0, 1))):
+        problem = ICP(A, Q, f=f)
+        page = problem.explain()
+        methods = page.sections()["methods"]
+        assert page.bound.unique is isinstance(f, icp.Elementwise)
+        for name in icp.methods.names():
+            why_not = icp.methods.named(name).why_not(problem)
+            assert why_not is None or " ".join(why_not.split()[:3]) in " ".join(methods.split())
+        assert page.about()["f"].startswith(repr(problem.f))
+    logarithm = icp.Elementwise(lambda z: np.array([math.log(t) for t in z]), slope_range=(0, np.inf))
+    assert "at z = 0" in ICP([[1.0]], [1.0], f=logarithm).explain().sections()["solution"]
+    with pytest.raises(icp.NotApplicable, match="linearised"):
+        problem.explain("psor")

@@ -171,6 +171,49 @@ def test_each_family_solves_the_linear_ones(family):
     assert radiating().solve(family=family).z == pytest.approx(radiating().solve().z, abs=1e-7)
 
 
+#: increasing f with slopes from 0, from a hundredth and from −1 on, steep and flat, and one of finite slope
+RISING = {
+    "cube": icp.Elementwise(lambda z: 0.01 * z**3, slope_range=(0, np.inf)),
+    "steep": icp.Elementwise(lambda z: 0.01 * np.exp(5 * z), slope_range=(0, np.inf)),
+    "flat": icp.Elementwise(lambda z: np.arctan(20 * z), slope_range=(0, 20)),
+    "falls": icp.Elementwise(lambda z: z**3 - 0.5 * z, slope_range=(-0.5, np.inf)),
+}
+SWEEPS = (
+    icp.PSOR(),
+    icp.MNMGS(),
+    icp.MNMJ(),
+    icp.MNMSOR(theta1=0.9),
+    icp.MNMAOR(theta1=1.1, theta2=0.8, phi=0.1),
+    icp.Accelerated(of="psor"),
+    icp.MNMOD(),
+)
+
+
+@pytest.mark.parametrize("name", RISING)
+def test_sweeps_solve_what_rises_row_by_row_and_newton_needs_few_problems(name):
+    """A + diag(m) is an H+-matrix; p at 0 is up to 1000 times the size of the solution."""
+    f = RISING[name]
+    for size in (1.0, 1000.0):
+        q = size * np.cos(9 * np.linspace(0, 1, GRID))
+        problem = ICP(STIFF + 0.8 * np.eye(GRID), q, icp.Affine(0.1 * np.eye(GRID, k=1), -2.0), 9.0, f=f)
+        with np.errstate(all="ignore"):
+            solution = problem.solve(rtol=1e-9)
+            assert solution.method.name == "newton-josephy"
+            assert solution.iterations <= 12
+            for method in SWEEPS:
+                if (why_not := method.why_not(problem)) is not None:
+                    assert "finite M" in why_not
+                    continue
+                found = problem.solve(method, rtol=1e-10)
+                assert found.z == pytest.approx(solution.z, abs=1e-6)
+
+
+def test_jacobi_solves_each_row_and_contracts_as_the_affine_problem_does():
+    """Law 2 of `algebra.secants` in the limit of exact slopes: one unknown, one step."""
+    problem = ICP([[2.0]], [-30.0], f=icp.Elementwise(lambda z: z, slope_range=(1, 1)))
+    assert problem.solve("mnmj").iterations == 1
+
+
 def test_limits_and_callback_are_those_of_the_run():
     problem = ICP.nonlinear(LITERATURE["kojima-shindo"].F, n=4)
     limited = problem.solve(z0=np.full(4, 100.0), max_iter=2, raise_on_failure=False)

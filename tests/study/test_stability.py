@@ -67,7 +67,7 @@ def test_ends_are_told_apart():
         (icp.scenes.hard_skew(n=10).problem, icp.MNMGS(), "diverged"),
         (icp.scenes.hard_overflow().problem, icp.MNMGS(), "overflowed"),
         (icp.scenes.hard_empty_row().problem, icp.MNMGS(), "refused"),
-        (icp.scenes.hard_domain().problem, icp.MNMGS(), "psi failed"),
+        (icp.scenes.hard_domain().problem, icp.MNMGS(), "map failed"),
         (icp.scenes.hard_crossing().problem, icp.MNMGS(), "obstacles cross"),
         (icp.scenes.hard_infeasible().problem, Lemke(), "infeasible"),
         (icp.scenes.membrane(n=400).problem, icp.MNMGS(), "slow"),

@@ -31,7 +31,7 @@ _NUMBERS = 30.0
 SIGNS = {
     "slow": (".", "not there after {max_iter} steps"),
     "precision limit": ("$+$", "as far as rounding allows"),
-    "psi failed": ("$?$", "ψ failed"),
+    "map failed": ("$?$", "map failed"),
     "obstacles cross": ("1", "the obstacles cross"),
     "infeasible": ("2", "infeasible"),
     "stagnated": ("_", "stagnated"),

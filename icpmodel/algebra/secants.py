@@ -1,0 +1,109 @@
+"""Steps of the modulus family where p(z) = Az + q + f(z), f_i a function of z_i alone.
+
+A step with slopes s is one on the affine problem with A + diag(s) and q + f(z) − diag(s)z, which has the p of z.
+Row i alone, the others held, is zero at the t with p_i(z) + a_ii(t − z_i) + f_i(t) − f_i(z_i) = 0. There s_i is
+f_i′(z_i) where Newton's step leaves little of p_i, else the mean slope between z_i and t. So Jacobi's step solves each
+row.
+
+1. Let a_ii + d > 0 for the mean slopes d of f. Then t is unique, and lies between z_i and z_i − p_i/(a_ii + m_i).
+2. MNMJ with exact mean slopes: e_i⁺ = −Σ_{j≠i} a_ij e_j/(a_ii + d_i) for the error e of a row with p_i = 0 at t, d_i
+   between t and z_i*. So the bound of the affine problem with A + diag(m) holds.
+3. Near the solution s is f′(z*) up to O(‖e‖), so that every step has the rate of the tangent problem.
+
+References
+----------
+Ortega and Rheinboldt, Iterative Solution of Nonlinear Equations in Several Variables (1970), section 10.3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..numerics.arrays import Vector
+from ..problem.data import ProblemData
+from ..problem.matrix import Matrix
+from .steps import Step
+
+#: the share of p_i that may be left at t, and the halvings of the interval that t is in
+_LEFT = 0.1
+_HALVINGS = 100
+
+
+def least_diagonal(problem: ProblemData) -> Vector:
+    """a_ii + m_i, the least slope of row i in z_i; a_ii where m is not known."""
+    diagonal = problem.matrix.rows.diagonal
+    known = None if problem.f is None else problem.f.slope_range
+    return diagonal if known is None else diagonal + known[0]
+
+
+def why_not_rows(problem: ProblemData) -> str | None:
+    """Why the rows of a nonlinear p are not known to increase with their own unknowns; None where they are."""
+    f = problem.f
+    if f is None:
+        return None
+    if not f.is_elementwise:
+        return "f may couple rows, and its steps solve row by row: give f as Elementwise"
+    if f.slope_range is None:
+        return "nothing is known of the slopes of f: give `slope_range` to Elementwise, as (0, inf) where f rises"
+    least = least_diagonal(problem)
+    if (least > 0.0).all():
+        return None
+    i = int(np.argmin(least))
+    return f"each row of p must increase with its own unknown, but A[{i}, {i}] + m_{i} = {least[i]:g}, m of slope_range"
+
+
+def secant_step(problem: ProblemData, step_of: Callable[[ProblemData], Step]) -> Step:
+    """The step that `step_of` makes for affine problems, with the slopes of `problem` at each z."""
+
+    def step(z: Vector) -> tuple[Vector, float]:
+        p = problem.product(z) + problem.offset(z)
+        moved, _ = step_of(secant_problem(problem, p, z))(z)
+        return moved, problem.residual_of(p, problem.r(z), problem.r_upper(z), problem.weights_at(z))
+
+    return step
+
+
+def secant_problem(problem: ProblemData, p: Vector, z: Vector) -> ProblemData:
+    """The affine problem with the mean slopes of f at `z`, where `p` is known."""
+    slopes = _mean_slopes(problem, p, z)
+    return with_slopes(problem, slopes, problem.offset(z) - slopes * z)
+
+
+def with_slopes(problem: ProblemData, slopes: Vector, q: Vector) -> ProblemData:
+    """The affine problem with A + diag(`slopes`) and `q`."""
+    A = problem.A
+    data = A.data.copy()
+    data[problem.matrix.rows.diag] += slopes
+    matrix = Matrix.of_checked(sp.csr_array((data, A.indices, A.indptr), shape=A.shape), problem.matrix.row_weights)
+    return problem.with_matrix(matrix, q)
+
+
+def _mean_slopes(problem: ProblemData, p: Vector, z: Vector) -> Vector:
+    """The mean slopes of f between `z` and the zeros of the rows, where Newton's step is not near to them."""
+    f = problem.f
+    assert f is not None
+    diagonal = problem.matrix.rows.diagonal
+    here = f.value(z)
+    slopes = f.slopes(z)
+    t = z - p / (diagonal + slopes)
+    first = z
+    last = z - p / least_diagonal(problem)
+    coarse = np.zeros(z.size, dtype=bool)
+    for _ in range(_HALVINGS):
+        with np.errstate(all="ignore"):
+            left = p + diagonal * (t - z) + (f.value(t) - here)
+            rough = ~(np.abs(left) <= _LEFT * np.abs(p))
+        if not rough.any():
+            break
+        coarse |= rough
+        # p at z has the sign of p at all points before the zero; what is not finite is beyond it
+        before = np.sign(left) == np.sign(p)
+        first = np.where(before, t, first)
+        last = np.where(before, last, t)
+        t = np.where(rough, 0.5 * (first + last), t)
+    with np.errstate(all="ignore"):
+        mean = (f.value(t) - here) / (t - z)
+    return np.where(coarse & np.isfinite(mean), mean, slopes)
