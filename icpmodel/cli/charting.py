@@ -53,7 +53,7 @@ def stability(plane: str, output: str | None, form: str | None, **arguments: Any
 
     PLANE is what varies. On SOURCE, or on a built-in problem, a method varies: relaxation (theta1 x theta2, the
     default) or shift (phi x Omega). On the other planes the problem varies: coupling (mu x norm of G), transport
-    (skewness x mu), condition (condition number x units) or units (units x norm of G).
+    (skewness x mu) or units (units x norm of G).
     """
     must_be_a_picture(output)
     asked = {name: arguments[name] for name in ("method", *_RUNS)}

@@ -1,8 +1,8 @@
 """Studies: races, stability maps, sensitivity, and the report."""
 
-from .charts import study_charts as study_charts
+from .charts import map_charts, race_charts, solution_charts  # noqa: F401  they register what they draw
+from .charts.field_charts import Fields
 from .charts.figures import figure, plot
-from .charts.solution_charts import Fields
 from .html_report import report
 from .planes import Axis, Plane
 from .race import Race, race

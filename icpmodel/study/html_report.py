@@ -31,8 +31,8 @@ from ..solve.driver import solve
 from ..solve.progress import Progress, status_line
 from ..solve.solution import Solution
 from .cases import unbroken
+from .charts.field_charts import Fields
 from .charts.figures import Panel, drawing, panel_figure
-from .charts.solution_charts import Fields
 from .planes import relaxation
 from .race import race
 from .sensitivity import sensitivity
@@ -43,11 +43,9 @@ from .timing import machine
 GENERATOR = b'<meta name="generator" content="icpmodel">'
 #: a map solves the problem some hundreds of times
 _MAP_UP_TO = 1000
-#: maps that are tried in turn, until on a few points each a share of them converges: the largest θ, a smaller one makes
-#: shorter steps, how many of these a run may take, and the points per axis and starts that this leaves time for
-_MAPS = ((2.5, 1000, 11, 2), (2.5, 10_000, 7, 1), (0.25, 10_000, 7, 1))
-_TRIED = 4
-_SHARE = 0.25
+#: the steps of a run of the map, and its points per axis
+_STEPS = 5000
+_POINTS = 9
 #: the tolerances of the race, and the seconds that each of its runs may take
 _TOLERANCES = tuple(10.0**-k for k in range(2, 13, 2))
 _RACE_LIMIT = 3.0
@@ -335,33 +333,13 @@ def _race(problem: ProblemData, z_exact: Vector | None, time_limit: float) -> Se
 
 def _map(problem: ProblemData) -> Section:
     if problem.n > _MAP_UP_TO:
-        raise InputError(f"a map solves the problem hundreds of times, which is done up to n = {_MAP_UP_TO}")
-    largest, max_iter, points, starts = _worth_mapping(problem)
-    found = stability(relaxation(points, problem, largest), starts=starts, max_iter=max_iter)
-    worst = f" from {starts} starts, of which the worst counts" if starts > 1 else ""
+        raise InputError(f"a map solves the problem {_POINTS**2} times, which is done up to n = {_MAP_UP_TO}")
+    found = stability(relaxation(_POINTS, problem), starts=1, max_iter=_STEPS)
     return Section(
-        lead=f"What relaxation does to the paper's method: at each point {found.plane.title} is solved{worst}.",
+        lead=f"What relaxation does to the paper's method: at each point {found.plane.title} is solved.",
         panels=drawing(found).panels,
         folded=[("Counted", found._repr_html_())],
     )
-
-
-def _worth_mapping(problem: ProblemData) -> tuple[float, int, int, int]:
-    """The first of the maps of which enough converges, or else the one of which most does. Raises InputError."""
-    share = {}
-    ends = set()
-    for one in _MAPS:
-        largest, max_iter, *_ = one
-        found = stability(relaxation(_TRIED, problem, largest), starts=1, max_iter=max_iter)
-        share[one] = float((found.ends == "solved").mean())
-        ends |= {*found.ends.ravel().tolist()}
-        if share[one] >= _SHARE:
-            return one
-    best = max(share, key=lambda one: share[one])
-    if not share[best]:
-        tried = f"for θ₁ and θ₂ up to {_MAPS[0][0]:g} and up to {max_iter} steps"
-        raise InputError(f"no point converged, {tried}; how they ended: {', '.join(sorted(ends))}")
-    return best
 
 
 def _svg(panel: Panel) -> str:

@@ -8,7 +8,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 
 from ..errors import InputError
 from ..icp import ICP
@@ -100,15 +99,6 @@ def _transport(points: int, n: int, sweep: Method) -> Plane:
     return Plane(about, skew, mu, partial(_carried, n, sweep))
 
 
-def _condition(points: int, n: int, sweep: Method) -> Plane:
-    """On the periodic tridiag(−1, 2 + ε, −1), ε = 4/κ, without contact."""
-    if n < 3:
-        raise InputError(f"n is {n}; the plane condition needs a ring of at least 3 unknowns")
-    kappa = Axis("condition number", "condition number κ of A", np.geomspace(10.0, 1e12, points), log=True)
-    scale = Axis("scale of A", "size of the entries of A", np.geomspace(1e-200, 1e200, points), log=True)
-    return Plane(f"{_name(sweep)}: condition number against units", kappa, scale, partial(_ring, n, sweep))
-
-
 def _units(points: int, n: int, sweep: Method) -> Plane:
     """No method with Ω = D feels the scale, but the conditions as printed do."""
     scale = Axis("scale of A", "diagonal of A", np.geomspace(0.1, 10.0, points), log=True)
@@ -140,13 +130,6 @@ def _carried(n: int, sweep: Method, x: float, y: float) -> tuple[ProblemData, Me
     return _grid(five_point(side(n), y, x), 0.5), sweep
 
 
-def _ring(n: int, sweep: Method, x: float, y: float) -> tuple[ProblemData, Method]:
-    z, _, r = complementary(n, seed=0)
-    ring = sp.diags_array([-1.0, -1.0, -1.0, -1.0], offsets=[-1, 1, n - 1, 1 - n], shape=(n, n))
-    A = y * (ring + (2.0 + 4.0 / x) * sp.eye_array(n))
-    return ICP(A, -(A @ (2.0 + z)), z - r), sweep
-
-
 def _in_units(n: int, sweep: Method, x: float, y: float) -> tuple[ProblemData, Method]:
     return _grid((x / 8.0) * five_point(side(n), 4.0), -y), sweep
 
@@ -161,7 +144,7 @@ def _grid(A: Any, norm: float) -> ICP:
 
 #: name → builder, of the planes that vary a method, and of those that vary the problem
 _OF_METHOD = {"relaxation": relaxation, "shift": _shift}
-_OF_PROBLEM = {"coupling": _coupling, "transport": _transport, "condition": _condition, "units": _units}
+_OF_PROBLEM = {"coupling": _coupling, "transport": _transport, "units": _units}
 PLANES = (*_OF_METHOD, *_OF_PROBLEM)
 
 

@@ -44,10 +44,22 @@ PRINTED = ("4.2", "4.3", "4.4")
 class StabilityMap(Plotted, Tabular):
     """What happened at every point of a plane of two parameters.
 
-    `plane`, with its axes `plane.x` and `plane.y`; `ends` one of `ENDS` per point, shape (len(y), len(x)); `steps` the
-    steps that a solved point took, 0 elsewhere; `proved` theorem → mask of the points where it proves convergence;
-    `printed` the same of the statements as the paper prints them; `max_iter` and `rtol` of the runs. Of the runs from
-    several starts the worst counts. `command` is what makes it again.
+    Attributes
+    ----------
+    plane : Plane
+        The plane, with its axes x and y.
+    ends : array of str, shape (len(y), len(x))
+        One of `ENDS` per point, the worst of several starts.
+    steps : array of int
+        The steps that a solved point took, 0 elsewhere.
+    proved : dict of str to array of bool
+        Theorem → the points where it proves convergence.
+    printed : dict of str to array of bool
+        The same of the statements as the paper prints them.
+    max_iter, rtol : int, float
+        Of the runs.
+    command : str
+        What makes the map again.
 
     Examples
     --------
@@ -137,12 +149,41 @@ def stability(
 ) -> StabilityMap:
     """Solve at every point of a plane of two parameters, and ask every theorem there.
 
-    Parameters: `plane` "relaxation", "shift", "coupling", "transport", "condition", "units" or a `Plane` of your own;
-    `problem` for the planes whose parameters are the method's ("relaxation", "shift"), by default manufactured-affine;
-    `method` a name, for the others; `points` per axis; `n` wanted unknowns of the built-in problems; `starts` ≥ 1: 0
-    and random vectors, of which the worst run counts; `max_iter` and `rtol` of each run; `progress` shows a line on
-    what is going on; `command` is noted beside the data.
-    Returns a `StabilityMap`. Raises InputError, and Interrupted at Ctrl-C, whose `report` is the map as far as it got.
+    Parameters
+    ----------
+    plane : {"relaxation", "shift", "coupling", "transport", "units"} or Plane
+        What varies.
+    problem : ICP, or what else can be solved, optional
+        For the planes whose parameters are the method's, "relaxation" and "shift"; by default
+        manufactured-affine.
+    method : str, optional
+        The method on the other planes, by default "mnmgs".
+    points : int, default 25
+        Points per axis.
+    n : int, default 49
+        Wanted number of unknowns of a built-in problem.
+    starts : int, default 3
+        Starts per point, 0 and random vectors; the worst run counts.
+    max_iter : int, default 2000
+        Steps of a run.
+    rtol : float, default 1e-8
+        Relative tolerance of a run.
+    progress : bool, default False
+        Whether a line shows what is going on.
+    command : str, optional
+        Noted beside the data.
+
+    Returns
+    -------
+    StabilityMap
+        How the runs ended.
+
+    Raises
+    ------
+    InputError
+        For wrong arguments.
+    Interrupted
+        At Ctrl-C; its `report` is the map so far.
 
     Examples
     --------

@@ -113,7 +113,6 @@ def test_what_cannot_be_shown_is_said():
     page = icp.report(solution, title="jump", time_limit=5)
     assert Page(page).short["Is it solved?"].startswith("No: ")
     assert "Not known: " in Page(page).short["Has it a derivative?"]
-    assert "no point converged" in page
     assert Page(page).headings == SECTIONS
     says = [0.1] * 100_000
     gone = icp.ICP([[2.0]], [-1.0], lambda z: says.pop() * z).solve()

@@ -48,9 +48,6 @@ _OURS = b"made by icpmodel"
 _DATA = b"# icpmodel"
 #: a panel on its own, in inches: on the screen of a phone its letters are still those of a small print
 ALONE = (4.9, 3.7)
-#: the letters at lines, in points, and how far apart lines of them stand, as a multiple
-_LETTERS = 8.0
-_APART = 1.6
 
 
 def new_figure(width: float, height: float) -> Figure:
@@ -74,33 +71,6 @@ def styles(names: Iterable[Name]) -> dict[Name, tuple[str, str]]:
 def legend_below(figure: Figure, columns: int, **more: Any) -> None:
     """One legend for all axes, below them."""
     figure.legend(loc="outside lower center", ncols=columns, frameon=False, **({"fontsize": 8} | more))
-
-
-def name_lines(axes: Any, ends: Sequence[tuple[str, Any, str, str]]) -> None:
-    """Write the names of series right of the `axes`, as near to the height where each ends as they have room, with
-    their markers; `ends` are (name, point, colour, marker). The limits of the axes must not change any more.
-
-    The heights h with h_{k+1} − h_k ≥ a line are those nearest to the wanted ones, by isotonic regression.
-    """
-    from scipy.optimize import isotonic_regression
-
-    if not ends:
-        return
-    inverse = axes.transAxes.inverted()
-    wanted = np.array([inverse.transform(axes.transData.transform(point))[1] for _, point, _, _ in ends])
-    order = np.argsort(wanted)
-    many = len(ends)
-    line = min(_APART * _LETTERS / 72.0 / (axes.bbox.height / axes.figure.dpi), 1.0 / max(many - 1, 1))
-    steps = line * np.arange(many)
-    heights = np.clip(isotonic_regression(wanted[order] - steps).x, 0.0, max(1.0 - steps[-1], 0.0)) + steps
-    for k, height in zip(order, heights, strict=True):
-        name, point, colour, marker = ends[k]
-        lead = {"arrowstyle": "-", "color": colour, "linewidth": 0.6, "alpha": 0.6, "shrinkA": 0, "shrinkB": 3}
-        axes.annotate("", point, (1.02, height), textcoords="axes fraction", arrowprops=lead, annotation_clip=False)
-        sign = {"marker": marker, "color": colour, "markersize": 5, "transform": axes.transAxes, "clip_on": False}
-        axes.plot([1.04], [height], linestyle="", label="_", **sign)
-        where = {"transform": axes.transAxes, "va": "center", "fontsize": _LETTERS}
-        axes.text(1.06, height, name, fontweight="bold" if name.startswith("solve()") else "normal", **where)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

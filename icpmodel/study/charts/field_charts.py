@@ -1,0 +1,159 @@
+"""Vectors over the unknowns of a problem: curves on a line, fields in the plane, slices in space."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...errors import InputError
+from ...numerics.arrays import Mask, Vector
+from ...present.shown import Plotted
+from ...problem.data import ProblemData
+from ...scenes.registry import title
+from .figures import GREY, ORANGE, PURPLE, Drawing, Panel, drawing
+from .places import Places, Slice, places_of
+
+#: so many points or rows are shown one by one
+FEW = 60
+#: a curve of more points is written as pixels
+VECTOR = 5000
+#: of a sequence of fields so many are drawn, evenly spaced
+_FIELDS = 6
+#: contact with an obstacle → its colour on a line and in the plane
+CONTACTS = {"contact set": (GREY, "white"), "contact below": (GREY, "white"), "contact above": (PURPLE, ORANGE)}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Fields(Plotted):
+    """Vectors over the unknowns of a problem, to be drawn: curves in one panel, or one field each.
+
+    Parameters
+    ----------
+    problem : ICP
+        The problem that has the unknowns.
+    values : dict of str to array of shape (n,)
+        Name → vector. In a plane at most six are drawn, evenly spaced.
+
+    Examples
+    --------
+    >>> scene = icp.scenes.membrane(n=100)
+    >>> values = {f"q + {c}": scene.problem.with_q(scene.problem.q + c).solve().z for c in (0.0, 0.1)}
+    >>> [axes.get_title() for axes in icp.study.figure(icp.study.Fields(scene.problem, values)).axes[:2]]
+    ['q + 0.0', 'q + 0.1']
+    """
+
+    problem: ProblemData
+    values: Mapping[str, Vector]
+
+
+@drawing.register
+def _(fields: Fields, points: Any = None, shape: Any = None) -> Drawing:
+    problem = fields.problem
+    places = places_of(problem, points, shape)
+    values = {name: problem.vector(one, name, finite=True) for name, one in fields.values.items()}
+    if not values:
+        raise InputError("values is empty; at least one vector was expected")
+    if places.planes:
+        chosen = evenly(values)
+        limits = min(one.min() for one in chosen.values()), max(one.max() for one in chosen.values())
+        label = places.unknown if len(values) > 1 else next(iter(values))
+        drawn = [Field(one, name, label, name, limits=limits) for name, one in chosen.items()]
+        return in_planes(places, drawn, title(problem))
+    panel = Panel(
+        draw=partial(_curves, places, values),
+        caption="Vectors over the unknowns, the first one darkest.",
+        alt="; ".join(f"{name}: {in_words(one)}" for name, one in values.items()),
+    )
+    return Drawing(panels=(panel,), size=(7.2, 4.0), title=title(problem))
+
+
+def evenly(values: Mapping[str, Vector]) -> dict[str, Vector]:
+    """At most `_FIELDS` of the vectors."""
+    names = [*values]
+    return {names[k]: values[names[k]] for k in np.unique(np.linspace(0, len(names) - 1, _FIELDS).round().astype(int))}
+
+
+def _curves(places: Places, values: Mapping[str, Vector], axes: Any) -> list[Any]:
+    from matplotlib import colormaps
+
+    for k, (name, one) in enumerate(values.items()):
+        colour = colormaps["viridis"](0.85 * k / max(len(values) - 1, 1))
+        axes.plot(places.x, one[places.rows], label=name, **line_style(places, colour, 1.5))
+    axes.set(xlabel=places.label, ylabel=places.unknown if len(values) > 1 else next(iter(values)))
+    if len(values) > 1:
+        axes.legend(frameon=False, fontsize=9)
+    return clean(axes, places)
+
+
+def line_style(places: Places, colour: Any, width: float, marker: str = "o") -> dict[str, Any]:
+    """Rows have nothing between them: few of them are markers, many are steps."""
+    many = places.x.size
+    if places.by_row and many <= FEW:
+        size = 6 if marker == "o" else max(400 / max(many, 8), 8)
+        return {"color": colour, "linestyle": "", "marker": marker, "markersize": size}
+    style = {"color": colour, "linewidth": width, "marker": "o" if many <= FEW else "", "markersize": 3}
+    return style | {"drawstyle": "steps-mid" if places.by_row else "default", "rasterized": many > VECTOR}
+
+
+def clean(axes: Any, places: Places) -> list[Any]:
+    axes.grid(alpha=0.3)
+    axes.spines[["top", "right"]].set_visible(False)
+    if places.by_row:
+        axes.locator_params(axis="x", integer=True)
+    return []
+
+
+class Field(NamedTuple):
+    """A vector as colours: its title, the label of its colours, their limits, and the rows that have an outline."""
+
+    values: Vector
+    words: str
+    label: str
+    caption: str
+    colours: str = "viridis"
+    limits: tuple[float, float] | None = None
+    masks: Mapping[str, Mask] = {}
+
+
+def in_planes(places: Places, fields: Sequence[Field], heading: str) -> Drawing:
+    """Every field in every plane, on one scale in all of them."""
+    panels = []
+    for field in fields:
+        shown = np.concatenate([field.values[plane.rows] for plane in places.planes])
+        limits = field.limits or (shown.min(), shown.max())
+        for plane in places.planes:
+            draw = partial(_field, plane, field._replace(limits=limits))
+            panels.append(Panel(draw=draw, caption=field.caption, alt=f"{field.words}: {in_words(field.values)}."))
+    wide = len(places.planes) if len(places.planes) > 1 else min(len(panels), 3)
+    rows = [[k if k < len(panels) else "." for k in range(low, low + wide)] for low in range(0, len(panels), wide)]
+    share = len(places.planes) == 1 and len(panels) > 1
+    layout = {"sharex": True, "sharey": True} if share else {}
+    size = (4.8 * wide if wide < 3 else 12.0, 3.6 * len(rows) if wide == 3 else 4.2)
+    return Drawing(panels=panels, size=size, mosaic=rows, layout=layout, title=heading)
+
+
+def _field(plane: Slice, field: Field, axes: Any) -> list[Any]:
+    values = field.values[plane.rows]
+    if plane.is_grid:
+        cells = values.reshape(plane.cells)
+        shown = axes.pcolormesh(*plane.axes, cells, cmap=field.colours, shading="nearest", rasterized=True)
+    else:
+        size = 72 * min(axes.bbox.width, axes.bbox.height) / axes.figure.dpi
+        style = {"cmap": field.colours, "s": max(size**2 / (2 * values.size), 1.0), "rasterized": True}
+        shown = axes.scatter(plane.x, plane.y, c=values, **style)
+    axes.figure.colorbar(shown, ax=axes, fraction=0.046, pad=0.02, label=field.label)
+    shown.set_clim(field.limits)
+    axes.set_title(", ".join(filter(None, (field.words, plane.at))), fontsize=10)
+    axes.set(aspect="equal", xlabel=plane.labels[0], ylabel=plane.labels[1])
+    for contact, mask in field.masks.items():
+        style = {"linewidth": 1.5} if plane.is_grid else {"linestyle": "", "marker": ".", "markersize": 3}
+        axes.plot(*plane.marked(mask), color=CONTACTS[contact][1], **style)
+    return []
+
+
+def in_words(values: Vector) -> str:
+    return f"between {values.min():.3g} and {values.max():.3g}"
