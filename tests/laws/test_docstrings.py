@@ -11,23 +11,23 @@ import scipy.sparse as sp
 import icpmodel as icp
 
 NAMES = {"np": np, "sp": sp, "icp": icp, "ICP": icp.ICP}
-MODULES = ["icpmodel", *(info.name for info in pkgutil.walk_packages(icp.__path__, "icpmodel."))]
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+#: its examples take long
+SLOW = "study.html_report"
+#: the modules of each room; the face is one of its own
+ROOMS = {"": [icp.__name__], SLOW: [f"icpmodel.{SLOW}"]}
+for info in pkgutil.walk_packages(icp.__path__, "icpmodel."):
+    if info.name not in ("icpmodel.__main__", *ROOMS[SLOW]):
+        ROOMS.setdefault(info.name.split(".")[1], []).append(info.name)
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=[pytest.mark.slow] if name == "icpmodel.study.html_report" else [])
-        for name in MODULES
-        if name != "icpmodel.__main__"
-    ],
-)
-def test_the_examples_of_a_module_run(name):
-    if name.startswith("icpmodel.distributed"):
+@pytest.mark.parametrize("room", [pytest.param(room, marks=[pytest.mark.slow] * (room == SLOW)) for room in ROOMS])
+def test_the_examples_of_a_room_run(room):
+    if room == "distributed":
         pytest.importorskip("petsc4py", reason="petsc4py is not installed: CONTRIBUTING.md says how to get it")
-    module = importlib.import_module(name)
     said: list[str] = []
-    for example in doctest.DocTestFinder(exclude_empty=True).find(module, extraglobs=NAMES):
-        doctest.DocTestRunner(optionflags=FLAGS, verbose=False).run(example, out=said.append)
+    finder = doctest.DocTestFinder(exclude_empty=True)
+    for module in map(importlib.import_module, ROOMS[room]):
+        for example in finder.find(module, extraglobs=NAMES):
+            doctest.DocTestRunner(optionflags=FLAGS, verbose=False).run(example, out=said.append)
     assert not said, "".join(said)

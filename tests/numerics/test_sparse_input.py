@@ -67,10 +67,11 @@ DOORS = {
 
 
 @pytest.mark.parametrize("door", DOORS)
-@pytest.mark.parametrize(("form", "part"), [(form, part) for form, parts in FAULTS.items() for part in parts])
-def test_positions_outside_the_shape_are_refused_at_every_door(door, form, part):
-    with pytest.raises((icp.InputError, icp.MapError)):
-        DOORS[door](broken(form, part))
+def test_positions_outside_the_shape_are_refused_at_every_door(door):
+    for form, parts in FAULTS.items():
+        for part in parts:
+            with pytest.raises((icp.InputError, icp.MapError)):
+                DOORS[door](broken(form, part))
 
 
 def test_positions_outside_a_vector_are_refused():

@@ -37,11 +37,11 @@ def test_two_calls_build_the_same_problem():
         np.testing.assert_array_equal(one.problem.natural_map(z), two.problem.natural_map(z))
 
 
-@pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("n", [0, -3, 2.5, 4.0, "9", True, float("nan")])
-def test_n_must_be_a_positive_integer(name, n):
-    with pytest.raises(InputError, match="n is"):
-        scenes.scene(name, n)
+def test_n_must_be_a_positive_integer(n):
+    for name in NAMES:
+        with pytest.raises(InputError, match="n is"):
+            scenes.scene(name, n)
 
 
 def test_a_scene_of_one_size_takes_only_that():

@@ -10,45 +10,48 @@ from icpmodel.study.charts.figures import styles
 from icpmodel.study.competitors import Entry
 
 SQUARE = icp.scenes.membrane(n=100)
-SOLUTION = SQUARE.problem.solve("psor", history=True)
 LINE = icp.scenes.bearing(n=50)
 KINDS = {"solve()": "solve"} | {f"m{k}": "own" for k in range(8)} | {f"s{k}": "peer" for k in range(8)}
 ENTRIES = tuple(Entry(name, kind, 1e-3, seconds=(1.0,), error=0.1, residual=1e-9) for name, kind in KINDS.items())
-THINGS = {
-    "solution": SOLUTION,
-    "history": SOLUTION.history,
-    "scene": SQUARE,
-    "line": LINE,
-    "race": icp.study.Race(title="a race", measure="error", entries=ENTRIES[:2]),
-    "map": icp.stability("units", points=4, n=9),
-}
+#: what is drawn, and in how many panels
 PANELS = {"solution": 2, "history": 1, "scene": 2, "line": 2, "race": 2, "map": 1}
-each = pytest.mark.parametrize("name", THINGS)
+
+
+@pytest.fixture(scope="module")
+def solution():
+    return SQUARE.problem.solve("psor", history=True)
+
+
+@pytest.fixture(scope="module")
+def things(solution):
+    race = icp.study.Race(title="a race", measure="error", entries=ENTRIES[:2])
+    drawn = (solution, solution.history, SQUARE, LINE, race, icp.stability("units", points=4, n=9))
+    return dict(zip(PANELS, drawn, strict=True))
 
 
 #: what a file of each suffix begins with
 BEGINS = {".png": b"\x89PNG", ".PDF": b"%PDF", ".svg": b"<?xml"}
 
 
-@pytest.mark.parametrize(("name", "suffix"), list(zip(THINGS, [*BEGINS, *BEGINS], strict=True)))
-def test_a_picture_is_written_in_the_format_of_its_suffix_and_nothing_else_is(name, suffix, tmp_path):
-    figure = THINGS[name].plot(tmp_path / f"picture{suffix}")
+@pytest.mark.parametrize(("name", "suffix"), list(zip(PANELS, [*BEGINS, *BEGINS], strict=True)))
+def test_a_picture_is_written_in_the_format_of_its_suffix_and_nothing_else_is(things, name, suffix, tmp_path):
+    figure = things[name].plot(tmp_path / f"picture{suffix}")
     (written,) = tmp_path.iterdir()
     assert written.name == f"picture{suffix}"
     assert written.read_bytes().startswith(BEGINS[suffix])
     assert isinstance(figure, Figure)
 
 
-@each
-def test_a_picture_is_drawn_into_axes_that_are_given(name):
+@pytest.mark.parametrize("name", PANELS)
+def test_a_picture_is_drawn_into_axes_that_are_given(things, name):
     """All panels, or the first of them; the rest of the page stays as it is."""
     page = Figure()
     axes = np.ravel(page.subplots(1, PANELS[name] + 1))
-    assert THINGS[name].plot(ax=axes[1:]) is page
+    assert things[name].plot(ax=axes[1:]) is page
     assert all(one.has_data() for one in axes[1:])
     alone = Figure()
     first, other = alone.subplots(1, 2)
-    assert THINGS[name].plot(ax=first) is alone
+    assert things[name].plot(ax=first) is alone
     assert first.has_data()
     assert not other.has_data()
     assert not axes[0].has_data()
@@ -56,10 +59,10 @@ def test_a_picture_is_drawn_into_axes_that_are_given(name):
 
 
 @pytest.mark.parametrize("path", ["picture", "picture.doc", "picture.mat", "picture.png.old"])
-def test_a_suffix_that_no_picture_has_is_refused(path, tmp_path, monkeypatch):
+def test_a_suffix_that_no_picture_has_is_refused(solution, path, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(icp.InputError, match=r"a file name that ends in \.png, \.pdf or \.svg was expected"):
-        SOLUTION.plot(path)
+        solution.plot(path)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -76,9 +79,9 @@ def test_what_lives_in_the_plane_is_a_field_without_being_told_its_points(of):
     assert icp.study.figure(again, SQUARE.points).axes[0].get_title().startswith("z, ")
 
 
-def test_where_there_is_no_window_it_is_said_what_to_do_instead():
+def test_where_there_is_no_window_it_is_said_what_to_do_instead(solution):
     with pytest.warns(UserWarning, match=r"nothing is shown, .*plot\(\"picture.png\"\) writes") as warned:
-        figure = SOLUTION.plot()
+        figure = solution.plot()
     assert isinstance(figure, Figure)
     assert warned[0].filename == __file__
     assert pyplot.get_fignums() == []
@@ -105,11 +108,11 @@ def test_an_own_grid_is_drawn_in_the_plane_or_in_slices_and_hinted_at_elsewhere(
 
 
 @pytest.mark.parametrize("wrong", [{"shape": (10, 11)}, {"points": np.zeros(3)}, {"shape": (10, 10), "points": [0.0]}])
-def test_places_that_do_not_fit_are_refused(wrong):
+def test_places_that_do_not_fit_are_refused(solution, wrong):
     with pytest.raises(icp.InputError, match=r"expected|placed"):
-        icp.study.figure(SOLUTION, **wrong)
+        icp.study.figure(solution, **wrong)
     with pytest.raises(icp.InputError, match="no unknowns to be placed"):
-        icp.study.figure(SOLUTION.history, **wrong)
+        icp.study.figure(solution.history, **wrong)
 
 
 def test_a_history_shows_its_tolerance_and_where_another_method_took_over():
@@ -139,16 +142,16 @@ def test_a_competitor_has_one_colour_and_marker_of_its_own_in_all_panels():
                 assert (line.get_color(), line.get_marker()) == look[line.get_label()]
 
 
-def test_solves_in_a_row_and_what_moves_with_the_data_have_a_picture():
+def test_solves_in_a_row_and_what_moves_with_the_data_have_a_picture(solution):
     solves = [LINE.problem.with_q(c * LINE.problem.q).solve() for c in (1.0, 2.0, 3.0)]
     (axes,) = icp.study.figure(solves).axes
     assert all(np.array_equal(line.get_ydata(), one.z) for line, one in zip(axes.lines, solves, strict=True))
-    moved = icp.study.sensitivity(SOLUTION, trials=2)
+    moved = icp.study.sensitivity(solution, trials=2)
     field = icp.study.figure(moved).axes[0].collections[0]
     assert np.array_equal(np.ravel(field.get_array()), moved.moved)
     many = icp.solve_many(LINE.problem.A, [c * LINE.problem.q for c in range(1, 20)], LINE.problem.psi)
     (axes,) = icp.study.figure(many).axes
     assert [line.get_label() for line in axes.lines][:: len(axes.lines) - 1] == ["row 0", "row 18"]
-    derivative = SOLUTION.derivative()
+    derivative = solution.derivative()
     field = icp.study.figure(derivative).axes[0].collections[0]
     assert np.array_equal(np.ravel(field.get_array()), derivative.forward(dq=-np.ones(100)))
