@@ -127,7 +127,12 @@ class NotApplicable(IcpError):
 
 
 class SingularOperator(NotApplicable):
-    """The operator X = M₁ + φ + Ω of a method is singular; ``row`` is a row that causes it.
+    """The operator X = M₁ + φ + Ω of a method is singular.
+
+    Attributes
+    ----------
+    row : int
+        A row that causes it.
 
     Examples
     --------
@@ -155,9 +160,12 @@ class OutOfMemory(IcpError, MemoryError):
 
 
 class NotSolved(IcpError):
-    """A run ended without a solution. ``solution`` carries the best iterate and its certificate.
+    """A run ended without a solution.
 
-    From `solve_many` it is the `Solutions` of all rows.
+    Attributes
+    ----------
+    solution : Solution or Solutions
+        The best iterate and its certificate; from `solve_many` the answers of all rows.
 
     Examples
     --------
@@ -177,9 +185,12 @@ class NotSolved(IcpError):
 
 
 class Interrupted(KeyboardInterrupt):
-    """Ctrl-C during a cross-check or a measurement, which ends a script as Ctrl-C should.
+    """Ctrl-C during a cross-check or a measurement; it ends a script as Ctrl-C should.
 
-    ``report`` carries what was done, the rest marked as such.
+    Attributes
+    ----------
+    report : Report, Race or StabilityMap
+        The results so far; the rest is marked as not done.
 
     Examples
     --------

@@ -79,31 +79,88 @@ class ICP(ProblemData):
     to_cvxpy = cvxpy.to_cvxpy
 
     def derivative(self, solution: Any) -> Derivative:
-        """The derivative of z* in A, q and ψ at a `solution`, which `solution.derivative()` asks for."""
+        """Differentiate z* by A, q and ψ at a solution; `solution.derivative()` is the same.
+
+        Parameters
+        ----------
+        solution : Solution
+            A solution of this problem.
+
+        Returns
+        -------
+        Derivative
+            The derivative.
+        """
         return Derivative(solution)
 
     # The rooms of these verbs stand above this one and know it, so that each is imported when it is called.
 
     def race(self, *args: Any, **options: Any) -> Any:
-        """Time own methods and foreign solvers against their error: `icpmodel.race` with this problem."""
+        """Time own methods and foreign solvers against their error.
+
+        Parameters
+        ----------
+        *args, **options
+            The other arguments of `icpmodel.race`.
+
+        Returns
+        -------
+        Race
+            The results.
+        """
         from .study import race
 
         return race(self, *args, **options)
 
     def stability(self, plane: Any = "relaxation", **options: Any) -> Any:
-        """Map where a method converges over a plane of two parameters: `icpmodel.stability` with this problem."""
+        """Map where a method converges over a plane of two parameters.
+
+        Parameters
+        ----------
+        plane : str or Plane, default "relaxation"
+            The plane.
+        **options
+            The other options of `icpmodel.stability`.
+
+        Returns
+        -------
+        StabilityMap
+            The map.
+        """
         from .study import stability
 
         return stability(plane, self, **options)
 
     def report(self, *args: Any, **options: Any) -> Any:
-        """Make one HTML page on this problem, or write it: `icpmodel.report` with this problem."""
+        """Make one HTML page on this problem, or write it to a file.
+
+        Parameters
+        ----------
+        *args, **options
+            The other arguments of `icpmodel.report`.
+
+        Returns
+        -------
+        str or None
+            What `icpmodel.report` returns.
+        """
         from .study import report
 
         return report(self, *args, **options)
 
     def distribute(self, comm: Any = None) -> Any:
-        """Spread this problem over the ranks of MPI: `icpmodel.distributed.distribute` with this problem."""
+        """Distribute this problem over the ranks of MPI.
+
+        Parameters
+        ----------
+        comm : mpi4py.MPI.Comm, optional
+            The communicator; see `icpmodel.distributed.distribute`.
+
+        Returns
+        -------
+        DistributedICP
+            The problem on all ranks.
+        """
         from .distributed import distribute
 
         return distribute(self, comm)

@@ -109,6 +109,15 @@ def main(arguments: list[str] | None = None) -> None:
     ------
     SystemExit
         With the exit code.
+
+    Examples
+    --------
+    >>> try:
+    ...     main(["--version"])
+    ... except SystemExit as end:
+    ...     print(end.code)
+    icpmodel, version ...
+    0
     """
     if arguments is not None:
         sys.exit(_run(arguments))

@@ -62,17 +62,17 @@ def crosscheck(
     Report
         `report.agrees` is True only where at least one solver agreed and none disagreed.
 
-    Notes
-    -----
-    Where p is nonlinear the solvers get its tangent at the answer under test. That is a solution of
-    the one problem if and only if it is one of the other.
-
     Raises
     ------
     InputError
         For a z of the wrong shape, an unknown solver or a bad number.
     Interrupted
         After Ctrl-C; it carries the report so far.
+
+    Notes
+    -----
+    Where p is nonlinear the solvers get its tangent at the answer under test. That is a solution of
+    the one problem if and only if it is one of the other.
 
     Examples
     --------

@@ -76,11 +76,28 @@ class Report(Shown, Tabular):
         return self.holds and self.count(Verdict.AGREES) > 0 and self.count(Verdict.DISAGREES) == 0
 
     def count(self, verdict: Verdict) -> int:
-        """How many rows have this `verdict`."""
+        """Count the rows with one verdict.
+
+        Parameters
+        ----------
+        verdict : Verdict
+            The verdict.
+
+        Returns
+        -------
+        int
+            Their number.
+        """
         return sum(row.verdict is verdict for row in self.rows)
 
     def conclusion(self) -> str:
-        """The verdict in one sentence: whether the problem is solved, how wrong the answer can be, and who agrees."""
+        """The verdict in one sentence: whether the problem is solved, the error bound, and who agrees.
+
+        Returns
+        -------
+        str
+            The sentence.
+        """
         ended = "" if self.status in ("", Status.SOLVED.value) else f" ({self.status})"
         if not self.holds:
             answer = f"Not solved{ended}: the residual of the answer is above tolerance"
@@ -105,9 +122,17 @@ class Report(Shown, Tabular):
         return tuple(row for row in self.rows if row.verdict is not Verdict.SKIPPED)
 
     def coverage(self, *smaller: Report) -> str:
-        """The checks that agree and what each covers, in one sentence; `smaller` are reports of the scene at fewer n.
+        """The checks that agree and what each covers, in one sentence.
 
-        Empty where none agrees.
+        Parameters
+        ----------
+        *smaller : Report
+            Reports of the same scene at fewer n.
+
+        Returns
+        -------
+        str
+            Empty where none agrees.
         """
         covered = {
             "the whole problem": [row for row in self.rows if not row.frozen],
@@ -123,7 +148,13 @@ class Report(Shown, Tabular):
         return f"Solved alike: {'; '.join(parts)}." if parts else ""
 
     def findings(self) -> str:
-        """The verdict, the solvers that ran, why others did not, and what the checks cover, as text."""
+        """The verdict, the solvers that ran, why others did not, and what the checks cover, as text.
+
+        Returns
+        -------
+        str
+            The text.
+        """
         columns = width(_WIDTH)
         verdict, coverage = (
             textwrap.fill(one, columns, break_on_hyphens=False) for one in (self.conclusion(), self.coverage())
@@ -132,7 +163,13 @@ class Report(Shown, Tabular):
         return "\n\n".join(filter(None, (verdict, *tables, coverage)))
 
     def card(self) -> Card:
-        """Problem, answer, residual and error bound."""
+        """Problem, answer, residual and error bound.
+
+        Returns
+        -------
+        Card
+            The card.
+        """
         bound = "no certified error bound" if self.error_bound is None else f"|z - z*| <= {at_most(self.error_bound)}"
         residual, tolerance = ("-" if number is None else f"{number:.3g}" for number in (self.residual, self.tolerance))
         answer = f"{self.answer}; residual {residual}, {bound}"
@@ -140,7 +177,13 @@ class Report(Shown, Tabular):
         return Card({"problem": self.problem, "answer": answer, "compared": compared})
 
     def table(self) -> Table:
-        """The rows, numbers at full precision."""
+        """The rows with numbers at full precision.
+
+        Returns
+        -------
+        Table
+            The table.
+        """
         return _table(self.rows, tuple(Row.__annotations__))
 
     def _tables(self) -> list[Table]:

@@ -56,7 +56,14 @@ _LEAST = 1e-14
 
 @dataclass(frozen=True, eq=False, repr=False)
 class OneSided(ReadOnly, Shown):
-    """The derivatives of z*(t) at t = 0 in one direction of the data, shape (n,): `right` as t ↓ 0, `left` as t ↑ 0.
+    """The derivatives of z*(t) at t = 0 in one direction of the data.
+
+    Attributes
+    ----------
+    right : array of shape (n,)
+        As t ↓ 0.
+    left : array of shape (n,)
+        As t ↑ 0.
 
     Examples
     --------
@@ -355,6 +362,18 @@ class Derivative(ReadOnly, Plotted):
     @public_entry
     def adjoint_bound(self, zbar: Any, gradient: Gradient) -> float | None:
         """Bound the error of the `q`, `psi_values` and `upper_values` of `gradient`; see `bound`.
+
+        Parameters
+        ----------
+        zbar : array of shape (n,)
+            The vector that `adjoint` was given.
+        gradient : Gradient
+            What `adjoint` returned.
+
+        Returns
+        -------
+        float or None
+            The bound, None where there is none.
 
         Examples
         --------

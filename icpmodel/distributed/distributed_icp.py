@@ -84,7 +84,24 @@ class DistributedICP(Shown):
     def of_checked(
         cls, matrix: DistributedMatrix, q: Vector, psi: DistributedMap, upper: DistributedMap | None
     ) -> DistributedICP:
-        """The problem of parts that are known to be right."""
+        """The problem of parts that are known to be right.
+
+        Parameters
+        ----------
+        matrix : DistributedMatrix
+            A.
+        q : array
+            The own entries of q.
+        psi : DistributedMap
+            The obstacle below.
+        upper : DistributedMap or None
+            The obstacle above.
+
+        Returns
+        -------
+        DistributedICP
+            The problem.
+        """
         new = object.__new__(cls)
         new._set(matrix, q, psi, upper)
         return new
@@ -117,7 +134,18 @@ class DistributedICP(Shown):
         return any(one.is_users for one in self.maps)
 
     def vector(self, own: Any = None) -> Any:
-        """A new `Vec` of this layout with the `own` entries, or zeros."""
+        """A new vector of this layout.
+
+        Parameters
+        ----------
+        own : array, optional
+            The entries of this rank, 0 by default.
+
+        Returns
+        -------
+        petsc4py.PETSc.Vec
+            The vector.
+        """
         return self.matrix.vector(own)
 
     def sides(self, z: Any) -> tuple[Vector, Vector, Vector | None]:
@@ -143,12 +171,34 @@ class DistributedICP(Shown):
         return p, z.array_r - self.psi.value(z), above
 
     def residual(self, z: Any) -> float:
-        """Res_D(z) = ‖min(D⁻¹p, r)‖₂ at the `Vec` `z`, see `ProblemData.residual`."""
+        """Res_D(z) = ‖min(D⁻¹p, r)‖₂, see `ProblemData.residual`.
+
+        Parameters
+        ----------
+        z : petsc4py.PETSc.Vec
+            The point.
+
+        Returns
+        -------
+        float
+            The residual.
+        """
         p, below, above = self.sides(z)
         return norm(self.comm, mid(self.matrix.row_weights * p, below, above))
 
     def paper_residual(self, z: Any) -> float:
-        """Res(z) = ‖min(p, r)‖₂ at the `Vec` `z`."""
+        """Res(z) = ‖min(p, r)‖₂.
+
+        Parameters
+        ----------
+        z : petsc4py.PETSc.Vec
+            The point.
+
+        Returns
+        -------
+        float
+            The residual.
+        """
         return norm(self.comm, mid(*self.sides(z)))
 
     def __repr__(self) -> str:

@@ -76,6 +76,11 @@ class DistributedSolution(Shown):
         """State what is certain of z: the error bound, uniqueness, and which rows are decided.
 
         Collective: all ranks must call it. It costs about one linear solve, once.
+
+        Returns
+        -------
+        DistributedCertificate
+            The certificate.
         """
         return self._certificate
 
@@ -89,7 +94,13 @@ class DistributedSolution(Shown):
         return vars(self).get("_certificate")
 
     def summary(self) -> dict[str, str]:
-        """What `print` shows, as names and texts. The bound is in it once all ranks have called `certify`."""
+        """What `print` shows, as names and texts.
+
+        Returns
+        -------
+        dict
+            It has the bound once all ranks have called `certify`.
+        """
         many = "s" if self.problem.comm.size > 1 else ""
         steps = f"{self.iterations} iteration{'' if self.iterations == 1 else 's'}"
         rows = {
@@ -106,7 +117,13 @@ class DistributedSolution(Shown):
         return rows | {"seconds": f"{self.seconds:.3g}"}
 
     def about(self) -> dict[str, Any]:
-        """The same as plain data for JSON."""
+        """What is known of this answer as plain data for JSON.
+
+        Returns
+        -------
+        dict
+            It has no arrays.
+        """
         found = {
             "n": self.problem.n,
             "ranks": self.problem.comm.size,

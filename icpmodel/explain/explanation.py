@@ -91,7 +91,13 @@ class Explanation(Shown):
         return next((one for one, factor in cheapest.items() if tie(factor, min(cheapest.values()))), None)
 
     def sections(self) -> dict[str, str]:
-        """The page, part by part: title → text."""
+        """The page, part by part.
+
+        Returns
+        -------
+        dict
+            Title → text.
+        """
         solution = f"neither existence nor uniqueness is proved:{listed(self.bound.reason)}"
         if is_boxed(self.problem):
             known = "exists, as every row has a fixed obstacle on both sides"
@@ -113,7 +119,13 @@ class Explanation(Shown):
         }
 
     def about(self) -> dict[str, Any]:
-        """The page as plain data for JSON; no arrays."""
+        """The page as plain data for JSON.
+
+        Returns
+        -------
+        dict
+            It has no arrays.
+        """
         return {
             "what_to_do": list(self._to_do()),
             "problem": repr(self.problem),

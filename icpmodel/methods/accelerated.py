@@ -33,33 +33,53 @@ _INDEPENDENT = 1e-10
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Accelerated(Method):
-    """The method `of` with Anderson acceleration (type II): of the last steps the combination that leaves least.
+    """Anderson acceleration (type II) of the fixed-point method `of`.
 
-    With g the map of the method and f(z) = g(z) − z, every `mixing_frequency`-th step is
+    Let g be the map of the method and f(z) = g(z) − z. Every `mixing_frequency`-th step is
 
-        z⁺ = g(z) − ΔG γ,        γ = argmin (f(z) − ΔF γ)ᵀ D (f(z) − ΔF γ),
+        z⁺ = g(z) − ΔG γ,        γ = argmin (f(z) − ΔF γ)ᵀ D (f(z) − ΔF γ).
 
-    ΔG and ΔF the differences of the last `history_size` + 1 values of g and f, D the diagonal of A, so that symmetric
-    changes of units leave γ as it is; the other steps are plain ones. The combination costs about as much as a sweep,
-    hence not every step is one; with more than two plain ones in between, sweeps that diverge would get too far. Where
-    g is linear and `mixing_frequency` is 1 this is GMRES, restarted gradually; where g is affine, n at most 2 and
-    `mixing_frequency` 3, the third step is exact.
+    ΔG and ΔF hold the differences of the last `history_size` + 1 values of g and f. D is the
+    diagonal of A, so that symmetric changes of units leave γ as it is. The other steps are plain.
 
-    **Safeguard.** An iterate so made is kept only if its residual, which the next sweep yields for free, is at most ten
-    times the least one so far; else the plain step is taken and the history forgotten. Where a hundred steps
-    have not halved the least residual, 25 plain ones follow, and both numbers double. Hence the method converges where
-    g contracts in some norm and the residual bounds the error, as for H₊-matrices and ψ of small slope: then there is a
-    K such that K plain steps halve the least residual from wherever the others stopped, and if the others go wrong
-    often enough there are K plain ones.
+    Parameters
+    ----------
+    of : str or Method, optional
+        A method whose iterates are those of one map: a member of the modulus family, `PSOR`, or a
+        `FixedPoint` of your own. One with theta1="auto" runs with the numbers of `settled(problem)`.
+        The default is MNMAOR(theta1="auto"). Where every ψ_i moves with its own z_i alone, and by
+        less, it is PSOR with the ω of `algebra.relaxation.relaxation`, after one Jacobi step.
+    history_size : int, default 7
+        Number of differences, at least 1.
+    mixing_frequency : int, default 3
+        Every so many steps are combined, at least 1.
 
-    Parameters: `of`, the name of a method (taken with its defaults) or a Method object whose iterates are those of one
-    map: any member of the modulus family, `psor`, or a `FixedPoint` of your own; one with theta1="auto" is taken with
-    the numbers of `settled(problem)`. By default it is MNMAOR(theta1="auto"), but where every ψ_i moves with its own
-    z_i alone, and by less, PSOR, which keeps rows at the obstacle there, with the ω of `algebra.relaxation.relaxation`,
-    after one step of Jacobi's. `history_size` ≥ 1, the number of differences; `mixing_frequency` ≥ 1.
-    Raises InputError for anything else.
-    Reference: Anderson, J. ACM 12 (1965); Walker and Ni, SIAM J. Numer. Anal. 49 (2011); Pratapa, Suryanarayana and
-    Pask, J. Comput. Phys. 306 (2016), for the steps between.
+    Raises
+    ------
+    InputError
+        For another method or a wrong number.
+
+    Notes
+    -----
+    **Cost.** A combination costs about as much as a sweep, so not every step is one. With more than
+    two plain steps in between, sweeps that diverge would get too far.
+
+    **Special cases.** Where g is linear and `mixing_frequency` is 1 this is GMRES, restarted
+    gradually. Where g is affine, n ≤ 2 and `mixing_frequency` is 3, the third step is exact.
+
+    **Safeguard.** A combination is kept only if its residual is at most ten times the least one so
+    far. The next sweep yields that residual for free. Otherwise the plain step is taken and the
+    history forgotten. Where a hundred steps have not halved the least residual, 25 plain ones follow,
+    and both numbers double.
+
+    **Convergence.** The method converges where g contracts in some norm and the residual bounds the
+    error, as for H₊-matrices and ψ of small slope. Then K plain steps halve the least residual from
+    any point, for some K. If combinations fail often enough, K plain steps are made.
+
+    References
+    ----------
+    Anderson, J. ACM 12 (1965). Walker and Ni, SIAM J. Numer. Anal. 49 (2011). Pratapa, Suryanarayana
+    and Pask, J. Comput. Phys. 306 (2016), for the steps between.
 
     Examples
     --------
@@ -97,7 +117,18 @@ class Accelerated(Method):
         return (self.of or MNMAOR(theta1=AUTO)).why_not(problem)
 
     def differences(self, problem: ProblemData) -> Differences:
-        """The history of a run, which makes the combinations."""
+        """The history of a run, which makes the combinations.
+
+        Parameters
+        ----------
+        problem : ProblemData
+            The problem.
+
+        Returns
+        -------
+        Differences
+            The empty history of a run.
+        """
         return Differences(problem, self.history_size)
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:

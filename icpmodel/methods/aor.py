@@ -65,12 +65,26 @@ class _AdaptedPath(Iterator[Iterate]):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class MNMAOR(_Relaxing):
-    """Accelerated overrelaxation: M₁ = (D − θ₂L)/θ₁; `phi`, `phi1`, `phi2` as in `Modulus`.
+    """Accelerated overrelaxation: M₁ = (D − θ₂L)/θ₁.
 
-    θ₁ = 1/(2/ω − s), θ₂ = 2θ₁ and Ω = sD with s = 2 − ω have the reach of projected SOR: where p < Ωr,
-    z⁺ = z − (D/ω − L)⁻¹p. theta1="auto" takes these; the run starts at ω = 1 and adapts ω to the rate that it
-    sees, and `Solution.settled` tells where it ended.
-    Reference: Kumar, Deepmala and Das, section 3; `algebra.relaxation` for "auto".
+    Parameters
+    ----------
+    phi, phi1, phi2 : float or array of shape (n,)
+        The diagonals of φ, φ₁ and φ₂, as in `Modulus`.
+    theta1 : float or "auto", default 1
+        θ₁ > 0. With "auto" the run starts at ω = 1 and adapts ω to the rate that it observes.
+    theta2 : float, default 1
+        θ₂.
+
+    Notes
+    -----
+    θ₁ = 1/(2/ω − s), θ₂ = 2θ₁ and Ω = sD with s = 2 − ω have the reach of projected SOR: where
+    p < Ωr, the step is z⁺ = z − (D/ω − L)⁻¹p. "auto" takes these. `Solution.settled` has the numbers
+    at the end of the run.
+
+    References
+    ----------
+    Kumar, Deepmala and Das, section 3; `algebra.relaxation` for "auto".
 
     Examples
     --------
@@ -91,7 +105,18 @@ class MNMAOR(_Relaxing):
             AOR(self.theta1, self.theta2)
 
     def settled(self, problem: ProblemData) -> MNMAOR:
-        """With ω = `relaxation`: acceleration needs no more."""
+        """This method with numbers in place of "auto": ω = `relaxation`, which is enough for acceleration.
+
+        Parameters
+        ----------
+        problem : ProblemData
+            The problem.
+
+        Returns
+        -------
+        MNMAOR
+            Itself where it has numbers.
+        """
         return self._relaxed(problem, relaxation(problem)) if is_auto(self.theta1) else self
 
     def _adapted(self, problem: ProblemData) -> AdaptedOmega:
@@ -107,10 +132,19 @@ class MNMAOR(_Relaxing):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class MNMSOR(_Relaxing):
-    """Successive overrelaxation: MNMAOR with θ₂ = θ₁; `phi`, `phi1`, `phi2` as in `Modulus`.
+    """Successive overrelaxation: MNMAOR with θ₂ = θ₁.
 
-    theta1="auto" is 1/(2/ω − s) with Ω = sD, s = 2 − ω: of the ω that is best for SOR as much as θ₂ = θ₁ bears, and
-    less where the run shows that it is too much; `Solution.settled` tells where it ended.
+    Parameters
+    ----------
+    phi, phi1, phi2 : float or array of shape (n,)
+        The diagonals of φ, φ₁ and φ₂, as in `Modulus`.
+    theta1 : float or "auto", default 1
+        θ₁ > 0. "auto" is 1/(2/ω − s) with Ω = sD and s = 2 − ω.
+
+    Notes
+    -----
+    "auto" begins with the ω that is best for SOR, as far as θ₂ = θ₁ allows. It reduces ω where the
+    run shows that this is too much. `Solution.settled` has the numbers at the end of the run.
 
     Examples
     --------
@@ -128,7 +162,18 @@ class MNMSOR(_Relaxing):
             leave_out(self, "phi1", "phi2")
 
     def settled(self, problem: ProblemData) -> MNMSOR:
-        """θ₁ = 1 and Ω = D, which is proved, and the best start for acceleration."""
+        """This method with θ₁ = 1 and Ω = D: that is proved, and the best start for acceleration.
+
+        Parameters
+        ----------
+        problem : ProblemData
+            The problem.
+
+        Returns
+        -------
+        MNMSOR
+            Itself where it has numbers.
+        """
         return MNMSOR(phi=self.phi) if is_auto(self.theta1) else self
 
     def _adapted(self, problem: ProblemData) -> AdaptedOmega:
@@ -146,7 +191,12 @@ class MNMSOR(_Relaxing):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class MNMGS(FreeOmega):
-    """Gauss–Seidel: MNMAOR with θ₁ = θ₂ = 1; `phi`, `phi1`, `phi2` as in `Modulus`.
+    """Gauss–Seidel: MNMAOR with θ₁ = θ₂ = 1.
+
+    Parameters
+    ----------
+    phi, phi1, phi2 : float or array of shape (n,)
+        The diagonals of φ, φ₁ and φ₂, as in `Modulus`.
 
     Examples
     --------
@@ -163,7 +213,12 @@ class MNMGS(FreeOmega):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class MNMJ(FreeOmega):
-    """Jacobi: MNMAOR with θ₁ = 1, θ₂ = 0. With the default Ω = D and φ = 0 it is projected Jacobi.
+    """Jacobi: MNMAOR with θ₁ = 1, θ₂ = 0; projected Jacobi with the default Ω = D and φ = 0.
+
+    Parameters
+    ----------
+    phi, phi1, phi2 : float or array of shape (n,)
+        The diagonals of φ, φ₁ and φ₂, as in `Modulus`.
 
     Examples
     --------

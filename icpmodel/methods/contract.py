@@ -76,8 +76,9 @@ class Infeasible(Exception):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Method(ReadOnly, Shown, ABC):
-    """An iterative method for ICP. Subclasses with options are frozen keyword-only dataclasses that check them; a
-    method never changes.
+    """An iterative method; subclasses with options are frozen keyword-only dataclasses that check them.
+
+    A method never changes after it was made.
 
     Examples
     --------
@@ -105,7 +106,17 @@ class Method(ReadOnly, Shown, ABC):
             _REGISTRY[cls.name] = cls
 
     def why_not(self, problem: ProblemData) -> str | None:
-        """One sentence on why this method cannot take `problem`, or None.
+        """Why this method cannot take a problem.
+
+        Parameters
+        ----------
+        problem : ProblemData
+            The problem.
+
+        Returns
+        -------
+        str or None
+            One sentence, None where it can.
 
         Examples
         --------
@@ -125,14 +136,35 @@ class Method(ReadOnly, Shown, ABC):
 
     @abstractmethod
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
-        """Yield (zᵏ, Res_D(zᵏ)) for k = 0, 1, 2, …, z⁰ = `z`, and end when nothing new will come.
+        """Yield (zᵏ, Res_D(zᵏ)) for k = 0, 1, 2, …, and end when nothing new will come.
 
-        Each zᵏ is an array of shape (n,) that the method will not change afterwards. The residual is None where it does
-        not fall out of the step for free; it is a hint, never the verdict. Where this is a generator, a run sends it
-        how many more iterates it expects to ask for, so that several may be made at once; it need not listen. The
-        iterator may have an attribute `settled`: this method with the numbers that the run came to.
-        Raises SingularOperator at the first step where the method's operator cannot be inverted, MapError where ψ
-        fails, and Infeasible where it is proved that there is no solution.
+        Parameters
+        ----------
+        problem : ProblemData
+            The problem.
+        z : array of shape (n,)
+            The start z⁰.
+
+        Yields
+        ------
+        tuple of array and float or None
+            zᵏ of shape (n,), which the method does not change afterwards, and its residual. That is None
+            where the step does not yield it for free; it is a hint, never the verdict.
+
+        Raises
+        ------
+        SingularOperator
+            At the first step where the method's operator cannot be inverted.
+        MapError
+            Where ψ fails.
+        Infeasible
+            Where it is proved that there is no solution.
+
+        Notes
+        -----
+        Where this is a generator, the run sends it how many more iterates it expects to need, so that
+        several may be made at once. The iterator may have an attribute `settled`: this method with the
+        numbers that the run has adapted.
 
         Examples
         --------
@@ -186,6 +218,11 @@ class FixedPoint(Method):
 def names() -> list[str]:
     """The names of all methods, sorted.
 
+    Returns
+    -------
+    list of str
+        The names.
+
     Examples
     --------
     >>> "mnmgs" in icp.methods.names()
@@ -196,9 +233,24 @@ def names() -> list[str]:
 
 
 def named(name: str, /, **options: Any) -> Method:
-    """The method called `name` with these options.
+    """The method with a name.
 
-    Raises InputError for an unknown name or option, and lists the known ones.
+    Parameters
+    ----------
+    name : str
+        A name of `names()`.
+    **options
+        The options of the method.
+
+    Returns
+    -------
+    Method
+        The method.
+
+    Raises
+    ------
+    InputError
+        For an unknown name or option; it lists the known ones.
 
     Examples
     --------

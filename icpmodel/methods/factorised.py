@@ -16,11 +16,22 @@ from .modulus import ModulusMember
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class MNMOD(ModulusMember):
-    """Modified new modulus method: M₁ = A, Ω = I. `phi` is a number or a vector of shape (n,).
+    """Modified new modulus method: M₁ = A, Ω = I.
 
-    Converges for every positive definite A with ψ = 0 and φ = 0. In rows that leave the obstacle a step multiplies what
-    an eigenvalue λ of A leaves by (φ + 1 − λ)/(φ + 1 + λ): by nothing for λ = φ + 1, by 1 in absolute value for an
-    imaginary λ, whatever φ. Reference: Kumar, Deepmala and Das, section 3.
+    Parameters
+    ----------
+    phi : float or array of shape (n,), default 0
+        The diagonal of φ.
+
+    Notes
+    -----
+    It converges for every positive definite A with ψ = 0 and φ = 0. In rows off the obstacle a step
+    multiplies the error in an eigenvector with eigenvalue λ of A by (φ + 1 − λ)/(φ + 1 + λ). That is
+    0 for λ = φ + 1, and has absolute value 1 for imaginary λ, whatever φ.
+
+    References
+    ----------
+    Kumar, Deepmala and Das, section 3.
 
     Examples
     --------
@@ -45,11 +56,20 @@ class MNMOD(ModulusMember):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class MNMMOD(MNMOD):
-    """Modified new modified modulus method: M₁ = A, Ω = θ₁I, θ₁ > 0.
+    """Modified new modified modulus method: M₁ = A, Ω = θ₁I.
 
-    The display in the paper lacks a "+" and the factor θ₁ before ψ; the scheme is
-    (A + φ + θ₁I)z⁺ = φz + |(A − θ₁I)z + q + θ₁ψ(z)| − q + θ₁ψ(z). √(λ_min λ_max) is a good θ₁ for symmetric A;
-    theta1="auto" is √(‖A‖_∞/‖A⁻¹1‖_∞), which comes near to it for an M-matrix.
+    Parameters
+    ----------
+    phi : float or array of shape (n,), default 0
+        The diagonal of φ.
+    theta1 : float or "auto", default 1
+        θ₁ > 0. √(λ_min λ_max) is good for symmetric A. "auto" is √(‖A‖_∞/‖A⁻¹1‖_∞), which is near
+        to it for an M-matrix.
+
+    Notes
+    -----
+    The display in the paper lacks a "+" and the factor θ₁ before ψ. The scheme is
+    (A + φ + θ₁I)z⁺ = φz + |(A − θ₁I)z + q + θ₁ψ(z)| − q + θ₁ψ(z).
 
     Examples
     --------

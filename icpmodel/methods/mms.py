@@ -19,18 +19,30 @@ from .contract import Iterate, Method, positive_diagonal
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class MMS(Method):
-    """z − ψ(z) = (|x| + x)/γ and Az + q = Ω(|x| − x)/γ, iterated in x with ψ held at the outer iterate.
+    """The modulus-based matrix splitting method of Hong and Li, with inner and outer steps.
 
-    The inner step (Ω + M₁)x⁺ = N₁x + (Ω − A)|x| − γ(Aψ + q) is, with z = ψ + (|x| + x)/γ,
+    It iterates in x, where z − ψ(z) = (|x| + x)/γ and Az + q = Ω(|x| − x)/γ. The obstacle ψ is held
+    at the outer iterate. With z = ψ + (|x| + x)/γ the inner step
+    (Ω + M₁)x⁺ = N₁x + (Ω − A)|x| − γ(Aψ + q) is
 
-        x⁺ = x − γ X⁻¹ (Az + q − Ω(|x| − x)/γ),        X = M₁ + Ω:
+        x⁺ = x − γ X⁻¹ (Az + q − Ω(|x| − x)/γ),        X = M₁ + Ω.
 
-    the operator of the family once more, on another residual. γ only rescales x and leaves every z as it is, so it is
-    2 here and no option. After `inner` steps ψ is evaluated anew; where ψ is constant, inner and outer steps are the
-    same.
-    Parameters: `splitting` as in `Modulus`; `omega` the diagonal of Ω, a positive number or vector of
-    shape (n,), or None for D/2; `inner` ≥ 1.
-    Reference: Hong and Li, Numer. Linear Algebra Appl. 23 (2016); Bai (2010) for ψ = 0.
+    This is the operator of the family on another residual. γ only rescales x and leaves every z as
+    it is: here γ = 2. After `inner` steps ψ is evaluated anew. Where ψ is constant, inner and outer
+    steps are the same.
+
+    Parameters
+    ----------
+    splitting : str, AOR or matrix, default "gauss-seidel"
+        M₁, as in `Modulus`.
+    omega : float or array of shape (n,), optional
+        The diagonal of Ω, positive; D/2 by default.
+    inner : int, default 10
+        Number of inner steps, at least 1.
+
+    References
+    ----------
+    Hong and Li, Numer. Linear Algebra Appl. 23 (2016). Bai (2010) for ψ = 0.
 
     Examples
     --------

@@ -129,9 +129,25 @@ class FreeOmega(ModulusMember):
 class Modulus(FreeOmega):
     """Method 3.1 in general: any M₁, φ, φ₁, φ₂.
 
-    Parameters: `splitting` is M₁: "jacobi", "gauss-seidel", "whole" (M₁ = A), an `AOR`, or a dense or sparse matrix of
-    shape (n, n); `phi` (any sign), `phi1`, `phi2` (positive) the diagonals, numbers or vectors of shape (n,).
-    Raises InputError for a wrong option. Reference: Kumar, Deepmala and Das, Method 3.1.
+    Parameters
+    ----------
+    phi : float or array of shape (n,), default 0
+        The diagonal of φ, of any sign.
+    phi1 : float or array of shape (n,), default 1
+        The diagonal of φ₁, positive.
+    phi2 : float or array of shape (n,), optional
+        The diagonal of φ₂, positive; φ₁D by default, so that Ω = φ₁⁻¹φ₂ = D.
+    splitting : str, AOR or matrix of shape (n, n), default "gauss-seidel"
+        M₁: "jacobi", "gauss-seidel", "whole" (M₁ = A), an `AOR`, or a dense or sparse matrix.
+
+    Raises
+    ------
+    InputError
+        For a wrong option.
+
+    References
+    ----------
+    Kumar, Deepmala and Das, Method 3.1.
 
     Examples
     --------
@@ -153,8 +169,16 @@ class Modulus(FreeOmega):
 class NMMS(ModulusMember):
     """New modulus-based matrix splitting (2022): the member φ = 0, φ₁ = I, Ω = φ₂.
 
-    Parameters: `splitting` as in `Modulus`; `omega` the diagonal of Ω, a positive number or vector of shape (n,), or
-    None for D. Reference: the paper's [30].
+    Parameters
+    ----------
+    splitting : str, AOR or matrix of shape (n, n), default "gauss-seidel"
+        M₁, as in `Modulus`.
+    omega : float or array of shape (n,), optional
+        The diagonal of Ω, positive; D by default.
+
+    References
+    ----------
+    The paper's [30].
 
     Examples
     --------
@@ -182,10 +206,20 @@ class NMMS(ModulusMember):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ProjectionFixedPoint(ModulusMember):
-    """Projection fixed point: z⁺ = max(ψ(z), z − ωD⁻¹(Az + q)), `omega` > 0.
+    """Projection fixed point: z⁺ = max(ψ(z), z − ωD⁻¹(Az + q)).
 
+    Parameters
+    ----------
+    omega : float, default 1
+        ω > 0.
+
+    Notes
+    -----
     It is the modulus step with M₁ = Ω = D/ω: X = 2Ω and z⁺ = z − Ω⁻¹F_Ω(z).
-    Reference: a baseline of Hong and Li (2016), the paper's [29].
+
+    References
+    ----------
+    A baseline of Hong and Li (2016), the paper's [29].
 
     Examples
     --------

@@ -78,7 +78,20 @@ class Multilevel(Method):
                 yield step
 
     def start(self, hierarchy: Hierarchy, problem: ProblemData) -> Vector:
-        """z from the coarser levels, each of which begins with the answer of the one below it."""
+        """The start from the coarser levels; each begins with the answer of the one below it.
+
+        Parameters
+        ----------
+        hierarchy : Hierarchy
+            The levels.
+        problem : ProblemData
+            The problem on the finest level.
+
+        Returns
+        -------
+        array of shape (n,)
+            z.
+        """
         problems = [problem]
         shifts = []
         for level, coarser in pairwise(hierarchy.levels):

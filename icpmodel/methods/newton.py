@@ -83,7 +83,20 @@ class Newton(Method):
         return problem.psi.no_derivative()
 
     def path(self, problem: ProblemData, z: Vector) -> Path:
-        """Where a run goes from `z`."""
+        """The path of a run.
+
+        Parameters
+        ----------
+        problem : ProblemData
+            The problem.
+        z : array of shape (n,)
+            The start.
+
+        Returns
+        -------
+        Path
+            The path.
+        """
         return Path(problem, z)
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:

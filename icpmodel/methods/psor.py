@@ -30,11 +30,23 @@ from .modulus import ModulusMember
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class PSOR(ModulusMember):
-    """z_i⁺ = max(ψ_i(z), z_i − (ω/a_ii)(Σ_{j<i} a_ij z_j⁺ + Σ_{j≥i} a_ij z_j + q_i)), 0 < ω < 2.
+    """Projected successive overrelaxation, the row-wise modulus method.
 
-    Projected successive overrelaxation, the row-wise modulus method: M₁ = D/ω − L, any Ω, and the newest values inside
-    the modulus (see the module's docstring); ψ sees the z that the sweep began with.
-    Reference: Cryer, SIAM J. Control 9 (1971).
+        z_i⁺ = max(ψ_i(z), z_i − (ω/a_ii)(Σ_{j<i} a_ij z_j⁺ + Σ_{j≥i} a_ij z_j + q_i))
+
+    Parameters
+    ----------
+    omega : float, default 1
+        The relaxation factor, 0 < ω < 2.
+
+    Notes
+    -----
+    M₁ = D/ω − L with any Ω, and the newest values inside the modulus; see the module's docstring. ψ
+    is evaluated at the z before the sweep.
+
+    References
+    ----------
+    Cryer, SIAM J. Control 9 (1971).
 
     Examples
     --------
@@ -58,7 +70,18 @@ class PSOR(ModulusMember):
         return AOR(self.omega, self.omega)
 
     def omega_of(self, problem: ProblemData) -> Vector:
-        """D/ω; no other Ω > 0 would change a step."""
+        """The diagonal of Ω: D/ω. No other Ω > 0 would change a step.
+
+        Parameters
+        ----------
+        problem : ProblemData
+            The problem.
+
+        Returns
+        -------
+        array of shape (n,)
+            The diagonal.
+        """
         return problem.matrix.rows.diagonal / self.omega
 
     def step_of(self, problem: ProblemData) -> Step:

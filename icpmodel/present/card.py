@@ -16,7 +16,12 @@ _PAGE = 116
 
 
 class Card(Shown, Mapping[str, str]):
-    """Names with texts, which may have several lines, in the order of `rows`.
+    """Names with texts, which may have several lines.
+
+    Parameters
+    ----------
+    rows : dict
+        Name → text, in the order in which they are shown.
 
     Examples
     --------
@@ -55,7 +60,13 @@ class Card(Shown, Mapping[str, str]):
         return self.to_html()
 
     def to_html(self) -> str:
-        """The card as an HTML table."""
+        """The card as an HTML table.
+
+        Returns
+        -------
+        str
+            HTML.
+        """
         return render("card.html", rows=self.rows)
 
 

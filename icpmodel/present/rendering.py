@@ -7,7 +7,19 @@ from typing import Any
 
 
 def render(template: str, **values: Any) -> str:
-    """The `template` of the folder `templates` with these `values`, escaped.
+    """Fill in a template of the folder `templates`.
+
+    Parameters
+    ----------
+    template : str
+        The name of its file.
+    **values
+        The values of its variables, which are escaped.
+
+    Returns
+    -------
+    str
+        The text.
 
     Examples
     --------

@@ -30,7 +30,16 @@ _CELL = 115
 
 @dataclass(frozen=True, repr=False)
 class Table(Shown):
-    """A `title`, column `heads` (with units) and `rows` of numbers and texts, None for what is not known.
+    """A table of numbers and texts.
+
+    Parameters
+    ----------
+    title : str
+        The title.
+    heads : tuple of str
+        The heads of the columns, with units.
+    rows : tuple of tuple
+        Numbers and texts; None for what is not known.
 
     Examples
     --------
@@ -50,10 +59,20 @@ class Table(Shown):
         return self.to_text(width(_UNBOUNDED))
 
     def to_text(self, columns: int) -> str:
-        """The table as text of at most `columns` columns, numbers to the right, texts to the left.
+        """The table as text, numbers to the right, texts to the left.
 
-        Where the table is wider, its texts are wrapped. Where that is not enough, the remaining
+        Where the table is too wide, its texts are wrapped. Where that is not enough, the remaining
         columns stand below, after the first one once more.
+
+        Parameters
+        ----------
+        columns : int
+            The largest width of a line.
+
+        Returns
+        -------
+        str
+            The text.
         """
         from rich.console import Console
         from rich.table import Table as Grid
@@ -102,11 +121,22 @@ class Table(Shown):
         return blocks
 
     def records(self) -> list[dict[str, Any]]:
-        """The rows as head → cell."""
+        """The rows as head → cell.
+
+        Returns
+        -------
+        list of dict
+            One dict a row.
+        """
         return [dict(zip(self.heads, row, strict=True)) for row in self.rows]
 
     def to_dataframe(self) -> Any:
         """The rows as a pandas DataFrame, numbers at full precision.
+
+        Returns
+        -------
+        pandas.DataFrame
+            The table.
 
         Raises
         ------
@@ -130,12 +160,24 @@ class Table(Shown):
         return self.to_html()
 
     def to_html(self) -> str:
-        """The table as HTML, with the title as its caption."""
+        """The table as HTML, with the title as its caption.
+
+        Returns
+        -------
+        str
+            HTML.
+        """
         numbers = [not self._is_text(k) for k in range(len(self.heads))]
         return render("table.html", title=self.title, heads=self.heads, rows=self._cells(), numbers=numbers)
 
     def to_csv(self) -> str:
-        """The heads and rows as CSV text, numbers in full."""
+        """The heads and rows as CSV text, numbers in full.
+
+        Returns
+        -------
+        str
+            CSV.
+        """
         out = io.StringIO()
         csv.writer(out, lineterminator="\n").writerows([self.heads, *self.rows])
         return out.getvalue()
@@ -143,8 +185,13 @@ class Table(Shown):
     def to_latex(self) -> str:
         """The table as LaTeX: a float of the kind `table`, with the rules of the package booktabs.
 
-        A text of the first column that several rows share is printed once. Where every text is shared, each has a
-        float of its own, with the text in its caption.
+        A text of the first column that several rows share is printed once. Where every text is shared,
+        each has a float of its own, with the text in its caption.
+
+        Returns
+        -------
+        str
+            LaTeX.
 
         Examples
         --------

@@ -109,7 +109,17 @@ class Function(Parametrised):
         return colours(self.links)
 
     def with_sparsity(self, pattern: Any) -> Function:
-        """The same function, its Jacobian made by differences on the entries of `pattern`, shape (n, n).
+        """The same function with a Jacobian made by differences on a sparsity pattern.
+
+        Parameters
+        ----------
+        pattern : array_like or sparse matrix of shape (n, n)
+            Its nonzero entries are those of the Jacobian that may be nonzero.
+
+        Returns
+        -------
+        Function
+            A copy.
 
         Examples
         --------

@@ -172,7 +172,19 @@ class Intervention(Map):
         return f"{self!r}: isotone; where jumps form a cycle rho(G) >= 1, and no proof by contraction can exist"
 
     def best_jump(self, z: Vector) -> tuple[Vector, np.ndarray]:
-        """(ψ(z), target): the value and the best jump's column, −1 where there is none; both of shape (n,).
+        """The obstacle and the jump that attains it, row by row.
+
+        Parameters
+        ----------
+        z : array of shape (n,)
+            The point.
+
+        Returns
+        -------
+        psi : array of shape (n,)
+            ψ(z).
+        target : array of int of shape (n,)
+            The column of the best jump, −1 where there is none.
 
         Examples
         --------

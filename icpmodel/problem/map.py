@@ -114,7 +114,17 @@ class Map(ReadOnly, Shown, ABC):
 
     @abstractmethod
     def jacobian(self, z: Vector) -> sp.csr_array | None:
-        """An element of the generalised Jacobian of ψ at `z` (n × n, CSR), or None where it is not known.
+        """An element of the generalised Jacobian of ψ.
+
+        Parameters
+        ----------
+        z : array of shape (n,)
+            The point.
+
+        Returns
+        -------
+        csr_array of shape (n, n) or None
+            None where it is not known.
 
         Examples
         --------
@@ -133,9 +143,17 @@ class Map(ReadOnly, Shown, ABC):
         return None
 
     def change(self, delta: Vector) -> Vector | None:
-        """A bound on |ψ(x) − ψ(y)| for all x, y with |x − y| ≤ `delta`, shape (n,); None where none is known.
+        """A bound on |ψ(x) − ψ(y)| for all x, y with |x − y| ≤ delta: Gδ, rounded up.
 
-        Gδ, rounded up.
+        Parameters
+        ----------
+        delta : array of shape (n,)
+            The bound of |x − y|, entry by entry.
+
+        Returns
+        -------
+        array of shape (n,) or None
+            None where no bound is known.
 
         Examples
         --------
@@ -161,7 +179,19 @@ class Map(ReadOnly, Shown, ABC):
         return None
 
     def restricted(self, rows: NDArray[np.intp], z: Vector) -> Map:
-        """ψ in the unknowns `rows` alone, ascending, where all others are what they are in `z`, shape (n,).
+        """ψ in some unknowns alone; the others keep their values.
+
+        Parameters
+        ----------
+        rows : array of int
+            The unknowns, ascending.
+        z : array of shape (n,)
+            The values of all others.
+
+        Returns
+        -------
+        Map
+            A map in len(rows) unknowns.
 
         Examples
         --------
@@ -202,6 +232,11 @@ class Map(ReadOnly, Shown, ABC):
     def as_upper(self) -> Map:
         """The same map as an obstacle above z, where +∞ means none.
 
+        Returns
+        -------
+        Map
+            The map.
+
         Examples
         --------
         >>> icp.Constant(3).bind(1).as_upper().c
@@ -239,7 +274,19 @@ class Map(ReadOnly, Shown, ABC):
         return None, as_vector(change, z.size, name)
 
     def data_gradient(self, z: Vector, weight: Vector) -> Any:
-        """The gradient of wᵀψ(z), w = `weight`, z staying, for ψ's own data, in their form; here for its values: w.
+        """The gradient of wᵀψ(z) by ψ's own data, at fixed z.
+
+        Parameters
+        ----------
+        z : array of shape (n,)
+            The point.
+        weight : array of shape (n,)
+            w.
+
+        Returns
+        -------
+        object
+            In the form of the data; here for the values of ψ, which is w.
 
         Examples
         --------
@@ -305,7 +352,12 @@ class Map(ReadOnly, Shown, ABC):
         return None
 
     def describe(self) -> str:
-        """What is known of ψ, in one sentence.
+        """Describe in one sentence what is known of ψ.
+
+        Returns
+        -------
+        str
+            The sentence.
 
         Examples
         --------

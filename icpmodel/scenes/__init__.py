@@ -120,6 +120,11 @@ def _asked(name: str, n: int | None, parameters: dict[str, Any]) -> tuple[str, i
 def names() -> list[str]:
     """The names of all scenes, in alphabetical order.
 
+    Returns
+    -------
+    list of str
+        The names.
+
     Examples
     --------
     >>> "membrane" in names()
@@ -129,7 +134,12 @@ def names() -> list[str]:
 
 
 def titles() -> dict[str, str]:
-    """Name → one line that says what it is, for a table; builds nothing.
+    """What each scene is, in one line; it builds nothing.
+
+    Returns
+    -------
+    dict
+        Name → line.
 
     Examples
     --------

@@ -48,7 +48,17 @@ class Quantity(Shown):
     order: float | None
 
     def error(self, z: Vector) -> float:
-        """|measure(z) − exact|, NaN where z does not have the quantity.
+        """The error |measure(z) − exact| of the quantity.
+
+        Parameters
+        ----------
+        z : array of shape (n,)
+            The answer.
+
+        Returns
+        -------
+        float
+            NaN where z does not have the quantity.
 
         Examples
         --------
@@ -153,7 +163,12 @@ class Scene(ReadOnly, Plotted):
         return known | {name: quantity.error(z) for name, quantity in self.quantities.items()}
 
     def solution(self) -> Solution:
-        """What `solve` finds from the start that the scene prescribes, solved or not.
+        """Solve the problem from the start that the scene prescribes.
+
+        Returns
+        -------
+        Solution
+            The answer, solved or not.
 
         Examples
         --------

@@ -49,7 +49,16 @@ _STILL = 4.0
 
 @dataclass(frozen=True, repr=False)
 class Choice(Shown):
-    """A `method`, `why` it was chosen, and the `estimate` of its cost, None where a structure decides.
+    """The method that was chosen, and why.
+
+    Attributes
+    ----------
+    method : Method
+        The method.
+    why : str
+        Why it was chosen.
+    estimate : Estimate or None
+        What it is expected to cost; None where the structure of the problem decides.
 
     Examples
     --------
@@ -101,11 +110,13 @@ def select_method(problem: ProblemLike, *, rtol: float = RTOL, family: str | Non
     Parameters
     ----------
     problem : ICP or what `solve` takes
-    rtol : float
+        The problem.
+    rtol : float, default 1e-8
         The share of Res_D(0) that is asked for.
     family : {None, "modulus", "paper"}
-        "modulus" leaves out what does not grow out of the modulus equation: `Lemke`, `Josephy`, `Tridiagonal`.
-        "paper" takes MNMAOR with θ₁ = "auto" for the sweeps of rung 4, MNMMOD with θ₁ = "auto" for rung 5, then MNMGS.
+        "modulus" leaves out what does not grow out of the modulus equation: `Lemke`, `Josephy`,
+        `Tridiagonal`. "paper" takes MNMAOR with θ₁ = "auto" for the sweeps of rung 4, MNMMOD with
+        θ₁ = "auto" for rung 5, then MNMGS.
 
     Returns
     -------

@@ -29,7 +29,18 @@ _OPEN: ContextVar[Callable[[str], None] | None] = ContextVar("status line", defa
 
 @dataclass(frozen=True, repr=False)
 class Progress(Shown):
-    """What a callback sees: `iteration`, `z` (read-only, shape (n,)), `residual` and `seconds` since the start.
+    """What a callback sees.
+
+    Attributes
+    ----------
+    iteration : int
+        The number of the iterate.
+    z : array of shape (n,)
+        The iterate, read-only.
+    residual : float
+        Res_D(z).
+    seconds : float
+        The time since the start.
 
     Examples
     --------

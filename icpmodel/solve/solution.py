@@ -64,7 +64,17 @@ class Status(Enum):
         return self.advice_with("")
 
     def advice_with(self, to_try: str) -> str:
-        """`advice` for a method that knows what else to try, see `Method.to_try`.
+        """The `advice` with what else to try.
+
+        Parameters
+        ----------
+        to_try : str
+            What a method suggests, see `Method.to_try`.
+
+        Returns
+        -------
+        str
+            The advice.
 
         Examples
         --------
@@ -132,7 +142,13 @@ class History(ReadOnly, Plotted, Tabular):
     tolerance: float = 0.0
 
     def table(self) -> Table:
-        """One row per tested iterate."""
+        """One row per tested iterate.
+
+        Returns
+        -------
+        Table
+            The table.
+        """
         columns = (self.iteration.tolist(), self.residual.tolist(), self.seconds.tolist(), self.method)
         return Table("", ("iteration", "Res_D(z)", "seconds", "method"), tuple(zip(*columns, strict=True)))
 
@@ -292,14 +308,17 @@ class Solution(ReadOnly, Plotted):
 
     @public_entry
     def polish(self) -> Solution:
-        """The answer to rounding accuracy: the solution of the equations that the active set leaves, one linear solve.
+        """Improve the answer to rounding accuracy: one linear solve on the active set.
 
-        Rows that are undecided take the side to which z is nearer, so where all are decided the result is z* up to
-        rounding; else it is a candidate like any other. Returns the new solution if its residual or its error bound is
-        the smaller one by a hundredth or more (where p is large in its units, rounding alone makes a residual), else
-        this one. Its status is SOLVED where it reaches what was asked for, else it is unchanged. Where the equations
-        cannot be solved, because they are singular, ψ or its derivative fails or it would take too long or too much
-        memory, this answer with `why` saying so.
+        Undecided rows take the side to which z is nearer. Where all rows are decided the result is z* up
+        to rounding; otherwise it is a candidate like any other.
+
+        Returns
+        -------
+        Solution
+            The new solution if its residual or its error bound is smaller by at least a hundredth, else
+            this one. It is SOLVED where it reaches what was asked for. Where the equations cannot be
+            solved, `why` of this one says so.
 
         Examples
         --------
@@ -334,9 +353,17 @@ class Solution(ReadOnly, Plotted):
         return better._with(message=f"{self.message}; polished to a residual of {residual:.3g}")
 
     def derivative(self) -> Any:
-        """The derivative of z* in A, q and ψ at this answer: see `icpmodel.Derivative`.
+        """Differentiate z* by A, q and ψ at this answer.
 
-        It is the verb of the problem, which a row of `solve_many` does not have: `icpmodel.Derivative(row)` takes that.
+        Returns
+        -------
+        Derivative
+            The derivative.
+
+        Notes
+        -----
+        This is a verb of the problem, which a row of `solve_many` does not have. `icpmodel.Derivative`
+        takes such a row.
 
         Examples
         --------
@@ -365,7 +392,12 @@ class Solution(ReadOnly, Plotted):
         return copy
 
     def without_bound(self) -> Solution:
-        """The same answer, its certificate without an error bound: for problems so large that one solve is too dear.
+        """The same answer, its certificate without an error bound: a bound costs about one linear solve.
+
+        Returns
+        -------
+        Solution
+            A copy.
 
         Examples
         --------
@@ -390,7 +422,10 @@ class Solution(ReadOnly, Plotted):
     def summary(self) -> Card:
         """All that is known of this answer, as names with texts; `print` shows it as a table.
 
-        The certificate is computed if it has not been, which may cost more than the solve did.
+        Returns
+        -------
+        Card
+            The certificate is computed if it has not been, which may cost more than the solve did.
 
         Examples
         --------
@@ -454,7 +489,12 @@ class Solution(ReadOnly, Plotted):
         return "no bound is certified yet: print(solution.summary()) tries, or says why there is none"
 
     def about(self) -> dict[str, Any]:
-        """What is known of this answer as plain data for JSON: status, method, residuals, error bound; no arrays.
+        """What is known of this answer as plain data for JSON: status, method, residuals, error bound.
+
+        Returns
+        -------
+        dict
+            It has no arrays.
 
         Examples
         --------

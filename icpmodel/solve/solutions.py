@@ -146,7 +146,13 @@ class Solutions(ReadOnly, Plotted, Tabular):
         return (self[k] for k in range(len(self)))
 
     def table(self) -> Table:
-        """One row per problem: its status, its residual, and the tolerance that this was held against."""
+        """One row per problem: its status, its residual, and the tolerance.
+
+        Returns
+        -------
+        Table
+            The table.
+        """
         words = (status.value for status in self.statuses)
         columns = range(len(self)), words, self.residuals.tolist(), self.tolerances.tolist()
         return Table("", ("row", "status", "residual", "tolerance"), tuple(zip(*columns, strict=True)))

@@ -122,7 +122,18 @@ class ForeignSolver(Shown, ABC):
             _REGISTRY[cls.name] = cls
 
     def why_not(self, target: Target) -> str | None:
-        """Why it cannot take `target`, in one sentence, or None; an overriding method asks `super()` as well."""
+        """Why this solver cannot take a problem; an overriding method asks `super()` as well.
+
+        Parameters
+        ----------
+        target : Target
+            The problem and its forms.
+
+        Returns
+        -------
+        str or None
+            One sentence, None where it can.
+        """
         if self.package is not None and (reason := missing(self.package, self.extra)):
             return reason
         n = target.problem.n
@@ -135,28 +146,86 @@ class ForeignSolver(Shown, ABC):
         return None if None in reasons.values() else reasons.get("gap", reasons[self.forms[-1]])
 
     def size(self, target: Target) -> int:
-        """What may be at most `largest`."""
+        """The size that may be at most `largest`.
+
+        Parameters
+        ----------
+        target : Target
+            The problem and its forms.
+
+        Returns
+        -------
+        int
+            The size.
+        """
         return target.problem.n
 
     def form(self, target: Target) -> str:
-        """The first of `forms` that applies to `target`; call it only where `why_not` is None."""
+        """The first of `forms` that applies; call it only where `why_not` is None.
+
+        Parameters
+        ----------
+        target : Target
+            The problem and its forms.
+
+        Returns
+        -------
+        str
+            "energy", "gap" or "mpec".
+        """
         return next(form for form in self.forms if target.why_not(form) is None)
 
     def pose(self, target: Target) -> Any:
-        """What `set_up` translates: the `QP` of its form, made before any clock starts, or `target` for "mpec"."""
+        """The formulation that `set_up` translates, made before any clock starts.
+
+        Parameters
+        ----------
+        target : Target
+            The problem and its forms.
+
+        Returns
+        -------
+        QP or Target
+            The `QP` of its form; `target` itself for "mpec".
+        """
         form = self.form(target)
         return target if form == "mpec" else target.qp(form)
 
     @abstractmethod
     def set_up(self, target: Target, tolerance: float, time_limit: float) -> Any:
-        """The solver's own model of `target`, to be solved to `tolerance` > 0 within about `time_limit` seconds.
+        """Make the solver's own model.
 
-        Called only where `why_not` is None. May raise whatever the foreign package raises.
+        Called only where `why_not` is None. It may raise whatever the foreign package raises.
+
+        Parameters
+        ----------
+        target : Target
+            The problem and its forms.
+        tolerance : float
+            The tolerance, positive.
+        time_limit : float
+            About how many seconds a run may take.
+
+        Returns
+        -------
+        object
+            The model.
         """
 
     @abstractmethod
     def run(self, model: Any) -> Claim:
-        """Solve the `model` that `set_up` made, from scratch. May raise whatever the foreign package raises."""
+        """Solve a model from scratch. It may raise whatever the foreign package raises.
+
+        Parameters
+        ----------
+        model : object
+            What `set_up` returned.
+
+        Returns
+        -------
+        Claim
+            The answer, and what the solver says of it.
+        """
 
 
 #: the streams of a process can be turned away for one at a time
@@ -204,9 +273,12 @@ def missing(module: str, extra: str | None = None) -> str | None:
 
 
 def foreign_solvers() -> dict[str, ForeignSolver]:
-    """Every foreign solver by name, sorted: those of this package, of plug-ins, and those defined elsewhere by now.
+    """Every foreign solver by name: those of this package, of plug-ins, and others defined by now.
 
-    No foreign package is imported.
+    Returns
+    -------
+    dict
+        Name → solver, sorted. No foreign package is imported.
 
     Examples
     --------

@@ -45,9 +45,20 @@ from ..theory.matrices.classes import MatrixClasses, classify
 
 @dataclass(frozen=True, repr=False)
 class QP(Shown):
-    """min ½yᵀPy + qᵀy subject to lower ≤ Ky ≤ upper: `P` symmetric (n, n), `K` (m, n), both CSC; ±inf allowed.
+    """A convex quadratic program: min ½yᵀPy + qᵀy subject to lower ≤ Ky ≤ upper.
 
-    y is z, followed by v where the gap has one. Where lower = upper a row is an equation.
+    y is z, followed by v where the form "gap" has one. Where lower = upper a row is an equation.
+
+    Attributes
+    ----------
+    P : csc_array of shape (n, n)
+        Symmetric.
+    q : array of shape (n,)
+        The linear term.
+    K : csc_array of shape (m, n)
+        The rows.
+    lower, upper : array of shape (m,)
+        Their bounds; ±inf for none.
 
     Examples
     --------
@@ -62,7 +73,17 @@ class QP(Shown):
     upper: Vector
 
     def conic(self) -> tuple[sp.csc_matrix, Vector, int]:
-        """(M, b, e) of My + s = b with s = 0 in the first e rows, the equations, and s ≥ 0 in the others."""
+        """The constraints as My + s = b with s = 0 in the first e rows and s ≥ 0 in the others.
+
+        Returns
+        -------
+        M : csc_matrix
+            The rows, the equations first.
+        b : array
+            The right-hand side.
+        e : int
+            Number of equations.
+        """
         equal = self.lower == self.upper
         below, above = (np.isfinite(side) & ~equal for side in (self.lower, self.upper))
         if below.all() and not above.any():
@@ -131,8 +152,10 @@ class Target(Shown):
 
     @cached_property
     def I_minus_G(self) -> sp.csr_array:
-        """I − G, or I − H where r is the distance from above, its free rows those of I, shape (n, n): p_i = 0 there,
-        so any r_i gives the same pᵀr."""
+        """I − G, or I − H where r is the distance from above, shape (n, n).
+
+        Its free rows are those of I: p_i = 0 there, so any r_i gives the same pᵀr.
+        """
         G = self._sides[0]
         if self.d is not None:
             G = _rows(~self.capped) @ G + _rows(self.capped) @ self._sides[1]
@@ -202,7 +225,18 @@ class Target(Shown):
         return self.at_zero.unique or (self.parallel and self.curvature.definite.holds is True)
 
     def why_not(self, form: str) -> str | None:
-        """Why `form` ("energy", "gap" or "mpec") does not apply, in one sentence; None where it does."""
+        """Why a form does not apply.
+
+        Parameters
+        ----------
+        form : {"energy", "gap", "mpec"}
+            The form.
+
+        Returns
+        -------
+        str or None
+            One sentence, None where it does.
+        """
         A = self.problem.A
         constant = self.problem.psi.is_constant
         if form == "mpec":
@@ -223,7 +257,18 @@ class Target(Shown):
         return f"{matrix} {failed} positive semidefinite: {convex.reason}"
 
     def qp(self, form: str) -> QP:
-        """The problem as "energy" or "gap", made once; call it only where `why_not` is None."""
+        """The problem as a quadratic program, made once; call it only where `why_not` is None.
+
+        Parameters
+        ----------
+        form : {"energy", "gap"}
+            The form.
+
+        Returns
+        -------
+        QP
+            The program.
+        """
         return self._energy if form == "energy" else self._gap
 
     @cached_property

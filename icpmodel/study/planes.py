@@ -25,7 +25,18 @@ from ..scenes.registry import title
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Axis(Shown):
-    """One parameter: its `name`, a `label` for a chart, its `values` and whether they are spaced logarithmically.
+    """One parameter of a plane.
+
+    Parameters
+    ----------
+    name : str
+        Its name.
+    label : str
+        Its label in a chart.
+    values : array
+        Its values.
+    log : bool, default False
+        Whether they are spaced logarithmically.
 
     Examples
     --------
@@ -43,8 +54,16 @@ class Axis(Shown):
 class Plane(Shown):
     """Two parameters, and the problem and method that belong to each pair of values.
 
-    Parameters: `title`; the axes `x` and `y`; `at(x, y)` gives (problem, method); `default` the (x, y) that the method
-    has where nothing is said, or None where the problem varies.
+    Parameters
+    ----------
+    title : str
+        The title.
+    x, y : Axis
+        The axes.
+    at : callable
+        `at(x, y)` gives (problem, method).
+    default : tuple of two float, optional
+        The (x, y) of the method's defaults; None where the problem varies.
 
     Examples
     --------

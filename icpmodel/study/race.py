@@ -84,7 +84,13 @@ class Race(Plotted, Tabular):
     command: str = ""
 
     def table(self) -> Table:
-        """One row per competitor and tolerance, times in seconds."""
+        """One row per competitor and tolerance, times in seconds.
+
+        Returns
+        -------
+        Table
+            The table.
+        """
         heads = ("competitor", "kind", "tolerance", "time, s", "lowest", "highest", "build, s", "set-up, s")
         rows: list[tuple[Any, ...]] = []
         for one in self.entries:
@@ -96,7 +102,13 @@ class Race(Plotted, Tabular):
         return Table(self.title, (*heads, self.measure, "Res_D(z) / Res_D(0)", "claim", "note"), tuple(rows))
 
     def left_out(self) -> list[str]:
-        """Who did not take part, and why."""
+        """Who did not take part, and why.
+
+        Returns
+        -------
+        list of str
+            One sentence each.
+        """
         return [f"{name}: left out, {reason}" for name, reason in self.skipped]
 
     def __str__(self) -> str:
@@ -108,8 +120,10 @@ class Race(Plotted, Tabular):
 
     @property
     def winner(self) -> str:
-        """Who came first to Res_D(z) ≤ 1e-8·Res_D(0), or where nobody did to the smallest tolerance that somebody
-        reached, in one sentence; who is level with the first, as their times overlap, is named beside it.
+        """Who came first to Res_D(z) ≤ 1e-8·Res_D(0), in one sentence.
+
+        Where nobody did, the goal is the smallest tolerance that somebody reached. Competitors whose times
+        overlap with those of the first are named as level with it.
 
         Examples
         --------
@@ -119,7 +133,18 @@ class Race(Plotted, Tabular):
         return self.in_words("First to Res_D(z) <= {goal:g} Res_D(0)")
 
     def quickest(self, goal: float) -> dict[str, Entry]:
-        """For each competitor the quickest of its runs with Res_D(z) ≤ goal·Res_D(0), the quickest one first."""
+        """The quickest run of each competitor that reached a goal, the quickest one first.
+
+        Parameters
+        ----------
+        goal : float
+            Runs with Res_D(z) ≤ goal·Res_D(0) count.
+
+        Returns
+        -------
+        dict
+            Name → Entry.
+        """
         best: dict[str, Entry] = {}
         for one in sorted(self.entries, key=lambda one: one.median):
             if one.residual is not None and one.residual <= goal:
@@ -127,7 +152,18 @@ class Race(Plotted, Tabular):
         return best
 
     def in_words(self, opening: str) -> str:
-        """The winner, after the `opening` with the {goal} in it."""
+        """The winner in one sentence.
+
+        Parameters
+        ----------
+        opening : str
+            The beginning of the sentence, with {goal} in it.
+
+        Returns
+        -------
+        str
+            The sentence.
+        """
         for goal in (RTOL, *sorted({one.tolerance for one in self.entries})):
             best = self.quickest(goal)
             if best:

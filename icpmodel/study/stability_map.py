@@ -105,7 +105,13 @@ class StabilityMap(Plotted, Tabular):
         return int((self.any_printed & self.failed).sum())
 
     def table(self) -> Table:
-        """One row per point: the two parameters, how it ended, steps, and which theorems prove it."""
+        """One row per point: the two parameters, the end, the steps, and the theorems that prove it.
+
+        Returns
+        -------
+        Table
+            The table.
+        """
         rows = []
         for j, i in np.ndindex(*self.ends.shape):
             by = (" ".join(name for name, at in masks.items() if at[j, i]) for masks in (self.proved, self.printed))
@@ -115,7 +121,13 @@ class StabilityMap(Plotted, Tabular):
         return Table(self.plane.title, heads, tuple(rows))
 
     def summary(self) -> Table:
-        """How many points ended how, and of these how many are proved."""
+        """How many points ended how, and how many of them are proved.
+
+        Returns
+        -------
+        Table
+            The table.
+        """
         rows = []
         for end in ENDS:
             here = self.ends == end

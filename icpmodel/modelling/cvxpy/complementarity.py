@@ -18,12 +18,18 @@ BOUNDING = ("nonneg", "nonpos", "bounds")
 
 
 class Complementarity(Shown, cp.Constraint):
-    """p ≥ 0, r ≥ 0, pᵀr = 0, entry by entry, between two CVXPY expressions of one shape; `complements` makes it.
+    """The condition p ≥ 0, r ≥ 0, pᵀr = 0 between two CVXPY expressions; `complements` makes it.
 
-    `sides` the two as they were given; `bounds` what bounds r below and above, each an expression or None: 0 below, and
-    nothing above. After a solve `p` and `r` are their values, in the shape of the expressions: each is the multiplier
-    of the other one's sign, p > 0 where r is at its lower bound, p < 0 where it is at its upper one. Before, they are
-    None; after a solve that failed, they are those of what the variables were left with.
+    Attributes
+    ----------
+    sides : tuple of two Expression
+        The expressions as they were given.
+    bounds : tuple of two, Expression or None
+        The bounds of r below and above: 0 below and none above by default.
+    p, r : ndarray or None
+        After a solve the values of the two, in the shape of the expressions. Each is the multiplier of
+        the other's sign: p > 0 where r is at its lower bound, p < 0 where it is at its upper one. They
+        are None before. After a failed solve they belong to the values that the variables have.
 
     Examples
     --------
@@ -46,7 +52,13 @@ class Complementarity(Shown, cp.Constraint):
         self.r: np.ndarray | None = None
 
     def variables(self) -> list[cp.Variable]:
-        """The variables in it, each as often as it stands there."""
+        """The variables in it, each as often as it stands there.
+
+        Returns
+        -------
+        list of Variable
+            A variable that occurs twice is in it twice.
+        """
         return [x for one in (*self.sides, *self.bounds) if one is not None for x in one.variables()]
 
     @property
@@ -95,15 +107,33 @@ class Complementarity(Shown, cp.Constraint):
 
 
 def complements(p: Any, r: Any, *, lower: Any = 0.0, upper: Any = None) -> Complementarity:
-    """The constraint p ≥ 0 ⟂ r ≥ 0 of a `Problem`: p = Az + q affine, r = z − ψ(z). With bounds l = `lower` and u =
-    `upper` of r it is l ≤ r ≤ u, p_i ≥ 0 where r_i = l_i, p_i ≤ 0 where r_i = u_i, and p_i = 0 in between.
+    """The constraint p ≥ 0 ⟂ r ≥ 0 of a `Problem`: p = Az + q affine, r = z − ψ(z).
 
-    Parameters: `p` and `r`, CVXPY expressions of one shape; `lower` and `upper`, expressions or numbers for all entries
-    or of the shape of r, −inf, +inf or None for none. By default they are those of a variable r that was
-    made with `nonpos` or `bounds`. Where only one of p and r can be r, because the other is not
-    affine, or does not have one entry of z for itself in each row, their order does not matter, unless r has bounds.
-    Returns a `Complementarity`. Raises InputError where they are no such expressions.
-    Reference: Dirkse and Ferris, Optim. Methods Softw. 5 (1995), for mixed complementarity.
+    With bounds l and u of r it is l ≤ r ≤ u, p_i ≥ 0 where r_i = l_i, p_i ≤ 0 where r_i = u_i, and
+    p_i = 0 in between.
+
+    Parameters
+    ----------
+    p, r : Expression
+        Two CVXPY expressions of one shape. Their order does not matter where only one of them can be
+        r, unless r has bounds: r is affine with one entry of z for itself in each row, less ψ.
+    lower, upper : Expression, float or array, optional
+        l and u; −inf, +inf or None for none. By default 0 and None, or the bounds of a variable r
+        that was made with `nonpos` or `bounds`.
+
+    Returns
+    -------
+    Complementarity
+        The constraint.
+
+    Raises
+    ------
+    InputError
+        Where they are no such expressions.
+
+    References
+    ----------
+    Dirkse and Ferris, Optim. Methods Softw. 5 (1995), for mixed complementarity.
 
     Examples
     --------

@@ -50,26 +50,43 @@ _TOLD = 3
 class Problem(Shown):
     """An ICP in CVXPY's terms: find z, all variables of the constraints, with every p ≥ 0 ⟂ r ≥ 0.
 
-    Parameters: `constraints`, one or several of `complements(p, r)`, of equations a == b and of inequalities a <= b,
-    affine ones. Over all of them every entry of every variable needs one row of its own, r = z − ψ(z) or an equation
-    (any of them), so that there are as many rows as unknowns. p is affine; ψ, and bounds of r, any CVXPY expression,
-    convex, concave or neither (minimum, exp, log, power, norms, …), of which `.grad` gives the derivative. A row az − ψ
-    is divided by a; where a < 0, r ≥ 0 is an obstacle above z. Variables have any shape. What bounds them (`nonneg`,
-    `nonpos`, `bounds`) bounds the condition whose r they are, and else is checked as inequalities are. Parameters may
-    stand anywhere; CVXPY compiles the model once, and a new value costs one product (unless it is not DPP: then it is
-    compiled anew).
+    Parameters
+    ----------
+    constraints, *others : constraint, or list of constraints
+        Conditions `complements(p, r)`, affine equations a == b and affine inequalities a <= b.
 
-    An equation has a free multiplier, which is a variable like any other, in p. After a solve its `dual_value` is the λ
-    of p = … + (∂(a − b)/∂z)ᵀλ, with CVXPY's sign; None where p does not have this form. An inequality has none: it is
-    only checked at the answer, where its `dual_value` is 0, as nothing in p stands for it. Where it is violated the
-    status is "infeasible" if it is proved that the conditions have no other solution, else "solver_error".
+    Raises
+    ------
+    InputError
+        For a model that is not of this form, with the expression and the reason.
 
-    After `solve(requires_grad=True)` `backward` and `derivative` differentiate the answer by the parameters.
+    Notes
+    -----
+    **Form.** Every entry of every variable needs one row of its own over all conditions: r = z − ψ(z)
+    or any equation. So there are as many rows as unknowns. p is affine. ψ and the bounds of r are any
+    CVXPY expressions, convex or not; `.grad` gives their derivatives. A row az − ψ is divided by a;
+    where a < 0, r ≥ 0 is an obstacle above z.
 
-    z stacks the variables in the order of `variables()`, each column by column. Raises InputError for a model that is
-    not of this form, with the expression and the reason.
-    Reference: Diamond and Boyd, J. Mach. Learn. Res. 17 (2016); Agrawal et al., Differentiable convex optimization
-    layers (2019), for DPP.
+    **Variables.** They have any shape. z stacks them in the order of `variables()`, each column by
+    column. Their bounds (`nonneg`, `nonpos`, `bounds`) bound the condition whose r they are. Other
+    bounds are checked as inequalities are.
+
+    **Parameters.** They may stand anywhere. CVXPY compiles the model once, and a new value costs one
+    product. A model that is not DPP is compiled anew.
+
+    **Multipliers.** An equation has a free multiplier, which is a variable like any other, in p. After
+    a solve its `dual_value` is the λ of p = … + (∂(a − b)/∂z)ᵀλ, with CVXPY's sign. It is None where p
+    does not have this form. An inequality is only checked at the answer; its `dual_value` is 0. Where
+    it is violated the status is "infeasible" if the conditions have provably no other solution, else
+    "solver_error".
+
+    After `solve(requires_grad=True)` `backward` and `derivative` differentiate the answer by the
+    parameters.
+
+    References
+    ----------
+    Diamond and Boyd, J. Mach. Learn. Res. 17 (2016). Agrawal et al., Differentiable convex
+    optimization layers (2019), for DPP.
 
     Examples
     --------
@@ -120,6 +137,11 @@ class Problem(Shown):
     def variables(self) -> list[cp.Variable]:
         """The variables in the order in which z stacks them.
 
+        Returns
+        -------
+        list of Variable
+            Each once.
+
         Examples
         --------
         >>> x, y = cp.Variable(2, name="x"), cp.Variable(name="y")
@@ -130,6 +152,11 @@ class Problem(Shown):
 
     def parameters(self) -> list[cp.Parameter]:
         """The parameters, in the order in which they appear.
+
+        Returns
+        -------
+        list of Parameter
+            Each once.
 
         Examples
         --------
@@ -142,6 +169,11 @@ class Problem(Shown):
     def is_dpp(self) -> bool:
         """Whether CVXPY compiles the model once for all values of its parameters.
 
+        Returns
+        -------
+        bool
+            False where every new value compiles the model anew.
+
         Examples
         --------
         >>> z, a, b = cp.Variable(), cp.Parameter(), cp.Parameter()
@@ -151,8 +183,19 @@ class Problem(Shown):
         return self._reading.is_dpp
 
     def icp(self) -> ICP:
-        """The ICP at the present values of the parameters, without the inequalities. Raises InputError where a
-        parameter has none. Where an ICP is expected, as in `icp.explain`, a problem stands for this one.
+        """The ICP at the present values of the parameters, without the inequalities.
+
+        Where an ICP is expected, as in `icp.explain`, a problem stands for this one.
+
+        Returns
+        -------
+        ICP
+            The problem.
+
+        Raises
+        ------
+        InputError
+            Where a parameter has no value.
 
         Examples
         --------
@@ -182,8 +225,10 @@ class Problem(Shown):
 
     @property
     def value(self) -> float | None:
-        """What CVXPY would call the least value of the objective 0: 0.0 where there is an answer, "optimal" or
-        "optimal_inaccurate", inf where there is proved to be none, else None.
+        """What CVXPY would call the least value of the objective 0.
+
+        0.0 where the status is "optimal" or "optimal_inaccurate", inf where it is proved that there is no
+        solution, else None.
 
         Examples
         --------
@@ -205,16 +250,37 @@ class Problem(Shown):
         requires_grad: bool = False,
         **options: Any,
     ) -> Solution:
-        """Solve it and write the values to the variables and constraints; the options are those of `icpmodel.solve`.
+        """Solve it and write the values to the variables and constraints.
 
-        Parameters: `method` a name, a `Method` or None; `z0` the start, by default the values that the variables have
-        (0 where they have none), so that a series starts each problem from the answer before, or 0 without
-        `warm_start`; `verbose` prints what is decided and how far it is while it runs; `requires_grad` prepares
-        `backward` and `derivative`.
-        Returns the `Solution`, which is also kept in `solution`, and in CVXPY's form in `solver_stats`. Raises
-        NotSolved where the run fails or an inequality is violated, and the variables then have no values; with
-        `raise_on_failure` False they have those of the best iterate, `status` says what it is, and the `Solution`
-        comes back. Raises InputError, with the answer written, where CVXPY has no gradient that `requires_grad` needs.
+        Parameters
+        ----------
+        method : str or Method, optional
+            As in `icpmodel.solve`.
+        z0 : array of shape (n,), optional
+            The start, by default the values of the variables, 0 where they have none.
+        warm_start : bool, default True
+            Whether to start from the values of the variables; else from 0.
+        verbose : bool, default False
+            Whether to print what is decided, and the progress.
+        raise_on_failure : bool, default True
+            Whether a failed run raises NotSolved. Otherwise the variables have the values of the best
+            iterate, and `status` says what it is.
+        requires_grad : bool, default False
+            Whether to prepare `backward` and `derivative`.
+        **options
+            The other options of `icpmodel.solve`.
+
+        Returns
+        -------
+        Solution
+            It is also kept in `solution`, and in CVXPY's form in `solver_stats`.
+
+        Raises
+        ------
+        NotSolved
+            Where the run fails or an inequality is violated; the variables then have no values.
+        InputError
+            Where CVXPY has no gradient that `requires_grad` needs; the answer is written all the same.
 
         Examples
         --------
@@ -333,10 +399,26 @@ class Problem(Shown):
         time_limit: float = 60.0,
         progress: bool = False,
     ) -> Report:
-        """Have independent solvers check the answer of the last `solve`; `icpmodel.crosscheck.crosscheck` says how.
+        """Have independent solvers check the answer of the last `solve`, as `icpmodel.crosscheck`.
 
-        It solves first where the parameters have changed since, or nothing was solved. Inequalities are no part of the
-        ICP, and nobody is asked about them.
+        It solves first where the parameters have changed since, or nothing was solved. Inequalities are
+        no part of the ICP and are not checked.
+
+        Parameters
+        ----------
+        solvers : iterable of str or ForeignSolver, optional
+            The solvers; by default every one that is run unless named otherwise.
+        atol : float, optional
+            Largest difference of two answers in an entry, in the units of z.
+        time_limit : float, default 60
+            Seconds in all.
+        progress : bool, default False
+            Whether to show which solver is at work.
+
+        Returns
+        -------
+        Report
+            The verdicts.
 
         Examples
         --------
@@ -352,7 +434,23 @@ class Problem(Shown):
     def explain(
         self, method: str | Method | None = None, *, accuracy: float = 1e-6, thorough: bool = False, **options: Any
     ) -> Explanation:
-        """What is certain of the ICP at the present values of the parameters; `icpmodel.explain.explain` says how.
+        """What is certain of the ICP at the present values of the parameters, as `icpmodel.explain`.
+
+        Parameters
+        ----------
+        method : str or Method, optional
+            The method to explain.
+        accuracy : float, default 1e-6
+            The accuracy whose number of steps is predicted.
+        thorough : bool, default False
+            Whether to compute also what is expensive.
+        **options
+            The options of the method that is named.
+
+        Returns
+        -------
+        Explanation
+            The page.
 
         Examples
         --------

@@ -43,13 +43,16 @@ def solution_of(
     problem : ICP, or an object that holds, names or makes one
         The problem.
     psi, upper : callable, optional
-        Only where the map has parameters of yours: a function of their values, a NumPy array of shape (m,), that
-        returns the map, a `Function` or an `Elementwise` with its `parameter_derivative`. `upper` is above z.
-    rtol, atol, time_limit, memory_limit
-        As for `solve` and `solve_many`.
+        Only where the map has parameters of yours: a function of their values, a NumPy array of shape
+        (m,), that returns the map. This is a `Function` or an `Elementwise` with its
+        `parameter_derivative`. `upper` is above z.
+    rtol, atol : float, default 1e-8, 0
+        Tolerances, as for `solve`.
+    time_limit, memory_limit : float, optional
+        Limits, as for `solve` and `solve_many`.
     raise_on_failure : bool, default True
-        Whether NotSolved is raised where there is no answer; else z and its derivatives are NaN there. Out of compiled
-        code JAX lets it through as a `jax.errors.JaxRuntimeError` that ends with its message.
+        Whether NotSolved is raised where there is no answer; else z and its derivatives are NaN. Out of
+        compiled code JAX raises it as a `jax.errors.JaxRuntimeError` that ends with its message.
 
     Returns
     -------
@@ -94,8 +97,21 @@ def solution_of(
 class SolutionFunction(Shown):
     """The answer of a problem as a function of its arrays; `solution_of` makes it.
 
-    The factors of the last derivative are kept until the next one. A derivative is taken at the z that it is asked at,
-    which is not solved for again.
+    Parameters
+    ----------
+    problem : ProblemData
+        The problem.
+    makers : dict
+        Obstacle → the function that makes it from its parameters, or None.
+    options : dict
+        Options of `solve`.
+    loud : bool
+        Whether a failed solve raises NotSolved.
+
+    Notes
+    -----
+    The factors of the last derivative are kept until the next one. A derivative is taken at the z that
+    was returned, without solving again.
 
     Examples
     --------

@@ -99,17 +99,23 @@ def solve_lsq(
 
     Parameters
     ----------
-    B : array or sparse matrix, shape (m, n)
+    B : array or sparse matrix of shape (m, n)
         Of any rank.
-    c : array, shape (m,)
-    lb, ub : array, shape (n,), or float, optional
+    c : array of shape (m,)
+        The right-hand side.
+    lb, ub : float or array of shape (n,), optional
         −inf and +inf where there is no bound.
-    tolerance, time_limit, raise_on_failure
-        As in `solve_qp`.
+    tolerance : float, default 1e-9
+        The largest violation of any condition of optimality.
+    time_limit : float, optional
+        Seconds, as in `solve_qp`.
+    raise_on_failure : bool, default True
+        Whether a run that fails raises NotSolved.
 
     Returns
     -------
     LeastSquares
+        x, the cost and the status.
 
     Raises
     ------
@@ -187,15 +193,19 @@ def solve_nnls(B: Any, c: Any, *, tolerance: float = 1e-9, time_limit: float | N
 
     Parameters
     ----------
-    B : array or sparse matrix, shape (m, n)
+    B : array or sparse matrix of shape (m, n)
         Of any rank.
-    c : array, shape (m,)
-    tolerance, time_limit
-        As in `solve_qp`.
+    c : array of shape (m,)
+        The right-hand side.
+    tolerance : float, default 1e-9
+        The largest violation of any condition of optimality.
+    time_limit : float, optional
+        Seconds, as in `solve_qp`.
 
     Returns
     -------
-    x : ndarray, shape (n,)
+    x : array of shape (n,)
+        The solution.
     rnorm : float
         ‖Bx − c‖₂.
 

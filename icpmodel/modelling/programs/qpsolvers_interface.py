@@ -15,12 +15,24 @@ NAME = "icpmodel"
 
 
 def qpsolvers_solver() -> str:
-    """icpmodel as a solver for qpsolvers: `qpsolvers.solve_qp(P, q, G, h, solver=icp.qpsolvers_solver())`.
+    """Register icpmodel with qpsolvers: `qpsolvers.solve_qp(…, solver=icp.qpsolvers_solver())`.
 
-    Registers `icpmodel.solve_qp` with qpsolvers and returns the name under which it is found there, "icpmodel". The
-    options are `tolerance` and `time_limit`; a `Solution` of qpsolvers has the status and what it rests on in `extras`.
-    Raises NotApplicable where qpsolvers is not installed.
-    Reference: Caron and others, qpsolvers, https://github.com/qpsolvers/qpsolvers.
+    The options are `tolerance` and `time_limit`. A `Solution` of qpsolvers has the status and what it
+    rests on in `extras`.
+
+    Returns
+    -------
+    str
+        The name of the solver there, "icpmodel".
+
+    Raises
+    ------
+    NotApplicable
+        Where qpsolvers is not installed.
+
+    References
+    ----------
+    Caron and others, qpsolvers, https://github.com/qpsolvers/qpsolvers.
 
     Examples
     --------

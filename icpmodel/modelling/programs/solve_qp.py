@@ -103,7 +103,23 @@ class ProgramSolution(Shown):
     def crosscheck(
         self, solvers: Any = None, *, atol: float | None = None, time_limit: float = 60.0, progress: bool = False
     ) -> Report:
-        """Independent solvers on the same conditions: see `icpmodel.crosscheck`, which has these options.
+        """Have independent solvers check the same conditions, as `icpmodel.crosscheck`.
+
+        Parameters
+        ----------
+        solvers : iterable of str or ForeignSolver, optional
+            The solvers; by default every one that is run unless named otherwise.
+        atol : float, optional
+            Largest difference of two answers in an entry, in the units of z.
+        time_limit : float, default 60
+            Seconds in all.
+        progress : bool, default False
+            Whether to show which solver is at work.
+
+        Returns
+        -------
+        Report
+            The verdicts.
 
         Examples
         --------
@@ -145,25 +161,35 @@ def solve_qp(
 
     Parameters
     ----------
-    P : array or sparse matrix, shape (n, n)
+    P : array or sparse matrix of shape (n, n)
         Symmetric and positive semidefinite.
-    q : array, shape (n,)
-    G, A : array or sparse matrix, shape (m, n) and (k, n), optional
-    h, b : array, shape (m,) and (k,), optional
-        h is +inf where a row says nothing.
-    lb, ub : array, shape (n,), or float, optional
+    q : array of shape (n,)
+        The linear term.
+    G : array or sparse matrix of shape (m, n), optional
+        The rows of the inequalities.
+    h : array of shape (m,), optional
+        Their right-hand sides; +inf for a row without one.
+    A : array or sparse matrix of shape (k, n), optional
+        The rows of the equations.
+    b : array of shape (k,), optional
+        Their right-hand sides.
+    lb, ub : float or array of shape (n,), optional
         −inf and +inf where there is no bound.
-    initvals : array, shape (n,), optional
+    initvals : array of shape (n,), optional
         An x near the solution.
-    tolerance : float
-        In the units of the program nothing is wrong by more than that, see `ProgramSolution.violation`.
+    tolerance : float, default 1e-9
+        The largest violation of any condition, in the units of the program; see
+        `ProgramSolution.violation`.
     time_limit : float, optional
-        In seconds, kept to within a tenth and .2 s; to compile and load loops at the first calls does not count.
-    raise_on_failure : bool
+        Seconds, kept to within a tenth and .2 s. To compile and load loops at the first calls does
+        not count.
+    raise_on_failure : bool, default True
+        Whether a run that fails raises NotSolved.
 
     Returns
     -------
     ProgramSolution
+        x, the multipliers, the status and its proof.
 
     Raises
     ------
@@ -215,11 +241,20 @@ def solve_avi(
 
     Parameters
     ----------
-    H : array or sparse matrix, shape (n, n)
+    H : array or sparse matrix of shape (n, n)
         It need not be symmetric.
-    g : array, shape (n,)
-    G, h, A, b, lb, ub, initvals, tolerance, time_limit, raise_on_failure
-        As in `solve_qp`.
+    g : array of shape (n,)
+        The vector.
+    G, h, A, b, lb, ub : array, optional
+        C, as in `solve_qp`.
+    initvals : array of shape (n,), optional
+        An x near the solution.
+    tolerance : float, default 1e-9
+        The largest violation of any condition.
+    time_limit : float, optional
+        Seconds, as in `solve_qp`.
+    raise_on_failure : bool, default True
+        Whether a run that fails raises NotSolved.
 
     Returns
     -------

@@ -84,9 +84,17 @@ class AnswerLoader(SolutionLoader):
 class PyomoSolver(SolverBase):
     """Pyomo's interface to `icpmodel.solve`.
 
-    `solver_options` (`options` in the legacy interface): `method` and what it takes, `rtol`, `atol`, `accuracy`,
-    `max_iter`, `callback`. The start is what the variables' values say. `tee` prints a log, and the solution's card.
-    `results.extra_info.solution` is the `Solution`, with its certificate; its z are ±the variables, see `PyomoReading`.
+    Parameters
+    ----------
+    **kwds
+        Options of Pyomo's solvers.
+
+    Notes
+    -----
+    `solver_options` (`options` in the legacy interface) are `method` and its options, `rtol`, `atol`,
+    `accuracy`, `max_iter` and `callback`. The start is the values of the variables. `tee` prints a log
+    and the solution's card. `results.extra_info.solution` is the `Solution`, with its certificate. Its
+    z are ±the variables, see `PyomoReading`.
 
     Examples
     --------
@@ -112,11 +120,30 @@ class PyomoSolver(SolverBase):
         return tuple(int(part) for part in _VERSION.split(".") if part.isdigit())
 
     def solve(self, model: Any, **kwds: Any) -> Results:
-        """Solve `model`, which `read_pyomo` must take, and load the solution. Raises InputError for another model.
+        """Solve a model and load the solution.
 
-        Where the run failed it loads nothing and raises NoOptimalSolutionError, or NoFeasibleSolutionError where
-        `raise_exception_on_nonoptimal_result` is not set, but `load_solutions`; with neither the best iterate is in
-        `results.solution_loader`."""
+        Parameters
+        ----------
+        model : ConcreteModel
+            A model that `read_pyomo` takes.
+        **kwds
+            Options of Pyomo's solvers.
+
+        Returns
+        -------
+        Results
+            Pyomo's results.
+
+        Raises
+        ------
+        InputError
+            For another model.
+        NoOptimalSolutionError
+            Where the run failed; nothing is loaded.
+        NoFeasibleSolutionError
+            Where the run failed, `load_solutions` is set and `raise_exception_on_nonoptimal_result` is
+            not. With neither, the best iterate is in `results.solution_loader`.
+        """
         begin = time.perf_counter()
         results = Results()
         results.timing_info.start_timestamp = datetime.datetime.now(datetime.UTC)

@@ -78,7 +78,20 @@ class ErrorBound(ReadOnly, Shown):
 
     @classmethod
     def none(cls, reason: str, proof: str = "") -> ErrorBound:
-        """No bound, and why; `proof` where uniqueness is proved all the same."""
+        """An ErrorBound without a bound.
+
+        Parameters
+        ----------
+        reason : str
+            Why there is none.
+        proof : str, optional
+            The proof of uniqueness, where there is one all the same.
+
+        Returns
+        -------
+        ErrorBound
+            Its `value` is None.
+        """
         return cls(None, None, None, proof, reason)
 
     @property
@@ -87,7 +100,18 @@ class ErrorBound(ReadOnly, Shown):
         return bool(self.proof)
 
     def in_words(self, accuracy: float | None = None) -> str:
-        """What is known of the error, `accuracy` being what was asked for, or None; several reasons on a line each."""
+        """State in words what is known of the error.
+
+        Parameters
+        ----------
+        accuracy : float, optional
+            The accuracy that was asked for.
+
+        Returns
+        -------
+        str
+            One line, or one for each reason where there is no bound.
+        """
         given = "".join(word for word in (USERS_WORD, _OF_F) if word in self.proof)
         if self.value is not None:
             wanted = "" if accuracy is None else f" ({accuracy:g} was asked for)"

@@ -152,10 +152,16 @@ def certify(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ActiveSet(ReadOnly, Shown):
-    """The rows that are proved to be `active` (p* > 0, r* = 0) and `inactive` (r* > 0, p* = 0); masks of shape (n,).
+    """The rows that are proved to be active (p* > 0, r* = 0) and inactive (r* > 0, p* = 0).
 
-    With an obstacle above, inactive rows are off both, and `above` are those at the upper one (p* < 0, z* = ψ̄); None
-    where there is none.
+    Attributes
+    ----------
+    active : mask of shape (n,)
+        Rows at the obstacle below.
+    inactive : mask of shape (n,)
+        Rows off it; with an obstacle above, off both.
+    above : mask of shape (n,) or None
+        Rows at the obstacle above (p* < 0, z* = ψ̄); None where there is none.
 
     Examples
     --------
@@ -175,7 +181,20 @@ class ActiveSet(ReadOnly, Shown):
         return ~decided if self.above is None else ~(decided | self.above)
 
     def completed(self, pattern: Pattern) -> tuple[Mask, Mask | None]:
-        """(active, above) as `solve_on` takes them, what is undecided taken from `pattern`."""
+        """The active set with undecided rows taken from a pattern, as `solve_on` takes it.
+
+        Parameters
+        ----------
+        pattern : Pattern
+            The pattern.
+
+        Returns
+        -------
+        active : mask of shape (n,)
+            Rows at the obstacle below.
+        above : mask of shape (n,) or None
+            Rows at the obstacle above.
+        """
         active = self.active | (self.undecided & pattern.active)
         if self.above is None or pattern.above is None:
             return active, None

@@ -70,7 +70,17 @@ class Contradiction(ReadOnly, Shown):
     _kinds: NDArray[np.intp]
 
     def witness(self, n: int) -> Vector:
-        """(y, x) as in `infeasible`, shape (2n,): the weights of the n rows of p and of those of r, with their signs.
+        """The weights of all conditions as one vector (y, x), as in `infeasible`.
+
+        Parameters
+        ----------
+        n : int
+            The number of rows.
+
+        Returns
+        -------
+        array of shape (2n,)
+            The weights of the n rows of p, then those of the rows of r, with their signs.
 
         Examples
         --------
@@ -87,7 +97,17 @@ class Contradiction(ReadOnly, Shown):
         return f"{how}: {', '.join(self.conditions)}"
 
     def named(self, name: Callable[[int], str]) -> Contradiction:
-        """The same with the names of rows before the conditions: constraints of a model, labels of a DataFrame.
+        """The same contradiction with names of rows before the conditions.
+
+        Parameters
+        ----------
+        name : callable
+            Row → its name: the constraint of a model, the label of a DataFrame.
+
+        Returns
+        -------
+        Contradiction
+            A copy.
 
         Examples
         --------

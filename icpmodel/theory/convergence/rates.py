@@ -107,7 +107,20 @@ class Rate(Shown, ABC):
         """See `distance`; F at z⁰, min(p, Ωr) or the median, known to `for_F`. NaN where nothing is known."""
 
     def error_after(self, k: int, distance: float) -> Vector:
-        """A bound on |zᵏ − z*| entry by entry, shape (n,): factorᵏ·distance·v, `distance` as `distance` gives it."""
+        """A bound on |zᵏ − z*| entry by entry: factorᵏ·distance·v.
+
+        Parameters
+        ----------
+        k : int
+            The number of steps.
+        distance : float
+            The distance of z⁰, as `distance` gives it.
+
+        Returns
+        -------
+        array of shape (n,)
+            The bound.
+        """
         k = int(as_number(k, "k", least=0, whole=True))
         with np.errstate(over="ignore"):
             size = max(self.factor**k, SMALLEST) * distance * (1 + 16 * UNIT_ROUNDOFF)
@@ -118,8 +131,10 @@ class Rate(Shown, ABC):
 
         Parameters
         ----------
-        problem, z0
-            As for `distance`.
+        problem : ProblemData
+            The problem, as for `distance`.
+        z0 : array of shape (n,)
+            The start, as for `distance`.
         accuracy : float or array_like of shape (n,)
             The positive accuracy, in the units of z.
 

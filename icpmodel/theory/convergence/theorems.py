@@ -82,7 +82,12 @@ class _Theorem:
 
 
 def theorems() -> dict[str, str]:
-    """Name → the theorem in one sentence, as corrected.
+    """Every theorem in one sentence, as corrected.
+
+    Returns
+    -------
+    dict
+        Name → sentence.
 
     Examples
     --------
@@ -132,7 +137,25 @@ def check(theorem: str, problem: ProblemData, member: Member, as_printed: bool =
 
 
 def check_all(problem: ProblemData, member: Member, limit: Allowance = UNLIMITED) -> dict[str, Check]:
-    """Every theorem, corrected: name → `Check`. What serves one is tried first on the next; `limit` is that of each.
+    """Check every theorem, as corrected.
+
+    Parameters
+    ----------
+    problem : ProblemData
+        The problem.
+    member : Member
+        The method.
+    limit : Allowance, optional
+        The limit of each check; none by default.
+
+    Returns
+    -------
+    dict
+        Name → `Check`.
+
+    Notes
+    -----
+    The vector that serves one theorem is tried first on the next.
 
     Examples
     --------

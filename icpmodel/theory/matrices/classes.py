@@ -102,9 +102,15 @@ def p_matrix(A: Any) -> Answer:
 
 
 class MatrixClasses(ReadOnly, Shown):
-    """Three-valued answers about the CSR matrix `A`, shape (n, n), with every diagonal entry stored; see `classify`.
+    """Three-valued answers about a matrix; see `classify`.
 
-    Each is computed when it is first asked for; `print` asks for all. Yes and no are proved, rounding included.
+    Each is computed when it is first asked for; `print` asks for all. Yes and no are proved, rounding
+    included.
+
+    Parameters
+    ----------
+    A : csr_array of shape (n, n)
+        The matrix, with every diagonal entry stored.
 
     Examples
     --------
@@ -116,7 +122,18 @@ class MatrixClasses(ReadOnly, Shown):
         self.A = A
 
     def decided(self, limit: Allowance) -> MatrixClasses:
-        """A copy that was asked for everything, each within the `limit`; unknown beyond it."""
+        """A copy with every answer computed within a limit.
+
+        Parameters
+        ----------
+        limit : Allowance
+            The limit of each answer; unknown beyond it.
+
+        Returns
+        -------
+        MatrixClasses
+            The copy.
+        """
         asked = MatrixClasses(self.A)
         all_known = True
         vars(asked).update(vars(self))
