@@ -126,7 +126,17 @@ class Method(ReadOnly, Shown, ABC):
         return self.why_not_f(problem)
 
     def why_not_f(self, problem: ProblemData) -> str | None:
-        """One sentence on why this method cannot take the f of `problem`, or None; `why_not` asks it.
+        """Why this method cannot take the f of a problem; `why_not` asks it.
+
+        Parameters
+        ----------
+        problem : ProblemData
+            The problem.
+
+        Returns
+        -------
+        str or None
+            One sentence, None where it can.
 
         Examples
         --------
