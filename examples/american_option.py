@@ -29,7 +29,7 @@ import scipy.sparse as sp
 
 import icpmodel as icp
 
-RATE = 0.05
+RATE = 0.05  # 0.01 to 0.2
 STRIKE, VOLATILITY, DATES, N = 100.0, 0.2, 400, 500  # DATES in a year
 x = np.linspace(-1.0, 1.0, N + 2)  # log(S / K)
 share, h = STRIKE * np.exp(x), x[1] - x[0]
@@ -132,8 +132,8 @@ for rate in sorted({0.02, 0.05, 0.10, 0.20, RATE}):
 v, edge, _ = put(0.0)
 early, late = np.interp(0.0, x[1:-1], v), tree(False, 0.0)
 print(f"American {early:.3f}, without early exercise {late:.3f}; exercised at {np.sum(edge > 0)} of {edge.size} dates")
-assert not edge.any()
-assert abs(early - late) < 0.01
+assert not edge.any(), "without interest nobody exercises early"
+assert abs(early - late) < 0.01, "without interest waiting costs nothing"
 
 # %%
 # **2.** A put that never expires is exercised below $K\,\frac{2\rho}{2\rho + \sigma^2}$. Compare with a year and with
@@ -144,7 +144,7 @@ assert abs(early - late) < 0.01
 forever = STRIKE * 2 * 0.05 / (2 * 0.05 + 0.2**2)
 edges = {years: put(0.05, 0.2, years=years, dates=40 * years)[1][-1] for years in (1, 10)}
 print(f"1 year {edges[1]:.2f}, 10 years {edges[10]:.2f}, for ever {forever:.2f}")
-assert forever < edges[10] < edges[1]
+assert forever < edges[10] < edges[1], "the boundary falls towards that of the put for ever"
 
 # %%
 # **3.** What is $p/\Delta t$ where the put is exercised, and why?
@@ -156,4 +156,4 @@ assert forever < edges[10] < edges[1]
 _, edge, last = put(0.05)
 lost = last.p[share[1:-1] < edge[-1]][:-1] * DATES  # the last one has a neighbour that is held
 print(f"p/dt from {lost.min():.4f} to {lost.max():.4f}; interest on the strike: {0.05 * STRIKE:.4f} a year")
-assert np.abs(lost - 0.05 * STRIKE).max() < 1e-2
+assert np.abs(lost - 0.05 * STRIKE).max() < 1e-2, "what is lost is the interest on the strike"

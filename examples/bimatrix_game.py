@@ -26,7 +26,7 @@ import numpy as np
 
 import icpmodel as icp
 
-THIRD = 0.0
+THIRD = 0.0  # 0 to 2
 
 
 def game(g: float) -> icp.ICP:
@@ -79,16 +79,17 @@ for k, x in enumerate(equilibria):
 corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.5, np.sqrt(3.0) / 2]])
 figure, axes = plt.subplots(figsize=(6.2, 5.2), layout="constrained")
 axes.fill(*corners.T, facecolor="none", edgecolor="0.6")
-colours = ["#009E73", "#D55E00", "#CC79A7", "#0072B2"]
-names = ["third standard", "second standard", "first or second, by chance", "first standard"]
-for k in range(4):
-    axes.plot(*(STARTS[reached == k] @ corners).T, "o", color=colours[k], markersize=5)
-    label = f"{names[k]}: {(reached == k).sum()} starts"
-    axes.plot(*(equilibria[k] @ corners), "*", color=colours[k], markeredgecolor="black", markersize=18, label=label)
+colours = ["#009E73", "#D55E00", "#CC79A7", "#0072B2", "#E69F00", "#56B4E9", "0.6"]
+standards = np.array(["first", "second", "third"])
+for k, (x, colour) in enumerate(zip(equilibria, colours, strict=False)):
+    axes.plot(*(STARTS[reached == k] @ corners).T, "o", color=colour, markersize=5)
+    label = f"{', '.join(standards[x > 1e-9])}: {(reached == k).sum()} starts"
+    axes.plot(*(x @ corners), "*", color=colour, markeredgecolor="black", markersize=18, label=label)
+axes.plot(*(STARTS[reached == -1] @ corners).T, "x", color="black", markersize=5)
 for corner, word, place in zip(corners, ("first", "second", "third"), ((0, -22), (0, -22), (0, 14)), strict=True):
     axes.annotate(word, corner, place, textcoords="offset points", ha="center")
 axes.set_title("Where Newton's method ends, by where it starts")
-axes.legend(frameon=False, loc="upper left", title="equilibrium")
+axes.legend(frameon=False, loc="upper left", title="equilibrium: what is chosen")
 axes.set_xlim(-0.35, 1.1)
 axes.set_ylim(-0.1, 1.0)
 axes.set_aspect("equal")
@@ -119,7 +120,7 @@ for g in sorted({-1.0, 0.0, 1.0, THIRD}):
 # The firms agree with probability 0.52, and each earns 1.20, less than where both take the second standard.
 
 mixed = np.array([0.4, 0.6, 0.0])
-assert any(np.allclose(x, mixed) for x in equilibria)
+assert any(np.allclose(x, mixed) for x in equilibria), "the mixed equilibrium by hand is among them"
 print(f"they agree with probability {mixed @ mixed:.2f}")
 
 # %%
@@ -130,7 +131,7 @@ print(f"they agree with probability {mixed @ mixed:.2f}")
 
 classes = icp.theory.classify(game(THIRD).A)
 print(f"P-matrix: {classes.p}")
-assert classes.p.holds is False
+assert classes.p.holds is False, "A is no P-matrix"
 
 # %%
 # **3.** Lemke's pivoting, which has no start to choose, ends here without a solution. Does it claim anything false?
@@ -141,6 +142,6 @@ assert classes.p.holds is False
 
 lemke = game(THIRD).solve("lemke", raise_on_failure=False)
 print(f"Lemke's pivoting: {lemke.status.value}; proved infeasible: {lemke.infeasible is not None}")
-assert not lemke.solved
-assert lemke.infeasible is None
-assert game(THIRD).solve("restarts").solved
+assert not lemke.solved, "Lemke's pivoting fails here"
+assert lemke.infeasible is None, "and proves nothing by that"
+assert game(THIRD).solve("restarts").solved, "other starts find an equilibrium"

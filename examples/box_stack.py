@@ -66,7 +66,7 @@ standing = stack([1.0, 1.0, 1.0], 0.0)
 carried = standing.z[0] + standing.z[2]
 print(f"rank of A: {np.linalg.matrix_rank(standing.problem.dense())} of {standing.problem.n}")
 print(f"the slope carries {carried:.4f} N s; the weight of one step is {3 * gdt:.4f} N s")
-assert abs(carried - 3 * gdt) < 1e-9
+assert abs(carried - 3 * gdt) < 1e-9, "the slope carries the weight"
 
 # %%
 # Now one block on a level floor that moves at 1 m/s in a direction of so many degrees from the first axis of friction.
@@ -170,7 +170,7 @@ assert abs(share - 1.0) < 1e-6, "the floor carries all"
 for name, law in (("pyramid", lambda load: block(0.0, load=load).z[1:]), ("box", lambda load: box(0.0, load=load))):
     once, twice = np.linalg.norm(law(1.0)), np.linalg.norm(law(2.0))
     print(f"{name:>8}: {once:.5f} N s, pressed twice as hard {twice:.5f} N s")
-    assert np.isclose(twice / once, 2.0 if name == "pyramid" else 1.0)
+    assert np.isclose(twice / once, 2.0 if name == "pyramid" else 1.0), "only a bound that moves doubles"
 
 # %%
 # **3.** The axes of friction are free to choose. How much friction does the block at 45 degrees get if the first axis
@@ -180,4 +180,4 @@ for name, law in (("pyramid", lambda load: block(0.0, load=load).z[1:]), ("box",
 
 along, askew = np.linalg.norm(block(0.0).z[1:]), np.linalg.norm(block(45.0).z[1:])
 print(f"axes turned: {along:.5f} N s; not turned: {askew:.5f} N s; cone: {np.linalg.norm(cone(45.0)):.5f} N s")
-assert np.isclose(along, np.linalg.norm(cone(45.0)))
+assert np.isclose(along, np.linalg.norm(cone(45.0))), "along an axis the pyramid is exact"

@@ -208,7 +208,7 @@ step = 1e-6 * np.array([1.0, -2.0])
 start = np.array(START)
 differences, derivative = residual(start + step) - residual(start - step), 2 * jacobian(start) @ step
 print(f"largest relative difference {np.abs(differences / derivative - 1).max():.0e}")
-assert np.allclose(differences, derivative, rtol=1e-5)
+assert np.allclose(differences, derivative, rtol=1e-5), "differences give the same derivative"
 
 # %%
 # **2.** At some costs two neighbouring rows are equally good to pay down to. What becomes of the derivative there? Find
@@ -226,7 +226,7 @@ def target(cost: float) -> int:
 
 low, high = 0.05, 0.07
 here = target(low)
-assert target(high) != here
+assert target(high) != here, "the target jumps in between"
 while high - low > 1e-14:
     middle = (low + high) / 2
     low, high = (middle, high) if target(middle) == here else (low, middle)
@@ -234,7 +234,7 @@ solution = value(low, TRUE[1], 0.5)
 kink, zbar = solution.derivative(), thresholds(solution)[0][1]
 left, right = (zbar @ dz for dz in kink.one_sided(dpsi=WORTH))  # gains fall where c rises
 print(f"at c = {low:.9f}: certain {kink.certain}; dx*/dc is {-left:.4f} to the left, {-right:.4f} to the right")
-assert not kink.certain
+assert not kink.certain, "at the jump no derivative is certain"
 
 # %%
 # **3.** By how much does the owner pay later if $c$ rises by one thousandth? Predict it, then solve.
@@ -245,4 +245,4 @@ before, after = value(0.05, TRUE[1], 0.4), value(0.051, TRUE[1], 0.4)
 predicted = 1e-3 * slopes(before, TRUE[1])[0][0]
 happened = thresholds(after)[0][0] - thresholds(before)[0][0]
 print(f"predicted {predicted:.6f}, happened {happened:.6f}")
-assert np.isclose(predicted, happened, rtol=0.05)
+assert np.isclose(predicted, happened, rtol=0.05), "the derivative predicts the change"

@@ -33,7 +33,7 @@ from scipy.optimize import minimize
 
 import icpmodel as icp
 
-MOST = 12.0
+MOST = 12.0  # 3 to 40
 FLOOR, PUSH, GAP, SPLINES, START, M = -0.1, 2.0, 0.002, 18, 5.0, 70
 scene = icp.scenes.membrane(n=M * M)
 (x, y), A, cell = 2 * scene.points.T - 1, scene.problem.A, scene.h**2
@@ -146,7 +146,7 @@ theta, step = np.full(SPLINES**2, START), 1e-4 * rng.standard_normal(SPLINES**2)
 difference = shortfall(theta + step)[0] - shortfall(theta - step)[0]
 slope = 2 * shortfall(theta)[1] @ step
 print(f"difference {difference:.6e}, slope {slope:.6e}")
-assert np.isclose(difference, slope, rtol=1e-4)
+assert np.isclose(difference, slope, rtol=1e-4), "differences give the same slope"
 
 # %%
 # **2.** Under a uniform load $f$ the membrane presses on the floor with which pressure inside the contact?
@@ -157,7 +157,7 @@ assert np.isclose(difference, slope, rtol=1e-4)
 touches = before.p > before.r
 inside = touches & (A @ touches.astype(float) == 0)  # with all four neighbours
 print(f"pressure inside the contact: {before.p[inside].min() / cell:.6f} to {before.p[inside].max() / cell:.6f}")
-assert np.allclose(before.p[inside] / cell, START)
+assert np.allclose(before.p[inside] / cell, START), "inside the contact the floor takes all of the load"
 
 # %%
 # **3.** Why not simply count the points that are on the wrong side, and make that least?
@@ -168,4 +168,4 @@ assert np.allclose(before.p[inside] / cell, START)
 
 counted = [sum(counts(membrane(theta + size * step / 1e-4))[1:3]) for size in (0.0, 1e-6, 1e-3, 1.0)]
 print(f"points on the wrong side after ever larger steps: {counted}; shortfall's slope along them: {slope / 2e-4:.4f}")
-assert counted[0] == counted[1]
+assert counted[0] == counted[1], "a tiny step does not change the count"

@@ -28,7 +28,7 @@ import scipy.sparse as sp
 
 import icpmodel as icp
 
-COST, TAX = 0.05, 0.2
+COST, TAX = 0.05, 0.2  # COST from 0.0025 to 0.15: beyond it the firm never pays
 DRIFT, VOLATILITY, RHO, LENGTH = 0.5, 0.3, 0.2, 1.5
 
 
@@ -128,7 +128,7 @@ for cost in (0.02, 0.005, 0.00125):
 factors = [a / b for a, b in itertools.pairwise(sizes)]
 print("payments " + ", ".join(f"{one:.4f}" for one in sizes), end="; factors ")
 print(", ".join(f"{one:.3f}" for one in factors) + f"; 4^(1/3) = {4 ** (1 / 3):.3f}")
-assert all(1.5 < one < 1.75 for one in factors)
+assert all(1.5 < one < 1.75 for one in factors), "a quarter of the cost divides the payment by about 1.6"
 
 # %%
 # **2.** The tax is doubled. Does the owner pay later?
@@ -142,7 +142,7 @@ ratio = new.z[1:] / old.z[1:]
 print(f"V falls to {ratio.min():.6f} ... {ratio.max():.6f} of it,", end=" ")
 print(f"(1 + tax)/(1 + 2 tax) = {(1 + TAX) / (1 + 2 * TAX):.6f}")
 print(f"pay at {payment(x, old)[0]:.6f} and {payment(x, new, 2 * TAX)[0]:.6f}")
-assert np.allclose(ratio, (1 + TAX) / (1 + 2 * TAX), rtol=1e-8)
+assert np.allclose(ratio, (1 + TAX) / (1 + 2 * TAX), rtol=1e-8), "the tax divides the value as the formula says"
 
 # %%
 # **3.** How can one know that $V$ is the only solution, though the obstacle depends on it?
@@ -155,4 +155,4 @@ assert np.allclose(ratio, (1 + TAX) / (1 + 2 * TAX), rtol=1e-8)
 bound = solution.certificate.bound
 print(f"proved: {bound.proof}")
 print(f"|V - exact solution on this grid| <= {bound.value:.1e}")
-assert solution.certificate.unique
+assert solution.certificate.unique, "it is proved that there is no other solution"

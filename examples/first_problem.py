@@ -28,7 +28,7 @@ import numpy as np
 
 import icpmodel as icp
 
-COUPLING = 0.5
+COUPLING = 0.5  # 0 to 1.1; beyond it there may be no solution
 A = np.array([[2.0, -1.0], [-1.0, 2.0]])
 q = np.array([1.0, -2.0])
 
@@ -46,7 +46,7 @@ problem = icp.ICP(A, q, bound(COUPLING))
 # The answer comes with what is known of it: the residual, how far $z$ can be from a solution, whether there is another
 # solution, and which of the two cases is proved for each row.
 
-solution = problem.solve(rtol=1e-12)
+solution = problem.solve(rtol=1e-12, raise_on_failure=False)
 print(solution)
 print()
 print("z =", solution.z.round(9))
@@ -69,11 +69,13 @@ for i, colour in enumerate(("#0072B2", "#D55E00")):
     axes.contour(z1, z2, force[..., i], levels=[0], colors=[colour], linestyles="--")
     axes.plot([], [], color=colour, linewidth=2, label=f"$r_{i + 1} = 0$: at its bound")
     axes.plot([], [], "--", color=colour, label=f"$p_{i + 1} = 0$: no force")
-axes.plot(*solution.z, "o", color="black", markersize=8, label="the solution")
+if solution.solved:
+    axes.plot(*solution.z, "o", color="black", markersize=8, label="the solution")
 axes.annotate("p, r ≥ 0", (3.2, 2.9), ha="center")
 axes.set_xlabel("$z_1$")
 axes.set_ylabel("$z_2$")
-axes.set_title("One crossing has p, r ≥ 0 and p'r = 0")
+crossings = "One crossing has" if solution.solved else "No crossing has"
+axes.set_title(f"{crossings} p, r ≥ 0 and p'r = 0")
 axes.legend(frameon=False, fontsize=9, loc="upper left")
 for suffix in ("png", "svg"):
     figure.savefig(f"first_problem.{suffix}", dpi=150)
@@ -83,7 +85,7 @@ for suffix in ("png", "svg"):
 
 report = problem.crosscheck(solution, ["osqp", "cvxpy-highs"])
 print(report)
-assert report.agrees
+assert report.agrees is solution.solved, "other solvers agree where there is a solution"
 
 # %%
 # ## Vary one thing
@@ -93,7 +95,10 @@ assert report.agrees
 
 print(f"{'c':>5} {'z1':>8} {'z2':>8} {'force p1':>9}  the only solution")
 for c in sorted({0.0, 0.25, 0.5, 0.75, 0.95, COUPLING}):
-    one = icp.ICP(A, q, bound(c)).solve(rtol=1e-12)
+    one = icp.ICP(A, q, bound(c)).solve(rtol=1e-12, raise_on_failure=False)
+    if not one.solved:
+        print(f"{c:5.2f} {one.status.value}")
+        continue
     print(f"{c:5.2f} {one.z[0]:8.4f} {one.z[1]:8.4f} {one.p[0]:9.4f}  {one.certificate.unique}")
 
 # %%
@@ -119,8 +124,8 @@ def all_solutions(c: float) -> list[np.ndarray]:
 
 for z in all_solutions(1.1):
     print(f"z = {z.round(4)}, residual {icp.ICP(A, q, bound(1.1)).residual(z):.0e}")
-assert len(all_solutions(1.1)) == 2
-assert len(all_solutions(0.5)) == 1
+assert len(all_solutions(1.1)) == 2, "there are two solutions at c = 1.1"
+assert len(all_solutions(0.5)) == 1, "there is one solution at c = 0.5"
 
 # %%
 # **2.** And for $c = 1.5$? What does `solve` say then?
@@ -131,8 +136,8 @@ assert len(all_solutions(0.5)) == 1
 print("solutions:", all_solutions(1.5))
 failed = icp.ICP(A, q, bound(1.5)).solve(raise_on_failure=False)
 print(f"{failed.status.value}; solved: {failed.solved}")
-assert not all_solutions(1.5)
-assert not failed.solved
+assert not all_solutions(1.5), "there is no solution at c = 1.5"
+assert not failed.solved, "and solve() does not claim one"
 
 # %%
 # **3.** Give $\psi(z) = 0.3\sin z$ as a bare function, `psi=lambda z: 0.3 * np.sin(z)`. It is solved, but nothing is

@@ -25,7 +25,7 @@ import numpy as np
 
 import icpmodel as icp
 
-MU = 0.3  # the coefficient of friction
+MU = 0.3  # the coefficient of friction, 0.05 to 1
 m, g, dt = 1.0, 9.81, 0.1  # kg, m/s², s
 
 
@@ -53,7 +53,7 @@ angles = np.linspace(0.0, 45.0, 181)
 speed = np.array([step(angle).p[1] for angle in angles])
 by_hand = g * dt * (np.sin(np.deg2rad(angles)) - MU * np.cos(np.deg2rad(angles)))
 print(f"largest difference from the formula: {np.abs(speed - np.maximum(by_hand, 0.0)).max():.0e} m/s")
-assert np.abs(speed - np.maximum(by_hand, 0.0)).max() <= 1e-12
+assert np.abs(speed - np.maximum(by_hand, 0.0)).max() <= 1e-12, "the speed is that of the formula"
 
 figure, (speeds, impulses) = plt.subplots(1, 2, figsize=(9, 3.9), layout="constrained")
 for mu, colour, line in ((0.1, "#0072B2", "-"), (0.3, "#D55E00", "--"), (0.6, "#009E73", "-.")):
@@ -99,8 +99,8 @@ for mu in sorted({0.1, 0.3, 0.6, MU}):
 
 light, heavy = step(30.0, m=1.0), step(30.0, m=10.0)
 print(f"1 kg: {light.z.round(4)} N s, {light.p[1]:.4f} m/s;   10 kg: {heavy.z.round(4)} N s, {heavy.p[1]:.4f} m/s")
-assert np.allclose(heavy.z, 10 * light.z)
-assert np.allclose(heavy.p, light.p)
+assert np.allclose(heavy.z, 10 * light.z), "ten times the weight has ten times the forces"
+assert np.allclose(heavy.p, light.p), "and the same velocities"
 
 # %%
 # **2.** At $\tan\alpha = \mu$ exactly, what are $p_2$ and $r_2 = \lambda_t + \mu\lambda_n$? What does a certificate say
@@ -112,7 +112,7 @@ assert np.allclose(heavy.p, light.p)
 
 edge = step(np.rad2deg(np.arctan(MU)))
 print(f"p_2 = {edge.p[1]:.1e}, r_2 = {edge.r[1]:.1e}; rows: {edge.active_set}")
-assert max(abs(edge.p[1]), abs(edge.r[1])) < 1e-12
+assert max(abs(edge.p[1]), abs(edge.r[1])) < 1e-12, "friction is at its bound, and the block rests"
 
 # %%
 # **3.** Written as $\psi(z) = (0, -\mu z_1)$, friction is an obstacle with $G = \mu$ below the diagonal. How large may
@@ -124,4 +124,4 @@ assert max(abs(edge.p[1]), abs(edge.r[1])) < 1e-12
 
 for mu in (0.3, 3.0, 30.0):
     print(f"mu = {mu:4.1f}: the only solution: {step(30.0, mu).certificate.unique}")
-    assert step(30.0, mu).certificate.unique
+    assert step(30.0, mu).certificate.unique, "it is proved that there is no other solution"

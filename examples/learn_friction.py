@@ -31,7 +31,7 @@ from scipy.optimize import least_squares
 
 import icpmodel as icp
 
-START = 0.1
+START = 0.1  # 0.05 to 0.7
 TRUE, NOISE = 0.3, 0.003  # the noise of a measured place in m
 m, g, dt, alpha = 1.0, 9.81, 0.05, np.deg2rad(4.0)  # kg, m/s², s
 times = dt * np.arange(1, 61)
@@ -161,7 +161,7 @@ for step in (1e-2, 1e-5, 1e-12):
     difference = (motion(TRUE + step)["place"][-1] - motion(TRUE - step)["place"][-1]) / (2 * step)
     print(f"step {step:.0e}: difference {difference:.6f}, derivative {exact:.6f}")
     if step == 1e-5:
-        assert np.isclose(difference, exact, rtol=1e-5)
+        assert np.isclose(difference, exact, rtol=1e-5), "differences give the same derivative"
 
 # %%
 # **2.** What does the $\pm$ of the answer mean? Measure 1000 times again, and take for the answer of each the linear
@@ -173,7 +173,7 @@ J = jacobian(np.array([TRUE]))[:, 0]
 noise = np.random.default_rng(1).standard_normal((1000, J.size))
 scatter = np.std(noise @ J / (J @ J))
 print(f"predicted {1 / np.sqrt(J @ J):.5f}, scatter of 1000 answers {scatter:.5f}")
-assert abs(scatter * np.sqrt(J @ J) - 1) < 0.1
+assert abs(scatter * np.sqrt(J @ J) - 1) < 0.1, "the formula predicts the scatter"
 
 # %%
 # **3.** One may film only one second of the three. Which one?
@@ -186,4 +186,4 @@ for begin in (0, 1, 2):
     size = np.linalg.norm(J[rows])
     print(f"second {begin + 1}: slips in {np.sum(np.abs(motion(TRUE)['velocity'][rows]) > 1e-9)} steps", end="; ")
     print(f"error {1 / size:.4f}" if size > 0 else "nothing is learned")
-assert np.linalg.norm(J[times <= 1]) < np.linalg.norm(J[times > 2])
+assert np.linalg.norm(J[times <= 1]) < np.linalg.norm(J[times > 2]), "the last second says more than the first"

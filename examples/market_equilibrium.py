@@ -28,7 +28,7 @@ from pyomo.mpec import Complementarity, complements
 
 import icpmodel as icp
 
-SHARE = 1.0
+SHARE = 1.0  # 0 to 1
 GOODS = ["bread", "housing", "labour"]
 SLOPE = {"bread": [5.0, -1.0, -1.5], "housing": [-0.5, 4.0, -1.0], "labour": [-1.0, -0.5, 3.0]}
 WANTED = {"bread": 6.0, "housing": 9.0, "labour": 2.0}
@@ -116,7 +116,7 @@ for share in sorted({0.0, 0.8, 1.0, 1.2, SHARE}):
 edge = free[2] / (0.01 + free[0] * free[1]) ** 0.5
 below, above = prices(edge - 1e-3)[3], prices(edge + 1e-3)[3]
 print(f"from {edge:.4f} on; unemployed a little below {below:.1e}, a little above {above:.1e}")
-assert below < 1e-8 < above
+assert below < 1e-8 < above, "nobody is unemployed below that share, somebody is above it"
 
 # %%
 # **2.** A floor in money, instead of one that rises with the cost of living: set it at the wage that the share 1.2 ends
@@ -144,8 +144,8 @@ fixed.floor.set_value(1.2 * (0.01 + free[0] * free[1]) ** 0.5)
 pyo.assert_optimal_termination(solver.solve(fixed))
 print(f"the same but for {apart:.0e}; wage {moving[2]:.4f} with the floor that moves,", end=" ")
 print(f"{pyo.value(fixed.price['labour']):.4f} with 1.2 times the free market's cost of living")
-assert apart < 1e-8
-assert pyo.value(fixed.price["labour"]) < moving[2]
+assert apart < 1e-8, "Pyomo finds the same prices"
+assert pyo.value(fixed.price["labour"]) < moving[2], "a floor that is fixed gives a lower wage"
 
 # %%
 # **3.** With the floor of 1.2, how many does the state have to hire for nobody to be unemployed? What happens to the
@@ -166,5 +166,7 @@ for hired in (unemployed, 1.5 * unemployed):
     one = icp.ICP(A, -w - [0.0, 0.0, hired], floor).solve(rtol=1e-10)
     print(f"{hired:.4f} hired: prices " + ", ".join(f"{price:.4f}" for price in one.z), end="; ")
     print(f"wage above its floor by {abs(one.r[2]):.4f}, unemployed {abs(one.p[2]):.4f}")
-    assert np.allclose(one.z, before, atol=1e-6) == (hired == unemployed)
-    assert abs(one.p[2]) < 1e-6
+    assert np.allclose(one.z, before, atol=1e-6) == (hired == unemployed), (
+        "prices stay where all that are hired were unemployed"
+    )
+    assert abs(one.p[2]) < 1e-6, "nobody is unemployed any more"

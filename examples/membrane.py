@@ -26,7 +26,7 @@ import numpy as np
 
 import icpmodel as icp
 
-CURVATURE, M = 4.0, 100
+CURVATURE, M = 4.0, 100  # CURVATURE from 2 to 20
 
 
 def stretched(curvature: float, m: int = M) -> tuple[np.ndarray, np.ndarray, icp.Solution]:
@@ -107,8 +107,8 @@ for axis, shift in ((0, 1), (0, -1), (1, 1), (1, -1)):
     inside &= np.roll(square(contact), shift, axis)
 within = square(solution.p)[inside] / h**2
 print(f"inside {within.min():.9f} to {within.max():.9f}; smallest at the edge {pressure.min():.4f}")
-assert np.allclose(within, 4 * CURVATURE, rtol=1e-8)
-assert pressure.max() <= 4 * CURVATURE * (1 + 1e-8)
+assert np.allclose(within, 4 * CURVATURE, rtol=1e-8), "inside the contact the pressure is that of the formula"
+assert pressure.max() <= 4 * CURVATURE * (1 + 1e-8), "and nowhere larger"
 
 # %%
 # **2.** Add up all equations $p = Az$. What carries the force with which the membrane presses on the hill?
@@ -119,7 +119,7 @@ assert pressure.max() <= 4 * CURVATURE * (1 + 1e-8)
 frame = square(solution.z)
 pull = frame[0].sum() + frame[-1].sum() + frame[:, 0].sum() + frame[:, -1].sum()
 print(f"force on the hill {solution.p.sum():.9f}, pull on the frame {pull:.9f}")
-assert np.isclose(solution.p.sum(), pull, rtol=1e-7)
+assert np.isclose(solution.p.sum(), pull, rtol=1e-7), "the edge pulls as much as the hill pushes"
 
 # %%
 # **3.** Put a table of height ½ in the place of the hill, a disc of radius 0.2 in the middle. Where does the membrane
@@ -135,5 +135,5 @@ flat = icp.ICP(A, np.zeros(M * M), table).solve(rtol=1e-10)
 touched, pressing = flat.r < 1e-8, flat.p > 1e-8
 print(f"{touched.sum()} points touch, {pressing.sum()} of them press, none nearer to the middle than", end=" ")
 print(f"{radius[pressing].min():.3f}")
-assert pressing.sum() < touched.sum() / 4
-assert radius[pressing].min() > 0.18
+assert pressing.sum() < touched.sum() / 4, "few of the points that touch press"
+assert radius[pressing].min() > 0.18, "and none of them in the middle"

@@ -48,7 +48,7 @@ print(f"z = {solution.z[0]:g}, force p = {solution.p[0]:g}, gap r = {solution.r[
 #
 # $\gamma$ only measures $x$: with any other the same $z$ and $p$ come out, step by step.
 
-OMEGA = 6.0
+OMEGA = 6.0  # 0.1 to 50
 for gamma in (1.0, 2.0, 50.0):
     x = 0.0
     for _ in range(30):
@@ -88,7 +88,7 @@ for Omega in (0.4, 2.0, OMEGA):
     measured = abs(error[4] / error[3]) if error[3] else 0.0
     proved = icp.theory.predicted_rate(ball, method).factor
     print(f"{Omega:6.1f} {(Omega - a) / (Omega + a):14.4f} {measured:20.4f} {proved:18.4f}")
-    assert measured <= proved * (1 + 1e-9)
+    assert measured <= proved * (1 + 1e-9), "no step is slower than is proved"
 
 # %%
 # ### In a picture
@@ -142,7 +142,7 @@ for Omega in sorted({0.01, 0.1, 1.0, 2.0, OMEGA, 1000.0}):
 for start_at in (0.7, 0.1):
     error = np.abs(walk(ball, icp.MNMMOD(theta1=0.4), start_at) - 1.0)
     print(f"from {start_at}: error {error[-1]:.1e} after 30 steps, proved {error[0] * (1.6 / 2.4) ** 30:.1e}")
-    assert error[-1] <= error[0] * (1.6 / 2.4) ** 30 * (1 + 1e-9)
+    assert error[-1] <= error[0] * (1.6 / 2.4) ** 30 * (1 + 1e-9), "the error falls as is proved"
 
 # %%
 # ## Exercises
@@ -154,7 +154,7 @@ for start_at in (0.7, 0.1):
 steps = math.ceil(math.log(1e12) / math.log(2))
 counted = int(np.argmax(np.abs(walk(ball, icp.MNMMOD(theta1=6.0), 1e6, 100) - 1.0) < 1e-6))
 print(f"predicted: {steps}, counted: {counted}")
-assert steps == counted
+assert steps == counted, "the steps are those of the formula"
 
 # %%
 # **2.** Let the table sink where the ball rises: $\psi(z) = 6 - 5z$, with $a = 0.1$ and $q = 1$. For which $\Omega$ do
@@ -171,7 +171,7 @@ for Omega in (0.9 * limit, 1.1 * limit):
     error = np.abs(walk(sinking, icp.MNMMOD(theta1=Omega), 2.0, 2000) - 1.0)
     side = "below" if Omega < limit else "above"
     print(f"Omega = {Omega:.3f}, {side} {limit:g}: error {error[-1]:.1e} after 2000 steps")
-    assert (error[-1] < 1e-12) == (Omega < limit)
+    assert (error[-1] < 1e-12) == (Omega < limit), "it converges below the limit and not above"
 
 # %%
 # **3.** Which $\Omega$ is the best one there, and what does a step then leave?
@@ -188,7 +188,7 @@ def factor(Omega, phi=0.0):
 best = weak / (1 - g)
 tried = min(np.linspace(0.001, 0.02, 20_000), key=factor)
 print(f"Omega = {best:.5f} leaves {factor(best):.4f}; the best of 20 000 that were tried is {tried:.5f}")
-assert abs(tried - best) < 1e-6
+assert abs(tried - best) < 1e-6, "the best one is that of the formula"
 
 # %%
 # **4.** A shift $\varphi$ adds to the denominator: $z^+ = z - 2 \min(p, \Omega r) / (a + \varphi + \Omega)$. Choose
@@ -200,7 +200,7 @@ assert abs(tried - best) < 1e-6
 phi = weak - best
 for z in (-1e3, 50.0):
     print(f"from {z:g} one step leads to {walk(sinking, icp.MNMMOD(theta1=best, phi=phi), z, 1)[-1]:.9f}")
-    assert abs(walk(sinking, icp.MNMMOD(theta1=best, phi=phi), z, 1)[-1] - 1) < 1e-9
+    assert abs(walk(sinking, icp.MNMMOD(theta1=best, phi=phi), z, 1)[-1] - 1) < 1e-9, "one step leads to the solution"
 
 # %%
 # **5.** What happens for $a = -1$, $q = 1$, $\psi = 0$?

@@ -26,7 +26,7 @@ import numpy as np
 
 import icpmodel as icp
 
-DEMAND = 100.0
+DEMAND = 100.0  # 30 to 200
 cost = np.array([10.0, 15.0, 20.0, 30.0, 45.0])
 capacity = np.array([15.0, 20.0, 30.0, 30.0, 30.0])
 b, n = 1.0, cost.size
@@ -54,7 +54,7 @@ def best_answer(x: np.ndarray, demand: float) -> np.ndarray:
 solution = market(DEMAND).solve(rtol=1e-12)
 output, worth = solution.z[:n], solution.z[n:]
 best = best_answer(output, DEMAND)
-assert np.abs(best - output).max() <= 1e-9
+assert np.abs(best - output).max() <= 1e-9, "nobody can do better alone"
 print(f"{'firm':>4} {'cost':>6} {'capacity':>9} {'output':>8} {'best answer':>12} {'capacity is worth':>18}")
 for i in range(n):
     row = f"{i + 1:4d} {cost[i]:6.1f} {capacity[i]:9.1f} {output[i]:8.3f}"
@@ -116,7 +116,9 @@ equilibrium = market(300.0, np.full(n, 1e6)).solve(rtol=1e-12).z[:n]
 for words, at_once in (("all at once", True), ("one after the other", False)):
     away = [np.abs(rounds(at_once, steps) - equilibrium).max() for steps in (10, 20, 40)]
     print(f"{words:>20}: away by {', '.join(f'{one:.2g}' for one in away)} after 10, 20, 40 rounds")
-assert np.abs(rounds(False, 100) - equilibrium).max() < 1e-9 < 1 < np.abs(rounds(True, 40) - equilibrium).max()
+assert np.abs(rounds(False, 100) - equilibrium).max() < 1e-9 < 1 < np.abs(rounds(True, 40) - equilibrium).max(), (
+    "in turn they arrive, and all at once they do not"
+)
 
 # %%
 # **2.** Firm 1 is offered one thousandth of a unit more of capacity. Is its profit larger by what $y_1$ says?
@@ -130,7 +132,7 @@ bigger = market(100.0, more).solve(rtol=1e-12).z
 profit = [one[0] * (100.0 - b * one[:n].sum() - cost[0]) for one in (x, bigger)]
 change = ", ".join(f"{one:+.3f}" for one in (bigger - x)[1:n] * 1e3)
 print(f"y_1 = {x[n]:.3f}; gained per unit {(profit[1] - profit[0]) / 1e-3:.3f}; the others' outputs change by {change}")
-assert (profit[1] - profit[0]) / 1e-3 > x[n] + 1
+assert (profit[1] - profit[0]) / 1e-3 > x[n] + 1, "a large capacity is a threat: it gains more than y_1"
 
 # %%
 # **3.** Replace the five by $N$ equal firms of cost 20 without limits. What happens to the price as $N$ grows?
@@ -142,4 +144,4 @@ for count in (1, 2, 5, 20, 100):
     x = icp.ICP(A, np.full(count, 20.0 - 100.0)).solve(rtol=1e-12).z
     price = 100.0 - b * x.sum()
     print(f"{count:4d} firms: price {price:8.4f}")
-    assert np.isclose(price, (100 + 20 * count) / (count + 1))
+    assert np.isclose(price, (100 + 20 * count) / (count + 1)), "the price is that of the formula"

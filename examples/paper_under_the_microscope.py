@@ -561,7 +561,7 @@ for omega in (0.5, 1.0, 2.0, 8.0):
     error = [z - 1 / 3 for z, _ in islice(icp.MNMMOD(theta1=omega).iterates(wheel, np.array([0.4, 0.3, 0.3])), 201)]
     sizes = [np.linalg.norm(error[k] - error[k].mean()) for k in (0, 1, 200)]
     print(f"omega = {omega:3.1f}: in that plane {', '.join(f'{one:.6f}' for one in sizes)} after 0, 1, 200 steps")
-    assert np.ptp(sizes) < 1e-9
+    assert np.ptp(sizes) < 1e-9, "the error keeps its size"
 
 # %%
 # ## The count
@@ -613,7 +613,7 @@ rate = predicted_rate(problem, method)
 answer = problem.solve(method, accuracy=1e-6, z0=[-100, 100])
 print(f"promised: a step leaves {rate.factor:.3f}; {rate.steps(problem, [-100, 100], 1e-6)} steps from (-100, 100)")
 print(f"needed:   {answer.iterations} steps; certified error {answer.certificate.error_bound:.1e}")
-assert answer.iterations <= rate.steps(problem, [-100, 100], 1e-6)
+assert answer.iterations <= rate.steps(problem, [-100, 100], 1e-6), "it takes no more steps than predicted"
 
 # %%
 # ## Vary one thing
@@ -627,7 +627,7 @@ for s in (0.5, 0.9, 1.1, 5.0, 9.0):
     printed, right = (check("4.3", steep, gauss_seidel, as_printed=flag).holds for flag in (True, False))
     left = abs(after(400, steep, gauss_seidel, [2.0])[0] - 1)
     print(f"s = {s}: printed {printed!s:5} corrected {right!s:5} error after 400 steps {left:.1e}")
-    assert right == (left < 1e-3)
+    assert right == (left < 1e-3), "the right number decides"
 
 # %%
 # ## Exercises
@@ -641,7 +641,7 @@ for s in (0.5, 0.9, 1.1, 5.0, 9.0):
 for phi in (-0.9, -1.1):
     error = abs(after(200, negative, icp.MNMGS(phi=phi), [1.5])[0] - 1)
     print(f"phi = {phi}: factor {1 - 2 / (2 + phi):.3f}, error after 200 steps {error:.1e}")
-    assert (error < 1e-6) == (phi > -1)
+    assert (error < 1e-6) == (phi > -1), "it converges where the shift is above -1"
 
 # %%
 # **2.** MNMMOD as printed has $q\psi(z)$ inside the modulus. For which $q$ and $\psi$ (constant, in one unknown) is the
@@ -654,7 +654,7 @@ z, q, psi = 0.0, 2.0, 2.0
 for _ in range(80):
     z = (abs((1 - 1) * z + q * psi) - q + psi) / (1 + 1)
 print(f"A = 1, q = psi = 2, theta1 = 1, as printed: {z:g}; solved: {icp.ICP([[1.0]], [q], psi).solve().z[0]:g}")
-assert z == 2.0
+assert z == 2.0, "the misprint is not seen"
 
 # %%
 # **3.** Of the 300 random matrices in theorem 4.1 how many are P-matrices, and for how many of these does its condition

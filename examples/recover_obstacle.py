@@ -31,7 +31,7 @@ from scipy.optimize import minimize
 
 import icpmodel as icp
 
-PRESSURE = 15.0
+PRESSURE = 15.0  # 5 to 50
 TABLE, NOISE, BEND, SPLINES, M = -0.2, 0.01, 0.1, 12, 50
 n = M * M
 scene = icp.scenes.membrane(n=n)
@@ -170,7 +170,7 @@ theta, step = np.maximum(found.x, 0.05), 1e-6 * rng.standard_normal(found.x.size
 up_value, down_value = (misfit(theta + sign * step, problem, measured)[0] for sign in (1, -1))
 slope = 2 * misfit(theta, problem, measured)[1] @ step
 print(f"relative difference {abs((up_value - down_value) / slope - 1):.0e}")
-assert np.isclose(up_value - down_value, slope, rtol=1e-2)
+assert np.isclose(up_value - down_value, slope, rtol=1e-2), "differences give the same slope"
 
 # %%
 # **2.** Raise the true obstacle by 0.01 at one point that the membrane does not come near. What do the heights of the
@@ -185,8 +185,8 @@ raised = problem.with_psi(truth + 0.01 * (np.arange(n) == away)).solve(rtol=1e-1
 change = np.abs(free.derivative().forward(dpsi=(np.arange(n) == away).astype(float))).max()
 largest = np.abs(raised.z - free.z).max()
 print(f"gap there {free.r[away]:.3f}; largest change of z {largest:.0e}, derivative {change:.0e}")
-assert change == 0
-assert largest < 1e-10
+assert change == 0, "the derivative is 0"
+assert largest < 1e-10, "and z does not move"
 
 # %%
 # **3.** The mean squared misfit over the noise squared is near 1. What would 0.5 mean, and what 2?
@@ -198,4 +198,6 @@ follows = np.mean((measured - measured) ** 2) / NOISE**2
 flat = problem.with_psi(np.full(n, TABLE)).solve(rtol=1e-12)
 cannot = np.mean((flat.z - measured) ** 2) / NOISE**2
 print(f"heights that are the data: {follows:.1f}; flat table: {cannot:.0f}; chance moves it by {np.sqrt(2 / n):.3f}")
-assert abs(np.mean((solution.z - measured) ** 2) / NOISE**2 - 1) < 5 * np.sqrt(2 / n) + SPLINES**2 / n
+assert abs(np.mean((solution.z - measured) ** 2) / NOISE**2 - 1) < 5 * np.sqrt(2 / n) + SPLINES**2 / n, (
+    "the misfit is that of the noise"
+)

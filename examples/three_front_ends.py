@@ -29,7 +29,7 @@ from pyomo.mpec import Complementarity, complements
 
 import icpmodel as icp
 
-WEIGHT, N = 1.0, 100
+WEIGHT, N = 1.0, 100  # WEIGHT from -2 to 20; N points
 h = 1 / (N + 1)
 s = h * np.arange(1, N + 1)
 bump = 0.15 - 2 * (s - 0.6) ** 2
@@ -85,10 +85,11 @@ print(solution)
 answers = {"CVXPY": in_cvxpy(WEIGHT), "Pyomo": in_pyomo(WEIGHT)}
 for name, other in answers.items():
     apart = np.abs(other - solution.z).max()
-    assert apart <= 1e-9
+    assert apart <= 1e-9, "all front ends have the same z"
     print(f"{name} and NumPy: the same z to 1e-9; the largest difference is {apart:.1e}")
 touches = solution.p > solution.r
-print(f"{touches.sum()} of {N} points touch, from s = {s[touches][0]:.3f} to s = {s[touches][-1]:.3f}")
+place = f", from s = {s[touches][0]:.3f} to s = {s[touches][-1]:.3f}" if touches.any() else ""
+print(f"{touches.sum()} of {N} points touch{place}")
 
 # %%
 # Between its last contact and the nail the string is a parabola; where it lies on the bump it is pushed up by
@@ -107,7 +108,7 @@ shape.legend(frameon=False, fontsize=9, ncols=2)
 force.plot(s, solution.p / h**2, color="#0072B2")
 force.set_xlabel("s, lengths between the nails")
 force.set_ylabel("force of the bump per length")
-force.set_title("It presses only where they touch")
+force.set_title("It presses only where they touch" if touches.any() else "They do not touch")
 for suffix in ("png", "svg"):
     figure.savefig(f"three_front_ends.{suffix}", dpi=150)
 
@@ -120,7 +121,8 @@ print(f"{'weight':>7} {'touches from':>13} {'to':>6} {'whole force of the bump':
 for weight in sorted({-1.2, -0.5, 0.0, 1.0, 5.0, 20.0, WEIGHT}):
     one = in_numpy(weight, 999)
     there = np.arange(1, 1000)[one.p > one.r] / 1000
-    print(f"{weight:7.1f} {there[0]:13.3f} {there[-1]:6.3f} {one.p.sum() * 1000:24.4f}")
+    ends = f"{there[0]:13.3f} {there[-1]:6.3f}" if there.size else f"{'nowhere':>20}"
+    print(f"{weight:7.1f} {ends} {one.p.sum() * 1000:24.4f}")
 
 # %%
 # ## Exercises
@@ -136,8 +138,8 @@ for weight in (0.0, 1.0, 5.0):
     there = np.arange(1, 1000)[one.p > one.r] / 1000
     s1, s2 = np.sqrt(0.57 / (2 + weight / 2)), 1 - np.sqrt(0.17 / (2 + weight / 2))
     print(f"weight {weight}: from {s1:.4f} to {s2:.4f}; on the grid from {there[0]:.3f} to {there[-1]:.3f}")
-    assert abs(there[0] - s1) <= 2e-3
-    assert abs(there[-1] - s2) <= 2e-3
+    assert abs(there[0] - s1) <= 2e-3, "the first contact is that of the formula"
+    assert abs(there[-1] - s2) <= 2e-3, "and so is the last one"
 
 # %%
 # **2.** Pulled up by how much does the string leave the bump?
@@ -148,8 +150,8 @@ lifts = 2 * ((np.sqrt(0.57) + np.sqrt(0.17)) ** 2 - 2)
 just_above, just_below = (in_numpy(lifts + change, 999) for change in (0.01, -0.01))
 print(f"w = {lifts:.4f}; contacts at w + 0.01: {(just_above.p > just_above.r).sum()}", end=", ")
 print(f"at w - 0.01: {(just_below.p > just_below.r).sum()}")
-assert (just_above.p > just_above.r).any()
-assert not (just_below.p > just_below.r).any()
+assert (just_above.p > just_above.r).any(), "it touches just above this weight"
+assert not (just_below.p > just_below.r).any(), "and just below it does not"
 
 # %%
 # **3.** The three front ends hand the same numbers to the same solver, so that they agree if they are *written* alike.
@@ -160,4 +162,4 @@ assert not (just_below.p > just_below.r).any()
 
 report = solution.problem.crosscheck(solution, ["osqp", "clarabel"])
 print(report)
-assert report.agrees
+assert report.agrees, "other solvers agree"

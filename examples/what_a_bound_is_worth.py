@@ -30,7 +30,7 @@ import scipy.sparse as sp
 
 import icpmodel as icp
 
-N = 199
+N = 199  # 50 to 400
 h = 1 / (N + 1)
 bump = 0.25 - 8 * (h * np.arange(1, N + 1) - 0.5) ** 2
 A = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(N, N))
@@ -49,7 +49,7 @@ print(f"heights from {exact.z.min():.3f} to {exact.z.max():.3f}; {exact.active_s
 
 soft = icp.ICP([[1e-6]], [-1e-6])
 print(f"z = 2: residual {soft.paper_residual([2.0]):.0e}, bound on the error {icp.error_bound(soft, [2.0]).value:.9f}")
-assert 1 <= icp.error_bound(soft, [2.0]).value < 1 + 1e-6
+assert 1 <= icp.error_bound(soft, [2.0]).value < 1 + 1e-6, "no better bound can be given"
 
 # %%
 # *Two solutions.* For $A = -10^{-6}$, $q = 10^{-6}$, $\psi = 0$ both 0 and 1 are solutions, and everything between them
@@ -80,8 +80,8 @@ for k, (z, _) in enumerate(islice(method.iterates(string, np.maximum(bump, 0.0))
         by_plain, by_sharp = (N - one.undecided.sum() for one in sets)
         rows.append((k, residual, error, sharp.value, plain.value, by_plain, by_sharp))
         print(f"{k:6d} {residual:9.1e} {error:9.1e} {sharp.value:9.1e} {plain.value:11.1e} {by_sharp:12d}")
-        assert error <= sharp.value * (1 + 1e-9)
-        assert not (sets[1].active & (exact.p <= exact.r)).any()
+        assert error <= sharp.value * (1 + 1e-9), "the error is within the bound"
+        assert not (sets[1].active & (exact.p <= exact.r)).any(), "no row that is proved to be in contact is free"
 
 # %%
 # ### What "solved" means in the third digit
@@ -156,7 +156,7 @@ for n in (49, 99, 199, 399):
     fine = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(n, n))
     print(f"N = {n:3d}: a residual of 1e-6 in every row allows an error of up to {1e-6 * (n + 1) ** 2 / 8:.1e}")
     v = sp.linalg.spsolve(fine.tocsc(), np.ones(n))
-    assert abs(v.max() / ((n + 1) ** 2 / 8) - 1) < 1e-9
+    assert abs(v.max() / ((n + 1) ** 2 / 8) - 1) < 1e-9, "v is that of the formula"
 
 # %%
 # ## Exercises
@@ -171,7 +171,9 @@ print(
     f"{asked.iterations} sweeps: residual {asked.residual:.1e}, certified {asked.certificate.error_bound:.1e}", end=""
 )
 print(f", true error {np.abs(asked.z - exact.z).max():.1e}")
-assert np.abs(asked.z - exact.z).max() <= asked.certificate.error_bound <= 1e-6
+assert np.abs(asked.z - exact.z).max() <= asked.certificate.error_bound <= 1e-6, (
+    "the answer is as accurate as was asked for"
+)
 
 # %%
 # **2.** As soon as every row is proved, what is left to do?
@@ -196,7 +198,7 @@ truth = exact.p > exact.r
 by_eye = int(((z - bump < 1e-6) != truth).sum())
 wrong = int((touches.active & ~truth).sum() + (touches.inactive & truth).sum())
 print(f"by the eye {by_eye} of {N} wrong; of {N - touches.undecided.sum()} that are proved {wrong}")
-assert wrong == 0
+assert wrong == 0, "nothing that is proved is wrong"
 
 # %%
 # **4.** $A = (1, 0, 2;\ 2, 1, 0;\ 0, 2, 1)$ and $q = -(1, 1, 1)$ is the wheel of

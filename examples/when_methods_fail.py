@@ -28,7 +28,7 @@ import numpy as np
 
 import icpmodel as icp
 
-PHI2 = 0.1
+PHI2 = 0.1  # 0.05 to 5
 steep = icp.ICP([[0.1]], [1.0], icp.Affine([[-5.0]], 6.0))
 
 
@@ -135,7 +135,7 @@ for options in ({"phi2": 0.019}, {"phi2": 0.021}, {"phi2": 0.1, "phi": 0.42}, {"
     found = steep.solve(icp.MNMGS(**options), z0=[1.001], raise_on_failure=False)
     converges = 5 * options["phi2"] < 0.1 + options.get("phi", 0.0)
     print(f"{options}: {found.status.value}")
-    assert found.solved == converges
+    assert found.solved == converges, "the method converges where the number is below 1"
 
 # %%
 # **2.** Start $M = A$, $\Omega = 2I$ on the P-matrix from $(1, 0, 0)$ instead of 0. It does not get
@@ -152,9 +152,9 @@ A = cyclic.A.toarray()
 turns = np.linalg.eigvals(np.linalg.solve(2 * np.eye(3) + A, 2 * np.eye(3) - A))
 print(f"moduli of the eigenvalues of the step: {np.sort(np.abs(turns)).round(12)}; ", end="")
 print(f"pivoting: {cyclic.solve().status.value}")
-assert not found.solved
-assert cyclic.solve().solved
-assert np.isclose(np.abs(turns), 1).sum() == 2
+assert not found.solved, "the sweeps go round in a circle"
+assert cyclic.solve().solved, "solve() finds the solution"
+assert np.isclose(np.abs(turns), 1).sum() == 2, "two eigenvalues of the step have the modulus 1"
 
 # %%
 # **3.** The witness of the problem without solution is a vector $y$ with $y \ge 0$, $A^Ty \le 0$ and $q^Ty < 0$. Why is
@@ -166,6 +166,6 @@ assert np.isclose(np.abs(turns), 1).sum() == 2
 for problem in (icp.ICP([[-1.0]], [-1.0]), icp.ICP([[1.0, -2.0], [-2.0, 1.0]], [-1.0, -1.0])):
     y = problem.solve("lemke", raise_on_failure=False).infeasible.witness
     print(f"A = {problem.A.toarray().tolist()}: y = {y}, A'y = {problem.A.T @ y}, q'y = {problem.q @ y:g}")
-    assert (y >= 0).all()
-    assert (problem.A.T @ y <= 0).all()
-    assert problem.q @ y < 0
+    assert (y >= 0).all(), "y is not negative"
+    assert (problem.A.T @ y <= 0).all(), "and A'y is not positive"
+    assert problem.q @ y < 0, "and q'y is negative: no z has Az + q >= 0"

@@ -30,7 +30,7 @@ import scipy.sparse as sp
 
 import icpmodel as icp
 
-N = 39
+N = 39  # 9 to 99
 
 
 def stretched(n):
@@ -235,7 +235,7 @@ while high - low > 1e-3:
     found = icp.theory.predicted_rate(string, icp.PSOR(omega=middle))
     low, high = (middle, high) if isinstance(found, icp.theory.Rate) else (low, middle)
 print(f"proved up to {low:.3f}")
-assert 0.99 < low < 1.1
+assert 0.99 < low < 1.1, "what is proved ends at 1"
 
 # %%
 # **2.** Does `MNMSOR` with $\theta_1 = 6$ converge if it starts very near the solution?
@@ -255,7 +255,7 @@ for distance in (1e-9, 1e-5, 1e-1):
 back = turns(icp.MNMMOD(theta1=math.sqrt(3)))
 gaps = np.abs(back[-1] - back[-5:-1]).max(axis=1)
 print(f"the 40th iterate differs from the 36th to the 39th by {', '.join(f'{one:.1g}' for one in gaps)}")
-assert gaps[0] < 1e-12 < gaps[1:].min()
+assert gaps[0] < 1e-12 < gaps[1:].min(), "only every fourth iterate is the same"
 
 # %%
 # **4.** The package's advice for a method that fails is often a larger $\varphi$. Does it help the wheel?
@@ -266,4 +266,4 @@ assert gaps[0] < 1e-12 < gaps[1:].min()
 for phi in (0.5, 2.0, 8.0):
     left = np.linalg.norm(turns(icp.MNMMOD(theta1=2.0, phi=phi), 1000)[-1])
     print(f"phi = {phi}: distance {left:.4f} after 1000 steps")
-    assert left > 0.1
+    assert left > 0.1, "no shift helps the wheel"
