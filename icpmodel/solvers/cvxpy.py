@@ -1,4 +1,4 @@
-"""An ICP as a CVXPY problem, and three QP solvers of different kinds through it.
+"""An ICP as a CVXPY problem, and two QP solvers of different kinds through it.
 
 CVXPY writes the model in its own way, so that they also check the model that the native interfaces are given.
 Reference: Diamond and Boyd, J. Mach. Learn. Res. 17 (2016).
@@ -19,7 +19,6 @@ from .clarabel import clarabel_options
 from .foreign import Claim, ForeignSolver, missing
 from .formulations import Target
 from .highs import highs_options
-from .osqp import osqp_options
 
 
 def to_cvxpy(problem: ProblemLike, formulation: str = "qp") -> Any:
@@ -143,7 +142,7 @@ def _program(value: Any, rows: list[Any]) -> Any:
 
 
 class _ThroughCvxpy(ForeignSolver):
-    """What the three share: `solver` is CVXPY's name, and `options` gives the arguments for a tolerance."""
+    """What the two share: `solver` is CVXPY's name, and `options` gives the arguments for a tolerance."""
 
     asked_by = ("crosscheck",)
     solver: ClassVar[str]
@@ -158,12 +157,8 @@ class _ThroughCvxpy(ForeignSolver):
     def run(self, model: Any) -> Claim:
         problem, options = model
         with warnings.catch_warnings(action="ignore"):
-            self.solve(problem, options)
+            problem.solve(solver=self.solver, **options)
         return Claim(problem.var_dict["z"].value, problem.status, problem.status == "optimal")
-
-    def solve(self, problem: Any, options: dict[str, Any]) -> None:
-        """Solve CVXPY's `problem`."""
-        problem.solve(solver=self.solver, **options)
 
 
 class CvxpyClarabel(_ThroughCvxpy):
@@ -174,25 +169,6 @@ class CvxpyClarabel(_ThroughCvxpy):
     solver = "CLARABEL"
     tight = (1e-12, 1e-9)
     options = staticmethod(clarabel_options)
-
-
-class CvxpyOsqp(_ThroughCvxpy):
-    """OSQP through CVXPY."""
-
-    name = "cvxpy-osqp"
-    package = "osqp"
-    solver = "OSQP"
-    options = staticmethod(osqp_options)
-
-    def solve(self, problem: Any, options: dict[str, Any]) -> None:
-        """In the steps of CVXPY's `solve`, of which the last one would make an error of OSQP's word for Ctrl-C."""
-        import osqp
-
-        data, chain, inverse = problem.get_problem_data(self.solver)
-        found = chain.solve_via_data(problem, data, solver_opts=options)
-        if found.info.status_val == osqp.SolverStatus.OSQP_SIGINT:
-            raise KeyboardInterrupt
-        problem.unpack_results(found, chain, inverse)
 
 
 class CvxpyHighs(_ThroughCvxpy):

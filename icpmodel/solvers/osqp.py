@@ -28,8 +28,10 @@ class Osqp(ForeignSolver):
         qp = self.pose(target)
         model = osqp.OSQP()
         rows = sp.csc_matrix(qp.K), qp.lower, qp.upper
-        options = {**osqp_options(tolerance), "time_limit": float(time_limit), "polishing": self.polishes}
-        model.setup(sp.csc_matrix(sp.triu(qp.P)), qp.q, *rows, verbose=False, **options)
+        accuracy = {"eps_abs": tolerance, "eps_rel": tolerance, "eps_prim_inf": 1e-12, "eps_dual_inf": 1e-12}
+        polishing = {"polishing": self.polishes, "polish_refine_iter": 10}
+        limits = {"max_iter": 1_000_000, "time_limit": float(time_limit), "verbose": False}
+        model.setup(sp.csc_matrix(sp.triu(qp.P)), qp.q, *rows, **accuracy, **polishing, **limits)
         return model
 
     def run(self, model: Any) -> Claim:
@@ -51,9 +53,3 @@ class OsqpUnpolished(Osqp):
     name = "osqp, not polished"
     asked_by = ("race",)
     polishes = False
-
-
-def osqp_options(tolerance: float) -> dict[str, Any]:
-    """OSQP's options for `tolerance`, with polishing."""
-    accuracy = {"eps_abs": tolerance, "eps_rel": tolerance, "eps_prim_inf": 1e-12, "eps_dual_inf": 1e-12}
-    return {**accuracy, "max_iter": 1_000_000, "polishing": True, "polish_refine_iter": 10}

@@ -14,11 +14,9 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 
 from ..errors import NotApplicable
-from ..numerics.arrays import Vector
-from ..problem.data import ProblemData, ProblemLike, as_problem
+from ..problem.data import ProblemLike, as_problem
 from ..problem.elementwise import Elementwise
 from ..problem.function import Function
 from ..problem.map import Map
@@ -55,9 +53,9 @@ def to_pyomo(problem: ProblemLike) -> Any:
     Notes
     -----
     A row with an obstacle is complements(p_i ≥ 0, r_i ≥ 0). A row that has one above as well is
-    complements(c_i ≤ f_i ≤ d_i, p_i), f = z − Gz, where the two move alike. Otherwise it gets a
-    variable v[i], complements(p_i + v_i ≥ 0, r_i ≥ 0) and `above[i]`, complements(v_i ≥ 0, ψ̄_i −
-    z_i ≥ 0). A row without obstacle is the equality constraint `equation[i]`, p_i = 0.
+    complements(c_i ≤ z_i ≤ d_i, p_i) where they are constant. Otherwise it gets a variable v[i],
+    complements(p_i + v_i ≥ 0, r_i ≥ 0) and `above[i]`, complements(v_i ≥ 0, ψ̄_i − z_i ≥ 0). A row
+    without obstacle is the equality constraint `equation[i]`, p_i = 0.
 
     `objective` is the constant 0, without which some solvers do not start: every point that
     satisfies the conditions is a solution.
@@ -78,15 +76,15 @@ def to_pyomo(problem: ProblemLike) -> Any:
     above = [np.inf] * problem.n if problem.upper is None else _obstacle(problem.upper, z)
     has_below, has_above = ([not _is_infinite(one) for one in side] for side in (below, above))
     two = [i for i in z if has_below[i] and has_above[i]]
-    ranges = _ranges(problem, two, z)
+    ranges = two if problem.psi.is_constant else []
     model.v = pyo.Var([i for i in two if i not in ranges])
     for i, v in model.v.items():
         p[i] = p[i] + v
 
     def rule(_: Any, i: int) -> Any:
         if i in ranges:
-            low, f, high = ranges[i]
-            return complements(f == low if low == high else pyo.inequality(low, f, high), p[i])
+            same = below[i] == above[i]
+            return complements(z[i] == below[i] if same else pyo.inequality(below[i], z[i], above[i]), p[i])
         if has_below[i]:
             return complements(p[i] >= 0, z[i] - below[i] >= 0)
         return complements(p[i] <= 0, z[i] - above[i] <= 0)
@@ -94,29 +92,9 @@ def to_pyomo(problem: ProblemLike) -> Any:
     held = [i for i in z if has_below[i] or has_above[i]]
     model.complementarity = Complementarity(held, rule=rule)
     model.above = Complementarity([*model.v], rule=lambda m, i: complements(m.v[i] >= 0, above[i] - z[i] >= 0))
-    _complete(model, held, p)
-    return model
-
-
-def _complete(model: Any, held: list[int], p: Any) -> None:
-    """Give `model` p_i = 0 in the rows that are not `held`, and an objective that is constant."""
-    import pyomo.environ as pyo
-
     model.equation = pyo.Constraint(sorted({*model.z} - {*held}), rule=lambda _, i: p[i] == 0)
     model.objective = pyo.Objective(expr=0.0)
-
-
-def _ranges(problem: ProblemData, two: list[int], z: Any) -> dict[int, tuple[float, Any, float]]:
-    """(c_i, z_i − G_i z, d_i) of those of the rows `two`, with two obstacles, whose obstacles move alike."""
-    psi, upper = sides_of(problem.psi)[0], problem.upper
-    if upper is None or psi.linear is None or upper.linear is None:
-        return {}
-    G, c = psi.linear
-    H, d = upper.linear
-    moves = _moved(sp.csr_array(sp.eye_array(problem.n) - G), np.zeros(problem.n), z)
-    differ = np.diff(sp.csr_array(G - H).indptr) > 0
-    fixed = np.diff(G.indptr) == 0
-    return {i: (float(c[i]), z[i] if fixed[i] else moves[i], float(d[i])) for i in two if not differ[i]}
+    return model
 
 
 def _is_infinite(value: Any) -> bool:
@@ -238,8 +216,7 @@ class PyomoHighs(ForeignSolver):
         solver.config.time_limit = float(time_limit)
         solver.config.load_solution = False
         solver.highs_options = {f"{of}_feasibility_tolerance": tolerance for of in ("mip", "primal", "dual")}
-        bounds: Any = target.bounds  # there are some: see why_not
-        return _model(target, bounds), solver
+        return _bounded(target), solver
 
     def run(self, model: Any) -> Claim:
         from pyomo.contrib.appsi.base import TerminationCondition
@@ -252,41 +229,19 @@ class PyomoHighs(ForeignSolver):
         return Claim([values[one] for one in posed.z.values()], "optimal", True)
 
 
-def _model(target: Target, bounds: tuple[Vector, Vector, Vector]) -> Any:
-    """`target` as a mixed-integer Pyomo model with variables z, p and r, within the `bounds` of `Target.bounds`.
-
-    p and r belong to the one obstacle of a row. Where it has two, p is u = Az + q + v, and v ≥ 0 ⟂ s ≥ 0.
-    """
+def _bounded(target: Target) -> Any:
+    """`target` as a mixed-integer Pyomo model: that of `to_pyomo` with bounds on z, from which Pyomo takes M."""
     import pyomo.environ as pyo
-    from pyomo.mpec import Complementarity, complements
 
-    problem = target.problem
-    held = np.flatnonzero(target.held).tolist()
-    z_max, p_max, r_max = (one.tolist() for one in bounds)
-    model = pyo.ConcreteModel()
-    model.z = pyo.Var(range(problem.n), bounds=lambda _, i: (-z_max[i], z_max[i]))
-    model.p = pyo.Var(range(problem.n), bounds=lambda _, i: (0.0, p_max[i] if target.held[i] else 0.0))
-    model.r = pyo.Var(held, bounds=lambda _, i: (0.0, r_max[i]))
-    p = _moved(problem.A, problem.q, model.z)
-    r = _moved(target.I_minus_G, -target.near, model.z)
-    for i in np.flatnonzero(target.capped).tolist():
-        p[i] = -p[i]
-        r[i] = -r[i]
-    both = np.flatnonzero(target.both).tolist()
-    if both:
-        assert target.d is not None
-        model.v = pyo.Var(both, bounds=lambda _, i: (0.0, p_max[i]))
-        model.s = pyo.Var(both, bounds=lambda _, i: (0.0, r_max[i]))
-        s = _moved(-target.I_minus_H, target.d[target.both], model.z)
-        model.s_is = pyo.Constraint(range(len(both)), rule=lambda m, k: m.s[both[k]] == s[k])
-        for i in both:
-            p[i] = p[i] + model.v[i]
-    model.p_is = pyo.Constraint(range(problem.n), rule=lambda m, i: m.p[i] == p[i])
-    model.r_is = pyo.Constraint(held, rule=lambda m, i: m.r[i] == r[i])
-    model.complementarity = Complementarity(held, rule=lambda m, i: complements(m.p[i] >= 0, m.r[i] >= 0))
-    _complete(model, held, model.p)
-    if both:
-        model.above = Complementarity(both, rule=lambda m, i: complements(m.v[i] >= 0, m.s[i] >= 0))
+    assert target.bounds is not None
+    z_max, p_max, _ = target.bounds
+    model = to_pyomo(target.problem)
+    for i, z in model.z.items():
+        z.setlb(-z_max[i])
+        z.setub(z_max[i])
+    for i, v in model.v.items():
+        v.setlb(0.0)
+        v.setub(p_max[i])
     for transformation in ("mpec.simple_disjunction", "gdp.bigm"):
         pyo.TransformationFactory(transformation).apply_to(model)
     return model

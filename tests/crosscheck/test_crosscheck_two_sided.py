@@ -8,7 +8,7 @@ import pytest
 import icpmodel as icp
 from icpmodel.crosscheck import Verdict
 
-ALL = ["osqp", "cvxpy-clarabel", "cvxpy-osqp", "cvxpy-highs", "pyomo-highs"]
+ALL = ["osqp", "cvxpy-clarabel", "cvxpy-highs", "pyomo-highs"]
 
 
 @pytest.mark.parametrize(("skew", "coupling"), [(0.0, 0.0), (0.5, 0.0), (0.3, 0.8)])

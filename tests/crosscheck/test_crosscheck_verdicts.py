@@ -20,7 +20,7 @@ from icpmodel.crosscheck.report import Report
 from icpmodel.solvers import Claim, ForeignSolver, Target, chosen_solvers
 from icpmodel.solvers.formulations import in_typical_units
 
-QUICK = ("osqp", "cvxpy-clarabel", "cvxpy-osqp", "cvxpy-highs", "pyomo-highs")
+QUICK = ("osqp", "cvxpy-clarabel", "cvxpy-highs", "pyomo-highs")
 
 
 def verdicts(report: Report) -> list[Verdict]:

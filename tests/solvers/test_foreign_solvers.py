@@ -13,7 +13,7 @@ from icpmodel.solvers import Claim, ForeignSolver, Target, ask, chosen_solvers, 
 from icpmodel.solvers.formulations import in_typical_units
 
 NATIVE = ("osqp", "osqp, not polished", "clarabel", "piqp", "scs", "active set, cold", "highs", "ipopt", "path")
-NAMES = (*NATIVE, "cvxpy-clarabel", "cvxpy-osqp", "cvxpy-highs", "pyomo-highs")
+NAMES = (*NATIVE, "cvxpy-clarabel", "cvxpy-highs", "pyomo-highs")
 
 
 def solved(name: str, problem: icp.ICP, tolerance: float = 1e-11) -> np.ndarray | str:

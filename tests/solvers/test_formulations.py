@@ -20,8 +20,7 @@ def test_the_bounds_of_the_big_m_form_come_from_the_certificate_at_zero():
     assert (problem.p(scene.z_exact) <= p_max).all()
     assert (problem.r(scene.z_exact) <= r_max).all()
     model, _ = icp.solvers.foreign_solvers()["pyomo-highs"].set_up(target, 1e-8, 1.0)
-    for variables, bound in ((model.z, z_max), (model.p, p_max), (model.r, r_max)):
-        assert [pyomo.value(one.ub) for one in variables.values()] == bound.tolist()
+    assert [pyomo.value(one.ub) for one in model.z.values()] == z_max.tolist()
 
 
 @pytest.mark.parametrize("psi", [0.25, icp.Affine([[0.0, 0.5], [0.0, 0.0]], [1.0, -np.inf]), lambda z: 0.5 * z[::-1]])

@@ -20,7 +20,6 @@ SOLVERS = [
     "highs",
     "cvxpy-clarabel",
     "cvxpy-highs",
-    "cvxpy-osqp",
     "ipopt",
     "path",
     "pyomo-highs",
