@@ -69,7 +69,7 @@ def is_auto(theta1: Any) -> bool:
 def a_number(theta1: Any) -> float:
     """θ₁ where only a number will do. Raises InputError."""
     if is_auto(theta1):
-        raise InputError(f"theta1 is {AUTO!r}; settled(problem) is the member with numbers, which was expected")
+        raise InputError(f"theta1 is {AUTO!r}; adapt(problem) is the member with numbers, which was expected")
     return float(theta1)
 
 

@@ -292,7 +292,7 @@ def explain(
 
     Notes
     -----
-    A member with theta1="auto" is judged with the numbers of `settled`, although a run of mnmaor
+    A member with theta1="auto" is judged with the numbers of `adapt`, although a run of mnmaor
     adapts them.
 
     References
@@ -331,14 +331,14 @@ def _explained(
         methods = members(problem)
         if picked is not None and not any(_same(picked, one) for one in methods.values()):
             title = f"{type(picked).__name__}, first choice of solve()"
-            methods[title] = picked.settled(problem) if isinstance(picked, ModulusMember) else picked
+            methods[title] = picked.adapt(problem) if isinstance(picked, ModulusMember) else picked
     else:
         wanted = named(method, **options) if isinstance(method, str) else method
         if not isinstance(wanted, ModulusMember):
             raise InputError(f"method is {described(wanted)}; theory covers the members of the modulus family only")
         if problem.f is not None:
             raise NotApplicable("the theorems on steps have affine p: name no method, or give problem.linearised(z)")
-        wanted = wanted.settled(problem)
+        wanted = wanted.adapt(problem)
         methods = {repr(wanted): wanted}
     try:
         with limit.kept():

@@ -33,10 +33,10 @@ class _Relaxing(FreeOmega):
 
 
 class _AdaptedPath(Iterator[Iterate]):
-    """The iterates with theta1="auto"; `settled` is the member with the numbers that the latest steps are made with."""
+    """The iterates with theta1="auto"; `adapted_method` is the member with the numbers of the latest steps."""
 
     def __init__(self, member: _Relaxing, problem: ProblemData, z: Vector) -> None:
-        self.settled: Method = member
+        self.adapted_method: Method = member
         self.member, self.problem, self.z = member, problem, z
         self.step: Any = member.opening(problem)
         self.omega: AdaptedOmega | None = None
@@ -59,8 +59,8 @@ class _AdaptedPath(Iterator[Iterate]):
         elif not self.omega.changes(residual):
             return
         plain = type(self.member)(phi=self.member.phi)
-        self.settled = plain if self.omega.plain else self.member._relaxed(self.problem, self.omega.value)
-        self.step, self.ahead = self.settled.step_of(self.problem), []
+        self.adapted_method = plain if self.omega.plain else self.member._relaxed(self.problem, self.omega.value)
+        self.step, self.ahead = self.adapted_method.step_of(self.problem), []
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -79,7 +79,7 @@ class MNMAOR(_Relaxing):
     Notes
     -----
     θ₁ = 1/(2/ω − s), θ₂ = 2θ₁ and Ω = sD with s = 2 − ω have the reach of projected SOR: where
-    p < Ωr, the step is z⁺ = z − (D/ω − L)⁻¹p. "auto" takes these. `Solution.settled` has the numbers
+    p < Ωr, the step is z⁺ = z − (D/ω − L)⁻¹p. "auto" takes these. `Solution.adapted_method` has the numbers
     at the end of the run.
 
     References
@@ -104,7 +104,7 @@ class MNMAOR(_Relaxing):
         else:
             AOR(self.theta1, self.theta2)
 
-    def settled(self, problem: ProblemData) -> MNMAOR:
+    def adapt(self, problem: ProblemData) -> MNMAOR:
         """This method with numbers in place of "auto": ω = `relaxation`, which is enough for acceleration.
 
         Parameters
@@ -144,7 +144,7 @@ class MNMSOR(_Relaxing):
     Notes
     -----
     "auto" begins with the ω that is best for SOR, as far as θ₂ = θ₁ allows. It reduces ω where the
-    run shows that this is too much. `Solution.settled` has the numbers at the end of the run.
+    run shows that this is too much. `Solution.adapted_method` has the numbers at the end of the run.
 
     Examples
     --------
@@ -161,7 +161,7 @@ class MNMSOR(_Relaxing):
         if is_auto(self.theta1):
             leave_out(self, "phi1", "phi2")
 
-    def settled(self, problem: ProblemData) -> MNMSOR:
+    def adapt(self, problem: ProblemData) -> MNMSOR:
         """This method with θ₁ = 1 and Ω = D: that is proved, and the best start for acceleration.
 
         Parameters

@@ -173,7 +173,7 @@ class Method(ReadOnly, Shown, ABC):
         Notes
         -----
         Where this is a generator, the run sends it how many more iterates it expects to need, so that
-        several may be made at once. The iterator may have an attribute `settled`: this method with the
+        several may be made at once. The iterator may have an attribute `adapted_method`: this method with the
         numbers that the run has adapted.
 
         Examples

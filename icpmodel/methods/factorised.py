@@ -86,7 +86,7 @@ class MNMMOD(MNMOD):
         super().__post_init__()
         is_auto(self.theta1)
 
-    def settled(self, problem: ProblemData) -> MNMMOD:
+    def adapt(self, problem: ProblemData) -> MNMMOD:
         return MNMMOD(phi=self.phi, theta1=scale_of(problem)) if is_auto(self.theta1) else self
 
     def omega_of(self, problem: ProblemData) -> Vector:

@@ -59,7 +59,7 @@ class ModulusMember(FixedPoint):
     def omega_of(self, problem: ProblemData) -> Vector:
         """The diagonal of Ω = φ₁⁻¹φ₂, shape (n,)."""
 
-    def settled(self, problem: ProblemData) -> ModulusMember:
+    def adapt(self, problem: ProblemData) -> ModulusMember:
         """This member with numbers in place of theta1="auto", as acceleration needs them; itself if it has some."""
         return self
 
@@ -88,7 +88,7 @@ class ModulusMember(FixedPoint):
 
     def step_of(self, problem: ProblemData) -> Step:
         if is_auto(self.theta1):
-            return self.settled(problem).step_of(problem)
+            return self.adapt(problem).step_of(problem)
         A = problem.A
         if problem.f is not None:
             if isinstance(self.splitting_of(), AOR):

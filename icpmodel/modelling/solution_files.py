@@ -223,7 +223,7 @@ def _judged(
         status=status,
         message=_known(path, about, "message", "a text"),
         method=method,
-        settled=method,
+        adapted_method=method,
         last_method=method,
         why=f"found by {_known(path, about, 'method', 'a text')}; read from {path}",
         residual=residual,

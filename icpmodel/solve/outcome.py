@@ -69,7 +69,7 @@ def solution_of(run: Run, limits: Limits) -> Solution:
         status=status,
         message="solved" if status is Status.SOLVED else _message(run, best, status, note),
         method=best.job.method,
-        settled=best.settled,
+        adapted_method=best.adapted_method,
         last_method=last.method,
         why="; ".join([*why, *run.searched]),
         residual=best.residual,

@@ -45,13 +45,13 @@ WORTH_ANOTHER_METHOD = (Status.STAGNATED, Status.CYCLED, Status.DIVERGED, Status
 
 @dataclass
 class Best:
-    """The best iterate, the job that found it, and its method with the numbers that it had settled on; its residual may
+    """The best iterate, the job that found it, and its method with the numbers that it had adapted; its residual may
     be a hint until the end."""
 
     z: Vector
     residual: float
     job: Job
-    settled: Method
+    adapted_method: Method
 
 
 class Refused(NamedTuple):
@@ -269,7 +269,7 @@ class Run:
 
     def found(self, z: Vector, residual: float) -> Best:
         """`z` as an iterate of the method that is tried."""
-        return Best(z, residual, self.job, getattr(self.path, "settled", self.job.method))
+        return Best(z, residual, self.job, getattr(self.path, "adapted_method", self.job.method))
 
     def _residual(self, z: Vector, hint: float | None) -> float:
         """The method's hint while it is only a hint; the judge where a decision hangs on it."""

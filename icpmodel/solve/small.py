@@ -42,7 +42,7 @@ def pivoted(problem: ProblemData, limits: Limits) -> Solution | None:
         status=Status.SOLVED,
         message="solved",
         method=_LEMKE,
-        settled=_LEMKE,
+        adapted_method=_LEMKE,
         last_method=_LEMKE,
         why=f"{n} unknowns are few",
         residual=residual,

@@ -167,7 +167,7 @@ class Solution(ReadOnly, Plotted):
         Why the run stopped.
     message : str
         What went wrong, with advice.
-    method, settled, last_method : Method
+    method, adapted_method, last_method : Method
         The method that found z; the same with the numbers that theta1="auto" came to; and the one
         whose end the `status` is, another one where several were tried and the last was not best.
     why : str
@@ -201,7 +201,7 @@ class Solution(ReadOnly, Plotted):
     status: Status
     message: str
     method: Method
-    settled: Method
+    adapted_method: Method
     last_method: Method
     why: str
     residual: float
@@ -440,7 +440,7 @@ class Solution(ReadOnly, Plotted):
             bound = ErrorBound.none(str(error).replace("; ", ", "))
             rows_known = ""
         last = ""
-        found = "" if self.settled is self.method else f", in the end {self.settled!r}"
+        found = "" if self.adapted_method is self.method else f", in the end {self.adapted_method!r}"
         if self.last_method is not self.method:
             last = f"; the last method was {self.last_method!r}"
             found += ", which found this z"
@@ -468,7 +468,7 @@ class Solution(ReadOnly, Plotted):
         rows = {
             "status": f"{self.status.value}: residual {self.residual:.3g}",
             "error": self._quick_bound(),
-            "method": f"{self.settled!r}, {self.iterations} iteration{plural}, {self.seconds:.3g} s",
+            "method": f"{self.adapted_method!r}, {self.iterations} iteration{plural}, {self.seconds:.3g} s",
         }
         if not self.accuracy:
             rows["status"] += f" ({self._goal.wanted(self.z)})"

@@ -24,7 +24,7 @@ class RunRecord(NamedTuple):
     """What is told of the run of a row, beside z and its residual."""
 
     method: Method
-    settled: Method
+    adapted_method: Method
     last_method: Method
     why: str
     iterations: int

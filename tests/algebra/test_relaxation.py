@@ -56,12 +56,12 @@ def test_auto_begins_with_the_step_that_solves_every_row_on_its_own(name, seed):
     method = icp.methods.named(name, theta1="auto")
     first = method.opening(problem)(z)[0]
     assert first == pytest.approx([alone(problem, z, i) for i in range(6)], abs=1e-9)
-    assert np.array_equal(method.step_of(problem)(first)[0], method.settled(problem).step_of(problem)(first)[0])
-    assert method.settled(problem).opening(problem) is None
+    assert np.array_equal(method.step_of(problem)(first)[0], method.adapt(problem).step_of(problem)(first)[0])
+    assert method.adapt(problem).opening(problem) is None
     iterates = method.iterates(problem, z)
     assert np.array_equal([next(iterates)[0] for _ in range(2)], [z, first])
     assert not method.memoryless  # a z that comes back may go on in another way
-    assert method.settled(problem).memoryless
+    assert method.adapt(problem).memoryless
 
 
 @pytest.mark.parametrize("name", ["mnmaor", "mnmsor", "mnmmod"])
@@ -83,7 +83,7 @@ def test_without_an_obstacle_the_relaxed_member_is_sor():
         for i in range(20):
             z[i] -= omega * (A[i] @ z + problem.q[i]) / A[i, i]
         assert next(iterates)[0] == pytest.approx(z, rel=1e-12)
-    member = icp.MNMAOR(theta1="auto").settled(problem)
+    member = icp.MNMAOR(theta1="auto").adapt(problem)
     same = relaxed(problem, relaxation(problem))
     assert (member.theta1, member.theta2) == pytest.approx((same.theta1, same.theta2))
     assert member.phi2 == pytest.approx(same.phi2)
@@ -157,7 +157,7 @@ def test_no_problem_with_an_h_plus_matrix_is_lost(name):
         problem = icp.ICP(np.eye(n) + rng.uniform(0.5, 0.99) / radius * B, rng.normal(size=n))
         z0 = 3 * rng.normal(size=n)
         solution = problem.solve(name, theta1="auto", z0=z0)
-        plain += repr(solution.settled) == f"{name.upper()}()"
+        plain += repr(solution.adapted_method) == f"{name.upper()}()"
         circles += not problem.solve("mnmaor", theta2=2.0, z0=z0, max_iter=2000, raise_on_failure=False).solved
     assert circles > 0
     assert plain > 0 or name == "mnmsor"
@@ -167,7 +167,7 @@ def test_theta1_of_mnmmod_is_the_mean_of_both_scales():
     problem = scenes.membrane(n=100).problem
     inverse = np.linalg.inv(problem.A.toarray()).sum(axis=1).max()
     theta1 = np.sqrt(np.abs(problem.A.toarray()).sum(axis=1).max() / inverse)
-    member = icp.MNMMOD(theta1="auto", phi=0.1).settled(problem)
+    member = icp.MNMMOD(theta1="auto", phi=0.1).adapt(problem)
     assert member.theta1 == pytest.approx(theta1)
     assert member.phi == 0.1
     assert scale_of(icp.ICP([[0.0]], [1.0])) == 1.0

@@ -69,7 +69,7 @@ def test_a_path_that_ends_is_a_run_that_stands_still_or_is_as_good_as_rounding_a
 
 def test_a_path_need_not_be_a_generator_and_may_say_what_it_settled_on():
     class Path:
-        settled = icp.PSOR(omega=1.25)
+        adapted_method = icp.PSOR(omega=1.25)
 
         def __init__(self, z):
             self.z = z
@@ -88,4 +88,4 @@ def test_a_path_need_not_be_a_generator_and_may_say_what_it_settled_on():
     solution = icp.ICP([[1.0]], [-9.0]).solve(Counting())
     assert solution.iterations == 9
     assert repr(solution.method) == "Counting()"
-    assert repr(solution.settled) == "PSOR(omega=1.25)"
+    assert repr(solution.adapted_method) == "PSOR(omega=1.25)"
