@@ -1,11 +1,14 @@
 """The interior method: Newton's steps on the modulus equation with the modulus rounded off.
 
-With √(x² + 4ε²) for |x| both r = z − ψ(z) and s = p are positive and rs = ε², and ε falls. s comes to p as z does to
-the solution. r is z − ψ(z) where ψ is fixed, and comes to it where ψ moves. With an obstacle above, r and s have a
-second column for it, for ψ̄(z) − z, and s₁ − s₂ comes to p. Each step is a proximal one with its own z for centre: to A
-a multiple of W is added, which falls as far as the factors remain accurate. As soon as the signs of s − Wr stand still,
-a step with these signs, r = 0 or p = 0 in every row, is tried as the answer.
-Reference: Mehrotra, SIAM J. Optim. 2 (1992), for the choice of ε; Friedlander and Orban, Math. Program. Comput. 4
+With √(x² + 4ε²) for |x| both r = z − ψ(z) and s = p are positive and rs = ε², and ε falls. s converges to p as z does
+to the solution. r is z − ψ(z) where ψ is fixed, and converges to it where ψ moves. With an obstacle above, r and s have
+a second column for ψ̄(z) − z, and s₁ − s₂ converges to p.
+
+Each step is a proximal one with its own z for centre: a multiple of W is added to A. It falls as long as the factors
+remain accurate. As soon as the signs of s − Wr repeat, a step with these signs is tried as the answer: r = 0 or p = 0
+in every row.
+
+References: Mehrotra, SIAM J. Optim. 2 (1992), for the choice of ε; Friedlander and Orban, Math. Program. Comput. 4
 (2012), for the proximal terms.
 """
 

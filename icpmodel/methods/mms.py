@@ -22,8 +22,11 @@ class MMS(Method):
     """The modulus-based matrix splitting method of Hong and Li, with inner and outer steps.
 
     It iterates in x, where z − ψ(z) = (|x| + x)/γ and Az + q = Ω(|x| − x)/γ. The obstacle ψ is held
-    at the outer iterate. With z = ψ + (|x| + x)/γ the inner step
-    (Ω + M₁)x⁺ = N₁x + (Ω − A)|x| − γ(Aψ + q) is
+    at the outer iterate. The inner step is
+
+        (Ω + M₁)x⁺ = N₁x + (Ω − A)|x| − γ(Aψ + q).
+
+    With z = ψ + (|x| + x)/γ this is the same as
 
         x⁺ = x − γ X⁻¹ (Az + q − Ω(|x| − x)/γ),        X = M₁ + Ω.
 

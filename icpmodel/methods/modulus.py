@@ -1,26 +1,24 @@
 """Method 3.1 of the paper and its members: z⁺ = z − 2 X⁻¹ F_Ω(z), X = M₁ + φ + Ω, Ω = φ₁⁻¹φ₂.
 
-Written out with the modulus (equation (5) of the paper; φ₁ only rescales, so that Ω is all it leaves):
+Written out with the modulus this is equation (5) of the paper. φ₁ only rescales it, so Ω stands for both:
 
     (M₁ + φ + Ω) z⁺ = (N₁ + φ) z + |(A − Ω)z + q + Ωψ(z)| − q + Ωψ(z),        N₁ = M₁ − A.
 
-|x − y| = x + y − 2 min(x, y) turns that into the line above; `algebra.operators.Operator.step` is that line.
+|x − y| = x + y − 2 min(x, y) turns that into the formula above. `algebra.operators.Operator.step` computes it.
 
-The members differ in M₁, Ω, φ, and in what the modulus sees: the iterate before, as the paper prints them, or the
-newest values, row by row, which for M₁ = D/ω − L is projected SOR (see `methods.psor`).
+The members differ in M₁, Ω, φ, and in the values inside the modulus. The paper takes the previous iterate. With the
+newest values, row by row, M₁ = D/ω − L gives projected SOR (see `methods.psor`).
 
-| M₁           | Ω   | old values inside the modulus | newest values inside it |                                  |
-|--------------|-----|-------------------------------|-------------------------|----------------------------------|
-| A            | I   | MNMOD                         |                         | one factorisation, reused        |
-| A            | θ₁I | MNMMOD                        |                         | one factorisation, reused        |
-| (D − θ₂L)/θ₁ | any | MNMAOR                        |                         | forward substitution in one pass |
-| D/θ₁ − L     | any | MNMSOR                        | PSOR(omega=θ₁)          | θ₂ = θ₁                          |
-| D − L        | any | MNMGS                         | PSOR                    | θ₁ = θ₂ = 1                      |
-| D            | any | MNMJ                          | MNMJ with Ω = D         | θ₁ = 1, θ₂ = 0                   |
-| D/ω          | D/ω | projection-fixed-point        | the same                | z⁺ = max(ψ(z), z − ωD⁻¹(Az + q)) |
-| any          | any | NMMS, Modulus                 |                         | NMMS: φ = 0, φ₁ = I (2022)       |
+- MNMOD: M₁ = A, Ω = I. One factorisation, reused.
+- MNMMOD: M₁ = A, Ω = θ₁I. One factorisation, reused.
+- MNMAOR: M₁ = (D − θ₂L)/θ₁. Forward substitution in one pass, as for the next ones.
+- MNMSOR: θ₂ = θ₁, M₁ = D/θ₁ − L. With the newest values it is PSOR(omega=θ₁).
+- MNMGS: θ₁ = θ₂ = 1, M₁ = D − L. With the newest values it is PSOR.
+- MNMJ: θ₁ = 1, θ₂ = 0, M₁ = D. With Ω = D it is the same for the newest values.
+- projection-fixed-point: M₁ = Ω = D/ω, z⁺ = max(ψ(z), z − ωD⁻¹(Az + q)).
+- Modulus: any M₁ and Ω. NMMS (2022) has φ = 0 and φ₁ = I.
 
-theta1="auto" leaves θ₁, and what goes with it, to `algebra.relaxation`.
+theta1="auto" leaves θ₁ and Ω to `algebra.relaxation`.
 """
 
 from __future__ import annotations
@@ -41,7 +39,7 @@ from .contract import FixedPoint, positive_diagonal
 
 
 class ModulusMember(FixedPoint):
-    """A member of the modulus family: a choice of M₁, φ, Ω and of what the modulus sees, and nothing else."""
+    """A member of the modulus family: a choice of M₁, φ and Ω, and of the values inside the modulus."""
 
     #: whether the modulus sees the newest values, row by row, instead of the iterate before
     sees_newest: ClassVar[bool] = False

@@ -1,21 +1,24 @@
 """Newton's method on the modulus equation: the modulus frozen at its sign pattern.
 
 Rows with r_i < p_i/Ω_i take z_i = ψ_i(z), linearised, the others (Az + q)_i = 0. That is the primal–dual active set
-method and, for impulse control, policy iteration. Where ψ is affine the active set decides the next iterate, so that
-there are finitely many of them and the method ends after a few steps, or goes round. So that it cannot go round, a
-merit function takes over where these steps fail:
+method and, for impulse control, policy iteration. Where ψ is affine the active set decides the next iterate. So there
+are finitely many iterates, and the method ends after a few steps or cycles. A merit function prevents cycles:
 
     Ψ(z) = ½‖φ(p/Ω, r)‖²,        φ(a, b) = a + b − √(a² + b²), zero where a ≥ 0, b ≥ 0, ab = 0 (Fischer and Burmeister).
 
 With an obstacle above, rows with z_i − ψ̄_i > p_i/Ω_i take z_i = ψ̄_i(z), and −φ(−p/Ω, ψ̄ − z) takes the place of p/Ω
-in Ψ (Billups). A row on one obstacle with |p_i|/Ω_i > ψ̄_i − ψ_i would take the other at once. That is right where the
-row is dominant; where others move p_i by more, such rows go round together, and are set free first. Let θ = ‖φ‖. The
-first mark is θ⁰, and whenever θ is at most 0.9 of the mark it becomes the new one. Plain steps may raise θ, but within
-`_PATIENCE` of them there must be a new mark; those that do nothing but shrink the active set are not counted, as there
-are at most n in a row, and of those that move all rows in one direction, as policy iteration does, where no active set
-comes again, n count as one. Else the run goes back to its best iterate and takes a semismooth Newton step for φ = 0
-from there, by Armijo's rule along it, along −∇Ψ where it does not lead down; and later plain steps get half the
-patience. So the marks fall for ever, or the method ends.
+in Ψ (Billups). A row on one obstacle with |p_i|/Ω_i > ψ̄_i − ψ_i would jump to the other at once. That is right where
+the row is dominant. Where others move p_i by more, such rows cycle together; they are set free first.
+
+Globalisation is by a nonmonotone watchdog. Let θ = ‖φ‖. The first mark is θ⁰, and a θ of at most 0.9 of the mark is
+the next one. Plain steps may raise θ, but `_PATIENCE` of them must bring a new mark. Two kinds of steps count less:
+
+- Steps that only shrink the active set do not count, as there are at most n in a row.
+- Where all rows move in one direction, as in policy iteration, no active set comes again: n such steps count as one.
+
+Otherwise the run returns to its best iterate and takes a semismooth Newton step for φ = 0 by Armijo's rule. Where that
+is no descent direction, −∇Ψ is. Later plain steps get half the patience. So the marks fall for ever, or the method
+ends.
 """
 
 from __future__ import annotations
@@ -264,9 +267,9 @@ class Path(Iterator[Iterate]):
     def _foreseen(self) -> Mask:
         """The active set at z, or a part of it.
 
-        Where A is an M-matrix sets that only shrink are the rule, often by one layer of the grid in every step; from
-        the third such step on 1, 2, 4, … layers more are set free, unless what is set free becomes less by half and
-        more as it is. Where most of them would come back the step is made without, and twice as many steps are waited.
+        Where A is an M-matrix the set often shrinks by one layer of the grid in every step. From the third such step on
+        1, 2, 4, … further layers are set free, unless the number of freed rows halves by itself. Where most rows would
+        come back the step is made without them, and the next try waits for twice as many steps.
         """
         from scipy.sparse.csgraph import dijkstra
 

@@ -4,17 +4,17 @@
 
 or with an obstacle above, or obstacles that move, the problem with these.
 
-Newton's method on the modulus equation with Ω = (1 + μ_k)W finds the solution of each of these problems in a few steps
-from zᵏ if μ_k is large enough. How large that is shows on the way: μ falls after every problem that was done, the more
-the quicker that went, and grows where Newton's steps wander, which then count as not made. After the first problem,
-where that went quickly, next to nothing is left of μ: from there Newton's steps for the LCP itself mostly lead on. A
-problem is left as soon as its residual is a share of that of the LCP.
+Newton's method on the modulus equation with Ω = (1 + μ_k)W solves each subproblem in a few steps, if μ_k is large
+enough. μ adapts: it falls after every subproblem, more so after few steps. It grows where Newton's steps do not
+converge; these are then discarded. After a quick first subproblem μ is almost 0, and from there Newton's steps for the
+LCP itself mostly converge. A subproblem ends as soon as its residual is a share of that of the LCP.
 
-Where A is monotone (xᵀAx ≥ 0 for all x) and there is a solution, zᵏ converges to one, for all 0 < μ_k ≤ μ and errors of
-the steps that have a finite sum: see `theory.convergence.proximal_point`. A + μW with a large μ is dominated by its
-diagonal, and then Newton's steps do not wander: there is always a μ that leads on. Where the obstacle moves, for large
-μ the problem is nearly z = max(ψ(z), zᵏ), which has one solution if ψ contracts, and where zᵏ⁺¹ = zᵏ that is one of the
-ICP; that zᵏ converges is not proved.
+**Convergence.** Where A is monotone (xᵀAx ≥ 0 for all x) and there is a solution, zᵏ converges to one. This holds for
+all 0 < μ_k ≤ μ and for errors of the steps with a finite sum: see `theory.convergence.proximal_point`. For large μ the
+matrix A + μW is diagonally dominant, and Newton's steps converge: there is always a μ that works.
+
+Where the obstacle moves, the problem for large μ is nearly z = max(ψ(z), zᵏ), which has one solution if ψ contracts.
+Where zᵏ⁺¹ = zᵏ that is a solution of the ICP. That zᵏ converges is not proved.
 """
 
 from __future__ import annotations
@@ -59,17 +59,26 @@ _LAST = 100
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Proximal(Method):
-    """z⁺ solves the LCP(A + μW, q − μWz) by modulus Newton, an iterate per step; μ falls from 0.1, in units W of A.
+    """The proximal-point method: z⁺ solves the LCP(A + μW, q − μWz) by Newton's method, an iterate per step.
 
-    For monotone A (xᵀAx ≥ 0), definite or not, symmetric or not, with a zero diagonal or without: contact with
-    redundant constraints, equilibria, linear and quadratic programs with their duals. Where the obstacle is fixed (see
-    `with_fixed_obstacle`) and there is a solution it converges to one of them, and nothing like nondegeneracy is
-    asked for; where there is none the iterates are not bounded, their direction is tried as a proof, and the method
-    raises `Infeasible` or ends. An obstacle that moves with other unknowns is followed by its derivative; then nothing
-    is proved. It ends as well where a hundred steps do not reduce the residual by a tenth. Units of z and p have no
+    It is made for monotone A (xᵀAx ≥ 0), symmetric or not, singular or with a zero diagonal: contact
+    with redundant constraints, equilibria, linear and quadratic programs with their duals. μ falls
+    from 0.1, in units W of A.
+
+    Notes
+    -----
+    Where the obstacle is fixed (see `with_fixed_obstacle`) and there is a solution, it converges to
+    one, without any condition of nondegeneracy. Where there is none the iterates are not bounded.
+    Their direction is tried as a proof, and the method raises `Infeasible` or ends. An obstacle that
+    moves with other unknowns is followed by its derivative; then nothing is proved.
+
+    It ends where a hundred steps do not reduce the residual by a tenth. Units of z and p have no
     influence on the path where A is symmetric, and little where it is not.
-    References: Rockafellar, SIAM J. Control Optim. 14 (1976); Luque, SIAM J. Control Optim. 22 (1984), for the rate;
-    Hintermüller, Ito and Kunisch, SIAM J. Optim. 13 (2002), for the inner steps.
+
+    References
+    ----------
+    Rockafellar, SIAM J. Control Optim. 14 (1976). Luque, SIAM J. Control Optim. 22 (1984), for the
+    rate. Hintermüller, Ito and Kunisch, SIAM J. Optim. 13 (2002), for the inner steps.
 
     Examples
     --------

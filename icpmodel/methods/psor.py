@@ -1,16 +1,16 @@
-"""The member whose modulus sees the newest values: solved row by row, the modulus equation is projected SOR.
+"""Projected SOR as a modulus method: the modulus equation solved row by row with the newest values.
 
-The other members take the newest values in M₁z⁺ and the iterate before inside the modulus. Take them in both: hold all
-other unknowns at their newest values, p_i = Σ_{j<i} a_ij z_j⁺ + Σ_{j≥i} a_ij z_j + q_i, and solve row i of the modulus
-equation alone, for t = z_i⁺, with m = a_ii/ω in place of a_ii:
+The other members take the newest values in M₁z⁺ and the previous iterate inside the modulus. Here they are in both.
+Hold all other unknowns at their newest values, p_i = Σ_{j<i} a_ij z_j⁺ + Σ_{j≥i} a_ij z_j + q_i. Then solve row i of
+the modulus equation for t = z_i⁺, with m = a_ii/ω in place of a_ii:
 
     (m + Ω_i) t = |(m − Ω_i) t + c + Ω_i ψ_i| − c + Ω_i ψ_i,        c = p_i − m z_i.
 
-By |x − y| = x + y − 2 min(x, y), x = mt + c, y = Ω_i(t − ψ_i), it says min(mt + c, Ω_i(t − ψ_i)) = 0; both sides grow
-with t, so for every Ω_i > 0 the larger of their zeros −c/m = z_i − (ω/a_ii)p_i and ψ_i is the only solution.
+With |x − y| = x + y − 2 min(x, y), x = mt + c and y = Ω_i(t − ψ_i) this is min(mt + c, Ω_i(t − ψ_i)) = 0. Both terms
+grow with t. So for every Ω_i > 0 the larger of their zeros −c/m = z_i − (ω/a_ii)p_i and ψ_i is the only solution.
 
 So Ω drops out; with Ω = D/ω, t is not inside the modulus at all. MNMSOR with θ₁ = ω has the same M₁ = D/ω − L and the
-iterate before inside the modulus, hence drags rows that stay on the obstacle along with their neighbours' steps. For
+previous iterate inside the modulus. So it moves rows that stay on the obstacle with their neighbours' steps. For
 M₁ = D/ω no newest value is used, and with Ω = D/ω the two are one method. Its rate: `theory.convergence.rowwise`.
 """
 

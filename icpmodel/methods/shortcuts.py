@@ -46,18 +46,28 @@ class Shortcut(Method):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Lemke(Shortcut):
-    """Pivots from basis to basis of w = q + My + d·t, wᵀy = 0, t falling to 0; one iterate is up to n pivots.
+    """Lemke's method: pivots between bases of w = q + My + d·t, wᵀy = 0, until t is 0.
 
-    ψ = c: M = A, and y = z − c. ψ = Gz + c: M = A(I − G)⁻¹, and y = (I − G)z − c. A ψ_i that moves with z_i alone, and
-    by less than it, is a constant (see `with_fixed_obstacle`). Rows without obstacle are eliminated first. Ties in the
-    ratio test are broken lexicographically, so that no basis comes back. Where one does, rounding has taken a tie for
-    none: then the pivots begin again with a q that is moved by 1e-8 of its size, in each row its own way, so that there
-    are no ties. The last basis is refined, for q itself. The start has no influence. It finds a solution where A is a
-    P-matrix, and one, if there is any, where A is positive semidefinite (copositive-plus). Else it may end in a ray,
-    which is tried as a proof that p ≥ 0 and r ≥ 0 contradict each other, as is the y of a linear program: then it
-    raises `Infeasible`, and if neither is one, it stands still.
-    References: Lemke, Management Science 11 (1965); Cottle, Pang and Stone, The Linear Complementarity Problem (1992),
-    sections 4.4 and 4.9.
+    One iterate is up to n pivots. The start has no influence.
+
+    Notes
+    -----
+    **Form.** For ψ = c it is M = A and y = z − c. For ψ = Gz + c it is M = A(I − G)⁻¹ and y = (I − G)z − c. A ψ_i that
+    moves with z_i alone, and by less, is a constant (see `with_fixed_obstacle`). Rows without obstacle are eliminated
+    first.
+
+    **Ties** in the ratio test are broken lexicographically, so that no basis comes back. Where one does, rounding has
+    hidden a tie. Then the pivots begin again with a q that is perturbed by 1e-8 of its size. The last basis is
+    refined, for q itself.
+
+    **What it solves.** It finds a solution where A is a P-matrix. Where A is positive semidefinite (copositive-plus) it
+    finds one if there is any. Otherwise it may end in a ray. The ray, and the y of a linear program, are tried as
+    proofs that p ≥ 0 and r ≥ 0 contradict each other. If one is, it raises `Infeasible`, else it stands still.
+
+    References
+    ----------
+    Lemke, Management Science 11 (1965). Cottle, Pang and Stone, The Linear Complementarity Problem (1992), sections 4.4
+    and 4.9.
 
     Examples
     --------

@@ -94,10 +94,9 @@ def load_problem(
     Parameters
     ----------
     path : str or path
-        One of these: an `.npz` file by `save_problem`; a `.mat` file (-v6, -v7) or one by `numpy.savez` with the
-        variables A, q, psi and upper, of which the last two may be missing; a folder of Matrix Market files; a file
-        of A alone. The last is `.npy`, `.npz` by `scipy.sparse.save_npz`, `.mat`, `.mtx`, `.bin` by PETSc, `.csv`
-        or `.txt` (numbers with commas, or spaces, between, without a header).
+        A whole problem: an `.npz` file by `save_problem`, a folder of Matrix Market files, or a `.mat` (-v6, -v7) or
+        `numpy.savez` file with the variables A, q, and perhaps psi and upper. Or A alone: `.npy`, `.npz` by
+        `scipy.sparse.save_npz`, `.mat`, `.mtx`, `.bin` by PETSc, `.csv` or `.txt` without a header.
     q : str or path, optional
         A file of n numbers, where `path` does not hold them. In a file of several variables it is found by its name.
     psi, upper : str, path or float, optional

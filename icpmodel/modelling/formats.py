@@ -1,9 +1,12 @@
-"""Numbers as NumPy, SciPy, MATLAB, PETSc and spreadsheets write them: the content of a file by the end of its name.
+"""Numbers as NumPy, SciPy, MATLAB, PETSc and spreadsheets write them: the content of a file by its suffix.
 
-.npy    an array                    .npz    a matrix by scipy.sparse.save_npz, or arrays by numpy.savez
-.mtx    a Matrix Market file        .mat    variables by MATLAB (-v6, -v7) or scipy.io.savemat
-.csv    numbers, commas between     .txt    numbers, spaces between, as numpy.savetxt writes them
-.bin    a matrix or vector by PETSc
+- .npy: an array
+- .npz: a matrix by scipy.sparse.save_npz, or arrays by numpy.savez
+- .mtx: a Matrix Market file
+- .mat: variables by MATLAB (-v6, -v7) or scipy.io.savemat
+- .csv: numbers with commas between
+- .txt: numbers with spaces between, as numpy.savetxt writes them
+- .bin: a matrix or vector by PETSc
 """
 
 from __future__ import annotations

@@ -75,8 +75,10 @@ def check_end(path: Path, raw: BinaryIO, size: int) -> None:
 
 
 def market_head(path: Path, readline: Callable[..., str], size: int, n: int | None) -> MarketHead:
-    """The banner and the line with the size, between which there may be comments, of a file of `size` bytes that is to
-    hold a vector of `n` entries unless that is None. Raises FileError."""
+    """Read the banner, comments and the line with the size of a file of `size` bytes.
+
+    It is to hold a vector of `n` entries unless that is None. Raises FileError.
+    """
     banner = readline(1000).lower().split()
     if len(banner) != 5 or banner[:2] != ["%%matrixmarket", "matrix"]:
         raise FileError(f"{path}: not a readable Matrix Market file: it does not begin with %%MatrixMarket matrix ...")

@@ -96,16 +96,17 @@ def select_method(problem: ProblemLike, *, rtol: float = RTOL, family: str | Non
 
     Before rung 5 the problem is reduced, see `solve.reduction`; each of its parts goes up a ladder of its own.
 
-    **Handing over.** From `Accelerated` on, the method with the least left to do runs. At first that is its estimate. A
-    method is stopped when it has spent twice its estimate, or accelerated sweeps their trial; later when what it has
-    spent has doubled, or its residual should have become small enough. What it has left is then at least what it has
-    spent; more, up to four times that, where the rate of the residual over the last half of its steps says so. Of
-    methods that end after some steps the rate says nothing. A method may go on later.
+    **Handing over.** From `Accelerated` on, the method with the least remaining cost runs. At first that cost is its
+    estimate. A method pauses when it has spent twice its estimate, accelerated sweeps after their trial. Later it
+    pauses when its cost has doubled, or when its residual should have become small enough. Its remaining cost is then
+    at least what it has spent. It is up to four times that where the rate of the residual over the last half of its
+    steps predicts more. For methods that end after finitely many steps the rate predicts nothing. A paused method may
+    go on later.
 
-    **Bound.** The best method needs T, and never says that it has more left than R ≥ T. Another one runs only where it
-    says R at most. In its first turn it spends 2R at most. Later it has spent R at most when its turn begins, as it
-    says at least that. It is stopped when this has doubled, with 2R in all. Sweeps and three methods need T + 6R, 7T
-    where the best method's estimates are right. What ended early has spent 2R at most, too.
+    **Bound.** The best method needs T, and its remaining cost is never more than R ≥ T. Another one runs only where its
+    remaining cost is at most R. Its first turn costs at most 2R. When a later turn begins it has spent at most R, as
+    its remaining cost is at least that. It pauses when this has doubled, at 2R in all. Sweeps and three methods need
+    T + 6R: 7T where the best method's estimates are right. What ended early has spent at most 2R, too.
 
     Parameters
     ----------

@@ -53,7 +53,7 @@ class NewtonJosephy(Method):
     share of its residual. Where rows are known to increase with their own unknowns, mean slopes take
     the place of f′ far from the solution: see `algebra.secants`. The merit function is that of
     `Newton`, the Fischer-Burmeister θ. Where no step reduces it, a proximal term μW(z⁺ − z) is added
-    to the tangent, W its diagonal, then a descent direction of θ is tried, and with few unknowns other
+    to the tangent, W its diagonal. Then a descent direction of θ is tried, and with few unknowns other
     starts. Fixed obstacles are never crossed, so that f need not have values beyond them.
     An iteration is one step, whatever its inner solves take. The convergence is quadratic at a strongly
     regular solution.

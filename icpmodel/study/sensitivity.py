@@ -93,9 +93,9 @@ class Sensitivity(Plotted):
 def sensitivity(solution: Solution, *, change: float = 1e-6, trials: int = 10, seed: int = 0) -> Sensitivity:
     """How much z moves when A, q and ψ move by the relative amount `change`, entry by entry.
 
-    On the active set z solves Jδz = δ, J with the rows of I − ψ′ at the obstacle and of A elsewhere, and |δ| ≤ ε·E, E_i
-    being (|A||z| + |q|)_i off the obstacle and (|G||z| + |c|)_i at it, |ψ_i(z)| where ψ is not affine; hence
-    κ = ‖|J⁻¹|E‖_∞/‖z‖_∞ (Skeel's condition number).
+    On the active set Jδz = δ with |δ| ≤ εE. J has the rows of I − ψ′ at the obstacle and of A elsewhere.
+    E_i is (|A||z| + |q|)_i off the obstacle. At it, E_i is (|G||z| + |c|)_i, or |ψ_i(z)| where ψ is not
+    affine. Hence κ = ‖|J⁻¹|E‖_∞/‖z‖_∞, Skeel's condition number.
 
     Parameters
     ----------

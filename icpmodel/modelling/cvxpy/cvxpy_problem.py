@@ -321,20 +321,33 @@ class Problem(Shown):
         return found
 
     def backward(self) -> None:
-        """The gradient of ∑ g·x over the variables x into each parameter's `gradient`, g being x's `gradient`.
+        """Write the gradient of ∑ g·x over the variables x to each parameter's `gradient`.
 
-        As in CVXPY: g is what the user has set, of the shape of x or a number for all entries, by default 1; the last
-        solve needs `requires_grad=True`; the `gradient` of a symmetric parameter counts each pair of entries once, that
-        of a diagonal one is sparse. The model need not be DPP, nor the program convex. Atoms must have a `.grad` in
-        their parameters: those that are no arguments, as an exponent is, have none.
+        As in CVXPY, g is the `gradient` of x: a number, or an array of the shape of x, 1 by default.
 
-        It is the derivative where `icpmodel.Derivative(solution).certain` says that each row is known to be at an
-        obstacle or off it. In the `undecided` rows of the same object, in which p = r = 0 cannot be excluded, one side
-        is taken, which gives an element of the B-subdifferential; its `one_sided` tells the sides apart. Inequalities
-        have no part in it, and a kink of ψ at the answer, as of `maximum`, is taken on CVXPY's side.
-        Raises InputError (a ValueError) where nothing was solved with `requires_grad=True`, or a `gradient` has a wrong
-        shape, NotSolved where the solve failed, SingularOperator where z cannot be differentiated.
-        Reference: Agrawal et al., Differentiable convex optimization layers (2019).
+        Raises
+        ------
+        InputError
+            Where nothing was solved with `requires_grad=True`, or a `gradient` has a wrong shape.
+        NotSolved
+            Where the solve failed.
+        SingularOperator
+            Where z cannot be differentiated.
+
+        Notes
+        -----
+        The `gradient` of a symmetric parameter counts each pair of entries once; that of a diagonal one is sparse. The
+        model need not be DPP, nor the program convex. Atoms must have a `.grad` in their parameters. Those that are no
+        arguments, such as an exponent, have none.
+
+        It is the derivative where `icpmodel.Derivative(solution).certain` is True: each row is proved to be at an
+        obstacle or off it. In the `undecided` rows of the same object p = r = 0 cannot be excluded. There one side is
+        taken, which gives an element of the B-subdifferential; `one_sided` gives both. Inequalities have no part in
+        it. A kink of ψ at the answer, as of `maximum`, is taken on CVXPY's side.
+
+        References
+        ----------
+        Agrawal et al., Differentiable convex optimization layers (2019).
 
         Examples
         --------

@@ -1,8 +1,8 @@
 """The derivative of an answer by the parameters of a CVXPY model, in the words of CVXPY's `backward` and `derivative`.
 
-Parameters move the values of p, ψ and ψ̄ at the answer, which is the work of this file, and these move z, which is that
-of `icpmodel.Derivative`. The compiled rows of a DPP model are linear in the parameters, and only its atoms remain; of
-these, and of all of a model that is not DPP, CVXPY's `.grad` is asked, for copies in which a parameter is a variable.
+Parameters move the values of p, ψ and ψ̄ at the answer: this is differentiated here. These values move z: that is
+`icpmodel.Derivative`. The compiled rows of a DPP model are linear in the parameters, and only its atoms remain. These
+atoms, and a whole model that is not DPP, are differentiated by CVXPY's `.grad`, with variables for parameters.
 """
 
 from __future__ import annotations

@@ -15,9 +15,12 @@ _ROUNDING = 1e-12
 
 
 class Multipliers(NamedTuple):
-    """The λ of so many `equations` h(z) = 0 in p = … + (∂h/∂z)ᵀλ, over those z that conditions own: λ_i is the sum of
-    `factor` · z_j over the pairs (`equation` i, `entry` j), which say that the column of z_j in p is a multiple of the
-    row of the equation, and that this does not contain z_j. So it is in the conditions of an optimum."""
+    """The λ of the equations h(z) = 0 in p = … + (∂h/∂z)ᵀλ, over those z that conditions own.
+
+    λ_i is the sum of `factor` · z_j over the pairs (`equation` i, `entry` j). In a pair the column of z_j in p is a
+    multiple of the row of the equation, which does not contain z_j, as in the conditions of an optimum. `equations` is
+    their number.
+    """
 
     equations: int
     equation: NDArray[np.intp]

@@ -1,11 +1,14 @@
 """Affine variational inequalities over a polyhedron, and their conditions as an ICP.
 
-Find x in C = {low ≤ x ≤ high, Ex = b, Gx ≤ h} with (Hx + g)ᵀ(y − x) ≥ 0 for all y in C. x solves this if and only if
-there are multipliers ν and λ with
+Find x in C = {low ≤ x ≤ high, Ex = b, Gx ≤ h} with (Hx + g)ᵀ(y − x) ≥ 0 for all y in C.
 
-    Hx + g + Eᵀν + Gᵀλ  ⟂  low ≤ x ≤ high,       b − Ex = 0  (ν of any sign),       h − Gx ≥ 0  ⟂  λ ≥ 0,
+There must be multipliers ν and λ with
 
-which is an ICP in (x, ν, λ). Where H is symmetric and positive semidefinite, x minimises ½xᵀHx + gᵀx over C.
+    Hx + g + Eᵀν + Gᵀλ  ⟂  low ≤ x ≤ high,       b − Ex = 0  (ν of any sign),       h − Gx ≥ 0  ⟂  λ ≥ 0.
+
+These conditions are necessary and sufficient, and an ICP in (x, ν, λ). Where H is symmetric and positive
+semidefinite, x minimises ½xᵀHx + gᵀx over C.
+
 Reference: Facchinei and Pang, Finite-Dimensional Variational Inequalities (2003), section 1.2.
 """
 

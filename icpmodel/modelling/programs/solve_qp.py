@@ -32,8 +32,8 @@ class ProgramSolution(Shown):
     x : ndarray, shape (n,)
         The best iterate; NaN where it is proved that there is no solution.
     y, z, z_box : ndarray
-        The multipliers of Ax = b, of any sign, of Gx ≤ h, ≥ 0, and of the bounds, ≥ 0 where x_i = ub_i and ≤ 0 where
-        x_i = lb_i: Hx + g + Gᵀz + Aᵀy + z_box = 0.
+        The multipliers of Ax = b (of any sign), of Gx ≤ h (≥ 0), and of the bounds: Hx + g + Gᵀz + Aᵀy + z_box = 0.
+        z_box_i ≥ 0 where x_i = ub_i, ≤ 0 where x_i = lb_i.
     objective : float
         ½xᵀHx + gᵀx; NaN where H is not symmetric.
     status : str
@@ -42,9 +42,8 @@ class ProgramSolution(Shown):
     message : str
         What the status rests on.
     violation : float
-        How far x and the multipliers are from the conditions of optimality: the largest of what is wrong in a row of
-        Ax = b, Gx ≤ h, the bounds, stationarity or complementarity, as a share of the sum of its |terms|, and of the
-        gap, as a share of its own.
+        The largest violation of a condition of optimality, relative to the sum of its |terms|. The conditions are the
+        rows of Ax = b, Gx ≤ h, the bounds, stationarity, complementarity, and the duality gap.
     iterations : int
         Steps of all methods.
     seconds : float

@@ -2,13 +2,16 @@
 
 A `Complementarity` has two arguments with two bounds in all. Their meaning is Pyomo's own standard form:
 
-    f ≥ a, g ≥ b (or ≤ on either)    f − a ≥ 0 ⟂ g − b ≥ 0 (a − f where f ≤ a)
-    f = a, g without bound           f − a = 0
-    a ≤ f ≤ b, g without bound       g ≥ 0 where f = a, g ≤ 0 where f = b, g = 0 in between
+    - f ≥ a, g ≥ b (or ≤ on either): f − a ≥ 0 ⟂ g − b ≥ 0 (a − f where f ≤ a)
+- f = a, g without bound: f − a = 0
+- a ≤ f ≤ b, g without bound: g ≥ 0 where f = a, g ≤ 0 where f = b, g = 0 in between
 
-The last one is one row where f is like an unknown with bounds: g and b − a are affine, and f is nonlinear, or has one
-variable only, or one that g has with the same sign. Else it is two rows, f − a ≥ 0 ⟂ g + λ ≥ 0 and b − f ≥ 0 ⟂ λ ≥ 0,
-with a further unknown λ. An infinite a or b is no bound, and leaves one of the forms above it.
+The last form is one row where f is like an unknown with bounds. Then g and b − a are affine, and f is nonlinear, or has
+one variable only, or one that g has with the same sign. Otherwise it is two rows with a further unknown λ:
+
+    f − a ≥ 0  ⟂  g + λ ≥ 0,        b − f ≥ 0  ⟂  λ ≥ 0.
+
+An infinite a or b is no bound; the row then has the first form.
 
 Equality constraints are rows like f − a = 0.
 

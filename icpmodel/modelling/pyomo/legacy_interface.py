@@ -1,8 +1,8 @@
 """`pyo.SolverFactory("icpmodel")`: Pyomo's legacy interface to `PyomoSolver`, and the registration of both.
 
-Pyomo's own wrapper of new solvers keeps the options of a call for the calls after it, says nan for what it does not
-count, and has no way to hand out what a failed run has found. Here they end with the call, the results count, and
-`solve(model, load_solutions=False)` hands out the best iterate for `model.solutions.load_from(results)`.
+Pyomo's own wrapper of new solvers keeps the options of a call for later calls, counts nothing, and has no access to the
+best iterate of a failed run. Here options end with the call, and the results have counts. After
+`solve(model, load_solutions=False)` the best iterate is loaded by `model.solutions.load_from(results)`.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Nonlinear Pyomo expressions, and their derivatives by Pyomo, evaluated with NumPy for many rows at once.
 
 The rows of an indexed model have few shapes: sin(x[1]) and sin(x[2]) differ in their variable only. Each shape is
-differentiated once, by Pyomo's reverse symbolic mode, on placeholders for its variables and constants, and becomes a
+differentiated once, by Pyomo's reverse symbolic mode, on placeholders for its variables and constants. It becomes a
 list of NumPy calls, each of them on all rows of that shape.
 """
 

@@ -75,8 +75,10 @@ class Ownership:
             self._coefficient[k, place[start : start + side.nnz]] = side.data
 
     def _own_variables(self, rows: ConditionRows) -> np.ndarray:
-        """Each variable once, on the side that should become r, on both sides and with one sign on them as far as that
-        can be, and with the largest product of coefficients, which does not depend on units.
+        """Match each variable to one row, by an assignment of least cost.
+
+        Preferred is a variable on the side that should become r, on both sides, with one sign on them. Among these
+        the product of coefficients is largest, which does not depend on units.
 
         Reference: Duff and Koster, SIAM J. Matrix Anal. Appl. 22 (2001), doi 10.1137/S0895479899358443.
         """

@@ -61,8 +61,8 @@ _PYOMOS = {
 class AnswerLoader(SolutionLoader):
     """The best iterate: variable values, and the suffixes `dual` and `rc` where they are declared.
 
-    `dual` has, by Complementarity, p of its row (g of a condition a ≤ f ≤ b ⟂ g), and `rc`, by variable, the same with
-    the sign of MCP solvers' marginals.
+    `dual` maps a Complementarity to p of its row (g of a condition a ≤ f ≤ b ⟂ g). `rc` maps a variable to the same,
+    with the sign of MCP solvers' marginals.
     """
 
     def __init__(self, model: Any, reading: PyomoReading, z: np.ndarray, solved: bool) -> None:

@@ -48,17 +48,18 @@ def solve_many(
     executor: Any = None,
     raise_on_failure: bool = True,
 ) -> Solutions:
-    """Solve k problems, row i of `Q` with A and ψ, or with the i-th of those that are lists, as `solve` would each.
+    """Solve k problems as `solve` would: row i of `Q` with A and ψ, or with the i-th of those that are lists.
 
-    Where they share A, and ψ is affine or amounts to fixed obstacles, problems with n ≤ 64 are pivoted (see `Lemke`),
-    and those with a tridiagonal A go the way of `Tridiagonal`: all of them in a few compiled calls on all cores. So are
-    lists of arrays A of one size, n ≤ 64, where an obstacle that moves is the same for all. What these leave open, and
-    all other problems, `solve` gets one by one. What is known of a shared A is kept from row to row. The start is the
-    row of `Z0`, or the answer of the row before, but for every 16th one. Ctrl-C leaves the rows that are solved.
+    Small and tridiagonal problems are solved by a few compiled calls on all cores. They share A, and ψ is affine or
+    amounts to fixed obstacles. Those with n ≤ 64 are pivoted (see `Lemke`), and a tridiagonal A goes to `Tridiagonal`.
+    So are lists of arrays A of one size, n ≤ 64, where an obstacle that moves is the same for all.
 
-    With an `executor`, which makes a pool, such as `ProcessPoolExecutor`, `MPIPoolExecutor` of mpi4py.futures or Dask's
-    `client.get_executor`, workers solve the rows in shares, with the same answers. What a worker that dies had to do is
-    done again, by a new pool; a row whose worker does so again has the status WORKER_LOST, and all others are kept.
+    All other problems go to `solve` one by one. Facts of a shared A are kept from row to row. The start is the row of
+    `Z0`, or the previous answer, but for every 16th row. Ctrl-C leaves the rows that are solved.
+
+    With an `executor` workers solve the rows in shares, with the same answers. It makes a pool, such as
+    `ProcessPoolExecutor`, `MPIPoolExecutor` of mpi4py.futures or Dask's `client.get_executor`. The share of a worker
+    that dies is solved again by a new pool. A row whose second worker dies as well has the status WORKER_LOST.
 
     Parameters
     ----------

@@ -75,9 +75,19 @@ def legend_below(figure: Figure, columns: int, **more: Any) -> None:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Panel:
-    """One part of a picture: `draw` draws it into axes and returns the handles of the legend, or none where it has made
-    its own; `caption` says how to read it and `alt`, for who cannot see it, what there is to see; `height` in inches on
-    its own."""
+    """One part of a picture.
+
+    Attributes
+    ----------
+    draw : callable
+        Draws into axes and returns the handles of the legend, or none where it has drawn its own.
+    caption : str
+        How to read the picture.
+    alt : str
+        What there is to see, as text.
+    height : float
+        Inches of a figure with this panel alone.
+    """
 
     draw: Callable[[Any], Sequence[Any]]
     caption: str
