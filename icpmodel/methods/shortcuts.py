@@ -22,8 +22,8 @@ from ..numerics import work
 from ..numerics.arrays import Vector, is_diagonal
 from ..problem.data import ProblemData
 from ..problem.map import Map
+from ..theory.certificates.contradiction import multipliers
 from ..theory.certificates.infeasible import infeasible
-from ..theory.certificates.recession import multipliers
 from .contract import Infeasible, Iterate, Method, positive_diagonal
 
 #: how often a step of Josephy's is halved, and the share of its length by which it has to reduce Res

@@ -212,7 +212,8 @@ def _judged(
         residual = goal.judged(z, residual)
     proof = None
     if status is Status.INFEASIBLE:
-        size = problem.n if problem.psi.is_constant else 2 * problem.n
+        moving = 0 if problem.psi.is_constant else 1 if problem.upper is None else 2
+        size = (1 + moving) * problem.n
         proof = infeasible(problem, _vector(path, fields.get("witness", np.zeros(size)), size, "field witness"))
         if not proof.holds:
             raise FileError(f"{path}: says that there is no solution, but its witness is no proof on {problem!r}")

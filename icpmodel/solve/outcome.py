@@ -12,7 +12,6 @@ from ..numerics.arrays import Vector
 from ..numerics.rounding import public_entry
 from ..problem.data import ProblemData
 from ..theory.certificates.contradiction import contradiction
-from ..theory.certificates.infeasible import infeasible
 from .goal import Limits
 from .run import Best, Run
 from .solution import History, Solution, Status
@@ -105,13 +104,9 @@ def _end(run: Run, best: Best, limits: Limits) -> tuple[Status, str]:
     if found is None:
         return status, note
     if status is not Status.INFEASIBLE:
-        witness = found.witness(run.problem.n)
-        answer = infeasible(run.problem, witness[: run.problem.n] if run.problem.psi.is_constant else witness)
-        if answer.holds:
-            run.infeasible = answer
-            status = Status.INFEASIBLE
-            note = answer.reason
-    return status, f"{note}; {found}"
+        run.infeasible = found.proof
+        note = found.proof.reason
+    return Status.INFEASIBLE, f"{note}; {found}"
 
 
 def _message(run: Run, best: Best, status: Status, note: str) -> str:

@@ -11,8 +11,8 @@ from scipy.optimize import linprog
 
 import icpmodel as icp
 from icpmodel.methods.shortcuts import Lemke
+from icpmodel.theory.certificates.contradiction import multipliers
 from icpmodel.theory.certificates.infeasible import infeasible
-from icpmodel.theory.certificates.recession import multipliers
 
 
 def run(problem, **options):

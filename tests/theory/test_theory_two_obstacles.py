@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 import icpmodel as icp
 from icpmodel.theory import active_set, check, error_bound
 from icpmodel.theory.certificates.bounds import may_cross, proofs_of
+from icpmodel.theory.certificates.contradiction import multipliers
 from icpmodel.theory.certificates.infeasible import infeasible
-from icpmodel.theory.certificates.recession import multipliers
 
 SEEDS = st.integers(0, 2**32 - 1)
 

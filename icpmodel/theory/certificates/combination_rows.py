@@ -1,18 +1,17 @@
-"""What is known of z, and which signs a combination of rows may have: the data of a proof of infeasibility."""
+"""What a combination of rows may take, and what is known of z: the data of a proof of infeasibility."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import NamedTuple
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
-from ...numerics.arrays import Vector
+from ...numerics.arrays import Mask, Vector
 from ...problem.data import ProblemData
-
-Combination = dict[int, Fraction]
 
 #: what is smaller than this share of the largest entry of a computed y counts as zero
 ZERO = 1e-9
@@ -30,39 +29,74 @@ class Known:
     proof: str
 
 
-class CombinationRows(NamedTuple):
-    """The interval of each unknown, and the rows whose sign of p is known.
+@dataclass(frozen=True, eq=False)
+class CombinationRows:
+    """The rows of Mz + m whose sign is known at every solution, and an interval for each unknown.
 
-    z lies between `low` and `high`. p ≤ 0 may be assumed where y_i `falls`, and p ≥ 0 where it
-    `rises`: masks of shape (n,).
+    The first n rows are p = Az + q. Where an obstacle moves, n rows z − ψ(z) follow, and n rows z − ψ̄(z) where there is
+    one above; a fixed obstacle is an end of the interval `low` ≤ z ≤ `high`. Row i of Mz + m may be assumed ≥ 0 where
+    it `rises`, and ≤ 0 where it `falls`. `slopes` is M without the identity in the rows of z − ψ and z − ψ̄.
     """
 
+    slopes: sp.csr_array
+    offset: Vector
     low: Vector
     high: Vector
-    falls: np.ndarray
-    rises: np.ndarray
+    falls: Mask
+    rises: Mask
 
     @classmethod
-    def of(cls, problem: ProblemData, known: Known | None = None) -> CombinationRows:
-        low = problem.facts.obstacle
-        high = problem.facts.upper_obstacle
-        high = np.full(problem.n, np.inf) if high is None else high
+    def of(cls, problem: ProblemData, known: Known | None = None) -> CombinationRows | None:
+        """Those of a problem with constant or affine obstacles; None for another one."""
+        psi = problem.psi
+        n = problem.n
+        above = None if problem.upper is None else problem.upper.linear
+        if psi.linear is None or (problem.upper is not None and above is None):
+            return None
+        sides = [psi.linear] if above is None else [psi.linear, above]
+        low = psi.linear[1]
+        high = np.full(n, np.inf) if above is None else above[1]
+        slopes = problem.A
+        offset = problem.q
         falls = np.isneginf(low)
         rises = np.isposinf(high)
+        if not psi.is_constant:
+            never = np.zeros(n, dtype=bool)
+            slopes = sp.csr_array(sp.vstack([slopes, *(-G for G, _ in sides)]))
+            offset = np.concatenate([offset, *(np.where(np.isinf(c), 0.0, -c) for _, c in sides)])
+            rises, falls = (
+                np.concatenate([rises, ~falls, never])[: offset.size],
+                np.concatenate([falls, never, ~rises])[: offset.size],
+            )
+            low = np.full(n, -np.inf)
+            high = np.full(n, np.inf)
         if known is not None:
             low = np.where(np.isfinite(known.low), known.low, low)
             high = np.where(np.isfinite(known.high), known.high, high)
-        return cls(low, high, falls, rises)
+        return cls(slopes, offset, low, high, falls, rises)
 
+    @property
+    def free(self) -> Mask:
+        """The unknowns of which neither end is known."""
+        return np.isneginf(self.low) & np.isposinf(self.high)
 
-def lifted(problem: ProblemData) -> ProblemData | None:
-    """The problem of an affine ψ in (z, u, s), where the obstacle is constant; None for another ψ, and with two."""
-    if problem.psi.linear is None or problem.upper is not None:
-        return None
-    (G, c) = problem.psi.linear
-    unit = sp.eye_array(problem.n)
-    nothing = np.full(problem.n, -np.inf)
-    there = np.isfinite(c)
-    A = sp.block_array([[-G, unit, None], [unit, -unit, -unit], [problem.A, None, None]])
-    q = np.concatenate([np.where(there, -c, 0.0), np.zeros(problem.n), problem.q])
-    return ProblemData(A, q, np.concatenate([nothing, nothing, np.where(there, 0.0, -np.inf)]))
+    @cached_property
+    def matrix(self) -> sp.csr_array:
+        """M, where 1 − g_ii is rounded."""
+        n = self.low.size
+        rows = np.arange(n, self.offset.size)
+        if not rows.size:
+            return self.slopes
+        return sp.csr_array(self.slopes + sp.csr_array((np.ones(rows.size), (rows, rows % n)), self.slopes.shape))
+
+    def exact_columns(self, index: NDArray[np.intp]) -> dict[int, dict[int, Fraction]]:
+        """The rows `index` of M by columns, without rounding: j → k → the entry of row `index`_k."""
+        n = self.low.size
+        part = self.slopes[index].tocoo()
+        found: dict[int, dict[int, Fraction]] = {}
+        for k, j, entry in zip(*part.coords, part.data, strict=True):
+            found.setdefault(int(j), {})[int(k)] = Fraction(float(entry))
+        for k in np.flatnonzero(index >= n):
+            column = found.setdefault(int(index[k] % n), {})
+            column[int(k)] = column.get(int(k), Fraction(0)) + 1
+        return found

@@ -6,18 +6,19 @@ from collections.abc import Iterator
 from fractions import Fraction
 
 import numpy as np
-import scipy.sparse as sp
 
 from ...numerics import work
-from ...numerics.arrays import Vector
+from ...numerics.arrays import Mask, Vector
+from ...numerics.equilibration import Exponents
 from ...numerics.exact_polyhedron import row_reduce
-from ...numerics.rational import nearest, rationals
+from ...numerics.rational import nearest
 from ...numerics.rounding import UNIT_ROUNDOFF
-from ...problem.data import ProblemData
-from .combination_rows import ZERO, Combination, CombinationRows
+from .combination_rows import ZERO, CombinationRows
 
-#: rows up to which a system is solved in rational arithmetic
-_RATIONAL = 30
+Combination = dict[int, Fraction]
+
+#: rows up to which a system is solved in rational arithmetic: 30 with 31 unknowns took .9 s, 15 took .06 s
+RATIONAL = 30
 #: denominators that are tried first: the rays of problems in small whole numbers have them
 _DENOMINATOR = 1000
 #: nanoseconds for an entry of A in fractions, by cProfile; how many are too many
@@ -25,64 +26,67 @@ _FRACTION = 3000.0
 _LONG = 4e8
 
 
-def candidates_near(
-    problem: ProblemData, y: Vector, support: np.ndarray, rows: CombinationRows
-) -> Iterator[Combination]:
-    cost = _FRACTION * float(np.diff(problem.A.indptr)[support].sum())
-    if cost > min(_LONG, work.nanoseconds_left()):
+def candidates_near(rows: CombinationRows, shares: Vector, exponents: Exponents) -> Iterator[Combination]:
+    """Combinations next to 2^`exponents` · `shares`."""
+    support = np.flatnonzero(shares)
+    if _FRACTION * float(np.diff(rows.matrix.indptr)[support].sum()) > min(_LONG, work.nanoseconds_left()):
         return
-    yield {int(i): Fraction(float(y[i])).limit_denominator(_DENOMINATOR) for i in support}
-    yield {int(i): Fraction(float(y[i])) for i in support}
-    if support.size <= _RATIONAL:
-        yield exact_combination(problem, support, y, rows, support)  # a ray has zeros there, a linear program need not
-        yield exact_combination(
-            problem, support, y, rows, np.flatnonzero(np.isneginf(rows.low) & np.isposinf(rows.high))
-        )
+    units = [Fraction(2) ** int(exponents[i]) for i in support]
+    exact = [Fraction(float(shares[i])) for i in support]
+    for near in ([share.limit_denominator(_DENOMINATOR) for share in exact], exact):
+        yield {int(i): share * unit for i, share, unit in zip(support, near, units, strict=True)}
+    y = np.ldexp(shares, exponents)
+    if support.size <= RATIONAL:
+        own = np.zeros(rows.low.size, dtype=bool)
+        own[support[support < own.size]] = True
+        yield exact_combination(rows, y, own | rows.free)  # a ray has zeros there, a linear program need not
+        yield exact_combination(rows, y, rows.free)
 
 
-def exact_combination(
-    problem: ProblemData, support: np.ndarray, y: Vector, bounds: CombinationRows, zero: np.ndarray
-) -> Combination:
-    """x on the support of y with (Aᵀx)_i = 0 exactly where (Aᵀy)_i is about 0, or is to be; x_i left open is y_i."""
+def exact_combination(rows: CombinationRows, y: Vector, zero: Mask) -> Combination:
+    """x on the support of `y` with (Mᵀx)_j = 0 exactly in the columns `zero`, and where (Mᵀy)_j is about 0."""
+    support = np.flatnonzero(y)
     with np.errstate(over="ignore", invalid="ignore"):
-        tight = np.abs(problem.A.T @ y) <= ZERO * (problem.matrix.absolute.T @ np.abs(y))
-    tight[zero] = True
-    tight &= ~(np.isfinite(bounds.low) & np.isfinite(bounds.high))
-    rows = [row for row in rationals(problem.A[support][:, tight].T) if any(row)]
+        part = rows.matrix[support]
+        tight = np.abs(part.T @ y[support]) <= ZERO * (abs(part).T @ np.abs(y[support]))
+    tight |= zero
+    tight &= ~(np.isfinite(rows.low) & np.isfinite(rows.high))
+    columns = rows.exact_columns(support)
+    system = [[columns[j].get(k, Fraction(0)) for k in range(support.size)] for j in columns if tight[j]]
     x = [Fraction(float(y[i])) for i in support]
-    pivots = row_reduce(rows, len(x))
+    pivots = row_reduce(system, len(x))
     others = [j for j in range(len(x)) if j not in pivots]
-    for row, pivot in zip(rows, pivots, strict=False):
+    for row, pivot in zip(system, pivots, strict=False):
         x[pivot] = -sum((row[j] * x[j] for j in others), Fraction(0))
     return dict(zip(map(int, support), x, strict=True))
 
 
-def contradiction(problem: ProblemData, rows: CombinationRows, y: Combination) -> Fraction | None:
-    """What (Az + q)ᵀy is at most, where it is negative and y has the right signs, in exact arithmetic; else None."""
+def highest_value(rows: CombinationRows, y: Combination) -> tuple[Fraction, Combination] | None:
+    """What (Mz + m)ᵀy is at most, where that is negative and y has the right signs, and Mᵀy; else None."""
     y = {i: weight for i, weight in y.items() if weight}
     if any(not (rows.falls if weight < 0 else rows.rises)[i] for i, weight in y.items()):
         return None
-    if _is_hopeless(problem, rows, y):
+    if _is_hopeless(rows, y):
         return None
     weights = list(y.values())
-    A = sp.csc_array(problem.A[list(y)])
-    total = sum((weight * Fraction(float(problem.q[i])) for i, weight in y.items()), Fraction(0))
-    for j in np.flatnonzero(np.diff(A.indptr)):  # by columns, as one that is not 0 may end it
-        part = range(A.indptr[j], A.indptr[j + 1])
-        entry = sum((weights[A.indices[k]] * Fraction(float(A.data[k])) for k in part), Fraction(0))
+    total = sum((weight * Fraction(float(rows.offset[i])) for i, weight in y.items()), Fraction(0))
+    columns: Combination = {}
+    for j, column in rows.exact_columns(np.array([*y], dtype=np.intp)).items():
+        entry = sum((weights[k] * x for k, x in column.items()), Fraction(0))
         if entry:
             end = float(rows.high[j] if entry > 0 else rows.low[j])
             if not np.isfinite(end):
                 return None
             total += entry * Fraction(end)
-    return total if total < 0 else None
+            columns[j] = entry
+    return (total, columns) if total < 0 else None
 
 
 @np.errstate(all="ignore")
-def _is_hopeless(problem: ProblemData, rows: CombinationRows, y: Combination) -> bool:
-    """Whether floats say already, beyond their rounding, that an entry of Aᵀy is on the side where z has no bound."""
-    x = np.zeros(problem.n)
-    x[list(y)] = [nearest(weight) for weight in y.values()]
-    columns = problem.A.T @ x
-    off = 4.0 * (problem.n + 4) * UNIT_ROUNDOFF * (problem.matrix.absolute.T @ np.abs(x))
+def _is_hopeless(rows: CombinationRows, y: Combination) -> bool:
+    """Whether floats say already, beyond their rounding, that an entry of Mᵀy is on the side where z has no bound."""
+    matrix = rows.matrix[list(y)]
+    x = np.array([nearest(weight) for weight in y.values()])
+    columns = matrix.T @ x
+    off = 4.0 * (rows.low.size + 4) * UNIT_ROUNDOFF * (abs(matrix).T @ np.abs(x))
     return bool(((columns > off) & np.isposinf(rows.high) | (columns < -off) & np.isneginf(rows.low)).any())

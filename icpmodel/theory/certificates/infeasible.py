@@ -11,8 +11,8 @@ rows that have it nothing is known of p ≥ 0, so y_i ≤ 0 there. y_i = 0 where
 well. Then (Az + q)ᵀy ≥ 0 at every solution as before.
 
 For ψ(z) = Gz + c the rows of r get weights as well: x, y ≥ 0, Aᵀy + (I − G)ᵀx = 0 and qᵀy − cᵀx <
-0. That is the same for the constant obstacle s ≥ 0 in the unknowns (z, u, s), with the equations u
-= Gz + c and s = z − u. No entry of I − G is rounded.
+0. With an obstacle above that moves, its rows z − ψ̄ ≤ 0 get weights ≤ 0. No entry of I − G is
+rounded.
 
 References
 ----------
@@ -21,24 +21,21 @@ Cottle, Pang and Stone, The Linear Complementarity Problem (1992), sections 2.7 
 
 from __future__ import annotations
 
-from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
 import numpy as np
 
 from ...numerics.arrays import Vector
-from ...numerics.equilibration import Exponents, in_units_exactly
 from ...numerics.rational import as_witness, nearest
 from ...problem.data import ProblemData
 from ..answers import Answer
-from .combination_rows import ZERO, CombinationRows, Known, lifted
-from .exact_combination import candidates_near, contradiction
+from .combination_rows import ZERO, CombinationRows, Known
+from .exact_combination import Combination, candidates_near, highest_value
 from .rounded_combination import rounded_combination
 
-_ONE_SIZE = 10  #: rows whose entries are within 2 to this number, one way or the other, have one size
 
-
+@np.errstate(all="ignore")  # what overflows proves nothing
 def infeasible(problem: ProblemData, y: Vector, known: Known | None = None, *, bounded: bool = True) -> Answer:
     """Whether `y`, or an exact y next to it, is such a combination, given what is `known`; its scale says nothing.
 
@@ -46,94 +43,59 @@ def infeasible(problem: ProblemData, y: Vector, known: Known | None = None, *, b
     where up to 30 of its entries are not 0 the exact solution of these equations. All is checked in rational
     arithmetic, or, where that is not to be had and `bounded`, in floats with a bound on every rounding error. Returns
     True with the witness y, floats or fractions, and `number`, which (Az + q)ᵀy is at most, without an obstacle above
-    (q + Ac)ᵀy; else None. For an affine ψ `y` and the witness are (y, x), shape (2n,).
+    (q + Ac)ᵀy; else None. Where obstacles move `y` and the witness are (y, x), shape (2n,), with one above (y, x, x̄).
     """
-    given = problem
     unknown = Answer(None, "no combination of the rows was found that contradicts itself")
-    if not problem.psi.is_constant:
-        higher = lifted(problem)
-        if higher is None or y.size != 2 * problem.n:
-            return unknown
-        return _lowered(infeasible(higher, np.concatenate([y[problem.n :], y[problem.n :], y[: problem.n]])))
-    if not np.isfinite(y).all() or not y.any():
-        return unknown
-    problem, units = in_units_of_rows(problem)
     rows = CombinationRows.of(problem, known)
-    y = np.ldexp(y / np.abs(y).max(), -units)
-    if not y.any():
+    if rows is None or y.size != rows.offset.size or not np.isfinite(y).all():
         return unknown
-    free = rows.falls & rows.rises
-    y = y / np.abs(y).max()
-    y = np.where((rows.rises & (y > ZERO)) | (rows.falls & (y < -ZERO)), y, 0.0)
-    for found in candidates_near(problem, y, np.flatnonzero((y != 0) | free), rows):
-        exact = contradiction(problem, rows, found)
-        if exact is not None:
-            break
-    else:
-        number = rounded_combination(problem, rows, y) if bounded else None
-        if number is None:
-            return unknown
-        top = int(units[y != 0].max())
-        y = np.ldexp(y, units - top)
-        number = float(np.ldexp(number, -top))
-        said = f"{_weighted(y)} of Az + q, or a combination next to that, comes to {number:.3g} at most"
-        return Answer(True, f"no z is a solution: {said}, every rounding error being bounded", y, number)
-    top = max(int(units[i]) for i, weight in found.items() if weight)
-    witness = [found.get(i, Fraction(0)) * Fraction(2) ** (int(unit) - top) for i, unit in enumerate(units)]
-    number = nearest(exact / Fraction(2) ** top)
-    sign = "y >= 0 where there is an obstacle" if free.any() else "y >= 0"
-    sums = f"{_weighted(witness)} of Az + q comes to {number:.3g} at most"
-    if known is None and problem.upper is not None:
-        signs = "p >= 0 where nothing is above and p <= 0 where nothing is below"
-        reason = f"no z with psi <= z <= upper has {signs}: there {sums}, and with these signs to 0 or more"
-    elif known is None:
-        said = f"{sign}, A'y <= 0 and (q + Ac)'y = {number:.3g}"
-        sums += ", and wherever Az + q >= 0 to 0 or more"
-        reason = f"no z has Az + q >= 0 and z >= psi(z): wherever z >= psi(z), {sums} ({said})"
-    else:
-        proved = f"{np.count_nonzero(np.isfinite(known.high))} unknowns are proved to be what they are ({known.proof})"
-        sums += ", and wherever Az + q >= 0 to 0 or more"
-        reason = f"no z has Az + q >= 0, z >= psi(z) and p'r = 0: {proved}, and then {sums} ({sign})"
-    y = as_witness(witness, lambda x: contradiction(given, rows, dict(enumerate(x))) is not None)
-    return Answer(True, reason, y, number)
-
-
-def in_units_of_rows(problem: ProblemData) -> tuple[ProblemData, Exponents]:
-    """The problem with its rows times 2^e, so that the largest |entry| of each is about 1, and e.
-
-    In a row without entries |q_i| becomes about as large as in the others. The result is the
-    problem itself and zeros where that would round, or where all are within 2^±10 already.
-    """
-    empty = problem.matrix.empty_rows
-    of_q = np.abs(problem.q)
-    weights = problem.matrix.row_weights
-    with np.errstate(over="ignore"):
-        others = float((weights[~empty] * of_q[~empty]).max(initial=0.0)) or 1.0
-    size = np.where(empty, of_q / others, 1.0 / weights)
+    y = np.where((rows.rises & (y > 0.0)) | (rows.falls & (y < 0.0)), y, 0.0)
+    largest = abs(rows.matrix).max(axis=1).toarray().reshape(-1)
+    size = np.where(largest > 0.0, largest, np.where(rows.offset != 0.0, np.abs(rows.offset), 1.0))
+    # row i times 2^exponent_i has entries of about 1, and the weight share_i in these units
     exponents = -np.frexp(size)[1].astype(np.int64)
-    none = np.zeros(problem.n, dtype=np.int64)
-    if np.abs(exponents).max() <= _ONE_SIZE or (A := in_units_exactly(problem.A, exponents)) is None:
-        return problem, none
-    q = np.ldexp(problem.q, exponents)
-    if not np.array_equal(np.ldexp(q, -exponents), problem.q):
-        return problem, none
-    return ProblemData.of_checked(A, q, problem.psi), exponents
+    shares = np.ldexp(y, -exponents)
+    if not shares.any() or not np.isfinite(shares).all():
+        return unknown
+    shares = shares / np.abs(shares).max()
+    shares[np.abs(shares) <= ZERO] = 0.0
+    top = int(exponents[shares != 0.0].max())
+    for exact in candidates_near(rows, shares, exponents - top):
+        if (found := highest_value(rows, exact)) is not None:
+            return answer_of(rows, exact, found[0], known)
+    most = rounded_combination(rows, shares, exponents) if bounded else None
+    if most is None:
+        return unknown
+    number = float(np.ldexp(most, -top))
+    y = np.ldexp(shares, exponents - top)
+    nearby = f"{_weighted(rows, y)}, or a combination next to that, is at most {number:.3g}"
+    return Answer(True, f"no z is a solution: {nearby}, every rounding error being bounded", y, number)
 
 
-def _weighted(y: Any, several: int = 4) -> str:
+def answer_of(rows: CombinationRows, exact: Combination, most: Fraction, known: Known | None = None) -> Answer:
+    """The answer by an `exact` combination, of which the value is `most` < 0."""
+    weights = [exact.get(i, Fraction(0)) for i in range(rows.offset.size)]
+    witness = as_witness(weights, lambda x: highest_value(rows, dict(enumerate(x))) is not None)
+    number = nearest(most)
+    return Answer(True, _reason(rows, known, weights, number), witness, number)
+
+
+def _reason(rows: CombinationRows, known: Known | None, y: Any, number: float) -> str:
+    """What the combination `y` says, in words."""
+    sums = f"{_weighted(rows, y)} is at most {number:.3g}"
+    if known is not None:
+        proved = f"{np.count_nonzero(np.isfinite(known.high))} unknowns are proved to be what they are ({known.proof})"
+        return f"no z is a solution: {proved}, and then {sums}, which p >= 0 forbids"
+    if rows.falls.any():
+        signs = "p >= 0 where nothing is above and p <= 0 where nothing is below"
+        return f"no z with psi <= z <= upper has {signs}: {sums}, and with these signs it is >= 0"
+    return f"no z has Az + q >= 0 and z >= psi(z): wherever z >= psi(z), {sums}, and with Az + q >= 0 it is >= 0"
+
+
+def _weighted(rows: CombinationRows, y: Any, several: int = 4) -> str:
     """Which rows a combination takes, and how often: as many as fit in a sentence."""
+    n = rows.low.size
+    names = ("Az + q", "z - psi(z)", "z - upper(z)")
     used = [i for i, weight in enumerate(y) if weight]
-    first = " and ".join(f"{nearest(y[i]):.4g} times row {i}" for i in used[:several])
+    first = " and ".join(f"{nearest(y[i]):.4g} times row {i % n} of {names[i // n]}" for i in used[:several])
     return first + (f" and {len(used) - several} rows more" if len(used) > several else "")
-
-
-def _lowered(answer: Answer) -> Answer:
-    """What is proved of the lifted problem, said of the rows of p and r."""
-    if not answer.holds:
-        return answer
-    x, _, y = np.split(answer.witness, 3)
-    sums = f"{_weighted(y)} of Az + q and {_weighted(x)} of z - psi(z)"
-    said = f"y >= 0 where there is an obstacle, x >= 0, A'y + (I - G)'x = 0 and q'y - c'x = {answer.number:.3g}"
-    sums += f" comes to {answer.number:.3g} for every z, and where all rows are >= 0 to 0 or more"
-    reason = f"no z has Az + q >= 0 and z >= psi(z): {sums}"
-    return replace(answer, reason=f"{reason} ({said})", witness=np.concatenate([y, x]))

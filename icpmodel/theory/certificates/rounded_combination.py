@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...numerics import work
 from ...numerics.arrays import Mask, Vector
+from ...numerics.equilibration import Exponents, times_rows
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
-from ...problem.data import ProblemData
 from .combination_rows import SHOWN, CombinationRows
 
 #: nanoseconds for k²m of a factorisation with pivoting of an m × k matrix, 7 s at m = 2600 and k = 1700 were measured;
@@ -20,62 +19,59 @@ _LONGEST = 2e9
 
 
 @np.errstate(all="ignore")
-def rounded_combination(problem: ProblemData, rows: CombinationRows, y: Vector) -> float | None:
-    """What (Az + q)ᵀx is at most, for some x next to `y`, where that is negative, all rounding being bounded."""
+def rounded_combination(rows: CombinationRows, y: Vector, exponents: Exponents) -> float | None:
+    """What (Mz + m)ᵀx is at most, for some x next to 2^`exponents`·`y`, where that is negative, rounding included."""
     used = np.flatnonzero(y)
     y = y[used]
-    right = problem.q[used]
-    K = problem.A[used]
-    signed = ~(rows.rises & rows.falls)[used]
+    scale = np.ldexp(1.0, exponents[used])
+    K = times_rows(scale, rows.matrix[used])
+    right = scale * rows.offset[used]
     size = abs(K)
-    # two more than the operations of a sum, twice, as for all sums here
-    loss = 2.0 * (K.shape[0] + problem.n + 4) * UNIT_ROUNDOFF
-    tiny = (K.shape[0] + problem.n) * SMALLEST
+    # four more than the operations of a sum, twice, as for all sums here
+    loss = 2.0 * (K.shape[0] + K.shape[1] + 6) * UNIT_ROUNDOFF
+    tiny = 2.0 * sum(K.shape) * SMALLEST
     columns = K.T @ y
     off = loss * (size.T @ np.abs(y)) + tiny
     has_low = np.isfinite(rows.low)
     has_high = np.isfinite(rows.high)
-    empty = size.sum(axis=0) == 0
-
-    def sure() -> Any:
-        return ((columns - off >= 0) & has_high) | ((columns + off <= 0) & has_low) | (has_low & has_high) | empty
-
-    open_ = np.flatnonzero(~sure())
+    any_ = has_low & has_high | (size.sum(axis=0) == 0)
+    # columns whose sign is not the one that is needed
+    is_open = ~((columns - off >= 0) & has_high | (columns + off <= 0) & has_low | any_)
     moved = np.zeros(y.size)
-    if open_.size:
-        found = _moved(K, y, signed, open_, np.abs(columns[open_]) + off[open_], loss)
+    if is_open.any():
+        signed = ~(rows.rises & rows.falls)[used]
+        found = _moves(K[:, is_open].toarray().T, y, signed, (np.abs(columns) + off)[is_open], loss)
         if found is None:
             return None
-        basis, by = found
-        moved[basis] = by
-        if (signed[basis] & (np.abs(y[basis]) < by)).any():
+        moved = found
+        off = off + 1.01 * (size.T @ moved)
+        sure = (columns - off >= 0) & has_high | (columns + off <= 0) & has_low | any_
+        if not sure[~is_open].all():
             return None
-        off += 1.01 * (size.T @ moved)
-        if not np.delete(sure(), open_).all():
-            return None
-        columns[open_] = off[open_] = 0.0
-    # the most that wᵀz can be, w anywhere within `off` of the columns, and that qᵀx can be
-    low, high = (np.where(np.isfinite(end), end, 0.0) for end in (rows.low, rows.high))
+        columns[is_open] = 0.0
+        off[is_open] = 0.0
+    # the most that wᵀz can be, w anywhere within `off` of the columns, and that mᵀx can be
+    low = np.where(has_low, rows.low, 0.0)
+    high = np.where(has_high, rows.high, 0.0)
     reach = np.maximum(np.abs(low), np.abs(high))
-    ends = np.where(columns > 0, high, low)
-    most = columns @ ends + off @ reach + right @ y + np.abs(right) @ moved
+    most = columns @ np.where(columns > 0, high, low) + off @ reach + right @ y + np.abs(right) @ moved
     terms = (np.abs(columns) + 2.0 * off) @ reach + np.abs(right) @ (np.abs(y) + moved)
     most += 4.0 * loss * terms + tiny
     return float(most) if most < 0.0 else None
 
 
-def _moved(
-    K: Any, y: Vector, signed: Mask, open_: NDArray[np.intp], wrong: Vector, loss: float
-) -> tuple[NDArray[np.intp], float] | None:
-    """Which entries of y are moved, and by how much at the most, so that these columns of Kᵀy are exactly 0."""
+def _moves(N: Any, y: Vector, signed: Mask, wrong: Vector, loss: float) -> Vector | None:
+    """By how much, at most, each entry of `y` is moved so that Nx = 0, where Ny is `wrong` by that much at most.
+
+    None where that is not known, or where the sign of a `signed` entry may change.
+    """
     from scipy.linalg import qr
 
-    k = open_.size
-    cost = _PIVOTED * float(k) * k * y.size
-    if k > y.size or cost > min(_LONGEST, work.nanoseconds_left()) or not work.fits(24.0 * k * y.size):
+    k, m = N.shape
+    cost = _PIVOTED * float(k) * k * m
+    if k > m or cost > min(_LONGEST, work.nanoseconds_left()) or not work.fits(24.0 * k * m):
         return None
     work.count(cost)
-    N = K[:, open_].toarray().T
     weights = np.where(signed, np.abs(y), np.abs(y).max())
     basis = qr(N * weights, mode="r", pivoting=True)[1][:k]
     N = N[:, basis]
@@ -88,4 +84,9 @@ def _moved(
     if not alpha < 0.5:
         return None
     by = float(1.01 * np.abs(R).sum(axis=1).max() * wrong.max() / (1.0 - alpha))
-    return (basis, by) if by <= SHOWN * np.abs(y).max() else None  # farther away y would not be a witness
+    # farther away y would not be a witness
+    if not by <= SHOWN * np.abs(y).max() or (signed[basis] & (np.abs(y[basis]) < by)).any():
+        return None
+    moved = np.zeros(m)
+    moved[basis] = by
+    return moved
