@@ -360,8 +360,8 @@ def as_float64(value: Any, name: str) -> NDArray[np.float64]:
     return made
 
 
-def check_labels(given: Mapping[str, Any]) -> None:
-    """Raise InputError where pandas' objects have different labels.
+def check_labels(given: Mapping[str, Any]) -> Any:
+    """The labels of pandas' objects, None without any; raises InputError where they differ.
 
     `given` maps argument → value. Rows and columns must have the labels, in the order, of the rows
     of the first object: numbers are taken by their place.
@@ -379,3 +379,4 @@ def check_labels(given: Mapping[str, Any]) -> None:
             elif not labels.equals(expected):
                 found = f"{name}.{axis} has other labels than {first}, or in another order"
                 raise InputError(f"{found}; sort them alike, or give {name}.to_numpy() if it is the place that counts")
+    return expected

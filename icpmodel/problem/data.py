@@ -78,9 +78,10 @@ class ProblemData(Shown):
 
     @check_arguments("ICP", OBSTACLES)
     def __init__(self, A: Any, q: Any, psi: Any = 0.0, upper: Any = None, f: Any = None) -> None:
-        if hasattr(A, "columns"):
-            check_labels({"A": A, "q": q, "psi": psi, "upper": upper})
-        matrix = Matrix(A)
+        labels = None
+        if hasattr(A, "columns") or hasattr(q, "index"):
+            labels = check_labels({"A": A, "q": q, "psi": psi, "upper": upper})
+        matrix = Matrix(A, labels)
         n = matrix.n
         term = None
         if f is not None:

@@ -70,6 +70,8 @@ class Matrix(ReadOnly):
     ----------
     A : array_like or sparse matrix of shape (n, n)
         The matrix.
+    labels : pandas.Index, optional
+        The names of the rows.
 
     Raises
     ------
@@ -82,7 +84,12 @@ class Matrix(ReadOnly):
     out. Then `sparse` is made on request.
     """
 
-    def __init__(self, A: Any) -> None:
+    #: the names of the rows, None where they are numbers
+    labels: Any = None
+
+    def __init__(self, A: Any, labels: Any = None) -> None:
+        if labels is not None and not hasattr(labels, "step"):  # a range is no name
+            self.labels = labels
         square: Any = as_csr(A, "A", keep_diagonal=True) if sp.issparse(A) else as_square(A, "A")
         small = square.shape[0] <= _SMALL
         sparse = sp.issparse(square)

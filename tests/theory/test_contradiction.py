@@ -97,3 +97,13 @@ def test_a_run_that_stagnates_on_a_contradiction_ends_with_its_proof():
     assert solution.status is icp.Status.INFEASIBLE
     assert solution.infeasible.holds
     assert replace(solution).contradiction.by == pytest.approx(5e-6)
+
+
+def test_conditions_have_the_labels_of_pandas_objects_and_no_other_ones():
+    pandas = pytest.importorskip("pandas")
+    A, q, names = np.zeros((2, 2)), np.array([1.0, -2.0]), ["demand", "supply"]
+    labelled = ICP(pandas.DataFrame(A, names, names), q), ICP(A, pandas.Series(q, names))
+    for problem in (*labelled, labelled[0].with_q(q - 1)):
+        assert icp.contradiction(problem).conditions == ("supply: p[1] >= 0",)
+        assert "supply: p[1] >= 0" in problem.solve(raise_on_failure=False).message
+    assert icp.contradiction(ICP(pandas.DataFrame(A), q)).conditions == ("p[1] >= 0",)

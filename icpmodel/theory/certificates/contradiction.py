@@ -118,6 +118,8 @@ def contradiction(problem: ProblemLike) -> Contradiction | None:
 
     Notes
     -----
+    Conditions have the labels of the rows where A or q was made of pandas objects.
+
     Where p ≥ 0 and r ≥ 0 contradict each other there is no solution. Without a contradiction there is one where the
     obstacle is constant and A is monotone or copositive-plus; for other A there may be none.
 
@@ -150,7 +152,7 @@ def contradiction(problem: ProblemLike) -> Contradiction | None:
     if sizes := [abs(weight) / Fraction(float(least.conditions.units[i])) for i, weight in exact.items() if i < n]:
         by = nearest(-total / sum(sizes))
         change = least.change(problem)
-    return Contradiction(
+    contradictory = Contradiction(
         rows=np.array([*(i % n for i in exact), *columns], dtype=np.intp),
         conditions=tuple(conditions),
         weights=np.array([nearest(abs(weight)) for weight in conditions.values()]),
@@ -158,6 +160,8 @@ def contradiction(problem: ProblemLike) -> Contradiction | None:
         change=change,
         proof=answer_of(rows, exact, total),
     )
+    labels = problem.matrix.labels
+    return contradictory if labels is None else contradictory.named(lambda i: str(labels[i]))
 
 
 def multipliers(problem: ProblemData) -> Vector | None:
