@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..errors import SingularOperator
 from ..numerics import work
-from ..numerics.arrays import Vector
+from ..numerics.arrays import Vector, read_only
 from ..numerics.threads import one_blas_thread
 from ..problem.data import ProblemData
 from ..problem.facts import Facts
@@ -132,7 +132,7 @@ class AffineLcp:
         """
         from .kernels import balancing, pivoting  # loads numba
 
-        S, *units = balancing.scale(self.M)
+        S, *units = balancing.scale(read_only(self.M))
         if covering is None:
             return pivoting.begin(S, *units, self.q, self.free)
         return pivoting.begin(S / covering[:, None], *units, self.q / covering, self.free)

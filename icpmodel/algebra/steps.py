@@ -84,10 +84,15 @@ def compiled_step(
 
 
 def _compiled_obstacle(psi: Map) -> Any:
-    """An affine ψ as compiled loops take it: c, or (c, indptr, indices, data) of Gz + c; None for another one."""
+    """An affine ψ as compiled loops take it: c, or (c, indptr, indices, data) of Gz + c; None for another one.
+
+    Both obstacles have the same form, so that fewer loops are compiled.
+    """
+    sides = sides_of(psi)
+    fixed = all(one.is_constant for one in sides)
     forms = [
-        None if one.linear is None else one.linear[1] if one.is_constant else (one.linear[1], *_csr(one.linear[0]))
-        for one in sides_of(psi)
+        None if one.linear is None else one.linear[1] if fixed else (one.linear[1], *_csr(one.linear[0]))
+        for one in sides
     ]
     if any(form is None for form in forms):
         return None

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..numerics.arrays import Mask, Vector, row_of
+from ..numerics.arrays import Mask, Vector, read_only, row_of
 from ..problem.affine import Constant
 from ..problem.data import ProblemData
 from ..problem.two_sided import TwoSidedObstacle
@@ -136,8 +136,8 @@ class Blocks:
         if psi.upper is not None and psi.upper.linear is not None:
             H, d = psi.upper.linear
             above = (H.indptr, H.indices, H.data), d
-        given = (c, slopes, above, self.rows, self.starts, wanted)
-        return z, solve_blocks(A.indptr, A.indices, A.data, self.problem.q, *given, z)
+        given = read_only((A.indptr, A.indices, A.data, self.problem.q, c, slopes, above))
+        return z, solve_blocks(*given, self.rows, self.starts, wanted, z)
 
 
 def with_contact_rows(problem: ProblemData, free: Mask) -> Blocks:

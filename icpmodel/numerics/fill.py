@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..errors import OutOfTime
 from . import work
-from .arrays import Vector, bandwidths, is_symmetric
+from .arrays import Vector, bandwidths, is_symmetric, read_only
 from .work import Fill, dense_cost, factor_cost, least_factor_cost
 
 #: a row with more than this times √n neighbours goes last, and counts as one that fills up: Amestoy, Davis and Duff,
@@ -96,7 +96,7 @@ def _by_minimum_degree(
     n = A.shape[0]
     costs = work.COSTS
     work.check_budget(costs.look * A.nnz)  # to make the graph costs a look per entry
-    graph = both_ways(A.indptr, A.indices, int(_DENSE * n**0.5) + 16)
+    graph = both_ways(*read_only((A.indptr, A.indices)), int(_DENSE * n**0.5) + 16)
     # the least that either library takes
     prices = (
         2.0 * (costs.symmetric_entry if symmetric else costs.factor_entry),
@@ -221,5 +221,5 @@ def signs_of_symmetry(A: sp.csr_array) -> Vector | None:
     """
     from .kernels.graph import signs  # loads numba
 
-    found = signs(A.indptr, A.indices, A.data, _SAME) if A.has_canonical_format else np.empty(0)
+    found = signs(*read_only((A.indptr, A.indices, A.data)), _SAME) if A.has_canonical_format else np.empty(0)
     return found if found.size else None

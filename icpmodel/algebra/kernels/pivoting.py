@@ -277,13 +277,20 @@ def many(S, r, c, M, Q, C, limit, Z):
     labels = np.empty(5 * n + 2, np.int64)
     work = np.empty(n + 1)
     free = np.empty(n, np.bool_)
-    base = np.empty(n)
+    q = np.empty(n)
     for k in range(Q.shape[0]):
         for i in range(n):
             free[i] = C[k, i] == -np.inf
-            base[i] = 0.0 if free[i] else C[k, i]
-        right(Q[k] + M @ base if base.any() else Q[k], r, c, f, units)
-        Z[k] = base + go_on(S, f, free, units, D, labels, work, START, limit)[2]
+            Z[k, i] = 0.0 if free[i] else C[k, i]
+        # (loops, as the array expressions of NumPy take three seconds to compile)
+        for i in range(n):
+            q[i] = Q[k, i]
+            for j in range(n):
+                q[i] += M[i, j] * Z[k, j]
+        right(q, r, c, f, units)
+        y = go_on(S, f, free, units, D, labels, work, np.int64(START), limit)[2]
+        for i in range(n):
+            Z[k, i] += y[i]
 
 
 @compiled
@@ -374,7 +381,7 @@ def solve_blocks(indptr, indices, data, q, c, slopes, above, rows, starts, wante
             exponents[at] = -high
             for j in range(b):
                 S[at, j] = math.ldexp(S[at, j], -high)
-        code, _, y, _ = go_on(*begin(S, exponents, none, f, free), START, _PIVOTS * (b + 1))
+        code, _, y, _ = go_on(*begin(S, exponents, none, f, free), np.int64(START), _PIVOTS * (b + 1))
         solved[k] = code == SOLVED
         for at in range(b):
             z[block[at]] += y[at]

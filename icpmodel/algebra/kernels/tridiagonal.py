@@ -105,8 +105,12 @@ def refine(lower, diagonal, upper, q, free, z):
     p = np.empty_like(z)
     step = np.empty_like(z)
     product(lower, diagonal, upper, q, z, p)
-    solve(lower, diagonal, upper, free, -p, np.zeros_like(z), step)
-    return z + step
+    for i in range(z.size):
+        p[i] = -p[i]
+    solve(lower, diagonal, upper, free, p, np.zeros_like(z), step)
+    for i in range(z.size):
+        step[i] += z[i]
+    return step
 
 
 @compiled
@@ -181,26 +185,26 @@ def release(lower, diagonal, upper, q, c):
     # the rows that Newton's steps begin with. Where there is no obstacle, a lower bound of z is one: what it would be
     # if there were none anywhere. Where a determinant says that A is no M-matrix, all rows begin on their obstacles
     n = q.size
-    bounded = c != -np.inf
-    if not bounded.all():
-        below = np.empty(n)
-        load = np.empty(n)
-        every = np.empty(n, np.bool_)
-        for i in range(n):
-            load[i] = -q[i]
-            every[i] = True
+    below = np.empty(n)
+    load = np.empty(n)
+    every = np.empty(n, np.bool_)
+    bounded = True
+    for i in range(n):
+        load[i] = -q[i]
+        every[i] = True
+        bounded = bounded and c[i] != -np.inf
+    if not bounded:
         solve(lower, diagonal, upper, every, load, c, below)
-        for i in range(n):
-            if bounded[i]:
-                below[i] = c[i]
-        c = below
+    for i in range(n):
+        if c[i] != -np.inf:
+            below[i] = c[i]
     f = np.empty(n)
-    product(lower, diagonal, upper, q, c, f)
+    product(lower, diagonal, upper, q, below, f)
     for i in range(n):
         f[i] /= diagonal[i]
     free, sound = top_down(lower, diagonal, upper, f)
     for i in range(n):
-        free[i] = (free[i] and sound) or not bounded[i]
+        free[i] = (free[i] and sound) or c[i] == -np.inf
     return free
 
 
@@ -211,6 +215,8 @@ def many(lower, diagonal, upper, Q, C, D, limit, Z):
     for k in range(Q.shape[0]):
         free = release(lower, diagonal, upper, Q[k], C[k])
         if D is None:
-            Z[k] = newton(lower, diagonal, upper, Q[k], C[k], None, C[k], free, limit)[0]
+            z = newton(lower, diagonal, upper, Q[k], C[k], None, C[k], free, limit)[0]
         else:
-            Z[k] = newton(lower, diagonal, upper, Q[k], C[k], D[k], C[k].copy(), free, limit)[0]
+            z = newton(lower, diagonal, upper, Q[k], C[k], D[k], C[k].copy(), free, limit)[0]
+        for i in range(z.size):
+            Z[k, i] = z[i]

@@ -42,11 +42,13 @@ def _remove(i, degree, head, after, before):
 @compiled
 def _packed(start, length, weight, mark, lists):
     # what is alive, moved together into new lists; returns them and where they end
+    # (loops, as a slice that is assigned to takes three seconds to compile)
     packed = np.empty_like(lists)
     end = 0
     for i in range(start.size):
         if weight[i] != 0 and length[i] > 0 and mark[i] != 0:
-            packed[end : end + length[i]] = lists[start[i] : start[i] + length[i]]
+            for k in range(length[i]):
+                packed[end + k] = lists[start[i] + k]
             start[i] = end
             end += length[i]
     return packed, end
