@@ -5,7 +5,10 @@ from __future__ import annotations
 import inspect
 import math
 import os
+import re
+import sys
 from collections.abc import Callable, Iterable
+from tempfile import NamedTemporaryFile
 from typing import Any, NamedTuple
 
 import click
@@ -23,7 +26,7 @@ from ..solvers.foreign import foreign_solvers
 SOURCE_HELP = f"""SOURCE is the name of a built-in scene (see `icpmodel scenes`), an .npz file written by
 --save-problem, a .mat file with the variables A, q, psi and upper, or a folder of Matrix Market files with a psi.json;
 or else give --A and --q, and --psi and --upper where there are obstacles other than 0. A file of A or of a vector ends
-in {", ".join(SUFFIXES)}."""
+in {", ".join(SUFFIXES)}; in .csv and .txt the first line may have names. One of the files may be -, standard input."""
 
 Decorator = Callable[[Any], Any]
 
@@ -84,6 +87,8 @@ class _MethodOption(click.Option):
 #: what a file holds of a problem → the argument
 _PARTS = {"A": "a_file", "q": "q_file", "psi": "psi", "upper": "upper"}
 
+#: how what comes from standard input begins, and the suffix that it gets; else it is CSV
+_BEGINS = {b"PK": ".npz", b"\x93NUMPY": ".npy", b"%%MatrixMarket": ".mtx"}
 #: by which the problem is named
 SOURCE_OPTIONS = (
     click.argument("source", required=False, type=SOURCE),
@@ -117,10 +122,18 @@ def command(*decorators: Decorator) -> Decorator:
     return lambda run: click.command(epilog=SOURCE_HELP)(options(*decorators)(run))
 
 
-def from_signature(function: Callable[..., Any], told: dict[str, str]) -> list[Decorator]:
-    """An option for each parameter that is `told` of, with the type and the default that `function` gives it."""
+def from_signature(function: Callable[..., Any], *names: str) -> list[Decorator]:
+    """An option for each of the named parameters, with the type, the default and the description that it has."""
     known = inspect.signature(function).parameters
-    return [_option(known[name], text) for name, text in told.items()]
+    told = _descriptions(function)
+    return [_option(known[name], told[name]) for name in names]
+
+
+def _descriptions(function: Callable[..., Any]) -> dict[str, str]:
+    """Parameter → its description in the section of a docstring in numpydoc form."""
+    _, _, rest = (inspect.getdoc(function) or "").partition("Parameters\n----------\n")
+    entries = re.findall(r"^(\w[\w, ]*) :.*\n((?: {4}.*\n|\n(?= ))+)", rest, re.MULTILINE)
+    return {name: " ".join(text.split()) for names, text in entries for name in names.split(", ")}
 
 
 def _option(parameter: inspect.Parameter, said: str) -> Decorator:
@@ -141,6 +154,7 @@ class Named(NamedTuple):
 
 def named_source(arguments: dict[str, Any]) -> Named:
     """The scene or the files that the arguments name. Raises InputError, FileError."""
+    arguments = arguments | {key: _input(arguments[key]) for key in ("source", *_PARTS.values())}
     source = arguments["source"]
     file = arguments["a_file"]
     n = arguments["n"]
@@ -180,6 +194,18 @@ def note_size(named: Named, n: int) -> None:
     """Say that the scene has not the size that was wanted, but `n` unknowns, where that is so."""
     if named.n not in (None, n):
         click.echo(f"note: {named.scene} has no size {named.n}; the nearest is {n}", err=True)
+
+
+def _input(name: str | None) -> str | None:
+    """`name`, or for "-" a file that has what comes from standard input, until the command ends."""
+    if name != "-":
+        return name
+    data = sys.stdin.buffer.read()
+    suffix = next((suffix for begin, suffix in _BEGINS.items() if data.startswith(begin)), ".csv")
+    with NamedTemporaryFile(suffix=suffix, delete=False) as file:
+        file.write(data)
+    click.get_current_context().call_on_close(lambda: os.unlink(file.name))
+    return file.name
 
 
 def _side(text: str | None) -> float | str | None:

@@ -30,13 +30,8 @@ from .arguments import (
 from .output import FORMS, TO_FIGURE, exit_code, measured, must_be_writable, print_table, typed, wrote
 from .solving import unsolved
 
-_RUNS = {
-    "points": "Points per axis.",
-    "starts": "Starts per point; the worst run counts.",
-    "max_iter": "Steps of a run.",
-    "rtol": "Relative tolerance of a run.",
-}
-_TIMINGS = {"repeats": "Rounds of timings.", "time_limit": "Seconds for one run."}
+_RUNS = ("points", "starts", "max_iter", "rtol")
+_TIMINGS = ("repeats", "time_limit")
 
 
 @command(
@@ -44,7 +39,7 @@ _TIMINGS = {"repeats": "Rounds of timings.", "time_limit": "Seconds for one run.
     click.argument("source", required=False, type=SOURCE),
     *SOURCE_OPTIONS[1:],
     click.option("--method", type=METHOD, help="For the planes that vary the problem.  [default: mnmgs]"),
-    *from_signature(map_stability, _RUNS),
+    *from_signature(map_stability, *_RUNS),
     TO_FIGURE,
     *FORMS,
 )
@@ -74,7 +69,7 @@ def stability(plane: str, output: str | None, form: str | None, **arguments: Any
         "--method", "methods", multiple=True, type=METHOD, help="Beside solve(); repeatable; default: several."
     ),
     click.option("--solver", "solvers", multiple=True, type=SOLVER, help="Repeatable; default: all that apply."),
-    *from_signature(run_race, _TIMINGS),
+    *from_signature(run_race, *_TIMINGS),
     TO_FIGURE,
     *FORMS,
 )
@@ -111,7 +106,7 @@ def _shown(run: Callable[[], Any], output: str | None, form: str | None, partly:
     *SOURCE_OPTIONS,
     *METHOD_OPTIONS,
     click.option("-o", "--output", type=click.Path(), required=True, help="The HTML file to write."),
-    *from_signature(make_report, {"time_limit": "Seconds for the cross-check."}),
+    *from_signature(make_report, "time_limit"),
 )
 def report(output: str, time_limit: float, **arguments: Any) -> int:
     """Write one self-contained HTML page on SOURCE: explained, solved, pictured, cross-checked, charted."""

@@ -23,12 +23,7 @@ from ..solve.solution import Status
 from .arguments import SOURCE_OPTIONS, from_signature, named_source, note_size, options
 from .output import AS_JSON, complain, must_be_writable, show_json, wrote
 
-_LIMITS = {
-    "rtol": "Stop at the residual rtol * Res_D(0) ...",
-    "atol": "... or at atol, the larger of both.",
-    "max_iter": "Iterations on the finest level.",
-    "time_limit": "Seconds, looked at between two iterations.",
-}
+_LIMITS = ("rtol", "atol", "max_iter", "time_limit")
 
 #: seconds in which rank 0 has told what ended all ranks
 _MOMENT = 0.5
@@ -54,7 +49,7 @@ psi.json; or else give --A and --q, and --psi and --upper where there are obstac
 )
 @options(*SOURCE_OPTIONS)
 @click.option("--z0", "z0_file", type=click.Path(), help=f"Start from the vector in this file, {', '.join(PARTED)}.")
-@options(*from_signature(solve, _LIMITS))
+@options(*from_signature(solve, *_LIMITS))
 @click.option("--bound/--no-bound", default=True, help="Compute the error bound, which costs about a linear solve.")
 @click.option(
     "-o", "--output", type=click.Path(), help=f"Write the answer to this file, {' or '.join(WRITTEN_IN_PARTS)}."

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import json
-import textwrap
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import click
 
-from ..crosscheck.judge import Verdict
 from ..crosscheck.report import HEADS, Report
 from ..errors import InputError, Interrupted
 from ..icp import ICP
 from ..modelling.files import save_problem
 from ..modelling.solution_files import check_place, read_start, save_solution
 from ..present.card import Card
-from ..present.table import Table, width
+from ..present.table import Table
 from ..present.whole_files import as_path, check_ours
 from ..scenes import Scene, titles
 from ..scenes import parameters as parameters_of
@@ -26,7 +23,6 @@ from ..solve.driver import solve as run
 from ..solve.progress import status_line
 from ..solve.solution import Solution, Status
 from ..solvers.foreign import chosen_solvers
-from ..solvers.formulations import Target
 from .arguments import (
     METHOD_OPTIONS,
     SCENE,
@@ -36,27 +32,17 @@ from .arguments import (
     from_signature,
     named_method,
     named_problem,
-    pairs,
 )
 from .output import AS_JSON, exit_code, must_be_writable, print_told, show_json, wrote
 
-#: columns of a sentence that goes to no terminal
-_WIDTH = 118
 #: of `solve`
-_LIMITS = {
-    "rtol": "Stop at the residual rtol * Res_D(0), default 1e-8 ...",
-    "atol": "... or at atol, the larger of both, default 0 ...",
-    "accuracy": "... or, instead, at this certified error of every entry of z.",
-    "max_iter": "Iterations in all.",
-    "time_limit": "Seconds; what would take longer than what is left of them is not begun.",
-    "memory_limit": "Bytes that may be taken; by default what the machine has free.",
-}
+_LIMITS = ("rtol", "atol", "accuracy", "max_iter", "time_limit", "memory_limit")
 #: of a command that solves
 _SOLVE_OPTIONS = (
     *SOURCE_OPTIONS,
     *METHOD_OPTIONS,
     click.option("--z0", "z0_file", type=click.Path(), help="Start from the z in this file, by -o, or a vector."),
-    *from_signature(run, _LIMITS),
+    *from_signature(run, *_LIMITS),
     click.option("--bound/--no-bound", default=True, help="Compute the error bound, which may cost a solve."),
     AS_JSON,
 )
@@ -135,83 +121,25 @@ def crosscheck(
     chosen_solvers(solvers)
     problem, scene = named_problem(arguments)
     solution = _solved(problem, scene, arguments)
-    reports: list[Report] = []
-    coverage = ""
+    report: Report | None = None
     if solution.solved:
-        parameters = pairs(arguments["parameters"])
-        for title, report in checks(problem, solution, solvers, solver_time_limit, scene, parameters):
-            if not as_json:
-                click.echo(f"\n{title}{report.findings()}" if reports else f"{report.findings()}\n\n{solution}")
-            if csv_path is not None and not reports:
-                report.to_csv(csv_path)
-            reports.append(report)
-            coverage = reports[0].coverage(*reports[1:])
-    elif not as_json:
-        click.echo(f"Not solved: {solution.status.value}; no independent solver was asked.\n\n{solution}")
+        try:
+            report = problem.crosscheck(solution, solvers or None, time_limit=solver_time_limit, progress=True)
+        except Interrupted as stopped:
+            report = stopped.report
+    if report is not None and csv_path is not None:
+        report.to_csv(csv_path)
     if as_json:
-        told = [json.loads(report.to_json()) for report in reports]
-        about = {"solution": solution.about(), "report": told[0] if told else None, "at_their_size": told[1:]}
-        show_json(about | {"coverage": coverage})
-    elif len(reports) > 1 and coverage:
-        click.echo("\n" + textwrap.fill(coverage, width(_WIDTH), break_on_hyphens=False))
+        show_json({"solution": solution.about(), "report": report and json.loads(report.to_json())})
+    elif report is not None:
+        click.echo(f"{report.findings()}\n\n{solution}")
+    else:
+        click.echo(f"Not solved: {solution.status.value}; no independent solver was asked.\n\n{solution}")
     complaint = "not confirmed: no independent solver agrees, or one disagrees"
-    return exit_code(confirmed(reports), complaint if solution.solved else unsolved(solution))
+    return exit_code(report is not None and report.agrees, complaint if solution.solved else unsolved(solution))
 
 
-def checks(
-    problem: ICP, solution: Solution, solvers: Any, time_limit: float, scene: Scene | None, parameters: dict[str, Any]
-) -> Iterator[tuple[str, Report]]:
-    """The report on `solution`; then, for solvers that the scene is too large for, one at the largest size they take.
-    Each comes with its title. After Ctrl-C the report that it cut short is the last one."""
-    try:
-        report = problem.crosscheck(solution, solvers or None, time_limit=time_limit, progress=True)
-        yield "", report
-        for smaller, asked in at_their_size(scene, report, parameters) if scene is not None else ():
-            title = f"{', '.join(asked)}: the same scene at n = {smaller.n}\n"
-            yield title, smaller.crosscheck(None, asked, time_limit=time_limit, progress=True)
-    except Interrupted as stopped:
-        yield "", stopped.report
-
-
-def confirmed(reports: list[Report]) -> bool:
-    """Whether the first of the `reports` agrees, and nobody disagrees at a smaller size."""
-    smaller = (row for report in reports[1:] for row in report.rows)
-    return bool(reports) and reports[0].agrees and all(row.verdict is not Verdict.DISAGREES for row in smaller)
-
-
-def at_their_size(scene: Scene, report: Report, parameters: dict[str, Any]) -> list[tuple[ICP, tuple[str, ...]]]:
-    """For the solvers that a scene is too large for: the scene at the largest size they take, and their names."""
-    by_size: dict[tuple[int, int], list[str]] = {}
-    whole = Target(scene.problem)
-    for row in report.rows:
-        solver = chosen_solvers([row.solver])[0]
-        could = row.verdict is not Verdict.SKIPPED or row.note.startswith(solver.too_large)
-        if could and solver.largest is not None and solver.size(whole) > solver.largest:
-            by_size.setdefault((solver.largest, solver.size(whole)), []).append(row.solver)
-    found = []
-    for (largest, size), asked in by_size.items():
-        solver = chosen_solvers(asked[0])[0]
-        n = largest * scene.problem.n // size
-        while solver.size(Target(smaller := scene_called(scene.name, n, **parameters).problem)) > largest:
-            n -= 1
-        target = Target(smaller)
-        takes_it = tuple(name for name in dict.fromkeys(asked) if chosen_solvers([name])[0].why_not(target) is None)
-        if takes_it:
-            found.append((smaller, takes_it))
-    return found
-
-
-@command(
-    *SOURCE_OPTIONS,
-    *METHOD_OPTIONS,
-    *from_signature(
-        ICP.explain,
-        {
-            "accuracy": "To which the numbers of steps refer.",
-            "thorough": "Let every question take as long as it takes.",
-        },
-    ),
-)
+@command(*SOURCE_OPTIONS, *METHOD_OPTIONS, *from_signature(ICP.explain, "accuracy", "thorough"))
 @AS_JSON
 def explain(accuracy: float, thorough: bool, as_json: bool, **arguments: Any) -> int:
     """Say what is certain of the problem SOURCE before it is solved: classes, uniqueness, theorems, predicted rates."""

@@ -121,28 +121,13 @@ class Report(Shown, Tabular):
         """The rows of solvers that were given the problem."""
         return tuple(row for row in self.rows if row.verdict is not Verdict.SKIPPED)
 
-    def coverage(self, *smaller: Report) -> str:
-        """The checks that agree and what each covers, in one sentence.
-
-        Parameters
-        ----------
-        *smaller : Report
-            Reports of the same scene at fewer n.
-
-        Returns
-        -------
-        str
-            Empty where none agrees.
-        """
-        covered = {
-            "the whole problem": [row for row in self.rows if not row.frozen],
-            "with its obstacle frozen at the answer, which leaves open whether there are others,": [
-                row for row in self.rows if row.frozen
-            ],
-        } | {f"the same scene at n = {one.n}, which says nothing of this answer,": one.rows for one in smaller}
+    def coverage(self) -> str:
+        """The checks that agree and what each covers, in one sentence, empty where none agrees."""
+        frozen = "with its obstacle frozen at the answer, which leaves open whether there are others,"
         parts = []
-        for what, rows in covered.items():
-            names = dict.fromkeys(row.solver for row in rows if row.verdict is Verdict.AGREES)
+        for what, is_frozen in (("the whole problem", False), (frozen, True)):
+            agreeing = (row for row in self.rows if row.verdict is Verdict.AGREES and row.frozen is is_frozen)
+            names = dict.fromkeys(row.solver for row in agreeing)
             if names:
                 parts.append(f"{what} by {', '.join(names)}")
         return f"Solved alike: {'; '.join(parts)}." if parts else ""

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import io
 import warnings
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -96,21 +97,30 @@ def as_values(path: Path, value: Any, n: int) -> Any:
     return value.toarray()
 
 
+def _has_names(line: str, between: str | None) -> bool:
+    """Whether every cell of the line begins with a letter, and is neither "nan" nor "inf"."""
+    cells = [cell.strip(" \"'\n").lower() for cell in line.split(between)]
+    return all(cell[:1].isalpha() and cell not in ("nan", "inf", "infinity") for cell in cells)
+
+
 def read_text(path: Path, heads: str = "") -> np.ndarray:
-    """The table of numbers in a text file, of two axes, below the line `heads` where there is to be one."""
+    """The table of numbers in a text file, of two axes, below `heads`, or a line of names, where there is one."""
     between = _TEXTS[path.suffix.lower()]
     with opened(path) as (raw, size):
         check_room(str(path), 8.0 * size / 2)  # a number has a digit and what ends it
         check_end(path, raw, size)
         file = io.TextIOWrapper(raw, encoding="utf-8-sig", errors="replace")
-        if heads and file.readline().strip() != heads:
+        first = file.readline()
+        if heads and first.strip() != heads:
             raise FileError(f"{path}: its first line is not {heads!r}")
+        lines = file if heads or _has_names(first, between) else chain([first], file)
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("error")  # NumPy warns where there is nothing at all
-                return np.loadtxt(file, delimiter=between, comments=None, ndmin=2)
+                return np.loadtxt(lines, delimiter=between, comments=None, ndmin=2)
         except (ValueError, Warning) as error:
             if not size:
                 raise FileError(f"{path}: is empty") from error
-            wanted = f"lines of numbers with {'commas' if between else 'spaces'} between, and no heads, were expected"
-            raise FileError(f"{path}: {str(error).strip().rstrip('.')}; {wanted}") from error
+            found = str(error).strip().rstrip(".") if isinstance(error, ValueError) else "no numbers"
+            wanted = f"numbers with {'commas' if between else 'spaces'} between, and names in the first line at most"
+            raise FileError(f"{path}: {found}; {wanted}, were expected") from error

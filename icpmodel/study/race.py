@@ -39,9 +39,6 @@ METHODS = ("mnmgs", "mnmaor, tuned", "psor, tuned", "newton", "multilevel")
 _LOOSE = 10.0
 #: a run that takes so many seconds is timed once
 _ONCE = 1.0
-#: how often what a competitor is given is made, for the median
-_BUILDS = 3
-
 #: z ↦ its error, None where it has none
 _Error = Callable[[Any], float | None]
 _Say = Callable[[str], None]
@@ -313,23 +310,28 @@ def _measure(case: Case, z_exact: Any, limit: float) -> tuple[str, _Error]:
 def _first_run(case: Case, one: Competitor, tolerance: float, limit: float) -> str | None:
     """Why `one` does not take part, or None. Its first run imports and compiles what it needs.
 
-    What nothing can stop runs in a process that can be ended, and here only where that is over in time.
+    What nothing can stop is done first in a process that can be ended.
     """
 
-    def attempt() -> Iterator[str | None]:
-        reason = one.why_not(case)
-        if reason is None:
-            one.build(case)
-            one.run(case, tolerance, limit)
-        yield reason
+    def pose() -> Iterator[str | None]:
+        yield one.why_not(case)
+
+    def run() -> Iterator[None]:
+        one.build(case)
+        one.run(case, tolerance, limit)
+        yield
 
     try:
-        reason = None if one.stops else next(in_time(attempt, case.problem, 1, time.perf_counter() + limit))
-        return reason or next(attempt())
+        if not one.stops:
+            next(in_time(pose, case.problem, 1, time.perf_counter() + limit))
+        if reason := one.why_not(case):
+            return reason
+        next(run() if one.stops else in_time(run, case.problem, 1, time.perf_counter() + limit))
     except OutOfTime:
         return f"its set-up and first run take longer than time_limit = {limit:g} s"
     except ChildProcessError as error:
         return str(error)
+    return None
 
 
 def _linear_solve(case: Case, repeats: int, limit: float) -> float | None:
@@ -345,8 +347,7 @@ def _run(
     case: Case, entered: list[Competitor], asked: list[float], repeats: int, limit: float, error: _Error, say: _Say
 ) -> Iterator[Entry]:
     """In the first round it turns out who needs which tolerances and how long; the short runs are then repeated."""
-    built = timed({one.name: clocked(partial(one.build, case)) for one in entered}, _BUILDS, warm=False)
-    builds = {name: float(np.median(seconds)) for name, seconds in built.items()}
+    builds = {one.name: _build_seconds(case, one) for one in entered}
     reached = dict.fromkeys(builds, 1.0)  # 0 for one that is asked for no more
     again = {}
     entries = {}
@@ -369,6 +370,13 @@ def _run(
     for key, run in interleaved(again, repeats - 1, say=lambda k: say(f"round {k + 1} of {repeats}")):
         entries[key] = replace(entries[key], seconds=(*entries[key].seconds, builds[key[0]] + run.seconds))
         yield entries[key]
+
+
+def _build_seconds(case: Case, one: Competitor) -> float:
+    """The median of the times of `build`, or its time where that is long."""
+    build = clocked(partial(one.build, case))
+    seconds = build()
+    return seconds if seconds >= _ONCE else float(np.median([seconds, build(), build()]))
 
 
 def _entry(case: Case, one: Competitor, tolerance: float, build: float, run: Claim, error: _Error) -> Entry:

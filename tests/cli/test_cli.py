@@ -1,5 +1,6 @@
 """The command line: text and JSON, exit codes, and errors in one line on standard error."""
 
+import io
 import json
 import shlex
 
@@ -132,6 +133,17 @@ def test_crosscheck_reports_and_exits_0_only_when_confirmed(capsys, tmp_path):
     code, out, err = call(capsys, "crosscheck", "membrane", "--solver", "pyomo-highs")
     assert code == 1  # skipped for its size, and so nobody agrees
     assert "not confirmed" in err
+
+
+def test_standard_input_is_a_file_and_the_first_line_of_a_table_may_have_names(capsys, tmp_path, monkeypatch):
+    A = tmp_path / "A.csv"
+    A.write_text("first,second\n2,-1\n-1,2\n")
+    problem = tmp_path / "p.npz"
+    icp.save_problem(icp.ICP([[2, -1], [-1, 2]], [-1, 3]), problem)
+    for typed, given in ((["--A", str(A), "--q", "-"], b"q\n-1\n3\n"), (["-"], problem.read_bytes())):
+        monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(given)))
+        code, out, _ = call(capsys, "solve", *typed, "--json")
+        assert (code, json.loads(out)["z"]) == (0, [0.5, 0.0])
 
 
 def test_a_run_goes_on_from_a_saved_answer(capsys, tmp_path):

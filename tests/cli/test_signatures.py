@@ -1,4 +1,4 @@
-"""Options from functions: their types and defaults are those of the signature."""
+"""Options from functions: types and defaults are those of the signature, descriptions those of the docstring."""
 
 from __future__ import annotations
 
@@ -10,17 +10,32 @@ from icpmodel.cli.arguments import from_signature, options
 from icpmodel.cli.output import measured
 from icpmodel.errors import Interrupted
 
-HELP = {"time_limit": "Seconds.", "k": "Right-hand sides.", "n": "Unknowns."}
-
 
 def study(time_limit: float = 3.0, k: int = 5, n: int | None = None, progress: bool = False) -> None:
-    """Take options."""
+    """Take options.
+
+    Parameters
+    ----------
+    time_limit : float, default 3
+        Seconds.
+    k, n : int
+        Numbers of right-hand sides
+        and unknowns.
+
+        More of them.
+
+    Returns
+    -------
+    None
+    """
 
 
 def invoked(*arguments):
     """The arguments of the command, or its exit code and what it prints."""
     seen = {}
-    command = click.command()(options(*from_signature(study, HELP))(lambda **given: seen.update(given)))
+    command = click.command()(
+        options(*from_signature(study, "time_limit", "k", "n"))(lambda **given: seen.update(given))
+    )
     result = CliRunner().invoke(command, arguments)
     return seen or (result.exit_code, result.output)
 
@@ -32,7 +47,7 @@ def test_an_option_has_the_type_and_the_default_of_its_parameter():
     assert isinstance(given["time_limit"], float)
     assert invoked("--k", "many")[0] == 2
     _, page = invoked("--help")
-    assert "[default: 5]" in page
+    assert "Numbers of right-hand sides and unknowns. More of them. [default: 5]" in " ".join(page.split())
     assert "progress" not in page
 
 
