@@ -12,6 +12,7 @@ from ..numerics import work
 from ..numerics.arrays import ReadOnly, Vector, absolute, as_csr, as_square, freeze, is_symmetric, locked
 from ..numerics.equilibration import balanced
 from ..numerics.krylov import SMALL_RADIUS, couplings, radius_of
+from ..numerics.sparse_input import checked_sparse
 from ..numerics.threads import THREADS_FROM, run_in_threads, threads_for
 
 #: an A of so many rows is dense until its sparse form is asked for
@@ -90,12 +91,12 @@ class Matrix(ReadOnly):
     def __init__(self, A: Any, labels: Any = None) -> None:
         if labels is not None and not hasattr(labels, "step"):  # a range is no name
             self.labels = labels
-        square: Any = as_csr(A, "A", keep_diagonal=True) if sp.issparse(A) else as_square(A, "A")
-        small = square.shape[0] <= _SMALL
-        sparse = sp.issparse(square)
-        self.dense = (square.toarray() if sparse else square) if small else None
+        if sp.issparse(A) and max(A.shape) <= _SMALL:
+            A = checked_sparse(A, "A").toarray()
+        square: Any = A if sp.issparse(A) else as_square(A, "A")
+        self.dense = square if square.shape[0] <= _SMALL else None
         if self.dense is None:
-            self.sparse = square if sparse else as_csr(square, "A", keep_diagonal=True)
+            self.sparse = as_csr(square, "A", keep_diagonal=True)
         self.lock()
         self._measure(self.sparse if self.dense is None else self.dense)
 

@@ -1,14 +1,12 @@
-"""Few unknowns over fixed obstacles: pivots in one compiled call, and the judge, without a run."""
+"""Few unknowns over fixed obstacles: from the arrays to the judged answer in one compiled call, without a run."""
 
 from __future__ import annotations
-
-import numpy as np
 
 from ..algebra.affine_lcp import PIVOT_UP_TO, PIVOTS
 from ..methods.shortcuts import Lemke
 from ..numerics import work
 from ..problem.data import ProblemData
-from .goal import Goal, Limits
+from .goal import Limits
 from .solution import Solution, Status
 
 _LEMKE = Lemke()
@@ -23,17 +21,12 @@ def pivoted(problem: ProblemData, limits: Limits) -> Solution | None:
     n = problem.n
     if M is None or n > PIVOT_UP_TO or not problem.psi.is_constant or problem.psi.upper is not None:
         return None
-    from ..algebra.kernels.balancing import scale
-    from ..algebra.kernels.pivoting import many  # loads numba
+    from .kernels.few_unknowns import solve_few  # loads numba
 
     assert problem.psi.linear is not None
     begun = work.clock()
-    Z = np.empty((1, n))
-    many(*scale(M), M, problem.q[None], problem.psi.linear[1][None], PIVOTS * (n + 1), Z)
-    z = Z[0]
-    goal = Goal(float(limits.tolerance(problem.residual_scale())), problem)
-    residual = goal.judged(z, problem.residual(z))
-    if not residual <= goal.tolerance:
+    z, residual, tolerance = solve_few(M, problem.q, problem.psi.linear[1], float(limits.rtol), PIVOTS * (n + 1))
+    if not residual <= tolerance:
         return None
     work.count(work.COSTS.pivot_entry * n**3 / 3.0)
     return Solution(
@@ -46,7 +39,7 @@ def pivoted(problem: ProblemData, limits: Limits) -> Solution | None:
         last_method=_LEMKE,
         why=f"{n} unknowns are few",
         residual=residual,
-        tolerance=goal.tolerance,
+        tolerance=tolerance,
         atol=limits.atol,
         iterations=1,
         seconds=work.clock() - begun,

@@ -155,3 +155,16 @@ def test_an_affine_obstacle_that_no_z_reaches_is_proved_to_be_infeasible_without
             assert not (exact(A).T @ y + x - exact(G).T @ x).any()
             proved += 1
     assert proved >= 10
+
+
+@pytest.mark.parametrize("form", [np.asarray, sp.csr_array, sp.coo_array])
+@pytest.mark.parametrize("n", [1, 7, 64])
+def test_few_unknowns_are_judged_as_any_other_problem(n, form):
+    rng = np.random.default_rng(n)
+    for scale in (1.0, 1e-150, 1e150):
+        B = rng.normal(size=(n, n))
+        psi = rng.choice([-np.inf, -1.0, 0.0, 2.0], size=n)
+        problem = icp.ICP(form(scale * (B @ B.T + np.eye(n))), scale * rng.normal(size=n), psi)
+        found = problem.solve()
+        assert found.residual <= found.tolerance == pytest.approx(1e-8 * problem.residual_scale())
+        assert problem.residual(found.z) <= found.residual + 1e-14 * np.abs(found.z).max()

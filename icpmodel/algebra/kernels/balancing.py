@@ -32,6 +32,20 @@ def _to_means(size, c, r):
 
 
 @compiled
+def _balance(M, r, c):
+    # units of rows and columns whose geometric means are near 1
+    n = M.shape[0]
+    size = np.full((n, n), _NONE)
+    for i in range(n):
+        for j in range(n):
+            if M[i, j] != 0.0:
+                size[i, j] = math.frexp(M[i, j])[1]
+    for _ in range(_PASSES):
+        if max(_to_means(size, c, r), _to_means(size.T, r, c)) <= 1:
+            break
+
+
+@compiled
 def scale(M):
     # (S, r, c) with s_ij = 2^(r_i + c_j) m_ij near 1: geometric means of rows and columns in turn, where
     # the largest entries of rows or columns differ much; else all are divided by the largest of all. (Entries that are
@@ -40,31 +54,25 @@ def scale(M):
     n = M.shape[0]
     r = np.zeros(n, np.int64)
     c = np.zeros(n, np.int64)
-    size = np.full((n, n), _NONE)
-    rows = np.full(n, _NONE)
-    columns = np.full(n, _NONE)
+    rows = np.zeros(n)
+    columns = np.zeros(n)
     for i in range(n):
         for j in range(n):
-            if M[i, j] != 0.0:
-                size[i, j] = math.frexp(M[i, j])[1]
-                rows[i] = max(rows[i], size[i, j])
-                columns[j] = max(columns[j], size[i, j])
-    high = _NONE
-    for i in range(n):
-        high = max(high, rows[i])
+            size = abs(M[i, j])
+            rows[i] = max(rows[i], size)
+            columns[j] = max(columns[j], size)
+    high = rows.max()
     low = high
-    for i in range(n):
-        if rows[i] > _NONE:
-            low = min(low, rows[i])
-        if columns[i] > _NONE:
-            low = min(low, columns[i])
-    if high - low <= 2 * _TAME:
-        for i in range(n):
-            r[i] = -high if high > _NONE else 0
-    else:
-        for _ in range(_PASSES):
-            if max(_to_means(size, c, r), _to_means(size.T, r, c)) <= 1:
-                break
+    for largest in (rows, columns):
+        for size in largest:
+            if size > 0.0:
+                low = min(low, size)
+    exponent = math.frexp(high)[1]
+    unit = math.ldexp(1.0, -exponent)
+    if exponent - math.frexp(low)[1] <= 2 * _TAME and 0.0 < unit < np.inf:
+        r[:] = -exponent
+        return M * unit, r, c
+    _balance(M, r, c)
     S = np.empty((n, n))
     for i in range(n):
         for j in range(n):
