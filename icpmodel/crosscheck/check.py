@@ -120,13 +120,18 @@ def crosscheck(
             interrupted = True
             at_work = ""
             note = "interrupted"
-        for name, own in rows.items():
-            verdict = Verdict.FAILED if name == at_work else Verdict.SKIPPED
-            rows[name] = own or [Row(name, "", verdict, note=note)]
-        report = _report(checked, solution, certain, tuple(chain(*rows.values())))
+        report = _report(checked, solution, certain, _all_rows(rows, at_work, note))
         if interrupted:
             raise Interrupted(report) from None
         return report
+
+
+def _all_rows(rows: dict[str, list[Row]], at_work: str, note: str) -> tuple[Row, ...]:
+    """The rows, with one for each solver that has not answered: it failed where it was `at_work`."""
+    for name, own in rows.items():
+        verdict = Verdict.FAILED if name == at_work else Verdict.SKIPPED
+        rows[name] = own or [Row(name, "", verdict, note=note)]
+    return tuple(chain(*rows.values()))
 
 
 def _report(checked: Checked, solution: Any, certain: tuple[float, float | None, str], rows: tuple[Row, ...]) -> Report:

@@ -167,8 +167,7 @@ class Table(Shown):
         str
             HTML.
         """
-        numbers = [not self._is_text(k) for k in range(len(self.heads))]
-        return render("table.html", title=self.title, heads=self.heads, rows=self._cells(), numbers=numbers)
+        return render("table.html", title=self.title, heads=self.heads, rows=self._cells(), numbers=self._numbers())
 
     def to_csv(self) -> str:
         """The heads and rows as CSV text, numbers in full.
@@ -184,9 +183,6 @@ class Table(Shown):
 
     def to_latex(self) -> str:
         """The table as LaTeX: a float of the kind `table`, with the rules of the package booktabs.
-
-        A text of the first column that several rows share is printed once. Where every text is shared,
-        each has a float of its own, with the text in its caption.
 
         Returns
         -------
@@ -209,7 +205,11 @@ class Table(Shown):
         \\end{tabular}
         \\end{table}
         """
-        return as_latex(self.title, self.heads, self.rows, self._cells())
+        return as_latex(self.title, self.heads, self._cells(), self._numbers())
+
+    def _numbers(self) -> list[bool]:
+        """Which columns have no texts."""
+        return [not self._is_text(k) for k in range(len(self.heads))]
 
     def _cells(self) -> list[list[str]]:
         return [[_text(cell) for cell in row] for row in self.rows]

@@ -74,17 +74,17 @@ def to_pyomo(problem: ProblemLike) -> Any:
     p = _moved(problem.A, problem.q, z)
     below = _obstacle(sides_of(problem.psi)[0], z)
     above = [np.inf] * problem.n if problem.upper is None else _obstacle(problem.upper, z)
-    has_below, has_above = ([not _is_infinite(one) for one in side] for side in (below, above))
+    has_below, has_above = ([not (isinstance(one, float) and np.isinf(one)) for one in side] for side in (below, above))
     two = [i for i in z if has_below[i] and has_above[i]]
-    ranges = two if problem.psi.is_constant else []
-    model.v = pyo.Var([i for i in two if i not in ranges])
+    fixed = problem.psi.is_constant
+    model.v = pyo.Var([] if fixed else two)
     for i, v in model.v.items():
         p[i] = p[i] + v
 
     def rule(_: Any, i: int) -> Any:
-        if i in ranges:
-            same = below[i] == above[i]
-            return complements(z[i] == below[i] if same else pyo.inequality(below[i], z[i], above[i]), p[i])
+        if has_below[i] and has_above[i] and fixed:
+            low, high = below[i], above[i]
+            return complements(z[i] == low if low == high else pyo.inequality(low, z[i], high), p[i])
         if has_below[i]:
             return complements(p[i] >= 0, z[i] - below[i] >= 0)
         return complements(p[i] <= 0, z[i] - above[i] <= 0)
@@ -95,10 +95,6 @@ def to_pyomo(problem: ProblemLike) -> Any:
     model.equation = pyo.Constraint(sorted({*model.z} - {*held}), rule=lambda _, i: p[i] == 0)
     model.objective = pyo.Objective(expr=0.0)
     return model
-
-
-def _is_infinite(value: Any) -> bool:
-    return isinstance(value, float) and np.isinf(value)
 
 
 def _obstacle(psi: Map, z: Any) -> list[Any]:

@@ -262,13 +262,9 @@ def race(
             found = replace(found, measure=measure)
             say("one linear solve")
             found = replace(found, limit=_linear_solve(case, repeats, limit))
-            entered = []
-            for one in named:
-                say(f"{one.name}: warming up")
-                if reason := _first_run(case, one, max(asked), limit):
-                    found = replace(found, skipped=(*found.skipped, (one.name, reason)))
-                else:
-                    entered.append(one)
+            reasons = _first_runs(case, named, max(asked), limit, say)
+            found = replace(found, skipped=tuple((name, reason) for name, reason in reasons.items() if reason))
+            entered = [one for one in named if reasons[one.name] is None]
             for entry in _run(case, entered, sorted(asked, reverse=True), repeats, limit, error, say):
                 entries[entry.name, entry.tolerance] = entry
     except KeyboardInterrupt:
@@ -305,6 +301,17 @@ def _measure(case: Case, z_exact: Any, limit: float) -> tuple[str, _Error]:
         return distance if np.isfinite(distance) else None
 
     return words, error
+
+
+def _first_runs(
+    case: Case, named: list[Competitor], tolerance: float, limit: float, say: _Say
+) -> dict[str, str | None]:
+    """Who does not take part, and why, or None."""
+    reasons = {}
+    for one in named:
+        say(f"{one.name}: warming up")
+        reasons[one.name] = _first_run(case, one, tolerance, limit)
+    return reasons
 
 
 def _first_run(case: Case, one: Competitor, tolerance: float, limit: float) -> str | None:
