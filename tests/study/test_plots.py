@@ -146,9 +146,9 @@ def test_solves_in_a_row_and_what_moves_with_the_data_have_a_picture(solution):
     solves = [LINE.problem.with_q(c * LINE.problem.q).solve() for c in (1.0, 2.0, 3.0)]
     (axes,) = icp.study.figure(solves).axes
     assert all(np.array_equal(line.get_ydata(), one.z) for line, one in zip(axes.lines, solves, strict=True))
-    moved = icp.study.sensitivity(solution, trials=2)
+    moved = icp.study.sensitivity(solution)
     field = icp.study.figure(moved).axes[0].collections[0]
-    assert np.array_equal(np.ravel(field.get_array()), moved.moved)
+    assert np.array_equal(np.ravel(field.get_array()), moved.rows)
     many = icp.solve_many(LINE.problem.A, [c * LINE.problem.q for c in range(1, 20)], LINE.problem.psi)
     (axes,) = icp.study.figure(many).axes
     assert [line.get_label() for line in axes.lines][:: len(axes.lines) - 1] == ["row 0", "row 18"]

@@ -13,21 +13,45 @@ SOLVED = [
 ]
 
 
+def perturbed(problem, random, eps):
+    """The problem with every entry of A, q and an obstacle that has data changed by a factor 1 ± ε."""
+
+    def moved(x):
+        return x * (1.0 + eps * random.choice([-1.0, 1.0], np.shape(x)))
+
+    A = problem.A.copy()
+    A.data = moved(A.data)
+    psi = problem.psi
+    if problem.upper is None and psi.linear is not None:
+        G, c = psi.linear
+        G = G.copy()
+        G.data = moved(G.data)
+        psi = icp.Affine(G, moved(c))
+    return icp.ICP(A, moved(problem.q), psi)
+
+
 @pytest.mark.parametrize("name", SOLVED)
-def test_random_changes_move_z_by_no_more_than_the_condition_number(name):
-    """Law: max|δz| ≤ κ·ε·max|z| to first order; where the norm is only estimated, κ may be short by a factor of 3."""
-    found = sensitivity(icp.scenes.scene(name).problem.solve(), trials=5)
-    assert found.local is not None
-    assert found.observed is not None
-    assert 0 < found.observed <= found.local * (1.001 if found.exact else 3.0)
+def test_random_changes_move_z_by_no_more_than_the_condition_numbers(name):
+    """Law: |δz_i| ≤ κ_i·ε·max|z| to first order; where the norm is only estimated, κ may be short by a factor of 3."""
+    eps = 1e-6
+    random = np.random.default_rng(0)
+    solution = icp.scenes.scene(name).problem.solve().polish()
+    found = sensitivity(solution)
+    assert found.local == pytest.approx(found.rows.max()) or not found.exact
+    unit = eps * np.abs(solution.z).max()
+    for _ in range(5):
+        moved = np.abs(perturbed(solution.problem, random, eps).solve(z0=solution.z).polish().z - solution.z) / unit
+        if found.exact and not found.undecided:
+            assert (moved <= found.rows * 1.001 + 1e-6).all()
+        assert moved.max() <= found.local * (1.001 if found.exact else 3.0)
     if found.certified is not None:
-        assert max(found.observed, found.local) <= found.certified * 1.001
+        assert found.local <= found.certified * 1.001
 
 
 def test_the_certificate_knows_the_condition_of_an_equation():
     """z = −q/a without an obstacle near: the proof gives 2 as well, up to rounding."""
     assert sensitivity(icp.ICP([[3.0]], [-6.0]).solve()).certified == pytest.approx(2.0, rel=1e-6)
-    assert sensitivity(icp.scenes.hard_many().problem.solve(), trials=1).certified is None
+    assert sensitivity(icp.scenes.hard_many().problem.solve()).certified is None
 
 
 def test_the_worst_signs_reach_the_condition_number():
@@ -43,11 +67,11 @@ def test_units_do_not_matter():
     A, q = np.array([[1.0, -0.9], [-0.9, 1.0]]), np.array([-1.0, 0.5])
     one, other = (sensitivity(icp.ICP(A, s * q).solve()) for s in (1.0, 2.0**300))
     assert one.local == pytest.approx(other.local)
-    assert one.observed == pytest.approx(other.observed, rel=1e-6)
+    assert one.rows == pytest.approx(other.rows)
 
 
 def test_an_estimate_agrees_with_the_exact_number():
-    small, large = (sensitivity(icp.scenes.bai_symmetric(n=n).problem.solve(), trials=1) for n in (484, 529))
+    small, large = (sensitivity(icp.scenes.bai_symmetric(n=n).problem.solve()) for n in (484, 529))
     assert small.exact
     assert not large.exact
     assert large.local == pytest.approx(small.local, rel=0.5)
@@ -58,9 +82,7 @@ def test_what_cannot_be_told_is_said():
         sensitivity(icp.scenes.hard_jump().problem.solve(raise_on_failure=False))
     with pytest.raises(icp.InputError, match="z = 0"):
         sensitivity(icp.ICP([[1.0]], [1.0]).solve())
-    with pytest.raises(icp.InputError, match="change is 1"):
-        sensitivity(icp.ICP([[1.0]], [-1.0]).solve(), change=1.0)
-    many = sensitivity(icp.scenes.hard_many().problem.solve(), trials=1)
+    many = sensitivity(icp.scenes.hard_many().problem.solve())
     assert many.local is None
     assert "singular" in str(many)
 
@@ -86,4 +108,4 @@ def test_a_picture_shows_z_and_p_at_their_places(name):
 def test_equations_that_are_singular_but_for_rounding_give_no_condition_number():
     B = np.random.default_rng(80).normal(size=(80, 79))
     solution = icp.ICP(B @ B.T, -B @ (B.T @ np.ones(80)), psi=-10.0).solve(z0=np.ones(80))
-    assert sensitivity(solution, trials=1).local is None
+    assert sensitivity(solution).local is None

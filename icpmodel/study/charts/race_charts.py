@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -39,7 +39,7 @@ def _(race: Race) -> Drawing:
         Panel(
             draw=partial(_times, race, {name: look[name] for name in shown}, limits, heading),
             caption=_HOW_TIMES if k == 0 else "The same for others, with solve() once more.",
-            alt=_times_in_words(race, shown),
+            alt=f"Time against {race.measure}. {race.winner}",
         )
         for k, (heading, shown) in enumerate(_parts(kinds))
     ]
@@ -80,19 +80,8 @@ def _parts(kinds: Mapping[str, str]) -> list[tuple[str, list[str]]]:
     return [(heading, [name for name in shown if name in kinds]) for heading, shown in parts]
 
 
-def _times_in_words(race: Race, shown: Iterable[str]) -> str:
-    """For each competitor its most accurate run."""
-    best = [_most_accurate(runs) for name in shown if (runs := _judged(race, name))]
-    words = [f"{run.name} gets to {run.error or 0.0:.1e} in {in_seconds(run.median)}" for run in best]
-    return f"Time against {race.measure}. {'; '.join(words) or 'No run has an error'}."
-
-
 def _judged(race: Race, name: str) -> list[Entry]:
     return [run for run in race.entries if run.name == name and run.error is not None]
-
-
-def _most_accurate(runs: Sequence[Entry]) -> Entry:
-    return min(runs, key=lambda run: np.inf if run.error is None else run.error)
 
 
 def _limits(race: Race) -> dict[str, Any]:

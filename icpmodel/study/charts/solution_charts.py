@@ -52,10 +52,10 @@ def _(derivative: Derivative, points: Any = None, shape: Any = None) -> Drawing:
 
 @drawing.register
 def _(sensitivity: Sensitivity, points: Any = None, shape: Any = None) -> Drawing:
-    if sensitivity.moved is None:
-        raise InputError("the sensitivity has no picture: a changed problem was not solved")
-    name = f"largest |dz| of {sensitivity.trials} changes / ({sensitivity.change:g} max |z|)"
-    return drawing(Fields(sensitivity.problem, {name: sensitivity.moved}), points=points, shape=shape)
+    if sensitivity.rows is None:
+        raise InputError("the sensitivity has no picture: the equations of the active set are singular")
+    name = "condition number of each entry" + ("" if sensitivity.exact else ", from below")
+    return drawing(Fields(sensitivity.problem, {name: sensitivity.rows}), points=points, shape=shape)
 
 
 @drawing.register
