@@ -36,7 +36,9 @@ share, h = STRIKE * np.exp(x), x[1] - x[0]
 payoff = np.maximum(STRIKE - share, 0)
 
 
-def put(rate: float, volatility: float = VOLATILITY, years: int = 1, dates: int = DATES) -> tuple:
+def put(
+    rate: float, volatility: float = VOLATILITY, years: int = 1, dates: int = DATES
+) -> tuple:
     """The value on the inner grid, below which price to exercise at each date, and the last solution."""
     dt = years / dates
     diffusion, drift = volatility**2 / (2 * h**2), (rate - volatility**2 / 2) / (2 * h)
@@ -82,7 +84,10 @@ print(f"{'months to expiry':>17} {'exercise below':>15}")
 for month in (1, 3, 6, 12):
     print(f"{month:17d} {boundary[month * DATES // 12 - 1]:15.2f}")
 price = np.interp(0.0, x[1:-1], value)
-print(f"\nAt the money the put is worth {price:.2f}; a binomial tree gives {tree(True, RATE):.2f}.")
+print(
+    f"\nAt the money the put is worth {price:.2f}; a binomial tree gives "
+    f"{tree(True, RATE):.2f}."
+)
 print(f"Without the right to exercise early it would be {tree(False, RATE):.2f}.")
 
 # %%
@@ -115,7 +120,10 @@ for suffix in ("png", "svg"):
 #
 # `RATE`. The higher the interest, the earlier one wants the money: the boundary rises, and what waiting is worth falls.
 
-print(f"{'interest':>8} {'the put':>8} {'without early exercise':>23} {'exercise below':>15}")
+print(
+    f"{'interest':>8} {'the put':>8} {'without early exercise':>23} "
+    f"{'exercise below':>15}"
+)
 for rate in sorted({0.02, 0.05, 0.10, 0.20, RATE}):
     v, edge, _ = put(rate, dates=100)
     at_the_money = np.interp(0.0, x[1:-1], v)
@@ -131,7 +139,10 @@ for rate in sorted({0.02, 0.05, 0.10, 0.20, RATE}):
 
 v, edge, _ = put(0.0)
 early, late = np.interp(0.0, x[1:-1], v), tree(False, 0.0)
-print(f"American {early:.3f}, without early exercise {late:.3f}; exercised at {np.sum(edge > 0)} of {edge.size} dates")
+print(
+    f"American {early:.3f}, without early exercise {late:.3f}; exercised at "
+    f"{np.sum(edge > 0)} of {edge.size} dates"
+)
 assert not edge.any(), "without interest nobody exercises early"
 assert abs(early - late) < 0.01, "without interest waiting costs nothing"
 
@@ -142,9 +153,13 @@ assert abs(early - late) < 0.01, "without interest waiting costs nothing"
 # Answer: The boundary falls towards that price as expiry moves away, and does not reach it.
 
 forever = STRIKE * 2 * 0.05 / (2 * 0.05 + 0.2**2)
-edges = {years: put(0.05, 0.2, years=years, dates=40 * years)[1][-1] for years in (1, 10)}
+edges = {
+    years: put(0.05, 0.2, years=years, dates=40 * years)[1][-1] for years in (1, 10)
+}
 print(f"1 year {edges[1]:.2f}, 10 years {edges[10]:.2f}, for ever {forever:.2f}")
-assert forever < edges[10] < edges[1], "the boundary falls towards that of the put for ever"
+assert forever < edges[10] < edges[1], (
+    "the boundary falls towards that of the put for ever"
+)
 
 # %%
 # **3.** What is $p/\Delta t$ where the put is exercised, and why?
@@ -154,6 +169,13 @@ assert forever < edges[10] < edges[1], "the boundary falls towards that of the p
 # exercised now it is exercised at the next date as well, so that $V_{\text{later}}$ is the payoff.)
 
 _, edge, last = put(0.05)
-lost = last.p[share[1:-1] < edge[-1]][:-1] * DATES  # the last one has a neighbour that is held
-print(f"p/dt from {lost.min():.4f} to {lost.max():.4f}; interest on the strike: {0.05 * STRIKE:.4f} a year")
-assert np.abs(lost - 0.05 * STRIKE).max() < 1e-2, "what is lost is the interest on the strike"
+lost = (
+    last.p[share[1:-1] < edge[-1]][:-1] * DATES
+)  # the last one has a neighbour that is held
+print(
+    f"p/dt from {lost.min():.4f} to {lost.max():.4f}; interest on the strike: "
+    f"{0.05 * STRIKE:.4f} a year"
+)
+assert np.abs(lost - 0.05 * STRIKE).max() < 1e-2, (
+    "what is lost is the interest on the strike"
+)

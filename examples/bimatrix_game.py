@@ -46,20 +46,34 @@ def strategies(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 # $2^6 = 64$ choices of equations, in fractions: these four are all.
 
 solution = game(THIRD).solve()
-print(f"solve(): {solution.status.value}; certified to be the only solution: {solution.certificate.unique}")
+print(
+    f"solve(): {solution.status.value}; certified to be the only solution: "
+    f"{solution.certificate.unique}"
+)
 found = icp.all_solutions(game(THIRD))
 equilibria = np.array([strategies(z)[0] for z in found.points])
-print(f"{len(found.points)} equilibria, {len(found.faces)} faces of others, all found: {found.complete}")
+print(
+    f"{len(found.points)} equilibria, {len(found.faces)} faces of others, all "
+    f"found: {found.complete}"
+)
 for z in found.points:
     x, y = strategies(z)
-    print(f"  {x.round(4) + 0.0} and {y.round(4) + 0.0}, each earns {x @ np.diag([3.0, 2.0, THIRD]) @ y:.2f}")
+    print(
+        f"  {x.round(4) + 0.0} and {y.round(4) + 0.0}, each earns "
+        f"{x @ np.diag([3.0, 2.0, THIRD]) @ y:.2f}"
+    )
 
 # %%
 # Newton's method starts where both firms have the same beliefs, $x = y$. Each of them is a point of a triangle, whose
 # corners are the standards. Its colour says which equilibrium that start leads to.
 
 SIDE = 24
-STARTS = np.array([(i, j, SIDE - i - j) for i in range(SIDE + 1) for j in range(SIDE + 1 - i)]) / SIDE
+STARTS = (
+    np.array(
+        [(i, j, SIDE - i - j) for i in range(SIDE + 1) for j in range(SIDE + 1 - i)]
+    )
+    / SIDE
+)
 
 
 def led_to(g: float, points: np.ndarray) -> np.ndarray:
@@ -74,7 +88,10 @@ def led_to(g: float, points: np.ndarray) -> np.ndarray:
 
 reached = led_to(THIRD, found.points)
 for k, x in enumerate(equilibria):
-    print(f"  {(reached == k).sum():4d} of {len(STARTS)} starts lead to {x.round(4) + 0.0}")
+    print(
+        f"  {(reached == k).sum():4d} of {len(STARTS)} starts lead to "
+        f"{x.round(4) + 0.0}"
+    )
 
 corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.5, np.sqrt(3.0) / 2]])
 figure, axes = plt.subplots(figsize=(6.2, 5.2), layout="constrained")
@@ -84,9 +101,18 @@ standards = np.array(["first", "second", "third"])
 for k, (x, colour) in enumerate(zip(equilibria, colours, strict=False)):
     axes.plot(*(STARTS[reached == k] @ corners).T, "o", color=colour, markersize=5)
     label = f"{', '.join(standards[x > 1e-9])}: {(reached == k).sum()} starts"
-    axes.plot(*(x @ corners), "*", color=colour, markeredgecolor="black", markersize=18, label=label)
+    axes.plot(
+        *(x @ corners),
+        "*",
+        color=colour,
+        markeredgecolor="black",
+        markersize=18,
+        label=label,
+    )
 axes.plot(*(STARTS[reached == -1] @ corners).T, "x", color="black", markersize=5)
-for corner, word, place in zip(corners, ("first", "second", "third"), ((0, -22), (0, -22), (0, 14)), strict=True):
+for corner, word, place in zip(
+    corners, ("first", "second", "third"), ((0, -22), (0, -22), (0, 14)), strict=True
+):
     axes.annotate(word, corner, place, textcoords="offset points", ha="center")
 axes.set_title("Where Newton's method ends, by where it starts")
 axes.legend(frameon=False, loc="upper left", title="equilibrium: what is chosen")
@@ -109,7 +135,9 @@ for suffix in ("png", "svg"):
 # degenerate, as $p_i = z_i = 0$ for the first two standards where both firms take the third.
 
 for g in sorted({-1.0, 0.0, 1.0, THIRD}):
-    print(f"third standard worth {g:4.1f}: {len(icp.all_solutions(game(g)))} equilibria")
+    print(
+        f"third standard worth {g:4.1f}: {len(icp.all_solutions(game(g)))} equilibria"
+    )
 
 # %%
 # ## Exercises
@@ -120,7 +148,9 @@ for g in sorted({-1.0, 0.0, 1.0, THIRD}):
 # The firms agree with probability 0.52, and each earns 1.20, less than where both take the second standard.
 
 mixed = np.array([0.4, 0.6, 0.0])
-assert any(np.allclose(x, mixed) for x in equilibria), "the mixed equilibrium by hand is among them"
+assert any(np.allclose(x, mixed) for x in equilibria), (
+    "the mixed equilibrium by hand is among them"
+)
 print(f"they agree with probability {mixed @ mixed:.2f}")
 
 # %%
@@ -141,7 +171,10 @@ assert classes.p.holds is False, "A is no P-matrix"
 # problem is infeasible. With other covering vectors, as the method `restarts` draws them, it does find a solution.
 
 lemke = game(THIRD).solve("lemke", raise_on_failure=False)
-print(f"Lemke's pivoting: {lemke.status.value}; proved infeasible: {lemke.infeasible is not None}")
+print(
+    f"Lemke's pivoting: {lemke.status.value}; proved infeasible: "
+    f"{lemke.infeasible is not None}"
+)
 assert not lemke.solved, "Lemke's pivoting fails here"
 assert lemke.infeasible is None, "and proves nothing by that"
 assert game(THIRD).solve("restarts").solved, "other starts find an equilibrium"

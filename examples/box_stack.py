@@ -33,7 +33,9 @@ def stack(masses: list[float], angle: float, mu: float = MU) -> icp.Solution:
     for k in range(len(masses)):
         for x in (-0.5, 0.5):  # uphill, downhill
             for t in (np.array([0.0, 1.0]), np.array([1.0, 0.0])):
-                row = np.zeros((len(masses), 3))  # velocities of x, y and the angle of each box
+                row = np.zeros(
+                    (len(masses), 3)
+                )  # velocities of x, y and the angle of each box
                 row[k] = [*t, x * t[1] + 0.5 * t[0]]
                 if k:
                     row[k - 1] = -np.array([*t, x * t[1] - 0.5 * t[0]])
@@ -45,7 +47,9 @@ def stack(masses: list[float], angle: float, mu: float = MU) -> icp.Solution:
     contacts = 2 * len(masses)
     findex = np.array([[-1, 2 * k] for k in range(contacts)]).ravel()
     lo, hi = np.tile([0.0, -mu], contacts), np.tile([np.inf, mu], contacts)
-    return icp.ICP.from_friction_index(J / inertia @ J.T, -J @ v, lo, hi, findex).solve()
+    return icp.ICP.from_friction_index(
+        J / inertia @ J.T, -J @ v, lo, hi, findex
+    ).solve()
 
 
 # %%
@@ -56,7 +60,10 @@ def stack(masses: list[float], angle: float, mu: float = MU) -> icp.Solution:
 
 for angle in (0.0, 10.0, 20.0, 30.0):
     state = icp.contact_state(stack([1.0, 1.0, 1.0], angle))
-    print(f"{angle:4.0f} degrees: {state}; the uphill edge lifts at {abs(state.velocities[0]):.4f} m/s")
+    print(
+        f"{angle:4.0f} degrees: {state}; the uphill edge lifts at "
+        f"{abs(state.velocities[0]):.4f} m/s"
+    )
 
 # %%
 # The contacts are redundant: twelve rows, and no more than nine velocities, so that A is singular. The impulses need
@@ -64,8 +71,13 @@ for angle in (0.0, 10.0, 20.0, 30.0):
 
 standing = stack([1.0, 1.0, 1.0], 0.0)
 carried = standing.z[0] + standing.z[2]
-print(f"rank of A: {np.linalg.matrix_rank(standing.problem.dense())} of {standing.problem.n}")
-print(f"the slope carries {carried:.4f} N s; the weight of one step is {3 * gdt:.4f} N s")
+print(
+    f"rank of A: {np.linalg.matrix_rank(standing.problem.dense())} of "
+    f"{standing.problem.n}"
+)
+print(
+    f"the slope carries {carried:.4f} N s; the weight of one step is {3 * gdt:.4f} N s"
+)
 assert abs(carried - 3 * gdt) < 1e-9, "the slope carries the weight"
 
 # %%
@@ -79,7 +91,9 @@ def block(direction: float, mu: float = MU, load: float = 1.0) -> icp.Solution:
     """A block of 1 kg that moves at 1 m/s, pressed down by `load` times its weight."""
     turn = np.deg2rad(direction)
     b = [load * gdt, -np.cos(turn), -np.sin(turn)]
-    return icp.ICP.from_friction_index(np.eye(3), b, [0, -mu, -mu], [np.inf, mu, mu], [-1, 0, 0]).solve()
+    return icp.ICP.from_friction_index(
+        np.eye(3), b, [0, -mu, -mu], [np.inf, mu, mu], [-1, 0, 0]
+    ).solve()
 
 
 def cone(direction: float, mu: float = MU, load: float = 1.0) -> np.ndarray:
@@ -90,24 +104,40 @@ def cone(direction: float, mu: float = MU, load: float = 1.0) -> np.ndarray:
 def box(direction: float, mu: float = MU, load: float = 1.0) -> np.ndarray:
     turn, bound = np.deg2rad(direction), mu * gdt
     q = [-load * gdt, np.cos(turn), np.sin(turn)]
-    return icp.ICP(np.eye(3), q, [0, -bound, -bound], upper=[np.inf, bound, bound]).solve().z[1:]
+    return (
+        icp.ICP(np.eye(3), q, [0, -bound, -bound], upper=[np.inf, bound, bound])
+        .solve()
+        .z[1:]
+    )
 
 
 print(f"{'direction':>9} {'pyramid':>9} {'cone':>9} {'too much by':>12}")
 for direction in (0.0, 15.0, 30.0, 45.0):
-    found, exact = np.linalg.norm(block(direction).z[1:]), np.linalg.norm(cone(direction))
-    print(f"{direction:5.0f} deg {found:9.5f} {exact:9.5f} {100 * (found / exact - 1):10.1f} %")
+    found, exact = (
+        np.linalg.norm(block(direction).z[1:]),
+        np.linalg.norm(cone(direction)),
+    )
+    print(
+        f"{direction:5.0f} deg {found:9.5f} {exact:9.5f} "
+        f"{100 * (found / exact - 1):10.1f} %"
+    )
 
 turns = np.arange(0.5, 90.0, 1.0)
 figure, (impulse, bend) = plt.subplots(1, 2, figsize=(9, 3.9), layout="constrained")
 around = np.deg2rad(np.linspace(0, 360, 361))
-impulse.plot(np.cos(around), np.sin(around), color="#0072B2", label="cone: all impulses")
-impulse.plot([1, -1, -1, 1, 1], [1, 1, -1, -1, 1], color="#D55E00", label="pyramid: all impulses")
+impulse.plot(
+    np.cos(around), np.sin(around), color="#0072B2", label="cone: all impulses"
+)
+impulse.plot(
+    [1, -1, -1, 1, 1], [1, 1, -1, -1, 1], color="#D55E00", label="pyramid: all impulses"
+)
 for direction in (20.0, 70.0, 200.0, 290.0):
     turn = np.deg2rad(direction)
     impulse.plot([0, np.cos(turn)], [0, np.sin(turn)], color="0.6", linewidth=1)
     solution = block(direction)
-    impulse.plot(*(solution.z[1:] / (MU * solution.z[0])), "o", color="#D55E00", markersize=6)
+    impulse.plot(
+        *(solution.z[1:] / (MU * solution.z[0])), "o", color="#D55E00", markersize=6
+    )
     impulse.plot(*(cone(direction) / (MU * gdt)), "s", color="#0072B2", markersize=6)
 impulse.plot([], [], color="0.6", linewidth=1, label="motion")
 impulse.set_aspect("equal")
@@ -119,7 +149,11 @@ impulse.set_xlabel("friction along the first axis / μzₙ")
 impulse.set_ylabel("along the second axis / μzₙ")
 impulse.set_title("Friction of a block that slides")
 impulse.legend(frameon=False, loc="upper center", ncols=1, fontsize=9)
-for mu, colour, line in ((0.2, "#009E73", "-."), (0.5, "#D55E00", "-"), (1.0, "#CC79A7", "--")):
+for mu, colour, line in (
+    (0.2, "#009E73", "-."),
+    (0.5, "#D55E00", "-"),
+    (1.0, "#CC79A7", "--"),
+):
     bends = [np.rad2deg(np.arctan2(*block(one, mu).p[:0:-1])) - one for one in turns]
     bend.plot(turns, bends, line, color=colour, label=f"pyramid, μ = {mu}")
 bend.axhline(0, color="#0072B2", label="cone")
@@ -137,7 +171,10 @@ for suffix in ("png", "svg"):
 # its width over its height, a third. The angles are those of a search in steps of a tenth of a degree.
 
 angles = np.arange(1.0, 50.0, 0.1)
-print(f"{'friction':>8} {'moves from':>11} {'and then':>9} {'arctan mu':>10} {'arctan 1/3':>11}")
+print(
+    f"{'friction':>8} {'moves from':>11} {'and then':>9} {'arctan mu':>10} "
+    f"{'arctan 1/3':>11}"
+)
 for mu in sorted({0.2, 0.3, 0.5, 1.0, MU}):
     for angle in angles:
         state = icp.contact_state(stack([1.0, 1.0, 1.0], angle, mu))
@@ -145,7 +182,9 @@ for mu in sorted({0.2, 0.3, 0.5, 1.0, MU}):
             break
     how = "topples" if state.separating.any() else "slides"
     theory = np.rad2deg(np.arctan(mu)), np.rad2deg(np.arctan(1 / 3))
-    print(f"{mu:8.1f} {angle:7.1f} deg {how:>9} {theory[0]:6.2f} deg {theory[1]:7.2f} deg")
+    print(
+        f"{mu:8.1f} {angle:7.1f} deg {how:>9} {theory[0]:6.2f} deg {theory[1]:7.2f} deg"
+    )
     assert abs(angle - min(theory)) <= 0.11, "the first of the two angles decides"
 
 # %%
@@ -167,10 +206,15 @@ assert abs(share - 1.0) < 1e-6, "the floor carries all"
 # Answer: Pyramid and cone double the friction, as their bound moves with the normal impulse. The box law, which has no
 # friction index, does not.
 
-for name, law in (("pyramid", lambda load: block(0.0, load=load).z[1:]), ("box", lambda load: box(0.0, load=load))):
+for name, law in (
+    ("pyramid", lambda load: block(0.0, load=load).z[1:]),
+    ("box", lambda load: box(0.0, load=load)),
+):
     once, twice = np.linalg.norm(law(1.0)), np.linalg.norm(law(2.0))
     print(f"{name:>8}: {once:.5f} N s, pressed twice as hard {twice:.5f} N s")
-    assert np.isclose(twice / once, 2.0 if name == "pyramid" else 1.0), "only a bound that moves doubles"
+    assert np.isclose(twice / once, 2.0 if name == "pyramid" else 1.0), (
+        "only a bound that moves doubles"
+    )
 
 # %%
 # **3.** The axes of friction are free to choose. How much friction does the block at 45 degrees get if the first axis
@@ -179,5 +223,10 @@ for name, law in (("pyramid", lambda load: block(0.0, load=load).z[1:]), ("box",
 # Answer: As much as from the cone: the block then slides along an axis, where the pyramid is exact.
 
 along, askew = np.linalg.norm(block(0.0).z[1:]), np.linalg.norm(block(45.0).z[1:])
-print(f"axes turned: {along:.5f} N s; not turned: {askew:.5f} N s; cone: {np.linalg.norm(cone(45.0)):.5f} N s")
-assert np.isclose(along, np.linalg.norm(cone(45.0))), "along an axis the pyramid is exact"
+print(
+    f"axes turned: {along:.5f} N s; not turned: {askew:.5f} N s; cone: "
+    f"{np.linalg.norm(cone(45.0)):.5f} N s"
+)
+assert np.isclose(along, np.linalg.norm(cone(45.0))), (
+    "along an axis the pyramid is exact"
+)

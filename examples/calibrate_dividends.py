@@ -39,7 +39,9 @@ at_ruin = sp.csr_array(([1.0], ([0], [0])), shape=(n, n))  # row 0 of A: V = 0
 i, j = np.tril_indices(n, -1)  # from x_i down to x_j
 
 
-def operator(rate: float, diffusion: float, drift: float) -> tuple[sp.csr_array, np.ndarray]:
+def operator(
+    rate: float, diffusion: float, drift: float
+) -> tuple[sp.csr_array, np.ndarray]:
     """rate V - diffusion V'' - drift V', with V' = WORTH at the right end: linear in all three."""
     second, first, q = diffusion / h**2, drift / (2 * h), np.zeros(n)
     below, middle = np.full(n - 1, first - second), np.full(n, rate + 2 * second)
@@ -59,13 +61,18 @@ def threshold(z: np.ndarray, k: int) -> tuple[float, np.ndarray]:
     """Where the line through the slopes of cells k and k + 1 is WORTH, and the derivative of that in z."""
     s0, s1 = np.diff(z[k : k + 3]) / h
     zbar = np.zeros(n)
-    zbar[k : k + 3] = np.array([s1 - WORTH, 2 * WORTH - s0 - s1, s0 - WORTH]) / (s1 - s0) ** 2
+    zbar[k : k + 3] = (
+        np.array([s1 - WORTH, 2 * WORTH - s0 - s1, s0 - WORTH]) / (s1 - s0) ** 2
+    )
     return x[k] + h / 2 + h * (WORTH - s0) / (s1 - s0), zbar
 
 
 def thresholds(solution: icp.Solution) -> list[tuple[float, np.ndarray]]:
     """Pay at, from the last two free cells, and down to."""
-    pays, falls = np.argmax(solution.p > solution.r), np.argmax(np.diff(solution.z) < WORTH * h)
+    pays, falls = (
+        np.argmax(solution.p > solution.r),
+        np.argmax(np.diff(solution.z) < WORTH * h),
+    )
     return [threshold(solution.z, int(pays) - 3), threshold(solution.z, int(falls) - 1)]
 
 
@@ -74,7 +81,9 @@ def slopes(solution: icp.Solution, volatility: float) -> list[list[float]]:
     dA, dq = operator(0.0, volatility, 0.0)
     derivative = solution.derivative()  # factorised once
     by = [derivative.adjoint(zbar) for _, zbar in thresholds(solution)]
-    return [[-WORTH * one.psi.sum(), one.A.multiply(dA).sum() + one.q @ dq] for one in by]
+    return [
+        [-WORTH * one.psi.sum(), one.A.multiply(dA).sum() + one.q @ dq] for one in by
+    ]
 
 
 solved = {}
@@ -122,9 +131,15 @@ for name, *numbers in rows:
     print(f"{name:>16}" + "".join(f" {number:8.4f}" for number in numbers))
 free = 2 * len(DRIFTS) - 2
 if free:
-    print(f"misfit per degree of freedom {2 * found.cost / free:.2f}, after {len(path)} Jacobians")
+    print(
+        f"misfit per degree of freedom {2 * found.cost / free:.2f}, after "
+        f"{len(path)} Jacobians"
+    )
 certain = [one.derivative().certain for one in firms(found.x)]
-print(f"at the answer the derivative is certain for {sum(certain)} of {len(certain)} firms")
+print(
+    f"at the answer the derivative is certain for {sum(certain)} of {len(certain)} "
+    "firms"
+)
 
 # %%
 # Left a threshold that can be fitted, and one that cannot; in the middle the firms; right the way to the answer.
@@ -135,22 +150,33 @@ for cost in costs:
     one = value(cost, TRUE[1], 0.5, one)
     by_rows.append(x[np.argmax(one.p > one.r)])
     by_slopes.append(thresholds(one)[0][0])
-figure, (reading, fit, plane) = plt.subplots(1, 3, figsize=(13, 4.2), layout="constrained")
+figure, (reading, fit, plane) = plt.subplots(
+    1, 3, figsize=(13, 4.2), layout="constrained"
+)
 reading.step(costs, by_rows, where="mid", color="#D55E00", label="first row that pays")
 reading.plot(costs, by_slopes, color="#0072B2", label="where the slope is 1/(1 + tax)")
-tangent = by_slopes[0] + slopes(value(costs[0], TRUE[1], 0.5), TRUE[1])[0][0] * (costs - costs[0])
-reading.plot(costs, tangent, ":", color="black", label="its tangent at the left, by the adjoint")
+tangent = by_slopes[0] + slopes(value(costs[0], TRUE[1], 0.5), TRUE[1])[0][0] * (
+    costs - costs[0]
+)
+reading.plot(
+    costs, tangent, ":", color="black", label="its tangent at the left, by the adjoint"
+)
 reading.set_xlabel("fixed cost c")
 reading.set_ylabel("reserve at which dividends are paid")
 reading.set_title("A threshold to fit, and one that is not")
 reading.legend(frameon=False, fontsize=9)
 
 several = np.linspace(0.2, 0.7, 9)
-for guess, line, colour, words in ((START, "--", "0.6", "start"), (found.x, "-", "#0072B2", "fitted")):
+for guess, line, colour, words in (
+    (START, "--", "0.6", "start"),
+    (found.x, "-", "#0072B2", "fitted"),
+):
     curve = [[t for t, _ in thresholds(value(*guess, drift))] for drift in several]
     fit.plot(several, curve, line, color=colour, label=[words, None])
 bars = {"fmt": "o", "color": "black", "markersize": 4, "capsize": 3}
-fit.errorbar(DRIFTS, observed[0::2], yerr=ERROR * observed[0::2], **bars, label="observed")
+fit.errorbar(
+    DRIFTS, observed[0::2], yerr=ERROR * observed[0::2], **bars, label="observed"
+)
 fit.errorbar(DRIFTS, observed[1::2], yerr=ERROR * observed[1::2], **bars)
 fit.annotate("pay from here", (0.45, 0.9), ha="center")
 fit.annotate("down to here", (0.45, 0.52), ha="center")
@@ -161,7 +187,10 @@ fit.legend(frameon=False, fontsize=9, loc="center right")
 
 turns = np.linspace(0, 2 * np.pi, 200)
 circle = np.linalg.cholesky(covariance) @ np.array([np.cos(turns), np.sin(turns)])
-for ax, deviations in ((plane, (2,)), (inset := plane.inset_axes((0.14, 0.08, 0.4, 0.4)), (1, 2))):
+for ax, deviations in (
+    (plane, (2,)),
+    (inset := plane.inset_axes((0.14, 0.08, 0.4, 0.4)), (1, 2)),
+):
     ax.plot(*np.array(path).T, ".-", color="0.6", label="on the way")
     for k in deviations:
         ax.plot(*(found.x[:, None] + k * circle), color="#0072B2")
@@ -185,8 +214,13 @@ for suffix in ("png", "svg"):
 # thresholds, just enough for two numbers, and then no misfit is left that could speak against the model. More firms
 # help by their number, like its square root, and little by their variety.
 
-print(f"{'firms with the drifts':>32} {'error of c':>11} {'error of σ':>11} {'correlation':>12}")
-for drifts in sorted({(0.45,), (0.2, 0.7), (0.4, 0.45, 0.5), (0.2, 0.3, 0.4, 0.5, 0.6, 0.7), DRIFTS}):
+print(
+    f"{'firms with the drifts':>32} {'error of c':>11} {'error of σ':>11} "
+    f"{'correlation':>12}"
+)
+for drifts in sorted(
+    {(0.45,), (0.2, 0.7), (0.4, 0.45, 0.5), (0.2, 0.3, 0.4, 0.5, 0.6, 0.7), DRIFTS}
+):
     rows = []
     for drift in drifts:
         one = value(*TRUE, drift)
@@ -206,9 +240,14 @@ for drifts in sorted({(0.45,), (0.2, 0.7), (0.4, 0.45, 0.5), (0.2, 0.3, 0.4, 0.5
 
 step = 1e-6 * np.array([1.0, -2.0])
 start = np.array(START)
-differences, derivative = residual(start + step) - residual(start - step), 2 * jacobian(start) @ step
+differences, derivative = (
+    residual(start + step) - residual(start - step),
+    2 * jacobian(start) @ step,
+)
 print(f"largest relative difference {np.abs(differences / derivative - 1).max():.0e}")
-assert np.allclose(differences, derivative, rtol=1e-5), "differences give the same derivative"
+assert np.allclose(differences, derivative, rtol=1e-5), (
+    "differences give the same derivative"
+)
 
 # %%
 # **2.** At some costs two neighbouring rows are equally good to pay down to. What becomes of the derivative there? Find
@@ -232,8 +271,13 @@ while high - low > 1e-14:
     low, high = (middle, high) if target(middle) == here else (low, middle)
 solution = value(low, TRUE[1], 0.5)
 kink, zbar = solution.derivative(), thresholds(solution)[0][1]
-left, right = (zbar @ dz for dz in kink.one_sided(dpsi=WORTH))  # gains fall where c rises
-print(f"at c = {low:.9f}: certain {kink.certain}; dx*/dc is {-left:.4f} to the left, {-right:.4f} to the right")
+left, right = (
+    zbar @ dz for dz in kink.one_sided(dpsi=WORTH)
+)  # gains fall where c rises
+print(
+    f"at c = {low:.9f}: certain {kink.certain}; dx*/dc is {-left:.4f} to the left, "
+    f"{-right:.4f} to the right"
+)
 assert not kink.certain, "at the jump no derivative is certain"
 
 # %%

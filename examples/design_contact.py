@@ -38,7 +38,10 @@ FLOOR, PUSH, GAP, SPLINES, START, M = -0.1, 2.0, 0.002, 18, 5.0, 70
 scene = icp.scenes.membrane(n=M * M)
 (x, y), A, cell = 2 * scene.points.T - 1, scene.problem.A, scene.h**2
 
-bowl, arms = np.abs(np.hypot(x, y - 0.15) - 0.45) < 0.09, np.abs(np.abs(x) - 0.45) < 0.09
+bowl, arms = (
+    np.abs(np.hypot(x, y - 0.15) - 0.45) < 0.09,
+    np.abs(np.abs(x) - 0.45) < 0.09,
+)
 stem = (np.abs(x) < 0.09) & (np.abs(y) < 0.72)
 psi = stem | np.where(y < 0.15, bowl, arms & (y < 0.6))
 letter = psi.reshape(M, M)
@@ -57,7 +60,9 @@ def membrane(theta: np.ndarray) -> icp.Solution:
 def shortfall(theta: np.ndarray) -> tuple[float, np.ndarray]:
     """What is to be least, and its gradient: z moves p and r, and the load also p itself."""
     one = membrane(theta)
-    missing = np.abs(side) * np.maximum(1 - side * (one.p / cell / PUSH - one.r / GAP), 0.0)
+    missing = np.abs(side) * np.maximum(
+        1 - side * (one.p / cell / PUSH - one.r / GAP), 0.0
+    )
     by_p, by_r = -side * missing / (M * M * cell * PUSH), side * missing / (M * M * GAP)
     by_q = one.derivative().adjoint(A.T @ by_p + by_r).q + by_p
     return 0.5 * np.mean(missing**2), cell * (B.T @ by_q)
@@ -74,7 +79,11 @@ def design(most: float):
 def counts(solution: icp.Solution) -> list[int]:
     """Inside: touch, do not; outside: touch, do not."""
     touches = solution.p > solution.r
-    return [int(np.sum((side == s) & (touches == t))) for s in (1, -1) for t in (True, False)]
+    return [
+        int(np.sum((side == s) & (touches == t)))
+        for s in (1, -1)
+        for t in (True, False)
+    ]
 
 
 # %%
@@ -85,7 +94,9 @@ def counts(solution: icp.Solution) -> list[int]:
 
 found = design(MOST)
 before, after = membrane(np.full(SPLINES**2, START)), membrane(found.x)
-print(f"{'':>14} {'inside: touch':>14} {'do not':>7} {'outside: touch':>15} {'do not':>7}")
+print(
+    f"{'':>14} {'inside: touch':>14} {'do not':>7} {'outside: touch':>15} {'do not':>7}"
+)
 for words, solution in (("uniform load", before), ("chosen load", after)):
     a, b, c, d = counts(solution)
     print(f"{words:>14} {a:14d} {b:7d} {c:15d} {d:7d}")
@@ -104,10 +115,14 @@ def pressure(one: icp.Solution) -> np.ndarray:
 
 shade = {"extent": (-1, 1, -1, 1), "origin": "lower"}
 touched = {"cmap": "cividis", "vmin": 0, "vmax": 0.9 * after.p.max() / cell}
-figure, (first, load, last) = plt.subplots(1, 3, figsize=(13, 4.2), layout="constrained", sharey=True)
+figure, (first, load, last) = plt.subplots(
+    1, 3, figsize=(13, 4.2), layout="constrained", sharey=True
+)
 first.imshow(pressure(before), **shade, **touched)
 first.set_title(f"Contact under the uniform load {START:.0f}")
-picture = load.imshow((B @ found.x).reshape(M, M), **shade, cmap="RdBu_r", vmin=-MOST, vmax=MOST)
+picture = load.imshow(
+    (B @ found.x).reshape(M, M), **shade, cmap="RdBu_r", vmin=-MOST, vmax=MOST
+)
 figure.colorbar(picture, ax=load, label="load, force per area")
 load.set_title("The load that was chosen")
 picture = last.imshow(pressure(after), **shade, **touched)
@@ -127,7 +142,10 @@ for suffix in ("png", "svg"):
 # `MOST`, the strength of the pistons. Weak ones cannot lift the membrane between the strokes of the letter, nor press
 # it down at their ends.
 
-print(f"{'strength':>8} {'shortfall':>10} {'inside, but does not touch':>27} {'outside, but touches':>21}")
+print(
+    f"{'strength':>8} {'shortfall':>10} {'inside, but does not touch':>27} "
+    f"{'outside, but touches':>21}"
+)
 for most in sorted({3.0, 6.0, 12.0, MOST}):
     one = design(most)
     _, missed, extra, _ = counts(membrane(one.x))
@@ -156,8 +174,13 @@ assert np.isclose(difference, slope, rtol=1e-4), "differences give the same slop
 
 touches = before.p > before.r
 inside = touches & (A @ touches.astype(float) == 0)  # with all four neighbours
-print(f"pressure inside the contact: {before.p[inside].min() / cell:.6f} to {before.p[inside].max() / cell:.6f}")
-assert np.allclose(before.p[inside] / cell, START), "inside the contact the floor takes all of the load"
+print(
+    f"pressure inside the contact: {before.p[inside].min() / cell:.6f} to "
+    f"{before.p[inside].max() / cell:.6f}"
+)
+assert np.allclose(before.p[inside] / cell, START), (
+    "inside the contact the floor takes all of the load"
+)
 
 # %%
 # **3.** Why not simply count the points that are on the wrong side, and make that least?
@@ -166,6 +189,12 @@ assert np.allclose(before.p[inside] / cell, START), "inside the contact the floo
 # wherever it has one: an optimiser that follows slopes does not move at all. The margin tells how far a point is from
 # changing sides.
 
-counted = [sum(counts(membrane(theta + size * step / 1e-4))[1:3]) for size in (0.0, 1e-6, 1e-3, 1.0)]
-print(f"points on the wrong side after ever larger steps: {counted}; shortfall's slope along them: {slope / 2e-4:.4f}")
+counted = [
+    sum(counts(membrane(theta + size * step / 1e-4))[1:3])
+    for size in (0.0, 1e-6, 1e-3, 1.0)
+]
+print(
+    f"points on the wrong side after ever larger steps: {counted}; shortfall's "
+    f"slope along them: {slope / 2e-4:.4f}"
+)
 assert counted[0] == counted[1], "a tiny step does not change the count"

@@ -32,26 +32,40 @@ COST, TAX = 0.05, 0.2  # COST from 0.0025 to 0.15: beyond it the firm never pays
 DRIFT, VOLATILITY, RHO, LENGTH = 0.5, 0.3, 0.2, 1.5
 
 
-def firm(n: int, cost: float = COST, tax: float = TAX) -> tuple[np.ndarray, icp.Solution]:
+def firm(
+    n: int, cost: float = COST, tax: float = TAX
+) -> tuple[np.ndarray, icp.Solution]:
     """The grid of reserves and the value on it."""
     x, worth = np.linspace(0.0, LENGTH, n), 1 / (1 + tax)
     h = x[1]
     second, first, q = VOLATILITY**2 / (2 * h**2), DRIFT / (2 * h), np.zeros(n)
-    below, middle, above = np.full(n - 1, first - second), np.full(n, RHO + 2 * second), np.full(n - 1, -first - second)
+    below, middle, above = (
+        np.full(n - 1, first - second),
+        np.full(n, RHO + 2 * second),
+        np.full(n - 1, -first - second),
+    )
     middle[0], above[0] = 1.0, 0.0  # ruin: V = 0
-    below[-1], q[-1] = -2 * second, -2 * (second + first) * h * worth  # far out: slope 1/(1 + tax)
+    below[-1], q[-1] = (
+        -2 * second,
+        -2 * (second + first) * h * worth,
+    )  # far out: slope 1/(1 + tax)
     A = sp.diags_array([below, middle, above], offsets=[-1, 0, 1])
     i, j = np.tril_indices(n, -1)  # from x_i down to x_j
     gains = sp.csr_array((worth * (x[i] - x[j] - cost), (i, j)), shape=(n, n))
     return x, icp.ICP(A, q, icp.Intervention(gains)).solve(rtol=1e-10)
 
 
-def payment(x: np.ndarray, solution: icp.Solution, tax: float = TAX) -> tuple[float, float]:
+def payment(
+    x: np.ndarray, solution: icp.Solution, tax: float = TAX
+) -> tuple[float, float]:
     """Pay at, and down to: where the slope of V, read off a straight line through two cells, is 1/(1 + tax)."""
     slope, worth = np.diff(solution.z) / x[1], 1 / (1 + tax)
     pays = int(np.argmax(solution.p > solution.r))
     cells = pays - 3, int(np.argmax(slope < worth)) - 1
-    at, down = (x[k] + x[1] / 2 + x[1] * (worth - slope[k]) / (slope[k + 1] - slope[k]) for k in cells)
+    at, down = (
+        x[k] + x[1] / 2 + x[1] * (worth - slope[k]) / (slope[k + 1] - slope[k])
+        for k in cells
+    )
     return at, down
 
 
@@ -66,7 +80,11 @@ print(f"{'grid h':>9} {'V(1)':>12} {'pay at x*':>12} {'down to':>12} {'steps':>6
 for n in (61, 241, 961):
     x, solution = firm(n)
     seen = [np.interp(1.0, x, solution.z), *payment(x, solution)]
-    print(f"{x[1]:9.6f}" + "".join(f" {one:12.7f}" for one in seen) + f" {solution.iterations:6d}")
+    print(
+        f"{x[1]:9.6f}"
+        + "".join(f" {one:12.7f}" for one in seen)
+        + f" {solution.iterations:6d}"
+    )
 if (COST, TAX) == (0.05, 0.2):
     print(f"{'exact':>9}" + "".join(f" {one:12.7f}" for one in exact))
     print("A quarter of the grid spacing divides the error by about 16: second order.")
@@ -88,7 +106,10 @@ value.legend(frameon=False, loc="lower right")
 slope.plot((x[1:] + x[:-1]) / 2, np.diff(V) / x[1], color="#0072B2", label="slope of V")
 words = "1/(1 + tax): worth of one unit paid out"
 slope.axhline(1 / (1 + TAX), linestyle=":", color="black", label=words)
-for place, colour, mark, words in ((at, "#D55E00", "o", "pay here: x*"), (down, "#009E73", "s", "down to here")):
+for place, colour, mark, words in (
+    (at, "#D55E00", "o", "pay here: x*"),
+    (down, "#009E73", "s", "down to here"),
+):
     slope.plot([place], [1 / (1 + TAX)], mark, color=colour, markersize=8, label=words)
 slope.set_ylim(0.3, 1.4)
 slope.set_ylabel("worth of one unit more in the reserve")
@@ -108,7 +129,10 @@ print(f"{'cost':>8} {'pay at x*':>10} {'down to':>9} {'payment':>9} {'V(1)':>9}"
 for cost in sorted({0.0025, 0.01, 0.05, 0.1, COST}):
     x, one = firm(301, cost)
     high, low = payment(x, one)
-    print(f"{cost:8.4f} {high:10.4f} {low:9.4f} {high - low:9.4f} {np.interp(1.0, x, one.z):9.4f}")
+    print(
+        f"{cost:8.4f} {high:10.4f} {low:9.4f} {high - low:9.4f} "
+        f"{np.interp(1.0, x, one.z):9.4f}"
+    )
 
 # %%
 # ## Exercises
@@ -128,7 +152,9 @@ for cost in (0.02, 0.005, 0.00125):
 factors = [a / b for a, b in itertools.pairwise(sizes)]
 print("payments " + ", ".join(f"{one:.4f}" for one in sizes), end="; factors ")
 print(", ".join(f"{one:.3f}" for one in factors) + f"; 4^(1/3) = {4 ** (1 / 3):.3f}")
-assert all(1.5 < one < 1.75 for one in factors), "a quarter of the cost divides the payment by about 1.6"
+assert all(1.5 < one < 1.75 for one in factors), (
+    "a quarter of the cost divides the payment by about 1.6"
+)
 
 # %%
 # **2.** The tax is doubled. Does the owner pay later?
@@ -142,7 +168,9 @@ ratio = new.z[1:] / old.z[1:]
 print(f"V falls to {ratio.min():.6f} ... {ratio.max():.6f} of it,", end=" ")
 print(f"(1 + tax)/(1 + 2 tax) = {(1 + TAX) / (1 + 2 * TAX):.6f}")
 print(f"pay at {payment(x, old)[0]:.6f} and {payment(x, new, 2 * TAX)[0]:.6f}")
-assert np.allclose(ratio, (1 + TAX) / (1 + 2 * TAX), rtol=1e-8), "the tax divides the value as the formula says"
+assert np.allclose(ratio, (1 + TAX) / (1 + 2 * TAX), rtol=1e-8), (
+    "the tax divides the value as the formula says"
+)
 
 # %%
 # **3.** How can one know that $V$ is the only solution, though the obstacle depends on it?

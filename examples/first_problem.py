@@ -61,7 +61,10 @@ figure, axes = plt.subplots(figsize=(5.6, 4.6), layout="constrained")
 grid = np.linspace(-1.5, 5.0, 301)
 z1, z2 = np.meshgrid(grid, grid)
 both = np.moveaxis(np.array([z1, z2]), 0, -1)
-force, distance = both @ A.T + q, both - both @ bound(COUPLING).G.toarray().T - [1.0, -3.0]
+force, distance = (
+    both @ A.T + q,
+    both - both @ bound(COUPLING).G.toarray().T - [1.0, -3.0],
+)
 allowed = (np.minimum(force, distance) >= 0).all(axis=-1)
 axes.contourf(z1, z2, allowed.astype(float), levels=[0.5, 1.5], colors=["0.88"])
 for i, colour in enumerate(("#0072B2", "#D55E00")):
@@ -99,7 +102,10 @@ for c in sorted({0.0, 0.25, 0.5, 0.75, 0.95, COUPLING}):
     if not one.solved:
         print(f"{c:5.2f} {one.status.value}")
         continue
-    print(f"{c:5.2f} {one.z[0]:8.4f} {one.z[1]:8.4f} {one.p[0]:9.4f}  {one.certificate.unique}")
+    print(
+        f"{c:5.2f} {one.z[0]:8.4f} {one.z[1]:8.4f} {one.p[0]:9.4f}  "
+        f"{one.certificate.unique}"
+    )
 
 # %%
 # ## Exercises
@@ -146,7 +152,9 @@ assert not failed.solved, "and solve() does not claim one"
 # Answer: How fast $\psi$ can change. A function can be evaluated, and no number of evaluations bounds its slope. With
 # `icp.Elementwise` and `lipschitz=0.3` the same answer is certified, given that this is true.
 
-told = icp.Elementwise(lambda z: 0.3 * np.sin(z), lambda z: 0.3 * np.cos(z), lipschitz=0.3)
+told = icp.Elementwise(
+    lambda z: 0.3 * np.sin(z), lambda z: 0.3 * np.cos(z), lipschitz=0.3
+)
 for words, psi in (("bare", lambda z: 0.3 * np.sin(z)), ("told", told)):
     one = icp.ICP(A, q, psi).solve()
     print(f"{words}: z = {one.z.round(6)}, the only solution: {one.certificate.unique}")

@@ -32,8 +32,12 @@ m, g, dt = 1.0, 9.81, 0.1  # kg, m/s², s
 def step(angle: float, mu: float = MU, m: float = m, dt: float = dt) -> icp.Solution:
     """One time step from rest on a slope of so many degrees."""
     slope = np.deg2rad(angle)
-    q = g * dt * np.array([-np.cos(slope), np.sin(slope)])  # what gravity alone would do
-    return icp.ICP(np.eye(2) / m, q, icp.Affine([[0.0, 0.0], [-mu, 0.0]])).solve(rtol=1e-12)
+    q = (
+        g * dt * np.array([-np.cos(slope), np.sin(slope)])
+    )  # what gravity alone would do
+    return icp.ICP(np.eye(2) / m, q, icp.Affine([[0.0, 0.0], [-mu, 0.0]])).solve(
+        rtol=1e-12
+    )
 
 
 # %%
@@ -43,7 +47,10 @@ def step(angle: float, mu: float = MU, m: float = m, dt: float = dt) -> icp.Solu
 
 for angle in (10.0, 30.0):
     solution = step(angle)
-    print(f"{angle:.0f} degrees: impulses {solution.z.round(4)} N s, velocities {solution.p.round(4) + 0.0} m/s")
+    print(
+        f"{angle:.0f} degrees: impulses {solution.z.round(4)} N s, velocities "
+        f"{solution.p.round(4) + 0.0} m/s"
+    )
 
 # %%
 # Over all angles: the block slips where $\tan\alpha > \mu$, and then with the speed
@@ -52,12 +59,27 @@ for angle in (10.0, 30.0):
 angles = np.linspace(0.0, 45.0, 181)
 speed = np.array([step(angle).p[1] for angle in angles])
 by_hand = g * dt * (np.sin(np.deg2rad(angles)) - MU * np.cos(np.deg2rad(angles)))
-print(f"largest difference from the formula: {np.abs(speed - np.maximum(by_hand, 0.0)).max():.0e} m/s")
-assert np.abs(speed - np.maximum(by_hand, 0.0)).max() <= 1e-12, "the speed is that of the formula"
+print(
+    "largest difference from the formula: "
+    f"{np.abs(speed - np.maximum(by_hand, 0.0)).max():.0e} m/s"
+)
+assert np.abs(speed - np.maximum(by_hand, 0.0)).max() <= 1e-12, (
+    "the speed is that of the formula"
+)
 
 figure, (speeds, impulses) = plt.subplots(1, 2, figsize=(9, 3.9), layout="constrained")
-for mu, colour, line in ((0.1, "#0072B2", "-"), (0.3, "#D55E00", "--"), (0.6, "#009E73", "-.")):
-    speeds.plot(angles, [step(angle, mu).p[1] for angle in angles], line, color=colour, label=f"μ = {mu}")
+for mu, colour, line in (
+    (0.1, "#0072B2", "-"),
+    (0.3, "#D55E00", "--"),
+    (0.6, "#009E73", "-."),
+):
+    speeds.plot(
+        angles,
+        [step(angle, mu).p[1] for angle in angles],
+        line,
+        color=colour,
+        label=f"μ = {mu}",
+    )
 speeds.set_xlabel("angle of the slope, degrees")
 speeds.set_ylabel(f"slip speed after {dt} s, m/s")
 speeds.set_title("The block slips where tan α > μ")
@@ -84,11 +106,17 @@ for suffix in ("png", "svg"):
 # `MU`, the coefficient of friction. The first angle of a quarter of a degree at which the block slips is the first one
 # above $\arctan\mu$.
 
-print(f"{'friction coefficient':>21} {'slips from':>12} {'arctan mu':>11} {'speed at 45 deg':>16}")
+print(
+    f"{'friction coefficient':>21} {'slips from':>12} {'arctan mu':>11} "
+    f"{'speed at 45 deg':>16}"
+)
 for mu in sorted({0.1, 0.3, 0.6, MU}):
     slip = np.array([step(angle, mu).p[1] for angle in angles])
     first = angles[np.argmax(slip > 1e-9)]
-    print(f"{mu:21.1f} {first:8.2f} deg {np.rad2deg(np.arctan(mu)):7.2f} deg {slip[-1]:12.4f} m/s")
+    print(
+        f"{mu:21.1f} {first:8.2f} deg {np.rad2deg(np.arctan(mu)):7.2f} deg "
+        f"{slip[-1]:12.4f} m/s"
+    )
 
 # %%
 # ## Exercises
@@ -98,8 +126,13 @@ for mu in sorted({0.1, 0.3, 0.6, MU}):
 # Answer: Neither. Both impulses grow with $m$, and the velocities do not: $z/m$ solves a problem without $m$.
 
 light, heavy = step(30.0, m=1.0), step(30.0, m=10.0)
-print(f"1 kg: {light.z.round(4)} N s, {light.p[1]:.4f} m/s;   10 kg: {heavy.z.round(4)} N s, {heavy.p[1]:.4f} m/s")
-assert np.allclose(heavy.z, 10 * light.z), "ten times the weight has ten times the forces"
+print(
+    f"1 kg: {light.z.round(4)} N s, {light.p[1]:.4f} m/s;   10 kg: "
+    f"{heavy.z.round(4)} N s, {heavy.p[1]:.4f} m/s"
+)
+assert np.allclose(heavy.z, 10 * light.z), (
+    "ten times the weight has ten times the forces"
+)
 assert np.allclose(heavy.p, light.p), "and the same velocities"
 
 # %%
@@ -112,7 +145,9 @@ assert np.allclose(heavy.p, light.p), "and the same velocities"
 
 edge = step(np.rad2deg(np.arctan(MU)))
 print(f"p_2 = {edge.p[1]:.1e}, r_2 = {edge.r[1]:.1e}; rows: {edge.active_set}")
-assert max(abs(edge.p[1]), abs(edge.r[1])) < 1e-12, "friction is at its bound, and the block rests"
+assert max(abs(edge.p[1]), abs(edge.r[1])) < 1e-12, (
+    "friction is at its bound, and the block rests"
+)
 
 # %%
 # **3.** Written as $\psi(z) = (0, -\mu z_1)$, friction is an obstacle with $G = \mu$ below the diagonal. How large may
@@ -124,4 +159,6 @@ assert max(abs(edge.p[1]), abs(edge.r[1])) < 1e-12, "friction is at its bound, a
 
 for mu in (0.3, 3.0, 30.0):
     print(f"mu = {mu:4.1f}: the only solution: {step(30.0, mu).certificate.unique}")
-    assert step(30.0, mu).certificate.unique, "it is proved that there is no other solution"
+    assert step(30.0, mu).certificate.unique, (
+        "it is proved that there is no other solution"
+    )

@@ -39,7 +39,9 @@ def bearing(eccentricity: float, n: int = N) -> icp.ICP:
     h = 2 * np.pi / (n + 1)
     H = 1 + eccentricity * np.cos(h * (np.arange(n + 1) + 0.5))
     cubes = H**3
-    A = sp.diags_array([-cubes[1:-1], cubes[:-1] + cubes[1:], -cubes[1:-1]], offsets=[-1, 0, 1])
+    A = sp.diags_array(
+        [-cubes[1:-1], cubes[:-1] + cubes[1:], -cubes[1:-1]], offsets=[-1, 0, 1]
+    )
     return icp.ICP(A, h * np.diff(H))
 
 
@@ -64,19 +66,34 @@ torn = problem.solve(rtol=1e-10).z
 linear = spsolve(problem.A.tocsc(), -problem.q)
 print(f"without tearing: pressure from {linear.min():.4f} to {linear.max():.4f}")
 print(f"with tearing:    pressure from {torn.min():.4f} to {torn.max():.4f},", end=" ")
-print(f"film ends at {np.rad2deg(angles(torn)[torn > 1e-9][-1]):.1f} degrees, load {load(torn):.4f}")
+print(
+    f"film ends at {np.rad2deg(angles(torn)[torn > 1e-9][-1]):.1f} degrees, load "
+    f"{load(torn):.4f}"
+)
 
 # %%
 # The pressure for three eccentricities, and the load for all.
 
 figure, (curves, loads) = plt.subplots(1, 2, figsize=(9, 3.9), layout="constrained")
-for eccentricity, colour, line in ((0.3, "#0072B2", "-"), (0.5, "#D55E00", "--"), (0.7, "#009E73", "-.")):
+for eccentricity, colour, line in (
+    (0.3, "#0072B2", "-"),
+    (0.5, "#D55E00", "--"),
+    (0.7, "#009E73", "-."),
+):
     z = bearing(eccentricity).solve(rtol=1e-10).z
-    curves.plot(np.rad2deg(angles(z)), z, line, color=colour, label=f"ε = {eccentricity}")
+    curves.plot(
+        np.rad2deg(angles(z)), z, line, color=colour, label=f"ε = {eccentricity}"
+    )
 words = f"ε = {ECCENTRICITY}, no tearing"
-curves.plot(np.rad2deg(angles(linear)), linear, ":", color="black", linewidth=1, label=words)
+curves.plot(
+    np.rad2deg(angles(linear)), linear, ":", color="black", linewidth=1, label=words
+)
 several = np.linspace(0.0, 0.9, 37)[1:]
-loads.semilogy(several, [load(bearing(one).solve(rtol=1e-10).z) for one in several], color="#0072B2")
+loads.semilogy(
+    several,
+    [load(bearing(one).solve(rtol=1e-10).z) for one in several],
+    color="#0072B2",
+)
 curves.set_xlabel("angle from the widest gap, degrees")
 curves.set_ylabel("pressure / (6 viscosity · speed · radius / clearance²)", fontsize=9)
 curves.set_xticks(range(0, 361, 60))
@@ -94,7 +111,9 @@ for suffix in ("png", "svg"):
 #
 # `ECCENTRICITY`. A loaded shaft moves out of the middle until the film carries it: read the table from right to left.
 
-print(f"{'eccentricity':>12} {'highest pressure':>17} {'film tears at':>14} {'load':>9}")
+print(
+    f"{'eccentricity':>12} {'highest pressure':>17} {'film tears at':>14} {'load':>9}"
+)
 for eccentricity in sorted({0.1, 0.3, 0.5, 0.7, 0.9, ECCENTRICITY}):
     z = bearing(eccentricity).solve(rtol=1e-10).z
     tears = np.rad2deg(angles(z)[z > 1e-9][-1])
@@ -111,9 +130,15 @@ for eccentricity in sorted({0.1, 0.3, 0.5, 0.7, 0.9, ECCENTRICITY}):
 
 one = bearing(0.5)
 right, cut = one.solve(rtol=1e-10).z, np.maximum(spsolve(one.A.tocsc(), -one.q), 0)
-print(f"load {load(cut):.4f} instead of {load(right):.4f}: {100 * (1 - load(cut) / load(right)):.0f} % too small")
+print(
+    f"load {load(cut):.4f} instead of {load(right):.4f}: "
+    f"{100 * (1 - load(cut) / load(right)):.0f} % too small"
+)
 lost = [max(-one.p(z).min(), 0) / angles(z)[0] for z in (cut, right)]
-print(f"flow lost in one point: {lost[0]:.3f} where it was cut, {lost[1]:.0e} by the answer")
+print(
+    f"flow lost in one point: {lost[0]:.3f} where it was cut, {lost[1]:.0e} by the "
+    "answer"
+)
 assert load(cut) < load(right), "a film that is cut off carries less"
 assert one.p(cut).min() < -1e-4, "and loses oil where it is cut"
 
@@ -127,8 +152,13 @@ n, z = N, np.concatenate([[0.0], right, [0.0]])
 H = 1 + 0.5 * np.cos(2 * np.pi / (n + 1) * (np.arange(n + 1) + 0.5))
 flow = H - H**3 * np.diff(z) / (2 * np.pi / (n + 1))
 last = int(np.flatnonzero(right > 1e-9)[-1])
-print(f"flow in the film: {flow[: last + 1].min():.6f} to {flow[: last + 1].max():.6f}; at the end {flow[-1]:.6f}")
-assert np.ptp(flow[: last + 1]) < 1e-6 < flow[-1] - flow[0], "the flow is constant in the film, and larger behind it"
+print(
+    f"flow in the film: {flow[: last + 1].min():.6f} to "
+    f"{flow[: last + 1].max():.6f}; at the end {flow[-1]:.6f}"
+)
+assert np.ptp(flow[: last + 1]) < 1e-6 < flow[-1] - flow[0], (
+    "the flow is constant in the film, and larger behind it"
+)
 
 # %%
 # **3.** The continuous problem with $\varepsilon = 0.5$ has the highest pressure 0.745831366621. By which factor does
@@ -145,7 +175,10 @@ def top(z: np.ndarray) -> float:
     return float(b + (a - c) ** 2 / (8 * (2 * b - a - c)))
 
 
-errors = [abs(top(bearing(0.5, n).solve(rtol=1e-9).z) - 0.745831366621) for n in (299, 899, 2699)]
+errors = [
+    abs(top(bearing(0.5, n).solve(rtol=1e-9).z) - 0.745831366621)
+    for n in (299, 899, 2699)
+]
 print("errors " + ", ".join(f"{one:.2e}" for one in errors), end="; factors ")
 print(", ".join(f"{a / b:.1f}" for a, b in itertools.pairwise(errors)))
 assert all(5 < a / b < 15 for a, b in itertools.pairwise(errors)), (

@@ -50,13 +50,20 @@ def motion(mu: float) -> dict:
             below, above = icp.Affine(-mu * G), icp.Affine(mu * G, [np.inf, 0.0])
             solution = icp.ICP(np.eye(2) / m, q, below, upper=above).solve(rtol=1e-12)
             derivative = solution.derivative()
-            dz = derivative.forward(dq=[0.0, dv], dpsi=(-G, [0.0, 0.0]), dupper=(G, [0.0, 0.0]))
+            dz = derivative.forward(
+                dq=[0.0, dv], dpsi=(-G, [0.0, 0.0]), dupper=(G, [0.0, 0.0])
+            )
             v, dv = solution.p[1], dz[1] / m + dv
             track.append((v, dv))
             derivatives.append(derivative)
         velocity, change = np.array(track).T
         place, slope = dt * np.cumsum(velocity), dt * np.cumsum(change)
-        known[mu] = {"velocity": velocity, "place": place, "slope": slope, "derivatives": derivatives}
+        known[mu] = {
+            "velocity": velocity,
+            "place": place,
+            "slope": slope,
+            "derivatives": derivatives,
+        }
     return known[mu]
 
 
@@ -65,7 +72,9 @@ def certain(mu: float) -> int:
     return sum(derivative.certain for derivative in motion(mu)["derivatives"])
 
 
-measured = motion(TRUE)["place"] + NOISE * np.random.default_rng(0).standard_normal(times.size)
+measured = motion(TRUE)["place"] + NOISE * np.random.default_rng(0).standard_normal(
+    times.size
+)
 
 
 def residual(mu: np.ndarray) -> np.ndarray:
@@ -87,9 +96,15 @@ mu, error = found.x[0], 1 / np.linalg.norm(found.jac)
 fit = motion(mu)
 slips = np.abs(fit["velocity"]) > 1e-9
 downhill = np.sum(fit["velocity"] > 1e-9)
-print(f"friction coefficient {mu:.4f} ± {error:.4f}, true {TRUE}, after {found.nfev} motions from {START}")
+print(
+    f"friction coefficient {mu:.4f} ± {error:.4f}, true {TRUE}, after {found.nfev} "
+    f"motions from {START}"
+)
 print(f"misfit per degree of freedom {2 * found.cost / (times.size - 1):.2f}")
-print(f"the block slips in {slips.sum()} of {slips.size} steps, downhill in {downhill} of these")
+print(
+    f"the block slips in {slips.sum()} of {slips.size} steps, downhill in "
+    f"{downhill} of these"
+)
 print(f"the derivative is certain in {certain(mu)} of {slips.size} steps")
 
 # %%
@@ -107,8 +122,16 @@ label = f"at the start, μ = {START}"
 track.plot(times, 100 * motion(START)["place"], "--", color="0.6", label=label)
 track.plot(times, 100 * measured, ".", color="black", markersize=4, label="measured")
 track.plot(times, 100 * fit["place"], color="#0072B2", label=f"fitted, μ = {mu:.3f}")
-bands = {"step": "pre", "transform": track.get_xaxis_transform(), "alpha": 0.2, "linewidth": 0}
-for sign, colour, words in ((1, "#D55E00", "slips downhill"), (-1, "#009E73", "slips uphill")):
+bands = {
+    "step": "pre",
+    "transform": track.get_xaxis_transform(),
+    "alpha": 0.2,
+    "linewidth": 0,
+}
+for sign, colour, words in (
+    (1, "#D55E00", "slips downhill"),
+    (-1, "#009E73", "slips uphill"),
+):
     there = sign * fit["velocity"] > 1e-9
     track.fill_between(times, 0, 1, there, color=colour, label=words, **bands)
 track.set_ylim(100 * measured.min() - 2, 100 * measured.max() + 12)
@@ -118,15 +141,29 @@ track.set_title("It sticks, slips, and creeps downhill")
 track.legend(frameon=False, fontsize=9, loc="upper left", ncols=2)
 
 shown = (0.1, 0.2, 0.25, 0.4, 0.5, 0.6, 0.8)
-several = np.unique([0.05, 0.28, mu, 0.31, 0.33, 0.36, 0.45, 0.55, 0.65, 0.7, 0.85, *shown])
+several = np.unique(
+    [0.05, 0.28, mu, 0.31, 0.33, 0.36, 0.45, 0.55, 0.65, 0.7, 0.85, *shown]
+)
 valley.semilogy(several, [misfit(one)[0] for one in several], color="#0072B2")
 for one in shown:
     height, slope = misfit(one)
     across = 0.03 * np.array([-1, 1]) / np.hypot(1, 0.08 * slope / height)
-    valley.plot(one + across, height * np.exp(slope / height * across), color="#D55E00", linewidth=2)
+    valley.plot(
+        one + across,
+        height * np.exp(slope / height * across),
+        color="#D55E00",
+        linewidth=2,
+    )
     valley.plot(one, height, "o", color="#D55E00", markersize=4)
-valley.plot([], [], "o-", color="#D55E00", markersize=4, label="slopes by the derivative")
-valley.annotate("never slips:\nnothing is learned", (0.75, 0.3 * misfit(0.8)[0]), ha="center", va="top")
+valley.plot(
+    [], [], "o-", color="#D55E00", markersize=4, label="slopes by the derivative"
+)
+valley.annotate(
+    "never slips:\nnothing is learned",
+    (0.75, 0.3 * misfit(0.8)[0]),
+    ha="center",
+    va="top",
+)
 valley.set_xlabel("coefficient of friction μ")
 valley.set_ylabel("misfit / noise², per measurement")
 valley.set_title("The misfit, and its slope")
@@ -140,7 +177,9 @@ for suffix in ("png", "svg"):
 # `START`. From 0.8 nothing is learned: friction so high holds the block all the time, as a slightly smaller one does,
 # so that the derivative is 0. It is certain, and no error of the method: a block that does not slip shows no $\mu$.
 
-print(f"{'start':>6} {'slips at first in':>18} {'slope of the misfit':>20} {'found':>8}")
+print(
+    f"{'start':>6} {'slips at first in':>18} {'slope of the misfit':>20} {'found':>8}"
+)
 for start in sorted({0.1, 0.5, 0.8, START}):
     at = motion(start)
     end = least_squares(residual, start, jacobian, bounds=(0.0, 2.0)).x[0]
@@ -158,10 +197,14 @@ print(f"at 0.8 the derivative is certain in {certain(0.8)} of {times.size} steps
 
 exact = motion(TRUE)["slope"][-1]
 for step in (1e-2, 1e-5, 1e-12):
-    difference = (motion(TRUE + step)["place"][-1] - motion(TRUE - step)["place"][-1]) / (2 * step)
+    difference = (
+        motion(TRUE + step)["place"][-1] - motion(TRUE - step)["place"][-1]
+    ) / (2 * step)
     print(f"step {step:.0e}: difference {difference:.6f}, derivative {exact:.6f}")
     if step == 1e-5:
-        assert np.isclose(difference, exact, rtol=1e-5), "differences give the same derivative"
+        assert np.isclose(difference, exact, rtol=1e-5), (
+            "differences give the same derivative"
+        )
 
 # %%
 # **2.** What does the $\pm$ of the answer mean? Measure 1000 times again, and take for the answer of each the linear
@@ -184,6 +227,12 @@ assert abs(scatter * np.sqrt(J @ J) - 1) < 0.1, "the formula predicts the scatte
 for begin in (0, 1, 2):
     rows = (times > begin + dt / 2) & (times < begin + 1 + dt / 2)
     size = np.linalg.norm(J[rows])
-    print(f"second {begin + 1}: slips in {np.sum(np.abs(motion(TRUE)['velocity'][rows]) > 1e-9)} steps", end="; ")
+    print(
+        f"second {begin + 1}: slips in "
+        f"{np.sum(np.abs(motion(TRUE)['velocity'][rows]) > 1e-9)} steps",
+        end="; ",
+    )
     print(f"error {1 / size:.4f}" if size > 0 else "nothing is learned")
-assert np.linalg.norm(J[times <= 1]) < np.linalg.norm(J[times > 2]), "the last second says more than the first"
+assert np.linalg.norm(J[times <= 1]) < np.linalg.norm(J[times > 2]), (
+    "the last second says more than the first"
+)

@@ -30,7 +30,11 @@ import icpmodel as icp
 
 SHARE = 1.0  # 0 to 1
 GOODS = ["bread", "housing", "labour"]
-SLOPE = {"bread": [5.0, -1.0, -1.5], "housing": [-0.5, 4.0, -1.0], "labour": [-1.0, -0.5, 3.0]}
+SLOPE = {
+    "bread": [5.0, -1.0, -1.5],
+    "housing": [-0.5, 4.0, -1.0],
+    "labour": [-1.0, -0.5, 3.0],
+}
 WANTED = {"bread": 6.0, "housing": 9.0, "labour": 2.0}
 
 model = pyo.ConcreteModel()
@@ -42,7 +46,10 @@ model.cost_of_living = pyo.Expression(expr=living)
 
 @model.Expression(GOODS)
 def left_over(model, good):
-    supply = sum(slope * model.price[other] for slope, other in zip(SLOPE[good], GOODS, strict=True))
+    supply = sum(
+        slope * model.price[other]
+        for slope, other in zip(SLOPE[good], GOODS, strict=True)
+    )
     return supply - WANTED[good]
 
 
@@ -71,7 +78,11 @@ def prices(share: float) -> list[float]:
 
 for share in (0.0, SHARE):
     *found, unemployed = prices(share)
-    print(f"share {share}: " + ", ".join(f"{g} {v:.4f}" for g, v in zip(GOODS, found, strict=True)), end="")
+    print(
+        f"share {share}: "
+        + ", ".join(f"{g} {v:.4f}" for g, v in zip(GOODS, found, strict=True)),
+        end="",
+    )
     print(f"; unemployed {unemployed:.4f}")
 
 # %%
@@ -80,9 +91,13 @@ for share in (0.0, SHARE):
 shares = [k / 20 for k in range(25)]
 *by_good, unemployed = zip(*(prices(share) for share in shares), strict=True)
 figure, (level, work) = plt.subplots(1, 2, figsize=(9, 3.9), layout="constrained")
-looks = zip(GOODS, by_good, ("#0072B2", "#D55E00", "#009E73"), ("--", "-.", "-"), strict=True)
+looks = zip(
+    GOODS, by_good, ("#0072B2", "#D55E00", "#009E73"), ("--", "-.", "-"), strict=True
+)
 for good, price, colour, line in looks:
-    level.plot(shares, price, line, color=colour, label="wage" if good == "labour" else good)
+    level.plot(
+        shares, price, line, color=colour, label="wage" if good == "labour" else good
+    )
 work.plot(shares, unemployed, color="black")
 level.set_ylabel("price")
 level.set_title("A floor that binds makes everything dearer")
@@ -99,9 +114,15 @@ for suffix in ("png", "svg"):
 #
 # `SHARE`.
 
-print(f"{'share of cost of living':>26}" + "".join(f"{good:>10}" for good in GOODS) + f"{'unemployed':>12}")
+print(
+    f"{'share of cost of living':>26}"
+    + "".join(f"{good:>10}" for good in GOODS)
+    + f"{'unemployed':>12}"
+)
 for share in sorted({0.0, 0.8, 1.0, 1.2, SHARE}):
-    print(f"{share:26.1f}" + "".join(f"{one:10.4f}" for one in prices(share)[:3]), end="")
+    print(
+        f"{share:26.1f}" + "".join(f"{one:10.4f}" for one in prices(share)[:3]), end=""
+    )
     print(f"{prices(share)[3]:12.4f}")
 
 # %%
@@ -115,8 +136,13 @@ for share in sorted({0.0, 0.8, 1.0, 1.2, SHARE}):
 *free, _ = prices(0.0)
 edge = free[2] / (0.01 + free[0] * free[1]) ** 0.5
 below, above = prices(edge - 1e-3)[3], prices(edge + 1e-3)[3]
-print(f"from {edge:.4f} on; unemployed a little below {below:.1e}, a little above {above:.1e}")
-assert below < 1e-8 < above, "nobody is unemployed below that share, somebody is above it"
+print(
+    f"from {edge:.4f} on; unemployed a little below {below:.1e}, a little above "
+    f"{above:.1e}"
+)
+assert below < 1e-8 < above, (
+    "nobody is unemployed below that share, somebody is above it"
+)
 
 # %%
 # **2.** A floor in money, instead of one that rises with the cost of living: set it at the wage that the share 1.2 ends
@@ -133,19 +159,35 @@ fixed.floor = pyo.Param(initialize=moving[2], mutable=True)
 
 
 def clears(m, good):
-    supply = sum(slope * m.price[other] for slope, other in zip(SLOPE[good], GOODS, strict=True))
-    return complements(m.price[good] >= (m.floor if good == "labour" else 0.0), supply - WANTED[good] >= 0)
+    supply = sum(
+        slope * m.price[other] for slope, other in zip(SLOPE[good], GOODS, strict=True)
+    )
+    return complements(
+        m.price[good] >= (m.floor if good == "labour" else 0.0),
+        supply - WANTED[good] >= 0,
+    )
 
 
 fixed.market = Complementarity(GOODS, rule=clears)
 pyo.assert_optimal_termination(solver.solve(fixed))
-apart = max(abs(pyo.value(fixed.price[good]) - one) for good, one in zip(GOODS, moving, strict=False))
+apart = max(
+    abs(pyo.value(fixed.price[good]) - one)
+    for good, one in zip(GOODS, moving, strict=False)
+)
 fixed.floor.set_value(1.2 * (0.01 + free[0] * free[1]) ** 0.5)
 pyo.assert_optimal_termination(solver.solve(fixed))
-print(f"the same but for {apart:.0e}; wage {moving[2]:.4f} with the floor that moves,", end=" ")
-print(f"{pyo.value(fixed.price['labour']):.4f} with 1.2 times the free market's cost of living")
+print(
+    f"the same but for {apart:.0e}; wage {moving[2]:.4f} with the floor that moves,",
+    end=" ",
+)
+print(
+    f"{pyo.value(fixed.price['labour']):.4f} with 1.2 times the free market's cost "
+    "of living"
+)
 assert apart < 1e-8, "Pyomo finds the same prices"
-assert pyo.value(fixed.price["labour"]) < moving[2], "a floor that is fixed gives a lower wage"
+assert pyo.value(fixed.price["labour"]) < moving[2], (
+    "a floor that is fixed gives a lower wage"
+)
 
 # %%
 # **3.** With the floor of 1.2, how many does the state have to hire for nobody to be unemployed? What happens to the
@@ -159,13 +201,21 @@ def floor(z: np.ndarray) -> np.ndarray:
     return np.array([0.0, 0.0, 1.2 * np.sqrt(0.01 + max(z[0] * z[1], 0.0))])
 
 
-A, w = np.array([SLOPE[good] for good in GOODS]), np.array([WANTED[good] for good in GOODS])
+A, w = (
+    np.array([SLOPE[good] for good in GOODS]),
+    np.array([WANTED[good] for good in GOODS]),
+)
 *before, unemployed = prices(1.2)
 print("before the state hires: prices " + ", ".join(f"{one:.4f}" for one in before))
 for hired in (unemployed, 1.5 * unemployed):
     one = icp.ICP(A, -w - [0.0, 0.0, hired], floor).solve(rtol=1e-10)
-    print(f"{hired:.4f} hired: prices " + ", ".join(f"{price:.4f}" for price in one.z), end="; ")
-    print(f"wage above its floor by {abs(one.r[2]):.4f}, unemployed {abs(one.p[2]):.4f}")
+    print(
+        f"{hired:.4f} hired: prices " + ", ".join(f"{price:.4f}" for price in one.z),
+        end="; ",
+    )
+    print(
+        f"wage above its floor by {abs(one.r[2]):.4f}, unemployed {abs(one.p[2]):.4f}"
+    )
     assert np.allclose(one.z, before, atol=1e-6) == (hired == unemployed), (
         "prices stay where all that are hired were unemployed"
     )

@@ -29,7 +29,9 @@ import icpmodel as icp
 CURVATURE, M = 4.0, 100  # CURVATURE from 2 to 20
 
 
-def stretched(curvature: float, m: int = M) -> tuple[np.ndarray, np.ndarray, icp.Solution]:
+def stretched(
+    curvature: float, m: int = M
+) -> tuple[np.ndarray, np.ndarray, icp.Solution]:
     """The coordinates of the grid, and the membrane on it."""
     scene = icp.scenes.membrane(n=m * m)  # its A is the five-point formula
     x, y = scene.points.T
@@ -48,7 +50,10 @@ h = 1 / (M + 1)
 contact = solution.p > solution.r
 pressure = solution.p[contact] / h**2
 print(solution)
-print(f"\n{contact.sum()} of {M * M} points touch; median force per area there: {np.median(pressure):.6g}")
+print(
+    f"\n{contact.sum()} of {M * M} points touch; median force per area there: "
+    f"{np.median(pressure):.6g}"
+)
 print(f"(minus the Laplacian of the paraboloid is {4 * CURVATURE:g})")
 
 # %%
@@ -62,15 +67,34 @@ def square(values: np.ndarray) -> np.ndarray:
 middle = M // 2
 figure, (profile, plan) = plt.subplots(1, 2, figsize=(9, 3.9), layout="constrained")
 along = np.arange(1, M + 1) * h
-profile.plot(along, square(solution.problem.psi.value(solution.z))[middle], color="#D55E00", label="obstacle ψ")
+profile.plot(
+    along,
+    square(solution.problem.psi.value(solution.z))[middle],
+    color="#D55E00",
+    label="obstacle ψ",
+)
 profile.plot(along, square(solution.z)[middle], color="#0072B2", label="membrane z")
 profile.set_ylim(-0.05, 0.6)
 profile.set_xlabel("x, sides of the square")
 profile.set_ylabel("height")
 profile.set_title("Section through the middle")
 profile.legend(frameon=False, loc="upper right")
-field = plan.pcolormesh(square(x), square(y), square(solution.z), cmap="cividis", shading="nearest", rasterized=True)
-plan.contour(square(x), square(y), square(contact).astype(float), levels=[0.5], colors="white", linewidths=1.2)
+field = plan.pcolormesh(
+    square(x),
+    square(y),
+    square(solution.z),
+    cmap="cividis",
+    shading="nearest",
+    rasterized=True,
+)
+plan.contour(
+    square(x),
+    square(y),
+    square(contact).astype(float),
+    levels=[0.5],
+    colors="white",
+    linewidths=1.2,
+)
 plan.annotate("contact", (0.5, 0.5), color="black", ha="center", va="center")
 plan.set_aspect("equal")
 plan.set_xlabel("x, sides of the square")
@@ -106,8 +130,13 @@ inside = square(contact).copy()
 for axis, shift in ((0, 1), (0, -1), (1, 1), (1, -1)):
     inside &= np.roll(square(contact), shift, axis)
 within = square(solution.p)[inside] / h**2
-print(f"inside {within.min():.9f} to {within.max():.9f}; smallest at the edge {pressure.min():.4f}")
-assert np.allclose(within, 4 * CURVATURE, rtol=1e-8), "inside the contact the pressure is that of the formula"
+print(
+    f"inside {within.min():.9f} to {within.max():.9f}; smallest at the edge "
+    f"{pressure.min():.4f}"
+)
+assert np.allclose(within, 4 * CURVATURE, rtol=1e-8), (
+    "inside the contact the pressure is that of the formula"
+)
 assert pressure.max() <= 4 * CURVATURE * (1 + 1e-8), "and nowhere larger"
 
 # %%
@@ -119,7 +148,9 @@ assert pressure.max() <= 4 * CURVATURE * (1 + 1e-8), "and nowhere larger"
 frame = square(solution.z)
 pull = frame[0].sum() + frame[-1].sum() + frame[:, 0].sum() + frame[:, -1].sum()
 print(f"force on the hill {solution.p.sum():.9f}, pull on the frame {pull:.9f}")
-assert np.isclose(solution.p.sum(), pull, rtol=1e-7), "the edge pulls as much as the hill pushes"
+assert np.isclose(solution.p.sum(), pull, rtol=1e-7), (
+    "the edge pulls as much as the hill pushes"
+)
 
 # %%
 # **3.** Put a table of height ½ in the place of the hill, a disc of radius 0.2 in the middle. Where does the membrane
@@ -133,7 +164,11 @@ table = np.where(radius <= 0.2, 0.5, -1.0)  # far below the membrane elsewhere
 A = solution.problem.A
 flat = icp.ICP(A, np.zeros(M * M), table).solve(rtol=1e-10)
 touched, pressing = flat.r < 1e-8, flat.p > 1e-8
-print(f"{touched.sum()} points touch, {pressing.sum()} of them press, none nearer to the middle than", end=" ")
+print(
+    f"{touched.sum()} points touch, {pressing.sum()} of them press, none nearer to "
+    "the middle than",
+    end=" ",
+)
 print(f"{radius[pressing].min():.3f}")
 assert pressing.sum() < touched.sum() / 4, "few of the points that touch press"
 assert radius[pressing].min() > 0.18, "and none of them in the middle"

@@ -54,7 +54,10 @@ for gamma in (1.0, 2.0, 50.0):
     for _ in range(30):
         x = ((OMEGA - a) * abs(x) - gamma * q) / (OMEGA + a)
     z, p = (abs(x) + x) / gamma, OMEGA * (abs(x) - x) / gamma
-    print(f"gamma = {gamma:4.1f}: x = {x:9.6f} after 30 steps, hence z = {z:.9f} and p = {p:g}")
+    print(
+        f"gamma = {gamma:4.1f}: x = {x:9.6f} after 30 steps, hence z = {z:.9f} and "
+        f"p = {p:g}"
+    )
 
 # %%
 # ## What is seen
@@ -78,16 +81,27 @@ for gamma in (1.0, 2.0, 50.0):
 
 def walk(problem, method, start, steps=30):
     """z⁰, z¹, …"""
-    return np.array([z[0] for z, _ in islice(method.iterates(problem, np.array([start])), steps + 1)])
+    return np.array(
+        [
+            z[0]
+            for z, _ in islice(method.iterates(problem, np.array([start])), steps + 1)
+        ]
+    )
 
 
-print(f"{'Omega':>6} {'slope sigma_p':>14} {'error multiplied by':>20} {'proved beforehand':>18}")
+print(
+    f"{'Omega':>6} {'slope sigma_p':>14} {'error multiplied by':>20} "
+    f"{'proved beforehand':>18}"
+)
 for Omega in (0.4, 2.0, OMEGA):
     method = icp.MNMMOD(theta1=Omega)
     error = walk(ball, method, start) - 1.0
     measured = abs(error[4] / error[3]) if error[3] else 0.0
     proved = icp.theory.predicted_rate(ball, method).factor
-    print(f"{Omega:6.1f} {(Omega - a) / (Omega + a):14.4f} {measured:20.4f} {proved:18.4f}")
+    print(
+        f"{Omega:6.1f} {(Omega - a) / (Omega + a):14.4f} {measured:20.4f} "
+        f"{proved:18.4f}"
+    )
     assert measured <= proved * (1 + 1e-9), "no step is slower than is proved"
 
 # %%
@@ -99,27 +113,50 @@ for Omega in (0.4, 2.0, OMEGA):
 # slope of the pieces.
 
 SHOWN = {0.4: ("#D55E00", "s"), 2.0: ("#0072B2", "o"), OMEGA: ("#009E73", "D")}
-figure, (small, large, fall) = plt.subplots(1, 3, figsize=(10, 3.7), layout="constrained")
+figure, (small, large, fall) = plt.subplots(
+    1, 3, figsize=(10, 3.7), layout="constrained"
+)
 grid = np.linspace(-0.6, 3.0, 400)
 for axes, Omega, title in (
     (small, 0.4, "turns round"),
     (large, OMEGA, "from one side" if a < OMEGA else "turns round"),
 ):
     axes.plot(grid, grid, color="0.6", linewidth=1)
-    axes.plot(grid, (abs((a - Omega) * grid + q) - q) / (a + Omega), color=SHOWN[Omega][0], linewidth=2)
+    axes.plot(
+        grid,
+        (abs((a - Omega) * grid + q) - q) / (a + Omega),
+        color=SHOWN[Omega][0],
+        linewidth=2,
+    )
     z = np.repeat(walk(ball, icp.MNMMOD(theta1=Omega), start, 12), 2)
     axes.plot(z[:-1], np.append(0.0, z[2:]), color="black", linewidth=0.9)
     axes.plot(1, 1, "o", color="black", markersize=6)
     axes.annotate("$z^+ = z$", (2.5, 2.65), ha="right", va="bottom", color="0.4")
-    axes.set(xlim=(-0.6, 3.0), ylim=(0, 3.2), xlabel="z", title=f"Ω = {Omega:g}: {title}")
+    axes.set(
+        xlim=(-0.6, 3.0), ylim=(0, 3.2), xlabel="z", title=f"Ω = {Omega:g}: {title}"
+    )
 small.set_ylabel("$z^+$, after one step")
 for Omega, (colour, marker) in SHOWN.items():
-    error, slope = np.abs(walk(ball, icp.MNMMOD(theta1=Omega), start) - 1.0), abs(Omega - a) / (Omega + a)
+    error, slope = (
+        np.abs(walk(ball, icp.MNMMOD(theta1=Omega), start) - 1.0),
+        abs(Omega - a) / (Omega + a),
+    )
     steps, seen = np.arange(error.size), error > 1e-15
-    label = f"Ω = {Omega:g}: times {slope:.3g} a step" if slope else f"Ω = {Omega:g}: one step hits"
-    fall.semilogy(steps[seen], error[seen], marker, color=colour, markersize=4, label=label)
+    label = (
+        f"Ω = {Omega:g}: times {slope:.3g} a step"
+        if slope
+        else f"Ω = {Omega:g}: one step hits"
+    )
+    fall.semilogy(
+        steps[seen], error[seen], marker, color=colour, markersize=4, label=label
+    )
     fall.semilogy(steps, error[0] * slope**steps, color=colour, linewidth=1)
-fall.set(ylim=(1e-10, 300), xlabel="steps", ylabel="|z − 1|", title="Errors, and what is proved")
+fall.set(
+    ylim=(1e-10, 300),
+    xlabel="steps",
+    ylabel="|z − 1|",
+    title="Errors, and what is proved",
+)
 fall.legend(frameon=False, loc="upper right", fontsize=9)
 for axes in (small, large, fall):
     axes.spines[["top", "right"]].set_visible(False)
@@ -141,8 +178,13 @@ for Omega in sorted({0.01, 0.1, 1.0, 2.0, OMEGA, 1000.0}):
 
 for start_at in (0.7, 0.1):
     error = np.abs(walk(ball, icp.MNMMOD(theta1=0.4), start_at) - 1.0)
-    print(f"from {start_at}: error {error[-1]:.1e} after 30 steps, proved {error[0] * (1.6 / 2.4) ** 30:.1e}")
-    assert error[-1] <= error[0] * (1.6 / 2.4) ** 30 * (1 + 1e-9), "the error falls as is proved"
+    print(
+        f"from {start_at}: error {error[-1]:.1e} after 30 steps, proved "
+        f"{error[0] * (1.6 / 2.4) ** 30:.1e}"
+    )
+    assert error[-1] <= error[0] * (1.6 / 2.4) ** 30 * (1 + 1e-9), (
+        "the error falls as is proved"
+    )
 
 # %%
 # ## Exercises
@@ -152,7 +194,9 @@ for start_at in (0.7, 0.1):
 # Answer: The slope is 1/2, on both pieces up to the sign. The error has to shrink by $10^{12}$, hence $2^k > 10^{12}$.
 
 steps = math.ceil(math.log(1e12) / math.log(2))
-counted = int(np.argmax(np.abs(walk(ball, icp.MNMMOD(theta1=6.0), 1e6, 100) - 1.0) < 1e-6))
+counted = int(
+    np.argmax(np.abs(walk(ball, icp.MNMMOD(theta1=6.0), 1e6, 100) - 1.0) < 1e-6)
+)
 print(f"predicted: {steps}, counted: {counted}")
 assert steps == counted, "the steps are those of the formula"
 
@@ -170,8 +214,12 @@ limit = -weak / g
 for Omega in (0.9 * limit, 1.1 * limit):
     error = np.abs(walk(sinking, icp.MNMMOD(theta1=Omega), 2.0, 2000) - 1.0)
     side = "below" if Omega < limit else "above"
-    print(f"Omega = {Omega:.3f}, {side} {limit:g}: error {error[-1]:.1e} after 2000 steps")
-    assert (error[-1] < 1e-12) == (Omega < limit), "it converges below the limit and not above"
+    print(
+        f"Omega = {Omega:.3f}, {side} {limit:g}: error {error[-1]:.1e} after 2000 steps"
+    )
+    assert (error[-1] < 1e-12) == (Omega < limit), (
+        "it converges below the limit and not above"
+    )
 
 # %%
 # **3.** Which $\Omega$ is the best one there, and what does a step then leave?
@@ -182,12 +230,18 @@ for Omega in (0.9 * limit, 1.1 * limit):
 
 def factor(Omega, phi=0.0):
     """The larger one of |σ_p| and |σ_r|."""
-    return max(abs(1 - 2 * weak / (weak + phi + Omega)), abs(1 - 2 * Omega * (1 - g) / (weak + phi + Omega)))
+    return max(
+        abs(1 - 2 * weak / (weak + phi + Omega)),
+        abs(1 - 2 * Omega * (1 - g) / (weak + phi + Omega)),
+    )
 
 
 best = weak / (1 - g)
 tried = min(np.linspace(0.001, 0.02, 20_000), key=factor)
-print(f"Omega = {best:.5f} leaves {factor(best):.4f}; the best of 20 000 that were tried is {tried:.5f}")
+print(
+    f"Omega = {best:.5f} leaves {factor(best):.4f}; the best of 20 000 that were "
+    f"tried is {tried:.5f}"
+)
 assert abs(tried - best) < 1e-6, "the best one is that of the formula"
 
 # %%
@@ -199,8 +253,13 @@ assert abs(tried - best) < 1e-6, "the best one is that of the formula"
 
 phi = weak - best
 for z in (-1e3, 50.0):
-    print(f"from {z:g} one step leads to {walk(sinking, icp.MNMMOD(theta1=best, phi=phi), z, 1)[-1]:.9f}")
-    assert abs(walk(sinking, icp.MNMMOD(theta1=best, phi=phi), z, 1)[-1] - 1) < 1e-9, "one step leads to the solution"
+    print(
+        f"from {z:g} one step leads to "
+        f"{walk(sinking, icp.MNMMOD(theta1=best, phi=phi), z, 1)[-1]:.9f}"
+    )
+    assert abs(walk(sinking, icp.MNMMOD(theta1=best, phi=phi), z, 1)[-1] - 1) < 1e-9, (
+        "one step leads to the solution"
+    )
 
 # %%
 # **5.** What happens for $a = -1$, $q = 1$, $\psi = 0$?
@@ -209,6 +268,12 @@ for z in (-1e3, 50.0):
 # ($\Omega = 1$): both solutions repel. A spring that pushes the harder the further it is bent has no stable rest.
 
 backwards = icp.ICP([[-1.0]], [1.0])
-print(f"residuals of 0 and 1: {backwards.residual([0.0]):g}, {backwards.residual([1.0]):g}")
-print(f"from 3 with Omega = 2, after 20 steps: {walk(backwards, icp.MNMMOD(theta1=2.0), 3.0, 20)[-1]:.3g}")
+print(
+    f"residuals of 0 and 1: {backwards.residual([0.0]):g}, "
+    f"{backwards.residual([1.0]):g}"
+)
+print(
+    "from 3 with Omega = 2, after 20 steps: "
+    f"{walk(backwards, icp.MNMMOD(theta1=2.0), 3.0, 20)[-1]:.3g}"
+)
 print(f"certified to be the only solution: {icp.certify(backwards, [1.0]).unique}")

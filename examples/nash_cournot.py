@@ -55,7 +55,10 @@ solution = market(DEMAND).solve(rtol=1e-12)
 output, worth = solution.z[:n], solution.z[n:]
 best = best_answer(output, DEMAND)
 assert np.abs(best - output).max() <= 1e-9, "nobody can do better alone"
-print(f"{'firm':>4} {'cost':>6} {'capacity':>9} {'output':>8} {'best answer':>12} {'capacity is worth':>18}")
+print(
+    f"{'firm':>4} {'cost':>6} {'capacity':>9} {'output':>8} {'best answer':>12} "
+    f"{'capacity is worth':>18}"
+)
 for i in range(n):
     row = f"{i + 1:4d} {cost[i]:6.1f} {capacity[i]:9.1f} {output[i]:8.3f}"
     print(f"{row} {best[i]:12.3f} {worth[i]:18.3f}")
@@ -69,10 +72,18 @@ for level in levels:
     last = market(level).solve(rtol=1e-12, z0=last)
     outputs.append(last.z[:n])
 figure, axes = plt.subplots(figsize=(6.4, 4), layout="constrained")
-looks = ("#0072B2", "-"), ("#D55E00", "--"), ("#009E73", "-."), ("#CC79A7", ":"), ("#E69F00", (0, (5, 1, 1, 1, 1, 1)))
+looks = (
+    ("#0072B2", "-"),
+    ("#D55E00", "--"),
+    ("#009E73", "-."),
+    ("#CC79A7", ":"),
+    ("#E69F00", (0, (5, 1, 1, 1, 1, 1))),
+)
 for i, (colour, line) in enumerate(looks):
     label = f"firm {i + 1}, cost {cost[i]:.0f}"
-    axes.plot(levels, np.array(outputs)[:, i], linestyle=line, color=colour, label=label)
+    axes.plot(
+        levels, np.array(outputs)[:, i], linestyle=line, color=colour, label=label
+    )
 axes.set_xlabel("highest price that anyone would pay")
 axes.set_ylabel("output, units")
 axes.set_title("Firms enter by cost and end at capacity")
@@ -89,7 +100,10 @@ for suffix in ("png", "svg"):
 print(f"{'highest price':>13} {'price':>8} {'sold':>8}   outputs")
 for demand in sorted({25.0, 50.0, 100.0, 150.0, 300.0, DEMAND}):
     x = market(demand).solve(rtol=1e-12).z[:n]
-    print(f"{demand:13.1f} {demand - b * x.sum():8.3f} {x.sum():8.3f}   {x.round(3) + 0.0}")
+    print(
+        f"{demand:13.1f} {demand - b * x.sum():8.3f} {x.sum():8.3f}   "
+        f"{x.round(3) + 0.0}"
+    )
 
 # %%
 # ## Exercises
@@ -114,11 +128,19 @@ def rounds(at_once: bool, steps: int, demand: float = 300.0) -> np.ndarray:
 
 equilibrium = market(300.0, np.full(n, 1e6)).solve(rtol=1e-12).z[:n]
 for words, at_once in (("all at once", True), ("one after the other", False)):
-    away = [np.abs(rounds(at_once, steps) - equilibrium).max() for steps in (10, 20, 40)]
-    print(f"{words:>20}: away by {', '.join(f'{one:.2g}' for one in away)} after 10, 20, 40 rounds")
-assert np.abs(rounds(False, 100) - equilibrium).max() < 1e-9 < 1 < np.abs(rounds(True, 40) - equilibrium).max(), (
-    "in turn they arrive, and all at once they do not"
-)
+    away = [
+        np.abs(rounds(at_once, steps) - equilibrium).max() for steps in (10, 20, 40)
+    ]
+    print(
+        f"{words:>20}: away by {', '.join(f'{one:.2g}' for one in away)} after 10, "
+        "20, 40 rounds"
+    )
+assert (
+    np.abs(rounds(False, 100) - equilibrium).max()
+    < 1e-9
+    < 1
+    < np.abs(rounds(True, 40) - equilibrium).max()
+), "in turn they arrive, and all at once they do not"
 
 # %%
 # **2.** Firm 1 is offered one thousandth of a unit more of capacity. Is its profit larger by what $y_1$ says?
@@ -131,8 +153,13 @@ x = market(100.0).solve(rtol=1e-12).z
 bigger = market(100.0, more).solve(rtol=1e-12).z
 profit = [one[0] * (100.0 - b * one[:n].sum() - cost[0]) for one in (x, bigger)]
 change = ", ".join(f"{one:+.3f}" for one in (bigger - x)[1:n] * 1e3)
-print(f"y_1 = {x[n]:.3f}; gained per unit {(profit[1] - profit[0]) / 1e-3:.3f}; the others' outputs change by {change}")
-assert (profit[1] - profit[0]) / 1e-3 > x[n] + 1, "a large capacity is a threat: it gains more than y_1"
+print(
+    f"y_1 = {x[n]:.3f}; gained per unit {(profit[1] - profit[0]) / 1e-3:.3f}; the "
+    f"others' outputs change by {change}"
+)
+assert (profit[1] - profit[0]) / 1e-3 > x[n] + 1, (
+    "a large capacity is a threat: it gains more than y_1"
+)
 
 # %%
 # **3.** Replace the five by $N$ equal firms of cost 20 without limits. What happens to the price as $N$ grows?
@@ -144,4 +171,6 @@ for count in (1, 2, 5, 20, 100):
     x = icp.ICP(A, np.full(count, 20.0 - 100.0)).solve(rtol=1e-12).z
     price = 100.0 - b * x.sum()
     print(f"{count:4d} firms: price {price:8.4f}")
-    assert np.isclose(price, (100 + 20 * count) / (count + 1)), "the price is that of the formula"
+    assert np.isclose(price, (100 + 20 * count) / (count + 1)), (
+        "the price is that of the formula"
+    )

@@ -37,7 +37,10 @@ n = M * M
 scene = icp.scenes.membrane(n=n)
 x, y = scene.points.T
 hills = (0.36, 0.38, 0.5, 0.22), (0.68, 0.64, 0.4, 0.17), (0.32, 0.74, 0.3, 0.13)
-bumps = [height * np.exp(-((x - a) ** 2 + (y - b) ** 2) / wide**2) for a, b, height, wide in hills]
+bumps = [
+    height * np.exp(-((x - a) ** 2 + (y - b) ** 2) / wide**2)
+    for a, b, height, wide in hills
+]
 truth = TABLE + sum(bumps)
 
 # cubic splines that are 0 at the frame: leave out the first one and the last one of a line
@@ -56,7 +59,9 @@ def measure(pressure: float, seed: int = 1) -> tuple[icp.ICP, np.ndarray]:
     return problem, problem.solve(rtol=1e-12).z + noise
 
 
-def misfit(theta: np.ndarray, problem: icp.ICP, measured: np.ndarray) -> tuple[float, np.ndarray]:
+def misfit(
+    theta: np.ndarray, problem: icp.ICP, measured: np.ndarray
+) -> tuple[float, np.ndarray]:
     """What is to be least, and its gradient."""
     solution = problem.with_psi(TABLE + B @ theta).solve(rtol=1e-12)
     error, rough = (solution.z - measured) / NOISE, D @ theta
@@ -75,8 +80,15 @@ def recover(pressure: float):
     above = measured + 3 * NOISE - TABLE
     start = np.maximum(np.linalg.lstsq(B.toarray(), above, rcond=None)[0], 0.0)
     settings = {"jac": True, "method": "L-BFGS-B", "bounds": [(0, None)] * start.size}
-    found = minimize(misfit, start, (problem, measured), options={"ftol": 1e-5}, **settings)
-    return problem, measured, found, problem.with_psi(TABLE + B @ found.x).solve(rtol=1e-12)
+    found = minimize(
+        misfit, start, (problem, measured), options={"ftol": 1e-5}, **settings
+    )
+    return (
+        problem,
+        measured,
+        found,
+        problem.with_psi(TABLE + B @ found.x).solve(rtol=1e-12),
+    )
 
 
 def expected_error(solution: icp.Solution) -> np.ndarray:
@@ -84,7 +96,9 @@ def expected_error(solution: icp.Solution) -> np.ndarray:
     derivative = solution.derivative()
     dz = np.column_stack([derivative.forward(dpsi=spline) for spline in B.T.toarray()])
     curvature = dz.T @ dz / NOISE**2 + (D.T @ D).toarray()
-    return np.sqrt((B.toarray() * np.linalg.solve(curvature, B.toarray().T).T).sum(axis=1))
+    return np.sqrt(
+        (B.toarray() * np.linalg.solve(curvature, B.toarray().T).T).sum(axis=1)
+    )
 
 
 # %%
@@ -98,10 +112,20 @@ problem, measured, found, solution = recover(PRESSURE)
 psi, touches = TABLE + B @ found.x, solution.p > solution.r
 expected = expected_error(solution)
 seen = expected < NOISE
-print(f"{SPLINES**2} splines from {n} heights with noise {NOISE}: {found.nit} iterations, {found.nfev} adjoints")
-print(f"mean squared misfit / noise²: {np.mean((solution.z - measured) ** 2) / NOISE**2:.3f}\n")
+print(
+    f"{SPLINES**2} splines from {n} heights with noise {NOISE}: {found.nit} "
+    f"iterations, {found.nfev} adjoints"
+)
+print(
+    "mean squared misfit / noise²: "
+    f"{np.mean((solution.z - measured) ** 2) / NOISE**2:.3f}\n"
+)
 print(f"{'the membrane':>24} {'points':>7} {'error expected':>15} {'true error':>11}")
-parts = {"touches": touches, "is near by, seen": seen & ~touches, "hangs free, not seen": ~seen & ~touches}
+parts = {
+    "touches": touches,
+    "is near by, seen": seen & ~touches,
+    "hangs free, not seen": ~seen & ~touches,
+}
 for words, where in parts.items():
     if where.any():
         rms = [np.sqrt(np.mean(error[where] ** 2)) for error in (expected, psi - truth)]
@@ -112,8 +136,16 @@ print(f"\nThe derivative is certain: {solution.derivative().certain}")
 # Left the data, in the middle the recovered obstacle, right a section along the diagonal with two expected errors.
 
 plt.rcParams |= {"hatch.color": "0.8", "hatch.linewidth": 0.6}
-figure, (heights, plan, section) = plt.subplots(1, 3, figsize=(13, 4.2), layout="constrained")
-frame = {"extent": (0, 1, 0, 1), "origin": "lower", "vmin": TABLE, "vmax": truth.max(), "cmap": "cividis"}
+figure, (heights, plan, section) = plt.subplots(
+    1, 3, figsize=(13, 4.2), layout="constrained"
+)
+frame = {
+    "extent": (0, 1, 0, 1),
+    "origin": "lower",
+    "vmin": TABLE,
+    "vmax": truth.max(),
+    "cmap": "cividis",
+}
 heights.imshow(measured.reshape(M, M), **frame)
 heights.set_title("The membrane, measured")
 picture = plan.imshow(psi.reshape(M, M), **frame)
@@ -132,10 +164,14 @@ heights.set_ylabel("y, sides of the square")
 along = np.arange(M) * (M + 1)
 low, high = (psi - 2 * expected)[along], (psi + 2 * expected)[along]
 section.fill_between(x[along], low, high, color="#D55E00", alpha=0.25, linewidth=0)
-section.plot(x[along], measured[along], ".", color="0.6", markersize=4, label="measured")
+section.plot(
+    x[along], measured[along], ".", color="0.6", markersize=4, label="measured"
+)
 section.plot(x[along], solution.z[along], color="#0072B2", label="membrane")
 section.plot(x[along], psi[along], color="#D55E00", label="obstacle, ± 2 errors")
-section.plot(x[along], truth[along], "--", color="black", linewidth=1, label="true obstacle")
+section.plot(
+    x[along], truth[along], "--", color="black", linewidth=1, label="true obstacle"
+)
 section.set_xlabel("x = y, along the diagonal")
 section.set_ylabel("height")
 section.set_title("Known where it is touched")
@@ -149,13 +185,19 @@ for suffix in ("png", "svg"):
 # `PRESSURE`. With little of it the membrane hangs from the hilltops and feels little more than these; with much it
 # feels the table.
 
-print(f"{'pressure':>8} {'touches':>9} {'seen':>6} {'true error where it touches':>28} {'elsewhere':>10}")
+print(
+    f"{'pressure':>8} {'touches':>9} {'seen':>6} "
+    f"{'true error where it touches':>28} {'elsewhere':>10}"
+)
 for pressure in sorted({0.0, 15.0, 60.0, PRESSURE}):
     *_, there = recover(pressure)
     on, wrong = there.p > there.r, there.problem.psi.value(there.z) - truth
     errors = [np.sqrt(np.mean(wrong[where] ** 2)) for where in (on, ~on)]
     known = np.mean(expected_error(there) < NOISE)
-    print(f"{pressure:8.0f} {100 * on.mean():7.0f} % {100 * known:4.0f} % {errors[0]:28.4f} {errors[1]:10.4f}")
+    print(
+        f"{pressure:8.0f} {100 * on.mean():7.0f} % {100 * known:4.0f} % "
+        f"{errors[0]:28.4f} {errors[1]:10.4f}"
+    )
 
 # %%
 # ## Exercises
@@ -167,10 +209,14 @@ for pressure in sorted({0.0, 15.0, 60.0, PRESSURE}):
 
 rng = np.random.default_rng(2)
 theta, step = np.maximum(found.x, 0.05), 1e-6 * rng.standard_normal(found.x.size)
-up_value, down_value = (misfit(theta + sign * step, problem, measured)[0] for sign in (1, -1))
+up_value, down_value = (
+    misfit(theta + sign * step, problem, measured)[0] for sign in (1, -1)
+)
 slope = 2 * misfit(theta, problem, measured)[1] @ step
 print(f"relative difference {abs((up_value - down_value) / slope - 1):.0e}")
-assert np.isclose(up_value - down_value, slope, rtol=1e-2), "differences give the same slope"
+assert np.isclose(up_value - down_value, slope, rtol=1e-2), (
+    "differences give the same slope"
+)
 
 # %%
 # **2.** Raise the true obstacle by 0.01 at one point that the membrane does not come near. What do the heights of the
@@ -182,9 +228,14 @@ assert np.isclose(up_value - down_value, slope, rtol=1e-2), "differences give th
 free = problem.solve(rtol=1e-12)
 away = int(np.argmax(free.r))
 raised = problem.with_psi(truth + 0.01 * (np.arange(n) == away)).solve(rtol=1e-12)
-change = np.abs(free.derivative().forward(dpsi=(np.arange(n) == away).astype(float))).max()
+change = np.abs(
+    free.derivative().forward(dpsi=(np.arange(n) == away).astype(float))
+).max()
 largest = np.abs(raised.z - free.z).max()
-print(f"gap there {free.r[away]:.3f}; largest change of z {largest:.0e}, derivative {change:.0e}")
+print(
+    f"gap there {free.r[away]:.3f}; largest change of z {largest:.0e}, derivative "
+    f"{change:.0e}"
+)
 assert change == 0, "the derivative is 0"
 assert largest < 1e-10, "and z does not move"
 
@@ -197,7 +248,11 @@ assert largest < 1e-10, "and z does not move"
 follows = np.mean((measured - measured) ** 2) / NOISE**2
 flat = problem.with_psi(np.full(n, TABLE)).solve(rtol=1e-12)
 cannot = np.mean((flat.z - measured) ** 2) / NOISE**2
-print(f"heights that are the data: {follows:.1f}; flat table: {cannot:.0f}; chance moves it by {np.sqrt(2 / n):.3f}")
-assert abs(np.mean((solution.z - measured) ** 2) / NOISE**2 - 1) < 5 * np.sqrt(2 / n) + SPLINES**2 / n, (
-    "the misfit is that of the noise"
+print(
+    f"heights that are the data: {follows:.1f}; flat table: {cannot:.0f}; chance "
+    f"moves it by {np.sqrt(2 / n):.3f}"
 )
+assert (
+    abs(np.mean((solution.z - measured) ** 2) / NOISE**2 - 1)
+    < 5 * np.sqrt(2 / n) + SPLINES**2 / n
+), "the misfit is that of the noise"

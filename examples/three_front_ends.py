@@ -41,7 +41,9 @@ bump = 0.15 - 2 * (s - 0.6) ** 2
 def in_numpy(weight: float, n: int = N) -> icp.Solution:
     h, s = 1 / (n + 1), np.arange(1, n + 1) / (n + 1)
     A = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(n, n))
-    return icp.ICP(A, np.full(n, weight * h**2), 0.15 - 2 * (s - 0.6) ** 2).solve(rtol=1e-11)
+    return icp.ICP(A, np.full(n, weight * h**2), 0.15 - 2 * (s - 0.6) ** 2).solve(
+        rtol=1e-11
+    )
 
 
 # %%
@@ -86,9 +88,15 @@ answers = {"CVXPY": in_cvxpy(WEIGHT), "Pyomo": in_pyomo(WEIGHT)}
 for name, other in answers.items():
     apart = np.abs(other - solution.z).max()
     assert apart <= 1e-9, "all front ends have the same z"
-    print(f"{name} and NumPy: the same z to 1e-9; the largest difference is {apart:.1e}")
+    print(
+        f"{name} and NumPy: the same z to 1e-9; the largest difference is {apart:.1e}"
+    )
 touches = solution.p > solution.r
-place = f", from s = {s[touches][0]:.3f} to s = {s[touches][-1]:.3f}" if touches.any() else ""
+place = (
+    f", from s = {s[touches][0]:.3f} to s = {s[touches][-1]:.3f}"
+    if touches.any()
+    else ""
+)
 print(f"{touches.sum()} of {N} points touch{place}")
 
 # %%
@@ -98,8 +106,22 @@ print(f"{touches.sum()} of {N} points touch{place}")
 figure, (shape, force) = plt.subplots(1, 2, figsize=(9, 3.9), layout="constrained")
 shape.plot(s, bump, color="#D55E00", label="bump ψ")
 shape.plot(s, solution.z, color="#0072B2", label="string, NumPy")
-shape.plot(s[2::8], answers["CVXPY"][2::8], "s", color="#E69F00", markersize=5, label="string, CVXPY")
-shape.plot(s[6::8], answers["Pyomo"][6::8], "x", color="black", markersize=5, label="string, Pyomo")
+shape.plot(
+    s[2::8],
+    answers["CVXPY"][2::8],
+    "s",
+    color="#E69F00",
+    markersize=5,
+    label="string, CVXPY",
+)
+shape.plot(
+    s[6::8],
+    answers["Pyomo"][6::8],
+    "x",
+    color="black",
+    markersize=5,
+    label="string, Pyomo",
+)
 shape.set_ylim(-0.08, 0.22)
 shape.set_xlabel("s, lengths between the nails")
 shape.set_ylabel("height z")
@@ -108,7 +130,9 @@ shape.legend(frameon=False, fontsize=9, ncols=2)
 force.plot(s, solution.p / h**2, color="#0072B2")
 force.set_xlabel("s, lengths between the nails")
 force.set_ylabel("force of the bump per length")
-force.set_title("It presses only where they touch" if touches.any() else "They do not touch")
+force.set_title(
+    "It presses only where they touch" if touches.any() else "They do not touch"
+)
 for suffix in ("png", "svg"):
     figure.savefig(f"three_front_ends.{suffix}", dpi=150)
 
@@ -137,7 +161,10 @@ for weight in (0.0, 1.0, 5.0):
     one = in_numpy(weight, 999)
     there = np.arange(1, 1000)[one.p > one.r] / 1000
     s1, s2 = np.sqrt(0.57 / (2 + weight / 2)), 1 - np.sqrt(0.17 / (2 + weight / 2))
-    print(f"weight {weight}: from {s1:.4f} to {s2:.4f}; on the grid from {there[0]:.3f} to {there[-1]:.3f}")
+    print(
+        f"weight {weight}: from {s1:.4f} to {s2:.4f}; on the grid from "
+        f"{there[0]:.3f} to {there[-1]:.3f}"
+    )
     assert abs(there[0] - s1) <= 2e-3, "the first contact is that of the formula"
     assert abs(there[-1] - s2) <= 2e-3, "and so is the last one"
 
@@ -148,7 +175,10 @@ for weight in (0.0, 1.0, 5.0):
 
 lifts = 2 * ((np.sqrt(0.57) + np.sqrt(0.17)) ** 2 - 2)
 just_above, just_below = (in_numpy(lifts + change, 999) for change in (0.01, -0.01))
-print(f"w = {lifts:.4f}; contacts at w + 0.01: {(just_above.p > just_above.r).sum()}", end=", ")
+print(
+    f"w = {lifts:.4f}; contacts at w + 0.01: {(just_above.p > just_above.r).sum()}",
+    end=", ",
+)
 print(f"at w - 0.01: {(just_below.p > just_below.r).sum()}")
 assert (just_above.p > just_above.r).any(), "it touches just above this weight"
 assert not (just_below.p > just_below.r).any(), "and just below it does not"

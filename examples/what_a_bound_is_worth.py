@@ -35,7 +35,9 @@ h = 1 / (N + 1)
 bump = 0.25 - 8 * (h * np.arange(1, N + 1) - 0.5) ** 2
 A = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(N, N))
 string = icp.ICP(A, np.full(N, 10 * h**2), bump)
-exact = string.solve("tridiagonal")  # elimination, right to rounding: it plays the truth here
+exact = string.solve(
+    "tridiagonal"
+)  # elimination, right to rounding: it plays the truth here
 print(f"heights from {exact.z.min():.3f} to {exact.z.max():.3f}; {exact.active_set}")
 
 # %%
@@ -48,15 +50,22 @@ print(f"heights from {exact.z.min():.3f} to {exact.z.max():.3f}; {exact.active_s
 # The bound says what it is worth, and here it is attained: no better one can be given for that residual.
 
 soft = icp.ICP([[1e-6]], [-1e-6])
-print(f"z = 2: residual {soft.paper_residual([2.0]):.0e}, bound on the error {icp.error_bound(soft, [2.0]).value:.9f}")
-assert 1 <= icp.error_bound(soft, [2.0]).value < 1 + 1e-6, "no better bound can be given"
+print(
+    f"z = 2: residual {soft.paper_residual([2.0]):.0e}, bound on the error "
+    f"{icp.error_bound(soft, [2.0]).value:.9f}"
+)
+assert 1 <= icp.error_bound(soft, [2.0]).value < 1 + 1e-6, (
+    "no better bound can be given"
+)
 
 # %%
 # *Two solutions.* For $A = -10^{-6}$, $q = 10^{-6}$, $\psi = 0$ both 0 and 1 are solutions, and everything between them
 # has a residual below a millionth. No bound exists, since there is no such thing as *the* error, and none is given:
 
 two = icp.ICP([[-1e-6]], [1e-6])
-print(f"residuals of 0, 1/2 and 1: {[two.paper_residual([z]) for z in (0.0, 0.5, 1.0)]}")
+print(
+    f"residuals of 0, 1/2 and 1: {[two.paper_residual([z]) for z in (0.0, 0.5, 1.0)]}"
+)
 print(icp.certify(two, [0.5]))
 
 # %%
@@ -69,19 +78,34 @@ print(icp.certify(two, [0.5]))
 # A bound $|z - z^*| \le \delta$ decides rows. If $p_i(z) > \sum_j |a_{ij}|\delta_j$, then $p_i(z^*) > 0$: row $i$
 # touches the bump in the true solution, whatever it does in $z$. If $r_i(z) > \delta_i$, it hangs free.
 
-method, wanted = icp.PSOR(omega=1.9), (0, 25, 50, 100, 200, 300, 400, 500, 600, 700, 800)
+method, wanted = (
+    icp.PSOR(omega=1.9),
+    (0, 25, 50, 100, 200, 300, 400, 500, 600, 700, 800),
+)
 rows = []
-print(f"{'sweeps':>6} {'residual':>9} {'error':>9} {'sharp':>9} {'bound of z':>11} {'rows proved':>12}")
-for k, (z, _) in enumerate(islice(method.iterates(string, np.maximum(bump, 0.0)), wanted[-1] + 1)):
+print(
+    f"{'sweeps':>6} {'residual':>9} {'error':>9} {'sharp':>9} {'bound of z':>11} "
+    f"{'rows proved':>12}"
+)
+for k, (z, _) in enumerate(
+    islice(method.iterates(string, np.maximum(bump, 0.0)), wanted[-1] + 1)
+):
     if k in wanted:
-        plain, sharp = (icp.error_bound(string, z, sharp=flag) for flag in (False, True))
+        plain, sharp = (
+            icp.error_bound(string, z, sharp=flag) for flag in (False, True)
+        )
         sets = [icp.theory.active_set(string, z, bound) for bound in (plain, sharp)]
         residual, error = string.residual(z), np.abs(z - exact.z).max()
         by_plain, by_sharp = (N - one.undecided.sum() for one in sets)
         rows.append((k, residual, error, sharp.value, plain.value, by_plain, by_sharp))
-        print(f"{k:6d} {residual:9.1e} {error:9.1e} {sharp.value:9.1e} {plain.value:11.1e} {by_sharp:12d}")
+        print(
+            f"{k:6d} {residual:9.1e} {error:9.1e} {sharp.value:9.1e} "
+            f"{plain.value:11.1e} {by_sharp:12d}"
+        )
         assert error <= sharp.value * (1 + 1e-9), "the error is within the bound"
-        assert not (sets[1].active & (exact.p <= exact.r)).any(), "no row that is proved to be in contact is free"
+        assert not (sets[1].active & (exact.p <= exact.r)).any(), (
+            "no row that is proved to be in contact is free"
+        )
 
 # %%
 # ### What "solved" means in the third digit
@@ -91,13 +115,22 @@ for k, (z, _) in enumerate(islice(method.iterates(string, np.maximum(bump, 0.0))
 # The heights are numbers like 0.25.
 
 q, height = string.q, cp.Variable(N)
-model = cp.Problem(cp.Minimize(cp.quad_form(height, cp.psd_wrap(A)) / 2 + q @ height), [height >= bump])
+model = cp.Problem(
+    cp.Minimize(cp.quad_form(height, cp.psd_wrap(A)) / 2 + q @ height), [height >= bump]
+)
 answers = {}
 for name in ("Clarabel", "SCS"):
     model.solve(solver=name.upper())
     answers[f"{name} in CVXPY"] = (model.status, height.value)
 engine = osqp.OSQP()
-engine.setup(sp.csc_matrix(A), q, sp.csc_matrix(sp.eye_array(N)), bump, np.full(N, np.inf), verbose=False)
+engine.setup(
+    sp.csc_matrix(A),
+    q,
+    sp.csc_matrix(sp.eye_array(N)),
+    bump,
+    np.full(N, np.inf),
+    verbose=False,
+)
 found = engine.solve(raise_error=False)
 answers["OSQP itself"] = (found.info.status, found.x)
 
@@ -106,7 +139,10 @@ for name, (says, z) in answers.items():
     bound = icp.error_bound(string, z, sharp=True)
     proved = N - icp.theory.active_set(string, z, bound).undecided.sum()
     residual, error = string.residual(z), np.abs(z - exact.z).max()
-    print(f"{name:>17} {says:>8} {residual:9.1e} {error:9.1e} {bound.value:9.1e} {proved:6d} of {N}")
+    print(
+        f"{name:>17} {says:>8} {residual:9.1e} {error:9.1e} {bound.value:9.1e} "
+        f"{proved:6d} of {N}"
+    )
 
 # %%
 # An answer can be wrong in its second digit and "solved" all the same; only a bound tells. And a poor answer with a
@@ -118,27 +154,66 @@ for name, (says, z) in answers.items():
 # middle how many rows are proved. To the right three answers that were called solved.
 
 BLUE, RED, GREEN, GREY = "#0072B2", "#D55E00", "#009E73", "0.45"
-figure, (fall, proved, bars) = plt.subplots(1, 3, figsize=(10.5, 3.9), width_ratios=[1.3, 1, 1], layout="constrained")
+figure, (fall, proved, bars) = plt.subplots(
+    1, 3, figsize=(10.5, 3.9), width_ratios=[1.3, 1, 1], layout="constrained"
+)
 k, residual, error, sharp, plain, by_plain, by_sharp = np.array(rows).T
 fall.semilogy(k, plain, "^-", color=RED, markersize=5, label="bound of z itself")
-fall.semilogy(k, sharp, "s-", color=GREEN, markersize=7, markerfacecolor="none", label="sharp bound")
+fall.semilogy(
+    k,
+    sharp,
+    "s-",
+    color=GREEN,
+    markersize=7,
+    markerfacecolor="none",
+    label="sharp bound",
+)
 fall.semilogy(k, error, "o-", color=BLUE, markersize=4, label="true error")
 fall.semilogy(k, residual, "d-", color=GREY, markersize=4, label="residual")
 fall.set(xlabel="sweeps", title="Residual, error and bounds")
 fall.legend(frameon=False, fontsize=9)
-proved.plot(k, by_sharp, "s-", color=GREEN, markersize=6, markerfacecolor="none", label="by the sharp bound")
-proved.plot(k, by_plain, "^-", color=RED, markersize=5, label="by the bound of z itself")
+proved.plot(
+    k,
+    by_sharp,
+    "s-",
+    color=GREEN,
+    markersize=6,
+    markerfacecolor="none",
+    label="by the sharp bound",
+)
+proved.plot(
+    k, by_plain, "^-", color=RED, markersize=5, label="by the bound of z itself"
+)
 proved.axhline(N, color="0.6", linewidth=1)
 proved.set(xlabel="sweeps", ylim=(0, 1.08 * N), title=f"Rows proved, of {N}")
 proved.legend(frameon=False, fontsize=9, loc="lower right")
 for place, (name, (_, z)) in enumerate(answers.items()):
-    values = string.residual(z), np.abs(z - exact.z).max(), icp.error_bound(string, z, sharp=True).value
+    values = (
+        string.residual(z),
+        np.abs(z - exact.z).max(),
+        icp.error_bound(string, z, sharp=True).value,
+    )
     bars.plot([*values[:2]], [place, place], color="0.8", linewidth=1, zorder=0)
-    for value, sign, colour, size in zip(values, "dos", (GREY, BLUE, GREEN), (5, 5, 9), strict=True):
-        bars.plot(value, place, sign, color=colour, markersize=size, markerfacecolor="none" if sign == "s" else colour)
-    bars.annotate(name, (values[0], place), (0, 9), textcoords="offset points", fontsize=9)
+    for value, sign, colour, size in zip(
+        values, "dos", (GREY, BLUE, GREEN), (5, 5, 9), strict=True
+    ):
+        bars.plot(
+            value,
+            place,
+            sign,
+            color=colour,
+            markersize=size,
+            markerfacecolor="none" if sign == "s" else colour,
+        )
+    bars.annotate(
+        name, (values[0], place), (0, 9), textcoords="offset points", fontsize=9
+    )
 bars.set(
-    xscale="log", yticks=[], ylim=(-0.5, len(answers) - 0.3), xlim=(1e-8, 1), xlabel="in heights  (← more accurate)"
+    xscale="log",
+    yticks=[],
+    ylim=(-0.5, len(answers) - 0.3),
+    xlim=(1e-8, 1),
+    xlabel="in heights  (← more accurate)",
 )
 bars.set_title("Called solved: ◆ residual, ● error")
 for axes in (fall, proved, bars):
@@ -154,7 +229,10 @@ for suffix in ("png", "svg"):
 
 for n in (49, 99, 199, 399):
     fine = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(n, n))
-    print(f"N = {n:3d}: a residual of 1e-6 in every row allows an error of up to {1e-6 * (n + 1) ** 2 / 8:.1e}")
+    print(
+        f"N = {n:3d}: a residual of 1e-6 in every row allows an error of up to "
+        f"{1e-6 * (n + 1) ** 2 / 8:.1e}"
+    )
     v = sp.linalg.spsolve(fine.tocsc(), np.ones(n))
     assert abs(v.max() / ((n + 1) ** 2 / 8) - 1) < 1e-9, "v is that of the formula"
 
@@ -168,7 +246,9 @@ for n in (49, 99, 199, 399):
 
 asked = string.solve("psor", accuracy=1e-6)
 print(
-    f"{asked.iterations} sweeps: residual {asked.residual:.1e}, certified {asked.certificate.error_bound:.1e}", end=""
+    f"{asked.iterations} sweeps: residual {asked.residual:.1e}, certified "
+    f"{asked.certificate.error_bound:.1e}",
+    end="",
 )
 print(f", true error {np.abs(asked.z - exact.z).max():.1e}")
 assert np.abs(asked.z - exact.z).max() <= asked.certificate.error_bound <= 1e-6, (
@@ -183,8 +263,14 @@ assert np.abs(asked.z - exact.z).max() <= asked.certificate.error_bound <= 1e-6,
 
 early = string.solve("psor", omega=1.9, max_iter=300, raise_on_failure=False)
 late = early.polish()
-print(f"after {early.iterations} sweeps: {early.active_set}; error {np.abs(early.z - exact.z).max():.0e}")
-print(f"polished: error {np.abs(late.z - exact.z).max():.0e}, certified {late.certificate.error_bound:.0e}")
+print(
+    f"after {early.iterations} sweeps: {early.active_set}; error "
+    f"{np.abs(early.z - exact.z).max():.0e}"
+)
+print(
+    f"polished: error {np.abs(late.z - exact.z).max():.0e}, certified "
+    f"{late.certificate.error_bound:.0e}"
+)
 
 # %%
 # **3.** Judge OSQP's contact set by the eye: take rows with $z_i - \psi_i < 10^{-6}$ as touching. How many are wrong?
@@ -197,7 +283,10 @@ touches = icp.theory.active_set(string, z, icp.error_bound(string, z, sharp=True
 truth = exact.p > exact.r
 by_eye = int(((z - bump < 1e-6) != truth).sum())
 wrong = int((touches.active & ~truth).sum() + (touches.inactive & truth).sum())
-print(f"by the eye {by_eye} of {N} wrong; of {N - touches.undecided.sum()} that are proved {wrong}")
+print(
+    f"by the eye {by_eye} of {N} wrong; of {N - touches.undecided.sum()} that are "
+    f"proved {wrong}"
+)
 assert wrong == 0, "nothing that is proved is wrong"
 
 # %%

@@ -36,7 +36,9 @@ def say(words: str) -> None:
     print(textwrap.fill(words, 96, initial_indent="    ", subsequent_indent="    "))
 
 
-def report(title: str, problem: icp.ICP, method: str | None = None, **options) -> icp.Solution:
+def report(
+    title: str, problem: icp.ICP, method: str | None = None, **options
+) -> icp.Solution:
     solution = problem.solve(method, raise_on_failure=False, **options)
     print(title)
     if solution.solved:
@@ -56,7 +58,13 @@ def report(title: str, problem: icp.ICP, method: str | None = None, **options) -
 for as_printed in (True, False):
     answer = icp.theory.check("4.3", steep, icp.MNMGS(phi2=PHI2), as_printed=as_printed)
     print(f"theorem {'as printed' if as_printed else 'corrected '}: {answer}")
-report(f"A = .1, q = 1, psi(z) = 6 - 5z, phi2 = {PHI2}", steep, "mnmgs", phi2=PHI2, z0=[56.0])
+report(
+    f"A = .1, q = 1, psi(z) = 6 - 5z, phi2 = {PHI2}",
+    steep,
+    "mnmgs",
+    phi2=PHI2,
+    z0=[56.0],
+)
 
 # %%
 # **A P-matrix that is not H+.** A solution exists and is unique for every $q$, and sweeps turn in a circle. With
@@ -84,14 +92,20 @@ nothing = report("A = -1, q = -1, psi = 0", icp.ICP([[-1.0]], [-1.0]))
 # %%
 # **A tolerance below rounding** is answered with the floor, and not with success.
 
-floor = report("rtol = 0", icp.scenes.manufactured_affine(n=400).problem, "mnmgs", rtol=0.0)
+floor = report(
+    "rtol = 0", icp.scenes.manufactured_affine(n=400).problem, "mnmgs", rtol=0.0
+)
 
 # %%
 # The error of the first problem, step by step, for three values of $\varphi_2$ and one of $\varphi$, which damps. A
 # cycle is a line that does not fall.
 
 figure, axes = plt.subplots(figsize=(6.4, 4), layout="constrained")
-looks = {"φ₂ = 0.1": ("#D55E00", "o"), "φ₂ = 0.02": ("#E69F00", "^"), "φ₂ = 0.01": ("#0072B2", "s")}
+looks = {
+    "φ₂ = 0.1": ("#D55E00", "o"),
+    "φ₂ = 0.02": ("#E69F00", "^"),
+    "φ₂ = 0.01": ("#0072B2", "s"),
+}
 looks["φ₂ = 0.1, φ = 0.6"] = ("#009E73", "D")
 options = ({"phi2": 0.1}, {"phi2": 0.02}, {"phi2": 0.01}, {"phi2": 0.1, "phi": 0.6})
 for (label, (colour, mark)), chosen_by in zip(looks.items(), options, strict=True):
@@ -120,7 +134,10 @@ for phi2 in sorted({0.005, 0.01, 0.018, 0.1, 0.15, PHI2}):
         promises.append("converges" if answer.holds else "-")
     found = steep.solve(method, z0=[2.0], raise_on_failure=False)
     factor = 1 - 12 * phi2 / (0.1 + phi2)
-    print(f"{phi2:6.3f} {factor:8.3f}  {promises[0]:>10}  {promises[1]:>9}  {found.status.value}")
+    print(
+        f"{phi2:6.3f} {factor:8.3f}  {promises[0]:>10}  {promises[1]:>9}  "
+        f"{found.status.value}"
+    )
 
 # %%
 # ## Exercises
@@ -131,7 +148,12 @@ for phi2 in sorted({0.005, 0.01, 0.018, 0.1, 0.15, PHI2}):
 # Answer: $|1 - 12\varphi_2/(0.1 + \varphi + \varphi_2)| < 1$ if and only if $5\varphi_2 < 0.1 + \varphi$: for
 # $\varphi = 0$ that is $\varphi_2 < 0.02$, and for $\varphi_2 = 0.1$ it is $\varphi > 0.4$.
 
-for options in ({"phi2": 0.019}, {"phi2": 0.021}, {"phi2": 0.1, "phi": 0.42}, {"phi2": 0.1, "phi": 0.38}):
+for options in (
+    {"phi2": 0.019},
+    {"phi2": 0.021},
+    {"phi2": 0.1, "phi": 0.42},
+    {"phi2": 0.1, "phi": 0.38},
+):
     found = steep.solve(icp.MNMGS(**options), z0=[1.001], raise_on_failure=False)
     converges = 5 * options["phi2"] < 0.1 + options.get("phi", 0.0)
     print(f"{options}: {found.status.value}")
@@ -150,11 +172,16 @@ for start in ([0.0, 0.0, 0.0], [1.0, 0.0, 0.0]):
     print(f"from {start}: {found.status.value}")
 A = cyclic.A.toarray()
 turns = np.linalg.eigvals(np.linalg.solve(2 * np.eye(3) + A, 2 * np.eye(3) - A))
-print(f"moduli of the eigenvalues of the step: {np.sort(np.abs(turns)).round(12)}; ", end="")
+print(
+    f"moduli of the eigenvalues of the step: {np.sort(np.abs(turns)).round(12)}; ",
+    end="",
+)
 print(f"pivoting: {cyclic.solve().status.value}")
 assert not found.solved, "the sweeps go round in a circle"
 assert cyclic.solve().solved, "solve() finds the solution"
-assert np.isclose(np.abs(turns), 1).sum() == 2, "two eigenvalues of the step have the modulus 1"
+assert np.isclose(np.abs(turns), 1).sum() == 2, (
+    "two eigenvalues of the step have the modulus 1"
+)
 
 # %%
 # **3.** The witness of the problem without solution is a vector $y$ with $y \ge 0$, $A^Ty \le 0$ and $q^Ty < 0$. Why is
@@ -163,9 +190,15 @@ assert np.isclose(np.abs(turns), 1).sum() == 2, "two eigenvalues of the step hav
 # Answer: If $z \ge 0$ had $p = Az + q \ge 0$, then $0 \le y^Tp = (A^Ty)^Tz + q^Ty < 0$. Anybody can check that in a
 # line, whoever found $y$.
 
-for problem in (icp.ICP([[-1.0]], [-1.0]), icp.ICP([[1.0, -2.0], [-2.0, 1.0]], [-1.0, -1.0])):
+for problem in (
+    icp.ICP([[-1.0]], [-1.0]),
+    icp.ICP([[1.0, -2.0], [-2.0, 1.0]], [-1.0, -1.0]),
+):
     y = problem.solve("lemke", raise_on_failure=False).infeasible.witness
-    print(f"A = {problem.A.toarray().tolist()}: y = {y}, A'y = {problem.A.T @ y}, q'y = {problem.q @ y:g}")
+    print(
+        f"A = {problem.A.toarray().tolist()}: y = {y}, A'y = {problem.A.T @ y}, q'y "
+        f"= {problem.q @ y:g}"
+    )
     assert (y >= 0).all(), "y is not negative"
     assert (problem.A.T @ y <= 0).all(), "and A'y is not positive"
     assert problem.q @ y < 0, "and q'y is negative: no z has Az + q >= 0"

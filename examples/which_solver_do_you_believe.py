@@ -66,7 +66,10 @@ print(f"{'solver':>9} {'says':>8} {'load':>8} {'residual / Res(0)':>18}   proved
 for name, (z, says) in found.items():
     judged = icp.certify(scene.problem, z)
     proved = f"no pressure is off by more than {judged.error_bound:.1e}"
-    print(f"{name:>9} {says:>8} {load(scene, z):8.4f} {judged.residual / start:18.1e}   {proved}")
+    print(
+        f"{name:>9} {says:>8} {load(scene, z):8.4f} {judged.residual / start:18.1e} "
+        f"  {proved}"
+    )
 
 # %%
 # A cross-check has one judge for all: independent solvers in well-chosen units, asked for ten digits, and their
@@ -100,7 +103,11 @@ race.plot("which_solver_race.png")
 # a solver is larger than everything that drives the problem. A better grid makes the answer worse.
 
 sizes, loads = (99, 299, 999, 2999), {name: [] for name in (*SOLVERS, "icpmodel")}
-print(f"{'n':>5} " + " ".join(f"{name:>9}" for name in loads) + "     the largest entry of q")
+print(
+    f"{'n':>5} "
+    + " ".join(f"{name:>9}" for name in loads)
+    + "     the largest entry of q"
+)
 for n in sizes:
     scene, found = answers(n)
     for name, (z, _) in found.items():
@@ -109,9 +116,18 @@ for n in sizes:
     print(f"{n:5d} {row}     {np.abs(scene.problem.q).max():.1e}")
 
 figure, axes = plt.subplots(figsize=(6, 4), layout="constrained")
-looks = ("#D55E00", "--", "s", 10), ("#E69F00", ":", "^", 7), ("#0072B2", "-", "D", 7), ("black", "-", "o", 3)
-for (name, seen), (colour, line, marker, size) in zip(loads.items(), looks, strict=True):
-    axes.semilogx(sizes, seen, line, marker=marker, color=colour, markersize=size, label=name)
+looks = (
+    ("#D55E00", "--", "s", 10),
+    ("#E69F00", ":", "^", 7),
+    ("#0072B2", "-", "D", 7),
+    ("black", "-", "o", 3),
+)
+for (name, seen), (colour, line, marker, size) in zip(
+    loads.items(), looks, strict=True
+):
+    axes.semilogx(
+        sizes, seen, line, marker=marker, color=colour, markersize=size, label=name
+    )
 axes.set_xticks(sizes, [str(n) for n in sizes])
 axes.minorticks_off()
 axes.set_xlabel("number of unknowns n")
@@ -144,7 +160,10 @@ print(f"{says}, load {load(scene, z):.4f}")
 
 for name, more in (("SCS", {}), ("OSQP", {}), ("OSQP", {"eps_dual_inf": 1e-12})):
     z, says = as_it_comes(scene.problem, name, eps_abs=1e-9, eps_rel=1e-9, **more)
-    print(f"{name}: {says}, " + ("no answer" if z is None else f"load {load(scene, z):.4f}"))
+    print(
+        f"{name}: {says}, "
+        + ("no answer" if z is None else f"load {load(scene, z):.4f}")
+    )
 
 # %%
 # **3.** What does the certificate say of $z = 0$, which took no solver at all? Compare with the true error.
@@ -153,5 +172,8 @@ for name, more in (("SCS", {}), ("OSQP", {}), ("OSQP", {"eps_dual_inf": 1e-12}))
 
 zero = icp.certify(scene.problem, np.zeros(scene.problem.n))
 true = scene.problem.solve(rtol=1e-10).z.max()
-print(f"residual {zero.residual:.1e}, proved error at most {zero.error_bound:.2f}, true error {true:.2f}")
+print(
+    f"residual {zero.residual:.1e}, proved error at most {zero.error_bound:.2f}, "
+    f"true error {true:.2f}"
+)
 assert true <= zero.error_bound, "the certificate bounds the true error"

@@ -44,7 +44,9 @@ string = stretched(N)
 exact = string.solve("tridiagonal")
 free = exact.p < exact.r
 side = int(np.argmin(free))  # so many points hang free on each side
-print(f"{N} points: {N - free.sum()} lie on the bump, {side} hang free on each side of it")
+print(
+    f"{N} points: {N - free.sum()} lie on the bump, {side} hang free on each side of it"
+)
 
 # %%
 # ### What theory says
@@ -75,13 +77,22 @@ def young(omega, mu=mu):
 def errors(method, start=None, steps=2500):
     """The largest error of each iterate."""
     z = np.zeros(N) if start is None else start
-    return np.array([np.abs(z - exact.z).max() for z, _ in islice(method.iterates(string, z), steps)])
+    return np.array(
+        [
+            np.abs(z - exact.z).max()
+            for z, _ in islice(method.iterates(string, z), steps)
+        ]
+    )
 
 
 def measured(error):
     """The mean factor of a step, from a hundredth of the first error on until rounding; infinite without an end."""
     late = np.flatnonzero((error < 1e-2 * error[0]) & (error > 1e-12))
-    return (error[late[-1]] / error[late[0]]) ** (1 / (late[-1] - late[0])) if error[-1] < 1e-3 else math.inf
+    return (
+        (error[late[-1]] / error[late[0]]) ** (1 / (late[-1] - late[0]))
+        if error[-1] < 1e-3
+        else math.inf
+    )
 
 
 sweeps = {}
@@ -89,8 +100,13 @@ print(f"{'omega':>6} {'theory':>8} {'measured':>9} {'sweeps to 1e-6':>15}")
 for omega in (0.5, 1.0, 1.5, best, 1.9):
     error = errors(icp.PSOR(omega=omega))
     sweeps[omega] = int(np.argmax(error < 1e-6))
-    print(f"{omega:6.3f} {young(omega):8.4f} {measured(error):9.4f} {sweeps[omega]:15d}")
-print(f"the best one, {best:.4f}, is {sweeps[1.0] / sweeps[best]:.1f} times as fast as no relaxation")
+    print(
+        f"{omega:6.3f} {young(omega):8.4f} {measured(error):9.4f} {sweeps[omega]:15d}"
+    )
+print(
+    f"the best one, {best:.4f}, is {sweeps[1.0] / sweeps[best]:.1f} times as fast "
+    "as no relaxation"
+)
 
 # %%
 # ## What is seen
@@ -116,13 +132,17 @@ def near_solution(theta1, theta2):
 
 THETAS, seen = (0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0), {}
 print(
-    f"{'theta1':>6}   {'MNMSOR near the solution':>24} {'from 0':>8}   {'MNMAOR with 2 theta1, near':>26} {'from 0':>8}"
+    f"{'theta1':>6}   {'MNMSOR near the solution':>24} {'from 0':>8}   "
+    f"{'MNMAOR with 2 theta1, near':>26} {'from 0':>8}"
 )
 for theta in THETAS:
     methods = icp.MNMSOR(theta1=theta), icp.MNMAOR(theta1=theta, theta2=2 * theta)
     near = near_solution(theta, theta), near_solution(theta, 2 * theta)
     seen[theta] = [measured(errors(method)) for method in methods]
-    print(f"{theta:6.1f}   {near[0]:24.4f} {seen[theta][0]:8.4f}   {near[1]:26.4f} {seen[theta][1]:8.4f}")
+    print(
+        f"{theta:6.1f}   {near[0]:24.4f} {seen[theta][0]:8.4f}   {near[1]:26.4f} "
+        f"{seen[theta][1]:8.4f}"
+    )
 
 # %%
 # (With $\theta_2 = 2\theta_1$ a free row does what projected SOR does with $\omega = 2\theta_1/(1 + \theta_1)$: half of
@@ -143,12 +163,24 @@ for theta in THETAS:
 
 wheel = icp.ICP([[1, 0, 2], [2, 1, 0], [0, 2, 1]], [-1, -1, -1])
 full = icp.MNMMOD(theta1=2.0)
-half = icp.Modulus(splitting=2 * wheel.A.toarray() + 2 * np.eye(3), phi2=2.0)  # X = 2 (A + Omega)
+half = icp.Modulus(
+    splitting=2 * wheel.A.toarray() + 2 * np.eye(3), phi2=2.0
+)  # X = 2 (A + Omega)
 
 
 def turns(method, steps=40):
     """The iterates from (1, 0, 0), less the solution."""
-    return np.array([z for z, _ in islice(method.iterates(wheel, np.array([1.0, 0, 0])), steps + 1)]) - 1 / 3
+    return (
+        np.array(
+            [
+                z
+                for z, _ in islice(
+                    method.iterates(wheel, np.array([1.0, 0, 0])), steps + 1
+                )
+            ]
+        )
+        - 1 / 3
+    )
 
 
 print("distance after 0, 1, 2, 5, 20 and 40")
@@ -164,18 +196,37 @@ for name, method in (("full", full), ("half", half)):
 # $(1, 1, 1)$.
 
 BLUE, RED, GREEN = "#0072B2", "#D55E00", "#009E73"
-figure, (pace, plane) = plt.subplots(1, 2, figsize=(10, 4.2), width_ratios=[1.5, 1], layout="constrained")
+figure, (pace, plane) = plt.subplots(
+    1, 2, figsize=(10, 4.2), width_ratios=[1.5, 1], layout="constrained"
+)
 grid = np.linspace(0.3, 6, 120)
 for member, (times, colour, marker) in enumerate([(1, RED, "s"), (2, GREEN, "D")]):
-    pace.plot(grid, [near_solution(theta, times * theta) for theta in grid], color=colour, linewidth=1.3)
+    pace.plot(
+        grid,
+        [near_solution(theta, times * theta) for theta in grid],
+        color=colour,
+        linewidth=1.3,
+    )
     alive = [theta for theta in THETAS if seen[theta][member] < 1]
-    pace.plot(alive, [seen[theta][member] for theta in alive], marker, color=colour, markersize=6)
+    pace.plot(
+        alive,
+        [seen[theta][member] for theta in alive],
+        marker,
+        color=colour,
+        markersize=6,
+    )
     dead = [theta for theta in THETAS if seen[theta][member] > 1]
     pace.plot(dead, [1.0] * len(dead), "X", color=colour, markersize=8)
 grid = np.linspace(0.3, 2.0, 300)
 pace.plot(grid, [young(omega) for omega in grid], color=BLUE, linewidth=1.3)
 omegas = [0.5, 0.8, 1.1, 1.4, 1.6, best, 1.8, 1.9, 1.96]
-pace.plot(omegas, [measured(errors(icp.PSOR(omega=omega))) for omega in omegas], "o", color=BLUE, markersize=5)
+pace.plot(
+    omegas,
+    [measured(errors(icp.PSOR(omega=omega))) for omega in omegas],
+    "o",
+    color=BLUE,
+    markersize=5,
+)
 pace.axhline(1.0, color="0.6", linewidth=1)
 for text, at, off, colour in (
     ("projected SOR,\nω = θ₁", (best, young(best)), (12, 6), BLUE),
@@ -184,18 +235,43 @@ for text, at, off, colour in (
     ("MNMSOR from z = 0: never arrives", (6, 1.0), (8, 7), RED),
 ):
     right = "right" if at[0] == 6 else "left"
-    pace.annotate(text, at, off, textcoords="offset points", color=colour, fontsize=9, ha=right)
-pace.set(ylim=(None, 1.03), xlabel="relaxation parameter θ₁", ylabel="what a step leaves of the error")
+    pace.annotate(
+        text, at, off, textcoords="offset points", color=colour, fontsize=9, ha=right
+    )
+pace.set(
+    ylim=(None, 1.03),
+    xlabel="relaxation parameter θ₁",
+    ylabel="what a step leaves of the error",
+)
 pace.set_title("Theory (lines) and measurement (markers)")
 
-across = np.array([[1, -1, 0], [1, 1, -2]]) / np.sqrt([[2], [6]])  # the plane that turns
+across = np.array([[1, -1, 0], [1, 1, -2]]) / np.sqrt(
+    [[2], [6]]
+)  # the plane that turns
 for method, colour, marker in ((full, RED, "s"), (half, BLUE, "o")):
-    plane.plot(*across @ turns(method).T, color=colour, marker=marker, markersize=4, linewidth=0.7)
+    plane.plot(
+        *across @ turns(method).T,
+        color=colour,
+        marker=marker,
+        markersize=4,
+        linewidth=0.7,
+    )
 plane.plot(0, 0, "*", color="black", markersize=10)
-plane.annotate("full steps turn for ever", (-0.26, 0.27), color=RED, fontsize=9, va="bottom")
+plane.annotate(
+    "full steps turn for ever", (-0.26, 0.27), color=RED, fontsize=9, va="bottom"
+)
 plane.annotate("half steps arrive", (0.36, -0.01), color=BLUE, fontsize=9)
-plane.annotate("start", across @ turns(full)[0], (-4, 6), textcoords="offset points", ha="right", fontsize=9)
-plane.set(aspect="equal", xlabel="error across (1, 1, 1)", title="The wheel, with ω = 2")
+plane.annotate(
+    "start",
+    across @ turns(full)[0],
+    (-4, 6),
+    textcoords="offset points",
+    ha="right",
+    fontsize=9,
+)
+plane.set(
+    aspect="equal", xlabel="error across (1, 1, 1)", title="The wheel, with ω = 2"
+)
 for axes in (pace, plane):
     axes.spines[["top", "right"]].set_visible(False)
 for suffix in ("png", "svg"):
@@ -245,7 +321,10 @@ assert 0.99 < low < 1.1, "what is proved ends at 1"
 
 for distance in (1e-9, 1e-5, 1e-1):
     error = errors(icp.MNMSOR(theta1=6.0), exact.z + distance)
-    print(f"from {distance:.0e} away: the error grows to {error.max():.0e} and ends at {error[-1]:.0e}")
+    print(
+        f"from {distance:.0e} away: the error grows to {error.max():.0e} and ends "
+        f"at {error[-1]:.0e}"
+    )
 
 # %%
 # **3.** For which $\omega$ is the wheel back where it was after four steps?
@@ -254,7 +333,10 @@ for distance in (1e-9, 1e-5, 1e-1):
 
 back = turns(icp.MNMMOD(theta1=math.sqrt(3)))
 gaps = np.abs(back[-1] - back[-5:-1]).max(axis=1)
-print(f"the 40th iterate differs from the 36th to the 39th by {', '.join(f'{one:.1g}' for one in gaps)}")
+print(
+    "the 40th iterate differs from the 36th to the 39th by "
+    f"{', '.join(f'{one:.1g}' for one in gaps)}"
+)
 assert gaps[0] < 1e-12 < gaps[1:].min(), "only every fourth iterate is the same"
 
 # %%

@@ -194,8 +194,8 @@ class Interrupted(KeyboardInterrupt):
 
     Examples
     --------
-    >>> issubclass(Interrupted, KeyboardInterrupt) and not issubclass(Interrupted, Exception)
-    True
+    >>> issubclass(Interrupted, KeyboardInterrupt), issubclass(Interrupted, Exception)
+    (True, False)
     """
 
     def __init__(self, report: Any) -> None:

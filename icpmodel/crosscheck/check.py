@@ -76,10 +76,13 @@ def crosscheck(
 
     Examples
     --------
-    >>> report = icp.crosscheck(ICP([[2, -1], [-1, 2]], [-1, 3]), [0.5, 0.0], ["osqp", "cvxpy-clarabel"])
+    >>> report = icp.crosscheck(
+    ...     ICP([[2, -1], [-1, 2]], [-1, 3]), [0.5, 0.0], ["osqp", "cvxpy-clarabel"]
+    ... )
     >>> [row.verdict.value for row in report.rows], report.agrees
     (['agrees', 'agrees'], True)
-    >>> icp.crosscheck(ICP([[2, -1], [-1, 2]], [-1, 3]), [0.5001, 0.0], ["osqp"]).rows[0].verdict
+    >>> report = icp.crosscheck(ICP([[2, -1], [-1, 2]], [-1, 3]), [0.5001, 0.0], ["osqp"])
+    >>> report.rows[0].verdict
     <Verdict.DISAGREES: 'disagrees'>
     """
     problem = given = as_problem(problem, nonlinear=True)

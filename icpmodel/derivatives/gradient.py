@@ -40,7 +40,8 @@ class Gradient(ReadOnly, Shown):
 
     Examples
     --------
-    >>> gradient = icp.Derivative(ICP([[2, -1], [-1, 2]], [-1, 3], psi=-1.0).solve()).adjoint([1.0, 0.0])
+    >>> solution = ICP([[2, -1], [-1, 2]], [-1, 3], psi=-1.0).solve()
+    >>> gradient = icp.Derivative(solution).adjoint([1.0, 0.0])
     >>> gradient.q, gradient.psi
     (array([-0.5,  0. ]), array([0. , 0.5]))
     """

@@ -47,7 +47,9 @@ class DistributedICP(Shown):
     Examples
     --------
     >>> from petsc4py import PETSc
-    >>> A = PETSc.Mat().createAIJ((2, 2), csr=([0, 2, 4], [0, 1, 0, 1], [2.0, -1.0, -1.0, 2.0]))
+    >>> A = PETSc.Mat().createAIJ(
+    ...     (2, 2), csr=([0, 2, 4], [0, 1, 0, 1], [2.0, -1.0, -1.0, 2.0])
+    ... )
     >>> A.assemble()
     >>> icp.distributed.DistributedICP(A, np.array([-1.0, 3.0]))
     DistributedICP(n=2, ranks=1)
@@ -245,8 +247,13 @@ def by_rows(problem: Any, comm: Any = None) -> DistributedICP:
     --------
     >>> class Springs:
     ...     n = 1000
+    ...
     ...     def local_rows(self, lo, hi):
-    ...         return 2.0 * sp.eye_array(self.n).tocsr()[lo:hi], np.full(hi - lo, -1.0), np.zeros(hi - lo)
+    ...         return (
+    ...             2.0 * sp.eye_array(self.n).tocsr()[lo:hi],
+    ...             np.full(hi - lo, -1.0),
+    ...             np.zeros(hi - lo),
+    ...         )
     >>> icp.distributed.solve(icp.distributed.by_rows(Springs())).z.sum()
     500.0
     """

@@ -46,7 +46,9 @@ class DistributedSolution(Shown):
 
     Examples
     --------
-    >>> solution = icp.distributed.solve(icp.distributed.distribute(icp.scenes.membrane(n=100).problem))
+    >>> solution = icp.distributed.solve(
+    ...     icp.distributed.distribute(icp.scenes.membrane(n=100).problem)
+    ... )
     >>> solution.status, solution.solved
     (<Status.SOLVED: 'solved'>, True)
     """

@@ -110,7 +110,8 @@ def solve(
     Examples
     --------
     >>> problem = icp.distributed.distribute(icp.scenes.membrane(n=100).problem)
-    >>> bool(abs(icp.distributed.solve(problem).z.array - icp.scenes.membrane(n=100).problem.solve().z).max() < 1e-6)
+    >>> serial = icp.scenes.membrane(n=100).problem.solve()
+    >>> bool(abs(icp.distributed.solve(problem).z.array - serial.z).max() < 1e-6)
     True
     """
     problem = A if isinstance(A, DistributedICP) else DistributedICP(A, q, psi, upper)

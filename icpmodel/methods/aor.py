@@ -88,7 +88,8 @@ class MNMAOR(_Relaxing):
 
     Examples
     --------
-    >>> ICP([[4, -1], [-2, 4]], [-3, -2]).solve(MNMAOR(theta1=1.2, theta2=1.0, phi=0.5)).z.round(6)
+    >>> method = MNMAOR(theta1=1.2, theta2=1.0, phi=0.5)
+    >>> ICP([[4, -1], [-2, 4]], [-3, -2]).solve(method).z.round(6)
     array([1., 1.])
     """
 

@@ -149,7 +149,8 @@ class Modulus(FreeOmega):
 
     Examples
     --------
-    >>> ICP([[4, -1], [-2, 4]], [-3, -2]).solve(Modulus(splitting="whole", phi2=2.0)).z.round(6)
+    >>> method = Modulus(splitting="whole", phi2=2.0)
+    >>> ICP([[4, -1], [-2, 4]], [-3, -2]).solve(method).z.round(6)
     array([1., 1.])
     """
 

@@ -126,7 +126,8 @@ class Josephy(Shortcut):
 
     Examples
     --------
-    >>> ICP([[2.0]], [-1.0], icp.Elementwise(np.cos, lambda z: -np.sin(z))).solve(icp.Josephy()).z.round(9)
+    >>> psi = icp.Elementwise(np.cos, lambda z: -np.sin(z))
+    >>> ICP([[2.0]], [-1.0], psi).solve(icp.Josephy()).z.round(9)
     array([0.73908513])
     """
 

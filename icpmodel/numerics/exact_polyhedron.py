@@ -73,7 +73,10 @@ def relative_interior(C: Rationals, e: Rational) -> tuple[Rational, list[int]] |
     Examples
     --------
     >>> one, two = Fraction(1), Fraction(2)
-    >>> relative_interior([[one], [-one]], [one, one])[1], relative_interior([[one], [-one]], [-two, one])
+    >>> (
+    ...     relative_interior([[one], [-one]], [one, one])[1],
+    ...     relative_interior([[one], [-one]], [-two, one]),
+    ... )
     ([], None)
     """
     m = len(C)

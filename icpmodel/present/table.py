@@ -43,7 +43,8 @@ class Table(Shown):
 
     Examples
     --------
-    >>> print(Table("Costs", ("method", "n", "time, s"), (("newton", 900, 0.0123456), ("psor", 16, None))))
+    >>> rows = (("newton", 900, 0.0123456), ("psor", 16, None))
+    >>> print(Table("Costs", ("method", "n", "time, s"), rows))
     Costs
     method    n  time, s
     newton  900  0.01235
@@ -191,7 +192,8 @@ class Table(Shown):
 
         Examples
         --------
-        >>> print(Table("Steps", ("method", "RES"), (("newton", 1.5e-9), ("psor", None))).to_latex(), end="")
+        >>> table = Table("Steps", ("method", "RES"), (("newton", 1.5e-9), ("psor", None)))
+        >>> print(table.to_latex(), end="")
         \\begin{table}
         \\centering
         \\caption{Steps}

@@ -69,7 +69,9 @@ class ByRows(Shown):
 
     Examples
     --------
-    >>> made = icp.ByRows((10**6,), lambda lo, hi: (2.0 * sp.eye_array(hi - lo, 10**6, k=lo), -1.0, 0.0))
+    >>> made = icp.ByRows(
+    ...     (10**6,), lambda lo, hi: (2.0 * sp.eye_array(hi - lo, 10**6, k=lo), -1.0, 0.0)
+    ... )
     >>> made.n, made.local_rows(500, 502).A.indices
     (1000000, array([500, 501], dtype=int32))
     """

@@ -243,7 +243,9 @@ class ProblemData(Shown):
         --------
         A block of 2 kg is pressed down at 1 m/s and pushed at 3 m/s, with μ = ½: it slides on.
 
-        >>> problem = ICP.from_friction_index(np.eye(2) / 2, [1, -3], [0, -0.5], [np.inf, 0.5], [-1, 0])
+        >>> problem = ICP.from_friction_index(
+        ...     np.eye(2) / 2, [1, -3], [0, -0.5], [np.inf, 0.5], [-1, 0]
+        ... )
         >>> z = problem.solve().z
         >>> z, problem.p(z)
         (array([ 2., -1.]), array([0. , 2.5]))
@@ -590,7 +592,10 @@ class ProblemData(Shown):
 
         Examples
         --------
-        >>> ICP([[3.0]], [-6.0]).residual([1.0]), ICP([[2**-30 * 3.0]], [2**-30 * -6.0]).residual([1.0])
+        >>> (
+        ...     ICP([[3.0]], [-6.0]).residual([1.0]),
+        ...     ICP([[2**-30 * 3.0]], [2**-30 * -6.0]).residual([1.0]),
+        ... )
         (1.0, 1.0)
         """
         z = self.vector(z)
@@ -662,7 +667,11 @@ class ProblemData(Shown):
         Examples
         --------
         >>> problem = ICP([[2, -1], [-1, 2]], [-4, 3])
-        >>> problem.residual_scale(), problem.with_q([4, 3]).residual_scale(), problem.with_q([0, 0]).residual_scale()
+        >>> (
+        ...     problem.residual_scale(),
+        ...     problem.with_q([4, 3]).residual_scale(),
+        ...     problem.with_q([0, 0]).residual_scale(),
+        ... )
         (2.0, 1.5, 0.0)
         """
         with suppress(MapError):

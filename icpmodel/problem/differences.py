@@ -57,7 +57,12 @@ def jacobian_by_differences(
     Examples
     --------
     >>> full = sp.csr_array(np.ones((2, 2)))
-    >>> J = jacobian_by_differences(lambda z: np.array([z[0] * z[1], z[1]]), np.array([2.0, 3.0]), full, np.arange(2))
+    >>> J = jacobian_by_differences(
+    ...     lambda z: np.array([z[0] * z[1], z[1]]),
+    ...     np.array([2.0, 3.0]),
+    ...     full,
+    ...     np.arange(2),
+    ... )
     >>> J.toarray().round(6)
     array([[3., 2.],
            [0., 1.]])

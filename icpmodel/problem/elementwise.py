@@ -39,7 +39,9 @@ class Elementwise(Parametrised):
 
     Examples
     --------
-    >>> psi = Elementwise(lambda z: 0.3 * np.sin(z), lambda z: 0.3 * np.cos(z), lipschitz=0.3, c=1.0).bind(2)
+    >>> psi = Elementwise(
+    ...     lambda z: 0.3 * np.sin(z), lambda z: 0.3 * np.cos(z), lipschitz=0.3, c=1.0
+    ... ).bind(2)
     >>> psi.value(np.zeros(2))
     array([1., 1.])
     >>> psi.jacobian(np.zeros(2)).diagonal()

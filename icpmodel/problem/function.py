@@ -123,7 +123,8 @@ class Function(Parametrised):
 
         Examples
         --------
-        >>> Function(lambda z: z**2).bind(1).with_sparsity(np.ones((1, 1))).jacobian(np.ones(1)).toarray().round(6)
+        >>> psi = Function(lambda z: z**2).bind(1).with_sparsity(np.ones((1, 1)))
+        >>> psi.jacobian(np.ones(1)).toarray().round(6)
         array([[2.]])
         """
         named = self.parameter_derivative

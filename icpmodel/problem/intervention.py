@@ -38,7 +38,9 @@ class Intervention(Map):
 
     Examples
     --------
-    >>> jumps = sp.csr_array((np.array([-1.0, -3.0]), (np.array([1, 1]), np.array([0, 2]))), shape=(3, 3))
+    >>> jumps = sp.csr_array(
+    ...     (np.array([-1.0, -3.0]), (np.array([1, 1]), np.array([0, 2]))), shape=(3, 3)
+    ... )
     >>> psi = Intervention(jumps).bind(3)
     >>> psi.value(np.array([5.0, 0.0, 6.0]))
     array([-inf,   4., -inf])
@@ -188,7 +190,8 @@ class Intervention(Map):
 
         Examples
         --------
-        >>> Intervention(sp.csr_array(np.array([[0.0, 1.0], [0.0, 0.0]]))).best_jump(np.array([0.0, 2.0]))
+        >>> costs = sp.csr_array(np.array([[0.0, 1.0], [0.0, 0.0]]))
+        >>> Intervention(costs).best_jump(np.array([0.0, 2.0]))
         (array([  3., -inf]), array([ 1, -1]))
         """
         if self.fun is not None:

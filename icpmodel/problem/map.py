@@ -195,7 +195,8 @@ class Map(ReadOnly, Shown, ABC):
 
         Examples
         --------
-        >>> icp.Affine([[0, 0.5], [0.5, 0]]).bind(2).restricted(np.array([0]), np.array([0.0, 4.0])).value(np.zeros(1))
+        >>> psi = icp.Affine([[0, 0.5], [0.5, 0]]).bind(2)
+        >>> psi.restricted(np.array([0]), np.array([0.0, 4.0])).value(np.zeros(1))
         array([2.])
         """
         others = z.copy()
@@ -224,7 +225,8 @@ class Map(ReadOnly, Shown, ABC):
 
         Examples
         --------
-        >>> icp.Constant([1, 2]).bind(2).composed(sp.csr_array([[1.0], [0.5]]), np.zeros(2), np.array([1])).c
+        >>> P = sp.csr_array([[1.0], [0.5]])
+        >>> icp.Constant([1, 2]).bind(2).composed(P, np.zeros(2), np.array([1])).c
         array([2.])
         """
         return Substituted(self, P, shift, rows, factor)
@@ -346,7 +348,8 @@ class Map(ReadOnly, Shown, ABC):
         --------
         >>> jumps = sp.csr_array([[0.0, 1.0, 1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
         >>> psi = icp.Intervention(jumps).bind(3)
-        >>> psi.directional_derivative(np.zeros(3), np.zeros(3), 0.0, "dpsi").value(np.array([0.0, -2.0, 4.0]))[0]
+        >>> slope = psi.directional_derivative(np.zeros(3), np.zeros(3), 0.0, "dpsi")
+        >>> slope.value(np.array([0.0, -2.0, 4.0]))[0]
         np.float64(4.0)
         """
         return None

@@ -138,12 +138,13 @@ class NonlinearTerm(Shown):
     def change(self, z: Vector, delta: Vector) -> Vector:
         """A bound on |f(x) − f(z)| for all |x − z| ≤ `delta`, infinite where nothing is known of the slopes.
 
-        f − mz does not decrease, so that its values at z ± δ bound it.
+            f − mz does not decrease, so that its values at z ± δ bound it.
 
-        Examples
-        --------
-        >>> NonlinearTerm(icp.Elementwise(np.exp, slope_range=(0, np.inf)), 1).change(np.zeros(1), np.ones(1)).round(3)
-        array([1.718])
+            Examples
+            --------
+            >>> f = NonlinearTerm(icp.Elementwise(np.exp, slope_range=(0, np.inf)), 1)
+        >>> f.change(np.zeros(1), np.ones(1)).round(3)
+            array([1.718])
         """
         if self.slope_range is None:
             return np.full(self.n, np.inf)

@@ -33,7 +33,9 @@ class ContactState(ReadOnly, Shown):
 
     Examples
     --------
-    >>> problem = ICP.from_friction_index(np.eye(2), [1, -3], [0, -0.5], [np.inf, 0.5], [-1, 0])
+    >>> problem = ICP.from_friction_index(
+    ...     np.eye(2), [1, -3], [0, -0.5], [np.inf, 0.5], [-1, 0]
+    ... )
     >>> icp.contact_state(problem.solve())
     2 rows: 0 separating, 0 sticking, 1 sliding
     """
@@ -77,7 +79,9 @@ def contact_state(solution: Solution) -> ContactState:
 
     Examples
     --------
-    >>> problem = ICP.from_friction_index(np.eye(2), [1, -3], [0, -0.5], [np.inf, 0.5], [-1, 0])
+    >>> problem = ICP.from_friction_index(
+    ...     np.eye(2), [1, -3], [0, -0.5], [np.inf, 0.5], [-1, 0]
+    ... )
     >>> state = icp.contact_state(problem.solve())
     >>> state.impulses, state.sliding
     (array([ 1. , -0.5]), array([False,  True]))

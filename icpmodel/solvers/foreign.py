@@ -97,8 +97,10 @@ class ForeignSolver(Shown, ABC):
     --------
     >>> class Guess(icp.solvers.ForeignSolver):
     ...     name, asked_by = "guess", ()
+    ...
     ...     def set_up(self, target, tolerance, time_limit):
     ...         return target.problem
+    ...
     ...     def run(self, model):
     ...         return icp.solvers.Claim(np.zeros(model.n), "zero, what else", True)
     >>> print(ICP([[2.0]], [-1.0]).crosscheck(solvers=["guess"]).rows[0].note)
@@ -352,7 +354,8 @@ def ask(solver: ForeignSolver, target: Target, tolerance: float, time_limit: flo
     Examples
     --------
     >>> solver = icp.solvers.foreign_solvers()["osqp"]
-    >>> icp.solvers.ask(solver, icp.solvers.Target(ICP([[2.0]], [-1.0])), 1e-9, 10.0).z.round(6)
+    >>> target = icp.solvers.Target(ICP([[2.0]], [-1.0]))
+    >>> icp.solvers.ask(solver, target, 1e-9, 10.0).z.round(6)
     array([0.5])
     """
     begin = time.perf_counter()

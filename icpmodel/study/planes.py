@@ -67,8 +67,11 @@ class Plane(Shown):
 
     Examples
     --------
-    >>> x, y = icp.study.Axis("theta1", "θ₁", np.array([1.0, 2.0])), icp.study.Axis("a", "a", np.array([1.0, 3.0]))
-    >>> plane = icp.study.Plane("one", x, y, lambda theta, a: (ICP([[a]], [-1.0]), icp.MNMAOR(theta1=theta)))
+    >>> x = icp.study.Axis("theta1", "θ₁", np.array([1.0, 2.0]))
+    >>> y = icp.study.Axis("a", "a", np.array([1.0, 3.0]))
+    >>> plane = icp.study.Plane(
+    ...     "one", x, y, lambda theta, a: (ICP([[a]], [-1.0]), icp.MNMAOR(theta1=theta))
+    ... )
     >>> icp.stability(plane).ends
     array([['solved', 'solved'],
            ['solved', 'solved']], dtype='<U15')

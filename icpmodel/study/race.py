@@ -124,7 +124,8 @@ class Race(Plotted, Tabular):
 
         Examples
         --------
-        >>> icp.race(ICP([[2.0]], [-3.0]), methods=[], solvers=[], repeats=1).winner.split(", in")[0]
+        >>> race = icp.race(ICP([[2.0]], [-3.0]), methods=[], solvers=[], repeats=1)
+        >>> race.winner.split(", in")[0]
         'First to Res_D(z) <= 1e-08 Res_D(0): solve()'
         """
         return self.in_words("First to Res_D(z) <= {goal:g} Res_D(0)")
@@ -237,7 +238,8 @@ def race(
 
     Examples
     --------
-    >>> found = icp.race(ICP([[2, -1], [-1, 2]], [-1, 3]), ["mnmgs"], ["osqp"], z_exact=[0.5, 0.0], repeats=1)
+    >>> problem = ICP([[2, -1], [-1, 2]], [-1, 3])
+    >>> found = icp.race(problem, ["mnmgs"], ["osqp"], z_exact=[0.5, 0.0], repeats=1)
     >>> sorted({entry.name for entry in found.entries}), found.measure
     (['mnmgs', 'osqp', 'solve()'], 'max |z - z*|')
     """

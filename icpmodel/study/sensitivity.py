@@ -103,7 +103,8 @@ def sensitivity(solution: Solution) -> Sensitivity:
 
     Examples
     --------
-    >>> round(icp.study.sensitivity(ICP([[1.0, -0.999], [-0.999, 1.0]], [-1.0, -1.0]).solve()).local)
+    >>> solution = ICP([[1.0, -0.999], [-0.999, 1.0]], [-1.0, -1.0]).solve()
+    >>> round(icp.study.sensitivity(solution).local)
     2000
     """
     if not isinstance(solution, Solution) or not solution.solved:

@@ -52,7 +52,9 @@ def known_of_solutions(problem: ProblemData, classes: MatrixClasses, z: Vector |
     Examples
     --------
     >>> problem = ICP([[1, 1], [1, 1]], [-2, -2])
-    >>> for sentence in known_of_solutions(problem, icp.theory.classify(problem.A), np.ones(2)):
+    >>> for sentence in known_of_solutions(
+    ...     problem, icp.theory.classify(problem.A), np.ones(2)
+    ... ):
     ...     print(sentence)
     p = Az + q is the same in all solutions: A is symmetric and positive semidefinite
     z may move along (-1, 1) without leaving the solutions, as far as no sign changes

@@ -92,7 +92,9 @@ class Problem(Shown):
     --------
     >>> import cvxpy as cp
     >>> z, load = cp.Variable(2), cp.Parameter(2)
-    >>> pair = icp.complements(np.array([[2, -1], [-1, 2]]) @ z - load, z - 0.3 * cp.minimum(z, 1))
+    >>> pair = icp.complements(
+    ...     np.array([[2, -1], [-1, 2]]) @ z - load, z - 0.3 * cp.minimum(z, 1)
+    ... )
     >>> problem = icp.Problem(pair)
     >>> for load.value in ([1, -3], [4, 4]):
     ...     _ = problem.solve()
@@ -104,7 +106,9 @@ class Problem(Shown):
     array([1., 1.])
     >>> x, force = cp.Variable(2), cp.Variable()
     >>> total = cp.sum(x) == 1
-    >>> _ = icp.Problem([icp.complements(x - [2, 1] + force, x, upper=0.75), total, x[0] >= x[1]]).solve()
+    >>> _ = icp.Problem(
+    ...     [icp.complements(x - [2, 1] + force, x, upper=0.75), total, x[0] >= x[1]]
+    ... ).solve()
     >>> x.value.round(6), float(total.dual_value.round(6))
     (array([0.75, 0.25]), 0.75)
     """
@@ -285,7 +289,9 @@ class Problem(Shown):
         Examples
         --------
         >>> z = cp.Variable()
-        >>> solution = icp.Problem(icp.complements(2 * z - 3, z - cp.exp(z - 3))).solve("newton")
+        >>> solution = icp.Problem(icp.complements(2 * z - 3, z - cp.exp(z - 3))).solve(
+        ...     "newton"
+        ... )
         >>> solution.z.round(6), round(float(z.value), 6)
         (array([1.5]), 1.5)
         """

@@ -83,7 +83,9 @@ def cvxpy_solver() -> IcpSolver:
     --------
     >>> import cvxpy as cp
     >>> x = cp.Variable(2)
-    >>> problem = cp.Problem(cp.Minimize(cp.sum_squares(x - [3, 0])), [cp.sum(x) == 1, x >= 0])
+    >>> problem = cp.Problem(
+    ...     cp.Minimize(cp.sum_squares(x - [3, 0])), [cp.sum(x) == 1, x >= 0]
+    ... )
     >>> round(problem.solve(solver=icp.cvxpy_solver()), 6), x.value.round(6) + 0.0
     (4.0, array([1., 0.]))
     """

@@ -75,6 +75,7 @@ def solution_of(
     >>> from importlib.util import find_spec
     >>> if find_spec("jax"):
     ...     import jax
+    ...
     ...     with jax.enable_x64(True):
     ...         layer = solution_of(ICP([[2, -1], [-1, 2]], [-1, 3]))
     ...         print(jax.jacrev(lambda q: layer(q=q))(np.array([-1.0, 3.0])) + 0.0)
@@ -155,6 +156,7 @@ class SolutionFunction(Shown):
         >>> from importlib.util import find_spec
         >>> if find_spec("jax"):
         ...     import jax
+        ...
         ...     with jax.enable_x64(True):
         ...         layer = solution_of(ICP([[2.0]], [0.0]))
         ...         print(jax.vmap(lambda q: layer(q=q))(np.array([[-2.0], [4.0]])))

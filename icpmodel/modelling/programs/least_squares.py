@@ -130,7 +130,8 @@ def solve_lsq(
 
     Examples
     --------
-    >>> icp.solve_lsq([[1, 2], [3, 4], [5, 6]], [1, 0, 1], lb=0, ub=[0.1, np.inf]).x.round(6)
+    >>> B = [[1, 2], [3, 4], [5, 6]]
+    >>> icp.solve_lsq(B, [1, 0, 1], lb=0, ub=[0.1, np.inf]).x.round(6)
     array([0.      , 0.142857])
     """
     begin = time.perf_counter()

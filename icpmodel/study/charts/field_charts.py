@@ -41,8 +41,14 @@ class Fields(Plotted):
     Examples
     --------
     >>> scene = icp.scenes.membrane(n=100)
-    >>> values = {f"q + {c}": scene.problem.with_q(scene.problem.q + c).solve().z for c in (0.0, 0.1)}
-    >>> [axes.get_title() for axes in icp.study.figure(icp.study.Fields(scene.problem, values)).axes[:2]]
+    >>> values = {
+    ...     f"q + {c}": scene.problem.with_q(scene.problem.q + c).solve().z
+    ...     for c in (0.0, 0.1)
+    ... }
+    >>> [
+    ...     axes.get_title()
+    ...     for axes in icp.study.figure(icp.study.Fields(scene.problem, values)).axes[:2]
+    ... ]
     ['q + 0.0', 'q + 0.1']
     """
 

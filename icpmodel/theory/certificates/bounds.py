@@ -206,7 +206,10 @@ def error_bound(
     --------
     >>> problem = ICP([[2, -1], [-1, 2]], [-1, -1])
     >>> bound = error_bound(problem, [1.0, 1.001])
-    >>> 0.001 <= bound.value <= 0.001001, round(error_bound(problem, [1.0, 1.001], sharp=False).value, 9)
+    >>> (
+    ...     0.001 <= bound.value <= 0.001001,
+    ...     round(error_bound(problem, [1.0, 1.001], sharp=False).value, 9),
+    ... )
     (True, 0.002)
     """
     problem = as_problem(problem, nonlinear=True)

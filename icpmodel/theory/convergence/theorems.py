@@ -160,7 +160,11 @@ def check_all(problem: ProblemData, member: Member, limit: Allowance = UNLIMITED
     Examples
     --------
     >>> from icpmodel import MNMGS
-    >>> [name for name, found in check_all(ICP([[2, -1], [-1, 2]], [0, 0]), MNMGS()).items() if found.holds]
+    >>> [
+    ...     name
+    ...     for name, found in check_all(ICP([[2, -1], [-1, 2]], [0, 0]), MNMGS()).items()
+    ...     if found.holds
+    ... ]
     ['4.1', '4.2', '4.3', '4.4', 'sharper']
     """
     try:

@@ -95,7 +95,10 @@ def p_matrix(A: Any) -> Answer:
     --------
     >>> p_matrix([[1, 0, 2], [2, 1, 0], [0, 2, 1]]).holds
     True
-    >>> p_matrix([[1, 0, -2], [2, 1, 0], [0, -2, 1]]).witness, p_matrix([[1, 2], [2, 1]]).witness
+    >>> (
+    ...     p_matrix([[1, 0, -2], [2, 1, 0], [0, -2, 1]]).witness,
+    ...     p_matrix([[1, 2], [2, 1]]).witness,
+    ... )
     (None, array([0, 1]))
     """
     return classify(A).p
