@@ -5,11 +5,13 @@ from typing import Any
 
 from ..problem.by_rows import ByRows
 from .contact import *
+from .equilibria import *
 from .hand import *
 from .hard import *
 from .impulse_control import *
 from .lubrication import *
 from .manufactured import *
+from .nonlinear_forces import *
 from .options import *
 from .phases import *
 from .plasticity import *

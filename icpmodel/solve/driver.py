@@ -71,7 +71,7 @@ def solve(
         rule of `select_method`. Then obstacles that move with their own unknown alone are fixed
         before, and the problem may be reduced. A named method gets the whole problem.
     z0 : array of shape (n,) or Solution, optional
-        The start, 0 by default.
+        The start, by default 0; where p is nonlinear, the point next to 0 between fixed obstacles.
     rtol, atol : float, optional
         The run stops at Res_D(z) ≤ rtol·Res_D(0), or at Res(z) ≤ atol, the paper's ε, whichever
         comes first. They are 1e-8 and 0 by default.
@@ -145,10 +145,15 @@ def solve(
         pivots = pivoted(problem, limits)
         if pivots is not None:
             return _logged(pivots)
-    start = np.zeros(problem.n) if z0 is None else problem.vector(z0, "z0", finite=True).copy()
+    if z0 is not None:
+        start = problem.vector(z0, "z0", finite=True).copy()
+    else:
+        start = np.zeros(problem.n)
+        if problem.f is not None and problem.facts.has_fixed_obstacle:  # beyond them f may have no value
+            start = np.clip(start, problem.facts.obstacle, problem.facts.upper_obstacle)
     with limits.kept():
-        run = _run(problem, start, limits, follows_theorems=method is not None, **shown)
         named_method = _named(method, problem, options)
+        run = _run(problem, start, limits, follows_theorems=method is not None, **shown)
 
         def carry_all_out() -> None:
             _carry_all_out(run, named_method, family)

@@ -15,6 +15,7 @@ import icpmodel.modelling.pyomo
 #: scenes of which a part is larger than a float once its units are changed, or whose unknowns have units of their own
 APART = ("hard-overflow", "hard-scaled")
 SCENES = {name: icp.scenes.scene(name) for name in icp.scenes.names() if name not in APART}
+SCENES = {name: scene for name, scene in SCENES.items() if scene.problem.f is None}
 #: factors of a row of (A, q): of each its own, or all of z
 ROWS, UNITS = 10.0 ** np.array([-12, -7, 0, 4, 12]), (2.0**-40, 2.0**30, 1e-12, 1e9)
 METHODS = ("mnmgs", "psor", "newton", "proximal", "accelerated")

@@ -6,7 +6,7 @@ from itertools import islice
 
 import numpy as np
 import pytest
-from conformance import BY_LUCK, FAR_THOUGH_SOLVED, HONEST, METHODS, MUST_FAIL, SIZES
+from conformance import BY_LUCK, FAR_THOUGH_SOLVED, HONEST, METHODS, MUST_FAIL, NONLINEAR, SIZES
 
 import icpmodel as icp
 from icpmodel import methods, scenes
@@ -37,7 +37,8 @@ def test_every_method_on_every_scene(method, scene):
             scene_.problem.solve(method_)
         return
     try:
-        solution = scene_.problem.solve(method_, raise_on_failure=False, max_iter=20_000)
+        start = scene_.z0 if scene in NONLINEAR else None
+        solution = scene_.problem.solve(method_, z0=start, raise_on_failure=False, max_iter=20_000)
     except icp.NotApplicable:
         assert "not applicable" in HONEST[scene]
         assert reason is not None

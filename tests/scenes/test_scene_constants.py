@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.integrate import quad
-from scipy.optimize import brentq
+from scipy.optimize import brentq, root
 
-from icpmodel.scenes import contact, lubrication
+from icpmodel.scenes import contact, equilibria, lubrication, nonlinear_forces
 from icpmodel.scenes import impulse_control as control
 
 
@@ -50,3 +50,19 @@ def test_the_dividend_constants_solve_the_smooth_fit_equations():
     target, boundary = touching(C)[0]
     np.testing.assert_allclose([control.BOUNDARY, control.TARGET], [boundary, target], rtol=1e-11)
     np.testing.assert_allclose(control.VALUE_AT_1, C * f(1.0), rtol=1e-12)
+
+
+def test_the_five_firms_are_where_no_marginal_profit_is_left():
+    found = root(equilibria._marginal_loss, np.full(5, 40.0), tol=1e-14)
+    np.testing.assert_allclose(equilibria.OUTPUTS, found.x, rtol=1e-9)
+
+
+def test_the_tops_of_bratu_solve_its_textbook_equation_and_meet_at_the_fold():
+    """θ = √(2λ) cosh(θ/4), u(½) = 2 ln cosh(θ/4); the fold is at λ = 3.513830719…."""
+    for heat in (0.1, 1.0, 3.5):
+        for top in nonlinear_forces._free_tops(heat):
+            theta = 4 * np.arccosh(np.exp(top / 2))
+            np.testing.assert_allclose(theta, np.sqrt(2 * heat) * np.cosh(theta / 4), rtol=1e-9)
+    low, high = nonlinear_forces._free_tops(3.513830)
+    np.testing.assert_allclose(low, high, rtol=2e-3)
+    assert nonlinear_forces._free_tops(3.513831) == []

@@ -84,6 +84,9 @@ def test_an_unknown_name_gets_the_nearest_one_or_else_all():
         ("box-manufactured", {"coupling": -0.1}),
         ("box-manufactured", {"skew": 1.5}),
         ("game-put", {"delta": 0}),
+        ("exchange", {"delta": 0}),
+        ("radiating-membrane", {"kappa": -1}),
+        ("bratu", {"heat": 0}),
     ],
 )
 def test_a_bad_value_names_its_parameter(name, parameters):
@@ -104,6 +107,8 @@ def test_every_parameter_matters():
         "dt": 0.2,
         "coupling": 0.5,
         "delta": 0.1,
+        "kappa": 3.0,
+        "heat": 2.0,
     }
     for name in NAMES:
         for parameter in scenes.parameters(name):

@@ -9,7 +9,9 @@ from icpmodel.study.sensitivity import sensitivity
 SOLVED = [
     name
     for name in icp.scenes.names()
-    if icp.scenes.scene(name).why_no_solution is None and name not in ("hard-many", "hard-scaled", "hard-singular")
+    if icp.scenes.scene(name).why_no_solution is None
+    and icp.scenes.scene(name).problem.f is None
+    and name not in ("hard-many", "hard-scaled", "hard-singular")
 ]
 
 

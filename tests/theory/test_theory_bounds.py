@@ -29,8 +29,13 @@ class TestNeverBelowTheTrueError:
         assert bound.value >= 0.5
 
 
+#: scenes with affine p and a known answer
+SCENES = [icp.scenes.scene(name) for name in icp.scenes.names()]
+WITH_Z = [scene.name for scene in SCENES if scene.z_exact is not None and scene.problem.f is None]
+
+
 class TestSharpness:
-    @pytest.mark.parametrize("name", [n for n in icp.scenes.names() if icp.scenes.scene(n).z_exact is not None])
+    @pytest.mark.parametrize("name", WITH_Z)
     @pytest.mark.parametrize("size", [1e-8, 1.0])
     def test_bound_over_error_is_small_and_never_below_1_on_every_scene_with_an_exact_solution(self, name, size):
         n = 100 if "n" in icp.scenes.parameters(name) else None
