@@ -26,10 +26,10 @@ from ..solve.driver import solve
 from ..solve.goal import RTOL, Limits
 from ..solve.progress import status_line, time_left
 from ..solvers.foreign import Claim, ForeignSolver, chosen_solvers
-from ..solvers.in_time import in_time
 from .cases import Case, unbroken
 from .competitors import Competitor, Entry, Foreign, Limit, Own, own_methods
-from .timing import clocked, interleaved, machine, timed
+from .limited_runs import first_runs, linear_solve, timed_run
+from .timing import clocked, interleaved, machine
 
 #: the tolerances that each competitor is asked for
 TOLERANCES = tuple(10.0**-k for k in range(2, 13))
@@ -255,7 +255,7 @@ def race(
     named = [Own(), *_own(methods), *map(Foreign, chosen_solvers(solvers, "race"))]
     found = Race(title=f"{called(problem)} ({machine()})", measure="", entries=(), command=command)
     entries: dict[tuple[str, float], Entry] = {}
-    runs = len(named) * (1 + len(asked) * repeats)
+    runs = len(named) * (2 + len(asked) * repeats)
     opening = f"{len(named)} competitors, at most {runs} runs of up to {limit:g} s: {runs * limit:.3g} s at most"
     try:
         with status_line(progress, opening) as say:
@@ -263,8 +263,8 @@ def race(
             measure, error = _measure(case, z_exact, limit)
             found = replace(found, measure=measure)
             say("one linear solve")
-            found = replace(found, limit=_linear_solve(case, repeats, limit))
-            reasons = _first_runs(case, named, max(asked), limit, say)
+            found = replace(found, limit=linear_solve(case, repeats, limit))
+            reasons = first_runs(case, named, max(asked), limit, say)
             found = replace(found, skipped=tuple((name, reason) for name, reason in reasons.items() if reason))
             entered = [one for one in named if reasons[one.name] is None]
             for entry in _run(case, entered, sorted(asked, reverse=True), repeats, limit, error, say):
@@ -305,53 +305,6 @@ def _measure(case: Case, z_exact: Any, limit: float) -> tuple[str, _Error]:
     return words, error
 
 
-def _first_runs(
-    case: Case, named: list[Competitor], tolerance: float, limit: float, say: _Say
-) -> dict[str, str | None]:
-    """Who does not take part, and why, or None."""
-    reasons = {}
-    for one in named:
-        say(f"{one.name}: warming up")
-        reasons[one.name] = _first_run(case, one, tolerance, limit)
-    return reasons
-
-
-def _first_run(case: Case, one: Competitor, tolerance: float, limit: float) -> str | None:
-    """Why `one` does not take part, or None. Its first run imports and compiles what it needs.
-
-    What nothing can stop is done first in a process that can be ended.
-    """
-
-    def pose() -> Iterator[str | None]:
-        yield one.why_not(case)
-
-    def run() -> Iterator[None]:
-        one.build(case)
-        one.run(case, tolerance, limit)
-        yield
-
-    try:
-        if not one.stops:
-            next(in_time(pose, case.problem, 1, time.perf_counter() + limit))
-        if reason := one.why_not(case):
-            return reason
-        next(run() if one.stops else in_time(run, case.problem, 1, time.perf_counter() + limit))
-    except OutOfTime:
-        return f"its set-up and first run take longer than time_limit = {limit:g} s"
-    except ChildProcessError as error:
-        return str(error)
-    return None
-
-
-def _linear_solve(case: Case, repeats: int, limit: float) -> float | None:
-    """The median time of `Limit`, None where it fails or takes too long."""
-    one = Limit()
-    if _first_run(case, one, RTOL, limit) is not None or not one.run(case, RTOL, limit).solved:
-        return None
-    seconds = timed({"solve": lambda: one.run(case, RTOL, limit).seconds}, repeats, warm=False)["solve"]
-    return float(np.median(seconds))
-
-
 def _run(
     case: Case, entered: list[Competitor], asked: list[float], repeats: int, limit: float, error: _Error, say: _Say
 ) -> Iterator[Entry]:
@@ -367,7 +320,7 @@ def _run(
         left = time_left(begin, done, len(asked) * len(entered))
         say(f"round 1 of {repeats}: {one.name} at {tolerance:.0e}{left}")
         key = one.name, tolerance
-        run = one.run(case, tolerance, limit)
+        run = timed_run(case, one, tolerance, limit)
         entries[key] = entry = _entry(case, one, tolerance, builds[one.name], run, error)
         yield entry
         if run.seconds > limit or run.z is None:
@@ -375,7 +328,7 @@ def _run(
         elif entry.residual is not None:
             reached[one.name] = entry.residual
         if entry.seconds[0] < _ONCE:
-            again[key] = partial(one.run, case, tolerance, limit)
+            again[key] = partial(timed_run, case, one, tolerance, limit)
     for key, run in interleaved(again, repeats - 1, say=lambda k: say(f"round {k + 1} of {repeats}")):
         entries[key] = replace(entries[key], seconds=(*entries[key].seconds, builds[key[0]] + run.seconds))
         yield entries[key]

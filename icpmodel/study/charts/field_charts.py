@@ -135,7 +135,9 @@ def in_planes(places: Places, fields: Sequence[Field], heading: str) -> Drawing:
             draw = partial(_field, plane, field._replace(limits=limits))
             panels.append(Panel(draw=draw, caption=field.caption, alt=f"{field.words}: {in_words(field.values)}."))
     wide = len(places.planes) if len(places.planes) > 1 else min(len(panels), 3)
-    rows = [[k if k < len(panels) else "." for k in range(low, low + wide)] for low in range(0, len(panels), wide)]
+    rows: list[list[Any]] = [
+        [k if k < len(panels) else "." for k in range(low, low + wide)] for low in range(0, len(panels), wide)
+    ]
     share = len(places.planes) == 1 and len(panels) > 1
     layout = {"sharex": True, "sharey": True} if share else {}
     size = (4.8 * wide if wide < 3 else 12.0, 3.6 * len(rows) if wide == 3 else 4.2)

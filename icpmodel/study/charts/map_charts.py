@@ -60,8 +60,8 @@ def _map(found: StabilityMap, axes: Any) -> list[Any]:
     for end, (sign, words) in SIGNS.items():
         here = found.ends == end
         if here.any():
-            style = {"linestyle": "", "marker": sign, "label": words.format(max_iter=found.max_iter)}
-            handles += axes.plot(X[here], Y[here], markersize=5, color=_INK, **style)
+            signs = {"linestyle": "", "marker": sign, "label": words.format(max_iter=found.max_iter)}
+            handles += axes.plot(X[here], Y[here], markersize=5, color=_INK, **signs)
     paper = np.any([found.proved[name] for name in _PAPER], axis=0)
     false = found.any_printed if (found.any_printed & ~found.any_proved).any() else np.zeros_like(paper)
     for words, mask, colour, dashes, width in (
@@ -70,12 +70,12 @@ def _map(found: StabilityMap, axes: Any) -> list[Any]:
         ("by the paper, corrected", paper, SKY, (0, (2, 1)), 2.0),
     ):
         if mask.any():
-            style = {"color": colour, "linestyle": dashes, "linewidth": width, "label": words}
+            style: dict[str, Any] = {"color": colour, "linestyle": dashes, "linewidth": width, "label": words}
             handles += axes.plot(*outline(_edges(x), _edges(y), mask), **style)
     axes.set(xscale="log" if x.log else "linear", yscale="log" if y.log else "linear", xlabel=x.label, ylabel=y.label)
     for words, place, marker, size in _marked_places(found):
-        style = {"marker": marker, "color": "white", "markeredgecolor": "#1a1a1a", "linestyle": ""}
-        handles += axes.plot(*[[at] for at in place], label=words, markersize=size, zorder=4, **style)
+        stars = {"marker": marker, "color": "white", "markeredgecolor": "#1a1a1a", "linestyle": ""}
+        handles += axes.plot(*[[at] for at in place], label=words, markersize=size, zorder=4, **stars)
     return handles
 
 

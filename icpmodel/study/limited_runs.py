@@ -1,0 +1,83 @@
+"""Runs of competitors within a limit of time, whoever keeps to it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+
+from ..errors import OutOfTime
+from ..solve.goal import RTOL
+from ..solvers.foreign import Claim
+from ..solvers.in_time import in_time
+from .cases import Case
+from .competitors import Competitor, Limit
+from .timing import timed
+
+
+def first_runs(
+    case: Case, named: list[Competitor], tolerance: float, limit: float, say: Callable[[str], None]
+) -> dict[str, str | None]:
+    """Who does not take part, and why, or None."""
+    reasons = {}
+    for one in named:
+        say(f"{one.name}: warming up")
+        reasons[one.name] = _first_run(case, one, tolerance, limit)
+    return reasons
+
+
+def _first_run(case: Case, one: Competitor, tolerance: float, limit: float) -> str | None:
+    """Why `one` does not take part, or None. Its first run imports and compiles what it needs.
+
+    What nothing can stop is done first in a process that can be ended.
+    """
+
+    def first() -> None:
+        one.build(case)
+        one.run(case, tolerance, limit)
+
+    try:
+        if not one.stops:
+            _ended(lambda: one.why_not(case), case, limit)
+        if reason := one.why_not(case):
+            return reason
+        if one.stops:
+            one.run(case, tolerance, limit)
+        else:
+            _ended(first, case, limit)
+    except OutOfTime:
+        return f"its set-up and first run take longer than time_limit = {limit:g} s"
+    except ChildProcessError as error:
+        return str(error)
+    return None
+
+
+def _ended(call: Callable[[], Any], case: Case, limit: float) -> Any:
+    """What `call` returns, from a process that is ended at the limit where it may take longer. Raises OutOfTime."""
+
+    def items() -> Iterator[Any]:
+        yield call()
+
+    return next(in_time(items, case.problem, 1, time.perf_counter() + limit))
+
+
+def timed_run(case: Case, one: Competitor, tolerance: float, limit: float) -> Claim:
+    """A run, ended at the limit."""
+    if one.stops:
+        return one.run(case, tolerance, limit)
+    try:
+        claim: Claim = _ended(lambda: one.run(case, tolerance, limit), case, limit)
+    except (OutOfTime, ChildProcessError) as error:
+        return Claim(None, str(error), False, limit)
+    return claim
+
+
+def linear_solve(case: Case, repeats: int, limit: float) -> float | None:
+    """The median time of `Limit`, None where it fails or takes too long."""
+    one = Limit()
+    if _first_run(case, one, RTOL, limit) is not None or not one.run(case, RTOL, limit).solved:
+        return None
+    seconds = timed({"solve": lambda: one.run(case, RTOL, limit).seconds}, repeats, warm=False)["solve"]
+    return float(np.median(seconds))
