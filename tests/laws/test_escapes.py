@@ -125,6 +125,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.slow
 def test_without_docstrings_and_assertions_everything_works_and_a_pool_of_processes_returns_its_failed_row():
     run = subprocess.run(
         [sys.executable, "-OO", "-c", UNDER_OO], capture_output=True, text=True, check=False, timeout=60

@@ -16,8 +16,8 @@ SCENES = {
     "hand-cyclic": None,
     "hard-degenerate": 400,
     "hard-singular": None,
-    "manufactured-affine": 900,
-    "membrane": 2500,
+    "manufactured-affine": 400,
+    "membrane": 900,
 }
 
 

@@ -80,7 +80,7 @@ def test_a_path_ends_or_goes_on_with_arrays_of_its_own(method, scene):
     before, listed = pickle.dumps(method_), repr(method_)
     last = kept = None
     with np.errstate(all="ignore"):
-        for z, _ in islice(method_.iterates(problem, np.zeros(problem.n)), 200):
+        for z, _ in islice(method_.iterates(problem, np.zeros(problem.n)), 40):
             assert z is not last
             assert last is None or last.tobytes() == kept
             last, kept = z, z.tobytes()

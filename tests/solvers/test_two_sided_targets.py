@@ -55,17 +55,16 @@ def box(seed: int, n: int = 8, kind: str = "symmetric") -> tuple[icp.ICP, np.nda
 def test_a_solver_finds_the_solution_between_two_obstacles(name: str, kind: str) -> None:
     solver = foreign_solvers()[name]
     pytest.importorskip(solver.package or "numpy")
-    for seed in range(3):
-        problem, z = box(seed, kind=kind)
-        scaled, unit = in_typical_units(problem)
-        target = Target(scaled)
-        if solver.why_not(target) is not None:
-            assert (name, kind) == ("active set, cold", "alike")
-            continue
-        claim = ask(solver, target, 1e-8 if name == "pyomo-highs" else 1e-10, 20.0)
-        assert claim.solved, claim.words
-        assert np.shape(claim.z) == (8,)
-        assert np.asarray(claim.z) * unit == pytest.approx(z, abs=1e-6)
+    problem, z = box(0, kind=kind)
+    scaled, unit = in_typical_units(problem)
+    target = Target(scaled)
+    if solver.why_not(target) is not None:
+        assert (name, kind) == ("active set, cold", "alike")
+        return
+    claim = ask(solver, target, 1e-8 if name == "pyomo-highs" else 1e-10, 20.0)
+    assert claim.solved, claim.words
+    assert np.shape(claim.z) == (8,)
+    assert np.asarray(claim.z) * unit == pytest.approx(z, abs=1e-6)
 
 
 @settings(max_examples=60, deadline=None)

@@ -6,13 +6,8 @@ import pytest
 import icpmodel as icp
 from icpmodel.study.sensitivity import sensitivity
 
-SOLVED = [
-    name
-    for name in icp.scenes.names()
-    if icp.scenes.scene(name).why_no_solution is None
-    and icp.scenes.scene(name).problem.f is None
-    and name not in ("hard-many", "hard-scaled", "hard-singular")
-]
+#: these have no condition number
+WITHOUT = ("hard-many", "hard-scaled", "hard-singular")
 
 
 def perturbed(problem, random, eps):
@@ -32,16 +27,19 @@ def perturbed(problem, random, eps):
     return icp.ICP(A, moved(problem.q), psi)
 
 
-@pytest.mark.parametrize("name", SOLVED)
+@pytest.mark.parametrize("name", [name for name in icp.scenes.names() if name not in WITHOUT])
 def test_random_changes_move_z_by_no_more_than_the_condition_numbers(name):
     """Law: |δz_i| ≤ κ_i·ε·max|z| to first order; where the norm is only estimated, κ may be short by a factor of 3."""
     eps = 1e-6
     random = np.random.default_rng(0)
-    solution = icp.scenes.scene(name).problem.solve().polish()
+    scene = icp.scenes.scene(name, 100 if "n" in icp.scenes.parameters(name) else None)
+    if scene.why_no_solution is not None or scene.problem.f is not None:
+        return
+    solution = scene.problem.solve().polish()
     found = sensitivity(solution)
     assert found.local == pytest.approx(found.rows.max()) or not found.exact
     unit = eps * np.abs(solution.z).max()
-    for _ in range(5):
+    for _ in range(3):
         moved = np.abs(perturbed(solution.problem, random, eps).solve(z0=solution.z).polish().z - solution.z) / unit
         if found.exact and not found.undecided:
             assert (moved <= found.rows * 1.001 + 1e-6).all()
