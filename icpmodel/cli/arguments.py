@@ -21,7 +21,6 @@ from ..modelling.files import load_problem
 from ..modelling.formats import SUFFIXES
 from ..scenes import Scene, scene
 from ..scenes import names as scene_names
-from ..solvers.foreign import foreign_solvers
 
 SOURCE_HELP = f"""SOURCE is the name of a built-in scene (see `icpmodel scenes`), an .npz file written by
 --save-problem, a .mat file with the variables A, q, psi and upper, or a folder of Matrix Market files with a psi.json;
@@ -56,32 +55,14 @@ _WHOLE = _Whole()
 _KINDS = {"int": _WHOLE, "float": float, "str": str}
 
 
-class Completed(click.ParamType):
-    """A text; what a shell completes are the names that `listed` makes, and files where `or_file`."""
+def completing(listed: Callable[[], Iterable[str]]) -> Callable[..., list[CompletionItem]]:
+    """What a shell completes: the names that `listed` makes, else a file."""
 
-    name = "text"
+    def complete(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        found = [CompletionItem(name) for name in listed() if name.startswith(incomplete)]
+        return found or [CompletionItem(incomplete, type="file")]
 
-    def __init__(self, listed: Callable[[], Iterable[str]], or_file: bool = False) -> None:
-        self.listed, self.or_file = listed, or_file
-
-    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        found = [CompletionItem(name) for name in self.listed() if name.startswith(incomplete)]
-        return found or [CompletionItem(incomplete, type="file")] if self.or_file else found
-
-
-#: texts of which a shell knows the rest
-SOURCE = Completed(scene_names, or_file=True)
-SCENE = Completed(scene_names)
-METHOD = Completed(names)
-SOLVER = Completed(foreign_solvers)
-
-
-class _MethodOption(click.Option):
-    """Its help lists the methods, also those of plug-ins, when it is asked for."""
-
-    def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
-        self.help = f"One of {', '.join(names())}; without it one is picked."
-        return super().get_help_record(ctx)
+    return complete
 
 
 #: what a file holds of a problem → the argument
@@ -91,7 +72,7 @@ _PARTS = {"A": "a_file", "q": "q_file", "psi": "psi", "upper": "upper"}
 _BEGINS = {b"PK": ".npz", b"\x93NUMPY": ".npy", b"%%MatrixMarket": ".mtx"}
 #: by which the problem is named
 SOURCE_OPTIONS = (
-    click.argument("source", required=False, type=SOURCE),
+    click.argument("source", required=False, shell_complete=completing(scene_names)),
     click.option("--n", type=_WHOLE, help="Wanted number of unknowns of a scene; it takes the nearest it can have."),
     click.option("--set", "parameters", **_PAIR, help="A parameter of the scene; repeatable."),
     click.option("--A", "a_file", type=click.Path(), help="A file of A, in place of SOURCE."),
@@ -101,7 +82,9 @@ SOURCE_OPTIONS = (
 )
 #: by which the method is named
 METHOD_OPTIONS = (
-    click.option("--method", cls=_MethodOption, type=METHOD),
+    click.option(
+        "--method", shell_complete=completing(names), help=f"One of {', '.join(names())}; without it one is picked."
+    ),
     click.option("--option", "options", **_PAIR, help="An option of the method, such as theta1=1.2; repeatable."),
 )
 

@@ -8,26 +8,18 @@ from typing import Any
 import click
 
 from ..errors import InputError
+from ..methods.contract import names
+from ..scenes import names as scene_names
 from ..solve.progress import status_line
+from ..solvers.foreign import foreign_solvers
 from ..study import race as run_race
 from ..study import report as make_report
 from ..study import stability as map_stability
 from ..study.charts.figures import data_file, figure, picture_file, save
 from ..study.html_report import page_file, scene_texts
 from ..study.planes import PLANES
-from .arguments import (
-    METHOD,
-    METHOD_OPTIONS,
-    SOLVER,
-    SOURCE,
-    SOURCE_OPTIONS,
-    Completed,
-    command,
-    from_signature,
-    named_method,
-    named_problem,
-)
-from .output import FORMS, TO_FIGURE, exit_code, measured, must_be_writable, print_table, typed, wrote
+from .arguments import METHOD_OPTIONS, SOURCE_OPTIONS, command, completing, from_signature, named_method, named_problem
+from .output import FORMS, TO_FIGURE, exit_code, measured, print_table, typed, wrote
 from .solving import unsolved
 
 _RUNS = ("points", "starts", "max_iter", "rtol")
@@ -35,10 +27,12 @@ _TIMINGS = ("repeats", "time_limit")
 
 
 @command(
-    click.argument("plane", default="relaxation", type=Completed(lambda: PLANES)),
-    click.argument("source", required=False, type=SOURCE),
+    click.argument("plane", default="relaxation", shell_complete=completing(lambda: PLANES)),
+    click.argument("source", required=False, shell_complete=completing(scene_names)),
     *SOURCE_OPTIONS[1:],
-    click.option("--method", type=METHOD, help="For the planes that vary the problem.  [default: mnmgs]"),
+    click.option(
+        "--method", shell_complete=completing(names), help="For the planes that vary the problem.  [default: mnmgs]"
+    ),
     *from_signature(map_stability, *_RUNS),
     TO_FIGURE,
     *FORMS,
@@ -66,9 +60,19 @@ def stability(plane: str, output: str | None, form: str | None, **arguments: Any
 @command(
     *SOURCE_OPTIONS,
     click.option(
-        "--method", "methods", multiple=True, type=METHOD, help="Beside solve(); repeatable; default: several."
+        "--method",
+        "methods",
+        multiple=True,
+        shell_complete=completing(names),
+        help="Beside solve(); repeatable; default: several.",
     ),
-    click.option("--solver", "solvers", multiple=True, type=SOLVER, help="Repeatable; default: all that apply."),
+    click.option(
+        "--solver",
+        "solvers",
+        multiple=True,
+        shell_complete=completing(foreign_solvers),
+        help="Repeatable; default: all that apply.",
+    ),
     *from_signature(run_race, *_TIMINGS),
     TO_FIGURE,
     *FORMS,
@@ -86,7 +90,6 @@ def race(
 
 def must_be_a_picture(path: str | None) -> None:
     """Raise FileError or InputError now for a path that no picture could be written to when the work is done."""
-    must_be_writable(path)
     if path is not None:
         data_file(picture_file(path))
 
@@ -110,7 +113,6 @@ def _shown(run: Callable[[], Any], output: str | None, form: str | None, partly:
 )
 def report(output: str, time_limit: float, **arguments: Any) -> int:
     """Write one self-contained HTML page on SOURCE: explained, solved, pictured, cross-checked, charted."""
-    must_be_writable(output, ".html")
     page_file(output)
     problem, scene = named_problem(arguments)
     method = named_method(arguments)

@@ -21,7 +21,7 @@ from ..present.whole_files import as_path
 from ..scenes import by_rows as scene_by_rows
 from ..solve.solution import Status
 from .arguments import SOURCE_OPTIONS, from_signature, named_source, note_size, options
-from .output import AS_JSON, complain, must_be_writable, show_json, wrote
+from .output import AS_JSON, complain, show_json, wrote
 
 _LIMITS = ("rtol", "atol", "max_iter", "time_limit")
 
@@ -122,7 +122,6 @@ def _solved(comm: Any, arguments: dict[str, Any]) -> DistributedSolution:
     output = arguments["output"]
     z0_file = arguments["z0_file"]
     with together(comm):
-        must_be_writable(output)
         named = named_source(arguments)
     if output is not None:
         check_place_on_ranks(output, comm)

@@ -5,16 +5,14 @@ from __future__ import annotations
 import json
 import logging
 import math
-import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import click
 import numpy as np
 
-from ..errors import FileError, InputError, Interrupted
+from ..errors import Interrupted
 from ..present.table import Table
 
 AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
@@ -29,9 +27,8 @@ TO_FIGURE = click.option(
 
 
 def show_json(told: dict[str, Any]) -> None:
-    """Print plain data as JSON; NaN and infinities, which JSON does not have, as null."""
-    lines = (f"  {json.dumps(name)}: {_in_json(value)}" for name, value in told.items())
-    click.echo("{\n" + ",\n".join(lines) + "\n}")
+    """Print plain data as a line of JSON; NaN and infinities, which JSON does not have, as null."""
+    click.echo(json.dumps(_finite(told), allow_nan=False))
 
 
 def print_told(told: dict[str, Any], text: object, as_json: bool) -> None:
@@ -94,33 +91,9 @@ def wrote(path: Any) -> None:
     click.echo(f"wrote {path}", err=True)
 
 
-def must_be_writable(path: str | None, *suffixes: str, option: str = "--output") -> None:
-    """Raise FileError or InputError now for a path that could not be written later, when the work is done."""
-    if path is None:
-        return
-    if not path:
-        raise FileError(f"{option} is empty; the name of a file was expected")
-    if os.path.isdir(path):
-        raise FileError(f"{path}: is a folder; a file name was expected")
-    if suffixes and Path(path).suffix.lower() not in suffixes:
-        listed = " or ".join(suffixes)
-        raise InputError(f"{option} is {path!r}; a name that ends in {listed} was expected")
-    folder = Path(path).parent
-    if not folder.is_dir():
-        raise FileError(f"{path}: the folder {folder} does not exist")
-    if not os.access(path if os.path.exists(path) else folder, os.W_OK):
-        raise FileError(f"{path}: cannot be written (Permission denied)")
-
-
-def _in_json(value: Any) -> str:
-    """`value` below a name, a vector in one line."""
-    if not isinstance(value, np.ndarray):
-        return json.dumps(_finite(value), indent=2, allow_nan=False).replace("\n", "\n  ")
-    numbers = value.tolist()
-    return json.dumps(numbers if np.isfinite(value).all() else _finite(numbers), allow_nan=False)
-
-
 def _finite(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return _finite(value.tolist())
     if isinstance(value, dict):
         return {key: _finite(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

@@ -15,25 +15,17 @@ from ..modelling.files import save_problem
 from ..modelling.solution_files import check_place, read_start, save_solution
 from ..present.card import Card
 from ..present.table import Table
-from ..present.whole_files import as_path, check_ours
+from ..present.whole_files import as_path, place_of
 from ..scenes import Scene, titles
+from ..scenes import names as scene_names
 from ..scenes import parameters as parameters_of
 from ..scenes import scene as scene_called
 from ..solve.driver import solve as run
 from ..solve.progress import status_line
 from ..solve.solution import Solution, Status
-from ..solvers.foreign import chosen_solvers
-from .arguments import (
-    METHOD_OPTIONS,
-    SCENE,
-    SOLVER,
-    SOURCE_OPTIONS,
-    command,
-    from_signature,
-    named_method,
-    named_problem,
-)
-from .output import AS_JSON, exit_code, must_be_writable, print_told, show_json, wrote
+from ..solvers.foreign import chosen_solvers, foreign_solvers
+from .arguments import METHOD_OPTIONS, SOURCE_OPTIONS, command, completing, from_signature, named_method, named_problem
+from .output import AS_JSON, exit_code, print_told, show_json, wrote
 
 #: of `solve`
 _LIMITS = ("rtol", "atol", "accuracy", "max_iter", "time_limit", "memory_limit")
@@ -56,7 +48,6 @@ _SOLVE_OPTIONS = (
 @click.option("--save-problem", "problem_file", type=click.Path(), help="Write the problem to this .npz file.")
 def solve(output: str | None, polish: bool, problem_file: str | None, as_json: bool, **arguments: Any) -> int:
     """Solve the problem SOURCE and say how wrong the answer can be."""
-    must_be_writable(output)
     if output is not None:
         check_place(output)
         if problem_file is not None and Path(output).resolve() == Path(problem_file).resolve():
@@ -108,16 +99,21 @@ def _solved(problem: ICP, scene: Scene | None, arguments: dict[str, Any]) -> Sol
 
 
 @command(*_SOLVE_OPTIONS)
-@click.option("--solver", "solvers", multiple=True, type=SOLVER, help="Whom to ask; repeatable; default: all.")
+@click.option(
+    "--solver",
+    "solvers",
+    multiple=True,
+    shell_complete=completing(foreign_solvers),
+    help="Whom to ask; repeatable; default: all.",
+)
 @click.option("--solver-time-limit", type=float, default=60.0, show_default=True, help="Seconds for all of them.")
 @click.option("--csv", "csv_path", type=click.Path(), help="Write the report's rows to this CSV file as well.")
 def crosscheck(
     solvers: tuple[str, ...], solver_time_limit: float, csv_path: str | None, as_json: bool, **arguments: Any
 ) -> int:
     """Solve the problem SOURCE, then have independent solvers check the answer."""
-    must_be_writable(csv_path, ".csv", option="--csv")
     if csv_path is not None:
-        check_ours(Path(csv_path), begins=HEADS)
+        place_of(csv_path, (".csv",), begins=HEADS)
     chosen_solvers(solvers)
     problem, scene = named_problem(arguments)
     solution = _solved(problem, scene, arguments)
@@ -152,7 +148,7 @@ def explain(accuracy: float, thorough: bool, as_json: bool, **arguments: Any) ->
 
 
 @click.command()
-@click.argument("name", required=False, type=SCENE)
+@click.argument("name", required=False, shell_complete=completing(scene_names))
 @AS_JSON
 def scenes(name: str | None, as_json: bool) -> int:
     """List the built-in scenes, or describe the scene NAME."""

@@ -57,6 +57,14 @@ def write_ours(path: Path, content: bytes, *, begins: bytes = b"", holds: bytes 
     write_whole(path, lambda file: file.write(content), lambda: check_ours(path, begins=begins, holds=holds))
 
 
+def place_of(path: Any, written: tuple[str, ...], *, begins: bytes = b"", holds: bytes = b"") -> Path:
+    """`path`, where a file that ends as one of those `written` can be. Raises InputError and FileError."""
+    place = as_path(path)
+    check_suffix(place, written)
+    check_ours(place, begins=begins, holds=holds)
+    return place
+
+
 def check_ours(path: Path, *, begins: bytes = b"", holds: bytes = b"") -> None:
     """Raise FileError where a file is at `path` that does not begin with `begins`, or in which `holds` is missing."""
 
@@ -71,6 +79,10 @@ def check_ours(path: Path, *, begins: bytes = b"", holds: bytes = b"") -> None:
 
 def check_replaceable(path: Path, recognise: Callable[[], None]) -> None:
     """Raise FileError where something is at `path` that `recognise` raises FileError for, or that is protected."""
+    if not path.parent.is_dir():
+        raise FileError(f"{path}: the folder {path.parent} does not exist")
+    if not os.access(path.parent, os.W_OK):
+        raise FileError(f"{path}: cannot be written, as the folder {path.parent} is protected")
     if path.is_symlink():
         raise FileError(f"{path}: is a symbolic link, which is not followed; name the file behind it, or another one")
     if not os.path.lexists(path) or (path.is_file() and not path.stat().st_size):

@@ -16,14 +16,14 @@ from typing import Any
 
 from ..crosscheck.check import crosscheck
 from ..derivatives.derivative import Derivative
-from ..errors import FileError, IcpError, InputError
+from ..errors import IcpError, InputError
 from ..explain.explanation import explain
 from ..methods.aor import MNMGS
 from ..numerics.arrays import Vector, as_number
 from ..numerics.rounding import at_most
 from ..present.card import Card
 from ..present.rendering import render
-from ..present.whole_files import as_path, check_ours, write_ours
+from ..present.whole_files import place_of, write_ours
 from ..problem.data import ProblemData, ProblemLike
 from ..scenes import Scene
 from ..scenes.registry import title as called
@@ -204,13 +204,7 @@ def scene_texts(scene: Scene) -> dict[str, Any]:
 
 def page_file(path: Any) -> Path:
     """`path`, where a page can be written. Raises InputError and FileError."""
-    place = as_path(path)
-    if place.suffix.lower() != ".html":
-        raise InputError(f"path is {str(path)!r}; a file name that ends in .html was expected")
-    if not place.parent.is_dir():
-        raise FileError(f"{place}: the folder {place.parent} does not exist")
-    check_ours(place, holds=GENERATOR)
-    return place
+    return place_of(path, (".html",), holds=GENERATOR)
 
 
 def _contents(

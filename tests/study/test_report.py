@@ -122,7 +122,7 @@ def test_what_cannot_be_shown_is_said():
     assert "which is done up to n = 1000" in large
 
 
-@pytest.mark.parametrize("wrong", [{"problem": 5}, {"time_limit": 0}, {"time_limit": float("nan")}, {"path": "a.png"}])
+@pytest.mark.parametrize("wrong", [{"problem": 5}, {"time_limit": 0}, {"time_limit": float("nan")}, {"path": 5}])
 def test_wrong_wishes_are_named(wrong):
     arguments = {"problem": icp.scenes.hand_lcp().problem.solve(), "title": "x"} | wrong
     with pytest.raises(icp.InputError, match=f"^{next(iter(wrong))} is "):

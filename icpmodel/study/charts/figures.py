@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import os
 import warnings
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -14,12 +13,12 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from ...errors import FileError, InputError
+from ...errors import InputError
 from ...numerics.arrays import described
 from ...numerics.plugins import in_notebook
 from ...numerics.rounding import public_entry
 from ...present.table import Table
-from ...present.whole_files import check_ours, write_ours
+from ...present.whole_files import check_ours, place_of, write_ours
 
 Name = TypeVar("Name", bound=Hashable)
 
@@ -222,9 +221,9 @@ def plot(what: Any, path: Any = None, *, ax: Any = None, points: Any = None, sha
     Raises
     ------
     InputError
-        For another suffix, other axes, other places, or what has no picture.
+        For other axes, other places, or what has no picture.
     FileError
-        Where the file cannot be written.
+        For another suffix, and where the file cannot be written.
 
     Examples
     --------
@@ -236,7 +235,7 @@ def plot(what: Any, path: Any = None, *, ax: Any = None, points: Any = None, sha
     ['obstacle ψ(z)', 'z', 'contact set']
     >>> icp.study.plot(icp.scenes.hand_lcp(), "answer.doc")
     Traceback (most recent call last):
-    icpmodel.errors.InputError: path is 'answer.doc'; a file name that ends in .png, .pdf or .svg was expected
+    icpmodel.errors.FileError: answer.doc: a file whose name ends in .png, .pdf or .svg was expected; ...
     """
     if ax is not None and path is not None:
         raise InputError("path and ax are both given; a picture is written or drawn into axes: leave out one of them")
@@ -273,16 +272,7 @@ def _has_windows(backend: str) -> bool:
 
 def picture_file(path: Any) -> Path:
     """`path`, where a picture can be written. Raises InputError and FileError."""
-    if not isinstance(path, str | os.PathLike) or not Path(path).name:
-        raise InputError(f"path is {described(path)}; a file name was expected")
-    path = Path(path)
-    if path.suffix.lower() not in FORMATS:
-        wanted = f"{', '.join(FORMATS[:-1])} or {FORMATS[-1]}"
-        raise InputError(f"path is {str(path)!r}; a file name that ends in {wanted} was expected")
-    if not path.parent.is_dir():
-        raise FileError(f"{path}: the folder {path.parent} does not exist")
-    check_ours(path, holds=_OURS)
-    return path
+    return place_of(path, FORMATS, holds=_OURS)
 
 
 def write(figure: Figure, path: Path, command: str = "") -> Figure:
