@@ -94,7 +94,7 @@ class Matrix(ReadOnly):
         if sp.issparse(A) and max(A.shape) <= _SMALL:
             A = checked_sparse(A, "A").toarray()
         square: Any = A if sp.issparse(A) else as_square(A, "A")
-        self.dense = square if square.shape[0] <= _SMALL else None
+        self.dense = None if sp.issparse(square) or square.shape[0] > _SMALL else square
         if self.dense is None:
             self.sparse = as_csr(square, "A", keep_diagonal=True)
         self.lock()
