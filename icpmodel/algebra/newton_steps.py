@@ -12,7 +12,7 @@ Numer. Anal. 20 (1983), for GCR.
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -34,13 +34,8 @@ _KRYLOV = 8
 _FLOW = 1.1
 
 
-def newton_steps(
-    hierarchy: Hierarchy, problem: ProblemData, z: Vector, top: int
-) -> Generator[tuple[Vector, float], float | None, None]:
-    """Newton's steps on level `top` of `hierarchy`, whose problem is `problem`: (z, residual) after each step.
-
-    What is sent is the share of Az + q that the next steps are to leave in the free rows, 0.1 where nothing is.
-    """
+def newton_steps(hierarchy: Hierarchy, problem: ProblemData, z: Vector, top: int) -> Iterator[tuple[Vector, float]]:
+    """Newton's steps on level `top` of `hierarchy`, whose problem is `problem`: (z, residual) after each step."""
     level = hierarchy.levels[top]
     moves = not problem.psi.is_constant
     omega = level.diagonal
@@ -62,7 +57,7 @@ def newton_steps(
             newton = None
             p = problem.p(z)
             pattern = Pattern.at(problem, z, p, omega)
-        share = (yield z, problem.residual_of(p, problem.r(z), problem.r_upper(z))) or _SHARE
+        yield z, problem.residual_of(p, problem.r(z), problem.r_upper(z))
         if newton is None or taken is None or moves or not pattern.same_sides(taken):
             taken = pattern
             J = derivative(problem.psi, z, pattern.above) if moves else None
@@ -70,9 +65,9 @@ def newton_steps(
             f = -np.where(pattern.active, pattern.r, p)
             step = equations.start(f)
             newton = GCR(equations.product, equations.preconditioned, f - equations.product(step))
-            z, _ = newton.further(z + step, share * norm(newton.rest), _KRYLOV)
+            z, _ = newton.further(z + step, _SHARE * norm(newton.rest), _KRYLOV)
         else:
-            z, moved = newton.further(z, share * norm(newton.rest), _KRYLOV)
+            z, moved = newton.further(z, _SHARE * norm(newton.rest), _KRYLOV)
             if not moved:
                 return
 

@@ -7,16 +7,15 @@ A method is mathematics only: it yields iterates and knows no clock, no toleranc
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
 from functools import wraps
 from typing import Any, ClassVar
 
 import numpy as np
 
-from ..algebra.steps import Step, repeated_steps
+from ..algebra.steps import AT_ONCE, Step, repeated_steps
 from ..errors import InputError, did_you_mean
 from ..numerics.arrays import ReadOnly, Vector, described
 from ..numerics.plugins import load_plugins
@@ -172,9 +171,8 @@ class Method(ReadOnly, Shown, ABC):
 
         Notes
         -----
-        Where this is a generator, the run sends it how many more iterates it expects to need, so that
-        several may be made at once. The iterator may have an attribute `adapted_method`: this method with the
-        numbers that the run has adapted.
+        The iterator may have an attribute `adapted_method`: this method with the numbers that the run
+        has adapted.
 
         Examples
         --------
@@ -206,23 +204,15 @@ class FixedPoint(Method):
         return None
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
-        return self._sweeps(problem, z)
-
-    def _sweeps(self, problem: ProblemData, z: Vector) -> Generator[Iterate, float | None, None]:
-        expected = None
         if (opening := self.opening(problem)) is not None:
             following, residual = opening(z)
-            expected = yield z, residual
+            yield z, residual
             z = following
         step = self.step_of(problem)
         while True:
-            for following, residual in repeated_steps(step, z, math.inf if expected is None else expected):
-                expected = yield z, residual
+            for following, residual in repeated_steps(step, z, AT_ONCE):
+                yield z, residual
                 z = following
-            # what promises to be the last iterate is judged before another sweep is made, which would tell its residual
-            while expected is not None and expected <= 1.0:
-                expected = yield z, None
-                z, _ = step(z)
 
 
 def names() -> list[str]:

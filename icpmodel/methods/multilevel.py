@@ -74,8 +74,7 @@ class Multilevel(Method):
         with suppress(NoHierarchy):
             best = yield from self._look_by_look(problem, z, first)
         if problem.psi.has_policies:
-            for step in Newton().iterates(problem, best):  # noqa: UP028  to which nothing can be sent
-                yield step
+            yield from Newton().iterates(problem, best)
 
     def start(self, hierarchy: Hierarchy, problem: ProblemData) -> Vector:
         """The start from the coarser levels; each begins with the answer of the one below it.

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -13,8 +11,6 @@ from ..numerics.arrays import Vector, not_finite
 from ..problem.data import ProblemData
 from .solution import Status
 
-#: the rate by which the iterates to come are announced is that of so many steps
-_RATE = 2
 #: after so many steps that do not bring the residual down by a thousandth, it is asked whether rounding is the reason
 _PRECISION_CHECK = 50
 _NOTHING: Vector = np.zeros(0)
@@ -27,22 +23,6 @@ class Ended(NamedTuple):
     note: str
 
 
-class Recent:
-    """The residuals of the last steps, and how many more lead to the `target` at their rate."""
-
-    def __init__(self, target: float) -> None:
-        self.target = target
-        self.residuals: deque[float] = deque(maxlen=_RATE + 1)
-
-    def expected(self, residual: float) -> float:
-        """After another `residual`: how many more steps lead to the target, inf where that is not known."""
-        self.residuals.append(residual)
-        earlier = self.residuals[0]
-        if len(self.residuals) <= _RATE or not (self.target < residual < earlier < math.inf) or not self.target > 0.0:
-            return math.inf
-        return _RATE * math.log(residual / self.target) / math.log(earlier / residual)
-
-
 class Stalled:
     """Whether iterates come back, lead no further, or are as good as rounding lets them be.
 
@@ -51,11 +31,9 @@ class Stalled:
     memoryless : bool
         That of the method.
     patience : int
-        So many steps without a better iterate are the last, unless `further` allows more.
+        So many steps without a better iterate are the last.
     at_floor : callable
         Returns an end where rounding explains that the residual does not fall.
-    further : callable
-        (z, next z) ↦ how many more steps are proved to lead on.
 
     Notes
     -----
@@ -67,16 +45,9 @@ class Stalled:
     Brent, BIT 20 (1980).
     """
 
-    def __init__(
-        self,
-        memoryless: bool,
-        patience: int,
-        at_floor: Callable[[], Ended | None],
-        further: Callable[[Vector, Vector], int],
-    ) -> None:
-        self.memoryless, self.patience, self.at_floor, self.further = memoryless, patience, at_floor, further
-        self.before = _NOTHING
-        self.step = self.milestone = self.followed_to = 0
+    def __init__(self, memoryless: bool, patience: int, at_floor: Callable[[], Ended | None]) -> None:
+        self.memoryless, self.patience, self.at_floor = memoryless, patience, at_floor
+        self.step = self.milestone = 0
         self.milestone_residual, self.milestone_z = np.nan, _NOTHING
         self.progress_at, self.progress_residual = 0, np.inf
         self.better_at, self.better_residual = 0, np.inf
@@ -85,8 +56,6 @@ class Stalled:
         """Whether the next iterate, `z`, is the last."""
         k = self.step
         self.step = self.step + 1
-        before = self.before
-        self.before = z
         if residual < self.better_residual:
             self.better_at, self.better_residual = k, residual
         if self.memoryless and residual == self.milestone_residual and np.array_equal(z, self.milestone_z):
@@ -97,10 +66,8 @@ class Stalled:
             self.progress_at, self.progress_residual = k, residual
         elif (k - self.progress_at) % _PRECISION_CHECK == _PRECISION_CHECK - 1 and (ended := self.at_floor()):
             return ended
-        if k - self.better_at >= self.patience and k >= self.followed_to:
-            self.followed_to = k + self.further(before, z)
-            if k == self.followed_to:
-                return Ended(Status.STAGNATED, f"no better iterate in {k - self.better_at} iterations")
+        if k - self.better_at >= self.patience:
+            return Ended(Status.STAGNATED, f"no better iterate in {k - self.better_at} iterations")
         return None
 
     def recurred(self, period: int = 1) -> Ended:

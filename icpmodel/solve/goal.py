@@ -86,13 +86,6 @@ class Goal:
         of_z = float(share_of(min(norm(z), self.size), self.of_z))
         return min(self.tolerance, of_z) if self.tolerance else of_z
 
-    def enough_at(self, z: Vector) -> float:
-        """A Res_D of `z` that is small enough, as Res(z) ≤ max(1, d_i) Res_D(z)."""
-        tolerance = self.tolerance_at(z)
-        if not self.atol or self.problem is None:
-            return tolerance
-        return max(tolerance, self.atol * min(1.0, float(self.problem.matrix.row_weights.min())))
-
     def judged(self, z: Vector, residual: float) -> float:
         """The residual by which `z` is judged, `residual` being what float64 makes of Res_D(z)."""
         return residual if self.problem is None else certain(self.problem, z, residual, self.tolerance_at(z))

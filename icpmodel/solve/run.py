@@ -21,10 +21,9 @@ from ..numerics.arrays import Vector, locked, norm
 from ..problem.data import ProblemData
 from ..theory.answers import Answer
 from .choice import InTurn, Job, Ladder
-from .ended import Ended, Recent, Stalled, fault_of_psi
+from .ended import Ended, Stalled, fault_of_psi
 from .goal import Goal, Limits
 from .progress import Bar, Progress, progress_bar
-from .proved_convergence import ProvedConvergence
 from .solution import Status
 
 _LOG = logging.getLogger("icpmodel")
@@ -84,8 +83,6 @@ class Run:
         Where a method begins after one that failed.
     presolved : ProblemData, optional
         What methods are given in place of `problem`: one that has the same solutions.
-    follows_theorems : bool
-        Whether a method that is proved to converge is given more patience, as one that was named is.
     watch : function, optional
         What is called with every iterate and its residual in place of `callback`; an `Ended` ends the run.
     callback, history, progress
@@ -102,7 +99,6 @@ class Run:
     scale: float
     restart: Vector | None = None
     presolved: ProblemData | None = None
-    follows_theorems: bool = False
     watch: Callable[[Vector, float], Ended | None] | None = None
     callback: Callable[[Progress], Any] | None = None
     history: bool = False
@@ -113,7 +109,6 @@ class Run:
         self.records: list[tuple[int, float, float, str]] | None = [] if self.history else None
         self.current, self.iteration = self.start, -1
         self.job: Job
-        self.proved: ProvedConvergence | None = None
         self.path: Iterator[Iterate] = iter(())
         self.best: Best | None = None
         self.tried: list[Job] = []
@@ -222,22 +217,17 @@ class Run:
         begin = self._begin()
         job.is_fresh = begin is self.start and self.presolved is None
         path = job.method.iterates(self.presolved or self.problem, begin)
-        recent = Recent(self.target)
         longest = min(max(PATIENCE, 2 * self.problem.n), _LONGEST_PATIENCE)
-        self.proved = ProvedConvergence(self.presolved or self.problem, job.method, lambda: float(self.iteration))
-        stalled = Stalled(job.method.memoryless, longest, self.at_floor, self._further)
-        expected = None
+        stalled = Stalled(job.method.memoryless, longest, self.at_floor)
         first = np.nan
         count = 0
         spent = 0.0
-        # a generator is given how many more iterates are expected to be asked for
-        ask: Callable[[float | None], Iterate] = getattr(path, "send", lambda expected: next(path))
         while True:
             self.path = path
             self.job = job
             before = work.done()
             try:
-                z, hint = ask(expected)
+                z, hint = next(path)
             except StopIteration:
                 return stalled.recurred()
             spent += work.done() - before
@@ -254,7 +244,6 @@ class Run:
             if ended := ended or stalled.check(z, residual) or self._limit(seconds):
                 job.steps = max(count, job.steps)
                 return ended
-            expected = recent.expected(residual)
             is_due = False
             count += 1
             if count > 1:  # the set-up counts for the first step
@@ -323,12 +312,6 @@ class Run:
         if most is not None and seconds >= most:
             return Ended(Status.TIME_LIMIT, f"time_limit = {most:g} s")
         return None
-
-    def _further(self, before: Vector, z: Vector) -> int:
-        """How many more steps the run follows a theorem where the step from `before` to `z` brought nothing."""
-        if self.proved is None or not self.follows_theorems:
-            return 0
-        return self.proved.further(before, z, self.goal.enough_at(z))
 
     def at_floor(self) -> Ended | None:
         """PRECISION_LIMIT, where rounding explains the residual of the best iterate."""
