@@ -88,7 +88,7 @@ def worse_than_seen(exact, problem, z, path):
     last, (least, best) = exact.residual(z), min(seen, key=lambda pair: pair[0])
     with np.errstate(all="ignore"):
         size = sum(float(np.max(abs(problem.A) @ abs(x) + abs(problem.q) + abs(x), initial=0.0)) for x in (z, best))
-    allowed = 1.000001 * near(root(least)) + _LOST * math.sqrt(exact.n) * size
+    allowed = 1.000001 * near(root(least)) + _LOST * math.sqrt(exact.n) * size + exact.n * math.ulp(0.0)
     if last is None or near(root(last)) > allowed:
         yield "lost iterate", f"an iterate with the residual {near(root(least)):.3g} was shown, the answer has {last}"
 
@@ -127,7 +127,9 @@ def false_program(program, status, x):
             return
     if least.value is not None:
         P, q = rational(program.P), fractions(program.q)
-        terms = objective([[abs(a) for a in row] for row in P], [Fraction(0)] * len(x), [abs(a) for a in x])
+        # an entry of x may be off by the rounding of the largest
+        of_x = [abs(a) + max(map(abs, x)) / 10**8 for a in x]
+        terms = objective([[abs(a) for a in row] for row in P], [Fraction(0)] * len(x), of_x)
         size = abs(least.value) + sum(abs(a * b) for a, b in zip(q, x, strict=True)) + max(map(abs, q)) / 1000
         value = objective(P, q, x)
         if value - least.value > 10 * _FRONT * size + Fraction(1, 10**15) * terms:
