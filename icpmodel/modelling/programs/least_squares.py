@@ -16,7 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...errors import InputError, NotSolved, check_arguments
-from ...numerics.arrays import Vector, as_number, as_truth, as_vector, norm
+from ...numerics.arrays import Vector, as_truth, as_vector, norm
 from ...numerics.rounding import gamma, public_entry
 from ...numerics.threads import one_blas_thread
 from ...present.shown import Shown
@@ -136,15 +136,10 @@ def solve_lsq(
     """
     begin = time.perf_counter()
     as_truth(raise_on_failure, "raise_on_failure")
-    as_number(tolerance, "tolerance", above=0)
-    if time_limit is not None:
-        as_number(time_limit, "time_limit", above=0)
     B = matrix(B, "B")
     c = as_vector(c, B.shape[0], "c")
     low, high = bounds(lb, ub, B.shape[1])
-    if (low > high).any():
-        i = int(np.argmax(low > high))
-        raise InputError(f"lb[{i}] = {low[i]:g} is above ub[{i}] = {high[i]:g}; lb <= ub was expected")
+    _check_order(low, high)
     outcome = solve_program(_conditions(B, c, low, high), tolerance=tolerance, time_limit=time_limit, begin=begin)
     end = np.inf if time_limit is None else begin + time_limit
     x = np.clip(0.0, low, high)
@@ -156,9 +151,12 @@ def solve_lsq(
     wrong = np.where(mask * gradient < 0, 0.0, np.abs(gradient))
     rounding = gamma(sum(B.shape) + 2) * (abs(B) @ np.abs(x) + np.abs(c))
     is_optimal = (wrong <= abs(B).T @ (tolerance * np.abs(fun) + rounding)).all()
-    status = "optimal" if is_optimal else outcome.status
-    message = "solved" if is_optimal else outcome.message
-    if status == "optimal" and not is_optimal:
+    status = outcome.status
+    message = outcome.message
+    if is_optimal:
+        status = "optimal"
+        message = "solved"
+    elif status == "optimal":
         status = "solver_error"
         message = "the gradient has a wrong sign"
     solution = LeastSquares(
@@ -175,6 +173,12 @@ def solve_lsq(
     if raise_on_failure and not solution.success:
         raise NotSolved(solution)
     return solution
+
+
+def _check_order(low: Vector, high: Vector) -> None:
+    if (low > high).any():
+        i = int(np.argmax(low > high))
+        raise InputError(f"lb[{i}] = {low[i]:g} is above ub[{i}] = {high[i]:g}; lb <= ub was expected")
 
 
 def _conditions(B: sp.csr_array, c: Vector, low: Vector, high: Vector) -> Program:

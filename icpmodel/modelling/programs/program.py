@@ -55,20 +55,11 @@ class Program:
         """½xᵀHx + gᵀx."""
         return float(0.5 * x @ (self.H @ x) + self.g @ x)
 
-    def has_matrices_of(self, other: Program) -> bool:
-        """Whether H, G and E are those of `other`, in the same storage."""
-        return all(map(_same, (self.H, self.G, self.E), (other.H, other.G, other.E)))
-
     @cached_property
     def is_symmetric(self) -> bool:
         """Whether H = Hᵀ, up to rounding."""
         skew = np.abs((self.H - self.H.T).data).max(initial=0.0)
         return bool(skew <= self.g.size * UNIT_ROUNDOFF * np.abs(self.H.data).max(initial=0.0))
-
-
-def _same(one: sp.csr_array, other: sp.csr_array) -> bool:
-    parts = ("data", "indices", "indptr")
-    return one.shape == other.shape and all(np.array_equal(getattr(one, name), getattr(other, name)) for name in parts)
 
 
 class Presolve:
@@ -79,33 +70,33 @@ class Presolve:
 
     def __init__(self, given: Program) -> None:
         self.given = given
-        G = given.G
-        count = np.diff(G.indptr)
+        count = np.diff(given.G.indptr)
         finite = given.h < np.inf
         single = np.flatnonzero((count == 1) & finite)
         self.rows = np.flatnonzero((count != 1) & finite)
-        column = G.indices[G.indptr[single]]
-        self.entry = np.ones(given.h.size)
-        self.entry[single] = G.data[G.indptr[single]]
+        one_entry = given.G[single]
+        column = one_entry.indices
         with np.errstate(over="ignore"):
-            value = given.h[single] / self.entry[single]
-        rises = self.entry[single] > 0
-        low = given.low.copy()
-        high = given.high.copy()
-        np.minimum.at(high, column[rises], value[rises])
-        np.maximum.at(low, column[~rises], value[~rises])
+            value = given.h[single] / one_entry.data
+        bounds = []
         #: for the bounds above and below, the row of G that gives each, -1 where none does
         self.origins = []
-        for side, tight, own in ((rises, high, given.high), (~rises, low, given.low)):
-            gives = side & (value == tight[column]) & (value != own[column])
-            origin = np.full(low.size, -1)
+        for sign, own in ((1.0, given.high), (-1.0, given.low)):
+            on_side = sign * one_entry.data > 0
+            bound = sign * own
+            np.minimum.at(bound, column[on_side], sign * value[on_side])
+            bound *= sign
+            gives = on_side & (value == bound[column]) & (value != own[column])
+            origin = np.full(own.size, -1)
             origin[column[gives]] = single[gives]
+            bounds.append(bound)
             self.origins.append(origin)
+        high, low = bounds
         with np.errstate(invalid="ignore"):
             touch = (low > high) & (low - high <= _TOUCH * (np.abs(low) + np.abs(high)))
         low = np.where(touch, high, low)
         self.crossed = bool((low > high).any())
-        self.program = replace(given, G=G[self.rows], h=given.h[self.rows], low=low, high=high)
+        self.program = replace(given, G=given.G[self.rows], h=given.h[self.rows], low=low, high=high)
 
     def postsolve(self, values: Values) -> Values:
         """The multipliers of the program that was given."""
@@ -114,24 +105,21 @@ class Presolve:
         box = values.box.copy()
         for origin, sign in zip(self.origins, (1.0, -1.0), strict=True):
             moved = np.flatnonzero((origin >= 0) & (sign * box > 0))
-            inequality[origin[moved]] = box[moved] / self.entry[origin[moved]]
+            inequality[origin[moved]] = box[moved] / self.given.G[origin[moved]].data
             box[moved] = 0.0
         return values._replace(inequality=inequality, box=box)
 
 
-def conditions_of(program: Program, base: ICP | None = None) -> ICP:
-    """The conditions of `program` in (x, ν, λ); `base` is an ICP with the same matrix. Raises InputError for h = ∞."""
+def conditions_of(program: Program, last: ICP | None = None) -> ICP:
+    """The conditions of `program` in (x, ν, λ), made from `last` where that has the same matrix."""
+    A = matrix_of(program)
     q = np.concatenate([program.g, program.b, program.h])
-    low, high = sides_of(program)
-    problem = ICP(matrix_of(program), q) if base is None else base.with_q(q)
-    return problem.with_sides(low, None if np.isposinf(high).all() else high)
-
-
-def sides_of(program: Program) -> tuple[Vector, Vector]:
-    """The obstacles of the conditions below and above."""
     free = np.full(program.b.size, np.inf)
     low = np.concatenate([program.low, -free, np.zeros(program.h.size)])
-    return low, np.concatenate([program.high, free, np.full(program.h.size, np.inf)])
+    high = np.concatenate([program.high, free, np.full(program.h.size, np.inf)])
+    is_same = last is not None and last.A.shape == A.shape and not (last.A != A).nnz
+    problem = last.with_q(q) if is_same else ICP(A, q)
+    return problem.with_sides(low, None if np.isposinf(high).all() else high)
 
 
 def matrix_of(program: Program) -> sp.csr_array:

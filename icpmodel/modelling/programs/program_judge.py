@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 import scipy.sparse as sp
 
-from ...numerics.arrays import Vector, row_of
+from ...numerics.arrays import Mask, Vector, row_of
 from ...numerics.rounding import gamma
 from ...problem.data import ProblemData
 
-#: the share of the largest entry of g up to which what is wrong with the gradient may be rounding
-_SAID = 1e-3
-
-
 #: the share of the largest unknown up to which one may be rounding
 _NOISE = 1e-13
+#: the share of the largest entry of g up to which what is wrong with the gradient may be rounding
+_SAID = 1e-3
 #: an entry counts for the units above this share of the largest of its row or of its column
 _NEXT_TO_NOTHING = 1e-12
 #: steps to the units, and the largest of their exponents
@@ -24,80 +20,66 @@ _MEANS = 50
 _LARGEST = 500
 
 
-class Violation(NamedTuple):
-    """The largest share that is wrong, inf where it is not a number: strictly, and up to rounding."""
-
-    strict: float
-    rounded: float
-
-
 class Judge:
     """The judge of conditions with the matrix [[H, Eᵀ, Gᵀ], [−E, 0, 0], [−G, 0, 0]], x having n entries.
 
     Where z_i is on an obstacle to which p_i presses it, nothing is wrong in row i. Elsewhere |p_i| is, as a share of
-    the sum of the |terms| of p_i. The gap is the second criterion, so that large entries of H do not hide g. Where
-    y = x + Δ is in C, (Hx + g)ᵀ(y − x) is at least −Σ|p_i|d_i. Here d_i is the distance to the obstacle or, if less,
-    |z_i|; for x (|H||x|)_i/h_ii stands for that, which moves row i by as much as is in it. The gap is a share of its
-    own terms.
+    the sum of the |terms| of p_i. What sums of the largest unknowns lose by rounding is left out.
 
-    Rounding is left out: strictly of a row what sums of its own terms lose, and of the gradient what sums of the
-    largest unknowns do. Up to rounding the latter is left out of rows as well: where a side is 1e-16 and 0 was meant,
-    no other answer need exist.
+    The gap is the second criterion, so that large entries of H do not hide g. Where y = x + Δ is in C,
+    (Hx + g)ᵀ(y − x) is at least −Σ|p_i|d_i. Here d_i is the distance to the obstacle or, if less, |z_i|. For x
+    (|H||x|)_i/h_ii stands for that, which moves row i by as much as is in it. The gap is a share of its own terms.
     """
 
-    def __init__(self, A: sp.csr_array, n: int) -> None:
+    def __init__(self, problem: ProblemData, n: int) -> None:
+        A = problem.A
         self.size = abs(A)
         self.H = A[:n, :n]
         self.of_H = abs(self.H)
-        self.diagonal = self.of_H.diagonal()
-        self.loss = float(gamma(3 + np.diff(A.indptr).max(initial=0)))
+        self.diagonal = self.H.diagonal()
+        loss = float(gamma(3 + np.diff(A.indptr).max(initial=0)))
         self.is_x = np.arange(A.shape[0]) < n
-        self.parts = self.is_x, ~self.is_x
-        #: what brings z and p/unit into units in which the entries of A are about 1
+        #: brings z and p/unit into units in which the entries of A are about 1
         self.unit = _units(A)
-        self.of_parts = [self.loss * (self.size @ (part / self.unit)) for part in self.parts]
+        self.parts = [(part, loss * (self.size @ (part / self.unit))) for part in (self.is_x, ~self.is_x)]
+        self.loss = loss
 
     @np.errstate(all="ignore")
-    def violation(self, problem: ProblemData, z: Vector) -> Violation:
-        """What is wrong at `z`, shape (n,), between its obstacles."""
+    def violation(self, problem: ProblemData, z: Vector) -> tuple[float, float]:
+        """The largest share that is wrong at `z`, shape (n,), up to rounding and strictly; inf where it is NaN."""
+        is_x = self.is_x
         size = np.abs(z)
         p = problem.p(z)
-        terms = self.size @ size + np.abs(problem.q)
+        wrong = np.abs(p)
+        of_q = np.abs(problem.q)
+        terms = self.size @ size + of_q
         room = room_of(problem, z, p)
-        wrong = np.where(room > 0, np.abs(p), 0.0)
-        most_of_g = (np.abs(problem.q) / self.unit)[self.is_x].max() or np.inf
-        cap = np.where(self.is_x, _SAID * self.unit * most_of_g, np.inf)
-        noise = np.minimum(sum(most * of for most, of in zip(self.largest(z), self.of_parts, strict=True)), cap)
+        most = np.where(is_x, _SAID * self.unit * ((of_q / self.unit)[is_x].max() or np.inf), np.inf)
         own = self.loss * terms
-        gap = self._gap(problem, z, p, room, np.minimum(own, cap), noise)
-        shares = []
-        for rounding in (own, noise):
-            left = wrong - rounding
-            share = max(float(np.where(left > 0, left / terms, 0.0).max()), gap)
-            shares.append(share if share < np.inf else np.inf)
-        return Violation(*shares)
-
-    def largest(self, z: Vector) -> list[float]:
-        """The largest |entry| of x, and of the multipliers, in units in which they are alike."""
-        return [float((np.abs(z) * self.unit)[part].max(initial=0.0)) for part in self.parts]
-
-    def snapped(self, z: Vector) -> Vector:
-        """z without what may be rounding."""
-        noise = np.where(self.is_x, *self.largest(z))
-        return np.where(np.abs(z) * self.unit <= _NOISE * noise, 0.0, z)
-
-    def _gap(self, problem: ProblemData, z: Vector, p: Vector, room: Vector, rounding: Vector, noise: Vector) -> float:
-        """The gap as a share of its terms; of multipliers that are large and cancel each other what is left counts."""
-        is_x = self.is_x
-        x = z[is_x]
-        size = np.abs(z)
+        largest = sum(self.largest(z, part) * of_part for part, of_part in self.parts)
+        noise = np.maximum(own, np.minimum(largest, most))
         reach = size.copy()
         reach[is_x] = np.where(self.diagonal > 0, (self.of_H @ size[is_x]) / self.diagonal, size[is_x])
-        gap = np.maximum(np.abs(p) - rounding, 0.0) @ np.minimum(room, reach)
-        held = is_x & (room == 0)
-        of_sides = problem.q[~is_x] @ z[~is_x] - p[held] @ z[held]
-        terms = max(x @ (self.H @ x), 0.0) + size[is_x] @ (np.abs(problem.q) + noise)[is_x] + abs(of_sides)
-        return float(gap / terms) if gap > 0 else 0.0
+        gap = np.maximum(wrong - np.minimum(own, most), 0.0) @ np.minimum(room, reach)
+        if gap > 0:
+            x = z[is_x]
+            held = is_x & (room == 0)
+            of_sides = problem.q[~is_x] @ z[~is_x] - p[held] @ z[held]
+            gap /= max(x @ (self.H @ x), 0.0) + size[is_x] @ (of_q + noise)[is_x] + abs(of_sides)
+        shares = []
+        for rounding in (noise, own):
+            share = max(float(np.where((room > 0) & (wrong > rounding), (wrong - rounding) / terms, 0.0).max()), gap)
+            shares.append(share if share < np.inf else np.inf)
+        return shares[0], shares[1]
+
+    def largest(self, z: Vector, part: Mask) -> float:
+        """The largest |entry| of x or of the multipliers, in units in which they are alike."""
+        return float((np.abs(z) * self.unit)[part].max(initial=0.0))
+
+    def without_noise(self, z: Vector) -> Vector:
+        """z with 0 for what may be rounding."""
+        largest = np.where(self.is_x, *(self.largest(z, part) for part, _ in self.parts))
+        return np.where(np.abs(z) * self.unit <= _NOISE * largest, 0.0, z)
 
 
 def room_of(problem: ProblemData, z: Vector, p: Vector) -> Vector:

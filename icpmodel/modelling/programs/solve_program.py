@@ -14,32 +14,44 @@ from ...algebra.equations import Pattern
 from ...algebra.proximal_steps import ProximalSteps
 from ...errors import IcpError
 from ...icp import ICP
-from ...numerics.arrays import Vector
+from ...numerics.arrays import Vector, as_number
 from ...numerics.threads import one_blas_thread
 from ...solve.progress import Progress
 from ...solve.solution import Solution, Status
 from ...theory.certificates.bounds import limited
 from ...theory.certificates.infeasible import infeasible
 from ...theory.certificates.recession import contradicts, least_violation
-from .program import Presolve, Program, Values, conditions_of, sides_of
-from .program_judge import Judge, Violation, room_of
+from .program import Presolve, Program, Values, conditions_of
+from .program_judge import Judge, room_of
 
 #: what may be wrong for an answer to be called inaccurate and not an error
 _INACCURATE = 1e-4
-_LIMITS = Status.TIME_LIMIT, Status.MEMORY_LIMIT
 #: steps of the refinement, and what of W is added to A in them
 _REFINEMENTS = 3
 _STEADY = 1e-9
-#: the share of its terms up to which a row is tight at a start
-_TIGHT = 1e-6
 #: the share of the largest residual from which on the judge is asked
 _NEAR = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """`status` in CVXPY's words and `message`, what it rests on; `values`, None where there is no solution; `objective`
-    there; `violation` in the units of the program; `iterations`; `incumbent`, for a program like it."""
+    """What `solve_program` returns.
+
+    Attributes
+    ----------
+    status : str
+        In CVXPY's words.
+    message : str
+        What the status rests on.
+    values : Values or None
+        None where there is no solution.
+    objective, violation : float
+        At these values; NaN where there are none.
+    iterations : int
+    seconds : float
+    incumbent : Incumbent or None
+        The start for a program with the same matrices.
+    """
 
     status: str
     message: str
@@ -71,7 +83,7 @@ def solve_program(
     time_limit
         In seconds from `begin`.
     before
-        The outcome of a program with the same matrices, from which the run begins.
+        The outcome of a program of the same size, from which the run begins.
     start
         An x near the solution.
     begin
@@ -85,10 +97,20 @@ def solve_program(
         rounding; "infeasible_or_unbounded"; "user_limit"; "solver_error".
     """
     begin = time.perf_counter() if begin is None else begin
+    as_number(tolerance, "tolerance", above=0)
+    if time_limit is not None:
+        as_number(time_limit, "time_limit", above=0)
     if not np.isfinite(program.b).all() or np.isneginf(program.h).any():
         return Outcome("infeasible", "a right-hand side is infinite")
+    presolve = Presolve(program)
+    if presolve.crossed:
+        return Outcome("infeasible", "the lower bound of a variable is above its upper bound")
     with one_blas_thread():
-        outcome = _ProgramRun(program, tolerance, time_limit, begin).outcome(before, start)
+        outcome = _ProgramRun(presolve.program, tolerance, time_limit, begin).outcome(before, start)
+    values = outcome.values
+    if values is not None:
+        values = presolve.postsolve(values)
+        outcome = replace(outcome, values=values, objective=program.objective(values.x))
     return replace(outcome, seconds=time.perf_counter() - begin)
 
 
@@ -106,59 +128,40 @@ class _ProgramRun:
         return None if self.end is None else max(self.end - time.perf_counter(), 0.0)
 
     def outcome(self, before: Outcome | None, start: Vector | None) -> Outcome:
-        presolve = Presolve(self.program)
-        if presolve.crossed:
-            return Outcome("infeasible", "the lower bound of a variable is above its upper bound")
         last = None if before is None else before.incumbent
-        best = Incumbent(presolve.program, self.tolerance, last)
+        best = Incumbent(self.program, self.tolerance, last)
+        methods = ["interior", "newton"]
         z0 = last.z if last is not None and last.z.size == best.z.size else None
         if start is not None:
-            self._polish(best, *best.near(start))
-            z0 = best.z
-        methods = ["interior", "newton"]
-        if z0 is not None or not best.has_obstacles:
+            z0 = np.concatenate([start, np.zeros(best.z.size - start.size)])
+        has_obstacles = np.isfinite(best.low) | np.isfinite(best.high)
+        if z0 is not None or not has_obstacles.any():
             methods.reverse()
         proof = None
         for method in (*methods, None):
             if method is None and proof is not None:
                 break
             solution = self._solved(best.problem, method, z0, best.judged)
-            is_limited = solution.status in _LIMITS
-            for z in (best.z, solution.z):
-                if not best.is_good or z is best.z:
-                    self._polish(best, z, best.pattern(z))
-            if is_limited or best.is_good:
+            with limited(self.left(), None):
+                best.polish(best.z)
+                if not best.is_good:
+                    best.polish(solution.z)
+            if solution.status in (Status.TIME_LIMIT, Status.MEMORY_LIMIT) or best.is_good:
                 break
             proof = proof or self._without_solution(best.problem, solution)
             if proof is not None and not proof.status.endswith("_inaccurate"):
                 break
         if proof is not None and not best.is_good:
             return replace(proof, iterations=self.iterations)
-        values = presolve.postsolve(best.values())
+        error = best.violation[0]
         status = "optimal"
         message = "solved"
         if not best.is_good:
-            error = best.violation.strict
             message = f"rows or multipliers are wrong by {error:.3g} of their terms; {solution.message}"
             status = "optimal_inaccurate" if error <= _INACCURATE else "solver_error"
-            if is_limited or self.left() == 0.0:
+            if solution.status in (Status.TIME_LIMIT, Status.MEMORY_LIMIT) or self.left() == 0.0:
                 status = "user_limit"
-        return Outcome(
-            status, message, values, self.program.objective(values.x), best.error, self.iterations, incumbent=best
-        )
-
-    def _polish(self, best: Incumbent, z: Vector, pattern: Pattern) -> None:
-        """Newton steps from `z` with one active set, of the equations and a small multiple of W."""
-        steps = ProximalSteps(best.problem, z)
-        weights = _STEADY * best.problem.matrix.proximal_weights
-        with suppress(IcpError, MemoryError), limited(self.left(), None):
-            for _ in range(_REFINEMENTS):
-                found = steps.step(z, best.problem.p(z), pattern, z, weights)
-                if found is None or not np.isfinite(found[0]).all():
-                    break
-                z = found[0]
-                if best.takes(z):
-                    break
+        return Outcome(status, message, best.values(), violation=error, iterations=self.iterations, incumbent=best)
 
     def _solved(
         self, problem: ICP, method: str | None = None, z0: Vector | None = None, judged: Any = None, rtol: float = 0.0
@@ -172,7 +175,7 @@ class _ProgramRun:
         return solution
 
     def _without_solution(self, problem: ICP, solution: Solution) -> Outcome | None:
-        """What is proved by the directions in which the run ended, and by the least violation of the conditions."""
+        """What is proved by the directions in which the run ended, or by the least violation of the conditions."""
         if solution.infeasible is not None and solution.infeasible.witness is not None:
             y = np.array([float(weight) for weight in solution.infeasible.witness])
         else:
@@ -198,7 +201,7 @@ class _ProgramRun:
             return Outcome(f"infeasible{inaccurate}", f"no x and multipliers meet the conditions: {how}")
         n = self.program.g.size
         nearest = replace(self.program, H=sp.eye_array(n, format="csr"), g=np.zeros(n))
-        feasible = solve_program(nearest, tolerance=self.tolerance, time_limit=self.left())
+        feasible = _ProgramRun(nearest, self.tolerance, self.left(), time.perf_counter()).outcome(None, None)
         self.iterations += feasible.iterations
         if feasible.status == "optimal":
             told = "there is a feasible point, and a direction along which the objective falls for ever"
@@ -215,83 +218,72 @@ class Incumbent:
     ----------
     program, tolerance
         What is judged, and what may be wrong.
-    before
+    last
         The incumbent of another program, whose matrices may be the same.
     """
 
-    def __init__(self, program: Program, tolerance: float, before: Incumbent | None = None) -> None:
-        self.program = program
+    def __init__(self, program: Program, tolerance: float, last: Incumbent | None = None) -> None:
+        self.size = program.g.size, program.b.size
         self.tolerance = tolerance
-        if before is None or not program.has_matrices_of(before.program):
-            self.problem = conditions_of(program)
-            self.judge = Judge(self.problem.A, program.g.size)
-        else:
-            self.problem = conditions_of(program, before.problem)
-            self.judge = before.judge
-        self.low, self.high = sides_of(program)
+        self.problem = conditions_of(program, None if last is None else last.problem)
+        is_same = last is not None and last.problem.A is self.problem.A
+        self.judge = last.judge if is_same else Judge(self.problem, program.g.size)
+        self.low = self.problem.psi.value(np.zeros(self.problem.n))
+        upper = self.problem.upper
+        self.high = np.full(self.problem.n, np.inf) if upper is None else upper.value(self.low)
         self.z = np.clip(0.0, self.low, self.high)
-        self.violation = Violation(np.inf, np.inf)
+        self.violation = np.inf, np.inf
         self.largest = 0.0
-
-    @property
-    def has_obstacles(self) -> bool:
-        """Whether the conditions are more than equations."""
-        return bool(np.isfinite(self.low).any() or np.isfinite(self.high).any())
 
     @property
     def is_good(self) -> bool:
         """Whether nothing is wrong by more than the tolerance, up to rounding."""
-        return self.error <= self.tolerance
-
-    @property
-    def error(self) -> float:
-        """What is wrong, up to rounding if that is enough."""
-        strict, rounded = self.violation
-        return strict if strict <= self.tolerance or rounded > self.tolerance else rounded
+        return self.violation[0] <= self.tolerance
 
     def judged(self, progress: Progress) -> bool:
         """Whether a run has come to an answer."""
         self.largest = max(self.largest, progress.residual)
         if progress.iteration and progress.residual > _NEAR * self.largest:
             return False
-        return self.takes(progress.z)
+        return self.takes(progress.z, self._pattern(progress.z))
 
-    def pattern(self, z: Vector) -> Pattern:
-        """The active set at `z`."""
+    def _pattern(self, z: Vector) -> Pattern:
         return Pattern.at(self.problem, z, self.problem.p(z), self.problem.matrix.proximal_weights)
 
-    def takes(self, z: Vector) -> bool:
-        """Whether the incumbent is strictly good, after `z`, with its active rows on their obstacles, was tried."""
-        z = np.clip(z, self.low, self.high)
-        pattern = self.pattern(z)
-        z = np.where(pattern.active, self.low, z)
+    def takes(self, z: Vector, pattern: Pattern) -> bool:
+        """Whether `z`, with its active rows on their obstacles, is strictly good, or no better than a good iterate."""
+        z = np.where(pattern.active, self.low, np.clip(z, self.low, self.high))
         if pattern.above is not None:
             z = np.where(pattern.above, self.high, z)
-        for one in (z, np.clip(self.judge.snapped(z), self.low, self.high)):
-            found = self.judge.violation(self.problem, one)
-            if self._order(found) <= self._order(self.violation):
-                self.violation = found
+        enough = 0.5 * self.violation[1] if self.is_good else self.tolerance
+        for one in (z, np.clip(self.judge.without_noise(z), self.low, self.high)):
+            violation = self.judge.violation(self.problem, one)
+            if self._order(violation) <= self._order(self.violation):
+                self.violation = violation
                 self.z = one
-            if found.strict <= self.tolerance:
-                break
-        return self.violation.strict <= self.tolerance
+        return self.violation[1] <= self.tolerance or self.violation[1] > enough > self.tolerance
 
-    def near(self, x: Vector) -> tuple[Vector, Pattern]:
-        """An iterate at `x`, with the active set of the rows and bounds that are tight there."""
-        z = self.z.copy()
-        z[: x.size] = x
-        slack = self.problem.p(z)
-        free = slack <= _TIGHT * (abs(self.problem.A) @ np.abs(z) + np.abs(self.problem.q))
-        free[: x.size] = ((self.low < z) & (z < self.high))[: x.size]
-        return z, Pattern(z, ~free, ~free & (z >= self.high))
+    def _order(self, violation: tuple[float, float]) -> tuple[float, float]:
+        return max(violation[0], self.tolerance), violation[1]
 
-    def _order(self, violation: Violation) -> tuple[float, float]:
-        return max(violation.rounded, self.tolerance), violation.strict
+    def polish(self, z: Vector) -> None:
+        """Newton steps from `z` with one active set, of the equations and a small multiple of W."""
+        pattern = self._pattern(z)
+        steps = ProximalSteps(self.problem, z)
+        weights = _STEADY * self.problem.matrix.proximal_weights
+        with suppress(IcpError, MemoryError):
+            for _ in range(_REFINEMENTS):
+                found = steps.step(z, self.problem.p(z), pattern, z, weights)
+                if found is None or not np.isfinite(found[0]).all():
+                    break
+                z = found[0]
+                if self.takes(z, self._pattern(z)):
+                    break
 
     def values(self) -> Values:
         """The unknowns apart; multipliers of bounds are p where it presses x on them."""
         p = self.problem.p(self.z)
-        n = self.program.g.size
+        n, equations = self.size
         box = np.where(room_of(self.problem, self.z, p) == 0, -p, 0.0)[:n]
-        x, nu, multiplier = np.split(self.z, [n, n + self.program.b.size])
+        x, nu, multiplier = np.split(self.z, [n, n + equations])
         return Values(x, nu, multiplier, box)

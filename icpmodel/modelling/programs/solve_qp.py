@@ -13,7 +13,7 @@ from ...crosscheck import crosscheck
 from ...crosscheck.report import Report
 from ...errors import NotSolved, check_arguments
 from ...icp import ICP
-from ...numerics.arrays import Vector, as_number, as_truth, as_vector
+from ...numerics.arrays import Vector, as_truth, as_vector
 from ...numerics.rounding import public_entry
 from ...present.shown import Shown
 from ...theory.certificates.bounds import ErrorBound
@@ -286,9 +286,6 @@ def _solved(
     program: Program, initvals: Any, tolerance: Any, time_limit: Any, raise_on_failure: Any, begin: float
 ) -> ProgramSolution:
     as_truth(raise_on_failure, "raise_on_failure")
-    as_number(tolerance, "tolerance", above=0)
-    if time_limit is not None:
-        as_number(time_limit, "time_limit", above=0)
     n = program.g.size
     start = None if initvals is None else as_vector(initvals, n, "initvals")
     found = solve_program(program, tolerance=tolerance, time_limit=time_limit, start=start, begin=begin)
