@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import inspect
-import math
 import os
 import re
 import sys
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from tempfile import NamedTemporaryFile
 from typing import Any, NamedTuple
 
@@ -38,17 +38,21 @@ class _Whole(click.ParamType):
     name = "integer"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
-        try:
-            return int(value)
-        except ValueError:
-            pass
-        try:
-            number = float(value)
-        except ValueError:
-            number = math.nan
-        if not number.is_integer() or abs(number) >= 2.0**63:
+        number = _number(str(value))
+        if not isinstance(number, int) or isinstance(number, bool) or abs(number) >= 2**63:
             self.fail(f"{value!r} is not a valid integer.", param, ctx)
-        return int(number)
+        return number
+
+
+def _number(text: str) -> bool | int | float | str:
+    """The truth value or number that the text is, a whole one as such, 1e4 too; else the text."""
+    if text.lower() in ("true", "false"):
+        return text.lower() == "true"
+    for convert in (int, float):
+        with suppress(ValueError):
+            number = convert(text)
+            return int(number) if number % 1 == 0 and "." not in text else number
+    return text
 
 
 _WHOLE = _Whole()
@@ -218,12 +222,5 @@ def pairs(texts: tuple[str, ...]) -> dict[str, Any]:
             raise InputError(f"{text!r} is not of the form NAME=VALUE")
         if name in found:
             raise InputError(f"{name} is given twice")
-        found[name] = {"true": True, "false": False}.get(value.lower(), value)
-        for convert in (float, int):  # int last: it wins where both can read it
-            try:
-                found[name] = convert(value)
-            except ValueError:
-                continue
-        if isinstance(found[name], float) and found[name].is_integer() and "." not in value:  # such as 1e4
-            found[name] = int(found[name])
+        found[name] = _number(value)
     return found

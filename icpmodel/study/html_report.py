@@ -166,7 +166,9 @@ def report(
         z_exact = known["z_exact"] if z_exact is None else z_exact
     start = None if scene is None else scene.z0
     sections: list[Section] = []
-    with status_line(progress, f"seven sections; the cross-check takes {time_limit:g} s at most") as say:
+    limit = min(_RACE_LIMIT, time_limit)
+    opening = f"seven sections; the cross-check takes {time_limit:g} s at most, each run of the race {limit:g} s"
+    with status_line(progress, opening) as say:
         if isinstance(problem, Solution):
             solution = problem
         else:

@@ -11,19 +11,7 @@ import icpmodel as icp
 from icpmodel.solvers import Target, ask, foreign_solvers
 from icpmodel.solvers.formulations import in_typical_units, targets
 
-SOLVERS = [
-    "active set, cold",
-    "clarabel",
-    "osqp",
-    "piqp",
-    "scs",
-    "highs",
-    "cvxpy-clarabel",
-    "cvxpy-highs",
-    "ipopt",
-    "path",
-    "pyomo-highs",
-]
+SOLVERS = ["clarabel", "osqp", "piqp", "scs", "highs", "cvxpy-clarabel", "cvxpy-highs", "ipopt", "path", "pyomo-highs"]
 
 
 def box(seed: int, n: int = 8, kind: str = "symmetric") -> tuple[icp.ICP, np.ndarray]:
@@ -58,9 +46,7 @@ def test_a_solver_finds_the_solution_between_two_obstacles(name: str, kind: str)
     problem, z = box(0, kind=kind)
     scaled, unit = in_typical_units(problem)
     target = Target(scaled)
-    if solver.why_not(target) is not None:
-        assert (name, kind) == ("active set, cold", "alike")
-        return
+    assert solver.why_not(target) is None
     claim = ask(solver, target, 1e-8 if name == "pyomo-highs" else 1e-10, 20.0)
     assert claim.solved, claim.words
     assert np.shape(claim.z) == (8,)

@@ -57,9 +57,7 @@ def test_without_a_known_answer_the_measure_is_a_bound_that_holds():
 def test_between_two_obstacles_everyone_who_takes_part_reaches_the_same_answer():
     box = icp.scenes.box_manufactured(n=25)
     found = icp.race(box.problem, ["newton"], z_exact=box.z_exact, tolerances=[1e-8], repeats=1)
-    assert {"solve()", "newton", "osqp", "clarabel", "piqp", "scs", "active set, cold"} <= {
-        one.name for one in found.entries
-    }
+    assert {"solve()", "newton", "osqp", "clarabel", "piqp", "scs"} <= {one.name for one in found.entries}
     for one in found.entries:
         assert one.error <= 1e-5, one
     mms = icp.race(box.problem, ["mms"], [], z_exact=box.z_exact, tolerances=[1e-2], repeats=1)
@@ -116,8 +114,8 @@ def test_a_set_up_that_nothing_can_stop_is_within_the_limit_or_left_out():
 
 def test_an_answer_is_judged_in_the_units_of_the_problem():
     problem = icp.ICP([[2e80, 0.0], [0.0, 2e80]], [-1e160, 1e160])
-    found = icp.race(problem, [], ["active set, cold"], tolerances=[1e-8], repeats=1)
-    assert {one.name: one.residual < 1e-8 for one in found.entries} == {"solve()": True, "active set, cold": True}
+    found = icp.race(problem, [], ["osqp"], tolerances=[1e-8], repeats=1)
+    assert {one.name: one.residual < 1e-8 for one in found.entries} == {"solve()": True, "osqp": True}
 
 
 def test_a_linear_solve_that_fails_is_no_limit():
