@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import NotApplicable
-from ..problem.data import ProblemLike, as_problem
+from ..problem.data import ProblemData, ProblemLike, as_problem
 from ..problem.elementwise import Elementwise
 from ..problem.function import Function
 from ..problem.map import Map
@@ -72,9 +72,8 @@ def to_pyomo(problem: ProblemLike) -> Any:
     model = pyo.ConcreteModel()
     z = model.z = pyo.Var(range(problem.n))
     p = _moved(problem.A, problem.q, z)
-    below = _obstacle(sides_of(problem.psi)[0], z)
-    above = [np.inf] * problem.n if problem.upper is None else _obstacle(problem.upper, z)
-    has_below, has_above = ([not (isinstance(one, float) and np.isinf(one)) for one in side] for side in (below, above))
+    below, has_below = _side(problem, sides_of(problem.psi)[0], z)
+    above, has_above = _side(problem, problem.upper, z)
     two = [i for i in z if has_below[i] and has_above[i]]
     fixed = problem.psi.is_constant
     model.v = pyo.Var([] if fixed else two)
@@ -95,6 +94,12 @@ def to_pyomo(problem: ProblemLike) -> Any:
     model.equation = pyo.Constraint(sorted({*model.z} - {*held}), rule=lambda _, i: p[i] == 0)
     model.objective = pyo.Objective(expr=0.0)
     return model
+
+
+def _side(problem: ProblemData, psi: Map | None, z: Any) -> tuple[list[Any], list[bool]]:
+    """The obstacles of one side as expressions, and which rows have one."""
+    found = [np.inf] * problem.n if psi is None else _obstacle(psi, z)
+    return found, [not (isinstance(one, float) and np.isinf(one)) for one in found]
 
 
 def _obstacle(psi: Map, z: Any) -> list[Any]:
