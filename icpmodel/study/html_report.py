@@ -342,30 +342,43 @@ def _svg(panel: Panel) -> str:
     """The panel as an SVG element that says what it shows.
 
     Names within it are its own, as several figures meet on a page. What is black has the colour of the text, and white
-    paper is the page. A marker says its numbers.
+    paper is the page. A marker says its numbers, and a cell its value.
     """
     figure = panel_figure(panel)
     figure.patch.set_visible(False)
-    says: dict[str, list[str]] = {}
     for axes in figure.axes:
         axes.patch.set_visible(axes.get_facecolor() != (1.0, 1.0, 1.0, 1.0))
-        for line in axes.lines:
-            if line.get_marker() != "None" and not line.get_label().startswith("_"):
-                line.set_gid(f"m{len(says)}")
-                says[line.get_gid()] = [f"{line.get_label()}: {x:.3g}, {y:.3g}" for x, y in line.get_xydata()]
+    tips = [tip for axes in figure.axes for tip in _tips(axes)]
+    for k, (artist, _, _) in enumerate(tips):
+        artist.set_gid(f"m{k}")
     text = io.StringIO()
     figure.savefig(text, format="svg", dpi=110)
     svg = text.getvalue()
     svg = svg[svg.index("<svg") :].replace("#000000", "currentColor")
-    for gid, words in says.items():
-        svg = re.sub(rf'<g id="{gid}">.*?(?=<g id=)', partial(_tipped, iter(words)), svg, count=1, flags=re.DOTALL)
+    for k, (_, element, words) in enumerate(tips):
+        tipped = partial(_tipped, element, iter(words))
+        svg = re.sub(rf'<g id="m{k}">.*?(?=<g id=)', tipped, svg, count=1, flags=re.DOTALL)
     mark = f"f{zlib.crc32(svg.encode()):x}-"
     svg = re.sub(r'(\bid="|url\(#|href="#)', lambda match: match.group(1) + mark, svg)
     return svg.replace("<svg", f'<svg role="img" aria-label="{escape(panel.alt)}" fill="currentColor"', 1)
 
 
-def _tipped(words: Iterator[str], group: re.Match[str]) -> str:
-    """The markers of a group, each with the next of the words as its title."""
-    return re.sub(
-        r"(<use [^>]*)/>", lambda one: f"{one.group(1)}><title>{escape(next(words, ''))}</title></use>", group.group()
-    )
+def _tips(axes: Any) -> Iterator[tuple[Any, str, list[str]]]:
+    """Artists, the SVG elements of their markers or cells, and what each of these says."""
+    for line in axes.lines:
+        label = line.get_label()
+        if line.get_marker() != "None" and not label.startswith("_"):
+            yield line, "use", [f"{label}: {x:.3g}, {y:.3g}" for x, y in line.get_xydata()]
+    for cells in axes.collections:
+        if cells.colorbar and not cells.get_rasterized():
+            label = cells.colorbar.ax.get_ylabel()
+            yield cells, "path", [f"{label}: {value}" for value in cells.get_array().ravel().tolist()]
+
+
+def _tipped(element: str, words: Iterator[str], group: re.Match[str]) -> str:
+    """The elements of a group, each with the next of the words as its title."""
+
+    def with_title(one: re.Match[str]) -> str:
+        return f"{one.group(1)}><title>{escape(next(words, ''))}</title></{element}>"
+
+    return re.sub(rf"(<{element} [^>]*)/>", with_title, group.group())

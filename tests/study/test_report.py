@@ -89,6 +89,7 @@ def test_the_page_has_every_section_and_loads_nothing(membrane):
     assert len(page.ids) == len(set(page.ids))
     assert set(page.used) <= set(page.ids)
     assert re.search(r"<title>solve\(\): [-+.e0-9]+, [-+.e0-9]+</title></use>", membrane)
+    assert re.search(r"<title>steps to [^<]*: [0-9]+</title></path>", membrane)
     assert "Not shown" not in membrane
     assert "Where relaxation works" in membrane
     assert len(membrane) < 3_000_000
