@@ -22,7 +22,7 @@ from ..errors import IcpError, did_you_mean
 from ..numerics.plugins import load_plugins
 from ..numerics.rounding import CTRL_C, is_ctrl_c
 from ..numerics.threads import LEFT
-from .output import compiling_told, complain
+from .output import compilation_announced, complain
 
 __all__ = ["main"]
 
@@ -146,7 +146,7 @@ def _run(arguments: list[str]) -> int:
         if _ASL in arguments:
             raise click.UsageError(_NO_ASL)
         load_plugins()
-        with compiling_told():
+        with compilation_announced():
             code = commands.main(args=arguments, prog_name="icpmodel", standalone_mode=False, obj=typed)
         if sys.stdout is not None:  # it was closed by the shell
             sys.stdout.flush()

@@ -112,8 +112,8 @@ def command(*decorators: Decorator) -> Decorator:
 def from_signature(function: Callable[..., Any], *names: str) -> list[Decorator]:
     """An option for each of the named parameters, with the type, the default and the description that it has."""
     known = inspect.signature(function).parameters
-    told = _descriptions(function)
-    return [_option(known[name], told[name]) for name in names]
+    descriptions = _descriptions(function)
+    return [_option(known[name], descriptions[name]) for name in names]
 
 
 def _descriptions(function: Callable[..., Any]) -> dict[str, str]:
@@ -123,10 +123,10 @@ def _descriptions(function: Callable[..., Any]) -> dict[str, str]:
     return {name: " ".join(text.split()) for names, text in entries for name in names.split(", ")}
 
 
-def _option(parameter: inspect.Parameter, said: str) -> Decorator:
+def _option(parameter: inspect.Parameter, description: str) -> Decorator:
     default = parameter.default
     kind = _KINDS.get(str(parameter.annotation).split(" ")[0], type(default))
-    shown = {"default": default, "show_default": default is not None, "help": said}
+    shown = {"default": default, "show_default": default is not None, "help": description}
     return click.option("--" + parameter.name.replace("_", "-"), parameter.name, type=kind, **shown)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import click
@@ -19,7 +20,7 @@ from ..study.charts.figures import data_file, figure, picture_file, save
 from ..study.html_report import page_file, scene_texts
 from ..study.planes import PLANES
 from .arguments import METHOD_OPTIONS, SOURCE_OPTIONS, command, completing, from_signature, named_method, named_problem
-from .output import FORMS, TO_FIGURE, exit_code, measured, print_table, typed, wrote
+from .output import FORMS, TO_FIGURE, command_line, exit_code, measured, print_table, wrote
 from .solving import unsolved
 
 _RUNS = ("points", "starts", "max_iter", "rtol")
@@ -44,7 +45,7 @@ def stability(plane: str, output: str | None, form: str | None, **arguments: Any
     default) or shift (phi x Omega). On the other planes the problem varies: coupling (mu x norm of G), transport
     (skewness x mu) or units (units x norm of G).
     """
-    must_be_a_picture(output)
+    check_picture(output)
     asked = {name: arguments[name] for name in ("method", *_RUNS)}
     problem = None
     if arguments["source"] is not None or arguments["a_file"] is not None:
@@ -53,7 +54,7 @@ def stability(plane: str, output: str | None, form: str | None, **arguments: Any
         raise InputError("--set, --q, --psi and --upper belong to a SOURCE or to --A; name one")
     elif arguments["n"] is not None:
         asked["n"] = arguments["n"]
-    run = lambda: map_stability(plane, problem, **asked, progress=True, command=typed())  # noqa: E731
+    run = partial(map_stability, plane, problem, **asked, progress=True, command=command_line())
     return _shown(run, output, form, "the other points are not run")
 
 
@@ -81,14 +82,15 @@ def race(
     methods: tuple[str, ...], solvers: tuple[str, ...], output: str | None, form: str | None, **arguments: Any
 ) -> int:
     """Time against error on SOURCE: own methods and foreign solvers at every tolerance, in turn."""
-    must_be_a_picture(output)
+    check_picture(output)
     problem, scene = named_problem(arguments)
     asked = {name: arguments[name] for name in _TIMINGS}
-    run = lambda: run_race(scene or problem, methods or None, solvers or None, **asked, progress=True, command=typed())  # noqa: E731
+    asked |= {"progress": True, "command": command_line()}
+    run = partial(run_race, scene or problem, methods or None, solvers or None, **asked)
     return _shown(run, output, form, "this is what was measured before")
 
 
-def must_be_a_picture(path: str | None) -> None:
+def check_picture(path: str | None) -> None:
     """Raise FileError or InputError now for a path that no picture could be written to when the work is done."""
     if path is not None:
         data_file(picture_file(path))
@@ -97,9 +99,9 @@ def must_be_a_picture(path: str | None) -> None:
 def _shown(run: Callable[[], Any], output: str | None, form: str | None, partly: str) -> int:
     """Measure, print and draw; after Ctrl-C what there is, with the sentence `partly`."""
 
-    def show(found: Any) -> None:
-        print_table(found, found.table(), form)
-        for path in [] if output is None else save(figure(found), output, found.table(), typed()):
+    def show(result: Any) -> None:
+        print_table(result, result.table(), form)
+        for path in [] if output is None else save(figure(result), output, result.table(), command_line()):
             wrote(path)
 
     return measured(run, show, partly)
@@ -120,6 +122,6 @@ def report(output: str, time_limit: float, **arguments: Any) -> int:
     with status_line(True) as say:
         say("solving")
         solution = problem.solve(method, z0=scene and scene.z0, history=True, raise_on_failure=False)
-        make_report(solution, output, **about, command=typed(), time_limit=time_limit, progress=True)
+        make_report(solution, output, **about, command=command_line(), time_limit=time_limit, progress=True)
     wrote(output)
     return exit_code(solution.solved, unsolved(solution))

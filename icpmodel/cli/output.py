@@ -26,24 +26,24 @@ TO_FIGURE = click.option(
 )
 
 
-def show_json(told: dict[str, Any]) -> None:
+def show_json(data: dict[str, Any]) -> None:
     """Print plain data as a line of JSON; NaN and infinities, which JSON does not have, as null."""
-    click.echo(json.dumps(_finite(told), allow_nan=False))
+    click.echo(json.dumps(_finite(data), allow_nan=False))
 
 
-def print_told(told: dict[str, Any], text: object, as_json: bool) -> None:
+def print_as(data: dict[str, Any], text: object, as_json: bool) -> None:
     """Print the same thing as JSON or as text."""
-    show_json(told) if as_json else click.echo(str(text))
+    show_json(data) if as_json else click.echo(str(text))
 
 
-def print_table(found: Any, table: Table, form: str | None) -> None:
+def print_table(result: Any, table: Table, form: str | None) -> None:
     """Print what was found, or all of its table as CSV or LaTeX."""
     made = {"csv": table.to_csv, "latex": table.to_latex}
-    click.echo(made[form]() if form else str(found), nl=not form)
+    click.echo(made[form]() if form else str(result), nl=not form)
 
 
 @contextmanager
-def compiling_told() -> Iterator[None]:
+def compilation_announced() -> Iterator[None]:
     """A block in which a person who has typed a command hears of compilation, though standard error goes elsewhere."""
     compiler = logging.getLogger("icpmodel.compiler")
     handler = logging.StreamHandler()
@@ -64,7 +64,7 @@ def complain(message: str, code: int = 2) -> int:
     return code
 
 
-def typed() -> str:
+def command_line() -> str:
     """The command line that is at work, to be noted beside what it makes."""
     return str(click.get_current_context().find_root().obj)
 
@@ -77,12 +77,12 @@ def exit_code(success: bool, complaint: str) -> int:
 def measured(measure: Callable[[], Any], show: Callable[[Any], None], partly: str) -> int:
     """Measure and show; after Ctrl-C show what there is, with the sentence `partly`. Returns 0 or 130."""
     try:
-        found = measure()
+        result = measure()
         code = 0
     except Interrupted as stopped:
-        found = stopped.report
+        result = stopped.report
         code = complain(f"interrupted: {partly}", 130)
-    show(found)
+    show(result)
     return code
 
 

@@ -25,7 +25,7 @@ from ..solve.progress import status_line
 from ..solve.solution import Solution, Status
 from ..solvers.foreign import chosen_solvers, foreign_solvers
 from .arguments import METHOD_OPTIONS, SOURCE_OPTIONS, command, completing, from_signature, named_method, named_problem
-from .output import AS_JSON, exit_code, print_told, show_json, wrote
+from .output import AS_JSON, exit_code, print_as, show_json, wrote
 
 #: of `solve`
 _LIMITS = ("rtol", "atol", "accuracy", "max_iter", "time_limit", "memory_limit")
@@ -143,7 +143,7 @@ def explain(accuracy: float, thorough: bool, as_json: bool, **arguments: Any) ->
     with status_line(True) as say:
         say("checking the theorems")
         page = problem.explain(named_method(arguments), accuracy=accuracy, thorough=thorough)
-    print_told(page.about(), page, as_json)
+    print_as(page.about(), page, as_json)
     return 0
 
 
@@ -153,7 +153,7 @@ def explain(accuracy: float, thorough: bool, as_json: bool, **arguments: Any) ->
 def scenes(name: str | None, as_json: bool) -> int:
     """List the built-in scenes, or describe the scene NAME."""
     if name is None:
-        print_told(titles(), Table("", ("scene", "what it is"), tuple(titles().items())), as_json)
+        print_as(titles(), Table("", ("scene", "what it is"), tuple(titles().items())), as_json)
         return 0
     scene = scene_called(name)
     parameters = parameters_of(name)
@@ -164,5 +164,5 @@ def scenes(name: str | None, as_json: bool) -> int:
     known = ", ".join(reference) or f"none: {scene.why_no_solution or scene.why_no_reference}"
     title = "solution" if scene.why_no_solution else "reference"
     card = Card(about | {"parameters": typed or "none", title: known})
-    print_told(about | {"parameters": parameters, "reference": reference} | why, card, as_json)
+    print_as(about | {"parameters": parameters, "reference": reference} | why, card, as_json)
     return 0

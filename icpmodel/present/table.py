@@ -153,8 +153,8 @@ class Table(Shown):
         try:
             from pandas import DataFrame
         except ImportError:
-            told = "a data frame needs pandas, which is not installed: pip install pandas; to_csv() needs nothing"
-            raise NotApplicable(told) from None
+            message = "a data frame needs pandas, which is not installed: pip install pandas; to_csv() needs nothing"
+            raise NotApplicable(message) from None
         return DataFrame(list(self.rows), columns=list(self.heads))
 
     def _repr_html_(self) -> str:

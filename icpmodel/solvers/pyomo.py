@@ -222,12 +222,12 @@ class PyomoHighs(ForeignSolver):
     def run(self, model: Any) -> Claim:
         from pyomo.contrib.appsi.base import TerminationCondition
 
-        posed, solver = model
-        result = solver.solve(posed)
+        program, solver = model
+        result = solver.solve(program)
         if result.termination_condition is not TerminationCondition.optimal:
             return Claim(None, result.termination_condition.name, False)
         values = result.solution_loader.get_primals()
-        return Claim([values[one] for one in posed.z.values()], "optimal", True)
+        return Claim([values[one] for one in program.z.values()], "optimal", True)
 
 
 def _bounded(target: Target) -> Any:

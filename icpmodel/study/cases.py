@@ -20,7 +20,7 @@ def fresh(problem: ProblemData) -> ICP:
     return ICP(problem.A, problem.q, problem.psi)
 
 
-def unbroken(solution: Solution) -> Solution:
+def uninterrupted(solution: Solution) -> Solution:
     """The solution of a run that Ctrl-C did not end: such an end is that of the whole study, not of one run."""
     if solution.status is Status.INTERRUPTED:
         raise KeyboardInterrupt

@@ -20,7 +20,7 @@ from ..numerics.multigrid import linear_solve
 from ..numerics.rounding import UNIT_ROUNDOFF
 from ..present.shown import Shown
 from ..solvers.foreign import Claim, ForeignSolver, ask
-from .cases import Case, fresh, unbroken
+from .cases import Case, fresh, uninterrupted
 
 
 @dataclass(frozen=True, repr=False)
@@ -111,7 +111,7 @@ class Own(Competitor):
         begin = time.perf_counter()
         method = self.method(problem)
         setup = None if self._tune is None else time.perf_counter() - begin
-        solution = unbroken(problem.solve(method, rtol=tolerance, time_limit=time_limit, raise_on_failure=False))
+        solution = uninterrupted(problem.solve(method, rtol=tolerance, time_limit=time_limit, raise_on_failure=False))
         seconds = time.perf_counter() - begin
         words = solution.status.value + ("" if method is not None else f" by {solution.method.name}")
         return Claim(solution.z, words, solution.solved, seconds, setup)

@@ -30,7 +30,7 @@ from ..scenes.registry import title as called
 from ..solve.driver import solve
 from ..solve.progress import Progress, status_line
 from ..solve.solution import Solution
-from .cases import unbroken
+from .cases import uninterrupted
 from .charts.field_charts import Fields
 from .charts.figures import Panel, drawing, panel_figure
 from .planes import relaxation
@@ -267,7 +267,7 @@ def _on_the_way(solution: Solution, start: Vector | None, time_limit: float) -> 
 
     problem = solution.problem
     options: dict[str, Any] = {"z0": start, "time_limit": time_limit, "raise_on_failure": False}
-    unbroken(solve(problem, MNMGS(), callback=watch, **options))
+    uninterrupted(solve(problem, MNMGS(), callback=watch, **options))
     return Fields(problem, seen)
 
 
@@ -330,11 +330,11 @@ def _race(problem: ProblemData, z_exact: Vector | None, time_limit: float) -> Se
 def _map(problem: ProblemData) -> Section:
     if problem.n > _MAP_UP_TO:
         raise InputError(f"a map solves the problem {_POINTS**2} times, which is done up to n = {_MAP_UP_TO}")
-    found = stability(relaxation(_POINTS, problem), starts=1, max_iter=_STEPS)
+    result = stability(relaxation(_POINTS, problem), starts=1, max_iter=_STEPS)
     return Section(
-        lead=f"What relaxation does to the paper's method: at each point {found.plane.title} is solved.",
-        panels=drawing(found).panels,
-        folded=[("Counted", found._repr_html_())],
+        lead=f"What relaxation does to the paper's method: at each point {result.plane.title} is solved.",
+        panels=drawing(result).panels,
+        folded=[("Counted", result._repr_html_())],
     )
 
 

@@ -26,7 +26,7 @@ from ..solve.driver import solve
 from ..solve.goal import RTOL, Limits
 from ..solve.progress import status_line, time_left
 from ..solvers.foreign import Claim, ForeignSolver, chosen_solvers
-from .cases import Case, unbroken
+from .cases import Case, uninterrupted
 from .competitors import Competitor, Entry, Foreign, Limit, Own, own_methods
 from .limited_runs import first_runs, linear_solve, timed_run
 from .timing import clocked, interleaved, machine
@@ -92,8 +92,8 @@ class Race(Plotted, Tabular):
         rows: list[tuple[Any, ...]] = []
         for one in self.entries:
             times = (one.median, min(one.seconds), max(one.seconds), one.build, one.setup)
-            said = (one.error, one.residual, one.claim, one.note)
-            rows.append((one.name, one.kind, one.tolerance, *times, *said))
+            outcome = (one.error, one.residual, one.claim, one.note)
+            rows.append((one.name, one.kind, one.tolerance, *times, *outcome))
         if self.limit is not None:
             rows.append((Limit.name, Limit.kind, RTOL, *[self.limit] * 3, *[None] * 4, "", ""))
         return Table(self.title, (*heads, self.measure, "Res_D(z) / Res_D(0)", "claim", "note"), tuple(rows))
@@ -171,11 +171,11 @@ class Race(Plotted, Tabular):
         first, *others = best.values()
         level = [one.name for one in others if min(one.seconds) <= max(first.seconds)]
         once = "" if first.seconds[1:] else ", timed once"
-        told = f"{opening.format(goal=goal)}: {first.name}, in {first.median:.3g} s{once}"
+        sentence = f"{opening.format(goal=goal)}: {first.name}, in {first.median:.3g} s{once}"
         if level:
-            return f"{told}; level with it, as the times overlap: {', '.join(level)}."
+            return f"{sentence}; level with it, as the times overlap: {', '.join(level)}."
         after = others and f"; next {others[0].name}, {others[0].median / first.median:.3g} times as long"
-        return f"{told}{after or ', and nobody else'}."
+        return f"{sentence}{after or ', and nobody else'}."
 
 
 @public_entry
@@ -249,29 +249,29 @@ def race(
     case = Case("this problem", problem)
     repeats = int(as_number(repeats, "repeats", least=1, whole=True))
     limit = as_number(time_limit, "time_limit", above=0.0)
-    asked = {as_number(one, "tolerances", above=0.0, below=1.0) for one in as_list(tolerances, "tolerances")}
-    if not asked:
+    goals = {as_number(one, "tolerances", above=0.0, below=1.0) for one in as_list(tolerances, "tolerances")}
+    if not goals:
         raise InputError("tolerances is empty; at least one number in (0, 1) was expected")
     named = [Own(), *_own(methods), *map(Foreign, chosen_solvers(solvers, "race"))]
-    found = Race(title=f"{called(problem)} ({machine()})", measure="", entries=(), command=command)
+    result = Race(title=f"{called(problem)} ({machine()})", measure="", entries=(), command=command)
     entries: dict[tuple[str, float], Entry] = {}
-    runs = len(named) * (2 + len(asked) * repeats)
+    runs = len(named) * (2 + len(goals) * repeats)
     opening = f"{len(named)} competitors, at most {runs} runs of up to {limit:g} s: {runs * limit:.3g} s at most"
     try:
         with status_line(progress, opening) as say:
             say("the measure of error")
             measure, error = _measure(case, z_exact, limit)
-            found = replace(found, measure=measure)
+            result = replace(result, measure=measure)
             say("one linear solve")
-            found = replace(found, limit=linear_solve(case, repeats, limit))
-            reasons = first_runs(case, named, max(asked), limit, say)
-            found = replace(found, skipped=tuple((name, reason) for name, reason in reasons.items() if reason))
+            result = replace(result, limit=linear_solve(case, repeats, limit))
+            reasons = first_runs(case, named, max(goals), limit, say)
+            result = replace(result, skipped=tuple((name, reason) for name, reason in reasons.items() if reason))
             entered = [one for one in named if reasons[one.name] is None]
-            for entry in _run(case, entered, sorted(asked, reverse=True), repeats, limit, error, say):
+            for entry in _run(case, entered, sorted(goals, reverse=True), repeats, limit, error, say):
                 entries[entry.name, entry.tolerance] = entry
     except KeyboardInterrupt:
-        raise Interrupted(replace(found, entries=tuple(entries.values()))) from None
-    return replace(found, entries=tuple(entries.values()))
+        raise Interrupted(replace(result, entries=tuple(entries.values()))) from None
+    return replace(result, entries=tuple(entries.values()))
 
 
 def _own(methods: Sequence[str | Method] | None) -> list[Competitor]:
@@ -290,7 +290,7 @@ def _measure(case: Case, z_exact: Any, limit: float) -> tuple[str, _Error]:
     words = "max |z - z*|"
     if z_exact is None:
         with suppress(OutOfTime), Limits(rtol=RTOL, atol=0.0, max_iter=0, time_limit=limit).kept():
-            best = unbroken(solve(problem, rtol=1e-12, raise_on_failure=False)).polish()
+            best = uninterrupted(solve(problem, rtol=1e-12, raise_on_failure=False)).polish()
             z_exact = None if best.error_bound is None else best.z
             known = best.error_bound or 0.0
             words = "certified bound on max |z - z*|"
@@ -306,7 +306,7 @@ def _measure(case: Case, z_exact: Any, limit: float) -> tuple[str, _Error]:
 
 
 def _run(
-    case: Case, entered: list[Competitor], asked: list[float], repeats: int, limit: float, error: _Error, say: _Say
+    case: Case, entered: list[Competitor], goals: list[float], repeats: int, limit: float, error: _Error, say: _Say
 ) -> Iterator[Entry]:
     """In the first round it turns out who needs which tolerances and how long; the short runs are then repeated."""
     builds = {one.name: _build_seconds(case, one) for one in entered}
@@ -314,10 +314,10 @@ def _run(
     again = {}
     entries = {}
     begin = time.monotonic()
-    for done, (tolerance, one) in enumerate(product(asked, entered)):
+    for done, (tolerance, one) in enumerate(product(goals, entered)):
         if tolerance >= reached[one.name]:
             continue
-        left = time_left(begin, done, len(asked) * len(entered))
+        left = time_left(begin, done, len(goals) * len(entered))
         say(f"round 1 of {repeats}: {one.name} at {tolerance:.0e}{left}")
         key = one.name, tolerance
         run = timed_run(case, one, tolerance, limit)

@@ -24,7 +24,7 @@ from ..solve.progress import status_line, time_left
 from ..solve.solution import Status
 from ..theory import theorems
 from ..theory.convergence.theorems import holding
-from .cases import unbroken
+from .cases import uninterrupted
 from .planes import PLANES, Plane
 from .planes import plane as plane_named
 
@@ -217,7 +217,7 @@ def stability(
     limits = Limits(rtol=rtol, atol=0.0, max_iter=max_iter, time_limit=None)
     starts = int(as_number(starts, "starts", least=1, whole=True))
     shape = (len(plane.y.values), len(plane.x.values))
-    found = StabilityMap(
+    result = StabilityMap(
         plane=plane,
         ends=np.full(shape, "not run", dtype=f"<U{max(map(len, ENDS))}"),
         steps=np.zeros(shape, dtype=np.int64),
@@ -228,38 +228,38 @@ def stability(
         command=command,
     )
     try:
-        _fill(found, starts, progress)
+        _fill(result, starts, progress)
     except KeyboardInterrupt:
-        raise Interrupted(found) from None
-    return found
+        raise Interrupted(result) from None
+    return result
 
 
-def _fill(found: StabilityMap, starts: int, progress: bool) -> None:
-    plane = found.plane
-    shape = found.ends.shape
+def _fill(result: StabilityMap, starts: int, progress: bool) -> None:
+    plane = result.plane
+    shape = result.ends.shape
     total = shape[0] * shape[1]
     begin = time.monotonic()
-    with status_line(progress, f"{total} points, {starts} runs of at most {found.max_iter} steps at each") as say:
+    with status_line(progress, f"{total} points, {starts} runs of at most {result.max_iter} steps at each") as say:
         for k, (j, i) in enumerate(np.ndindex(*shape)):
             say(f"point {k + 1} of {total}{time_left(begin, k, total)}")
             one, member = plane.at(float(plane.x.values[i]), float(plane.y.values[j]))
-            runs = [_run(one, member, k, found.max_iter, found.rtol) for k in range(starts)]
+            runs = [_run(one, member, k, result.max_iter, result.rtol) for k in range(starts)]
             worst = max((end for end, _ in runs), key=ENDS.index)
             if isinstance(member, ModulusMember) and member.why_not(one) is None:
-                masks = found.proved, found.printed
+                masks = result.proved, result.printed
                 for of, names in zip(masks, holding(one, member, *masks), strict=True):
                     for name in names:
                         of[name][j, i] = True
-            found.steps[j, i] = max(steps for _, steps in runs) if worst == "solved" else 0
-            found.ends[j, i] = worst
+            result.steps[j, i] = max(steps for _, steps in runs) if worst == "solved" else 0
+            result.ends[j, i] = worst
 
 
 def _run(problem: ProblemData, method: Method, k: int, max_iter: int, rtol: float) -> tuple[str, int]:
     """How the run from the k-th start ended, and after how many steps."""
     z0: Vector = 10.0 * np.random.default_rng(k).standard_normal(problem.n) if k else np.zeros(problem.n)
-    asked = partial(solve, max_iter=max_iter, rtol=rtol, history=True, raise_on_failure=False)
+    run = partial(solve, max_iter=max_iter, rtol=rtol, history=True, raise_on_failure=False)
     try:
-        solution = unbroken(asked(problem, method, z0=z0))
+        solution = uninterrupted(run(problem, method, z0=z0))
     except MapError:
         return Status.MAP_FAILED.value, 0  # at the start
     except IcpError:

@@ -417,7 +417,7 @@ import numba.core.event as event
 import icpmodel.cli, icpmodel.cli.output, icpmodel.numerics.kernels as kernels
 told = {"dispatcher": SimpleNamespace(py_func=SimpleNamespace(__module__=kernels.__name__))}
 if sys.argv[1] == "command":
-    with icpmodel.cli.output.compiling_told():
+    with icpmodel.cli.output.compilation_announced():
         event.start_event("numba:compile", told)
 else:
     event.start_event("numba:compile", told)

@@ -279,8 +279,8 @@ def write(figure: Figure, path: Path, command: str = "") -> Figure:
     """The `figure`, written to `path` with the `command` that makes it again in it. Raises FileError."""
     form = path.suffix[1:].lower()
     picture = io.BytesIO()
-    says = {"Software" if form == "png" else "Creator": _OURS.decode()} | ({"Title": command} if command else {})
-    figure.savefig(picture, format=form, dpi=100, metadata=says)
+    metadata = {"Software" if form == "png" else "Creator": _OURS.decode()} | ({"Title": command} if command else {})
+    figure.savefig(picture, format=form, dpi=100, metadata=metadata)
     write_ours(path, picture.getvalue(), holds=_OURS)
     return figure
 
