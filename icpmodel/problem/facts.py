@@ -87,24 +87,27 @@ class Facts:
         n = self.matrix.n
         if psi.is_constant or (psi.linear is not None and not psi.linear[0].nnz):
             return psi.value(np.zeros(n))
-        from .kernels.obstacle import improve, settled  # loads numba
-
         assert psi.lipschitz is not None, "ask has_fixed_obstacle first"
         slope = psi.lipschitz.diagonal()
         c = np.zeros(n)
-        value = psi.value(np.zeros(n))
-        nothing = np.zeros(0)
         low = np.full(n, -np.inf)
         high = np.full(n, np.inf)
         for _ in range(_EVALUATIONS):
-            if settled(c, value, 2 * UNIT_ROUNDOFF):
-                break
-            J = psi.jacobian(c)
-            following = np.empty(n)
-            if not improve(c, value, slope, nothing if J is None else J.diagonal(), low, high, following):
+            value = psi.value(c)
+            with np.errstate(all="ignore"):
+                r = np.where(np.isinf(value), 0.0, c - value)
+                if (np.abs(r) <= 2 * UNIT_ROUNDOFF * np.abs(c)).all():
+                    break
+                near = c - r / (1.0 + slope)
+                far = c - r / (1.0 - slope)
+                low = np.maximum(low, np.minimum(near, far))
+                high = np.minimum(high, np.maximum(near, far))
+                J = psi.jacobian(c)
+                newton = np.full(n, np.nan) if J is None else c - r / (1.0 - J.diagonal())
+                following = np.where((low <= newton) & (newton <= high), newton, 0.5 * (low + high))
+            if np.array_equal(following, c):
                 break
             c = following
-            value = psi.value(c)
         c = np.where(value == none, none, c)
         good = (np.abs(c) < np.inf) | (c == none)
         if not good.all():  # nor NaN

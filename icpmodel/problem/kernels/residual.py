@@ -1,8 +1,9 @@
 """Bounds on the exact natural residual.
 
-A bound is made from float64 where that is enough, else from products and sums in pairs. References: Higham, Accuracy
-and Stability of Numerical Algorithms (2002), section 3.1; Ogita, Rump and Oishi, SIAM J. Sci. Comput. 26 (2005), for
-the pairs, whose errors are zero where nothing was rounded.
+Products and sums are made in pairs of floats, whose errors are zero where nothing was rounded.
+
+References: Higham, Accuracy and Stability of Numerical Algorithms (2002), section 3.1; Ogita, Rump and Oishi, SIAM J.
+Sci. Comput. 26 (2005).
 """
 
 from __future__ import annotations
@@ -44,29 +45,9 @@ fma: Any = intrinsic(_fma)
 
 
 @inlined
-def once(start, left, k, stop, sign, indices, data, z):
-    # start + left + sign times a row of Az, and a bound on the error of that
-    total = start
-    size = abs(start)
-    entries = 3
-    lost = abs(left)
-    first = k
-    while k < stop:
-        term = sign * data[k] * z[uint(indices[k])]
-        total += term
-        size += abs(term)
-        entries += 1
-        k += one()
-    if size < _NORMAL:
-        while first < stop:
-            lost += SMALLEST * (data[first] != 0.0 and z[uint(indices[first])] != 0.0)
-            first += one()
-    return total, lost + (entries * UNIT_ROUNDOFF * size if entries > 3 else 0.0)
-
-
-@inlined
-def twice(start, left, k, stop, sign, indices, data, z):
-    # the same, the rounding errors of all products and sums added up apart
+def row_sum(start, left, k, stop, sign, indices, data, z):
+    # start + left + sign times a row of Az, the rounding errors of all products and sums added up apart, and a bound on
+    # the error of that
     total = start
     rest = left
     size = abs(left)
@@ -92,7 +73,7 @@ def twice(start, left, k, stop, sign, indices, data, z):
 
 
 @inlined
-def gap(i, indptr, indices, data, c, known, z, pairs):
+def gap(i, indptr, indices, data, c, known, z):
     # (z - c - Gz)_i, where c is off by up to `known` times itself, and a bound on its error; infinite where c is
     if abs(c[i]) == np.inf:
         return -c[i], 0.0
@@ -101,10 +82,7 @@ def gap(i, indptr, indices, data, c, known, z, pairs):
     left = (z[i] - (start - part)) - (c[i] + part)
     k = uint(indptr[i])
     stop = uint(indptr[i + uint(1)])
-    if pairs:
-        r, for_r = twice(start, left, k, stop, -1.0, indices, data, z)
-    else:
-        r, for_r = once(start, left, k, stop, -1.0, indices, data, z)
+    r, for_r = row_sum(start, left, k, stop, -1.0, indices, data, z)
     return r, for_r + known * abs(c[i])
 
 
@@ -151,32 +129,27 @@ def raised(indptr, indices, data, weights, Q, G_indptr, G_indices, G_data, C, kn
         q = Q[row]
         c = C[row]
         z = Z[row]
-        bound = 0.0
-        for pairs in range(2 * (residuals[row] <= tolerances[row])):
-            if pairs and bound <= tolerances[row]:
-                break
-            scale = 0.0
-            squares = 0.0
-            for i in range(uint(z.size)):
-                k = uint(indptr[i])
-                stop = uint(indptr[i + uint(1)])
-                if pairs:
-                    p, for_p = twice(q[i], 0.0, k, stop, 1.0, indices, data, z)
-                else:
-                    p, for_p = once(q[i], 0.0, k, stop, 1.0, indices, data, z)
-                of_p = weighted(weights[i], p, for_p)
-                of_r = gap(i, G_indptr, G_indices, G_data, c, known, z, pairs)
-                of_s = -np.inf, 0.0
-                if upper is not None:
-                    of_s = gap(i, upper[0], upper[1], upper[2], upper[3][row], upper[4], z, pairs)
-                size = worst(of_p, of_r, of_s)
-                if size > scale:
-                    squares = 1.0 + squares * (scale / size) ** 2
-                    scale = size
-                elif size > 0.0:
-                    squares += (size / scale) ** 2
-            rounding = 1.0 + 8.0 * (z.size + 8) * UNIT_ROUNDOFF
-            bound = scale * math.sqrt(squares) * rounding if scale < np.inf else np.inf
+        if not residuals[row] <= tolerances[row]:
+            continue
+        scale = 0.0
+        squares = 0.0
+        for i in range(uint(z.size)):
+            k = uint(indptr[i])
+            stop = uint(indptr[i + uint(1)])
+            p, for_p = row_sum(q[i], 0.0, k, stop, 1.0, indices, data, z)
+            of_p = weighted(weights[i], p, for_p)
+            of_r = gap(i, G_indptr, G_indices, G_data, c, known, z)
+            of_s = -np.inf, 0.0
+            if upper is not None:
+                of_s = gap(i, upper[0], upper[1], upper[2], upper[3][row], upper[4], z)
+            size = worst(of_p, of_r, of_s)
+            if size > scale:
+                squares = 1.0 + squares * (scale / size) ** 2
+                scale = size
+            elif size > 0.0:
+                squares += (size / scale) ** 2
+        rounding = 1.0 + 8.0 * (z.size + 8) * UNIT_ROUNDOFF
+        bound = scale * math.sqrt(squares) * rounding if scale < np.inf else np.inf
         if bound > tolerances[row]:
             residuals[row] = bound
 
