@@ -118,18 +118,16 @@ def _by_pivots(A: sp.csr_array) -> Answer:
     """Positive definite, or indefinite with a witness, or None."""
     n = A.shape[0]
     (T, M, e) = _in_own_units(A)
-    x = _witness_of_two(T)
-    if x is None:
-        if not within_reach(T):
-            return Answer(None, f"not diagonally dominant, and with n = {n} too large to be factorised")
-        if (T.diagonal() > 0).all():
-            bound = above(T, _SHIFT)
-            if -np.inf < bound <= 0:  # rounding is larger than the shift: twice as much as rounding does if any does
-                bound = above(T, 2 * (_SHIFT - bound))
-            if bound > 0:
-                return Answer(True, "all pivots are positive, less a margin for rounding")
-        # the shift keeps zero pivots away
-        x = falling(sp.csr_array(T + _rounding_of(T) * sp.eye_array(n)))
+    if not within_reach(T):
+        return Answer(None, f"not diagonally dominant, and with n = {n} too large to be factorised")
+    if (T.diagonal() > 0).all():
+        bound = above(T, _SHIFT)
+        if -np.inf < bound <= 0:  # rounding is larger than the shift: twice as much as rounding does if any does
+            bound = above(T, 2 * (_SHIFT - bound))
+        if bound > 0:
+            return Answer(True, "all pivots are positive, less a margin for rounding")
+    # the shift keeps zero pivots away
+    x = falling(sp.csr_array(T + _rounding_of(T) * sp.eye_array(n)))
     if x is not None and np.isfinite(x).all():
         with np.errstate(under="ignore"):
             shift = e - e[x != 0].max()
@@ -138,25 +136,6 @@ def _by_pivots(A: sp.csr_array) -> Answer:
             if proves_negative(M, np.ldexp(x, -shift)):
                 return Answer(False, "indefinite: x'Ax < 0 for the witness x", x)
     return Answer(None, "its factorisation met a pivot of either sign within rounding")
-
-
-def _witness_of_two(T: sp.csr_array) -> Vector | None:
-    """x with two nonzero entries and xᵀTx < 0 where |t_ij| > √(t_ii t_jj) plainly; no semidefinite T has that."""
-    rows = row_of(T)
-    root = np.sqrt(np.maximum(T.diagonal(), 0.0))
-    excess = (np.abs(T.data) > root[rows] * root[T.indices] * (1 + 1e-8)) & (rows != T.indices)
-    if not excess.any():
-        return None
-    k = int(np.argmax(np.where(excess, np.abs(T.data), 0.0)))
-    i = int(rows[k])
-    j = int(T.indices[k])
-    t = float(T.data[k])
-    if root[i] == 0:
-        i, j = j, i
-    x = np.zeros(T.shape[0])
-    # where t_jj = 0 the form is linear in x_j: far enough out it is negative
-    x[i], x[j] = 1.0, -np.sign(t) * (root[i] / root[j] if root[j] > 0 else root[i] ** 2 / abs(t) + 1.0)
-    return x
 
 
 def proves_negative(A: sp.csr_array, x: Vector) -> bool:

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...numerics import work
-from ...numerics.arrays import Vector
+from ...numerics.arrays import Vector, norm
 from ...numerics.factorisation import factorise
 from ...numerics.fill import predicted_fill
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, upper
@@ -20,7 +20,7 @@ _DENSE = 64
 _DENSE_AT_MOST = 2000
 _SECONDS = 5e9  #: what a factorisation may cost, in nanoseconds as they are counted
 _TRIDIAGONAL = 4  #: to make a dense matrix tridiagonal takes about as long as so many factorisations
-_SQUARABLE = 2.0**500  #: inner products of vectors with such entries do not overflow
+_INVERSE_STEPS = 30  #: steps of the inverse iteration; eigenvalues next to the smallest one serve as well
 _POWER_STEPS = 40  #: steps of the power method; each makes the bound sharper, none makes it false
 
 
@@ -124,25 +124,18 @@ def _estimate(S: sp.csr_array, lu: Any) -> float:
     """About the smallest eigenvalue, or something ≤ 0 where S is seen to be indefinite; no proof."""
     if is_dense(S):
         return _least_pair(S)[0]
-    from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
-
     lu = lu or factorise(S, definite=True)
     if lu is None or not lu.pivots.min() > 0:
         return -np.inf
-
-    def solved(x: Vector) -> Vector:
-        work.check_budget(work.product(x.size, S.nnz))
-        x = lu.solve(x)
-        if not np.abs(x).max() < _SQUARABLE:  # LAPACK, below ARPACK, prints what it thinks of infinities
-            raise ArithmeticError
-        return x
-
-    inverse = LinearOperator(S.shape, matvec=solved, dtype=np.float64)
-    start = np.random.default_rng(0).random(S.shape[0])
-    try:
-        return float(eigsh(S, 1, sigma=0.0, v0=start, tol=1e-4, OPinv=inverse, return_eigenvectors=False)[0])
-    except (ArpackError, ArithmeticError):
-        return -np.inf
+    x = np.random.default_rng(0).random(S.shape[0])
+    largest = np.inf
+    for _ in range(_INVERSE_STEPS):
+        work.charge(work.product(x.size, S.nnz))
+        x = x / norm(x)
+        image = lu.solve(x)
+        largest = float(x @ image)
+        x = image
+    return 1.0 / largest if largest > 0 else -np.inf
 
 
 def _error_of_cholesky(S: sp.csr_array) -> float:

@@ -7,8 +7,8 @@ irreducible diagonal block:
   ones definiteness.
 - Up to `LIMIT` rows: the signs of all pivots, in about 6·2ⁿ operations with bounds on their
   rounding. A is P if and only if a₁₁ > 0 and two matrices are P: A without row and column 1, and
-  the Schur complement A/a₁₁. Where a bound leaves a sign open, rational arithmetic decides it.
-  "Yes" and "no" are proofs.
+  the Schur complement A/a₁₁. Where a bound leaves the sign of a minor open, it is computed in
+  rational arithmetic. "Yes" and "no" are proofs.
 - Beyond: minors of order 2 over the pattern may say "no".
 
 References
@@ -20,8 +20,6 @@ Coxson, Math. Program. 64 (1994), on the complexity. Tsatsomeros and Li, Linear 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from fractions import Fraction
-from operator import mul
 from typing import Any
 
 import numpy as np
@@ -31,12 +29,13 @@ from numpy.typing import NDArray
 from ...numerics import work
 from ...numerics.arrays import row_of
 from ...numerics.equilibration import in_units, natural_exponents
-from ...numerics.rational import Rationals, eliminate, nearest, rationals
+from ...numerics.rational import Rationals, eliminate, rationals
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
 from ..answers import Answer
 from .h_matrix import by_row_sums, irreducible_blocks
 
 LIMIT = 26  #: irreducible blocks up to this size are decided by all of their minors: a second or two
+_RATIONAL = 10  #: rows up to which all minors are computed in rational arithmetic: a tenth of a second
 _MINOR = 15.0  #: nanoseconds that a minor takes
 _PAIRS = 1000  #: at most so many nearly singular pairs are looked at in rational arithmetic
 
@@ -84,26 +83,19 @@ def by_pivots(A: sp.csr_array) -> Answer:
     # what left the normal range is known up to the smallest float, or not at all
     lost = np.where((A.toarray() != 0) & (np.abs(scaled) < 2.0**-1000), SMALLEST, 0.0)
     rad = np.where(np.isfinite(scaled), lost, np.inf)
-    tasks: list[tuple[Any, Any, tuple[int, ...], tuple[int, ...]]] = [(scaled, rad, (), tuple(range(n)))]
-    budget = 10**6 // n**3 + 1
-    while tasks:
-        mid, rad, before, rest = tasks.pop()
-        found, undecided = search_minors(mid, rad, budget)
-        if found:
-            return _not_p(before + _members(found, rest))
-        for bits in undecided:
-            chosen = before + _members(bits, rest)
-            later = rest[int(bits).bit_length() :]
-            M = _in_rational_units(A, r, c)
-            failed = eliminate(M, chosen, later)
-            if failed is not None:
-                return _not_p(chosen[: failed + 1])
-            budget -= 1
-            if budget <= 0:
-                return Answer(None, "undecided within rounding: too many of its principal minors are nearly zero")
-            if later:
-                mid = np.array([[nearest(M[i][j]) for j in later] for i in later])
-                tasks.append((mid, np.abs(mid) * UNIT_ROUNDOFF + SMALLEST, chosen, later))
+    found, undecided = search_minors(scaled, rad, 10**6 // n**3 + 1)
+    if found:
+        return _not_p(_members(found))
+    for bits in undecided:  # mostly it is 0
+        chosen = _members(bits)
+        failed = eliminate(rationals(A), chosen)
+        if failed is not None:
+            return _not_p(chosen[: failed + 1])
+    if undecided.size and n <= _RATIONAL:
+        minor = _failing_minor(rationals(A), [], list(range(n)))
+        return Answer(True, "all principal minors are positive, exactly") if minor is None else _not_p(minor)
+    if undecided.size:
+        return Answer(None, "undecided within rounding: some of its principal minors are nearly zero")
     return Answer(True, "all principal minors are positive, rounding considered")
 
 
@@ -122,16 +114,21 @@ def search_minors(mid: Any, rad: Any, most: int) -> tuple[int, NDArray[np.int64]
     return found, undecided[:count]
 
 
-def _members(bits: int, rest: tuple[int, ...]) -> tuple[int, ...]:
-    return tuple(index for place, index in enumerate(rest) if int(bits) >> place & 1)
+def _members(bits: int) -> list[int]:
+    return [k for k in range(int(bits).bit_length()) if int(bits) >> k & 1]
 
 
-def _not_p(minor: tuple[int, ...]) -> Answer:
+def _failing_minor(M: Rationals, chosen: list[int], rest: list[int]) -> list[int] | None:
+    """A principal minor ≤ 0 that contains the indices `chosen`, of which `M` is the Schur complement in the `rest`."""
+    if not rest:
+        return None
+    if M[0][0] <= 0:
+        return [*chosen, rest[0]]
+    without = [row[1:] for row in M[1:]]
+    complement = [[x - row[0] / M[0][0] * y for x, y in zip(row[1:], M[0][1:], strict=True)] for row in M[1:]]
+    return _failing_minor(without, chosen, rest[1:]) or _failing_minor(complement, [*chosen, rest[0]], rest[1:])
+
+
+def _not_p(minor: list[int]) -> Answer:
     reason = f"the principal minor of the {len(minor)} rows and columns of the witness is not positive"
     return Answer(False, reason, np.array(sorted(minor), dtype=np.intp))
-
-
-def _in_rational_units(A: sp.csr_array, r: Any, c: Any) -> Rationals:
-    """What `in_units` gives, without its rounding."""
-    powers = [[Fraction(2) ** int(r_i + c_j) for c_j in c] for r_i in r]
-    return [list(map(mul, row, units)) for row, units in zip(rationals(A), powers, strict=True)]
