@@ -137,7 +137,7 @@ def test_what_solve_begins_with_is_proved_and_its_steps_are_told():
     page = problem.explain()
     row = next(forecast for forecast in page.forecasts if forecast.title == "PSOR(), newest values")
     assert isinstance(page.picked, icp.PSOR)
-    assert row.proved_by == ["rowwise", "h-plus"]
+    assert row.proved_by == ["rowwise"]
     assert row.factor < min(forecast.factor for forecast in page.forecasts if "MNM" in forecast.title)
     assert row.steps > 0
     (asked,) = problem.explain("psor", omega=1.1).forecasts

@@ -25,8 +25,8 @@ With an obstacle above, z_i⁺ is the minimum of ψ̄_i(z) and that maximum. |mi
 the same bound as for two maxima. So with |ψ̄(x) − ψ̄(y)| ≤ G|x − y| all stays, with the remarks of
 `conditions` on two obstacles.
 
-**h-plus.** Let ω ≤ 1, and ⟨A⟩v > 0 and Gv < v for some v > 0. (So A is an H₊-matrix where D > 0.)
-Then T(v) < v. For as long as w_j ≤ v_j for j < i, the second entry of the maximum is at most |1 −
+**H₊-matrices.** Let ω ≤ 1, and ⟨A⟩v > 0 and Gv < v for some v > 0. (So A is an H₊-matrix where D >
+0.) Then T(v) < v. For as long as w_j ≤ v_j for j < i, the second entry of the maximum is at most |1 −
 ω|v_i + (ω/a_ii)Σ_{j≠i}|a_ij|v_j = v_i − (ω/a_ii)(⟨A⟩v)_i < v_i. The same v bounds the error of any
 z (`certificates.h_plus`).
 
@@ -47,9 +47,7 @@ import scipy.sparse as sp
 
 from ...numerics.arrays import Vector
 from ...numerics.factorisation import factorise
-from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, at_most, lower, upper
-from ..answers import Answer
-from ..certificates.bounds import proofs_of
+from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, lower, upper
 from ..matrices.comparison_matrix import positive_diagonal
 from .conditions import StepMatrices
 from .contraction import HomogeneousMap
@@ -110,21 +108,3 @@ def rowwise(step: StepMatrices) -> SweepMap | str:
     if not (positive := positive_diagonal(step.A)).holds:
         return positive.reason
     return "it is about M1 = D/omega - L only" if np.isnan(step.relaxation) else SweepMap(step)
-
-
-def h_plus(step: StepMatrices) -> Answer:
-    """Whether theorem "h-plus" holds, with the v of the certificate and the factor that one sweep over it proves."""
-    T = rowwise(step)
-    if isinstance(T, str):
-        return Answer(False, T)
-    if (omega := step.relaxation) > 1.0:
-        return Answer(False, f"omega = {omega:g} is above 1")
-    found = proofs_of(step.problem)
-    if isinstance(proof := found.h_plus, str):
-        return Answer(False if found.classes.h_plus.holds is False else None, proof)
-    v = proof.v
-    number = float(np.nextafter((T.upper(v) / v).max(), np.inf))
-    if not number < 1:
-        return Answer(None, "the factor is not below 1 for rounding")
-    step.vectors.append(v)
-    return Answer(True, f"{proof.sentence}, and its v gives the factor {at_most(number, 6, below=1.0)}", v, number)
