@@ -266,7 +266,7 @@ def all_solutions(problem: ProblemLike, *, time_limit: float | None = None) -> S
     complete = True
     with work.work_limit(np.inf if time_limit is None else time_limit):
         try:
-            for sides in _plausible(rows):
+            for sides in plausible(rows):
                 one = exact.solve(sides)
                 if one is not None:
                     found.append((sides, one))
@@ -278,7 +278,7 @@ def all_solutions(problem: ProblemLike, *, time_limit: float | None = None) -> S
     return SolutionSet(np.array(points).reshape(-1, problem.n), faces, int(count), complete)
 
 
-def _plausible(rows: LinearRows) -> Any:
+def plausible(rows: LinearRows) -> Any:
     """The pieces that may hold a solution, as far as floats tell. Raises OutOfTime."""
     for batch in rows.batches():
         for sides in batch.sides[~batch.empty]:

@@ -53,7 +53,7 @@ def test_no_bound_is_below_the_true_error_and_what_is_unique_is(seed, kind):
         told = error_bound(problem, z)
         assert not told.unique or len(exact.solutions) == 1
         assert told.value is None or not exceeds(z, exact.solutions[0], told.componentwise)
-        for proof in (getattr(proofs_of(problem), name) for name in ("h_plus", "representatives", "definite")):
+        for proof in proofs_of(problem).tried(problem):
             if not isinstance(proof, str):
                 assert len(exact.solutions) + len(exact.others) == 1
                 delta, _ = proof.bound(problem, z, *problem.rounding(z))

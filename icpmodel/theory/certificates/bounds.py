@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import islice
+from itertools import chain, islice
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -26,11 +26,11 @@ from ...problem.two_sided import TwoSidedObstacle
 from ..answers import UNDECIDED
 from ..matrices.classes import MatrixClasses
 from .definite import prove as prove_definite
+from .enumerated import prove as prove_enumerated
 from .h_plus import HPlusProof
 from .h_plus import prove as prove_h_plus
 from .nearby import points_near
 from .proof import Proof, norm_up
-from .representatives import prove as prove_representatives
 from .slopes import proofs_by_slopes
 from .supersolution import prove as prove_supersolution
 
@@ -199,8 +199,8 @@ def error_bound(
 
     References
     ----------
-    The files of `icpmodel.theory.certificates`: `h_plus`, `nearby`, `representatives`, `definite`,
-    `supersolution`.
+    The files of `icpmodel.theory.certificates`: `h_plus`, `nearby`, `definite`, `supersolution`,
+    `enumerated`.
 
     Examples
     --------
@@ -238,7 +238,7 @@ def _bound(problem: ProblemData, z: Vector, sharp: bool | None) -> ErrorBound:
     if fault := broken_promise(problem, z):
         return ErrorBound.none(fault)
     reasons = []
-    for proof in proofs_of(problem).tried(problem) if problem.f is None else proofs_by_slopes(problem):
+    for proof in proofs_for(problem):
         if isinstance(proof, str):
             reasons.append(proof.replace("; ", ", "))
             continue
@@ -324,8 +324,8 @@ class Proofs:
 
     def __init__(self, matrix: Matrix, psi: Map) -> None:
         self.matrix, self.psi = matrix, psi
-        # that of a supersolution rests on q as well
-        self._of_problem: WeakKeyDictionary[ProblemData, Proof | str] = WeakKeyDictionary()
+        # those that rest on q as well
+        self._of_problem: WeakKeyDictionary[ProblemData, dict[Any, Proof | str]] = WeakKeyDictionary()
 
     @cached_property
     def classes(self) -> MatrixClasses:
@@ -335,22 +335,29 @@ class Proofs:
         return _CLASSES[self.matrix]
 
     h_plus = cached_property(lambda self: prove_h_plus(self.matrix, self.psi))
-    representatives = cached_property(lambda self: prove_representatives(self.matrix, self.psi))
     definite = cached_property(lambda self: prove_definite(self.matrix, self.psi))
 
     def supersolution(self, problem: ProblemData) -> Proof | str:
-        if problem not in self._of_problem:
-            self._of_problem[problem] = prove_supersolution(problem)
-        return self._of_problem[problem]
+        """The proof for impulse control, which rests on q as well."""
+        return self._by_q(problem, prove_supersolution)
 
     def tried(self, problem: ProblemData) -> Iterator[Proof | str]:
-        """Those that ψ may have, the cheapest and sharpest first."""
+        """Those that ψ may have, the cheapest and sharpest first; they bound the effect of any error in p and r."""
         yield self.h_plus
-        if self.psi.linear is not None:
-            yield self.representatives
         yield self.definite
         if self.psi.has_policies and self.psi.upper is None:
             yield self.supersolution(problem)
+
+    def enumerated(self, problem: ProblemData) -> Iterator[Proof | str]:
+        """The proof for a few unknowns, of the distance to z* alone; nothing where an obstacle is not affine."""
+        if self.psi.linear is not None and (self.psi.upper is None or self.psi.upper.linear is not None):
+            yield self._by_q(problem, prove_enumerated)
+
+    def _by_q(self, problem: ProblemData, prove: Callable[[ProblemData], Proof | str]) -> Proof | str:
+        known = self._of_problem.setdefault(problem, {})
+        if prove not in known:
+            known[prove] = prove(problem)
+        return known[prove]
 
 
 _CLASSES: WeakKeyDictionary[Matrix, MatrixClasses] = WeakKeyDictionary()
@@ -362,6 +369,14 @@ def proofs_of(problem: ProblemData) -> Proofs:
     if problem.facts not in _PROOFS:
         _PROOFS[problem.facts] = Proofs(problem.matrix, problem.psi)
     return _PROOFS[problem.facts]
+
+
+def proofs_for(problem: ProblemData) -> Iterator[Proof | str]:
+    """Each proof for `problem`, or why there is none."""
+    if problem.f is not None:
+        return proofs_by_slopes(problem)
+    proofs = proofs_of(problem)
+    return chain(proofs.tried(problem), proofs.enumerated(problem))
 
 
 def sharpened(

@@ -113,13 +113,18 @@ class DefiniteProof(Proof):
         # min(x, 0) = 0 for certain where x exceeds its error
         for_u = np.where(~balance & (p > for_p), 0.0, for_p)
         for_w = np.where(balance & holds, 0.0, for_r)
-        sizes = np.frexp(np.abs(u) + for_u)[1] + self.exponent, np.frexp(np.abs(w) + for_w)[1] + self.exponent_r
-        there = (u != 0.0) | (for_u > 0.0), (w != 0.0) | (for_w > 0.0)
-        size = max((int(of[any_].max()) for of, any_ in zip(sizes, there, strict=True) if any_.any()), default=0)
-        u = np.ldexp(u, self.exponent - size)
-        for_u = np.ldexp(for_u, self.exponent - size) + 2 * SMALLEST
-        w = np.ldexp(w, self.exponent_r - size)
-        for_w = np.ldexp(for_w, self.exponent_r - size) + 2 * SMALLEST
+        u = np.ldexp(u, self.exponent)
+        for_u = np.ldexp(for_u, self.exponent) + SMALLEST
+        w = np.ldexp(w, self.exponent_r)
+        for_w = np.ldexp(for_w, self.exponent_r) + SMALLEST
+        size = int(np.frexp(max((np.abs(u) + for_u).max(), (np.abs(w) + for_w).max()))[1])
+        u, for_u, w, for_w = (np.ldexp(x, -size) for x in (u, for_u, w, for_w))
+        for_u += 2 * SMALLEST
+        for_w += 2 * SMALLEST
+        return self._larger_root(u, for_u, w, for_w), size
+
+    def _larger_root(self, u: Vector, for_u: Vector, w: Vector, for_w: Vector) -> float:
+        """That of the quadratic, u and w being known to `for_u` and `for_w`, rounded up."""
         U = np.abs(u) + for_u
         W = np.abs(w) + for_w
         terms = np.diff(self.A.indptr) + np.diff(self.B.indptr) + 4
@@ -133,7 +138,7 @@ class DefiniteProof(Proof):
         square = b * b
         rest = 4 * self.gap * product
         root = np.sqrt(max(square - rest, 0.0) + 8 * UNIT_ROUNDOFF * (square + abs(rest)) + 8 * SMALLEST)
-        return (b + float(root)) / (2 * self.gap) * (1 + 8 * UNIT_ROUNDOFF), size
+        return (b + float(root)) / (2 * self.gap) * (1 + 8 * UNIT_ROUNDOFF)
 
     def _dual(self, g: Vector) -> float:
         """An upper bound of √λ·√(gᵀH⁻¹g), not above that of ‖g‖₂."""
@@ -174,26 +179,16 @@ def prove(matrix: Matrix, psi: Map) -> DefiniteProof | str:
         return "A is not tested for definiteness: scaled to a diagonal of 1, its entries or those of psi underflow"
     A, B, L = scaled
     At = sp.csr_array(A.T)
-    widest = int(np.diff(At.indptr).max()) + 4
-    gamma = 2 * widest * UNIT_ROUNDOFF
-    underflow = n * widest * SMALLEST
-    slack = 0.0
-    ones = np.ones(n)
-    if coupled:  # rounding of the product A'B
-        rows = abs(At) @ (abs(B) @ ones)
-        columns = abs(sp.csr_array(B.T)) @ (abs(A) @ ones)
-        slack = gamma * float((rows + columns).max()) + underflow
+    gamma = 2 * (int(np.diff(At.indptr).max()) + 4) * UNIT_ROUNDOFF
     name = "A'(I - G)" if coupled else "A"
-    M = sp.csr_array(At @ B) if coupled else At
-    H = sp.csr_array(0.5 * (M + M.T))
-    slack += 4 * UNIT_ROUNDOFF * float(abs(H).sum(axis=1).max()) + underflow
+    H, slack = _symmetric_part(At, B if coupled else None, gamma)
     if not within_reach(H):
         return f"{name} is not tested for definiteness: with n = {n} it is too large to be factorised"
     lu = factorise(H, definite=True)
     smallest = smallest_below(H, slack, lu)
     if lu is None or not smallest > 0:
         return f"{name} is not proved positive definite: its symmetric part has no eigenvalue bound above 0"
-    kappa = largest_above(sp.csr_array(abs(At) @ L)) * (1 + gamma) + underflow if L.nnz else 0.0
+    kappa = largest_above(sp.csr_array(abs(At) @ L)) * (1 + gamma) + n * n * SMALLEST if L.nnz else 0.0
     gap = float(np.nextafter(smallest - kappa, -np.inf))
     if not gap > 0:
         reach = f"the eigenvalues of |A|'G are at most {at_most(kappa)}, those of A at least {at_least(smallest)}"
@@ -202,6 +197,21 @@ def prove(matrix: Matrix, psi: Map) -> DefiniteProof | str:
     Bt = sp.csr_array(B.T)
     Lt = sp.csr_array(L.T)
     return DefiniteProof(sentence, smallest, gap, exponent, exponent_r, At, Bt, Lt, H, slack, lu.solve)
+
+
+def _symmetric_part(At: sp.csr_array, B: sp.csr_array | None, gamma: float) -> tuple[sp.csr_array, float]:
+    """The symmetric part of AᵀB, of Aᵀ where `B` is None, and a bound on the norm of its error."""
+    n = At.shape[0]
+    slack = n * n * SMALLEST
+    M = At
+    if B is not None:  # rounding of the product
+        M = sp.csr_array(At @ B)
+        ones = np.ones(n)
+        rows = abs(At) @ (abs(B) @ ones)
+        columns = abs(B).T @ (abs(At).T @ ones)
+        slack += gamma * float((rows + columns).max())
+    H = sp.csr_array(0.5 * (M + M.T))
+    return H, slack + 4 * UNIT_ROUNDOFF * float(abs(H).sum(axis=1).max())
 
 
 def _reflected(problem: ProblemData, z: Vector) -> tuple[Vector, Vector, Any, Vector]:

@@ -29,9 +29,7 @@ Forsyth, SIAM J. Numer. Anal. 54 (2016), for policy iteration. The proof is abov
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import islice
 
 import numpy as np
 import scipy.sparse as sp
@@ -47,24 +45,23 @@ from ..matrices.comparison_matrix import positive_diagonal, z_matrix
 from ..matrices.h_matrix import row_sum_signs
 from .proof import Proof, norm_up
 
-#: the margins m that are tried, as shares of the size of the data: large ones bound the error of a bad z, small ones
-#: bound that of a good one better
+#: the margins m that are tried, as shares of the size of the data: large ones bound the error of a bad z
 _SHARES = tuple(4.0**-k for k in range(1, 12))
-_KEPT = 3  #: so many margins are kept
 _STEPS = 100  #: steps of policy iteration for one margin
 
 
 @dataclass(frozen=True, eq=False)
 class SupersolutionProof(Proof):
-    """`pairs` of a margin m > 0 and a supersolution s with min(p(s)/a, r(s)) ≥ m, s of shape (n,)."""
+    """A `margin` m > 0 and a supersolution s with min(p(s)/a, r(s)) ≥ m, `weight` = a and s of shape (n,)."""
 
     weight: Vector
-    pairs: tuple[tuple[float, Vector], ...]
+    margin: float
+    s: Vector
 
     wide = True  # F sees the curvature of an error, divided by h² on a grid, and the bound its largest entry only
 
     def bound(self, problem: ProblemData, z: Vector, for_p: Vector, for_r: Vector) -> tuple[Vector, float]:
-        """The best of the pairs for every entry; not finite where F(z) reaches every margin."""
+        """Not finite where F(z) reaches the margin."""
         with np.errstate(over="ignore", invalid="ignore"):
             F = np.minimum(problem.p(z) / self.weight, problem.r(z))
             error = np.maximum(for_p / self.weight, for_r) * (1 + 4 * UNIT_ROUNDOFF) + 4 * UNIT_ROUNDOFF * np.abs(F)
@@ -72,11 +69,10 @@ class SupersolutionProof(Proof):
             below = max(float(np.max(error - F)), 0.0)
             above = max(float(np.max(F + error)), 0.0)
             delta = np.full(z.size, np.inf)
-            for m, s in self.pairs:
-                if above < m:
-                    share = max(below / (below + m), above / (m - above)) * (1 + 16 * UNIT_ROUNDOFF) + SMALLEST
-                    delta = np.fmin(delta, share * np.maximum(s - z, 0.0))
-            delta = np.nextafter(delta, np.inf)
+            m = self.margin
+            if above < m:
+                share = max(below / (below + m), above / (m - above)) * (1 + 16 * UNIT_ROUNDOFF) + SMALLEST
+                delta = np.nextafter(share * np.maximum(self.s - z, 0.0), np.inf)
         return delta, norm_up(delta)
 
     def nearer(self, problem: ProblemData, z: Vector) -> Vector | None:
@@ -110,18 +106,19 @@ def prove(problem: ProblemData) -> SupersolutionProof | str:
     weight = np.maximum(unit @ ones, 1.0 / v.max())
     weight *= diagonal / lu.solve(weight).max()
     try:
-        pairs = tuple(islice(_supersolutions(problem, weight, lu.solve(-problem.q / diagonal)), _KEPT))
+        found = _supersolution(problem, weight, lu.solve(-problem.q / diagonal))
     except MapError as error:  # ψ need not have a value where s is sought
         return f"no strict supersolution was found: {error}"
-    if not pairs:
+    if found is None:
         return "no strict supersolution was found by policy iteration"
-    margin = f"margin {at_least(pairs[0][0])}"
+    m, s = found
+    margin = f"margin {at_least(m)}"
     sentence = f"A is an M-matrix with A1 >= 0, psi a best jump, and a strict supersolution exists ({margin})"
-    return SupersolutionProof(sentence, weight, pairs)
+    return SupersolutionProof(sentence, weight, m, s)
 
 
-def _supersolutions(problem: ProblemData, weight: Vector, start: Vector) -> Iterator[tuple[float, Vector]]:
-    """Margins m and s with min(p/a, r) ≥ m, by policy iteration from the one before, at first from `start`."""
+def _supersolution(problem: ProblemData, weight: Vector, start: Vector) -> tuple[float, Vector] | None:
+    """A margin m and an s with min(p/a, r) ≥ m, by policy iteration for one margin after the other."""
     r = problem.r(start)
     size = max(float(np.abs(start).max()), float(np.abs(r[np.isfinite(r)]).max(initial=0.0))) or 1.0
     for target in (size * share for share in _SHARES):
@@ -135,9 +132,9 @@ def _supersolutions(problem: ProblemData, weight: Vector, start: Vector) -> Iter
             if step <= 1e-9 * target:
                 m = _margin(problem, weight, s)
                 if m > 0.5 * target:
-                    start = s
-                    yield m, s
+                    return m, s
                 break
+    return None
 
 
 def _policy_step(problem: ProblemData, weight: Vector, m: float, s: Vector) -> Vector | None:

@@ -1,0 +1,65 @@
+"""Uniqueness and error bound for a few unknowns: all linear pieces of the problem are examined in fractions.
+
+With constant and affine obstacles each row is one of p_i = 0, z_i = ψ_i(z) and z_i = ψ̄_i(z). Each
+choice leaves a linear system. Where one point in all solves its system with the right signs, it is
+the one solution. Its distance to z is known up to rounding.
+
+Reference: Cottle, Pang and Stone, The Linear Complementarity Problem (1992), section 1.3.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...algebra.linear_rows import LinearRows, piece_count
+from ...numerics.arrays import Vector
+from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
+from ...problem.data import ProblemData
+from ..solution_set import ExactRows, listed, plausible
+from .proof import Proof, norm_up
+
+#: linear pieces up to which all are examined, in floats first: 2¹² take a tenth of a second
+LARGEST = 2**12
+#: pieces that are solved in fractions, a few milliseconds each
+_SOLVED = 200
+
+
+@dataclass(frozen=True, eq=False)
+class EnumeratedProof(Proof):
+    """The `solution`, shape (n,), each entry rounded once."""
+
+    solution: Vector
+
+    def bound(self, problem: ProblemData, z: Vector, for_p: Vector, for_r: Vector) -> tuple[Vector, float]:
+        with np.errstate(over="ignore", invalid="ignore"):
+            step = np.abs(z - self.solution) * (1 + 4 * UNIT_ROUNDOFF)
+            delta = np.nextafter(step + UNIT_ROUNDOFF * np.abs(self.solution) + SMALLEST, np.inf)
+        return delta, norm_up(delta)
+
+
+@np.errstate(all="ignore")  # what overflows proves nothing
+def prove(problem: ProblemData) -> EnumeratedProof | str:
+    """All pieces are examined; it depends on q as well."""
+    count = piece_count(problem)
+    if count > LARGEST:
+        return f"there are {count:.3g} linear pieces, which are examined up to {LARGEST}"
+    exact = ExactRows(problem)
+    point = None
+    for k, sides in enumerate(plausible(LinearRows.of(problem, np.zeros(problem.n)))):
+        if k == _SOLVED:
+            return f"more than {_SOLVED} linear pieces may hold a solution"
+        found = exact.solve(sides)
+        if found is None:
+            continue
+        face = found.rounded()
+        if found.directions:
+            return f"there are many solutions: z may move from {listed(face.point)} along {listed(face.directions[0])}"
+        if point is not None and found.point != point.point:
+            return f"there are two solutions or more: {listed(point.rounded().point)} and {listed(face.point)}"
+        point = found
+    if point is None:
+        return f"there is no solution: all {count:.0f} linear pieces were examined"
+    sentence = f"one solution was found in fractions, and no other: all {count:.0f} linear pieces were examined"
+    return EnumeratedProof(sentence, point.rounded().point)
