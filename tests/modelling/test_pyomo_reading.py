@@ -185,3 +185,24 @@ def test_mixed_and_double_bounded_conditions_hold_at_the_answer(seed):
     for owner, force in reading.multipliers(solution.z):
         if owner.index() in on_x:
             assert force == pytest.approx(pyo.value(on_x[owner.index()]), abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_both_sides_may_be_nonlinear_and_are_zero_as_the_model_says(seed):
+    """Conditions with one and two bounds and an equation around a known point, judged by Pyomo's own values."""
+    random = np.random.default_rng(seed)
+    x0, y0, w0 = random.uniform(0.5, 1.5, 3).tolist()
+    model = pyo.ConcreteModel()
+    model.x, model.y, model.w = (pyo.Var(initialize=one + 0.1) for one in (x0, y0, w0))
+    held = float(seed % 2)
+    first = model.x**2 + model.y - x0**2 - y0 + held
+    second = model.x**3 + model.x - x0**3 - x0 + 1 - held
+    model.one = Complementarity(expr=complements(first >= 0, second >= 0))
+    width = pyo.inequality(y0**3, model.y**3, y0**3 + 1)
+    model.two = Complementarity(expr=complements(width, pyo.exp(model.y) - np.exp(y0) + 1))
+    model.three = pyo.Constraint(expr=model.w**3 + model.w == w0**3 + w0 + (model.x - x0))
+    reading = read_pyomo(model)
+    assert reading.problem.f is not None
+    z = reading.problem.solve(z0=reading.start(), rtol=1e-12).z
+    values = {variable.name: value for variable, value in reading.values(z)}
+    assert values == pytest.approx({"x": x0, "y": y0, "w": w0}, abs=1e-8)

@@ -11,6 +11,9 @@ from ...errors import InputError
 from .atoms import named
 from .complementarity import BOUNDING, own_bounds
 
+#: what to write where both sides are nonlinear
+_NONLINEAR = "icpmodel.ICP(A, q, psi, f=...) and a model in Pyomo take nonlinear p"
+
 
 def pair(condition: Any) -> tuple[cp.Expression, cp.Expression]:
     """p and r, as they are where r has bounds of its own; else the affine one first."""
@@ -19,9 +22,11 @@ def pair(condition: Any) -> tuple[cp.Expression, cp.Expression]:
         if side is not None and side.is_complex():
             raise InputError(f"{named(side)} is complex; real expressions were expected: ICP is stated over the reals")
     if condition.is_bounded and not a.is_affine():
-        raise InputError(f"p = {named(a)} is not affine in the variables; lower and upper are bounds of the second one")
+        found = f"p = {named(a)} is not affine in the variables; lower and upper are bounds of the second one"
+        raise InputError(f"{found}: {_NONLINEAR}")
     if not a.is_affine() and not b.is_affine():
-        raise InputError(f"neither {named(a)} nor {named(b)} is affine in the variables; p = Az + q must be")
+        found = f"neither {named(a)} nor {named(b)} is affine in the variables; p = Az + q must be"
+        raise InputError(f"{found}: {_NONLINEAR}")
     return (a, b) if a.is_affine() else (b, a)
 
 

@@ -86,16 +86,17 @@ class ConditionRows:
     def variables(self) -> list[Any]:
         """The variables that occur, in the order of the model."""
         seen = {key for side in (*self.sides, self.widths.values()) for _, linear, _ in side for key in linear}
-        seen |= {id(variable) for _, variables, _ in self.nonlinear().values() for variable in variables}
+        seen |= {id(variable) for of_side in self.nonlinear() for _, found, _ in of_side.values() for variable in found}
         return [variable for key, variable in self._recorder.var_map.items() if key in seen]
 
     def name_of(self, key: int) -> str:
         """The name of the variable of that id."""
         return str(self._recorder.var_map[key].name)
 
-    def nonlinear(self) -> dict[int, Flat]:
-        """The nonlinear expression of each row that has one; no row has two."""
-        return {row: one for side in self.sides for row, (_, _, one) in enumerate(side) if one is not None}
+    def nonlinear(self) -> tuple[dict[int, Flat], dict[int, Flat]]:
+        """The nonlinear expressions of p and of r, by row: of r where a row has one, of both where it has two."""
+        first, second = ({row: one for row, (_, _, one) in enumerate(side) if one is not None} for side in self.sides)
+        return {row: first[row] for row in first.keys() & second.keys()}, first | second
 
     def _refuse_what_is_no_icp(self, model: Any) -> None:
         data = {pyo.Block, pyo.Var, pyo.Param, pyo.Expression, pyo.Set, pyo.RangeSet, pyo.Suffix}
@@ -217,9 +218,6 @@ class ConditionRows:
                 found = f"{constants[0]:g} and {constants[1]:g}, the smaller of which should be 0"
                 raise InputError(f"{owner.name} has no free variable and does not hold: its sides are {found}")
             return
-        if all(bent):
-            wanted = "in an implicit complementarity problem one of them is affine"
-            raise InputError(f"{owner.name} is nonlinear on both sides; {wanted}")
         self._append(owner, *sides)
 
     @staticmethod

@@ -1,7 +1,7 @@
 """A Pyomo model with `Complementarity` components, read as an implicit complementarity problem.
 
-Every row has two sides, of which at least one is affine, and owns one variable x_j. One side becomes
-p_i = (Az + q)_i. The other becomes r_i = z_i − ψ_i(z), divided by the size of its own coefficient. The sign of
+Every row has two sides and owns one variable x_j. One side, the affine one if there is one, becomes
+p_i = (Az + q + f(z))_i. The other becomes r_i = z_i − ψ_i(z), divided by the size of its own coefficient. The sign of
 z_i = ±x_j is such that z_i has a positive coefficient. The answer does not depend on these choices, the speed of the
 methods does: they want a large positive diagonal of A and a small slope of ψ.
 """
@@ -120,8 +120,8 @@ def read_pyomo(model: Any) -> PyomoReading:
     Parameters
     ----------
     model : pyomo.environ.ConcreteModel or Block
-        It has active `Complementarity` components, one side of each affine, and equality constraints, as many of these
-        as variables that are not fixed. Affine inequalities are only checked. There is no objective.
+        It has active `Complementarity` components and equality constraints, as many of these as variables that are not
+        fixed. Affine inequalities are only checked. There is no objective.
 
     Returns
     -------
@@ -182,11 +182,11 @@ def _reading(rows: ConditionRows, owned: Ownership) -> PyomoReading:
     A, G = (_assembled(part, m) for part in parts)
     q = owned.constants[1 - which_r, every] * flip
     c = np.where(free, -np.inf, -owned.constants[which_r, every] / scale)
-    psi, upper = _obstacles(rows, owned, G, c, signs, scale)
+    psi, upper, f = _obstacles(rows, owned, G, c, signs, scale)
     variables = tuple(owned.variables[j] for j in own)
     of = {id(variable): row for row, variable in enumerate(variables)}
     return PyomoReading(
-        problem=ICP(A, q, psi, upper),
+        problem=ICP(A, q, psi, upper, f),
         variables=variables,
         signs=signs,
         owners=tuple(rows.owners),
@@ -200,8 +200,8 @@ def _reading(rows: ConditionRows, owned: Ownership) -> PyomoReading:
 
 def _obstacles(
     rows: ConditionRows, owned: Ownership, G: sp.csr_array, c: Vector, signs: Vector, scale: Vector
-) -> tuple[Any, Any]:
-    """ψ(z) = Gz + c with what is nonlinear, and ψ̄, which lies above it by what `rows.widths` say; None if nowhere."""
+) -> tuple[Any, Any, Any]:
+    """ψ(z) = Gz + c with what is nonlinear, ψ̄, which lies above it by what `rows.widths` say, and f; None if nowhere."""
     position = np.argsort(owned.own)
     m = owned.m
     columns = {key: int(position[j]) for key, j in owned.column.items()}
@@ -212,9 +212,13 @@ def _obstacles(
         obstacle = PyomoObstacle(G, c, NonlinearRows(flat, columns, (m, m)), signs, scale)
         return Function(obstacle, obstacle.jacobian)
 
-    flat = rows.nonlinear()
+    of_p, flat = rows.nonlinear()
+    f = None
+    if of_p:
+        nothing = PyomoObstacle(0.0 * G, np.zeros(m), NonlinearRows(of_p, columns, (m, m)), signs, np.full(m, -1.0))
+        f = Function(nothing, nothing.jacobian)
     if not rows.widths:
-        return made(G, c, flat), None
+        return made(G, c, flat), None, f
     above = np.full(m, np.inf)
     entries = []
     for row, (constant, linear, _) in rows.widths.items():
@@ -225,7 +229,7 @@ def _obstacles(
     if entries:
         data, i, j = zip(*entries, strict=True)
         H = sp.csr_array(H + sp.coo_array((data, (i, j)), shape=(m, m)))
-    return made(G, c, flat), made(H, above, {row: one for row, one in flat.items() if row in rows.widths})
+    return made(G, c, flat), made(H, above, {row: one for row, one in flat.items() if row in rows.widths}), f
 
 
 def _assembled(parts: list[tuple[Any, ...]], m: int) -> sp.csr_array:

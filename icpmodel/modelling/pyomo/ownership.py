@@ -62,7 +62,7 @@ class Ownership:
 
     def _list_pairs(self, rows: ConditionRows) -> None:
         """Every pair (row, variable) that occurs, with its two coefficients, and whether it is in a nonlinear part."""
-        of_variable = ((row, found) for row, (_, found, _) in rows.nonlinear().items())
+        of_variable = ((row, found) for of_side in rows.nonlinear() for row, (_, found, _) in of_side.items())
         nonlinear = [(row, self.column[id(variable)]) for row, found in of_variable for variable in found]
         r, j = np.array(nonlinear, dtype=np.int64).reshape(-1, 2).T
         keys = [side.row.astype(np.int64) * self.n + side.col for side in self.sides]
