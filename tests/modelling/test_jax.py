@@ -13,6 +13,7 @@ jnp = pytest.importorskip("jax.numpy")
 check_grads = pytest.importorskip("jax.test_util").check_grads
 ravel_pytree = pytest.importorskip("jax.flatten_util").ravel_pytree
 solution_of = pytest.importorskip("icpmodel.modelling.jax").solution_of
+nonlinear_solution_of = icp.modelling.jax.nonlinear_solution_of
 
 N = 6
 A = sp.csr_array(sp.diags_array([-1.2, 4.0, -0.8], offsets=[-1, 0, 1], shape=(N, N)))
@@ -187,3 +188,23 @@ def test_without_float64_an_answer_is_refused():
     layer = solution_of(icp.ICP(A, Q, C))
     with jax.enable_x64(False), pytest.raises(icp.InputError, match="jax_enable_x64"):
         layer(q=Q)
+
+
+def test_the_answer_of_a_function_in_jax_has_the_derivative_of_the_implicit_function():
+    """Quadratics with rows on the lower bound, off it and on the upper one; θ is a tree, compiled and mapped."""
+
+    def F(z, theta):
+        coupled = jnp.array([z[1] * z[2], z[0], z[0] ** 2, 0.0])
+        return theta["a"] * z**2 + z + coupled - theta["b"]
+
+    theta = {"a": jnp.array(0.3), "b": jnp.array([2.0, -1.0, 3.0, 50.0])}
+    answer = nonlinear_solution_of(F, 4, psi=[0, 0, 0.5, 0], upper=[9, 9, 9, 1])
+    z = answer(theta)
+    problem = icp.ICP.nonlinear(lambda z: np.asarray(F(z, theta)), psi=[0, 0, 0.5, 0], upper=[9, 9, 9, 1])
+    assert np.abs(problem.natural_map(z)).max() < 1e-8
+    assert (z[1], z[3]) == (0.0, 1.0)
+    check_grads(answer, (theta,), 1, modes=("fwd", "rev"), eps=1e-4)
+    assert jax.jit(answer)(theta) == pytest.approx(z)
+    several = jax.vmap(lambda a: answer(theta | {"a": a}))(jnp.array([0.3, 0.6]))
+    assert several[0] == pytest.approx(z)
+    assert several[1] == pytest.approx(answer(theta | {"a": jnp.array(0.6)}))

@@ -201,7 +201,7 @@ def _reading(rows: ConditionRows, owned: Ownership) -> PyomoReading:
 def _obstacles(
     rows: ConditionRows, owned: Ownership, G: sp.csr_array, c: Vector, signs: Vector, scale: Vector
 ) -> tuple[Any, Any, Any]:
-    """ψ(z) = Gz + c with what is nonlinear, ψ̄, which lies above it by what `rows.widths` say, and f; None if nowhere."""
+    """ψ(z) = Gz + c with what is nonlinear, ψ̄, above it by what `rows.widths` say, and f; None where there is none."""
     position = np.argsort(owned.own)
     m = owned.m
     columns = {key: int(position[j]) for key, j in owned.column.items()}
