@@ -21,6 +21,8 @@ MISSING += [] if shutil.which("mpiexec") else ["mpiexec"]
 #: seconds after which a run counts as hanging, as a rank waits for one that has failed; a run of 5 s took 300 on a busy
 #: machine, where ranks give way while they wait
 HANGS = 600.0
+#: parts of the names of what is checked on each number of ranks; on three, where the parts differ in size, all is
+FEW = ["the_answer_is", "in_parts", "what_one_rank_finds_wrong"]
 #: Open MPI may run as root, on more ranks than there are cores, which then give way to each other
 ENVIRONMENT = os.environ | {
     "OMPI_ALLOW_RUN_AS_ROOT": "1",
@@ -33,9 +35,11 @@ ENVIRONMENT = os.environ | {
     "PYTHONPATH": os.pathsep.join([str(Path(icpmodel.__file__).parent.parent), os.environ.get("PYTHONPATH", "")]),
 }
 
-with_petsc = pytest.mark.skipif(
-    bool(MISSING), reason=f"{' and '.join(MISSING)} not installed: CONTRIBUTING.md says how to get them"
-)
+
+def with_petsc(test):
+    """Marks what starts ranks, which `.ci/run` does, or loads what they need."""
+    why = f"{' and '.join(MISSING)} not installed: CONTRIBUTING.md says how to get them"
+    return pytest.mark.slow(pytest.mark.skipif(bool(MISSING), reason=why)(test))
 
 
 def on_ranks(ranks, *arguments, **environment):
@@ -46,9 +50,7 @@ def on_ranks(ranks, *arguments, **environment):
 
 
 @with_petsc
-@pytest.mark.parametrize(
-    ("ranks", "checks"), [(1, []), (2, []), (3, []), (4, ["the_answer_is", "in_parts"])], ids=["1", "2", "3", "4"]
-)
+@pytest.mark.parametrize(("ranks", "checks"), [(1, FEW), (2, FEW), (3, []), (4, FEW)], ids=["1", "2", "3", "4"])
 def test_on_any_number_of_ranks_the_answers_proofs_files_limits_and_errors_are_those_of_one_process(ranks, checks):
     """What each of the checks says is in its name, in `checks_on_ranks.py` and `checks_of_files.py`."""
     run = on_ranks(ranks, str(HERE / "checks_on_ranks.py"), *checks)

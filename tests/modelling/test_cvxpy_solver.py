@@ -49,7 +49,7 @@ def in_cvxpy(P, q, A, b, F, g, lower):
 
 
 @pytest.mark.filterwarnings("ignore:Solution may be inaccurate")
-@pytest.mark.parametrize("seed", [*range(15), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(15, 60))])
+@pytest.mark.parametrize("seed", range(10))
 def test_random_programs_end_as_clarabel_says(seed):
     """Also the degenerate, infeasible and unbounded ones."""
     P, q, A, b, F, g, lower = a_program(seed)

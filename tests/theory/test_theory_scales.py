@@ -55,7 +55,7 @@ def points(rng, problem, exact):
     return [z for z in found if np.isfinite(z).all()]
 
 
-@pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 4))])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_no_bound_is_below_the_error_at_any_scale(seed):
     rng, trials, bad = np.random.default_rng(seed), dict.fromkeys(PROOFS, 0), []
     for problem in filter(None, (drawn(rng) for _ in range(40 if seed == 0 else 300))):
