@@ -153,7 +153,7 @@ def solve(
             start = np.clip(start, problem.facts.obstacle, problem.facts.upper_obstacle)
     with limits.kept():
         named_method = _named(method, problem, options)
-        run = _run(problem, start, limits, **shown)
+        run = _run(problem, start, limits, follows_theorems=method is not None, **shown)
 
         def carry_all_out() -> None:
             _carry_all_out(run, named_method, family)

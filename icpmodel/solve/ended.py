@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -31,9 +32,11 @@ class Stalled:
     memoryless : bool
         That of the method.
     patience : int
-        So many steps without a better iterate are the last.
+        So many steps without a better iterate are the last, unless `is_proved` to converge.
     at_floor : callable
         Returns an end where rounding explains that the residual does not fall.
+    is_proved : callable
+        Whether a theorem says that the method converges; asked once.
 
     Notes
     -----
@@ -45,8 +48,10 @@ class Stalled:
     Brent, BIT 20 (1980).
     """
 
-    def __init__(self, memoryless: bool, patience: int, at_floor: Callable[[], Ended | None]) -> None:
-        self.memoryless, self.patience, self.at_floor = memoryless, patience, at_floor
+    def __init__(
+        self, memoryless: bool, patience: float, at_floor: Callable[[], Ended | None], is_proved: Callable[[], bool]
+    ) -> None:
+        self.memoryless, self.patience, self.at_floor, self.is_proved = memoryless, patience, at_floor, is_proved
         self.step = self.milestone = 0
         self.milestone_residual, self.milestone_z = np.nan, _NOTHING
         self.progress_at, self.progress_residual = 0, np.inf
@@ -67,6 +72,9 @@ class Stalled:
         elif (k - self.progress_at) % _PRECISION_CHECK == _PRECISION_CHECK - 1 and (ended := self.at_floor()):
             return ended
         if k - self.better_at >= self.patience:
+            if self.is_proved():
+                self.patience = math.inf
+                return None
             return Ended(Status.STAGNATED, f"no better iterate in {k - self.better_at} iterations")
         return None
 

@@ -24,6 +24,7 @@ from .choice import InTurn, Job, Ladder
 from .ended import Ended, Stalled, fault_of_psi
 from .goal import Goal, Limits
 from .progress import Bar, Progress, progress_bar
+from .proved_convergence import proved_convergence
 from .solution import Status
 
 _LOG = logging.getLogger("icpmodel")
@@ -83,6 +84,8 @@ class Run:
         Where a method begins after one that failed.
     presolved : ProblemData, optional
         What methods are given in place of `problem`: one that has the same solutions.
+    follows_theorems : bool
+        Whether a method that is proved to converge goes on where its residual is flat, as one that was named does.
     watch : function, optional
         What is called with every iterate and its residual in place of `callback`; an `Ended` ends the run.
     callback, history, progress
@@ -99,6 +102,7 @@ class Run:
     scale: float
     restart: Vector | None = None
     presolved: ProblemData | None = None
+    follows_theorems: bool = False
     watch: Callable[[Vector, float], Ended | None] | None = None
     callback: Callable[[Progress], Any] | None = None
     history: bool = False
@@ -108,6 +112,8 @@ class Run:
     def __post_init__(self) -> None:
         self.records: list[tuple[int, float, float, str]] | None = [] if self.history else None
         self.current, self.iteration = self.start, -1
+        self.previous = self.start
+        self.proof = ""
         self.job: Job
         self.path: Iterator[Iterate] = iter(())
         self.best: Best | None = None
@@ -218,7 +224,7 @@ class Run:
         job.is_fresh = begin is self.start and self.presolved is None
         path = job.method.iterates(self.presolved or self.problem, begin)
         longest = min(max(PATIENCE, 2 * self.problem.n), _LONGEST_PATIENCE)
-        stalled = Stalled(job.method.memoryless, longest, self.at_floor)
+        stalled = Stalled(job.method.memoryless, longest, self.at_floor, self._is_proved)
         first = np.nan
         count = 0
         spent = 0.0
@@ -233,6 +239,7 @@ class Run:
             spent += work.done() - before
             if count or self.iteration < 0:  # where a method begins another one has been
                 self.iteration += 1
+            self.previous = self.current
             self.current = z
             residual = self._residual(z, hint)
             seconds = work.clock() - self.clock
@@ -312,6 +319,15 @@ class Run:
         if most is not None and seconds >= most:
             return Ended(Status.TIME_LIMIT, f"time_limit = {most:g} s")
         return None
+
+    def _is_proved(self) -> bool:
+        if self.follows_theorems:
+            problem = self.presolved or self.problem
+            tolerance = self.goal.tolerance_at(self.current)
+            self.proof = proved_convergence(
+                problem, self.job.method, self.previous, self.current, tolerance, self.iteration
+            )
+        return bool(self.proof)
 
     def at_floor(self) -> Ended | None:
         """PRECISION_LIMIT, where rounding explains the residual of the best iterate."""

@@ -1,0 +1,56 @@
+"""Whether a method whose residual stays flat is proved to converge, and in how many steps."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import IcpError
+from ..methods.contract import Method
+from ..methods.modulus import ModulusMember
+from ..numerics.arrays import Vector, norm
+from ..problem.data import ProblemData
+from ..theory.answers import Allowance
+from ..theory.convergence.rates import Rate, predicted_rate
+from ..theory.convergence.theorems import check_all
+
+
+def proved_convergence(
+    problem: ProblemData, method: Method, before: Vector, z: Vector, tolerance: float, iteration: int
+) -> str:
+    """Why `method` converges although its residual stays flat; empty where no theorem says so.
+
+    Parameters
+    ----------
+    problem, method
+        What is solved, and by what. Theorems are about memoryless members of the modulus family, without f.
+    before, z : arrays of shape (n,)
+        The last two iterates.
+    tolerance : float
+        The Res_D that is wanted.
+    iteration : int
+        The number of `z`. The theorems may take as many products with A.
+
+    Notes
+    -----
+    A factor below 1 bounds the number of steps by |mid(D⁻¹p, r)| ≤ max(D⁻¹|A|, I + G)|z − z*|, where
+    |ψ(x) − ψ(y)| ≤ G|x − y|. Where the step is isotone and has moved every entry one way, all later steps do.
+    """
+    if not isinstance(method, ModulusMember) or not method.memoryless or problem.f is not None:
+        return ""
+    try:
+        checks = check_all(problem, method, Allowance(float(iteration), problem.matrix.product_cost))
+    except IcpError:  # ψ may fail
+        return ""
+    rate = predicted_rate(problem, method, checks)
+    if isinstance(rate, Rate):
+        G = problem.psi.lipschitz
+        ones = np.ones(problem.n)
+        growth = np.maximum(problem.matrix.row_weights * (abs(problem.A) @ ones), 1.0 if G is None else 1.0 + G @ ones)
+        accuracy = tolerance / norm(growth)
+        steps = rate.steps(problem, z, accuracy) if 0.0 < accuracy < np.inf else None
+        most = "" if steps is None else f", by step {iteration + steps} the residual is {tolerance:.3g} at most"
+        return f"it converges by theorem: each step leaves {rate.factor:.6g} of the error{most}"
+    moved = z - before
+    if checks["monotone"].holds and moved.any() and ((moved <= 0.0).all() or (moved >= 0.0).all()):
+        return "it converges by theorem: every step moves each entry the same way"
+    return ""
