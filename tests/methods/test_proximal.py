@@ -108,3 +108,8 @@ def test_what_is_not_monotone_may_fail_but_ends():
         problem = icp.ICP(A + A.T, rng.normal(size=20))
         path = icp.Proximal().iterates(problem, np.zeros(20))
         assert sum(1 for _ in itertools.islice(path, 5000)) < 5000
+
+
+def test_a_proof_of_infeasibility_meets_no_overflow():
+    problem = icp.ICP(1e-320 * np.eye(6), [0.0, 0.0, 0.0, 0.0, 0.0, -1.0])
+    assert not run(problem, max_iter=100).solved

@@ -72,7 +72,9 @@ def _moves(N: Any, y: Vector, signed: Mask, wrong: Vector, loss: float) -> Vecto
     if k > m or cost > min(_LONGEST, work.nanoseconds_left()) or not work.fits(24.0 * k * m):
         return None
     work.count(cost)
-    weights = np.where(signed, np.abs(y), np.abs(y).max())
+    weights = np.where(signed, np.abs(y) / np.abs(y).max(), 1.0)
+    if not np.isfinite(N).all():
+        return None
     basis = qr(N * weights, mode="r", pivoting=True)[1][:k]
     N = N[:, basis]
     try:
