@@ -28,7 +28,7 @@ PAGES = ROOT / "docs" / "gallery"
 GROUPS = {
     "First steps": ["first_problem", "membrane", "three_front_ends"],
     "Ideas": ["modulus_in_one_unknown", "why_relaxation_helps"],
-    "Machines and materials": ["friction_block", "box_stack", "journal_bearing"],
+    "Machines and materials": ["friction_block", "box_stack", "journal_bearing", "thermal_explosion"],
     "Markets, games and money": ["nash_cournot", "market_equilibrium", "bimatrix_game", "american_option", "dividends"],
     "Fitting and design, by derivatives": [
         "recover_obstacle",

@@ -64,6 +64,7 @@ SAYS = {
         "0.3006   0.0008   0.3000",
         "4.5788 to the left, 4.4811 to the right",
     ),
+    "thermal_explosion.py": ("molten: top 5.0000", "heat 3.5: mild top 1.0923", "heat 3.4: the top grows by 1.143"),
     "learn_friction.py": ("friction coefficient 0.2988 ± 0.0009, true 0.3", "certain in 60 of 60", "0.0   0.8000"),
     "design_contact.py": ("uniform load            512      24             828    2994", "               0    3822"),
     "recover_obstacle.py": ("misfit / noise²: 0.97", "0.0022      0.0024", "hangs free, not seen", "certain: True"),
