@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..errors import OutOfMemory, OutOfTime
+from ..errors import OutOfMemory
 from . import work
 from .arrays import Mask, Vector, row_of
 from .fill import SymbolicAnalysis, ordered, predicted_fill, signs_of_symmetry
@@ -338,12 +338,10 @@ def _fill_of(matrix: sp.csr_array, analysis: SymbolicAnalysis, symmetric: bool =
     full = n * (n + 1.0)
     # to ask what is free takes as long as to factorise a small matrix
     most = full if work.fits(_BYTES * full) else work.free_memory() / _BYTES
-    fill = analysis.complete or predicted_fill(matrix, most, work.nanoseconds_left(), symmetric)
+    fill = analysis.complete or predicted_fill(matrix, symmetric)
     fill = fill._replace(symmetric=symmetric and fill.symmetric)
     if fill.entries > most:
         raise OutOfMemory(f"the factors of a sparse matrix with n = {n} and {matrix.nnz} entries would not fit")
-    if not fill.seen:
-        raise OutOfTime(f"the factorisation takes at least {1e-9 * work.factor_cost(fill):.2g} s, more than is left")
     return fill
 
 

@@ -1,22 +1,26 @@
-"""What a sparse factorisation will cost, foreseen on the graph of A + Aᵀ."""
+"""Symbolic analysis: what a factorisation costs, as a dense matrix, a band or a sparse one."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..errors import OutOfTime
 from . import work
 from .arrays import Vector, bandwidths, is_symmetric, read_only
+from .threads import run_with_deadline
 from .work import Fill, dense_cost, factor_cost, least_factor_cost
 
-#: a row with more than this times √n neighbours goes last, and counts as one that fills up: Amestoy, Davis and Duff,
-#: ACM TOMS 30 (2004)
-_DENSE = 10.0
+#: nanoseconds of a symbolic analysis, whatever the size, and per entry; n² times the last one on graphs that fill up
+_ANALYSIS = 100_000.0
+_ANALYSIS_ENTRY = 150.0
+_SLOWEST = 50.0
+#: a graph of more rows than this is not analysed where a breadth-first layer has more than this share of them
+_SMALL = 2000
+_WIDE = 0.125
 #: entries that differ by a smaller share are the same up to rounding
 _SAME = 1e-13
 
@@ -31,27 +35,13 @@ def of_band(n: int, below: int, above: int, symmetric: bool = False) -> Fill:
     return Fill(n, float(n) * entries, 2.0 * n * below * flops, True, True)
 
 
-def predicted_fill(
-    A: sp.csr_array,
-    most_entries: float = np.inf,
-    most_cost: float = np.inf,
-    symmetric: bool = False,
-    patient: bool = True,
-) -> Fill:
-    """The fill of a sparse factorisation of `A`, by minimum degree on the graph of A + Aᵀ.
+def predicted_fill(A: sp.csr_array, symmetric: bool = False) -> Fill:
+    """The fill of a sparse factorisation of `A`, see `ordered`; `symmetric` where signs of the rows make A so."""
+    return ordered(A, symmetric)[0]
 
-    Parameters
-    ----------
-    A : CSR array of shape (n, n)
-        The matrix.
-    most_entries, most_cost : float, optional
-        The analysis ends where L + U have more entries, or cost more nanoseconds. Then the fill is
-        rough, and not `seen`.
-    symmetric : bool, default False
-        Whether signs of the rows make A symmetric.
-    patient : bool, default True
-        Whether the analysis goes on where a factorisation would take 300 times as long as it has
-        taken.
+
+def ordered(A: sp.csr_array, symmetric: bool = False) -> tuple[Fill, NDArray[np.integer]]:
+    """The fill of a sparse factorisation of `A` (CSR, n × n), and the order of the rows, shape (n,).
 
     Raises
     ------
@@ -60,57 +50,21 @@ def predicted_fill(
 
     Notes
     -----
-    Rows of the least approximate degree go first, on a quotient graph. What a factorisation takes
-    at the least is predicted by a separator of the remaining rows, once no row has fewer neighbours
-    than there were on the average. So a hopeless matrix costs some tens of products with A, or some
-    hundreds. No library predicts the fill without a factorisation: SciPy has none, QDLDL and
-    SuperLU order and factorise in one call.
+    SuperLU orders the graph of A + Aᵀ by minimum degree. It does so for an incomplete factorisation
+    that drops all entries off the diagonal, which costs as much as some tens of products. The
+    elimination tree then tells the entries of each column.
 
     References
     ----------
-    Amestoy, Davis and Duff, SIAM J. Matrix Anal. Appl. 17 (1996).
+    Li, ACM TOMS 31 (2005). Liu, SIAM J. Matrix Anal. Appl. 11 (1990).
     """
-    return _by_minimum_degree(A, most_entries, most_cost, symmetric, patient)[0]
+    from scipy.sparse.linalg import spilu
 
-
-def ordered(A: sp.csr_array) -> tuple[Fill, NDArray[np.intp]]:
-    """The fill of `A` and the order of its rows, shape (n,), that minimum degree finds."""
-    fill, into, turn = _by_minimum_degree(A)
-    root = np.where(into < 0, np.arange(into.size), into)
-    while not np.array_equal(further := root[root], root):
-        root = further
-    return fill, np.argsort(turn[root], kind="stable")
-
-
-def _by_minimum_degree(
-    A: sp.csr_array,
-    most_entries: float = np.inf,
-    most_cost: float = np.inf,
-    symmetric: bool = False,
-    patient: bool = True,
-) -> tuple[Fill, NDArray[np.int64], NDArray[np.int64]]:
-    """The fill, for each row the one that it goes with, or -1, and when that was eliminated."""
-    from .kernels.elimination import minimum_degree
-    from .kernels.graph import both_ways
+    from .kernels.graph import column_counts
 
     n = A.shape[0]
-    costs = work.COSTS
-    work.check_budget(costs.look * A.nnz)  # to make the graph costs a look per entry
-    graph = both_ways(*read_only((A.indptr, A.indices)), int(_DENSE * n**0.5) + 16)
-    # the least that either library takes
-    prices = (
-        2.0 * (costs.symmetric_entry if symmetric else costs.factor_entry),
-        costs.factor_flop,
-        np.inf if patient else costs.look,
-    )
-    most_looks = work.nanoseconds_left() / costs.look
-    limits = 0.5 * most_entries - n, most_cost - least_factor_cost(n, 0, symmetric), most_looks
-    entries, squares, looks, within, into, turn = minimum_degree(*graph, A.nnz, prices, *limits)
-    work.count(costs.call + costs.look * (looks + A.nnz))
-    if looks > most_looks:
-        raise OutOfTime("to foresee what a factorisation costs takes longer than what is left of the time")
-    fill = Fill(n, 2.0 * (entries + n), entries + squares, within)
-    return min(fill, fill._replace(symmetric=symmetric), key=factor_cost), into, turn
+from .arrays import Vector, bandwidths, is_symmetric, read_only
+from .threads import run_with_deadline
 
 
 class SymbolicAnalysis:
@@ -183,11 +137,11 @@ class SymbolicAnalysis:
         return self._sparse if self._sparse is not None and self._sparse.seen else None
 
     def to_the_end(self) -> SymbolicAnalysis:
-        """This one where it has seen all, or another one that has; this one is left as it is."""
+        """This one where its fill is exact, or another one of which it is."""
         if self.fill.seen:
             return self
         whole = SymbolicAnalysis(self.matrix, self._known_symmetry)
-        whole._sparse = predicted_fill(self.matrix, symmetric=self.signs is not None)
+        whole._sparse = predicted_fill(self.matrix, self.signs is not None)
         return whole
 
     def band_costs_more(self, most: float) -> bool:
@@ -204,14 +158,28 @@ class SymbolicAnalysis:
     def _sparse_costs_more(self, most: float) -> bool:
         if self._is_full:
             return factor_cost(self.fill) > most
-        if self._least > most:
+        if self._least + _analysis_cost(self.matrix) > most:
             return True
         if self._sparse is None:
-            fill = predicted_fill(self.matrix, np.inf, most, self.signs is not None, patient=False)
-            if not fill.seen and factor_cost(fill) > most:
-                return True  # and for a larger limit it is computed again
-            self._sparse = fill
+            self._sparse = self._without_geometry() or predicted_fill(self.matrix, self.signs is not None)
         return factor_cost(self._sparse) > most
+
+    def _without_geometry(self) -> Fill | None:
+        """A rough fill where a breadth-first layer has many of the rows, as in an expander; None else."""
+        A = self.matrix
+        n = A.shape[0]
+        if n <= _SMALL:
+            return None
+        from .kernels.graph import layers  # loads numba
+
+        work.charge(4.0 * work.product(n, A.nnz))
+        last = 0
+        for _ in range(2):  # the second time from the far end
+            layer, order = layers(A.indptr, A.indices, np.ones(A.nnz), np.arange(n) == last)
+            last = order[-1]
+        widest = float(np.bincount(layer[order]).max())
+        rough = Fill(n, widest**2, widest**3 / 3.0, False, symmetric=self.signs is not None)
+        return rough if widest > _WIDE * n else None
 
 
 def signs_of_symmetry(A: sp.csr_array) -> Vector | None:

@@ -254,48 +254,24 @@ def layer_increments(indptr, indices, data, surplus, layer, order):
 
 
 @compiled
-def both_ways(indptr, indices, dense):
-    # the graph of A + A^T without loops and without rows that have more than `dense` neighbours: (start, length, lists,
-    # how many rows are left out). The degree of a row that is left out is -1.
-    n = indptr.size - 1
-    start = np.zeros(n + 1, np.int64)
+def column_counts(indptr, indices, place):
+    # the entries of L without its diagonal, and the sum of their squares column by column, where row i is eliminated
+    # as number place[i]: the row subtrees of the elimination tree, see Liu, SIAM J. Matrix Anal. Appl. 11 (1990)
+    n = place.size
+    row = np.empty(n, np.int64)
+    parent = np.full(n, -1)
+    seen = np.full(n, -1)
+    count = np.zeros(n)
     for i in range(n):
-        for k in range(indptr[i], indptr[i + 1]):
-            if indices[k] != i:
-                start[i + 1] += 1
-                start[indices[k] + 1] += 1
-    for i in range(n):
-        start[i + 1] += start[i]
-    lists = np.empty(start[n] + start[n] // 5 + n, np.int32)
-    filled = start[:n].copy()
-    for i in range(n):
-        for k in range(indptr[i], indptr[i + 1]):
-            j = indices[k]
-            if j != i:
-                lists[filled[i]], lists[filled[j]] = j, i
-                filled[i] += 1
-                filled[j] += 1
-    length = np.zeros(n, np.int64)
-    seen = np.full(n, -1, np.int32)
-    left_out = 0
-    for i in range(n):  # each neighbour once
-        at = start[i]
-        for k in range(start[i], start[i + 1]):
-            j = lists[k]
-            if seen[j] != i:
-                seen[j] = i
-                lists[at] = j
-                at += 1
-        length[i] = at - start[i]
-        if length[i] > dense:
-            length[i] = -1
-            left_out += 1
-    if left_out:
-        for i in range(n):
-            at = start[i]
-            for k in range(start[i], start[i] + length[i]):
-                if length[lists[k]] >= 0:
-                    lists[at] = lists[k]
-                    at += 1
-            length[i] = min(at - start[i], length[i])
-    return start[:n].copy(), length, lists, start[n], left_out
+        row[place[i]] = i
+    for k in range(n):
+        seen[k] = k
+        for e in range(indptr[row[k]], indptr[row[k] + 1]):
+            j = place[indices[e]]
+            while j < k and seen[j] != k:
+                if parent[j] < 0:
+                    parent[j] = k
+                count[j] += 1.0
+                seen[j] = k
+                j = parent[j]
+    return count.sum(), (count * count).sum()

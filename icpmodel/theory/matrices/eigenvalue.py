@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from ...numerics import work
 from ...numerics.arrays import Vector, norm
 from ...numerics.factorisation import factorise
-from ...numerics.fill import predicted_fill
+from ...numerics.fill import SymbolicAnalysis
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, upper
 
 #: shares of the estimated eigenvalue that are tried as a bound; the first one does unless rounding is felt
@@ -117,7 +117,7 @@ def is_dense(S: sp.csr_array) -> bool:
 
 def within_reach(S: sp.csr_array) -> bool:
     """Whether the symmetric `S` (CSR) is foreseen to be factorised in seconds: a million rows on a plane."""
-    return is_dense(S) or predicted_fill(S, most_cost=_SECONDS).seen
+    return is_dense(S) or not SymbolicAnalysis(S, lambda: True).costs_more(_SECONDS)
 
 
 def _estimate(S: sp.csr_array, lu: Any) -> float:
