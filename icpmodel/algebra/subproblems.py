@@ -17,8 +17,6 @@ from .affine_lcp import PIVOT_UP_TO
 
 #: so many parts that do not interact get a method each
 _PARTS = 32
-#: up to so many stages are solved in turn; above `_PARTS`, where their blocks are large
-_STAGES = 1000
 
 Rows = NDArray[np.intp]
 
@@ -50,62 +48,38 @@ def restricted(problem: ProblemData, rows: Rows, z: Vector) -> ProblemData:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Blocks:
-    """The `free` rows of `problem` in blocks that depend on earlier ones only: the strong components of A and ψ.
+    """The rows of `problem` in blocks that depend on earlier ones only: the strong components of A and ψ.
 
     Block k is `rows[starts[k] : starts[k + 1]]`. The blocks in `before` are so small that they are
-    solved one after the other. So are those in `after`, once the rest is known. The rest comes in
-    `stages`, each of which depends on earlier ones only. A stage has the rows of its parts, which
-    do not interact; many parts are joined into one. `between` holds a mask for each stage: the
-    small blocks that follow it.
-
-    The other rows are in contact with the fixed obstacle, see `with_contact_rows`. `releases` is how
-    often some of them were set free.
+    solved one after the other. So are those in `after`, once the rest is known. The rest is the
+    core; its `parts` do not interact. Many parts are joined into one.
     """
 
     problem: ProblemData
-    free: Mask
     rows: Rows
     starts: Rows
     before: Mask
     after: Mask
-    stages: tuple[tuple[Rows, ...], ...]
-    between: tuple[Mask, ...] = ()
-    releases: int = 0
+    parts: tuple[Rows, ...]
 
     def __repr__(self) -> str:
-        n = self.problem.n
-        sizes = np.diff(self.starts)
-        small = self.before | self.after
-        for blocks_between in self.between:
-            small = small | blocks_between
-        rest = n - np.count_nonzero(self.free)
-        one_by_one = int(small[sizes == 1].sum())
-        pivoted = int(sizes[small].sum()) - one_by_one
-        blocks = int(small.sum()) - one_by_one
+        small = np.diff(self.starts)[self.before | self.after]
+        single = np.count_nonzero(small == 1)
         facts = {
-            f"{rest} rest on the obstacle": rest,
-            f"others were released ({self.releases} x)": self.releases,
-            f"{one_by_one} follow one by one": one_by_one,
-            f"{pivoted} in {blocks} small blocks are pivoted": pivoted,
-            f"{len(self.parts)} parts do not interact": len(self.parts) > len(self.stages) == 1,
-            f"{len(self.parts)} parts in {len(self.stages)} stages follow one another": len(self.stages) > 1,
+            f"{single} follow one by one": single,
+            f"{small.sum() - single} in {small.size - single} small blocks are pivoted": small.size > single,
+            f"{len(self.parts)} parts do not interact": len(self.parts) > 1,
         }
-        return f"n = {n} -> {self.core} rows still free: {', '.join(text for text, holds in facts.items() if holds)}"
+        return f"n = {self.problem.n} -> {self.core} rows: {', '.join(text for text, holds in facts.items() if holds)}"
 
     @property
-    def pivoted(self) -> float:
-        """n³/3, the entries that n pivots change, of the small blocks that have several rows, together."""
-        sizes = np.diff(self.starts)[np.logical_or.reduce((self.before, self.after, *self.between))]
-        return float((sizes[sizes > 1] ** 3.0).sum() / 3.0)
-
-    @property
-    def parts(self) -> tuple[Rows, ...]:
-        """The rows of the parts of all stages."""
-        return tuple(part for stage in self.stages for part in stage)
+    def is_pivoted(self) -> bool:
+        """Whether a small block has several rows."""
+        return bool((np.diff(self.starts)[self.before | self.after] > 1).any())
 
     @property
     def core(self) -> int:
-        """How many rows are left once blocks and rows at the obstacle are gone."""
+        """How many rows are left once the small blocks are gone."""
         return sum(part.size for part in self.parts)
 
     def with_core(self, unsolved: Mask) -> Blocks | None:
@@ -140,14 +114,7 @@ class Blocks:
         return z, solve_blocks(*given, self.rows, self.starts, wanted, z)
 
 
-def with_contact_rows(problem: ProblemData, free: Mask) -> Blocks:
-    """The `free` rows of `problem`, a mask of shape (n,), as one part; the others are at a fixed obstacle."""
-    nothing = np.zeros(0, dtype=bool)
-    rows = np.flatnonzero(free)
-    return Blocks(problem, free, rows[:0], np.zeros(1, dtype=np.intp), nothing, nothing, ((rows,),))
-
-
-def blocks(problem: ProblemData, core: Mask | None = None, *, most_stages: int = _STAGES) -> Blocks | None:
+def blocks(problem: ProblemData, core: Mask | None = None) -> Blocks | None:
     """The blocks of `problem`, None where all rows are one, or where it is not known on which unknowns ψ depends.
 
     Parameters
@@ -156,8 +123,6 @@ def blocks(problem: ProblemData, core: Mask | None = None, *, most_stages: int =
         The problem.
     core : mask of shape (n,), optional
         Rows that are to be in the core.
-    most_stages : int
-        Longer chains than this are one stage.
 
     References
     ----------
@@ -171,10 +136,6 @@ def blocks(problem: ProblemData, core: Mask | None = None, *, most_stages: int =
         if links is None:
             return None
         graph = sp.csr_array(problem.matrix.absolute + links)
-    from ..numerics.kernels.graph import linked  # loads numba
-
-    if problem.n > PIVOT_UP_TO and linked(graph.indptr, graph.indices):
-        return None
     count, part = connected_components(graph, connection="strong")
     if count == 1 and problem.n > PIVOT_UP_TO:
         return None
@@ -185,7 +146,13 @@ def blocks(problem: ProblemData, core: Mask | None = None, *, most_stages: int =
     heavy[part[_unsuitable(simple, part, sizes)]] = True
     if core is not None:
         heavy[part[core]] = True
-    return _arranged(simple, graph, part, np.concatenate([[0], np.cumsum(sizes)]), heavy, most_stages)
+    rows = np.argsort(part, kind="stable")
+    starts = np.concatenate([[0], np.cumsum(sizes)])
+    from ..numerics.kernels.graph import around  # loads numba
+
+    follows, needed = around(graph.indptr, graph.indices, part, rows, starts, heavy)
+    parts = _parts(graph, np.flatnonzero((follows & needed)[part]))
+    return Blocks(simple, rows, starts, ~follows, follows & ~needed, parts)
 
 
 def _unsuitable(problem: ProblemData, part: Any, sizes: Any) -> Mask:
@@ -209,44 +176,13 @@ def _unsuitable(problem: ProblemData, part: Any, sizes: Any) -> Mask:
     return wrong
 
 
-def _arranged(
-    simple: ProblemData, graph: sp.csr_array, part: Any, starts: Rows, heavy: Mask, most_stages: int
-) -> Blocks:
-    """The blocks by what they need of the `heavy` ones."""
+def _parts(graph: sp.csr_array, core: Rows) -> tuple[Rows, ...]:
+    """The rows of the `core` in parts that do not interact; in one where there are many."""
     from scipy.sparse.csgraph import connected_components
 
-    rows = np.argsort(part, kind="stable")
-    everything = np.ones(simple.n, dtype=bool)
-    if not heavy.any():
-        return Blocks(simple, everything, rows, starts, ~heavy, heavy, ())
-    from ..numerics.kernels.graph import stages  # loads numba
-
-    depth, needed = stages(graph.indptr, graph.indices, part, rows, starts, heavy)
-    last = int(depth.max())
-    inner = (depth > 0) & needed
-    before = depth == 0
-    many = last > most_stages or PIVOT_UP_TO * max(last - _PARTS, 0) > np.count_nonzero(heavy[part])
-    # where rows are dominant nothing grows along the chain, and one method for all costs less; and jumps must not leave
-    # their part
-    dominant = simple.matrix.is_dominant and simple.matrix.has_positive_diagonal
-    if many or dominant or simple.psi.linear is None:
-        depth = inner.astype(np.int64)
-        last = 1
-        heavy = inner
-    of = np.where(heavy, depth, 0)[part]
-    i = row_of(graph)
-    j = graph.indices
-    inside = (of[i] == of[j]) & (of[i] > 0)
-    links = sp.csr_array((np.ones(np.count_nonzero(inside)), (i[inside], j[inside])), shape=graph.shape)
-    label = connected_components(links, connection="weak")[1]
-    order = np.lexsort((np.arange(simple.n), label, of))
-    order = order[of[order] > 0]
-    found = tuple(_parts(stage, label) for stage in np.split(order, np.flatnonzero(np.diff(of[order])) + 1))
-    between = tuple(inner & ~heavy & (depth == stage) for stage in range(1, last)) if last > 1 else ()
-    return Blocks(simple, everything, rows, starts, before, ~before & ~needed, found, between)
-
-
-def _parts(rows: Rows, label: Any) -> tuple[Rows, ...]:
-    """The `rows` of one stage, sorted by the `label` of their part; in one where there are many."""
-    parts = np.split(rows, np.flatnonzero(np.diff(label[rows])) + 1)
-    return tuple(parts) if len(parts) <= _PARTS else (np.sort(rows),)
+    if not core.size:
+        return ()
+    label = connected_components(graph[core][:, core], connection="weak")[1]
+    order = np.argsort(label, kind="stable")
+    parts = np.split(core[order], np.flatnonzero(np.diff(label[order])) + 1)
+    return tuple(parts) if len(parts) <= _PARTS else (core,)

@@ -2,13 +2,12 @@
 
 1. Obstacles that move with their own unknown alone are fixed, and redundant rows leave: `presolve`.
 2. Rows without any obstacle are eliminated before anything is iterated, see `algebra.schur`, where few have one.
-3. Rows that are predicted to be in contact leave, see `algebra.contact_prediction`, and come back where p < 0.
-4. The strong components of A and ψ follow one another. A row alone is a maximum, a small block is pivoted, and what is
-   left falls into stages of parts that do not interact.
+3. The strong components of A and ψ follow one another. A row alone is a maximum, a small block is pivoted, and what is
+   left falls into parts that do not interact.
 
 Each part goes up a ladder of its own. The joined answer is judged as one of the whole problem, which goes on from there
 where it is not good enough. A part without a solution proves that the whole has none in two cases. Its proof, with 0 in
-all other rows, is one of the whole. Or the unknowns of earlier stages have one answer, and the error bound says how far
+all other rows, is one of the whole. Or the unknowns of earlier blocks have one answer, and the error bound says how far
 that is from what is known of it.
 References: Tarjan, SIAM J. Comput. 1 (1972), for the components; Cottle, Pang and Stone, The Linear Complementarity
 Problem (1992), section 4.4, for blocks.
@@ -23,7 +22,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..algebra.contact_prediction import MOST_FREE, ContactBoundary, predicted_contact_set
 from ..algebra.redundant import without_redundant_rows
 from ..algebra.schur import SchurComplement, elimination
 from ..algebra.subproblems import Blocks, Rows, blocks, restricted, with_fixed_obstacle
@@ -43,11 +41,11 @@ from .run import Run
 from .solution import Status
 
 _LOG = logging.getLogger("icpmodel")
-#: the share of the tolerance of the whole that parts get together, and stages that others depend on
+#: the share of the rows above which a part is no smaller problem
+_MOST = 0.6
+#: the share of the tolerance of the whole that parts get together, and parts that others depend on
 _SHARE = 0.5
 _EARLIER = 1e-3
-#: the free rows are left at this share of the residual that they had when the boundary was last seen
-_CLOSER = 0.1
 #: ends of a part that end the whole
 _LIMITS = (Status.ITERATION_LIMIT, Status.TIME_LIMIT, Status.STOPPED)
 
@@ -84,11 +82,11 @@ def climb(run: Run, problem: ProblemData, family: str | None) -> Iterator[None]:
             yield from run.steps(ladder)
 
 
-def solve_parts(run: Run, problem: ProblemData, family: str | None = None, most: float = MOST_FREE) -> Iterator[None]:
+def solve_parts(run: Run, problem: ProblemData, family: str | None = None, most: float = _MOST) -> Iterator[None]:
     """The steps of the parts of `problem`, and their joined answer in `run`; none where a part has more than the share
     `most` of the rows."""
-    found = structure(problem, most * problem.n) or predicted_contact_set(problem)
-    if found is not None and not (family is not None and found.pivoted):
+    found = structure(problem, most * problem.n)
+    if found is not None and not (family is not None and found.is_pivoted):
         yield from _Parts(run, problem, family).steps(found)
 
 
@@ -130,8 +128,8 @@ class _Parts:
                 first = found
             while first is not None and not run.is_over:
                 found = first
-                first = yield from (self._stages if found.rows.size else self._free_rows)(found)
-            if isinstance(found, Blocks) and found.pivoted and not self.size:
+                first = yield from self._in_blocks(found)
+            if isinstance(found, Blocks) and found.is_pivoted and not self.size:
                 self.job = Job(Choice(Lemke()))
         except Infeasible as proof:
             run.infeasible = proof.answer
@@ -158,43 +156,22 @@ class _Parts:
             run.is_over = True
         _LOG.info("n = %d: %s: residual %.3g", run.problem.n, self.job.choice.why, residual)
 
-    def _stages(self, found: Blocks) -> Path:
-        """The stages one after the other, each on what the earlier ones are, and the small blocks between them."""
+    def _in_blocks(self, found: Blocks) -> Path:
+        """The small blocks before the core, its parts, and the small blocks after it."""
         self.z, solved = found.forward(self.z, found.before)
         if (unsolved := found.before & ~solved).any():
             return found.with_core(unsolved)
-        last = len(found.stages) - 1
-        for at, stage in enumerate(found.stages):
-            follow = found.after if at == last else found.between[at]
-            share = _EARLIER if at < last or follow.any() else 1.0
-            for rows in stage:
-                part = self._part(
-                    restricted(found.problem, rows, self.z), rows, share * self.tolerance / len(stage) ** 0.5
-                )
-                yield from self._solve(part, rows)
-                if self.run.is_over:
-                    return None
-            self.z, solved = found.forward(self.z, follow)
-            if (unsolved := follow & ~solved).any():
-                return found.with_core(unsolved)
-        return None
-
-    def _free_rows(self, found: Blocks) -> Path:
-        """Solve the free rows; where p < 0 at the boundary of the contact rows, release more of them."""
-        (rows,) = found.parts
-        self.z = np.where(found.free, self.z, found.problem.facts.obstacle)
-        boundary = ContactBoundary(found)
-        part = self._part(restricted(found.problem, rows, self.z), rows, self.tolerance)
-        seen = np.inf
-        for _ in self._solve(part, rows):
-            yield
-            if part.best is not None and part.best.residual <= _CLOSER * seen:
-                seen = part.best.residual
-                if self._violation(boundary) > seen:
-                    break
-        if self.run.is_over or self._violation(boundary) <= self.tolerance:
-            return None
-        return boundary.released(boundary.p(self.z))
+        share = _EARLIER if found.after.any() else 1.0
+        for rows in found.parts:
+            part = self._part(
+                restricted(found.problem, rows, self.z), rows, share * self.tolerance / len(found.parts) ** 0.5
+            )
+            yield from self._solve(part, rows)
+            if self.run.is_over:
+                return None
+        self.z, solved = found.forward(self.z, found.after)
+        unsolved = found.after & ~solved
+        return found.with_core(unsolved) if unsolved.any() else None
 
     def _eliminated(self, found: SchurComplement) -> Iterator[None]:
         """The rows with an obstacle; the equations follow, unless their factors prove to be bad."""
@@ -207,10 +184,6 @@ class _Parts:
             self.completed = lambda z: found.extended(problem, z)
             yield from self._solve(self._part(found.reduced(problem), found.rows, self.tolerance), found.rows)
             self.z = self.completed(self.z)
-
-    def _violation(self, boundary: ContactBoundary) -> float:
-        p = boundary.p(self.z)
-        return norm(boundary.weights * np.minimum(p, 0.0)) if p.size else 0.0
 
     def _part(self, part: ProblemData, rows: Rows, tolerance: float) -> Run:
         """The run of a part, whose unknowns are the `rows` of the whole."""

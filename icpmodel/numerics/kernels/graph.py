@@ -1,4 +1,4 @@
-"""Loops over the graph of A: what hangs on what, what lies near, and in which layer."""
+"""Loops over the graph of A: dependence of blocks, symmetry, breadth-first layers, fill."""
 
 from __future__ import annotations
 
@@ -8,73 +8,21 @@ from . import compiled, inlined, one, uint
 
 
 @compiled
-def linked(indptr, indices):
-    # whether every row but the first has an entry before its diagonal with one opposite to it: then each hangs on one
-    # of a smaller number and that one on it, and all are one strong component
-    for i in range(1, indptr.size - 1):
-        found = False
-        k = uint(indptr[i])
-        stop = uint(indptr[i + 1])
-        while k < stop and indices[k] < i and not found:
-            j = uint(indices[k])
-            e = uint(indptr[j])
-            end = uint(indptr[j + uint(1)])
-            while e < end and indices[e] < i:
-                e += one()
-            found = bool(e < end and indices[e] == i)
-            k += one()
-        if not found:
-            return False
-    return True
-
-
-@compiled
-def stages(indptr, indices, part, rows, starts, core):
-    # part k = rows[starts[k] : starts[k + 1]] hangs on parts of smaller number only. Returns how many of `core` follow
-    # one another up to each part, itself included, and which parts are needed by one of `core`, those included
-    depth = np.zeros(core.size, np.int64)
-    before = core.copy()
+def around(indptr, indices, part, rows, starts, core):
+    # part k = rows[starts[k] : starts[k + 1]] depends on parts of smaller number only. Returns which parts depend on
+    # one of the `core`, and which ones the core depends on, itself included in both
+    follows = core.copy()
+    needed = core.copy()
     for k in range(core.size):
         for i in rows[starts[k] : starts[k + 1]]:
             for e in range(indptr[i], indptr[i + 1]):
-                depth[k] = max(depth[k], depth[part[indices[e]]])
-        depth[k] += core[k]
+                follows[k] |= follows[part[indices[e]]]
     for k in range(core.size - 1, -1, -1):
-        if before[k]:
+        if needed[k]:
             for i in rows[starts[k] : starts[k + 1]]:
                 for e in range(indptr[i], indptr[i + 1]):
-                    before[part[indices[e]]] = True
-    return depth, before
-
-
-@compiled
-def spread(indptr, indices, chosen, seeds, most):
-    # `chosen` with the `seeds` and, in layers around these, up to so many more: columns that rows have entries in
-    n = chosen.size
-    found = np.empty(n, np.bool_)
-    queue = np.empty(n, np.int32)
-    at = 0
-    end = 0
-    for i in range(n):
-        found[i] = chosen[i] or seeds[i]
-        if seeds[i]:
-            queue[end] = i
-            end += 1
-    most += end
-    while at < end <= most:
-        layer = end
-        while at < layer:
-            for e in range(indptr[queue[at]], indptr[queue[at] + 1]):
-                j = indices[e]
-                if not found[j]:
-                    found[j] = True
-                    queue[end] = j
-                    end += 1
-            at += 1
-        if end > most:
-            for k in range(layer, end):
-                found[queue[k]] = False
-    return found
+                    needed[part[indices[e]]] = True
+    return follows, needed
 
 
 @compiled
