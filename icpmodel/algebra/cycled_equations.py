@@ -12,18 +12,19 @@ import scipy.sparse as sp
 from ..numerics import work
 from ..numerics.arrays import Mask, Vector, is_diagonal, norm
 from ..numerics.krylov import GCR, NotConverged, cg_steps, cg_vector_cost
-from ..numerics.linear import STEPS
 from ..numerics.multigrid import KRYLOV_STEPS, cycle_cost
 from ..problem.data import ProblemData
 from .hierarchy import Hierarchy, Level
 
+#: so many Krylov steps a system needs as a rule
+_STEPS = 10
 #: ψ_i is not followed where 1 − ∂ψ_i/∂z_i is smaller
 LEAST_SLOPE = 0.1
 
 
 def cycles_cost(problem: ProblemData) -> float:
     """What one system costs by `CycledEquations`, with as many steps as it needs as a rule."""
-    return STEPS * (cycle_cost(problem.n, problem.nnz) + problem.matrix.product_cost + cg_vector_cost(problem.n))
+    return _STEPS * (cycle_cost(problem.n, problem.nnz) + problem.matrix.product_cost + cg_vector_cost(problem.n))
 
 
 class CycledEquations:

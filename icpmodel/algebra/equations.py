@@ -15,7 +15,7 @@ from ..numerics.arrays import Mask, Vector, diagonal_positions, norm
 from ..numerics.factorisation import Symmetric, factorise
 from ..numerics.fill import SymbolicAnalysis
 from ..numerics.krylov import cg_step_cost, conjugate_gradients, conjugate_residuals, gcr_step_cost
-from ..numerics.linear import MANY_STEPS, by_refinement, solver_of
+from ..numerics.linear import MANY_STEPS, solver_of
 from ..problem.data import ProblemData
 from ..problem.map import Map
 from ..problem.matrix import Matrix
@@ -253,26 +253,17 @@ class ShiftedEquations:
         """
         matrix = self.problem.matrix
         rows = np.flatnonzero(free)
-        x = np.zeros(free.size)
-        found = None
         share = rows.size / free.size
         whole = self.costs.fill
         part = whole._replace(rows=rows.size, entries=share**2 * whole.entries, flops=share**2 * whole.flops)
         direct = min(work.factor_cost(part), work.dense_cost(rows.size, matrix.is_symmetric))
+        found = None
         if self.iterative:
-            symmetric = matrix.is_nearly_symmetric
-            left = work.nanoseconds_left()
-            factors = min(direct, self.costs.again)
-            # then GCR, which ends as soon as it would not get there, has the time that is left
-            beyond = not symmetric and (factors > left or not work.fits(2.0 * _BYTES * part.entries))
-            # whether few do is soon seen
-            self.iterative = _few_steps_may_do(matrix) or beyond or shifted_cost(matrix)[0] < self.costs.again
-            most = int(min(rows.size, (left if beyond else factors) / krylov_step_cost(matrix, share)))
+            most = int(min(rows.size, min(direct, self.costs.again) / krylov_step_cost(matrix, share)))
+            self.iterative = _few_steps_may_do(matrix) or shifted_cost(matrix)[0] < self.costs.again
             if self.iterative and most > 0:
-                by_steps = conjugate_gradients if symmetric else conjugate_residuals
+                by_steps = conjugate_gradients if matrix.is_nearly_symmetric else conjugate_residuals
                 found = by_steps(self._shifted(rows, D), f[rows], most)
-                if found is None and beyond:
-                    return None  # a larger D will help, factors will not
                 self.iterative = found is not None or briefly  # with a smaller D they will not do better
         if found is None and self.costs.again < direct:
             x_of_all = self._by_all_rows(free, D, f, tolerance)
@@ -280,6 +271,7 @@ class ShiftedEquations:
                 return x_of_all
         if found is None and (found := self._by_free_rows(rows, D, f[rows], tolerance)) is None:
             return None
+        x = np.zeros(free.size)
         x[rows] = found
         return x
 
@@ -305,10 +297,11 @@ class ShiftedEquations:
         if factors is None:
             return None
         f = np.where(free, f, 0.0)
-        most = tolerance * norm(f)
-
-        def rest_of(x: Vector) -> Vector:
-            return np.where(free, f - D * x - problem.product(x), 0.0)
-
-        x, left = by_refinement(factors.solve, f, rest_of, most, 2)  # without exchanges of rows digits may be lost
-        return x if left <= most else None
+        x = np.zeros(f.size)
+        rest = f
+        for _ in range(2):  # without exchanges of rows digits may be lost
+            x = x + factors.solve(rest)
+            rest = np.where(free, f - D * x - problem.product(x), 0.0)
+            if norm(rest) <= tolerance * norm(f):
+                return x
+        return None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -15,7 +15,7 @@ from ..numerics import work
 from ..numerics.arrays import Mask, Vector
 from ..numerics.multigrid import HIERARCHY_BYTES, cycle_cost, hierarchy_cost, ruge_stuben
 from ..numerics.rounding import UNIT_ROUNDOFF
-from ..numerics.threads import one_blas_thread, run_pipelined, threads_for
+from ..numerics.threads import one_blas_thread
 from ..problem.data import ProblemData
 from ..problem.matrix import Matrix
 
@@ -170,19 +170,14 @@ class Hierarchy:
         x = np.empty(f.size)  # the first sweep writes all of it
         A = level.A
         P = level.P
-        n = f.size
         free = self._free[top]
-        inverse = level.inverse
         matrix = (A.indptr, A.indices, A.data)
         transfer = (P.indptr, P.indices, P.data)
         coarse = np.zeros(P.shape[1])
-        threads = threads_for(A.nnz)
-        down = partial(sweep_down, *matrix, level.diag, inverse, free, f, x)
-        rest = partial(restrict, *matrix, level.diag, free, *transfer, x, coarse)
-        run_pipelined(n, threads, down, rest, level.rows.above)
-        coarse = self._cycle(coarse, top + 1)
-        correct = partial(interpolate, free, *transfer, coarse, x)
-        run_pipelined(n, threads, correct, partial(sweep_up, *matrix, inverse, free, f, x), level.rows.below)
+        sweep_down(*matrix, level.diag, level.inverse, free, f, x)
+        restrict(*matrix, level.diag, free, *transfer, x, coarse)
+        interpolate(free, *transfer, self._cycle(coarse, top + 1), x)
+        sweep_up(*matrix, level.inverse, free, f, x)
         return x
 
 

@@ -5,7 +5,7 @@ By |x − y| = x + y − 2 min(x, y) every method of the family is the one step
     z⁺ = z − 2 X⁻¹ F_Ω(z),        F_Ω(z) = min(Az + q, Ω(z − ψ(z))).
 
 So a method is a choice of X and Ω. With an obstacle above, F_Ω is mid(Ω(z − ψ̄(z)), Az + q, Ω(z −
-ψ(z))), the median of the three. `Operator.step` is that line; the triangular and diagonal operators
+ψ(z))), the median of the three. `Operator.step` is that line; the operators of relaxation methods
 fuse it into one compiled pass over A.
 """
 
@@ -13,8 +13,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -51,32 +49,12 @@ class Operator(ABC):
 
 
 @dataclass(frozen=True)
-class DiagonalOperator(Operator):
-    """X = diag(1/`inverse`), `inverse` of shape (n,)."""
-
-    inverse: Vector
-
-    def solve(self, f: Vector) -> Vector:
-        return self.inverse * f
-
-    def step(self, problem: ProblemData, omega: Vector) -> Step:
-        A = problem.A
-        matrix = (A.indptr, A.indices, A.data, problem.matrix.row_weights, problem.q)
-        return compiled_step(problem, "diagonal", matrix, (omega, self.inverse))
-
-
-@dataclass(frozen=True)
 class AOROperator(Operator):
-    """X = diag(1/`inverse`) + `tau` times the strict lower triangle of `A`."""
+    """X = diag(1/`inverse`) + `tau` times the strict lower triangle of `A`; diagonal where `tau` = 0."""
 
     inverse: Vector
     A: sp.csr_array
     tau: float
-
-    @cached_property
-    def diag(self) -> Any:
-        """Where in `A.data` each row's diagonal entry stands, shape (n,)."""
-        return diagonal_positions(self.A)
 
     def solve(self, f: Vector) -> Vector:
         from .kernels.sweeps import substitute
@@ -84,46 +62,11 @@ class AOROperator(Operator):
         A = self.A
         out = np.empty(f.size)
         work.count(work.product(f.size, A.nnz))
-        substitute(A.indptr, self.diag, A.indices, A.data, self.tau, self.inverse, True, f, out)
+        substitute(A.indptr, diagonal_positions(A), A.indices, A.data, self.tau, self.inverse, f, out)
         return out
 
     def step(self, problem: ProblemData, omega: Vector) -> Step:
-        A = problem.A
-        rows = problem.matrix.rows
-        diag = rows.diag if self.A is A else self.diag
-        matrix = (A.indptr, A.indices, A.data, diag, problem.matrix.row_weights, problem.q)
-        parameters = (omega, self.inverse, self.tau)
-        return compiled_step(problem, "in_order", matrix, (parameters, True), reach=rows.above)
-
-
-@dataclass(frozen=True)
-class TriangularOperator(Operator):
-    """X = diag(1/`inverse`) + the strict lower (or upper) triangle of `M1`, whose diagonal stands at `diag`."""
-
-    inverse: Vector
-    M1: sp.csr_array
-    diag: Any
-    lower: bool
-
-    @property
-    def _rows(self) -> tuple[Any, Any]:
-        """Where each row's strictly triangular entries begin and end."""
-        return (self.M1.indptr[:-1], self.diag) if self.lower else (self.diag + 1, self.M1.indptr[1:])
-
-    def solve(self, f: Vector) -> Vector:
-        from .kernels.sweeps import substitute
-
-        out = np.empty(f.size)
-        work.count(work.product(f.size, self.M1.nnz))
-        substitute(*self._rows, self.M1.indices, self.M1.data, 1.0, self.inverse, self.lower, f, out)
-        return out
-
-    def step(self, problem: ProblemData, omega: Vector) -> Step:
-        A = problem.A
-        M1 = self.M1
-        X = (*self._rows, M1.indices, M1.data, self.inverse, self.lower)
-        matrix = (A.indptr, A.indices, A.data, problem.matrix.row_weights, problem.q)
-        return compiled_step(problem, "triangular", matrix, (omega, *X))
+        return compiled_step(problem, (omega, self.inverse, self.tau))
 
 
 class FactorisedOperator(Operator):

@@ -24,7 +24,7 @@ from ..errors import InputError
 from ..numerics.arrays import Vector, as_number, as_vector, axes
 from ..numerics.factorisation import factorise
 from ..problem.data import ProblemData
-from .operators import DiagonalOperator, inverse_diagonal
+from .operators import AOROperator, inverse_diagonal
 from .steps import Step
 
 #: what theta1 may be instead of a number
@@ -178,7 +178,7 @@ def jacobi_step(problem: ProblemData, phi: Any = 0.0) -> Step | None:
         slope = problem.psi.linear[0].diagonal()
         omega = diagonal / (1.0 - np.where(slope < 1.0, slope, 0.0))
     shift = as_diagonal(phi, problem.n, "phi") + diagonal
-    return DiagonalOperator(inverse_diagonal(diagonal, shift)).step(problem, omega)
+    return AOROperator(inverse_diagonal(diagonal, shift), problem.A, 0.0).step(problem, omega)
 
 
 class AdaptedOmega:

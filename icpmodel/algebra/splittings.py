@@ -12,10 +12,10 @@ from typing import Any, Protocol
 import scipy.sparse as sp
 
 from ..errors import InputError
-from ..numerics.arrays import Vector, as_csr, as_number, diagonal_positions
+from ..numerics.arrays import Vector, as_csr, as_number, is_diagonal
 from ..present.shown import Shown
 from ..problem.data import ProblemData
-from .operators import AOROperator, DiagonalOperator, FactorisedOperator, Operator, TriangularOperator, inverse_diagonal
+from .operators import AOROperator, FactorisedOperator, Operator, inverse_diagonal
 
 
 class Splitting(Shown, ABC):
@@ -114,10 +114,7 @@ class AOR(Splitting):
 
     def operator(self, A: sp.csr_array, shift: Vector) -> Operator:
         diagonal = A.diagonal() / self.theta1
-        inverse = inverse_diagonal(diagonal, shift)
-        if self.theta2 == 0:
-            return DiagonalOperator(inverse)
-        return AOROperator(inverse, A, self.theta2 / self.theta1)
+        return AOROperator(inverse_diagonal(diagonal, shift), A, self.theta2 / self.theta1)
 
 
 @dataclass(frozen=True)
@@ -132,7 +129,7 @@ class Whole(Splitting):
 
 
 class Given(Splitting):
-    """A user's own M₁: dense or sparse, shape (n, n). Diagonal and triangular ones run in compiled sweeps."""
+    """A user's own M₁: dense or sparse, shape (n, n). It is factorised unless it is diagonal."""
 
     def __init__(self, M1: Any) -> None:
         self.M1 = as_csr(M1, "splitting (M1)", keep_diagonal=True)
@@ -144,15 +141,9 @@ class Given(Splitting):
 
     def operator(self, A: sp.csr_array, shift: Vector) -> Operator:
         M1 = self.matrix(A)
-        diag = diagonal_positions(M1)
-        lower = bool((diag == M1.indptr[1:] - 1).all())
-        upper = bool((diag == M1.indptr[:-1]).all())
-        if not (lower or upper):
-            return FactorisedOperator(M1 + sp.diags_array(shift))
-        inverse = inverse_diagonal(M1.data[diag], shift)
-        if lower and upper:
-            return DiagonalOperator(inverse)
-        return TriangularOperator(inverse, M1, diag, lower)
+        if is_diagonal(M1):
+            return AOROperator(inverse_diagonal(M1.diagonal(), shift), A, 0.0)
+        return FactorisedOperator(M1 + sp.diags_array(shift))
 
     def __repr__(self) -> str:
         return f"Given(M1 with {self.M1.nnz} entries)"

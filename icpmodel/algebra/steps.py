@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
 from ..numerics import work
-from ..numerics.arrays import Vector, bandwidths, read_only
+from ..numerics.arrays import Vector, read_only
 from ..problem.data import ProblemData
 from ..problem.map import Map
 from ..problem.two_sided import ObstaclePair, obstacle_values, sides_of
@@ -41,43 +40,37 @@ def repeated_steps(step: Step, z: Vector, count: float) -> list[Stepped]:
     return step.several(z, several) if isinstance(step, Sweep) and several > 1 else [step(z)]
 
 
-def compiled_step(
-    problem: ProblemData, name: str, before: tuple[Any, ...], after: tuple[Any, ...], reach: int | None = None
-) -> Step:
-    """One compiled sweep as a step: `before` and `after` are the kernel's arguments around ψ.
+def compiled_step(problem: ProblemData, parameters: tuple[Any, ...], forward: bool = True) -> Step:
+    """One compiled sweep as a step, forward or backward through the rows, with the `parameters` of the kernel.
 
-    An affine ψ is evaluated inside the sweep; any other is called once for it. A forward sweep "in_order" makes several
-    in one call, two at a time, so that each entry of A is read once for both. `reach` is the upper bandwidth of A, None
-    where the sweep cannot do that.
+    An affine ψ is evaluated inside the sweep, of which several are then made in one call; any other
+    is called once for each.
     """
-    from .kernels.sweeps import SWEEPS
+    from .kernels.sweeps import in_order, some_in_order
 
     psi = problem.psi
+    A = problem.A
     inside = read_only(_compiled_obstacle(psi))
-    before = read_only(before)
-    after = read_only(after)
-    sweep = getattr(SWEEPS, name)
+    before = read_only((A.indptr, A.indices, A.data, problem.matrix.rows.diag, problem.matrix.row_weights, problem.q))
+    parameters = read_only(parameters)
     price = work.sweep(problem.n, problem.facts.entries)
 
     def step(z: Vector) -> tuple[Vector, float]:
         work.count(price)
         out = np.empty(z.size)
-        squares = sweep(*before, read_only(obstacle_values(psi, z)) if inside is None else inside, *after, z, out)
+        obstacle = read_only(obstacle_values(psi, z)) if inside is None else inside
+        squares = in_order(*before, obstacle, parameters, forward, z, out)
         return out, float(np.sqrt(squares))
 
-    if reach is None or inside is None:
+    if inside is None:
         return step
-    for one in sides_of(psi):  # the second sweep asks for what psi takes from the first too
-        if one.linear is not None and one.linear[0].nnz:
-            reach = max(reach, bandwidths(one.linear[0])[1])
-    some = partial(SWEEPS.some_in_order, *before, inside, *after, reach)
 
     def several(z: Vector, count: int) -> list[Stepped]:
         work.count(price * count)
         Z = np.empty((count + 1, z.size))
         squares = np.empty(count)
         Z[0] = z
-        some(Z, squares)
+        some_in_order(*before, inside, parameters, forward, Z, squares)
         return list(zip(Z[1:], np.sqrt(squares).tolist(), strict=True))
 
     return Sweep(step, several)
@@ -90,22 +83,16 @@ def _compiled_obstacle(psi: Map) -> Any:
     """
     sides = sides_of(psi)
     fixed = all(one.is_constant for one in sides)
-    forms = [
-        None if one.linear is None else one.linear[1] if fixed else (one.linear[1], *_csr(one.linear[0]))
-        for one in sides
-    ]
+    forms = [None if one.linear is None else one.linear[1] if fixed else _in_kernels(*one.linear) for one in sides]
     if any(form is None for form in forms):
         return None
     return forms[0] if len(forms) == 1 else ObstaclePair(*forms)
 
 
-def _csr(G: sp.csr_array) -> tuple[Any, Any, Any]:
-    return G.indptr, G.indices, G.data
+def _in_kernels(G: sp.csr_array, c: Vector) -> tuple[Any, ...]:
+    return c, G.indptr, G.indices, G.data
 
 
 def projected_sweep(problem: ProblemData, omega: float = 1.0, forward: bool = True) -> Step:
     """A sweep of projected SOR, from the first row to the last or from the last to the first."""
-    A = problem.A
-    rows = problem.matrix.rows
-    matrix = (A.indptr, A.indices, A.data, rows.diag, problem.matrix.row_weights, problem.q)
-    return compiled_step(problem, "in_order", matrix, ((omega,), forward), rows.above if forward else None)
+    return compiled_step(problem, (omega,), forward)

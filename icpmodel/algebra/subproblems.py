@@ -98,7 +98,7 @@ class Blocks:
         """
         if not wanted.any():
             return z, wanted
-        from .kernels.pivoting import solve_blocks  # loads numba
+        from .kernels.blocks import solve_blocks  # loads numba
 
         A = self.problem.A
         z = z.copy()

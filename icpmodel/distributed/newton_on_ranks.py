@@ -58,7 +58,7 @@ class Evaluation:
 
         Ranks exchange their values between two sweeps; the obstacles stay as they were.
         """
-        from ..algebra.kernels.sweeps import SWEEPS as LOOPS  # loads numba
+        from ..algebra.kernels.sweeps import in_order  # loads numba
 
         problem = self.problem
         matrix = self.problem.matrix
@@ -71,7 +71,7 @@ class Evaluation:
         for k in range(count):
             q = matrix.with_others(problem.q, at)
             if z.size:
-                LOOPS.in_order(*matrix.block, matrix.row_weights, q, psi, (1.0,), k % 2 == 0, z, out)
+                in_order(*matrix.block, matrix.row_weights, q, psi, (1.0,), k % 2 == 0, z, out)
                 z, out = out, z
             at.setArray(z)
         return at

@@ -137,7 +137,7 @@ def as_csr(value: Any, name: str, n: int | None = None, *, keep_diagonal: bool =
     Its arrays are read-only. `keep_diagonal` stores every diagonal entry, a zero one explicitly. Raises InputError.
     """
     if not sp.issparse(value):
-        return freeze(_compressed(as_square(value, name, n), keep_diagonal))
+        value = sp.csr_array(as_square(value, name, n))
     _check_square(value.shape, name, n)
     return freeze(as_rows(value, name, keep_diagonal))
 
@@ -191,21 +191,6 @@ def _not_finite_entry(name: str, i: int, j: int, entry: float) -> InputError:
     return InputError(f"{name}[{i}, {j}] is {entry}; a finite number was expected")
 
 
-def _compressed(array: NDArray[np.float64], keep_diagonal: bool) -> sp.csr_array:
-    """The entries of a dense square `array` that are not 0, and its diagonal where that is asked for, in CSR."""
-    stored = array != 0
-    if keep_diagonal:
-        np.fill_diagonal(stored, True)
-    # what SciPy would choose after looking at them all
-    index = np.int32 if array.size < _SHORT else np.int64
-    indptr = np.zeros(array.shape[0] + 1, dtype=index)
-    stored.sum(axis=1, dtype=index).cumsum(out=indptr[1:])
-    indices = stored.nonzero()[1].astype(index)
-    matrix = sp.csr_array((array[stored], indices, indptr), shape=array.shape)
-    matrix.has_canonical_format = True
-    return matrix
-
-
 def inner(x: Vector, y: Vector) -> float:
     """xᵀy, both of shape (n,)."""
     # vdot does not look for overflow, as ufuncs do; from some size on BLAS wakes threads, which then spin for a while
@@ -234,13 +219,9 @@ def smallest_size(*arrays: Vector) -> float:
 
 def row_norms(F: NDArray[np.float64]) -> Vector:
     """The norms of the rows of `F`, safe against over- and underflow of the squares; NaN where an entry is."""
-    norms = np.sqrt(np.einsum("ij,ij->i", F, F))
-    unsafe = ~((norms > 1e-140) & (norms < 1e140))
-    if unsafe.any():
-        largest = np.abs(F[unsafe]).max(axis=1)
-        unit = np.where((largest > 0.0) & (largest < np.inf), largest, 1.0)[:, None]
-        norms[unsafe] = unit[:, 0] * np.sqrt(np.square(F[unsafe] / unit).sum(axis=1))
-    return norms
+    largest = np.abs(F).max(axis=1, keepdims=True)
+    unit = np.where((largest > 0.0) & (largest < np.inf), largest, 1.0)
+    return unit[:, 0] * np.linalg.norm(F / unit, axis=1)
 
 
 class ReadOnly:
@@ -314,11 +295,12 @@ def is_diagonal(matrix: sp.csr_array) -> bool:
 
 def is_symmetric(matrix: sp.csr_array) -> bool:
     """Whether a sparse matrix equals its transpose, entry by entry."""
-    from .kernels.graph import mirrored  # loads numba
+    from .kernels.graph import signs  # loads numba
 
     matrix = sp.csr_array(matrix)
     if matrix.has_canonical_format and matrix.data.all():
-        return mirrored(matrix.indptr, matrix.indices, matrix.data)
+        found = signs(matrix.indptr, matrix.indices, matrix.data, 0.0)
+        return found.size == matrix.shape[0] and bool((found > 0.0).all())
     return (matrix != sp.csr_array(matrix.T)).nnz == 0  # zeros may be stored on one side only
 
 
@@ -332,12 +314,9 @@ def _with_stored_diagonal(matrix: sp.csr_array) -> sp.csr_array:
     n = matrix.shape[0]
     if np.count_nonzero(matrix.diagonal()) == n:  # the rule, and several times cheaper than to look for zeros
         return matrix
-    rows = row_of(matrix)
-    missing = np.setdiff1d(np.arange(n), rows[matrix.indices == rows])
-    places = np.append(rows, missing), np.append(matrix.indices, missing)
-    full = sp.csr_array(sp.coo_array((np.append(matrix.data, np.zeros(missing.size)), places), shape=matrix.shape))
-    full.sort_indices()
-    return full
+    diagonal = np.arange(n)
+    places = np.append(row_of(matrix), diagonal), np.append(matrix.indices, diagonal)
+    return sp.csr_array(sp.coo_array((np.append(matrix.data, np.zeros(n)), places), shape=matrix.shape))
 
 
 def as_float64(value: Any, name: str) -> NDArray[np.float64]:

@@ -81,28 +81,8 @@ def relative_interior(C: Rationals, e: Rational) -> tuple[Rational, list[int]] |
     """
     m = len(C)
     k = len(C[0])
-    # the unknowns are t⁺, t⁻, τ − 1, u, the slacks of the rows and those of u ≤ 1, and artificial ones where e_j < 0
-    columns = 2 * k + 1 + 3 * m + m
-    tableau = []
-    basis = []
-    for j in range(m):
-        sign = 1 if e[j] < 0 else -1
-        row = [Fraction(0)] * (columns + 1)
-        for i in range(k):
-            row[i], row[k + i] = sign * C[j][i], -sign * C[j][i]
-        row[2 * k] = sign * e[j]
-        row[2 * k + 1 + j] = row[2 * k + 1 + m + j] = Fraction(-sign)
-        row[-1] = -sign * e[j]
-        basis.append(2 * k + 1 + m + j)
-        if sign > 0:
-            basis[-1] = columns - m + j
-            row[basis[-1]] = Fraction(1)
-        tableau.append(row)
-    for j in range(m):
-        row = [Fraction(0)] * (columns + 1)
-        row[2 * k + 1 + j] = row[2 * k + 1 + 2 * m + j] = row[-1] = Fraction(1)
-        basis.append(2 * k + 1 + 2 * m + j)
-        tableau.append(row)
+    tableau, basis = _tableau(C, e)
+    columns = len(tableau[0]) - 1
     artificial = range(columns - m, columns)
     if _maximise(tableau, basis, [Fraction(-int(j in artificial)) for j in range(columns)], columns) < 0:
         return None
@@ -113,6 +93,33 @@ def relative_interior(C: Rationals, e: Rational) -> tuple[Rational, list[int]] |
     tau = 1 + x[2 * k]
     point = [(x[i] - x[k + i]) / tau for i in range(k)]
     return point, [j for j in range(m) if x[2 * k + 1 + j] == 0]
+
+
+def _tableau(C: Rationals, e: Rational) -> tuple[Rationals, list[int]]:
+    """The rows of the linear program with their right-hand sides, and the basic unknowns.
+
+    The unknowns are t⁺, t⁻, τ − 1, u, the slacks of the rows and those of u ≤ 1, and artificial ones
+    where e_j < 0.
+    """
+    m = len(C)
+    k = len(C[0])
+    columns = 2 * k + 1 + 3 * m + m
+    none = [Fraction(0)] * m
+    tableau = []
+    basis = []
+    for j in range(m):
+        unit = [Fraction(int(i == j)) for i in range(m)]
+        row = [*C[j], *(-c for c in C[j]), e[j], *(-x for x in unit + unit), *none, *unit, -e[j]]
+        if e[j] >= 0:
+            row = [-x for x in row]
+            row[columns - m + j] = Fraction(0)
+        basis.append(2 * k + 1 + m + j if e[j] >= 0 else columns - m + j)
+        tableau.append(row)
+    for j in range(m):
+        unit = [Fraction(int(i == j)) for i in range(m)]
+        tableau.append([*([Fraction(0)] * (2 * k + 1)), *unit, *none, *unit, *none, Fraction(1)])
+        basis.append(2 * k + 1 + 2 * m + j)
+    return tableau, basis
 
 
 def _maximise(tableau: Rationals, basis: list[int], cost: Rational, columns: int) -> Fraction:

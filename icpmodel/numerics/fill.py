@@ -18,8 +18,10 @@ from .work import Fill, dense_cost, factor_cost, least_factor_cost
 _ANALYSIS = 100_000.0
 _ANALYSIS_ENTRY = 150.0
 _SLOWEST = 50.0
-#: a graph of more rows than this is not analysed where a breadth-first layer has more than this share of them
+#: a graph of more rows than this, with more entries in the mean row, is not analysed where a breadth-first layer has
+#: more than this share of the rows
 _SMALL = 2000
+_THIN = 5
 _WIDE = 0.125
 #: entries that differ by a smaller share are the same up to rounding
 _SAME = 1e-13
@@ -63,6 +65,8 @@ def ordered(A: sp.csr_array, symmetric: bool = False) -> tuple[Fill, NDArray[np.
     from .kernels.graph import column_counts
 
     n = A.shape[0]
+
+
 from .arrays import Vector, bandwidths, is_symmetric, read_only
 from .threads import run_with_deadline
 
@@ -168,14 +172,14 @@ class SymbolicAnalysis:
         """A rough fill where a breadth-first layer has many of the rows, as in an expander; None else."""
         A = self.matrix
         n = A.shape[0]
-        if n <= _SMALL:
+        if n <= _SMALL or A.nnz <= _THIN * n:
             return None
         from .kernels.graph import layers  # loads numba
 
         work.charge(4.0 * work.product(n, A.nnz))
         last = 0
         for _ in range(2):  # the second time from the far end
-            layer, order = layers(A.indptr, A.indices, np.ones(A.nnz), np.arange(n) == last)
+            layer, order = layers(*read_only((A.indptr, A.indices, np.ones(A.nnz))), np.arange(n) == last)
             last = order[-1]
         widest = float(np.bincount(layer[order]).max())
         rough = Fill(n, widest**2, widest**3 / 3.0, False, symmetric=self.signs is not None)

@@ -1,21 +1,33 @@
-"""The linear systems of Newton's method: the solver that fits the matrix, or None where it has no solution."""
+"""Linear systems of Newton's method, by the solver that fits the matrix.
+
+===========================  ========================  ================================================
+Kind of matrix               Solver                    Where it is taken
+===========================  ========================  ================================================
+array, or it fills up        LAPACK: Cholesky, LU      a sparse factorisation costs more than n³/3
+band                         LAPACK: Cholesky, LU      at most twice the cost of no fill at all
+sparse, symmetric by signs   QDLDL, then SuperLU       else; its fill is known before
+sparse, general              SuperLU                   else; its fill is known before
+fills up, D > 0              GCR                       100 steps cost less than the factorisation
+M-matrix on a grid           Krylov with multigrid     ten V-cycles cost less: `algebra.cycled_equations`
+===========================  ========================  ================================================
+
+Rows are brought to one size first. Where GCR does not converge M is factorised as well. The costs
+are those of `numerics.work`, the fill that of `numerics.fill`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
 from typing import Any, Protocol
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
-from .arrays import Vector, bandwidths, is_symmetric, norm, row_of
+from .arrays import Vector, norm
 from .equilibration import Exponents, in_units, row_exponents
 from .factorisation import factorise, largest_of_columns, of_array, of_dense
 from .fill import SymbolicAnalysis
 from .krylov import INEXACT, conjugate_residuals, gcr_step_cost
-from .multigrid import KrylovMultigrid, krylov_cost
 from .work import check_budget, count, factor_cost, product
 
 
@@ -25,8 +37,6 @@ class Solver(Protocol):
     def __call__(self, f: Vector, tolerance: float, transposed: bool = False) -> Vector | None: ...
 
 
-#: more diagonals than this are no band
-_WIDEST_BAND = 16
 #: the relative error up to which systems count as solved
 _BACKWARD = 1e-12
 #: the share of the diagonal that is added so that a singular matrix is seen in time, the least that did it in every
@@ -35,21 +45,19 @@ _NUDGE = 2.0**-36
 _SMALL = 0.5
 #: what is added to smaller entries of the diagonal, in units of the largest one of the column: enough for a pivot
 _SHIFT = 2.0**-25
-#: so many Krylov steps multigrid needs as a rule
-STEPS = 10
-#: and so many GCR without a preconditioner
+#: so many Krylov steps GCR needs without a preconditioner
 MANY_STEPS = 100
+#: and where the fill is not known it may make so many
+_MOST_STEPS = 1000
 
 
-def solver_of(M: sp.csr_array, by_multigrid: bool | None = None, analysis: SymbolicAnalysis | None = None) -> Solver:
+def solver_of(M: Any, analysis: SymbolicAnalysis | None = None) -> Solver:
     """A solver of Mx = f and Mᵀx = f for many f.
 
     Parameters
     ----------
-    M : CSR array of shape (n, n)
+    M : CSR or dense array of shape (n, n)
         The matrix.
-    by_multigrid : bool, optional
-        Whether multigrid is taken; by default where a factorisation is predicted to cost more.
     analysis : SymbolicAnalysis, optional
         Symbolic analysis of M, where one was begun.
 
@@ -62,79 +70,44 @@ def solver_of(M: sp.csr_array, by_multigrid: bool | None = None, analysis: Symbo
     ------
     OutOfTime, OutOfMemory
         Where a factorisation takes more than is left.
-
-    Notes
-    -----
-    Multigrid is for matrices with a positive diagonal and nothing positive off it. Krylov's method
-    is for others with a positive diagonal that fill up. Where these do not converge M is factorised
-    as well: as a band, as a dense or as a sparse matrix. Rows are brought to one size first.
     """
     if M.shape[0] == 0:
         return lambda f, tolerance, transposed=False: f
-    if not np.isfinite(M.data).all():
+    if not np.isfinite(M.data if sp.issparse(M) else M).all():
         return lambda f, tolerance, transposed=False: None
-    analysis = analysis or SymbolicAnalysis(M)
-    exponents = cache(lambda: row_exponents(M))
-    scaled = cache(lambda: in_units(M, exponents()))
-    if by_multigrid is None:
-        by_multigrid = multigrid_pays(M, analysis, krylov_cost(M.nnz, STEPS))
-    else:
-        by_multigrid = by_multigrid and is_for_multigrid(M)
-    iterative = _multigrid(M, scaled(), exponents()) if by_multigrid else _by_steps(M, analysis)
-
-    @cache
-    def direct() -> tuple[Solver, Exponents | int, Exponents | int]:
-        """By factors, and in which units of the rows and columns."""
-        if analysis.is_dense or analysis.is_band:
-            # Cholesky's factor is as good in all units, and others would take the symmetry
-            if analysis.is_symmetric and (factors := factorise(M, definite=True, analysis=analysis)):
-                return _by(factors), 0, 0
-            # what fills up in one unit does in the other
-            return _by(of_dense(scaled()) if analysis.is_dense else factorise(scaled())), exponents(), 0
-        if analysis.signs is None:
-            return _nudged(scaled(), analysis), exponents(), 0
-        both = exponents() // 2  # as large as before at the most, and as symmetric as it was
-        return _nudged(in_units(M, both, both), analysis), both, both
+    analysis = analysis or (SymbolicAnalysis(M) if sp.issparse(M) else None)
+    iterative = None if analysis is None else _by_steps(M, analysis)
+    direct = cache(lambda: _by_factors(M, analysis))
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
         check_budget()
         x = None if iterative is None else iterative(f, tolerance, transposed)
         if x is None:
-            by_factors, rows, columns = direct()
+            solved, rows, columns = direct()
             if transposed:
                 rows, columns = columns, rows
-            x = by_factors(np.ldexp(f, rows), tolerance, transposed)
+            x = solved(np.ldexp(f, rows), tolerance, transposed)
             x = x if x is None else np.ldexp(x, columns)
         return x if x is not None and np.isfinite(x).all() else None
 
     return solve
 
 
-def multigrid_pays(M: sp.csr_array, analysis: SymbolicAnalysis, cost: float) -> bool:
-    """Whether multigrid is for M, CSR, n × n, and its `cost`, in nanoseconds, less than that of a factorisation."""
-    return analysis.band_costs_more(cost) and is_for_multigrid(M) and analysis.costs_more(cost)
-
-
-def _multigrid(M: sp.csr_array, scaled: sp.csr_array, exponents: Exponents) -> Solver:
-    if is_symmetric(M):
-        either = KrylovMultigrid(M)
-        return lambda f, tolerance, transposed=False: either.solve(f, tolerance)
-    forward = KrylovMultigrid(scaled)
-
-    @cache
-    def backward() -> tuple[KrylovMultigrid, Exponents]:
-        turned = sp.csr_array(scaled.T)
-        units = row_exponents(turned)
-        return KrylovMultigrid(in_units(turned, units)), units
-
-    def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
-        if not transposed:
-            return forward.solve(np.ldexp(f, exponents), tolerance)
-        multigrid, units = backward()
-        x = multigrid.solve(np.ldexp(f, units), tolerance)
-        return None if x is None else np.ldexp(x, exponents)
-
-    return solve
+def _by_factors(M: Any, analysis: SymbolicAnalysis | None) -> tuple[Solver, Exponents | int, Exponents | int]:
+    """The solver by factors of the equilibrated M, and the exponents of the rows and columns."""
+    exponents = row_exponents(M)
+    if analysis is None:
+        return _by(of_array(np.array(in_units(M, exponents), order="F"))), exponents, 0
+    if analysis.is_dense or analysis.is_band:
+        # Cholesky's factor is as good in all units, and others would take the symmetry
+        if analysis.is_symmetric and (factors := factorise(M, definite=True, analysis=analysis)):
+            return _by(factors), 0, 0
+        scaled = in_units(M, exponents)
+        return _by(of_dense(scaled) if analysis.is_dense else factorise(scaled)), exponents, 0
+    if analysis.signs is None:
+        return _nudged(in_units(M, exponents), analysis), exponents, 0
+    both = exponents // 2  # as large as before at the most, and as symmetric as it was
+    return _nudged(in_units(M, both, both), analysis), both, both
 
 
 def _by_steps(M: sp.csr_array, analysis: SymbolicAnalysis) -> Solver | None:
@@ -152,25 +125,11 @@ def _by_steps(M: sp.csr_array, analysis: SymbolicAnalysis) -> Solver | None:
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
         nonlocal failed
-        most = min(int(factor_cost(analysis.fill) / a_step), M.shape[0])
+        most = int(factor_cost(analysis.fill) / a_step) if analysis.fill.seen else _MOST_STEPS
+        most = min(most, M.shape[0])
         x = None if failed else conjugate_residuals(turned() if transposed else M, f, most, tolerance)
         failed = x is None
         return x
-
-    return solve
-
-
-def dense_solver(M: NDArray[np.float64]) -> Solver:
-    """The same of a dense matrix."""
-    if not np.isfinite(M).all():
-        return lambda f, tolerance, transposed=False: None
-    exponents = row_exponents(M)
-    scaled = _by(of_array(np.array(in_units(M, exponents), order="F")))
-
-    def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
-        before, after = (0, exponents) if transposed else (exponents, 0)
-        x = scaled(np.ldexp(f, before), tolerance, transposed)
-        return np.ldexp(x, after) if x is not None and np.isfinite(x).all() else None
 
     return solve
 
@@ -250,34 +209,3 @@ def _refined(M: sp.csr_array, units: Vector, by_factors: Solver) -> Solver:
             before = size
 
     return solve
-
-
-def by_refinement(
-    solve: Callable[[Vector], Vector], f: Vector, rest_of: Callable[[Vector], Vector], enough: float, solves: int
-) -> tuple[Vector, float]:
-    """x, near where the rest f − Mx, `rest_of`(x), is 0, and the norm of that, by what solves nearly: so many times at
-    the most, as long as that helps and more than `enough` is left."""
-    best = np.zeros(f.size)
-    least = np.inf
-    x = np.zeros(f.size)
-    rest = f
-    for _ in range(solves):
-        x = x + solve(rest)
-        rest = rest_of(x)
-        left = norm(rest)
-        if not left < least:
-            break
-        best = x
-        least = left
-        if left <= enough:
-            break
-    return best, least
-
-
-def is_for_multigrid(M: sp.csr_array) -> bool:
-    """Whether M has the signs of an M-matrix and is no band."""
-    return bool(
-        sum(bandwidths(M)) >= _WIDEST_BAND
-        and (M.diagonal() > 0).all()
-        and not (M.data[row_of(M) != M.indices] > 0).any()
-    )

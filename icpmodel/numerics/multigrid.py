@@ -19,7 +19,7 @@ from .arrays import Vector, is_symmetric
 _STALLED = 500
 #: with multigrid as preconditioner a Krylov method that needs more steps will not get there
 KRYLOV_STEPS = 30
-#: steps where nothing else is left to try
+#: and so many are made where nothing else is left to try
 _STEPS = 100
 #: what SciPy's direct solvers, on the coarsest level, make of a matrix that is singular, or not finite
 _FAILURES = (RuntimeError, ValueError, ArithmeticError)
@@ -38,12 +38,6 @@ def cycle_cost(n: int, nnz: int) -> float:
     return work.COSTS.cycle + work.COSTS.cycle_entry * work.entries(n, nnz)
 
 
-def krylov_cost(nnz: int, steps: int, hierarchy: bool = True) -> float:
-    """What so many steps of a Krylov method cost that multigrid preconditions, with its hierarchy or without."""
-    made = work.COSTS.hierarchy + work.COSTS.hierarchy_entry * nnz if hierarchy else 0.0
-    return made + steps * (work.COSTS.krylov + work.COSTS.krylov_entry * nnz)
-
-
 def ruge_stuben(A: sp.csr_array, **options: Any) -> Any:
     """PyAMG's algebraic multigrid hierarchy of `A` by Ruge and Stüben (1987), with the `options` of its solver.
 
@@ -58,36 +52,6 @@ def ruge_stuben(A: sp.csr_array, **options: Any) -> Any:
         if made.levels[-1].A.shape[0] > _STALLED:
             made.coarse_solver = pyamg.coarse_grid_solver("splu")
         return made
-
-
-class KrylovMultigrid:
-    """CG, or BiCGSTAB where `A` (CSR, n × n) is not symmetric, with one cycle of `ruge_stuben` as preconditioner."""
-
-    def __init__(self, A: sp.csr_array) -> None:
-        work.check_budget(krylov_cost(A.nnz, 0), HIERARCHY_BYTES * A.nnz)
-        self._A, self._hierarchy = A, ruge_stuben(A)
-        work.count(krylov_cost(A.nnz, 0))
-        self._accelerate = "cg" if is_symmetric(A) else "bicgstab"
-
-    def solve(self, f: Vector, tolerance: float, maxiter: int = KRYLOV_STEPS) -> Vector | None:
-        """x with ‖Ax − f‖ ≤ 2·`tolerance`‖f‖, shape (n,); None where the steps break down or do not get there."""
-        x = self.best(f, tolerance, maxiter)
-        with np.errstate(all="ignore"):
-            good = x is not None and np.linalg.norm(self._A @ x - f) <= 2 * tolerance * np.linalg.norm(f)
-        return x if good else None
-
-    def best(self, f: Vector, tolerance: float, maxiter: int = KRYLOV_STEPS) -> Vector | None:
-        """What the steps end with, near or far; None where the coarsest level is singular."""
-        made: list[float] = []
-        work.check_budget(krylov_cost(self._A.nnz, 1, hierarchy=False))
-        options = {"maxiter": maxiter, "accel": self._accelerate, "residuals": made}
-        with _quiet():
-            try:
-                return np.asarray(self._hierarchy.solve(f, tol=tolerance, **options))
-            except _FAILURES:
-                return None
-            finally:
-                work.count(krylov_cost(self._A.nnz, len(made), hierarchy=False))
 
 
 def linear_solve(A: sp.csr_array, b: Vector, tolerance: float = 1e-8) -> Vector:
@@ -105,22 +69,30 @@ def linear_solve(A: sp.csr_array, b: Vector, tolerance: float = 1e-8) -> Vector:
     Returns
     -------
     array of shape (n,)
-        x.
+        x, which may not have got to the tolerance.
 
     Raises
     ------
     LinAlgError
-        Where the hierarchy or the steps fail.
+        Where the coarsest level of the hierarchy is singular.
 
     Examples
     --------
     >>> linear_solve(sp.csr_array([[2.0, 0.0], [0.0, 4.0]]), np.array([2.0, 4.0])).round(6)
     array([1., 1.])
     """
-    x = KrylovMultigrid(A).best(b, tolerance, maxiter=_STEPS)
-    if x is None:
-        raise np.linalg.LinAlgError("A is singular on the coarsest level of its hierarchy")
-    return x
+    steps: list[float] = []
+    costs = work.COSTS
+    work.charge(costs.hierarchy + costs.hierarchy_entry * A.nnz, HIERARCHY_BYTES * A.nnz)
+    hierarchy = ruge_stuben(A)
+    options = {"maxiter": _STEPS, "accel": "cg" if is_symmetric(A) else "bicgstab", "residuals": steps}
+    with _quiet():
+        try:
+            return np.asarray(hierarchy.solve(b, tol=tolerance, **options))
+        except _FAILURES as error:
+            raise np.linalg.LinAlgError("A is singular on the coarsest level of its hierarchy") from error
+        finally:
+            work.count(len(steps) * (costs.krylov + costs.krylov_entry * A.nnz))
 
 
 @contextmanager

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -48,7 +47,12 @@ def checked_sparse(value: Any, name: str) -> Any:
             counts = (rows // height, columns // width)[:: -1 if value.format == "csc" else 1]
             _check_compressed(indptr, indices[: indptr[-1]], data.shape[0], *counts)
             return getattr(sp, f"{value.format}_array")((data, indices[: indptr[-1]], indptr), shape=value.shape)
-        data, positions = _STORED[value.format](value)
+        if value.format == "lil" and [*map(len, value.rows)] != [*map(len, value.data)]:
+            raise ValueError("a row has other numbers of positions than of entries")
+        if value.format == "dia":
+            _check_within(_whole(value.offsets), 1 - rows, columns, "the offset")
+        value = value.tocoo()  # none of the other formats is read by compiled code without a check
+        data, positions = value.data, value.coords
         positions = tuple(_whole(one) for one in positions)
         for axis, (one, most) in enumerate(zip(positions, value.shape, strict=True)):
             if one.shape != data.shape or data.ndim != 1:
@@ -66,36 +70,6 @@ def is_compressed(indptr: np.ndarray, indices: np.ndarray, rows: int, columns: i
     except (IndexError, ValueError):
         return False
     return True
-
-
-def _of_dok(value: Any) -> tuple[np.ndarray, Any]:
-    keys = np.array(list(value.keys())).reshape(value.nnz, value.ndim)
-    return np.array(list(value.values()), dtype=value.dtype), keys.T if keys.size else keys.T.astype(np.intp)
-
-
-def _of_lil(value: Any) -> tuple[np.ndarray, Any]:
-    lengths = [len(row) for row in value.rows]
-    if lengths != [len(row) for row in value.data]:
-        raise ValueError("a row has other numbers of positions than of entries")
-    columns = np.array(list(chain.from_iterable(value.rows)) or np.empty(0, np.intp))
-    numbers = np.fromiter(chain.from_iterable(value.data), dtype=value.dtype)
-    return numbers, (np.repeat(np.arange(len(lengths)), lengths), columns)
-
-
-def _of_dia(value: Any) -> tuple[np.ndarray, Any]:
-    offsets = _whole(value.offsets)
-    rows, columns = value.shape
-    if value.data.ndim != 2 or offsets.shape != value.data.shape[:1] or np.unique(offsets).size != offsets.size:
-        raise ValueError(f"diagonals {offsets} for data of shape {value.data.shape}; one of each was expected")
-    _check_within(offsets, 1 - rows, columns, "the offset")
-    column = np.arange(value.data.shape[1])
-    row = column - offsets[:, None]
-    inside = (row >= 0) & (row < rows) & (column < columns)
-    return value.data[inside], (row[inside], np.broadcast_to(column, row.shape)[inside])
-
-
-#: format → the numbers that are stored and their positions along each axis
-_STORED = {"coo": lambda value: (value.data, value.coords), "dok": _of_dok, "lil": _of_lil, "dia": _of_dia}
 
 
 def _whole(positions: Any) -> np.ndarray:

@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cache
-from queue import SimpleQueue
 from threading import TIMEOUT_MAX, Lock, Thread
 from typing import Any, TypeVar
 
@@ -17,8 +16,6 @@ from .work import nanoseconds_left, seconds_left
 
 #: loops over so many entries are worth threads
 THREADS_FROM = 1_000_000
-#: so many rows a thread goes ahead of the one that follows it
-CHUNK = 50_000
 #: what makes rows low <= i < high
 OfRows = Callable[[int, int], Any]
 _T = TypeVar("_T")
@@ -103,34 +100,3 @@ def pools(user_api: str) -> Any:
     import threadpoolctl
 
     return threadpoolctl.ThreadpoolController().select(user_api=user_api)
-
-
-def run_pipelined(size: int, threads: int, first: OfRows, second: OfRows, lag: int, *, chunk: int = CHUNK) -> None:
-    """`first(low, high)` over range(`size`), then `second`, which asks for nothing that is `lag` or more ahead of it.
-
-    With more than one of the `threads` the second follows in one of its own, a `chunk` of rows behind.
-    """
-    if threads == 1 or lag > chunk:
-        first(0, size)
-        second(0, size)
-        return
-    reached: SimpleQueue[int | None] = SimpleQueue()
-
-    def follow() -> None:
-        done = 0
-        while done < size and (end := reached.get()) is not None:
-            ready = size if end == size else max(end - lag, 0)
-            second(done, ready)
-            done = ready
-
-    with ThreadPoolExecutor(1) as behind:
-        following = behind.submit(follow)
-        low = 0
-        try:
-            for high in [*range(chunk, size, chunk), size]:
-                first(low, high)
-                reached.put(high)
-                low = high
-        finally:
-            reached.put(None)  # so that it does not wait for ever where `first` was interrupted
-        following.result()

@@ -8,11 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import icpmodel as icp
-from icpmodel.algebra.operators import AOROperator, FactorisedOperator, TriangularOperator, inverse_diagonal
+from icpmodel.algebra.operators import AOROperator, FactorisedOperator, inverse_diagonal
 from icpmodel.algebra.splittings import AOR, Given, Whole
 from icpmodel.algebra.steps import repeated_steps
 from icpmodel.methods.contract import named
-from icpmodel.numerics.threads import run_pipelined
 
 
 @numba.njit
@@ -94,12 +93,11 @@ def test_collapse_identity_the_paper_s_modulus_step_is_one_preconditioned_step(k
     assert residual == pytest.approx(problem.residual(z), rel=1e-12)
 
 
-def test_triangular_members_do_not_factorise():
+def test_relaxation_does_not_factorise():
     A = random_problem(0, "zero")[0].A
     shift = np.ones(A.shape[0])
     assert isinstance(AOR(1.0, 1.0).operator(A, shift), AOROperator)
-    assert isinstance(Given(sp.tril(A)).operator(A, shift), TriangularOperator)
-    assert isinstance(Given(sp.triu(A)).operator(A, shift), TriangularOperator)
+    assert isinstance(Given(np.eye(A.shape[0])).operator(A, shift), AOROperator)
     assert isinstance(Given(A).operator(A, shift), FactorisedOperator)
 
 
@@ -167,21 +165,6 @@ def test_sweeps_made_at_once_are_the_sweeps(method, moves):
 @pytest.mark.parametrize("q", [[1e200, -1e200], [1e-300, -1e-300], [5e-324, -1.0]])
 def test_sweeps_in_one_call_take_numbers_whose_squares_are_none(q):
     assert icp.ICP(4 * np.eye(2), q).solve("psor").solved
-
-
-def test_what_interrupts_the_first_thread_ends_the_second():
-    """And what the second one raises comes out."""
-    seen = []
-
-    def first(low, high):
-        if low == 4:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        run_pipelined(9, 2, first, lambda low, high: seen.append((low, high)), 1, chunk=2)
-    assert seen == [(0, 1), (1, 3)]
-    with pytest.raises(ZeroDivisionError):
-        run_pipelined(9, 2, lambda low, high: None, lambda low, high: 1 / (4 - high), 0, chunk=2)
 
 
 def test_a_sweep_that_raises_leaves_nothing_behind():

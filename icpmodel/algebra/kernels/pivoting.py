@@ -1,9 +1,8 @@
-"""Lemke's complementary pivots on a dense dictionary: `methods.shortcuts` says what for.
+"""Lemke's complementary pivots on a dense dictionary, see `methods.shortcuts`.
 
 The dictionary of w = q + My + d·t, d = 1, has one row per basic variable: x_B = D[:, :n + 1] x_N + D[:, n + 1]. Labels
 of the variables: w_i is i, y_i is n + i, the artificial t is 2n. `place[label]` is the row of a basic variable, and −1
-less its column for the others. S, r and c are what `balancing.scale` returns; it is not called from here, as numba's
-cache on disk would not notice that it was changed.
+less its column for the others. S, r and c are what `balancing.scale` returns.
 """
 
 from __future__ import annotations
@@ -21,20 +20,11 @@ SOLVED = 0
 RAY = 1
 UNFINISHED = 2
 SINGULAR = 3
-#: in place of a label that is to enter: begin, or with a q that is moved a little, or go on with rows without obstacle
+#: in place of a label that is to enter: begin
 START = -1
-NUDGED = -2
-REACHING = -3
 #: in a column of the dictionary, a smaller share of its largest entry counts as zero; ratios so near are ties
 _ZERO = 1e-11
 _TIE = 1e-13
-#: by how much q, whose largest entry is about 1, is moved so that no ties are left
-_NUDGE = 1e-8
-#: blocks: entries within 2^±so many of each other need no units of their own; pivots per row
-_TAME = 40
-_PIVOTS = 50
-#: the exponent of 0
-_NONE = -5000
 
 
 @compiled
@@ -108,11 +98,12 @@ def _of_inverse(D, i, k, place):
 
 
 @compiled
-def reach(D, free, basic, nonbasic, place, first, limit):
-    # up to `limit` pivots by which w_i leaves and y_i enters in the rows without obstacle, the largest each time: how
-    # they ended, the largest of all, and how many are left of the limit
+def reach(D, free, basic, nonbasic, place):
+    # pivots by which w_i leaves and y_i enters in the rows without obstacle, the largest each time: whether they are
+    # regular. There w_i = 0 has left for good, and y_i, of either sign, has entered
     n = D.shape[0]
-    for made in range(limit + 1):
+    first = 0.0
+    for _ in range(n):
         row: Any = np.int64(-1)
         column: Any = np.int64(-1)
         largest = 0.0
@@ -127,46 +118,36 @@ def reach(D, free, basic, nonbasic, place, first, limit):
                         largest = abs(D[i, j])
         first = max(first, largest)
         if not left:
-            return UNFINISHED, first, limit - made
+            break
         if not largest > _ZERO * first:
-            return SINGULAR, first, 0
-        if made < limit:
-            exchange(D, row, column, basic, nonbasic, place)
-    return REACHING, first, 0
+            return False
+        exchange(D, row, column, basic, nonbasic, place)
+    return True
 
 
 @compiled
-def set_up(S, q, free, D, basic, nonbasic, place, nudge):
-    # the dictionary of w in y and t, q moved by up to `nudge` in every row its own way
+def start(S, q, free, D, basic, nonbasic, place):
+    # the dictionary of w in y and t without the rows that have no obstacle: how the run ended, and the label to enter
     n = S.shape[0]
     for i in range(n):
         for j in range(n):
             D[i, j] = S[i, j]
         D[i, n] = 0.0 if free[i] else 1.0
-        D[i, n + 1] = q[i] + nudge * D[i, n] * (1.0 + math.sin((i + 1.0) ** 2))
+        D[i, n + 1] = q[i]
         basic[i], nonbasic[i], place[i], place[n + i] = i, n + i, i, -1 - i
     nonbasic[n] = 2 * n
     place[2 * n] = -1 - n
-
-
-@compiled
-def start(D, free, basic, nonbasic, place, work, limit):
-    # from the first dictionary, of which work[0] is the largest pivot so far: how the run ended, the label that is to
-    # enter, and how many pivots are left of the limit. In rows without obstacle w_i = 0 has left for good, and y_i, of
-    # either sign, has entered
-    n = D.shape[0]
-    code, work[0], left = reach(D, free, basic, nonbasic, place, work[0], limit)
-    if code != UNFINISHED:
-        return (UNFINISHED if code == REACHING else code), REACHING, 0
+    if not reach(D, free, basic, nonbasic, place):
+        return SINGULAR, START
     row: Any = np.int64(-1)
     for i in range(n):  # the last of equal ones is the lexicographically least
         if basic[i] < n and D[i, n + 1] < 0.0 and (row < 0 or D[i, n + 1] <= D[row, n + 1]):
             row = i
     if row < 0:
-        return SOLVED, -1, 0
+        return SOLVED, START
     entering = n + basic[row]
     exchange(D, row, n, basic, nonbasic, place)
-    return UNFINISHED, entering, left
+    return UNFINISHED, entering
 
 
 @compiled
@@ -214,19 +195,17 @@ def _refine(S, f, D, basic, nonbasic, y, work):
 
 @compiled
 def go_on(S, f, free, units, D, labels, work, entering, limit):
-    # a start (entering < 0), up to `limit` pivots: how they ended, what is to enter, y, and of a ray its direction
+    # a start, where nothing enters yet, and up to `limit` pivots: how they ended, what is to enter, y, and of a ray
+    # its direction
     n = S.shape[0]
     basic = labels[:n]
     nonbasic = labels[n : 2 * n + 1]
     place = labels[2 * n + 1 : 4 * n + 2]
     ties = labels[4 * n + 2 :]
     code = UNFINISHED
-    if entering in (START, NUDGED):
-        set_up(S, f, free, D, basic, nonbasic, place, _NUDGE if entering == NUDGED else 0.0)
-        work[0] = 0.0
-    if entering < 0:
-        code, entering, limit = start(D, free, basic, nonbasic, place, work, limit)
-    if code == UNFINISHED and entering >= 0:
+    if entering == START:
+        code, entering = start(S, f, free, D, basic, nonbasic, place)
+    if code == UNFINISHED:
         code, entering = pivot(D, free, basic, nonbasic, place, ties, entering, limit)
     y = np.zeros(n)
     ray = np.zeros(n)
@@ -299,90 +278,3 @@ def each(M, Q, C, limit, Z):
     for k in range(Q.shape[0]):
         S, r, c = scale(M[k])
         many(S, r, c, M[k], Q[k : k + 1], C[k : k + 1], limit, Z[k : k + 1])
-
-
-@compiled
-def row(indptr, indices, data, i, z):
-    # (the diagonal entry of row i, the sum over its other columns of the entry times z)
-    own = 0.0
-    others = 0.0
-    for k in range(indptr[i], indptr[i + 1]):
-        if indices[k] == i:
-            own += data[k]
-        else:
-            others += data[k] * z[indices[k]]
-    return own, others
-
-
-@compiled
-def _block(indptr, indices, data, q, c, slopes, block, place, z):
-    # the LCP of the rows in `block` over their obstacles, z being what it is in the others: (S, exponent, f, free),
-    # where 2^-exponent S has entries up to 1; the exponent is _NONE where the block needs units of its own. To z goes
-    # the obstacle, or 0 where there is none
-    b = block.size
-    S = np.zeros((b, b))
-    f = np.empty(b)
-    free = np.empty(b, np.bool_)
-    for at in range(b):
-        i = block[at]
-        place[i] = at
-        free[at] = c[i] == -np.inf
-        z[i] = 0.0 if free[at] else c[i] + row(*slopes, i, z)[1]
-    low = -_NONE
-    high = _NONE
-    finite = True
-    for at in range(b):
-        i = block[at]
-        f[at] = q[i]
-        for e in range(indptr[i], indptr[i + 1]):
-            f[at] += data[e] * z[indices[e]]
-            if place[indices[e]] >= 0:
-                S[at, place[indices[e]]] += data[e]
-        finite = finite and math.isfinite(f[at])
-        for j in range(b):
-            if S[at, j] != 0.0:
-                low = min(low, math.frexp(S[at, j])[1])
-                high = max(high, math.frexp(S[at, j])[1])
-    for at in range(b):
-        place[block[at]] = -1
-    return S, high if finite and high - low <= _TAME else _NONE, f, free
-
-
-@compiled
-def solve_blocks(indptr, indices, data, q, c, slopes, above, rows, starts, wanted, z):
-    # the wanted blocks k, rows[starts[k] : starts[k + 1]], in turn: a row is a maximum, more are pivoted, G = `slopes`
-    # having no entry there. Returns which may be solved: none that needs units of its own, or need not have one answer.
-    # `above` is None, or (slopes, d) of the obstacle above; then there are only rows
-    solved = np.zeros(wanted.size, np.bool_)
-    place = np.empty(z.size, np.int32)
-    for i in range(z.size):
-        place[i] = -1
-    for k in range(wanted.size):
-        if not wanted[k]:
-            continue
-        block = rows[starts[k] : starts[k + 1]]
-        b = block.size
-        i = block[0]
-        if b == 1:
-            own, p = row(indptr, indices, data, i, z)
-            slope, r = row(*slopes, i, z)
-            z[i] = max((r + c[i]) / (1.0 - slope), -(p + q[i]) / own)
-            if above is not None:
-                slope, r = row(*above[0], i, z)
-                z[i] = min((r + above[1][i]) / (1.0 - slope), z[i])
-            solved[k] = own > 0.0 and slope < 1.0 and math.isfinite(z[i])
-            continue
-        S, high, f, free = _block(indptr, indices, data, q, c, slopes, block, place, z)
-        if high == _NONE:
-            continue
-        exponents = np.empty(b, np.int64)
-        none = np.zeros(b, np.int64)
-        for at in range(b):
-            exponents[at] = -high
-            for j in range(b):
-                S[at, j] = math.ldexp(S[at, j], -high)
-        code, _, y, _ = go_on(*begin(S, exponents, none, f, free), np.int64(START), _PIVOTS * (b + 1))
-        solved[k] = code == SOLVED
-        for at in range(b):
-            z[block[at]] += y[at]
-    return solved

@@ -9,8 +9,6 @@ others compare no indices. ψ enters as `psi`, resolved when the loop is compile
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 from numba import types
 from numba.extending import overload
 
@@ -144,77 +142,16 @@ def in_order(indptr, indices, data, diag, weights, q, psi, par, forward, z, out)
 
 
 @compiled
-def some_in_order(indptr, indices, data, diag, weights, q, psi, par, forward, reach, Z, squares):
-    # sweeps one after the other, Z[0] -> Z[1] -> ...; two forward ones at a time: no row of A reaches further above its
-    # diagonal than `reach`, so that the second follows so many rows behind the first, and the two do not wait for each
-    # other
-    k = uint(0)
-    n = uint(Z.shape[1])
-    lag = uint(reach)
-    while forward and k + uint(1) < uint(squares.size):
-        squares[k] = 0.0
-        squares[k + 1] = 0.0
-        for i in range(n + lag):
-            if i < n:
-                squares[k] += _row(i, True, indptr, indices, data, diag, weights, q, psi, par, Z[k], Z[k + 1])
-            if i >= lag:
-                j = i - lag
-                squares[k + 1] += _row(j, True, indptr, indices, data, diag, weights, q, psi, par, Z[k + 1], Z[k + 2])
-        k += uint(2)
-    while k < uint(squares.size):
+def some_in_order(indptr, indices, data, diag, weights, q, psi, par, forward, Z, squares):
+    # sweeps one after the other, Z[0] -> Z[1] -> ...
+    for k in range(squares.size):
         squares[k] = in_order(indptr, indices, data, diag, weights, q, psi, par, forward, Z[k], Z[k + 1])
-        k += uint(1)
 
 
 @compiled
-def diagonal(indptr, indices, data, weights, q, psi, omega, inverse, z, out):
-    # X = diag(1/inverse): the rows do not wait for each other
-    squares = 0.0
-    start = uint(indptr[0])
-    for i in range(uint(z.size)):
-        end = uint(indptr[i + uint(1)])
-        low = psi_entry(psi, i, z)
-        top = upper_entry(psi, i, z)
-        p = row_sum(q[i], start, end, indices, data, z)
-        r = z[i] - low
-        start = end
-        natural = lifted(_smaller(weights[i] * p, r), z[i], low, top, 1.0)
-        squares += natural * natural
-        out[i] = z[i] - (2.0 * inverse[i]) * pressed(_smaller(p, omega[i] * r), z[i], top, omega[i])
-    return squares
-
-
-@compiled
-def triangular(indptr, indices, data, weights, q, psi, omega, start, stop, x_indices, x_data, inverse, forward, z, out):
-    # X = diag(1/inverse) + T with T strictly triangular, its row i at start[i] ... stop[i] of x_indices, x_data
-    squares = 0.0
-    n = z.size
-    for step in range(n):
-        i = uint(step if forward else n - 1 - step)
-        low = psi_entry(psi, i, z)
-        top = upper_entry(psi, i, z)
-        p = row_sum(q[i], indptr[i], indptr[i + uint(1)], indices, data, z)
-        r = z[i] - low
-        total = 0.0
-        k = uint(start[i])
-        end = uint(stop[i])
-        while k < end:
-            j = uint(x_indices[k])
-            total += x_data[k] * (out[j] - z[j])
-            k += one()
-        natural = lifted(_smaller(weights[i] * p, r), z[i], low, top, 1.0)
-        squares += natural * natural
-        moved = pressed(_smaller(p, omega[i] * r), z[i], top, omega[i])
-        out[i] = z[i] - inverse[i] * (2.0 * moved + total)
-    return squares
-
-
-@compiled
-def substitute(start, stop, indices, data, tau, inverse, forward, f, out):
-    # X out = f for X = diag(1/inverse) + tau * T, row i of the strictly triangular T at start[i] ... stop[i]
-    n = f.size
-    for step in range(n):
-        i = uint(step if forward else n - 1 - step)
+def substitute(start, stop, indices, data, tau, inverse, f, out):
+    # X out = f for X = diag(1/inverse) + tau * T, row i of the strict lower triangle T at start[i] ... stop[i]
+    for i in range(uint(f.size)):
         out[i] = inverse[i] * (f[i] - tau * row_sum(0.0, start[i], stop[i], indices, data, out))
 
 
@@ -227,6 +164,3 @@ def bounded(indptr, indices, data, diag, scale, growth, tiny, f, v, g, out):
         total = row_sum(total, uint(diag[i]) + uint(1), indptr[i + uint(1)], indices, data, v)
         moved = (f[i] + scale[i] * total) * growth[i] + tiny[i]
         out[i] = g[i] if moved <= g[i] else moved  # NaN stays
-
-
-SWEEPS = SimpleNamespace(in_order=in_order, some_in_order=some_in_order, diagonal=diagonal, triangular=triangular)

@@ -58,28 +58,6 @@ def cut(indptr, indices, data, q, rows, z):
     return starts, columns[:at], values[:at], inside
 
 
-@compiled
-def mirrored(indptr, indices, data):
-    # whether the entries below the diagonal are, in order, those above it; rows are sorted
-    n = indptr.size - 1
-    ahead = np.empty(n, indptr.dtype)
-    for i in range(n):
-        k = uint(indptr[i])
-        stop = uint(indptr[i + 1])
-        while k < stop and indices[k] < i:
-            j = uint(indices[k])
-            e = uint(ahead[j])
-            if e >= uint(indptr[j + uint(1)]) or indices[e] != i or data[e] != data[k]:
-                return False
-            ahead[j] += 1
-            k += one()
-        ahead[i] = k + one() if k < stop and indices[k] == i else k
-    complete = True
-    for i in range(n):
-        complete &= ahead[i] >= indptr[i + 1]
-    return complete
-
-
 @inlined
 def _root(i, into, sign):
     # the row that stands for all that have been joined with row i, and the sign of row i against its own
@@ -207,11 +185,13 @@ def column_counts(indptr, indices, place):
     # as number place[i]: the row subtrees of the elimination tree, see Liu, SIAM J. Matrix Anal. Appl. 11 (1990)
     n = place.size
     row = np.empty(n, np.int64)
-    parent = np.full(n, -1)
-    seen = np.full(n, -1)
+    parent = np.empty(n, np.int64)
+    seen = np.empty(n, np.int64)
     count = np.zeros(n)
     for i in range(n):
         row[place[i]] = i
+        parent[i] = -1
+        seen[i] = -1
     for k in range(n):
         seen[k] = k
         for e in range(indptr[row[k]], indptr[row[k] + 1]):
@@ -222,4 +202,9 @@ def column_counts(indptr, indices, place):
                 count[j] += 1.0
                 seen[j] = k
                 j = parent[j]
-    return count.sum(), (count * count).sum()
+    entries = 0.0
+    squares = 0.0
+    for k in range(n):
+        entries += count[k]
+        squares += count[k] * count[k]
+    return entries, squares

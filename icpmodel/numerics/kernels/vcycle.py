@@ -1,9 +1,8 @@
 """The two halves of a V-cycle on one level, on the rows where `free`; the others keep the correction 0.
 
 Gauss–Seidel goes forward before the coarser level and backward after it, so that the cycle of a symmetric matrix is
-symmetric. `diag[i]` is where the diagonal entry of row i stands; P's rows are those of the finer level. Every loop
-takes its rows from `low` to `high`, counted from the side where it begins. And the steps of a Krylov method about it,
-and what the levels on ranks begin with.
+symmetric. `diag[i]` is where the diagonal entry of row i stands; P's rows are those of the finer level. And the steps
+of a Krylov method about it, and what the levels on ranks begin with.
 """
 
 from __future__ import annotations
@@ -14,16 +13,16 @@ from . import compiled, one, row_sum, uint
 
 
 @compiled
-def sweep_down(indptr, indices, data, diag, inverse, free, f, x, low, high):
+def sweep_down(indptr, indices, data, diag, inverse, free, f, x):
     # one forward sweep from x = 0, which needs the lower triangle alone
-    for i in range(uint(low), uint(high)):
+    for i in range(uint(x.size)):
         x[i] = -row_sum(-f[i], indptr[i], diag[i], indices, data, x) * inverse[i] if free[i] else 0.0
 
 
 @compiled
-def restrict(indptr, indices, data, diag, free, p_indptr, p_indices, p_data, x, coarse, low, high):
+def restrict(indptr, indices, data, diag, free, p_indptr, p_indices, p_data, x, coarse):
     # coarse + P'(f - Ax), where the residual of a row that was just swept is the product of x with its upper triangle
-    for i in range(uint(low), uint(high)):
+    for i in range(uint(x.size)):
         if free[i]:
             left = -row_sum(0.0, diag[i] + uint(1), indptr[i + uint(1)], indices, data, x)
             k = uint(p_indptr[i])
@@ -34,19 +33,18 @@ def restrict(indptr, indices, data, diag, free, p_indptr, p_indices, p_data, x, 
 
 
 @compiled
-def interpolate(free, p_indptr, p_indices, p_data, coarse, x, low, high):
-    # x + P coarse, from the last row on
-    n = x.size
-    for i in range(uint(n - high), uint(n - low)):
+def interpolate(free, p_indptr, p_indices, p_data, coarse, x):
+    # x + P coarse
+    for i in range(uint(x.size)):
         if free[i]:
             x[i] = row_sum(x[i], p_indptr[i], p_indptr[i + uint(1)], p_indices, p_data, coarse)
 
 
 @compiled
-def sweep_up(indptr, indices, data, inverse, free, f, x, low, high):
+def sweep_up(indptr, indices, data, inverse, free, f, x):
     # one backward sweep
     n = x.size
-    for step in range(low, high):
+    for step in range(n):
         i = uint(n - 1 - step)
         if free[i]:
             x[i] -= row_sum(-f[i], indptr[i], indptr[i + uint(1)], indices, data, x) * inverse[i]

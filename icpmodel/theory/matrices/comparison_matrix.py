@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ import scipy.sparse as sp
 from ...numerics import work
 from ...numerics.arrays import Vector, as_csr, diagonal_positions, is_symmetric, row_of
 from ...numerics.factorisation import factorise
-from ...numerics.multigrid import KrylovMultigrid
+from ...numerics.multigrid import linear_solve
 from ..answers import Answer
 
 _FACTORISE_FIRST = 20_000  #: up to this size a factorisation costs less than looking for a cheaper way
@@ -97,12 +98,14 @@ def solve_for_diagonal(M: sp.csr_array) -> Vector | None:
     rows = sp.csr_array(sp.diags_array(1.0 / diagonal) @ M)  # so that units do not look like singularity
     ones = np.ones(M.shape[0])
     if M.shape[0] > _FACTORISE_FIRST and (diagonal > 0).all():
-        v = KrylovMultigrid(rows).best(ones, 0.5 / np.sqrt(ones.size))
-        if v is not None and (v > 0).all() and (rows @ v > 0).all():
-            return v
+        with suppress(np.linalg.LinAlgError):
+            v = linear_solve(rows, ones, 0.5 / np.sqrt(ones.size))
+            if (v > 0).all() and (rows @ v > 0).all():
+                return v
     lu = factorise(rows)
-    v = None if lu is None else lu.solve(ones)
-    return v if v is not None and np.isfinite(v).all() else None
+    if lu is None or not np.isfinite(v := lu.solve(ones)).all():
+        return None
+    return v
 
 
 def layered(comparison: sp.csr_array) -> Vector | None:

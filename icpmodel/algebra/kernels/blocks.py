@@ -1,0 +1,88 @@
+"""Small blocks of rows that follow one another, solved in turn: a row is a maximum, more are pivoted."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ...numerics.kernels import compiled
+from .balancing import scale
+from .pivoting import SOLVED, START, begin, go_on
+
+#: pivots per row of a block
+_PIVOTS = 50
+
+
+@compiled
+def row(indptr, indices, data, i, z):
+    # (the diagonal entry of row i, the sum over its other columns of the entry times z)
+    own = 0.0
+    others = 0.0
+    for k in range(indptr[i], indptr[i + 1]):
+        if indices[k] == i:
+            own += data[k]
+        else:
+            others += data[k] * z[indices[k]]
+    return own, others
+
+
+@compiled
+def _block(indptr, indices, data, q, c, slopes, block, place, z):
+    # the LCP of the rows in `block` over their obstacles, z being what it is in the others: (matrix, f, free). To z
+    # goes the obstacle, or 0 where there is none
+    b = block.size
+    M = np.zeros((b, b))
+    f = np.empty(b)
+    free = np.empty(b, np.bool_)
+    for at in range(b):
+        i = block[at]
+        place[i] = at
+        free[at] = c[i] == -np.inf
+        z[i] = 0.0 if free[at] else c[i] + row(*slopes, i, z)[1]
+    for at in range(b):
+        i = block[at]
+        f[at] = q[i]
+        for e in range(indptr[i], indptr[i + 1]):
+            f[at] += data[e] * z[indices[e]]
+            if place[indices[e]] >= 0:
+                M[at, place[indices[e]]] += data[e]
+    for at in range(b):
+        place[block[at]] = -1
+    return M, f, free
+
+
+@compiled
+def solve_blocks(indptr, indices, data, q, c, slopes, above, rows, starts, wanted, z):
+    # the wanted blocks k, rows[starts[k] : starts[k + 1]], in turn: a row is a maximum, more are pivoted, G = `slopes`
+    # having no entry there. Returns which are solved: none that is not finite, or need not have one answer. `above` is
+    # None, or (slopes, d) of the obstacle above; then there are only rows
+    solved = np.zeros(wanted.size, np.bool_)
+    place = np.empty(z.size, np.int32)
+    for i in range(z.size):
+        place[i] = -1
+    for k in range(wanted.size):
+        if not wanted[k]:
+            continue
+        block = rows[starts[k] : starts[k + 1]]
+        b = block.size
+        i = block[0]
+        if b == 1:
+            own, p = row(indptr, indices, data, i, z)
+            slope, r = row(*slopes, i, z)
+            z[i] = max((r + c[i]) / (1.0 - slope), -(p + q[i]) / own)
+            if above is not None:
+                slope, r = row(*above[0], i, z)
+                z[i] = min((r + above[1][i]) / (1.0 - slope), z[i])
+            solved[k] = own > 0.0 and slope < 1.0 and math.isfinite(z[i])
+            continue
+        M, f, free = _block(indptr, indices, data, q, c, slopes, block, place, z)
+        finite = True
+        for at in range(b):
+            finite = finite and math.isfinite(f[at])
+        if finite:
+            code, _, y, _ = go_on(*begin(*scale(M), f, free), np.int64(START), _PIVOTS * (b + 1))
+            solved[k] = code == SOLVED
+            for at in range(b):
+                z[block[at]] += y[at]
+    return solved
