@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import MapError
 from ..numerics.arrays import Mask, Vector
 from ..numerics.rounding import SMALLEST, UNIT_ROUNDOFF, gamma
 from ..present.card import Card
@@ -24,13 +23,8 @@ from ..theory.certificates.bounds import USERS_WORD, ErrorBound
 from .distributed_icp import DistributedICP
 from .distributed_levels import DistributedLevels
 from .distributed_matrix import DistributedMatrix
-from .newton_on_ranks import newton_steps, simplified
 from .ranks import largest, norm, totals
 
-#: share of the residual that Newton's steps towards a better z are to leave
-_SHARPER = 1e-3
-#: such steps at the most
-_SHARPENING_STEPS = 3
 #: (how it was found, v, α, β)
 HPlusVectors = tuple[str, Vector, Vector, Vector]
 
@@ -94,7 +88,7 @@ def certify(problem: DistributedICP, z: Any, levels: DistributedLevels | None = 
     z : Vec
         Any point.
     levels : DistributedLevels, optional
-        The levels of a solve with the same A, which also sharpen the bound.
+        The levels of a solve with the same A.
 
     Returns
     -------
@@ -117,8 +111,6 @@ def certify(problem: DistributedICP, z: Any, levels: DistributedLevels | None = 
     if isinstance(proof, str):
         return here.certificate(ErrorBound.none(proof))
     delta = here.bound(proof)
-    if levels is not None:
-        delta = _sharpened(problem, z, levels, proof, delta)
     value = largest(problem.comm, float(delta.max(initial=0.0)))[0]
     change = moved(problem, delta)
     sentence = f"A is an H+-matrix ({proof[0]})" + (USERS_WORD if problem.calls_users else "")
@@ -171,30 +163,6 @@ class _Point:
             inactive = inactive & (-self.above > of_r)
             at_upper = self.p < -of_p
         return active & ~inactive, inactive & ~active & ~at_upper, at_upper & ~inactive
-
-
-def _sharpened(
-    problem: DistributedICP, z: Any, levels: DistributedLevels, proof: HPlusVectors, delta: Vector
-) -> Vector:
-    """The better one of δ(z) and |z − ẑ| + δ(ẑ), ẑ from a few of Newton's steps. Collective."""
-    before = levels.steps
-    try:
-        path = newton_steps(levels, simplified(problem), z, 0)
-        better = next(path)
-        wanted = _SHARPER * better.residual
-        for _ in range(_SHARPENING_STEPS):
-            better = path.send(wanted)
-            if better.residual <= wanted:
-                break
-        beyond = _Point(problem, better.z).bound(proof)
-    except MapError:  # ψ need not have a value anywhere but at z
-        return delta
-    finally:
-        levels.steps = before
-    with np.errstate(over="ignore", invalid="ignore"):
-        candidate = (np.abs(z.array_r - better.z.array_r) + beyond) * (1 + 4 * UNIT_ROUNDOFF)
-    ours, theirs = largest(problem.comm, float(delta.max(initial=0.0)), float(candidate.max(initial=0.0)))
-    return candidate if theirs < ours or not np.isfinite(ours) else delta
 
 
 def rounding(problem: DistributedICP, z: Any) -> tuple[Vector, Vector]:

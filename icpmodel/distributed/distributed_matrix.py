@@ -4,30 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..numerics.arrays import Vector
+from ..numerics.arrays import Vector, diagonal_positions
 from ..numerics.rounding import SMALLEST, gamma
 from ..problem.matrix import weights_of
 from .ranks import largest, petsc, together, totals
 
 #: what rounding may make of Au − Aᵀu, as a share of ‖Au‖
 _SYMMETRIC = 1e-10
-
-
-class Block(NamedTuple):
-    """The rows and columns of one rank as compiled sweeps take them: CSR, whose arrays may go on beyond its last entry,
-    and where its diagonal is."""
-
-    indptr: NDArray[np.integer]
-    indices: NDArray[np.integer]
-    data: Vector
-    diag: NDArray[np.integer]
 
 
 class DistributedMatrix:
@@ -55,42 +45,25 @@ class DistributedMatrix:
         """min_i d_i: ‖D⁻¹x‖ ≤ ‖x‖/min d_i. Collective, the first time."""
         return 1.0 / largest(self.comm, float(self.row_weights.max(initial=0.0)))[0]
 
-    @property
-    def block(self) -> Block:
-        """The own rows and columns. Collective, the first time."""
-        return self._parts[0]
-
-    def with_others(self, q: Vector, z: Any) -> Vector:
-        """`q` and what the unknowns of other ranks add to Az in the own rows, at the `Vec` `z`: less than a product, as
-        only rows with such unknowns are multiplied, and only with those. Collective."""
-        if self.comm.size == 1:
-            return q
-        _, rows, beyond, scatter, ghosts = self._parts
-        scatter.scatter(z, ghosts)
-        q = q.copy()
-        q[rows] += beyond @ ghosts.array_r
-        return q
+    @cached_property
+    def block(self) -> sp.csr_array:
+        """The own rows and columns, CSR."""
+        indptr, indices, data = self.mat.getDiagonalBlock().getValuesCSR()
+        return sp.csr_array((data, indices, indptr), shape=(self.high - self.low,) * 2)
 
     @cached_property
-    def _parts(self) -> tuple[Block, NDArray[np.integer], sp.csr_array, Any, Any]:
-        """The block, which own rows have entries in the columns of other ranks, these, what gets those unknowns, and
-        where they are put. Collective, the first time."""
-        from ..numerics.kernels.vcycle import split_off  # loads numba
+    def block_diagonal(self) -> NDArray[np.integer]:
+        """Where the diagonal entries of the block are stored."""
+        return diagonal_positions(self.block)
 
-        PETSc = petsc()
-        indptr, indices, data = self.mat.getValuesCSR()  # split in place: there is no second copy
-        indptr, diag, rows, columns, others = split_off(indptr, indices, data, self.low)
-        asked, columns = np.unique(columns, return_inverse=True)
-        bordering, rows = np.unique(rows, return_inverse=True)
-        beyond = sp.csr_array((others, (rows, columns)), shape=(bordering.size, asked.size))
-        ghosts = PETSc.Vec().createSeq(asked.size, comm=PETSc.COMM_SELF)
-        which = PETSc.IS().createGeneral(asked, comm=PETSc.COMM_SELF)
-        scatter = PETSc.Scatter().create(self._template, which, ghosts, None)
-        return Block(indptr, indices, data, diag), bordering, beyond, scatter, ghosts
+    def with_others(self, q: Vector, z: Any) -> Vector:
+        """`q` and what the unknowns of other ranks add to Az in the own rows, at the `Vec` `z`. Collective."""
+        return q if self.comm.size == 1 else q + (self.product(z).array_r - self.block @ z.array_r)
 
-    def forget_parts(self) -> None:
-        """Give back what sweeps on this level needed, once there are none any more."""
-        vars(self).pop("_parts", None)
+    def forget_block(self) -> None:
+        """Free what sweeps on this level needed."""
+        for name in ("block", "block_diagonal"):
+            vars(self).pop(name, None)
 
     @cached_property
     def own_entries(self) -> tuple[int, bool, bool, Vector]:

@@ -64,6 +64,8 @@ class Evaluation:
         matrix = self.problem.matrix
         z = self.z.array_r
         at = self.z.copy()
+        A = matrix.block
+        rows = (A.indptr, A.indices, A.data, matrix.block_diagonal, matrix.row_weights)
         psi: Any = z - self.below
         if self.above is not None:
             psi = ObstaclePair(psi, z - self.above)
@@ -71,7 +73,7 @@ class Evaluation:
         for k in range(count):
             q = matrix.with_others(problem.q, at)
             if z.size:
-                in_order(*matrix.block, matrix.row_weights, q, psi, (1.0,), k % 2 == 0, z, out)
+                in_order(*rows, q, psi, (1.0,), k % 2 == 0, z, out)
                 z, out = out, z
             at.setArray(z)
         return at
@@ -159,7 +161,7 @@ def start(levels: DistributedLevels, problem: DistributedICP) -> Any:
             if at.residual <= enough:
                 break
             at = path.send(enough)
-        problems[top].matrix.forget_parts()
+        problems[top].matrix.forget_block()
         z = levels.levels[top - 1].interpolated(at.z)
         z.array = z.array_r + shifts[top - 1]
     return z

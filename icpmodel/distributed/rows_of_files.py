@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
+import scipy.sparse as sp
 
 from ..errors import FileError
 from ..modelling.archive import opened
 from ..modelling.matrix_market import MarketHead, Places, check_count, check_end, entries_of, market_head, numbers_of
 from ..modelling.petsc_binary import PetscFile
 from ..numerics.arrays import Vector
-from .distributed_matrix import check_counts, from_rows
+from .distributed_matrix import from_rows
 from .ranks import petsc, together
 
 #: the ends of the names of files that can be read in parts
@@ -49,15 +50,9 @@ def vector_in(path: Path, mat: Any) -> Vector:
     vector = mat.createVecLeft()
     vector.set(0.0)
     # one of i and j is 0
-    return _added(vector, i + j, values)
-
-
-def _added(vector: Any, places: Places, values: Any) -> Vector:
-    """The own entries of the `vector` once `values` are added at the `places` of all ranks. Collective."""
-    PETSc = petsc()
-    vector.setValues(places.astype(PETSc.IntType), values, addv=PETSc.InsertMode.ADD_VALUES)
+    vector.setValues((i + j).astype(petsc().IntType), values, addv=petsc().InsertMode.ADD_VALUES)
     vector.assemble()
-    own: Vector = vector.array.copy()
+    own = vector.array.copy()
     return own
 
 
@@ -124,28 +119,8 @@ def lines_within(raw: BinaryIO, begin: int, low: int, high: int) -> Iterator[byt
 
 def _assembled(comm: Any, n: int, i: Places, j: Places, values: Vector) -> Any:
     """The n × n `Mat` of the entries that all ranks have, those that are there twice added. Collective."""
-    PETSc = petsc()
-    with together(comm):
-        check_counts(n, values.size)
-    counting = PETSc.Vec().createMPI(n, comm=comm)
-    low, high = counting.getOwnershipRange()
-    ends = counting.getOwnershipRanges()[1:]
-    near = np.searchsorted(ends, i, side="right") == np.searchsorted(ends, j, side="right")
-    lengths = []
-    for which, most in ((near, high - low), (~near, n - high + low)):
-        counting.set(0.0)
-        found = _added(counting, i[which], np.ones(np.count_nonzero(which)))
-        lengths.append(np.minimum(found, most).astype(PETSc.IntType))
-    with together(comm):
-        check_counts(n, sum(int(one.sum(dtype=np.int64)) for one in lengths))
-    mat = PETSc.Mat().create(comm)
-    mat.setSizes(((high - low, n), (high - low, n)))
-    mat.setType("aij")
-    mat.setPreallocationNNZ(tuple(lengths))
-    # said on all ranks: one without rows would not say so itself, and wait for another message than the others
-    mat.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, True)
-    if values.size:
-        rows, columns = (one.astype(PETSc.IntType)[:, None] for one in (i, j))
-        mat.setValuesRCV(rows, columns, values[:, None], addv=PETSc.InsertMode.ADD_VALUES)
-    mat.assemble()
-    return mat
+    low, high = petsc().Vec().createMPI(n, comm=comm).getOwnershipRange()
+    owner = np.searchsorted(comm.allgather(high), i, side="right")
+    found = comm.alltoall([(i[mine], j[mine], values[mine]) for mine in (owner == k for k in range(comm.size))])
+    i, j, values = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    return from_rows(sp.csr_array((values, (i - low, j)), shape=(high - low, n)), comm)

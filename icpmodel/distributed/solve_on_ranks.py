@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, MapError, NotApplicable, NotSolved
-from ..numerics.arrays import as_truth, smallest_size
+from ..numerics.arrays import as_truth
 from ..numerics.rounding import public_entry
 from ..solve.goal import RTOL, Limits
 from ..solve.progress import status_line
@@ -167,7 +167,7 @@ class _Run:
         self.problem, self.limits, self.watch, self.say = problem, limits, watch, say
         self.begin, self.iterations, self.scale, self.tolerance, self.wanted = time.perf_counter(), 0, np.inf, 0.0, 0.0
         self.levels: DistributedLevels | None = None
-        self.best, self.least, self.size = problem.vector(), np.inf, np.inf
+        self.best, self.least = problem.vector(), np.inf
 
     def status_from(self, z0: Any) -> tuple[Status, str]:
         """(the status, what is to be said of it)."""
@@ -178,7 +178,10 @@ class _Run:
         if not np.isfinite(scale):
             _check_maps(problem, z, "at the start")
             raise MapError("the residual at the start is not finite")
-        self.scale = scale or _least_term(problem)
+        if not scale:  # Res(0) = 0: no start is nearer
+            self._seen(problem.vector(), 0.0)
+            return Status.SOLVED, ""
+        self.scale = scale
         self.tolerance = self.wanted = float(self.limits.tolerance(self.scale))
         if self.limits.atol and (paper := problem.paper_residual(z)) > 0:
             self.wanted = max(self.wanted, self.limits.atol * first / paper)  # about what Res ≤ atol takes
@@ -237,10 +240,6 @@ class _Run:
 
     def _reached(self, z: Any, residual: float) -> bool:
         """Whether `z`, with Res_D(z) = `residual`, is what was asked for. Collective."""
-        if not self.scale:  # as in `solve.goal`
-            size = norm(self.problem.comm, z.array_r)
-            self.size = min(self.size, size)
-            self.tolerance = float(self.limits.tolerance(self.size))
         if residual <= self.tolerance or not self.limits.atol:
             return residual <= self.tolerance
         return self.problem.paper_residual(z) <= self.limits.atol
@@ -301,14 +300,6 @@ class _Run:
             seconds=time.perf_counter() - self.begin,
             levels=levels,
         )
-
-
-def _least_term(problem: DistributedICP) -> float:
-    """The smallest term of Res_D(0) that is not 0, or 0, as in `ProblemData.residual_scale`. Collective."""
-    _, *sides = problem.sides(problem.vector())
-    least = smallest_size(problem.matrix.row_weights * problem.q, *(side for side in sides if side is not None))
-    inverse = largest(problem.comm, 1.0 / least if least else 0.0)[0]
-    return 1.0 / inverse if inverse else 0.0
 
 
 def _check_maps(problem: DistributedICP, z: Any, when: str) -> None:

@@ -49,9 +49,7 @@ def checked_sparse(value: Any, name: str) -> Any:
             return getattr(sp, f"{value.format}_array")((data, indices[: indptr[-1]], indptr), shape=value.shape)
         if value.format == "lil" and [*map(len, value.rows)] != [*map(len, value.data)]:
             raise ValueError("a row has other numbers of positions than of entries")
-        if value.format == "dia":
-            _check_within(_whole(value.offsets), 1 - rows, columns, "the offset")
-        value = value.tocoo()  # none of the other formats is read by compiled code without a check
+        value = _of_dia(value) if value.format == "dia" else value.tocoo()
         data, positions = value.data, value.coords
         positions = tuple(_whole(one) for one in positions)
         for axis, (one, most) in enumerate(zip(positions, value.shape, strict=True)):
@@ -70,6 +68,18 @@ def is_compressed(indptr: np.ndarray, indices: np.ndarray, rows: int, columns: i
     except (IndexError, ValueError):
         return False
     return True
+
+
+def _of_dia(value: Any) -> Any:
+    """The diagonals as COO, which SciPy reads in compiled code."""
+    offsets = _whole(value.offsets)
+    if value.data.shape[:-1] != offsets.shape:
+        raise ValueError(f"diagonals {offsets} for data of shape {value.data.shape}; one of each was expected")
+    _check_within(offsets, 1 - value.shape[0], value.shape[1], "the offset")
+    column = np.tile(np.arange(value.data.shape[1]), offsets.size)
+    row = column - np.repeat(offsets, value.data.shape[1])
+    inside = (row >= 0) & (row < value.shape[0]) & (column < value.shape[1])
+    return sp.coo_array((value.data.ravel()[inside], (row[inside], column[inside])), shape=value.shape)
 
 
 def _whole(positions: Any) -> np.ndarray:

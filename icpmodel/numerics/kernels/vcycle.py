@@ -70,39 +70,3 @@ def largest_of(indptr, groups, data, count):
                 places[j] = k
                 rows[j] = i
     return places, rows
-
-
-@compiled
-def split_off(indptr, indices, data, low):
-    # what stands in the columns of these rows themselves, which begin with `low`, moves to the front of the arrays, its
-    # columns counted from there: returns its indptr, where its diagonal is (every row must have one), and row, column
-    # and entry of all else
-    n = indptr.size - 1
-    high = low + n
-    count = 0
-    for k in range(indices.size):
-        count += not low <= indices[k] < high
-    own = np.empty_like(indptr)
-    diag = np.empty_like(indptr[:-1])
-    rows = np.empty(count, indices.dtype)
-    columns = np.empty(count, indices.dtype)
-    others = np.empty(count)
-    at = 0
-    beyond = 0
-    own[0] = 0
-    for i in range(n):
-        for k in range(indptr[i], indptr[i + 1]):
-            j = indices[k]
-            if low <= j < high:
-                if j == low + i:
-                    diag[i] = at
-                indices[at] = j - low
-                data[at] = data[k]
-                at = at + 1
-            else:
-                rows[beyond] = i
-                columns[beyond] = j
-                others[beyond] = data[k]
-                beyond = beyond + 1
-        own[i + 1] = at
-    return own, diag, rows, columns, others
