@@ -65,10 +65,18 @@ def ordered(A: sp.csr_array, symmetric: bool = False) -> tuple[Fill, NDArray[np.
     from .kernels.graph import column_counts
 
     n = A.shape[0]
+    work.charge(_analysis_cost(A))
+    graph = sp.csr_array((np.ones(A.nnz), A.indices, A.indptr), shape=A.shape)
+    graph = sp.csc_array((graph if symmetric else graph + graph.T) + sp.diags_array(np.full(n, 1e3)))
+    options = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
+    place = run_with_deadline(partial(spilu, graph, drop_tol=0.5, fill_factor=1.0, **options), _SLOWEST * n**2).perm_c
+    entries, squares = column_counts(*read_only((graph.indptr, graph.indices, place)))
+    fill = Fill(n, 2.0 * (entries + n), entries + squares, True)
+    return min(fill, fill._replace(symmetric=symmetric), key=factor_cost), np.argsort(place)
 
 
-from .arrays import Vector, bandwidths, is_symmetric, read_only
-from .threads import run_with_deadline
+def _analysis_cost(A: sp.csr_array) -> float:
+    return _ANALYSIS + _ANALYSIS_ENTRY * A.nnz
 
 
 class SymbolicAnalysis:
