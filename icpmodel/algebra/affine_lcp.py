@@ -172,12 +172,12 @@ def dense_lcp(problem: ProblemData) -> AffineLcp:
 
 def some_pivots(state: Any, entering: int, most: int) -> Any:
     """Up to `most` pivots as `kernels.pivoting.go_on` makes and returns them, in pieces. Raises OutOfTime."""
-    from .kernels.pivoting import START, UNFINISHED, go_on  # loads numba
+    from .kernels.pivoting import UNFINISHED, go_on  # loads numba
 
     n = len(state[0])
     price = work.COSTS.pivot_entry * n**2
     piece = work.pieces(price)
-    if entering == START:  # the rows without obstacle leave in one piece
+    if entering < 0:  # the rows without obstacle leave in one piece
         work.charge(np.count_nonzero(state[2]) * price)
     while True:
         count = min(piece, most)

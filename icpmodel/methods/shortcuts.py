@@ -56,8 +56,9 @@ class Lemke(Shortcut):
     moves with z_i alone, and by less, is a constant (see `with_fixed_obstacle`). Rows without obstacle are eliminated
     first.
 
-    **Ties** in the ratio test are broken lexicographically, so that no basis comes back. Where rounding lets one come
-    back the pivots end. The last basis is refined.
+    **Ties** in the ratio test are broken lexicographically, so that no basis comes back. Where one does, rounding has
+    hidden a tie. Then the pivots begin again with a q that is perturbed by 1e-8 of its size. The last basis is
+    refined, for q itself.
 
     **What it solves.** It finds a solution where A is a P-matrix. Where A is positive semidefinite (copositive-plus) it
     finds one if there is any. Otherwise it may end in a ray. The ray, and the y of a linear program, are tried as
@@ -84,25 +85,27 @@ class Lemke(Shortcut):
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         # raises SingularOperator where I − G is singular, or A in the rows without obstacle
-        from ..algebra.kernels.pivoting import SINGULAR, SOLVED, START, UNFINISHED  # loads numba
+        from ..algebra.kernels.pivoting import NUDGED, SINGULAR, SOLVED, START, UNFINISHED  # loads numba
 
         yield z, None
         lcp = dense_lcp(problem)
         state = lcp.start()
-        entering = START
-        ended = UNFINISHED
-        seen = set[bytes]()
-        while ended == UNFINISHED:
-            ended, entering, y, ray = some_pivots(state, entering, len(lcp.q))
-            if ended == SINGULAR:
-                row = int(np.argmax(lcp.free))
-                raise SingularOperator("A is singular in the rows and columns without obstacle below", row)
-            z = lcp.z(y)  # where a ray begins because A is nearly singular, t may be as good as 0
-            yield z, None
-            basis = np.sort(state[5][: len(lcp.q)]).tobytes()
-            if basis in seen:
-                return
-            seen.add(basis)
+        for entering in (START, NUDGED):
+            ended = UNFINISHED
+            seen = set[bytes]()
+            while ended == UNFINISHED:
+                ended, entering, y, ray = some_pivots(state, entering, len(lcp.q))
+                if ended == SINGULAR:
+                    row = int(np.argmax(lcp.free))
+                    raise SingularOperator("A is singular in the rows and columns without obstacle below", row)
+                z = lcp.z(y)  # where a ray begins because A is nearly singular, t may be as good as 0
+                yield z, None
+                basis = np.sort(state[5][: len(lcp.q)]).tobytes()
+                if basis in seen:
+                    break
+                seen.add(basis)
+            if ended != UNFINISHED:
+                break
         if ended == SOLVED:
             with suppress(SingularOperator):  # then what the pivots found has to do
                 z = solve_on(problem, z, *lcp.held(y))

@@ -20,8 +20,10 @@ SOLVED = 0
 RAY = 1
 UNFINISHED = 2
 SINGULAR = 3
-#: in place of a label that is to enter: begin
+#: in place of a label that is to enter: begin, or with a q that is moved by this share of its size
 START = -1
+NUDGED = -2
+_NUDGE = 1e-8
 #: in a column of the dictionary, a smaller share of its largest entry counts as zero; ratios so near are ties
 _ZERO = 1e-11
 _TIE = 1e-13
@@ -126,14 +128,15 @@ def reach(D, free, basic, nonbasic, place):
 
 
 @compiled
-def start(S, q, free, D, basic, nonbasic, place):
-    # the dictionary of w in y and t without the rows that have no obstacle: how the run ended, and the label to enter
+def start(S, q, free, D, basic, nonbasic, place, nudge):
+    # the dictionary of w in y and t without the rows that have no obstacle: how the run ended, and the label to enter.
+    # q is moved by up to `nudge` in every row its own way, so that no ties are left
     n = S.shape[0]
     for i in range(n):
         for j in range(n):
             D[i, j] = S[i, j]
         D[i, n] = 0.0 if free[i] else 1.0
-        D[i, n + 1] = q[i]
+        D[i, n + 1] = q[i] + nudge * D[i, n] * (1.0 + math.sin((i + 1.0) ** 2))
         basic[i], nonbasic[i], place[i], place[n + i] = i, n + i, i, -1 - i
     nonbasic[n] = 2 * n
     place[2 * n] = -1 - n
@@ -203,8 +206,8 @@ def go_on(S, f, free, units, D, labels, work, entering, limit):
     place = labels[2 * n + 1 : 4 * n + 2]
     ties = labels[4 * n + 2 :]
     code = UNFINISHED
-    if entering == START:
-        code, entering = start(S, f, free, D, basic, nonbasic, place)
+    if entering < 0:
+        code, entering = start(S, f, free, D, basic, nonbasic, place, _NUDGE if entering == NUDGED else 0.0)
     if code == UNFINISHED:
         code, entering = pivot(D, free, basic, nonbasic, place, ties, entering, limit)
     y = np.zeros(n)
