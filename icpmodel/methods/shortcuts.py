@@ -91,8 +91,8 @@ class Lemke(Shortcut):
         lcp = dense_lcp(problem)
         state = lcp.start()
         for entering in (START, NUDGED):
-            ended = UNFINISHED
             seen = set[bytes]()
+            ended = UNFINISHED
             while ended == UNFINISHED:
                 ended, entering, y, ray = some_pivots(state, entering, len(lcp.q))
                 if ended == SINGULAR:
