@@ -2,18 +2,16 @@
 
 A `Complementarity` has two arguments with two bounds in all. Their meaning is Pyomo's own standard form:
 
-    - f ≥ a, g ≥ b (or ≤ on either): f − a ≥ 0 ⟂ g − b ≥ 0 (a − f where f ≤ a)
-- f = a, g without bound: f − a = 0
-- a ≤ f ≤ b, g without bound: g ≥ 0 where f = a, g ≤ 0 where f = b, g = 0 in between
+1. f ≥ a, g ≥ b, or ≤ on either, means f − a ≥ 0 ⟂ g − b ≥ 0, with a − f where f ≤ a.
+2. f = a, g without bound, means f − a = 0, as an equality constraint does.
+3. a ≤ f ≤ b, g without bound, means g ≥ 0 where f = a, g ≤ 0 where f = b, g = 0 in between.
 
-The last form is one row where f is like an unknown with bounds. Then g and b − a are affine, and f is nonlinear, or has
-one variable only, or one that g has with the same sign. Otherwise it is two rows with a further unknown λ:
+Form 3 is one row where f is like an unknown with bounds. Then g and b − a are affine, and f is nonlinear, or has one
+variable only, or one that g has with the same sign. Otherwise it is two rows with a further unknown λ:
 
     f − a ≥ 0  ⟂  g + λ ≥ 0,        b − f ≥ 0  ⟂  λ ≥ 0.
 
-An infinite a or b is no bound; the row then has the first form.
-
-Equality constraints are rows like f − a = 0.
+An infinite a or b is no bound. Then form 3 becomes form 1.
 
 Reference: Ferris, Fourer and Gay, Expressing complementarity problems in an algebraic modeling language (1999),
 doi 10.1137/S105262349833338X.

@@ -22,9 +22,12 @@ from ...problem.affine import Affine
 from ...problem.function import Function
 from ...solve.solution import Solution
 from ..inequalities import checked
-from .condition_rows import ConditionRows, Side
+from .condition_rows import ConditionRows
 from .nonlinear import NonlinearRows, PyomoObstacle
 from .ownership import Ownership
+
+#: a component, and what follows its name in that of an inequality
+Named = tuple[Any, str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +44,7 @@ class PyomoReading:
     which_r, scale : array of shape (n,)
         The side of a row that is r, and the number by which it was divided.
     inequalities : tuple
-        Names, Z and c of Zz + c ≤ 0: those of the model, and bounds of variables that no condition implies.
+        Names, Z and c of Zz + c ≤ 0: those of the model, and the bounds of variables.
     """
 
     problem: ICP
@@ -52,7 +55,7 @@ class PyomoReading:
     added: dict[int, int]
     which_r: np.ndarray
     scale: Vector
-    inequalities: tuple[list[str], sp.csr_array, Vector]
+    inequalities: tuple[list[Named], sp.csr_array, Vector]
 
     def start(self) -> Vector:
         """Raises InputError where a condition has no finite value at the present values, 0 where there is none."""
@@ -111,7 +114,7 @@ class PyomoReading:
     def checked(self, solution: Solution) -> Solution:
         """`solution`, unless it violates an inequality, or a bound of a variable that no condition implies."""
         names, Z, constant = self.inequalities
-        return checked(solution, Z, constant, lambda row: names[row]) if names else solution
+        return checked(solution, Z, constant, lambda row: f"{names[row][0].name}{names[row][1]}") if names else solution
 
 
 def read_pyomo(model: Any) -> PyomoReading:
@@ -238,11 +241,11 @@ def _assembled(parts: list[tuple[Any, ...]], m: int) -> sp.csr_array:
     return sp.csr_array(sp.coo_array((data, (rows, columns)), shape=(m, m)))
 
 
-def _inequalities(rows: ConditionRows, owned: Ownership, signs: Vector) -> tuple[list[str], sp.csr_array, Vector]:
+def _inequalities(rows: ConditionRows, owned: Ownership, signs: Vector) -> tuple[list[Named], sp.csr_array, Vector]:
     """The names, Z and c of all that is to be checked: Zz + c ≤ 0. Raises InputError for a variable that is in no
-    condition."""
+    condition, and for a discrete one."""
     position = np.argsort(owned.own)
-    names = list[str]()
+    names = list[Named]()
     constants = list[float]()
     entries = list[tuple[float, int, int]]()
     for constraint, constant, linear in rows.inequalities:
@@ -252,49 +255,17 @@ def _inequalities(rows: ConditionRows, owned: Ownership, signs: Vector) -> tuple
                 raise InputError(f"{found}: each variable needs a condition or an equation of its own")
             column = int(position[owned.column[key]])
             entries.append((value * signs[column], len(names), column))
-        names.append(str(constraint.name))
+        names.append((constraint, ""))
         constants.append(constant)
-    for row, *ends in _bounds(owned, rows.widths):
-        variable = owned.variables[owned.own[row]].name
-        for sign, mark, end in zip((-1.0, 1.0), (">=", "<="), ends, strict=True):
-            if np.isfinite(end):
-                entries.append((sign * signs[row], len(names), row))
-                names.append(f"{variable} {mark} {end:g}")
-                constants.append(-sign * end)
-    data, i, j = np.array(entries).reshape(-1, 3).T
-    places = i.astype(np.int64), j.astype(np.int64)
-    return names, sp.csr_array(sp.coo_array((data, places), shape=(len(names), owned.m))), np.array(constants)
-
-
-def _bounds(owned: Ownership, widths: dict[int, Side]) -> tuple[tuple[int, float, float], ...]:
-    """The bounds of variables that no side says: row, lower, upper. Raises InputError for discrete variables."""
-    lower = np.full(owned.n, -np.inf)
-    upper = np.full(owned.n, np.inf)
-    width = np.full(owned.m, np.inf)
-    for row, (constant, linear, _) in widths.items():
-        width[row] = np.inf if linear else constant
-    for k, side in enumerate(owned.sides):
-        alone = (np.bincount(side.row, minlength=owned.m) == 1)[side.row] & ~owned.bent[k, side.row]
-        if k == 1:
-            alone &= ~owned.free[side.row]
-        column = side.col[alone]
-        slope = side.data[alone]
-        ends = -owned.constants[k, side.row[alone]] / slope
-        both = owned.free[side.row[alone]]
-        np.maximum.at(lower, column[(slope > 0) | both], ends[(slope > 0) | both])
-        np.minimum.at(upper, column[(slope < 0) | both], ends[(slope < 0) | both])
-        if k == 0:
-            others = ends + width[side.row[alone]] / slope
-            np.minimum.at(upper, column[slope > 0], others[slope > 0])
-            np.maximum.at(lower, column[slope < 0], others[slope < 0])
-    found = []
     for row, j in enumerate(owned.own.tolist()):
         variable = owned.variables[j]
         if not variable.is_continuous():
             raise InputError(f"{variable.name} is in {variable.domain.name}; a continuous variable was expected")
-        low, high = variable.bounds
-        low = -np.inf if low is None else low
-        high = np.inf if high is None else high
-        if low > lower[j] or high < upper[j]:
-            found.append((row, float(low), float(high)))
-    return tuple(found)
+        for sign, mark, end in zip((-1.0, 1.0), (">=", "<="), variable.bounds, strict=True):
+            if end is not None and np.isfinite(end):
+                entries.append((sign * signs[row], len(names), row))
+                names.append((variable, f" {mark} {end:g}"))
+                constants.append(-sign * float(end))
+    data, i, j = np.array(entries).reshape(-1, 3).T
+    places = i.astype(np.int64), j.astype(np.int64)
+    return names, sp.csr_array(sp.coo_array((data, places), shape=(len(names), owned.m))), np.array(constants)
