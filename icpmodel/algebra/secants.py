@@ -23,6 +23,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..numerics.arrays import Vector
+from ..numerics.rounding import UNIT_ROUNDOFF
 from ..problem.data import ProblemData
 from ..problem.matrix import Matrix
 from .steps import Step
@@ -30,6 +31,8 @@ from .steps import Step
 #: the share of p_i that may be left at t, and the halvings of the interval that t is in
 _LEFT = 0.1
 _HALVINGS = 100
+#: units in the last place that rounding may leave of a row
+_ULPS = 16.0
 
 
 def least_diagonal(problem: ProblemData) -> Vector:
@@ -91,11 +94,12 @@ def _mean_slopes(problem: ProblemData, p: Vector, z: Vector) -> Vector:
     t = z - p / (diagonal + slopes)
     first = z
     last = z - p / least_diagonal(problem)
+    enough = _LEFT * np.abs(p) + _ULPS * UNIT_ROUNDOFF * (np.abs(diagonal * z) + np.abs(here))
     coarse = np.zeros(z.size, dtype=bool)
     for _ in range(_HALVINGS):
         with np.errstate(all="ignore"):
             left = p + diagonal * (t - z) + (f.value(t) - here)
-            rough = ~(np.abs(left) <= _LEFT * np.abs(p))
+            rough = ~(np.abs(left) <= enough)
         if not rough.any():
             break
         coarse |= rough
