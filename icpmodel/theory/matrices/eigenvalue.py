@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,12 +14,12 @@ from ...numerics.arrays import Vector, norm
 from ...numerics.factorisation import factorise
 from ...numerics.fill import SymbolicAnalysis
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, upper
+from ...numerics.threads import one_blas_thread
 
 #: shares of the estimated eigenvalue that are tried as a bound; the first one does unless rounding is felt
 _SHARES = (0.99, 0.9, 0.5)
 #: up to so many rows dense factorisations are the quicker ones for all, and for those with many entries
 _DENSE = 64
-_DENSE_AT_MOST = 2000
 _SECONDS = 5e9  #: what a factorisation may cost, in nanoseconds as they are counted
 _TRIDIAGONAL = 4  #: to make a dense matrix tridiagonal takes about as long as so many factorisations
 _INVERSE_STEPS = 30  #: steps of the inverse iteration; eigenvalues next to the smallest one serve as well
@@ -103,7 +105,8 @@ def _least_pair(S: sp.csr_array) -> tuple[float, Vector | None]:
 
     work.charge(_TRIDIAGONAL * work.dense_cost(S.shape[0]), 16.0 * S.shape[0] ** 2)
     try:
-        value, x = eigh(S.toarray(), subset_by_index=(0, 0))
+        with one_blas_thread():
+            value, x = eigh(S.toarray(), subset_by_index=(0, 0))
     except LinAlgError:
         return -np.inf, None
     return float(value[0]), x[:, 0]
@@ -112,7 +115,7 @@ def _least_pair(S: sp.csr_array) -> tuple[float, Vector | None]:
 def is_dense(S: sp.csr_array) -> bool:
     """Whether dense factorisations of `S` (CSR) are quicker than sparse ones."""
     n = S.shape[0]
-    return n <= _DENSE or (n <= _DENSE_AT_MOST and 8 * S.nnz >= n * n)
+    return n <= _DENSE or (8 * S.nnz >= n * n and work.dense_cost(n) <= _SECONDS)
 
 
 def within_reach(S: sp.csr_array) -> bool:
@@ -122,20 +125,37 @@ def within_reach(S: sp.csr_array) -> bool:
 
 def _estimate(S: sp.csr_array, lu: Any) -> float:
     """About the smallest eigenvalue, or something ≤ 0 where S is seen to be indefinite; no proof."""
-    if is_dense(S):
+    if S.shape[0] <= _DENSE:
         return _least_pair(S)[0]
-    lu = lu or factorise(S, definite=True)
-    if lu is None or not lu.pivots.min() > 0:
+    solve = _solver(S, lu)
+    if solve is None:
         return -np.inf
     x = np.random.default_rng(0).random(S.shape[0])
     largest = np.inf
-    for _ in range(_INVERSE_STEPS):
-        work.charge(work.product(x.size, S.nnz))
-        x = x / norm(x)
-        image = lu.solve(x)
-        largest = float(x @ image)
-        x = image
+    with one_blas_thread():
+        for _ in range(_INVERSE_STEPS):
+            work.charge(work.product(x.size, S.nnz))
+            x = x / norm(x)
+            image = solve(x)
+            largest = float(x @ image)
+            x = image
     return 1.0 / largest if largest > 0 else -np.inf
+
+
+def _solver(S: sp.csr_array, lu: Any) -> Callable[[Vector], Vector] | None:
+    """x ↦ S⁻¹x by Cholesky's or the sparse factorisation, None where a pivot is not positive."""
+    if not is_dense(S):
+        lu = lu or factorise(S, definite=True)
+        return lu.solve if lu is not None and lu.pivots.min() > 0 else None
+    from scipy.linalg import LinAlgError, cho_factor, cho_solve
+
+    work.charge(work.dense_cost(S.shape[0]), 16.0 * S.shape[0] ** 2)
+    try:
+        with one_blas_thread():
+            factor = cho_factor(S.toarray(), overwrite_a=True)
+    except LinAlgError:
+        return None
+    return partial(cho_solve, factor, check_finite=False)
 
 
 def _error_of_cholesky(S: sp.csr_array) -> float:
@@ -143,7 +163,8 @@ def _error_of_cholesky(S: sp.csr_array) -> float:
     n = S.shape[0]
     work.charge(work.dense_cost(n), 16.0 * n**2)
     try:
-        factor = np.linalg.cholesky(S.toarray())
+        with one_blas_thread():
+            factor = np.linalg.cholesky(S.toarray())
     except np.linalg.LinAlgError:
         return np.inf
     error = (n + 8) * (UNIT_ROUNDOFF * float(S.diagonal().sum()) + 8 * n * SMALLEST)
