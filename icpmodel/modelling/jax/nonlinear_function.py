@@ -10,12 +10,21 @@ import numpy as np
 from ...errors import InputError
 from ...icp import ICP
 from ...numerics.arrays import Vector, as_number, described
+from ...solve.goal import RTOL
 from .argument_forms import the_package
 from .callbacks import in_worker_thread, worker_threads
 
 
 def nonlinear_solution_of(
-    F: Callable[[Any, Any], Any], n: int, *, psi: Any = 0.0, upper: Any = None, z0: Any = None, **options: Any
+    F: Callable[[Any, Any], Any],
+    n: int,
+    *,
+    psi: Any = 0.0,
+    upper: Any = None,
+    z0: Any = None,
+    rtol: float = RTOL,
+    atol: float = 0.0,
+    time_limit: float | None = None,
 ) -> Callable[[Any], Any]:
     """The answer z of F(z, θ) ≥ 0 ⟂ z ≥ ψ as a function of θ, for `jax.jit`, `grad`, `jacrev`, `jacfwd` and `vmap`.
 
@@ -29,8 +38,10 @@ def nonlinear_solution_of(
         Fixed bounds of z, by default 0 and none.
     z0 : array_like of shape (n,), optional
         The start, as for `solve`.
-    **options
-        Options of `solve`.
+    rtol, atol : float, default 1e-8, 0
+        Tolerances, as for `solve`.
+    time_limit : float, optional
+        Seconds, as for `solve`.
 
     Returns
     -------
@@ -81,7 +92,7 @@ def nonlinear_solution_of(
             low,
             None if upper is None else high,
         )
-        return problem.solve(z0=z0, **options).z
+        return problem.solve(z0=z0, rtol=rtol, atol=atol, time_limit=time_limit).z
 
     def of_theta(theta: Any) -> Any:
         jnp = jax.numpy
