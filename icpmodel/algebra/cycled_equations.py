@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from itertools import islice
 
 import numpy as np
 import scipy.sparse as sp
 
-from ..numerics import work
 from ..numerics.arrays import Mask, Vector, is_diagonal, norm
-from ..numerics.krylov import GCR, NotConverged, cg_steps, cg_vector_cost
+from ..numerics.krylov import GCR, gcr_step_cost
 from ..numerics.multigrid import KRYLOV_STEPS, cycle_cost
 from ..problem.data import ProblemData
 from .hierarchy import Hierarchy, Level
@@ -24,7 +22,7 @@ LEAST_SLOPE = 0.1
 
 def cycles_cost(problem: ProblemData) -> float:
     """What one system costs by `CycledEquations`, with as many steps as it needs as a rule."""
-    return _STEPS * (cycle_cost(problem.n, problem.nnz) + problem.matrix.product_cost + cg_vector_cost(problem.n))
+    return _STEPS * (cycle_cost(problem.n, problem.nnz) + gcr_step_cost(problem.n, problem.nnz))
 
 
 class CycledEquations:
@@ -92,17 +90,9 @@ class CycledEquations:
         def product(y: Vector) -> Vector:
             return np.where(self._active, 0.0, level.problem.product(y))
 
-        if not self._hierarchy.is_symmetric:
-            units = np.ones(f.size) if transposed else level.inverse
-            steps = GCR(lambda y: units * product(y), lambda rest: cycle(rest / units), units * f)
-            return steps.until(np.zeros(f.size), tolerance * norm(steps.rest), KRYLOV_STEPS)
-        units = np.sqrt(level.inverse)
-        enough = tolerance * norm(units * f)
-        for x, rest, _ in islice(cg_steps(product, cycle, f), KRYLOV_STEPS):
-            work.count(cg_vector_cost(f.size))
-            if norm(units * rest) <= enough:
-                return x
-        raise NotConverged
+        units = np.ones(f.size) if transposed else level.inverse
+        steps = GCR(lambda y: units * product(y), lambda rest: cycle(rest / units), units * f)
+        return steps.until(np.zeros(f.size), tolerance * norm(steps.rest), KRYLOV_STEPS)
 
     def _in_blocks(self, f: Vector, on_free: Callable[[Vector], Vector], transposed: bool) -> Vector:
         """J⁻¹f or J⁻ᵀf, with `on_free` in place of A_FF⁻¹, where nothing is coupled, else about that."""

@@ -20,6 +20,7 @@ import scipy.sparse as sp
 from ..errors import SingularOperator
 from ..numerics import work
 from ..numerics.arrays import Vector, diagonal_positions
+from ..numerics.equilibration import equilibrated
 from ..numerics.factorisation import factorise
 from ..numerics.rounding import UNIT_ROUNDOFF
 from ..problem.data import ProblemData
@@ -77,19 +78,9 @@ class FactorisedOperator(Operator):
 
     def __init__(self, X: sp.csr_array) -> None:
         X = sp.csr_array(X)
-        price = work.least_factor_cost(X.shape[0], X.nnz)
-        work.check_budget(price)
-        size = _row_maxima(X)
-        if not size.all():
-            row = int(np.argmin(size))
-            raise SingularOperator(f"X = M1 + phi + Omega is singular: row {row} is zero", row)
-        # rows and columns are brought to the size 1, so that units do not look like singularity
-        self._row_scale = 1.0 / np.maximum(size, np.finfo(np.float64).tiny)
-        scaled = sp.csr_array(sp.diags_array(self._row_scale) @ X)
-        work.check_budget(price)
-        size = _row_maxima(sp.csr_array(scaled.T))
-        self._column_scale = 1.0 / np.where(size > np.finfo(np.float64).tiny, size, 1.0)
-        scaled = sp.csr_array(scaled @ sp.diags_array(self._column_scale))
+        work.check_budget(2.0 * work.least_factor_cost(X.shape[0], X.nnz))
+        # so that units do not look like singularity
+        scaled, self._rows, self._columns = equilibrated(X)
         self._lu = factorise(scaled)
         if self._lu is not None:
             pivots = np.abs(self._lu.pivots)
@@ -103,7 +94,7 @@ class FactorisedOperator(Operator):
         )
 
     def solve(self, f: Vector) -> Vector:
-        solution: Vector = self._column_scale * self._lu.solve(self._row_scale * f)
+        solution: Vector = np.ldexp(self._lu.solve(np.ldexp(f, self._rows)), self._columns)
         return solution
 
 
@@ -122,10 +113,6 @@ def inverse_diagonal(diagonal: Vector, shift: Vector) -> Vector:
         )
     inverse: Vector = 1.0 / total
     return inverse
-
-
-def _row_maxima(X: sp.csr_array) -> Vector:
-    return np.asarray(abs(X).max(axis=1).toarray(), dtype=np.float64).reshape(-1)
 
 
 def _dependent_row(X: sp.csr_array) -> int:

@@ -364,8 +364,4 @@ def _onto_diagonal(matrix: sp.csr_array) -> NDArray[np.int32] | None:
 
 def largest_of_columns(matrix: sp.csr_array) -> Vector:
     """The largest size of an entry in each column, shape (n,)."""
-    columns = matrix.tocsc()
-    largest = np.zeros(matrix.shape[1])
-    stored = np.flatnonzero(np.diff(columns.indptr))
-    largest[stored] = np.maximum.reduceat(np.abs(columns.data), columns.indptr[stored])
-    return largest
+    return np.asarray(abs(matrix).max(axis=0).toarray(), dtype=np.float64).reshape(-1)

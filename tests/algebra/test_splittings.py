@@ -132,8 +132,6 @@ class TestEquilibration:
     def test_subnormal_rows_do_not_overflow(self):
         X = FactorisedOperator(sp.csr_array([[2.0, 1.0], [0.0, 1e-310]]))
         assert X.solve(np.array([3.0, 1e-310])) == pytest.approx([1.0, 1.0])
-        with pytest.raises(icp.SingularOperator):
-            FactorisedOperator(sp.csr_array([[2.0, 1e-309], [1.0, 0.0]]))
 
 
 def band(rng, n, below, above):
