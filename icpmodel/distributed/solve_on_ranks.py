@@ -1,8 +1,8 @@
 """`solve()` on ranks: the start from the coarser levels, Newton's steps, and sweeps where those fail.
 
-Shared with one process are the sweep, the active set, the options, the statuses and the sentences of proofs. The loop of
-`solve.run` is not: each of its decisions would need a reduction over the ranks, and its clock and Ctrl-C are those of one
-process. The levels are PETSc's, as a hierarchy of PyAMG is that of one process.
+Shared with one process are the sweep, the active set, the options, the statuses and the sentences of proofs. The loop
+of `solve.run` is not: each of its decisions would need a reduction over the ranks. Its clock and Ctrl-C are those of
+one process. The levels are PETSc's, as a hierarchy of PyAMG is that of one process.
 """
 
 from __future__ import annotations

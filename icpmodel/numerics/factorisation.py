@@ -12,7 +12,6 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..errors import OutOfMemory
 from . import work
 from .arrays import Mask, Vector, row_of
 from .fill import SymbolicAnalysis, ordered, predicted_fill, signs_of_symmetry
@@ -334,15 +333,9 @@ def _superlu(matrix: sp.csr_array, fill: work.Fill, diagonal_pivots: bool, order
 
 def _fill_of(matrix: sp.csr_array, analysis: SymbolicAnalysis, symmetric: bool = False) -> work.Fill:
     """The fill of a matrix with the pattern of the `analysis`; raises OutOfTime and OutOfMemory as `factorise`."""
-    n = matrix.shape[0]
-    full = n * (n + 1.0)
-    # to ask what is free takes as long as to factorise a small matrix
-    most = full if work.fits(_BYTES * full) else work.free_memory() / _BYTES
     fill = analysis.complete or predicted_fill(matrix, symmetric)
-    fill = fill._replace(symmetric=symmetric and fill.symmetric)
-    if fill.entries > most:
-        raise OutOfMemory(f"the factors of a sparse matrix with n = {n} and {matrix.nnz} entries would not fit")
-    return fill
+    work.check_budget(memory=_BYTES * fill.entries)
+    return fill._replace(symmetric=symmetric and fill.symmetric)
 
 
 def _onto_diagonal(matrix: sp.csr_array) -> NDArray[np.int32] | None:
@@ -364,4 +357,4 @@ def _onto_diagonal(matrix: sp.csr_array) -> NDArray[np.int32] | None:
 
 def largest_of_columns(matrix: sp.csr_array) -> Vector:
     """The largest size of an entry in each column, shape (n,)."""
-    return np.asarray(abs(matrix).max(axis=0).toarray(), dtype=np.float64).reshape(-1)
+    return np.asarray(abs(matrix).max(axis=0).toarray()).ravel()

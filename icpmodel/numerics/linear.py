@@ -1,15 +1,11 @@
 """Linear systems of Newton's method, by the solver that fits the matrix.
 
-===========================  ========================  ================================================
-Kind of matrix               Solver                    Where it is taken
-===========================  ========================  ================================================
-array, or it fills up        LAPACK: Cholesky, LU      a sparse factorisation costs more than n³/3
-band                         LAPACK: Cholesky, LU      at most twice the cost of no fill at all
-sparse, symmetric by signs   QDLDL, then SuperLU       else; its fill is known before
-sparse, general              SuperLU                   else; its fill is known before
-fills up, D > 0              GCR                       100 steps cost less than the factorisation
-M-matrix on a grid           Krylov with multigrid     ten V-cycles cost less: `algebra.cycled_equations`
-===========================  ========================  ================================================
+1. Dense: LAPACK, by Cholesky or LU. It is for arrays, and where a sparse factorisation costs more than n³/3.
+2. Band: LAPACK, by Cholesky or LU. It is taken at up to twice the cost of a sparse factorisation without fill.
+3. Sparse and symmetric up to the signs of rows: QDLDL. SuperLU follows where pivots fail.
+4. Other sparse matrices: SuperLU. The fill of 3 and 4 is known before.
+5. GCR. It is for D > 0, where 100 steps cost less than the factorisation.
+6. Krylov steps with V-cycles, for M-matrices, where ten of them cost less: see `algebra.cycled_equations`.
 
 Rows are brought to one size first. Where GCR does not converge M is factorised as well. The costs
 are those of `numerics.work`, the fill that of `numerics.fill`.
