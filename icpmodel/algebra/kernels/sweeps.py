@@ -83,6 +83,8 @@ def _moved(par, i, zi, own, obstacle, top, p, rest, old, new):
         omega, inverse, tau = par
         x = inverse[i]
         F = pressed(_smaller(p, omega[i] * (zi - obstacle)), zi, top, omega[i])
+        if tau == 0.0:  # the sums may not be finite
+            return zi - (2.0 * x) * F
         return (zi + x * (tau * old - 2.0 * F)) - (x * tau) * new
     # projected SOR: max(psi_i(z), z_i - omega/a_ii (sum_{j before i} a_ij out_j + sum_{others} a_ij z_j + q_i));
     # a division costs less than one more number per row from memory
