@@ -14,7 +14,7 @@ import numpy as np
 from ..errors import InputError, Interrupted, OutOfTime
 from ..numerics.arrays import as_number
 from ..numerics.rounding import public_entry
-from ..problem.data import ProblemLike, as_problem
+from ..problem.data import ProblemData, ProblemLike, as_problem
 from ..solve.driver import solve
 from ..solve.progress import status_line
 from ..solve.solution import Solution, certify
@@ -104,7 +104,7 @@ def crosscheck(
         at_work = ""
         note = f"time_limit = {time_limit:g} s was over before it answered"
         interrupted = False
-        items = partial(_items, checked, chosen, solution, end)
+        items = partial(_items, checked, given, chosen, solution, end)
         try:
             with status_line(progress, f"{len(chosen)} solvers, {time_limit:g} s at most") as say:
                 for item in in_time(items, problem, 1 + len(chosen), end):
@@ -153,10 +153,13 @@ def _report(checked: Checked, solution: Any, certain: tuple[float, float | None,
     )
 
 
-def _items(checked: Checked, chosen: list[ForeignSolver], solution: Any, end: float) -> Iterator[_Item]:
-    """What is certain of the answer; then, solver by solver, its name as it begins, and its rows."""
-    known = isinstance(solution, Solution) and solution.problem is checked.problem
-    certificate = solution.certificate if known else certify(checked.problem, checked.z)
+def _items(
+    checked: Checked, given: ProblemData, chosen: list[ForeignSolver], solution: Any, end: float
+) -> Iterator[_Item]:
+    """What is certain of the answer to the `given` problem, of which `checked` may have the tangent; then, solver by
+    solver, its name as it begins, and its rows."""
+    known = isinstance(solution, Solution) and solution.problem is given
+    certificate = solution.certificate if known else certify(given, checked.z)
     yield certificate.residual, certificate.error_bound, certificate.bound.reason
     reasons = {solver.name: _why_not(solver, checked) for solver in chosen}
     for name, because in reasons.items():

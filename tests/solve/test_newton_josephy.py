@@ -281,3 +281,5 @@ def test_solvers_of_linear_problems_check_the_answer_by_its_tangent():
     assert problem.crosscheck(solvers=["osqp"]).agrees
     wrong = problem.solve().z + 1e-3
     assert not problem.crosscheck(wrong, solvers=["osqp"]).agrees
+    # a bound of the tangent is none of the problem, whose f has unknown slopes
+    assert problem.crosscheck(solvers=["osqp"]).error_bound is None
