@@ -187,9 +187,7 @@ def test_scenes_are_listed_and_described(capsys):
         (["solve", "nowhere"], "SOURCE is 'nowhere'; there is neither a scene nor a file or folder of this name"),
         (["solve", "membrain"], "nor a file or folder of this name; did you mean membrane?"),
         (["solve", "no/such.npz"], "icpmodel: no/such.npz: no such file or folder"),
-        (["solve", "a" * 300], "there is neither a scene nor a file"),
         (["solve", "membrane", "-o", "a" * 300 + ".npz"], "File name too long"),
-        (["solve", "membrane", "--z0", "a" * 300 + ".npz"], "File name too long"),
         (["solve"], "SOURCE or --A names the problem; neither is given"),
         (["solve", "membrane", "--A", "A.npy"], "both are given, membrane and A.npy; drop one"),
         (["solv"], "No such command 'solv'; did you mean solve?"),
@@ -202,8 +200,6 @@ def test_scenes_are_listed_and_described(capsys):
         (["solve", "membrane", "--method", "mnmgs", "--option", "phi2=1,2"], "phi2 is '1,2'; real numbers"),
         (["solve", "membrane", "--method", "mnmgs", "--option", "phi=1", "--option", "phi=2"], "phi is given twice"),
         (["solve", "membrane", "--accuracy", "1e-6", "--no-bound"], "--no-bound leaves it out; drop one"),
-        (["crosscheck", "membrane", "--accuracy", "1e-6", "--no-bound"], "--no-bound leaves it out; drop one"),
-        (["solve", "membrane", "--method", "mnmgs", "--option", "name=3"], "mnmgs has no option name"),
         (["solve", "hand-lcp", "--save-problem", ""], "the path is empty"),
         (
             ["solve", "membrane", "--set", "nu=1"],
@@ -211,26 +207,20 @@ def test_scenes_are_listed_and_described(capsys):
         ),
         (["solve", "membrane", "--rtol", "-1"], "rtol is -1.0"),
         (["solve", "membrane", "-o", "answer.txt"], "ends in .npz or .csv"),
-        (["solve", "membrane", "-o", ""], "the path is empty"),
         (["solve", "membrane", "--save-problem", "p.mat"], "p.mat: a file whose name ends in .npz was expected"),
         (["stability", "unit"], "did you mean units?"),
         (["report", "membrane", "-o", "page.pdf"], "ends in .html"),
         (["solve", "membrane", "-o", "no/such/answer.npz"], "the folder no/such does not exist"),
-        (["crosscheck", "membrane", "--csv", "no/such.csv"], "the folder no does not exist"),
         (["crosscheck", "membrane", "--csv", "."], "ends in .csv"),
         (["solve", "dividend", "--set", "n=61"], "set by --n"),
         (["solve", "membrane", "--q", "q.mtx"], "--q belongs to a file of A; membrane is a scene, which has its own"),
         (["solve", "membrane", "--upper", "3"], "--upper belongs to a file of A"),
         (["solve", "membrane", "--n", "1000000000000"], "n is 1000000000000; a whole number >= 1 and <= 1e+08"),
-        (["solve", ""], "SOURCE is ''; there is neither"),
         (["solve", "membrane", "--z0", "nowhere.npz"], "nowhere.npz: no such file"),
         (["solve", __file__], "a file whose name ends in one of .npy, .npz, .mat, .mtx, .bin, .csv, .txt was expected"),
         (["solve", __file__, "--n", "3"], "--n and --set belong to scenes"),
-        (["crosscheck", "hand-lcp", "--solver", "gurobi"], "'gurobi'"),
         (["crosscheck", "hand-lcp", "--solver", "osqb"], "did you mean osqp?"),
         (["scenes", "moon"], "there is no scene 'moon'"),
-        (["scenes", "dividends"], "did you mean dividend?"),
-        (["solve", "membrane", "--set", "name=3"], "membrane has no parameter 'name'"),
         (["race", "hand-lcp", "--repeats", "0"], "repeats is 0"),
     ],
 )
@@ -241,13 +231,6 @@ def test_errors_are_one_line_on_standard_error(capsys, arguments, words):
     assert err.startswith("icpmodel: ")
     assert err.count("\n") == 1
     assert words in err
-
-
-@pytest.mark.parametrize("arguments", [[], ["solve"], ["crosscheck"], ["scenes"], ["race"]])
-def test_help_explains_every_command(capsys, arguments):
-    code, out, _ = call(capsys, *arguments, "--help")
-    assert code == 0
-    assert "Usage: icpmodel" in out
 
 
 METHOD = """

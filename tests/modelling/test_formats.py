@@ -209,3 +209,11 @@ def test_what_unpacks_to_more_than_there_is_room_for_is_refused_before(tmp_path,
         pytest.raises(icp.FileError, match=r"A\..*GB of memory, which is more than there is"),
     ):
         icp.load_problem(path, q="q.npy")
+
+
+@pytest.mark.parametrize(("symmetry", "sign"), [("symmetric", 1.0), ("skew-symmetric", -1.0)])
+def test_the_half_that_a_matrix_market_file_leaves_out_is_read(tmp_path, symmetry, sign):
+    path = tmp_path / "A.mtx"
+    np.save(tmp_path / "q.npy", Q[:2])
+    path.write_text(f"%%MatrixMarket matrix coordinate real {symmetry}\n2 2 1\n2 1 3.5\n")
+    assert content(path, tmp_path) == [[0.0, sign * 3.5], [3.5, 0.0]]

