@@ -29,9 +29,8 @@ def uninterrupted(solution: Solution) -> Solution:
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """One problem of a comparison: its `scene`'s text, and the `problem`."""
+    """The `problem` of a comparison."""
 
-    scene: str
     problem: ProblemData
 
     @cached_property
@@ -39,7 +38,7 @@ class Case:
         """Res_D(0), by which residuals are divided. Raises InputError where z = 0 is a solution."""
         scale = self.problem.residual_at_0()
         if not 0 < scale < np.inf:
-            raise InputError(f"{self.scene}: Res_D(0) = {scale:g}, there is nothing to measure")
+            raise InputError(f"Res_D(0) of the problem is {scale:g}; there is nothing to measure")
         return scale
 
     @cached_property

@@ -132,7 +132,7 @@ class Foreign(Competitor):
         return self.solver.why_not(case.formulation[0])
 
     def build(self, case: Case) -> Any:
-        formulation = Case(case.scene, fresh(case.problem)).formulation
+        formulation = Case(fresh(case.problem)).formulation
         return None if formulation is None else self.solver.pose(formulation[0])
 
     def attempt(self, case: Case, tolerance: float, time_limit: float) -> Claim:

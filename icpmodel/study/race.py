@@ -246,12 +246,10 @@ def race(
     if isinstance(problem, Scene) and z_exact is None:
         z_exact = problem.z_exact
     problem = as_problem(problem)
-    case = Case("this problem", problem)
+    case = Case(problem)
     repeats = int(as_number(repeats, "repeats", least=1, whole=True))
     limit = as_number(time_limit, "time_limit", above=0.0)
-    goals = {as_number(one, "tolerances", above=0.0, below=1.0) for one in as_list(tolerances, "tolerances")}
-    if not goals:
-        raise InputError("tolerances is empty; at least one number in (0, 1) was expected")
+    goals = _goals(tolerances)
     named = [Own(), *_own(methods), *map(Foreign, chosen_solvers(solvers, "race"))]
     result = Race(title=f"{called(problem)} ({machine()})", measure="", entries=(), command=command)
     entries: dict[tuple[str, float], Entry] = {}
@@ -259,19 +257,26 @@ def race(
     opening = f"{len(named)} competitors, at most {runs} runs of up to {limit:g} s: {runs * limit:.3g} s at most"
     try:
         with status_line(progress, opening) as say:
-            say("the measure of error")
+            say("the measure of error, and one linear solve")
             measure, error = _measure(case, z_exact, limit)
             result = replace(result, measure=measure)
-            say("one linear solve")
             result = replace(result, limit=linear_solve(case, repeats, limit))
-            reasons = first_runs(case, named, max(goals), limit, say)
+            reasons = first_runs(case, named, goals[0], limit, say)
             result = replace(result, skipped=tuple((name, reason) for name, reason in reasons.items() if reason))
             entered = [one for one in named if reasons[one.name] is None]
-            for entry in _run(case, entered, sorted(goals, reverse=True), repeats, limit, error, say):
+            for entry in _run(case, entered, goals, repeats, limit, error, say):
                 entries[entry.name, entry.tolerance] = entry
     except KeyboardInterrupt:
         raise Interrupted(replace(result, entries=tuple(entries.values()))) from None
     return replace(result, entries=tuple(entries.values()))
+
+
+def _goals(tolerances: Sequence[float]) -> list[float]:
+    """The tolerances, each once, the largest first."""
+    goals = {as_number(one, "tolerances", above=0.0, below=1.0) for one in as_list(tolerances, "tolerances")}
+    if not goals:
+        raise InputError("tolerances is empty; at least one number in (0, 1) was expected")
+    return sorted(goals, reverse=True)
 
 
 def _own(methods: Sequence[str | Method] | None) -> list[Competitor]:
