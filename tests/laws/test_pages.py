@@ -122,3 +122,11 @@ def test_the_notebook_of_a_script_is_its_code(script):
 def test_every_command_is_on_the_page_of_the_command_line():
     told = (DOCS / "cli.md").read_text(encoding="utf-8")
     assert [name for name in commands.list_commands(None) if f"icpmodel {name}" not in told] == []
+
+
+def test_code_of_a_page_has_at_most_88_columns():
+    """The site cuts longer lines; what a program prints may be longer."""
+    for page in (README, *sorted(DOCS.glob("*.md"))):
+        for block in re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL):
+            code = [line for line in block.splitlines() if line.startswith((">>> ", "... "))]
+            assert [line for line in code if len(line) > 88] == [], page.name
