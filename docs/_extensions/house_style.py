@@ -12,6 +12,7 @@ from functools import cached_property
 from docutils import nodes
 from sphinx import addnodes
 from sphinx.transforms import SphinxTransform
+from sphinx.util.docutils import SphinxDirective
 
 import icpmodel
 
@@ -215,6 +216,23 @@ def prose(text):
     return "".join(parts)
 
 
+class Overview(SphinxDirective):
+    """Every public name with the first line of its docstring, room by room."""
+
+    def run(self):
+        rooms = {}
+        for path, value in public_names().items():
+            if not inspect.ismodule(value) and (told := inspect.getdoc(value)):
+                room = path.removeprefix("icpmodel.").rpartition(".")[0]
+                rooms.setdefault(room, []).append((path, told.partition("\n")[0]))
+        lines = []
+        for room in sorted(rooms):
+            lines += [f"**icpmodel{room and '.'}{room}**", ""]
+            lines += [f"- {prose(f'`{path}`: {told}')}" for path, told in sorted(rooms[room])]
+            lines += [""]
+        return self.parse_text_to_nodes("\n".join(lines))
+
+
 def short_types(app, what, name, obj, options, signature, returns):
     """The house's own name for arrays of float64, and a default that is made anew as one that Sphinx can read."""
     return tuple(text and VECTOR.sub("Vector", text).replace("<factory>", "...") for text in (signature, returns))
@@ -235,4 +253,5 @@ def setup(app):
     app.connect("autodoc-process-signature", short_types)
     app.connect("autodoc-process-docstring", process)
     app.add_transform(Links)
+    app.add_directive("overview", Overview)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -122,7 +122,13 @@ class Report(Shown, Tabular):
         return tuple(row for row in self.rows if row.verdict is not Verdict.SKIPPED)
 
     def coverage(self) -> str:
-        """The checks that agree and what each covers, in one sentence, empty where none agrees."""
+        """The checks that agree and what each covers, in one sentence, empty where none agrees.
+
+        Returns
+        -------
+        str
+            Empty where none agrees.
+        """
         frozen = "with its obstacle frozen at the answer, which leaves open whether there are others,"
         parts = []
         for what, is_frozen in (("the whole problem", False), (frozen, True)):

@@ -89,7 +89,7 @@ class Multilevel(Method):
         Returns
         -------
         array of shape (n,)
-            z.
+            The start z.
         """
         problems = [problem]
         shifts = []

@@ -26,10 +26,13 @@ class Complementarity(Shown, cp.Constraint):
         The expressions as they were given.
     bounds : tuple of two, Expression or None
         The bounds of r below and above: 0 below and none above by default.
-    p, r : ndarray or None
-        After a solve the values of the two, in the shape of the expressions. Each is the multiplier of
-        the other's sign: p > 0 where r is at its lower bound, p < 0 where it is at its upper one. They
-        are None before. After a failed solve they belong to the values that the variables have.
+
+    Notes
+    -----
+    After a solve p and r are attributes with the values of the two, in the shape of the expressions.
+    Each is the multiplier of the other's sign: p > 0 where r is at its lower bound, p < 0 where it is
+    at its upper one. They are None before. After a failed solve they belong to the values that the
+    variables have.
 
     Examples
     --------
