@@ -58,8 +58,10 @@ def _marginal_loss(z: Vector) -> Vector:
 def kojima_shindo() -> Scene:
     """Four quadratics with two solutions, one of them degenerate.
 
-    p = (3z₁² + 2z₁z₂ + 2z₂² + z₃ + 3z₄ − 6, 2z₁² + z₁ + z₂² + 10z₃ + 2z₄ − 2, 3z₁² + z₁z₂ + 2z₂² + 2z₃ + 9z₄ − 9,
-    z₁² + 3z₂² + 2z₃ + 3z₄ − 3), ψ = 0. At (√6/2, 0, 0, ½) row 3 has p = r = 0; the other solution is (1, 0, 3, 0).
+    - p₁ = 3z₁² + 2z₁z₂ + 2z₂² + z₃ + 3z₄ − 6. p₂ = 2z₁² + z₁ + z₂² + 10z₃ + 2z₄ − 2.
+    - p₃ = 3z₁² + z₁z₂ + 2z₂² + 2z₃ + 9z₄ − 9. p₄ = z₁² + 3z₂² + 2z₃ + 3z₄ − 3.
+
+    ψ = 0. At (√6/2, 0, 0, ½) row 3 has p = r = 0; the other solution is (1, 0, 3, 0).
 
     Returns
     -------
