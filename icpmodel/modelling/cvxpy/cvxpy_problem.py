@@ -74,9 +74,8 @@ class Problem(Shown):
     **Parameters.** They may stand anywhere. CVXPY compiles the model once, and a new value costs one
     product. A model that is not DPP is compiled anew.
 
-    **Multipliers.** An equation has a free multiplier, which is a variable like any other, in p. After
-    a solve its `dual_value` is the λ of p = … + (∂(a − b)/∂z)ᵀλ, with CVXPY's sign. It is None where p
-    does not have this form. An inequality is only checked at the answer; its `dual_value` is 0. Where
+    **Multipliers.** An equation has a free multiplier, which is a variable like any other, in p; its
+    own `dual_value` is None. An inequality is only checked at the answer; its `dual_value` is 0. Where
     it is violated the status is "infeasible" if the conditions have provably no other solution, else
     "solver_error".
 
@@ -105,11 +104,9 @@ class Problem(Shown):
     >>> load.gradient
     array([1., 1.])
     >>> x, force = cp.Variable(2), cp.Variable()
-    >>> total = cp.sum(x) == 1
-    >>> _ = icp.Problem(
-    ...     [icp.complements(x - [2, 1] + force, x, upper=0.75), total, x[0] >= x[1]]
-    ... ).solve()
-    >>> x.value.round(6), float(total.dual_value.round(6))
+    >>> pair = icp.complements(x - [2, 1] + force, x, upper=0.75)
+    >>> _ = icp.Problem([pair, cp.sum(x) == 1, x[0] >= x[1]]).solve()
+    >>> x.value.round(6), float(force.value.round(6))
     (array([0.75, 0.25]), 0.75)
     """
 
@@ -404,8 +401,6 @@ class Problem(Shown):
             condition.p, condition.r = p, condition.sides[1].value
         for condition, r in reading.distances(z):
             condition.r = r
-        for equation, multiplier in zip(self._equations, reading.equation_multipliers(z), strict=True):
-            equation.save_dual_value(None if np.isnan(multiplier).any() else multiplier)
         if self.value == 0.0:
             for inequality in self._inequalities:
                 inequality.save_dual_value(np.zeros(inequality.shape))

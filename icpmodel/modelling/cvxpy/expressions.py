@@ -27,7 +27,6 @@ from .affine_rows import AffineRows
 from .atoms import AtomObstacle, at, named, unique, unstacked
 from .compiled import Compiled
 from .row_order import OrderedRows, in_order, is_same, obstacle_terms, p_before_r
-from .side_constraints import Multipliers
 from .statement_checks import bounds_of, check_affine, check_variables, pair
 
 #: what the bounds of r are called, and the number that means none
@@ -64,9 +63,6 @@ class CvxpyReading:
         self._obstacles: tuple[Any, Any] = (None, None)
         self._values: list[Any] = []
         self._checked: AffineRows
-        #: the coefficients of the equations and of p, and what follows from them
-        self._linear: tuple[sp.csr_array, sp.csr_array]
-        self._multipliers: Multipliers | None = None
         #: of each row of a condition the entry of z that it owns, and −1 where it was turned round; ρ by entry of z
         self._own: np.ndarray
         self._sign: Vector
@@ -126,12 +122,6 @@ class CvxpyReading:
         found = self._by_condition((r * self._scale)[self._own])
         return [(one, value) for one, value in found if not one.is_bounded]
 
-    def equation_multipliers(self, z: Vector) -> list[np.ndarray]:
-        """The λ of each equation at `z`, in its shape, NaN where it has none; see `Multipliers`."""
-        if self._multipliers is None:
-            self._multipliers = Multipliers.of(*self._linear, self._own)
-        return unstacked(self._multipliers.at(z), [one.expr for one in self._equations])
-
     def checked(self, solution: Solution) -> Solution:
         """`solution`, unless it violates an inequality."""
         if not self._inequalities:
@@ -153,7 +143,6 @@ class CvxpyReading:
         self._check_crossing(*now)
         self._obstacles = now
         if last is None or (last.A != p.Z).nnz:
-            self._multipliers = None
             return ICP(p.Z, p.constant, *now)
         unchanged = all(map(is_same, before, now))
         return (last if unchanged else last.with_sides(*now)).with_q(p.constant)
@@ -177,7 +166,6 @@ class CvxpyReading:
         found = in_order(p, r, equations, *bounds, misfit=self._misfit)
         self._sign = found.sign
         self._own = found.own
-        self._linear = equations.Z, found.turned
         return found
 
     def _parts(self, rows: AffineRows) -> tuple[Any, ...]:

@@ -28,8 +28,6 @@ class OrderedRows(NamedTuple):
         The entry of z that each row of a condition owns.
     sign : ndarray, shape (m,)
         −1 where such a row was multiplied by that, else 1.
-    turned : csr_array, shape (m, n)
-        The coefficients of p with these signs, in the order of the conditions.
     """
 
     p: AffineRows
@@ -38,7 +36,6 @@ class OrderedRows(NamedTuple):
     upper: AffineRows | None
     own: NDArray[np.intp]
     sign: Vector
-    turned: sp.csr_array
 
 
 def in_order(
@@ -73,8 +70,7 @@ def in_order(
     if n > m:
         places, factor = arranged(parts[0].Z, rows >= m)
         parts[0] = parts[0].of(places).times(factor)
-    p_rows, r_rows, lower, upper = parts
-    return OrderedRows(p_rows, r_rows, lower, upper, own, sign, p.Z)
+    return OrderedRows(*parts, own, sign)
 
 
 def _signs(R: sp.csr_array) -> Vector:

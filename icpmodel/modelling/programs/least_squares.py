@@ -138,13 +138,12 @@ def solve_lsq(
     as_truth(raise_on_failure, "raise_on_failure")
     B = matrix(B, "B")
     c = as_vector(c, B.shape[0], "c")
-    low, high = bounds(lb, ub, B.shape[1])
-    _check_order(low, high)
+    low, high = _ordered(*bounds(lb, ub, B.shape[1]))
     outcome = solve_program(_conditions(B, c, low, high), tolerance=tolerance, time_limit=time_limit, begin=begin)
-    end = np.inf if time_limit is None else begin + time_limit
-    x = np.clip(0.0, low, high)
-    if outcome.values is not None:
-        x = _corrected(B, c, outcome.values.x[c.size :], low, high, end)
+    if outcome.values is None:
+        x = np.clip(0.0, low, high)
+    else:
+        x = _corrected(B, c, outcome.values.x[c.size :], low, high, begin + (time_limit or np.inf))
     fun = B @ x - c
     gradient = B.T @ fun
     mask = np.where(x >= high, 1, np.where(x <= low, -1, 0))
@@ -175,10 +174,12 @@ def solve_lsq(
     return solution
 
 
-def _check_order(low: Vector, high: Vector) -> None:
+def _ordered(low: Vector, high: Vector) -> tuple[Vector, Vector]:
+    """Both bounds. Raises InputError where they cross."""
     if (low > high).any():
         i = int(np.argmax(low > high))
         raise InputError(f"lb[{i}] = {low[i]:g} is above ub[{i}] = {high[i]:g}; lb <= ub was expected")
+    return low, high
 
 
 def _conditions(B: sp.csr_array, c: Vector, low: Vector, high: Vector) -> Program:

@@ -142,11 +142,13 @@ class _ProgramRun:
             if method is None and proof is not None:
                 break
             solution = self._solved(best.problem, method, z0, best.judged)
+            if self.left() == 0.0:
+                break
             with limited(self.left(), None):
                 best.polish(best.z)
                 if not best.is_good:
                     best.polish(solution.z)
-            if solution.status in (Status.TIME_LIMIT, Status.MEMORY_LIMIT) or best.is_good:
+            if solution.status is Status.MEMORY_LIMIT or best.is_good:
                 break
             proof = proof or self._without_solution(best.problem, solution)
             if proof is not None and not proof.status.endswith("_inaccurate"):
@@ -159,7 +161,7 @@ class _ProgramRun:
         if not best.is_good:
             message = f"rows or multipliers are wrong by {error:.3g} of their terms; {solution.message}"
             status = "optimal_inaccurate" if error <= _INACCURATE else "solver_error"
-            if solution.status in (Status.TIME_LIMIT, Status.MEMORY_LIMIT) or self.left() == 0.0:
+            if solution.status is Status.MEMORY_LIMIT or self.left() == 0.0:
                 status = "user_limit"
         return Outcome(status, message, best.values(), violation=error, iterations=self.iterations, incumbent=best)
 
