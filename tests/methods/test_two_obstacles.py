@@ -3,6 +3,7 @@
 import re
 
 import numpy as np
+import pytest
 
 from icpmodel import ICP, Affine, Elementwise
 from icpmodel.solve.solution import Status
@@ -25,3 +26,11 @@ def test_fixed_obstacles_that_cross_are_found_before_any_method_is_tried():
     assert solution.iterations == 0
     assert "psi_1 = 2 is above upper_1 = 1.9" in solution.message
     assert "psi_1 and upper_1 are fixed, and cross" in solution.why
+
+
+@pytest.mark.parametrize("method", ["psor", "mnmgs", "mnmj"])
+def test_one_obstacle_may_move_while_the_other_does_not(method):
+    A, swap = np.array([[4.0, -1.0, 0.0], [-1.0, 4.0, -1.0], [0.0, -1.0, 4.0]]), np.eye(3)[::-1]
+    for psi, upper in ((Affine(0.25 * swap, 1.0), 2.0), (-2.0, Affine(0.25 * swap, -1.0))):
+        problem = ICP(A, [3.0, -30.0, 2.0], psi, upper=upper)
+        assert problem.solve(method, rtol=1e-12).z == pytest.approx(problem.solve("enumerate").z, abs=1e-9)
