@@ -294,8 +294,8 @@ assert wrong == 0, "nothing that is proved is wrong"
 # [the lesson on relaxation](why_relaxation_helps.md). No $v > 0$ has $\langle A \rangle v > 0$. Can an answer be
 # bounded all the same?
 #
-# Answer: Yes: it is a P-matrix, which for few rows can be proved by going through all choices of rows, and the inverses
-# of these choices bound the error.
+# Answer: Yes: for few rows all linear pieces of the problem can be examined in fractions, and one of them holds the
+# only solution. So the bound is the error.
 
 wheel = icp.ICP([[1, 0, 2], [2, 1, 0], [0, 2, 1]], [-1, -1, -1])
 bound = icp.error_bound(wheel, [0.33, 0.33, 0.34])

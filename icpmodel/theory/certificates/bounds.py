@@ -35,7 +35,7 @@ from .slopes import proofs_by_slopes
 from .supersolution import prove as prove_supersolution
 
 _SHARPEN_UP_TO = 10_000  #: up to so many entries of A sharpening costs a few milliseconds and is not worth a question
-_NEGLIGIBLE = 0.1  #: δ(ẑ) as a share of |z − ẑ| that is not worth another point
+_NEGLIGIBLE = 0.02  #: δ(ẑ) as a share of |z − ẑ| that is not worth another point: the bound is then good to 2 per cent
 #: the work that a bound may cost, in counted nanoseconds, where nobody limits it
 BUDGET = 60e9
 #: added to the sentence of a proof that rests on what a user says of ψ
