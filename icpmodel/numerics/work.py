@@ -66,8 +66,6 @@ class Costs(NamedTuple):
     symmetric_row: float = 400.0
     symmetric_entry: float = 4.0
     symmetric_flop: float = 0.3
-    #: an entry that minimum degree looks at, and the graph that it begins with, per entry
-    look: float = 13.5
     #: a band factorised, whatever its size, per entry of its factors and per multiplication
     band: float = 9_500.0
     band_entry: float = 4.0
