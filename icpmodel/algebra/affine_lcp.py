@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -80,6 +81,7 @@ class AffineLcp:
     ) -> None:
         self.n = A.shape[-1]
         self.rows: Any = None
+        self.is_split = False
         self.free = c == -np.inf
         self.c = np.where(self.free, 0.0, c)
         self.M, self.inverse = A, None
@@ -118,6 +120,7 @@ class AffineLcp:
 
         The second mask is None where there is no obstacle above.
         """
+        y = self.joined(y)
         active = ~self.free[: self.n] & (y[: self.n] == 0.0)
         if self.rows is None:
             return active, None
@@ -133,13 +136,31 @@ class AffineLcp:
         from .kernels import balancing, pivoting  # loads numba
 
         S, *units = balancing.scale(read_only(self.M))
+        free = np.zeros(len(self.q), dtype=bool) if self.is_split else self.free
         if covering is None:
-            return pivoting.begin(S, *units, self.q, self.free)
-        return pivoting.begin(S / covering[:, None], *units, self.q / covering, self.free)
+            return pivoting.begin(S, *units, self.q, free)
+        return pivoting.begin(S / covering[:, None], *units, self.q / covering, free)
+
+    def split(self) -> AffineLcp:
+        """The same with differences y⁺ − y⁻, both ≥ 0, in the `free` rows, for where these cannot be eliminated."""
+        from .kernels.pivoting import split  # loads numba
+
+        new = copy(self)
+        new.M, new.q = split(*read_only((self.M, self.q, self.free)))
+        new.is_split = True
+        return new
+
+    def joined(self, y: Vector) -> Vector:
+        """`y` with the differences in place of their two parts."""
+        if not self.is_split:
+            return y
+        whole = y[: self.free.size].copy()
+        whole[self.free] -= y[self.free.size :]
+        return whole
 
     def z(self, y: Vector) -> Vector:
         """The z that belongs to y."""
-        return self.back(y + self.c)
+        return self.back(self.joined(y) + self.c)
 
     def back(self, x: Any) -> Any:
         """(I − G)⁻¹x, for x of shape (n,) or for all rows of a matrix, and without the entries for rows above."""

@@ -54,7 +54,7 @@ class Lemke(Shortcut):
     -----
     **Form.** For ψ = c it is M = A and y = z − c. For ψ = Gz + c it is M = A(I − G)⁻¹ and y = (I − G)z − c. A ψ_i that
     moves with z_i alone, and by less, is a constant (see `with_fixed_obstacle`). Rows without obstacle are eliminated
-    first.
+    first. Where A is singular there, their unknowns are written as differences of two that are ≥ 0.
 
     **Ties** in the ratio test are broken lexicographically, so that no basis comes back. Where one does, rounding has
     hidden a tie. Then the pivots begin again with a q that is perturbed by 1e-8 of its size. The last basis is
@@ -96,8 +96,11 @@ class Lemke(Shortcut):
             while ended == UNFINISHED:
                 ended, entering, y, ray = some_pivots(state, entering, len(lcp.q))
                 if ended == SINGULAR:
-                    row = int(np.argmax(lcp.free))
-                    raise SingularOperator("A is singular in the rows and columns without obstacle below", row)
+                    lcp = lcp.split()
+                    state = lcp.start()
+                    entering = START
+                    ended = UNFINISHED
+                    continue
                 z = lcp.z(y)  # where a ray begins because A is nearly singular, t may be as good as 0
                 yield z, None
                 basis = np.sort(state[5][: len(lcp.q)]).tobytes()
@@ -111,7 +114,10 @@ class Lemke(Shortcut):
                 z = solve_on(problem, z, *lcp.held(y))
                 yield z, None
             return
-        _prove(problem, ray[: problem.n])
+        _prove(problem, lcp.joined(ray)[: problem.n])
+        if lcp.is_split:
+            row = int(np.argmax(lcp.free))
+            raise SingularOperator("A is singular in the rows and columns without obstacle below", row)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

@@ -27,7 +27,8 @@ def proves_in_fractions(A, q, c, y):
 
 def test_what_no_elimination_can_start_on_is_refused():
     with pytest.raises(icp.SingularOperator, match="rows and columns without obstacle"):
-        icp.ICP([[0.0, 1.0], [1.0, 1.0]], [1.0, 1.0], [-np.inf, 0.0]).solve("lemke")
+        icp.ICP([[0, 1, 1], [1, -1, 0], [1, 0, -1]], [-3.0, 1.0, 1.0], [-np.inf, 0.0, 0.0]).solve("lemke")
+    assert run(icp.ICP([[0, 1], [1, 1]], [1.0, 1.0], [-np.inf, 0.0])).status is icp.Status.INFEASIBLE
     with pytest.raises(icp.SingularOperator, match="I - G is singular"):
         icp.ICP([[1.0]], [1.0], icp.Affine([[1.0]], 1.0)).solve("lemke")
     with pytest.raises(icp.NotApplicable, match="with n = 1000000 they need"):
@@ -168,3 +169,19 @@ def test_few_unknowns_are_judged_as_any_other_problem(n, form):
         found = problem.solve()
         assert found.residual <= found.tolerance == pytest.approx(1e-8 * problem.residual_scale())
         assert problem.residual(found.z) <= found.residual + 1e-14 * np.abs(found.z).max()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_flow_of_least_cost_by_its_conditions_of_optimality(seed):
+    rng = np.random.default_rng(seed)
+    nodes, arcs = 8, 24
+    tail = rng.integers(0, nodes, arcs)
+    head = (tail + rng.integers(1, nodes, arcs)) % nodes
+    E = np.zeros((nodes, arcs))
+    np.add.at(E, (tail, np.arange(arcs)), 1.0)
+    np.add.at(E, (head, np.arange(arcs)), -1.0)
+    cost = rng.integers(1, 9, arcs)
+    supply = E @ rng.integers(0, 5, arcs)
+    A = np.block([[np.zeros((arcs, arcs)), -E.T], [E, np.zeros((nodes, nodes))]])
+    z = run(icp.ICP(A, np.append(cost, -supply), np.append(np.zeros(arcs), np.full(nodes, -np.inf)))).z
+    assert cost @ z[:arcs] == pytest.approx(linprog(cost, A_eq=E, b_eq=supply).fun)

@@ -250,6 +250,43 @@ def begin(S, r, c, q, free):
 
 
 @compiled
+def split(M, q, free):
+    # the LCP in which the unknowns of the rows that are `free` are differences of two that are not negative, the second
+    # ones behind all others, where those rows hold with the other sign
+    n = q.size
+    size = n
+    rows = np.empty(2 * n, np.int64)
+    for i in range(n):
+        rows[i] = i
+        if free[i]:
+            rows[size] = i
+            size += 1
+    whole = np.empty((size, size))
+    f = np.empty(size)
+    for i in range(size):
+        sign = 1.0 if i < n else -1.0
+        f[i] = sign * q[rows[i]]
+        for j in range(size):
+            whole[i, j] = M[rows[i], rows[j]] * (sign if j < n else -sign)
+    return whole, f
+
+
+@compiled
+def _by_differences(M, q, free, limit, y):
+    # y where the rows that are `free` cannot be eliminated
+    whole, f = split(M, q, free)
+    S, r, c = scale(whole)
+    S, f, none, units, D, labels, work = begin(S, r, c, f, np.zeros(f.size, np.bool_))
+    found = go_on(S, f, none, units, D, labels, work, np.int64(START), limit)[2]
+    second = y.size
+    for i in range(y.size):
+        y[i] = found[i]
+        if free[i]:
+            y[i] -= found[second]
+            second += 1
+
+
+@compiled
 def many(S, r, c, M, Q, C, limit, Z):
     # the LCPs with the rows of Q over the obstacles in the rows of C, each from its own start, to the rows of Z
     n = S.shape[0]
@@ -270,7 +307,9 @@ def many(S, r, c, M, Q, C, limit, Z):
             for j in range(n):
                 q[i] += M[i, j] * Z[k, j]
         right(q, r, c, f, units)
-        y = go_on(S, f, free, units, D, labels, work, np.int64(START), limit)[2]
+        code, _, y, _ = go_on(S, f, free, units, D, labels, work, np.int64(START), limit)
+        if code == SINGULAR:
+            _by_differences(M, q, free, limit, y)
         for i in range(n):
             Z[k, i] += y[i]
 
