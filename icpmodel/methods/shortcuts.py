@@ -26,6 +26,8 @@ from ..theory.certificates.contradiction import multipliers
 from ..theory.certificates.infeasible import infeasible
 from .contract import Infeasible, Iterate, Method, positive_diagonal
 
+#: so many unknowns may be split into differences; tested for 20 to 200
+_SPLIT_UP_TO = 200
 #: how often a step of Josephy's is halved, and the share of its length by which it has to reduce Res
 _HALVINGS = 6
 _SLOPE = 0.1
@@ -89,12 +91,16 @@ class Lemke(Shortcut):
 
         yield z, None
         lcp = dense_lcp(problem)
+        row = int(np.argmax(lcp.free))
+        singular = SingularOperator("A is singular in the rows and columns without obstacle below", row)
         state = lcp.start()
         for entering in (START, NUDGED):
             seen = set[bytes]()
             ended = UNFINISHED
             while ended == UNFINISHED:
                 ended, entering, y, ray = some_pivots(state, entering, len(lcp.q))
+                if ended == SINGULAR and problem.n > _SPLIT_UP_TO:
+                    raise singular
                 if ended == SINGULAR:
                     lcp = lcp.split()
                     state = lcp.start()
@@ -116,8 +122,7 @@ class Lemke(Shortcut):
             return
         _prove(problem, lcp.joined(ray)[: problem.n])
         if lcp.is_split:
-            row = int(np.argmax(lcp.free))
-            raise SingularOperator("A is singular in the rows and columns without obstacle below", row)
+            raise singular
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
