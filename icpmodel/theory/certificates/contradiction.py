@@ -185,7 +185,7 @@ class _Conditions(NamedTuple):
 
     rows: CombinationRows
     units: Vector
-    index: NDArray[np.intp]
+    places: NDArray[np.intp]
     sign: Vector
 
     @classmethod
@@ -204,10 +204,10 @@ class _Conditions(NamedTuple):
 
         rows = self.rows
         n = rows.low.size
-        scale = self.sign * self.units[self.index]
-        K = times_rows(scale, rows.matrix[self.index])
-        right = -scale * rows.offset[self.index]
-        E: Any = relaxed[self.index].astype(float)
+        scale = self.sign * self.units[self.places]
+        K = times_rows(scale, rows.matrix[self.places])
+        right = -scale * rows.offset[self.places]
+        E: Any = relaxed[self.places].astype(float)
         E = sp.diags_array(E) if each else E[:, None]
         ends = np.concatenate([right, rows.low, rows.high])
         unit = float(np.abs(ends[np.isfinite(ends)]).max(initial=0.0)) or 1.0  # a solver takes 1e20 for infinite
@@ -231,7 +231,7 @@ class _Conditions(NamedTuple):
         weights = -found.ineqlin.marginals
         weights[weights <= ZERO * weights.max(initial=0.0)] = 0.0
         y = np.zeros(rows.offset.size)
-        np.add.at(y, self.index, scale * weights)
+        np.add.at(y, self.places, scale * weights)
         return _Least(self, unit * found.x[:n], y, unit * float(found.fun))
 
 

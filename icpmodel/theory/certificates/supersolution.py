@@ -106,12 +106,12 @@ def prove(problem: ProblemData) -> SupersolutionProof | str:
     weight = np.maximum(unit @ ones, 1.0 / v.max())
     weight *= diagonal / lu.solve(weight).max()
     try:
-        found = _supersolution(problem, weight, lu.solve(-problem.q / diagonal))
+        strict = _supersolution(problem, weight, lu.solve(-problem.q / diagonal))
     except MapError as error:  # ψ need not have a value where s is sought
         return f"no strict supersolution was found: {error}"
-    if found is None:
+    if strict is None:
         return "no strict supersolution was found by policy iteration"
-    m, s = found
+    m, s = strict
     margin = f"margin {at_least(m)}"
     sentence = f"A is an M-matrix with A1 >= 0, psi a best jump, and a strict supersolution exists ({margin})"
     return SupersolutionProof(sentence, weight, m, s)

@@ -132,9 +132,9 @@ def decide(C: sp.csr_array, count: int, block: NDArray[np.int32]) -> Answer:
     if np.isfinite(S.data).all():
         y = _solution(S)
         holds = None if y is None else _proves(S, y)
-        if holds:
+        if y is not None and holds:
             return Answer(True, "<A>v > 0 with v = <A>^-1 D1", _in_old_units(y, c) if count == 1 else None)
-        if holds is False:
+        if y is not None and holds is False:
             return Answer(False, "<A>x <= 0 with x >= 0 from <A>^-1 D1", _in_old_units(y, c))
     if C.nnz <= _EXACT_ENTRIES and np.bincount(block).max() <= _EXACT_ROWS:
         return _exactly(C, block, count)
