@@ -70,7 +70,8 @@ def in_order(
     if n > m:
         places, factor = arranged(parts[0].Z, rows >= m)
         parts[0] = parts[0].of(places).times(factor)
-    return OrderedRows(*parts, own, sign)
+    p, r, lower, upper = parts
+    return OrderedRows(p, r, lower, upper, own, sign)
 
 
 def _signs(R: sp.csr_array) -> Vector:

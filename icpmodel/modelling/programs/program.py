@@ -117,8 +117,8 @@ def conditions_of(program: Program, last: ICP | None = None) -> ICP:
     free = np.full(program.b.size, np.inf)
     low = np.concatenate([program.low, -free, np.zeros(program.h.size)])
     high = np.concatenate([program.high, free, np.full(program.h.size, np.inf)])
-    is_same = last is not None and last.A.shape == A.shape and not (last.A != A).nnz
-    problem = last.with_q(q) if is_same else ICP(A, q)
+    kept = last if last is not None and last.A.shape == A.shape and not (last.A != A).nnz else None
+    problem = ICP(A, q) if kept is None else kept.with_q(q)
     return problem.with_sides(low, None if np.isposinf(high).all() else high)
 
 

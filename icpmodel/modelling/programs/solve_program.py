@@ -227,9 +227,12 @@ class Incumbent:
     def __init__(self, program: Program, tolerance: float, last: Incumbent | None = None) -> None:
         self.size = program.g.size, program.b.size
         self.tolerance = tolerance
-        self.problem = conditions_of(program, None if last is None else last.problem)
-        is_same = last is not None and last.problem.A is self.problem.A
-        self.judge = last.judge if is_same else Judge(self.problem, program.g.size)
+        self.problem: ICP = conditions_of(program, None if last is None else last.problem)
+        self.judge: Judge
+        if last is not None and last.problem.A is self.problem.A:
+            self.judge = last.judge
+        else:
+            self.judge = Judge(self.problem, program.g.size)
         self.low = self.problem.psi.value(np.zeros(self.problem.n))
         upper = self.problem.upper
         self.high = np.full(self.problem.n, np.inf) if upper is None else upper.value(self.low)
