@@ -1,10 +1,11 @@
-"""Is A an H-matrix? Decided block by irreducible block: by its row sums, or by one linear solve.
+"""Is A an H-matrix? Decided block by irreducible block: by its row sums, by Perron's vector, or by one linear solve.
 
 A is an H-matrix if ⟨A⟩ is a nonsingular M-matrix. That is proved by a v > 0 with ⟨A⟩v > 0. It is
 disproved by an x ≥ 0, x ≠ 0, with ⟨A⟩x ≤ 0 (were ⟨A⟩⁻¹ ≥ 0, then x = ⟨A⟩⁻¹⟨A⟩x ≤ 0). Entries
 between the irreducible diagonal blocks of ⟨A⟩ make no difference to its truth. In one block:
 
 - All row sums ≥ 0, one of them > 0: H (Taussky). All ≤ 0: not H, with x = 1.
+- Jx > x > 0 or Jx < x for J = |D|⁻¹|D − A| and some iterate x of the power method: not H, or H.
 - v with ⟨A⟩v ≈ D1: where v > 0 it is a proof. Otherwise x = v⁻ = max(−v, 0) is always a disproof.
   Where v_i ≤ 0, (⟨A⟩v⁻)_i = (⟨A⟩v⁺)_i − (⟨A⟩v)_i with both terms ≤ 0. Elsewhere (⟨A⟩v⁻)_i has
   entries off the diagonal only.
@@ -16,6 +17,7 @@ Berman and Plemmons, Nonnegative Matrices in the Mathematical Sciences (1994), c
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
 from functools import partial
@@ -33,6 +35,7 @@ from ...numerics.rounding import SMALLEST, lower, upper
 from ..answers import Answer
 from .comparison_matrix import comparison_matrix, solve_for_diagonal
 
+_POWER_STEPS = 30  #: so many steps of the power method cost less than a linear solve
 #: the limits of what rational elimination is asked to decide: stored entries, rows of a block
 _EXACT_ENTRIES = 2000
 _EXACT_ROWS = 40
@@ -130,25 +133,50 @@ def decide(C: sp.csr_array, count: int, block: NDArray[np.int32]) -> Answer:
     r, c = natural_exponents(C)
     S = without_zeros(in_units(within_blocks(C, block), r, c))
     if np.isfinite(S.data).all():
-        y = _solution(S)
-        holds = None if y is None else _proves(S, y)
-        if y is not None and holds:
-            return Answer(True, "<A>v > 0 with v = <A>^-1 D1", _in_old_units(y, c) if count == 1 else None)
-        if y is not None and holds is False:
-            return Answer(False, "<A>x <= 0 with x >= 0 from <A>^-1 D1", _in_old_units(y, c))
+        for name, y in _candidates(S, block, count):
+            holds = _proves(S, y)
+            if holds:
+                return Answer(True, f"<A>v > 0 with v from {name}", _in_old_units(y, c) if count == 1 else None)
+            if holds is False:
+                return Answer(False, f"<A>x <= 0 with x >= 0 from {name}", _in_old_units(y, c))
     if C.nnz <= _EXACT_ENTRIES and np.bincount(block).max() <= _EXACT_ROWS:
         return _exactly(C, block, count)
     return Answer(None, "neither v > 0 with <A>v > 0 nor x >= 0 with <A>x <= 0 was found, rounding considered")
 
 
-@np.errstate(all="ignore")  # beside a diagonal next to nothing S overflows, and NaN proves nothing
-def _solution(S: sp.csr_array) -> Vector | None:
-    """v with Sv ≈ D1 where it is positive, else v⁻; max(v) = 1."""
-    v = solve_for_diagonal(S)
-    if v is None:
-        return None
-    y = v if (v > 0).all() else np.maximum(-v, 0.0)
-    return y / y.max()
+def _candidates(S: sp.csr_array, block: NDArray[np.int32], count: int) -> Iterator[tuple[str, Vector]]:
+    """Vectors that may prove or disprove, by rising cost."""
+    diagonal = S.diagonal()
+    x = np.ones(S.shape[0])
+    price = 3 * work.product(x.size, S.nnz)
+
+    def image(x: Vector) -> Vector:
+        work.charge(price)
+        return x - (S @ x) / diagonal  # Jx
+
+    with np.errstate(all="ignore"):  # beside a diagonal next to nothing J overflows, and NaN proves nothing
+        for _ in range(_POWER_STEPS):
+            x = x + np.maximum(image(x), 0.0)  # I + J has no other eigenvalue of its largest modulus
+            largest = np.zeros(count)
+            np.maximum.at(largest, block, x)
+            x = x / largest[block]
+        ratio = image(x) / x
+        least = np.full(count, np.inf)
+        most = np.zeros(count)
+        np.minimum.at(least, block, ratio)
+        np.maximum.at(most, block, ratio)
+    if (least > 1).any():
+        yield "Perron's vector", np.where(block == np.argmax(least), x, 0.0)
+    elif (most < 1).all():
+        yield "Perron's vector", x
+    with np.errstate(all="ignore"):
+        v = solve_for_diagonal(S)
+        y = None
+        if v is not None and np.isfinite(v).all():
+            y = v if (v > 0).all() else np.maximum(-v, 0.0)
+            y = y / y.max()
+    if y is not None:
+        yield "<A>^-1 D1", y
 
 
 def _proves(S: sp.csr_array, y: Vector) -> bool | None:
