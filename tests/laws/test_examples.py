@@ -35,7 +35,7 @@ SAYS = {
     "what_a_bound_is_worth.py": (
         "residuals of 0, 1/2 and 1: [0.0, 5e-07, 0.0]",
         "A is not positive definite: A[0, 0] = -1e-06 is not positive",
-        "100   3.2e-05   3.3e-03   3.4e-03     5.7e-02          196",
+        "100   3.2e-05   3.3e-03   3.3e-03     5.7e-02          198",
         "that are proved 0\n",
     ),
     "membrane.py": "median force per area there: 16\n",

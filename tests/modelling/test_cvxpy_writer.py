@@ -79,4 +79,4 @@ def test_what_has_no_such_form_is_refused():
     with pytest.raises(icp.NotApplicable, match=r"not Function.sin.: freeze its obstacle"):
         icp.ICP([[2.0]], [1.0], np.sin).to_cvxpy()
     with pytest.raises(icp.NotApplicable, match="no bounds on p and r for a mixed-integer program"):
-        icp.ICP([[0.0, 1.0], [-1.0, 0.0]], [1.0, 1.0]).to_cvxpy("mip")
+        icp.ICP(np.kron(np.eye(7), [[0.0, 1.0], [-1.0, 0.0]]), np.ones(14)).to_cvxpy("mip")
