@@ -50,7 +50,7 @@ def why_not_rows(problem: ProblemData) -> str | None:
     if not f.is_elementwise:
         return "f may couple rows, and its steps solve row by row: give f as Elementwise"
     if f.slope_range is None:
-        return "nothing is known of the slopes of f: give `slope_range` to Elementwise, as (0, inf) where f rises"
+        return "the slopes of f are not known: give `slope_range` to Elementwise, as (0, inf) where f rises"
     least = least_diagonal(problem)
     if (least > 0.0).all():
         return None

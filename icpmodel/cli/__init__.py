@@ -30,7 +30,7 @@ __all__ = ["main"]
 _ASL = "-AMPL"
 _NO_ASL = (
     'this command reads no .nl files. In Pyomo, `import icpmodel.modelling.pyomo` before SolverFactory("icpmodel"), '
-    "or take icpmodel.pyomo_solver(), and build the model anew: this attempt has rewritten its Complementarity"
+    "or take icpmodel.pyomo_solver(), and build the model again: this call has rewritten its Complementarity"
 )
 
 #: where what starts several processes at once gives each of them its number
@@ -56,7 +56,7 @@ _EXAMPLES = {
     "explain membrane": "what is certain before a solve",
     "race membrane -o race.png": "time against error, with independent solvers",
     "stability units -o map.png": "where a method converges, how fast, and where it fails",
-    "report membrane -o page.html": "all of that, and pictures, on one page",
+    "report membrane -o page.html": "the results of all these, with pictures, on one page",
     "distributed membrane --n 1e6": "on the ranks of mpiexec, with petsc4py",
 }
 
@@ -88,8 +88,8 @@ class _Commands(click.Group):
 @click.group(
     cls=_Commands,
     context_settings={"help_option_names": ["-h", "--help"]},
-    epilog='For the completion of names in bash: eval "$(_ICPMODEL_COMPLETE=bash_source icpmodel)"; else zsh_source, '
-    "fish_source.",
+    epilog='Completion of names in bash: eval "$(_ICPMODEL_COMPLETE=bash_source icpmodel)"; in other shells '
+    "zsh_source or fish_source.",
 )
 @click.version_option(package_name="icpmodel")
 def commands() -> None:

@@ -77,7 +77,7 @@ _BEGINS = {b"PK": ".npz", b"\x93NUMPY": ".npy", b"%%MatrixMarket": ".mtx"}
 #: by which the problem is named
 SOURCE_OPTIONS = (
     click.argument("source", required=False, shell_complete=completing(scene_names)),
-    click.option("--n", type=_WHOLE, help="Wanted number of unknowns of a scene; it takes the nearest it can have."),
+    click.option("--n", type=_WHOLE, help="Number of unknowns of a scene; the nearest possible number is used."),
     click.option("--set", "parameters", **_PAIR, help="A parameter of the scene; repeatable."),
     click.option("--A", "a_file", type=click.Path(), help="A file of A, in place of SOURCE."),
     click.option("--q", "q_file", type=click.Path(), help="A file of q."),
@@ -162,7 +162,7 @@ def named_source(arguments: dict[str, Any]) -> Named:
         hint = did_you_mean(source, scene_names()) or "; `icpmodel scenes` lists the scenes"
         raise InputError(f"SOURCE is {source!r}; there is neither a scene nor a file or folder of this name{hint}")
     if n is not None or parameters:
-        raise InputError(f"--n and --set belong to scenes, and {source or file} is none; see `icpmodel scenes`")
+        raise InputError(f"--n and --set belong to scenes, and {source or file} is not a scene; see `icpmodel scenes`")
     sides = (_side(arguments[name]) for name in ("psi", "upper"))
     return Named(None, None, {}, (source or file, arguments["q_file"], *sides))
 

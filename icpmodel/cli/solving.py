@@ -33,7 +33,9 @@ _LIMITS = ("rtol", "atol", "accuracy", "max_iter", "time_limit", "memory_limit")
 _SOLVE_OPTIONS = (
     *SOURCE_OPTIONS,
     *METHOD_OPTIONS,
-    click.option("--z0", "z0_file", type=click.Path(), help="Start from the z in this file, by -o, or a vector."),
+    click.option(
+        "--z0", "z0_file", type=click.Path(), help="Start from the z of this file: an answer by -o, or a vector."
+    ),
     *from_signature(run, *_LIMITS),
     click.option("--bound/--no-bound", default=True, help="Compute the error bound, which may cost a solve."),
     AS_JSON,

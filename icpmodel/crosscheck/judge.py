@@ -160,7 +160,7 @@ class Checked:
         if difference <= bound <= WIDEST * (AGREE * float(np.abs(self.z).max()) + FLOOR * self.unit):
             return Verdict.AGREES, f"within the certified bound {bound:.1e}"
         if difference <= bound:
-            return Verdict.INCONCLUSIVE, f"the bound {bound:.1e} is too wide to tell; solve with a smaller rtol"
+            return Verdict.INCONCLUSIVE, f"the bound {bound:.1e} is too wide to decide; solve with a smaller rtol"
         if difference > bound:
             return Verdict.DISAGREES, f"both residuals are small, but they differ by more than the bound {bound:.1e}"
         if not unique:

@@ -56,7 +56,7 @@ class Report(Shown, Tabular):
     >>> report.conclusion()
     'Solved; no entry off by more than ...; 1 of 1 independent solvers agree.'
     >>> report.coverage()
-    'Solved alike: the whole problem by osqp.'
+    'Confirmed: the whole problem by osqp.'
     """
 
     rows: tuple[Row, ...]
@@ -129,14 +129,14 @@ class Report(Shown, Tabular):
         str
             Empty where none agrees.
         """
-        frozen = "with its obstacle frozen at the answer, which leaves open whether there are others,"
+        frozen = "with its obstacle frozen at the answer, which does not exclude other solutions,"
         parts = []
         for what, is_frozen in (("the whole problem", False), (frozen, True)):
             agreeing = (row for row in self.rows if row.verdict is Verdict.AGREES and row.frozen is is_frozen)
             names = dict.fromkeys(row.solver for row in agreeing)
             if names:
                 parts.append(f"{what} by {', '.join(names)}")
-        return f"Solved alike: {'; '.join(parts)}." if parts else ""
+        return f"Confirmed: {'; '.join(parts)}." if parts else ""
 
     def findings(self) -> str:
         """The verdict, the solvers that ran, why others did not, and what the checks cover, as text.

@@ -257,7 +257,7 @@ class Derivative(ReadOnly, Plotted):
             x = solve(f, self._tolerance)
             # all of f within the rounding of Jx: J is singular but for rounding
             if x is None or (f.any() and (np.abs(f) <= 16 * UNIT_ROUNDOFF * self._sizes(x, transposed)).all()):
-                told = "the equations of the active set are singular, or what they give overflows"
+                told = "the equations of the active set are singular, or their solution overflows"
                 raise SingularOperator(f"{told}; where rows are undecided, one_sided may have an answer", 0)
         return x
 
@@ -505,7 +505,7 @@ class Derivative(ReadOnly, Plotted):
             return f"no row is decided, as there is no error bound: {bound.reason}"
         if self._misplaced.any():
             row = int(np.argmax(self._misplaced))
-            return f"z is too far from z*, which is on the other side in row {row}: solve it to a smaller tolerance"
+            return f"z is too far from z*: row {row} of z* has another active set; solve to a smaller tolerance"
         element = "an element of the B-subdifferential, see one_sided"
         if self._open.any():
             return f"p = r = 0 cannot be excluded in {_named(self._open)}: {element}"

@@ -117,7 +117,7 @@ def certify(problem: DistributedICP, z: Any, levels: DistributedLevels | None = 
     if _may_cross(problem, here, change):
         return here.certificate(ErrorBound.none("psi <= upper is not proved near z, where z* would be"))
     if not np.isfinite(value):
-        reason = "the proof bounds nothing at this z: it is too far from z*, or not finite"
+        reason = "the proof gives no bound at this z: it is too far from z*, or not finite"
         return here.certificate(ErrorBound.none(reason, sentence))
     squares = totals(problem.comm, float(np.sum((delta / value) ** 2)))[0] if value else 0.0
     euclidean = value * float(np.sqrt(squares)) * (1 + (problem.n + 8) * UNIT_ROUNDOFF)

@@ -68,7 +68,7 @@ class DistributedMap:
                 own = as_map(value, size) if name == "psi" else as_map(-np.inf, size, value).upper
             if own is not None and not isinstance(own, Constant) and own.lipschitz is None:
                 raise NotApplicable(
-                    f"{name} moves, and it is not known how far: give an Elementwise with `lipschitz` < 1"
+                    f"{name} depends on z without a known bound: give an Elementwise with `lipschitz` < 1"
                 )
         is_users = totals(matrix.comm, own is not None and not own.is_constant)[0] > 0
         return cls(matrix, own, G, is_users)

@@ -107,7 +107,7 @@ def _files(path: Path, q: Any, psi: Any, upper: Any) -> dict[str, Any]:
         number = name in SIDES and isinstance(given, int | float) and not isinstance(given, bool)
         files[name if name == "q" else f"{SIDES[name]}c"] = float(given) if number else as_path(given, name)
     if "q" not in files:
-        raise FileError(f"{path}: holds A alone; a problem needs its q as well, in a file of its own")
+        raise FileError(f"{path}: holds A alone; the problem needs q too, in another file")
     for file in files.values():
         if isinstance(file, Path):
             _check_parted(file)
@@ -117,8 +117,8 @@ def _files(path: Path, q: Any, psi: Any, upper: Any) -> dict[str, Any]:
 def _check_parted(file: Path) -> None:
     if file.suffix.lower() not in PARTED:
         raise FileError(
-            f"{file}: is not read in parts; {' or '.join(PARTED)} was expected, or let rank 0 read it by "
-            "icpmodel.load_problem, and icpmodel.distributed.distribute send the others their rows"
+            f"{file}: is not read in parts; {' or '.join(PARTED)} was expected. Or read it on rank 0 with "
+            "icpmodel.load_problem, and send its rows to the others with icpmodel.distributed.distribute"
         )
 
 

@@ -16,7 +16,7 @@ from ..numerics.arrays import Vector
 
 _MISSING = (
     "icpmodel.distributed needs petsc4py and mpi4py, which pip install 'icpmodel[petsc]' builds from sources; "
-    "docs/distributed.md says how to get them sooner"
+    "docs/distributed.md has quicker ways"
 )
 
 #: errors that are the same on all ranks, first those of the package

@@ -284,7 +284,7 @@ class _Run:
             sure = residual + luck <= self.tolerance or (atol and problem.paper_residual(self.best) + of_paper <= atol)
             if not sure and max(self.tolerance, atol) > 0:
                 status = Status.PRECISION_LIMIT
-                note = f"rounding may be worth {luck:.3g} of it"
+                note = f"rounding may account for {luck:.3g} of it"
         message = "solved"
         if status is not Status.SOLVED:
             message = (

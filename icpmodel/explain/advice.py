@@ -14,17 +14,17 @@ from ..theory.matrices.classes import MatrixClasses
 
 def what_to_do(problem: ProblemData, classes: MatrixClasses, picked: Method | None = None) -> Iterator[str]:
     """What helps where no member of the family is proved to converge; `picked` is what `solve()` begins with."""
-    yield "no member of the family is proved to converge; solve() tries several, and calls nothing solved that is not"
+    yield "no member of the family is proved to converge; solve() tries several, and checks the residual of the result"
     psi = problem.psi
     both = problem.upper is not None
     if psi.lipschitz is None and not psi.has_policies:
-        whose = "the Lipschitz matrices of psi and upper" if both else "psi's Lipschitz matrix"
-        yield f"give {whose} (lipschitz=...): without it no theorem can be applied"
+        missing = "the Lipschitz matrices of psi and upper" if both else "psi's Lipschitz matrix"
+        yield f"give {missing} (lipschitz=...): without it no theorem can be applied"
     elif classes.h_plus.holds and not (psi.is_constant or psi.has_policies):
         yield "A is an H+-matrix, but psi moves too much for it: a smaller G, or a larger diagonal of A, is needed"
     if psi.has_policies:
         if both and not psi.isotone():
-            yield "for an intervention the theorem needs two obstacles that rise with z, which is not known of these"
+            yield "for an intervention the theorem needs two isotone obstacles; these are not known to be isotone"
         elif classes.z.holds:
             yield "for an intervention: mnmj (phi >= |D - Omega|) converges monotonically from super- and subsolutions"
         else:
@@ -39,7 +39,7 @@ def what_to_do(problem: ProblemData, classes: MatrixClasses, picked: Method | No
     elif is_boxed(problem):
         yield "z has a fixed obstacle on both sides in every row, so that there is a solution, perhaps one of many"
     elif classes.semidefinite.holds and problem.is_lcp:
-        yield "A is positive semidefinite: where p >= 0, r >= 0 can be met there is a solution, perhaps one of many"
+        yield "A is positive semidefinite: if some z has p >= 0 and r >= 0 there is a solution, perhaps one of many"
     elif classes.p.holds is False:
         yield "A is no P-matrix: there may be no solution, or many; check signs and units of the model"
 
@@ -50,11 +50,11 @@ def what_to_do_about_f(problem: ProblemData, unique: bool) -> Iterator[str]:
     if unique:
         return
     if problem.f.slope_range is not None:
-        yield "for a proof A + diag(m), m the least slopes of f, is to be an H+-matrix, or positive definite"
+        yield "a proof needs A + diag(m) to be an H+-matrix, or positive definite, with m the least slopes of f"
     elif problem.f.is_elementwise:
         yield "give slope_range=(m, M) to Elementwise: without it no theorem can be applied"
     else:
-        yield "f couples rows, of which no theorem here speaks: other starts z0 may find other solutions"
+        yield "f couples rows, which no theorem here covers: other starts z0 may find other solutions"
 
 
 def methods_for_f(problem: ProblemData) -> Iterator[str]:

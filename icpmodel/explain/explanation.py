@@ -156,7 +156,7 @@ class Explanation(Shown):
             yield from methods_for_f(self.problem)
             return
         if not self.forecasts:
-            yield "no member of the modulus family that was looked at can start with this A"
+            yield "no member of the modulus family that was examined can start with this A"
             return
         rows = [
             (
@@ -172,8 +172,8 @@ class Explanation(Shown):
         yield "theorems: 4.1 to 4.4 are the paper's, corrected; icpmodel.theory.theorems() states all of them"
         if any(one.factor is not None for one in self.forecasts):
             yield (
-                "factor: a step leaves at most so much of the error, in a norm that goes with the method, so that a "
-                "method with a smaller factor may need more steps"
+                "factor: a step multiplies the error by this at most, in a norm of the method; a method with a "
+                "smaller factor may need more steps"
             )
             yield f"steps: in exact arithmetic, from z = 0 until no entry of z is off by more than {self.accuracy:g}"
         proved = any(one.proved_by for one in self.forecasts)
@@ -214,33 +214,33 @@ class Explanation(Shown):
 
     def _best_proved(self) -> Iterator[str]:
         if self.problem.f is not None:
-            yield "NewtonJosephy converges quadratically near a strongly regular solution; from afar nothing is proved"
+            yield "NewtonJosephy converges quadratically near strongly regular solutions; elsewhere nothing is proved"
             return
         best = self.recommended
         proved = next((one for one in self.forecasts if one.proved_by), None)
         if best is not None and best.factor is not None:
-            cost = "one sweep over A each"
+            cost = "one sweep over A a step"
             if best.factorises:
-                cost = "one solve with X = M1 + phi + Omega each, which is factorised once"
+                cost = "one solve with X = M1 + phi + Omega a step, factorised once"
             enough = "" if best.steps is None else f", so that {best.steps} will do"
             yield f"{best.title}: each step leaves at most {shown(best.factor)} of the error{enough}; {cost}"
             if self.picked is not None and not _same(best.method, self.picked):
-                yield "solve() goes by what steps cost as well, and by what is expected, not by what is proved alone"
+                yield "solve() chooses by expected cost, not by proved rates alone"
         elif proved is not None:
             by = proved.proved_by[0]
             how = "monotone, with a strict supersolution" if by == "monotone" else by
             yield f"{proved.title} converges from every start (theorem {how})"
         elif self.asked:
             for one in self.forecasts:
-                yield f"no theorem covers {one.title} on this problem, which does not say that it fails"
+                yield f"no theorem covers {one.title} on this problem, which does not mean that it fails"
             if self.instead is not None:
-                also = "without a method, explain looks at more"
+                also = "without a method, explain examines more of them"
                 yield f"{self.instead.title} is proved here (theorem {self.instead.theorems}); {also}"
         # what is not known of A is not looked for while a page is printed
         if proved is None and self.classes.semidefinite.holds and (found := proximal_point(self.problem)).holds:
             yield f"Proximal() is proved (theorem proximal): {found.reason}"
         elif proved is None and self.instead is None:
-            yield "no method that was looked at is proved to converge"
+            yield "no method that was examined is proved to converge"
 
     def __str__(self) -> str:
         return str(Sections(self.sections()))

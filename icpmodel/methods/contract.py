@@ -52,7 +52,7 @@ class Least:
 
 
 #: the sentence for a nonlinear p
-OF_F = "p is nonlinear, and it takes affine p: name no method, or solve problem.linearised(z)"
+OF_F = "p is nonlinear, and this method needs affine p: leave out the method, or solve problem.linearised(z)"
 
 
 def _of_affine_p(own: Callable[[Any, ProblemData], str | None]) -> Callable[[Any, ProblemData], str | None]:

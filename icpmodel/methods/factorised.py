@@ -41,7 +41,7 @@ class MNMOD(ModulusMember):
 
     name: ClassVar[str] = "mnmod"
     family: ClassVar[str] = "paper"
-    to_try: ClassVar[str] = "another phi (phi + 1 amid A's eigenvalues; none helps where A only rotates)"
+    to_try: ClassVar[str] = "another phi (phi + 1 between A's extreme eigenvalues; none helps if some are imaginary)"
     phi: Any = 0.0
 
     def __post_init__(self) -> None:
@@ -79,7 +79,9 @@ class MNMMOD(MNMOD):
 
     name: ClassVar[str] = "mnmmod"
     family: ClassVar[str] = "paper"
-    to_try: ClassVar[str] = "another theta1 (amid A's eigenvalues; none helps where A only rotates), another phi"
+    to_try: ClassVar[str] = (
+        "another theta1 (between A's extreme eigenvalues; none helps if some are imaginary), another phi"
+    )
     theta1: Any = 1.0
 
     def __post_init__(self) -> None:

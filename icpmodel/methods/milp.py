@@ -193,7 +193,7 @@ def active_set(rows: LinearRows, most: MostOf, cuts: list[Vector]) -> ActiveRows
         options=options,
     )
     if found.status == 1:
-        raise OutOfTime("branch and bound did not end in what was left of the time")
+        raise OutOfTime("branch and bound did not end within the time limit")
     if found.x is None:
         return None
     lower = found.x[n : 2 * n] < 0.5

@@ -81,7 +81,7 @@ class Lemke(Shortcut):
 
     def why_not(self, problem: ProblemData) -> str | None:
         if problem.psi.linear is None and not problem.facts.has_fixed_obstacle:
-            wanted = "constant or affine, or moves with z_i alone and by less"
+            wanted = "constant or affine, or dependent on z_i alone with a slope below 1"
             return f"pivoting needs a psi that is {wanted}, not {problem.psi!r}"
         return too_large(problem.facts)
 
@@ -195,7 +195,7 @@ class Tridiagonal(Shortcut):
         if problem.nnz > 3 * problem.n - 2:
             return f"A is not tridiagonal: it has {problem.nnz} entries"
         if not problem.facts.has_fixed_obstacle:
-            return f"it needs a psi_i that moves with z_i alone, by less than it, which is not known of {problem.psi!r}"
+            return f"psi_i has to depend on z_i alone, with a slope below 1, which is not known of {problem.psi!r}"
         rows = problem.matrix.rows
         if max(rows.below, rows.above) > 1:
             reach = f"reach {rows.below} rows below the diagonal and {rows.above} above"

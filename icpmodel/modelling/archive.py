@@ -44,7 +44,7 @@ def opened(path: Path, shares: int = 1) -> Iterator[tuple[BinaryIO, int]]:
 def check_room(what: str, size: float) -> None:
     """Raise FileError where `what`, of so many bytes, is more than the machine has free."""
     if not work.fits(size):
-        raise FileError(f"{what} takes {1e-9 * size:.3g} GB of memory, which is more than there is free")
+        raise FileError(f"{what} takes {1e-9 * size:.3g} GB of memory, more than is free")
 
 
 def array_of(content: bytes, name: str) -> np.ndarray:
@@ -62,7 +62,7 @@ def array_of(content: bytes, name: str) -> np.ndarray:
 def read_arrays(path: Path) -> dict[str, Any]:
     """The arrays and CSR matrices of an `.npz` file by name. Raises FileError."""
     if path.suffix.lower() != ".npz":
-        raise FileError(f"{path}: a file whose name ends in .npz was expected")
+        raise FileError(f"{path}: a file name that ends in .npz was expected")
     with opened(path) as (file, size), zipfile.ZipFile(file) as archive:
         entries = archive.infolist()
         check_room(str(path), sum(one.file_size for one in entries))
@@ -70,7 +70,7 @@ def read_arrays(path: Path) -> dict[str, Any]:
         end = file.read(_END)
         # a damaged entry can swallow the next one, which zipfile does not notice
         if end[:4] == b"PK\5\6" and int.from_bytes(end[10:12], "little") not in (len(entries), 0xFFFF):
-            raise FileError(f"{path}: does not have as many fields as it says; damaged?")
+            raise FileError(f"{path}: does not have the number of fields in its directory; is it damaged?")
         found: dict[str, Any] = {}
         for one in entries:
             name = one.filename.removesuffix(".npy")

@@ -152,7 +152,7 @@ def problem_of(parts: dict[str, Any], sources: dict[str, Path]) -> ICP:
     """
     A = parts["A"]
     if "q" not in parts:
-        raise FileError(f"{sources['A']}: holds A alone; a problem needs its q as well, in a file of its own")
+        raise FileError(f"{sources['A']}: holds A alone; the problem needs q too, in another file")
     with _named(sources["A"]):
         problem = ICP(A, np.zeros(A.shape[0] if A.ndim else 1))
     with _named(sources["q"]):

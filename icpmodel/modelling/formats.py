@@ -54,7 +54,7 @@ def read_named(path: Path) -> dict[str, Any]:
         return {"": read_petsc(path)}
     if suffix in _TEXTS:
         return {"": read_text(path)}
-    raise FileError(f"{path}: a file whose name ends in one of {', '.join(SUFFIXES)} was expected")
+    raise FileError(f"{path}: a file name that ends in one of {', '.join(SUFFIXES)} was expected")
 
 
 def _of_npz(path: Path) -> dict[str, Any]:

@@ -78,8 +78,8 @@ def solved(reading: Reading, method: str | Method | None = None, *, z0: Any = No
         return finer
     row = int(np.argmax(shares))
     message = (
-        f"{reading.row_name(row)} holds to {shares[row]:.2g} of its own terms only, although the residual of all is "
-        "small: lower rtol, or give the variables units in which they are of one size"
+        f"{reading.row_name(row)} is satisfied only to {shares[row]:.2g} of its own terms, although the residual of "
+        "all rows is small: lower rtol, or scale the variables to similar sizes"
     )
     return replace(found, status=Status.PRECISION_LIMIT, message=message)
 

@@ -251,7 +251,7 @@ def _check_solved(path: Path, found: Solution, goal: Goal) -> None:
         off = f"Res_D(z) = {found.residual:.3g} on {found.problem!r}, and at most {found.tolerance:.3g} was wanted"
     if not holds:
         raise FileError(
-            f"{path}: says that it is solved, but {off}: it was asked for less, which rtol, atol or accuracy of "
-            "load_solution can allow, is of another problem, or was changed; icpmodel.certify(problem, z) says "
-            "what is true of z"
+            f"{path}: says that it is solved, but {off}. It was solved to another tolerance (give that as rtol, atol "
+            "or accuracy of load_solution), is of another problem, or was changed; icpmodel.certify(problem, z) "
+            "certifies z"
         )

@@ -68,8 +68,8 @@ def as_array(value: Any, name: str) -> np.ndarray:
     if array.ndim == 0 and array.dtype.kind not in "biufc":
         if callable(getattr(value, "matvec", None)):  # a LinearOperator of SciPy's, or whatever behaves like one
             raise InputError(
-                f"{name} is {described(value)}, which only multiplies; its entries are needed: give the array or the "
-                "sparse matrix that it is made of, or, where n is small, its product with np.eye(n)"
+                f"{name} is {described(value)}, which only multiplies vectors; its entries are needed: give the array "
+                "or the sparse matrix that it is made of, or, where n is small, its product with np.eye(n)"
             )
         raise InputError(f"{name} is {described(value)}; real numbers were expected")
     return array
@@ -335,7 +335,7 @@ def as_float64(value: Any, name: str) -> NDArray[np.float64]:
         for one, taken in zip(array[doubtful].tolist(), made[doubtful].tolist(), strict=True):
             if one != taken:
                 found = f"{name} holds {one} of dtype {array.dtype}, which rounds to the float64 {taken}"
-                raise InputError(f"{found}; write {name}.astype(float) where that is right")
+                raise InputError(f"{found}; write {name}.astype(float) if that is intended")
     return made
 
 
@@ -357,5 +357,5 @@ def check_labels(given: Mapping[str, Any]) -> Any:
                 expected = labels
             elif not labels.equals(expected):
                 found = f"{name}.{axis} has other labels than {first}, or in another order"
-                raise InputError(f"{found}; sort them alike, or give {name}.to_numpy() if it is the place that counts")
+                raise InputError(f"{found}; bring them into one order, or give {name}.to_numpy() if positions count")
     return expected

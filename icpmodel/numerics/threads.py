@@ -63,7 +63,7 @@ def run_with_deadline(step: Callable[[], _T], most: float) -> _T:
     try:
         return result.result(min(seconds_left(), TIMEOUT_MAX))
     except TimeoutError:
-        raise OutOfTime("a step takes longer than was foreseen, and than what is left of the time") from None
+        raise OutOfTime("a step takes longer than estimated, and than the time that is left") from None
 
 
 def threads_for(nnz: int) -> int:

@@ -279,9 +279,9 @@ def work_limit(
 def check_budget(nanoseconds: float = 0.0, memory: float = 0.0) -> None:
     """Raises OutOfTime or OutOfMemory where a step, by the table of costs and in bytes, is more than what is left."""
     if not fits(memory):
-        raise OutOfMemory(f"a step needs about {1e-6 * memory:.3g} MB, which is more than may still be taken")
+        raise OutOfMemory(f"a step needs about {1e-6 * memory:.3g} MB, which is more than the memory limit leaves")
     if not nanoseconds <= nanoseconds_left() > 0.0:
-        raise OutOfTime(f"a step of about {1e-9 * nanoseconds:.2g} s does not fit into what is left of the time")
+        raise OutOfTime(f"a step of about {1e-9 * nanoseconds:.2g} s does not fit into the time that is left")
 
 
 def charge(nanoseconds: float, memory: float = 0.0) -> None:

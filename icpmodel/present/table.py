@@ -153,7 +153,7 @@ class Table(Shown):
         try:
             from pandas import DataFrame
         except ImportError:
-            message = "a data frame needs pandas, which is not installed: pip install pandas; to_csv() needs nothing"
+            message = "a data frame needs pandas, which is not installed: pip install pandas; to_csv() works without it"
             raise NotApplicable(message) from None
         return DataFrame(list(self.rows), columns=list(self.heads))
 

@@ -100,7 +100,7 @@ def check_suffix(path: Path, written: tuple[str, ...]) -> None:
     """Raise FileError for a name that does not end as one of the forms that are `written`."""
     if path.suffix.lower() not in written:
         ends = " or ".join([", ".join(written[:-1]), written[-1]] if written[1:] else written)
-        raise FileError(f"{path}: a file whose name ends in {ends} was expected; all of it is written to one file")
+        raise FileError(f"{path}: a file name that ends in {ends} was expected; all of it is written to one file")
 
 
 @contextmanager

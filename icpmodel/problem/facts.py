@@ -114,7 +114,7 @@ class Facts:
             i = int(np.argmin(good))
             name = "psi" if none < 0 else "upper"
             raise MapError(
-                f"{name}_{i} leads to {c[i]} where z_{i} = psi_{i}(z_{i}) is sought; a finite number was expected"
+                f"{name}_{i} gives {c[i]} for the z_{i} with z_{i} = psi_{i}(z_{i}); a finite number was expected"
             )
         c.flags.writeable = False
         return c

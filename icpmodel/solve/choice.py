@@ -365,6 +365,6 @@ def why_none(problem: ProblemData) -> str:
     diagonal = problem.A.diagonal()
     i = int(np.argmin(diagonal))
     if diagonal[i] > 0.0:
-        return "nothing that could be chosen fits into the memory that is left (memory_limit)"
+        return "no suitable method fits into the memory that is left (memory_limit)"
     others = problem.psi.no_derivative() or "factors do not fit into the memory that is left: raise memory_limit"
-    return f"A[{i}, {i}] = {diagonal[i]:g} is not positive, as sweeps ask for, and {others}"
+    return f"A[{i}, {i}] = {diagonal[i]:g} is not positive, which sweeps need, and {others}"

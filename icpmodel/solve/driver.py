@@ -135,7 +135,7 @@ def solve(
     if family not in tuple(FAMILIES):  # what cannot be hashed is refused as well
         raise InputError(f"family is {described(family)}; 'paper', 'modulus' or None was expected")
     if family is not None and method is not None:
-        raise InputError("family restricts what is chosen, but method names one: leave out one of the two")
+        raise InputError("family restricts the choice, but a method is named: leave out one of them")
     limits = _limits(rtol, atol, accuracy, max_iter, time_limit, memory_limit)
     shown = _shown(callback, history, progress)
     as_truth(raise_on_failure, "raise_on_failure")

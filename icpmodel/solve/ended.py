@@ -80,7 +80,7 @@ class Stalled:
 
     def recurred(self, period: int = 1) -> Ended:
         """The end where an iterate came back after so many steps, or where no new one comes."""
-        still = "the iterates stand still, but z is not a solution"
+        still = "the iterates no longer move, but z is not a solution"
         cycled = Ended(Status.CYCLED, f"the iterates repeat with period {period}")
         return self.at_floor() or (Ended(Status.STAGNATED, still) if period == 1 else cycled)
 

@@ -95,7 +95,7 @@ def _end(run: Run, best: Best, limits: Limits) -> tuple[Status, str]:
         note = "psi or f gives different values at the same z"
     elif status in _NO_FURTHER and _is_luck(run, best.z):
         status = Status.PRECISION_LIMIT
-        note = "only as float64 rounds it is the residual of this z small enough"
+        note = "the residual of this z is small enough only as rounded in float64"
     if status not in (Status.SOLVED, Status.INTERRUPTED, Status.STOPPED) and (crossed := _crossed(run.problem, best.z)):
         status = Status.CROSSED
         note = crossed

@@ -309,7 +309,7 @@ class Run:
         if not residual < np.inf or residual > _BLOW_UP * max(first, self.goal.tolerance):
             if fault := fault_of_psi(self.problem, z):
                 return Ended(Status.MAP_FAILED, f"{fault} at iteration {self.iteration}")
-            return Ended(Status.DIVERGED, f"the iterates ran away, at iteration {self.iteration}")
+            return Ended(Status.DIVERGED, f"the iterates diverged, at iteration {self.iteration}")
         return None
 
     def _limit(self, seconds: float) -> Ended | None:

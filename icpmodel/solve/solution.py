@@ -91,14 +91,14 @@ _ADVICE = {
     "CYCLED": "try {}another method or another start z0",
     "DIVERGED": "try {}another method or another start z0; A may be far from an H+-matrix, or psi move too much: see "
     "problem.explain()",
-    "INFEASIBLE": "this is proved: mend A, q or psi; `solution.contradiction` may name the conditions that contradict",
+    "INFEASIBLE": "this is proved: change A, q or psi; `solution.contradiction` may name the conditions in conflict",
     "ITERATION_LIMIT": "raise max_iter, ask for less (rtol, accuracy), or pass this solution as z0 to go on",
     "TIME_LIMIT": "raise time_limit, ask for less (rtol, accuracy), or pass this solution as z0 to go on",
     "MEMORY_LIMIT": "raise memory_limit, free memory, or name a method that needs little, such as mnmgs",
     "INTERRUPTED": "pass this solution as z0 to go on",
     "STOPPED": "the callback returned True; pass this solution as z0 to go on",
-    "MAP_FAILED": "mend psi, or f, or start nearer to the solution; this is the best iterate before it failed",
-    "CROSSED": "mend psi or upper, or start elsewhere: no z is between them in that row where the run has come to",
+    "MAP_FAILED": "correct psi or f, or start nearer to the solution; this is the best iterate before it failed",
+    "CROSSED": "change psi or upper, or start elsewhere: psi is above upper in that row at the last iterate",
     "WORKER_LOST": "solve it alone to see why, or give its worker more memory",
 }
 

@@ -247,7 +247,7 @@ class Target(Shown):
         if form == "energy" and abs(A - A.T).max() > 4 * UNIT_ROUNDOFF * np.abs(A.data).max():
             return "A is not symmetric"
         if not self.parallel:
-            return "the obstacles below and above a row do not move alike, so that the gap is not convex"
+            return "psi and upper depend on z in different ways, so that the gap is not convex"
         # rounding does not make a QP nonconvex for a solver
         convex = self.curvature.semidefinite_up_to_rounding
         if convex.holds:

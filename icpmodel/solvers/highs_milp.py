@@ -34,7 +34,7 @@ class HighsMilp(ForeignSolver):
     def why_not(self, target: Target) -> str | None:
         reason = super().why_not(target)
         if reason is None and target.bounds is not None:
-            return "bounds on p and r are known, so that pyomo-highs is asked"
+            return "bounds on p and r are known, so that pyomo-highs is used"
         return reason
 
     def set_up(self, target: Target, tolerance: float, time_limit: float) -> Any:

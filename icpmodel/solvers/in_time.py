@@ -46,5 +46,5 @@ def in_time(items: Callable[[], Iterator[_T]], problem: ProblemData, pieces: int
     if pieces * piece <= 1e9 * _SHARE * (end - time.perf_counter()):
         return items()
     if not CAN_FORK:
-        raise OutOfTime("the solvers may take longer in one piece, and cannot be stopped here")
+        raise OutOfTime("the solvers may take longer, and cannot be interrupted on this system")
     return in_a_process(items, end)

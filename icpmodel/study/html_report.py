@@ -288,7 +288,7 @@ def _certain(solution: Solution) -> Section:
 
 def _checked(solution: Solution, time_limit: float) -> Section:
     checks = crosscheck(solution.problem, solution, time_limit=time_limit)
-    lead = "Other solvers got the same problem, from scratch and without being told the answer, and one judge compares."
+    lead = "Other solvers got the same problem, without the answer, and one criterion judges all of them."
     return Section(checks.conclusion(), lead, folded=[("Every check", checks._repr_html_())])
 
 

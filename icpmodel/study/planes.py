@@ -174,7 +174,7 @@ def plane(name: str, points: int, n: int, problem: ProblemData | None, method: s
     """The plane called `name`, one of `PLANES`, on the `problem` or with the `method`, None for the default ones."""
     if name in _OF_PROBLEM:
         if problem is not None:
-            raise InputError("problem: this plane varies the problem; only relaxation and shift take one of yours")
+            raise InputError("problem: this plane makes its own; only the planes relaxation and shift take one")
         return _OF_PROBLEM[name](points, n, named(method or "mnmgs"))
     if method is not None:
         raise InputError(f"method is {method!r}; this plane varies the parameters of its own method: leave it out")

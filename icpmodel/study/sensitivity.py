@@ -108,7 +108,7 @@ def sensitivity(solution: Solution) -> Sensitivity:
     2000
     """
     if not isinstance(solution, Solution) or not solution.solved:
-        raise InputError("solution is not solved: only the sensitivity of a solution can be told")
+        raise InputError("solution is not solved: only a solution has a sensitivity")
     size = float(np.abs(solution.z).max())
     if size == 0.0:
         raise InputError("solution has z = 0, to which no change is relative")

@@ -218,7 +218,7 @@ def test_a_report_begins_with_the_verdict() -> None:
 def test_a_moving_obstacle_is_covered_as_a_whole_and_frozen() -> None:
     problem = icp.ICP([[2.0, 0.0], [0.0, 2.0]], [-1.0, -1.0], icp.Affine([[0.0, 0.5], [0.0, 0.0]], 0.0))
     report = crosscheck(problem, None, ["osqp"])
-    assert report.coverage().startswith("Solved alike: the whole problem by osqp; with its obstacle frozen")
+    assert report.coverage().startswith("Confirmed: the whole problem by osqp; with its obstacle frozen")
     assert json.loads(report.to_json())["coverage"] == report.coverage()
     assert report.coverage() in report._repr_html_().replace("\n", " ")
 

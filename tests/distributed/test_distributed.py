@@ -120,7 +120,7 @@ def test_the_command_solves_what_is_in_files_and_writes_what_the_command_of_one_
     [
         (["membrane", "--n", "10.5"], "'10.5' is not a valid integer"),
         (["coulomb"], "not assembled by rows; the scenes that are: ball"),
-        (["membrane", "--n", "100", "-o", "z.npz"], "a file whose name ends in .bin or .h5 was expected"),
+        (["membrane", "--n", "100", "-o", "z.npz"], "a file name that ends in .bin or .h5 was expected"),
         (["A.npy", "--q", "q.npy"], "A.npy: no such file"),
         (["membrane", "--z0", "z.npz"], "z.npz: is not read in parts"),
         ([], "SOURCE or --A names the problem"),

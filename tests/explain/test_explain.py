@@ -156,8 +156,8 @@ def test_what_solve_begins_with_is_proved_and_its_steps_are_told():
         ),
         (icp.ICP([[-1.0]], [-1.0]), "no P-matrix: there may be no solution, or many"),
         (scenes.hand_cyclic().problem, "sweeps may cycle: try newton"),
-        (icp.ICP([[1.0, -1.0], [-1.0, 1.0]], [1.0, 1.0]), "A is positive semidefinite: where p >= 0, r >= 0"),
-        (icp.ICP([[0.0, -1.0], [1.0, 0.0]], [1.0, 1.0]), "A is positive semidefinite: where p >= 0, r >= 0"),
+        (icp.ICP([[1.0, -1.0], [-1.0, 1.0]], [1.0, 1.0]), "A is positive semidefinite: if some z has p >= 0"),
+        (icp.ICP([[0.0, -1.0], [1.0, 0.0]], [1.0, 1.0]), "A is positive semidefinite: if some z has p >= 0"),
     ],
 )
 def test_where_nothing_is_proved_there_is_advice(problem, words):

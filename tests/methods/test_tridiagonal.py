@@ -97,7 +97,7 @@ def test_why_not_says_what_is_missing():
     for problem, words in (
         (full, "A is not tridiagonal: it has 9 entries"),
         (far, "A is not tridiagonal: its entries reach 0 rows below the diagonal and 2 above"),
-        (moving, "it needs a psi_i that moves with z_i alone, by less than it, which is not known of Function"),
+        (moving, "psi_i has to depend on z_i alone, with a slope below 1, which is not known of Function"),
         (icp.ICP(-np.eye(3), np.ones(3)), "A[0, 0] = -1"),
     ):
         assert words in Tridiagonal().why_not(problem)

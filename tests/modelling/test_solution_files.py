@@ -116,9 +116,9 @@ def test_the_numbers_alone_go_to_numpy_and_to_tables(tmp_path):
 def test_a_name_that_ends_otherwise_is_refused(tmp_path):
     solution = PROBLEM.solve()
     for name in ("s.npy", "s", "s.txt"):
-        with pytest.raises(icp.FileError, match=r"whose name ends in \.npz or \.csv was expected"):
+        with pytest.raises(icp.FileError, match=r"a file name that ends in \.npz or \.csv was expected"):
             icp.save_solution(solution, tmp_path / name)
-    with pytest.raises(icp.FileError, match=r"x\.mat: a file whose name ends in \.npz"):
+    with pytest.raises(icp.FileError, match=r"x\.mat: a file name that ends in \.npz"):
         icp.save_problem(PROBLEM, tmp_path / "x.mat")
     assert list(tmp_path.iterdir()) == []
 

@@ -90,7 +90,7 @@ def test_limits_hold_for_the_rows_of_workers():
 
 
 def test_what_does_not_reach_a_worker_is_an_error_of_the_input():
-    with pytest.raises(icp.InputError, match=r"executor: nothing reaches a worker: .* must be picklable"):
+    with pytest.raises(icp.InputError, match=r"executor: no data reaches a worker: .* must be picklable"):
         icp.solve_many(A, Q, lambda z: 0.1 * z, executor=TWO)
     with TWO() as pool:
         for executor in (pool, 2, "dask"):

@@ -61,7 +61,7 @@ def test_a_picture_is_drawn_into_axes_that_are_given(things, name):
 @pytest.mark.parametrize("path", ["picture", "picture.doc", "picture.mat", "picture.png.old"])
 def test_a_suffix_that_no_picture_has_is_refused(solution, path, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(icp.FileError, match=r"a file whose name ends in \.png, \.pdf or \.svg was expected"):
+    with pytest.raises(icp.FileError, match=r"a file name that ends in \.png, \.pdf or \.svg was expected"):
         solution.plot(path)
     assert list(tmp_path.iterdir()) == []
 

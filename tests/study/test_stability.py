@@ -124,7 +124,7 @@ def test_a_map_is_written_with_its_data_and_its_command(tmp_path):
         ({"starts": 0}, "starts is 0"),
         ({"rtol": -1.0}, "rtol is -1"),
         ({"max_iter": 2.5}, "max_iter is 2.5"),
-        ({"plane": "coupling", "problem": icp.ICP([[1.0]], [1.0])}, "this plane varies the problem"),
+        ({"plane": "coupling", "problem": icp.ICP([[1.0]], [1.0])}, "this plane makes its own"),
         ({"plane": "relaxation", "method": "mnmgs"}, "this plane varies the parameters of its own method"),
         ({"plane": "coupling", "method": "nonsense"}, "method is 'nonsense'"),
         ({"plane": "shift", "problem": icp.ICP([[0.0]], [1.0])}, "A.0, 0. = 0; the plane shift needs"),

@@ -152,7 +152,7 @@ def complements(p: Any, r: Any, *, lower: Any = 0.0, upper: Any = None) -> Compl
     r = _expression(r, "r")
     if p.shape != r.shape:
         found = f"p = {named(p)} has shape {p.shape}, r = {named(r)} {r.shape}"
-        raise InputError(f"complements(p, r) goes entry by entry: {found}")
+        raise InputError(f"complements(p, r) works entry by entry: {found}")
     own = own_bounds(r)
     if _is_zero(lower) and upper is None and any(one is not None for one in own):
         lower, upper = own
@@ -183,7 +183,7 @@ def _bound(value: Any, name: str, r: cp.Expression) -> cp.Expression:
     if bound.is_scalar():
         return promote(bound if bound.shape == () else cp.reshape(bound, (), order="F"), r.shape)
     found = f"{name} = {named(bound)} has shape {bound.shape}, r = {named(r)} {r.shape}"
-    raise InputError(f"complements(p, r) goes entry by entry: {found}")
+    raise InputError(f"complements(p, r) works entry by entry: {found}")
 
 
 def _expression(side: Any, name: str) -> cp.Expression:

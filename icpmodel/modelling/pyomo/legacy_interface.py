@@ -32,7 +32,7 @@ _NO_USE = {
     "solnfile": _FILES,
     "solver_io": "icpmodel runs in this process",
     "writer_config": _FILES,
-    "suffixes": "declare them on the model, model.dual = pyo.Suffix(direction=pyo.Suffix.IMPORT), and rc alike",
+    "suffixes": "declare them on the model, model.dual = pyo.Suffix(direction=pyo.Suffix.IMPORT), and rc likewise",
 }
 
 

@@ -107,7 +107,7 @@ class Ownership:
         conditions, unowned = left_over(self._row, self._col, (self.m, self.n))
         left = [("condition", self.variables, unowned), ("free variable", rows.owners, conditions)]
         parts = [f"no {what} is left for {_listed([some[k].name for k in ks])}" for what, some, ks in left if ks.size]
-        advice = "every condition needs a variable of its own, so fix or deactivate what is too much"
+        advice = "every condition needs a variable of its own, so fix or deactivate the surplus"
         return f"{self.m} conditions for {self.n} variables that are not fixed: {', and '.join(parts)}; {advice}"
 
     def own_coefficient(self, k: int) -> Vector:

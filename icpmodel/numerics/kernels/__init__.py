@@ -30,7 +30,7 @@ from ..plugins import in_notebook
 from ..work import COMPILER
 
 if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
-    raise IcpError("NUMBA_DISABLE_JIT is set, and the loops of icpmodel exist in compiled code alone; unset it")
+    raise IcpError("NUMBA_DISABLE_JIT is set, and the loops of icpmodel exist only as compiled code; unset it")
 _LOG = logging.getLogger("icpmodel.compiler")
 #: a position in an array
 uint = np.uint64
@@ -79,7 +79,7 @@ class Cache(FunctionCache):
         try:
             super().save_overload(sig, data)
         except Exception as error:
-            told = "every process compiles anew; NUMBA_CACHE_DIR may name another folder"
+            told = "every process compiles again; NUMBA_CACHE_DIR may name another folder"
             warnings.warn(f"compiled code cannot be kept in {self.cache_path} ({error}): {told}", stacklevel=2)
 
 

@@ -199,7 +199,7 @@ def _failed(batch: Batch, shares: Shares, ends: Ends) -> Shares:
             why = f"{type(error).__name__}: {error}"
             if low == high:
                 raise InputError(
-                    f"executor: nothing reaches a worker: {why}; what is sent, such as psi, must be picklable"
+                    f"executor: no data reaches a worker: {why}; all of it, psi included, must be picklable"
                 )
             failed.append((low, high))
             batch.failures |= dict.fromkeys(range(low, high), (Status.WORKER_LOST, f"its worker failed: {why}"))

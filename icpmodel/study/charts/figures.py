@@ -235,7 +235,7 @@ def plot(what: Any, path: Any = None, *, ax: Any = None, points: Any = None, sha
     ['obstacle ψ(z)', 'z', 'contact set']
     >>> icp.study.plot(icp.scenes.hand_lcp(), "answer.doc")
     Traceback (most recent call last):
-    icpmodel.errors.FileError: answer.doc: a file whose name ends in .png, .pdf or .svg was expected; ...
+    icpmodel.errors.FileError: answer.doc: a file name that ends in .png, .pdf or .svg was expected; ...
     """
     if ax is not None and path is not None:
         raise InputError("path and ax are both given; a picture is written or drawn into axes: leave out one of them")

@@ -49,7 +49,7 @@ def _(race: Race) -> Drawing:
         draw=partial(_quickest, first, looks),
         caption="The time to the accuracy that solve() aims at by default, the shortest at the top, on a logarithmic "
         "axis; in brackets how much of it goes by before the first step.",
-        alt=f"Times to the default accuracy. {took or 'Nobody got there'}.",
+        alt=f"Times to the default accuracy. {took or 'None reached it'}.",
         height=_AROUND + _LINE * max(len(first), 4),
     )
     many = len(panels)

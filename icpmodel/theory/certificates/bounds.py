@@ -258,7 +258,7 @@ def _bound(problem: ProblemData, z: Vector, sharp: bool | None) -> ErrorBound:
             return ErrorBound.none(told)
         if np.isfinite(delta).all():
             return ErrorBound(float(delta.max()), delta, euclidean, sentence, "")
-        fault = not_finite(z, "z") or "the proof bounds nothing at this z: it is too far from z*"
+        fault = not_finite(z, "z") or "the proof gives no bound at this z: it is too far from z*"
         return ErrorBound.none(fault, sentence)
     return ErrorBound.none("; ".join(dict.fromkeys(reasons)))  # several proofs may fail for one reason
 

@@ -63,7 +63,7 @@ def proofs_by_slopes(problem: ProblemData) -> Iterator[Proof | str]:
     assert problem.f is not None
     bounds = problem.f.slope_range
     if bounds is None:
-        yield "p is nonlinear, and nothing is known of the slopes of f: give `slope_range` to Elementwise"
+        yield "p is nonlinear, and the slopes of f are not known: give `slope_range` to Elementwise"
         return
     matrix = problem.matrix
     if bounds[0].any():

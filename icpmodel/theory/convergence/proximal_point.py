@@ -51,7 +51,7 @@ def proximal_point(problem: ProblemData) -> Answer:
     no: A is not monotone: indefinite: x'Ax < 0 for the witness x
     """
     if not problem.facts.has_fixed_obstacle:
-        return Answer(False, "the obstacle moves with other unknowns, or by as much as its own, or it is not known how")
+        return Answer(False, "the obstacle depends on other unknowns, or its slope is not known to be below 1")
     found = proofs_of(problem).classes.semidefinite
     if not found.holds:
         word = "A is not monotone" if found.holds is False else "it is not known whether A is monotone"

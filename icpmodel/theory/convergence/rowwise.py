@@ -107,4 +107,4 @@ def rowwise(step: StepMatrices) -> SweepMap | str:
     """The map T of theorem "rowwise", or why it does not apply."""
     if not (positive := positive_diagonal(step.A)).holds:
         return positive.reason
-    return "it is about M1 = D/omega - L only" if np.isnan(step.relaxation) else SweepMap(step)
+    return "it covers M1 = D/omega - L only" if np.isnan(step.relaxation) else SweepMap(step)

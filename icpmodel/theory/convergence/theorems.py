@@ -277,8 +277,8 @@ def _without_inverse(step: StepMatrices) -> Answer:
 
 #: whether the modulus sees the newest values → why the theorems about the others are beside the point
 _OTHER_VALUES = {
-    False: "it is about methods whose modulus sees the newest values: projected SOR",
-    True: "it is about methods whose modulus sees the iterate before, here it sees the newest values",
+    False: "it covers methods whose modulus uses the newest values: projected SOR",
+    True: "it covers methods whose modulus uses the previous iterate; here it uses the newest values",
 }
 _CONVERGES = (
     "then ICP has one solution (with an obstacle above: if ψ ≤ ψ̄ at the limit, else none) and the method converges to "

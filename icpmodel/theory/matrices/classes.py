@@ -258,7 +258,7 @@ class MatrixClasses(ReadOnly, Shown):
             small = rows.size <= LIMIT
             minors += 2**rows.size if small else 0
             if small and minors > 2 ** (LIMIT + 2):
-                return Answer(None, f"too many irreducible blocks of up to {LIMIT} rows to look at all of their minors")
+                return Answer(None, f"too many irreducible blocks of up to {LIMIT} rows to compute all of their minors")
             answer = by_pivots(part) if small else (self if whole else MatrixClasses(part))._p_by_theorems()
             reason = answer.reason if whole else f"{answer.reason} (irreducible block of {rows.size} rows)"
             if answer.holds is False:
