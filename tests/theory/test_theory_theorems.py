@@ -121,7 +121,7 @@ class TestEveryTheoremIsTrue:
             assert holding(problem, member, theorems(), of_the_paper) == (corrected, printed), seed
 
     def test_the_radius_is_right_on_both_sides(self):
-        """ρ(L) of Theorem 4.1 from eigenvalues: never a wrong answer or number, and for an M-matrix X an answer."""
+        """ρ(L) of Theorem 4.1 from eigenvalues: the answer is never wrong, the number never below, and close."""
         decided = 0
         for seed in range(5000, 5080):
             problem, _, member, A, slope = random_case(seed)
@@ -131,14 +131,12 @@ class TestEveryTheoremIsTrue:
             F = np.abs(M - A) + np.abs(A - np.diag(omega)) + 2 * omega[:, None] * np.abs(slope)
             rho = spectral_radius(np.abs(np.linalg.inv(X)) @ F)
             found = check("4.1", problem, member)
-            assert found.holds in (None, bool(rho < 1)) or abs(rho - 1) <= 1e-6, (seed, rho)
-            assert found.number is None or found.number >= rho * (1 - 1e-9)
-            is_z = (X - np.diag(np.diag(X)) <= 0).all() and (np.diag(X) > 0).all()
-            if is_z and found.number is not None and abs(rho - 1) > 1e-6:
+            if abs(rho - 1) > 1e-6:
                 assert found.holds is bool(rho < 1), (seed, rho)
-                assert found.number <= rho + 0.05 * max(abs(1 - rho), 0.2 * rho)
                 decided += 1
-        assert decided >= 20
+            assert found.number >= rho * (1 - 1e-9)
+            assert found.number <= rho + 0.05 * max(abs(1 - rho), 0.2 * rho)
+        assert decided >= 60
 
 
 TWO = [[2.0, 1.0], [1.0, 2.0]]

@@ -74,7 +74,7 @@ from ...numerics.equilibration import times_rows
 from ...numerics.rounding import UNIT_ROUNDOFF
 from ...problem.data import ProblemData, as_problem
 from ..matrices.comparison_matrix import positive_diagonal
-from .contraction import Comparison, MonotoneMap
+from .contraction import Comparison, MonotoneMap, absolute_inverse
 
 _EQUAL = 1.0 - 2.0**-50  #: φ₂ ≥ φ₁D is read up to the rounding of φ₂/φ₁
 
@@ -160,14 +160,14 @@ def sharper(step: StepMatrices) -> MonotoneMap:
     omega = sp.diags_array(step.omega)
     first = sp.csr_array(abs(X - 2.0 * step.A))
     second = total(abs(X - 2.0 * omega), 2.0 * step.omega_G)
-    return MonotoneMap(Comparison(X, step.size), (first, second), step.size)
+    return MonotoneMap(absolute_inverse(X, step.size), (first, second), step.size)
 
 
 def theorem_41(step: StepMatrices) -> MonotoneMap:
     """v ↦ Lv, L = |X⁻¹|(|N̂| + |A − Ω| + 2ΩG)."""
     work.charge_matrices(step.size.nnz, 6)
     F = total(absolute(step.N), abs(step.A - sp.diags_array(step.omega)), 2.0 * step.omega_G)
-    return MonotoneMap(Comparison(step.X, step.size), (F,), step.size)
+    return MonotoneMap(absolute_inverse(step.X, step.size), (F,), step.size)
 
 
 def theorem_42(step: StepMatrices) -> MonotoneMap | str:

@@ -17,15 +17,35 @@ from ...algebra.splittings import Given
 from ...errors import OutOfTime, SingularOperator
 from ...numerics import work
 from ...numerics.arrays import Vector
-from ...numerics.equilibration import times_rows
+from ...numerics.equilibration import equilibrated, in_units, times_rows
 from ...numerics.factorisation import factorise
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
 from ..matrices.comparison_matrix import comparison_matrix
 
+#: up to this n the inverse of an X that is no M-matrix is computed densely, and so is known from both sides
+DENSE = 300
 #: entries up to which a step costs a factorisation, and entries that all power steps together may read
 _FACTORISED = 200_000
 _READ = 400_000_000
 _WORTH = 0.01  #: a gain of this share of the distance to 1 (or to 0) is worth another step
+
+
+def absolute_inverse(X: sp.csr_array, size: sp.csr_array | None = None) -> Comparison | Dense:
+    """The best known upper bound of |X⁻¹|.
+
+    For an H-matrix |X⁻¹| ≤ ⟨X⟩⁻¹, with equality for an M-matrix. For other X with n ≤ 300 there is
+    a computed inverse R, and |X⁻¹ − R| ≤ |E|(I − |E|)⁻¹|R|, E = I − RX. X itself is known to a few
+    units of roundoff of `size`, default |X|.
+
+    References
+    ----------
+    Berman and Plemmons (1979), chapter 6. Neumaier, Interval Methods (1990), section 3.7.
+    """
+    size = sp.csr_array(abs(X)) if size is None else size
+    comparison = Comparison(X, size)
+    if X.shape[0] > DENSE or (comparison.exact and np.isfinite(comparison.upper(X.diagonal())).all()):
+        return comparison
+    return Dense.of(X, size) or comparison
 
 
 def slack(size: sp.csr_array, v: Vector) -> Vector:
@@ -42,10 +62,7 @@ def slack(size: sp.csr_array, v: Vector) -> Vector:
 class Comparison:
     """|X⁻¹| ≤ ⟨X⟩⁻¹ by substitution or one factorisation; `exact`, `lower` and `upper` meet, where X = ⟨X⟩.
 
-    y ≥ ⟨X⟩⁻¹w is proved by ⟨X⟩y ≥ w > 0, y > 0, which also proves that ⟨X⟩ is an M-matrix. X is
-    known to a few units of roundoff of `size`.
-
-    Reference: Berman and Plemmons (1979), chapter 6.
+    y ≥ ⟨X⟩⁻¹w is proved by ⟨X⟩y ≥ w > 0, y > 0, which also proves that ⟨X⟩ is an M-matrix.
     """
 
     def __init__(self, X: sp.csr_array, size: sp.csr_array) -> None:
@@ -90,6 +107,52 @@ class Comparison:
         return None if lu is None else lu.solve(self._C @ v)
 
 
+@dataclass(frozen=True, eq=False)
+class Dense:
+    """`below` ≤ |X⁻¹| ≤ `above`, dense, shape (n, n)."""
+
+    below: Any
+    above: Any
+    exact = True
+
+    @classmethod
+    def of(cls, X: sp.csr_array, size: sp.csr_array) -> Dense | None:
+        """The inverse of `X` (CSR, shape (n, n)) with a bound on its error, or None where it is too ill conditioned."""
+        n = X.shape[0]
+        work.charge(4 * work.dense_cost(n))
+        with np.errstate(all="ignore"):
+            # so that units cost no accuracy
+            S, rows, columns = equilibrated(size.toarray())
+            Y = in_units(X.toarray(), rows, columns)
+            try:
+                R = np.linalg.inv(Y)
+            except np.linalg.LinAlgError:
+                return None
+            absolute = np.abs(R)
+            defect = np.abs(np.eye(n) - R @ Y) + 8 * (n + 8) * UNIT_ROUNDOFF * (absolute @ S + np.eye(n))
+            e = float(defect.sum(axis=1).max()) * (1 + n * 4 * UNIT_ROUNDOFF)
+            if not e < 0.5:
+                return None
+            error = absolute.max(axis=0) * (e / (1 - e)) * (1 + 8 * UNIT_ROUNDOFF)
+            below = in_units(np.maximum(absolute - error, 0.0), columns, rows)
+            above = in_units(absolute + error, columns, rows)
+        return cls(below, above) if np.isfinite(above).all() else None
+
+    def upper(self, w: Vector) -> Vector:
+        return (self.above @ w) * (1 + 4 * (w.size + 8) * UNIT_ROUNDOFF) + (w.size + 2) * SMALLEST
+
+    def lower(self, w: Vector) -> Vector:
+        y = (self.below @ w) * (1 - 4 * (w.size + 8) * UNIT_ROUNDOFF) - (w.size + 2) * SMALLEST
+        return np.maximum(y, 0.0)
+
+    def resolvent(self, mu: float, F: sp.csr_array, v: Vector) -> Vector | None:
+        work.charge(3 * work.dense_cost(v.size))
+        try:
+            return np.linalg.solve(mu * np.eye(v.size) - self.above @ F, v)
+        except np.linalg.LinAlgError:
+            return None
+
+
 class HomogeneousMap(ABC):
     """T ≥ 0 on v ≥ 0, monotone and positively homogeneous, known from both sides; `limit` as in `MonotoneMap`."""
 
@@ -126,7 +189,7 @@ class MonotoneMap(HomogeneousMap):
     to a few units of roundoff. `limit`·ρ(T) < `limit` is what a theorem asks for in its own words.
     """
 
-    inverse: Comparison
+    inverse: Comparison | Dense
     parts: tuple[sp.csr_array, ...]
     size: sp.csr_array
     limit: float = 1.0

@@ -272,7 +272,7 @@ def _without_inverse(step: StepMatrices) -> Answer:
         step.splitting.operator(step.A, step.phi + step.omega)
     except SingularOperator as error:
         return Answer(False, str(error))
-    return Answer(None, "nothing is known of |X^-1|: X is not an H-matrix")
+    return Answer(None, "nothing is known of |X^-1|: X is not an H-matrix and too large or ill conditioned")
 
 
 #: whether the modulus sees the newest values → why the theorems about the others are beside the point
