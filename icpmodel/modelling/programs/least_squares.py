@@ -139,32 +139,30 @@ def solve_lsq(
     B = matrix(B, "B")
     c = as_vector(c, B.shape[0], "c")
     low, high = _ordered(*bounds(lb, ub, B.shape[1]))
-    outcome = solve_program(_conditions(B, c, low, high), tolerance=tolerance, time_limit=time_limit, begin=begin)
-    if outcome.values is None:
-        x = np.clip(0.0, low, high)
-    else:
-        x = _corrected(B, c, outcome.values.x[c.size :], low, high, begin + (time_limit or np.inf))
+    end = begin + (np.inf if time_limit is None else time_limit)
+    x = _corrected(B, c, np.clip(0.0, low, high), low, high, end)
+    wrong, is_optimal = _wrong_slopes(B, c, x, low, high, tolerance)
+    iterations = 0
+    status = "optimal"
+    message = "solved"
+    if not is_optimal:
+        outcome = solve_program(_conditions(B, c, low, high), tolerance=tolerance, time_limit=time_limit, begin=begin)
+        iterations = outcome.iterations
+        if outcome.values is not None:
+            x = _corrected(B, c, outcome.values.x[c.size :], low, high, end)
+            wrong, is_optimal = _wrong_slopes(B, c, x, low, high, tolerance)
+    if not is_optimal:
+        fails = outcome.status == "optimal"
+        status = "solver_error" if fails else outcome.status
+        message = "the gradient has a wrong sign" if fails else outcome.message
     fun = B @ x - c
-    gradient = B.T @ fun
-    mask = np.where(x >= high, 1, np.where(x <= low, -1, 0))
-    wrong = np.where(mask * gradient < 0, 0.0, np.abs(gradient))
-    rounding = gamma(sum(B.shape) + 2) * (abs(B) @ np.abs(x) + np.abs(c))
-    is_optimal = (wrong <= abs(B).T @ (tolerance * np.abs(fun) + rounding)).all()
-    status = outcome.status
-    message = outcome.message
-    if is_optimal:
-        status = "optimal"
-        message = "solved"
-    elif status == "optimal":
-        status = "solver_error"
-        message = "the gradient has a wrong sign"
     solution = LeastSquares(
         x=x,
         cost=0.5 * norm(fun) ** 2,
         fun=fun,
         optimality=float(wrong.max(initial=0.0)),
-        active_mask=mask,
-        nit=outcome.iterations,
+        active_mask=np.where(x >= high, 1, np.where(x <= low, -1, 0)),
+        nit=iterations,
         status=status,
         message=message,
         seconds=time.perf_counter() - begin,
@@ -172,6 +170,18 @@ def solve_lsq(
     if raise_on_failure and not solution.success:
         raise NotSolved(solution)
     return solution
+
+
+def _wrong_slopes(
+    B: sp.csr_array, c: Vector, x: Vector, low: Vector, high: Vector, tolerance: float
+) -> tuple[Vector, bool]:
+    """The share of the gradient at `x` that no bound holds, and whether that is small enough, rounding considered."""
+    r = B @ x - c
+    gradient = B.T @ r
+    held = ((x >= high) & (gradient < 0)) | ((x <= low) & (gradient > 0))
+    wrong = np.where(held, 0.0, np.abs(gradient))
+    rounding = gamma(sum(B.shape) + 2) * (abs(B) @ np.abs(x) + np.abs(c))
+    return wrong, bool((wrong <= abs(B).T @ (tolerance * np.abs(r) + rounding)).all())
 
 
 def _ordered(low: Vector, high: Vector) -> tuple[Vector, Vector]:
