@@ -333,6 +333,7 @@ def _superlu(matrix: sp.csr_array, fill: work.Fill, diagonal_pivots: bool, order
 
 def _fill_of(matrix: sp.csr_array, analysis: SymbolicAnalysis, symmetric: bool = False) -> work.Fill:
     """The fill of a matrix with the pattern of the `analysis`; raises OutOfTime and OutOfMemory as `factorise`."""
+    work.check_budget(work.factor_cost(analysis.fill))
     fill = analysis.complete or predicted_fill(matrix, symmetric)
     work.check_budget(memory=_BYTES * fill.entries)
     return fill._replace(symmetric=symmetric and fill.symmetric)
