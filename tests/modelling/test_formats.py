@@ -204,10 +204,7 @@ def test_what_unpacks_to_more_than_there_is_room_for_is_refused_before(tmp_path,
         head = b"MATLAB 5.0 MAT-file".ljust(124) + b"\0\1IM"
         path.write_bytes(head + matlab_element(15, zlib.compress(matlab_element(14, zeros.tobytes()))))
     assert path.stat().st_size < 100_000
-    with (
-        work.work_limit(memory=1e6),
-        pytest.raises(icp.FileError, match=r"A\..*GB of memory, more than is"),
-    ):
+    with work.work_limit(memory=1e6), pytest.raises(icp.FileError, match=r"A\..*GB of memory, more than is"):
         icp.load_problem(path, q="q.npy")
 
 
