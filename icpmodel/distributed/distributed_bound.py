@@ -31,7 +31,7 @@ HPlusVectors = tuple[str, Vector, Vector, Vector]
 
 @dataclass(frozen=True, repr=False)
 class DistributedCertificate(Shown):
-    """What is true of z on ranks, recomputed from (A, q, ψ, z).
+    """The residual, error bound and active set of z on ranks, recomputed from (A, q, ψ, z).
 
     Attributes
     ----------

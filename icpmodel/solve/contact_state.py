@@ -55,7 +55,7 @@ class ContactState(ReadOnly, Shown):
 
 
 def contact_state(solution: Solution) -> ContactState:
-    """Tell the impulses of a solution, and which of its rows separate, stick and slide.
+    """Return the impulses of a solution, and which of its rows separate, stick and slide.
 
     Parameters
     ----------

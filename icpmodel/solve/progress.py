@@ -29,7 +29,7 @@ _OPEN: ContextVar[Callable[[str], None] | None] = ContextVar("status line", defa
 
 @dataclass(frozen=True, repr=False)
 class Progress(Shown):
-    """What a callback sees.
+    """The state of a run that a callback receives.
 
     Attributes
     ----------

@@ -36,7 +36,7 @@ _REGISTRY: dict[str, type[ForeignSolver]] = {}
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Claim(Shown):
-    """What a foreign solver returns: it is recorded, and never believed.
+    """The answer of a foreign solver and what it claims; the claim is recorded, the answer is judged.
 
     Parameters
     ----------

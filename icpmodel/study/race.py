@@ -46,7 +46,7 @@ _Say = Callable[[str], None]
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Race(Plotted, Tabular):
-    """What a race found.
+    """The result of `race`: times, errors and claims of every competitor.
 
     Attributes
     ----------

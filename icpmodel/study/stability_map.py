@@ -42,7 +42,7 @@ PRINTED = ("4.2", "4.3", "4.4")
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class StabilityMap(Plotted, Tabular):
-    """What happened at every point of a plane of two parameters.
+    """The result of `stability`: how the method ended at every point of a plane of two parameters.
 
     Attributes
     ----------

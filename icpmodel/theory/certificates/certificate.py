@@ -27,7 +27,7 @@ NOT_COMPUTED = "it was not computed"  #: the reason of a certificate without a b
 
 @dataclass(frozen=True, repr=False)
 class Certificate(Shown):
-    """What is true of z, recomputed from (A, q, ψ, z) by `certify` and by nothing else.
+    """The residual, error bound, uniqueness and active set of z, recomputed from (A, q, ψ, z) by `certify`.
 
     Attributes
     ----------
@@ -96,7 +96,7 @@ def certify(
     time_limit: float | None = None,
     memory_limit: float | None = None,
 ) -> Certificate:
-    """Judge an answer, ours or a foreign solver's.
+    """Certify an answer z of any solver: its residual, error bound, uniqueness and active set.
 
     Parameters
     ----------
