@@ -48,12 +48,12 @@ _FILES = {
 }
 
 _EXAMPLES = {
-    "scenes": "what is built in",
+    "scenes": "list the built-in scenes",
     "solve membrane --n 10000": "solve a scene",
     "solve p.npz -o answer.npz": "solve a problem from a file",
-    "solve --A A.npy --q q.csv": "A and q in a file each",
+    "solve --A A.npy --q q.csv": "solve a problem from files of A and q",
     "crosscheck membrane": "solve, then have osqp, cvxpy and Pyomo check the answer",
-    "explain membrane": "what is certain before a solve",
+    "explain membrane": "what is proved before a solve",
     "race membrane -o race.png": "time against error, with independent solvers",
     "stability units -o map.png": "where a method converges, how fast, and where it fails",
     "report membrane -o page.html": "the results of all these, with pictures, on one page",

@@ -23,8 +23,8 @@ from ..scenes import Scene, scene
 from ..scenes import names as scene_names
 
 SOURCE_HELP = f"""SOURCE is the name of a built-in scene (see `icpmodel scenes`), an .npz file written by
---save-problem, a .mat file with the variables A, q, psi and upper, or a folder of Matrix Market files with a psi.json;
-or else give --A and --q, and --psi and --upper where there are obstacles other than 0. A file of A or of a vector ends
+--save-problem, a .mat file with the variables A, q, psi and upper, or a folder of Matrix Market files with a psi.json.
+Without SOURCE give --A and --q, and --psi and --upper for obstacles other than 0. A file name of A or of a vector ends
 in {", ".join(SUFFIXES)}; in .csv and .txt the first line may have names. One of the files may be -, standard input."""
 
 Decorator = Callable[[Any], Any]
@@ -87,7 +87,7 @@ SOURCE_OPTIONS = (
 #: by which the method is named
 METHOD_OPTIONS = (
     click.option(
-        "--method", shell_complete=completing(names), help=f"One of {', '.join(names())}; without it one is picked."
+        "--method", shell_complete=completing(names), help=f"One of {', '.join(names())}; default: automatic."
     ),
     click.option("--option", "options", **_PAIR, help="An option of the method, such as theta1=1.2; repeatable."),
 )

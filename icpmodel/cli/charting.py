@@ -65,14 +65,14 @@ def stability(plane: str, output: str | None, form: str | None, **arguments: Any
         "methods",
         multiple=True,
         shell_complete=completing(names),
-        help="Beside solve(); repeatable; default: several.",
+        help="A method to compare with solve(); repeatable; default: several.",
     ),
     click.option(
         "--solver",
         "solvers",
         multiple=True,
         shell_complete=completing(foreign_solvers),
-        help="Repeatable; default: all that apply.",
+        help="An independent solver; repeatable; default: all that can take the problem.",
     ),
     *from_signature(run_race, *_TIMINGS),
     TO_FIGURE,
@@ -81,7 +81,7 @@ def stability(plane: str, output: str | None, form: str | None, **arguments: Any
 def race(
     methods: tuple[str, ...], solvers: tuple[str, ...], output: str | None, form: str | None, **arguments: Any
 ) -> int:
-    """Time against error on SOURCE: own methods and foreign solvers at every tolerance, in turn."""
+    """Measure time against error on SOURCE, of own methods and independent solvers at several tolerances."""
     check_picture(output)
     problem, scene = named_problem(arguments)
     asked = {name: arguments[name] for name in _TIMINGS}
@@ -114,7 +114,7 @@ def _shown(run: Callable[[], Any], output: str | None, form: str | None, partly:
     *from_signature(make_report, "time_limit"),
 )
 def report(output: str, time_limit: float, **arguments: Any) -> int:
-    """Write one self-contained HTML page on SOURCE: explained, solved, pictured, cross-checked, charted."""
+    """Write one self-contained HTML page on SOURCE: analysis, solution, pictures, cross-check, race and map."""
     page_file(output)
     problem, scene = named_problem(arguments)
     method = named_method(arguments)

@@ -44,8 +44,8 @@ class _OnRanks(click.Command):
 @click.command(
     cls=_OnRanks,
     epilog=f"""SOURCE is the name of a scene that is assembled by rows, or a folder of Matrix Market files with a
-psi.json; or else give --A and --q, and --psi and --upper where there are obstacles other than 0. Files end in
-{" or ".join(PARTED)} (PETSc's), and all ranks see them.""",
+psi.json. Without SOURCE give --A and --q, and --psi and --upper for obstacles other than 0. File names end in
+{" or ".join(PARTED)} (PETSc's), and all ranks read the files.""",
 )
 @options(*SOURCE_OPTIONS)
 @click.option("--z0", "z0_file", type=click.Path(), help=f"Start from the vector in this file, {', '.join(PARTED)}.")

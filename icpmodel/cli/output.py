@@ -18,8 +18,8 @@ from ..present.table import Table
 AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
 #: one of them for a table; the last one that is typed counts
 FORMS = (
-    click.option("--csv", "form", flag_value="csv", help="Print all of it as CSV."),
-    click.option("--latex", "form", flag_value="latex", help="Print all of it as LaTeX (booktabs)."),
+    click.option("--csv", "form", flag_value="csv", help="Print the whole table as CSV."),
+    click.option("--latex", "form", flag_value="latex", help="Print the whole table as LaTeX (booktabs)."),
 )
 TO_FIGURE = click.option(
     "-o", "--output", type=click.Path(), help="Write the figure (.png, .pdf or .svg), and its data beside it (.csv)."

@@ -49,7 +49,7 @@ _SOLVE_OPTIONS = (
 @click.option("--polish", is_flag=True, help="Solve once more on the active set, to rounding accuracy.")
 @click.option("--save-problem", "problem_file", type=click.Path(), help="Write the problem to this .npz file.")
 def solve(output: str | None, polish: bool, problem_file: str | None, as_json: bool, **arguments: Any) -> int:
-    """Solve the problem SOURCE and say how wrong the answer can be."""
+    """Solve the problem SOURCE and bound the error of the answer."""
     if output is not None:
         check_place(output)
         if problem_file is not None and Path(output).resolve() == Path(problem_file).resolve():
@@ -106,9 +106,9 @@ def _solved(problem: ICP, scene: Scene | None, arguments: dict[str, Any]) -> Sol
     "solvers",
     multiple=True,
     shell_complete=completing(foreign_solvers),
-    help="Whom to ask; repeatable; default: all.",
+    help="An independent solver; repeatable; default: all.",
 )
-@click.option("--solver-time-limit", type=float, default=60.0, show_default=True, help="Seconds for all of them.")
+@click.option("--solver-time-limit", type=float, default=60.0, show_default=True, help="Seconds for all solvers.")
 @click.option("--csv", "csv_path", type=click.Path(), help="Write the report's rows to this CSV file as well.")
 def crosscheck(
     solvers: tuple[str, ...], solver_time_limit: float, csv_path: str | None, as_json: bool, **arguments: Any
@@ -140,7 +140,7 @@ def crosscheck(
 @command(*SOURCE_OPTIONS, *METHOD_OPTIONS, *from_signature(ICP.explain, "accuracy", "thorough"))
 @AS_JSON
 def explain(accuracy: float, thorough: bool, as_json: bool, **arguments: Any) -> int:
-    """Say what is certain of the problem SOURCE before it is solved: classes, uniqueness, theorems, predicted rates."""
+    """Print what is proved of the problem SOURCE before a solve: classes, uniqueness, theorems, predicted rates."""
     problem, _ = named_problem(arguments)
     with status_line(True) as say:
         say("checking the theorems")

@@ -180,7 +180,7 @@ class Report(Shown, Tabular):
     def _tables(self) -> list[Table]:
         """The solvers that ran, and those that did not, where there are any."""
         skipped = tuple((row.solver, row.note) for row in self.rows if row.verdict is Verdict.SKIPPED)
-        tables = [_table(self.asked, _SHOWN), Table("", ("not asked", "why"), skipped)]
+        tables = [_table(self.asked, _SHOWN), Table("", ("not run", "why"), skipped)]
         return [table for table in tables if table.rows]
 
     def __str__(self) -> str:

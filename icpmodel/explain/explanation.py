@@ -275,8 +275,8 @@ def explain(
     accuracy : float, default 1e-6
         Accuracy > 0, in the units of z, of the predicted numbers of steps.
     thorough : bool, default False
-        Whether every question may take as long as it takes. By default a question is left open
-        after a number of products with A, and the page says so.
+        Answer every question, however long it takes. By default a question is left open after a
+        number of products with A, and the page says so.
     **options
         Options of a `method` that is given by name.
 

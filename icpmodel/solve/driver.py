@@ -72,22 +72,23 @@ def solve(
         before, and the problem may be reduced. A named method gets the whole problem.
     z0 : array of shape (n,) or Solution, optional
         The start, by default 0; where p is nonlinear, the point next to 0 between fixed obstacles.
-    rtol, atol : float, optional
-        The run stops at Res_D(z) ≤ rtol·Res_D(0), or at Res(z) ≤ atol, the paper's ε, whichever
-        comes first. They are 1e-8 and 0 by default.
+    rtol : float, optional
+        Stop when Res_D(z) ≤ rtol·Res_D(0), by default 1e-8.
+    atol : float, optional
+        Stop when Res(z) ≤ atol, the ε of the paper, by default 0. One of the two is enough.
     accuracy : float, optional
-        Instead of the two: the run stops where it is proved that |z_i − z*_i| ≤ accuracy in every
-        entry, in the units of z.
+        Instead of rtol and atol: stop when |z_i − z*_i| ≤ accuracy is proved for every entry, in
+        the units of z.
     family : {None, "modulus", "paper"}
         Where no method is named: as in `select_method`.
     max_iter : int, default 100_000
-        Iterations in all, a sweep or a Newton step each.
+        Limit on iterations; a sweep or a Newton step is one.
     time_limit : float, optional
-        Seconds, kept to within a tenth and .2 s. What is foreseen to take longer than what is left
-        is not begun. To compile and load loops at the first calls of a process does not count.
+        Seconds, exceeded by at most a tenth and .2 s. A step that is expected to take longer than
+        the rest is not started. Compiling and loading in the first calls do not count.
     memory_limit : float, optional
-        Bytes that may be taken beyond what is held, by default what the machine has free. Methods
-        that need more give way to others.
+        Bytes that the solve may allocate, by default the free memory of the machine. A method that
+        needs more is replaced by another.
     callback : callable, optional
         It gets a `Progress` for each tested iterate, and stops the run by returning True.
     history : bool, default False
