@@ -6,6 +6,7 @@ import scipy.sparse as sp
 
 import icpmodel as icp
 from icpmodel import scenes
+from icpmodel.algebra.kernels.tridiagonal import refine
 from icpmodel.methods.shortcuts import Lemke, Tridiagonal
 
 
@@ -102,3 +103,12 @@ def test_why_not_says_what_is_missing():
     ):
         assert words in Tridiagonal().why_not(problem)
         assert icp.select_method(problem).method.name != "tridiagonal"
+
+
+def test_a_step_of_refinement_takes_an_error_away():
+    rng = np.random.default_rng(0)
+    lower, diagonal, upper = -np.ones(6), np.full(6, 2.5), -np.ones(6)
+    A = tridiagonal(lower, diagonal, upper)
+    exact = rng.normal(size=6)
+    found = refine(lower, diagonal, upper, -A @ exact, np.ones(6, bool), exact + 0.1)
+    np.testing.assert_allclose(found, exact, atol=1e-14)
