@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from dataclasses import replace
 
 import numpy as np
 
@@ -103,10 +104,9 @@ def _end(run: Run, best: Best, limits: Limits) -> tuple[Status, str]:
     found = contradiction(run.problem) if may_contradict else None
     if found is None:
         return status, note
-    if status is not Status.INFEASIBLE:
-        run.infeasible = found.proof
-        note = found.proof.reason
-    return Status.INFEASIBLE, f"{note}; {found}"
+    proof = run.infeasible if status is Status.INFEASIBLE and run.infeasible is not None else found.proof
+    run.infeasible = replace(proof, reason=f"{proof.reason}; {found}")
+    return Status.INFEASIBLE, run.infeasible.reason
 
 
 def _message(run: Run, best: Best, status: Status, note: str) -> str:

@@ -85,6 +85,7 @@ def test_a_near_contradiction_is_told_from_a_solved_problem(gap):
     assert solution.status is icp.Status.INFEASIBLE
     assert str(solution.contradiction) == f"infeasible by {gap / 2:.3g}: p[20] >= 0, p[21] >= 0"
     assert str(solution.contradiction) in solution.message
+    assert str(solution.contradiction) in str(solution.infeasible)
     nearer = problem.with_q(problem.q + 1.001 * solution.contradiction.change).solve()
     assert nearer.solved
     assert nearer.contradiction is None
