@@ -55,7 +55,7 @@ def stability(plane: str, output: str | None, form: str | None, **arguments: Any
     elif arguments["n"] is not None:
         asked["n"] = arguments["n"]
     run = partial(map_stability, plane, problem, **asked, progress=True, command=command_line())
-    return _shown(run, output, form, "the other points are not run")
+    return _show(run, output, form, "the other points are not run")
 
 
 @command(
@@ -87,7 +87,7 @@ def race(
     asked = {name: arguments[name] for name in _TIMINGS}
     asked |= {"progress": True, "command": command_line()}
     run = partial(run_race, scene or problem, methods or None, solvers or None, **asked)
-    return _shown(run, output, form, "this is what was measured before")
+    return _show(run, output, form, "this is what was measured before")
 
 
 def check_picture(path: str | None) -> None:
@@ -96,7 +96,7 @@ def check_picture(path: str | None) -> None:
         data_file(picture_file(path))
 
 
-def _shown(run: Callable[[], Any], output: str | None, form: str | None, partly: str) -> int:
+def _show(run: Callable[[], Any], output: str | None, form: str | None, partly: str) -> int:
     """Measure, print and draw; after Ctrl-C what there is, with the sentence `partly`."""
 
     def show(result: Any) -> None:

@@ -28,7 +28,7 @@ from ..theory.convergence.proximal_point import proximal_point
 from ..theory.matrices.classes import NAMES, MatrixClasses
 from ..theory.nonuniqueness import known_of_solutions
 from .advice import is_boxed, methods_for_f, what_to_do, what_to_do_about_f
-from .forecasts import Forecast, forecasts_of, members, shown, tie
+from .forecasts import Forecast, factor_text, forecasts_of, members, tie
 
 #: what a page may cost, in products with A and in nanoseconds: for n = 10⁶ and n = 10⁴ that were 5 s and 2 s on the
 #: machine of `work.Costs`; and the share of it that one question may cost
@@ -162,7 +162,7 @@ class Explanation(Shown):
             (
                 one.title,
                 one.theorems + (" (isotone)" if one.isotone else ""),
-                None if one.factor is None else shown(one.factor),
+                None if one.factor is None else factor_text(one.factor),
                 one.steps,
             )
             for one in self.forecasts
@@ -223,7 +223,7 @@ class Explanation(Shown):
             if best.factorises:
                 cost = "one solve with X = M1 + phi + Omega a step, factorised once"
             enough = "" if best.steps is None else f", so that {best.steps} will do"
-            yield f"{best.title}: each step leaves at most {shown(best.factor)} of the error{enough}; {cost}"
+            yield f"{best.title}: each step leaves at most {factor_text(best.factor)} of the error{enough}; {cost}"
             if self.picked is not None and not _same(best.method, self.picked):
                 yield "solve() chooses by expected cost, not by proved rates alone"
         elif proved is not None:
@@ -312,7 +312,7 @@ def explain(
     unit = problem.matrix.product_cost
     page = min(_PRODUCTS * unit + _NANOSECONDS, _A_ROW * max(problem.n, _ROWS))
     products = math.inf if as_truth(thorough, "thorough") else page / unit
-    with Allowance(products, unit).kept(), one_blas_thread():
+    with Allowance(products, unit).enforced(), one_blas_thread():
         return _explained(problem, method, accuracy, Allowance(_SHARE * products, unit), options)
 
 
@@ -341,7 +341,7 @@ def _explained(
         wanted = wanted.adapt(problem)
         methods = {repr(wanted): wanted}
     try:
-        with limit.kept():
+        with limit.enforced():
             time_limit = _CENTURY if limit.products == math.inf else None  # without any it would be a minute
             bound = error_bound(problem, np.zeros(problem.n), sharp=False, time_limit=time_limit)
     except (OutOfTime, MemoryError) as error:
@@ -364,7 +364,7 @@ def _picked(problem: ProblemData, limit: Allowance) -> tuple[Method | None, str]
     if problem.f is not None:
         return NewtonJosephy(), "p is nonlinear"
     try:
-        with limit.kept():
+        with limit.enforced():
             choice = select_method(presolve(problem))
     except (OutOfTime, MemoryError) as error:
         return None, f"call solve(); which method it will run first: {limit.undecided(error)}"

@@ -127,14 +127,14 @@ def forecasts_of(
 ) -> Iterator[Forecast]:
     """A forecast of each of the `methods` that is a member of the family and can start, made when it is asked for."""
     supersolution = False
-    with suppress(OutOfTime, MemoryError), limit.kept():
+    with suppress(OutOfTime, MemoryError), limit.enforced():
         supersolution = isinstance(proofs_of(problem).supersolution(problem), SupersolutionProof)
     for title, one in methods.items():
         if isinstance(one, ModulusMember) and one.why_not(problem) is None:
             checks = check_all(problem, one, limit)
             rate = None
             steps = None
-            with suppress(OutOfTime, MemoryError), limit.kept():
+            with suppress(OutOfTime, MemoryError), limit.enforced():
                 rate = predicted_rate(problem, one, checks)
                 steps = rate.steps(problem, np.zeros(problem.n), accuracy) if isinstance(rate, Rate) else None
             yield Forecast(title, one, checks, rate, steps, supersolution)
@@ -145,6 +145,6 @@ def tie(one: float, other: float) -> bool:
     return abs(one - other) <= _TIE * max(one, other) or max(one, other) < _NOTHING
 
 
-def shown(factor: float) -> str:
+def factor_text(factor: float) -> str:
     """A proved factor per step as text, rounded upwards, but below 1."""
     return at_most(factor, 6, below=1.0)

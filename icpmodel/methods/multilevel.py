@@ -31,7 +31,7 @@ from .newton import Newton
 #: next one brings in, as full multigrid has it; at this one of its Res_D(0) at the latest; or after so many looks
 _COARSE = 0.05
 _LEAST = 1e-8
-_LOOKS = 8
+_COARSE_STEPS = 8
 #: where ψ is an intervention, at the second one or after so many: a step there costs little against the finest level's
 _POLICIES = 30
 #: a start with this share of Res_D(0) is kept, ten times what is asked for by default; with more the error may be
@@ -72,7 +72,7 @@ class Multilevel(Method):
         yield z, first
         best = z
         with suppress(NoHierarchy):
-            best = yield from self._look_by_look(problem, z, first)
+            best = yield from self._finest_level(problem, z, first)
         if problem.psi.has_policies:
             yield from Newton().iterates(problem, best)
 
@@ -102,19 +102,19 @@ class Multilevel(Method):
         for top in range(len(problems) - 1, 0, -1):
             path = Newton().iterates(problems[top], z) if jumps else newton_steps(hierarchy, problems[top], z, top)
             enough = _LEAST * problems[top].residual_at_0()
-            for look, (near, residual) in enumerate(islice(path, _POLICIES if jumps else _LOOKS)):
+            for step, (near, residual) in enumerate(islice(path, _POLICIES if jumps else _COARSE_STEPS)):
                 answer = near
                 if residual is None:
                     continue
-                if not (look or jumps):
+                if not (step or jumps):
                     enough = max(enough, _COARSE * residual)
                 if residual <= enough:
                     break
             z = hierarchy.levels[top - 1].P @ answer + shifts[top - 1]
         return z
 
-    def _look_by_look(self, problem: ProblemData, z: Vector, first: float) -> Generator[Iterate, None, Vector]:
-        """The finest level, as long as it leads on, from `z` with the residual `first`; returns the best z."""
+    def _finest_level(self, problem: ProblemData, z: Vector, first: float) -> Generator[Iterate, None, Vector]:
+        """The finest level, while the residual falls, from `z` with the residual `first`; returns the best z."""
         hierarchy = Hierarchy(problem)
         simple = with_fixed_obstacle(problem)
         at_0 = problem.residual_at_0()
@@ -126,18 +126,18 @@ class Multilevel(Method):
         halved_at = 0
         better_at = 0
         best = z
-        for look, (iterate, residual) in enumerate(newton_steps(hierarchy, simple, start, 0)):
+        for step, (iterate, residual) in enumerate(newton_steps(hierarchy, simple, start, 0)):
             if not residual < np.inf:
                 break
             yield iterate, residual if simple is problem else None
             if residual < least:
                 least = residual
-                better_at = look
+                better_at = step
                 best = iterate
             if residual <= 0.5 * mark:
                 mark = residual
-                halved_at = look
-            if look - halved_at >= _PATIENCE or look - better_at >= _SHORT_PATIENCE:
+                halved_at = step
+            if step - halved_at >= _PATIENCE or step - better_at >= _SHORT_PATIENCE:
                 break
         return best
 

@@ -74,12 +74,12 @@ class Restarts(Method):
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         best = problem.residual(z)
         yield z, best
-        for found, residual in self._found(problem, z):
+        for found, residual in self._candidates(problem, z):
             if residual < best:
                 best = residual
                 yield found, residual
 
-    def _found(self, problem: ProblemData, z: Vector) -> Iterator[tuple[Vector, float]]:
+    def _candidates(self, problem: ProblemData, z: Vector) -> Iterator[tuple[Vector, float]]:
         """All that the tries find, with the residuals."""
         rng = np.random.default_rng(self.seed)
         lcp = None

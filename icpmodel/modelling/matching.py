@@ -13,7 +13,7 @@ from ..numerics.arrays import Mask, row_of
 Columns = NDArray[np.intp]
 
 
-def looks_like_r(R: sp.csr_array) -> int:
+def resemblance_to_r(R: sp.csr_array) -> int:
     """How much Rz + … looks like z − ψ(z), R without stored zeros: 2 one positive entry alone in each row, no column
     twice; 1 a 1 in each row; 0 neither."""
     if _is_alone(R) and np.bincount(R.indices, minlength=1).max() == 1:

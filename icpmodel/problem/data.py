@@ -824,13 +824,13 @@ def as_problem(problem: ProblemLike, *, nonlinear: bool = False) -> ProblemData:
     NotApplicable
         Where p is nonlinear, unless `nonlinear` says that it may be.
     """
-    found = _found(problem)
+    found = _problem_data(problem)
     if found.f is not None and not nonlinear:
         raise NotApplicable(NONLINEAR)
     return found
 
 
-def _found(problem: ProblemLike) -> ProblemData:
+def _problem_data(problem: ProblemLike) -> ProblemData:
     if isinstance(problem, ProblemData):
         return problem
     if isinstance(problem, str):

@@ -138,7 +138,7 @@ def solve(
     if family is not None and method is not None:
         raise InputError("family restricts the choice, but a method is named: leave out one of them")
     limits = _limits(rtol, atol, accuracy, max_iter, time_limit, memory_limit)
-    shown = _shown(callback, history, progress)
+    shown = _display_options(callback, history, progress)
     as_truth(raise_on_failure, "raise_on_failure")
     problem = as_problem(problem, nonlinear=True)
     plain = problem.f is method is family is z0 is None and not options
@@ -152,7 +152,7 @@ def solve(
         start = np.zeros(problem.n)
         if problem.f is not None and problem.facts.has_fixed_obstacle:  # beyond them f may have no value
             start = np.clip(start, problem.facts.obstacle, problem.facts.upper_obstacle)
-    with limits.kept():
+    with limits.enforced():
         named_method = _named(method, problem, options)
         run = _run(problem, start, limits, follows_theorems=method is not None, **shown)
 
@@ -198,7 +198,7 @@ def _options() -> list[str]:
     return list(inspect.signature(solve).parameters)[2:-1]
 
 
-def _shown(callback: Any, history: Any, progress: Any) -> dict[str, Any]:
+def _display_options(callback: Any, history: Any, progress: Any) -> dict[str, Any]:
     if callback is not None and not callable(callback):
         raise InputError(f"callback is a {type(callback).__name__}; a function was expected")
     as_truth(history, "history")
@@ -306,12 +306,12 @@ def run_methods(run: Run, steps: Iterator[None]) -> None:
         if not (run.tried and is_ctrl_c(error)):
             raise
         if run.best is None:
-            run.best = run.found(run.start, run.at_start)
+            run.best = run.candidate(run.start, run.at_start)
         run.ended = Ended(Status.INTERRUPTED, "by Ctrl-C")
     if run.best is None and run.refused is not None:
         if not run.tried:
             run.job = Job(Choice(MNMGS(), "the limits were reached before a method was chosen"))
-        run.best = run.found(run.start, run.at_start)
+        run.best = run.candidate(run.start, run.at_start)
 
 
 def _logged(solution: Solution) -> Solution:
@@ -330,6 +330,6 @@ def _crossed_for_good(run: Run) -> bool:
             c = run.problem.facts.obstacle
             run.current = np.where(np.isfinite(c), c, run.start)  # z_i ≥ c_i at every solution
             run.job = Job(Choice(MNMGS(), f"no method was tried: psi_{row} and upper_{row} are fixed, and cross"))
-            run.best = run.found(run.current, run.problem.residual(run.current))
+            run.best = run.candidate(run.current, run.problem.residual(run.current))
             return True
     return False

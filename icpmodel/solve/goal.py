@@ -56,7 +56,7 @@ class Limits:
         """`rtol`·`scale`, a number or an array of them."""
         return share_of(scale, self.rtol)
 
-    def kept(self, begun: float | None = None) -> AbstractContextManager[None]:
+    def enforced(self, begun: float | None = None) -> AbstractContextManager[None]:
         """A block that keeps to the limits of time, which `begun` then or now, and memory: see `work_limit`."""
         from ..numerics import kernels  # noqa: F401  loads numba, before the clock begins
 

@@ -45,7 +45,7 @@ def judged(run: Run) -> Best:
     # of a z that solved the judge has just spoken
     judged = [] if run.ended.status is Status.SOLVED and not problem.psi.calls_user_code else [best]
     if run.current is not best.z:
-        judged.append(run.found(run.current, np.inf))
+        judged.append(run.candidate(run.current, np.inf))
     for one in judged:
         # a ψ that failed may fail again, or take long
         with contextlib.suppress(MapError, KeyboardInterrupt):

@@ -150,7 +150,7 @@ class _Parts:
         residual = run.goal.judged(self.z, run.problem.residual(self.z))
         reached = not run.is_over and run.goal.reached(self.z, residual)
         if reached or run.best is None or residual < run.best.residual:
-            run.best = run.found(self.z, residual)
+            run.best = run.candidate(self.z, residual)
         if reached:
             run.ended = Ended(Status.SOLVED, "")
             run.is_over = True

@@ -246,7 +246,7 @@ class Run:
             if not count:
                 first = residual
             if self.best is None or residual < self.best.residual:
-                self.best = self.found(z, residual)
+                self.best = self.candidate(z, residual)
             ended = self._seen(z, residual, seconds) or self._test(z, residual, first)
             if ended := ended or stalled.check(z, residual) or self._limit(seconds):
                 job.steps = max(count, job.steps)
@@ -263,7 +263,7 @@ class Run:
         need = _fall(first, self.target) if self.target < first < np.inf else np.inf
         return (_fall(first, residual) if residual > 0.0 and 0.0 < first < np.inf else 0.0), need
 
-    def found(self, z: Vector, residual: float) -> Best:
+    def candidate(self, z: Vector, residual: float) -> Best:
         """`z` as an iterate of the method that is tried."""
         return Best(z, residual, self.job, getattr(self.path, "adapted_method", self.job.method))
 
@@ -304,7 +304,7 @@ class Run:
         """What the iterate itself says: it is what was wanted, or it has run away from the `first` residual."""
         if self.goal.reached(z, residual):
             if self.best is None or self.best.z is not z:
-                self.best = self.found(z, residual)
+                self.best = self.candidate(z, residual)
             return Ended(Status.SOLVED, "")
         if not residual < np.inf or residual > _BLOW_UP * max(first, self.goal.tolerance):
             if fault := fault_of_psi(self.problem, z):

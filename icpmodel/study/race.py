@@ -294,7 +294,7 @@ def _measure(case: Case, z_exact: Any, limit: float) -> tuple[str, _Error]:
     known = 0.0
     words = "max |z - z*|"
     if z_exact is None:
-        with suppress(OutOfTime), Limits(rtol=RTOL, atol=0.0, max_iter=0, time_limit=limit).kept():
+        with suppress(OutOfTime), Limits(rtol=RTOL, atol=0.0, max_iter=0, time_limit=limit).enforced():
             best = uninterrupted(solve(problem, rtol=1e-12, raise_on_failure=False)).polish()
             z_exact = None if best.error_bound is None else best.z
             known = best.error_bound or 0.0

@@ -56,7 +56,7 @@ class Allowance:
     products: float
     unit: float
 
-    def kept(self) -> AbstractContextManager[None]:
+    def enforced(self) -> AbstractContextManager[None]:
         """A block in which more raises OutOfTime."""
         return work.work_limit(nanoseconds=self.products * self.unit)
 

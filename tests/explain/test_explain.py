@@ -259,7 +259,7 @@ def test_what_overflows_in_an_eigenvalue_iteration_is_no_foreign_exception_and_p
 class Full(Allowance):
     """Where the system itself has no more memory, which nobody foresaw."""
 
-    def kept(self):
+    def enforced(self):
         raise MemoryError("Unable to allocate 8. TiB")
 
 

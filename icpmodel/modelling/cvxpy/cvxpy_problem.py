@@ -487,15 +487,15 @@ class Problem(Shown):
 
     def __str__(self) -> str:
         names = ", ".join(x.name() for x in self.variables())
-        return "\n".join([f"find {names}", *(f"  with {_told(one)}" for one in self._constraints)])
+        return "\n".join([f"find {names}", *(f"  with {_description(one)}" for one in self._constraints)])
 
     def __repr__(self) -> str:
-        told = ", ".join(map(_told, self._constraints[:_TOLD]))
+        told = ", ".join(map(_description, self._constraints[:_TOLD]))
         more = len(self._constraints) - _TOLD
         return f"Problem([{told}{f', and {more} more' if more > 0 else ''}])"
 
 
-def _told(constraint: Any) -> str:
+def _description(constraint: Any) -> str:
     return repr(constraint) if isinstance(constraint, Complementarity) else named(constraint)
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...errors import InputError
 from ...numerics.arrays import Vector, row_of
-from ..matching import arranged, looks_like_r, own_entries
+from ..matching import arranged, own_entries, resemblance_to_r
 from .affine_rows import AffineRows
 
 
@@ -97,7 +97,7 @@ def p_before_r(
     swapped = []
     for (p, r), free in zip(pairs, may_swap, strict=True):
         first, second = (slice(start, start + p.size) for start in (done, m + done))
-        swaps = free and looks_like_r(Z[first]) > looks_like_r(Z[second])
+        swaps = free and resemblance_to_r(Z[first]) > resemblance_to_r(Z[second])
         if swaps:
             order[first], order[second] = order[second], order[first].copy()
         swapped.append((r, p) if swaps else (p, r))

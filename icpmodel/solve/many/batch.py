@@ -247,7 +247,7 @@ class Batch:
 
     def run(self) -> None:
         """All rows, at once where that can be, the others one by one."""
-        with self.limits.kept(self.clock):
+        with self.limits.enforced(self.clock):
             began = work.clock()
             try:
                 self.at_once()

@@ -168,14 +168,14 @@ def check_all(problem: ProblemData, member: Member, limit: Allowance = UNLIMITED
     ['4.1', '4.2', '4.3', '4.4', 'sharper']
     """
     try:
-        with limit.kept():
+        with limit.enforced():
             step = StepMatrices(problem, member)
     except (OutOfTime, MemoryError) as error:
         return {name: _of(name, Answer(None, limit.undecided(error))) for name in _THEOREMS}
     found: dict[str, Check] = {}
     for name in _ORDER:
         try:
-            with limit.kept():
+            with limit.enforced():
                 found[name] = _check(name, step, False)
         except (OutOfTime, MemoryError) as error:
             found[name] = _of(name, Answer(None, limit.undecided(error)))

@@ -142,7 +142,7 @@ class MatrixClasses(ReadOnly, Shown):
         vars(asked).update(vars(self))
         for name in _BASIC_FIRST:
             try:
-                with limit.kept():
+                with limit.enforced():
                     answer = getattr(asked, name)
                 if all_known or answer.holds is not None:  # an unknown may rest on what a limit left open
                     vars(self)[name] = answer
