@@ -107,19 +107,6 @@ def test_the_adapted_run_is_about_as_short_as_the_best_omega_allows(problem, sla
     assert solution.iterations <= slack * best
 
 
-def test_the_observed_rate_finds_the_best_omega():
-    """The residuals of SOR with ω shrink by the λ of (λ + ω − 1)² = ω²μ²λ; from them μ, and ω(μ), are found."""
-    mu = 0.97
-    omega, residual = AdaptedOmega(1.0), 1.0
-    for _ in range(200):
-        w = omega.value
-        root = (w * mu + np.sqrt(max(w**2 * mu**2 - 4 * (w - 1), 0.0))) / 2
-        omega.changes(residual)
-        residual *= max(root**2, w - 1)
-    assert omega.value == pytest.approx(2 / (1 + np.sqrt(1 - mu**2)), rel=0.03)
-    assert not omega.plain
-
-
 @pytest.mark.parametrize(("residuals", "steps"), [(lambda k: 1.0, 4000), (lambda k: 1.02 ** (k % 40), 4000)])
 def test_omega_goes_back_to_plain_sweeps_where_nothing_gets_better(residuals, steps):
     omega = AdaptedOmega(1.9, most=1.9)

@@ -76,25 +76,3 @@ def test_a_failure_carries_the_best_iterate():
 def test_crosscheck_asks_the_mixed_integer_form_of_an_indefinite_problem():
     (row,) = icp.crosscheck(planted(4, 8), solvers=["highs-milp"]).rows
     assert row.verdict.value in ("agrees", "other solution")
-
-
-@pytest.mark.slow
-def test_the_problem_of_kojima_and_shindo_in_pyomo():
-    """Its solutions are (√6/2, 0, 0, ½), where p_3 = z_3 = 0, and (1, 0, 3, 0); Newton's method begins at z⁰ again."""
-    pyo, mpec = pytest.importorskip("pyomo.environ"), pytest.importorskip("pyomo.mpec")
-    from icpmodel.modelling import read_pyomo  # needs Pyomo
-
-    model = pyo.ConcreteModel()
-    model.x = pyo.Var(range(4), bounds=(0, None), initialize=0.0)
-    x = [model.x[i] for i in range(4)]
-    forces = [
-        3 * x[0] ** 2 + 2 * x[0] * x[1] + 2 * x[1] ** 2 + x[2] + 3 * x[3] - 6,
-        2 * x[0] ** 2 + x[0] + x[1] ** 2 + 10 * x[2] + 2 * x[3] - 2,
-        3 * x[0] ** 2 + x[0] * x[1] + 2 * x[1] ** 2 + 2 * x[2] + 9 * x[3] - 9,
-        x[0] ** 2 + 3 * x[1] ** 2 + 2 * x[2] + 3 * x[3] - 3,
-    ]
-    rule = lambda model, i: mpec.complements(forces[i] >= 0, x[i] >= 0)  # noqa: E731
-    model.complementary = mpec.Complementarity(range(4), rule=rule)
-    solution = read_pyomo(model).problem.solve()
-    away = np.abs(solution.z - [[1.5**0.5, 0.0, 0.0, 0.5], [1.0, 0.0, 3.0, 0.0]]).max(axis=1)
-    assert away.min() <= 1e-6

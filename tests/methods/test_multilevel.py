@@ -38,32 +38,6 @@ class TestVCycle:
             assert not x[~free].any()
             assert errors[-1] < 0.5**8 * np.linalg.norm(exact)
 
-    @pytest.mark.parametrize("skew", [0.0, 0.5])
-    def test_the_cycle_of_the_transposed_matrix_is_its_adjoint(self, skew):
-        """⟨g, Bf⟩ = ⟨Bᵀg, f⟩ to rounding, on whatever rows are free."""
-        n = 30**2
-        hierarchy = Hierarchy(membrane(n, skew=skew))
-        for free in (disc(n, 0.2), disc(n, 0.4)):
-            hierarchy.restrict(free)
-            f, g = np.random.default_rng(1).normal(size=(2, n)) * free
-            assert g @ hierarchy.cycle(f) == pytest.approx(f @ hierarchy.transposed.cycle(g), rel=1e-10)
-            assert (hierarchy.transposed is hierarchy) is (skew == 0.0)
-
-
-class TestFixedObstacle:
-    def test_only_maps_that_move_row_by_row_and_by_less_than_z_have_one(self):
-        for psi, expected in (
-            (1.0, True),
-            (icp.Elementwise(np.sin, lipschitz=0.99), True),
-            (icp.Elementwise(np.sin, lipschitz=1.0), False),
-            (icp.Elementwise(np.sin, np.cos), False),
-            (icp.Affine([[0.0, 0.5], [0.0, 0.0]]), False),
-            (icp.Affine([[0.5, 0.0], [0.0, 0.5]]), True),
-            (icp.Function(np.sin, lipschitz=0.5), True),
-            (np.sin, False),
-        ):
-            assert icp.ICP(np.eye(2), np.zeros(2), psi).facts.has_fixed_obstacle is expected
-
 
 class TestImpulseControl:
     def test_the_start_from_the_coarser_levels_needs_few_steps_at_any_size(self):
@@ -127,12 +101,6 @@ class TestAnswers:
         before = problem.solve(icp.Multilevel())
         near = problem.with_q(problem.q + 1e-8)
         assert near.solve(icp.Multilevel(), z0=before).iterations <= 3
-
-    def test_pieces_and_rows_that_stand_alone(self):
-        A = sp.block_diag([membrane(20**2).A, sp.eye_array(50), membrane(15**2).A], format="csr")
-        q = np.random.default_rng(3).normal(size=A.shape[0])
-        problem = icp.ICP(A, q, -0.5)
-        assert problem.solve(icp.Multilevel()).z == pytest.approx(problem.solve("psor", rtol=1e-12).z, abs=1e-6)
 
 
 class TestMatricesThatMultigridIsNotMadeFor:

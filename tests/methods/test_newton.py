@@ -53,23 +53,6 @@ def test_layers_that_come_back_are_not_set_free_again(n):
     assert problem.solve("newton").iterations <= 15
 
 
-@pytest.mark.parametrize(
-    ("name", "units"),
-    [
-        pytest.param("bai-symmetric", True, marks=pytest.mark.slow),
-        pytest.param("bai-nonsymmetric", False, marks=pytest.mark.slow),
-    ],
-)
-def test_large_systems_are_solved_by_multigrid(name, units):
-    """From 50 000 unknowns on; rows may have units of their own."""
-    n = 240**2
-    scene = scenes.scene(name, n)
-    scale = 10.0 ** np.arange(float(n)).clip(0, 12) if units else np.ones(n)
-    A = sp.csr_array(sp.diags_array(scale) @ scene.problem.A)
-    solution = icp.ICP(A, scale * scene.problem.q).solve("newton", rtol=1e-10)
-    assert solution.residual <= solution.tolerance
-
-
 # --- it ends, and says how
 
 
@@ -136,18 +119,6 @@ def test_without_a_solution_it_stands_still_and_what_contradicts_itself_is_prove
 def points(rng, n=6):
     problem = icp.ICP(h_plus(rng, n), rng.normal(size=n), icp.Affine(0.1 * rng.normal(size=(n, n)), rng.normal(size=n)))
     return problem, Point(problem, problem.matrix.weights, rng.normal(size=n))
-
-
-def test_phi_is_fischer_and_burmeister_s_function_of_p_and_r():
-    """Tseng 1996: (2 − √2)|min(a, b)| ≤ |φ(a, b)| ≤ (2 + √2)|min(a, b)|."""
-    rng = np.random.default_rng(6)
-    for _ in range(20):
-        problem, point = points(rng)
-        a, b = point.p / problem.A.diagonal(), point.r
-        least = np.abs(np.minimum(a, b))
-        assert point.phi == pytest.approx(a + b - np.hypot(a, b), abs=1e-13)
-        assert (np.abs(point.phi) >= (2 - np.sqrt(2)) * least - 1e-13).all()
-        assert (np.abs(point.phi) <= (2 + np.sqrt(2)) * least + 1e-13).all()
 
 
 @pytest.mark.parametrize("two", [False, True])

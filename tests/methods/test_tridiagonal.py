@@ -45,15 +45,6 @@ def test_large_ones_are_solved_in_one_step_to_rounding(n):
         assert scaled_residual(problem, solution.z) <= 0.0
 
 
-@pytest.mark.parametrize("n", [40, 10_000])
-def test_the_bearing_is_solved_in_one_step(n):
-    scene = scenes.bearing(n=n)
-    solution = run(scene.problem)
-    assert solution.solved
-    assert solution.iterations == 1
-    assert scene.errors(solution.z)["p_max"] <= 0.1 * scene.h**2
-
-
 def test_where_float64_cannot_hold_a_better_answer_the_run_ends_with_the_reason_after_few_steps():
     """With h = 2π/100001 even z* itself, rounded, leaves a residual of more than 1e-8 Res_D(0)."""
     problem = scenes.bearing(n=100_000).problem
