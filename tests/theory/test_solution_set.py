@@ -122,13 +122,6 @@ def test_a_bimatrix_game_has_all_its_equilibria():
     assert strategies == {(1.0, 0.0), (0.0, 1.0), (0.6, 0.4)}
 
 
-def test_a_segment_is_told_with_its_direction():
-    found = icp.all_solutions(icp.ICP([[1, 1], [1, 1]], [-1, -1]))
-    (face,) = found.faces
-    assert face.point.sum() == pytest.approx(1.0)
-    assert abs(face.directions.sum()) <= 1e-12
-
-
 def test_what_cannot_be_enumerated_is_refused():
     with pytest.raises(icp.NotApplicable, match="affine"):
         icp.all_solutions(icp.ICP([[1.0]], [1.0], np.sin))

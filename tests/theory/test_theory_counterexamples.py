@@ -67,6 +67,8 @@ def test_the_parenthesis_of_43_leads_into_a_cycle():
     problem = PRINTED["4.3 (a) the parenthesis"][1]
     solution = problem.solve("mnmgs", phi1=1.0, phi2=0.1, z0=[56.0], raise_on_failure=False)
     assert solution.status is icp.Status.CYCLED
+    assert "period 2" in solution.message
+    assert solution.iterations <= 20
     assert sorted(z[0] for z in iterate(icp.MNMGS(phi2=0.1), problem, [2.0], 400)[-2:]) == pytest.approx([-10, 56])
 
 

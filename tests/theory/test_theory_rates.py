@@ -41,19 +41,13 @@ MEMBERS = {
             theta1=rng.uniform(0.7, 1.1), theta2=rng.uniform(-0.3, 1.3), phi=rng.uniform(-0.2, 0.5, len(A))
         ),
     ),
-    "mnmsor": (
-        dominant,
-        lambda rng, A, D: icp.MNMSOR(theta1=rng.uniform(0.7, 1.1), phi1=2.0, phi2=D * rng.uniform(1.5, 3)),
-    ),
-    "mnmj": (dominant, lambda rng, A, D: icp.MNMJ()),
     "nmms": (dominant, lambda rng, A, D: icp.NMMS(splitting=icp.AOR(1.0, rng.uniform(0, 1)), omega=D)),
     "modulus": (dominant, lambda rng, A, D: icp.Modulus(splitting=A * (np.abs(A) > 0.2) + np.diag(0.1 * D), phi2=D)),
     "upper": (dominant, lambda rng, A, D: icp.Modulus(splitting=np.triu(A), phi=rng.uniform(0, 0.2))),
     "projection": (dominant, lambda rng, A, D: icp.ProjectionFixedPoint(omega=rng.uniform(0.5, 1.1))),
     "psor": (dominant, lambda rng, A, D: icp.PSOR(omega=rng.uniform(0.5, 1.2))),
     "whole": (definite, lambda rng, A, D: icp.MNMOD()),
-    "whole, small omega": (definite, lambda rng, A, D: icp.MNMMOD(theta1=0.1 * D.max())),
-    "whole, large omega": (definite, lambda rng, A, D: icp.MNMMOD(theta1=5.0 * D.max())),
+    "whole, any omega": (definite, lambda rng, A, D: icp.MNMMOD(theta1=rng.choice([0.1, 5.0]) * D.max())),
     "whole, diagonal": (definite, lambda rng, A, D: icp.Modulus(splitting="whole", phi2=D * rng.uniform(0.3, 3.0))),
 }
 

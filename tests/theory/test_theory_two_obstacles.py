@@ -30,9 +30,9 @@ def obstacles(rng, kind, n, size=1.0):
     return icp.Affine(G, c), icp.Affine(G if kind == "alike" else rng.normal(size=(n, n)) * size / n, d)
 
 
-def drawn(rng, kind, n=None):
+def drawn(rng, kind):
     """A problem with two obstacles of that `kind`, mostly with a proof: A dominant or definite."""
-    n = int(rng.integers(1, 5)) if n is None else n
+    n = int(rng.integers(1, 5))
     B = rng.normal(size=(n, n))
     rows = np.abs(B).sum(axis=1) * rng.uniform(0.7, 2)
     A = B - np.diag(B.diagonal() - rows) if rng.random() < 0.6 else B @ B.T + 0.3 * np.eye(n)
