@@ -6,15 +6,7 @@ import scipy.sparse as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from icpmodel.numerics.equilibration import (
-    balanced,
-    equilibrated,
-    in_units,
-    in_units_exactly,
-    natural_exponents,
-    row_exponents,
-    symmetric_exponents,
-)
+from icpmodel.numerics.equilibration import balanced, equilibrated, in_units, in_units_exactly, row_exponents
 
 
 def random_matrix(seed, decades=200):
@@ -47,26 +39,6 @@ def test_scaling_is_exact_or_refused():
         assert in_units_exactly(made, np.array([-60, 0]), none) is None  # the last digits of 3e-308 are lost
         assert in_units_exactly(made, none, np.array([1030, 0])) is None  # 2^1030 is infinite
     assert np.isinf(in_units(X, none, np.array([1030, 0])).data).any()
-
-
-def test_symmetric_exponents_bring_the_diagonal_to_one():
-    d = np.array([1e-300, 0.3, 1.0, 7.0, 1e300, 0.0, -2.0])
-    e = symmetric_exponents(d)
-    assert (np.abs(np.log2(np.ldexp(d[:5], 2 * e[:5]))) <= 1).all()
-    assert e[5:].tolist() == [0, 0]
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_natural_exponents_find_the_units_that_a_matrix_was_given(seed):
-    """D₁SD₂ with entries of S near 1 and a diagonal of S in [1, 2)."""
-    rng = np.random.default_rng(seed)
-    n = 6
-    S = rng.choice([-1.0, 1.0], size=(n, n)) * rng.uniform(1.0, 2.0, size=(n, n))
-    rows, columns = rng.integers(-200, 200, size=(2, n))
-    A = sp.csr_array(np.ldexp(S, rows[:, None] + columns))
-    back = np.abs(in_units(A, *natural_exponents(A)).toarray())
-    assert ((back.diagonal() >= 1) & (back.diagonal() < 2)).all()
-    assert (np.abs(np.log2(back)) <= 3).all()
 
 
 def dynamic(rng, steps, states=8):

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import icpmodel as icp
-from icpmodel.problem.two_sided import TwoSidedObstacle, chosen, mid
+from icpmodel.problem.two_sided import TwoSidedObstacle, mid
 from icpmodel.problem.verdict import certain
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -76,20 +76,6 @@ def test_both_sides_go_along_wherever_the_map_goes(seed):
     ):
         assert made.value(at) == pytest.approx(expected(both.lower), rel=1e-12, abs=1e-12)
         assert made.upper.value(at) == pytest.approx(expected(both.upper), rel=1e-12, abs=1e-12)
-
-
-@settings(max_examples=40, deadline=None)
-@given(SEEDS)
-def test_one_obstacle_is_chosen_row_by_row_with_its_derivative(seed):
-    rng = np.random.default_rng(seed)
-    n = int(rng.integers(2, 5))
-    both, z, above = pair(rng, n), rng.normal(size=n), rng.random(n) < 0.5
-    one = chosen(both, above).bind(n)
-    assert one.value(z).tolist() == np.where(above, both.upper.value(z), both.value(z)).tolist()
-    low, top = (side.jacobian(z).toarray() for side in (both, both.upper))
-    assert one.jacobian(z).toarray() == pytest.approx(np.where(above[:, None], top, low))
-    assert chosen(both, None) is both
-    assert chosen(both.lower, above) is both.lower
 
 
 def test_the_median_at_the_ends_and_where_the_obstacles_cross():

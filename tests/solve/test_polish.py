@@ -11,6 +11,14 @@ SCENES = [icp.scenes.scene(name) for name in icp.scenes.names()]
 WITH_Z = [scene.name for scene in SCENES if scene.z_exact is not None and scene.problem.f is None]
 
 
+def in_units(size):
+    """Problems whose p is of that size."""
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        A = np.array([[4.0, -1.0], [-2.0, 4.0]]) + rng.uniform(-0.3, 0.3, (2, 2))
+        yield icp.ICP(size * A, size * np.array([-3.0, 2.0]), 0.1)
+
+
 class TestPolish:
     @pytest.mark.parametrize("name", WITH_Z)
     def test_a_rough_answer_becomes_exact_to_rounding(self, name):
@@ -33,10 +41,7 @@ class TestPolish:
     @pytest.mark.parametrize("size", [1e-150, 1.0, 1e10, 1e150, 1e250])
     def test_large_units_of_p_do_not_hide_the_better_answer(self, size):
         """Rounding may make |p| larger than any r, so that the residual grows while the certified error falls."""
-        rng = np.random.default_rng(0)
-        for _ in range(20):
-            A = np.array([[4.0, -1.0], [-2.0, 4.0]]) + rng.uniform(-0.3, 0.3, (2, 2))
-            problem = icp.ICP(size * A, size * np.array([-3.0, 2.0]), 0.1)
+        for problem in in_units(size):
             rough = problem.solve("mnmgs", max_iter=2, raise_on_failure=False)
             assert not rough.active_set.undecided.any()
             assert rough.error_bound > 1e-4
@@ -59,10 +64,7 @@ class TestPolish:
 
     def test_an_answer_that_is_solved_stays_solved(self):
         """In units of p that make any rounding larger than `atol`, the better z is not what was asked for."""
-        rng = np.random.default_rng(0)
-        for _ in range(20):
-            A = np.array([[4.0, -1.0], [-2.0, 4.0]]) + rng.uniform(-0.3, 0.3, (2, 2))
-            problem = icp.ICP(1e150 * A, np.array([-3e150, 2e150]), 0.1)
+        for problem in in_units(1e150):
             fine = problem.solve("mnmgs", rtol=0.0, atol=1.0).polish()
             assert fine.solved
             assert fine.residual <= 1.0

@@ -9,16 +9,6 @@ from icpmodel.solve.progress import progress_bar, status_line
 SLOW = icp.scenes.bai_symmetric(n=900, mu=0).problem
 
 
-class Clock:
-    """Tells the seconds that it is told to."""
-
-    def __init__(self):
-        self.now = 0.0
-
-    def __call__(self):
-        return self.now
-
-
 def test_a_bar_is_shown_on_a_terminal(monkeypatch):
     class Terminal(io.StringIO):
         def isatty(self):
@@ -32,12 +22,11 @@ def test_a_bar_is_shown_on_a_terminal(monkeypatch):
 
 
 def test_the_lines_of_a_log_come_after_1_2_4_seconds_and_then_one_a_minute(capsys):
-    clock = Clock()
-    with progress_bar(True, clock) as bar:
+    now = 0
+    with progress_bar(True, lambda: float(now)) as bar:
         bar.begin("newton")
-        for second in range(300):
-            clock.now = float(second)
-            bar.update(second, 0.5, 1e-8)
+        for now in range(300):
+            bar.update(now, 0.5, 1e-8)
     lines = capsys.readouterr().err.splitlines()
     assert lines[0] == "icpmodel ... newton: iteration 1, residual 5.00e-01 -> 1.00e-08"
     assert [int(line.split()[4][:-1]) for line in lines] == [1, 2, 4, 8, 16, 32, 64, 124, 184, 244]
