@@ -1,24 +1,27 @@
 """Newton's method on the modulus equation: the modulus frozen at its sign pattern.
 
-Rows with r_i < p_i/Ω_i take z_i = ψ_i(z), linearised, the others (Az + q)_i = 0. That is the primal–dual active set
-method and, for impulse control, policy iteration. Where ψ is affine the active set decides the next iterate. So there
-are finitely many iterates, and the method ends after a few steps or cycles. A merit function prevents cycles:
+Active rows, those with r_i < p_i/Ω_i, get the equation z_i = ψ_i(z), linearised; the others get (Az + q)_i = 0. That is
+the primal–dual active set method and, for impulse control, policy iteration. Where ψ is affine the active set decides
+the next iterate. So there are finitely many iterates, and the method ends after a few steps or cycles. A merit
+function prevents cycles:
 
     Ψ(z) = ½‖φ(p/Ω, r)‖²,        φ(a, b) = a + b − √(a² + b²), zero where a ≥ 0, b ≥ 0, ab = 0 (Fischer and Burmeister).
 
-With an obstacle above, rows with z_i − ψ̄_i > p_i/Ω_i take z_i = ψ̄_i(z), and −φ(−p/Ω, ψ̄ − z) takes the place of p/Ω
+With an upper obstacle, rows with z_i − ψ̄_i > p_i/Ω_i get z_i = ψ̄_i(z), and −φ(−p/Ω, ψ̄ − z) takes the place of p/Ω
 in Ψ (Billups). A row on one obstacle with |p_i|/Ω_i > ψ̄_i − ψ_i would jump to the other at once. That is right where
-the row is dominant. Where others move p_i by more, such rows cycle together; they are set free first.
+A is diagonally dominant in this row. In other rows p_i depends more on the neighbours: such rows could cycle together,
+so they are freed first.
 
-Globalisation is by a nonmonotone watchdog. Let θ = ‖φ‖. The first mark is θ⁰, and a θ of at most 0.9 of the mark is
-the next one. Plain steps may raise θ, but `_PATIENCE` of them must bring a new mark. Two kinds of steps count less:
+The line search is a nonmonotone watchdog. Let θ = ‖φ‖. The first reference is θ of the start. A step reduces θ enough
+where θ is at most `_REDUCTION` of the reference; its θ is then the next reference. An active-set step may raise θ, but
+one of the next `_ALLOWED_STEPS` must reduce it enough. Two kinds of steps count less:
 
 - Steps that only shrink the active set do not count, as there are at most n in a row.
 - Where all rows move in one direction, as in policy iteration, no active set comes again: n such steps count as one.
 
-Otherwise the run returns to its best iterate and takes a semismooth Newton step for φ = 0 by Armijo's rule. Where that
-is no descent direction, −∇Ψ is. Later plain steps get half the patience. So the marks fall for ever, or the method
-ends.
+Otherwise the run returns to its best iterate and takes a semismooth Newton step for φ = 0 with Armijo's rule. If that
+is no descent direction, it takes −∇Ψ. From then on half as many active-set steps are allowed. So the references tend
+to 0, or the method ends.
 """
 
 from __future__ import annotations
@@ -41,35 +44,38 @@ from ..numerics.linear import solver_of
 from ..problem.data import ProblemData
 from .contract import Iterate, Method
 
-#: plain steps may fail to reduce θ so often; later half as often, and so on
-_PATIENCE = 8
-#: what counts as reduced
-_REDUCED = 0.9
-#: the share of the largest move up to which moves the other way are rounding: 1e-11 of them was seen, with 1e5 for z
-_ROUNDED = 1e-6
-#: Armijo's share of the slope, and how often a step is halved
-_SLOPE = 1e-4
-_HALVINGS = 30
-#: so many descents without a new mark are the last ones
-_DESCENTS = 40
-#: what is added where the Newton matrix of φ is singular
+#: so many active-set steps may pass without enough reduction of θ; after each descent step half as many
+_ALLOWED_STEPS = 8
+#: θ counts as reduced where it is at most this share of the reference
+_REDUCTION = 0.9
+#: moves against the common direction are rounding up to this share of the largest move (1e-11 was seen, with z = 1e5)
+_ROUNDING_SHARE = 1e-6
+#: the share of the slope in Armijo's rule, and how often a step is halved
+_ARMIJO = 1e-4
+_MAX_HALVINGS = 30
+#: the method ends after so many descent steps without a new reference
+_MAX_DESCENTS = 40
+#: the regularisation of a singular Newton matrix of φ
 _SHIFT = 1e-6
 #: the relative tolerance of an inexact solve, in the first steps and near the solution
-_LOOSE = 1e-3
-_TIGHT = 1e-8
+_LOOSE_RTOL = 1e-3
+_TIGHT_RTOL = 1e-8
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Newton(Method):
-    """z⁺: z_i = ψ_i(z) linearised where r_i < p_i/Ω_i, (Az + q)_i = 0 elsewhere; Ω = |D|.
+    """Solve z_i = ψ_i(z), linearised, where r_i < p_i/Ω_i and (Az + q)_i = 0 elsewhere, repeatedly; Ω = |D|.
 
-    It needs ψ's derivative. Where the active rows depend on the others by chains that end (constant ψ, ψ_i that moves
-    with z_i alone, jumps), they are eliminated. Any A will do: where steps fail to reduce the residual enough, a line
-    search takes over (see the module's docstring). It cannot cycle, but where A is no P-matrix it may end at a z
-    that is no solution.
-    References: Hintermüller, Ito and Kunisch, SIAM J. Optim. 13 (2002); De Luca, Facchinei and Kanzow, Math. Program.
-    75 (1996), for the merit function; Billups, PhD thesis, Wisconsin (1995), for it with two obstacles; Bokanowski,
-    Maroso and Zidani, SIAM J. Numer. Anal. 47 (2009), for policy iteration.
+    It needs the derivative of ψ. Active rows are eliminated where each depends, directly or through other active rows,
+    on free rows only: for constant ψ, ψ_i that depends on z_i alone, and jumps. Any A is accepted: where steps fail to
+    reduce the residual enough, a line search takes over (see the module's docstring). The method cannot cycle, but
+    where A is no P-matrix it may end at a z that is no solution.
+
+    References
+    ----------
+    Hintermüller, Ito and Kunisch, SIAM J. Optim. 13 (2002). The merit function: De Luca, Facchinei and Kanzow, Math.
+    Program. 75 (1996); with two obstacles: Billups, PhD thesis, Wisconsin (1995). Policy iteration: Bokanowski, Maroso
+    and Zidani, SIAM J. Numer. Anal. 47 (2009).
 
     Examples
     --------
@@ -86,7 +92,7 @@ class Newton(Method):
         return problem.psi.no_derivative()
 
     def path(self, problem: ProblemData, z: Vector) -> Path:
-        """The path of a run.
+        """Return the iterator over the iterates, with its state.
 
         Parameters
         ----------
@@ -98,27 +104,29 @@ class Newton(Method):
         Returns
         -------
         Path
-            The path.
+            At its start.
         """
         return Path(problem, z)
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
-        # never raises SingularOperator: it ends instead
+        # a singular system ends the iteration; SingularOperator is never raised
         return self.path(problem, z)
 
 
 class Point:
-    """z with all that is evaluated there: p, r of the nearer obstacle, φ, θ = ‖φ‖, the residual, when asked for ψ′."""
+    """z and what is evaluated there: p, r of the nearer obstacle, φ, θ = ‖φ‖, the residual, on request ψ′."""
 
     def __init__(self, problem: ProblemData, omega: Vector, z: Vector) -> None:
-        self.problem, self.omega, self.z, self.p, below = problem, omega, z, problem.p(z), problem.r(z)
+        self.problem, self.omega, self.z = problem, omega, z
+        self.p = problem.p(z)
+        below = problem.r(z)
         above = problem.r_upper(z)
         self.residual = problem.residual_of(self.p, below, above)
         a = self.p / omega
-        pattern = Pattern.of(below, above, a if above is None else _within_reach(problem, a, below - above))
+        pattern = Pattern.of(below, above, a if above is None else _multipliers_in_reach(problem, a, below - above))
         self.r, self.active, self.above = pattern
-        self.inner = None if above is None else _Fischer(-a, -above)
-        self.outer = _Fischer(a if self.inner is None else -self.inner.phi, below)
+        self.inner = None if above is None else _FischerBurmeister(-a, -above)
+        self.outer = _FischerBurmeister(a if self.inner is None else -self.inner.phi, below)
         self.phi = self.outer.phi
         self.theta = norm(self.phi)
 
@@ -127,7 +135,7 @@ class Point:
         return derivative(self.problem.psi, self.z, self.above)
 
     def derivative(self) -> tuple[sp.csr_array, Vector]:
-        """V, an element of the generalised derivative of φ at z, and the sum of the slopes that it is made of."""
+        """V, an element of the generalised derivative of φ at z, and per row the sum of the slopes in V."""
         problem = self.problem
         (of_p, of_r) = self.outer.slopes()
         identity = sp.eye_array(problem.n)
@@ -146,15 +154,15 @@ class Point:
         return sp.csr_array(V), total + of_p
 
 
-def _within_reach(problem: ProblemData, a: Vector, gap: Vector) -> Vector:
-    """`a` = p/Ω, in rows that are not dominant no more than half the `gap` between the obstacles."""
+def _multipliers_in_reach(problem: ProblemData, a: Vector, gap: Vector) -> Vector:
+    """`a` = p/Ω, in rows without diagonal dominance clipped to half the `gap` between the obstacles."""
     rows = problem.matrix.rows
     half = 0.5 * gap
     free = (rows.rest > np.abs(rows.diagonal)) & (half > 0)
     return np.where(free, np.clip(a, -half, half), a)
 
 
-class _Fischer:
+class _FischerBurmeister:
     """φ(a, b) = a + b − √(a² + b²), and a where b = ∞."""
 
     def __init__(self, a: Vector, b: Vector) -> None:
@@ -177,54 +185,62 @@ class _Fischer:
 
 
 class Path(Iterator[Iterate]):
-    """The run: where it is, its best point, and what credit is left to the plain steps."""
+    """The iterates of Newton's method, with the state of the watchdog."""
 
     def __init__(self, problem: ProblemData, z: Vector) -> None:
         self.problem, self.omega = problem, problem.matrix.weights
         with np.errstate(all="ignore"):
-            self.here = self.best = Point(problem, self.omega, z)
-        self.first = self.mark = self.here.theta
-        self.begun, self.patience = False, _PATIENCE
-        # since the last mark: the plain steps that count, the descents
-        self.waited, self.descents = 0.0, 0
-        # of the step before: its active set, how many rows it set free, and its factorisation
-        self.taken, self.dropped = self.here.active, 0
-        # how many steps in a row did nothing but shrink, and after how many more layers are set free; where the last
-        # one moved all rows to, 1 or −1, or 0
-        self.shrunk, self.alike, self.way = 0, 2, 0
-        self.kept: tuple[Mask, sp.csr_array, ActiveEquations] | None = None
+            self.current = self.best = Point(problem, self.omega, z)
+        self.start_theta = self.reference = self.current.theta
+        self.has_begun = False
+        self.allowed_steps = _ALLOWED_STEPS
+        # since the last reference: the active-set steps that count, and the descent steps
+        self.counted_steps = 0.0
+        self.descents = 0
+        # the active set of the previous step, and how many rows that step freed
+        self.last_active = self.current.active
+        self.freed = 0
+        # consecutive steps that only shrank the active set; more layers are freed once these exceed `delay`
+        self.shrinking_steps = 0
+        self.delay = 2
+        # 1 or −1 if the previous step moved all rows up or down, else 0
+        self.direction = 0
+        # the last factorised equations, with the active set and the ψ′ that they belong to
+        self.factorised: tuple[Mask, sp.csr_array, ActiveEquations] | None = None
         self.fault: MapError | None = None
 
     def __next__(self) -> Iterate:
-        if self.begun and not self.advance():
+        if self.has_begun and not self.advance():
             raise StopIteration
-        self.begun = True
-        return self.here.z, self.here.residual
+        self.has_begun = True
+        return self.current.z, self.current.residual
 
     def advance(self) -> bool:
-        """One step, or False where nothing leads on. Raises MapError where that is because ψ fails."""
-        if self.here.theta == 0:
+        """Make one step; False if no step is left. Raises MapError where that is because ψ fails."""
+        if self.current.theta == 0:
             return False
         work.count(newton_cost(self.problem.facts))
         self.fault = None
         with np.errstate(all="ignore"):
-            new = self._tried(self.plain) or self._tried(self.descent)
+            new = self._unless_psi_fails(self.active_set_step) or self._unless_psi_fails(self.descent_step)
         if new is None:
             if self.fault is not None:
                 raise self.fault
             return False
-        self.here = new
+        self.current = new
         if new.theta < self.best.theta:
             self.best = new
-        if self._marks(new):
-            self.mark, self.waited, self.descents = new.theta, 0.0, 0
+        if self._is_reduced(new):
+            self.reference = new.theta
+            self.counted_steps = 0.0
+            self.descents = 0
         return True
 
-    def _marks(self, point: Point) -> bool:
-        return point.theta <= _REDUCED * self.mark
+    def _is_reduced(self, point: Point) -> bool:
+        return point.theta <= _REDUCTION * self.reference
 
-    def _tried(self, step: Callable[[], Point | None]) -> Point | None:
-        """What `step` finds, None where ψ fails on the way."""
+    def _unless_psi_fails(self, step: Callable[[], Point | None]) -> Point | None:
+        """The result of `step`, None where ψ fails on the way."""
         try:
             return step()
         except MapError as error:
@@ -233,7 +249,7 @@ class Path(Iterator[Iterate]):
 
     def point(self, z: Vector) -> Point | None:
         """The point at `z`, None where it has no finite θ."""
-        point = self._tried(lambda: Point(self.problem, self.omega, z))
+        point = self._unless_psi_fails(lambda: Point(self.problem, self.omega, z))
         if point is None or np.isfinite(point.theta):
             return point
         bad = ~(point.r > -np.inf)
@@ -241,69 +257,74 @@ class Path(Iterator[Iterate]):
             self.fault = MapError(f"psi(z)[{np.argmax(bad)}] is NaN or +inf")
         return None
 
-    def plain(self) -> Point | None:
-        """A step of the active set method, None where θ would be above its mark for too long."""
-        own = self.here.active
-        active = self._foreseen()
-        new = self._reached(active)
+    def active_set_step(self) -> Point | None:
+        """A step of the active set method, None after too many without enough reduction of θ."""
+        own = self.current.active
+        active = self._predicted_active_set()
+        new = self._solved_on(active)
         if active is not own:
             further = own & ~active
             if new is None or 2 * np.count_nonzero(new.active & further) > np.count_nonzero(further):
-                self.alike *= 2
+                self.delay *= 2
                 active = own
-                new = self._reached(own)
+                new = self._solved_on(own)
         if new is None:
             return None
-        moved = new.z - self.here.z
-        before = self.way
+        moved = new.z - self.current.z
+        before = self.direction
         down = max(-float(moved.min()), 0.0)
         up = max(float(moved.max()), 0.0)
-        self.way = int(down <= _ROUNDED * up) - int(up <= _ROUNDED * down)
-        self.taken = active
-        if not self.shrunk:
-            self.waited += 1.0 / new.z.size if self.way == before != 0 else 1.0
-        return new if self._marks(new) or self.waited <= self.patience else None
+        self.direction = int(down <= _ROUNDING_SHARE * up) - int(up <= _ROUNDING_SHARE * down)
+        self.last_active = active
+        if not self.shrinking_steps:
+            self.counted_steps += 1.0 / new.z.size if self.direction == before != 0 else 1.0
+        return new if self._is_reduced(new) or self.counted_steps <= self.allowed_steps else None
 
-    def _foreseen(self) -> Mask:
+    def _predicted_active_set(self) -> Mask:
         """The active set at z, or a part of it.
 
         Where A is an M-matrix the set often shrinks by one layer of the grid in every step. From the third such step on
-        1, 2, 4, … further layers are set free, unless the number of freed rows halves by itself. Where most rows would
-        come back the step is made without them, and the next try waits for twice as many steps.
+        1, 2, 4, … further layers are freed, unless the number of freed rows halves by itself. Where most of these rows
+        would become active again, the step frees none of them and `delay` doubles.
         """
         from scipy.sparse.csgraph import dijkstra
 
-        active = self.here.active
-        taken = self.taken
-        free = taken & ~active
-        before = self.dropped
-        self.dropped = int(np.count_nonzero(free))
-        self.shrunk = self.shrunk + 1 if self.dropped and not (active & ~taken).any() else 0
-        if not (self.shrunk > self.alike and 2 * self.dropped > before):
+        active = self.current.active
+        last_active = self.last_active
+        free = last_active & ~active
+        before = self.freed
+        self.freed = int(np.count_nonzero(free))
+        self.shrinking_steps = self.shrinking_steps + 1 if self.freed and not (active & ~last_active).any() else 0
+        if not (self.shrinking_steps > self.delay and 2 * self.freed > before):
             return active
         after = self.problem.matrix.absolute.T
-        most = min(2 ** (self.shrunk - self.alike - 1), self.problem.n)  # no way is longer, and a float has its range
+        # no path is longer than n, and a larger power may overflow
+        most = min(2 ** (self.shrinking_steps - self.delay - 1), self.problem.n)
         layer = dijkstra(after, indices=np.flatnonzero(free), unweighted=True, min_only=True, limit=most)
         return active & np.isinf(layer)
 
-    def _reached(self, active: Mask) -> Point | None:
-        """Where the step with this active set leads."""
-        here = self.here
-        J = self.here.jacobian
+    def _solved_on(self, active: Mask) -> Point | None:
+        """The point that solves the linearised equations with this active set; None if there is none."""
+        current = self.current
+        J = current.jacobian
         # inexact solves follow the residual
-        tolerance = min(_LOOSE, max(_TIGHT, here.theta / self.first)) if self.first > 0 else _TIGHT
-        if self.kept is None or self.kept[1] is not J or not np.array_equal(self.kept[0], active):
-            self.kept = None  # so that not two factorisations are held
-            self.kept = (active, J, ActiveEquations(self.problem, active, J, by_cycles=False))
-        step = self.kept[2].solve(-np.where(active, here.r, here.p), tolerance)
-        return None if step is None else self.point(here.z + step)
+        tolerance = _TIGHT_RTOL
+        if self.start_theta > 0:
+            tolerance = min(_LOOSE_RTOL, max(_TIGHT_RTOL, current.theta / self.start_theta))
+        if self.factorised is None or self.factorised[1] is not J or not np.array_equal(self.factorised[0], active):
+            self.factorised = None  # frees the old factorisation before the new one is made
+            self.factorised = (active, J, ActiveEquations(self.problem, active, J, by_cycles=False))
+        step = self.factorised[2].solve(-np.where(active, current.r, current.p), tolerance)
+        return None if step is None else self.point(current.z + step)
 
-    def descent(self) -> Point | None:
-        """A step from the best point that reduces Ψ by Armijo's rule; None where none does, or many do too little."""
+    def descent_step(self) -> Point | None:
+        """A step from the best point that reduces Ψ by Armijo's rule; None if none does or too many were made."""
         best = self.best
-        self.patience, self.waited, self.way = self.patience // 2, 0.0, 0
+        self.allowed_steps //= 2
+        self.counted_steps = 0.0
+        self.direction = 0
         self.descents += 1
-        if best.theta == 0 or self.descents > _DESCENTS:
+        if best.theta == 0 or self.descents > _MAX_DESCENTS:
             return None
         work.count(work.newton(self.problem.n, self.problem.facts.entries, mixed=True))
         V, total = best.derivative()
@@ -311,16 +332,16 @@ class Path(Iterator[Iterate]):
         for direction in self.directions(V, phi, total):
             slope = float(phi @ (V @ direction))
             if slope < -_SHIFT:
-                new = self.along(best, best.theta * direction, slope)
+                new = self.line_search(best, best.theta * direction, slope)
                 if new is not None:
                     return new
         return None
 
     def directions(self, V: sp.csr_array, phi: Vector, shift: Vector) -> Iterator[Vector]:
-        """Newton's, with V shifted where it is singular, and that of steepest descent with Cauchy's length."""
-        step = solver_of(V)(-phi, _TIGHT)
+        """The Newton direction, with V regularised if singular, then steepest descent with Cauchy's step length."""
+        step = solver_of(V)(-phi, _TIGHT_RTOL)
         if step is None:
-            step = solver_of(sp.csr_array(V + sp.diags_array(_SHIFT * shift)))(-phi, _TIGHT)
+            step = solver_of(sp.csr_array(V + sp.diags_array(_SHIFT * shift)))(-phi, _TIGHT_RTOL)
         if step is not None:
             yield step
         gradient = V.T @ phi
@@ -328,11 +349,12 @@ class Path(Iterator[Iterate]):
         size = norm(V @ steepest)
         yield -steepest * (phi @ (V @ steepest)) / size / size  # the square may not be a float
 
-    def along(self, best: Point, step: Vector, slope: float) -> Point | None:
-        for k in range(_HALVINGS):
+    def line_search(self, best: Point, step: Vector, slope: float) -> Point | None:
+        """The first point z + tΔz, t = 1, ½, …, from `best` that satisfies Armijo's rule; None if none does."""
+        for k in range(_MAX_HALVINGS):
             t = 0.5**k
             new = self.point(best.z + t * step)
             growth = np.inf if new is None else new.theta / best.theta
-            if new is not None and growth * growth <= 1.0 + 2.0 * _SLOPE * t * slope:  # growth**2 raises if it is inf
+            if new is not None and growth * growth <= 1.0 + 2.0 * _ARMIJO * t * slope:  # growth**2 raises if it is inf
                 return new
         return None

@@ -119,7 +119,7 @@ class _Search:
         self.family = family
         with np.errstate(all="ignore"):
             self.path = Path(problem, z)
-        self.here = self.path.here
+        self.here = self.path.current
         self.recent = deque([self.here.theta], _MEMORY)
         self.least = Least()
         self.weight = 0
@@ -162,7 +162,7 @@ class _Search:
     def _solved(self, linear: ProblemData) -> Vector | None:
         """A solution of the `linear` problem to a share of the residual of z; None where there is none to be found."""
         z = self.here.z
-        share = min(max(self.here.theta / self.path.first, _TIGHT), _LOOSE)
+        share = min(max(self.here.theta / self.path.start_theta, _TIGHT), _LOOSE)
         at_start = linear.residual(z)
         seconds = work.seconds_left()
         limits = Limits(rtol=share, atol=0.0, max_iter=100_000, time_limit=seconds if seconds < np.inf else None)
@@ -194,7 +194,10 @@ class _Search:
         phi = here.phi / here.theta
         for direction in self.path.directions(V, phi, total):
             slope = float(phi @ (V @ direction))
-            if slope < -_SIGMA and (new := self.path.along(self.here, self.here.theta * direction, slope)) is not None:
+            if (
+                slope < -_SIGMA
+                and (new := self.path.line_search(self.here, self.here.theta * direction, slope)) is not None
+            ):
                 return new
         return None
 
