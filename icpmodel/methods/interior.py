@@ -66,7 +66,10 @@ class Interior(Method):
     Where A is monotone and there is no solution the iterates run away, their direction is tried as a proof, and the
     method raises `Infeasible` or ends. That the steps lead to a solution is not proved. The start has no influence
     where the obstacle is fixed.
-    References: Mehrotra, SIAM J. Optim. 2 (1992); Wright, Primal-Dual Interior-Point Methods (1997).
+
+    References
+    ----------
+    Mehrotra, SIAM J. Optim. 2 (1992); Wright, Primal-Dual Interior-Point Methods (1997).
 
     Examples
     --------

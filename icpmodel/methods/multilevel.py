@@ -49,7 +49,10 @@ class Multilevel(Method):
     For matrices that multigrid is made for: a positive diagonal and little that is positive off it. It ends where its
     steps no longer reduce the residual. For impulse control it is policy iteration, `Newton`, with a start from the
     coarser levels.
-    References: Hintermüller, Ito and Kunisch, SIAM J. Optim. 13 (2002), for the active sets; Kornhuber, Numer. Math. 69
+
+    References
+    ----------
+    Hintermüller, Ito and Kunisch, SIAM J. Optim. 13 (2002), for the active sets; Kornhuber, Numer. Math. 69
     (1994), for multigrid on them; Eisenstat, Elman and Schultz, SIAM J. Numer. Anal. 20 (1983), for GCR.
 
     Examples
