@@ -32,7 +32,7 @@ def solve_to_accuracy(run: Run, accuracy: float, run_methods: Callable[[], None]
         Where nothing bounds the error of the problem.
     """
     problem = run.problem
-    residual = run.at_start
+    residual = run.start_residual
     bound = None
     try:
         first = error_bound(problem, run.start)

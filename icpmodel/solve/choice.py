@@ -197,15 +197,15 @@ class Ladder:
     ----------
     problem : ProblemData
         What the methods are given.
-    aim : float
+    target_reduction : float
         The share of Res_D(0) that is asked for.
     family : str or None
         As in `select_method`.
     """
 
-    def __init__(self, problem: ProblemData, aim: float, family: str | None = None) -> None:
+    def __init__(self, problem: ProblemData, target_reduction: float, family: str | None = None) -> None:
         self.problem = problem
-        self.aim = aim
+        self.target_reduction = target_reduction
         self.family = family
         #: the methods that may run; for each of the three of rung 5 the ones that follow where it ends
         self.jobs: list[Job] = []
@@ -252,7 +252,7 @@ class Ladder:
         found = []
         for method in methods:
             why_not = method.why_not(self.problem)
-            estimate = None if why_not else estimate_of(method, self.problem.facts, self.aim)
+            estimate = None if why_not else estimate_of(method, self.problem.facts, self.target_reduction)
             if estimate is None or not work.fits(estimate.memory):
                 _LOG.debug("n = %d: %r is left out: %s", self.problem.n, method, why_not or "memory_limit")
                 continue
@@ -284,7 +284,7 @@ class Ladder:
             return
         sweeps = PSOR()
         if sweeps.why_not(self.problem) is None and work.fits(8.0 * 4.0 * self.problem.n):
-            step = estimate_of(sweeps, self.problem.facts, self.aim).step
+            step = estimate_of(sweeps, self.problem.facts, self.target_reduction).step
             self.floor = _ACCELERATED * step
             self.jobs.append(Job(Choice(sweeps, f"{PLAIN} sweeps are tried first"), PLAIN * step))
 

@@ -1,4 +1,4 @@
-"""`solve()`: from what the user asks for to the run that does it, and from what that found to the solution."""
+"""`solve()`: check the arguments, run the methods, return the solution."""
 
 from __future__ import annotations
 
@@ -33,10 +33,9 @@ from .small import pivoted
 from .solution import Solution, Status
 
 _LOG = logging.getLogger("icpmodel")
-#: steps are forecast for this share of Res_D(0) where less is asked for, as rounding may not allow it, and for the
-#: second one where more would do
-_LEAST_AIM = 1e-14
-_MOST_AIM = 0.5
+#: costs are estimated for a reduction of Res_D(0) between these two; rounding may not allow a smaller one
+_LEAST_REDUCTION = 1e-14
+_MOST_REDUCTION = 0.5
 
 
 @public_entry
@@ -64,12 +63,12 @@ def solve(
     Parameters
     ----------
     problem : ICP or str or object
-        An ICP, the name of a scene, or what holds or makes an ICP: a scene, a solution, an
-        `icpmodel.Problem` in CVXPY's terms, a Pyomo model that was read.
+        An ICP, the name of a scene, or an object that holds an ICP: a scene, a solution, an
+        `icpmodel.Problem` written in CVXPY, a Pyomo model that was read.
     method : str or Method, optional
         A name with its `options`, e.g. theta1=1.2, or a `Method`. By default one is chosen by the
-        rule of `select_method`. Then obstacles that move with their own unknown alone are fixed
-        before, and the problem may be reduced. A named method gets the whole problem.
+        rule of `select_method`. Then each obstacle ψ_i that depends on z_i alone is first replaced
+        by a fixed one, and the problem may be reduced. A named method gets the problem as it is.
     z0 : array of shape (n,) or Solution, optional
         The start, by default 0; where p is nonlinear, the point next to 0 between fixed obstacles.
     rtol : float, optional
@@ -156,13 +155,13 @@ def solve(
         named_method = _named(method, problem, options)
         run = _run(problem, start, limits, follows_theorems=method is not None, **shown)
 
-        def carry_all_out() -> None:
-            _carry_all_out(run, named_method, family)
+        def run_all() -> None:
+            _run_all(run, named_method, family)
 
         if accuracy is None:
-            carry_all_out()
+            run_all()
         else:
-            solve_to_accuracy(run, accuracy, carry_all_out)
+            solve_to_accuracy(run, accuracy, run_all)
         if run.singular is not None and method is not None:
             raise run.singular
         if run.best is None:
@@ -173,9 +172,11 @@ def solve(
     return solution
 
 
-def _carry_all_out(run: Run, method: Method | None, family: str | None) -> None:
-    """The run; where methods are chosen and get another problem, its own follows where these fail, as a Lipschitz
-    constant is at the user's word."""
+def _run_all(run: Run, method: Method | None, family: str | None) -> None:
+    """Run the named method, or the chosen ones: on the presolved problem first, then on the problem as given.
+
+    The second attempt is needed because presolving relies on the user's Lipschitz constants.
+    """
     if method is not None:
         run_methods(run, run.steps(InTurn(method)))
         return
@@ -220,7 +221,7 @@ def _limits(rtol: Any, atol: Any, accuracy: Any, max_iter: Any, time_limit: Any,
 
 
 def _named(method: str | Method | None, problem: ProblemData, options: dict[str, Any]) -> Method | None:
-    """The method that the user names, None where one is to be chosen."""
+    """The method that the user names; None if one is to be chosen."""
     if method is None:
         for option in options:
             own = _options()
@@ -246,15 +247,15 @@ def _named(method: str | Method | None, problem: ProblemData, options: dict[str,
 
 
 def _run(problem: ProblemData, start: Vector, limits: Limits, **shown: Any) -> Run:
-    """The run from `start`. Raises MapError where ψ has no value there."""
+    """Set up the run from `start`. Raises MapError if ψ has no value there."""
     clock = work.clock()
-    moved = np.count_nonzero(start)
-    at_start = at_0 = problem.residual(start) if moved else problem.residual_at_0()
-    if not math.isfinite(at_start) and (fault := fault_of_psi(problem, start)):
+    is_nonzero = bool(np.count_nonzero(start))
+    start_residual = at_0 = problem.residual(start) if is_nonzero else problem.residual_at_0()
+    if not math.isfinite(start_residual) and (fault := fault_of_psi(problem, start)):
         raise MapError(f"{fault} at the start z0; a finite number, -inf in psi or inf in upper was expected")
-    # a start that leads one method astray is not given to the next, unless psi has no value at 0
+    # after a failure the next method starts from 0, unless psi has no value there
     restart = start
-    if moved:
+    if is_nonzero:
         at_0 = math.nan
         with contextlib.suppress(MapError):
             at_0 = problem.residual_at_0()
@@ -271,10 +272,10 @@ def _run(problem: ProblemData, start: Vector, limits: Limits, **shown: Any) -> R
     return Run(
         problem,
         start,
-        at_start,
+        start_residual,
         goal,
         limits=limits,
-        aim=min(max(_aim(problem, limits), _LEAST_AIM), _MOST_AIM),
+        target_reduction=min(max(_target_reduction(problem, limits), _LEAST_REDUCTION), _MOST_REDUCTION),
         scale=scale,
         restart=restart,
         clock=clock,
@@ -282,8 +283,8 @@ def _run(problem: ProblemData, start: Vector, limits: Limits, **shown: Any) -> R
     )
 
 
-def _aim(problem: ProblemData, limits: Limits) -> float:
-    """The share of the first residual for which costs are forecast."""
+def _target_reduction(problem: ProblemData, limits: Limits) -> float:
+    """The residual relative to Res_D(0) for which costs are estimated."""
     if limits.accuracy is not None:
         return RTOL  # a certified error falls about as a residual does
     if not limits.atol:
@@ -296,9 +297,9 @@ def _aim(problem: ProblemData, limits: Limits) -> float:
 
 @np.errstate(over="ignore", invalid="ignore")
 def run_methods(run: Run, steps: Iterator[None]) -> None:
-    """Go through the `steps` of the run; Ctrl-C and a lack of memory are ends like others once there is an iterate."""
+    """Exhaust the `steps` of the run; Ctrl-C after the first method began sets `run.ended` instead of being raised."""
     try:
-        if run.problem.upper is not None and _crossed_for_good(run):
+        if run.problem.upper is not None and _fixed_obstacles_cross(run):
             return
         for _ in steps:
             pass
@@ -306,24 +307,24 @@ def run_methods(run: Run, steps: Iterator[None]) -> None:
         if not (run.tried and is_ctrl_c(error)):
             raise
         if run.best is None:
-            run.best = run.candidate(run.start, run.at_start)
+            run.best = run.candidate(run.start, run.start_residual)
         run.ended = Ended(Status.INTERRUPTED, "by Ctrl-C")
     if run.best is None and run.refused is not None:
         if not run.tried:
             run.job = Job(Choice(MNMGS(), "the limits were reached before a method was chosen"))
-        run.best = run.candidate(run.start, run.at_start)
+        run.best = run.candidate(run.start, run.start_residual)
 
 
 def _logged(solution: Solution) -> Solution:
-    """The `solution`, written to the log."""
+    """Log the `solution` and return it."""
     if _LOG.isEnabledFor(logging.INFO):
         found = solution.status.value, solution.method, solution.iterations, solution.seconds, solution.residual
         _LOG.info("n = %d: %s, z is from %r; %d iterations, %.3g s, residual %.3g", solution.problem.n, *found)
     return solution
 
 
-def _crossed_for_good(run: Run) -> bool:
-    """Whether fixed obstacles cross, so that there is nothing to try; then the best iterate is where that shows."""
+def _fixed_obstacles_cross(run: Run) -> bool:
+    """Whether fixed obstacles cross, so that no solution exists; if so the best iterate becomes a z that shows it."""
     with contextlib.suppress(MapError):
         row = run.problem.facts.crossed
         if row is not None:

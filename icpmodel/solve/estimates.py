@@ -62,8 +62,8 @@ def _pivots(facts: Facts) -> float:
     return 0.5 * facts.matrix.n * lcp_rows(facts) ** 2 * work.COSTS.pivot_entry + inverse
 
 
-def _sweep_steps(facts: Facts, aim: float, method: Method) -> float:
-    """The sweeps that reduce the residual to `aim`, for the radius ρ of the Jacobi matrix (Young 1971, chapter 6).
+def _sweep_steps(facts: Facts, target_reduction: float, method: Method) -> float:
+    """The sweeps that give `target_reduction`, for the radius ρ of the Jacobi matrix (Young 1971, chapter 6).
 
     ρ is estimated by the Rayleigh quotient of the vector of ones, which is below ρ, most of all on fine grids. Rows in
     contact make ρ smaller: on 188 problems twenty Lanczos steps for the whole of A mostly overstated it. Anderson's
@@ -76,10 +76,10 @@ def _sweep_steps(facts: Facts, aim: float, method: Method) -> float:
     if isinstance(method, Accelerated):
         root = math.sqrt(1.0 - math.exp(-speed))
         speed = 0.5 * math.log((1.0 + root) / (1.0 - root))
-    return math.log(1.0 / aim) / speed + 1.0
+    return math.log(1.0 / target_reduction) / speed + 1.0
 
 
-def _sweeps(method: Method, facts: Facts, aim: float) -> Estimate:
+def _sweeps(method: Method, facts: Facts, target_reduction: float) -> Estimate:
     n = facts.matrix.n
     costs = work.COSTS
     step = costs.iterate + work.sweep(n, facts.entries)
@@ -88,10 +88,10 @@ def _sweeps(method: Method, facts: Facts, aim: float) -> Estimate:
         # of the sweeps between two combinations each adds to the history
         vectors = 2.0 + 3.0 * (method.history_size + 1) / method.mixing_frequency
         step += 2.0 * costs.call + vectors * costs.vector * n
-    return Estimate(costs.call, step, _sweep_steps(facts, aim, method), 8.0 * n * (4.0 + vectors))
+    return Estimate(costs.call, step, _sweep_steps(facts, target_reduction, method), 8.0 * n * (4.0 + vectors))
 
 
-def _newton(method: Method, facts: Facts, aim: float) -> Estimate:
+def _newton(method: Method, facts: Facts, target_reduction: float) -> Estimate:
     # sets that only shrink do so by layers whose number doubles; where rows are not dominant signs wander: about eight
     # times as many steps were measured. Those of a descent are not symmetric, nor those with an obstacle that moves.
     matrix = facts.matrix
@@ -115,7 +115,7 @@ def _multilevel_costs(facts: Facts) -> tuple[float, float]:
     return setup, 0.5 * costs.newton + SWEEPS * work.sweep(matrix.n, facts.entries) + cycles
 
 
-def _multilevel(method: Method, facts: Facts, aim: float) -> Estimate:
+def _multilevel(method: Method, facts: Facts, target_reduction: float) -> Estimate:
     # for matrices with ρ ≤ 1 the median of 67 problems, n = 300 … 4000, was five steps, and three quarters took six at
     # most; of the others, for which it is not made, few end
     radius = max(facts.matrix.coupled_radius, 1.0)
@@ -123,11 +123,11 @@ def _multilevel(method: Method, facts: Facts, aim: float) -> Estimate:
     return Estimate(setup, step, 5.0 * radius * radius * radius * radius, 40.0 * facts.matrix.nnz)
 
 
-def _lemke(method: Method, facts: Facts, aim: float) -> Estimate:
+def _lemke(method: Method, facts: Facts, target_reduction: float) -> Estimate:
     return Estimate(0.0, _pivots(facts), 1.0, 24.0 * lcp_rows(facts) ** 2)
 
 
-def _proximal(method: Method, facts: Facts, aim: float) -> Estimate:
+def _proximal(method: Method, facts: Facts, target_reduction: float) -> Estimate:
     # medians of 6 and 10 steps were measured at n = 120 and 1000 where there is a diagonal; of 24, 35 and 125 at
     # n = 120, 500 and 2000 where there is none
     matrix = facts.matrix
@@ -142,7 +142,7 @@ def _proximal(method: Method, facts: Facts, aim: float) -> Estimate:
     return Estimate(step, step, steps, memory)
 
 
-def _interior(method: Method, facts: Facts, aim: float) -> Estimate:
+def _interior(method: Method, facts: Facts, target_reduction: float) -> Estimate:
     # medians of 13, 16 and 20 steps were measured at n = 120, 500 and 2000, with four solves each
     matrix = facts.matrix
     factors = factor_costs(matrix).again if facts.has_fixed_obstacle else factor_costs(matrix).unsymmetric
@@ -150,13 +150,13 @@ def _interior(method: Method, facts: Facts, aim: float) -> Estimate:
     return Estimate(step, step, 3.0 + 1.5 * math.log2(max(facts.bounded, 1)), 24.0 * factor_costs(matrix).fill.entries)
 
 
-def _factorised(method: Method, facts: Facts, aim: float) -> Estimate:
+def _factorised(method: Method, facts: Facts, target_reduction: float) -> Estimate:
     # with θ₁ = √(λ_min λ_max) a step leaves (√κ − 1)/(√κ + 1), where A is symmetric, and κ = (1 + ρ)/(1 − ρ)
     matrix = facts.matrix
     radius = min(matrix.coupled_radius, 1.0 - 1e-6)
     root = math.sqrt((1.0 + radius) / (1.0 - radius))
     step = 4.0 * work.COSTS.call + work.solve_cost(factor_costs(matrix).fill) + matrix.product_cost
-    steps = math.log(1.0 / aim) / math.log((root + 1.0) / (root - 1.0)) if root > 1.0 else 1.0
+    steps = math.log(1.0 / target_reduction) / math.log((root + 1.0) / (root - 1.0)) if root > 1.0 else 1.0
     return Estimate(2.0 * factor_costs(matrix).first, step, 1.0 + steps, 16.0 * factor_costs(matrix).fill.entries)
 
 
@@ -174,6 +174,6 @@ _ESTIMATES: dict[type[Method], Callable[[Method, Facts, float], Estimate]] = {
 }
 
 
-def estimate(method: Method, facts: Facts, aim: float) -> Estimate:
-    """What `method` is expected to cost until the residual is the share `aim` of the first one."""
-    return _ESTIMATES[type(method)](method, facts, aim)
+def estimate(method: Method, facts: Facts, target_reduction: float) -> Estimate:
+    """What `method` is expected to cost until the residual is the share `target_reduction` of the first one."""
+    return _ESTIMATES[type(method)](method, facts, target_reduction)

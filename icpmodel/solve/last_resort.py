@@ -46,4 +46,4 @@ def search(run: Run, run_methods: Callable[[Run, Iterator[None]], None]) -> None
         tried = ", ".join(one.name for one in methods)
         run.ended = Ended(before.status, f"{before.note}; {limit} found no solution ({tried})")
         run.job = job
-        run.searched = (f"then {limit} found nothing",)
+        run.search_notes = (f"then {limit} found nothing",)

@@ -163,10 +163,18 @@ class _Search:
         """A solution of the `linear` problem to a share of the residual of z; None where there is none to be found."""
         z = self.here.z
         share = min(max(self.here.theta / self.path.start_theta, _TIGHT), _LOOSE)
-        at_start = linear.residual(z)
+        start_residual = linear.residual(z)
         seconds = work.seconds_left()
         limits = Limits(rtol=share, atol=0.0, max_iter=100_000, time_limit=seconds if seconds < np.inf else None)
-        run = Run(linear, z, at_start, Goal(share * at_start), limits=limits, aim=share, scale=at_start)
+        run = Run(
+            linear,
+            z,
+            start_residual,
+            Goal(share * start_residual),
+            limits=limits,
+            target_reduction=share,
+            scale=start_residual,
+        )
         fixed = presolve(linear)
         run.presolved = None if fixed is linear else fixed
         for _ in climb(run, fixed, self.family):
@@ -174,7 +182,7 @@ class _Search:
         if run.is_refused and run.refused is not None:
             raise run.refused.error
         found = run.best
-        if found is None or run.infeasible is not None or not found.residual < at_start:
+        if found is None or run.infeasible is not None or not found.residual < start_residual:
             return None
         return np.clip(found.z, self.low, self.high) if self.low is not None else found.z
 

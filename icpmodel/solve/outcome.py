@@ -71,7 +71,7 @@ def solution_of(run: Run, limits: Limits) -> Solution:
         method=best.job.method,
         adapted_method=best.adapted_method,
         last_method=last.method,
-        why="; ".join([*why, *run.searched]),
+        why="; ".join([*why, *run.search_notes]),
         residual=best.residual,
         tolerance=run.goal.tolerance_at(best.z),
         atol=limits.atol,

@@ -64,7 +64,7 @@ def presolve(problem: ProblemData) -> ProblemData:
 
 def climb(run: Run, problem: ProblemData, family: str | None) -> Iterator[None]:
     """The steps of `run` up its ladder, with the reduction of `problem` before rung 5."""
-    ladder = Ladder(problem, run.aim, family)
+    ladder = Ladder(problem, run.target_reduction, family)
     ladder.held = family != "paper"
     if ladder.held and problem.psi.is_constant and not ladder.is_decided:
         found = None
@@ -188,11 +188,11 @@ class _Parts:
     def _part(self, part: ProblemData, rows: Rows, tolerance: float) -> Run:
         """The run of a part, whose unknowns are the `rows` of the whole."""
         start = self.z[rows]
-        known = [at_start := part.residual(start)]
+        known = [start_residual := part.residual(start)]
         with suppress(MapError):
             known.append(part.residual_at_0())
         scale = max((x for x in known if x < np.inf), default=0.0)
-        aim = min(max(tolerance / scale if scale else 0.0, 1e-14), 0.5)
+        target_reduction = min(max(tolerance / scale if scale else 0.0, 1e-14), 0.5)
         limits = replace(self.run.limits, max_iter=max(self.run.limits.max_iter - max(self.run.iteration, 0), 0))
         before = max(self.run.iteration, 0)
 
@@ -202,15 +202,15 @@ class _Parts:
                 return None
             whole = self.z.copy()
             whole[rows] = z
-            return self.run.seen(self.completed(whole))
+            return self.run.show(self.completed(whole))
 
         made = Run(
             part,
             start,
-            at_start,
+            start_residual,
             Goal(tolerance),
             limits=limits,
-            aim=aim,
+            target_reduction=target_reduction,
             scale=scale,
             watch=watch,
             clock=self.run.clock,
@@ -220,7 +220,7 @@ class _Parts:
     def _solve(self, part: Run, rows: Rows) -> Iterator[None]:
         """The steps of a `part`, which z follows."""
         try:
-            for _ in part.steps(Ladder(part.problem, part.aim, self.family)):
+            for _ in part.steps(Ladder(part.problem, part.target_reduction, self.family)):
                 if part.best is not None:
                     self.z[rows] = part.best.z
                 yield

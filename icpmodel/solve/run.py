@@ -1,6 +1,6 @@
-"""The only loop: it drives one method after the other, tests their iterates, keeps the best, and says why it ended.
+"""The only solve loop: `Run` iterates the methods, tests each iterate, keeps the best one and records why it stopped.
 
-Whole problems and parts of them go through it alike. The logger "icpmodel" says what it decides, see `solve`.
+It serves whole problems and parts of them. Its decisions are logged by the logger "icpmodel", see `solve`.
 """
 
 from __future__ import annotations
@@ -29,24 +29,26 @@ from .solution import Status
 
 _LOG = logging.getLogger("icpmodel")
 _LOG.addHandler(logging.NullHandler())
-#: after so many steps without a better iterate, or twice the number of unknowns (a signal may have to cross them all)
-#: up to the second number, the run counts as stagnated
+#: a run stagnates after max(`PATIENCE`, 2n) steps without a better iterate, at most `_LONGEST_PATIENCE`; 2n because
+#: information may have to cross all unknowns
 PATIENCE = 1000
 _LONGEST_PATIENCE = 50_000
-#: rounding explains nothing where it leaves more than this share of the first residual: z has run away
-_LOW = 0.1
-#: a residual this many times the first one is taken for divergence even before it overflows
-_BLOW_UP = 1e200
-#: how a method ended whose iterates are as good as those of one that goes on
-_GOOD = ("", Status.SOLVED.value, Status.TIME_LIMIT.value, Status.MEMORY_LIMIT.value)
-#: another method may go where psi has values, or need no derivative
+#: the largest share of the first residual that rounding may explain; beyond it the iterates have diverged
+_MAX_ROUNDING = 0.1
+#: a residual of this many times the first one counts as divergence, before it overflows
+_DIVERGENCE = 1e200
+#: outcomes after which the next method starts from the best iterate; "" is a method that was only interrupted by others
+_CONTINUABLE = ("", Status.SOLVED.value, Status.TIME_LIMIT.value, Status.MEMORY_LIMIT.value)
+#: ends after which another method is tried; with MAP_FAILED it may avoid the points where psi fails
 WORTH_ANOTHER_METHOD = (Status.STAGNATED, Status.CYCLED, Status.DIVERGED, Status.MAP_FAILED)
 
 
 @dataclass
 class Best:
-    """The best iterate, the job that found it, and its method with the numbers that it had adapted; its residual may
-    be a hint until the end."""
+    """The best iterate, the job that found it, and the method with its adapted parameters.
+
+    Until the end of the run `residual` may be the estimate that the method itself gave.
+    """
 
     z: Vector
     residual: float
@@ -55,7 +57,7 @@ class Best:
 
 
 class Refused(NamedTuple):
-    """What was not begun: the end that it makes, the job, None where one was to be chosen, and what it raised."""
+    """A method not started, or (`job` None) not chosen, for lack of time or memory: the end, the job and the error."""
 
     ended: Ended
     job: Job | None
@@ -64,41 +66,41 @@ class Refused(NamedTuple):
 
 @dataclass(eq=False)
 class Run:
-    """Methods tried on a problem, one at a time, until one ends for a reason that no other would change.
+    """Try methods on a problem, one at a time, until one solves it or no other could do better.
 
-    `steps` is the loop. Afterwards `ended` says why it ended, `best` what it found, `tried` what each method did.
+    `steps` is the loop. Afterwards `ended` holds the reason for the end, `best` the best iterate, `tried` the jobs.
 
     Parameters
     ----------
     problem : ProblemData
     start : array of shape (n,)
-    at_start : float
+    start_residual : float
         Res_D(start).
     goal : Goal
     limits : Limits
-    aim : float
-        The share of `scale` for which costs are estimated.
+    target_reduction : float
+        The costs of methods are estimated for this residual, relative to `scale`.
     scale : float
-        A residual by which others are judged, 0 for ‖z‖.
+        The reference residual; if 0, ‖z‖ takes its place.
     restart : array of shape (n,), optional
-        Where a method begins after one that failed.
+        The start of a method after one that failed.
     presolved : ProblemData, optional
-        What methods are given in place of `problem`: one that has the same solutions.
+        A problem with the same solutions that the methods get in place of `problem`.
     follows_theorems : bool
-        Whether a method that is proved to converge goes on where its residual is flat, as one that was named does.
+        Whether a method that is proved to converge continues although its residual does not fall.
     watch : function, optional
-        What is called with every iterate and its residual in place of `callback`; an `Ended` ends the run.
+        Called with every iterate and its residual in place of `callback`; it ends the run by returning an `Ended`.
     callback, history, progress
         As in `solve`.
     """
 
     problem: ProblemData
     start: Vector
-    at_start: float
+    start_residual: float
     goal: Goal
     _: KW_ONLY
     limits: Limits
-    aim: float
+    target_reduction: float
     scale: float
     restart: Vector | None = None
     presolved: ProblemData | None = None
@@ -111,7 +113,8 @@ class Run:
 
     def __post_init__(self) -> None:
         self.records: list[tuple[int, float, float, str]] | None = [] if self.history else None
-        self.current, self.iteration = self.start, -1
+        self.current = self.start
+        self.iteration = -1
         self.previous = self.start
         self.proof = ""
         self.job: Job
@@ -119,26 +122,26 @@ class Run:
         self.best: Best | None = None
         self.tried: list[Job] = []
         self.loops: dict[Job, Iterator[bool]] = {}
-        #: whether it ended for a reason that no other method would change
+        #: whether no other method is to be tried
         self.is_over = False
         self.ended = Ended(Status.STAGNATED, "")
         self.infeasible: Answer | None = None
-        # of the search that a failure leads to: a sentence that says its limit
-        self.searched: tuple[str, ...] = ()
+        # what the global search after a failure adds to the reasons of the solution: its limit and its result
+        self.search_notes: tuple[str, ...] = ()
         self.fault: MapError | None = None
-        # of what was not begun, as it would not have fitted into the time or the memory that were left: the last one
+        # the last method that was not started for lack of time or memory
         self.refused: Refused | None = None
         self.singular: SingularOperator | None = None
         self.bar = Bar()
-        self.target = self.aim * (self.scale or self.at_start)
+        self.target = self.target_reduction * (self.scale or self.start_residual)
 
     def steps(self, ladder: Ladder | InTurn) -> Iterator[None]:
-        """The loop; it stops after each tested iterate that is not the last one of its method."""
+        """Run the loop; yield after each tested iterate but the last one of a method."""
         with progress_bar(self.progress) as self.bar:
-            job = self._next(ladder)
+            job = self._next_job(ladder)
             while job is not None:
                 self.bar.begin(job.method.name)
-                loop = self.loops.get(job) or self.loops.setdefault(job, self._one(job))
+                loop = self.loops.get(job) or self.loops.setdefault(job, self._run_method(job))
                 following: Job | None = job
                 while following is job:
                     for is_due in loop:
@@ -150,7 +153,7 @@ class Run:
                             self.is_over = True
                             return
                         ladder.end(job)
-                    following = self._next(ladder)
+                    following = self._next_job(ladder)
                 if following is not None and job.outcome == "":
                     _LOG.info("n = %d: %s, then %r", self.problem.n, job, following.method)
                 job = following
@@ -159,8 +162,8 @@ class Run:
             if self.refused.job is not None:
                 self.job = self.refused.job
 
-    def _next(self, ladder: Ladder | InTurn) -> Job | None:
-        """The next method, None where none is left or what must be known for that takes more than the limits leave."""
+    def _next_job(self, ladder: Ladder | InTurn) -> Job | None:
+        """The next job; None if none is left, or if choosing one would exceed the limits."""
         try:
             return ladder.next()
         except (OutOfTime, MemoryError) as error:
@@ -168,20 +171,21 @@ class Run:
             return None
 
     def _refuse(self, error: Exception, job: Job | None) -> Ended:
-        late = isinstance(error, OutOfTime)
-        if late and self.limits.time_limit is not None:
+        """Record that `job` was not started, and return the end that this makes."""
+        is_late = isinstance(error, OutOfTime)
+        if is_late and self.limits.time_limit is not None:
             error = OutOfTime(f"time_limit = {self.limits.time_limit:g} s, and {error}")
-        ended = Ended(Status.TIME_LIMIT if late else Status.MEMORY_LIMIT, str(error))
+        ended = Ended(Status.TIME_LIMIT if is_late else Status.MEMORY_LIMIT, str(error))
         self.refused = Refused(ended, job, error)
         return ended
 
     @property
     def is_refused(self) -> bool:
-        """Whether what ended last did so for a lack of time or memory that was foreseen."""
+        """Whether the last end is that of a method not started for lack of time or memory."""
         return self.refused is not None and self.ended is self.refused.ended
 
-    def _one(self, job: Job) -> Iterator[bool]:
-        """One method until there is a reason to stop, left in `ended`; whether it is time to compare it with others."""
+    def _run_method(self, job: Job) -> Iterator[bool]:
+        """Run one method until it ends; set `ended`. Yield whether it is time to compare it with other methods."""
         self.job = job
         self.tried.append(job)
         _LOG.info("n = %d: %r begins: %s", self.problem.n, job.method, job.choice.why or "it was named")
@@ -213,16 +217,17 @@ class Run:
         best = np.nan if self.best is None else self.best.residual
         _LOG.info("n = %d: %s: %s; best residual %.3g", self.problem.n, job, job.outcome, best)
 
-    def _begin(self) -> Vector:
-        """Where a method begins: with the best iterate, unless that is of one that failed."""
+    def _starting_point(self) -> Vector:
+        """The best iterate, or `restart` if that iterate is of a method that failed."""
         if self.best is None:
             return self.start
-        return self.best.z if self.restart is None or self.best.job.outcome in _GOOD else self.restart
+        return self.best.z if self.restart is None or self.best.job.outcome in _CONTINUABLE else self.restart
 
     def _loop(self, job: Job) -> Generator[bool, None, Ended]:
-        begin = self._begin()
-        job.is_fresh = begin is self.start and self.presolved is None
-        path = job.method.iterates(self.presolved or self.problem, begin)
+        """Test the iterates of one method; return its end. Yield as `_run_method` does."""
+        start = self._starting_point()
+        job.is_fresh = start is self.start and self.presolved is None
+        path = job.method.iterates(self.presolved or self.problem, start)
         longest = min(max(PATIENCE, 2 * self.problem.n), _LONGEST_PATIENCE)
         stalled = Stalled(job.method.memoryless, longest, self.at_floor, self._is_proved)
         first = np.nan
@@ -237,7 +242,7 @@ class Run:
             except StopIteration:
                 return stalled.recurred()
             spent += work.done() - before
-            if count or self.iteration < 0:  # where a method begins another one has been
+            if count or self.iteration < 0:  # a later method starts from an iterate that was counted before
                 self.iteration += 1
             self.previous = self.current
             self.current = z
@@ -247,46 +252,46 @@ class Run:
                 first = residual
             if self.best is None or residual < self.best.residual:
                 self.best = self.candidate(z, residual)
-            ended = self._seen(z, residual, seconds) or self._test(z, residual, first)
-            if ended := ended or stalled.check(z, residual) or self._limit(seconds):
+            ended = self._show(z, residual, seconds) or self._end_at(z, residual, first)
+            if ended := ended or stalled.check(z, residual) or self._end_by_limit(seconds):
                 job.steps = max(count, job.steps)
                 return ended
             is_due = False
             count += 1
-            if count > 1:  # the set-up counts for the first step
+            if count > 1:  # the set-up counts as a part of the first step
                 is_due = job.step(spent + work.COSTS.iterate, *self._log_reduction(first, residual))
                 spent = 0.0
             yield is_due
 
     def _log_reduction(self, first: float, residual: float) -> tuple[float, float]:
-        """How far the logarithm of the residual, which was `first`, has fallen, and how far it has to."""
-        need = _fall(first, self.target) if self.target < first < np.inf else np.inf
-        return (_fall(first, residual) if residual > 0.0 and 0.0 < first < np.inf else 0.0), need
+        """(log(first/residual), log(first/target)): the log reduction achieved, and the one needed."""
+        need = _log_ratio(first, self.target) if self.target < first < np.inf else np.inf
+        return (_log_ratio(first, residual) if residual > 0.0 and 0.0 < first < np.inf else 0.0), need
 
     def candidate(self, z: Vector, residual: float) -> Best:
-        """`z` as an iterate of the method that is tried."""
+        """`z` as the best iterate, found by the current method."""
         return Best(z, residual, self.job, getattr(self.path, "adapted_method", self.job.method))
 
     def _residual(self, z: Vector, hint: float | None) -> float:
-        """The method's hint while it is only a hint; the judge where a decision hangs on it."""
+        """The residual that the method estimates (`hint`), or the exact one if the run might end at `z`."""
         low, high = SAFE_HINT
         if z is not self.start and hint is not None and low < hint < high and not self.goal.is_near(z, hint):
             return hint
-        return self.goal.judged(z, self.at_start if z is self.start else self.problem.residual(z))
+        return self.goal.judged(z, self.start_residual if z is self.start else self.problem.residual(z))
 
     @property
     def is_watched(self) -> bool:
-        """Whether a bar, the history or a callback is to see the iterates."""
+        """Whether the iterates go to a progress bar, the history or a callback."""
         return self.progress or self.history or self.callback is not None
 
-    def seen(self, z: Vector) -> Ended | None:
-        """Show an iterate that was made of one of a part."""
+    def show(self, z: Vector) -> Ended | None:
+        """Report an iterate that was completed from an iterate of a part; return an end if the callback stops."""
         with suppress(MapError):
-            return self._seen(z, self.problem.residual(z), work.clock() - self.clock)
+            return self._show(z, self.problem.residual(z), work.clock() - self.clock)
         return None
 
-    def _seen(self, z: Vector, residual: float, seconds: float) -> Ended | None:
-        """Show `z`, with Res_D(z) where `residual` is that of the problem that methods are given."""
+    def _show(self, z: Vector, residual: float, seconds: float) -> Ended | None:
+        """Report `z` to whatever watches the run, with the residual of `problem` even if it was presolved."""
         if self.watch is not None:
             return self.watch(z, residual)
         if self.presolved is not None and self.is_watched:
@@ -295,32 +300,34 @@ class Run:
         self.bar.update(self.iteration, residual, self.goal.tolerance)
         if self.records is not None:
             self.records.append((self.iteration, residual, seconds, self.job.method.name))
-        # a copy, as whoever has a view can write through its base
+        # a copy: a view could be written to through its base
         if self.callback is not None and self.callback(Progress(self.iteration, locked(z.copy()), residual, seconds)):
             return Ended(Status.STOPPED, "by the callback")
         return None
 
-    def _test(self, z: Vector, residual: float, first: float) -> Ended | None:
-        """What the iterate itself says: it is what was wanted, or it has run away from the `first` residual."""
+    def _end_at(self, z: Vector, residual: float, first: float) -> Ended | None:
+        """SOLVED, or DIVERGED or MAP_FAILED relative to the method's `first` residual; None if the run goes on."""
         if self.goal.reached(z, residual):
             if self.best is None or self.best.z is not z:
                 self.best = self.candidate(z, residual)
             return Ended(Status.SOLVED, "")
-        if not residual < np.inf or residual > _BLOW_UP * max(first, self.goal.tolerance):
+        if not residual < np.inf or residual > _DIVERGENCE * max(first, self.goal.tolerance):
             if fault := fault_of_psi(self.problem, z):
                 return Ended(Status.MAP_FAILED, f"{fault} at iteration {self.iteration}")
             return Ended(Status.DIVERGED, f"the iterates diverged, at iteration {self.iteration}")
         return None
 
-    def _limit(self, seconds: float) -> Ended | None:
-        most = self.limits.time_limit
+    def _end_by_limit(self, seconds: float) -> Ended | None:
+        """ITERATION_LIMIT or TIME_LIMIT, if one is reached."""
+        time_limit = self.limits.time_limit
         if self.iteration >= self.limits.max_iter:
             return Ended(Status.ITERATION_LIMIT, f"max_iter = {self.limits.max_iter}")
-        if most is not None and seconds >= most:
-            return Ended(Status.TIME_LIMIT, f"time_limit = {most:g} s")
+        if time_limit is not None and seconds >= time_limit:
+            return Ended(Status.TIME_LIMIT, f"time_limit = {time_limit:g} s")
         return None
 
     def _is_proved(self) -> bool:
+        """Whether a theorem proves that the method converges from here; its sentence goes to `proof`."""
         if self.follows_theorems:
             problem = self.presolved or self.problem
             tolerance = self.goal.tolerance_at(self.current)
@@ -330,15 +337,15 @@ class Run:
         return bool(self.proof)
 
     def at_floor(self) -> Ended | None:
-        """PRECISION_LIMIT, where rounding explains the residual of the best iterate."""
+        """PRECISION_LIMIT if rounding explains the residual of the best iterate, else None."""
         if self.best is None:
             return None
         floor = self.problem.rounding_of_residual(self.best.z)
-        if self.best.residual <= 2 * floor < _LOW * (self.scale or norm(self.best.z)):
+        if self.best.residual <= 2 * floor < _MAX_ROUNDING * (self.scale or norm(self.best.z)):
             return Ended(Status.PRECISION_LIMIT, f"rounding leaves a residual of up to about {floor:.2g} at this z")
         return None
 
 
-def _fall(high: float, low: float) -> float:
-    """log(high/low), where the quotient may be out of range, too; infinite at low = 0."""
+def _log_ratio(high: float, low: float) -> float:
+    """log(high/low), also if the quotient would overflow; infinite at low = 0."""
     return math.log(high) - math.log(low) if low > 0.0 else math.inf

@@ -42,7 +42,7 @@ def slow():
 def run_on(problem, **options):
     start = np.zeros(problem.n)
     at_0 = problem.residual(start)
-    return Run(problem, start, at_0, Goal(0.0), limits=LIMITS, aim=1e-14, scale=at_0, **options)
+    return Run(problem, start, at_0, Goal(0.0), limits=LIMITS, target_reduction=1e-14, scale=at_0, **options)
 
 
 CYCLIC = icp.scenes.hand_cyclic().problem

@@ -42,7 +42,7 @@ def block_triangular(rng, sizes, coupling=0.0):
 def plain(problem):
     """The answer without any reduction."""
     at_0 = problem.residual_at_0()
-    run = Run(problem, np.zeros(problem.n), at_0, Goal(1e-12 * at_0), limits=LIMITS, aim=1e-12, scale=at_0)
+    run = Run(problem, np.zeros(problem.n), at_0, Goal(1e-12 * at_0), limits=LIMITS, target_reduction=1e-12, scale=at_0)
     run_methods(run, run.steps(Ladder(problem, 1e-12)))
     solution = solution_of(run, LIMITS)
     assert solution.residual <= 1e-9 * (1.0 + at_0)
@@ -52,7 +52,9 @@ def plain(problem):
 def solve_in_parts(problem, rtol=1e-11, **shown):
     """What the parts alone make of the problem."""
     at_0 = problem.residual_at_0()
-    run = Run(problem, np.zeros(problem.n), at_0, Goal(rtol * at_0), limits=LIMITS, aim=rtol, scale=at_0, **shown)
+    run = Run(
+        problem, np.zeros(problem.n), at_0, Goal(rtol * at_0), limits=LIMITS, target_reduction=rtol, scale=at_0, **shown
+    )
     run_methods(run, solve_parts(run, problem, most=1.0))
     return solution_of(run, LIMITS)
 
