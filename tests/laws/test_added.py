@@ -70,6 +70,8 @@ def spring() -> Scene:
 SCRIPT = """
 import contextlib, io, icpmodel as icp
 from icpmodel.cli import main
+def told(said):
+    return " ".join(said.getvalue().lower().split())
 problem = icp.scenes.scene("spring").problem
 solution = problem.solve("steps", length=0.25)
 print(solution.status.value, problem.residual(solution.z) < 1e-6)
@@ -78,10 +80,11 @@ report = problem.crosscheck(solution, ["oracle"])
 print([row.verdict.value for row in report.rows], report.agrees)
 race = icp.race(icp.ICP([[2.0]], [-3.0]), ["steps"], ["oracle"], repeats=1, tolerances=[1e-3])
 print(sorted({entry.name for entry in race.entries}))
-for command in ("scenes", "solve spring --method steps --option length=0.25", "crosscheck spring --solver oracle"):
+solve = "solve spring --method steps --option length=0.25"
+for command in ("scenes", solve, "crosscheck spring --solver oracle", "solve --help"):
     with contextlib.redirect_stdout(io.StringIO()) as said, contextlib.suppress(SystemExit):
         main(command.split())
-    print([word for word in ("spring", "solved", "agrees") if word in said.getvalue().lower()])
+    print([word for word in ("spring", "solved", "agrees", "restarts, steps, tridiagonal") if word in told(said)])
 """
 
 
@@ -97,4 +100,5 @@ def test_they_are_found_by_name_in_solve_crosscheck_race_and_on_the_command_line
         "['spring']",
         "['solved']",
         "['solved', 'agrees']",
+        "['restarts, steps, tridiagonal']",
     ], ran.stderr

@@ -1,4 +1,4 @@
-"""CVXPY's standard quadratic programs, of any size: portfolio, Lasso, support vectors, control, isotonic regression."""
+"""CVXPY's standard quadratic programs, of any size: portfolio, support vectors, transport."""
 
 import cvxpy as cp
 import numpy as np
@@ -13,27 +13,12 @@ def portfolio(n=30, factors=5):
     return cp.Problem(cp.Maximize(returns @ w - 0.1 * risk), [cp.sum(w) == 1, w >= 0, f == loading.T @ w])
 
 
-def long_short(n=20):
-    random = np.random.default_rng(2)
-    S, w = random.normal(size=(n, n)), cp.Variable(n)
-    objective = cp.Maximize(random.normal(size=n) @ w - cp.quad_form(w, cp.psd_wrap(S.T @ S)))
-    return cp.Problem(objective, [cp.sum(w) == 1, cp.norm1(w) <= 2])
-
-
 def support_vectors(rows=40, n=5):
     random = np.random.default_rng(4)
     X, b, v = random.normal(0, 5, size=(rows, n)), cp.Variable(n), cp.Variable()
     labels = np.sign(X @ random.normal(size=n) + random.normal(size=rows))
     hinge = cp.sum(cp.pos(1 - cp.multiply(labels, X @ b - v))) / rows
     return cp.Problem(cp.Minimize(hinge + 0.1 * cp.sum_squares(b)))
-
-
-def control(steps=10):
-    random = np.random.default_rng(5)
-    A, B = np.eye(4) + 0.1 * random.normal(size=(4, 4)), random.normal(size=(4, 2))
-    x, u = cp.Variable((4, steps + 1)), cp.Variable((2, steps))
-    rows = [x[:, 1:] == A @ x[:, :-1] + B @ u, x[:, 0] == 2 * random.normal(size=4), cp.norm_inf(u, axis=0) <= 0.7]
-    return cp.Problem(cp.Minimize(cp.sum_squares(x) + 0.1 * cp.sum_squares(u)), rows)
 
 
 def transport(sources=4, sinks=5):
@@ -43,4 +28,4 @@ def transport(sources=4, sinks=5):
     return cp.Problem(cp.Minimize(cp.sum(cp.multiply(random.uniform(0, 1, (sources, sinks)), X))), rows)
 
 
-PROGRAMS = (portfolio, long_short, support_vectors, control, transport)
+PROGRAMS = (portfolio, support_vectors, transport)

@@ -137,21 +137,6 @@ def test_derivative_and_backward_are_what_central_differences_give_and_adjoint_t
         assert variable.delta.shape == variable.shape
 
 
-def program(seed):
-    """An obstacle under a membrane, as a program of CVXPY's and as a condition of ours, over the same parameters."""
-    random = np.random.default_rng(seed)
-    n = 5
-    load, obstacle = cp.Parameter(n, value=random.normal(size=n)), cp.Parameter(n, value=0.1 * random.normal(size=n))
-    weight, R = cp.Parameter(nonneg=True, value=1.5), random.normal(size=(n, n))
-    held = cp.Parameter((n, n), symmetric=True, value=np.eye(n) + 0.05 * (R + R.T))
-    x, z = cp.Variable(n), cp.Variable(n)
-    S = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
-    least = cp.Minimize(0.5 * cp.sum_squares(np.linalg.cholesky(S).T @ x) - load @ x + weight * cp.sum(x))
-    theirs = cp.Problem(least, [x >= obstacle + held @ np.full(n, 0.1)])
-    ours = icp.Problem(icp.complements(S @ z - load + weight, z - obstacle - held @ np.full(n, 0.1)))
-    return theirs, ours, x, z
-
-
 @settings(max_examples=10, deadline=None)
 @given(st.lists(st.floats(-3, 3), min_size=3, max_size=3), st.floats(0.5, 2))
 @example([0.0, 0.0, 5e-324], 2.0)

@@ -29,37 +29,6 @@ def test_cvxpys_standard_programs_have_the_answers_of_clarabel(make):
             assert mine.dual_value == pytest.approx(other.dual_value, abs=1e-3)
 
 
-def a_program(seed):
-    """A random program; some are infeasible or unbounded."""
-    random = np.random.default_rng(seed)
-    n, m, k = random.integers(1, 10), random.integers(0, 6), random.integers(0, 12)
-    L = random.normal(size=(random.integers(0, n + 1), n)).round(1)
-    A, F = random.normal(size=(m, n)).round(1), random.normal(size=(k, n)).round(1) * (random.random((k, n)) < 0.6)
-    inside = random.normal(size=n)
-    b = A @ inside if random.random() < 0.8 else random.normal(size=m)
-    g = F @ inside + random.random(k) if random.random() < 0.8 else random.normal(size=k).round(1)
-    lower = inside - 1 if random.random() < 0.4 else None
-    return L.T @ L, random.normal(size=n).round(1), A, b, F, g, lower
-
-
-def in_cvxpy(P, q, A, b, F, g, lower):
-    x = cp.Variable(q.size)
-    rows = [A @ x == b] * bool(b.size) + [F @ x <= g] * bool(g.size) + ([] if lower is None else [x >= lower])
-    return cp.Problem(cp.Minimize(0.5 * cp.quad_form(x, cp.psd_wrap(P)) + q @ x), rows)
-
-
-@pytest.mark.filterwarnings("ignore:Solution may be inaccurate")
-@pytest.mark.parametrize("seed", range(10))
-def test_random_programs_end_as_clarabel_says(seed):
-    """Also the degenerate, infeasible and unbounded ones."""
-    P, q, A, b, F, g, lower = a_program(seed)
-    ours, theirs = solve(in_cvxpy(P, q, A, b, F, g, lower)), in_cvxpy(P, q, A, b, F, g, lower)
-    theirs.solve(solver="CLARABEL")
-    assert ours.status.removesuffix("_inaccurate") == theirs.status.removesuffix("_inaccurate")
-    if ours.status == cp.OPTIMAL:
-        assert ours.value == pytest.approx(theirs.value, rel=1e-5, abs=1e-5)
-
-
 x = cp.Variable(3)
 WITHOUT_ANSWER = {
     "bounds that cross": (cp.Minimize(cp.sum_squares(x)), [x >= 1, x <= 0], cp.INFEASIBLE),

@@ -278,7 +278,6 @@ CODE = {
 }
 NO_EXPRESSION = {
     "maximum": (lambda z: np.maximum(z, 0) / 3, "not supported between"),
-    "where": (lambda z: np.where(z > 0, z / 3, 0), "not supported between"),
     "number": (lambda z: z * float(z[0]) / 10, "float"),
     "random": (lambda z: 0.1 * z + np.random.default_rng().random(3), "and its expression"),
     "intervention": (icp.scenes.scene("dividend").problem, "it takes the best of several"),
