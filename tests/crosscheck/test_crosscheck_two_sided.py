@@ -23,13 +23,6 @@ def test_every_solver_confirms_the_manufactured_answer(skew: float, coupling: fl
     assert report.agrees
 
 
-@pytest.mark.parametrize("name", ["hand-box", "hard-pinned", "torsion", "phase-step", "game-put"])
-def test_what_solve_finds_between_two_obstacles_is_confirmed(name: str) -> None:
-    scene = icp.scenes.scene(name, None if name == "hand-box" else 64)
-    report = icp.crosscheck(scene.problem, None, ["osqp", "cvxpy-clarabel"])
-    assert report.agrees, str(report)
-
-
 @pytest.mark.parametrize("row", range(3))
 @pytest.mark.parametrize("at", [-0.25, 0.0, 0.5, 1.0, 1.25])
 def test_an_answer_with_one_row_elsewhere_is_a_disagreement(row: int, at: float) -> None:

@@ -44,6 +44,14 @@ def test_n_must_be_a_positive_integer(n):
             scenes.scene(name, n)
 
 
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -91, "much", None])
+def test_no_parameter_takes_what_is_no_number_or_far_below(value):
+    for name in set(NAMES) - ({"hard-skew"} if value == -91 else set()):
+        for parameter in scenes.parameters(name).keys() - {"n"}:
+            with pytest.raises(InputError, match=f"^{parameter} is "):
+                scenes.scene(name, **{parameter: value})
+
+
 def test_a_scene_of_one_size_takes_only_that():
     for name in set(NAMES) - set(SIZED):
         size = scenes.scene(name).problem.n
@@ -64,28 +72,17 @@ def test_an_unknown_name_gets_the_nearest_one_or_else_all():
 @pytest.mark.parametrize(
     ("name", "parameters"),
     [
-        ("membrane", {"mu": -1}),
-        ("membrane", {"mu": float("nan")}),
         ("membrane", {"skew": 1.5}),
-        ("bai-symmetric", {"mu": float("inf")}),
-        ("bai-nonsymmetric", {"mu": "much"}),
-        ("manufactured-affine", {"seed": -1}),
-        ("manufactured-elementwise", {"seed": 0.5}),
-        ("manufactured-affine", {"mu": None}),
         ("coulomb", {"alpha": 90}),
-        ("coulomb", {"alpha": -1}),
         ("coulomb", {"mu": -0.1}),
         ("coulomb", {"mass": 0}),
         ("coulomb", {"g": 0}),
-        ("coulomb", {"dt": -1}),
-        ("hard-skew", {"skew": float("inf")}),
         ("hard-scaled", {"decades": 76}),
-        ("hard-semidefinite", {"seed": -1}),
+        ("manufactured-elementwise", {"seed": 0.5}),
         ("box-manufactured", {"coupling": -0.1}),
         ("box-manufactured", {"skew": 1.5}),
         ("game-put", {"delta": 0}),
         ("exchange", {"delta": 0}),
-        ("radiating-membrane", {"kappa": -1}),
         ("bratu", {"heat": 0}),
     ],
 )

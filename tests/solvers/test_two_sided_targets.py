@@ -77,21 +77,6 @@ def test_the_gap_is_zero_at_the_solution_and_nowhere_below_zero_on_its_constrain
     assert 0.5 * w @ qp.P @ w + qp.q @ w - constant == pytest.approx(gap, abs=1e-10)
 
 
-@settings(max_examples=40, deadline=None)
-@given(seed=st.integers(0, 2**32), form=st.sampled_from(["energy", "gap"]))
-def test_the_cones_say_what_the_ranges_say(seed: int, form: str) -> None:
-    problem, _ = box(seed)
-    qp = Target(problem).qp(form)
-    M, b, equations = qp.conic()
-    y = np.random.default_rng(seed).normal(size=qp.q.size)
-    slack, range_ = b - M @ y, qp.K @ y
-    equal = qp.lower == qp.upper
-    assert equations == equal.sum()
-    assert np.abs(slack[:equations]) == pytest.approx(np.abs(range_ - qp.lower)[equal])
-    distances = np.concatenate([(range_ - qp.lower)[~equal], (qp.upper - range_)[~equal]])
-    assert np.sort(slack[equations:]) == pytest.approx(np.sort(distances[np.isfinite(distances)]))
-
-
 def test_obstacles_that_cross_at_the_answer_are_not_frozen() -> None:
     def rising(z: np.ndarray) -> np.ndarray:
         return np.asarray(z - 1.0)
@@ -150,14 +135,3 @@ def test_the_cvxpy_model_between_two_obstacles_has_the_solution(kind: str, formu
         model = problem.to_cvxpy(formulation)
         model.solve(solver="HIGHS" if formulation == "mip" else "CLARABEL")
         assert model.var_dict["z"].value == pytest.approx(z, abs=1e-5)
-
-
-def test_the_mixed_integer_model_needs_no_convexity_between_two_obstacles() -> None:
-    pytest.importorskip("cvxpy")
-    pytest.importorskip("highspy")
-    problem = icp.scenes.hard_three().problem
-    model = problem.to_cvxpy("mip")
-    model.solve(solver="HIGHS")
-    assert problem.residual(model.var_dict["z"].value) <= 1e-6
-    with pytest.raises(icp.NotApplicable, match="no convex QP"):
-        problem.to_cvxpy()
