@@ -1,9 +1,6 @@
 """Problems that are made for an answer known beforehand."""
 
-from fractions import Fraction
-
 import numpy as np
-from exact import solve_rational
 
 import icpmodel as icp
 
@@ -27,10 +24,3 @@ def around(rng, A, exact, psi=icp.Constant, of_p=1.0, of_r=1.0, free=0.0, above=
     c[~active & (rng.random(n) < free)] = -np.inf
     upper = psi(np.where(held, bare + np.where(active, 0.0, gap), np.inf)) if held.any() else None
     return icp.ICP(A, np.where(held, -p, p) - A @ exact, psi(c), upper=upper)
-
-
-def inverse(M):
-    """M⁻¹ in fractions, None where M is singular."""
-    n = len(M)
-    columns = [solve_rational(M, [Fraction(int(i == j)) for i in range(n)]) for j in range(n)]
-    return None if None in columns else [list(row) for row in zip(*columns, strict=True)]

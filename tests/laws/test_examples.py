@@ -179,14 +179,7 @@ def test_the_headings_of_the_paper_say_the_verdicts_that_are_computed():
 
 @pytest.mark.parametrize(
     ("right", "wrong", "name"),
-    [
-        ("phi1 * phi if corrected", "phi if corrected", "4.4 case 1"),
-        ("- phi1 * A\n", "+ phi1 * A\n", "4.4 case 2"),
-        ("theta2=-4.0", "theta2=4.0", "4.3 sign"),
-        ("np.array([1.0, 3.0])", "np.array([3.0, 1.0])", "Proof of 4.1"),
-        ("- np.tril(A, -1), np.triu", "+ np.tril(A, -1), -np.triu", "L and U"),
-        ("[[-1.0]], [1.0])", "[[1.0]], [1.0])", "4.4 clauses"),
-    ],
+    [("phi1 * phi if corrected", "phi if corrected", "4.4 case 1"), ("- phi1 * A\n", "+ phi1 * A\n", "4.4 case 2")],
 )
 def test_a_wrong_number_or_sign_is_marked(right, wrong, name, capsys):
     """The lesson with one thing changed says which statement is no longer shown, and keeps no verdict on it."""

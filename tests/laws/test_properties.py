@@ -1,4 +1,4 @@
-"""Laws of the problem itself, on random data: what a permutation, a scaling or ψ = 0 must do to the answer."""
+"""Laws of the problem itself, on random data: what a permutation or ψ = 0 must do to the answer."""
 
 import numpy as np
 import pytest
@@ -43,23 +43,6 @@ def test_a_permutation_permutes_the_answer(seed):
     grid = np.ix_(order, order)
     permuted = icp.ICP(A[grid], q[order], icp.Affine(G[grid], c[order])).solve(rtol=1e-11).z
     assert permuted == pytest.approx(direct[order], abs=1e-8)
-
-
-@settings(max_examples=40, deadline=None)
-@given(seed=SEEDS, exponent=st.integers(-8, 8))
-def test_positive_rows_scales_of_p_do_not_move_the_answer(seed, exponent):
-    A, q, G, c, z, *_ = manufactured(seed)
-    scale = 10.0 ** (exponent * np.random.default_rng(seed).random(q.size) / 4)
-    scaled = icp.ICP(scale[:, None] * A, scale * q, icp.Affine(G, c)).solve(rtol=1e-12)
-    assert scaled.z == pytest.approx(z, abs=1e-6)
-
-
-@settings(max_examples=40, deadline=None)
-@given(seed=SEEDS, scale=st.sampled_from([1e-100, 1e-6, 1e6, 1e100]))
-def test_the_answer_scales_with_q_and_c(seed, scale):
-    A, q, G, c, z, *_ = manufactured(seed)
-    solution = icp.ICP(A, scale * q, icp.Affine(G, scale * c)).solve(rtol=1e-11)
-    assert solution.z / scale == pytest.approx(z, abs=1e-8)
 
 
 @settings(max_examples=40, deadline=None)

@@ -93,13 +93,7 @@ def test_a_row_whose_p_is_no_float_in_the_units_of_z_is_decided_by_r():
 
 
 @pytest.mark.parametrize("unit", [1e-9, 1e9])
-def test_many_problems_and_a_cross_check_are_judged_in_all_units_alike(unit):
-    membrane = icp.scenes.membrane(n=400).problem
-    other = icp.ICP(membrane.A * unit, membrane.q * unit, membrane.psi)
-    solution = other.solve()
-    assert solution.iterations == membrane.solve().iterations
-    assert solution.z == pytest.approx(membrane.solve().z, rel=1e-9, abs=1e-9)
-    assert other.crosscheck(solution, ["osqp"]).agrees
+def test_many_problems_are_judged_in_all_units_alike(unit):
     A, Q = np.array([[2.0, -1.0], [-1.0, 2.0]]), np.array([[-1.0, 3.0], [1.0, 2.0], [0.0, 0.0]])
     for of_A, of_z in ((unit, 1.0), (1.0, unit)):
         many = icp.solve_many(A * of_A, Q * of_A * of_z)

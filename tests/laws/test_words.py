@@ -14,7 +14,6 @@ PROBLEM = icp.ICP(A, Q)
     [
         (lambda: icp.solve(A, Q, 0.0), "ICP(A, q, psi).solve()"),
         (lambda: icp.solve(A=A, q=Q), "ICP(A, q, psi).solve()"),
-        (lambda: icp.crosscheck(A, Q), "ICP(A, q, psi)"),
         (lambda: icp.explain(A), "ICP(A, q, psi)"),
         (lambda: PROBLEM.solve(tol=1e-6), "did you mean rtol?"),
         (lambda: PROBLEM.solve("mnmgs", tol=1e-6), "did you mean rtol?"),

@@ -38,6 +38,8 @@ def objects():
     condition = icp.complements(np.eye(200) @ z - 1, z - 0.5 * cp.minimum(z, 1))
     explained = icp.ICP(np.eye(30), np.ones(30)).explain()
     target = Target(icp.ICP(2 * np.eye(40), -np.ones(40)))
+    one = icp.ICP([[2.0]], [-2.0]).solve()
+    derivative = icp.Derivative(one)
     solutions = icp.all_solutions(icp.ICP(np.ones((2, 2)), [-1.0, -1.0]))
     return [
         icp.contradiction(icp.ICP([[0, -1], [1, 0]], [1, -3], upper=[2, np.inf])),
@@ -64,19 +66,19 @@ def objects():
         stability,
         stability.plane,
         stability.plane.x,
-        icp.study.Fields(icp.ICP([[2.0]], [-2.0]), {"z": np.ones(1)}),
-        icp.study.sensitivity(icp.ICP([[2.0]], [-2.0]).solve()),
-        SolutionFunction(icp.ICP([[2.0]], [-2.0]), {}, {}, True),
-        icp.Derivative(icp.ICP([[2.0]], [-2.0]).solve()),
-        icp.Derivative(icp.ICP([[2.0]], [-2.0]).solve()).adjoint([1.0]),
-        icp.Derivative(icp.ICP([[2.0]], [-2.0]).solve()).one_sided(dq=[1.0]),
+        icp.study.Fields(one.problem, {"z": np.ones(1)}),
+        icp.study.sensitivity(one),
+        SolutionFunction(one.problem, {}, {}, True),
+        derivative,
+        derivative.adjoint([1.0]),
+        derivative.one_sided(dq=[1.0]),
         explained,
         explained.classes,
         explained.forecasts[0],
         explained.forecasts[0].rate,
         explained.forecasts[0].checks["4.1"],
         icp.theory.Answer(None, LONG, np.arange(1000.0)),
-        icp.crosscheck(icp.ICP([[2.0]], [-1.0]), [0.5], ["osqp"]),
+        icp.crosscheck(one, None, ["osqp"]),
         target,
         target.qp("energy"),
         icp.solvers.Claim(np.arange(1000.0), LONG, True),

@@ -1,6 +1,5 @@
 """Races: one measure of error for all, claims that are wrong are marked, what was measured is never lost."""
 
-import csv
 import time
 
 import numpy as np
@@ -8,8 +7,6 @@ import pytest
 
 import icpmodel as icp
 from icpmodel.solvers import Claim, ForeignSolver
-from icpmodel.study.charts.figures import save
-from icpmodel.study.competitors import Entry
 
 BAI = icp.scenes.bai_symmetric(n=100)
 TOLERANCES = (1e-2, 1e-6, 1e-10)
@@ -60,8 +57,6 @@ def test_between_two_obstacles_everyone_who_takes_part_reaches_the_same_answer()
     assert {"solve()", "newton", "osqp", "clarabel", "piqp", "scs"} <= {one.name for one in found.entries}
     for one in found.entries:
         assert one.error <= 1e-5, one
-    mms = icp.race(box.problem, ["mms"], [], z_exact=box.z_exact, tolerances=[1e-2], repeats=1)
-    assert dict(mms.skipped)["mms"].startswith("MMS has one |x| for each row")
 
 
 class Liar(ForeignSolver):
@@ -83,14 +78,6 @@ def test_a_claim_that_our_measure_does_not_bear_out_is_marked_and_not_called_wro
     assert "asked for 0.01 in its own measure, 1.0e+00 in ours" in str(found)
     assert first.note in found.table().to_csv()
     assert icp.study.figure(found).axes[0].get_legend() is not None
-
-
-@pytest.mark.parametrize("name", ["highs", "cvxpy-clarabel", "osqp, not polished"])
-def test_any_foreign_solver_can_be_asked_by_name(name):
-    if name == "cvxpy-clarabel":
-        pytest.importorskip("clarabel")
-    found = icp.race(icp.scenes.hand_lcp().problem, [], [name], tolerances=[1e-2], repeats=1)
-    assert {one.name for one in found.entries} == {"solve()", name}
 
 
 def test_one_that_exceeds_its_time_is_not_asked_for_more():
@@ -157,24 +144,12 @@ def test_ctrl_c_keeps_what_was_measured():
     assert icp.study.figure(stopped.value.report).axes
 
 
-def test_a_race_is_written_with_its_data(bai, tmp_path):
-    picture, data = save(icp.study.figure(bai), tmp_path / "race.png", bai.table(), "icpmodel race bai-symmetric")
-    assert picture.read_bytes().startswith(b"\x89PNG")
-    first, *lines = data.read_text().splitlines()
-    assert first == "# icpmodel race bai-symmetric"
-    rows = list(csv.DictReader(lines))
-    assert len(rows) == len(bai.entries) + 1
-    assert float(rows[0]["max |z - z*|"]) == bai.entries[0].error
-
-
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
         ({"methods": ["nonsense"]}, "method is 'nonsense'"),
         ({"solvers": ["nonsense"]}, "solvers has 'nonsense'; one of .*'osqp'"),
         ({"methods": "mnmgs"}, "methods is 'mnmgs'; a list was expected"),
-        ({"solvers": 5}, "solvers is 5; a list was expected"),
-        ({"tolerances": 1e-6}, "tolerances is 1e-06; a list was expected"),
         ({"tolerances": []}, "tolerances is empty"),
         ({"tolerances": [2.0]}, "tolerances is 2"),
         ({"repeats": 0}, "repeats is 0"),
@@ -185,7 +160,3 @@ def test_a_race_is_written_with_its_data(bai, tmp_path):
 def test_wrong_wishes_are_named(arguments, words):
     with pytest.raises(icp.InputError, match=words):
         icp.race(BAI.problem, **arguments)
-
-
-def entry(name, seconds, residual=1e-9, tolerance=1e-8):
-    return Entry(name, "own", tolerance, seconds, residual=residual)

@@ -31,19 +31,15 @@ class Page(HTMLParser):
     def __init__(self, text):
         super().__init__()
         self.open, self.headings, self.loaded, self.ids, self.used = [], [], [], [], []
-        self.short, self.links, self.told, self.captions = {}, [], [], []
+        self.short = {}
         self.feed(text)
 
     def handle_starttag(self, tag, attributes):
         if tag not in VOID:
             self.open.append(tag)
-        if tag == "svg" and dict(attributes).get("role") == "img":
-            self.told.append(dict(attributes)["aria-label"])
         for name, value in attributes:
             if name in ("src", "href", "xlink:href") and not value.startswith(("#", "data:")):
                 self.loaded.append(value)
-            if name == "href" and value.startswith("#") and tag == "a":
-                self.links.append(value[1:])
             if name == "id":
                 self.ids.append(value)
             self.used += re.findall(r"url\(#([^)]+)\)", value or "")
@@ -64,8 +60,6 @@ class Page(HTMLParser):
             self.short[data] = ""
         if self.open and self.open[-1] == "dd":
             self.short[next(reversed(self.short))] += data
-        if self.open and self.open[-1] == "figcaption":
-            self.captions.append(data)
 
 
 @pytest.fixture(scope="module")
