@@ -40,7 +40,7 @@ from ..problem.two_sided import sides_of
 from ..solve.driver import solve
 from ..solve.goal import RTOL
 from ..solve.solution import Solution, Status
-from ..theory.certificates.bounds import USERS_WORD, bound_of_change, limited
+from ..theory.certificates.bounds import USERS_WORD, enforce_limits, perturbation_bound
 from .direction import Direction
 from .gradient import Gradient
 from .tangent import Ties, tangent_problem
@@ -397,8 +397,8 @@ class Derivative(ReadOnly, Plotted):
             return None
         linear = ProblemData(J, -f, -np.inf)
         for_p, for_r = linear.rounding(x)
-        with suppress(OutOfTime, MemoryError), limited(self.solution.time_limit, self.solution.memory_limit):
-            return bound_of_change(linear, x, for_p + error, for_r)
+        with suppress(OutOfTime, MemoryError), enforce_limits(self.solution.time_limit, self.solution.memory_limit):
+            return perturbation_bound(linear, x, for_p + error, for_r)
         return None
 
     @cached_property

@@ -23,7 +23,7 @@ from ..solve.choice import select_method, why_none
 from ..solve.newton_josephy import NewtonJosephy
 from ..solve.reduction import presolve
 from ..theory.answers import Allowance, Answer
-from ..theory.certificates.bounds import ErrorBound, error_bound, listed, never_cross, proofs_of
+from ..theory.certificates.bounds import ErrorBound, bullet_list, error_bound, never_cross, shared_proofs
 from ..theory.convergence.proximal_point import proximal_point
 from ..theory.matrices.classes import NAMES, MatrixClasses
 from ..theory.nonuniqueness import known_of_solutions
@@ -98,10 +98,10 @@ class Explanation(Shown):
         dict
             Title → text.
         """
-        solution = f"neither existence nor uniqueness is proved:{listed(self.bound.reason)}"
+        solution = f"neither existence nor uniqueness is proved:{bullet_list(self.bound.reason)}"
         if is_boxed(self.problem):
             known = "exists, as every row has a fixed obstacle on both sides"
-            solution = f"{known}; that it is the only one is not proved:{listed(self.bound.reason)}"
+            solution = f"{known}; that it is the only one is not proved:{bullet_list(self.bound.reason)}"
         if self.bound.unique:
             solution = f"exists, and is the only one: {self.bound.proof}"
         else:
@@ -321,7 +321,7 @@ def _explained(
 ) -> Explanation:
     asked = method is not None
     instead = None
-    classes = proofs_of(problem).classes.decided(limit)
+    classes = shared_proofs(problem).classes.decided(limit)
     picked, why = _picked(problem, limit)
     if isinstance(method, type):
         raise InputError(f"method is the class {method.__name__}; an object such as {method.__name__}() was expected")

@@ -138,13 +138,13 @@ class NonlinearTerm(Shown):
     def change(self, z: Vector, delta: Vector) -> Vector:
         """A bound on |f(x) − f(z)| for all |x − z| ≤ `delta`, infinite where nothing is known of the slopes.
 
-            f − mz does not decrease, so that its values at z ± δ bound it.
+        f − mz does not decrease, so its values at z ± δ bound it.
 
-            Examples
-            --------
-            >>> f = NonlinearTerm(icp.Elementwise(np.exp, slope_range=(0, np.inf)), 1)
+        Examples
+        --------
+        >>> f = NonlinearTerm(icp.Elementwise(np.exp, slope_range=(0, np.inf)), 1)
         >>> f.change(np.zeros(1), np.ones(1)).round(3)
-            array([1.718])
+        array([1.718])
         """
         if self.slope_range is None:
             return np.full(self.n, np.inf)
@@ -154,7 +154,7 @@ class NonlinearTerm(Shown):
         rounding = self.rounding(np.maximum(np.abs(low), np.abs(high)) + np.abs(here) + most)
         return np.nan_to_num(most + rounding, nan=np.inf, posinf=np.inf)
 
-    def broken_promise(self, z: Vector) -> str:
+    def slope_violation(self, z: Vector) -> str:
         """Which mean slope between `z` and 0 is outside of `slope_range`, beyond rounding; empty where none is."""
         if self.slope_range is None:
             return ""

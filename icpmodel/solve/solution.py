@@ -21,7 +21,7 @@ from ..present.shown import Plotted, cut
 from ..present.table import Table, Tabular
 from ..problem.data import ProblemData
 from ..theory.answers import Answer
-from ..theory.certificates.bounds import ErrorBound, error_bound, limited, proofs_of
+from ..theory.certificates.bounds import ErrorBound, enforce_limits, error_bound, shared_proofs
 from ..theory.certificates.certificate import NOT_COMPUTED, ActiveSet, Certificate, active_set, certify
 from ..theory.certificates.contradiction import Contradiction, contradiction
 from ..theory.nonuniqueness import known_of_solutions
@@ -329,7 +329,7 @@ class Solution(ReadOnly, Plotted):
         problem = self.problem
         known = self.active_set
         try:
-            with limited(self.time_limit, self.memory_limit):
+            with enforce_limits(self.time_limit, self.memory_limit):
                 z = solve_on(problem.linearised(self.z), self.z, *known.completed(pattern_at(problem, self.z)))
             residual = problem.residual(z)
             if not self.accuracy:
@@ -454,8 +454,8 @@ class Solution(ReadOnly, Plotted):
         if bound.value is not None:
             rows["rows"] = rows_known
         if self.solved and not bound.unique:
-            with suppress(IcpError, MemoryError), limited(self.time_limit, self.memory_limit):
-                if known := list(known_of_solutions(self.problem, proofs_of(self.problem).classes, self.z)):
+            with suppress(IcpError, MemoryError), enforce_limits(self.time_limit, self.memory_limit):
+                if known := list(known_of_solutions(self.problem, shared_proofs(self.problem).classes, self.z)):
                     rows["solutions"] = "\n".join(known)
         if not self.solved:
             rows["message"] = self.message

@@ -14,7 +14,7 @@ from ..present.card import Card
 from ..present.shown import Plotted
 from ..problem.data import ProblemData
 from ..solve.solution import Solution
-from ..theory.certificates.bounds import bound_of_change
+from ..theory.certificates.bounds import perturbation_bound
 
 #: up to this size the inverse is computed, beyond its norm is estimated
 _INVERT_UP_TO = 500
@@ -118,7 +118,7 @@ def sensitivity(solution: Solution) -> Sensitivity:
     of_p, of_r = _moved_by(problem, z, size)
     unit = _CHANGE * size
     with np.errstate(over="ignore", invalid="ignore"):
-        certified = bound_of_change(problem, z, unit * of_p, unit * of_r)
+        certified = perturbation_bound(problem, z, unit * of_p, unit * of_r)
     local, rows = _local(answer, size)
     return Sensitivity(
         problem=problem,

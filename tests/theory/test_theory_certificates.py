@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import icpmodel as icp
 from icpmodel.theory.certificates import supersolution
-from icpmodel.theory.certificates.bounds import proofs_of
+from icpmodel.theory.certificates.bounds import shared_proofs
 from icpmodel.theory.certificates.proof import Proof
 
 SEEDS = st.integers(0, 10**9)
@@ -59,11 +59,11 @@ def definite_matrix(rng, n):
 
 
 def definite_of(problem):
-    return proofs_of(problem).definite
+    return shared_proofs(problem).definite
 
 
 def enumerated_of(problem):
-    return next(proofs_of(problem).enumerated(problem), "an obstacle is not affine")
+    return next(shared_proofs(problem).enumerated(problem), "an obstacle is not affine")
 
 
 both = pytest.mark.parametrize("prove", [definite_of, enumerated_of])
@@ -253,8 +253,8 @@ class TestSupersolution:
 
     def test_it_belongs_to_one_q(self):
         problem = jumping([-1.0], ONE)
-        other, known = problem.with_q([-100.0, 50.0]), proofs_of(problem)
-        assert known.supersolution(problem) is proofs_of(problem).supersolution(problem)
+        other, known = problem.with_q([-100.0, 50.0]), shared_proofs(problem)
+        assert known.supersolution(problem) is shared_proofs(problem).supersolution(problem)
         assert known.supersolution(other) is not known.supersolution(problem)
         assert holds(known.supersolution(other), other, np.zeros(2), [100, -50])
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import icpmodel as icp
 from icpmodel.numerics.arrays import as_csr
 from icpmodel.theory import check, classify
-from icpmodel.theory.certificates.bounds import proofs_of
+from icpmodel.theory.certificates.bounds import shared_proofs
 from icpmodel.theory.matrices import definiteness
 
 SEEDS = st.integers(0, 10**9)
@@ -121,7 +121,7 @@ def test_large_matrices_are_decided_by_dominance_or_as_bands_and_else_left_open(
     S = sp.csr_array(S + S.T + 3 * sp.eye_array(n))
     found = classify(S)
     assert [found.definite.holds, found.semidefinite.holds, found.semidefinite_up_to_rounding.holds] == [None] * 3
-    assert isinstance(proofs_of(icp.ICP(S, np.zeros(n))).definite, str)
+    assert isinstance(shared_proofs(icp.ICP(S, np.zeros(n))).definite, str)
     assert check("definite", icp.ICP(S, np.zeros(n)), icp.MNMOD()).number is None
     band = sp.diags_array([-np.ones(n - 2), -np.ones(n - 1), 3.0 + 3e-6 * np.ones(n)], offsets=[-2, -1, 0])
     order = rng.permutation(n)

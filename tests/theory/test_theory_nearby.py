@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import icpmodel as icp
-from icpmodel.theory.certificates.bounds import proofs_of, sharpened
+from icpmodel.theory.certificates.bounds import shared_proofs, sharpened
 from icpmodel.theory.certificates.nearby import points_near
 
 #: rows for which the sweeps are foreseen to cost more than a hierarchy, and others
@@ -42,7 +42,7 @@ def drawn(rng, sizes, kind):
 
 def improved(problem, z):
     """(δ(z), the best of δ over the better points, the same in norm), or None without a proof."""
-    proof = proofs_of(problem).h_plus
+    proof = shared_proofs(problem).h_plus
     if isinstance(proof, str):
         return None
     delta, euclidean = proof.bound(problem, z, *problem.rounding(z))
@@ -89,7 +89,7 @@ class TestLargeA:
 def test_what_was_found_before_a_limit_is_kept():
     """A limit that comes between two better points costs the second one only."""
     problem = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, -1.0])
-    z, proof = np.array([1.0, 1.5]), proofs_of(problem).h_plus
+    z, proof = np.array([1.0, 1.5]), shared_proofs(problem).h_plus
 
     def points():
         yield np.ones(2)

@@ -7,7 +7,7 @@ import pytest
 from exact import exceeds, nearest_floats, solutions
 
 import icpmodel as icp
-from icpmodel.theory.certificates.bounds import proofs_of
+from icpmodel.theory.certificates.bounds import shared_proofs
 
 #: powers of ten; the last but one is below the normal floats
 SCALES = (0, 0, 0, -150, 150, -200, 200, -320, 300)
@@ -62,9 +62,9 @@ def test_no_bound_is_below_the_error_at_any_scale(seed):
         found = solutions(problem)
         for name in PROOFS:
             proof = (
-                next(proofs_of(problem).enumerated(problem))
+                next(shared_proofs(problem).enumerated(problem))
                 if name == "enumerated"
-                else getattr(proofs_of(problem), name)
+                else getattr(shared_proofs(problem), name)
             )
             if isinstance(proof, str):
                 continue

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import icpmodel as icp
 from icpmodel.theory import active_set, check, error_bound
-from icpmodel.theory.certificates.bounds import may_cross, proofs_of
+from icpmodel.theory.certificates.bounds import possible_crossing, shared_proofs
 from icpmodel.theory.certificates.contradiction import multipliers
 from icpmodel.theory.certificates.infeasible import infeasible
 
@@ -53,11 +53,11 @@ def test_no_bound_is_below_the_true_error_and_what_is_unique_is(seed, kind):
         told = error_bound(problem, z)
         assert not told.unique or len(exact.solutions) == 1
         assert told.value is None or not exceeds(z, exact.solutions[0], told.componentwise)
-        for proof in proofs_of(problem).tried(problem):
+        for proof in shared_proofs(problem).candidates(problem):
             if not isinstance(proof, str):
                 assert len(exact.solutions) + len(exact.others) == 1
                 delta, _ = proof.bound(problem, z, *problem.rounding(z))
-                if may_cross(problem, z, delta) is None:
+                if possible_crossing(problem, z, delta) is None:
                     assert not exceeds(z, exact.solutions[0], delta)
 
 

@@ -18,7 +18,7 @@ from ...numerics.arrays import Vector, as_number
 from ...numerics.threads import one_blas_thread
 from ...solve.progress import Progress
 from ...solve.solution import Solution, Status
-from ...theory.certificates.bounds import limited
+from ...theory.certificates.bounds import enforce_limits
 from ...theory.certificates.infeasible import infeasible
 from ...theory.certificates.recession import contradicts, least_violation
 from .program import Presolve, Program, Values, conditions_of
@@ -144,7 +144,7 @@ class _ProgramRun:
             solution = self._solved(best.problem, method, z0, best.judged)
             if self.left() == 0.0:
                 break
-            with limited(self.left(), None):
+            with enforce_limits(self.left(), None):
                 best.polish(best.z)
                 if not best.is_good:
                     best.polish(solution.z)

@@ -1,4 +1,8 @@
-"""A posteriori: how wrong can z be?"""
+"""Certified bounds on |z − z*|, from the first proof of uniqueness that succeeds.
+
+`error_bound` tries the proofs of `shared_proofs`, the cheapest first. A `Proof` turns the residuals p and r at z, with
+their rounding errors, into a bound δ(z) ≥ |z − z*|. A better point ẑ sharpens it: |z − z*| ≤ |z − ẑ| + δ(ẑ).
+"""
 
 from __future__ import annotations
 
@@ -34,15 +38,20 @@ from .proof import Proof, norm_up
 from .slopes import proofs_by_slopes
 from .supersolution import prove as prove_supersolution
 
-_SHARPEN_UP_TO = 10_000  #: up to so many entries of A sharpening costs a few milliseconds and is not worth a question
-_NEGLIGIBLE = 0.02  #: δ(ẑ) as a share of |z − ẑ| that is not worth another point: the bound is then good to 2 per cent
-#: the work that a bound may cost, in counted nanoseconds, where nobody limits it
-BUDGET = 60e9
-#: added to the sentence of a proof that rests on what a user says of ψ
+#: A of up to so many entries are always sharpened: that takes a few milliseconds
+_SHARPEN_MAX_NNZ = 10_000
+#: no further point ẑ is tried once δ(ẑ) is this share of |z − ẑ|: the bound is then good to 2 per cent
+_NEGLIGIBLE = 0.02
+#: the default work limit of a bound, in counted nanoseconds
+DEFAULT_WORK = 60e9
+#: added to the sentence of a proof that relies on a user's Lipschitz constants of ψ
 USERS_WORD = ", given that psi is what the user says"
-_OF_F = ", given that f has the slopes that the user says"  #: the same of f
-_FEW = 8.0  #: units in the last place to which a user's function is taken as exact
-_POINTS = 8  #: points ẑ at the most
+#: added where it relies on a user's slopes of f
+_USERS_WORD_ON_F = ", given that f has the slopes that the user says"
+#: the values of a user's function are taken as exact up to so many units in the last place
+_USER_ULPS = 8.0
+#: the largest number of points ẑ
+_MAX_POINTS = 8
 
 
 @dataclass(frozen=True, repr=False)
@@ -112,34 +121,36 @@ class ErrorBound(ReadOnly, Shown):
         str
             One line, or one for each reason where there is no bound.
         """
-        given = "".join(word for word in (USERS_WORD, _OF_F) if word in self.proof)
+        given = "".join(word for word in (USERS_WORD, _USERS_WORD_ON_F) if word in self.proof)
         if self.value is not None:
             wanted = "" if accuracy is None else f" ({accuracy:g} was asked for)"
             size = at_most(self.value, below=math.inf if accuracy is None else accuracy)
             return f"|z - z*| <= {size} in every entry{wanted}; z* is the only solution{given}"
         if self.unique:
             return f"no bound: {self.reason}; z* exists and is the only solution{given}"
-        return "no certified bound:" + listed(self.reason)
+        return "no certified bound:" + bullet_list(self.reason)
 
     def __str__(self) -> str:
         return self.in_words() + (f"\nproof: {self.proof}" if self.proof else "")
 
 
-def listed(reason: str) -> str:
-    """The reasons why nothing is proved, as `ErrorBound.reason` strings them together: a line each if several."""
+def bullet_list(reason: str) -> str:
+    """Format an `ErrorBound.reason`, which separates reasons by semicolons: several become a list, a line each."""
     several = reason.split("; ")
     return f" {reason}" if len(several) == 1 else "".join(f"\n- {one}" for one in several)
 
 
 @contextmanager
-def limited(time_limit: float | None, memory_limit: float | None) -> Iterator[None]:
-    """A block in which what is foreseen to take more than these seconds and bytes, or where nobody limits the time more
-    work than `BUDGET`, raises OutOfTime or OutOfMemory."""
-    with ExitStack() as kept:
+def enforce_limits(time_limit: float | None, memory_limit: float | None) -> Iterator[None]:
+    """Within the block, raise OutOfTime or OutOfMemory before a step that would exceed these seconds or bytes.
+
+    Without any time limit, this one or an outer one, the limit is `DEFAULT_WORK`.
+    """
+    with ExitStack() as limits:
         if time_limit is not None or memory_limit is not None:
-            kept.enter_context(work.work_limit(*(math.inf if x is None else x for x in (time_limit, memory_limit))))
+            limits.enter_context(work.work_limit(*(math.inf if x is None else x for x in (time_limit, memory_limit))))
         if time_limit is None and work.nanoseconds_left() == math.inf:
-            kept.enter_context(work.work_limit(nanoseconds=BUDGET))
+            limits.enter_context(work.work_limit(nanoseconds=DEFAULT_WORK))
         yield
 
 
@@ -164,10 +175,10 @@ def error_bound(
         The point.
     sharp : bool, optional
         True: improve the bound by a better point ẑ and |z − z*| ≤ |z − ẑ| + |ẑ − z*|. False: the
-        bound of z itself. By default as True where A has at most 10 000 entries or the proof is a
-        wide one.
+        bound of z itself. By default as True where A has at most 10 000 entries or the bound of z
+        itself is known to be loose.
     rigorous : bool, default False
-        Whether there is no bound where it would rest on a user's word.
+        Whether bounds are refused that depend on what a user's function computes.
     time_limit : float, optional
         Seconds, as in `solve`; by default a minute of counted work.
     memory_limit : float, optional
@@ -176,8 +187,8 @@ def error_bound(
     Returns
     -------
     ErrorBound
-        The bound. A step that would exceed a limit is not begun. Then there is the bound without
-        it, or none, and the reason says so.
+        The bound. A step that would exceed a limit is not started. The result is then the bound
+        without this step, or no bound and the reason.
 
     Raises
     ------
@@ -188,8 +199,8 @@ def error_bound(
     -----
     Bounds on the rounding errors are included. So the bound is a proof for constant and affine ψ
     and for interventions given by a matrix. A user's function ψ is taken as exact to a few units in
-    the last place. Its Lipschitz matrix is taken at the user's word, unless ψ(z) and ψ(0)
-    contradict it: then there is no bound. The same holds of f and its `slope_range`.
+    the last place. Its Lipschitz matrix is assumed to be right, unless ψ(z) and ψ(0) contradict
+    it: then there is no bound. The same holds for f and its `slope_range`.
 
     The point ẑ of a sharp bound comes from a few active-set Newton steps, a factorisation each.
     That bound is mostly within a few per cent of the true error, where the bound of z itself may be
@@ -221,21 +232,21 @@ def error_bound(
     for name, limit in (("time_limit", time_limit), ("memory_limit", memory_limit)):
         if limit is not None:
             as_number(limit, name, least=0)
-    if work.nanoseconds_left() < math.inf and time_limit is memory_limit is None:  # whoever limits it is told
+    if work.nanoseconds_left() < math.inf and time_limit is memory_limit is None:  # the outer limit raises
         return _bound(problem, z, sharp)
     try:
-        with limited(time_limit, memory_limit):
+        with enforce_limits(time_limit, memory_limit):
             return _bound(problem, z, sharp)
     except OutOfTime:
-        within = f"{1e-9 * BUDGET:.0f} s of work" if time_limit is None else f"time_limit = {time_limit:g} s"
+        within = f"{1e-9 * DEFAULT_WORK:.0f} s of work" if time_limit is None else f"time_limit = {time_limit:g} s"
     except MemoryError:
         within = "the memory that there is" if memory_limit is None else f"memory_limit = {memory_limit:g} bytes"
     return ErrorBound.none(f"{UNDECIDED} within {within}")
 
 
 def _bound(problem: ProblemData, z: Vector, sharp: bool | None) -> ErrorBound:
-    """The bound of the first proof that there is, or all reasons why there is none. Raises OutOfTime, OutOfMemory."""
-    if fault := broken_promise(problem, z):
+    """The bound of the first proof that succeeds, or why each failed. Raises OutOfTime, OutOfMemory."""
+    if fault := lipschitz_violation(problem, z):
         return ErrorBound.none(fault)
     reasons = []
     for proof in proofs_for(problem):
@@ -246,16 +257,18 @@ def _bound(problem: ProblemData, z: Vector, sharp: bool | None) -> ErrorBound:
         points: Iterator[Vector] = iter(())
         if problem.f is not None:
             sharp = False
-        if sharp or (sharp is None and (proof.wide or problem.A.nnz <= _SHARPEN_UP_TO)):
+        if sharp or (sharp is None and (proof.needs_sharpening or problem.A.nnz <= _SHARPEN_MAX_NNZ)):
             points = _newton_points(problem, z, proof)
         elif sharp is None and isinstance(proof, HPlusProof):
             points = points_near(problem, z, proof, float(delta.max()))
         delta, euclidean = sharpened(problem, z, proof, points, delta, euclidean)
         sentence = proof.sentence + (USERS_WORD if problem.psi.calls_user_code else "")
-        sentence += _OF_F if problem.f is not None else ""
-        if (row := may_cross(problem, z, delta)) is not None:
-            told = f"psi <= upper is not proved within {at_most(float(delta.max()))} of z, where z* would be: row {row}"
-            return ErrorBound.none(told)
+        sentence += _USERS_WORD_ON_F if problem.f is not None else ""
+        if (row := possible_crossing(problem, z, delta)) is not None:
+            reason = (
+                f"psi <= upper is not proved within {at_most(float(delta.max()))} of z, where z* would be: row {row}"
+            )
+            return ErrorBound.none(reason)
         if np.isfinite(delta).all():
             return ErrorBound(float(delta.max()), delta, euclidean, sentence, "")
         fault = not_finite(z, "z") or "the proof gives no bound at this z: it is too far from z*"
@@ -263,10 +276,12 @@ def _bound(problem: ProblemData, z: Vector, sharp: bool | None) -> ErrorBound:
     return ErrorBound.none("; ".join(dict.fromkeys(reasons)))  # several proofs may fail for one reason
 
 
-def broken_promise(problem: ProblemData, z: Vector) -> str:
-    """Between `z` and 0, where ψ costs next to nothing beside a proof: that it moves by more than the Lipschitz matrix
-    of its user allows, beyond rounding. Empty where that is not seen."""
-    if problem.f is not None and (fault := problem.f.broken_promise(z)):
+def lipschitz_violation(problem: ProblemData, z: Vector) -> str:
+    """A sentence if |ψ(z) − ψ(0)| exceeds what the user's Lipschitz matrix allows, beyond rounding; else empty.
+
+    Likewise for ψ̄, and for f and its slopes.
+    """
+    if problem.f is not None and (fault := problem.f.slope_violation(z)):
         return fault
     psi = problem.psi
     sides = {"psi": psi} if problem.upper is None else {"psi": psi.lower, "upper": psi.upper}  # type: ignore[attr-defined]
@@ -274,11 +289,11 @@ def broken_promise(problem: ProblemData, z: Vector) -> str:
         allowed = one.change(np.abs(z)) if one.calls_user_code else None
         if allowed is None:
             continue
-        with suppress(MapError), np.errstate(all="ignore"):  # 0 may be outside of where ψ has a value
+        with suppress(MapError), np.errstate(all="ignore"):  # ψ may have no value at 0
             here = one.value(z)
             there = one.value(np.zeros(z.size))
             moved = np.abs(here - there)
-            excess = moved - allowed - _FEW * UNIT_ROUNDOFF * (np.abs(here) + np.abs(there))
+            excess = moved - allowed - _USER_ULPS * UNIT_ROUNDOFF * (np.abs(here) + np.abs(there))
             if (excess > 0.0).any():
                 i = int(np.nanargmax(excess))
                 seen = f"{name}_{i} differs by {moved[i]:.6g} between z and 0, and it allows {allowed[i]:.6g}"
@@ -287,14 +302,14 @@ def broken_promise(problem: ProblemData, z: Vector) -> str:
 
 
 def never_cross(psi: Map) -> bool:
-    """Whether there is one obstacle, or two with ψ ≤ ψ̄ at every z, because both are fixed, or move alike."""
+    """Whether ψ ≤ ψ̄ at every z: there is no ψ̄, or the two obstacles differ by a constant."""
     return not isinstance(psi, TwoSidedObstacle) or psi.parallel
 
 
-def may_cross(problem: ProblemData, z: Vector, delta: Vector) -> int | None:
-    """A row in which ψ ≤ ψ̄ is not certain for all |x − z| ≤ `delta`; None where there is none.
+def possible_crossing(problem: ProblemData, z: Vector, delta: Vector) -> int | None:
+    """A row in which ψ(x) > ψ̄(x) is possible for some |x − z| ≤ `delta`; None if there is none.
 
-    There a zero of F need not be a solution.
+    Where the obstacles cross, a zero of the modulus equation need not be a solution.
     """
     psi = problem.psi
     above = problem.r_upper(z)
@@ -310,9 +325,9 @@ def may_cross(problem: ProblemData, z: Vector, delta: Vector) -> int | None:
     return None if safe.all() else int(np.argmin(safe))
 
 
-def bound_of_change(problem: ProblemData, z: Vector, for_p: Vector, for_r: Vector) -> float | None:
-    """How far, at most, z is from z* in any entry if p and r are wrong at z by up to `for_p` and `for_r`, or None."""
-    for proof in proofs_of(problem).tried(problem):
+def perturbation_bound(problem: ProblemData, z: Vector, for_p: Vector, for_r: Vector) -> float | None:
+    """A bound on max|z − z*| if p(z) and r(z) are known up to `for_p` and `for_r`; None if there is no proof."""
+    for proof in shared_proofs(problem).candidates(problem):
         if not isinstance(proof, str):
             largest = float(proof.bound(problem, z, for_p, for_r)[0].max())
             return largest if np.isfinite(largest) else None
@@ -320,16 +335,19 @@ def bound_of_change(problem: ProblemData, z: Vector, for_p: Vector, for_r: Vecto
 
 
 class Proofs:
-    """The classes of A, and each proof of uniqueness for A and ψ, or why there is none, made when it is asked for."""
+    """The matrix classes of A, and the proofs of uniqueness for A and ψ, each made on first use.
+
+    In place of a proof that fails there is a sentence with the reason.
+    """
 
     def __init__(self, matrix: Matrix, psi: Map) -> None:
         self.matrix, self.psi = matrix, psi
-        # those that rest on q as well
-        self._of_problem: WeakKeyDictionary[ProblemData, dict[Any, Proof | str]] = WeakKeyDictionary()
+        # the proofs that depend on q as well
+        self._by_problem: WeakKeyDictionary[ProblemData, dict[Any, Proof | str]] = WeakKeyDictionary()
 
     @cached_property
     def classes(self) -> MatrixClasses:
-        """Those of A are made once whatever ψ is."""
+        """The classes of A, shared by all problems with this A."""
         if self.matrix not in _CLASSES:
             _CLASSES[self.matrix] = MatrixClasses(self.matrix.sparse)
         return _CLASSES[self.matrix]
@@ -338,23 +356,23 @@ class Proofs:
     definite = cached_property(lambda self: prove_definite(self.matrix, self.psi))
 
     def supersolution(self, problem: ProblemData) -> Proof | str:
-        """The proof for impulse control, which rests on q as well."""
-        return self._by_q(problem, prove_supersolution)
+        """The proof for impulse control, which depends on q as well."""
+        return self._proof_with_q(problem, prove_supersolution)
 
-    def tried(self, problem: ProblemData) -> Iterator[Proof | str]:
-        """Those that ψ may have, the cheapest and sharpest first; they bound the effect of any error in p and r."""
+    def candidates(self, problem: ProblemData) -> Iterator[Proof | str]:
+        """The proofs that may apply to ψ, cheapest and sharpest first; they bound the effect of errors in p and r."""
         yield self.h_plus
         yield self.definite
         if self.psi.has_policies and self.psi.upper is None:
             yield self.supersolution(problem)
 
     def enumerated(self, problem: ProblemData) -> Iterator[Proof | str]:
-        """The proof for a few unknowns, of the distance to z* alone; nothing where an obstacle is not affine."""
+        """The proof for few unknowns, which bounds |z − z*| only; none if an obstacle is not affine."""
         if self.psi.linear is not None and (self.psi.upper is None or self.psi.upper.linear is not None):
-            yield self._by_q(problem, prove_enumerated)
+            yield self._proof_with_q(problem, prove_enumerated)
 
-    def _by_q(self, problem: ProblemData, prove: Callable[[ProblemData], Proof | str]) -> Proof | str:
-        known = self._of_problem.setdefault(problem, {})
+    def _proof_with_q(self, problem: ProblemData, prove: Callable[[ProblemData], Proof | str]) -> Proof | str:
+        known = self._by_problem.setdefault(problem, {})
         if prove not in known:
             known[prove] = prove(problem)
         return known[prove]
@@ -364,48 +382,48 @@ _CLASSES: WeakKeyDictionary[Matrix, MatrixClasses] = WeakKeyDictionary()
 _PROOFS: WeakKeyDictionary[Facts, Proofs] = WeakKeyDictionary()
 
 
-def proofs_of(problem: ProblemData) -> Proofs:
-    """The proofs that `problem` shares with all others of the same A and ψ."""
+def shared_proofs(problem: ProblemData) -> Proofs:
+    """The proofs for A and ψ of `problem`, cached for all problems that share these."""
     if problem.facts not in _PROOFS:
         _PROOFS[problem.facts] = Proofs(problem.matrix, problem.psi)
     return _PROOFS[problem.facts]
 
 
 def proofs_for(problem: ProblemData) -> Iterator[Proof | str]:
-    """Each proof for `problem`, or why there is none."""
+    """All proofs for `problem`, or the sentence why one fails, in the order in which they are tried."""
     if problem.f is not None:
         return proofs_by_slopes(problem)
-    proofs = proofs_of(problem)
-    return chain(proofs.tried(problem), proofs.enumerated(problem))
+    proofs = shared_proofs(problem)
+    return chain(proofs.candidates(problem), proofs.enumerated(problem))
 
 
 def sharpened(
     problem: ProblemData, z: Vector, proof: Proof, points: Iterator[Vector], delta: Vector, euclidean: float
 ) -> tuple[Vector, float]:
-    """The best of δ(z) and |z − ẑ| + δ(ẑ) over the first `points` ẑ, and the like for the Euclidean norms.
+    """The smallest of δ(z) and |z − ẑ| + δ(ẑ) over the `points` ẑ, and the same in the Euclidean norm.
 
-    It ends where δ(ẑ) is a small share of |z − ẑ|.
+    At most `_MAX_POINTS` are tried, and none after δ(ẑ) is a small share of |z − ẑ|.
     """
-    # ψ need not have a value anywhere but at z
+    # ψ may have no value at ẑ
     with suppress(MapError, OutOfTime, MemoryError):
-        for better in islice(points, _POINTS):
-            beyond, beyond_euclidean = proof.bound(problem, better, *problem.rounding(better))
-            step = np.abs(z - better)
-            candidate = (step + beyond) * (1 + 4 * UNIT_ROUNDOFF)
+        for point in islice(points, _MAX_POINTS):
+            error, error_euclidean = proof.bound(problem, point, *problem.rounding(point))
+            step = np.abs(z - point)
+            candidate = (step + error) * (1 + 4 * UNIT_ROUNDOFF)
             if candidate.max() < delta.max() or not np.isfinite(delta).all():
                 delta = candidate
-                euclidean = (norm_up(step) + beyond_euclidean) * (1 + 4 * UNIT_ROUNDOFF)
-            if beyond.max() <= _NEGLIGIBLE * step.max():
+                euclidean = (norm_up(step) + error_euclidean) * (1 + 4 * UNIT_ROUNDOFF)
+            if error.max() <= _NEGLIGIBLE * step.max():
                 break
     return delta, euclidean
 
 
 def _newton_points(problem: ProblemData, z: Vector, proof: Proof) -> Iterator[Vector]:
-    """The points of an active-set Newton iteration from `z`, a factorisation each."""
-    found: Vector | None = z
-    while found is not None and np.isfinite(found).all():
-        z = found
-        found = proof.nearer(problem, z)
-        if found is None or np.array_equal(found, z):
+    """The iterates of an active-set Newton iteration from `z`, a factorisation each."""
+    iterate: Vector | None = z
+    while iterate is not None and np.isfinite(iterate).all():
+        z = iterate
+        iterate = proof.newton_step(problem, z)
+        if iterate is None or np.array_equal(iterate, z):
             return
-        yield found
+        yield iterate

@@ -87,7 +87,7 @@ class DefiniteProof(Proof):
     slack: float
     solve: Callable[[Vector], Vector]
 
-    wide = True  # δ knows the Euclidean norm of the error only
+    needs_sharpening = True  # δ knows the Euclidean norm of the error only
 
     def bound(self, problem: ProblemData, z: Vector, for_p: Vector, for_r: Vector) -> tuple[Vector, float]:
         with np.errstate(over="ignore", invalid="ignore", under="ignore"):

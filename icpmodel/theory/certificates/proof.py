@@ -1,4 +1,4 @@
-"""What a proof of uniqueness is: made of A and ψ once, it turns every z into a bound on its error."""
+"""`Proof`: a proof from A and ψ that the solution is unique, which bounds the error of every z."""
 
 from __future__ import annotations
 
@@ -19,17 +19,18 @@ from ...problem.two_sided import TwoSidedObstacle
 
 @dataclass(frozen=True, eq=False)
 class Proof(ABC):
-    """A proof that an ICP has exactly one solution z*: `sentence`, for the user. It bounds |z − z*| for every z.
+    """A proof that an ICP has exactly one solution z*; it bounds |z − z*| for every z.
 
-    Each is one file, whose function `prove` returns a `Proof`, or one sentence that says why there is none.
+    `sentence` states the proof for the user. Each kind of proof is one file, whose function `prove` returns a `Proof`
+    or a sentence that says why there is none.
     """
 
     sentence: str
-    #: whether the bound of z itself is mostly too wide to be of use, so that `nearer` is worth its factorisations
-    wide: ClassVar[bool] = False
+    #: whether the bound of z itself is mostly too loose, so that a `newton_step` is worth its factorisation
+    needs_sharpening: ClassVar[bool] = False
 
-    def nearer(self, problem: ProblemData, z: Vector) -> Vector | None:
-        """A point that is probably nearer to z* than `z`, by one step of the active-set Newton iteration, or None."""
+    def newton_step(self, problem: ProblemData, z: Vector) -> Vector | None:
+        """One step of the active-set Newton iteration from `z`; None if its equations have no solution."""
         try:
             pattern = pattern_at(problem, z)
             return solve_on(problem, z, pattern.active, pattern.above)
@@ -38,11 +39,19 @@ class Proof(ABC):
 
     @abstractmethod
     def bound(self, problem: ProblemData, z: Vector, for_p: Vector, for_r: Vector) -> tuple[Vector, float]:
-        """(δ, ε), |z − z*| ≤ δ and ‖z − z*‖₂ ≤ ε, p(z) and r(z) known to `for_p` and `for_r`; not finite if unknown."""
+        """(δ, ε) with |z − z*| ≤ δ and ‖z − z*‖₂ ≤ ε, infinite or NaN if there is no bound at this z.
+
+        Parameters
+        ----------
+        problem : ProblemData
+        z : array of shape (n,)
+        for_p, for_r : array of shape (n,)
+            Bounds on the errors of the computed p(z) and r(z).
+        """
 
 
 def no_lipschitz(psi: Map) -> str:
-    """Why nothing is proved where ψ, or ψ̄, has no Lipschitz matrix."""
+    """The sentence for a ψ or ψ̄ without a Lipschitz matrix."""
     lower = psi.lower if isinstance(psi, TwoSidedObstacle) else psi
     return f"no Lipschitz matrix of {'psi' if lower.lipschitz is None else 'upper'} is known: give `lipschitz`"
 

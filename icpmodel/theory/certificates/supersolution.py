@@ -58,7 +58,8 @@ class SupersolutionProof(Proof):
     margin: float
     s: Vector
 
-    wide = True  # F sees the curvature of an error, divided by h² on a grid, and the bound its largest entry only
+    # F sees the curvature of an error, divided by h² on a grid, and the bound its largest entry only
+    needs_sharpening = True
 
     def bound(self, problem: ProblemData, z: Vector, for_p: Vector, for_r: Vector) -> tuple[Vector, float]:
         """Not finite where F(z) reaches the margin."""
@@ -75,7 +76,7 @@ class SupersolutionProof(Proof):
                 delta = np.nextafter(share * np.maximum(self.s - z, 0.0), np.inf)
         return delta, norm_up(delta)
 
-    def nearer(self, problem: ProblemData, z: Vector) -> Vector | None:
+    def newton_step(self, problem: ProblemData, z: Vector) -> Vector | None:
         with np.errstate(over="ignore", invalid="ignore"):
             return _policy_step(problem, self.weight, 0.0, z)
 

@@ -23,7 +23,7 @@ from __future__ import annotations
 
 from ...problem.data import ProblemData
 from ..answers import Answer
-from ..certificates.bounds import proofs_of
+from ..certificates.bounds import shared_proofs
 
 
 def proximal_point(problem: ProblemData) -> Answer:
@@ -52,7 +52,7 @@ def proximal_point(problem: ProblemData) -> Answer:
     """
     if not problem.facts.has_fixed_obstacle:
         return Answer(False, "the obstacle depends on other unknowns, or its slope is not known to be below 1")
-    found = proofs_of(problem).classes.semidefinite
+    found = shared_proofs(problem).classes.semidefinite
     if not found.holds:
         word = "A is not monotone" if found.holds is False else "it is not known whether A is monotone"
         return Answer(found.holds, f"{word}: {found.reason}", found.witness)

@@ -47,7 +47,7 @@ import scipy.sparse as sp
 from ...numerics.arrays import is_symmetric, row_of
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, at_most
 from ..answers import Answer
-from ..certificates.bounds import proofs_of
+from ..certificates.bounds import shared_proofs
 from ..certificates.definite import LARGEST
 from ..matrices.comparison_matrix import positive_diagonal, z_matrix
 from ..matrices.eigenvalue import largest_above, smallest_below, within_reach
@@ -116,7 +116,7 @@ def definite(step: StepMatrices) -> Answer:
     if sigma is not None:
         v = (1 + 4 * UNIT_ROUNDOFF) / np.sqrt(step.omega)
         return Answer(True, f"A is positive definite and sigma is at most {at_most(sigma, 6, below=1.0)}", v, sigma)
-    found = proofs_of(step.problem).classes.definite
+    found = shared_proofs(step.problem).classes.definite
     known = {True: "is", False: "is not", None: "is not known to be"}[found.holds]
     # the witness of a theorem that holds is a vector v
     return Answer(found.holds, f"A {known} positive definite: {found.reason}", None if found.holds else found.witness)

@@ -14,7 +14,7 @@ from ...numerics.arrays import Vector, described
 from ...numerics.rounding import UNIT_ROUNDOFF, at_least, at_most
 from ...problem.data import ProblemData
 from ..answers import UNLIMITED, Allowance, Answer
-from ..certificates.bounds import proofs_of
+from ..certificates.bounds import shared_proofs
 from ..certificates.proof import no_lipschitz
 from .conditions import StepMatrices, printed_42, printed_44, sharper, theorem_41, theorem_42, theorem_43, theorem_44
 from .contraction import HomogeneousMap, radius
@@ -224,7 +224,7 @@ def _starts(step: StepMatrices) -> Iterator[Vector]:
     """The v that served before, v = 1, the certificate's v, for small n balanced units: Osborne, J. ACM 7 (1960)."""
     yield from reversed(step.vectors)
     yield np.ones(step.n)
-    proof = proofs_of(step.problem).h_plus
+    proof = shared_proofs(step.problem).h_plus
     if not isinstance(proof, str):
         yield proof.v
     if 1 < step.n <= 500:
