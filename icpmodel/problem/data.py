@@ -35,12 +35,12 @@ from .matrix import Matrix
 from .nonlinear_term import NonlinearTerm
 from .two_sided import TwoSidedObstacle, as_map, mid
 
-#: what a message says to who has arrays and no problem
-OF_ARRAYS = "icpmodel.ICP(A, q, psi) makes a problem of arrays, and icpmodel.ICP(A, q, psi).solve() solves it"
+#: the advice in errors about arrays given in place of a problem
+HOW_TO_BUILD = "icpmodel.ICP(A, q, psi) makes a problem of arrays, and icpmodel.ICP(A, q, psi).solve() solves it"
 
 
 class ProblemData(Shown):
-    """A, q, f and ψ, and the values at a point z: p = Az + q + f(z), r = z − ψ(z), Res_D(z), and their rounding errors.
+    """A, q, f and ψ; evaluates p = Az + q + f(z), r = z − ψ(z), Res_D(z) and their rounding errors at any z.
 
     `icpmodel.ICP` is this class with the methods that users call.
 
@@ -56,9 +56,9 @@ class ProblemData(Shown):
     facts : Facts
         The facts about A and ψ.
     psi : Map
-        The obstacle; a `TwoSidedObstacle` where there is one above.
+        The lower obstacle; a `TwoSidedObstacle` where there is an upper one too.
     upper : Map or None
-        The obstacle above.
+        The upper obstacle.
     f : NonlinearTerm or None
         The nonlinear part of p; None where p is affine.
 
@@ -97,8 +97,17 @@ class ProblemData(Shown):
 
     @classmethod
     def of_checked(cls, A: sp.csr_array, q: Vector, psi: Any, row_weights: Vector | None = None) -> Self:
-        """The problem of an `A` that is known to be as the constructor would leave it, and is not copied; of rows that
-        have lost columns the `row_weights` are given."""
+        """The problem of arrays that are valid already; they are neither checked nor copied.
+
+        Parameters
+        ----------
+        A : CSR array of shape (n, n)
+            In the form that the constructor makes.
+        q : array of shape (n,)
+        psi : Map or array_like
+        row_weights : array of shape (n,), optional
+            The diagonal of D⁻¹, where A is a part of a larger matrix whose rows determine it.
+        """
         new = object.__new__(cls)
         new._set(Matrix.of_checked(A, row_weights), q, as_map(psi, q.size), None)
         return new
@@ -203,7 +212,7 @@ class ProblemData(Shown):
 
     @classmethod
     def from_friction_index(cls, A: Any, b: Any, lo: Any, hi: Any, findex: Any) -> Self:
-        """The contact problem of a physics engine: w = Az − b, with bounds on z that friction moves.
+        """The contact problem of a physics engine: w = Az − b, with bounds on z that depend on the normal impulses.
 
         Rows with findex −1 have lo_i ≤ z_i ≤ hi_i. Rows of friction, findex[t] = n, have lo_t z_n ≤ z_t ≤ hi_t z_n.
         Within its bounds w_i = 0; w_i ≥ 0 at the lower one, w_i ≤ 0 at the upper one. The ICP has p = w and q = −b.
@@ -213,7 +222,7 @@ class ProblemData(Shown):
         A : array_like or sparse, shape (n, n)
             The inverse mass seen at the contacts, JM⁻¹Jᵀ.
         b : array_like, shape (n,)
-            Minus the velocity at the contacts without impulses, b = −Jv: what the impulses have to make up for.
+            Minus the velocity at the contacts without impulses: b = −Jv.
         lo, hi : array_like, shape (n,)
             Bounds, ±inf for none; 0 and inf for a normal row. In rows of friction they are coefficients, −μ and μ.
         findex : array_like of int, shape (n,)
@@ -222,7 +231,7 @@ class ProblemData(Shown):
         Returns
         -------
         ICP
-            `contact_state` tells the impulses of a solution, and which contacts slide, stick and separate.
+            `contact_state` returns the impulses of a solution, and which contacts slide, stick and separate.
 
         Raises
         ------
@@ -231,7 +240,7 @@ class ProblemData(Shown):
 
         Notes
         -----
-        ODE, Bullet and DART state contact so. Two rows of friction at a contact bound |z_t| by μz_n each: a pyramid,
+        ODE, Bullet and DART use this form. Two rows of friction at a contact bound |z_t| by μz_n each: a pyramid,
         which allows up to √2 times the friction of Coulomb's cone along its edges.
 
         References
@@ -261,14 +270,14 @@ class ProblemData(Shown):
         return new
 
     def with_matrix(self, matrix: Matrix, q: Vector) -> Self:
-        """The problem with affine p of a `matrix` and a `q` that are checked; ψ is shared."""
+        """The problem with p = Az + q for a valid `matrix` and `q`; ψ is shared."""
         new = object.__new__(type(self))
         new._set(matrix, q, self.psi, None)
         return new
 
     @property
     def A(self) -> sp.csr_array:
-        """A, CSR, shape (n, n), read-only; a small dense one is compressed when it is first asked for.
+        """A as a CSR array, shape (n, n), read-only; a small dense A is converted on first use.
 
         Examples
         --------
@@ -278,7 +287,7 @@ class ProblemData(Shown):
         return self.matrix.sparse
 
     def dense(self) -> NDArray[np.float64]:
-        """A as a dense array, shape (n, n), read-only where it was handed in as one and n is small.
+        """A as a dense array, shape (n, n); read-only if A was given as a dense array and n is small.
 
         Examples
         --------
@@ -289,7 +298,7 @@ class ProblemData(Shown):
 
     @property
     def nnz(self) -> int:
-        """How many entries of A are stored, or not 0 where A is small and dense.
+        """Number of stored entries of A; if A is small and dense, of its nonzero entries.
 
         Examples
         --------
@@ -319,7 +328,7 @@ class ProblemData(Shown):
         return type(self), given if self.f is None else (*given, None, self.f.map)
 
     def with_q(self, q: Any) -> Self:
-        """The problem with another `q`, shape (n,); A, ψ, f and what is known of them are shared.
+        """The problem with another `q`, shape (n,); A, ψ, f and the facts about them are shared.
 
         Examples
         --------
@@ -329,7 +338,7 @@ class ProblemData(Shown):
         return self._with(as_vector(q, self.n, "q"), self.psi, self.facts)
 
     def with_psi(self, psi: Any) -> Self:
-        """The problem with another `psi` (anything that `ICP` takes) below z; A, q and what is above are shared.
+        """The problem with another lower obstacle `psi`, in any form that `ICP` takes; the rest is shared.
 
         Examples
         --------
@@ -339,7 +348,7 @@ class ProblemData(Shown):
         return self.with_sides(psi, None if isinstance(psi, TwoSidedObstacle) else self.upper)
 
     def with_sides(self, psi: Any, upper: Any = None) -> Self:
-        """The problem with another `psi` below z and another `upper`, or None, above it; A and q are shared.
+        """The problem with other obstacles, `psi` and `upper` (None for none); A, q and f are shared.
 
         Examples
         --------
@@ -350,7 +359,7 @@ class ProblemData(Shown):
 
     @property
     def upper(self) -> Map | None:
-        """ψ̄, the obstacle above z, or None.
+        """ψ̄, the upper obstacle, or None.
 
         Examples
         --------
@@ -360,7 +369,7 @@ class ProblemData(Shown):
         return self.psi.upper
 
     def with_upper(self, upper: Any) -> Self:
-        """The problem with another `upper` (anything that `ICP` takes) above z, None for none; the rest is shared.
+        """The problem with another `upper` obstacle, in any form that `ICP` takes, or None; the rest is shared.
 
         Examples
         --------
@@ -372,8 +381,8 @@ class ProblemData(Shown):
     def frozen(self, z: Any) -> Self:
         """The ICP with its obstacles fixed at c = ψ(z), and ψ̄(z).
 
-        z solves one of the two problems if and only if it solves the other. With obstacles below
-        only, the result is an LCP in y = z − c.
+        z solves this problem if and only if it solves the original one. Without upper obstacles
+        the result is an LCP in y = z − c.
 
         Parameters
         ----------
@@ -456,7 +465,7 @@ class ProblemData(Shown):
         return self.product(z) + self.offset(z)
 
     def offset(self, z: Vector) -> Vector:
-        """What p(z) is beside Az: q + f(z), shape (n,); q itself where p is affine.
+        """p(z) − Az = q + f(z), shape (n,); q itself where p is affine.
 
         Examples
         --------
@@ -468,8 +477,8 @@ class ProblemData(Shown):
     def linearised(self, z: Any) -> Self:
         """The problem with p replaced by its tangent at z: A + f′(z) and q + f(z) − f′(z)z; itself where p is affine.
 
-        p and r are the same at z. So z is a solution of one of the two problems if and only if it is
-        one of the other.
+        p(z) and r(z) are unchanged. So z solves this problem if and only if it solves the original
+        one.
 
         Parameters
         ----------
@@ -499,8 +508,8 @@ class ProblemData(Shown):
         if self.f is None:
             return self
         z = self.vector(z, finite=True)
-        A, moved = self.f.tangent(self.matrix, z)
-        offset = self.offset(z) - moved
+        A, slope_times_z = self.f.tangent(self.matrix, z)
+        offset = self.offset(z) - slope_times_z
         if fault := not_finite(offset, "q + f(z) - f'(z)z"):
             raise MapError(f"{fault}; a finite number was expected")
         return type(self)(A, offset, self.psi)
@@ -519,7 +528,7 @@ class ProblemData(Shown):
 
     @np.errstate(over="ignore", under="ignore")
     def r_upper(self, z: Any) -> Vector | None:
-        """z − ψ̄(z) ≤ 0, shape (n,), −inf where there is no obstacle above; None where there is none in any row.
+        """z − ψ̄(z), shape (n,), −inf in rows without an upper obstacle; None if no row has one. Feasible where ≤ 0.
 
         Examples
         --------
@@ -535,7 +544,7 @@ class ProblemData(Shown):
     def natural_map(self, z: Any, omega: Any = 1.0) -> Vector:
         """F_Ω(z) = min(Az + q, Ω(z − ψ(z))): zero exactly at the solutions, for every Ω > 0.
 
-        With an obstacle above it is mid(Ω(z − ψ̄(z)), Az + q, Ω(z − ψ(z))), the median of the
+        With an upper obstacle it is mid(Ω(z − ψ̄(z)), Az + q, Ω(z − ψ(z))), the median of the
         three.
 
         Parameters
@@ -582,13 +591,13 @@ class ProblemData(Shown):
 
         Notes
         -----
-        It is a number in the units of z. Multiplication of a row of (A, q) by a positive number
-        does not change it. It is multiplied by t when z, ψ and q are. In rows that are diagonally
-        dominant d_i = |a_ii|. With an f, A + f′ takes the place of A: at z, and
-        near 1 where that is larger.
+        The residual is a number in the units of z. Multiplication of a row of (A, q) by a positive
+        number does not change it. If z, ψ and q are multiplied by t, so is the residual. In
+        diagonally dominant rows d_i = |a_ii|. With an f, A + f′ takes the place of A: d_i is the
+        smaller of its values at z and near z = 1.
 
-        With an obstacle above it is that of mid(z − ψ̄(z), D⁻¹p(z), r(z)). Where ψ_i(z) > ψ̄_i(z)
-        no z_i is admissible. There the larger of |z_i − ψ_i| and |z_i − ψ̄_i| replaces the median.
+        With an upper obstacle it is ‖mid(z − ψ̄(z), D⁻¹p(z), r(z))‖₂. Where ψ_i(z) > ψ̄_i(z) no z_i
+        is feasible. There the larger of |z_i − ψ_i| and |z_i − ψ̄_i| replaces the median.
 
         Examples
         --------
@@ -605,7 +614,7 @@ class ProblemData(Shown):
         return self.residual_of(p, z - psi, None if upper is None else z - upper, self.weights_at(z))
 
     def weights_at(self, z: Vector) -> Vector:
-        """The diagonal of D⁻¹ by which p(z) is judged, shape (n,): that of `matrix`, with an f no less, by its slopes.
+        """The diagonal of D⁻¹ in Res_D(z), shape (n,): the row weights of `matrix`, with an f increased by its slopes.
 
         Examples
         --------
@@ -619,9 +628,9 @@ class ProblemData(Shown):
         return self.matrix.row_weights
 
     def residual_of(self, p: Vector, below: Vector, above: Vector | None, weights: Vector | None = None) -> float:
-        """Res_D of a z at which `p`, z − ψ `below` and z − ψ̄ `above` are known; with an f at most that.
+        """Res_D from `p`, `below` = z − ψ and `above` = z − ψ̄, with the diagonal `weights` of D⁻¹.
 
-        Without the `weights_at` z they are those of the `matrix`.
+        By default the weights are those of the `matrix`. With an f the result is then a lower bound of Res_D.
 
         Examples
         --------
@@ -646,8 +655,7 @@ class ProblemData(Shown):
     def residual_scale(self, at_0: float | None = None) -> float:
         """The reference of a relative tolerance: Res_D(0).
 
-        Where 0 is a solution, it is the smallest of the numbers |p_i(0)|/d_i, |ψ_i(0)| and |ψ̄_i(0)|
-        that are not 0.
+        If 0 is a solution, it is the smallest nonzero number of |p_i(0)|/d_i, |ψ_i(0)| and |ψ̄_i(0)|.
 
         Parameters
         ----------
@@ -658,7 +666,7 @@ class ProblemData(Shown):
         -------
         float
             The scale; 0 where all of these numbers are 0, or ψ has no value at 0. Then `solve`
-            takes the size of z.
+            uses ‖z‖.
 
         Notes
         -----
@@ -687,7 +695,7 @@ class ProblemData(Shown):
             return smallest_size(self.matrix.row_weights * self.offset(zero), *sides)
 
     def paper_residual(self, z: Any) -> float:
-        """Res(z) = ‖min(p(z), r(z))‖₂, the residual of the paper, by which `atol` is judged; see `residual`.
+        """Res(z) = ‖min(p(z), r(z))‖₂, the residual of the paper, which `atol` limits; see `residual`.
 
         Examples
         --------
@@ -715,10 +723,10 @@ class ProblemData(Shown):
         Notes
         -----
         For p it is γ_k(|A||z| + |q|), 0 where |A||z| is 0. For r it is γ_k(|z| + G|z| + |ψ(z)|), 0
-        where r is infinite. With an obstacle above as well, it is the larger of the two. Here γ_k =
+        where r is infinite. With an upper obstacle as well, it is the larger of the two. Here γ_k =
         ku/(1 − ku), u = 2⁻⁵³, k is two more than the entries of the row, and k·2⁻¹⁰⁷⁴ is added for
-        underflow. ψ itself is taken as exact to a few u, which holds for constant and affine maps, and so
-        is f.
+        underflow. The values of ψ and f are assumed to be exact to a few u. That holds for constant
+        and affine maps.
 
         References
         ----------
@@ -738,28 +746,27 @@ class ProblemData(Shown):
         free = np.isposinf(psi)
         terms = np.diff(self.A.indptr) + 2
         psi[free] = 0.0
-        given = z
-        # and on in place: in large vectors new memory takes the time
+        # in place: for large vectors allocation dominates the time
         for_p = self.matrix.magnitude(z)
-        z = np.abs(z)
+        size_of_z = np.abs(z)
         exact = for_p == 0.0
         for_p += np.abs(self.q)
         for_p *= gamma(terms)
         for_p[exact] = 0.0
         if self.f is not None:
-            for_p += self.f.rounding(self.f.value(given))
+            for_p += self.f.rounding(self.f.value(z))
         for_p += terms * SMALLEST
-        size = z + psi
+        for_r = size_of_z + psi
         entries: Any = 3
         if self.psi.lipschitz is not None and self.psi.lipschitz.nnz:
-            size += self.psi.lipschitz @ z
+            for_r += self.psi.lipschitz @ size_of_z
             entries = np.diff(self.psi.lipschitz.indptr) + 3
-        size = gamma(entries) * size + entries * SMALLEST
-        size[free] = 0.0
-        return for_p, size
+        for_r = gamma(entries) * for_r + entries * SMALLEST
+        for_r[free] = 0.0
+        return for_p, for_r
 
     def rounding_of_residual(self, z: Any) -> float:
-        """What rounding may make of Res_D(z).
+        """A bound on the rounding error of Res_D(z).
 
         Examples
         --------
@@ -791,23 +798,23 @@ class ProblemData(Shown):
 
 
 class Holder(Protocol):
-    """What has a problem, such as a scene, a solution, or a Pyomo model that was read."""
+    """An object with a problem, such as a scene, a solution, or a Pyomo model that was read."""
 
     @property
     def problem(self) -> ProblemData: ...
 
 
 class Model(Protocol):
-    """What is made into a problem when it is asked for one, as its parameters may have changed."""
+    """An object that makes a problem on request, because its parameters may have changed."""
 
     def icp(self) -> ProblemData: ...
 
 
-#: what every verb takes as its problem
+#: the type of the argument `problem` of `solve`, `explain` and the like
 ProblemLike = ProblemData | Holder | Model
 
 
-#: what is said where p has to be affine
+#: the error where p has to be affine
 NONLINEAR = (
     "p(z) = Az + q + f(z) is nonlinear, and affine p = Az + q was expected: give problem.linearised(z), "
     "with p's tangent at a z, such as that of problem.solve()"
@@ -815,7 +822,7 @@ NONLINEAR = (
 
 
 def as_problem(problem: ProblemLike, *, nonlinear: bool = False) -> ProblemData:
-    """The ICP that `problem` is, holds or makes.
+    """Return `problem` if it is an ICP, else the ICP that it holds or makes.
 
     Raises
     ------
@@ -840,6 +847,6 @@ def _problem_data(problem: ProblemLike) -> ProblemData:
     if not isinstance(found, ProblemData):
         wanted = "an ICP, or what holds one such as a scene, was expected"
         if isinstance(problem, list | tuple) or hasattr(problem, "shape"):
-            wanted = f"{wanted}: {OF_ARRAYS}"
+            wanted = f"{wanted}: {HOW_TO_BUILD}"
         raise InputError(f"problem is {described(problem)}; {wanted}")
     return found

@@ -18,7 +18,7 @@ from ..methods.contract import Method, named
 from ..numerics import work
 from ..numerics.arrays import Vector, as_truth, described, norm
 from ..numerics.rounding import CTRL_C, is_ctrl_c, public_entry
-from ..problem.data import OF_ARRAYS, ProblemData, ProblemLike, as_problem
+from ..problem.data import HOW_TO_BUILD, ProblemData, ProblemLike, as_problem
 from .accuracy import solve_to_accuracy
 from .choice import FAMILIES, Choice, InTurn, Job, why_none
 from .ended import Ended, fault_of_psi
@@ -39,7 +39,7 @@ _MOST_REDUCTION = 0.5
 
 
 @public_entry
-@check_arguments("solve", OF_ARRAYS)
+@check_arguments("solve", HOW_TO_BUILD)
 def solve(
     problem: ProblemLike,
     method: str | Method | None = None,
