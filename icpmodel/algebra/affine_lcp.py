@@ -143,7 +143,7 @@ class AffineLcp:
 
     def split(self) -> AffineLcp:
         """The same with differences y⁺ − y⁻, both ≥ 0, in the `free` rows, for where these cannot be eliminated."""
-        from .kernels.pivoting import split  # loads numba
+        from .kernels.batched_lcps import split  # loads numba
 
         new = copy(self)
         new.M, new.q = split(*read_only((self.M, self.q, self.free)))

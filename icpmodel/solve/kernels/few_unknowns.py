@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from ...algebra.kernels.balancing import scale
-from ...algebra.kernels.pivoting import many
+from ...algebra.kernels.batched_lcps import many
 from ...numerics.kernels import compiled
 from ...numerics.rounding import SMALLEST
 from ...problem.kernels.residual import raised

@@ -166,7 +166,7 @@ class AtOnce:
     def _pivoted(self, lcp: AffineLcp, Q: Matrix, C: Matrix, D: Matrix | None) -> Matrix:
         """What the pivots make of the rows, each an LCP of its own."""
         from ...algebra.kernels.balancing import scale
-        from ...algebra.kernels.pivoting import each, many  # loads numba
+        from ...algebra.kernels.batched_lcps import each, many  # loads numba
 
         size = lcp.M.shape[-1]
         if D is not None:
