@@ -8,9 +8,10 @@ from functools import partial
 import numpy as np
 import scipy.sparse as sp
 
-from ..numerics.arrays import Mask, Vector, is_diagonal, norm
+from ..numerics.arrays import Mask, Vector, norm
 from ..numerics.krylov import GCR, gcr_step_cost
 from ..numerics.multigrid import KRYLOV_STEPS, cycle_cost
+from ..numerics.sparse_structure import is_diagonal
 from ..problem.data import ProblemData
 from .hierarchy import Hierarchy, Level
 

@@ -19,10 +19,11 @@ import scipy.sparse as sp
 
 from ..errors import SingularOperator
 from ..numerics import work
-from ..numerics.arrays import Vector, diagonal_positions
+from ..numerics.arrays import Vector
 from ..numerics.equilibration import equilibrated
 from ..numerics.factorisation import factorise
 from ..numerics.rounding import UNIT_ROUNDOFF
+from ..numerics.sparse_structure import diagonal_positions
 from ..problem.data import ProblemData
 from .steps import Step, compiled_step
 

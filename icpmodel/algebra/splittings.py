@@ -12,7 +12,8 @@ from typing import Any, Protocol
 import scipy.sparse as sp
 
 from ..errors import InputError
-from ..numerics.arrays import Vector, as_csr, as_number, is_diagonal
+from ..numerics.arrays import Vector, as_csr, as_number
+from ..numerics.sparse_structure import is_diagonal
 from ..present.shown import Shown
 from ..problem.data import ProblemData
 from .operators import AOROperator, FactorisedOperator, Operator, inverse_diagonal

@@ -11,8 +11,9 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..numerics.arrays import Vector, diagonal_positions
+from ..numerics.arrays import Vector
 from ..numerics.rounding import SMALLEST, gamma
+from ..numerics.sparse_structure import diagonal_positions
 from ..problem.matrix import weights_of
 from .ranks import largest, petsc, together, totals
 

@@ -19,7 +19,8 @@ from ..algebra.affine_lcp import PIVOTS, AffineLcp, dense_lcp, dense_matrix, som
 from ..algebra.equations import derivative, solve_on
 from ..errors import SingularOperator
 from ..numerics import work
-from ..numerics.arrays import Vector, is_diagonal
+from ..numerics.arrays import Vector
+from ..numerics.sparse_structure import is_diagonal
 from ..problem.data import ProblemData
 from ..problem.map import Map
 from ..theory.certificates.contradiction import multipliers

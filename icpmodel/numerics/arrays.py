@@ -273,41 +273,9 @@ def freeze(matrix: sp.csr_array) -> sp.csr_array:
     return matrix
 
 
-def diagonal_positions(matrix: sp.csr_array) -> NDArray[np.int32] | NDArray[np.int64]:
-    """Where in `matrix.data` each row's diagonal entry stands, shape (n,); every one must be stored."""
-    return np.flatnonzero(matrix.indices == row_of(matrix)).astype(matrix.indptr.dtype)
-
-
-def absolute(matrix: sp.csr_array) -> sp.csr_array:
-    """|A|, entry by entry, CSR; it shares the index arrays of A, which `abs` copies."""
-    return sp.csr_array((np.abs(matrix.data), matrix.indices, matrix.indptr), shape=matrix.shape)
-
-
 def row_of(matrix: sp.csr_array) -> NDArray[np.int64]:
     """The row of each stored entry of a CSR matrix, shape (nnz,)."""
     return np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
-
-
-def is_diagonal(matrix: sp.csr_array) -> bool:
-    """Whether nothing off the diagonal of a sparse matrix differs from 0."""
-    return bool(np.count_nonzero(matrix.data) == np.count_nonzero(matrix.diagonal()))
-
-
-def is_symmetric(matrix: sp.csr_array) -> bool:
-    """Whether a sparse matrix equals its transpose, entry by entry."""
-    from .kernels.graph import signs  # loads numba
-
-    matrix = sp.csr_array(matrix)
-    if matrix.has_canonical_format and matrix.data.all():
-        found = signs(*read_only((matrix.indptr, matrix.indices, matrix.data)), 0.0)
-        return found.size == matrix.shape[0] and bool((found > 0.0).all())
-    return (matrix != sp.csr_array(matrix.T)).nnz == 0  # zeros may be stored on one side only
-
-
-def bandwidths(matrix: sp.csr_array) -> tuple[int, int]:
-    """How far the entries of a CSR matrix reach below its diagonal, and above it."""
-    below = row_of(matrix) - matrix.indices
-    return int(below.max(initial=0)), int(-below.min(initial=0))
 
 
 def _with_stored_diagonal(matrix: sp.csr_array) -> sp.csr_array:

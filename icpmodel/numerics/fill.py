@@ -10,7 +10,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from . import work
-from .arrays import Vector, bandwidths, is_symmetric, read_only
+from .arrays import Vector, read_only
+from .sparse_structure import bandwidths, is_symmetric
 from .threads import run_with_deadline
 from .work import Fill, dense_cost, factor_cost, least_factor_cost
 

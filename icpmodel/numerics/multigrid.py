@@ -13,7 +13,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from . import work
-from .arrays import Vector, is_symmetric
+from .arrays import Vector
+from .sparse_structure import is_symmetric
 
 #: coarsening has stalled where so many rows are left
 _STALLED = 500

@@ -12,7 +12,8 @@ from typing import Any, TypeVar, cast
 import numpy as np
 import scipy.sparse as sp
 
-from .arrays import Vector, absolute
+from .arrays import Vector
+from .sparse_structure import absolute
 
 Verb = TypeVar("Verb", bound=Callable[..., Any])
 

@@ -7,8 +7,9 @@ from functools import cached_property
 import numpy as np
 
 from ..errors import MapError
-from ..numerics.arrays import Vector, is_diagonal
+from ..numerics.arrays import Vector
 from ..numerics.rounding import UNIT_ROUNDOFF
+from ..numerics.sparse_structure import is_diagonal
 from .map import Map
 from .matrix import Matrix
 

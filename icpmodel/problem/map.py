@@ -16,8 +16,9 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..numerics.arrays import Mask, ReadOnly, Vector, as_vector, is_diagonal
+from ..numerics.arrays import Mask, ReadOnly, Vector, as_vector
 from ..numerics.rounding import SMALLEST, UNIT_ROUNDOFF
+from ..numerics.sparse_structure import is_diagonal
 from ..present.shown import Shown
 
 

@@ -9,10 +9,11 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..numerics import work
-from ..numerics.arrays import ReadOnly, Vector, absolute, as_csr, as_square, freeze, is_symmetric, locked
+from ..numerics.arrays import ReadOnly, Vector, as_csr, as_square, freeze, locked
 from ..numerics.equilibration import balanced
 from ..numerics.krylov import SMALL_RADIUS, couplings, radius_of
 from ..numerics.sparse_input import checked_sparse
+from ..numerics.sparse_structure import absolute, is_symmetric
 from ..numerics.threads import THREADS_FROM, run_in_threads, threads_for
 
 #: an A of so many rows is dense until its sparse form is asked for

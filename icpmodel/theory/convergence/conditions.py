@@ -69,9 +69,10 @@ import scipy.sparse as sp
 from ...algebra.splittings import AOR, Member
 from ...errors import InputError
 from ...numerics import work
-from ...numerics.arrays import Vector, absolute, as_csr, as_vector, described, diagonal_positions, row_of
+from ...numerics.arrays import Vector, as_csr, as_vector, described, row_of
 from ...numerics.equilibration import times_rows
 from ...numerics.rounding import UNIT_ROUNDOFF
+from ...numerics.sparse_structure import absolute, diagonal_positions
 from ...problem.data import ProblemData, as_problem
 from ..matrices.comparison_matrix import positive_diagonal
 from .contraction import Comparison, MonotoneMap, absolute_inverse

@@ -44,8 +44,9 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from ...numerics.arrays import is_symmetric, row_of
+from ...numerics.arrays import row_of
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, at_most
+from ...numerics.sparse_structure import is_symmetric
 from ..answers import Answer
 from ..certificates.bounds import shared_proofs
 from ..certificates.definite import LARGEST

@@ -10,7 +10,8 @@ import scipy.sparse as sp
 
 from ...errors import OutOfTime
 from ...numerics import work
-from ...numerics.arrays import ReadOnly, as_csr, bandwidths
+from ...numerics.arrays import ReadOnly, as_csr
+from ...numerics.sparse_structure import bandwidths
 from ...present.shown import Shown
 from ..answers import Allowance, Answer
 from .comparison_matrix import comparison_matrix, positive_diagonal, z_matrix

@@ -10,9 +10,10 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...numerics import work
-from ...numerics.arrays import Vector, as_csr, diagonal_positions, is_symmetric, row_of
+from ...numerics.arrays import Vector, as_csr, row_of
 from ...numerics.factorisation import factorise
 from ...numerics.multigrid import linear_solve
+from ...numerics.sparse_structure import diagonal_positions, is_symmetric
 from ..answers import Answer
 
 _FACTORISE_FIRST = 20_000  #: up to this size a factorisation costs less than looking for a cheaper way
