@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from ..errors import MapError, SingularOperator
 from ..numerics import work
 from ..numerics.arrays import Mask, Vector, norm
-from ..numerics.factorisation import Symmetric, factorise
+from ..numerics.factorisation import factorise
 from ..numerics.fill import SymbolicAnalysis
 from ..numerics.krylov import cg_step_cost, conjugate_gradients, conjugate_residuals, gcr_step_cost
 from ..numerics.linear import MANY_STEPS, solver_of
 from ..numerics.sparse_structure import diagonal_positions
-
+from ..numerics.symmetric_factors import Symmetric
 from ..problem.data import ProblemData
 from ..problem.map import Map
 from ..problem.matrix import Matrix

@@ -29,8 +29,9 @@ from ..algebra.subproblems import with_fixed_obstacle
 from ..errors import MapError
 from ..numerics import work
 from ..numerics.arrays import Mask, Vector, inner, norm, row_of
-from ..numerics.factorisation import Symmetric, factorise
+from ..numerics.factorisation import factorise
 from ..numerics.fill import SymbolicAnalysis
+from ..numerics.symmetric_factors import Symmetric
 from ..problem.affine import zero
 from ..problem.data import ProblemData
 from ..problem.two_sided import mid

@@ -13,8 +13,9 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from . import work
-from .arrays import Mask, Vector, row_of
+from .arrays import Vector, row_of
 from .fill import SymbolicAnalysis, ordered, predicted_fill, signs_of_symmetry
+from .symmetric_factors import Symmetric
 from .threads import one_blas_thread, run_with_deadline
 
 #: a row is exchanged for another one where its pivot is smaller than this share of the largest entry of the column: √ε,
@@ -26,10 +27,8 @@ _THRESHOLD = 2.0**-26
 _LARGE = 0.1
 #: up to so many diagonals on one side LAPACK's factorisations of bands make no blocks
 _BY_COLUMNS = 32
-#: bytes of an entry of a factor, doubled for exchanges of rows that were not foreseen; and of one of L + U where L is
-#: stored alone
+#: bytes of an entry of a factor, doubled for exchanges of rows that were not foreseen
 _BYTES = 2 * 12
-_OF_SYMMETRIC = 8
 
 
 class Factors:
@@ -89,84 +88,6 @@ class DenseFactors:
         """A⁻¹f, or A⁻ᵀf with `trans` = "T"; `f` of shape (n,) or (n, k)."""
         work.count(f.size / f.shape[0] * self._cost)
         return np.asarray(self._solve(f, trans == "T")[0])
-
-
-class Symmetric:
-    """LDLᵀ of one matrix after another with the pattern of `A`, symmetric up to the signs of its rows, by QDLDL.
-
-    Parameters
-    ----------
-    A : CSR array of shape (n, n)
-        The pattern.
-    fill : Fill
-        The predicted fill.
-    signs : array of shape (n,)
-        Signs ±1 of the rows that make the matrices symmetric.
-
-    Notes
-    -----
-    There are no exchanges of rows. A pivot that is nearly 0 shows in the residual of the solves.
-    Whole solves take 0.95 (500 ≤ n ≤ 5000) and 1.05 (5000 ≤ n ≤ 60 000) times what they took with
-    supernodes in compiled loops, in the geometric mean of the families of the benchmarks.
-
-    References
-    ----------
-    Stellato et al., Math. Program. Comput. 12 (2020), section 3.1.
-    """
-
-    def __init__(self, A: sp.csr_array, fill: work.Fill, signs: Vector) -> None:
-        row = row_of(A)
-        self.fill = fill
-        self._signs = signs
-        # the rows of the lower triangle are the columns of the upper one
-        self._stored = np.flatnonzero(A.indices <= row)
-        self._row = row[self._stored]
-        self._column = A.indices[self._stored]
-        self._start = np.append(0, np.cumsum(np.bincount(self._row, minlength=A.shape[0])))
-        self._ldl: Any = None
-
-    @property
-    def pivots(self) -> Vector:
-        """The diagonal of U in M = LU, in some order."""
-        _, pivots, order = self._ldl.factors()
-        return np.asarray(self._signs[order] * pivots)
-
-    def factors(self, data: Vector, free: Mask | None = None) -> Symmetric | None:
-        """This object with the factors of the matrix with these entries, or None where they fail.
-
-        With `free`, rows and columns that are not free are 0 but for the diagonal. The factors
-        before are lost. Raises OutOfTime and OutOfMemory.
-        """
-        import qdldl
-
-        i = self._row
-        j = self._column
-        entries = self._signs[i] * data[self._stored]
-        if free is not None:
-            entries[(i != j) & ~(free[i] & free[j])] = 0.0
-        if not np.isfinite(entries).all():
-            return None
-        upper = sp.csc_array((entries, j, self._start), shape=2 * self._signs.shape)
-        cost = work.factor_cost(self.fill) if self._ldl is None else work.refactor_cost(self.fill)
-        work.charge(cost, _OF_SYMMETRIC * self.fill.entries + 12 * data.size)
-
-        def step() -> Any:
-            if self._ldl is None:
-                return qdldl.Solver(upper, upper=True)
-            self._ldl.update(upper, upper=True)
-            return self._ldl
-
-        try:
-            self._ldl = run_with_deadline(step, cost)
-        except RuntimeError:  # a pivot is 0
-            self._ldl = None
-        return self if self._ldl else None
-
-    def solve(self, f: Vector, trans: str = "N") -> Vector:
-        """M⁻¹f, or M⁻ᵀf with `trans` = "T"; both of shape (n,)."""
-        work.count(work.solve_cost(self.fill))
-        x = self._ldl.solve(np.asarray(f if trans == "T" else self._signs * f, dtype=np.float64))
-        return np.asarray(self._signs * x if trans == "T" else x)
 
 
 def factorise(

@@ -7,8 +7,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from icpmodel.numerics.arrays import as_csr
-from icpmodel.numerics.factorisation import DenseFactors, Symmetric, factorise
+from icpmodel.numerics.factorisation import DenseFactors, factorise
 from icpmodel.numerics.fill import SymbolicAnalysis, predicted_fill, signs_of_symmetry
+from icpmodel.numerics.symmetric_factors import Symmetric
 
 
 def test_pivots_on_the_diagonal_are_those_of_the_matrix_itself():
