@@ -32,11 +32,9 @@ def rounded_combination(rows: CombinationRows, y: Vector, exponents: Exponents) 
     tiny = 2.0 * sum(K.shape) * SMALLEST
     columns = K.T @ y
     off = loss * (size.T @ np.abs(y)) + tiny
-    has_low = np.isfinite(rows.low)
-    has_high = np.isfinite(rows.high)
-    any_ = has_low & has_high | (size.sum(axis=0) == 0)
+    empty = size.sum(axis=0) == 0
     # columns whose sign is not the one that is needed
-    is_open = ~((columns - off >= 0) & has_high | (columns + off <= 0) & has_low | any_)
+    is_open = ~(_bounded(rows, columns, off) | empty)
     moved = np.zeros(y.size)
     if is_open.any():
         signed = ~(rows.rises & rows.falls)[used]
@@ -45,19 +43,31 @@ def rounded_combination(rows: CombinationRows, y: Vector, exponents: Exponents) 
             return None
         moved = found
         off = off + 1.01 * (size.T @ moved)
-        sure = (columns - off >= 0) & has_high | (columns + off <= 0) & has_low | any_
-        if not sure[~is_open].all():
+        if not (_bounded(rows, columns, off) | empty)[~is_open].all():
             return None
         columns[is_open] = 0.0
         off[is_open] = 0.0
-    # the most that wᵀz can be, w anywhere within `off` of the columns, and that mᵀx can be
-    low = np.where(has_low, rows.low, 0.0)
-    high = np.where(has_high, rows.high, 0.0)
-    reach = np.maximum(np.abs(low), np.abs(high))
-    most = columns @ np.where(columns > 0, high, low) + off @ reach + right @ y + np.abs(right) @ moved
-    terms = (np.abs(columns) + 2.0 * off) @ reach + np.abs(right) @ (np.abs(y) + moved)
+    most, terms = _highest(rows, columns, off)
+    most = most + float(right @ y) + float(np.abs(right) @ moved)
+    terms += float(np.abs(right) @ (np.abs(y) + moved))
     most += 4.0 * loss * terms + tiny
-    return float(most) if most < 0.0 else None
+    return most if most < 0.0 else None
+
+
+def _highest(rows: CombinationRows, columns: Vector, off: Vector) -> tuple[float, float]:
+    """The most that wᵀz can be, w anywhere within `off` of `columns`, and the sum of its terms in absolute value."""
+    low = np.where(np.isfinite(rows.low), rows.low, 0.0)
+    high = np.where(np.isfinite(rows.high), rows.high, 0.0)
+    reach = np.maximum(np.abs(low), np.abs(high))
+    most = float(columns @ np.where(columns > 0, high, low)) + float(off @ reach)
+    return most, float((np.abs(columns) + 2.0 * off) @ reach)
+
+
+def _bounded(rows: CombinationRows, columns: Vector, off: Vector) -> Mask:
+    """Where w_j z_j is bounded above for every w_j within `off`_j of `columns`_j."""
+    has_low = np.isfinite(rows.low)
+    has_high = np.isfinite(rows.high)
+    return (columns - off >= 0) & has_high | (columns + off <= 0) & has_low | has_low & has_high
 
 
 def _moves(N: Any, y: Vector, signed: Mask, wrong: Vector, loss: float) -> Vector | None:
