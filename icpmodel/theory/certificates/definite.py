@@ -170,10 +170,7 @@ def prove(matrix: Matrix, psi: Map) -> DefiniteProof | str:
     if n > LARGEST or (products > _LARGEST_WORK and (coupled or L.nnz)):
         return f"A is not tested for definiteness: with n = {n} and {A.nnz} entries it is too large to be factorised"
     work.charge_matrices(products, 12)
-    exponent = symmetric_exponents(A.diagonal())
-    exponent_r = -exponent
-    if coupled:  # so that AᵀB is about 1 as well
-        exponent_r = exponent_r + int((row_exponents(B, exponent) + exponent).min())
+    exponent, exponent_r = _exponents(A, B, coupled)
     scaled = [in_units_exactly(X, left, exponent) for X, left in ((A, exponent), (B, exponent_r), (L, exponent_r))]
     if any(X is None for X in scaled):
         return "A is not tested for definiteness: scaled to a diagonal of 1, its entries or those of psi underflow"
@@ -188,7 +185,7 @@ def prove(matrix: Matrix, psi: Map) -> DefiniteProof | str:
     smallest = smallest_below(H, slack, lu)
     if lu is None or not smallest > 0:
         return f"{name} is not proved positive definite: its symmetric part has no eigenvalue bound above 0"
-    kappa = largest_above(sp.csr_array(abs(At) @ L)) * (1 + gamma) + n * n * SMALLEST if L.nnz else 0.0
+    kappa = _kappa(At, L, gamma)
     gap = float(np.nextafter(smallest - kappa, -np.inf))
     if not gap > 0:
         reach = f"the eigenvalues of |A|'G are at most {at_most(kappa)}, those of A at least {at_least(smallest)}"
@@ -197,6 +194,22 @@ def prove(matrix: Matrix, psi: Map) -> DefiniteProof | str:
     Bt = sp.csr_array(B.T)
     Lt = sp.csr_array(L.T)
     return DefiniteProof(sentence, smallest, gap, exponent, exponent_r, At, Bt, Lt, H, slack, lu.solve)
+
+
+def _exponents(A: sp.csr_array, B: sp.csr_array, coupled: bool) -> tuple[np.ndarray, np.ndarray]:
+    """The binary exponents of S and of σS⁻¹; σ is 1 where B is I, not `coupled`."""
+    exponent = symmetric_exponents(A.diagonal())
+    if not coupled:
+        return exponent, -exponent
+    return exponent, -exponent + int((row_exponents(B, exponent) + exponent).min())  # AᵀB is about 1 as well
+
+
+def _kappa(At: sp.csr_array, L: sp.csr_array, gamma: float) -> float:
+    """An upper bound of the largest eigenvalue of the symmetric part of |A|ᵀL, rounding of the product included."""
+    if not L.nnz:
+        return 0.0
+    n = L.shape[0]
+    return largest_above(sp.csr_array(abs(At) @ L)) * (1 + gamma) + n * n * SMALLEST
 
 
 def _symmetric_part(At: sp.csr_array, B: sp.csr_array | None, gamma: float) -> tuple[sp.csr_array, float]:
