@@ -211,8 +211,8 @@ class _Conditions(NamedTuple):
         E = sp.diags_array(E) if each else E[:, None]
         ends = np.concatenate([right, rows.low, rows.high])
         unit = float(np.abs(ends[np.isfinite(ends)]).max(initial=0.0)) or 1.0  # a solver takes 1e20 for infinite
-        iterations = min(_LONGEST, work.nanoseconds_left()) / (work.COSTS.call + _ITERATION * (K.nnz + sum(K.shape)))
-        if K.nnz > _LARGEST or iterations < 1 or not (np.isfinite(K.data).all() and np.isfinite(right).all()):
+        iterations = _iteration_limit(K)
+        if iterations < 1 or not (np.isfinite(K.data).all() and np.isfinite(right).all()):
             return None
         found = linprog(
             np.concatenate([room * (np.isfinite(rows.high) * 1.0 - np.isfinite(rows.low)), np.ones(E.shape[1])]),
@@ -220,19 +220,27 @@ class _Conditions(NamedTuple):
             b_ub=-right / unit,
             bounds=[*zip(rows.low / unit, rows.high / unit, strict=True), *[(0.0, most / unit)] * E.shape[1]],
             method="highs-ds",
-            options={
-                "maxiter": int(iterations),
-                "primal_feasibility_tolerance": 1e-10,
-                "dual_feasibility_tolerance": 1e-10,
-            },
+            options={"maxiter": iterations, "primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
         )
         if found.status != 0:
             return None
-        weights = -found.ineqlin.marginals
-        weights[weights <= ZERO * weights.max(initial=0.0)] = 0.0
-        y = np.zeros(rows.offset.size)
-        np.add.at(y, self.places, scale * weights)
+        y = self._multipliers(scale, -found.ineqlin.marginals)
         return _Least(self, unit * found.x[:n], y, unit * float(found.fun))
+
+    def _multipliers(self, scale: Vector, weights: Vector) -> Vector:
+        """y, by row, of the `weights` of the scaled conditions, those next to 0 left out."""
+        weights = np.where(weights <= ZERO * weights.max(initial=0.0), 0.0, weights)
+        y = np.zeros(self.rows.offset.size)
+        np.add.at(y, self.places, scale * weights)
+        return y
+
+
+def _iteration_limit(K: sp.csr_array) -> int:
+    """How many iterations of the simplex method the work limit leaves for a linear program with the matrix `K`."""
+    if K.nnz > _LARGEST:
+        return 0
+    nanoseconds = work.COSTS.call + _ITERATION * (K.nnz + sum(K.shape))
+    return int(min(_LONGEST, work.nanoseconds_left()) / nanoseconds)
 
 
 class _Least(NamedTuple):
