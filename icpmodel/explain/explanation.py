@@ -323,31 +323,16 @@ def _explained(
     instead = None
     classes = shared_proofs(problem).classes.decided(limit)
     picked, why = _picked(problem, limit)
-    if isinstance(method, type):
-        raise InputError(f"method is the class {method.__name__}; an object such as {method.__name__}() was expected")
-    if problem.f is not None and method is None:
-        methods: dict[str, Method] = {}
-    elif method is None:
+    methods: dict[str, Method] = {}
+    if method is not None:
+        member = _member(problem, method, options)
+        methods[repr(member)] = member
+    elif problem.f is None:
         methods = members(problem)
         if picked is not None and not any(_same(picked, one) for one in methods.values()):
             title = f"{type(picked).__name__}, first choice of solve()"
             methods[title] = picked.adapt(problem) if isinstance(picked, ModulusMember) else picked
-    else:
-        wanted = named(method, **options) if isinstance(method, str) else method
-        if not isinstance(wanted, ModulusMember):
-            raise InputError(f"method is {described(wanted)}; theory covers the members of the modulus family only")
-        if problem.f is not None:
-            raise NotApplicable("the theorems on steps have affine p: name no method, or give problem.linearised(z)")
-        wanted = wanted.adapt(problem)
-        methods = {repr(wanted): wanted}
-    try:
-        with limit.enforced():
-            time_limit = _CENTURY if limit.products == math.inf else None  # without any it would be a minute
-            bound = error_bound(problem, np.zeros(problem.n), sharp=False, time_limit=time_limit)
-    except (OutOfTime, MemoryError) as error:
-        bound = ErrorBound.none(limit.undecided(error))
-    except MapError as error:
-        bound = ErrorBound.none(f"{error}, at z = 0")
+    bound = _bound_at_zero(problem, limit)
     # the first choice first, as not all may be looked at
     first = sorted(methods, key=lambda title: not (picked is not None and _same(methods[title], picked)))
     in_turn = {title: methods[title] for title in first}
@@ -357,6 +342,30 @@ def _explained(
         others = forecasts_of(problem, members(problem), accuracy, limit)
         instead = next((one for one in others if one.proved_by), None)
     return Explanation(problem, classes, bound, forecasts, picked, why, accuracy, asked, instead)
+
+
+def _member(problem: ProblemData, method: str | Method, options: dict[str, Any]) -> ModulusMember:
+    """The member of the modulus family that the user named, adapted to `problem`."""
+    if isinstance(method, type):
+        raise InputError(f"method is the class {method.__name__}; an object such as {method.__name__}() was expected")
+    member = named(method, **options) if isinstance(method, str) else method
+    if not isinstance(member, ModulusMember):
+        raise InputError(f"method is {described(member)}; theory covers the members of the modulus family only")
+    if problem.f is not None:
+        raise NotApplicable("the theorems on steps have affine p: name no method, or give problem.linearised(z)")
+    return member.adapt(problem)
+
+
+def _bound_at_zero(problem: ProblemData, limit: Allowance) -> ErrorBound:
+    """The error bound at z = 0, or why there is none within `limit`."""
+    time_limit = _CENTURY if limit.products == math.inf else None  # without any it would be a minute
+    try:
+        with limit.enforced():
+            return error_bound(problem, np.zeros(problem.n), sharp=False, time_limit=time_limit)
+    except (OutOfTime, MemoryError) as error:
+        return ErrorBound.none(limit.undecided(error))
+    except MapError as error:
+        return ErrorBound.none(f"{error}, at z = 0")
 
 
 def _picked(problem: ProblemData, limit: Allowance) -> tuple[Method | None, str]:
