@@ -95,19 +95,23 @@ def nonlinear_solution_of(
         return problem.solve(z0=z0, rtol=rtol, atol=atol, time_limit=time_limit).z
 
     def of_theta(theta: Any) -> Any:
-        jnp = jax.numpy
         if not jax.config.jax_enable_x64:
             raise InputError('an answer is float64: call jax.config.update("jax_enable_x64", True) at the start')
         held = jax.lax.stop_gradient(theta)
         shape = jax.ShapeDtypeStruct((size,), np.float64)
         z = jax.pure_callback(lambda given: in_worker_thread(solved, given), shape, held, vmap_method="sequential")
         z = jax.lax.stop_gradient(z)
-        p = F(z, theta)
-        at = jax.lax.stop_gradient(p)
-        below = at > z - low
-        above = at < z - high
-        bound = jnp.where(below, low, high)
-        M = jnp.where((below | above)[:, None], jnp.eye(size), slope(z, held))
-        return z - jnp.linalg.solve(M, jnp.where(below | above, z - bound, p))
+        return z - _newton_step(jax, z, F(z, theta), slope(z, held), low, high)
 
     return of_theta
+
+
+def _newton_step(jax: Any, z: Any, p: Any, jacobian: Any, low: Vector, high: Vector) -> Any:
+    """M⁻¹m: row i of m and of its Jacobian M is that of p, or of z − bound where z_i is at a bound."""
+    jnp = jax.numpy
+    at = jax.lax.stop_gradient(p)
+    below = at > z - low
+    above = at < z - high
+    bound = jnp.where(below, low, high)
+    M = jnp.where((below | above)[:, None], jnp.eye(low.size), jacobian)
+    return jnp.linalg.solve(M, jnp.where(below | above, z - bound, p))
