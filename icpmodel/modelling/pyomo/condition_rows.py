@@ -21,27 +21,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import Any, NamedTuple
+from typing import Any
 
 import pyomo.environ as pyo
 from pyomo.common.gc_manager import PauseGC
 from pyomo.common.numeric_types import native_numeric_types
-from pyomo.core.expr.relational_expr import EqualityExpression, InequalityExpression, RangedExpression
 from pyomo.mpec import Complementarity
 from pyomo.mpec.complementarity import ComplementarityData
 from pyomo.repn.linear import LinearRepnVisitor
 from pyomo.repn.util import VarRecorder, categorize_valid_components
 
 from ...errors import InputError
+from .bounded_arguments import BoundedArgument, Terms, bounded_argument
 from .nonlinear import Flat, flattened
 from .sums import size_of_terms
 
 #: how far a condition without variables may be from holding, as a share of its terms: they are the user's own sums
 _HOLDS = 1e-9
-#: a sum of expressions, each with its factor
-Terms = tuple[tuple[float, Any], ...]
-
-
 #: one side of a row: a constant, coefficients by the variable's id, what is nonlinear or None
 Side = tuple[float, dict[int, float], Any]
 
@@ -127,7 +123,7 @@ class ConditionRows:
         arguments = getattr(condition, "_args", None)
         if arguments is None:
             raise InputError(f"{condition.name} has no expressions; complements(..., ...) was expected")
-        first, second = (self._bounded(one, condition) for one in arguments)
+        first, second = (bounded_argument(one, condition) for one in arguments)
         for one, other in ((first, second), (second, first)):
             if one.equality and not other.bounds:
                 return self._add_equation(condition, one.bounds[0], other.body)
@@ -139,25 +135,7 @@ class ConditionRows:
             raise InputError(f"{found}; a Complementarity has one on each side, or two on one of them")
         return self._add(condition, first.bounds[0], second.bounds[0])
 
-    def _bounded(self, expression: Any, condition: Any) -> _Bounded:
-        kind = expression.__class__
-        if kind is EqualityExpression:
-            left, right = expression.args
-            return _Bounded((((1.0, left), (-1.0, right)),), (), equality=True)
-        if kind not in (InequalityExpression, RangedExpression):
-            return _Bounded((), ((1.0, expression),))
-        strict = expression._strict
-        if strict is True or (strict and any(strict)):  # one truth value, or one for each end
-            raise InputError(f"{condition.name} has a strict inequality, {expression}; >= or <= was expected")
-        low, *between, high = expression.args
-        if between:
-            ends: list[Terms] = [((1.0, between[0]), (-1.0, low)), ((1.0, high), (-1.0, between[0]))]
-            return _Bounded(_finite(ends), ((1.0, between[0]),), ends=tuple(ends))
-        ends = [((1.0, high), (-1.0, low))]
-        body = tuple(term for term in ends[0] if term[1].__class__ not in native_numeric_types)
-        return _Bounded(_finite(ends), body)
-
-    def _add_range(self, condition: Any, one: _Bounded, force: Terms) -> None:
+    def _add_range(self, condition: Any, one: BoundedArgument, force: Terms) -> None:
         """a ≤ f ≤ b with g."""
         low, high = one.ends
         if len(one.bounds) < 2:
@@ -253,21 +231,6 @@ class ConditionRows:
             reason = "a fixed variable or parameter without value?"
             raise InputError(f"{owner.name} has a number that is not finite: {reason}")
         return float(constant), {key: value for key, value in linear.items() if value}, nonlinear
-
-
-class _Bounded(NamedTuple):
-    """One argument of a condition: what must be ≥ 0 (or, of an equality, = 0), and the expression itself."""
-
-    bounds: tuple[Terms, ...]
-    body: Terms
-    equality: bool = False
-    ends: tuple[Terms, ...] = ()
-
-
-def _finite(bounds: list[Terms]) -> tuple[Terms, ...]:
-    """Those that are not x ≥ −inf or x ≤ inf."""
-    numbers = ([factor * one for factor, one in terms if one.__class__ in native_numeric_types] for terms in bounds)
-    return tuple(terms for terms, found in zip(bounds, numbers, strict=True) if math.inf not in found)
 
 
 def _active(model: Any, kind: type) -> Iterable[Any]:
