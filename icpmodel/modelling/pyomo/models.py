@@ -18,13 +18,11 @@ from pyomo.core.base.block import BlockData
 from ...errors import InputError
 from ...icp import ICP
 from ...numerics.arrays import Vector, described
-from ...problem.affine import Affine
-from ...problem.function import Function
 from ...solve.solution import Solution
 from ..inequalities import checked
 from .condition_rows import ConditionRows
-from .nonlinear import NonlinearRows, PyomoObstacle
 from .ownership import Ownership
+from .scaled_rows import Scaling, matrices, obstacles
 
 #: a component, and what follows its name in that of an inequality
 Named = tuple[Any, str]
@@ -159,101 +157,38 @@ def read_pyomo(model: Any) -> PyomoReading:
 
 def _reading(rows: ConditionRows, owned: Ownership) -> PyomoReading:
     """The ICP in which row i has the variable own[i], and its side which_r[i] is r."""
-    own = owned.own
     which_r = owned.which_r
-    free = owned.free
-    m = owned.m
-    every = np.arange(m)
-    position = np.argsort(own)
-    both = np.array([owned.own_coefficient(k) for k in (0, 1)])
-    in_r = both[which_r, every]
-    in_p = both[1 - which_r, every]
-    plain = (in_r == 0) | free
-    scale = np.where(plain, 1.0, np.abs(in_r))
-    signs = np.where(free, 1.0, np.where(plain, np.where(in_p < 0, -1.0, 1.0), np.sign(in_r)))
-    flip = np.where(free & (in_p < 0), -1.0, 1.0)
-    parts: list[list[tuple[Any, ...]]] = [[], []]
-    for k, side in enumerate(owned.sides):
-        is_r = which_r[side.row] == k
-        column = position[side.col]
-        data = side.data * signs[column]
-        kept = is_r & (column != side.row) & ~free[side.row]
-        parts[0].append((data * flip[side.row], side.row, column, ~is_r))
-        parts[1].append((-data / scale[side.row], side.row, column, kept))
-    missing = every[plain & ~free]
-    parts[1].append((np.ones(missing.size), missing, missing, np.full(missing.size, True)))
-    A, G = (_assembled(part, m) for part in parts)
-    q = owned.constants[1 - which_r, every] * flip
-    c = np.where(free, -np.inf, -owned.constants[which_r, every] / scale)
-    psi, upper, f = _obstacles(rows, owned, G, c, signs, scale)
-    variables = tuple(owned.variables[j] for j in own)
-    of = {id(variable): row for row, variable in enumerate(variables)}
+    every = np.arange(owned.m)
+    scaling = Scaling.of(owned)
+    A, G = matrices(owned, scaling)
+    q = owned.constants[1 - which_r, every] * scaling.flip
+    c = np.where(owned.free, -np.inf, -owned.constants[which_r, every] / scaling.scale)
+    psi, upper, f = obstacles(rows, owned, G, c, scaling)
     return PyomoReading(
         problem=ICP(A, q, psi, upper, f),
-        variables=variables,
-        signs=signs,
+        variables=tuple(owned.variables[j] for j in owned.own),
+        signs=scaling.signs,
         owners=tuple(rows.owners),
         equation=np.array(rows.equation),
-        added={row: of[id(multiplier)] for row, multiplier in rows.multipliers.items()},
+        added={row: owned.row_of[id(multiplier)] for row, multiplier in rows.multipliers.items()},
         which_r=which_r,
-        scale=scale,
-        inequalities=_inequalities(rows, owned, signs),
+        scale=scaling.scale,
+        inequalities=_inequalities(rows, owned, scaling.signs),
     )
-
-
-def _obstacles(
-    rows: ConditionRows, owned: Ownership, G: sp.csr_array, c: Vector, signs: Vector, scale: Vector
-) -> tuple[Any, Any, Any]:
-    """ψ(z) = Gz + c with what is nonlinear, ψ̄, above it by what `rows.widths` say, and f; None where there is none."""
-    position = np.argsort(owned.own)
-    m = owned.m
-    columns = {key: int(position[j]) for key, j in owned.column.items()}
-
-    def made(G: sp.csr_array, c: Vector, flat: dict[int, Any]) -> Any:
-        if not flat:
-            return Affine(G, c) if G.nnz else c + 0.0
-        obstacle = PyomoObstacle(G, c, NonlinearRows(flat, columns, (m, m)), signs, scale)
-        return Function(obstacle, obstacle.jacobian)
-
-    of_p, flat = rows.nonlinear()
-    f = None
-    if of_p:
-        nothing = PyomoObstacle(0.0 * G, np.zeros(m), NonlinearRows(of_p, columns, (m, m)), signs, np.full(m, -1.0))
-        f = Function(nothing, nothing.jacobian)
-    if not rows.widths:
-        return made(G, c, flat), None, f
-    above = np.full(m, np.inf)
-    entries = []
-    for row, (constant, linear, _) in rows.widths.items():
-        above[row] = c[row] + constant / scale[row]
-        entries += [(value * signs[columns[key]] / scale[row], row, columns[key]) for key, value in linear.items()]
-    H = sp.csr_array(sp.diags_array(owned.ranges.astype(np.float64)) @ G)
-    H.eliminate_zeros()
-    if entries:
-        data, i, j = zip(*entries, strict=True)
-        H = sp.csr_array(H + sp.coo_array((data, (i, j)), shape=(m, m)))
-    return made(G, c, flat), made(H, above, {row: one for row, one in flat.items() if row in rows.widths}), f
-
-
-def _assembled(parts: list[tuple[Any, ...]], m: int) -> sp.csr_array:
-    """The m × m matrix of those (data, rows, columns) that are kept."""
-    data, rows, columns = (np.concatenate([part[k][part[3]] for part in parts]) for k in range(3))
-    return sp.csr_array(sp.coo_array((data, (rows, columns)), shape=(m, m)))
 
 
 def _inequalities(rows: ConditionRows, owned: Ownership, signs: Vector) -> tuple[list[Named], sp.csr_array, Vector]:
     """The names, Z and c of all that is to be checked: Zz + c ≤ 0. Raises InputError for a variable that is in no
     condition, and for a discrete one."""
-    position = np.argsort(owned.own)
     names = list[Named]()
     constants = list[float]()
     entries = list[tuple[float, int, int]]()
     for constraint, constant, linear in rows.inequalities:
         for key, value in linear.items():
-            if key not in owned.column:
+            if key not in owned.row_of:
                 found = f"{constraint.name} is an inequality in {rows.name_of(key)}, which is in no condition"
                 raise InputError(f"{found}: each variable needs a condition or an equation of its own")
-            column = int(position[owned.column[key]])
+            column = owned.row_of[key]
             entries.append((value * signs[column], len(names), column))
         names.append((constraint, ""))
         constants.append(constant)

@@ -36,6 +36,10 @@ class Ownership:
         Whether a side is nonlinear.
     column : dict
         The column of a variable by its id.
+    owner : array of shape (n,)
+        The row that owns the variable of each column.
+    row_of : dict
+        The row that owns a variable, by the variable's id.
     """
 
     def __init__(self, rows: ConditionRows) -> None:
@@ -51,6 +55,8 @@ class Ownership:
         self.sides = [self._matrix([linear for _, linear, _ in side]) for side in rows.sides]
         self._list_pairs(rows)
         self.own = self._own_variables(rows)
+        self.owner = np.argsort(self.own)
+        self.row_of = {key: int(self.owner[j]) for key, j in self.column.items()}
         self.which_r = self._which_side_is_r()
 
     def _matrix(self, rows: list[dict[int, float]]) -> sp.coo_array:
