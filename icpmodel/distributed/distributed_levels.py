@@ -133,8 +133,11 @@ class DistributedLevels:
                 weight = _DECOUPLED
 
     def solved(self, f: Any, top: int, J: Any, share: float | None, wanted: float | None) -> Any:
-        """x with A_FF x = f_F on level `top`, 0 elsewhere, or Jx = f where a `J` is given: until ‖f − Jx‖ is a `share`
-        of ‖f‖, within a few steps, or ‖D⁻¹(f − Jx)‖ at most `_PART` of `wanted`, or as near as the steps get."""
+        """Solve A_FF x = f_F on level `top`, with x = 0 elsewhere, or Jx = f where a `J` is given.
+
+        The solve stops at ‖f − Jx‖ ≤ `share` ‖f‖, after at most `_FEW` steps. With `wanted` it stops at
+        ‖D⁻¹(f − Jx)‖ ≤ `_PART` · `wanted`, after at most `_MANY` steps.
+        """
         ksp = self.krylov_solver(top, J)
         x = f.duplicate()
         if wanted is None:
@@ -225,8 +228,17 @@ def _hierarchy(matrix: DistributedMatrix) -> list[tuple[Any, Any]]:
 
 
 def _representatives(P: Any, matrix: DistributedMatrix) -> tuple[NDArray[np.integer], Vector, bool]:
-    """The fine unknown that each own coarse one weighs most in, counted from the first own one, and the weight: one of
-    the own, or one of all where some have none there; and whether all of all ranks are their own. Collective."""
+    """The fine unknown in which each coarse unknown of this rank has its largest weight. Collective.
+
+    Returns
+    -------
+    places : array of int
+        The fine unknowns, counted from the first one of this rank.
+    weights : array
+        The weights.
+    is_local : bool
+        Whether on every rank all of them belong to that rank. If not, they were chosen among those of all ranks.
+    """
     from ..numerics.kernels.vcycle import largest_of  # loads numba
 
     PETSc = petsc()

@@ -1,5 +1,8 @@
-"""Matrices and vectors in files, of which every rank reads its part: bytes of a Matrix Market file, whose entries PETSc
-sends to the ranks that own them, or the own rows of a binary file of PETSc."""
+"""Read matrices and vectors from files, each rank a part.
+
+Of a Matrix Market file each rank reads a range of bytes, and PETSc sends the entries to the ranks that own them. Of a
+binary file of PETSc each rank reads its own rows.
+"""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """The contract of a method.
 
 A method is mathematics only: it yields iterates and knows no clock, no tolerance and no printing. To add one, write a
-`Method` subclass with a `name` of its own, in a file of this folder or anywhere else; it is then found by
-`solve("name")`, in races and on the command line.
+`Method` subclass with a new `name`, in a file of this folder or anywhere else. `solve("name")`, races and the command
+line then find it.
 """
 
 from __future__ import annotations

@@ -94,8 +94,8 @@ def load_problem(
     Parameters
     ----------
     path : str or path
-        A whole problem: an `.npz` file by `save_problem`, a folder of Matrix Market files, or a `.mat` (-v6, -v7) or
-        `numpy.savez` file with the variables A, q, and perhaps psi and upper. Or A alone: `.npy`, `.npz` by
+        A whole problem: an `.npz` file by `save_problem`, or a folder of Matrix Market files. Or a `.mat` (-v6, -v7) or
+        `numpy.savez` file with the variables A, q, and optionally psi and upper. Or A alone: `.npy`, `.npz` by
         `scipy.sparse.save_npz`, `.mat`, `.mtx`, `.bin` by PETSc, `.csv` or `.txt` without a header.
     q : str or path, optional
         A file of n numbers, where `path` does not hold them. In a file of several variables it is found by its name.

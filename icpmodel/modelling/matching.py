@@ -38,10 +38,12 @@ def own_entries(R: sp.csr_array) -> Columns | None:
 
 
 def arranged(A: sp.csr_array, free: Mask) -> tuple[Columns, NDArray[np.float64]]:
-    """Which row of `A`, CSR (n, n), should be the i-th, and its sign, where the rows `free` are equations: these may be
-    exchanged and multiplied by −1. They stay as they are where each has an entry on the diagonal or in a column whose
-    own row has one in turn, as Cᵀ and C have; else they get a diagonal without zeros, if there is one. It is made
-    positive; where it is zero the two entries get opposite signs, which adds nothing to A + Aᵀ."""
+    """An order of the rows of `A`, CSR (n, n), and their signs; only the rows `free`, which are equations, may change.
+
+    They keep their order if each row i has an entry a_ii, or an a_ij with a_ji ≠ 0, as blocks Cᵀ and C have. Else they
+    are ordered so that the diagonal has no zeros, if such an order exists. The signs make the diagonal positive. Where
+    a_ii = 0 the two entries a_ij and a_ji get opposite signs, which adds nothing to A + Aᵀ.
+    """
     order, rows = np.arange(A.shape[0]), np.flatnonzero(free)
     if (np.asarray(abs(A).multiply(abs(A).T).sum(axis=1))[rows] == 0).any():
         block = sp.coo_array(A[rows][:, rows])

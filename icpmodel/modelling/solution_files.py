@@ -1,7 +1,7 @@
 """Solutions on disk, whole as `.npz`, or as numbers alone for other programs.
 
-.npz    z, p, r, what is known of z as JSON text, and the problem where ψ has a file form
-.csv    a line of the heads z,p,r, and one line for each row of the problem
+- `.npz`: z, p, r, the status and the certificate as JSON text, and the problem if ψ can be saved.
+- `.csv`: the header z,p,r, and one line for each row of the problem.
 """
 
 from __future__ import annotations

@@ -21,8 +21,8 @@ class Intervention(Map):
     Parameters
     ----------
     jumps : sparse matrix of shape (n, n) or callable
-        The *stored* entries of a SciPy sparse matrix are the possible jumps, and their values the
-        gains k_ij; a stored 0 is a free jump. A function maps z to (value, target), both of shape
+        The *stored* entries of a SciPy sparse matrix are the possible jumps. Their values are the
+        gains k_ij; a stored 0 is a jump without gain or cost. A function maps z to (value, target), both of shape
         (n,), with target_i the best j, and −1 where row i has no jump.
     best : {"max", "min"}, default "max"
         Which of the jumps is the best.

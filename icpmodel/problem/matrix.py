@@ -103,8 +103,17 @@ class Matrix(ReadOnly):
 
     @classmethod
     def of_checked(cls, A: sp.csr_array, row_weights: Vector | None = None, dense: Any = None) -> Matrix:
-        """The matrix of an `A` that is known to be as the constructor would leave it, and is not copied; of rows that
-        have lost columns, or to whose p something nonlinear is added, the `row_weights` are given."""
+        """The matrix of a valid CSR array `A`, which is neither checked nor copied.
+
+        Parameters
+        ----------
+        A : CSR array of shape (n, n)
+            In the form that the constructor makes.
+        row_weights : array of shape (n,), optional
+            The diagonal of D⁻¹, where more than A determines it: columns that were removed, or an f.
+        dense : array of shape (n, n), optional
+            A as a dense array.
+        """
         new = object.__new__(cls)
         new.dense, new.sparse = dense, freeze(A)
         if row_weights is not None:

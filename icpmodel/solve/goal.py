@@ -21,12 +21,12 @@ _NEAR = 1.0 + 1e-6
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """When to stop: Res_D(z) ≤ `rtol`·`residual_scale`, or Res(z) ≤ `atol`, `max_iter` iterations, `time_limit`
-    seconds,
-    `memory_limit` bytes beyond what was held at the start (None: no limit but the machine's).
+    """When a run stops: by tolerance, iterations, time or memory.
 
-    With `accuracy`, a certified error of at most that is asked for instead of a residual.
-    Raises InputError for numbers that make no sense.
+    The run has converged at Res_D(z) ≤ `rtol`·`residual_scale` or Res(z) ≤ `atol`. With `accuracy` it has converged
+    once the error is certified to be at most that. It ends after `max_iter` iterations or `time_limit` seconds. It may
+    allocate `memory_limit` bytes beyond those at the start (None: the machine is the limit). Numbers that make no sense
+    raise InputError.
     """
 
     rtol: float
@@ -66,11 +66,11 @@ class Limits:
 
 @dataclass
 class Goal:
-    """Res_D(z) ≤ `tolerance`, or Res(z) ≤ `atol`, of the exact residuals where the `problem` is given.
+    """The test for convergence: Res_D(z) ≤ `tolerance` or Res(z) ≤ `atol`; exact residuals if `problem` is given.
 
-    Where nothing in the problem is large, the tolerance is the share `of_z` of ‖z‖, or of the `size` of the start, if
-    that is the smaller one: what runs away makes no residual small. Where p is nonlinear it is the smaller of the two,
-    as Res_D(0) then need not be of the size of z.
+    With `of_z` the tolerance is `of_z`·min(‖z‖, `size`), `size` the norm of the start. That is for problems in which
+    all data are 0 at z = 0. The minimum prevents that diverging iterates meet the test. Where p is nonlinear, Res_D(0)
+    need not be of the size of z. So the smaller of `tolerance` and `of_z`·‖z‖ applies.
     """
 
     tolerance: float

@@ -1,5 +1,4 @@
-"""What a callback sees of a run, and how a person is told how far it is: a bar on a terminal and in a notebook, a line
-now and then in a log."""
+"""Progress of a run: the argument of callbacks, a bar on a terminal or in a notebook, lines in a log."""
 
 from __future__ import annotations
 
@@ -103,8 +102,11 @@ class _SeenBar(Bar):
 
 
 def progress_bar(wanted: bool, clock: Callable[[], float] = time.monotonic) -> contextlib.AbstractContextManager[Bar]:
-    """A `Bar` for one run, if `wanted`: on standard error where that is a terminal, in the cell of a notebook, else
-    lines on standard error, the first one after a second."""
+    """A `Bar` for one run, which shows nothing unless `wanted`.
+
+    It appears on standard error if that is a terminal, or in the cell of a notebook. Otherwise lines are written to
+    standard error, the first one after a second.
+    """
     if not wanted or sys.stderr is None:
         return contextlib.nullcontext(Bar())
     if in_notebook():
@@ -160,9 +162,9 @@ def status_line(
 ) -> Iterator[Callable[[str], None]]:
     """A function that shows a sentence on what is going on.
 
-    If `wanted`, a terminal and a notebook show the latest one, a log on standard error one now and then; if not, the
-    logger "icpmodel" has one now and then, at INFO. The `opening`, how long it may take, is in no log left out. Within
-    another status line it is that one.
+    If `wanted`, a terminal or a notebook shows the latest sentence, and a log on standard error one now and then. If
+    not, the logger "icpmodel" gets one now and then, at INFO. Every log gets the `opening`, which says how long it may
+    take. Within another status line the function of that one is returned.
     """
     if (outer := _OPEN.get()) is not None:
         if opening:

@@ -54,9 +54,12 @@ Path = Generator[None, None, Blocks | None]
 
 
 def presolve(problem: ProblemData) -> ProblemData:
-    """What methods that `solve` picks are given: where every ψ_i moves with z_i alone, by less than it, one with fixed
-    obstacles, so that sweeps and Newton's steps need not ask for ψ, and without redundant rows. If ψ fails on the way
-    to these it is the problem itself, as ψ may have values where the iterates are."""
+    """Return an equivalent problem that is easier for the methods: fixed obstacles, no redundant rows.
+
+    The obstacles can be fixed where every ψ_i depends on z_i alone, with a Lipschitz constant below 1. Sweeps and
+    Newton steps then need not evaluate ψ. If ψ fails on the way the problem itself is returned: ψ may have values where
+    the iterates are.
+    """
     with suppress(MapError), np.errstate(over="ignore", invalid="ignore"):
         return without_redundant_rows(with_fixed_obstacle(problem))
     return problem

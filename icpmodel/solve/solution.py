@@ -168,12 +168,12 @@ class Solution(ReadOnly, Plotted):
     message : str
         What went wrong, with advice.
     method, adapted_method, last_method : Method
-        The method that found z; the same with the numbers that theta1="auto" came to; and the one
-        whose end the `status` is, another one where several were tried and the last was not best.
+        The method that found z. The same with its adapted parameters, such as those of
+        theta1="auto". The method whose end is the `status`: the last of several that were tried.
     why : str
         Why `method` was chosen.
     residual, tolerance : float
-        Res_D(z), judged on the returned z, and what it was held against.
+        Res_D(z), recomputed for the returned z, and the tolerance that it is compared with.
     atol : float
         What the paper's Res(z) was held against.
     iterations : int

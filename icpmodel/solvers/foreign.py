@@ -1,7 +1,7 @@
 """Foreign solvers: the contract.
 
-To add one, define a subclass of `ForeignSolver` that has a `name`: in a file of this folder, in a module that a package
-announces as an entry point of the group "icpmodel", or in a script. It is found by that name everywhere.
+To add one, define a subclass of `ForeignSolver` with a `name`. It may be in a file of this folder, in a script, or in a
+module that a package announces as an entry point of the group "icpmodel". It is then found by that name everywhere.
 """
 
 from __future__ import annotations

@@ -25,10 +25,12 @@ from .cases import Case, fresh, uninterrupted
 
 @dataclass(frozen=True, repr=False)
 class Entry(Shown):
-    """One competitor at one `tolerance` of a race: `seconds` of each round, and among them `build` seconds to make the
-    ICP or the QP and `setup` seconds of the solver (None: not known apart); `error` in the race's measure, `residual`
-    Res_D(z)/Res_D(0), its `claim`, and whether that is `loose`: success, at a residual of more than ten times the
-    tolerance, which for a foreign solver is one of its own measure.
+    """One competitor at one `tolerance` of a race.
+
+    `seconds` are those of each round. Among them are `build` seconds to make the ICP or the QP, and `setup` seconds of
+    the solver (None: not measured separately). `error` is in the race's measure, and `residual` is Res_D(z)/Res_D(0).
+    A `claim` of success is `loose` if the residual exceeds ten times the tolerance. A foreign solver understands the
+    tolerance in a measure of its own.
     """
 
     name: str

@@ -1,7 +1,7 @@
 """Sweeps over the rows of A.
 
-A sweep makes one pass over the CSR arrays of A: it writes the next iterate to `out` and returns Res_D(z)² of the
-iterate it started from, which falls out for free; `weights` are the diagonal of D⁻¹. There is no branch per stored
+A sweep makes one pass over the CSR arrays of A. It writes the next iterate to `out` and returns Res_D(z)² of the
+iterate it started from, at no extra cost. `weights` are the diagonal of D⁻¹. There is no branch per stored
 entry: `diag[i]` splits row i of A at its diagonal entry. So the loops over the strict lower triangle and over the
 others compare no indices. ψ enters as `psi`, resolved when the loop is compiled. It is a vector ψ(z), or
 (c, indptr, indices, data) for Gz + c; with an obstacle above, an `ObstaclePair` of two such.

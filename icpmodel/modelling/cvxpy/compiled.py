@@ -72,8 +72,11 @@ class Compiled:
         return AffineRows(Z, W, constant)
 
     def moved_by(self, parameters: dict[cp.Parameter, cp.Variable], values: dict[cp.Variable, Vector]) -> sp.csr_array:
-        """The derivative of a DPP model's rows where z and w have these `values`, by the `parameters`, each of which
-        has the entries of its variable: what CVXPY has compiled for the last `rows` is linear in them."""
+        """The derivative of the rows of a DPP model by the `parameters`, where z and w have these `values`.
+
+        Each parameter has as many entries as its variable. The program that CVXPY compiled for the last `rows` is
+        linear in them.
+        """
         program = self._program
         at = np.ones(program.x.size + 1)  # the last is that of the constant
         for x, value in values.items():

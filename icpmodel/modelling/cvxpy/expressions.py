@@ -85,8 +85,11 @@ class CvxpyReading:
         return self._last
 
     def moved_by(self, rows: AffineRows) -> tuple[sp.csr_array, sp.csr_array, sp.csr_array | None]:
-        """How p, ψ and ψ̄, None where there is none, move with the values of the compiled `rows`, at an answer: there
-        r = l in each row in which ψ holds z, so that a change of ρ moves no ψ_i = z_i − (r_i − l_i)/ρ."""
+        """The derivatives of p, ψ and ψ̄ (or None) at a solution, by the values of the compiled `rows`.
+
+        At a solution r_i = l_i in each row on the obstacle. So a change of ρ does not change ψ_i = z_i − (r_i − l_i)/ρ
+        there.
+        """
         # nothing but Z says which row goes where, so that the columns of W can be the compiled rows themselves
         tagged = rows._replace(W=sp.eye_array(rows.constant.size, format="csr"))
         p, r, lower, upper = self._in_order(*self._parts(tagged))[:4]

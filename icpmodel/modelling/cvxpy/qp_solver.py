@@ -71,13 +71,13 @@ class IcpSolver(QpSolver):
 def cvxpy_solver() -> IcpSolver:
     """icpmodel as a solver for CVXPY's `Problem.solve(solver=…)`: convex quadratic and linear programs.
 
-    The conditions of optimality are an ICP, which `icpmodel.solve` solves. P is taken as semidefinite, which CVXPY has
-    checked. Duals are returned. "infeasible" and "unbounded" are proved, "infeasible_inaccurate" and
-    "unbounded_inaccurate" up to rounding. `Problem.solve` takes the options `tolerance` (1e-9: in the units of the
-    program nothing is wrong by more than that) and `time_limit` in seconds, after which the status is
-    "user_limit" and the variables have the best iterate. With `warm_start`, as by default, a problem that is solved
-    again begins with the last solution, and with what is known of its matrices.
-    Returns always the same object, by which CVXPY knows that a problem with parameters need not be compiled again.
+    The conditions of optimality are an ICP, which `icpmodel.solve` solves. CVXPY has checked that P is semidefinite.
+    Duals are returned. "infeasible" and "unbounded" are proved, "infeasible_inaccurate" and "unbounded_inaccurate" up
+    to rounding. `Problem.solve` takes the options `tolerance` and `time_limit`. With the default tolerance, 1e-9, no
+    error exceeds 1e-9 in the units of the program. After `time_limit` seconds the status is "user_limit", and the
+    variables have the values of the best iterate. With `warm_start`, the default, a further solve starts from the
+    last solution and reuses the facts about the matrices. The function always returns the same object: by it CVXPY
+    knows that a problem with parameters is compiled already.
 
     Examples
     --------

@@ -92,9 +92,9 @@ def solve_program(
     Returns
     -------
     Outcome
-        "optimal" where the judge takes the answer, "optimal_inaccurate" where it would with 1e-4; "infeasible" and
-        "unbounded", which are proved (for the latter a feasible x was computed), or with "_inaccurate" proved up to
-        rounding; "infeasible_or_unbounded"; "user_limit"; "solver_error".
+        Its status is "optimal" if the answer has the tolerance, and "optimal_inaccurate" if it has 1e-4. "infeasible"
+        and "unbounded" are proved; for the latter a feasible x was computed. With "_inaccurate" they are proved up to
+        rounding. The others are "infeasible_or_unbounded", "user_limit" and "solver_error".
     """
     begin = time.perf_counter() if begin is None else begin
     as_number(tolerance, "tolerance", above=0)

@@ -96,8 +96,10 @@ class LegacyPyomoSolver(LegacySolverWrapper, PyomoSolver):
     def _solution_handler(
         self, load_solutions: bool, model: Any, results: Results, mapped: SolverResults, point: LegacySolution
     ) -> SolverResults:
-        """As with Pyomo's older solvers the results hold the solution where it is not in the model, which notes that
-        it has one: so `pyomo solve` writes the values into its file."""
+        """Put the solution into the results if it is not loaded into the model, as Pyomo's older solvers do.
+
+        The model records that it has a solution. So `pyomo solve` writes the values into its file.
+        """
         mapped._smap_id = None
         symbols = SymbolMap()
         label = CNameLabeler()

@@ -100,8 +100,11 @@ class Ownership:
         return own
 
     def _in_r(self) -> np.ndarray:
-        """For every pair whether the variable is on the side that should become r: the nonlinear one, or else the one
-        with fewer variables, so that a bound on a single variable is a fixed obstacle."""
+        """For every pair whether the variable is on the side that should become r.
+
+        That is the nonlinear side, or else the side with fewer variables. So a bound on one variable becomes a fixed
+        obstacle.
+        """
         counts = np.array([np.bincount(side.row, minlength=self.m) for side in self.sides], dtype=float)
         counts[counts == 0] = np.inf
         wanted = self.bent | (~self.bent.any(axis=0) & (counts == counts.min(axis=0)))

@@ -4,9 +4,9 @@ Positions are unsigned (`uint`): a signed one makes numba look for a negative in
 third of a sweep. Of the fast-math flags "contract" is set, which lets a·b + c be fused, and "reassoc" where only inner
 products are summed; both leave NaN and infinities alone.
 
-Loops over the entries of a row go on by `one()`: rows have few entries, and where LLVM can count them it makes eight
-copies of such a loop, which cost up to a third of a sweep to choose from. Many entries side by side, as in full rows,
-are an inner product of two pieces of memory: a third to an eighth of the time (n = 3000 … 800).
+Loops over the entries of a row increment by `one()`, so that LLVM cannot unroll them. Rows have few entries, and the
+choice among eight unrolled copies takes up to a third of a sweep. Consecutive entries, as in full rows, are multiplied
+as an inner product of two pieces of memory. That takes a third to an eighth of the time (n = 3000 … 800).
 """
 
 from __future__ import annotations
@@ -47,9 +47,11 @@ sums = numba.njit(**_SUMS)
 
 
 class _Files(IndexDataCacheFile):
-    """numba numbers the files of a function, and processes that compile at the same time choose the same number: then
-    the index tells a third one to run what was compiled for other types. Here each has the number of its key, and is
-    there before the index names it."""
+    """numba's cache files of a function, safe against processes that compile at the same time.
+
+    numba numbers the files, and such processes may choose the same number. The index then leads a third process to code
+    that was compiled for other types. Here the number is a hash of the key, and a file is written before the index.
+    """
 
     def save(self, key: Any, data: Any) -> None:
         overloads = self._load_index()

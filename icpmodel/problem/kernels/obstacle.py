@@ -10,8 +10,11 @@ import numpy as np
 
 @lru_cache(maxsize=64)
 def entrywise(f):
-    """z ↦ (f(z_1), …, f(z_n)) for a scalar function f, which becomes a part of the code: for an argument numba looks up
-    at every call what it is, which takes longer than the loop over a small z."""
+    """z ↦ (f(z_1), …, f(z_n)) for a scalar function f.
+
+    f is compiled into the loop. As an argument, numba would look up its type at every call, which takes longer than the
+    loop over a small z.
+    """
 
     def apply(z):
         out = np.empty(z.size)

@@ -130,9 +130,11 @@ def _done(batch: Batch, begun: float) -> dict[str, Any]:
 
 
 def _by_workers(batch: Batch, make: Any) -> None:
-    """The rows of `batch` by the workers of executors that `make` makes: a new one after each that a worker broke. What
-    was still to be done goes on in halves, until a share that kills every worker is alone; that is tried once more,
-    then row by row, and at last a row is lost."""
+    """Solve the rows of `batch` with the workers of an executor from `make`, and of a new one after each that breaks.
+
+    The remaining shares of rows are then halved, until the one that kills its worker is found. It is tried once more,
+    then row by row. A row that still kills its worker is given up.
+    """
     if not callable(make):
         wanted = "a function that makes a pool was expected, such as ProcessPoolExecutor or Dask's client.get_executor"
         raise InputError(f"executor is {described(make)}; {wanted}")

@@ -96,8 +96,22 @@ class Panel:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Drawing:
-    """What is to be drawn: `panels`, the first of which says most; for a figure of them all its `size` in inches, the
-    `mosaic` of their numbers with its `layout`, the `columns` of the legend below them, and its `title`.
+    """The description of a figure.
+
+    Attributes
+    ----------
+    panels : sequence of Panel
+        The first one is the most important.
+    size : pair of float
+        Width and height of the whole figure, in inches.
+    mosaic : nested sequence of int
+        The arrangement of the panels, by their numbers.
+    layout : mapping
+        Options of the mosaic.
+    columns : int
+        Columns of the legend below the panels.
+    title : str
+        The title of the figure.
     """
 
     panels: Sequence[Panel]

@@ -113,8 +113,8 @@ def contradiction(problem: ProblemLike) -> Contradiction | None:
     Returns
     -------
     Contradiction or None
-        None where there is none, or where it is not confirmed: for other obstacles, more than 30 rows, or a linear
-        program of more than 10⁵ entries or too many iterations.
+        None if there is none, or none is confirmed. None is sought for other obstacles, for more than 30 rows, or if
+        the linear program has more than 10⁵ entries or takes too many iterations.
 
     Notes
     -----

@@ -65,11 +65,12 @@ class HPlusProof(Proof):
 
 @np.errstate(over="ignore", under="ignore")  # a v that is not positive and finite is refused
 def prove(matrix: Matrix, psi: Map) -> HPlusProof | str:
-    """Look for v: `scaling_vectors` in turn, then, where ψ needs another one, policy iteration; again in natural units.
+    """Search for v among `scaling_vectors`, then, if ψ needs another one, by policy iteration; again in natural units.
 
     The best v solves v = max(D⁻¹|B|v, Gv) + 1, B the off-diagonal part of A: in each row one of two equations. A
-    choice of rows is a linear system; its solution is positive for every choice if and only if some v serves both, and
-    grows from choice to choice (Howard's policy iteration). The signs of α and β are checked, rounding included.
+    choice of equations is a linear system. Its solution is positive for every choice if and only if some v satisfies
+    both conditions. It then grows from choice to choice (Howard's policy iteration). The signs of α and β are checked,
+    rounding included.
     """
     A = matrix.sparse
     G = psi.lipschitz

@@ -37,13 +37,14 @@ from .rounded_combination import rounded_combination
 
 @np.errstate(all="ignore")  # what overflows proves nothing
 def infeasible(problem: ProblemData, y: Vector, known: Known | None = None, *, bounded: bool = True) -> Answer:
-    """Whether `y`, or an exact y next to it, is such a combination, given what is `known`; its scale says nothing.
+    """Whether `y`, or an exact y next to it, is such a combination, given what is `known`; its scale is irrelevant.
 
-    Often Aᵀy is 0 in many rows, which floats seldom hold: tried are the simple fractions next to `y`, `y` itself, and
-    where up to 30 of its entries are not 0 the exact solution of these equations. All is checked in rational
-    arithmetic, or, where that is not to be had and `bounded`, in floats with a bound on every rounding error. Returns
-    True with the witness y, floats or fractions, and `number`, which (Az + q)ᵀy is at most, without an obstacle above
-    (q + Ac)ᵀy; else None. Where obstacles move `y` and the witness are (y, x), shape (2n,), with one above (y, x, x̄).
+    Often Aᵀy has to be 0 in many rows, which floats seldom satisfy. So three candidates are tried: simple fractions
+    next to `y`, `y` itself, and, if at most 30 of its entries are nonzero, the exact solution of these equations. They
+    are checked in rational arithmetic. Where that is too costly and `bounded`, floats with a bound on every rounding
+    error are used. The answer is True or None. Its witness is y, in floats or fractions, and `number` is an upper bound
+    of (Az + q)ᵀy; without an upper obstacle (q + Ac)ᵀy. For obstacles that move, `y` and the witness are (y, x), shape
+    (2n,), with an upper obstacle (y, x, x̄).
     """
     unknown = Answer(None, "no combination of the rows was found that contradicts itself")
     rows = CombinationRows.of(problem, known)
