@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
-from contextlib import suppress
 from typing import Any, Protocol, Self
 
 import numpy as np
@@ -12,20 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..errors import OBSTACLES, InputError, MapError, NotApplicable, check_arguments
-from ..numerics.arrays import (
-    Vector,
-    as_array,
-    as_float64,
-    as_number,
-    as_vector,
-    check_labels,
-    described,
-    norm,
-    not_finite,
-    smallest_size,
-)
-from ..numerics.rounding import SMALLEST, gamma
-from ..present.shown import Shown
+from ..numerics.arrays import Vector, as_number, as_vector, check_labels, described, not_finite
 from .affine import vertical_map
 from .facts import Facts
 from .friction import FrictionIndex
@@ -33,13 +18,14 @@ from .function import Function
 from .map import Map
 from .matrix import Matrix
 from .nonlinear_term import NonlinearTerm
-from .two_sided import TwoSidedObstacle, as_map, mid
+from .point_values import PointValues
+from .two_sided import TwoSidedObstacle, as_map
 
 #: the advice in errors about arrays given in place of a problem
 HOW_TO_BUILD = "icpmodel.ICP(A, q, psi) makes a problem of arrays, and icpmodel.ICP(A, q, psi).solve() solves it"
 
 
-class ProblemData(Shown):
+class ProblemData(PointValues):
     """A, q, f and ψ; evaluates p = Az + q + f(z), r = z − ψ(z), Res_D(z) and their rounding errors at any z.
 
     `icpmodel.ICP` is this class with the methods that users call.
@@ -67,14 +53,9 @@ class ProblemData(Shown):
     Problems that share A, or A and ψ, share the facts.
     """
 
-    __slots__ = ("__weakref__", "f", "facts", "matrix", "n", "psi", "q")
+    __slots__ = ("__weakref__", "facts")
 
-    matrix: Matrix
-    q: Vector
-    psi: Map
-    n: int
     facts: Facts
-    f: NonlinearTerm | None
 
     @check_arguments("ICP", OBSTACLES)
     def __init__(self, A: Any, q: Any, psi: Any = 0.0, upper: Any = None, f: Any = None) -> None:
@@ -275,17 +256,6 @@ class ProblemData(Shown):
         new._set(matrix, q, self.psi, None)
         return new
 
-    @property
-    def A(self) -> sp.csr_array:
-        """A as a CSR array, shape (n, n), read-only; a small dense A is converted on first use.
-
-        Examples
-        --------
-        >>> ICP([[2.0]], [1.0]).A.nnz
-        1
-        """
-        return self.matrix.sparse
-
     def dense(self) -> NDArray[np.float64]:
         """A as a dense array, shape (n, n); read-only if A was given as a dense array and n is small.
 
@@ -306,16 +276,6 @@ class ProblemData(Shown):
         3
         """
         return self.matrix.nnz
-
-    def product(self, z: Vector) -> Vector:
-        """Az, shape (n,), for z of that shape, without q and f.
-
-        Examples
-        --------
-        >>> ICP([[2.0]], [1.0]).product(np.array([3.0]))
-        array([6.])
-        """
-        return self.matrix.product(z)
 
     def __setattr__(self, name: str, value: Any) -> None:
         raise AttributeError(f"an ICP never changes; make a new one with with_q or with_psi instead of setting {name}")
@@ -356,17 +316,6 @@ class ProblemData(Shown):
         array([3.])
         """
         return self._with(self.q, as_map(psi, self.n, upper), None)
-
-    @property
-    def upper(self) -> Map | None:
-        """ψ̄, the upper obstacle, or None.
-
-        Examples
-        --------
-        >>> ICP([[2.0]], [1.0], upper=[3.0]).upper
-        Constant(3)
-        """
-        return self.psi.upper
 
     def with_upper(self, upper: Any) -> Self:
         """The problem with another `upper` obstacle, in any form that `ICP` takes, or None; the rest is shared.
@@ -412,68 +361,6 @@ class ProblemData(Shown):
         touch = (psi > upper) & (psi - upper <= 2.0 * self.rounding(z)[1])
         return self.with_sides(psi, np.where(touch, psi, upper))
 
-    def vector(self, z: Any, name: str = "z", *, finite: bool = False) -> Vector:
-        """Convert `z` to a float64 vector of shape (n,).
-
-        Every method and function that takes a z converts it here.
-
-        Parameters
-        ----------
-        z : array_like of shape (n,) or Solution
-            The point; of a `Solution` its z.
-        name : str, default "z"
-            Name of the argument in messages.
-        finite : bool, default False
-            Whether NaN and infinities are rejected.
-
-        Returns
-        -------
-        array of shape (n,)
-            The vector.
-
-        Raises
-        ------
-        InputError
-            For anything else.
-
-        Examples
-        --------
-        >>> ICP([[2.0]], [1.0]).vector([1, 2])
-        Traceback (most recent call last):
-        icpmodel.errors.InputError: z has shape (2,); shape (1,) was expected
-        """
-        array = as_array(getattr(z, "z", z), name)
-        if not finite and array.dtype == np.float64 and array.shape == (self.n,):
-            return array
-        if array.shape != (self.n,):
-            raise InputError(f"{name} has shape {array.shape}; shape ({self.n},) was expected")
-        vector = as_float64(array, name)
-        if finite and (fault := not_finite(vector, name)):
-            raise InputError(f"{fault}; a finite number was expected")
-        return vector
-
-    @np.errstate(over="ignore", under="ignore")
-    def p(self, z: Any) -> Vector:
-        """p(z) = Az + q + f(z), shape (n,).
-
-        Examples
-        --------
-        >>> ICP([[2.0]], [1.0]).p([3.0])
-        array([7.])
-        """
-        z = self.vector(z)
-        return self.product(z) + self.offset(z)
-
-    def offset(self, z: Vector) -> Vector:
-        """p(z) − Az = q + f(z), shape (n,); q itself where p is affine.
-
-        Examples
-        --------
-        >>> ICP([[2.0]], [1.0], f=np.exp).offset(np.zeros(1))
-        array([2.])
-        """
-        return self.q if self.f is None else self.q + self.f.value(z)
-
     def linearised(self, z: Any) -> Self:
         """The problem with p replaced by its tangent at z: A + f′(z) and q + f(z) − f′(z)z; itself where p is affine.
 
@@ -513,268 +400,6 @@ class ProblemData(Shown):
         if fault := not_finite(offset, "q + f(z) - f'(z)z"):
             raise MapError(f"{fault}; a finite number was expected")
         return type(self)(A, offset, self.psi)
-
-    @np.errstate(over="ignore", under="ignore")
-    def r(self, z: Any) -> Vector:
-        """r(z) = z − ψ(z), shape (n,); +inf where there is no obstacle.
-
-        Examples
-        --------
-        >>> ICP([[2.0]], [1.0], psi=-1).r([3.0])
-        array([4.])
-        """
-        z = self.vector(z)
-        return z - self.psi.value(z)
-
-    @np.errstate(over="ignore", under="ignore")
-    def r_upper(self, z: Any) -> Vector | None:
-        """z − ψ̄(z), shape (n,), −inf in rows without an upper obstacle; None if no row has one. Feasible where ≤ 0.
-
-        Examples
-        --------
-        >>> ICP([[2.0]], [1.0], upper=4).r_upper([3.0])
-        array([-1.])
-        """
-        if self.upper is None:
-            return None
-        z = self.vector(z)
-        return z - self.upper.value(z)
-
-    @np.errstate(over="ignore", invalid="ignore", under="ignore")
-    def natural_map(self, z: Any, omega: Any = 1.0) -> Vector:
-        """F_Ω(z) = min(Az + q, Ω(z − ψ(z))): zero exactly at the solutions, for every Ω > 0.
-
-        With an upper obstacle it is mid(Ω(z − ψ̄(z)), Az + q, Ω(z − ψ(z))), the median of the
-        three.
-
-        Parameters
-        ----------
-        z : array_like of shape (n,)
-            The point.
-        omega : float or array_like of shape (n,), default 1
-            The positive diagonal of Ω.
-
-        Returns
-        -------
-        array of shape (n,)
-            F_Ω(z).
-
-        Raises
-        ------
-        InputError
-            Where `omega` is not positive.
-
-        Examples
-        --------
-        >>> ICP([[2.0]], [-1.0]).natural_map([3.0], omega=0.5)
-        array([1.5])
-        """
-        omega = as_vector(omega, self.n, "omega")
-        if not (omega > 0).all():
-            raise InputError(f"omega has the entry {omega.min()}; positive numbers were expected")
-        above = self.r_upper(z)
-        return mid(self.p(z), omega * self.r(z), None if above is None else omega * above)
-
-    @np.errstate(over="ignore", invalid="ignore", under="ignore")
-    def residual(self, z: Any) -> float:
-        """Res_D(z) = ‖min(D⁻¹p(z), r(z))‖₂ with d_i = max_j |a_ij|.
-
-        Parameters
-        ----------
-        z : array_like of shape (n,)
-            The point.
-
-        Returns
-        -------
-        float
-            The residual, safe against overflow; NaN where z or ψ(z) is.
-
-        Notes
-        -----
-        The residual is a number in the units of z. Multiplication of a row of (A, q) by a positive
-        number does not change it. If z, ψ and q are multiplied by t, so is the residual. In
-        diagonally dominant rows d_i = |a_ii|. With an f, A + f′ takes the place of A: d_i is the
-        smaller of its values at z and near z = 1.
-
-        With an upper obstacle it is ‖mid(z − ψ̄(z), D⁻¹p(z), r(z))‖₂. Where ψ_i(z) > ψ̄_i(z) no z_i
-        is feasible. There the larger of |z_i − ψ_i| and |z_i − ψ̄_i| replaces the median.
-
-        Examples
-        --------
-        >>> (
-        ...     ICP([[3.0]], [-6.0]).residual([1.0]),
-        ...     ICP([[2**-30 * 3.0]], [2**-30 * -6.0]).residual([1.0]),
-        ... )
-        (1.0, 1.0)
-        """
-        z = self.vector(z)
-        psi = self.psi.value(z)
-        upper = None if self.psi.upper is None else self.psi.upper.value(z)
-        p = self.product(z) + self.offset(z)
-        return self.residual_of(p, z - psi, None if upper is None else z - upper, self.weights_at(z))
-
-    def weights_at(self, z: Vector) -> Vector:
-        """The diagonal of D⁻¹ in Res_D(z), shape (n,): the row weights of `matrix`, with an f increased by its slopes.
-
-        Examples
-        --------
-        >>> ICP([[4.0]], [1.0]).weights_at(np.zeros(1))
-        array([0.25])
-        """
-        if self.f is None:
-            return self.matrix.row_weights
-        with suppress(MapError):
-            return self.f.weights_at(self.matrix, z)
-        return self.matrix.row_weights
-
-    def residual_of(self, p: Vector, below: Vector, above: Vector | None, weights: Vector | None = None) -> float:
-        """Res_D from `p`, `below` = z − ψ and `above` = z − ψ̄, with the diagonal `weights` of D⁻¹.
-
-        By default the weights are those of the `matrix`. With an f the result is then a lower bound of Res_D.
-
-        Examples
-        --------
-        >>> ICP([[3.0]], [-6.0]).residual_of(np.array([-3.0]), np.array([1.0]), None)
-        1.0
-        """
-        return norm(mid((self.matrix.row_weights if weights is None else weights) * p, below, above))
-
-    @np.errstate(all="ignore")
-    def residual_at_0(self) -> float:
-        """Res_D(0) = ‖min(D⁻¹p(0), −ψ(0))‖₂, without a product with A.
-
-        Examples
-        --------
-        >>> ICP([[3.0]], [-6.0]).residual_at_0()
-        2.0
-        """
-        zero = np.zeros(self.n)
-        upper = self.psi.upper
-        return self.residual_of(self.offset(zero), -self.psi.value(zero), None if upper is None else -upper.value(zero))
-
-    def residual_scale(self, at_0: float | None = None) -> float:
-        """The reference of a relative tolerance: Res_D(0).
-
-        If 0 is a solution, it is the smallest nonzero number of |p_i(0)|/d_i, |ψ_i(0)| and |ψ̄_i(0)|.
-
-        Parameters
-        ----------
-        at_0 : float, optional
-            Res_D(0), if it is known.
-
-        Returns
-        -------
-        float
-            The scale; 0 where all of these numbers are 0, or ψ has no value at 0. Then `solve`
-            uses ‖z‖.
-
-        Notes
-        -----
-        By Res_D(0) ≤ ‖max(D⁻¹|A|, I + G)‖₂ ‖z*‖₂ a small share of it is small beside the solution.
-
-        Examples
-        --------
-        >>> problem = ICP([[2, -1], [-1, 2]], [-4, 3])
-        >>> (
-        ...     problem.residual_scale(),
-        ...     problem.with_q([4, 3]).residual_scale(),
-        ...     problem.with_q([0, 0]).residual_scale(),
-        ... )
-        (2.0, 1.5, 0.0)
-        """
-        with suppress(MapError):
-            at_0 = self.residual_at_0() if at_0 is None else at_0
-        if at_0 is None or not math.isfinite(at_0):
-            return 0.0
-        if at_0 > 0.0:
-            return at_0
-        zero = np.zeros(self.n)
-        psi = self.psi
-        sides = [psi.value(zero)] if psi.upper is None else [psi.value(zero), psi.upper.value(zero)]
-        with np.errstate(all="ignore"):
-            return smallest_size(self.matrix.row_weights * self.offset(zero), *sides)
-
-    def paper_residual(self, z: Any) -> float:
-        """Res(z) = ‖min(p(z), r(z))‖₂, the residual of the paper, which `atol` limits; see `residual`.
-
-        Examples
-        --------
-        >>> ICP([[3.0]], [-6.0]).paper_residual([1.0])
-        3.0
-        """
-        above = self.r_upper(z)
-        with np.errstate(over="ignore", invalid="ignore"):
-            return norm(mid(self.p(z), self.r(z), above))
-
-    @np.errstate(over="ignore", invalid="ignore", under="ignore")
-    def rounding(self, z: Any) -> tuple[Vector, Vector]:
-        """Bounds on the rounding errors of p(z) and of r(z) as computed, entry by entry.
-
-        Parameters
-        ----------
-        z : array_like of shape (n,)
-            The point.
-
-        Returns
-        -------
-        tuple of two arrays of shape (n,)
-            The bounds for p and for r.
-
-        Notes
-        -----
-        For p it is γ_k(|A||z| + |q|), 0 where |A||z| is 0. For r it is γ_k(|z| + G|z| + |ψ(z)|), 0
-        where r is infinite. With an upper obstacle as well, it is the larger of the two. Here γ_k =
-        ku/(1 − ku), u = 2⁻⁵³, k is two more than the entries of the row, and k·2⁻¹⁰⁷⁴ is added for
-        underflow. The values of ψ and f are assumed to be exact to a few u. That holds for constant
-        and affine maps.
-
-        References
-        ----------
-        Higham, Accuracy and Stability of Numerical Algorithms (2002), section 3.5.
-
-        Examples
-        --------
-        >>> for_p, for_r = ICP([[3.0]], [-6.0]).rounding([2.0])
-        >>> bool(0 < for_p[0] < 1e-14), bool(0 < for_r[0] < 1e-14)
-        (True, True)
-        """
-        z = self.vector(z)
-        psi = np.abs(self.psi.value(z))
-        if self.upper is not None:
-            above = np.abs(self.upper.value(z))
-            psi = np.where(np.isinf(psi), above, np.where(np.isinf(above), psi, np.maximum(psi, above)))
-        free = np.isposinf(psi)
-        terms = np.diff(self.A.indptr) + 2
-        psi[free] = 0.0
-        # in place: for large vectors allocation dominates the time
-        for_p = self.matrix.magnitude(z)
-        size_of_z = np.abs(z)
-        exact = for_p == 0.0
-        for_p += np.abs(self.q)
-        for_p *= gamma(terms)
-        for_p[exact] = 0.0
-        if self.f is not None:
-            for_p += self.f.rounding(self.f.value(z))
-        for_p += terms * SMALLEST
-        for_r = size_of_z + psi
-        entries: Any = 3
-        if self.psi.lipschitz is not None and self.psi.lipschitz.nnz:
-            for_r += self.psi.lipschitz @ size_of_z
-            entries = np.diff(self.psi.lipschitz.indptr) + 3
-        for_r = gamma(entries) * for_r + entries * SMALLEST
-        for_r[free] = 0.0
-        return for_p, for_r
-
-    def rounding_of_residual(self, z: Any) -> float:
-        """A bound on the rounding error of Res_D(z).
-
-        Examples
-        --------
-        >>> ICP([[3.0]], [-6.0]).rounding_of_residual([2.0]) < 1e-14
-        True
-        """
-        for_p, for_r = self.rounding(z)
-        return norm(np.maximum(self.weights_at(self.vector(z)) * for_p, for_r))
 
     @property
     def is_lcp(self) -> bool:
