@@ -16,7 +16,7 @@ from .theory.certificates import bounds, certificate
 class ICP(ProblemData):
     """An implicit complementarity problem: find z with p(z) = Az + q + f(z) ≥ 0, r = z − ψ(z) ≥ 0, pᵀr = 0.
 
-    With an obstacle above as well, ψ(z) ≤ z ≤ ψ̄(z). Then p_i ≥ 0 where z_i = ψ_i(z), p_i ≤ 0 where
+    With an upper obstacle as well, ψ(z) ≤ z ≤ ψ̄(z). Then p_i ≥ 0 where z_i = ψ_i(z), p_i ≤ 0 where
     z_i = ψ̄_i(z), and p_i = 0 in between.
 
     Parameters

@@ -32,7 +32,7 @@ INVERSE = 6.0
 
 
 def lcp_rows(facts: Facts) -> int:
-    """The rows of the LCP: two for each unknown where there are obstacles above."""
+    """The rows of the LCP: two for each unknown where there are upper obstacles."""
     return facts.matrix.n * (1 if facts.psi.upper is None else 2)
 
 
@@ -65,7 +65,7 @@ class AffineLcp:
 
     Notes
     -----
-    In the rows that are `free`, y has any sign and the inequality is an equation. An obstacle above
+    In the rows that are `free`, y has any sign and the inequality is an equation. An upper obstacle
     adds a row for each row that has it. The first rows are then Az + q + Ds ≥ 0 with D = |diag(A)|.
     Behind z, y holds s, whose rows are D(Hz + d − z) ≥ 0. So p < 0 where z is at the upper
     obstacle.

@@ -4,7 +4,7 @@ By |x − y| = x + y − 2 min(x, y) every method of the family is the one step
 
     z⁺ = z − 2 X⁻¹ F_Ω(z),        F_Ω(z) = min(Az + q, Ω(z − ψ(z))).
 
-So a method is a choice of X and Ω. With an obstacle above, F_Ω is mid(Ω(z − ψ̄(z)), Az + q, Ω(z −
+So a method is a choice of X and Ω. With an upper obstacle, F_Ω is mid(Ω(z − ψ̄(z)), Az + q, Ω(z −
 ψ(z))), the median of the three. `Operator.step` is that line; the operators of relaxation methods
 fuse it into one compiled pass over A.
 """

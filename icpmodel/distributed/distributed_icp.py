@@ -161,7 +161,7 @@ class DistributedICP(Shown):
         Returns
         -------
         tuple of arrays
-            The three vectors; the last one None without an obstacle above.
+            The three vectors; the last one None without an upper obstacle.
 
         Raises
         ------

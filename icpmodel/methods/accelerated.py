@@ -47,7 +47,7 @@ class Accelerated(Method):
     of : str or Method, optional
         A method whose iterates are those of one map: a member of the modulus family, `PSOR`, or a
         `FixedPoint` of your own. One with theta1="auto" runs with the numbers of `adapt(problem)`.
-        The default is MNMAOR(theta1="auto"). Where every ψ_i moves with its own z_i alone, and by
+        The default is MNMAOR(theta1="auto"). Where every ψ_i depends on z_i alone and changes by
         less, it is PSOR with the ω of `algebra.relaxation.relaxation`, after one Jacobi step.
     history_size : int, default 7
         Number of differences, at least 1.

@@ -1,7 +1,7 @@
 """The interior method: Newton's steps on the modulus equation with the modulus rounded off.
 
 With √(x² + 4ε²) for |x| both r = z − ψ(z) and s = p are positive and rs = ε², and ε falls. s converges to p as z does
-to the solution. r is z − ψ(z) where ψ is fixed, and converges to it where ψ moves. With an obstacle above, r and s have
+to the solution. r is z − ψ(z) where ψ is fixed, and converges to it where ψ moves. With an upper obstacle, r and s have
 a second column for ψ̄(z) − z, and s₁ − s₂ converges to p.
 
 Each step is a proximal one with its own z for centre: a multiple of W is added to A. It falls as long as the factors

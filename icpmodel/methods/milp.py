@@ -65,7 +65,7 @@ class MixedInteger(Method):
     and the z with p ≥ 0 and r ≥ 0 are bounded, linear programs give an M for each row, which is certain. Elsewhere M is
     10⁴ times that entry, and that nothing is found then proves nothing.
 
-    The objective, the sum of p and r, leads the search; the first active set ends it. With an obstacle above
+    The objective, the sum of p and r, leads the search; the first active set ends it. With an upper obstacle
     p_i ≥ −M(1 − y'_i) and s_i ≤ M y'_i, s = ψ̄ − z. An active set whose z does not solve the problem is excluded by a
     cut. An obstacle that is not affine is linearised at the last point.
 

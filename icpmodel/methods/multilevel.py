@@ -5,8 +5,8 @@ points that are not kept: A_c = PᵀAP, q_c = Pᵀ(As + q), and ψ at the points
 level starts, so that the active set there is wrong near its border only. The steps on each level are those of
 `algebra.newton_steps`.
 
-Nothing is known of a grid: A, q and ψ are all. ψ_i that moves with z_i alone is first made a fixed obstacle. Where ψ is
-an intervention, policy iteration (`Newton`) takes their place: its jumps reach too far for sweeps.
+No grid is given: the levels are made of A, q and ψ. A ψ_i that depends on z_i alone is first replaced by a fixed
+obstacle. Where ψ is an intervention, policy iteration (`Newton`) takes their place: its jumps reach too far for sweeps.
 """
 
 from __future__ import annotations

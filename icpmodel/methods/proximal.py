@@ -2,7 +2,7 @@
 
     zᵏ⁺¹ solves the LCP(A + μ_k W, q − μ_k W zᵏ),    W a positive diagonal in the units of p/z,
 
-or with an obstacle above, or obstacles that move, the problem with these.
+or with an upper obstacle, or obstacles that move, the problem with these.
 
 Newton's method on the modulus equation with Ω = (1 + μ_k)W solves each subproblem in a few steps, if μ_k is large
 enough. μ adapts: it falls after every subproblem, more so after few steps. It grows where Newton's steps do not
@@ -146,7 +146,7 @@ class ProximalPath:
 
     @np.errstate(all="ignore")
     def advance(self) -> bool:
-        """One Newton step, or False where nothing leads on."""
+        """Make one Newton step; False if no step is left."""
         whole = self.size(self.p)
         idle = self.residuals.add(whole)
         work.count(self.own_cost)

@@ -56,8 +56,8 @@ class Lemke(Shortcut):
     Notes
     -----
     **Form.** For ψ = c it is M = A and y = z − c. For ψ = Gz + c it is M = A(I − G)⁻¹ and y = (I − G)z − c. A ψ_i that
-    moves with z_i alone, and by less, is a constant (see `with_fixed_obstacle`). Rows without obstacle are eliminated
-    first. Where A is singular there, their unknowns are written as differences of two that are ≥ 0.
+    depends on z_i alone and changes by less is a constant (see `with_fixed_obstacle`). Rows without obstacle are
+    eliminated first. Where A is singular there, their unknowns are written as differences of two that are ≥ 0.
 
     **Ties** in the ratio test are broken lexicographically, so that no basis comes back. Where one does, rounding has
     hidden a tie. Then the pivots begin again with a q that is perturbed by 1e-8 of its size. The last basis is
@@ -179,7 +179,7 @@ class Tridiagonal(Shortcut):
     above it may have to follow. Runs of open rows are known by the corners of their inverse, so that two of them are
     joined at once, whatever their length. For tridiagonal M-matrices that finds the active set, but for rounding, which
     Newton's steps correct: z_i = c_i where p_i ≥ a_ii(z_i − c_i), p_i = 0 elsewhere. For other matrices it is where
-    those steps begin; they may fail, and then the method ends. So it is with an obstacle above: the pass knows the one
+    those steps begin; they may fail, and then the method ends. So it is with an upper obstacle: the pass knows the one
     below alone, and z_i = ψ̄_i where p_i < a_ii(z_i − ψ̄_i). The start z⁰ has no influence.
     Reference: Cryer, ACM Trans. Math. Softw. 9 (1983), for a direct method on tridiagonal M-matrices; Chandrasekaran,
     Opsearch 7 (1970), for rows that once open stay open.
@@ -248,7 +248,7 @@ def _shortened(problem: ProblemData, z: Vector, step: Vector, residual: float) -
 
 
 def _linearised(psi: Map, z: Vector) -> tuple[Vector, Any]:
-    """(c, G) with Gx + c for ψ near `z`: G dense, or its diagonal alone where ψ_i moves with z_i alone. Raises MapError
+    """(c, G) with Gx + c for ψ near `z`: G dense, or its diagonal alone where ψ_i depends on z_i alone. Raises MapError
     where it is not finite."""
     J = derivative(psi, z)
     if is_diagonal(J):

@@ -1,4 +1,4 @@
-"""Obstacles each of which moves with its own unknown."""
+"""Obstacles ψ_i that depend on z_i alone."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ class Facts:
 
     @cached_property
     def has_fixed_obstacle(self) -> bool:
-        """Whether every ψ_i is known to move with its own z_i alone, and by less than it: `obstacle` exists."""
+        """Whether every ψ_i is known to depend on z_i alone and to change by less: `obstacle` exists."""
         G = self.psi.lipschitz
         if self.psi.is_constant or G is None:
             return self.psi.is_constant

@@ -179,7 +179,7 @@ def chosen(psi: Map, above: Mask | None) -> Map:
 
 
 def mid(p: Vector, below: Vector, above: Vector | None = None) -> Vector:
-    """mid(z − ψ̄, p, z − ψ), the median of the three; min(p, z − ψ) without an obstacle above.
+    """mid(z − ψ̄, p, z − ψ), the median of the three; min(p, z − ψ) without an upper obstacle.
 
     Parameters
     ----------

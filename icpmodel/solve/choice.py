@@ -76,9 +76,9 @@ def select_method(problem: ProblemLike, *, rtol: float = RTOL, family: str | Non
 
     What one method solves at once goes to it:
 
-    1. At most 64 unknowns: `Lemke` where ψ is affine, or every ψ_i moves with its own z_i alone and by less; else
+    1. At most 64 unknowns: `Lemke` where ψ is affine, or every ψ_i depends on z_i alone and changes by less; else
        `Josephy`.
-    2. A tridiagonal, and every ψ_i fixed, or moving with its own z_i alone and by less: `Tridiagonal`.
+    2. A tridiagonal, and every ψ_i fixed, or dependent on z_i alone and changing by less: `Tridiagonal`.
     3. ψ an intervention: policy iteration, by `Newton` or from the coarser levels by `Multilevel`.
 
     Rows without any obstacle are equations. They are eliminated where at most √nnz rows have an obstacle, ψ is fixed,

@@ -32,7 +32,7 @@ _TIGHT, _LOOSE = 1e-4, 0.1
 _SIGMA, _MEMORY = 1e-4, 5
 #: a step is halved so many times; so many steps may pass until the least θ has fallen by a tenth
 _HALVINGS, _PATIENCE = 10, 40
-#: random starts where no step leads on, for as many unknowns as a search is made for
+#: random starts after the last step that helps, for problems small enough for a search
 _RESTARTS = 20
 #: their size, in powers of ten of the largest entry of D⁻¹p(0), ψ and z⁰, or of 1 where all are smaller
 _SMALLEST, _LARGEST = -1.0, 2.0

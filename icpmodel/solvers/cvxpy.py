@@ -52,7 +52,7 @@ def to_cvxpy(problem: ProblemLike, formulation: str = "qp") -> Any:
     "mip": p ≤ p̄b, r ≤ r̄(1 − b) with a vector b of zeros and ones, for an A of any kind. The
     certificate at z = 0 bounds |z*|, from which p̄ and r̄ follow.
 
-    Rows without an obstacle have p_i = 0 in both. Where a row also has an obstacle above, there is
+    Rows without an obstacle have p_i = 0 in both. Where a row also has an upper obstacle, there is
     a second variable v ≥ 0. Then p + v and r are one pair, v and ψ̄(z) − z another.
 
     Examples

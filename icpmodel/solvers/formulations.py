@@ -12,7 +12,7 @@ v, it makes two conditions: 0 ≤ u ⟂ r ≥ 0 and 0 ≤ v ⟂ s ≥ 0.
 
 The gap is then uᵀr + vᵀs = pᵀr + vᵀ(d − c) with u = p + v. The unknowns v ≥ 0 stand in the rows
 with two obstacles. There the two have to move alike, H = G: else vᵀ(H − G)z is not convex. In a row
-with an obstacle above alone r stands for −s, and both p and r are ≤ 0.
+with an upper obstacle alone r stands for −s, and both p and r are ≤ 0.
 
 z itself has no sign. The affine ψ stays in the constraints: A(I − G)⁻¹ would be dense. For a ψ that
 is not constant there is another problem, with its *frozen obstacle* c = ψ(z), z the answer under
@@ -123,7 +123,7 @@ class Target(Shown):
 
     @cached_property
     def d(self) -> Vector | None:
-        """d of ψ̄(z) = Hz + d, shape (n,); +inf in rows without an obstacle above, None where no row has one."""
+        """d of ψ̄(z) = Hz + d, shape (n,); +inf in rows without an upper obstacle, None where no row has one."""
         if self.problem.upper is None:
             return None
         assert self.problem.upper.linear is not None

@@ -65,7 +65,7 @@ _BY_DIAGONAL = (
     "psor",
 )
 
-#: scenes with an obstacle above
+#: scenes with an upper obstacle
 TWO_SIDED = [name for name in scenes.names() if scenes.scene(name, SIZES.get(name)).problem.upper is not None]
 
 #: scenes with nonlinear p whose rows are known to increase, and the methods that take these

@@ -147,7 +147,7 @@ def test_infeasibility_between_fixed_obstacles_is_proved_and_true(seed):
 
 
 def test_a_sign_of_p_is_wrong_where_no_obstacle_pushes_that_way():
-    """p < 0 asks for an obstacle above, p > 0 for one below; and z may be beyond either."""
+    """p < 0 asks for an upper obstacle, p > 0 for one below; and z may be beyond either."""
     problem = icp.ICP(np.eye(4), np.zeros(4), [0.0, -np.inf, -np.inf, 0.0], upper=[np.inf, 5.0, np.inf, 5.0])
     for z, of_p, of_r in (
         ([-3.0, 0.0, 0.0, 0.0], 3.0, 3.0),

@@ -156,7 +156,7 @@ class Batch:
 
     @property
     def together(self) -> bool:
-        """Whether compiled code may take the rows together: the kind of ψ, and which rows have an obstacle above, are
+        """Whether compiled code may take the rows together: the kind of ψ, and which rows have an upper obstacle, are
         the same, and A is as well, or small."""
         problems = self.stated.problems
         if (self.maps is not None and self.obstacles is None) or (

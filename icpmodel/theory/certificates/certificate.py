@@ -44,7 +44,7 @@ class Certificate(Shown):
 
     Notes
     -----
-    With an obstacle above, the median with z − ψ̄ replaces the minimum. `violation_p` is then the
+    With an upper obstacle, the median with z − ψ̄ replaces the minimum. `violation_p` is then the
     largest of −p in rows without obstacle above and of p in rows without one below. `violation_r`
     is how far z is beyond either obstacle.
 
@@ -159,7 +159,7 @@ class ActiveSet(ReadOnly, Shown):
     active : mask of shape (n,)
         Rows at the obstacle below.
     inactive : mask of shape (n,)
-        Rows off it; with an obstacle above, off both.
+        Rows off it; with an upper obstacle, off both.
     above : mask of shape (n,) or None
         Rows at the obstacle above (p* < 0, z* = ψ̄); None where there is none.
 

@@ -22,7 +22,7 @@ and its inverse are Lipschitz, and F is a homeomorphism of Rⁿ.
 ‖g‖ takes a y near H⁻¹g: ‖g‖ ≤ √(yᵀHy) + ‖g − Hy‖₂/√λ for every y. Without it the curvature of an
 error, which A multiplies by λ_max, would be divided by λ_min.
 
-With an obstacle above, a row may as well have p' ≤ 0 and z' = ψ̄, w = z − ψ̄ and u = max(p, 0).
+With an upper obstacle, a row may as well have p' ≤ 0 and z' = ψ̄, w = z − ψ̄ and u = max(p, 0).
 Then B = I − G where ψ̄ = Gz + c̄ moves alike, B = I where it moves in another way. Take any two
 points with p ≥ 0 at ψ, p ≤ 0 at ψ̄ and p = 0 in between, and ψ ≤ ψ̄ at both. Then no term (p' −
 p*)(Be − w − g) is positive. Here |g| ≤ L|x − y| is the move of ψ or of ψ̄, or a number between

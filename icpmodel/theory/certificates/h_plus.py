@@ -10,7 +10,7 @@ Proof: rows of p and of r may be scaled, so take F = min(α⁻¹p, β⁻¹r). F(
 maps v above 1. No other scaling of the rows gives less: |min(sp, r)|/min(sα, β) is smallest at s =
 β/α. Rows without obstacle have Θ_i = 1.
 
-With an obstacle above, let |ψ̄(x) − ψ̄(y)| ≤ G|x − y| too. F is the median mid(β⁻¹(z − ψ̄), α⁻¹p,
+With an upper obstacle, let |ψ̄(x) − ψ̄(y)| ≤ G|x − y| too. F is the median mid(β⁻¹(z − ψ̄), α⁻¹p,
 β⁻¹r). Its differences are means of the three, as those of min are of the two, and the rest of the
 proof stays. As F has one zero, there is one solution if ψ ≤ ψ̄ there.
 

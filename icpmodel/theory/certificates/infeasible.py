@@ -6,12 +6,12 @@ must be 0.
 
 For some unknowns an interval may be known that contains every solution. Then (Aᵀy)_j z_j is at most
 its largest value there, whatever the sign of (Aᵀy)_j. That proves that no z solves the problem,
-though one may have p ≥ 0 and r ≥ 0. An obstacle above, ψ̄ = c̄, is such an interval: z ≤ c̄. In
+though one may have p ≥ 0 and r ≥ 0. An upper obstacle, ψ̄ = c̄, is such an interval: z ≤ c̄. In
 rows that have it nothing is known of p ≥ 0, so y_i ≤ 0 there. y_i = 0 where there is one below as
 well. Then (Az + q)ᵀy ≥ 0 at every solution as before.
 
 For ψ(z) = Gz + c the rows of r get weights as well: x, y ≥ 0, Aᵀy + (I − G)ᵀx = 0 and qᵀy − cᵀx <
-0. With an obstacle above that moves, its rows z − ψ̄ ≤ 0 get weights ≤ 0. No entry of I − G is
+0. With an upper obstacle that moves, its rows z − ψ̄ ≤ 0 get weights ≤ 0. No entry of I − G is
 rounded.
 
 References

@@ -1,6 +1,6 @@
 """The proximal point theorem: monotone A and a fixed obstacle are enough for convergence to a solution.
 
-**proximal.** Let xᵀAx ≥ 0 for all x, ψ = c, and ψ̄ = c̄ ≥ c where there is an obstacle above. Let W
+**proximal.** Let xᵀAx ≥ 0 for all x, ψ = c, and ψ̄ = c̄ ≥ c where there is an upper obstacle. Let W
 be a positive diagonal and 0 < μ_k ≤ μ. Let z^{k+1} solve the LCP(A + μ_k W, q − μ_k W z^k), or with
 c̄ the problem with both obstacles. Let N be the normal cone of z ≥ c, or of c ≤ z ≤ c̄. In the norm
 ‖x‖² = xᵀWx the map z ↦ W⁻¹(Az + q + N(z)) is maximal monotone, and its zeros are the solutions. The

@@ -21,7 +21,7 @@ The bound is attained. Let A be a Z-matrix, ψ = Gz + c, ω ≤ 1 and z − y = 
 both sweeps take in every row the side of the maximum that w takes. (Gw)_i in place of (Gv)_i would
 be wrong, and so would v_j in place of w_j where w_j > v_j.
 
-With an obstacle above, z_i⁺ is the minimum of ψ̄_i(z) and that maximum. |min(a, b) − min(c, d)| has
+With an upper obstacle, z_i⁺ is the minimum of ψ̄_i(z) and that maximum. |min(a, b) − min(c, d)| has
 the same bound as for two maxima. So with |ψ̄(x) − ψ̄(y)| ≤ G|x − y| all stays, with the remarks of
 `conditions` on two obstacles.
 

@@ -37,7 +37,7 @@ from .h_matrix import by_row_sums, irreducible_blocks
 LIMIT = 26  #: irreducible blocks up to this size are decided by all of their minors: a second or two
 _RATIONAL = 10  #: rows up to which all minors are computed in rational arithmetic: a tenth of a second
 _MINOR = 15.0  #: nanoseconds that a minor takes
-_PAIRS = 1000  #: at most so many nearly singular pairs are looked at in rational arithmetic
+_PAIRS = 1000  #: at most so many nearly singular pairs are checked in rational arithmetic
 
 Indices = NDArray[np.intp]
 
