@@ -145,12 +145,7 @@ def solve(
         pivots = pivoted(problem, limits)
         if pivots is not None:
             return _logged(pivots)
-    if z0 is not None:
-        start = problem.vector(z0, "z0", finite=True).copy()
-    else:
-        start = np.zeros(problem.n)
-        if problem.f is not None and problem.facts.has_fixed_obstacle:  # beyond them f may have no value
-            start = np.clip(start, problem.facts.obstacle, problem.facts.upper_obstacle)
+    start = _starting_point(problem, z0)
     with limits.enforced():
         named_method = _named(method, problem, options)
         run = _run(problem, start, limits, follows_theorems=method is not None, **shown)
@@ -193,6 +188,16 @@ def _run_all(run: Run, method: Method | None, family: str | None) -> None:
     run_methods(run, climb(run, run.problem, family))
     if family is None:
         search(run, run_methods)
+
+
+def _starting_point(problem: ProblemData, z0: Any) -> Vector:
+    """A copy of `z0`; by default 0, and where p is nonlinear the point next to 0 between fixed obstacles."""
+    if z0 is not None:
+        return problem.vector(z0, "z0", finite=True).copy()
+    start = np.zeros(problem.n)
+    if problem.f is not None and problem.facts.has_fixed_obstacle:  # beyond them f may have no value
+        start = np.clip(start, problem.facts.obstacle, problem.facts.upper_obstacle)
+    return start
 
 
 def _options() -> list[str]:
