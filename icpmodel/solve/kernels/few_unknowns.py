@@ -19,6 +19,31 @@ _NOT_EMPTY = 1e-140
 
 
 @partial(compiled, exact=True)
+def _squared_residuals(M, q, c, z, weights):
+    # Res_D(z)² and the square of its scale, NaN where a row counts as empty; the `weights` are set
+    squares = 0.0
+    squares_0 = 0.0
+    least = np.inf
+    for i in range(q.size):
+        p = q[i]
+        largest = 0.0
+        for j in range(q.size):
+            p += M[i, j] * z[j]
+            largest = max(largest, abs(M[i, j]))
+        if largest < _NOT_EMPTY:
+            return np.nan, np.nan
+        weights[i] = 1.0 / largest
+        squares += min(weights[i] * p, z[i] - c[i]) ** 2
+        squares_0 += min(weights[i] * q[i], -c[i]) ** 2
+        for size in (abs(weights[i] * q[i]), abs(c[i])):
+            if 0.0 < size < least:
+                least = size
+    if squares_0 == 0.0 and least < np.inf:
+        squares_0 = least * least
+    return squares, squares_0
+
+
+@partial(compiled, exact=True)
 def solve_few(M, q, c, rtol, limit):
     # (z, Res_D(z), its tolerance) for the LCP of M and q over the obstacle c: NaN where it is for others to judge
     n = q.size
@@ -29,25 +54,7 @@ def solve_few(M, q, c, rtol, limit):
     many(S, r, units, M, Q, C, limit, Z)
     z = Z[0]
     weights = np.empty(n)
-    squares = 0.0
-    squares_0 = 0.0
-    least = np.inf
-    for i in range(n):
-        p = q[i]
-        largest = 0.0
-        for j in range(n):
-            p += M[i, j] * z[j]
-            largest = max(largest, abs(M[i, j]))
-        if largest < _NOT_EMPTY:
-            return z, np.nan, np.nan
-        weights[i] = 1.0 / largest
-        squares += min(weights[i] * p, z[i] - c[i]) ** 2
-        squares_0 += min(weights[i] * q[i], -c[i]) ** 2
-        for size in (abs(weights[i] * q[i]), abs(c[i])):
-            if 0.0 < size < least:
-                least = size
-    if squares_0 == 0.0 and least < np.inf:
-        squares_0 = least * least
+    squares, squares_0 = _squared_residuals(M, q, c, z, weights)
     if not _SAFE < squares_0 < 1.0 / _SAFE or not squares < 1.0 / _SAFE:
         return z, np.nan, np.nan
     residual = np.full(1, math.sqrt(squares))
