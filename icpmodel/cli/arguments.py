@@ -113,7 +113,7 @@ def from_signature(function: Callable[..., Any], *names: str) -> list[Decorator]
     """An option for each of the named parameters, with the type, the default and the description that it has."""
     known = inspect.signature(function).parameters
     descriptions = _descriptions(function)
-    return [_option(known[name], descriptions[name]) for name in names]
+    return [_option(known[name], descriptions.get(name, "")) for name in names]
 
 
 def _descriptions(function: Callable[..., Any]) -> dict[str, str]:
