@@ -32,6 +32,7 @@ import icpmodel as icp
 
 DRIFTS = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7)
 ERROR, TRUE, START = 0.01, (0.05, 0.3), (0.12, 0.2)  # (c, sigma)
+# ERROR from 0.001 to 0.05
 RATE, WORTH, n, LENGTH = 0.2, 1 / 1.2, 121, 1.5
 x = np.linspace(0.0, LENGTH, n)
 h = x[1]
