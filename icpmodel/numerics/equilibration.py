@@ -21,8 +21,6 @@ Exponents = NDArray[np.int64]
 _TAME = 30
 #: least squares this far from the optimum still bring every entry into range
 _STEPS = 60
-#: so often rows and columns take their geometric means in turn
-_MEANS = 50
 #: below the exponent of every float
 _NONE = -(2**20)
 #: weights go half the way to where rows are balanced so often at the most, 2^200 takes all, and so far do their roots
@@ -54,18 +52,6 @@ def equilibrated(X: Any) -> tuple[Any, Exponents, Exponents]:
 def symmetric_exponents(diagonal: Vector) -> Exponents:
     """Whole e with 2^(2e_i)d_i between 1/2 and 2 for the entries d_i > 0 of `diagonal`, and e_i = 0 else."""
     return -np.rint(np.log2(np.where(diagonal > 0, diagonal, 1.0)) / 2).astype(np.int64)
-
-
-def mean_exponents(X: NDArray[np.float64]) -> Exponents:
-    """For the columns of a dense `X`: with others for its rows, the mean of log₂|x_ij| nears 0 in rows and columns."""
-    there = X != 0
-    logarithm = np.log2(np.abs(X), out=np.zeros(X.shape), where=there)
-    in_row, in_column = (np.maximum(there.sum(axis=axis), 1) for axis in (1, 0))
-    columns = np.zeros(X.shape[1])
-    for _ in range(_MEANS):
-        rows = -((logarithm + columns) * there).sum(axis=1) / in_row
-        columns = -((logarithm + rows[:, None]) * there).sum(axis=0) / in_column
-    return np.rint(columns).astype(np.int64)
 
 
 def natural_exponents(A: sp.csr_array) -> tuple[Exponents, Exponents]:

@@ -29,16 +29,16 @@ def exact_sum(entries: Any) -> Fraction | float:
         return sum(map(Fraction, np.asarray(entries).tolist()), Fraction(0))
 
 
-def eliminate(M: Rationals, order: Sequence[int], rest: Sequence[int] = ()) -> int | None:
-    """Gaussian elimination in place, diagonal pivots in the `order` given, on the rows and columns `order` and `rest`.
+def eliminate(M: Rationals, order: Sequence[int]) -> int | None:
+    """Gaussian elimination in place, diagonal pivots in the `order` given, on the rows and columns `order`.
 
     Stops at the first pivot ≤ 0 and returns its place in `order`: the minor of the indices up to there is ≤ 0, those
-    before it are positive. Returns None where all are positive; `M` then holds the Schur complement in `rest`.
+    before it are positive. Returns None where all are positive.
     """
     for step, k in enumerate(order):
         if M[k][k] <= 0:
             return step
-        subtract_row(M, k, [*order[step + 1 :], *rest])
+        subtract_row(M, k, order[step + 1 :])
     return None
 
 

@@ -54,8 +54,6 @@ class Costs(NamedTuple):
     full_entry: float = 0.2
     #: an operation on vectors, per unknown
     vector: float = 0.3
-    #: a product of sparse matrices, per multiplication
-    sparse_flop: float = 4.0
     #: a sparse factorisation, its ordering included: per row, per entry of the factors, per multiplication; and a solve
     #: with them, per entry
     factor_row: float = 750.0

@@ -23,8 +23,6 @@ _SAME = 1e-13
 #: what a row without entries counts as, and the least that 1/d_i is made of
 _EMPTY = 2.0**-520
 _LEAST = 2.0**-1000
-#: a sum of a dominant row, rounding included
-_DOMINANT = 1.0 + 1e-12
 
 
 class Rows(NamedTuple):
@@ -227,11 +225,6 @@ class Matrix(ReadOnly):
         with np.errstate(over="ignore"):
             bound = float((self.rows.rest / self.rows.diagonal).max())
         return bound if bound <= SMALL_RADIUS else radius_of(couplings(self.sparse))
-
-    @cached_property
-    def is_dominant(self) -> bool:
-        """Whether Σ_{j≠i}|a_ij| ≤ |a_ii| in every row."""
-        return bool((self.rows.rest <= _DOMINANT * np.abs(self.rows.diagonal)).all())
 
     @cached_property
     def coupled_radius(self) -> float:
