@@ -13,6 +13,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -58,13 +60,17 @@ class AOROperator(Operator):
     A: sp.csr_array
     tau: float
 
+    @cached_property
+    def _diag(self) -> Any:
+        return diagonal_positions(self.A)
+
     def solve(self, f: Vector) -> Vector:
         from .kernels.sweeps import substitute
 
         A = self.A
         out = np.empty(f.size)
         work.count(work.product(f.size, A.nnz))
-        substitute(A.indptr, diagonal_positions(A), A.indices, A.data, self.tau, self.inverse, f, out)
+        substitute(A.indptr, self._diag, A.indices, A.data, self.tau, self.inverse, f, out)
         return out
 
     def step(self, problem: ProblemData, omega: Vector) -> Step:
