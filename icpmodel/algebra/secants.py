@@ -26,6 +26,7 @@ from ..numerics.arrays import Vector
 from ..numerics.rounding import UNIT_ROUNDOFF
 from ..problem.data import ProblemData
 from ..problem.matrix import Matrix
+from ..problem.nonlinear_term import NonlinearTerm
 from .steps import Step
 
 #: the share of p_i that may be left at t, and the halvings of the interval that t is in
@@ -62,17 +63,23 @@ def secant_step(problem: ProblemData, step_of: Callable[[ProblemData], Step]) ->
     """The step that `step_of` makes for affine problems, with the slopes of `problem` at each z."""
 
     def step(z: Vector) -> tuple[Vector, float]:
-        p = problem.product(z) + problem.offset(z)
-        moved, _ = step_of(secant_problem(problem, p, z))(z)
+        affine, p = secant_problem(problem, z)
+        moved, _ = step_of(affine)(z)
         return moved, problem.residual_of(p, problem.r(z), problem.r_upper(z), problem.weights_at(z))
 
     return step
 
 
-def secant_problem(problem: ProblemData, p: Vector, z: Vector) -> ProblemData:
-    """The affine problem with the mean slopes of f at `z`, where `p` is known."""
-    slopes = _mean_slopes(problem, p, z)
-    return with_slopes(problem, slopes, problem.offset(z) - slopes * z)
+def secant_problem(problem: ProblemData, z: Vector) -> tuple[ProblemData, Vector]:
+    """The affine problem with the mean slopes of f at `z`, and p(z); f is evaluated once at `z`."""
+    f = problem.f
+    assert f is not None
+    value = f.value(z)
+    with np.errstate(over="ignore", under="ignore"):
+        offset = problem.q + value
+        p = problem.product(z) + offset
+    slopes = _mean_slopes(problem, f, z, value, p)
+    return with_slopes(problem, slopes, offset - slopes * z), p
 
 
 def with_slopes(problem: ProblemData, slopes: Vector, q: Vector) -> ProblemData:
@@ -84,12 +91,12 @@ def with_slopes(problem: ProblemData, slopes: Vector, q: Vector) -> ProblemData:
     return problem.with_matrix(matrix, q)
 
 
-def _mean_slopes(problem: ProblemData, p: Vector, z: Vector) -> Vector:
-    """The mean slopes of f between `z` and the zeros of the rows, where Newton's step is not near to them."""
-    f = problem.f
-    assert f is not None
+def _mean_slopes(problem: ProblemData, f: NonlinearTerm, z: Vector, here: Vector, p: Vector) -> Vector:
+    """The mean slopes of f between `z`, where f is `here`, and the zeros of the rows.
+
+    Where Newton's step is near to these the slopes of f at `z` are taken.
+    """
     diagonal = problem.matrix.rows.diagonal
-    here = f.value(z)
     slopes = f.slopes(z)
     t = z - p / (diagonal + slopes)
     first = z

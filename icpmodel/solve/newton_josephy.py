@@ -156,7 +156,7 @@ class _Search:
     def _affine(self) -> ProblemData:
         z = self.here.z
         if why_not_rows(self.problem) is None:
-            return secant_problem(self.problem, self.problem.p(z), z)
+            return secant_problem(self.problem, z)[0]
         return self.problem.linearised(z)
 
     def _solved(self, linear: ProblemData) -> Vector | None:
