@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from . import work
 from .arrays import Vector, row_of
-from .fill import SymbolicAnalysis, ordered, predicted_fill, signs_of_symmetry
+from .fill import SymbolicAnalysis, ordered, signs_of_symmetry
 from .symmetric_factors import Symmetric
 from .threads import one_blas_thread, run_with_deadline
 
@@ -134,7 +134,7 @@ def factorise(
     if triangles or not definite:
         return _by_superlu(matrix, analysis, definite)
     signs = analysis.signs if analysis.matrix is matrix else signs_of_symmetry(matrix)
-    if signs is None or not (fill := _fill_of(matrix, analysis, symmetric=True)).symmetric:
+    if signs is None or not (fill := _fill_of(analysis, symmetric=True)).symmetric:
         return _by_superlu(matrix, analysis, definite)
     factors = Symmetric(matrix, fill, signs).factors(matrix.data)
     return factors if factors is not None and factors.pivots.min() > 0.0 else None
@@ -223,7 +223,7 @@ def _by_superlu(matrix: sp.csr_array, analysis: SymbolicAnalysis, diagonal_pivot
             return None
         matrix = sp.csr_array(matrix[rows])
         analysis = SymbolicAnalysis(matrix)
-    lu = _superlu(matrix, _fill_of(matrix, analysis), diagonal_pivots)
+    lu = _superlu(matrix, _fill_of(analysis), diagonal_pivots)
     return None if lu is None else Factors(lu, rows)
 
 
@@ -252,10 +252,10 @@ def _superlu(matrix: sp.csr_array, fill: work.Fill, diagonal_pivots: bool, order
     return None if diagonal_pivots and not np.array_equal(lu.perm_r, lu.perm_c) else lu
 
 
-def _fill_of(matrix: sp.csr_array, analysis: SymbolicAnalysis, symmetric: bool = False) -> work.Fill:
-    """The fill of a matrix with the pattern of the `analysis`; raises OutOfTime and OutOfMemory as `factorise`."""
+def _fill_of(analysis: SymbolicAnalysis, symmetric: bool = False) -> work.Fill:
+    """The fill of matrices with the pattern of the `analysis`; raises OutOfTime and OutOfMemory as `factorise`."""
     work.check_budget(work.factor_cost(analysis.fill))
-    fill = analysis.complete or predicted_fill(matrix, symmetric)
+    fill = analysis.complete
     work.check_budget(memory=_BYTES * fill.entries)
     return fill._replace(symmetric=symmetric and fill.symmetric)
 

@@ -144,17 +144,19 @@ class SymbolicAnalysis:
             return Fill(n, float(n) ** 2, float(n) ** 3 / 3.0, True)
         return self.band if self.is_band or self._sparse is None else self._sparse
 
-    @property
-    def complete(self) -> Fill | None:
-        """The fill of a sparse factorisation, None where it has not been seen to the end."""
-        return self._sparse if self._sparse is not None and self._sparse.seen else None
+    @cached_property
+    def complete(self) -> Fill:
+        """The fill of a sparse factorisation, seen to the end; `fill` stays as rough as it is."""
+        if self._sparse is not None and self._sparse.seen:
+            return self._sparse
+        return predicted_fill(self.matrix, self.signs is not None)
 
     def to_the_end(self) -> SymbolicAnalysis:
         """This one where its fill is exact, or another one of which it is."""
         if self.fill.seen:
             return self
         whole = SymbolicAnalysis(self.matrix, self._known_symmetry)
-        whole._sparse = predicted_fill(self.matrix, self.signs is not None)
+        whole._sparse = self.complete
         return whole
 
     def band_costs_more(self, most: float) -> bool:
