@@ -1,6 +1,6 @@
 """Certified bounds on |z − z*|, from the first proof of uniqueness that succeeds.
 
-`error_bound` tries the proofs of `shared_proofs`, the cheapest first. A `Proof` turns the residuals p and r at z, with
+`error_bound` tries the proofs of `proofs_for`, the cheapest first. A `Proof` turns the residuals p and r at z, with
 their rounding errors, into a bound δ(z) ≥ |z − z*|. A better point ẑ sharpens it: |z − z*| ≤ |z − ẑ| + δ(ẑ).
 """
 
