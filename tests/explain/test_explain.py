@@ -199,7 +199,7 @@ def test_a_thorough_page_leaves_nothing_open_for_want_of_work():
 
 
 def test_what_overflows_in_an_eigenvalue_iteration_is_no_foreign_exception_and_prints_nothing(capfd):
-    """LAPACK, below ARPACK, prints what it thinks of infinities; ARPACK raises where it cannot begin."""
+    """Neither LAPACK's complaints about infinities nor its exceptions leave the package."""
     assert "solution" in str(built("hard-scaled").explain())
     assert capfd.readouterr() == ("", "")
 

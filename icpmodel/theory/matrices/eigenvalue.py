@@ -18,7 +18,7 @@ from ...numerics.threads import one_blas_thread
 
 #: shares of the estimated eigenvalue that are tried as a bound; the first one does unless rounding is felt
 _SHARES = (0.99, 0.9, 0.5)
-#: up to so many rows dense factorisations are the quicker ones for all, and for those with many entries
+#: up to so many rows dense factorisations are the quicker ones whatever the pattern
 _DENSE = 64
 _SECONDS = 5e9  #: what a factorisation may cost, in nanoseconds as they are counted
 _TRIDIAGONAL = 4  #: to make a dense matrix tridiagonal takes about as long as so many factorisations
