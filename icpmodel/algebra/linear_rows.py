@@ -134,6 +134,11 @@ class LinearRows:
         yield self.S, np.where(above, -self.d, 0.0), -1.0, (sides != UPPER) & above
 
 
+def has_linear_pieces(problem: ProblemData) -> bool:
+    """Whether every obstacle of `problem` is constant or affine."""
+    return problem.psi.linear is not None and (problem.upper is None or problem.upper.linear is not None)
+
+
 def piece_count(problem: ProblemData) -> float:
     """The number of linear pieces of `problem`, infinite beyond floats."""
     zero = np.zeros(problem.n)

@@ -20,7 +20,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..algebra.equations import pattern_at
-from ..algebra.linear_rows import FREE, LOWER, UPPER, piece_count
+from ..algebra.linear_rows import FREE, LOWER, UPPER, has_linear_pieces, piece_count
 from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
 from .matrices.classes import MatrixClasses
@@ -70,7 +70,7 @@ def known_of_solutions(problem: ProblemData, classes: MatrixClasses, z: Vector |
     if face is not None:
         along = ", ".join(listed(direction) for direction in face.directions)
         yield f"z may move along {along} without leaving the solutions, as far as no sign changes"
-    if _has_linear_pieces(problem) and piece_count(problem) <= _FEW_PIECES:
+    if has_linear_pieces(problem) and piece_count(problem) <= _FEW_PIECES:
         found = all_solutions(problem)
         points = [*found.points, *(one.point for one in found.faces)]
         if not points:
@@ -89,7 +89,7 @@ def face_at(problem: ProblemData, z: Vector) -> Face | None:
     >>> face_at(ICP([[1, 1], [1, 1]], [-2, -2]), np.ones(2)).directions
     array([[-1.,  1.]])
     """
-    if problem.f is not None or problem.n > _FEW_UNKNOWNS or not _has_linear_pieces(problem):
+    if problem.f is not None or problem.n > _FEW_UNKNOWNS or not has_linear_pieces(problem):
         return None
     pattern = pattern_at(problem, z)
     sides = np.where(pattern.active, LOWER, FREE)
@@ -97,7 +97,3 @@ def face_at(problem: ProblemData, z: Vector) -> Face | None:
         sides[pattern.above] = UPPER
     found = ExactRows(problem).solve(sides)
     return found.rounded() if found is not None and found.directions else None
-
-
-def _has_linear_pieces(problem: ProblemData) -> bool:
-    return problem.psi.linear is not None and (problem.upper is None or problem.upper.linear is not None)

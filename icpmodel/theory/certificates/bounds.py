@@ -17,6 +17,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from ...algebra.linear_rows import has_linear_pieces
 from ...errors import MapError, OutOfTime
 from ...numerics import work
 from ...numerics.arrays import ReadOnly, Vector, as_number, as_truth, not_finite
@@ -368,7 +369,7 @@ class Proofs:
 
     def enumerated(self, problem: ProblemData) -> Iterator[Proof | str]:
         """The proof for few unknowns, which bounds |z − z*| only; none if an obstacle is not affine."""
-        if self.psi.linear is not None and (self.psi.upper is None or self.psi.upper.linear is not None):
+        if has_linear_pieces(problem):
             yield self._proof_with_q(problem, prove_enumerated)
 
     def _proof_with_q(self, problem: ProblemData, prove: Callable[[ProblemData], Proof | str]) -> Proof | str:
