@@ -80,6 +80,10 @@ class CombinationRows:
         """The unknowns of which neither end is known."""
         return np.isneginf(self.low) & np.isposinf(self.high)
 
+    def with_known_signs(self, y: Vector) -> Vector:
+        """The weights `y` with 0 for those whose sign a combination may not have."""
+        return np.where((self.rises & (y > 0.0)) | (self.falls & (y < 0.0)), y, 0.0)
+
     @cached_property
     def matrix(self) -> sp.csr_array:
         """M, where 1 − g_ii is rounded."""

@@ -50,7 +50,7 @@ def infeasible(problem: ProblemData, y: Vector, known: Known | None = None, *, b
     rows = CombinationRows.of(problem, known)
     if rows is None or y.size != rows.offset.size or not np.isfinite(y).all():
         return unknown
-    y = np.where((rows.rises & (y > 0.0)) | (rows.falls & (y < 0.0)), y, 0.0)
+    y = rows.with_known_signs(y)
     largest = abs(rows.matrix).max(axis=1).toarray().reshape(-1)
     size = np.where(largest > 0.0, largest, np.where(rows.offset != 0.0, np.abs(rows.offset), 1.0))
     # row i times 2^exponent_i has entries of about 1, and the weight share_i in these units

@@ -53,7 +53,7 @@ def _share(problem: ProblemData, y: Vector) -> float:
     if rows is None:
         return np.inf
     root = np.sqrt(problem.matrix.proximal_weights)
-    y = np.where((rows.rises & (y > 0.0)) | (rows.falls & (y < 0.0)), y, 0.0)
+    y = rows.with_known_signs(y)
     columns = (problem.A.T @ y) / root
     ends = root * np.where(columns > 0.0, rows.high, rows.low)
     open_ = np.isinf(ends)
@@ -61,7 +61,7 @@ def _share(problem: ProblemData, y: Vector) -> float:
     shown = -(inner(problem.q, y) + inner(columns, ends))
     if not shown > ZERO * (inner(np.abs(problem.q), np.abs(y)) + inner(np.abs(columns), np.abs(ends))):
         return np.inf
-    return float(np.abs(columns[open_]).max(initial=0.0)) / shown if shown > 0.0 else np.inf
+    return float(np.abs(columns[open_]).max(initial=0.0)) / shown
 
 
 def least_violation(problem: ProblemData) -> tuple[ProblemData, Mask]:
