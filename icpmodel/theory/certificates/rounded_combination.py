@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 
 from ...numerics import work
 from ...numerics.arrays import Mask, Vector
@@ -38,7 +39,7 @@ def rounded_combination(rows: CombinationRows, y: Vector, exponents: Exponents) 
     moved = np.zeros(y.size)
     if is_open.any():
         signed = ~(rows.rises & rows.falls)[used]
-        found = _moves(K[:, is_open].toarray().T, y, signed, (np.abs(columns) + off)[is_open], loss)
+        found = _moves(K[:, is_open], y, signed, (np.abs(columns) + off)[is_open], loss)
         if found is None:
             return None
         moved = found
@@ -70,19 +71,22 @@ def _bounded(rows: CombinationRows, columns: Vector, off: Vector) -> Mask:
     return (columns - off >= 0) & has_high | (columns + off <= 0) & has_low | has_low & has_high
 
 
-def _moves(N: Any, y: Vector, signed: Mask, wrong: Vector, loss: float) -> Vector | None:
+def _moves(columns: sp.csr_array, y: Vector, signed: Mask, wrong: Vector, loss: float) -> Vector | None:
     """By how much, at most, each entry of `y` is moved so that Nx = 0, where Ny is `wrong` by that much at most.
+
+    `columns` is Nᵀ, dense only where the work and memory limits allow it.
 
     None where that is not known, or where the sign of a `signed` entry may change.
     """
     from scipy.linalg import qr
 
-    k, m = N.shape
+    m, k = columns.shape
     cost = _PIVOTED * float(k) * k * m
     if k > m or cost > min(_LONGEST, work.nanoseconds_left()) or not work.fits(24.0 * k * m):
         return None
     work.count(cost)
     weights = np.where(signed, np.abs(y) / np.abs(y).max(), 1.0)
+    N: Any = columns.toarray().T
     if not np.isfinite(N).all():
         return None
     basis = qr(N * weights, mode="r", pivoting=True)[1][:k]
