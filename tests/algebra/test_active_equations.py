@@ -92,10 +92,14 @@ def large(kind, n):
     rng, m = np.random.default_rng(3), round(n**0.5)
     beside = sp.kron(sp.eye_array(m), sp.diags_array([0.2, 0.2], offsets=[-1, 1], shape=(m, m)))
     own = sp.diags_array(rng.uniform(-1.0, 0.8, n))
-    return sp.csr_array({"own": own, "steep": sp.diags_array(np.full(n, 0.98)), "both": 0.5 * own + beside}[kind])
+    return sp.csr_array(
+        {"own": own, "steep": sp.diags_array(np.full(n, 0.98)), "beside": beside, "both": 0.5 * own + beside}[kind]
+    )
 
 
-@pytest.mark.parametrize(("kind", "skew", "unit"), [("own", 0.0, 1.0), ("steep", 0.4, 1.0), ("both", 0.4, 1e8)])
+@pytest.mark.parametrize(
+    ("kind", "skew", "unit"), [("own", 0.0, 1e8), ("steep", 0.4, 1.0), ("beside", 0.0, 1.0), ("both", 0.4, 1e8)]
+)
 def test_cycles_follow_a_psi_that_moves(kind, skew, unit):
     """In units of z, so that active rows are solved as well as free ones whatever A is measured in."""
     n = 900

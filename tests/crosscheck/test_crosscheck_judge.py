@@ -8,6 +8,14 @@ from icpmodel.crosscheck.judge import Checked, Verdict, solves
 from icpmodel.solvers.foreign import Claim
 
 
+def test_units_that_blind_the_residual_do_not_hold() -> None:
+    """Law 5: beside an obstacle of size 1 the paper's Res sees nothing of a p of size 1e-12."""
+    problem = icp.ICP(1e-12 * np.eye(2), [1e-12, -1e-12], [1.0, -5.0])  # z* = (1, 1)
+    blind = np.array([1.0, 0.0])
+    assert problem.paper_residual(blind) <= 1e-12
+    assert not Checked(problem, blind).holds
+
+
 def test_the_loose_tolerance_of_another_problem_does_not_count() -> None:
     loose = icp.ICP([[2.0]], [-2.0]).solve("mnmj", phi2=9.0, rtol=1e-4)
     assert not Checked(icp.ICP([[2.0]], [-2.0]), loose).holds

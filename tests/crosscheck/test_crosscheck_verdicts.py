@@ -123,6 +123,17 @@ def test_two_honest_answers_at_a_loose_tolerance_are_no_disagreement() -> None:
     assert crosscheck(problem, problem.solve("mnmmod", theta1=0.02, rtol=1e-13), ["osqp"]).agrees
 
 
+def test_a_singular_problem_with_many_solutions_is_not_called_unique() -> None:
+    """The Neumann Laplacian: z + constant solves as well."""
+    n = 20
+    A, q = np.diag(np.r_[1.0, np.full(n - 2, 2.0), 1.0]) - np.eye(n, k=1) - np.eye(n, k=-1), np.zeros(n)
+    q[3], q[10] = 1.0, -1.0
+    x = np.linalg.lstsq(A, -q)[0]
+    report = crosscheck(icp.ICP(A, q), x - x.min() + 1.0, QUICK)
+    assert report.count(Verdict.DISAGREES) == 0
+    assert report.count(Verdict.OTHER_SOLUTION) > 0
+
+
 # --- which solvers -----------------------------------------------------------------------------------------------
 
 

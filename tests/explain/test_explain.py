@@ -68,6 +68,21 @@ def test_no_method_is_slower_than_the_page_says(page, request):
     assert checked or page.recommended is None or page.recommended.steps > 3000
 
 
+@pytest.mark.parametrize(
+    ("name", "facts"),
+    [
+        ("hand-cyclic", {"p": True, "h_plus": False, "definite": False, "z": False}),
+        ("membrane", {"m": True, "symmetric": True, "definite": True, "dominant": False, "reducible": False}),
+        ("bai-nonsymmetric", {"m": True, "symmetric": False, "dominant": True, "p": True}),
+        ("hand-free", {"triangular": True, "reducible": True}),
+        ("dividend", {"m": True, "banded": True, "symmetric": False}),
+    ],
+)
+def test_the_classes_are_the_known_ones(name, facts):
+    classes = built(name).explain().classes
+    assert {key: getattr(classes, key).holds for key in facts} == facts
+
+
 @pytest.mark.parametrize("name", ["membrane", "bai-nonsymmetric", "manufactured-elementwise"])
 @pytest.mark.parametrize("n", [16, 900])
 def test_the_method_that_solve_begins_with_is_named_with_its_reason(name, n):
@@ -115,6 +130,7 @@ def test_wrong_arguments_are_named(method, options, words):
         ),
         (icp.ICP([[-1.0]], [-1.0]), "no P-matrix: there may be no solution, or many"),
         (scenes.hand_cyclic().problem, "sweeps may cycle: try newton"),
+        (icp.ICP([[1.0, -1.0], [-1.0, 1.0]], [1.0, 1.0]), "A is positive semidefinite: if some z has p >= 0"),
         (icp.ICP([[0.0, -1.0], [1.0, 0.0]], [1.0, 1.0]), "A is positive semidefinite: if some z has p >= 0"),
     ],
 )

@@ -25,7 +25,7 @@ import icpmodel.modelling.pyomo
 #: the short run draws the same examples every time
 _EXAMPLES = os.environ.get("FUZZ_EXAMPLES")
 law = settings(
-    max_examples=int(_EXAMPLES or 25),
+    max_examples=int(_EXAMPLES or 40),
     derandomize=_EXAMPLES is None,
     database=None,
     deadline=None,

@@ -75,7 +75,6 @@ TAKES_F = {"radiating-membrane": _ROWS, "bratu": (*_ROWS, "mnmod", "mnmmod", "mo
 #: (method, scene) → why rounding decides whether it fails
 BY_LUCK = {
     ("mnmmod", "hand-splittings"): "the iterates wander without a rule, until one of them is near the solution",
-    **{("interior", s): "A is not monotone; its start may be the solution" for s in ("hand-negative", "hard-three")},
     ("milp", "hard-semidefinite"): "branch and bound may go through more sets of active rows than there is time for",
 }
 

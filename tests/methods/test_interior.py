@@ -84,7 +84,7 @@ def test_what_has_no_solution_ends_with_a_proof(method, boxed):
     assert q @ y + 5.0 * np.maximum(columns[:40], 0.0).sum() * boxed < 0
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_what_redundant_rows_are_left_out_changes_no_solution(seed):
     """Fixed unknowns, and empty rows, in a program with its multipliers that has repeated rows."""

@@ -38,6 +38,17 @@ def test_a_step_is_the_affine_problem_at_z():
     assert next(path)[0] == pytest.approx(linear.solve(Lemke()).z, rel=1e-12)
 
 
+def test_it_converges_quadratically():
+    rng = np.random.default_rng(1)
+    for _ in range(10):
+        psi = icp.Elementwise(lambda z: 0.9 * np.sin(z), lambda z: 0.9 * np.cos(z), c=rng.normal(size=8))
+        problem = icp.ICP(spd(rng, 8), rng.normal(size=8), psi)
+        exact = problem.solve("newton", rtol=1e-14, raise_on_failure=False).z
+        path = Josephy().iterates(problem, exact + 1e-3 * rng.normal(size=8))
+        near, step = (np.abs(next(path)[0] - exact).max() for _ in range(2))
+        assert step <= 10 * near**2 + 1e-14
+
+
 def test_it_stands_still_where_steps_lead_nowhere_and_solve_goes_on():
     """z ≥ 1 + z² for no z: there is no solution. And a first step where I − ψ′ is singular."""
     none = icp.ICP([[1.0]], [-1.0], icp.Elementwise(lambda z: z**2 + 1.0, lambda z: 2.0 * z))

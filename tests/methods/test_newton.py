@@ -121,6 +121,12 @@ def points(rng, n=6):
     return problem, Point(problem, problem.matrix.weights, rng.normal(size=n))
 
 
+def test_phi_is_fischer_and_burmeister_s_function_of_p_and_r():
+    problem, point = points(np.random.default_rng(6))
+    a, b = point.p / problem.A.diagonal(), point.r
+    assert point.phi == pytest.approx(a + b - np.hypot(a, b), abs=1e-13)
+
+
 @pytest.mark.parametrize("two", [False, True])
 def test_the_derivative_of_phi_is_what_differences_say(two):
     rng, h = np.random.default_rng(8), 1e-6

@@ -61,7 +61,7 @@ def moving(rng, above):
 
 @pytest.mark.parametrize("method", ["proximal", "interior"])
 @pytest.mark.parametrize("above", [False, True])
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", range(4))
 def test_obstacles_that_move_are_followed_where_a_is_monotone(seed, above, method):
     """Nothing is proved of them; Newton's method ends without a solution on one in forty of these."""
     assert moving(np.random.default_rng(seed), above).solve(method, raise_on_failure=False).solved

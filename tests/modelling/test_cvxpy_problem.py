@@ -49,6 +49,8 @@ def test_every_end_of_a_run_has_a_word_that_cvxpy_knows():
     known = {*cp.settings.SOLUTION_PRESENT, *cp.settings.INF_OR_UNB, *cp.settings.ERROR}
     assert set(STATUSES) == set(icp.Status)
     assert set(STATUSES.values()) <= known
+    assert [status for status, word in STATUSES.items() if word == cp.OPTIMAL] == [icp.Status.SOLVED]
+    assert [status for status, word in STATUSES.items() if word == cp.INFEASIBLE] == [icp.Status.INFEASIBLE]
 
 
 def test_variables_parameters_and_constraints_are_asked_for_as_in_cvxpy():

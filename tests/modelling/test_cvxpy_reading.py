@@ -63,6 +63,10 @@ def test_the_sides_may_be_swapped_where_only_one_is_r():
 
 
 NONLINEAR = {
+    "minimum": lambda z, y: cp.minimum(z, y, 0.4),
+    "maximum": lambda z, y: cp.maximum(z, 2 * y, 0.3),
+    "exp": lambda z, y: cp.exp(z - 2) + 0.1 * y,
+    "square": lambda z, y: cp.square(y) / 9,
     "stretched": lambda z, y: 0.1 * cp.minimum(z, y[0], 0.9) + 0.1 * cp.maximum(cp.vstack([z, y]), z[0], y)[0],
     "log": lambda z, y: 0.1 * cp.log(z + y),
     "power": lambda z, y: 0.1 * cp.power(z, 3),

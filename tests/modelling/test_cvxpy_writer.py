@@ -25,7 +25,7 @@ def answer(model):
     return model.var_dict["z"].value
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize(
     "kind", [{}, {"symmetric": True}, {"affine": True}, {"free": True}, {"free": True, "affine": True}]
 )

@@ -93,6 +93,7 @@ MAPPED = {
     "right-hand sides and obstacles": (icp.ICP(A, Q, C), {"q": [Q, -Q], "psi": [C, C - 0.5]}),
     "matrices by data": (icp.ICP(A, Q, C), {"A": [A.data, 1.5 * A.data]}),
     "affine": (icp.ICP(A, Q, icp.Affine(G, C)), {"psi": [(G.data, C), (2.0 * G.data, C - 0.5)]}),
+    "gains": (icp.ICP(A, Q, icp.Intervention(JUMPS)), {"psi": [JUMPS.data, JUMPS.data - 0.3]}),
     "above": (icp.ICP(A, Q, C, upper=D), {"upper": [D, D + 0.2], "q": [Q, 2.0 * Q]}),
 }
 
@@ -168,6 +169,7 @@ BAD = {
     "data on no pattern": ({"A": np.ones(3)}, r"A has shape \(3,\); shape \(16,\) or \(6, 6\) was expected"),
     "a sparse matrix": ({"A": A}, "A is a csr_array; its data, on the pattern of the problem's own was expected"),
     "complex numbers": ({"q": 1j * Q}, "q has dtype complex128; real numbers were expected"),
+    "truth values": ({"psi": np.ones(N, dtype=bool)}, "psi has dtype bool; real numbers were expected"),
     "nothing above": ({"upper": D}, "upper is given, but the problem has nothing above z"),
     "a pair for a constant": ({"psi": (G.data, C)}, "psi is a tuple; an array of numbers was expected"),
 }

@@ -57,10 +57,22 @@ def permuted(problem, order):
     return icp.ICP(problem.A[order][:, order], problem.q[order], problem.psi.c[order])
 
 
+def test_upper_bounds_turn_the_variable_and_keep_the_diagonal():
+    """x <= u with F(x) <= 0 is z = -x >= -u with -F(-z) >= 0."""
+    model = pyo.ConcreteModel()
+    model.x = pyo.Var([1, 2])
+    model.rows = Complementarity([1, 2], rule=lambda m, i: complements(3 * m.x[i] + m.x[3 - i] <= i, m.x[i] <= 5))
+    reading = read_pyomo(model)
+    assert reading.signs.tolist() == [-1, -1]
+    assert reading.problem.A.toarray().tolist() == [[3, 1], [1, 3]]
+    assert (reading.problem.q.tolist(), reading.problem.psi.c.tolist()) == ([1, 2], [-5, -5])
+
+
 def test_an_equality_is_a_row_without_obstacle_whatever_its_sign():
     """F = 0 with x free, as a condition or as a constraint; the diagonal of A becomes positive."""
     for form in (
         lambda m: Complementarity(expr=complements(m.x, 2 * m.x - m.y == 3)),
+        lambda m: Complementarity(expr=complements(m.y - 2 * m.x == -3, m.x)),
         lambda m: Complementarity(expr=complements(pyo.inequality(3, 2 * m.x - m.y, 3), m.x)),
         lambda m: pyo.Constraint(expr=2 * m.x == 3 + m.y),
     ):
@@ -100,6 +112,8 @@ def test_a_range_with_an_infinite_end_is_the_condition_without_it():
 
 
 EXPRESSIONS = {
+    "product": lambda x: x[0] * x[1] * x[0],
+    "exp": lambda x: pyo.exp(x[0] * x[1]),
     "quotient": lambda x: x[0] / (1 + x[1] ** 2),
     "power": lambda x: x[0] ** x[1] + 2.0 ** x[0],
     "exponent": lambda x: x[0] ** 3 - x[1] ** -1.5,

@@ -120,7 +120,7 @@ def a_band(kind, n, below, above, rng):
     return A + np.diag(np.abs(A).sum(axis=1) + 1.0) if kind == "definite" else A
 
 
-@settings(deadline=None, max_examples=10)
+@settings(deadline=None, max_examples=20)
 @given(
     kind=st.sampled_from(["definite", "indefinite", "neither"]),
     reach=st.tuples(st.integers(0, 6), st.integers(0, 6)),

@@ -45,7 +45,7 @@ def test_a_full_disk_leaves_the_old_file_alone(name, tmp_path):
     path = tmp_path / name
     WRITERS[name](path)
     names, before = sorted(tmp_path.iterdir()), path.read_bytes()
-    for size in (0, len(before) - 1):
+    for size in (0, 1, len(before) // 2, len(before) - 1):
         with room_for(size), pytest.raises(icp.FileError, match="cannot be written"):
             WRITERS[name](path)
         assert path.read_bytes() == before

@@ -12,6 +12,7 @@ from scipy.sparse.linalg import splu, spsolve
 
 import icpmodel.scenes as scenes
 from icpmodel.problem.affine import Affine
+from icpmodel.scenes import lubrication
 
 WITH_Z = [name for name in scenes.names() if scenes.scene(name).z_exact is not None]
 #: the oracle is too simple a method for the others
@@ -178,9 +179,16 @@ def test_the_ball_is_of_second_order():
     assert order(h, error["contact radius"]) > 1.7
 
 
-def test_the_obstacle_in_space_is_of_second_order():
+def test_the_obstacle_in_space_is_of_second_order_and_touches_in_a_sphere():
     h, error = errors_on_grids("obstacle-3d", [5**3, 8**3, 12**3, 17**3])
     assert (error["u"] <= 0.78 * h**2).all(), error
+    scene = scenes.obstacle_3d(n=12**3)
+    z = newton(scene.problem)
+    axis = np.linspace(-1, 1, 14)[1:-1]
+    r = np.sqrt((np.stack(np.meshgrid(axis, axis, axis)) ** 2).sum(axis=0)).ravel()
+    touches = scene.problem.r(z) < scene.problem.p(z)
+    assert r[touches].max() <= 0.5 + scene.h
+    assert r[~touches].min() >= 0.5 - scene.h
 
 
 # --- lubrication
@@ -191,6 +199,10 @@ def test_the_bearing_is_of_second_order():
     assert (error["p_max"] <= 0.08 * h**2).all(), error
     assert (error["cavitation angle"] <= 0.015 * h**2).all(), error
     assert 1.8 < order(h, error["p_max"]) < 2.2
+    scene = scenes.bearing(n=400)
+    z, beyond = newton(scene.problem), scene.points - lubrication.CAVITATION
+    assert (z[beyond < -scene.h] > 0).all()
+    assert (z[beyond > scene.h] == 0).all()
 
 
 # --- impulse control

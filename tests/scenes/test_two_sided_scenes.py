@@ -150,3 +150,7 @@ def test_the_torsion_is_of_second_order_and_yields_first_in_the_middle_of_the_si
     assert plastic[0, 19]
     assert not plastic[0, 0]
     assert not plastic[19, 19]
+    for mirrored in (z.T, z[::-1], z[:, ::-1]):
+        np.testing.assert_allclose(mirrored, z, atol=1e-13)
+    back = scene.problem.with_q(-scene.problem.q)
+    np.testing.assert_allclose(newton(back), -z.ravel(), atol=1e-13)

@@ -41,9 +41,10 @@ def expander(n):
 
 def test_another_method_takes_over_from_one_that_does_not_fit():
     problem = expander(900)
-    with pytest.raises(icp.NotSolved, match="memory_limit") as failure:
-        problem.solve("newton", memory_limit=1e5)
-    assert failure.value.solution.status is Status.MEMORY_LIMIT
+    for method in ("newton", "mnmmod", "mnmod"):
+        with pytest.raises(icp.NotSolved, match="memory_limit") as failure:
+            problem.solve(method, memory_limit=1e5)
+        assert failure.value.solution.status is Status.MEMORY_LIMIT
     assert problem.solve(memory_limit=1e5).solved
     with pytest.raises(icp.NotApplicable, match="fits into the memory"):
         problem.solve(memory_limit=1e3)

@@ -297,3 +297,6 @@ def test_a_row_of_lists_has_its_own_obstacle_and_a_failed_one_its_end():
     failed = icp.solve_many([[-1.0]], [[1.0], [-1.0]], raise_on_failure=False)[1]
     assert (failed.status, failed.infeasible.holds) == (Status.INFEASIBLE, True)
     assert "infeasible" in str(failed)
+    late = icp.solve_many(SMALL, [[1.0, -2.0]] * 2, np.sin, time_limit=1e-9, raise_on_failure=False)[1]
+    assert late.status is Status.TIME_LIMIT
+    assert "was over before its turn" in late.message

@@ -7,6 +7,7 @@ import pytest
 import scipy.sparse as sp
 
 import icpmodel as icp
+from icpmodel.solve.proved_convergence import proved_convergence
 
 
 def test_monotone_iterates_are_followed_while_their_residual_is_flat():
@@ -28,5 +29,9 @@ def test_a_proved_factor_is_followed_and_the_limit_says_by_which_step():
     early = problem.solve("mnmod", max_iter=2_500, raise_on_failure=False)  # its residual is flat for 1000 steps
     assert early.status is icp.Status.ITERATION_LIMIT
     assert int(re.search(r"by step (\d+)", early.message)[1]) > 2_500
-    near = icp.ICP(A + 2e-3 * np.eye(2), problem.q, upper=problem.upper)
-    assert near.solve("mnmod").solved
+    for shift in (2e-4, 2e-3):
+        near = icp.ICP(A + shift * np.eye(2), problem.q, upper=problem.upper)
+        early = near.solve("mnmod", max_iter=2_500, raise_on_failure=False)
+        said = proved_convergence(near, icp.MNMOD(), early.z, early.z, early.tolerance, 1000)
+        steps = int(re.search(r"by step (\d+)", said)[1]) - 1000
+        assert near.solve("mnmod", z0=early, max_iter=steps).solved

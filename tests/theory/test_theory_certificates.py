@@ -96,6 +96,15 @@ def test_uniqueness_is_claimed_only_where_there_is_one_solution(seed):
         assert isinstance(prove(problem), str) or len(solutions(problem)) == 1
 
 
+def test_a_determinant_that_rounding_made_is_no_proof():
+    """[a, b; c, bc/a]: the determinant is some 1e-17 of either sign, or zero; z = (1, 1) is one solution or more."""
+    rng = np.random.default_rng(0)
+    for a, b, c in rng.uniform(1, 2, (50, 3)):
+        A = np.array([[a, b], [c, b * c / a]])
+        problem = icp.ICP(A, -A.sum(axis=1))
+        assert isinstance(enumerated_of(problem), str) or len(solutions(problem)) == 1
+
+
 @settings(max_examples=40, deadline=None)
 @given(seed=SEEDS)
 def test_a_few_unknowns_are_proved_unique_exactly_where_they_are(seed):

@@ -41,13 +41,19 @@ MEMBERS = {
             theta1=rng.uniform(0.7, 1.1), theta2=rng.uniform(-0.3, 1.3), phi=rng.uniform(-0.2, 0.5, len(A))
         ),
     ),
+    "mnmsor": (
+        dominant,
+        lambda rng, A, D: icp.MNMSOR(theta1=rng.uniform(0.7, 1.1), phi1=2.0, phi2=D * rng.uniform(1.5, 3)),
+    ),
+    "mnmj": (dominant, lambda rng, A, D: icp.MNMJ()),
     "nmms": (dominant, lambda rng, A, D: icp.NMMS(splitting=icp.AOR(1.0, rng.uniform(0, 1)), omega=D)),
     "modulus": (dominant, lambda rng, A, D: icp.Modulus(splitting=A * (np.abs(A) > 0.2) + np.diag(0.1 * D), phi2=D)),
     "upper": (dominant, lambda rng, A, D: icp.Modulus(splitting=np.triu(A), phi=rng.uniform(0, 0.2))),
     "projection": (dominant, lambda rng, A, D: icp.ProjectionFixedPoint(omega=rng.uniform(0.5, 1.1))),
     "psor": (dominant, lambda rng, A, D: icp.PSOR(omega=rng.uniform(0.5, 1.2))),
     "whole": (definite, lambda rng, A, D: icp.MNMOD()),
-    "whole, any omega": (definite, lambda rng, A, D: icp.MNMMOD(theta1=rng.choice([0.1, 5.0]) * D.max())),
+    "whole, small omega": (definite, lambda rng, A, D: icp.MNMMOD(theta1=0.1 * D.max())),
+    "whole, large omega": (definite, lambda rng, A, D: icp.MNMMOD(theta1=5.0 * D.max())),
     "whole, diagonal": (definite, lambda rng, A, D: icp.Modulus(splitting="whole", phi2=D * rng.uniform(0.3, 3.0))),
 }
 
@@ -64,7 +70,7 @@ def sizes(rate, problem, member, errors):
 def test_no_run_is_slower_than_its_bound(name):
     """The error falls by σ in every step and is at most the `distance`; `error_after` and `steps` bound the run."""
     (made, choose), held = MEMBERS[name], 0
-    for seed in range(5):
+    for seed in range(8):
         rng = np.random.default_rng(seed)
         problem, exact = made(rng, int(rng.integers(1, 9)))
         member = choose(rng, problem.A.toarray(), problem.A.diagonal())
@@ -93,7 +99,7 @@ def test_no_run_is_slower_than_its_bound(name):
             scaled = A / np.sqrt(np.outer(omega, omega))
             one = np.eye(problem.n)
             assert rate.factor >= np.linalg.norm((scaled - one) @ np.linalg.inv(scaled + one), 2) - 1e-12
-    assert held >= 3
+    assert held >= 5
 
 
 def test_it_is_sharp_for_linear_equations():

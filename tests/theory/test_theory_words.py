@@ -38,6 +38,10 @@ def test_what_is_below_one_is_shown_below_one(x):
     assert Decimal(x) <= Decimal(at_most(x, 3, below=1.0))
 
 
+def test_a_number_that_is_not_finite_has_its_name():
+    assert (at_most(np.inf), at_least(-np.inf), at_most(np.nan)) == ("inf", "-inf", "nan")
+
+
 @pytest.mark.parametrize("seed", range(20))
 def test_the_printed_error_bound_is_a_bound(seed):
     z = np.random.default_rng(seed).normal(size=2)
