@@ -58,11 +58,10 @@ class ActiveEquations:
     ) -> None:
         self._of = (problem, active, jacobian)
         self._cycled: CycledEquations | None = None
-        self._left = np.inf
-        if by_cycles is None and cycles_pay(problem, ~active):
-            # what cycles may cost until factors are made
-            self._left = 0.0
-        if by_cycles or self._left == 0.0:
+        # whether cycles end once they have cost as much as factors, and what they have cost
+        self._ends = by_cycles is None
+        self._spent = 0.0
+        if by_cycles or (self._ends and cycles_pay(problem, ~active)):
             with suppress(NoHierarchy):
                 self._cycled = CycledEquations(Hierarchy(problem), 0, active, jacobian if jacobian.nnz else None)
 
@@ -76,6 +75,9 @@ class ActiveEquations:
         None where J is singular.
         """
         with np.errstate(all="ignore"):
+            # the first system needs no elimination to compare with
+            if self._cycled is not None and self._ends and self._spent and self._spent >= self._eliminated.cost:
+                self._cycled = None
             if self._cycled is not None:
                 done = work.done()
                 try:
@@ -83,20 +85,12 @@ class ActiveEquations:
                 except NotConverged:
                     self._cycled = None
                 finally:
-                    self._weigh(work.done() - done)
+                    self._spent += work.done() - done
             return self._eliminated.solve(f, tolerance, transposed)
 
     def transposed(self, f: Vector, tolerance: float) -> Vector | None:
         """x with Jᵀx = f, in the same manner."""
         return self.solve(f, tolerance, transposed=True)
-
-    def _weigh(self, cost: float) -> None:
-        """Count the `cost` of cycles, which end once they have cost as much as factors."""
-        if self._left == 0.0:
-            self._left = self._eliminated.cost
-        self._left -= cost
-        if self._left <= 0.0:
-            self._cycled = None
 
 
 def cycles_pay(problem: ProblemData, free: Mask) -> bool:
