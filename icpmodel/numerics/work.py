@@ -25,7 +25,7 @@ class Costs(NamedTuple):
 
     Medians for n = 100 … 10⁶ on two cores of an AMD EPYC (Zen 4), 2.6 GHz, under other load, with
     NumPy 2.4 and SciPy 1.17, 2026-11-22. They are fitted to the times of tasks; `python
-    tests/benchmarks constants` repeats a dozen of them. Runs differed by up to a half. The costs of
+    tests/benchmarks constants` repeats ten of them. Runs differed by up to a half. The costs of
     sparse factorisations are from 2026-11-25, with graphs among the tasks, in which multiplications
     count.
     """
