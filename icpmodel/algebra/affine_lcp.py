@@ -19,7 +19,7 @@ from ..problem.facts import Facts
 Matrix = NDArray[np.float64]
 
 
-#: so many pivots, times n + 1, and an LCP that is one of many counts as not solved
+#: so many pivots, times n + 1, and a small LCP counts as not solved
 PIVOTS = 50
 #: a problem, or a block of one, with at most so many rows is pivoted
 PIVOT_UP_TO = 64

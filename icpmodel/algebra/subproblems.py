@@ -13,7 +13,7 @@ from ..numerics.arrays import Mask, Vector, read_only, row_of
 from ..problem.affine import Constant
 from ..problem.data import ProblemData
 from ..problem.two_sided import TwoSidedObstacle
-from .affine_lcp import PIVOT_UP_TO
+from .affine_lcp import PIVOT_UP_TO, PIVOTS
 
 #: so many parts that do not interact get a method each
 _PARTS = 32
@@ -111,7 +111,7 @@ class Blocks:
             H, d = psi.upper.linear
             above = (H.indptr, H.indices, H.data), d
         given = read_only((A.indptr, A.indices, A.data, self.problem.q, c, slopes, above))
-        return z, solve_blocks(*given, self.rows, self.starts, wanted, z)
+        return z, solve_blocks(*given, self.rows, self.starts, wanted, PIVOTS, z)
 
 
 def blocks(problem: ProblemData, core: Mask | None = None) -> Blocks | None:

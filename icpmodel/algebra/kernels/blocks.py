@@ -10,9 +10,6 @@ from ...numerics.kernels import compiled
 from .balancing import scale
 from .pivoting import SOLVED, START, begin, go_on
 
-#: pivots per row of a block
-_PIVOTS = 50
-
 
 @compiled
 def row(indptr, indices, data, i, z):
@@ -53,10 +50,11 @@ def _block(indptr, indices, data, q, c, slopes, block, place, z):
 
 
 @compiled
-def solve_blocks(indptr, indices, data, q, c, slopes, above, rows, starts, wanted, z):
+def solve_blocks(indptr, indices, data, q, c, slopes, above, rows, starts, wanted, pivots, z):
     # the wanted blocks k, rows[starts[k] : starts[k + 1]], in turn: a row is a maximum, more are pivoted, G = `slopes`
     # having no entry there. Returns which are solved: none that is not finite, or need not have one answer. `above` is
-    # None, or (slopes, d) of the obstacle above; then there are only rows
+    # None, or (slopes, d) of the obstacle above; then there are only rows. A block of b rows has up to (b + 1) times
+    # `pivots`
     solved = np.zeros(wanted.size, np.bool_)
     place = np.empty(z.size, np.int32)
     for i in range(z.size):
@@ -81,7 +79,7 @@ def solve_blocks(indptr, indices, data, q, c, slopes, above, rows, starts, wante
         for at in range(b):
             finite = finite and math.isfinite(f[at])
         if finite:
-            code, _, y, _ = go_on(*begin(*scale(M), f, free), np.int64(START), _PIVOTS * (b + 1))
+            code, _, y, _ = go_on(*begin(*scale(M), f, free), np.int64(START), pivots * (b + 1))
             solved[k] = code == SOLVED
             for at in range(b):
                 z[block[at]] += y[at]
