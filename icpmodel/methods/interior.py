@@ -95,15 +95,16 @@ class Interior(Method):
         except MapError:
             return
         recession = Recession(simple)
-        yield path.z, None
-        while path.makes_progress():
+        while True:
+            yield path.z, None
+            if not path.makes_progress():
+                return
             if (answer := recession.proof(path.z - path.resting[0])).holds:
                 raise Infeasible(answer)
             if path.signs_repeat() and (found := path.by_signs()) is not None:
                 yield found, None
             if not path.advance():
                 return
-            yield path.z, None
 
 
 class InteriorPath:
