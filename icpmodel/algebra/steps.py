@@ -34,9 +34,9 @@ class Sweep:
         return self.single(z)
 
 
-def repeated_steps(step: Step, z: Vector, count: float) -> list[Stepped]:
-    """Up to `count` steps from `z`, each from where the one before it ends: one, or as many as one call makes."""
-    several = max(int(min(count, AT_ONCE)), 1)
+def repeated_steps(step: Step, z: Vector, count: int = AT_ONCE) -> list[Stepped]:
+    """Up to `count` ≥ 1 steps from `z`, each from where the one before it ends: one, or as many as one call makes."""
+    several = min(count, AT_ONCE)
     return step.several(z, several) if isinstance(step, Sweep) and several > 1 else [step(z)]
 
 

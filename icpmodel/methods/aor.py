@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 from ..algebra.relaxation import RELAXED, AdaptedOmega, a_number, is_auto, leave_out, relaxation, sor
 from ..algebra.splittings import AOR, Splitting
-from ..algebra.steps import AT_ONCE, Stepped, repeated_steps
+from ..algebra.steps import Stepped, repeated_steps
 from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
 from .contract import Iterate, Method
@@ -47,7 +47,7 @@ class _AdaptedPath(Iterator[Iterate]):
         if self.residual is not None:
             self._adapt(self.residual)
         if not self.ahead:
-            self.ahead = repeated_steps(self.step, self.z, AT_ONCE)
+            self.ahead = repeated_steps(self.step, self.z)
         z = self.z
         self.z, self.residual = self.ahead.pop(0)
         return z, self.residual

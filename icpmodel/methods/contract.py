@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..algebra.steps import AT_ONCE, Step, repeated_steps
+from ..algebra.steps import Step, repeated_steps
 from ..errors import InputError, did_you_mean
 from ..numerics.arrays import ReadOnly, Vector, described
 from ..numerics.plugins import load_plugins
@@ -210,7 +210,7 @@ class FixedPoint(Method):
             z = following
         step = self.step_of(problem)
         while True:
-            for following, residual in repeated_steps(step, z, AT_ONCE):
+            for following, residual in repeated_steps(step, z):
                 yield z, residual
                 z = following
 
