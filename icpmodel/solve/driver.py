@@ -33,9 +33,6 @@ from .small import pivoted
 from .solution import Solution, Status
 
 _LOG = logging.getLogger("icpmodel")
-#: costs are estimated for a reduction of Res_D(0) between these two; rounding may not allow a smaller one
-_LEAST_REDUCTION = 1e-14
-_MOST_REDUCTION = 0.5
 
 
 @public_entry
@@ -280,7 +277,7 @@ def _run(problem: ProblemData, start: Vector, limits: Limits, **shown: Any) -> R
         start_residual,
         goal,
         limits=limits,
-        target_reduction=min(max(_target_reduction(problem, limits), _LEAST_REDUCTION), _MOST_REDUCTION),
+        target_reduction=_target_reduction(problem, limits),
         scale=scale,
         restart=restart,
         clock=clock,

@@ -195,7 +195,6 @@ class _Parts:
         with suppress(MapError):
             known.append(part.residual_at_0())
         scale = max((x for x in known if x < np.inf), default=0.0)
-        target_reduction = min(max(tolerance / scale if scale else 0.0, 1e-14), 0.5)
         limits = replace(self.run.limits, max_iter=max(self.run.limits.max_iter - max(self.run.iteration, 0), 0))
         before = max(self.run.iteration, 0)
 
@@ -213,7 +212,7 @@ class _Parts:
             start_residual,
             Goal(tolerance),
             limits=limits,
-            target_reduction=target_reduction,
+            target_reduction=tolerance / scale if scale else 0.0,
             scale=scale,
             watch=watch,
             clock=self.run.clock,

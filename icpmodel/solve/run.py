@@ -33,6 +33,9 @@ _LOG.addHandler(logging.NullHandler())
 #: information may have to cross all unknowns
 PATIENCE = 1000
 _LONGEST_PATIENCE = 50_000
+#: costs are estimated for a reduction between these two; rounding may not allow a smaller one
+_LEAST_REDUCTION = 1e-14
+_MOST_REDUCTION = 0.5
 #: the largest share of the first residual that rounding may explain; beyond it the iterates have diverged
 _MAX_ROUNDING = 0.1
 #: a residual of this many times the first one counts as divergence, before it overflows
@@ -133,6 +136,7 @@ class Run:
         self.refused: Refused | None = None
         self.singular: SingularOperator | None = None
         self.bar = Bar()
+        self.target_reduction = min(max(self.target_reduction, _LEAST_REDUCTION), _MOST_REDUCTION)
         self.target = self.target_reduction * (self.scale or self.start_residual)
 
     def steps(self, ladder: Ladder | InTurn) -> Iterator[None]:
