@@ -45,7 +45,8 @@ def proved_convergence(
     if isinstance(rate, Rate):
         G = problem.psi.lipschitz
         ones = np.ones(problem.n)
-        growth = np.maximum(problem.matrix.row_weights * (abs(problem.A) @ ones), 1.0 if G is None else 1.0 + G @ ones)
+        matrix = problem.matrix
+        growth = np.maximum(matrix.row_weights * matrix.magnitude(ones), 1.0 if G is None else 1.0 + G @ ones)
         accuracy = tolerance / norm(growth)
         steps = rate.steps(problem, z, accuracy) if 0.0 < accuracy < np.inf else None
         most = "" if steps is None else f", by step {iteration + steps} the residual is {tolerance:.3g} at most"
