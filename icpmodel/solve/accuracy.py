@@ -33,18 +33,13 @@ def solve_to_accuracy(run: Run, accuracy: float, run_methods: Callable[[], None]
     """
     problem = run.problem
     residual = run.start_residual
-    bound = None
-    try:
+    first = None
+    with suppress(OutOfTime, MemoryError):  # then nothing is known before the first run
         first = error_bound(problem, run.start)
-    except (OutOfTime, MemoryError):
-        pass
-    else:
-        bound = first.value
-        # whether obstacles that move cross is decided by a small bound alone
-        if not first.unique and (problem.upper is None or problem.psi.is_constant):
-            raise NotApplicable(
-                f"accuracy: nothing bounds the error of this problem: {first.reason}; give rtol instead"
-            )
+    # whether obstacles that move cross is decided by a small bound alone
+    if first is not None and not first.unique and (problem.upper is None or problem.psi.is_constant):
+        raise NotApplicable(f"accuracy: nothing bounds the error of this problem: {first.reason}; give rtol instead")
+    bound = None if first is None else first.value
     z = run.start
     while bound is None or bound > accuracy or run.iteration < 0:
         share = _LEAST if bound is None else min(max(_SHARE * accuracy / bound, _LEAST), _MOST)
