@@ -20,7 +20,8 @@ _NOT_EMPTY = 1e-140
 
 @partial(compiled, exact=True)
 def _squared_residuals(M, q, c, z, weights):
-    # Res_D(z)² and the square of its scale, NaN where a row counts as empty; the `weights` are set
+    # Res_D(z)² and the square of its scale, NaN where a row counts as empty; the `weights` are set: what `residual`,
+    # `residual_scale` and `Matrix.row_weights` compute, whose calls take longer than the pivots for so few unknowns
     squares = 0.0
     squares_0 = 0.0
     least = np.inf
@@ -58,6 +59,7 @@ def solve_few(M, q, c, rtol, limit):
     if not _SAFE < squares_0 < 1.0 / _SAFE or not squares < 1.0 / _SAFE:
         return z, np.nan, np.nan
     residual = np.full(1, math.sqrt(squares))
+    # as `share_of` rounds it
     tolerance = np.full(1, max(rtol * math.sqrt(squares_0) - SMALLEST, 0.0))
     indptr = np.arange(0, n * n + 1, n).astype(np.int32)
     indices = np.empty(n * n, np.int32)
