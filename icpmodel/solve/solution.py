@@ -104,7 +104,7 @@ _ADVICE = {
 
 #: a residual or a bound counts as better than another one if it is at most this share of it
 _BETTER = 0.99
-#: seconds that a bound may take though the solve took less: nobody notices
+#: seconds that the bound of a printed solution may take though the solve took less
 _QUICK = 0.2
 
 
@@ -477,7 +477,7 @@ class Solution(ReadOnly, Plotted):
         return Card(rows)
 
     def _quick_bound(self) -> str:
-        """The error bound if it is known, or if it costs no more than the solve did."""
+        """The error bound if it is known, or if it is expected to cost no more than the solve did or `_QUICK`."""
         if "certificate" not in self.__dict__:
             limit = min(max(self.seconds, _QUICK), self.time_limit or np.inf)
             with suppress(MapError):
