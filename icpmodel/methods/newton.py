@@ -91,26 +91,9 @@ class Newton(Method):
     def why_not(self, problem: ProblemData) -> str | None:
         return problem.psi.no_derivative()
 
-    def path(self, problem: ProblemData, z: Vector) -> Path:
-        """Return the iterator over the iterates, with its state.
-
-        Parameters
-        ----------
-        problem : ProblemData
-            The problem.
-        z : array of shape (n,)
-            The start.
-
-        Returns
-        -------
-        Path
-            At its start.
-        """
-        return Path(problem, z)
-
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         # a singular system ends the iteration; SingularOperator is never raised
-        return self.path(problem, z)
+        return Path(problem, z)
 
 
 class Point:
