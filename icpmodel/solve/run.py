@@ -90,7 +90,8 @@ class Run:
     presolved : ProblemData, optional
         A problem with the same solutions that the methods get in place of `problem`.
     follows_theorems : bool
-        Whether a method that is proved to converge continues although its residual does not fall.
+        Whether a method that is proved to converge continues although its residual does not fall; then without
+        `presolved`.
     watch : function, optional
         Called with every iterate and its residual in place of `callback`; it ends the run by returning an `Ended`.
     callback, history, progress
@@ -333,10 +334,9 @@ class Run:
     def _is_proved(self) -> bool:
         """Whether a theorem proves that the method converges from here; its sentence goes to `proof`."""
         if self.follows_theorems:
-            problem = self.presolved or self.problem
             tolerance = self.goal.tolerance_at(self.current)
             self.proof = proved_convergence(
-                problem, self.job.method, self.previous, self.current, tolerance, self.iteration
+                self.problem, self.job.method, self.previous, self.current, tolerance, self.iteration
             )
         return bool(self.proof)
 
