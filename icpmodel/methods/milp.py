@@ -28,6 +28,8 @@ LARGEST = 150
 BOUNDS = (1e2, 1e4)
 #: what is added to a bound that a linear program gives, relative and absolute, for its tolerance of 1e-7
 _MARGIN = 0.01
+#: HiGHS takes entries of a matrix up to this size for 0 (its option `small_matrix_value`)
+_IGNORED = 1e-9
 #: the first active set ends the search, whatever the objective could be
 _ANY_GAP = 1e9
 #: active sets that are excluded because their solution does not hold, and linearisations of an obstacle
@@ -62,8 +64,8 @@ class MixedInteger(Method):
     Notes
     -----
     Up to 150 unknowns are taken. M is a guess first, 100 times the largest entry of q, c and d. Where nothing is found,
-    and the z with p ≥ 0 and r ≥ 0 are bounded, linear programs give an M for each row, which is certain. Elsewhere M is
-    10⁴ times that entry, and that nothing is found then proves nothing.
+    and the z with p ≥ 0 and r ≥ 0 are bounded, linear programs give an M for each row, which is certain where HiGHS
+    ignores no small entry. Elsewhere M is 10⁴ times that entry, and that nothing is found then proves nothing.
 
     The objective, the sum of p and r, leads the search; the first active set ends it. With an upper obstacle
     p_i ≥ −M(1 − y'_i) and s_i ≤ M y'_i, s = ψ̄ − z. An active set whose z does not solve the problem is excluded by a
@@ -128,7 +130,9 @@ def limits_in_turn(rows: LinearRows) -> Iterator[MostOf]:
     first, last = (np.full((4, rows.n), bound) for bound in BOUNDS)
     yield MostOf(first, False)
     proved = proved_limits(rows)
-    yield MostOf(np.minimum(proved, last), bool((proved <= last).all()))
+    entries = np.abs([rows.A, rows.R, rows.S])
+    complete = not ((entries > 0.0) & (entries <= _IGNORED)).any()
+    yield MostOf(np.minimum(proved, last), complete and bool((proved <= last).all()))
 
 
 def proved_limits(rows: LinearRows) -> Dense:

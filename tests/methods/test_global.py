@@ -76,3 +76,8 @@ def test_a_failure_carries_the_best_iterate():
 def test_crosscheck_asks_the_mixed_integer_form_of_an_indefinite_problem():
     (row,) = icp.crosscheck(planted(4, 8), solvers=["highs-milp"]).rows
     assert row.verdict.value in ("agrees", "other solution")
+
+
+def test_a_search_without_the_small_entries_that_highs_ignores_proves_nothing():
+    problem = icp.ICP([[2.0, -1e-10], [1.0, 0.0]], [-1.0, -1.0], -np.inf)  # z = (1, 1e10)
+    assert problem.solve("milp", raise_on_failure=False).status is not icp.Status.INFEASIBLE
