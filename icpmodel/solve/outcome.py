@@ -114,7 +114,7 @@ def _message(run: Run, best: Best, status: Status, note: str) -> str:
     last = run.job
     by = "" if last is best.job else f" by {best.job.method!r}"
     advice = status.advice_with(last.method.to_try if len(run.tried) < 2 else "")
-    if run.proof:
+    if run.proof and status in (Status.ITERATION_LIMIT, Status.TIME_LIMIT):
         note = f"{note}; {run.proof}"
     residual = f"best residual {best.residual:.3g}{by} ({run.goal.wanted(best.z)})"
     return f"{last.method!r} {status.value}: {note}; {residual}. Advice: {advice}"

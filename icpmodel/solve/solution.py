@@ -105,7 +105,7 @@ _ADVICE = {
 #: a residual or a bound counts as better than another one if it is at most this share of it
 _BETTER = 0.99
 #: seconds that the bound of a printed solution may take though the solve took less
-_QUICK = 0.2
+_QUICK = 0.02
 
 
 @dataclass(frozen=True, repr=False)
