@@ -119,7 +119,7 @@ def sensitivity(solution: Solution) -> Sensitivity:
     unit = _CHANGE * size
     with np.errstate(over="ignore", invalid="ignore"):
         certified = perturbation_bound(problem, z, unit * of_p, unit * of_r)
-    local, rows = _local(answer, size)
+    local, rows = _local(answer, of_p, of_r)
     return Sensitivity(
         problem=problem,
         local=local,
@@ -144,7 +144,7 @@ def _moved_by(problem: ProblemData, z: Vector, size: float) -> tuple[Vector, Vec
     return problem.matrix.absolute @ x + np.abs(problem.q) / size, of_r
 
 
-def _local(answer: Solution, size: float) -> tuple[float | None, Vector | None]:
+def _local(answer: Solution, of_p: Vector, of_r: Vector) -> tuple[float | None, Vector | None]:
     """‖|J⁻¹|E‖_∞/max|z| and |J⁻¹|E/max|z|, computed or estimated, None where J is singular.
 
     Reference: Higham, ACM Trans. Math. Softw. 14 (1988), for the estimate."""
@@ -154,7 +154,6 @@ def _local(answer: Solution, size: float) -> tuple[float | None, Vector | None]:
         return None, None
     derivative = Derivative(answer)
     equations = derivative.equations
-    (of_p, of_r) = _moved_by(answer.problem, answer.z, size)
     E = np.where(derivative.pattern.active, of_r, of_p)
     exact = E.size <= _INVERT_UP_TO
     signs = np.eye(E.size) if exact else np.random.default_rng(0).choice([-1.0, 1.0], (_DRAWS, E.size))
