@@ -92,7 +92,7 @@ def _curves(places: Places, values: Mapping[str, Vector], axes: Any) -> list[Any
     axes.set(xlabel=places.label, ylabel=places.unknown if len(values) > 1 else next(iter(values)))
     if len(values) > 1:
         axes.legend(frameon=False, fontsize=9)
-    return clean(axes, places)
+    return clean(axes, whole=places.by_row)
 
 
 def line_style(places: Places, colour: Any, width: float, marker: str = "o") -> dict[str, Any]:
@@ -105,10 +105,11 @@ def line_style(places: Places, colour: Any, width: float, marker: str = "o") -> 
     return style | {"drawstyle": "steps-mid" if places.by_row else "default", "rasterized": many > VECTOR}
 
 
-def clean(axes: Any, places: Places) -> list[Any]:
+def clean(axes: Any, whole: bool) -> list[Any]:
+    """Draw a grid without a frame; ticks of x at whole numbers only if `whole`. Returns no handles."""
     axes.grid(alpha=0.3)
     axes.spines[["top", "right"]].set_visible(False)
-    if places.by_row:
+    if whole:
         axes.locator_params(axis="x", integer=True)
     return []
 

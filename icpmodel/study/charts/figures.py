@@ -67,11 +67,6 @@ def styles(names: Iterable[Name]) -> dict[Name, tuple[str, str]]:
     return {name: pairs.get(name, ("black", "o")) for name in names}
 
 
-def legend_below(figure: Figure, columns: int, **more: Any) -> None:
-    """One legend for all axes, below them."""
-    figure.legend(loc="outside lower center", ncols=columns, frameon=False, **({"fontsize": 8} | more))
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Panel:
     """One part of a picture.
@@ -131,7 +126,7 @@ class Drawing:
         if self.title:
             figure.suptitle(self.title, fontsize=10)
         if handles:
-            legend_below(figure, self.columns, handles=handles)
+            figure.legend(handles=handles, loc="outside lower center", ncols=self.columns, frameon=False, fontsize=8)
         return figure
 
     def into(self, ax: Any) -> Figure:

@@ -116,7 +116,7 @@ def _heights(places: Places, solution: Solution, masks: Mapping[str, Mask], axes
         if handle.get_linestyle() == "None":
             handle.set_markersize(7)
     axes.set(xlabel=places.label, ylabel=places.unknown)
-    return clean(axes, places)
+    return clean(axes, whole=places.by_row)
 
 
 def _forces(places: Places, p: Vector, axes: Any) -> list[Any]:
@@ -124,7 +124,7 @@ def _forces(places: Places, p: Vector, axes: Any) -> list[Any]:
         axes.vlines(places.x, 0.0, p[places.rows], color=GREEN, linewidth=1.5)
     axes.plot(places.x, p[places.rows], label="p", **line_style(places, GREEN, 1.5))
     axes.set(xlabel=places.label, ylabel="force p")
-    return clean(axes, places)
+    return clean(axes, whole=places.by_row)
 
 
 def _outlined(masks: Mapping[str, Mask]) -> str:
@@ -164,11 +164,8 @@ def _residuals(history: History, ended: str, axes: Any) -> list[Any]:
     lowest = ", 0 at the lower end" if (history.residual == 0.0).any() else ""
     axes.set(yscale="log", xlabel="iteration", ylabel=f"residual Res_D(z){lowest}")
     axes.set_title(ended, loc="right", fontsize=9)
-    axes.locator_params(axis="x", integer=True)
     axes.margins(x=0.03, y=0.12)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(alpha=0.3)
-    return []
+    return clean(axes, whole=True)
 
 
 def _changes(history: History) -> Iterable[tuple[int, str]]:
