@@ -222,6 +222,13 @@ def test_errors_are_one_line_on_standard_error(capsys, arguments, words):
     assert words in err
 
 
+@pytest.mark.parametrize("command", ["solve", "crosscheck", "scenes", "race"])
+def test_help_explains_every_command(capsys, command):
+    code, out, _ = call(capsys, command, "--help")
+    assert code == 0
+    assert "Usage: icpmodel" in out
+
+
 METHOD = """
 import signal
 from dataclasses import dataclass

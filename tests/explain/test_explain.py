@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from benchmarks.families import drawn
+from benchmarks.families import expander
 
 import icpmodel as icp
 from icpmodel import scenes
@@ -181,11 +181,6 @@ def test_an_accuracy_below_rounding_is_remarked():
     assert "the accuracy 1e-30 may be out of reach" in problem.explain(accuracy=1e-30).sections()["what to do"]
     assert "out of reach" not in problem.explain().sections()["what to do"]
     assert "out of reach" not in icp.ICP([[2.0]], [1e-40]).explain(accuracy=1e-30).sections()["what to do"]
-
-
-def expander(n):
-    """An M-matrix on a random graph, whose factors are as good as dense."""
-    return drawn("graph-expander", n, np.random.default_rng(0))
 
 
 def test_a_page_costs_no_more_than_so_many_products_and_says_what_it_left_open():

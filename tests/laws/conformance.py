@@ -46,6 +46,9 @@ SIZES = {
 #: scenes with nonlinear p
 NONLINEAR = [name for name in scenes.names() if scenes.scene(name, SIZES.get(name)).problem.f is not None]
 
+#: scenes with affine p and a known answer
+WITH_Z = [name for name in scenes.names() if name not in NONLINEAR and scenes.scene(name).z_exact is not None]
+
 #: scenes of more linear pieces than are enumerated
 MANY_PIECES = [s for s in scenes.names() if piece_count(scenes.scene(s, SIZES.get(s)).problem) > MOST_CHOICES]
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from benchmarks.families import drawn
+from benchmarks.families import expander
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -11,11 +11,6 @@ from icpmodel.errors import OutOfMemory
 from icpmodel.numerics import work
 from icpmodel.numerics.factorisation import factorise
 from icpmodel.numerics.fill import SymbolicAnalysis, of_band, predicted_fill
-
-
-def expander(n):
-    """Nothing small cuts such a graph in two."""
-    return drawn("graph-expander", n, np.random.default_rng(0)).A
 
 
 def test_a_band_a_clique_and_blocks_fill_up_themselves():
@@ -47,7 +42,7 @@ def test_the_predicted_fill_is_about_that_of_the_factors(n, share, seed):
 
 
 def test_an_expander_is_given_up_within_some_tens_of_products():
-    A = expander(20_000)
+    A = expander(20_000).A
     before = work.done()
     fill = SymbolicAnalysis(A).fill
     assert not fill.seen
@@ -56,7 +51,7 @@ def test_an_expander_is_given_up_within_some_tens_of_products():
 
 
 def test_factors_that_would_not_fit_are_not_begun():
-    A, parents = expander(2000), np.random.default_rng(5).integers(0, np.arange(1, 2000))
+    A, parents = expander(2000).A, np.random.default_rng(5).integers(0, np.arange(1, 2000))
     tree = sp.csr_array((np.ones(1999), (np.arange(1, 2000), parents)), shape=(2000, 2000))
     tree = sp.csr_array(tree + tree.T + 2000.0 * sp.eye_array(2000))
     for triangles in (False, True):

@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from benchmarks.families import drawn
+from benchmarks.families import expander
 
 import icpmodel as icp
 from icpmodel.methods import named, names
@@ -32,11 +32,6 @@ def test_what_is_foreseen_to_take_longer_than_the_limit_is_not_begun(method):
     assert " left" in solution.message
     assert solution.seconds < 2.0
     assert time.perf_counter() - begin < 20.0  # first calls compile
-
-
-def expander(n):
-    """An M-matrix on a random graph, whose factors are as good as dense."""
-    return drawn("graph-expander", n, np.random.default_rng(0))
 
 
 def test_another_method_takes_over_from_one_that_does_not_fit():

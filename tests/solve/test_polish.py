@@ -2,13 +2,10 @@
 
 import numpy as np
 import pytest
+from conformance import WITH_Z
 
 import icpmodel as icp
 from icpmodel.algebra.equations import solve_on
-
-#: scenes with affine p and a known answer
-SCENES = [icp.scenes.scene(name) for name in icp.scenes.names()]
-WITH_Z = [scene.name for scene in SCENES if scene.z_exact is not None and scene.problem.f is None]
 
 
 def in_units(size):

@@ -57,6 +57,8 @@ def test_between_two_obstacles_everyone_who_takes_part_reaches_the_same_answer()
     assert {"solve()", "newton", "osqp", "clarabel", "piqp", "scs"} <= {one.name for one in found.entries}
     for one in found.entries:
         assert one.error <= 1e-5, one
+    mms = icp.race(box.problem, ["mms"], [], z_exact=box.z_exact, tolerances=[1e-2], repeats=1)
+    assert dict(mms.skipped)["mms"].startswith("MMS has one |x| for each row")
 
 
 class Liar(ForeignSolver):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from conformance import WITH_Z
 from exact import exceeds, solutions
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -26,11 +27,6 @@ class TestNeverBelowTheTrueError:
         psi = icp.Function(lambda z: 0.3 * z, jacobian=lambda z: np.full((1, 1), np.nan), lipschitz=0.3)
         bound = icp.error_bound(icp.ICP([[2.0]], [-2.0], psi), [1.5])
         assert bound.value >= 0.5
-
-
-#: scenes with affine p and a known answer
-SCENES = [icp.scenes.scene(name) for name in icp.scenes.names()]
-WITH_Z = [scene.name for scene in SCENES if scene.z_exact is not None and scene.problem.f is None]
 
 
 class TestSharpness:

@@ -189,3 +189,8 @@ _SLOPES = (
     lambda steep, scale, t: steep / (1.0 + (t / scale) ** 2),
     lambda steep, scale, t: steep * -(t / scale) / np.sqrt(1.0 + (t / scale) ** 2),
 )
+
+
+def expander(n):
+    """An M-matrix on a random graph that nothing small cuts in two, so that its factors are as good as dense."""
+    return drawn("graph-expander", n, np.random.default_rng(0))
