@@ -84,17 +84,16 @@ class Plane(Shown):
     default: tuple[float, float] | None = None
 
 
-#: θ₂ goes up to so many times the largest θ₁: on eight scenes with n from 49 to 400 the fewest steps are at θ₂ from 2
-#: to 4.7, where θ₁ goes up to 2.5; on larger problems it was not tested
-_BEYOND = 2.4
+#: the largest θ₁ and θ₂: on eight scenes with n from 49 to 400 the fewest steps are at θ₂ from 2 to 4.7; on larger
+#: problems it was not tested
+_LARGEST = (2.5, 6.0)
 
 
-def relaxation(points: int, one: ProblemData, largest: float = 2.5) -> Plane:
-    """θ₁ of MNMAOR on `one` up to the `largest`, and θ₂ beyond: the fewest steps are where θ₂ is two or three θ₁."""
-    theta1 = Axis("theta1", "relaxation θ₁", np.linspace(largest / 25.0, largest, points))
-    theta2 = Axis("theta2", "acceleration θ₂", np.linspace(0.0, _BEYOND * largest, points))
-    default = (1.0, 1.0) if largest >= 1.0 else None
-    return Plane(f"MNMAOR on {title(one)}", theta1, theta2, partial(_relaxed, one), default)
+def relaxation(points: int, one: ProblemData) -> Plane:
+    """θ₁ and θ₂ of MNMAOR on `one`, θ₂ beyond θ₁: the fewest steps are where θ₂ is two or three θ₁."""
+    theta1 = Axis("theta1", "relaxation θ₁", np.linspace(0.1, _LARGEST[0], points))
+    theta2 = Axis("theta2", "acceleration θ₂", np.linspace(0.0, _LARGEST[1], points))
+    return Plane(f"MNMAOR on {title(one)}", theta1, theta2, partial(_relaxed, one), default=(1.0, 1.0))
 
 
 def _shift(points: int, one: ProblemData) -> Plane:
