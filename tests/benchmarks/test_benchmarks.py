@@ -11,7 +11,7 @@ SMALLEST = {
     "bounds": ({"n": 31, "trials": 1}, ("scene", "n", "z"), None),
     "certificate": ({"n": 100, "repeats": 1}, ("n", "bound", "s"), 3),
     "choice": ({"families": ("plate",), "low": 20, "high": 30, "most": 1, "own": ("psor",)}, ("family", "n"), 1),
-    "constants": ({"sizes": (100,), "repeats": 1}, ("constant", "in the table, ns"), 11),
+    "constants": ({"sizes": (100,), "repeats": 1}, ("constant", "in the table, ns"), 10),
     "derivative": ({"sizes": (100,), "layers": (), "repeats": 1}, ("n", "derivative"), 3),
     "distributed": ({"sizes": (900,), "ranks": (1, 2), "repeats": 1}, ("scene", "n", "method", "ranks"), 5),
     "limit": ({"sizes": (100,), "repeats": 1}, ("problem", "n", "method"), 7),
