@@ -52,7 +52,7 @@ def problem_of(drawn):
     return None
 
 
-def run_with_deadline(limit, begin):
+def lateness(limit, begin):
     seconds = min(time.perf_counter() - begin[0], time.process_time() - begin[1])
     return [("late", f"{seconds:.2g} s, time_limit = {limit:g}")] if seconds > 1.1 * limit + 0.2 else []
 
@@ -68,7 +68,7 @@ def test_no_answer_of_solve_claims_what_is_false(drawn, asked, seen):
     def solved():
         begin = time.perf_counter(), time.process_time()
         answer = problem.solve(method, raise_on_failure=False, **chosen, **callback)
-        return answer, run_with_deadline(chosen.get("time_limit", math.inf), begin)
+        return answer, lateness(chosen.get("time_limit", math.inf), begin)
 
     try:
         answer, late = solved()
