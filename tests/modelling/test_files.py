@@ -137,7 +137,7 @@ def test_a_writer_that_is_killed_at_any_moment_leaves_the_old_file_or_the_new(tm
     icp.save_problem(old, path)
     before = content(path)
     found, ended = [], None
-    for last in itertools.count(0, 240):
+    for last in itertools.count(0, 60):
         if not (child := os.fork()):
             save_until(last, new, path)
         ended = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
@@ -150,7 +150,7 @@ def test_a_writer_that_is_killed_at_any_moment_leaves_the_old_file_or_the_new(tm
     assert before in found
     assert found[-1] == changed
     assert list(tmp_path.iterdir()) == [path]  # what killed writers had begun is gone
-    assert len(found) > 3
+    assert len(found) > 10
 
 
 @pytest.mark.parametrize("kind", ["zero", "affine"])
