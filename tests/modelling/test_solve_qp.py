@@ -49,6 +49,7 @@ def test_dense_and_sparse_arguments_a_start_and_single_rows_give_the_same():
     assert icp.solve_qp(*sparse, low, high).x == pytest.approx(x, abs=1e-8)
     again = icp.solve_qp(P, q, G, h, A, b, low, high, initvals=x)
     assert again.x == pytest.approx(x, abs=1e-8)
+    assert again.iterations <= 1
     assert icp.solve_qp(np.eye(2), [0, 0], A=[1, 1], b=2).x == pytest.approx([1, 1])
     assert icp.solve_qp([[1.0]], [-3.0], G=[[1.0]], h=[np.inf]).x == pytest.approx([3])
 

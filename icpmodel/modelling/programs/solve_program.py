@@ -29,6 +29,8 @@ _INACCURATE = 1e-4
 #: steps of the refinement, and what of W is added to A in them
 _REFINEMENTS = 3
 _STEADY = 1e-9
+#: the share of the terms of a row up to which it is tight at a start
+_TIGHT = 1e-6
 #: the share of the largest residual from which on the judge is asked
 _NEAR = 1e-4
 
@@ -133,7 +135,10 @@ class _ProgramRun:
         methods = ["interior", "newton"]
         z0 = last.z if last is not None and last.z.size == best.z.size else None
         if start is not None:
-            z0 = np.concatenate([start, np.zeros(best.z.size - start.size)])
+            z0, pattern = best.near(start)
+            with enforce_limits(self.left(), None):
+                best.polish(z0, pattern)
+            z0 = best.z if best.is_good else z0
         has_obstacles = np.isfinite(best.low) | np.isfinite(best.high)
         if z0 is not None or not has_obstacles.any():
             methods.reverse()
@@ -145,9 +150,9 @@ class _ProgramRun:
             if self.left() == 0.0:
                 break
             with enforce_limits(self.left(), None):
-                best.polish(best.z)
+                best.polish(best.z, best.pattern(best.z))
                 if not best.is_good:
-                    best.polish(solution.z)
+                    best.polish(solution.z, best.pattern(solution.z))
             if solution.status is Status.MEMORY_LIMIT or best.is_good:
                 break
             proof = proof or self._without_solution(best.problem, solution)
@@ -250,9 +255,10 @@ class Incumbent:
         self.largest = max(self.largest, progress.residual)
         if progress.iteration and progress.residual > _NEAR * self.largest:
             return False
-        return self.takes(progress.z, self._pattern(progress.z))
+        return self.takes(progress.z, self.pattern(progress.z))
 
-    def _pattern(self, z: Vector) -> Pattern:
+    def pattern(self, z: Vector) -> Pattern:
+        """The active set at `z`."""
         return Pattern.at(self.problem, z, self.problem.p(z), self.problem.matrix.proximal_weights)
 
     def takes(self, z: Vector, pattern: Pattern) -> bool:
@@ -271,9 +277,16 @@ class Incumbent:
     def _order(self, violation: tuple[float, float]) -> tuple[float, float]:
         return max(violation[0], self.tolerance), violation[1]
 
-    def polish(self, z: Vector) -> None:
+    def near(self, x: Vector) -> tuple[Vector, Pattern]:
+        """The iterate with `x` and multipliers 0, and the active set of the rows and bounds that are tight at `x`."""
+        z = np.concatenate([x, np.zeros(self.z.size - x.size)])
+        terms = abs(self.problem.A) @ np.abs(z) + np.abs(self.problem.q)
+        free = np.isneginf(self.low) | (self.problem.p(z) <= _TIGHT * terms)
+        free[: x.size] = ((self.low < z) & (z < self.high))[: x.size]
+        return z, Pattern(z, ~free, ~free & (z >= self.high))
+
+    def polish(self, z: Vector, pattern: Pattern) -> None:
         """Newton steps from `z` with one active set, of the equations and a small multiple of W."""
-        pattern = self._pattern(z)
         steps = ProximalSteps(self.problem, z)
         weights = _STEADY * self.problem.matrix.proximal_weights
         with suppress(IcpError, MemoryError):
@@ -282,7 +295,7 @@ class Incumbent:
                 if found is None or not np.isfinite(found[0]).all():
                     break
                 z = found[0]
-                if self.takes(z, self._pattern(z)):
+                if self.takes(z, self.pattern(z)):
                     break
 
     def values(self) -> Values:
