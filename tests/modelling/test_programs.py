@@ -118,3 +118,7 @@ def test_wrong_arguments_of_least_squares_are_named():
     ):
         with pytest.raises(icp.InputError, match=sentence):
             icp.solve_lsq(*arguments)
+    for name in ("tolerance", "time_limit"):
+        for wrong in (-1, "x"):
+            with pytest.raises(icp.InputError, match=f"{name} is"):
+                icp.solve_lsq([[1.0]], [1.0], **{name: wrong})

@@ -21,7 +21,7 @@ from ...numerics.rounding import gamma, public_entry
 from ...numerics.threads import one_blas_thread
 from ...present.shown import Shown
 from .program import Program
-from .program_arguments import bounds, matrix
+from .program_arguments import bounds, check_limits, matrix
 from .solve_program import solve_program
 
 #: rows and columns up to which x is corrected by an orthogonal factorisation
@@ -136,6 +136,7 @@ def solve_lsq(
     """
     begin = time.perf_counter()
     as_truth(raise_on_failure, "raise_on_failure")
+    check_limits(tolerance, time_limit)
     B = matrix(B, "B")
     c = as_vector(c, B.shape[0], "c")
     low, high = _ordered(*bounds(lb, ub, B.shape[1]))

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...errors import InputError
-from ...numerics.arrays import Vector, as_array, as_csr, as_rows, as_vector, axes
+from ...numerics.arrays import Vector, as_array, as_csr, as_number, as_rows, as_vector, axes
 from ...numerics.rounding import UNIT_ROUNDOFF
 from ...numerics.threads import one_blas_thread
 from ...theory.matrices.definiteness import definiteness
@@ -24,6 +24,13 @@ def read(H: Any, g: Any, G: Any, h: Any, A: Any, b: Any, lb: Any, ub: Any, names
     n = H.shape[0]
     rows = *_rows(G, h, n, ("G", "h")), *_rows(A, b, n, ("A", "b"))
     return Program(H, as_vector(g, n, names[1]), *rows, *bounds(lb, ub, n))
+
+
+def check_limits(tolerance: Any, time_limit: Any) -> None:
+    """Raise InputError unless both are numbers above 0, or there is no limit of time."""
+    as_number(tolerance, "tolerance", above=0)
+    if time_limit is not None:
+        as_number(time_limit, "time_limit", above=0)
 
 
 def bounds(lb: Any, ub: Any, n: int) -> tuple[Vector, Vector]:

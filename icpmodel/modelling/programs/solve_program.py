@@ -14,7 +14,7 @@ from ...algebra.equations import Pattern
 from ...algebra.proximal_steps import ProximalSteps
 from ...errors import IcpError
 from ...icp import ICP
-from ...numerics.arrays import Vector, as_number
+from ...numerics.arrays import Vector
 from ...numerics.threads import one_blas_thread
 from ...solve.progress import Progress
 from ...solve.solution import Solution, Status
@@ -22,6 +22,7 @@ from ...theory.certificates.bounds import enforce_limits
 from ...theory.certificates.infeasible import infeasible
 from ...theory.certificates.recession import contradicts, least_violation
 from .program import Presolve, Program, Values, conditions_of
+from .program_arguments import check_limits
 from .program_judge import Judge, room_of
 
 #: what may be wrong for an answer to be called inaccurate and not an error
@@ -99,9 +100,7 @@ def solve_program(
         rounding. The others are "infeasible_or_unbounded", "user_limit" and "solver_error".
     """
     begin = time.perf_counter() if begin is None else begin
-    as_number(tolerance, "tolerance", above=0)
-    if time_limit is not None:
-        as_number(time_limit, "time_limit", above=0)
+    check_limits(tolerance, time_limit)
     if not np.isfinite(program.b).all() or np.isneginf(program.h).any():
         return Outcome("infeasible", "a right-hand side is infinite")
     presolve = Presolve(program)
