@@ -186,8 +186,17 @@ def test_a_wrong_array_is_named_when_it_is_traced(what):
 
 def test_without_float64_an_answer_is_refused():
     layer = solution_of(icp.ICP(A, Q, C))
-    with jax.enable_x64(False), pytest.raises(icp.InputError, match="jax_enable_x64"):
-        layer(q=Q)
+    answer = nonlinear_solution_of(lambda z, theta: z - theta, 1)
+    for call in (lambda: layer(q=Q), lambda: answer(1.0)):
+        with jax.enable_x64(False), pytest.raises(icp.InputError, match="jax_enable_x64"):
+            call()
+
+
+@pytest.mark.parametrize("name", ["psi", "upper"])
+def test_a_bound_of_a_function_in_jax_that_does_not_fit_is_named(name):
+    for wrong in ([1.0, 2.0, 3.0], [np.nan, 0.0], "one"):
+        with pytest.raises(icp.InputError, match=name):
+            nonlinear_solution_of(lambda z, theta: z - theta, 2, **{name: wrong})
 
 
 def test_the_answer_of_a_function_in_jax_has_the_derivative_of_the_implicit_function():

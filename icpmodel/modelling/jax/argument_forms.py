@@ -32,6 +32,13 @@ def the_package() -> Any:
     return jax
 
 
+def check_float64() -> None:
+    """Raise InputError where JAX rounds to float32."""
+    if not the_package().config.jax_enable_x64:
+        reason = "JAX rounds to float32 here, and an answer is float64"
+        raise InputError(f'{reason}: call jax.config.update("jax_enable_x64", True) at the start of the program')
+
+
 @dataclass(frozen=True, eq=False)
 class Argument:
     """How one argument is written, as one or two arrays, and what stands for a change of them.

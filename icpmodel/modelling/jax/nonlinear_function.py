@@ -9,9 +9,9 @@ import numpy as np
 
 from ...errors import InputError
 from ...icp import ICP
-from ...numerics.arrays import Vector, as_number, described
+from ...numerics.arrays import Vector, as_number, as_vector, described
 from ...solve.goal import RTOL
-from .argument_forms import the_package
+from .argument_forms import check_float64, the_package
 from .callbacks import in_worker_thread, worker_threads
 
 
@@ -51,7 +51,7 @@ def nonlinear_solution_of(
     Raises
     ------
     InputError
-        Where F is no function, or JAX has not float64.
+        Where F is no function, a bound is no vector of n numbers, or JAX has not float64.
 
     Notes
     -----
@@ -82,8 +82,8 @@ def nonlinear_solution_of(
         raise InputError(f"F is {described(F)}; a function of z and theta was expected")
     size = int(as_number(n, "n", least=1, whole=True))
     slope = jax.jacfwd(F)
-    low = np.broadcast_to(np.asarray(psi, dtype=np.float64), size)
-    high = np.broadcast_to(np.asarray(np.inf if upper is None else upper, dtype=np.float64), size)
+    low = as_vector(psi, size, "psi", infinite=np.inf)
+    high = as_vector(np.inf if upper is None else upper, size, "upper", infinite=np.inf)
 
     def solved(theta: Any) -> Vector:
         problem = ICP.nonlinear(
@@ -95,8 +95,7 @@ def nonlinear_solution_of(
         return problem.solve(z0=z0, rtol=rtol, atol=atol, time_limit=time_limit).z
 
     def of_theta(theta: Any) -> Any:
-        if not jax.config.jax_enable_x64:
-            raise InputError('an answer is float64: call jax.config.update("jax_enable_x64", True) at the start')
+        check_float64()
         held = jax.lax.stop_gradient(theta)
         shape = jax.ShapeDtypeStruct((size,), np.float64)
         z = jax.pure_callback(lambda given: in_worker_thread(solved, given), shape, held, vmap_method="sequential")

@@ -19,7 +19,7 @@ from ...present.shown import Shown
 from ...problem.data import ProblemData, ProblemLike, as_problem
 from ...problem.map import Map
 from ...solve.goal import RTOL, Limits
-from .argument_forms import argument, obstacles, the_package
+from .argument_forms import argument, check_float64, obstacles, the_package
 from .callbacks import Arrays, Callbacks, LastDerivative, in_worker_thread, worker_threads
 
 Make: TypeAlias = Callable[[Any], Any]
@@ -165,10 +165,7 @@ class SolutionFunction(Shown):
         [[1.]
          [0.]]
         """
-        jax = the_package()
-        if not jax.config.jax_enable_x64:
-            reason = "JAX rounds to float32 here, and an answer is float64"
-            raise InputError(f'{reason}: call jax.config.update("jax_enable_x64", True) at the start of the program')
+        check_float64()
         given = {"A": A, "q": q, "psi": psi, "upper": upper, "z0": z0}
         given = {name: value for name, value in given.items() if value is not None}
         forms = {name: argument(name, value, self.problem, self.makers.get(name)) for name, value in given.items()}
