@@ -13,7 +13,7 @@ from typing import Any, BinaryIO
 import numpy as np
 import scipy.sparse as sp
 
-from ..errors import FileError
+from ..errors import FileError, InputError
 from ..numerics import work
 from ..numerics.sparse_input import is_compressed
 from ..present.whole_files import check_replaceable, check_suffix, file_errors, write_whole
@@ -39,6 +39,17 @@ def opened(path: Path, shares: int = 1) -> Iterator[tuple[BinaryIO, int]]:
             size = os.fstat(file.fileno()).st_size
             check_room(str(path), size / shares)
             yield file, size
+
+
+@contextmanager
+def content_errors(path: Path | None) -> Iterator[None]:
+    """What is wrong with the content of the file `path` is a FileError that names it."""
+    try:
+        yield
+    except InputError as error:
+        if path is None:
+            raise
+        raise FileError(f"{path}: {error}") from error
 
 
 def check_room(what: str, size: float) -> None:

@@ -20,8 +20,6 @@ numbers there: where an obstacle is missing in some rows take the `.npz` file. Ï
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
 from numbers import Real
 from os import PathLike
 from pathlib import Path
@@ -35,7 +33,7 @@ from ..present.whole_files import as_path, file_errors
 from ..problem.affine import Affine
 from ..problem.data import ProblemLike, as_problem
 from ..problem.two_sided import TwoSidedObstacle
-from .archive import check_kind, write_arrays
+from .archive import check_kind, content_errors, write_arrays
 from .formats import as_values, read_named, read_values
 from .matrix_market import read_matrix, read_vector
 
@@ -153,9 +151,9 @@ def problem_of(parts: dict[str, Any], sources: dict[str, Path]) -> ICP:
     A = parts["A"]
     if "q" not in parts:
         raise FileError(f"{sources['A']}: holds A alone; the problem needs q too, in another file")
-    with _named(sources["A"]):
+    with content_errors(sources["A"]):
         problem = ICP(A, np.zeros(A.shape[0] if A.ndim else 1))
-    with _named(sources["q"]):
+    with content_errors(sources["q"]):
         problem = problem.with_q(np.atleast_1d(as_values(sources["q"], parts["q"], problem.n)))
     for side, prefix in SIDES.items():
         part = f"{prefix}c"
@@ -163,7 +161,7 @@ def problem_of(parts: dict[str, Any], sources: dict[str, Path]) -> ICP:
             if f"{prefix}G" in parts:
                 raise FileError(f"{sources['A']}: holds {prefix}G, but no {part}")
             continue
-        with _named(sources.get(part)):
+        with content_errors(sources.get(part)):
             c = parts[part] if part not in sources else as_values(sources[part], parts[part], problem.n)
             obstacle = Affine(parts[f"{prefix}G"], c) if f"{prefix}G" in parts else c
             problem = problem.with_psi(obstacle) if side == "psi" else problem.with_upper(obstacle)
@@ -185,17 +183,6 @@ def problem_parts(problem: ProblemLike) -> dict[str, Any]:
         if not one.is_constant:
             parts[f"{SIDES[side]}G"] = G
     return parts
-
-
-@contextmanager
-def _named(path: Path | None) -> Iterator[None]:
-    """What is wrong with the content of the file `path` is a FileError that names it."""
-    try:
-        yield
-    except InputError as error:
-        if path is None:
-            raise
-        raise FileError(f"{path}: {error}") from error
 
 
 def _parts_in(path: Path) -> dict[str, Any]:

@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ..errors import FileError, InputError
+from ..errors import FileError
 from ..numerics.sparse_input import checked_sparse
 from ..present.whole_files import file_errors
-from .archive import REAL, check_room, opened
+from .archive import REAL, check_room, content_errors, opened
 
 #: the bytes before the first variable, of which the last two tell the order of bytes
 _HEAD = 128
@@ -116,7 +116,5 @@ def _numbers(path: Path, name: str, value: Any) -> Any:
         raise FileError(f"{path}: the variable {name} is {found}; real numbers were expected")
     if not sp.issparse(value):
         return value.reshape(()) if value.size == 1 else value
-    try:
+    with content_errors(path):
         return checked_sparse(value, f"the variable {name}").astype(np.float64)
-    except InputError as error:
-        raise FileError(f"{path}: {error}") from error

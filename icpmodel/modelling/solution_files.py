@@ -25,7 +25,7 @@ from ..problem.data import ProblemData, ProblemLike, as_problem
 from ..solve.goal import RTOL, Goal, Limits
 from ..solve.solution import Solution, Status
 from ..theory.certificates.infeasible import infeasible
-from .archive import check_free, check_kind, read_arrays, text_of, write_arrays
+from .archive import check_free, check_kind, content_errors, read_arrays, text_of, write_arrays
 from .files import Source, as_json, problem_of, problem_parts
 from .formats import read_text, read_values
 
@@ -177,10 +177,8 @@ def read_start(path: Path, n: int) -> Vector:
 
 
 def _vector(path: Path, value: Any, n: int, name: str) -> Vector:
-    try:
+    with content_errors(path):
         return as_vector(value, n, name)
-    except InputError as error:
-        raise FileError(f"{path}: {error}") from error
 
 
 def _known(path: Path, about: dict[str, Any], name: str, wanted: str) -> Any:
