@@ -13,10 +13,11 @@ from .rounding import UNIT_ROUNDOFF
 
 #: a radius up to which its size makes no difference to any choice
 SMALL_RADIUS = 0.7
-#: it is looked at whenever so many more Lanczos steps are made, and where they bring it no nearer to 1 than by this
-#: share of what is left it will do, as after the last number of steps
-_LOOK = 4
+#: Lanczos steps between two estimates of the radius
+_CHECK_EVERY = 4
+#: an estimate is accepted if it exceeds the one before by at most this share of its distance from 1
 _SHARE = 0.3
+#: Lanczos steps, after which the estimate is accepted in any case
 _MOST = 60
 #: nanoseconds for which a_ji is found, in rows of thousands of entries
 _COUPLE = 40.0
@@ -75,7 +76,7 @@ def radius_of(S: sp.csr_array, share: float = _SHARE) -> float:
         w -= own[-1] * v
         size = norm(w)
         invariant = size <= 1e-12 * bound
-        if invariant or step == last or step % _LOOK == 0:
+        if invariant or step == last or step % _CHECK_EVERY == 0:
             # eigvalsh reads the lower triangle
             try:
                 known = radius
