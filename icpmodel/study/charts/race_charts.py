@@ -33,11 +33,11 @@ def _(race: Race) -> Drawing:
     """Time against error, more accurate to the right, in panels; then the times to Res_D ≤ 1e-8·Res_D(0)."""
     kinds = {run.name: run.kind for run in race.entries}
     ordered = sorted(kinds, key=lambda name: ("solve", "own", "peer").index(kinds[name]))
-    looks = styles(ordered)
+    style_of = styles(ordered)
     limits = _limits(race)
     panels = [
         Panel(
-            draw=partial(_times, race, {name: looks[name] for name in shown}, limits, heading),
+            draw=partial(_times, race, {name: style_of[name] for name in shown}, limits, heading),
             caption=_HOW_TIMES if k == 0 else "The same for others, with solve() once more.",
             alt=f"Time against {race.measure}. {race.winner}",
         )
@@ -46,7 +46,7 @@ def _(race: Race) -> Drawing:
     first = race.quickest(RTOL)
     took = ", ".join(f"{name} {in_seconds(run.median)}" for name, run in first.items())
     times = Panel(
-        draw=partial(_quickest, first, looks),
+        draw=partial(_quickest, first, style_of),
         caption="The time to the accuracy that solve() aims at by default, the shortest at the top, on a logarithmic "
         "axis; in brackets how much of it goes by before the first step.",
         alt=f"Times to the default accuracy. {took or 'None reached it'}.",
@@ -103,11 +103,11 @@ def _times(race: Race, shown: Mapping[str, Style], limits: dict[str, Any], headi
     axes.set(xlim=limits["xlim"], ylim=limits["ylim"])
     axes.set_title(heading, fontsize=10)
     ends = []
-    for name, looks in shown.items():
+    for name, style in shown.items():
         runs = sorted(_judged(race, name), key=lambda run: -(run.error or 0.0))
         if runs:
             errors = np.maximum([run.error or 0.0 for run in runs], limits["floor"])
-            ends.append((runs[-1].median, _runs(axes, runs, errors, *looks)))
+            ends.append((runs[-1].median, _runs(axes, runs, errors, *style)))
     if race.limit is not None:
         line = axes.axhline(race.limit, color=GREY, linestyle="--", linewidth=1.2, label="one linear solve")
         ends.append((race.limit, line))
@@ -134,12 +134,12 @@ def _runs(axes: Any, runs: Sequence[Entry], errors: Vector, colour: str, marker:
     return axes.plot(errors[~loose], medians[~loose], label=runs[0].name, **style)[0]
 
 
-def _quickest(first: Mapping[str, Entry], looks: Mapping[str, Style], axes: Any) -> list[Any]:
+def _quickest(first: Mapping[str, Entry], style_of: Mapping[str, Style], axes: Any) -> list[Any]:
     """One marker for each time: a bar has no length on a logarithmic axis."""
     times = [run.median for run in first.values()]
     axes.hlines(range(len(first)), min(times, default=1.0) / 3, times, color=GREY, linewidth=0.6, linestyle=":")
     for k, run in enumerate(first.values()):
-        colour, marker = looks[run.name]
+        colour, marker = style_of[run.name]
         axes.plot([run.median], [k], color=colour, marker=marker, markersize=7, linestyle="", label=run.name)
         before = (run.build + (run.setup or 0.0)) / run.median
         axes.text(1.3 * run.median, k, f"{in_seconds(run.median)} ({before:.0%})", va="center", fontsize=8)
