@@ -13,7 +13,7 @@ Run: python examples/thermal_explosion.py     writes thermal_explosion.png and .
 #
 # $$p = -u'' - \lambda e^u, \qquad p = 0 \text{ where } u < \bar u, \qquad p \le 0 \text{ where } u = \bar u.$$
 #
-# On a grid that is $p(z) = Az + q + f(z)$ with an obstacle above: $f$ is `Elementwise`, and its slopes lie between
+# On a grid that is $p(z) = Az + q + f(z)$ with an upper obstacle: $f$ is `Elementwise`, and its slopes lie between
 # $-h^2\lambda e^{\bar u}$ and 0 for all $z \le \bar u$. That is all that a model with nonlinear $p$ has to say.
 # `HEAT` is $\lambda$.
 

@@ -56,7 +56,7 @@ class AffineLcp:
     G : array of shape (n, n) or (n,), optional
         Dense, or its diagonal if it is one; None for 0.
     above : tuple (d, H), optional
-        The obstacle above, Hz + d, in the same form; None where there is none.
+        The upper obstacle, Hz + d, in the same form; None where there is none.
 
     Raises
     ------
@@ -94,7 +94,7 @@ class AffineLcp:
         self.q = q + self.M @ self.c
 
     def _with_rows_above(self, A: Matrix, q: Vector, d: Vector, H: Any) -> Vector:
-        """M and c with the rows for the obstacle above; returns q with them."""
+        """M and c with the rows for the upper obstacle; returns q with them."""
         n = self.n
         self.rows = np.flatnonzero(d < np.inf)
         k = self.rows.size
@@ -118,7 +118,7 @@ class AffineLcp:
     def held(self, y: Vector) -> tuple[Any, Any]:
         """Masks, shape (n,), of the rows at an obstacle and of those at the upper one, where the pivots end with `y`.
 
-        The second mask is None where there is no obstacle above.
+        The second mask is None where there is no upper obstacle.
         """
         y = self.joined(y)
         active = ~self.free[: self.n] & (y[: self.n] == 0.0)

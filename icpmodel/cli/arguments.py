@@ -82,7 +82,7 @@ SOURCE_OPTIONS = (
     click.option("--A", "a_file", type=click.Path(), help="A file of A, in place of SOURCE."),
     click.option("--q", "q_file", type=click.Path(), help="A file of q."),
     click.option("--psi", type=click.Path(), help="A number, or a file of the obstacle below z.  [default: 0]"),
-    click.option("--upper", type=click.Path(), help="A number, or a file of the obstacle above z.  [default: none]"),
+    click.option("--upper", type=click.Path(), help="A number, or a file of the upper obstacle.  [default: none]"),
 )
 #: by which the method is named
 METHOD_OPTIONS = (

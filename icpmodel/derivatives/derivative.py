@@ -165,7 +165,7 @@ class Derivative(ReadOnly, Plotted):
             map with a c. An affine ψ takes (dG, dc) as well, an intervention a sparse matrix of
             changed gains. A map with a `parameter_derivative` takes shape (m,).
         dupper : optional
-            The same for the obstacle above.
+            The same for the upper obstacle.
 
         Returns
         -------

@@ -32,7 +32,7 @@ class Direction:
     def of(cls, problem: ProblemData, dA: Any, dq: Any, dpsi: Any, dupper: Any) -> Direction:
         """Check a user's direction. Raises InputError."""
         if dupper is not None and problem.upper is None:
-            raise InputError("dupper was given, but the problem has no obstacle above z")
+            raise InputError("dupper was given, but the problem has no upper obstacle")
         matrix = None if dA is None else as_csr(dA, "dA", problem.n)
         return cls(problem, matrix, None if dq is None else problem.vector(dq, "dq", finite=True), dpsi, dupper)
 

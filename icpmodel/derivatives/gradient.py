@@ -84,7 +84,7 @@ class Gradient(ReadOnly, Shown):
     @cached_property
     @np.errstate(over="ignore", invalid="ignore", under="ignore")
     def upper(self) -> Any:
-        """The same of the obstacle above, None where there is none.
+        """The same of the upper obstacle, None where there is none.
 
         Examples
         --------

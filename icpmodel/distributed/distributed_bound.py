@@ -44,7 +44,7 @@ class DistributedCertificate(Shown):
     inactive : int
         Number of rows proved to be off both obstacles.
     above : int
-        Number of rows proved to be at the obstacle above.
+        Number of rows proved to be at the upper obstacle.
     undecided : int
         Number of the other rows.
     own_active, own_inactive : mask

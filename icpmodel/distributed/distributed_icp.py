@@ -37,7 +37,7 @@ class DistributedICP(Shown):
         The obstacle below; −inf for none. An `icpmodel.Elementwise` map of the own rows needs a
         `lipschitz` < 1. A pair (`Mat`, any of these) stands for ψ(z) = Gz + f(z).
     upper : optional
-        The same for the obstacle above z, or None.
+        The same for the upper obstacle, or None.
 
     Raises
     ------
@@ -97,7 +97,7 @@ class DistributedICP(Shown):
         psi : DistributedMap
             The obstacle below.
         upper : DistributedMap or None
-            The obstacle above.
+            The upper obstacle.
 
         Returns
         -------

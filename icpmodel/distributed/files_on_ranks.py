@@ -46,7 +46,7 @@ def load_problem(
         A file of n numbers, `.mtx` or `.bin` (a `Vec`).
     psi, upper : str, path or float, optional
         A file of the obstacle, or a number. Without `psi` it is 0; without `upper` there is no
-        obstacle above.
+        upper obstacle.
     comm : optional
         A communicator of mpi4py or petsc4py, by default that of all ranks.
 

@@ -144,7 +144,7 @@ def proved_limits(rows: LinearRows) -> Dense:
     (below, above) = (np.isfinite(rows.c), np.isfinite(rows.d))
     M = np.stack([rows.A, -rows.A, rows.R, -rows.S])
     v = np.stack([rows.q, -rows.q, np.where(below, -rows.c, 0.0), np.where(above, rows.d, 0.0)])
-    # p ≥ 0 where there is no obstacle above, p ≤ 0 where there is none below
+    # p ≥ 0 where there is no upper obstacle, p ≤ 0 where there is no lower one
     signs = np.stack([~above, ~below, below, above])
     G = M[signs]
     g = v[signs]

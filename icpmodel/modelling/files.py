@@ -98,7 +98,7 @@ def load_problem(
     q : str or path, optional
         A file of n numbers, where `path` does not hold them. In a file of several variables it is found by its name.
     psi, upper : str, path or float, optional
-        A file of the obstacle, or a number. Without `psi` it is 0; without `upper` there is no obstacle above.
+        A file of the obstacle, or a number. Without `psi` it is 0; without `upper` there is no upper obstacle.
 
     Returns
     -------

@@ -68,7 +68,7 @@ class Facts:
 
     @cached_property
     def upper_obstacle(self) -> Vector | None:
-        """The same of the obstacle above, None where there is none."""
+        """The same of the upper obstacle, None where there is none."""
         return None if self.psi.upper is None else self._fixed(self.psi.upper, np.inf)
 
     @cached_property

@@ -1,7 +1,7 @@
 """The contract of the obstacle map ψ, and the generic methods of every map.
 
 ψ may be −∞ in a row: that row has no obstacle, and p_i = 0 must hold there. A map may as well be
-the obstacle above z, where +∞ means none. A new kind of ψ is one file with a subclass of `Map` that
+the upper obstacle, where +∞ means none. A new kind of ψ is one file with a subclass of `Map` that
 has `bind`, `value` and `jacobian`. All other methods have a generic default, which the subclass may
 replace by a quicker one.
 """
@@ -49,7 +49,7 @@ class Map(ReadOnly, Shown, ABC):
     linear: tuple[sp.csr_array, Vector] | None = None
     #: a CSR matrix with an entry wherever ψ_i may depend on z_j, or None where that is not known
     links: sp.csr_array | None = None
-    #: the obstacle above z, where this is the one below it and there is another: see `two_sided.TwoSidedObstacle`
+    #: the upper obstacle, where this is the one below it and there is another: see `two_sided.TwoSidedObstacle`
     upper: Map | None = None
     #: whether ψ does not depend on z
     is_constant: bool = False
@@ -233,7 +233,7 @@ class Map(ReadOnly, Shown, ABC):
         return Substituted(self, P, shift, rows, factor)
 
     def as_upper(self) -> Map:
-        """The same map as an obstacle above z, where +∞ means none.
+        """The same map as an upper obstacle, where +∞ means none.
 
         Returns
         -------

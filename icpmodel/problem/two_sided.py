@@ -239,7 +239,7 @@ def as_map(psi: Any, n: int, upper: Any = None) -> Map:
             return _at_zero(n)
         return psi.bind(n) if isinstance(psi, TwoSidedObstacle) else _one_side(psi, n, "psi", -np.inf)
     if isinstance(psi, TwoSidedObstacle):
-        raise InputError("psi has an obstacle above z already; give upper, or that one")
+        raise InputError("psi has an upper obstacle already; give upper, or that one")
     both = TwoSidedObstacle(_one_side(psi, n, "psi", -np.inf), _one_side(upper, n, "upper", np.inf))
     if (row := both.crossed_everywhere()) is not None:
         below, above = both.value(np.zeros(n))[row], both.upper.value(np.zeros(n))[row]

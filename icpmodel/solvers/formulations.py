@@ -7,7 +7,7 @@ p_i = 0):
     gap      min p(z)ᵀr(z)         subject to p ≥ 0, r ≥ 0, p_i = 0 (i free)         Aᵀ(I − G) + (I − G)ᵀA ≥ 0.
     mpec     p ≥ 0 ⟂ r ≥ 0         and p_i = 0 (i free)                              always.
 
-An obstacle above z, s = ψ̄(z) − z = d + Hz − z ≥ 0, adds its side to energy. In mpec, with p = u −
+An upper obstacle, s = ψ̄(z) − z = d + Hz − z ≥ 0, adds its side to energy. In mpec, with p = u −
 v, it makes two conditions: 0 ≤ u ⟂ r ≥ 0 and 0 ≤ v ⟂ s ≥ 0.
 
 The gap is then uᵀr + vᵀs = pᵀr + vᵀ(d − c) with u = p + v. The unknowns v ≥ 0 stand in the rows

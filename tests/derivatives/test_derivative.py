@@ -228,7 +228,7 @@ def test_bad_input_is_named():
     derivative = problem.solve().derivative()
     with pytest.raises(icp.InputError, match=r"dq has shape \(3,\); shape \(2,\) was expected"):
         derivative.forward(dq=[1.0, 2.0, 3.0])
-    with pytest.raises(icp.InputError, match="dupper was given, but the problem has no obstacle above z"):
+    with pytest.raises(icp.InputError, match="dupper was given, but the problem has no upper obstacle"):
         derivative.forward(dupper=1.0)
     with pytest.raises(icp.InputError, match=r"zbar\[0\] is nan"):
         derivative.adjoint([np.nan, 1.0])

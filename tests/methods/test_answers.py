@@ -128,7 +128,7 @@ def test_small_and_singular_cases_by_hand(name, A, q, psi, z):
     [None, *(name for name in MADE_FOR if name not in (None, "enumerate", "mms", "newton-josephy", "tridiagonal"))],
 )
 def test_upside_down_the_problem_has_the_answer_upside_down(name):
-    """z ↦ −z turns (A, q, ψ, ψ̄) into (A, −q, −ψ̄, −ψ); and an obstacle above that is never touched changes nothing."""
+    """z ↦ −z turns (A, q, ψ, ψ̄) into (A, −q, −ψ̄, −ψ); and an upper obstacle that is never touched changes nothing."""
     problem = scenes.membrane(n=36).problem
     alone = problem.solve(name).z
     np.testing.assert_allclose(problem.with_upper(1e3).solve(name).z, alone, atol=1e-6)

@@ -124,7 +124,7 @@ def test_a_name_that_ends_otherwise_is_refused(tmp_path):
 
 
 def test_a_saved_solution_with_a_changed_byte_is_the_same_or_refused(tmp_path):
-    """Also where the change hides a part of its problem, such as the obstacle above."""
+    """Also where the change hides a part of its problem, such as the upper obstacle."""
     path = saved(tmp_path / "s.npz", PROBLEM.solve())
     right = repr(icp.load_solution(path).problem)
     for changed in mutated(path, 3, 300):

@@ -102,7 +102,7 @@ def test_the_median_at_the_ends_and_where_the_obstacles_cross():
         (0.0, [1.0, -np.inf], r"upper\[1\] is -inf"),
         (0.0, [1.0, 2.0, 3.0], r"upper has shape \(3,\)"),
         (0.0, "one", "upper is 'one'"),
-        (TwoSidedObstacle(icp.Constant(0.0), icp.Constant(1.0)), 2.0, "psi has an obstacle above z already"),
+        (TwoSidedObstacle(icp.Constant(0.0), icp.Constant(1.0)), 2.0, "psi has an upper obstacle already"),
         (0.0, TwoSidedObstacle(icp.Constant(0.0), icp.Constant(1.0)), "upper has two sides"),
     ],
 )

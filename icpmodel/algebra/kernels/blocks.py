@@ -53,7 +53,7 @@ def _block(indptr, indices, data, q, c, slopes, block, place, z):
 def solve_blocks(indptr, indices, data, q, c, slopes, above, rows, starts, wanted, pivots, z):
     # the wanted blocks k, rows[starts[k] : starts[k + 1]], in turn: a row is a maximum, more are pivoted, G = `slopes`
     # having no entry there. Returns which are solved: none that is not finite, or need not have one answer. `above` is
-    # None, or (slopes, d) of the obstacle above; then there are only rows. A block of b rows has up to (b + 1) times
+    # None, or (slopes, d) of the upper obstacle; then there are only rows. A block of b rows has up to (b + 1) times
     # `pivots`
     solved = np.zeros(wanted.size, np.bool_)
     place = np.empty(z.size, np.int32)

@@ -4,7 +4,7 @@ A sweep makes one pass over the CSR arrays of A. It writes the next iterate to `
 iterate it started from, at no extra cost. `weights` are the diagonal of D⁻¹. There is no branch per stored
 entry: `diag[i]` splits row i of A at its diagonal entry. So the loops over the strict lower triangle and over the
 others compare no indices. ψ enters as `psi`, resolved when the loop is compiled. It is a vector ψ(z), or
-(c, indptr, indices, data) for Gz + c; with an obstacle above, an `ObstaclePair` of two such.
+(c, indptr, indices, data) for Gz + c; with an upper obstacle, an `ObstaclePair` of two such.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def _psi_entry(psi, i, z):
 
 
 def upper_entry(psi, i, z):
-    """The entry of the obstacle above, None where there is none."""
+    """The entry of the upper obstacle, None where there is none."""
     raise TypeError("upper_entry exists in compiled code only")
 
 

@@ -72,7 +72,7 @@ def product(lower, diagonal, upper, q, z, p):
 
 @compiled
 def newton(lower, diagonal, upper, q, c, top, held, free, limit):
-    # steps z: p = 0 in the free rows, z = c in the others; free: p < diagonal * (z - c). With an obstacle above, at
+    # steps z: p = 0 in the free rows, z = c in the others; free: p < diagonal * (z - c). With an upper obstacle, at
     # `top`, else None, z = top where p < diagonal * (z - top). `free` is changed, and so is what the others are `held`
     # at, which is c itself where there is one obstacle. Returns the last z, and how the steps ended
     z = np.empty(q.size)

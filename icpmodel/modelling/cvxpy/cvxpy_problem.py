@@ -65,7 +65,7 @@ class Problem(Shown):
     **Form.** Every entry of every variable needs one row of its own over all conditions: r = z − ψ(z)
     or any equation. So there are as many rows as unknowns. p is affine. ψ and the bounds of r are any
     CVXPY expressions, convex or not; `.grad` gives their derivatives. A row az − ψ is divided by a;
-    where a < 0, r ≥ 0 is an obstacle above z.
+    where a < 0, r ≥ 0 is an upper obstacle of z.
 
     **Variables.** They have any shape. z stacks them in the order of `variables()`, each column by
     column. Their bounds (`nonneg`, `nonpos`, `bounds`) bound the condition whose r they are. Other

@@ -106,7 +106,7 @@ def unknown(value, error):
 @inlined
 def worst(of_p, of_r, of_s):
     # the largest |median of p, r and s <= r| that (value, bound on its error) of all three leave possible, and of r and
-    # s themselves where these may cross; without an obstacle above s is -inf, and that is |min(p, r)|
+    # s themselves where these may cross; without an upper obstacle s is -inf, and that is |min(p, r)|
     (p, for_p) = of_p
     (r, for_r) = of_r
     (s, for_s) = of_s
@@ -124,7 +124,7 @@ def worst(of_p, of_r, of_s):
 def raised(indptr, indices, data, weights, Q, G_indptr, G_indices, G_data, C, known, Z, tolerances, residuals, upper):
     # residuals within their tolerances become bounds of the exact ones where rounding could lift these above them. Row
     # by row p = weight (Az + q) and r = z - c - Gz, where c is off by up to `known` times itself; `upper` is None or
-    # (indptr, indices, data, C, known) of the obstacle above
+    # (indptr, indices, data, C, known) of the upper obstacle
     for row in range(Z.shape[0]):
         q = Q[row]
         c = C[row]

@@ -102,7 +102,7 @@ def _contacts(problem: ProblemData, z: Vector) -> dict[str, Mask]:
 def _heights(places: Places, solution: Solution, masks: Mapping[str, Mask], axes: Any) -> list[Any]:
     problem = solution.problem
     z = solution.z[places.rows]
-    for psi, colour, words in ((problem.psi, ORANGE, "obstacle ψ(z)"), (problem.upper, PURPLE, "obstacle above")):
+    for psi, colour, words in ((problem.psi, ORANGE, "obstacle ψ(z)"), (problem.upper, PURPLE, "upper obstacle")):
         if psi is not None:
             obstacle = psi.value(solution.z)[places.rows]
             axes.plot(places.x, obstacle, label=words, **line_style(places, colour, 2.5, "_"))

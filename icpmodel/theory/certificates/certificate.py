@@ -45,7 +45,7 @@ class Certificate(Shown):
     Notes
     -----
     With an upper obstacle, the median with z − ψ̄ replaces the minimum. `violation_p` is then the
-    largest of −p in rows without obstacle above and of p in rows without one below. `violation_r`
+    largest of −p in rows without upper obstacle and of p in rows without a lower one. `violation_r`
     is how far z is beyond either obstacle.
 
     Examples
@@ -161,7 +161,7 @@ class ActiveSet(ReadOnly, Shown):
     inactive : mask of shape (n,)
         Rows off it; with an upper obstacle, off both.
     above : mask of shape (n,) or None
-        Rows at the obstacle above (p* < 0, z* = ψ̄); None where there is none.
+        Rows at the upper obstacle (p* < 0, z* = ψ̄); None where there is none.
 
     Examples
     --------
@@ -193,7 +193,7 @@ class ActiveSet(ReadOnly, Shown):
         active : mask of shape (n,)
             Rows at the obstacle below.
         above : mask of shape (n,) or None
-            Rows at the obstacle above.
+            Rows at the upper obstacle.
         """
         active = self.active | (self.undecided & pattern.active)
         if self.above is None or pattern.above is None:

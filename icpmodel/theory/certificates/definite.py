@@ -228,7 +228,7 @@ def _symmetric_part(At: sp.csr_array, B: sp.csr_array | None, gamma: float) -> t
 
 
 def _reflected(problem: ProblemData, z: Vector) -> tuple[Vector, Vector, Any, Vector]:
-    """(p, r, sign, room): where `sign` is −1, the row is seen from the obstacle above, p is −p and r is ψ̄ − z.
+    """(p, r, sign, room): where `sign` is −1, the row is seen from the upper obstacle, p is −p and r is ψ̄ − z.
 
     `room` ≥ 0 where z is between the obstacles: r where there is one. A row that is above the upper one is seen from
     there, one that is below the lower one from here, and in between the sign of p decides.

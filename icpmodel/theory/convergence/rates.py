@@ -41,7 +41,7 @@ class Rate(Shown, ABC):
 
     Notes
     -----
-    Entry by entry |zᵏ − z*| ≤ factorᵏ·‖z⁰ − z*‖·v. With an obstacle above z* stands for the limit
+    Entry by entry |zᵏ − z*| ≤ factorᵏ·‖z⁰ − z*‖·v. With an upper obstacle z* stands for the limit
     of the method, which is the solution if ψ ≤ ψ̄ there.
 
     Examples

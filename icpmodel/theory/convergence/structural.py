@@ -59,7 +59,7 @@ MONOTONE = (
     "(for M₁ = D: φ ≥ |D − Ω|), or the method is projected SOR with ω ≤ 1, D > 0, the step is isotone and converges "
     "downwards from every supersolution that lies above a subsolution, upwards from that subsolution; global "
     "convergence also needs A1 ≥ 0, ψ(z + t) ≤ ψ(z) + t for t ≥ 0, ψ convex and a strict supersolution, which are not "
-    "checked here; with an obstacle above, isotone too, the limit is a solution if ψ ≤ ψ̄ there"
+    "checked here; with an upper obstacle, isotone too, the limit is a solution if ψ ≤ ψ̄ there"
 )
 DEFINITE = (
     "If A is positive definite, the obstacles constant, M₁ = A and φ = 0, the method converges from every start for "

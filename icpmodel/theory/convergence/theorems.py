@@ -281,7 +281,7 @@ _OTHER_VALUES = {
     True: "it covers methods whose modulus uses the previous iterate; here it uses the newest values",
 }
 _CONVERGES = (
-    "then ICP has one solution (with an obstacle above: if ψ ≤ ψ̄ at the limit, else none) and the method converges to "
+    "then ICP has one solution (with an upper obstacle: if ψ ≤ ψ̄ at the limit, else none) and the method converges to "
     "it from every start"
 )
 

@@ -91,7 +91,7 @@ def drawn(family, n, rng):
     "+affine" else: r = (1 − γ)(z − c) + (γ/s)p, an obstacle that gives way under force, ‖G‖∞ < 1. It is feasible where
     the fixed one is, Aᵀ(I − G) is monotone as A is, and an LCP in r with the monotone matrix A(I − G)⁻¹.
     "+elementwise": ψ_i(c_i) = c_i and |ψ'| < 1, so r_i and z_i − c_i have one sign: the solutions are the same.
-    "+box": an obstacle above as well, at a height of a tenth to a hundred times what a row alone would move by. Where
+    "+box": an upper obstacle as well, at a height of a tenth to a hundred times what a row alone would move by. Where
     c is finite z is in a compact set, on which there is a solution; a row without c has none above either.
 
     Parameters
