@@ -49,7 +49,7 @@ class Map(ReadOnly, Shown, ABC):
     linear: tuple[sp.csr_array, Vector] | None = None
     #: a CSR matrix with an entry wherever ψ_i may depend on z_j, or None where that is not known
     links: sp.csr_array | None = None
-    #: the upper obstacle, where this is the one below it and there is another: see `two_sided.TwoSidedObstacle`
+    #: the upper obstacle, where this is the lower of two: see `two_sided.TwoSidedObstacle`
     upper: Map | None = None
     #: whether ψ does not depend on z
     is_constant: bool = False
