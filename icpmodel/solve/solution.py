@@ -340,12 +340,12 @@ class Solution(ReadOnly, Plotted):
             return self
         left = int(known.undecided.sum())
         guessed = f", {left} rows of which are not proved" if left else ""
-        told = f"polished by one linear solve on the active set{guessed}"
-        better = replace(self, z=z, residual=residual, why=self._and_why(told))
+        reason = f"polished by one linear solve on the active set{guessed}"
+        better = replace(self, z=z, residual=residual, why=self._and_why(reason))
         if self.certificate.bound.reason == NOT_COMPUTED:
             better = better.without_bound()
-        found = better.error_bound if self.accuracy else None
-        reached = found is not None and found <= self.accuracy if self.accuracy else self._goal.reached(z, residual)
+        bound = better.error_bound if self.accuracy else None
+        reached = bound is not None and bound <= self.accuracy if self.accuracy else self._goal.reached(z, residual)
         if reached:
             return better._with(status=Status.SOLVED, message="solved")
         if self.solved or self.status is Status.CROSSED:  # which is said of this very z
@@ -378,11 +378,11 @@ class Solution(ReadOnly, Plotted):
         known = self.error_bound
         if known is None:
             return False
-        found = error_bound(self.problem, z, time_limit=self.time_limit, memory_limit=self.memory_limit).value
-        return found is not None and found < _BETTER * known
+        bound = error_bound(self.problem, z, time_limit=self.time_limit, memory_limit=self.memory_limit).value
+        return bound is not None and bound < _BETTER * known
 
-    def _and_why(self, told: str) -> str:
-        return f"{self.why}; {told}" if self.why else told
+    def _and_why(self, reason: str) -> str:
+        return f"{self.why}; {reason}" if self.why else reason
 
     def _with(self, **changed: Any) -> Solution:
         """The same z with what is known of it, but for the words on it."""
@@ -440,14 +440,14 @@ class Solution(ReadOnly, Plotted):
             bound = ErrorBound.none(str(error).replace("; ", ", "))
             rows_known = ""
         last = ""
-        found = "" if self.adapted_method is self.method else f", in the end {self.adapted_method!r}"
+        adapted = "" if self.adapted_method is self.method else f", in the end {self.adapted_method!r}"
         if self.last_method is not self.method:
             last = f"; the last method was {self.last_method!r}"
-            found += ", which found this z"
+            adapted += ", which found this z"
         rows = {
             "problem": f"{self.problem!r}",
             "status": f"{self.status.value} after {self.iterations} iteration{plural}{last}",
-            "method": f"{self.method!r}{found}" + (f"\n{self.why}" if self.why else ""),
+            "method": f"{self.method!r}{adapted}" + (f"\n{self.why}" if self.why else ""),
             "residual": f"{self.residual:.3g}" + ("" if self.accuracy else f" ({self._goal.wanted(self.z)})"),
             "error": bound.in_words(self.accuracy),
         }
@@ -505,7 +505,7 @@ class Solution(ReadOnly, Plotted):
         known = self.active_set
         numbers = {field.name: getattr(certificate, field.name) for field in fields(certificate)}
         bound = numbers.pop("bound")
-        told = {
+        entries = {
             "problem": repr(self.problem),
             "n": self.problem.n,
             "status": self.status.value,
@@ -530,11 +530,11 @@ class Solution(ReadOnly, Plotted):
             "rows_undecided": int(known.undecided.sum()),
         }
         # JSON has no NaN and no infinity
-        return {name: None if isinstance(x, float) and not np.isfinite(x) else x for name, x in told.items()}
+        return {name: None if isinstance(x, float) and not np.isfinite(x) else x for name, x in entries.items()}
 
     def __repr__(self) -> str:
-        found = f"{self.problem!r}, {self.status.value}, {self.method!r}"
-        return f"Solution({cut(found, 400)}, residual={self.residual:.3g}, iterations={self.iterations})"
+        text = f"{self.problem!r}, {self.status.value}, {self.method!r}"
+        return f"Solution({cut(text, 400)}, residual={self.residual:.3g}, iterations={self.iterations})"
 
     def __str__(self) -> str:
         return str(self._in_short())

@@ -49,8 +49,11 @@ NOT_BEGUN = RunRecord(MNMGS(), MNMGS(), MNMGS(), "no method was tried", 0, 0.0)
 
 @dataclass(frozen=True, eq=False)
 class BatchData:
-    """The problems as they were stated: `problems` with A, one for all or each its own, `Q`, and for each obstacle what
-    was given, and the list of these or None where one holds for all; `atol`; the limits of all rows together."""
+    """The problems as they were stated.
+
+    `problems` has one problem for all rows, or one for each. `below` and `above` are pairs: the obstacle as the user
+    stated it, and the list of obstacles, None where one holds for all rows. The limits are those of all rows together.
+    """
 
     problems: Sequence[ProblemData]
     Q: NDArray[np.float64]
