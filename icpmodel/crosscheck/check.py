@@ -102,7 +102,7 @@ def crosscheck(
         certain: tuple[float, float | None, str]
         certain = (problem.residual(checked.z), None, f"time_limit = {time_limit:g} s was over")
         at_work = ""
-        note = f"time_limit = {time_limit:g} s was over before it answered"
+        note = f"time_limit = {time_limit:g} s was over"
         interrupted = False
         items = partial(_items, checked, given, chosen, solution, end)
         try:
@@ -132,8 +132,12 @@ def crosscheck(
 def _all_rows(rows: dict[str, list[Row]], at_work: str, note: str) -> tuple[Row, ...]:
     """The rows, with one for each solver that has not answered: it failed where it was `at_work`."""
     for name, own in rows.items():
-        verdict = Verdict.FAILED if name == at_work else Verdict.SKIPPED
-        rows[name] = own or [Row(name, "", verdict, note=note)]
+        if own:
+            continue
+        if name == at_work:
+            rows[name] = [Row(name, "", Verdict.FAILED, note=f"{note} before it answered")]
+        else:
+            rows[name] = [Row(name, "", Verdict.SKIPPED, note=f"not asked: {note}" if at_work else note)]
     return tuple(chain(*rows.values()))
 
 
@@ -166,9 +170,9 @@ def _items(
         yield from (Row(name, "", Verdict.SKIPPED, note=reason) for reason in because)
     asked = [solver for solver in chosen if not reasons[solver.name]]
     for k, solver in enumerate(asked):
-        yield solver.name
         if time.perf_counter() >= end:
             return
+        yield solver.name
         targets = [target for target in checked.targets if solver.why_not(target) is None]
         for i, target in enumerate(targets):
             share = (end - time.perf_counter()) / ((len(asked) - k) * len(targets) - i)

@@ -61,7 +61,7 @@ class Verdict(Enum):
     INCONCLUSIVE = "inconclusive", "both residuals are small and the answers differ, but not by more than is certified"
     DISAGREES = "disagrees", "its answer is a solution, the answer under test is not, or is provably another point"
     FAILED = "failed", "it raised, returned no finite z, or does not claim success"
-    SKIPPED = "skipped", "it cannot take this problem"
+    SKIPPED = "skipped", "it cannot take this problem, or was not asked"
 
 
 @dataclass(frozen=True)

@@ -179,6 +179,19 @@ def test_a_spent_time_limit_ends_the_attempts() -> None:
         assert slow.asked == times
 
 
+def test_who_was_not_asked_for_want_of_time_has_not_failed() -> None:
+    class Late(Fake):
+        name = "late"
+
+        def run(self, model: Any) -> Claim:
+            time.sleep(1.1)
+            return Claim(None, "time limit", False)
+
+    report = crosscheck(LCP, LCP_Z, [Late(), Fake()], time_limit=1.0)
+    assert verdicts(report) == [Verdict.FAILED, Verdict.SKIPPED]
+    assert "not asked" in report.rows[1].note
+
+
 @pytest.mark.parametrize(("ends", "said"), [(False, "time_limit"), (True, "exit code 3")])
 def test_a_solver_that_does_not_stop_or_dies_takes_nobody_with_it(ends: bool, said: str) -> None:
     """Where there is little time for the size of the problem it has a process of its own."""
@@ -193,9 +206,9 @@ def test_a_solver_that_does_not_stop_or_dies_takes_nobody_with_it(ends: bool, sa
             return Claim(np.zeros(500), "optimal", True)
 
     problem = icp.ICP(np.eye(500) + 1e-3, np.ones(500))
-    row = crosscheck(problem, np.zeros(500), [Endless()], time_limit=3.0).rows[0]
-    assert row.verdict is Verdict.FAILED
-    assert said in row.note
+    report = crosscheck(problem, np.zeros(500), [Endless(), Fake()], time_limit=3.0)
+    assert verdicts(report) == [Verdict.FAILED, Verdict.SKIPPED]
+    assert all(said in row.note for row in report.rows)
 
 
 # --- the report --------------------------------------------------------------------------------------------------
