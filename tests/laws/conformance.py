@@ -43,14 +43,16 @@ SIZES = {
     if "n" in scenes.parameters(name)
 }
 
+SCENES = {name: scenes.scene(name, SIZES.get(name)) for name in scenes.names()}
+
 #: scenes with nonlinear p
-NONLINEAR = [name for name in scenes.names() if scenes.scene(name, SIZES.get(name)).problem.f is not None]
+NONLINEAR = [name for name, scene in SCENES.items() if scene.problem.f is not None]
 
 #: scenes with affine p and a known answer
-WITH_Z = [name for name in scenes.names() if name not in NONLINEAR and scenes.scene(name).z_exact is not None]
+WITH_Z = [name for name, scene in SCENES.items() if name not in NONLINEAR and scene.z_exact is not None]
 
 #: scenes of more linear pieces than are enumerated
-MANY_PIECES = [s for s in scenes.names() if piece_count(scenes.scene(s, SIZES.get(s)).problem) > MOST_CHOICES]
+MANY_PIECES = [name for name, scene in SCENES.items() if piece_count(scene.problem) > MOST_CHOICES]
 
 _CYCLIC = "P but not H+: overrelaxed or not, the sweeps turn in a circle (theory of the 3 x 3 cyclic P-matrix)"
 _COUPLED = "rho(D^-1|B| + G) = 1.8: splittings that add both couplings fail, those that take their maximum do not"
@@ -69,7 +71,7 @@ _BY_DIAGONAL = (
 )
 
 #: scenes with an upper obstacle
-TWO_SIDED = [name for name in scenes.names() if scenes.scene(name, SIZES.get(name)).problem.upper is not None]
+TWO_SIDED = [name for name, scene in SCENES.items() if scene.problem.upper is not None]
 
 #: scenes with nonlinear p whose rows are known to increase, and the methods that take these
 _ROWS = ("accelerated", "mnmaor", "mnmgs", "mnmj", "mnmsor", "nmms", "projection-fixed-point", "psor", "newton-josephy")

@@ -5,14 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from conformance import NONLINEAR, SIZES
+from conformance import SCENES
 
 import icpmodel as icp
 from icpmodel import scenes
 from icpmodel.methods.accelerated import Differences
 from icpmodel.methods.contract import FixedPoint
-
-SCENES = {name: scenes.scene(name, SIZES.get(name)) for name in scenes.names() if name not in NONLINEAR}
 
 
 def newest(history):

@@ -6,12 +6,10 @@ from itertools import islice
 
 import numpy as np
 import pytest
-from conformance import BY_LUCK, FAR_THOUGH_SOLVED, HONEST, METHODS, MUST_FAIL, NONLINEAR, SIZES
+from conformance import BY_LUCK, FAR_THOUGH_SOLVED, HONEST, METHODS, MUST_FAIL, NONLINEAR, SCENES
 
 import icpmodel as icp
-from icpmodel import methods, scenes
-
-SCENES = {name: scenes.scene(name, SIZES.get(name)) for name in scenes.names()}
+from icpmodel import methods
 
 
 def test_every_registered_method_is_in_the_conformance_table():
