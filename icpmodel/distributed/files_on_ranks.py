@@ -11,7 +11,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from ..errors import FileError, IcpError, InputError, NotApplicable
-from ..modelling.archive import opened
+from ..modelling.archive import content_errors, opened
 from ..modelling.files import SIDES, folder_files
 from ..modelling.petsc_binary import PetscFile
 from ..numerics.arrays import described
@@ -84,10 +84,8 @@ def load_problem(
         own = files.get(f"{prefix}c", 0.0 if name == "psi" else None)
         own = vector_in(own, A) if isinstance(own, Path) else own
         sides.append((matrix_in(files[f"{prefix}G"], comm), own) if f"{prefix}G" in files else own)
-    try:
+    with content_errors(as_path(path)):  # the same one on all ranks
         return DistributedICP(A, vector_in(files["q"], A), *sides)
-    except InputError as error:  # the same one on all ranks
-        raise FileError(f"{path}: {error}") from error
 
 
 def _files(path: Path, q: Any, psi: Any, upper: Any) -> dict[str, Any]:
