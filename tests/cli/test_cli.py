@@ -4,6 +4,7 @@ import io
 import json
 import shlex
 
+import click
 import numpy as np
 import pytest
 from installed import announce, run
@@ -11,6 +12,7 @@ from scipy.io import savemat
 from shell import call, said
 
 import icpmodel as icp
+from icpmodel.cli import commands
 
 
 def test_solve_prints_a_card_and_the_distance_to_the_reference(capsys):
@@ -222,7 +224,7 @@ def test_errors_are_one_line_on_standard_error(capsys, arguments, words):
     assert words in err
 
 
-@pytest.mark.parametrize("command", ["solve", "crosscheck", "scenes", "race"])
+@pytest.mark.parametrize("command", commands.list_commands(click.Context(commands)))
 def test_help_explains_every_command(capsys, command):
     code, out, _ = call(capsys, command, "--help")
     assert code == 0
