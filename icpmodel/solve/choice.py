@@ -16,6 +16,7 @@ from ..methods.aor import MNMAOR, MNMGS
 from ..methods.contract import Method
 from ..methods.factorised import MNMMOD
 from ..methods.interior import Interior
+from ..methods.milp import LARGEST
 from ..methods.multilevel import Multilevel
 from ..methods.newton import Newton
 from ..methods.proximal import Proximal
@@ -92,7 +93,8 @@ def select_method(problem: ProblemLike, *, rtol: float = RTOL, family: str | Non
        foretells that it needs more than that method, it is for an eighth.
     5. Of three methods the one with the least left to do: the cheapest of `Newton`, `Multilevel` and `Lemke`;
        `Proximal`; `Interior`. Their estimates follow from ρ and the fill of the factors of A.
-    6. Where all of these have ended: the others that rung 5 names, then MNMGS and MNMMOD.
+    6. Where all of these have ended: the others that rung 5 names, then MNMGS and MNMMOD. With at most 150 unknowns
+       they end after twice their estimates, as a global search follows.
 
     Before rung 5 the problem is reduced, see `solve.reduction`; each of its parts goes up a ladder of its own.
 
@@ -171,6 +173,12 @@ class Job:
         self.limit = self.spent + min(self.spent, self.remaining)
         return True
 
+    @property
+    def is_overrun(self) -> bool:
+        """Whether it has spent twice its estimate."""
+        estimate = self.choice.estimate
+        return estimate is not None and self.spent >= _OVERRUN * estimate.total
+
     def _left(self, need: float) -> float:
         """What it has left: by the rate over the last half of its steps, or by what it has spent."""
         if self.method.finite:
@@ -231,6 +239,8 @@ class Ladder:
     def next(self) -> Job | None:
         """The method that runs next, None where none is left, or where the ladder is held."""
         while True:
+            if not self.rungs and self.family is None and self.problem.n <= LARGEST:
+                self.jobs = [job for job in self.jobs if not job.is_overrun]
             least = min(self.jobs, key=lambda job: job.remaining, default=None)
             if self.rungs and (least is None or least.remaining > self.floor):
                 self.rungs.pop(0)()

@@ -78,6 +78,25 @@ def test_units_of_rows_hide_no_proof_that_there_is_no_solution():
         assert found.status is icp.Status.INFEASIBLE
 
 
+def test_where_all_methods_creep_the_search_begins_in_all_units():
+    """A small problem on which MNMMOD, the last rung, goes on until `max_iter`, in one form or in the other."""
+    first = [[0, 1, 1, 2], [-1, -1, 0, -2], [0, 0, 0, 0], [-1, 0, 1, 0]]
+    second = [
+        [13 - 3.9e-12, -6 - 1.2e-12, 0, -8],
+        [-6 - 1.2e-12, 4, -4 + 1.2e-12, 0],
+        [16 - 6.4e-12, -8 - 1.6e-12, 2, -8],
+    ]
+    second.append([2 + 4e-13, 4 + 1.6e-12, -16 - 3.2e-12, -16])
+    fixed, upper = np.array([-np.inf, 0, 0, -np.inf]), np.array([0, 0, np.inf, 0])
+    for A, q, c, d in ((first, [-1, 0, 0, 0], np.zeros(4), None), (second, [1, 0, 0, 0], fixed, upper)):
+        for exponents in ([0, 0, 0, 0], [-40, -40, -40, 0], [-40, -40, -40, -40]):
+            rows, unit = 2.0 ** np.array(exponents), 2.0 ** exponents[0]
+            bounds = {} if d is None else {"upper": d * unit}
+            assert (
+                icp.ICP(np.multiply(A, rows[:, None]), np.multiply(q, rows * unit), c * unit, **bounds).solve().solved
+            )
+
+
 def test_a_tiny_entry_on_the_diagonal_makes_no_residual_small():
     """d_i = a_ii would: D⁻¹q would be 1e12 in row 0, beside which nothing in row 1 is large."""
     problem = icp.ICP([[1e-12, 1.0], [-1.0, 1.0]], [-1.0, -1.0])
