@@ -58,13 +58,6 @@ def arranged(A: sp.csr_array, free: Mask) -> tuple[Columns, NDArray[np.float64]]
     return order, np.where(free & ((diagonal < 0) | ((diagonal == 0) & (both > 0))), -1.0, 1.0)
 
 
-def unowned(R: sp.csr_array) -> tuple[int, int]:
-    """A row and a column that are left over where `own_entries` is None."""
-    positive = R.data > 0
-    rows, columns = left_over(row_of(R)[positive], R.indices[positive], R.shape)
-    return int(rows[0]), int(columns[0])
-
-
 def cheapest(rows: Columns, columns: Columns, cost: NDArray[np.float64], m: int, n: int) -> Columns | None:
     """One of n columns for each of m rows, none for two, that together cost least; None where that cannot be."""
     from scipy.sparse.csgraph import min_weight_full_bipartite_matching

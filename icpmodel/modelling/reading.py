@@ -40,7 +40,7 @@ class Reading(Protocol):
         """The ICP. Raises InputError, with the name of what is wrong, where the model is none."""
 
     def start(self) -> Vector | None:
-        """The present values of the variables, as z, shape (n,); None where none has one."""
+        """The present values of the variables, as z of `problem`, shape (n,); None where none has one."""
 
     def values(self, z: Vector) -> list[tuple[Any, Any]]:
         """The variables of the model, each with its value at `z`, shape (n,)."""
@@ -62,8 +62,9 @@ def solved(reading: Reading, method: str | Method | None = None, *, z0: Any = No
         be small beside its own terms. Where it is not, the solution is polished. Where that does not
         help, the status is PRECISION_LIMIT. A contradiction has the names of the model.
     """
+    problem = reading.problem
     start = reading.start() if z0 is None else z0
-    found = reading.problem.solve(method, z0=start, raise_on_failure=False, **options)
+    found = problem.solve(method, z0=start, raise_on_failure=False, **options)
     if found.status is Status.INFEASIBLE:
         return _named(reading, found)
     # a certified error, and the paper's residual, were asked for in units that the user has chosen
@@ -102,7 +103,10 @@ def _shares(reading: Reading, z: Vector) -> Vector:
     """
     problem = reading.problem
     size = np.maximum(np.abs(z), max(UNIT_ROUNDOFF * np.abs(z).max(initial=0.0), np.finfo(float).tiny))
-    sides = [(problem.p(z), problem.matrix.magnitude(size) + np.abs(problem.q))]
+    terms_of_p = problem.matrix.magnitude(size) + np.abs(problem.q)
+    if problem.f is not None:
+        terms_of_p = terms_of_p + np.abs(problem.f.value(z))
+    sides = [(problem.p(z), terms_of_p)]
     sides += [(z - psi.value(z), _terms(psi, z, size)) for psi in sides_of(problem.psi)]
     shares = (np.where(np.isfinite(side / terms), side / terms, side) for side, terms in sides)
     return np.asarray(np.abs(mid(*shares)))

@@ -49,6 +49,12 @@ class AffineRows(NamedTuple):
         constant[rows] = self.constant
         return AffineRows(sp.csr_array(S @ self.Z), sp.csr_array(S @ self.W), constant)
 
+    def wider(self, count: int) -> AffineRows:
+        """The same rows of a z with `count` further entries."""
+        Z = self.Z.copy()
+        Z.resize((Z.shape[0], Z.shape[1] + count))
+        return self._replace(Z=Z)
+
     def constants(self, count: int, value: float) -> AffineRows:
         """`count` rows in the same z and w that are the constant `value`."""
         nothing = np.zeros(0, dtype=np.intp)

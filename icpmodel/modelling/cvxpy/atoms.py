@@ -23,10 +23,10 @@ _PRINTED = 20
 _SAME = 1e-4
 
 
-class AtomObstacle:
+class AtomFunction:
     """ψ(z) = Gz + c + Vw(z), w being the `atoms` in the `variables`, at the present values of their parameters. It
     works on copies, so that neither new values of the variables nor of the parameters change it. `name` is what it is
-    called, as ψ̄ is such a function, too."""
+    called, as ψ̄ and f are such functions, too."""
 
     def __init__(
         self,
@@ -84,13 +84,16 @@ class Copies:
                 found = f"{named(one)} is {value[np.argmin(np.isfinite(value))]} here"
                 raise ArithmeticError(f"{found}; start where it is finite, from the variables' values")
             values.append(value)
-        return np.concatenate(values)
+        return np.concatenate([np.zeros(0), *values])
 
     def derivative(self, z: Vector) -> sp.csr_array:
-        """Raises ArithmeticError where one has no gradient at `z`."""
+        """In all of z, whose last entries may belong to none of the variables. Raises ArithmeticError where one has no
+        gradient at `z`."""
         self._write(z)
         with np.errstate(all="ignore"):
-            return sp.csr_array(sp.block_array([self._blocks(one) for one in self._expressions]))
+            J = sp.csr_array(sp.block_array([self._blocks(one) for one in self._expressions]))
+        J.resize((J.shape[0], z.size))
+        return J
 
     def _blocks(self, one: cp.Expression) -> list[sp.csr_array]:
         """∂one/∂x for each variable x."""

@@ -110,7 +110,7 @@ class Complementarity(Shown, cp.Constraint):
 
 
 def complements(p: Any, r: Any, *, lower: Any = 0.0, upper: Any = None) -> Complementarity:
-    """The constraint p ≥ 0 ⟂ r ≥ 0 of a `Problem`: p = Az + q affine, r = z − ψ(z).
+    """The constraint p ≥ 0 ⟂ r ≥ 0 of a `Problem`, best with r = z − ψ(z); p may be any expression.
 
     With bounds l and u of r it is l ≤ r ≤ u, p_i ≥ 0 where r_i = l_i, p_i ≤ 0 where r_i = u_i, and
     p_i = 0 in between.
@@ -118,8 +118,9 @@ def complements(p: Any, r: Any, *, lower: Any = 0.0, upper: Any = None) -> Compl
     Parameters
     ----------
     p, r : Expression
-        Two CVXPY expressions of one shape. Their order does not matter where only one of them can be
-        r, unless r has bounds: r is affine with one entry of z for itself in each row, less ψ.
+        Two CVXPY expressions of one shape. Their order does not matter, unless r has bounds. In each
+        row r is z − ψ(z), with one entry of z for itself. Where it has none, `Problem` adds an unknown
+        s with the equation s − r(z) = 0.
     lower, upper : Expression, float or array, optional
         l and u; −inf, +inf or None for none. By default 0 and None, or the bounds of a variable r
         that was made with `nonpos` or `bounds`.

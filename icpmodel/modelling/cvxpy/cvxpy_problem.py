@@ -53,7 +53,7 @@ class Problem(Shown):
     Parameters
     ----------
     constraints, *others : constraint, or list of constraints
-        Conditions `complements(p, r)`, affine equations a == b and affine inequalities a <= b.
+        Conditions `complements(p, r)`, equations a == b and affine inequalities a <= b.
 
     Raises
     ------
@@ -62,10 +62,11 @@ class Problem(Shown):
 
     Notes
     -----
-    **Form.** Every entry of every variable needs one row of its own over all conditions: r = z − ψ(z)
-    or any equation. So there are as many rows as unknowns. p is affine. ψ and the bounds of r are any
-    CVXPY expressions, convex or not; `.grad` gives their derivatives. A row az − ψ is divided by a;
-    where a < 0, r ≥ 0 is an upper obstacle of z.
+    **Form.** There are as many rows, in conditions and equations, as unknowns. p, r, equations and the
+    bounds of r are any CVXPY expressions, convex or not; `.grad` gives their derivatives. In a row of r
+    one entry of z is its own: r = z − ψ(z). A row az − ψ is divided by a; where a < 0, r ≥ 0 is an upper
+    obstacle of z. Where no entry is left, z gets a further unknown s, which is r by the equation
+    s − r(z) = 0.
 
     **Variables.** They have any shape. z stacks them in the order of `variables()`, each column by
     column. Their bounds (`nonneg`, `nonpos`, `bounds`) bound the condition whose r they are. Other

@@ -1,14 +1,17 @@
-"""Pairs of CVXPY's expressions, with bounds, and equations read as A, q, ψ and ψ̄.
+"""Pairs of CVXPY's expressions, with bounds, and equations read as A, q, f, ψ and ψ̄.
 
-Every r is taken apart as Rz + Ww(z) + r₀, w being what is not affine. In each row one entry of z is the row's own:
-ρz_i − …, ρ > 0. Then r ≥ l is z_i ≥ ψ_i(z) = z_i − (r_i(z) − l_i)/ρ, in which z_i cancels, r ≤ u likewise, and p's rows
-follow those of r. A row of r in which all of z has negative factors is turned round, with its p and its bounds. The
-equations are the rows of those entries of z that no r owns. Inequalities own nothing; they are checked at the answer.
+Every p and r is taken apart as Rz + Ww(z) + r₀, w being what is not affine. In each row of r one entry of z is the
+row's own: ρz_i − …, ρ > 0. Then r ≥ l is z_i ≥ ψ_i(z) = z_i − (r_i(z) − l_i)/ρ, in which z_i cancels, r ≤ u likewise,
+and p's rows follow those of r. A row of r in which all of z has negative factors is turned round, with its p and its
+bounds. Where a row of r has no entry of z for itself, a new unknown s stands for r, with the equation s − r(z) = 0.
+The equations are the rows of those entries of z that no r owns. Inequalities own nothing; they are checked at the
+answer.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
 
 import cvxpy as cp
@@ -22,12 +25,11 @@ from ...problem.affine import Affine
 from ...problem.function import Function
 from ...solve.solution import Solution
 from ..inequalities import checked
-from ..matching import unowned
 from .affine_rows import AffineRows
-from .atoms import AtomObstacle, at, named, unique, unstacked
+from .atoms import AtomFunction, at, named, unique, unstacked
 from .compiled import Compiled
 from .row_order import OrderedRows, in_order, is_same, obstacle_terms, p_before_r
-from .statement_checks import bounds_of, check_affine, check_variables, pair
+from .statement_checks import bounds_of, check_constraints, check_variables, pair
 
 #: what the bounds of r are called, and the number that means none
 _BOUNDS = (("lower", -np.inf), ("upper", np.inf))
@@ -35,7 +37,8 @@ _BOUNDS = (("lower", -np.inf), ("upper", np.inf))
 
 class CvxpyReading:
     """The `conditions`, `equations` and `inequalities`, compiled once: a `Reading`. Raises InputError for what is no
-    ICP. `variables` are those that z stacks, in this order, each column by column."""
+    ICP. `variables` are those that z stacks, in this order, each column by column; the unknowns that stand for an r are
+    the last entries of z."""
 
     def __init__(
         self,
@@ -47,12 +50,10 @@ class CvxpyReading:
         inequalities = [*inequalities, *(one for x in variables for one in bounds_of(x))]
         self._conditions, self._equations, self._inequalities = conditions, equations, inequalities
         self._pairs = [pair(one) for one in conditions]
-        check_affine(equations, "equation", "a row of Az + q = 0 was expected (complements(1, r) says r = 0)")
-        check_affine(inequalities, "inequality", "only affine ones are checked; ask its violation() after the solve")
+        check_constraints(equations, inequalities)
         self._m = sum(p.size for p, _ in self._pairs)
-        self._n = self._m + sum(one.expr.size for one in equations)
         parts = self._parts_of_sides()
-        check_variables(variables, self._n, bool(inequalities))
+        check_variables(variables, self._m + sum(one.expr.size for one in equations), bool(inequalities))
         self.compiled = Compiled([side for part in parts for side in part])
         self._ends = np.cumsum([sum(side.size for side in part) for part in parts])
         self.variables, self.parameters = self.compiled.variables, self.compiled.parameters
@@ -67,6 +68,8 @@ class CvxpyReading:
         self._own: np.ndarray
         self._sign: Vector
         self._scale: Vector
+        #: the rows of r for which the last entries of z stand
+        self._replaced: AffineRows
 
     def _parts_of_sides(self) -> list[list[cp.Expression]]:
         """The expressions of p, of r, of the equations, of the inequalities, at most 0, and of both bounds."""
@@ -101,7 +104,13 @@ class CvxpyReading:
         if all(x.value is None for x in self.variables):
             return None
         parts = [np.zeros(x.size) if x.value is None else np.ravel(x.value, order="F") for x in self.variables]
-        return np.concatenate(parts).astype(np.float64)
+        z = np.concatenate(parts).astype(np.float64)
+        s = np.zeros(self._replaced.constant.size)
+        if s.size:
+            Z, W, constant = self._replaced
+            with suppress(ArithmeticError):  # f, which has the same atoms, will say so
+                s = self._function(Z, constant, W, "r")(z)
+        return np.concatenate([z, s])
 
     def values(self, z: Vector) -> list[tuple[Any, Any]]:
         return list(zip(self.variables, unstacked(z, self.variables), strict=True))
@@ -129,7 +138,8 @@ class CvxpyReading:
         """`solution`, unless it violates an inequality."""
         if not self._inequalities:
             return solution
-        return checked(solution, self._checked.Z, self._checked.constant, self._inequality)
+        rows = self._checked.wider(self._replaced.constant.size)
+        return checked(solution, rows.Z, rows.constant, self._inequality)
 
     def _inequality(self, row: int) -> str:
         number, place = at([one.expr for one in self._inequalities], row)
@@ -140,12 +150,15 @@ class CvxpyReading:
 
     def _read(self, last: ICP | None) -> ICP:
         p, r, lower, upper = self._in_order(*self._parts(self.compiled.rows()))[:4]
+        n = p.constant.size
         self._scale = r.Z.diagonal()
         before = self._obstacles
         now = self._obstacle(r, lower, "psi"), upper and self._obstacle(r, upper, "upper")
         self._check_crossing(*now)
         self._obstacles = now
-        if last is None or (last.A != p.Z).nnz:
+        if p.W.nnz:
+            return ICP(p.Z, p.constant, *now, f=self._bent(sp.csr_array((n, n)), np.zeros(n), p.W, "f"))
+        if last is None or last.n != n or last.f is not None or (last.A != p.Z).nnz:
             return ICP(p.Z, p.constant, *now)
         unchanged = all(map(is_same, before, now))
         return (last if unchanged else last.with_sides(*now)).with_q(p.constant)
@@ -158,26 +171,28 @@ class CvxpyReading:
         return Affine(G, c) if G.nnz else c
 
     def _bent(self, G: sp.csr_array, c: Vector, V: sp.csr_array, name: str) -> Function:
-        """ψ with atoms; its derivative only where CVXPY's gradients held at the first start."""
-        obstacle = AtomObstacle(self.compiled.atoms.values(), self.variables, G, c, V, name)
+        """What has atoms; its derivative only where CVXPY's gradients held at the first start."""
+        function = self._function(G, c, V, name)
         if self._gradient_holds is None:
             start = self.start()
-            self._gradient_holds = obstacle.gradient_holds(np.zeros(self._n) if start is None else start)
-        return Function(obstacle, obstacle.jacobian if self._gradient_holds else None)
+            self._gradient_holds = function.gradient_holds(np.zeros(c.size) if start is None else start)
+        return Function(function, function.jacobian if self._gradient_holds else None)
 
-    def _in_order(self, p: AffineRows, r: AffineRows, equations: AffineRows, *bounds: AffineRows | None) -> OrderedRows:
-        found = in_order(p, r, equations, *bounds, misfit=self._misfit)
+    def _function(self, G: sp.csr_array, c: Vector, V: sp.csr_array, name: str) -> AtomFunction:
+        return AtomFunction(self.compiled.atoms.values(), self.variables, G, c, V, name)
+
+    def _in_order(self, *parts: Any) -> OrderedRows:
+        found = in_order(*parts)
         self._sign = found.sign
         self._own = found.own
+        self._replaced = found.replaced
         return found
 
     def _parts(self, rows: AffineRows) -> tuple[Any, ...]:
         """The compiled `rows` of p, of r, of the equations, and of the bounds of r, None where no condition has such a
         one; those of the inequalities are kept."""
         if self._order is None:
-            may_swap = [
-                r.is_affine() and not one.is_bounded for one, (_, r) in zip(self._conditions, self._pairs, strict=True)
-            ]
+            may_swap = [not one.is_bounded for one in self._conditions]
             self._order, self._pairs = p_before_r(rows.Z, self._pairs, may_swap)
         if not np.array_equal(self._order, np.arange(self._ends[-1])):  # it would copy a matrix that may be large
             rows = rows.of(self._order)
@@ -206,14 +221,3 @@ class CvxpyReading:
         if isinstance(psi, np.ndarray) and isinstance(upper, np.ndarray) and (psi > upper).any():
             row = self.row_name(int(np.argmax(psi > upper)))
             raise InputError(f"lower is larger than upper in {row.removesuffix(',')}")
-
-    def _misfit(self, R: sp.csr_array) -> str:
-        row, column = unowned(R)
-        expressions = [r for _, r in self._pairs]
-        k, place = at(expressions, row)
-        what = f"r = {named(expressions[k])} is not z - psi(z)" + (f" in entry {place}" if place else "")
-        if not R[[row]].nnz:
-            return f"{what}: no entry of z appears linearly, one was expected"
-        k, place = at(self.variables, column)
-        left = f"{self.variables[k].name()}{place}"
-        return f"{what}: the entries of z that it has belong to other rows already, while no row belongs to {left}"

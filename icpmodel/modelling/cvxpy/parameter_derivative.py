@@ -50,7 +50,8 @@ class ParameterDerivative:
     def backward(self) -> None:
         """The gradient of z̄ᵀz into each parameter's `gradient`, z̄ being the variables' `gradient`, by default 1."""
         zbar = [_filled(x, "gradient", 1.0).ravel(order="F") for x in self._variables]
-        found = self._derivative.adjoint(np.concatenate(zbar))
+        further = np.zeros(self._solution.z.size - sum(x.size for x in self._variables))
+        found = self._derivative.adjoint(np.concatenate([*zbar, further]))
         theta = self._p.T @ found.q + self._psi.T @ found.psi_values
         if self._upper is not None:
             theta = theta + self._upper.T @ found.upper_values

@@ -1,8 +1,11 @@
-"""Rows of conditions and equations in the order of z, so that row i of r is ρz_i − …, ρ > 0."""
+"""Rows of conditions and equations in the order of z, so that row i of r is ρz_i − …, ρ > 0.
+
+A row of r that has no such z_i gets a new unknown s in its place, with the equation s − r(z) = 0.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import cvxpy as cp
@@ -10,9 +13,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ...errors import InputError
 from ...numerics.arrays import Vector, row_of
-from ..matching import arranged, own_entries, resemblance_to_r
+from ..matching import arranged, left_over, own_entries, resemblance_to_r
 from .affine_rows import AffineRows
 
 
@@ -28,6 +30,8 @@ class OrderedRows(NamedTuple):
         The entry of z that each row of a condition owns.
     sign : ndarray, shape (m,)
         −1 where such a row was multiplied by that, else 1.
+    replaced : AffineRows
+        The rows of r for which the last entries of z stand.
     """
 
     p: AffineRows
@@ -36,29 +40,23 @@ class OrderedRows(NamedTuple):
     upper: AffineRows | None
     own: NDArray[np.intp]
     sign: Vector
+    replaced: AffineRows
 
 
 def in_order(
-    p: AffineRows,
-    r: AffineRows,
-    equations: AffineRows,
-    lower: AffineRows | None,
-    upper: AffineRows | None,
-    *,
-    misfit: Callable[[sp.csr_array], str],
+    p: AffineRows, r: AffineRows, equations: AffineRows, lower: AffineRows | None, upper: AffineRows | None
 ) -> OrderedRows:
-    """The rows in the order of z. Raises InputError with the sentence `misfit` where a row owns no entry of z."""
-    m, n = r.Z.shape
+    """The rows in the order of z."""
+    m = r.Z.shape[0]
     sign = _signs(r.Z)
     if (sign < 0).any():
         p = p.times(sign)
         r = r.times(sign)
         lower, upper = _turned(lower or r.constants(m, 0.0), upper or r.constants(m, np.inf), sign)
-    own = own_entries(r.Z)
-    if own is None:
-        raise InputError(misfit(r.Z))
+    own, replaced, (p, r, equations, *bounds) = _owned(p, r, equations, lower, upper)
+    parts: list[Any] = [p, r, *bounds]
     owners = own
-    parts: list[Any] = [p, r, lower, upper]
+    n = r.Z.shape[1]
     if n > m:
         owners = np.concatenate([own, np.setdiff1d(np.arange(n), own)])
         free = r.constants(n - m, np.inf)._replace(Z=sp.eye_array(n, format="csr")[owners[m:]])
@@ -71,7 +69,42 @@ def in_order(
         places, factor = arranged(parts[0].Z, rows >= m)
         parts[0] = parts[0].of(places).times(factor)
     p, r, lower, upper = parts
-    return OrderedRows(p, r, lower, upper, own, sign)
+    return OrderedRows(p, r, lower, upper, own, sign, replaced)
+
+
+def _owned(
+    p: AffineRows, r: AffineRows, equations: AffineRows, *bounds: AffineRows | None
+) -> tuple[NDArray[np.intp], AffineRows, tuple[Any, ...]]:
+    """The entry of z that each row of r owns, the rows of r that own none, and all rows with unknowns for these."""
+    parts: tuple[Any, ...] = (p, r, equations, *bounds)
+    own = own_entries(r.Z)
+    if own is not None:
+        return own, r.of(slice(0)), parts
+    positive = r.Z.data > 0
+    rows = left_over(row_of(r.Z)[positive], r.Z.indices[positive], r.Z.shape)[0]
+    parts = _with_unknowns(rows, *parts)
+    own = own_entries(parts[1].Z)
+    assert own is not None, "each row that had no entry of z has an unknown for itself now"
+    return own, r.of(rows), parts
+
+
+def _with_unknowns(
+    rows: NDArray[np.intp], p: AffineRows, r: AffineRows, equations: AffineRows, *bounds: AffineRows | None
+) -> tuple[Any, ...]:
+    """The same conditions and equations where a new unknown s stands for each of the `rows` of r: s − r(z) = 0."""
+    k = rows.size
+    p, r, equations = p.wider(k), r.wider(k), equations.wider(k)
+    unknowns = r.constants(k, 0.0)
+    unknowns = unknowns._replace(Z=sp.eye_array(k, r.Z.shape[1], k=r.Z.shape[1] - k, format="csr"))
+    equations = equations.above(unknowns.plus(r.of(rows).times(np.full(k, -1.0))))
+    kept = np.ones(r.constant.size)
+    kept[rows] = 0.0
+    return (
+        p,
+        r.times(kept).plus(unknowns.spread(rows, kept.size, 0.0)),
+        equations,
+        *(one and one.wider(k) for one in bounds),
+    )
 
 
 def _signs(R: sp.csr_array) -> Vector:

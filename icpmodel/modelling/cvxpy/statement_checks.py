@@ -11,23 +11,14 @@ from ...errors import InputError
 from .atoms import named
 from .complementarity import BOUNDING, own_bounds
 
-#: what to write where both sides are nonlinear
-_NONLINEAR = "icpmodel.ICP(A, q, psi, f=...) and a model in Pyomo take nonlinear p"
-
 
 def pair(condition: Any) -> tuple[cp.Expression, cp.Expression]:
-    """p and r, as they are where r has bounds of its own; else the affine one first."""
-    a, b = condition.sides
+    """p and r as they were given. Raises InputError where they, or the bounds, are complex."""
     for side in (*condition.sides, *condition.bounds):
         if side is not None and side.is_complex():
             raise InputError(f"{named(side)} is complex; real expressions were expected: ICP is stated over the reals")
-    if condition.is_bounded and not a.is_affine():
-        found = f"p = {named(a)} is not affine in the variables; lower and upper are bounds of the second one"
-        raise InputError(f"{found}: {_NONLINEAR}")
-    if not a.is_affine() and not b.is_affine():
-        found = f"neither {named(a)} nor {named(b)} is affine in the variables; p = Az + q must be"
-        raise InputError(f"{found}: {_NONLINEAR}")
-    return (a, b) if a.is_affine() else (b, a)
+    p, r = condition.sides
+    return p, r
 
 
 def bounds_of(x: cp.Variable) -> list[cp.Constraint]:
@@ -36,11 +27,14 @@ def bounds_of(x: cp.Variable) -> list[cp.Constraint]:
     return [one for one in (low is not None and x >= low, high is not None and x <= high) if one is not False]
 
 
-def check_affine(constraints: Sequence[cp.Constraint], kind: str, wanted: str) -> None:
-    for one in constraints:
-        if one.is_complex() or not one.expr.is_affine():
-            what = "complex" if one.is_complex() else "not affine in the variables"
-            raise InputError(f"the {kind} {named(one)} is {what}; {wanted}")
+def check_constraints(equations: Sequence[cp.Constraint], inequalities: Sequence[cp.Constraint]) -> None:
+    for one in (*equations, *inequalities):
+        if one.is_complex():
+            raise InputError(f"{named(one)} is complex; real expressions were expected")
+    for one in inequalities:
+        if not one.expr.is_affine():
+            wanted = "only affine ones are checked; ask its violation() after the solve"
+            raise InputError(f"the inequality {named(one)} is not affine in the variables; {wanted}")
 
 
 def check_variables(variables: list[cp.Variable], rows: int, inequalities: bool) -> None:
@@ -53,6 +47,6 @@ def check_variables(variables: list[cp.Variable], rows: int, inequalities: bool)
     if rows != unknowns or not rows:
         entries = ", ".join(f"{x.name()} with {x.size}" for x in variables) or "no variables"
         found = f"the conditions and equations have {rows} entries, the variables {unknowns} ({entries})"
-        wanted = "each entry of a variable needs one row of its own, a condition with r = z - psi(z) or an equation"
+        wanted = "each entry of a variable needs one row of its own, a condition or an equation"
         more = "; inequalities are only checked: a <= b with a multiplier of its own is complements(b - a, multiplier)"
         raise InputError(f"{found}; {wanted}{more if inequalities else ''}")
