@@ -16,19 +16,12 @@ from ..problem.function import Function
 from ..problem.map import Map
 from ..problem.two_sided import mid, sides_of
 from ..solve.solution import Solution, Status
+from .affine_rows import SumOfTerms
 
 #: share of its terms up to which a side counts as 0: the tolerance of PATH and of GAMS's other MCP solvers
 _SHARE = 1e-6
 #: a larger rtol counts so many times as such a share
 _SLACK = 100.0
-
-
-@runtime_checkable
-class SumOfTerms(Protocol):
-    """A ψ of a front end that knows the terms of z − ψ(z)."""
-
-    def terms(self, z: Vector) -> Vector:
-        """The sums of the absolute values of the terms of z − ψ(z), shape (n,)."""
 
 
 @runtime_checkable

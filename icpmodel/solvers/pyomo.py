@@ -14,6 +14,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 
 from ..errors import NotApplicable
 from ..problem.data import ProblemData, ProblemLike, as_problem
@@ -108,9 +109,9 @@ def _obstacle(psi: Map, z: Any) -> list[Any]:
     if psi.linear is not None:
         return _moved(*psi.linear, z)
     code: Any = psi.fun if isinstance(psi, Function) else None
-    if hasattr(code, "expressions"):  # read from a Pyomo model: Gz + c, and in some rows an expression more
-        bends = code.expressions(variables)
-        return [one + bends[i] if i in bends else one for i, one in enumerate(_moved(code.G, code.c, z))]
+    terms = getattr(code, "w", None)
+    if hasattr(terms, "expressions"):  # read from a Pyomo model: Gz + c + Vw
+        return _moved(sp.hstack([code.G, code.V], format="csr"), code.c, [*variables, *terms.expressions(variables)])
     symbols = np.array([_Symbol(variable) for variable in variables], dtype=object)
     try:
         if isinstance(psi, Elementwise):

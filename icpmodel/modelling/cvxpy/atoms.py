@@ -23,43 +23,6 @@ _PRINTED = 20
 _SAME = 1e-4
 
 
-class AtomFunction:
-    """ψ(z) = Gz + c + Vw(z), w being the `atoms` in the `variables`, at the present values of their parameters. It
-    works on copies, so that neither new values of the variables nor of the parameters change it. `name` is what it is
-    called, as ψ̄ and f are such functions, too."""
-
-    def __init__(
-        self,
-        atoms: Iterable[cp.Expression],
-        variables: Sequence[cp.Variable],
-        G: sp.csr_array,
-        c: Vector,
-        V: sp.csr_array,
-        name: str,
-    ) -> None:
-        self.__name__ = f"{name} of CVXPY"
-        self.G, self.c, self.V = G, c, V
-        atoms = list(atoms)
-        inner = [cp.Variable(x.shape, name=x.name()) for x in variables]
-        copies: dict[int, Any] = {id(x): copy for x, copy in zip(variables, inner, strict=True)}
-        copies |= {id(one): cp.Constant(value_of(one)) for atom in atoms for one in atom.parameters()}
-        self._atoms = Copies(atoms, inner, copies)
-        self.gradient_holds = self._atoms.gradient_holds
-
-    def __call__(self, z: Vector) -> Vector:
-        """ψ(z). Raises ArithmeticError where an expression has no finite value at `z`."""
-        return self.G @ z + self.c + self.V @ self._atoms.value(z)
-
-    def terms(self, z: Vector) -> Vector:
-        """The sums of the absolute values of the terms of z − ψ(z)."""
-        own = abs(sp.eye_array(z.size) - self.G) @ np.abs(z)
-        return np.asarray(own + np.abs(self.c) + abs(self.V) @ np.abs(self._atoms.value(z)))
-
-    def jacobian(self, z: Vector) -> sp.csr_array:
-        """ψ′(z) = G + Vw′(z). Raises ArithmeticError where an expression has no gradient at `z`."""
-        return sp.csr_array(self.G + self.V @ self._atoms.derivative(z))
-
-
 class Copies:
     """Copies of the `expressions`, in which leaves are replaced by their `copies`, as functions of the `variables`
     among these, stacked column by column."""
@@ -86,7 +49,7 @@ class Copies:
             values.append(value)
         return np.concatenate([np.zeros(0), *values])
 
-    def derivative(self, z: Vector) -> sp.csr_array:
+    def jacobian(self, z: Vector) -> sp.csr_array:
         """In all of z, whose last entries may belong to none of the variables. Raises ArithmeticError where one has no
         gradient at `z`."""
         self._write(z)
@@ -120,7 +83,7 @@ class Copies:
             at = z + size * random.uniform(least, 0.01, z.size)
             try:
                 quotient = self.value(at + step) - self.value(at - step)
-                expected = 2.0 * (self.derivative(at) @ step)
+                expected = 2.0 * (self.jacobian(at) @ step)
             except ArithmeticError:
                 continue
             except Exception:  # whatever an expression without a gradient raises
@@ -129,6 +92,15 @@ class Copies:
             allowed = _SAME * max(np.abs(quotient).max(), np.abs(expected).max()) + noise
             return bool((np.abs(quotient - expected) <= allowed).all())
         return True
+
+
+def frozen(atoms: Sequence[cp.Expression], variables: Sequence[cp.Variable]) -> Copies:
+    """The `atoms` as functions of the `variables` at the present values of their parameters. They are copies, so that
+    new values of neither change them."""
+    inner = [cp.Variable(x.shape, name=x.name()) for x in variables]
+    copies: dict[int, Any] = {id(x): copy for x, copy in zip(variables, inner, strict=True)}
+    copies |= {id(one): cp.Constant(value_of(one)) for atom in atoms for one in atom.parameters()}
+    return Copies(atoms, inner, copies)
 
 
 def value_of(parameter: cp.Parameter) -> Any:

@@ -18,7 +18,7 @@ from cvxpy.atoms.affine.affine_atom import AffAtom
 
 from ...errors import InputError
 from ...numerics.arrays import Vector
-from .affine_rows import AffineRows
+from ..affine_rows import AffineRows
 from .atoms import copied, unique, value_of
 from .qp_solver import cvxpy_solver
 

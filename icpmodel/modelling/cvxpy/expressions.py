@@ -21,14 +21,13 @@ import scipy.sparse as sp
 from ...errors import InputError
 from ...icp import ICP
 from ...numerics.arrays import Vector
-from ...problem.affine import Affine
 from ...problem.function import Function
 from ...solve.solution import Solution
+from ..affine_rows import AffineRows, SumOfTerms, obstacle
 from ..inequalities import checked
-from .affine_rows import AffineRows
-from .atoms import AtomFunction, at, named, unique, unstacked
+from .atoms import at, frozen, named, unique, unstacked
 from .compiled import Compiled
-from .row_order import OrderedRows, in_order, is_same, obstacle_terms, p_before_r
+from .row_order import OrderedRows, in_order, is_same, p_before_r
 from .statement_checks import bounds_of, check_constraints, check_variables, pair
 
 #: what the bounds of r are called, and the number that means none
@@ -165,21 +164,18 @@ class CvxpyReading:
 
     def _obstacle(self, r: AffineRows, bound: AffineRows | None, name: str) -> Any:
         """z − (r − `bound`)/ρ, the bound being 0 where it is None."""
-        G, c, V = obstacle_terms(r, bound)
-        if V.nnz:
-            return self._bent(G, c, V, name)
-        return Affine(G, c) if G.nnz else c
+        return obstacle(r, bound, lambda *terms: self._bent(*terms, name))
 
     def _bent(self, G: sp.csr_array, c: Vector, V: sp.csr_array, name: str) -> Function:
         """What has atoms; its derivative only where CVXPY's gradients held at the first start."""
         function = self._function(G, c, V, name)
         if self._gradient_holds is None:
             start = self.start()
-            self._gradient_holds = function.gradient_holds(np.zeros(c.size) if start is None else start)
+            self._gradient_holds = function.w.gradient_holds(np.zeros(c.size) if start is None else start)
         return Function(function, function.jacobian if self._gradient_holds else None)
 
-    def _function(self, G: sp.csr_array, c: Vector, V: sp.csr_array, name: str) -> AtomFunction:
-        return AtomFunction(self.compiled.atoms.values(), self.variables, G, c, V, name)
+    def _function(self, G: sp.csr_array, c: Vector, V: sp.csr_array, name: str) -> SumOfTerms:
+        return SumOfTerms(G, c, V, frozen(list(self.compiled.atoms.values()), self.variables), f"{name} of CVXPY")
 
     def _in_order(self, *parts: Any) -> OrderedRows:
         found = in_order(*parts)

@@ -20,7 +20,7 @@ from ...derivatives.derivative import Derivative
 from ...errors import InputError
 from ...numerics.arrays import Vector, as_float64, as_rows, not_finite
 from ...solve.solution import Solution
-from .affine_rows import AffineRows
+from ..affine_rows import AffineRows
 from .atoms import Copies, named, unstacked, value_of
 from .expressions import CvxpyReading
 
@@ -110,7 +110,7 @@ def _gradient(
     try:
         copy = Copies([one], [entries], copies)
         if copy.gradient_holds(at):
-            return copy.derivative(at)
+            return copy.jacobian(at)
     except Exception as error:  # whatever an expression raises that expects a constant there
         raise InputError(f"{without}: {error}") from error
     raise InputError(f"{without}, or a wrong one; requires_grad=True needs it: write it in other atoms")

@@ -14,8 +14,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ...numerics.arrays import Vector, row_of
+from ..affine_rows import AffineRows
 from ..matching import arranged, left_over, own_entries, resemblance_to_r
-from .affine_rows import AffineRows
 
 
 class OrderedRows(NamedTuple):
@@ -136,26 +136,6 @@ def p_before_r(
         swapped.append((r, p) if swaps else (p, r))
         done += p.size
     return order, swapped
-
-
-def obstacle_terms(r: AffineRows, bound: AffineRows | None) -> tuple[sp.csr_array, Vector, sp.csr_array]:
-    """G, c and V of z − (r − `bound`)/ρ = Gz + c + Vw, the bound being 0 where it is None."""
-    R, W, constant = r
-    scale = R.diagonal()
-    with np.errstate(over="ignore"):
-        factor = -1.0 / scale
-        others = R.indices != row_of(R)
-        data = (R.data * factor[row_of(R)])[others]
-        c = constant * factor + 0.0
-    G = sp.csr_array((data, (row_of(R)[others], R.indices[others])), shape=R.shape)
-    V = sp.csr_array(sp.diags_array(factor) @ W)
-    if bound is None:
-        return G, c, V
-    # where it is infinite nothing moves
-    held = np.where(np.isinf(bound.constant) | np.isinf(c), 0.0, 1.0)
-    c = np.where(np.isinf(bound.constant), bound.constant, c)
-    G, V, moved = AffineRows(G, V, np.zeros(c.size)).times(held).plus(bound.times(held / scale))
-    return G, c + moved, V
 
 
 def is_same(one: Any, other: Any) -> bool:

@@ -80,17 +80,16 @@ class ConditionRows:
     def variables(self) -> list[Any]:
         """The variables that occur, in the order of the model."""
         seen = {key for side in (*self.sides, self.widths.values()) for _, linear, _ in side for key in linear}
-        seen |= {id(variable) for of_side in self.nonlinear() for _, found, _ in of_side.values() for variable in found}
+        seen |= {id(variable) for _, found, _ in self.nonlinear() for variable in found}
         return [variable for key, variable in self._recorder.var_map.items() if key in seen]
 
     def name_of(self, key: int) -> str:
         """The name of the variable of that id."""
         return str(self._recorder.var_map[key].name)
 
-    def nonlinear(self) -> tuple[dict[int, Flat], dict[int, Flat]]:
-        """The nonlinear expressions of p and of r, by row: of r where a row has one, of both where it has two."""
-        first, second = ({row: one for row, (_, _, one) in enumerate(side) if one is not None} for side in self.sides)
-        return {row: first[row] for row in first.keys() & second.keys()}, first | second
+    def nonlinear(self) -> list[Flat]:
+        """The nonlinear expressions of side 0, then those of side 1, row by row."""
+        return [one for side in self.sides for _, _, one in side if one is not None]
 
     def _refuse_what_is_no_icp(self, model: Any) -> None:
         data = {pyo.Block, pyo.Var, pyo.Param, pyo.Expression, pyo.Set, pyo.RangeSet, pyo.Suffix}

@@ -18,11 +18,13 @@ from pyomo.core.base.block import BlockData
 from ...errors import InputError
 from ...icp import ICP
 from ...numerics.arrays import Vector, described
+from ...problem.function import Function
 from ...solve.solution import Solution
+from ..affine_rows import SumOfTerms, obstacle
 from ..inequalities import checked
-from .condition_rows import ConditionRows
+from .condition_rows import ConditionRows, Side
+from .nonlinear import NonlinearRows
 from .ownership import Ownership
-from .scaled_rows import Scaling, matrices, obstacles
 
 #: a component, and what follows its name in that of an inequality
 Named = tuple[Any, str]
@@ -157,50 +159,54 @@ def read_pyomo(model: Any) -> PyomoReading:
 
 def _reading(rows: ConditionRows, owned: Ownership) -> PyomoReading:
     """The ICP in which row i has the variable own[i], and its side which_r[i] is r."""
-    which_r = owned.which_r
-    every = np.arange(owned.m)
-    scaling = Scaling.of(owned)
-    A, G = matrices(owned, scaling)
-    q = owned.constants[1 - which_r, every] * scaling.flip
-    c = np.where(owned.free, -np.inf, -owned.constants[which_r, every] / scaling.scale)
-    psi, upper, f = obstacles(rows, owned, G, c, scaling)
+    p, r, free = owned.p, owned.r, owned.free
+    p = p.times(np.where(free & (p.Z.diagonal() < 0), -1.0, 1.0))
+    held = np.flatnonzero(~free)
+    r = r.of(held).spread(held, free.size, np.inf)
+
+    def bent(G: sp.csr_array, c: Vector, V: sp.csr_array) -> Function:
+        used = np.unique(V.indices)
+        w = NonlinearRows([owned.flat[k] for k in used], owned.row_of, owned.signs)
+        psi = SumOfTerms(G, c, sp.csr_array(V[:, used]), w, "psi of Pyomo")
+        return Function(psi, psi.jacobian)
+
+    upper = None
+    if rows.widths:
+        width = owned.in_z(list(rows.widths.values()))
+        upper = obstacle(r, width.spread(np.array(list(rows.widths)), free.size, np.inf), bent)
+    f = bent(0.0 * p.Z, np.zeros(free.size), p.W) if p.W.nnz else None
+    own = r.Z.diagonal()
     return PyomoReading(
-        problem=ICP(A, q, psi, upper, f),
+        problem=ICP(p.Z, p.constant, obstacle(r, None, bent), upper, f),
         variables=tuple(owned.variables[j] for j in owned.own),
-        signs=scaling.signs,
+        signs=owned.signs,
         owners=tuple(rows.owners),
         equation=np.array(rows.equation),
         added={row: owned.row_of[id(multiplier)] for row, multiplier in rows.multipliers.items()},
-        which_r=which_r,
-        scale=scaling.scale,
-        inequalities=_inequalities(rows, owned, scaling.signs),
+        which_r=owned.which_r,
+        scale=np.where(own == 0, 1.0, own),
+        inequalities=_inequalities(rows, owned),
     )
 
 
-def _inequalities(rows: ConditionRows, owned: Ownership, signs: Vector) -> tuple[list[Named], sp.csr_array, Vector]:
+def _inequalities(rows: ConditionRows, owned: Ownership) -> tuple[list[Named], sp.csr_array, Vector]:
     """The names, Z and c of all that is to be checked: Zz + c ≤ 0. Raises InputError for a variable that is in no
     condition, and for a discrete one."""
     names = list[Named]()
-    constants = list[float]()
-    entries = list[tuple[float, int, int]]()
+    sides = list[Side]()
     for constraint, constant, linear in rows.inequalities:
-        for key, value in linear.items():
-            if key not in owned.row_of:
-                found = f"{constraint.name} is an inequality in {rows.name_of(key)}, which is in no condition"
-                raise InputError(f"{found}: each variable needs a condition or an equation of its own")
-            column = owned.row_of[key]
-            entries.append((value * signs[column], len(names), column))
+        if unknown := [key for key in linear if key not in owned.row_of]:
+            found = f"{constraint.name} is an inequality in {rows.name_of(unknown[0])}, which is in no condition"
+            raise InputError(f"{found}: each variable needs a condition or an equation of its own")
         names.append((constraint, ""))
-        constants.append(constant)
-    for row, j in enumerate(owned.own.tolist()):
+        sides.append((constant, linear, None))
+    for j in owned.own.tolist():
         variable = owned.variables[j]
         if not variable.is_continuous():
             raise InputError(f"{variable.name} is in {variable.domain.name}; a continuous variable was expected")
         for sign, mark, end in zip((-1.0, 1.0), (">=", "<="), variable.bounds, strict=True):
             if end is not None and np.isfinite(end):
-                entries.append((sign * signs[row], len(names), row))
                 names.append((variable, f" {mark} {end:g}"))
-                constants.append(-sign * float(end))
-    data, i, j = np.array(entries).reshape(-1, 3).T
-    places = i.astype(np.int64), j.astype(np.int64)
-    return names, sp.csr_array(sp.coo_array((data, places), shape=(len(names), owned.m))), np.array(constants)
+                sides.append((-sign * float(end), {id(variable): sign}, None))
+    checked = owned.in_z(sides)
+    return names, checked.Z, checked.constant

@@ -38,41 +38,42 @@ Flat = tuple[tuple[Any, ...], list[Any], list[float]]
 
 
 class NonlinearRows:
-    """N(x), one nonlinear Pyomo expression per row, `flat`: value, Jacobian, and the expressions for other variables.
+    """N(σz), nonlinear Pyomo expressions `flat`: value, Jacobian, and the expressions for other variables.
 
-    `columns` says the column of each variable by its id, `shape` is that of the Jacobian.
+    `columns` says the entry of z of each variable by its id, and `signs` are σ.
     Reference: Griewank and Walther, Evaluating Derivatives (2008), chapter 3; pyomo.core.expr.calculus.
     """
 
-    def __init__(self, flat: dict[int, Flat], columns: dict[int, int], shape: tuple[int, int]) -> None:
-        self.shape = shape
+    def __init__(self, flat: Sequence[Flat], columns: dict[int, int], signs: Vector) -> None:
+        self.size, self.signs = len(flat), signs
         found: dict[tuple[Any, ...], tuple[list[Any], list[Any], list[Any]]] = {}
-        for row, (tokens, variables, constants) in flat.items():
+        for row, (tokens, variables, constants) in enumerate(flat):
             of_shape = found.setdefault(tokens, ([], [], []))
             for kept, one in zip(of_shape, (row, [columns[id(x)] for x in variables], constants), strict=True):
                 kept.append(one)
         self.compiled = [_Compiled(tokens, *of_shape) for tokens, of_shape in found.items()]
 
-    def value(self, x: Vector) -> Vector:
-        """N(x), 0 in rows without an expression, for `x` of shape (columns,)."""
-        result = np.zeros(self.shape[0])
+    def value(self, z: Vector) -> Vector:
+        """N(σz)."""
+        result = np.zeros(self.size)
         for one in self.compiled:
-            result[one.rows] = one.value(x)
+            result[one.rows] = one.value(self.signs * z)
         return result
 
-    def jacobian(self, x: Vector) -> sp.csr_array:
-        """N′(x), CSR."""
+    def jacobian(self, z: Vector) -> sp.csr_array:
+        """N′(σz)σ, CSR."""
         parts = [
-            (one.rows, columns, np.broadcast_to(derivative, one.rows.shape))
+            (one.rows, columns, np.broadcast_to(derivative, one.rows.shape) * self.signs[columns])
             for one in self.compiled
-            for columns, derivative in zip(one.variables, one.derivatives(x), strict=True)
+            for columns, derivative in zip(one.variables, one.derivatives(self.signs * z), strict=True)
         ]
         rows, columns, data = map(np.concatenate, zip(*parts, strict=True))
-        return sp.csr_array(sp.coo_array((data, (rows, columns)), shape=self.shape))
+        return sp.csr_array(sp.coo_array((data, (rows, columns)), shape=(self.size, z.size)))
 
-    def expressions(self, x: Sequence[Any]) -> dict[int, Any]:
-        """The rows as Pyomo expressions of `x`, Pyomo variables or expressions by column."""
-        found = {}
+    def expressions(self, z: Sequence[Any]) -> list[Any]:
+        """They as Pyomo expressions of `z`, Pyomo variables or expressions."""
+        x = [variable if sign > 0 else -variable for variable, sign in zip(z, self.signs, strict=True)]
+        found: list[Any] = [None] * self.size
         for one in self.compiled:
             for row, variables, constants in zip(one.rows, one.variables.T, one.constants.T.tolist(), strict=True):
                 found[int(row)] = _rebuilt(one.tokens, [x[j] for j in variables], constants)
@@ -199,28 +200,3 @@ class _Compiled:
 
     def derivatives(self, x: Vector) -> list[Any]:
         return self._run(x, len(self._steps), self._gradient)
-
-
-class PyomoObstacle:
-    """ψ(z) = Gz + c − N(x)/s with x = σz; `rows` are N, `signs` σ and `scale` s."""
-
-    def __init__(self, G: sp.csr_array, c: Vector, rows: NonlinearRows, signs: Vector, scale: Vector) -> None:
-        self.G, self.c, self.rows, self.signs, self.scale = G, c, rows, signs, scale
-
-    def __call__(self, z: Vector) -> Vector:
-        return np.asarray(self.G @ z + self.c - self.rows.value(self.signs * z) / self.scale)
-
-    def terms(self, z: Vector) -> Vector:
-        """The sums of the absolute values of the terms of z − ψ(z)."""
-        own = abs(sp.eye_array(z.size) - self.G) @ np.abs(z)
-        return np.asarray(own + np.abs(self.c) + np.abs(self.rows.value(self.signs * z) / self.scale))
-
-    def jacobian(self, z: Vector) -> sp.csr_array:
-        """ψ′(z) = G − s⁻¹N′(σz)σ, CSR."""
-        slope = sp.diags_array(1 / self.scale) @ self.rows.jacobian(self.signs * z) @ sp.diags_array(self.signs)
-        return sp.csr_array(self.G - slope)
-
-    def expressions(self, z: list[Any]) -> dict[int, Any]:
-        """−N(σz)/s, row by row, as Pyomo expressions of the variables `z`."""
-        x = [variable if sign > 0 else -variable for variable, sign in zip(z, self.signs, strict=False)]
-        return {row: -one / float(self.scale[row]) for row, one in self.rows.expressions(x).items()}

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 import scipy.sparse as sp
 
 from ...errors import InputError
-from ...numerics.arrays import Vector
+from ..affine_rows import AffineRows
 from ..matching import cheapest, left_over
-from .condition_rows import ConditionRows
+from .condition_rows import ConditionRows, Side
 
 #: what it costs a row to own a variable that is not on the side that should become r, that is missing on one side, or
 #: that has different signs on the two, in powers of two of the coefficients, which count only among equals
@@ -20,67 +23,69 @@ _LISTED = 5
 
 
 class Ownership:
-    """The choice, with both sides of all rows as arrays. Raises InputError where rows and variables cannot be paired.
+    """The choice. Raises InputError where rows and variables cannot be paired.
 
     Attributes
     ----------
-    own : array of shape (m,)
-        The column of the variable that each row owns.
-    which_r : array of shape (m,)
-        The side that becomes r.
-    sides : two COO arrays of shape (m, n)
-        The coefficients; `constants`, shape (2, m), go with them.
+    variables : list
+        Those that occur.
     free : array of bool, shape (m,)
         The rows without obstacle.
-    bent : array of bool, shape (2, m)
-        Whether a side is nonlinear.
-    column : dict
-        The column of a variable by its id.
-    owner : array of shape (n,)
-        The row that owns the variable of each column.
+    which_r : array of shape (m,)
+        The side that becomes r.
+    own : array of shape (m,)
+        The place in `variables` of the one that each row owns.
     row_of : dict
         The row that owns a variable, by the variable's id.
+    signs : array of shape (m,)
+        z_i is `signs`_i times its variable, so that its coefficient in r_i is positive, or in p_i where r_i has none.
+    p, r : AffineRows
+        The sides in z, w being the nonlinear expressions `flat`.
     """
 
     def __init__(self, rows: ConditionRows) -> None:
         self.variables = rows.variables()
-        self.m, self.n = len(rows.owners), len(self.variables)
-        self.column = {id(variable): k for k, variable in enumerate(self.variables)}
-        self.bent = np.array([[rest is not None for _, _, rest in side] for side in rows.sides])
+        self.flat = rows.nonlinear()
+        self._column = {id(variable): k for k, variable in enumerate(self.variables)}
+        both = self._stacked([*rows.sides[0], *rows.sides[1]])
+        self._bent = (np.diff(both.W.indptr) > 0).reshape(2, -1)
         # a nonlinear equation has an obstacle, and p = 1
-        self.free = np.array(rows.equation, dtype=bool) & ~self.bent[1]
+        self.free = np.array(rows.equation, dtype=bool) & ~self._bent[1]
+        every = np.arange(self.free.size)
         #: the rows with two bounds, of which side 0 is r
-        self.ranges = np.isin(np.arange(self.m), list(rows.widths))
-        self.constants = np.array([[constant for constant, _, _ in side] for side in rows.sides])
-        self.sides = [self._matrix([linear for _, linear, _ in side]) for side in rows.sides]
-        self._list_pairs(rows)
-        self.own = self._own_variables(rows)
-        self.owner = np.argsort(self.own)
-        self.row_of = {key: int(self.owner[j]) for key, j in self.column.items()}
-        self.which_r = self._which_side_is_r()
+        self._ranges = np.isin(every, list(rows.widths))
+        self.own = self._own_variables(rows.owners, both)
+        self.row_of = {id(self.variables[j]): row for row, j in enumerate(self.own.tolist())}
+        both = both._replace(Z=both.Z[:, self.own])
+        self.which_r = self._which_side_is_r(both)
+        p, r = (both.of(every + every.size * side) for side in (1 - self.which_r, self.which_r))
+        in_r = r.Z.diagonal()
+        coefficient = np.where(in_r == 0, p.Z.diagonal(), in_r)
+        self.signs = np.where(~self.free & (coefficient < 0), -1.0, 1.0)
+        self.p = self._signed(p)
+        self.r = self._signed(r)
 
-    def _matrix(self, rows: list[dict[int, float]]) -> sp.coo_array:
-        counts = [len(linear) for linear in rows]
-        columns = [self.column[key] for linear in rows for key in linear]
-        data = np.array([value for linear in rows for value in linear.values()], dtype=np.float64)
-        place = np.repeat(np.arange(self.m), counts), np.array(columns, dtype=np.int64)
-        return sp.coo_array((data, place), shape=(self.m, self.n))
+    def in_z(self, sides: Sequence[Side]) -> AffineRows:
+        """The affine parts of `sides` in z."""
+        rows = self._stacked(sides)
+        return self._signed(rows._replace(Z=rows.Z[:, self.own]))
 
-    def _list_pairs(self, rows: ConditionRows) -> None:
-        """Every pair (row, variable) that occurs, with its two coefficients, and whether it is in a nonlinear part."""
-        of_variable = ((row, found) for of_side in rows.nonlinear() for row, (_, found, _) in of_side.items())
-        nonlinear = [(row, self.column[id(variable)]) for row, found in of_variable for variable in found]
-        r, j = np.array(nonlinear, dtype=np.int64).reshape(-1, 2).T
-        keys = [side.row.astype(np.int64) * self.n + side.col for side in self.sides]
-        pairs, place = np.unique(np.concatenate([*keys, r * self.n + j]), return_inverse=True)
-        self._row, self._col = pairs // self.n, pairs % self.n
-        self._coefficient = np.zeros((2, pairs.size))
-        self._curved = np.zeros(pairs.size, dtype=bool)
-        self._curved[place[place.size - r.size :]] = True
-        for k, (side, start) in enumerate(zip(self.sides, (0, keys[0].size), strict=True)):
-            self._coefficient[k, place[start : start + side.nnz]] = side.data
+    def _signed(self, rows: AffineRows) -> AffineRows:
+        return rows._replace(Z=sp.csr_array(rows.Z @ sp.diags_array(self.signs)))
 
-    def _own_variables(self, rows: ConditionRows) -> np.ndarray:
+    def _stacked(self, sides: Sequence[Side]) -> AffineRows:
+        """`sides` in the variables, W having one column for each of `flat`."""
+        counts = [len(linear) for _, linear, _ in sides]
+        columns = [self._column[key] for _, linear, _ in sides for key in linear]
+        data = np.array([value for _, linear, _ in sides for value in linear.values()], dtype=np.float64)
+        place = np.repeat(np.arange(len(sides)), counts), np.array(columns, dtype=np.int64)
+        Z = sp.csr_array(sp.coo_array((data, place), shape=(len(sides), len(self.variables))))
+        bent = np.flatnonzero([rest is not None for _, _, rest in sides])
+        ones = np.ones(bent.size), (bent, np.arange(bent.size))
+        W = sp.csr_array(sp.coo_array(ones, shape=(len(sides), len(self.flat))))
+        return AffineRows(Z, W, np.array([constant for constant, _, _ in sides]))
+
+    def _own_variables(self, owners: list[Any], both: AffineRows) -> np.ndarray:
         """Match each variable to one row, by an assignment of least cost.
 
         Preferred is a variable on the side that should become r, on both sides, with one sign on them. Among these
@@ -88,60 +93,52 @@ class Ownership:
 
         Reference: Duff and Koster, SIAM J. Matrix Anal. Appl. 22 (2001), doi 10.1137/S0895479899358443.
         """
-        first, second = self._coefficient
-        missing = (first == 0).astype(float) + (second == 0)
+        m = len(owners)
+        n = len(self.variables)
+        pairs = [(k, self._column[id(variable)]) for k, (_, found, _) in enumerate(self.flat) for variable in found]
+        place = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
+        occurs = abs(both.Z) + both.W @ sp.coo_array((np.ones(len(pairs)), place), shape=(len(self.flat), n))
+        row, col = sp.coo_array(occurs[:m] + occurs[m:]).coords
+        coefficient, there = (np.array([M[row, col], M[row + m, col]]) for M in (both.Z, occurs))
+        in_r = (self._should_be_r(both)[:, row] & (there > 0)).any(axis=0) | self.free[row]
         with np.errstate(divide="ignore"):
-            size = sum(np.where(side == 0, 0.0, np.log2(np.abs(side))) for side in self._coefficient)
-        opposite = np.sign(first) * np.sign(second) < 0
-        cost = _NOT_IN_R * ~self._in_r() + _MISSING * missing + _OPPOSITE * opposite - size
-        own = cheapest(self._row, self._col, cost, self.m, self.n) if self.m == self.n else None
+            size = np.where(coefficient == 0, 0.0, np.log2(np.abs(coefficient))).sum(axis=0)
+        opposite = np.sign(coefficient).prod(axis=0) < 0
+        missing = (coefficient == 0).sum(axis=0)
+        cost = _NOT_IN_R * ~in_r + _MISSING * missing + _OPPOSITE * opposite - size
+        own = cheapest(row, col, cost, m, m) if m == n else None
         if own is None:
-            raise InputError(self._not_square(rows))
+            conditions, unowned = left_over(row, col, (m, n))
+            left = ("condition", self.variables, unowned), ("free variable", owners, conditions)
+            parts = [
+                f"no {what} is left for {_listed([some[k].name for k in ks])}" for what, some, ks in left if ks.size
+            ]
+            found = f"{m} conditions for {n} variables that are not fixed: {', and '.join(parts)}"
+            raise InputError(f"{found}; every condition needs a variable of its own, so fix or deactivate the surplus")
         return own
 
-    def _in_r(self) -> np.ndarray:
-        """For every pair whether the variable is on the side that should become r.
+    def _should_be_r(self, both: AffineRows) -> np.ndarray:
+        """Shape (2, m): the nonlinear sides, or else those with fewer variables, so that a bound on one variable
+        becomes a fixed obstacle."""
+        count = np.diff(both.Z.indptr).reshape(2, -1)
+        count = np.where(count == 0, np.inf, count)
+        wanted = self._bent | (~self._bent.any(axis=0) & (count == count.min(axis=0)))
+        wanted[:, self._ranges] = [[True], [False]]
+        return wanted
 
-        That is the nonlinear side, or else the side with fewer variables. So a bound on one variable becomes a fixed
-        obstacle.
-        """
-        counts = np.array([np.bincount(side.row, minlength=self.m) for side in self.sides], dtype=float)
-        counts[counts == 0] = np.inf
-        wanted = self.bent | (~self.bent.any(axis=0) & (counts == counts.min(axis=0)))
-        wanted[:, self.ranges] = [[True], [False]]
-        there = (self._coefficient != 0) | (self.bent[:, self._row] & self._curved)
-        return np.asarray((wanted[:, self._row] & there).any(axis=0) | self.free[self._row])
-
-    def _not_square(self, rows: ConditionRows) -> str:
-        conditions, unowned = left_over(self._row, self._col, (self.m, self.n))
-        left = [("condition", self.variables, unowned), ("free variable", rows.owners, conditions)]
-        parts = [f"no {what} is left for {_listed([some[k].name for k in ks])}" for what, some, ks in left if ks.size]
-        advice = "every condition needs a variable of its own, so fix or deactivate the surplus"
-        return f"{self.m} conditions for {self.n} variables that are not fixed: {', and '.join(parts)}; {advice}"
-
-    def own_coefficient(self, k: int) -> Vector:
-        """The coefficient of each row's own variable on side k, shape (m,); 0 where it is missing."""
-        side = self.sides[k]
-        hit = side.col == self.own[side.row]
-        return np.bincount(side.row[hit], side.data[hit], self.m).astype(np.float64)
-
-    def _which_side_is_r(self) -> np.ndarray:
+    def _which_side_is_r(self, both: AffineRows) -> np.ndarray:
         """The nonlinear one; of two affine ones that with fewer variables, else that in which its own variable weighs
         more, or has a coefficient nearer to 1, or the smaller obstacle."""
-        ranks = []
-        for k, side in enumerate(self.sides):
-            mine = np.abs(self.own_coefficient(k))
-            weight = np.bincount(side.row, np.abs(side.data), self.m)
-            with np.errstate(all="ignore"):
-                by_own = ((weight - mine) / mine, np.abs(np.log2(mine)), np.abs(self.constants[k] / mine))
-            there = [np.where(mine == 0, np.inf, rank) for rank in by_own]
-            ranks.append([mine == 0, np.bincount(side.row, minlength=self.m), *there])
-        second = np.zeros(self.m, dtype=bool)
-        for one, other in reversed(list(zip(*ranks, strict=True))):  # the first that differs decides
-            second = np.where(other == one, second, other < one)
-        second[self.bent[0] | self.ranges] = False
-        second[self.bent[1] | self.free] = True
-        return second.astype(int)
+        m = self.free.size
+        mine = np.abs([both.Z.diagonal(), both.Z.diagonal(-m)])
+        rows = np.diff(both.Z.indptr), abs(both.Z).sum(axis=1), np.abs(both.constant)
+        count, weight, constant = (one.reshape(2, m) for one in rows)
+        with np.errstate(all="ignore"):
+            ranks = constant / mine, np.abs(np.log2(mine)), (weight - mine) / mine, count, mine == 0
+        which: np.ndarray = np.lexsort(ranks, axis=0)[0]  # the last rank decides first
+        which[self._bent[0] | self._ranges] = 0
+        which[self._bent[1] | self.free] = 1
+        return which
 
 
 def _listed(names: list[str]) -> str:

@@ -1,0 +1,123 @@
+"""Rows Zz + Ww + constant, w being what is not affine in z, and what is done with many of them at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ..numerics.arrays import Vector, row_of
+from ..problem.affine import Affine
+from ..problem.function import Function
+
+
+class AffineRows(NamedTuple):
+    """`Z`, `W` and the `constant` of some rows."""
+
+    Z: sp.csr_array
+    W: sp.csr_array
+    constant: Vector
+
+    def of(self, rows: slice | NDArray[np.intp]) -> AffineRows:
+        """These rows, in this order."""
+        return AffineRows(self.Z[rows], self.W[rows], self.constant[rows])
+
+    def times(self, factor: Vector) -> AffineRows:
+        """Row i times factor_i; a row times 0 is 0 whatever it is, and stores nothing."""
+        zero = factor == 0
+        D = sp.diags_array(factor)
+        Z = sp.csr_array(D @ self.Z)
+        W = sp.csr_array(D @ self.W)
+        if zero.any():
+            Z.eliminate_zeros()
+            W.eliminate_zeros()
+        return AffineRows(Z, W, np.where(zero, 0.0, factor * np.where(zero, 0.0, self.constant)))
+
+    def plus(self, other: AffineRows) -> AffineRows:
+        """The sums, row by row."""
+        return AffineRows(self.Z + other.Z, self.W + other.W, self.constant + other.constant)
+
+    def above(self, other: AffineRows) -> AffineRows:
+        """These rows, then those of `other`."""
+        Z, W = (sp.vstack(pair, format="csr") for pair in zip(self[:2], other[:2], strict=True))
+        return AffineRows(Z, W, np.concatenate([self.constant, other.constant]))
+
+    def spread(self, rows: NDArray[np.intp], count: int, default: float) -> AffineRows:
+        """`count` rows, of which the `rows` are these and the others the constant `default`."""
+        S = sp.csr_array((np.ones(rows.size), (rows, np.arange(rows.size))), shape=(count, rows.size))
+        constant = np.full(count, default)
+        constant[rows] = self.constant
+        return AffineRows(sp.csr_array(S @ self.Z), sp.csr_array(S @ self.W), constant)
+
+    def wider(self, count: int) -> AffineRows:
+        """The same rows of a z with `count` further entries."""
+        Z = self.Z.copy()
+        Z.resize((Z.shape[0], Z.shape[1] + count))
+        return self._replace(Z=Z)
+
+    def constants(self, count: int, value: float) -> AffineRows:
+        """`count` rows in the same z and w that are the constant `value`."""
+        nothing = np.zeros(0, dtype=np.intp)
+        return self.of(nothing).spread(nothing, count, value)
+
+
+class SumOfTerms:
+    """ψ(z) = Gz + c + Vw(z), w being functions that are not affine: `w` has a `value` and a `jacobian` at z. `name` is
+    what messages call it."""
+
+    def __init__(self, G: sp.csr_array, c: Vector, V: sp.csr_array, w: Any, name: str) -> None:
+        self.__name__ = name
+        self.G, self.c, self.V, self.w = G, c, V, w
+
+    def __call__(self, z: Vector) -> Vector:
+        """ψ(z). Raises ArithmeticError where an expression has no finite value at `z`."""
+        return np.asarray(self.G @ z + self.c + self.V @ self.w.value(z))
+
+    def terms(self, z: Vector) -> Vector:
+        """The sums of the absolute values of the terms of z − ψ(z)."""
+        own = abs(sp.eye_array(z.size) - self.G) @ np.abs(z)
+        return np.asarray(own + np.abs(self.c) + abs(self.V) @ np.abs(self.w.value(z)))
+
+    def jacobian(self, z: Vector) -> sp.csr_array:
+        """ψ′(z) = G + Vw′(z). Raises ArithmeticError where an expression has no gradient at `z`."""
+        return sp.csr_array(self.G + self.V @ self.w.jacobian(z))
+
+
+def obstacle(
+    r: AffineRows, bound: AffineRows | None, bent: Callable[[sp.csr_array, Vector, sp.csr_array], Function]
+) -> Vector | Affine | Function:
+    """z − (r − `bound`)/ρ = Gz + c + Vw, the bound being 0 where it is None; what is not affine by `bent`(G, c, V).
+
+    ρ_i is the coefficient of z_i in r_i, or 1 where that is 0.
+    """
+    G, c, V = _obstacle_terms(r, bound)
+    if V.nnz:
+        return bent(G, c, V)
+    return Affine(G, c) if G.nnz else c
+
+
+def _obstacle_terms(r: AffineRows, bound: AffineRows | None) -> tuple[sp.csr_array, Vector, sp.csr_array]:
+    """G, c and V of z − (r − `bound`)/ρ = Gz + c + Vw, the bound being 0 where it is None."""
+    R, W, constant = r
+    diagonal = R.diagonal()
+    absent = (diagonal == 0) & np.isfinite(constant)
+    scale = np.where(diagonal == 0, 1.0, diagonal)
+    with np.errstate(over="ignore"):
+        factor = -1.0 / scale
+        others = R.indices != row_of(R)
+        data = (R.data * factor[row_of(R)])[others]
+        c = constant * factor + 0.0
+    G = sp.csr_array((data, (row_of(R)[others], R.indices[others])), shape=R.shape)
+    if absent.any():
+        G = sp.csr_array(G + sp.diags_array(absent.astype(np.float64)))
+    V = sp.csr_array(sp.diags_array(factor) @ W)
+    if bound is None:
+        return G, c, V
+    # where it is infinite nothing moves
+    held = np.where(np.isinf(bound.constant) | np.isinf(c), 0.0, 1.0)
+    c = np.where(np.isinf(bound.constant), bound.constant, c)
+    G, V, moved = AffineRows(G, V, np.zeros(c.size)).times(held).plus(bound.times(held / scale))
+    return G, c + moved, V
