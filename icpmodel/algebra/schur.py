@@ -18,7 +18,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..numerics.arrays import Vector, row_of
+from ..numerics.arrays import Vector, as_csr, row_of
 from ..numerics.factorisation import Factors, factors_and_schur
 from ..problem.data import ProblemData
 from ..problem.matrix import Matrix
@@ -53,8 +53,7 @@ class SchurComplement:
         self.rows = rows
         self._factors = factors
         self._shifted = shifted
-        S = sp.csr_array(shifted - sp.diags_array(shift))
-        S.sort_indices()
+        S = as_csr(shifted - sp.diags_array(shift), "S", keep_diagonal=True)
         self._of_schur = ProblemData.of_checked(S, np.zeros(rows.size), 0.0, matrix.row_weights[rows])
 
     def __repr__(self) -> str:

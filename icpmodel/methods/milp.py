@@ -114,6 +114,8 @@ def _solutions(problem: ProblemData, z: Vector) -> Iterator[Vector]:
     """
     rows = LinearRows.of(problem, z)
     rows = rows.in_units(rows.scale)
+    if not np.isfinite(rows.q).all():  # no float in units in which the entries of A are about 1
+        return
     for limits in limits_in_turn(rows):
         cuts: list[Vector] = []
         while len(cuts) < _CUTS and (found := active_set(rows, limits, cuts)) is not None:

@@ -143,8 +143,9 @@ def factorise(
 def factors_and_schur(matrix: sp.csr_array, last: NDArray[np.intp]) -> tuple[Factors, sp.csr_array] | None:
     """Factors of a sparse matrix without exchanges of rows, and the Schur complement of the rows `last`.
 
-    None where a pivot is 0. Raises OutOfTime and OutOfMemory as `factorise` does. In `matrix` each of the `last` rows
-    but the first has an entry, be it 0, in the column of the one before, so that all of them come last.
+    None where a pivot is 0, or the complement overflows. Raises OutOfTime and OutOfMemory as `factorise` does. In
+    `matrix` each of the `last` rows but the first has an entry, be it 0, in the column of the one before, so that all
+    of them come last.
     """
     fill, order = ordered(matrix)
     order = np.concatenate([order[~np.isin(order, last)], last])
@@ -153,6 +154,8 @@ def factors_and_schur(matrix: sp.csr_array, last: NDArray[np.intp]) -> tuple[Fac
     if lu is None or (place := lu.perm_c[low:] - low).min() < 0:
         return None
     product = sp.csr_array(lu.L[low:, low:] @ lu.U[low:, low:])
+    if not np.isfinite(product.data).all():
+        return None
     return Factors(lu, order, order), sp.csr_array(product[place][:, place])
 
 

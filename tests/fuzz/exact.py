@@ -9,6 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 FREE, LOWER, UPPER = 0, 1, 2  #: the equation of a row: p_i = 0, z_i = ψ_i, z_i = ψ̄_i
+#: the smallest float: residuals below it, in the units of z, are those of the z that is nearest to a solution
+LEAST = Fraction(1, 2**1074)
 
 
 def fractions(values):
@@ -122,12 +124,12 @@ class ExactProblem:
         of the `start`, None for 0."""
         zero = [Fraction(0)] * self.n
         at_0 = self.residual(zero)
-        if at_0:
+        if at_0 and at_0 > (self.n * LEAST) ** 2:
             return root(at_0)
         if at_0 is not None:
             terms = [abs(w * q) for w, q in zip(self.weights, self.q, strict=True)]
             terms += [abs(x) for pair in self.obstacles(zero) for x in pair]
-            if terms := [x for x in terms if 0 < x < math.inf]:
+            if terms := [x for x in terms if LEAST < x < math.inf]:
                 return min(terms)
         squares = [sum(x * x for x in fractions(x)) for x in (z, [0.0] if start is None else start)]
         return root(min(squares))

@@ -5,7 +5,7 @@ from collections import Counter
 from fractions import Fraction
 
 import numpy as np
-from exact import ExactProblem, dot, fractions, objective, optimum, rational, root
+from exact import LEAST, ExactProblem, dot, fractions, objective, optimum, rational, root
 
 import icpmodel as icp
 
@@ -16,8 +16,6 @@ _ALL, _ONE = 4, 16
 #: what the computed tolerance may lose to rounding, and what a front end may leave of a row
 _ROUNDING, _FRONT = Fraction(1, 10**9), Fraction(1, 10**5)
 _LOST = 1e-12
-#: the smallest float: residuals below it, in the units of z, are those of the z that is nearest to a solution
-_LEAST = Fraction(1, 2**1074)
 #: the share of its terms that a side of a model may be
 _MODEL = Fraction(11, 10**7)
 
@@ -45,7 +43,7 @@ def false_status(drawn, exact, problem, status, z, options):
     if status is icp.Status.SOLVED and "accuracy" not in options:
         residual, tolerance = exact.residual(z), stop_at(exact, options, z)
         paper, atol = exact.paper_residual(z), Fraction(options.get("atol", 0.0))
-        small = residual is not None and residual <= max(tolerance * (1 + _ROUNDING), exact.n * _LEAST) ** 2
+        small = residual is not None and residual <= max(tolerance * (1 + _ROUNDING), exact.n * LEAST) ** 2
         if not small and not (paper is not None and paper <= atol**2):
             true = "none" if residual is None else f"{near(root(residual)):.3g}"
             yield "false solved", f"the exact residual is {true}, the tolerance {near(tolerance):.3g}"

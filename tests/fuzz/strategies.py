@@ -211,10 +211,15 @@ class Program:
 
 @st.composite
 def programs(draw):
-    """Small convex programs: feasible or not, bounded or not, of any rank, with equations alone or without interior."""
+    """Small programs: feasible or not, bounded or not, of any rank, with equations alone or without interior.
+
+    They are convex: P is an integer BᵀB times a power of two, which is not rounded.
+    """
     n, m = draw(st.integers(1, 3)), draw(st.integers(1, 4))
     B = draw(square(n, -2, 2))
-    P = draw(st.sampled_from([0.0, 1.0, 1e-6, 1e6])) * draw(st.sampled_from([B.T @ B, np.eye(n), np.outer(B[0], B[0])]))
+    P = draw(st.sampled_from([0.0, 1.0, 2.0**-20, 2.0**20])) * draw(
+        st.sampled_from([B.T @ B, np.eye(n), np.outer(B[0], B[0])])
+    )
     G, h = draw(integers(m * n, -2, 2)).reshape(m, n).astype(float), draw(integers(m)).astype(float)
     if m > 1 and draw(st.booleans()):
         G[-1], h[-1] = -G[0], -h[0]  # no interior

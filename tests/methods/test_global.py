@@ -81,3 +81,8 @@ def test_crosscheck_asks_the_mixed_integer_form_of_an_indefinite_problem():
 def test_a_search_without_the_small_entries_that_highs_ignores_proves_nothing():
     problem = icp.ICP([[2.0, -1e-10], [1.0, 0.0]], [-1.0, -1.0], -np.inf)  # z = (1, 1e10)
     assert problem.solve("milp", raise_on_failure=False).status is not icp.Status.INFEASIBLE
+
+
+def test_rows_that_are_no_floats_in_their_own_units_are_not_searched():
+    problem = icp.ICP([[-1e-319, -1e-318], [-1.0, -2.0]], [2e150, -1.0])
+    assert problem.solve("milp", raise_on_failure=False).status is icp.Status.STAGNATED

@@ -289,3 +289,10 @@ class TestElimination:
         solution = icp.ICP(A, np.zeros(2 * n), psi).solve()
         assert solution.solved
         assert np.abs(solution.problem.p(solution.z)[:n]).max() <= 1e-8
+
+    def test_a_diagonal_that_cancels_is_stored(self):
+        """The Schur complement of parallel rows is 0: of its diagonal nothing but rounding is left, or nothing."""
+        A = np.tile([0.0, 0.8414709848078965, 0.9092974268256817, 0.1411200080598672, -0.7568024953079282], (5, 1))
+        A[4] *= 1e300
+        problem = icp.ICP(A, [0.0, 0.0, 0.0, -1.0, 0.0], [0.0, 0.0, 0.0, 0.0, -np.inf])
+        assert not problem.solve(family="modulus", max_iter=100, raise_on_failure=False).solved
