@@ -31,11 +31,11 @@ OBSTACLES = "the obstacle below, z >= psi(z), is called psi, and the one above u
 _ELSEWHERE = {"tol": "rtol", "tolerance": "rtol", "eps": "atol", "maxiter": "max_iter", "maxit": "max_iter"}
 
 
-def did_you_mean(found: Any, known: Iterable[str]) -> str:
-    """What the end of a message asks about `found`, which is none of the names that are `known`, but near to one."""
-    if not isinstance(found, str):
+def did_you_mean(name: Any, known: Iterable[str]) -> str:
+    """What the end of a message asks about `name`, which is none of the names that are `known`, but near to one."""
+    if not isinstance(name, str):
         return ""
-    called = _ELSEWHERE.get(found.lower(), found.lower())
+    called = _ELSEWHERE.get(name.lower(), name.lower())
     near = get_close_matches(called, list(known), n=1)
     return f"; did you mean {near[0]}?" if near else ""
 

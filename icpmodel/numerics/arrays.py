@@ -44,16 +44,16 @@ def as_vector(value: Any, n: int | None, name: str, *, infinite: float | None = 
     if array.ndim == 0 and n is not None:
         array = np.full(n, array)
     if array.ndim != 1 or (n is not None and array.size != n):
-        wanted = "a vector" if n is None else f"shape ({n},)"
-        raise InputError(f"{name} has shape {array.shape}; {wanted} was expected")
+        expected = "a vector" if n is None else f"shape ({n},)"
+        raise InputError(f"{name} has shape {array.shape}; {expected} was expected")
     if array.size == 0:
         raise InputError(f"{name} is empty; at least one entry was expected")
     vector = as_float64(array, name)
     if infinite is not None:
         allowed = np.where(np.abs(vector) == np.inf if infinite == np.inf else vector == infinite, 0.0, vector)
-    if found := not_finite(vector if infinite is None else allowed, name):
-        wanted = "a finite number" if infinite is None else f"a finite number or {infinite}"
-        raise InputError(f"{found}; {wanted} was expected")
+    if actual := not_finite(vector if infinite is None else allowed, name):
+        expected = "a finite number" if infinite is None else f"a finite number or {infinite}"
+        raise InputError(f"{actual}; {expected} was expected")
     return vector
 
 
@@ -125,9 +125,9 @@ def as_number(
     right = right and not (isinstance(value, int) and abs(value) >= _LONG)
     if not (right and math.isfinite(value) and above < value < below and least <= value <= most):
         bounds = ((">", above), (">=", least), ("<=", most), ("<", below))
-        wanted = "".join(f" and {sign} {bound:g}" for sign, bound in bounds if np.isfinite(bound))[4:]
+        condition = "".join(f" and {sign} {bound:g}" for sign, bound in bounds if np.isfinite(bound))[4:]
         kind = "whole" if whole else "finite"
-        raise InputError(f"{name} is {described(value)}; a {kind} number{wanted} was expected")
+        raise InputError(f"{name} is {described(value)}; a {kind} number{condition} was expected")
     return int(value) if whole else float(value)
 
 
@@ -181,8 +181,8 @@ def as_square(value: Any, name: str, n: int | None = None) -> NDArray[np.float64
 
 def _check_square(shape: tuple[int, ...], name: str, n: int | None) -> None:
     if len(shape) != 2 or shape[0] != shape[1] or n not in (None, shape[0]):
-        wanted = "a square matrix" if n is None else f"shape ({n}, {n})"
-        raise InputError(f"{name} has shape {shape}; {wanted} was expected")
+        expected = "a square matrix" if n is None else f"shape ({n}, {n})"
+        raise InputError(f"{name} has shape {shape}; {expected} was expected")
     if shape[0] == 0:
         raise InputError(f"{name} is empty; at least one row was expected")
 
@@ -300,22 +300,22 @@ def as_float64(value: Any, name: str) -> NDArray[np.float64]:
         made = np.array(array, dtype=np.float64, order="C")
     if array.dtype.itemsize > (made.itemsize if kind == "f" else 4):
         doubtful = array == array if kind == "f" else np.abs(made) >= _EXACT
-        for one, taken in zip(array[doubtful].tolist(), made[doubtful].tolist(), strict=True):
-            if one != taken:
-                found = f"{name} holds {one} of dtype {array.dtype}, which rounds to the float64 {taken}"
-                raise InputError(f"{found}; write {name}.astype(float) if that is intended")
+        for one, rounded in zip(array[doubtful].tolist(), made[doubtful].tolist(), strict=True):
+            if one != rounded:
+                actual = f"{name} holds {one} of dtype {array.dtype}, which rounds to the float64 {rounded}"
+                raise InputError(f"{actual}; write {name}.astype(float) if that is intended")
     return made
 
 
-def check_labels(given: Mapping[str, Any]) -> Any:
+def check_labels(arguments: Mapping[str, Any]) -> Any:
     """The labels of pandas' objects, None without any; raises InputError where they differ.
 
-    `given` maps argument → value. Rows and columns must have the labels, in the order, of the rows
+    `arguments` maps argument → value. Rows and columns must have the labels, in the order, of the rows
     of the first object: numbers are taken by their place.
     """
     first = ""
     expected = None
-    for name, value in given.items():
+    for name, value in arguments.items():
         for axis in ("index", "columns"):
             labels = getattr(value, axis, None)
             if labels is None or callable(labels):  # a list has a method of this name
@@ -324,6 +324,6 @@ def check_labels(given: Mapping[str, Any]) -> Any:
                 first = f"{name}.{axis}"
                 expected = labels
             elif not labels.equals(expected):
-                found = f"{name}.{axis} has other labels than {first}, or in another order"
-                raise InputError(f"{found}; bring them into one order, or give {name}.to_numpy() if positions count")
+                difference = f"{name}.{axis} has other labels than {first}, or in another order"
+                raise InputError(f"{difference}; bring them into one order, or give {name}.to_numpy() if positions count")
     return expected

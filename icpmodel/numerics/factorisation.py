@@ -273,8 +273,8 @@ def _onto_diagonal(matrix: sp.csr_array) -> NDArray[np.int32] | None:
     size = np.abs(matrix.data)
     largest = largest_of_columns(matrix)
     for chosen in (size >= np.maximum(_LARGE * largest[matrix.indices], np.finfo(np.float64).tiny), size > 0.0):
-        kept = sp.csr_array((size[chosen], (row_of(matrix)[chosen], matrix.indices[chosen])), shape=matrix.shape)
-        rows = maximum_bipartite_matching(kept, perm_type="row")
+        candidates = sp.csr_array((size[chosen], (row_of(matrix)[chosen], matrix.indices[chosen])), shape=matrix.shape)
+        rows = maximum_bipartite_matching(candidates, perm_type="row")
         if (rows >= 0).all():
             return np.asarray(rows, dtype=np.int32)
     return None

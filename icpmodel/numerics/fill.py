@@ -204,5 +204,5 @@ def signs_of_symmetry(A: sp.csr_array) -> Vector | None:
     """
     from .kernels.graph import signs  # loads numba
 
-    found = signs(*read_only((A.indptr, A.indices, A.data)), _SAME) if A.has_canonical_format else np.empty(0)
-    return found if found.size else None
+    sigma = signs(*read_only((A.indptr, A.indices, A.data)), _SAME) if A.has_canonical_format else np.empty(0)
+    return sigma if sigma.size else None

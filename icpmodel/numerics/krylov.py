@@ -20,12 +20,12 @@ _SHARE = 0.3
 #: Lanczos steps, after which the estimate is accepted in any case
 _MOST = 60
 #: nanoseconds for which a_ji is found, in rows of thousands of entries
-_COUPLE = 40.0
+_COUPLING_COST = 40.0
 #: the relative residual of an inexact solve
 INEXACT = 1e-4
 #: directions that GCR keeps, and its steps before the rate is asked for
-_KEPT = 8
-_TRIED = 32
+_DIRECTIONS = 8
+_TRIAL_STEPS = 32
 
 
 class NotConverged(Exception):
@@ -45,7 +45,7 @@ def couplings(A: sp.csr_array) -> sp.csr_array:
     """
     from .kernels.products import couple  # loads numba
 
-    work.check_budget(_COUPLE * A.nnz)
+    work.check_budget(_COUPLING_COST * A.nnz)
     weight = 1.0 / np.sqrt(np.abs(A.diagonal()))
     return sp.csr_array((couple(A.indptr, A.indices, A.data, weight), A.indices, A.indptr), shape=A.shape)
 
@@ -130,7 +130,7 @@ def conjugate_residuals(M: sp.csr_array, f: Vector, most: int, tolerance: float 
     made = 0
     first = norm(steps.rest)
     while made < most and first < np.inf:
-        further = min(max(made, _TRIED), most - made)
+        further = min(max(made, _TRIAL_STEPS), most - made)
         x, _ = steps.further(x, tolerance * first, further)
         made = made + further
         left = norm(steps.rest)
@@ -165,8 +165,8 @@ class GCR:
         #: the least |y|/|My| so far
         self._shortest = np.inf
 
-    def further(self, x: Vector, wanted: float, most: int) -> tuple[Vector, bool]:
-        """`x` after at most so many steps, until the rest is as small as `wanted`, and whether any was made."""
+    def further(self, x: Vector, tolerance: float, most: int) -> tuple[Vector, bool]:
+        """`x` after at most so many steps, until the rest is as small as `tolerance`, and whether any was made."""
         from .kernels.vcycle import add_both  # loads numba
 
         # in place: to touch memory that is new costs more than these sums
@@ -175,33 +175,33 @@ class GCR:
         for _ in range(most):
             y = self._preconditioned(self.rest)
             w = self._product(y)
-            taken = 0.0
+            largest = 0.0
             for direction, image in self._directions:
                 share = inner(w, image)
                 add_both(w, image, -share, y, direction, -share)
-                taken = max(taken, abs(share))
+                largest = max(largest, abs(share))
             size = norm(w)
             length = norm(y)
             if not (0 < size < np.inf and length > 0):  # which may underflow
                 break
             self._shortest = min(self._shortest, length / size)
             # where M is singular, w is what rounding left of My, or of what was taken from it
-            if not _KEPT * UNIT_ROUNDOFF * max(taken, length / self._shortest) <= size:
+            if not _DIRECTIONS * UNIT_ROUNDOFF * max(largest, length / self._shortest) <= size:
                 break
             y /= size
             w /= size
-            self._directions = [*self._directions[1 - _KEPT :], (y, w)]
+            self._directions = [*self._directions[1 - _DIRECTIONS :], (y, w)]
             share = inner(self.rest, w)
             add_both(x, y, share, self.rest, w, -share)
             moved = True
-            if norm(self.rest) <= wanted:
+            if norm(self.rest) <= tolerance:
                 break
         return x, moved
 
-    def until(self, x: Vector, wanted: float, most: int) -> Vector:
-        """`x` after at most so many steps, where the rest is as small as `wanted`. Raises NotConverged."""
-        if norm(self.rest) > wanted:
-            x, _ = self.further(x, wanted, most)
-        if not norm(self.rest) <= wanted < np.inf:
+    def until(self, x: Vector, tolerance: float, most: int) -> Vector:
+        """`x` after at most so many steps, where the rest is as small as `tolerance`. Raises NotConverged."""
+        if norm(self.rest) > tolerance:
+            x, _ = self.further(x, tolerance, most)
+        if not norm(self.rest) <= tolerance < np.inf:
             raise NotConverged
         return x

@@ -84,8 +84,8 @@ def _of_dia(value: Any) -> Any:
 
 def _whole(positions: Any) -> np.ndarray:
     if positions.ndim != 1 or positions.dtype.kind not in "iu":
-        found = f"positions have {positions.ndim} axes and dtype {positions.dtype}"
-        raise ValueError(f"{found}; whole numbers along one axis were expected")
+        actual = f"positions have {positions.ndim} axes and dtype {positions.dtype}"
+        raise ValueError(f"{actual}; whole numbers along one axis were expected")
     return positions.astype(np.int64) if positions.dtype.kind == "u" else positions
 
 
@@ -97,9 +97,9 @@ def _check_within(positions: np.ndarray, low: int, high: int, called: str) -> No
 
 def _check_compressed(indptr: np.ndarray, indices: np.ndarray, stored: int, major: int, minor: int) -> None:
     if indptr.size != major + 1 or indptr[0] != 0 or not indptr[-1] == indices.size == stored:
-        found = f"indptr has {indptr.size} entries, from {indptr[0]} to {indptr[-1]}"
+        actual = f"indptr has {indptr.size} entries, from {indptr[0]} to {indptr[-1]}"
         raise ValueError(
-            f"{found}; {major + 1} from 0 to the {stored} numbers and {indices.size} indices were expected"
+            f"{actual}; {major + 1} from 0 to the {stored} numbers and {indices.size} indices were expected"
         )
     if (fallen := indptr[1:] < indptr[:-1]).any():
         raise ValueError(f"indptr falls at {np.argmax(fallen) + 1}; it may only rise")

@@ -30,8 +30,8 @@ def is_symmetric(matrix: sp.csr_array) -> bool:
 
     matrix = sp.csr_array(matrix)
     if matrix.has_canonical_format and matrix.data.all():
-        found = signs(*read_only((matrix.indptr, matrix.indices, matrix.data)), 0.0)
-        return found.size == matrix.shape[0] and bool((found > 0.0).all())
+        sigma = signs(*read_only((matrix.indptr, matrix.indices, matrix.data)), 0.0)
+        return sigma.size == matrix.shape[0] and bool((sigma > 0.0).all())
     return (matrix != sp.csr_array(matrix.T)).nnz == 0  # zeros may be stored on one side only
 
 

@@ -190,7 +190,7 @@ class _Budget(NamedTuple):
     begun: float
     counted: float
     end: float
-    held: float = 0.0
+    initial_memory: float = 0.0
     memory: float = math.inf
     most: float = math.inf
 
@@ -265,9 +265,9 @@ def work_limit(
             begun = before.begun
             counted = before.counted
         if before.memory < math.inf:
-            memory = min(memory, before.memory - max(_held() - before.held, 0.0))
-    held = _held() if memory < math.inf else 0.0
-    _counted.budget = _Budget(begun, counted, end, held, memory, most)
+            memory = min(memory, before.memory - max(_used_memory() - before.initial_memory, 0.0))
+    initial_memory = _used_memory() if memory < math.inf else 0.0
+    _counted.budget = _Budget(begun, counted, end, initial_memory, memory, most)
     try:
         yield
     finally:
@@ -319,7 +319,7 @@ def free_memory() -> float:
     budget = _counted.budget
     left = math.inf
     if budget is not None and budget.memory < math.inf:
-        left = max(budget.memory - max(_held() - budget.held, 0.0), 0.0)
+        left = max(budget.memory - max(_used_memory() - budget.initial_memory, 0.0), 0.0)
     return min(left, _SYSTEM.free())
 
 
@@ -356,7 +356,7 @@ class _System:
 _SYSTEM = _System()
 
 
-def _held() -> float:
+def _used_memory() -> float:
     """The bytes that this process holds, 0 where the system does not say."""
     try:
         with open("/proc/self/statm", encoding="ascii") as line:

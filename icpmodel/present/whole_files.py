@@ -142,7 +142,7 @@ def _machine() -> str:
 def _remove_left_parts(folder: Path) -> None:
     part = re.compile(rf"\.{_machine()}-(\d+)-[0-9a-f]{{8}}\.part")
     for name in os.listdir(folder):
-        if (found := part.fullmatch(name)) and not _lives(int(found[1])):
+        if (match := part.fullmatch(name)) and not _lives(int(match[1])):
             (folder / name).unlink(missing_ok=True)
 
 

@@ -81,8 +81,8 @@ class Cache(FunctionCache):
         try:
             super().save_overload(sig, data)
         except Exception as error:
-            told = "every process compiles again; NUMBA_CACHE_DIR may name another folder"
-            warnings.warn(f"compiled code cannot be kept in {self.cache_path} ({error}): {told}", stacklevel=2)
+            advice = "every process compiles again; NUMBA_CACHE_DIR may name another folder"
+            warnings.warn(f"compiled code cannot be kept in {self.cache_path} ({error}): {advice}", stacklevel=2)
 
 
 def _tell(what: str) -> None:
@@ -95,13 +95,13 @@ def _tell(what: str) -> None:
 class _Watch(Listener):
     """Tells the clock of the runs when numba is busy, and a person who sees standard error what it is doing."""
 
-    told = False
+    announced = False
 
     def on_start(self, event: Any) -> None:
         if event.kind == _LOCK:
             COMPILER.begins()
-        elif not _Watch.told and event.data["dispatcher"].py_func.__module__.startswith("icpmodel."):
-            _Watch.told = True
+        elif not _Watch.announced and event.data["dispatcher"].py_func.__module__.startswith("icpmodel."):
+            _Watch.announced = True
             _tell("compiles its loops, once per installation")
 
     def on_end(self, event: Any) -> None:

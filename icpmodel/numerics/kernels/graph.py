@@ -97,21 +97,21 @@ def signs(indptr, indices, data, same):
             if alike != opposite:
                 (a, of_i) = _root(i, into, sign)
                 (b, of_j) = _root(j, into, sign)
-                wanted = of_i * of_j if alike else -of_i * of_j
+                relative = of_i * of_j if alike else -of_i * of_j
                 if a != b:
                     into[a] = b
-                    sign[a] = wanted
-                elif wanted < 0.0:
+                    sign[a] = relative
+                elif relative < 0.0:
                     return none
             k += one()
         ahead[i] = k + one() if k < stop and indices[k] == i else k
     for i in range(n):
         if ahead[i] < indptr[i + 1]:
             return none
-    found = np.empty(n)
+    sigma = np.empty(n)
     for i in range(n):
-        found[i] = _root(i, into, sign)[1]
-    return found
+        sigma[i] = _root(i, into, sign)[1]
+    return sigma
 
 
 @compiled

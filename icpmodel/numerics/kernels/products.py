@@ -96,7 +96,7 @@ def sum_signs(indptr, data, parts, signs):
         count = 0
         for k in range(indptr[i], indptr[i + 1]):
             x = data[k]
-            kept = 0
+            nonzeros = 0
             for j in range(count):
                 y = parts[j]
                 if abs(x) < abs(y):
@@ -104,10 +104,10 @@ def sum_signs(indptr, data, parts, signs):
                 high = x + y
                 low = y - (high - x)
                 if low != 0.0:
-                    parts[kept] = low
-                    kept += 1
+                    parts[nonzeros] = low
+                    nonzeros += 1
                 x = high
-            parts[kept] = x
-            count = kept + (x != 0.0)
+            parts[nonzeros] = x
+            count = nonzeros + (x != 0.0)
         top = parts[count - 1] if count else 0.0
         signs[i] = 2 if not abs(top) < np.inf else (top > 0.0) - (top < 0.0)
