@@ -85,7 +85,7 @@ def crosscheck(
     >>> report.rows[0].verdict
     <Verdict.DISAGREES: 'disagrees'>
     """
-    problem = given = as_problem(problem, nonlinear=True)
+    problem = original = as_problem(problem, nonlinear=True)
     if isinstance(solution, list | tuple) and any(isinstance(one, str) for one in solution):
         raise InputError(f"solution is {list(solution)!r}; names of solvers go into solvers=")
     chosen = chosen_solvers(solvers, "crosscheck")
@@ -96,15 +96,15 @@ def crosscheck(
         solution = solve(problem, raise_on_failure=False, time_limit=time_limit)
     # an answer may hold anything, infinities too: the judge sees what comes of them, the user need not be warned
     with np.errstate(over="ignore", invalid="ignore"):
-        problem = given.linearised(given.vector(solution, "solution"))
-        checked = Checked(problem, solution, atol, given)
+        problem = original.linearised(original.vector(solution, "solution"))
+        checked = Checked(problem, solution, atol, original)
         rows: dict[str, list[Row]] = {solver.name: [] for solver in chosen}
         certain: tuple[float, float | None, str]
         certain = (problem.residual(checked.z), None, f"time_limit = {time_limit:g} s was over")
         at_work = ""
         note = f"time_limit = {time_limit:g} s was over"
         interrupted = False
-        items = partial(_items, checked, given, chosen, solution, end)
+        items = partial(_items, checked, original, chosen, solution, end)
         try:
             with status_line(progress, f"{len(chosen)} solvers, {time_limit:g} s at most") as say:
                 for item in in_time(items, problem, 1 + len(chosen), end):
@@ -158,24 +158,24 @@ def _report(checked: Checked, solution: Any, certain: tuple[float, float | None,
 
 
 def _items(
-    checked: Checked, given: ProblemData, chosen: list[ForeignSolver], solution: Any, end: float
+    checked: Checked, original: ProblemData, chosen: list[ForeignSolver], solution: Any, end: float
 ) -> Iterator[_Item]:
-    """What is certain of the answer to the `given` problem, of which `checked` may have the tangent; then, solver by
+    """What is certain of the answer to the `original` problem, of which `checked` may have the tangent; then, solver by
     solver, its name as it begins, and its rows."""
-    known = isinstance(solution, Solution) and solution.problem is given
-    certificate = solution.certificate if known else certify(given, checked.z)
+    known = isinstance(solution, Solution) and solution.problem is original
+    certificate = solution.certificate if known else certify(original, checked.z)
     yield certificate.residual, certificate.error_bound, certificate.bound.reason
     reasons = {solver.name: _why_not(solver, checked) for solver in chosen}
     for name, because in reasons.items():
         yield from (Row(name, "", Verdict.SKIPPED, note=reason) for reason in because)
-    asked = [solver for solver in chosen if not reasons[solver.name]]
-    for k, solver in enumerate(asked):
+    applicable = [solver for solver in chosen if not reasons[solver.name]]
+    for k, solver in enumerate(applicable):
         if time.perf_counter() >= end:
             return
         yield solver.name
         targets = [target for target in checked.targets if solver.why_not(target) is None]
         for i, target in enumerate(targets):
-            share = (end - time.perf_counter()) / ((len(asked) - k) * len(targets) - i)
+            share = (end - time.perf_counter()) / ((len(applicable) - k) * len(targets) - i)
             yield checked.judge(solver.name, solver.form(target), target, _claim(solver, target, share))
 
 

@@ -91,14 +91,14 @@ class Checked:
     """
 
     def __init__(
-        self, problem: ProblemData, solution: Any, atol: float | None = None, given: ProblemData | None = None
+        self, problem: ProblemData, solution: Any, atol: float | None = None, original: ProblemData | None = None
     ) -> None:
         self.problem, self.z = problem, problem.vector(solution, "solution")
         scaled, self.unit = in_typical_units(problem)
         rtol = OURS
         scale = problem.residual_scale() or norm(self.z)
         self.y = self.z / self.unit
-        of_it = isinstance(solution, Solution) and (solution.problem is problem or solution.problem is given)
+        of_it = isinstance(solution, Solution) and (solution.problem is problem or solution.problem is original)
         if of_it and solution.solved and scale > 0:
             rtol = min(max(OURS, solution.tolerance / scale, solution.residual / scale), LOOSEST)
         self.holds = solves(problem, self.z, rtol)
@@ -146,8 +146,8 @@ class Checked:
     def _loose(problem: ProblemData, x: Vector, claim: Claim) -> str:
         """The accuracy that was asked for, by the solver's criterion, beside that of its answer by ours."""
         share = problem.residual(x) / (problem.residual_scale() or norm(x) or 1.0)
-        asked = "" if claim.tolerance is None else f"asked for {claim.tolerance:g} in its own measure, "
-        return f"claims {claim.words!r}: {asked}{share:.1e} in ours, where {THEIRS:g} was expected"
+        request = "" if claim.tolerance is None else f"asked for {claim.tolerance:g} in its own measure, "
+        return f"claims {claim.words!r}: {request}{share:.1e} in ours, where {THEIRS:g} was expected"
 
     def _ended(self, claim: Claim) -> str:
         """How it ended without success. "infeasible" and "unbounded" are rays that nobody has checked, and false where

@@ -108,16 +108,16 @@ class Report(Shown, Tabular):
         names = {verdict: {row.solver for row in self.rows if row.verdict is verdict} for verdict in Verdict}
         agreeing = names.pop(Verdict.AGREES) - names[Verdict.DISAGREES]
         skipped = names.pop(Verdict.SKIPPED)
-        asked = {row.solver for row in self.asked}
-        counts = [f"{len(agreeing)} of {len(asked)} independent solvers agree"]
-        counts += [f"{len(more)} {verdict.value}" for verdict, found in names.items() if (more := found - agreeing)]
-        if not asked:
+        solvers = {row.solver for row in self.attempts}
+        counts = [f"{len(agreeing)} of {len(solvers)} independent solvers agree"]
+        counts += [f"{len(more)} {verdict.value}" for verdict, some in names.items() if (more := some - agreeing)]
+        if not solvers:
             counts = ["no independent solver could be asked" if skipped else "no independent solver was asked"]
         unconfirmed = ": not confirmed" if self.holds and not self.agrees else ""
         return f"{answer}; {', '.join(counts)}{unconfirmed}."
 
     @property
-    def asked(self) -> tuple[Row, ...]:
+    def attempts(self) -> tuple[Row, ...]:
         """The rows of solvers that were given the problem."""
         return tuple(row for row in self.rows if row.verdict is not Verdict.SKIPPED)
 
@@ -180,7 +180,7 @@ class Report(Shown, Tabular):
     def _tables(self) -> list[Table]:
         """The solvers that ran, and those that did not, where there are any."""
         skipped = tuple((row.solver, row.note) for row in self.rows if row.verdict is Verdict.SKIPPED)
-        tables = [_table(self.asked, _SHOWN), Table("", ("not run", "why"), skipped)]
+        tables = [_table(self.attempts, _SHOWN), Table("", ("not run", "why"), skipped)]
         return [table for table in tables if table.rows]
 
     def __str__(self) -> str:

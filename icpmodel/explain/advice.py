@@ -30,12 +30,12 @@ def what_to_do(problem: ProblemData, classes: MatrixClasses, picked: Method | No
         else:
             yield "A is no Z-matrix, which the theorem on interventions needs; check the signs of its discretisation"
     elif classes.definite.holds and not psi.is_constant:
-        held = "the obstacles" if both else "the obstacle"
-        yield f"A is positive definite: with {held} frozen at an iterate, mnmod and mnmmod are proved"
+        obstacles = "the obstacles" if both else "the obstacle"
+        yield f"A is positive definite: with {obstacles} frozen at an iterate, mnmod and mnmmod are proved"
     elif classes.p.holds:
         later = "" if isinstance(picked, Newton) else ", on which solve() falls back"
-        held = "obstacles that do not move" if both else "constant psi"
-        yield f"A is a P-matrix, so with {held} the solution is unique, but sweeps may cycle: try newton{later}"
+        obstacles = "obstacles that do not move" if both else "constant psi"
+        yield f"A is a P-matrix, so with {obstacles} the solution is unique, but sweeps may cycle: try newton{later}"
     elif is_boxed(problem):
         yield "z has a fixed obstacle on both sides in every row, so that there is a solution, perhaps one of many"
     elif classes.semidefinite.holds and problem.is_lcp:

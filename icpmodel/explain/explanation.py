@@ -61,7 +61,7 @@ class Explanation(Shown):
         Why `picked` is picked, or why no method is.
     accuracy : float
         The accuracy of the predicted numbers of steps.
-    asked : bool
+    method_named : bool
         Whether the user named one method.
     instead : Forecast or None
         Another method, proved where the named one is not.
@@ -79,7 +79,7 @@ class Explanation(Shown):
     picked: Method | None
     why: str
     accuracy: float
-    asked: bool = False
+    method_named: bool = False
     instead: Forecast | None = None
 
     @property
@@ -191,7 +191,7 @@ class Explanation(Shown):
                 "(isotone): the step keeps the order, and is monotone from super- and subsolutions (theorem monotone); "
                 "from every start it is proved only where a strict supersolution is known"
             )
-        if self.asked:
+        if self.method_named:
             for one in self.forecasts:
                 yield from (f"theorem {name:<8}  {check}" for name, check in one.checks.items())
 
@@ -199,7 +199,7 @@ class Explanation(Shown):
         if self.picked is None:
             yield self.why
         else:
-            alone = "left to itself " if self.asked else ""
+            alone = "left to itself " if self.method_named else ""
             yield f"call solve(); {alone}it will run {self.picked!r} first: {self.why}"
         if self.problem.f is not None:
             yield from what_to_do_about_f(self.problem, self.bound.unique)
@@ -230,15 +230,15 @@ class Explanation(Shown):
             by = proved.proved_by[0]
             how = "monotone, with a strict supersolution" if by == "monotone" else by
             yield f"{proved.title} converges from every start (theorem {how})"
-        elif self.asked:
+        elif self.method_named:
             for one in self.forecasts:
                 yield f"no theorem covers {one.title} on this problem, which does not mean that it fails"
             if self.instead is not None:
                 also = "without a method, explain examines more of them"
                 yield f"{self.instead.title} is proved here (theorem {self.instead.theorems}); {also}"
         # what is not known of A is not looked for while a page is printed
-        if proved is None and self.classes.semidefinite.holds and (found := proximal_point(self.problem)).holds:
-            yield f"Proximal() is proved (theorem proximal): {found.reason}"
+        if proved is None and self.classes.semidefinite.holds and (answer := proximal_point(self.problem)).holds:
+            yield f"Proximal() is proved (theorem proximal): {answer.reason}"
         elif proved is None and self.instead is None:
             yield "no method that was examined is proved to converge"
 
@@ -319,7 +319,7 @@ def explain(
 def _explained(
     problem: ProblemData, method: str | Method | None, accuracy: float, limit: Allowance, options: dict[str, Any]
 ) -> Explanation:
-    asked = method is not None
+    method_named = method is not None
     instead = None
     classes = shared_proofs(problem).classes.decided(limit)
     picked, why = _picked(problem, limit)
@@ -336,12 +336,12 @@ def _explained(
     # the first choice first, as not all may be looked at
     first = sorted(methods, key=lambda title: not (picked is not None and _same(methods[title], picked)))
     in_turn = {title: methods[title] for title in first}
-    found = {one.title: one for one in forecasts_of(problem, in_turn, accuracy, limit)}
-    forecasts = tuple(found[title] for title in methods if title in found)
-    if asked and not any(one.proved_by for one in forecasts):
+    by_title = {one.title: one for one in forecasts_of(problem, in_turn, accuracy, limit)}
+    forecasts = tuple(by_title[title] for title in methods if title in by_title)
+    if method_named and not any(one.proved_by for one in forecasts):
         others = forecasts_of(problem, members(problem), accuracy, limit)
         instead = next((one for one in others if one.proved_by), None)
-    return Explanation(problem, classes, bound, forecasts, picked, why, accuracy, asked, instead)
+    return Explanation(problem, classes, bound, forecasts, picked, why, accuracy, method_named, instead)
 
 
 def _member(problem: ProblemData, method: str | Method, options: dict[str, Any]) -> ModulusMember:

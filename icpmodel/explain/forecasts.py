@@ -107,19 +107,19 @@ class Forecast(Shown):
 def members(problem: ProblemData) -> dict[str, Method]:
     """Title → the members to look at; few where A is large."""
     diagonal = problem.A.diagonal()
-    found: dict[str, Method] = {"MNMJ(), Omega = D": MNMJ(), "MNMGS(), Omega = D": MNMGS()}
+    methods: dict[str, Method] = {"MNMJ(), Omega = D": MNMJ(), "MNMGS(), Omega = D": MNMGS()}
     if np.abs(problem.A.data).max() > np.finfo(np.float64).max / 4:  # M1 and Omega of the others would overflow
-        return found
-    found |= {"MNMAOR(theta2=2), Omega = D": MNMAOR(theta2=2.0), "PSOR(), newest values": PSOR()}
+        return methods
+    methods |= {"MNMAOR(theta2=2), Omega = D": MNMAOR(theta2=2.0), "PSOR(), newest values": PSOR()}
     if problem.n > _FACTORISE_UP_TO:
-        return found
-    found |= {f"MNMSOR(theta1={theta}), Omega = D": MNMSOR(theta1=theta) for theta in (0.9, 1.1)}
+        return methods
+    methods |= {f"MNMSOR(theta1={theta}), Omega = D": MNMSOR(theta1=theta) for theta in (0.9, 1.1)}
     if problem.matrix.has_positive_diagonal:
-        found |= {f"MNMGS(), Omega = {share} D": MNMGS(phi2=share * diagonal) for share in (0.9, 1.5)}
+        methods |= {f"MNMGS(), Omega = {share} D": MNMGS(phi2=share * diagonal) for share in (0.9, 1.5)}
     theta1 = float(np.abs(diagonal).max()) or 1.0
-    found["MNMOD(), Omega = I"] = MNMOD()
-    found[f"MNMMOD(theta1={theta1:g}), Omega = theta1 I"] = MNMMOD(theta1=theta1)
-    return found
+    methods["MNMOD(), Omega = I"] = MNMOD()
+    methods[f"MNMMOD(theta1={theta1:g}), Omega = theta1 I"] = MNMMOD(theta1=theta1)
+    return methods
 
 
 def forecasts_of(

@@ -15,7 +15,7 @@ class Clarabel(ForeignSolver):
     """Clarabel; where it cannot reach a tolerance it may return a worse point than at a looser one."""
 
     name = package = "clarabel"
-    asked_by = ("race",)
+    used_by = ("race",)
     tight = (1e-13, 1e-12, 1e-9)
 
     def set_up(self, target: Target, tolerance: float, time_limit: float) -> Any:

@@ -90,7 +90,7 @@ def _qp(target: Target, form: str) -> Any:
     value = 0.5 * cp.quad_form(y, cp.psd_wrap(qp.P)) + qp.q @ y
     if form == "energy":
         return _program(value, [r >= 0 for _, r, _ in pairs])
-    return _program(value - target.problem.q @ np.where(target.held, target.near, 0.0), rows)
+    return _program(value - target.problem.q @ np.where(target.has_obstacle, target.near, 0.0), rows)
 
 
 def _mip(target: Target) -> Any:
@@ -102,9 +102,9 @@ def _mip(target: Target) -> Any:
     # without bounds on z HiGHS 1.15 crashes on some of these programs
     z = cp.Variable(target.problem.n, bounds=[-z_max, z_max], name="z")
     pairs, rows = _conditions(target, z)
-    for (p, r, held), name in zip(pairs, ("b", "b above"), strict=False):
-        b = cp.Variable(int(held.sum()), boolean=True, name=name)
-        rows += [p <= cp.multiply(p_max[held], b), r <= cp.multiply(r_max[held], 1 - b)]
+    for (p, r, rows_of_pair), name in zip(pairs, ("b", "b above"), strict=False):
+        b = cp.Variable(int(rows_of_pair.sum()), boolean=True, name=name)
+        rows += [p <= cp.multiply(p_max[rows_of_pair], b), r <= cp.multiply(r_max[rows_of_pair], 1 - b)]
     return _program(0, rows)
 
 
@@ -117,21 +117,21 @@ def _conditions(target: Target, z: Any) -> tuple[list[Any], list[Any]]:
     """
     import cvxpy as cp
 
-    held = target.held
+    has_obstacle = target.has_obstacle
     both = target.both
     p = target.problem.A @ z + target.problem.q
-    r = target.I_minus_G[held] @ z - target.near[held]
-    free = p[~held] == 0
-    p = p[held]
+    r = target.I_minus_G[has_obstacle] @ z - target.near[has_obstacle]
+    free = p[~has_obstacle] == 0
+    p = p[has_obstacle]
     if target.capped.any():
-        sign = np.where(target.capped, -1.0, 1.0)[held]
+        sign = np.where(target.capped, -1.0, 1.0)[has_obstacle]
         p = cp.multiply(sign, p)
         r = cp.multiply(sign, r)
-    pairs = [(p, r, held)]
+    pairs = [(p, r, has_obstacle)]
     if target.d is not None and both.any():
         v = cp.Variable(int(both.sum()), name="v")
         s = target.d[both] - target.I_minus_H @ z
-        pairs = [(p + sp.eye_array(both.size).tocsc()[:, both][held] @ v, r, held), (v, s, both)]
+        pairs = [(p + sp.eye_array(both.size).tocsc()[:, both][has_obstacle] @ v, r, has_obstacle), (v, s, both)]
     return pairs, [*(p >= 0 for p, _, _ in pairs), free, *(r >= 0 for _, r, _ in pairs)]
 
 
@@ -144,7 +144,7 @@ def _program(value: Any, rows: list[Any]) -> Any:
 class _ThroughCvxpy(ForeignSolver):
     """What the two share: `solver` is CVXPY's name, and `options` gives the arguments for a tolerance."""
 
-    asked_by = ("crosscheck",)
+    used_by = ("crosscheck",)
     solver: ClassVar[str]
     options: ClassVar[Any]
 

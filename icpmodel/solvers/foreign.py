@@ -83,7 +83,7 @@ class ForeignSolver(Shown, ABC):
     forms : tuple of str
         The formulations that it takes, best first. They are "energy" and "gap" (convex QPs) and
         "mpec" (as it stands); see `icpmodel.solvers.formulations`.
-    asked_by : tuple of str
+    used_by : tuple of str
         The studies that run it where no solvers are named: "crosscheck", "race".
     tight : tuple of float
         Tolerances of a cross-check, in the solver's own sense. The next one is tried where it does
@@ -96,7 +96,7 @@ class ForeignSolver(Shown, ABC):
     Examples
     --------
     >>> class Guess(icp.solvers.ForeignSolver):
-    ...     name, asked_by = "guess", ()
+    ...     name, used_by = "guess", ()
     ...
     ...     def set_up(self, target, tolerance, time_limit):
     ...         return target.problem
@@ -111,7 +111,7 @@ class ForeignSolver(Shown, ABC):
     package: ClassVar[str | None] = None
     extra: ClassVar[str | None] = None
     forms: ClassVar[tuple[str, ...]] = ("energy", "gap")
-    asked_by: ClassVar[tuple[str, ...]] = ("crosscheck", "race")
+    used_by: ClassVar[tuple[str, ...]] = ("crosscheck", "race")
     tight: ClassVar[tuple[float, ...]] = (1e-10,)
     largest: ClassVar[int | None] = None
     too_large: ClassVar[str] = "it takes minutes"
@@ -252,11 +252,11 @@ def _silence() -> Iterator[None]:
         logging.disable(logging.CRITICAL)
         for stream in (1, 2):
             with contextlib.suppress(OSError, AttributeError):  # there may be no such stream
-                kept = os.dup(stream)
-                after.callback(os.close, kept)
-                after.callback(os.dup2, kept, stream)
+                saved = os.dup(stream)
+                after.callback(os.close, saved)
+                after.callback(os.dup2, saved, stream)
                 if stream == sys.stderr.fileno():
-                    terminal = after.enter_context(open(kept, "w", buffering=1, closefd=False))
+                    terminal = after.enter_context(open(saved, "w", buffering=1, closefd=False))
                     after.enter_context(contextlib.redirect_stderr(terminal))
                 after.callback(ctypes.CDLL(None).fflush, None)
                 os.dup2(nowhere.fileno(), stream)
@@ -320,15 +320,15 @@ def chosen_solvers(solvers: Iterable[str | ForeignSolver] | None, asker: str | N
     """
     known = foreign_solvers()
     if solvers is None:
-        return [solver for solver in known.values() if asker is None or asker in solver.asked_by]
-    wanted = [solvers] if isinstance(solvers, str | ForeignSolver) else as_list(solvers, "solvers")
-    for solver in wanted:
+        return [solver for solver in known.values() if asker is None or asker in solver.used_by]
+    requested = [solvers] if isinstance(solvers, str | ForeignSolver) else as_list(solvers, "solvers")
+    for solver in requested:
         if isinstance(solver, str) and solver not in known:
             hint = did_you_mean(solver, known)
             raise InputError(f"solvers has {solver!r}; one of {', '.join(map(repr, known))} was expected{hint}")
         if not isinstance(solver, str | ForeignSolver):
             raise InputError(f"solvers has a {type(solver).__name__}; names or ForeignSolver objects were expected")
-    chosen = [known[solver] if isinstance(solver, str) else solver for solver in wanted]
+    chosen = [known[solver] if isinstance(solver, str) else solver for solver in requested]
     return list({solver.name: solver for solver in chosen}.values())
 
 

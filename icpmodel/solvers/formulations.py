@@ -136,14 +136,14 @@ class Target(Shown):
         return self.c if self.d is None else np.where(np.isneginf(self.c), self.d, self.c)
 
     @cached_property
-    def held(self) -> np.ndarray:
+    def has_obstacle(self) -> np.ndarray:
         """The rows with an obstacle, shape (n,), bool; p_i = 0 must hold in the others, which are free."""
         return np.isfinite(self.near)
 
     @cached_property
     def capped(self) -> np.ndarray:
         """The rows whose only obstacle is above z, shape (n,), bool: p and r have the other sign there."""
-        return np.zeros(self.problem.n, dtype=bool) if self.d is None else np.isneginf(self.c) & self.held
+        return np.zeros(self.problem.n, dtype=bool) if self.d is None else np.isneginf(self.c) & self.has_obstacle
 
     @cached_property
     def both(self) -> np.ndarray:
@@ -159,7 +159,7 @@ class Target(Shown):
         G = self._sides[0]
         if self.d is not None:
             G = _rows(~self.capped) @ G + _rows(self.capped) @ self._sides[1]
-        return sp.csr_array(sp.eye_array(self.problem.n) - _rows(self.held) @ G)
+        return sp.csr_array(sp.eye_array(self.problem.n) - _rows(self.has_obstacle) @ G)
 
     @cached_property
     def I_minus_H(self) -> sp.csr_array:
@@ -273,8 +273,9 @@ class Target(Shown):
 
     @cached_property
     def _energy(self) -> QP:
-        K = sp.csc_array(self.I_minus_G[self.held])
-        return QP(sp.csc_array(self.curvature.A / 2), self.problem.q, K, *(side[self.held] for side in self._range))
+        K = sp.csc_array(self.I_minus_G[self.has_obstacle])
+        lower, upper = (side[self.has_obstacle] for side in self._range)
+        return QP(sp.csc_array(self.curvature.A / 2), self.problem.q, K, lower, upper)
 
     @cached_property
     def _range(self) -> tuple[Vector, Vector]:
@@ -285,18 +286,18 @@ class Target(Shown):
     def _gap(self) -> QP:
         A = self.problem.A
         q = self.problem.q
-        held = self.held
-        linear = self.I_minus_G.T @ q - A.T @ np.where(held, self.near, 0.0)
-        lower, upper = (side[held] for side in self._range)
+        has_obstacle = self.has_obstacle
+        linear = self.I_minus_G.T @ q - A.T @ np.where(has_obstacle, self.near, 0.0)
+        lower, upper = (side[has_obstacle] for side in self._range)
         least = np.where(self.capped, -np.inf, -q)
-        most = np.where(held & ~self.capped, np.inf, -q)
-        K = sp.csc_array(sp.vstack([A, self.I_minus_G[held]]))
+        most = np.where(has_obstacle & ~self.capped, np.inf, -q)
+        K = sp.csc_array(sp.vstack([A, self.I_minus_G[has_obstacle]]))
         P = sp.csc_array(self.curvature.A)
         if not (k := int(self.both.sum())):
             return QP(P, linear, K, np.append(least, lower), np.append(most, upper))
         # p + v ≥ 0, r, and v ≥ 0
         v = sp.eye_array(self.problem.n).tocsc()[:, self.both]
-        K = sp.csc_array(sp.block_array([[A, v], [self.I_minus_G[held], None], [None, sp.eye_array(k)]]))
+        K = sp.csc_array(sp.block_array([[A, v], [self.I_minus_G[has_obstacle], None], [None, sp.eye_array(k)]]))
         width = (self._range[1] - self.c)[self.both]
         lower = np.append(lower, np.zeros(k))
         upper = np.append(upper, np.full(k, np.inf))
@@ -341,11 +342,11 @@ def targets(problem: ProblemData, y: Vector) -> list[Target]:
     is the problem frozen at the answer under test `y`, shape (n,). It needs finite obstacles ψ(y)
     and ψ̄(y) that do not cross.
     """
-    found = [Target(problem)] if problem.psi.linear is not None else []
+    problems = [Target(problem)] if problem.psi.linear is not None else []
     if not problem.psi.is_constant and np.isfinite(y).all():
         with contextlib.suppress(InputError):  # they are not finite, or cross
-            found.append(Target(problem.frozen(y), frozen=True))
-    return found
+            problems.append(Target(problem.frozen(y), frozen=True))
+    return problems
 
 
 def _rows(mask: np.ndarray) -> sp.dia_array:

@@ -19,7 +19,7 @@ class Highs(ForeignSolver):
 
     name = "highs"
     package = "highspy"
-    asked_by = ("race",)
+    used_by = ("race",)
 
     def set_up(self, target: Target, tolerance: float, time_limit: float) -> Any:
         import highspy

@@ -26,7 +26,7 @@ class HighsMilp(ForeignSolver):
 
     name = "highs-milp"
     forms = ("mpec",)
-    asked_by = ("crosscheck",)
+    used_by = ("crosscheck",)
     tight = (1e-6,)
     largest = 100
     too_large = "branch and bound may take minutes"
@@ -46,14 +46,14 @@ class HighsMilp(ForeignSolver):
         with work.work_limit(time_limit):
             try:
                 limits = None
-                found = None
+                choice = None
                 for limits in limits_in_turn(rows):
-                    if (found := active_set(rows, limits, [])) is not None:
+                    if (choice := active_set(rows, limits, [])) is not None:
                         break
-                if found is None:
+                if choice is None:
                     proved = "" if limits is not None and limits.certain else " within bounds that are guessed"
                     return Claim(None, f"there is no choice of active rows{proved}", False)
-                above = found.above if problem.upper is not None else None
-                return Claim(solve_on(problem, np.zeros(problem.n), found.active, above), "optimal", True)
+                above = choice.above if problem.upper is not None else None
+                return Claim(solve_on(problem, np.zeros(problem.n), choice.active, above), "optimal", True)
             except (OutOfTime, SingularOperator) as error:
                 return Claim(None, str(error), False)

@@ -30,7 +30,7 @@ class Ipopt(ForeignSolver):
     package = "casadi"
     extra = "ipopt"
     forms = ("mpec",)
-    asked_by = ("crosscheck",)
+    used_by = ("crosscheck",)
     tight = (1e-13, 1e-10)
     # nothing stops a factorisation on the way: with a full A of n = 1000 a step takes 2.6 s (2 cores, CasADi 3.8.2)
     largest = 1000
@@ -40,11 +40,11 @@ class Ipopt(ForeignSolver):
         import casadi as ca
 
         n = target.problem.n
-        held = np.flatnonzero(target.held)
+        with_obstacle = np.flatnonzero(target.has_obstacle)
         both = np.flatnonzero(target.both)
         unit = sp.eye_array(n, format="csr")
         sign = np.where(target.capped, -1.0, 1.0)
-        sizes = (n, n, held.size, both.size, both.size)
+        sizes = (n, n, with_obstacle.size, both.size, both.size)
         z, u, r, v, s = parts = [ca.MX.sym(name, size) for name, size in zip("zurvs", sizes, strict=True)]
 
         def times(matrix: Any, x: Any) -> Any:
@@ -52,7 +52,7 @@ class Ipopt(ForeignSolver):
 
         zero = [
             times(target.problem.A, z) + target.problem.q - times(sp.diags_array(sign), u) + times(unit[:, both], v),
-            times(target.I_minus_G[held], z) - target.near[held] - sign[held] * r,
+            times(target.I_minus_G[with_obstacle], z) - target.near[with_obstacle] - sign[with_obstacle] * r,
         ]
         if target.d is not None:
             zero.append(target.d[both] - times(target.I_minus_H, z) - s)
@@ -66,7 +66,8 @@ class Ipopt(ForeignSolver):
             "print_level": 0,
             "sb": "yes",
         }
-        program = {"x": ca.vertcat(*parts), "f": ca.dot(times(unit[held], u), r) + ca.dot(v, s), "g": ca.vertcat(*zero)}
+        gap = ca.dot(times(unit[with_obstacle], u), r) + ca.dot(v, s)
+        program = {"x": ca.vertcat(*parts), "f": gap, "g": ca.vertcat(*zero)}
         quiet: dict[str, Any] = {"print_time": False, "error_on_fail": False, "ipopt": options}
         return ca.nlpsol("icp", "ipopt", program, quiet), {"x0": 0.0, **_bounds(target)}, n
 
@@ -85,12 +86,13 @@ def _bounds(target: Target) -> dict[str, Any]:
     Where the obstacles touch there is no room between them: r = 0, which makes s = 0, and u alone stands for both.
     """
     n = target.problem.n
-    held = target.held
+    has_obstacle = target.has_obstacle
     both = target.both
     pinned = both & (target.near == target.d) & target.parallel
     below = np.where(pinned, -np.inf, 0.0)
     room = np.where(pinned, 0.0, np.inf)
     count = int(both.sum())
-    least = (np.full(n, -np.inf), below, np.zeros(int(held.sum())), np.zeros(count), below[both])
-    most = (np.full(n, np.inf), np.where(held, np.inf, 0.0), room[held], room[both], np.full(count, np.inf))
+    least = (np.full(n, -np.inf), below, np.zeros(int(has_obstacle.sum())), np.zeros(count), below[both])
+    of_p = np.where(has_obstacle, np.inf, 0.0)
+    most = (np.full(n, np.inf), of_p, room[has_obstacle], room[both], np.full(count, np.inf))
     return {"lbx": np.concatenate(least), "ubx": np.concatenate(most), "lbg": 0.0, "ubg": 0.0}

@@ -51,5 +51,5 @@ class OsqpUnpolished(Osqp):
     """OSQP as it comes, which shows in a race what default tolerances, 1e-3, are worth."""
 
     name = "osqp, not polished"
-    asked_by = ("race",)
+    used_by = ("race",)
     polishes = False

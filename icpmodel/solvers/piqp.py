@@ -19,7 +19,7 @@ class Piqp(ForeignSolver):
     """PIQP. It has no time limit of its own, but stops after 250 iterations."""
 
     name = package = "piqp"
-    asked_by = ("race",)
+    used_by = ("race",)
 
     def set_up(self, target: Target, tolerance: float, time_limit: float) -> Any:
         """Rows that bound one unknown are given as bounds."""

@@ -89,18 +89,18 @@ def to_pyomo(problem: ProblemLike) -> Any:
             return complements(p[i] >= 0, z[i] - below[i] >= 0)
         return complements(p[i] <= 0, z[i] - above[i] <= 0)
 
-    held = [i for i in z if has_below[i] or has_above[i]]
-    model.complementarity = Complementarity(held, rule=rule)
+    with_obstacle = [i for i in z if has_below[i] or has_above[i]]
+    model.complementarity = Complementarity(with_obstacle, rule=rule)
     model.above = Complementarity([*model.v], rule=lambda m, i: complements(m.v[i] >= 0, above[i] - z[i] >= 0))
-    model.equation = pyo.Constraint(sorted({*model.z} - {*held}), rule=lambda _, i: p[i] == 0)
+    model.equation = pyo.Constraint(sorted({*model.z} - {*with_obstacle}), rule=lambda _, i: p[i] == 0)
     model.objective = pyo.Objective(expr=0.0)
     return model
 
 
 def _side(problem: ProblemData, psi: Map | None, z: Any) -> tuple[list[Any], list[bool]]:
     """The obstacles of one side as expressions, and which rows have one."""
-    found = [np.inf] * problem.n if psi is None else _obstacle(psi, z)
-    return found, [not (isinstance(one, float) and np.isinf(one)) for one in found]
+    expressions = [np.inf] * problem.n if psi is None else _obstacle(psi, z)
+    return expressions, [not (isinstance(one, float) and np.isinf(one)) for one in expressions]
 
 
 def _obstacle(psi: Map, z: Any) -> list[Any]:
@@ -117,19 +117,19 @@ def _obstacle(psi: Map, z: Any) -> list[Any]:
         if isinstance(psi, Elementwise):
             f: Any = psi.f
             values = [f.py_func(one) for one in symbols] if is_compiled(f) else np.asarray(f(symbols))
-            found = [c if np.isinf(c) else one + c for one, c in zip(values, psi.c.tolist(), strict=True)]
+            expressions = [c if np.isinf(c) else one + c for one, c in zip(values, psi.c.tolist(), strict=True)]
         elif isinstance(psi, Function):
-            found = list(np.asarray(code(symbols)).reshape(len(variables)))
+            expressions = list(np.asarray(code(symbols)).reshape(len(variables)))
         else:
             raise TypeError("it takes the best of several")
         # a row is without obstacle or is not, whatever z is
         here = psi.value(np.full(len(variables), 0.5)).tolist()
-        found = [one.expression if isinstance(one, _Symbol) else float(one) for one in found]
-        found = [value if np.isinf(value) else one for one, value in zip(found, here, strict=True)]
-        _compare(psi, found, z)
+        expressions = [one.expression if isinstance(one, _Symbol) else float(one) for one in expressions]
+        expressions = [value if np.isinf(value) else one for one, value in zip(expressions, here, strict=True)]
+        _compare(psi, expressions, z)
     except Exception as error:  # a user's code may raise anything when it is given symbols
         raise NotApplicable(f"{psi!r} has no Pyomo expression: {type(error).__name__}: {error}") from error
-    return found
+    return expressions
 
 
 def _moved(G: Any, c: Any, z: Any) -> list[Any]:
@@ -152,9 +152,9 @@ def _compare(psi: Map, expressions: list[Any], z: Any) -> None:
         with np.errstate(all="ignore"):
             expected = psi.value(at)
         for i in np.flatnonzero(np.isfinite(expected)).tolist():
-            found = value(expressions[i])
-            if not abs(found - expected[i]) <= 1e-9 * max(abs(expected[i]), 1.0):
-                raise ValueError(f"psi(z)[{i}] is {expected[i]:g} and its expression {found:g} at the same z")
+            actual = value(expressions[i])
+            if not abs(actual - expected[i]) <= 1e-9 * max(abs(expected[i]), 1.0):
+                raise ValueError(f"psi(z)[{i}] is {expected[i]:g} and its expression {actual:g} at the same z")
     z.set_values(dict.fromkeys(z))
 
 
@@ -200,7 +200,7 @@ class PyomoHighs(ForeignSolver):
     name = "pyomo-highs"
     package = "highspy"
     forms = ("mpec",)
-    asked_by = ("crosscheck",)
+    used_by = ("crosscheck",)
     # tighter than 1e-8, or with a large M, HiGHS's rounding errors make a solvable problem "infeasible"
     tight = (1e-8, 1e-6)
     largest = 250

@@ -14,7 +14,7 @@ class Scs(ForeignSolver):
     """SCS with its direct linear solver."""
 
     name = package = "scs"
-    asked_by = ("race",)
+    used_by = ("race",)
 
     def set_up(self, target: Target, tolerance: float, time_limit: float) -> Any:
         import scs

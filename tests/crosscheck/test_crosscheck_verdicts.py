@@ -30,7 +30,7 @@ def verdicts(report: Report) -> list[Verdict]:
 class Fake(ForeignSolver):
     """Returns, or raises, what the test wants."""
 
-    name, forms, asked_by = "fake", ("mpec",), ()
+    name, forms, used_by = "fake", ("mpec",), ()
 
     def __init__(self, z: Any = None, words: str = "optimal", solved: bool = True) -> None:
         self.z, self.words, self.solved = z, words, solved

@@ -195,7 +195,7 @@ def test_nothing_that_a_callback_is_handed_reaches_the_run():
 
 def test_a_foreign_solver_that_prints_is_not_heard(capfd):
     class Chatty(icp.solvers.ForeignSolver):
-        name, asked_by = "chatty", ()
+        name, used_by = "chatty", ()
 
         def set_up(self, target, tolerance, time_limit):
             print("by Python")

@@ -60,7 +60,7 @@ def test_every_solver_of_the_room_is_found_by_name_and_asked_by_those_that_it_na
 class Exact(ForeignSolver):
     """A solver from outside of the package: it knows the answer of z ↦ 2z − 1, in any units."""
 
-    name, forms, asked_by = "test-exact", ("mpec",), ()
+    name, forms, used_by = "test-exact", ("mpec",), ()
     tight = (1e-3,)
 
     def set_up(self, target: Target, tolerance: float, time_limit: float) -> icp.problem.data.ProblemData:

@@ -61,7 +61,7 @@ def test_the_gap_is_zero_at_the_solution_and_nowhere_below_zero_on_its_constrain
     target = Target(problem)
     qp, both = target.qp("gap"), target.both
     c = problem.psi.linear[1]
-    constant = problem.q @ np.where(target.held, target.near, 0.0)
+    constant = problem.q @ np.where(target.has_obstacle, target.near, 0.0)
     y = np.append(z, np.maximum(-problem.p(z), 0.0)[both])
     assert (qp.K @ y >= qp.lower - 1e-12).all()
     assert (qp.K @ y <= qp.upper + 1e-12).all()
@@ -72,7 +72,8 @@ def test_the_gap_is_zero_at_the_solution_and_nowhere_below_zero_on_its_constrain
     u = np.where(np.isneginf(c), 0.0, p)
     u[both] += v
     gap = np.where(u == 0, 0.0, u) @ np.where(np.isinf(r), 0.0, r) + v @ s[both]
-    gap += p[~target.held] @ x[~target.held] - p[target.capped] @ s[target.capped]  # in free rows p has to be 0
+    free = ~target.has_obstacle
+    gap += p[free] @ x[free] - p[target.capped] @ s[target.capped]  # in free rows p has to be 0
     w = np.append(x, v)
     assert 0.5 * w @ qp.P @ w + qp.q @ w - constant == pytest.approx(gap, abs=1e-10)
 

@@ -64,7 +64,7 @@ def test_between_two_obstacles_everyone_who_takes_part_reaches_the_same_answer()
 class Liar(ForeignSolver):
     """A foreign solver, asked by nobody else, that says solved of z = 0."""
 
-    name, asked_by = "liar", ()
+    name, used_by = "liar", ()
 
     def set_up(self, target, tolerance, time_limit):
         return target.problem.n
@@ -115,7 +115,7 @@ def test_a_linear_solve_that_fails_is_no_limit():
 @pytest.mark.parametrize("z", [None, [np.nan, 0.0], [0.5], "text"])
 def test_what_is_no_z_is_no_answer(z):
     class Odd(ForeignSolver):
-        name, asked_by = "odd", ()
+        name, used_by = "odd", ()
 
         def set_up(self, target, tolerance, time_limit):
             return None
