@@ -28,7 +28,7 @@ def test_the_answer_and_its_multipliers_satisfy_the_conditions(seed):
     P, q, G, h, A, b, low, high = a_program(seed)
     found = icp.solve_qp(P, q, G, h, A, b, low, high)
     x = found.x
-    assert found.found
+    assert found.solved
     assert found.violation <= 1e-7
     assert P @ x + q + G.T @ found.z + A.T @ found.y + found.z_box == pytest.approx(0, abs=1e-6)
     assert A @ x == pytest.approx(b, abs=1e-6)
@@ -185,6 +185,6 @@ def test_optimal_is_said_of_what_is_optimal_in_the_units_of_the_user(seed):
     rows = {"A": A, "b": b} if b.size else {}
     rows |= {"G": F, "h": g} if g.size else {}
     found = icp.solve_qp(P, q, **rows, time_limit=2.0, raise_on_failure=False)
-    if found.found:
+    if found.solved:
         for wrong, size in faults(data, found.x, found.y, found.z):
             assert abs(wrong) <= 1e-6 * size

@@ -57,14 +57,14 @@ def _solve_problem(problem: Any, initvals: Any = None, verbose: bool = False, **
     from qpsolvers.exceptions import ProblemError
 
     try:
-        found = solve_qp(*problem.unpack(), initvals=initvals, raise_on_failure=False, **options)
+        answer = solve_qp(*problem.unpack(), initvals=initvals, raise_on_failure=False, **options)
     except InputError as error:
         raise ProblemError(str(error)) from error
     if verbose:
-        print(f"icpmodel: {found.status} after {found.iterations} steps: {found.message}")
-    solution = Solution(problem, found=found.found, solve_time=found.seconds)
-    solution.extras = {"status": found.status, "message": found.message, "violation": found.violation}
-    if found.found:
-        solution.x, solution.y, solution.z, solution.z_box = found.x, found.y, found.z, found.z_box
-        solution.obj = found.objective
+        print(f"icpmodel: {answer.status} after {answer.iterations} steps: {answer.message}")
+    solution = Solution(problem, found=answer.solved, solve_time=answer.seconds)
+    solution.extras = {"status": answer.status, "message": answer.message, "violation": answer.violation}
+    if answer.solved:
+        solution.x, solution.y, solution.z, solution.z_box = answer.x, answer.y, answer.z, answer.z_box
+        solution.obj = answer.objective
     return solution

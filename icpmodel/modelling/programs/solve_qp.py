@@ -67,12 +67,12 @@ class ProgramSolution(Shown):
     _program: Program = field(repr=False)
 
     @property
-    def found(self) -> bool:
+    def solved(self) -> bool:
         """Whether x is optimal.
 
         Examples
         --------
-        >>> icp.solve_qp([[2.0]], [-2.0], ub=[0.5]).found
+        >>> icp.solve_qp([[2.0]], [-2.0], ub=[0.5]).solved
         True
         """
         return self.status == "optimal"
@@ -129,7 +129,7 @@ class ProgramSolution(Shown):
         return crosscheck(self.conditions, z, solvers, atol=atol, time_limit=time_limit, progress=progress)
 
     def __repr__(self) -> str:
-        if not self.found:
+        if not self.solved:
             return f"ProgramSolution({self.status}: {self.message})"
         value = "" if np.isnan(self.objective) else f", objective = {self.objective:.6g}"
         with np.printoptions(threshold=8, precision=6):
@@ -288,20 +288,20 @@ def _solved(
     as_truth(raise_on_failure, "raise_on_failure")
     n = program.g.size
     start = None if initvals is None else as_vector(initvals, n, "initvals")
-    found = solve_program(program, tolerance=tolerance, time_limit=time_limit, start=start, begin=begin)
+    outcome = solve_program(program, tolerance=tolerance, time_limit=time_limit, start=start, begin=begin)
     sizes = n, program.b.size, program.h.size, n
-    values = found.values or Values(*(np.full(size, np.nan) for size in sizes))
+    values = outcome.values or Values(*(np.full(size, np.nan) for size in sizes))
     objective = program.objective(values.x) if program.is_symmetric else np.nan
     solution = ProgramSolution(
         *values,
         objective=objective,
-        status=found.status,
-        message=found.message,
-        violation=found.violation,
-        iterations=found.iterations,
+        status=outcome.status,
+        message=outcome.message,
+        violation=outcome.violation,
+        iterations=outcome.iterations,
         seconds=time.perf_counter() - begin,
         _program=program,
     )
-    if raise_on_failure and not solution.found:
+    if raise_on_failure and not solution.solved:
         raise NotSolved(solution)
     return solution
