@@ -117,7 +117,7 @@ def _obstacle_terms(r: AffineRows, bound: AffineRows | None) -> tuple[sp.csr_arr
     if bound is None:
         return G, c, V
     # where it is infinite nothing moves
-    held = np.where(np.isinf(bound.constant) | np.isinf(c), 0.0, 1.0)
+    is_finite = np.where(np.isinf(bound.constant) | np.isinf(c), 0.0, 1.0)
     c = np.where(np.isinf(bound.constant), bound.constant, c)
-    G, V, moved = AffineRows(G, V, np.zeros(c.size)).times(held).plus(bound.times(held / scale))
+    G, V, moved = AffineRows(G, V, np.zeros(c.size)).times(is_finite).plus(bound.times(is_finite / scale))
     return G, c + moved, V

@@ -82,14 +82,14 @@ def read_arrays(path: Path) -> dict[str, Any]:
         # a damaged entry can swallow the next one, which zipfile does not notice
         if end[:4] == b"PK\5\6" and int.from_bytes(end[10:12], "little") not in (len(entries), 0xFFFF):
             raise FileError(f"{path}: does not have the number of fields in its directory; is it damaged?")
-        found: dict[str, Any] = {}
+        arrays: dict[str, Any] = {}
         for one in entries:
             name = one.filename.removesuffix(".npy")
             with archive.open(one) as entry:  # no more than it says: a small file could unpack to a large one
-                found[name] = array_of(entry.read(one.file_size + 1), f"{path}: field {name}")
-    for name in [name.removesuffix("_indptr") for name in found if name.endswith("_indptr")]:
-        found[name] = _matrix(path, name, found)
-    return found
+                arrays[name] = array_of(entry.read(one.file_size + 1), f"{path}: field {name}")
+    for name in [name.removesuffix("_indptr") for name in arrays if name.endswith("_indptr")]:
+        arrays[name] = _matrix(path, name, arrays)
+    return arrays
 
 
 def _matrix(path: Path, name: str, fields: dict[str, Any]) -> sp.csr_array:
@@ -113,9 +113,9 @@ def text_of(path: Path, fields: dict[str, Any], name: str) -> str:
 
 def check_kind(path: Path, fields: dict[str, Any], kind: str) -> None:
     """Raise FileError unless the field format says that the file is of this `kind`."""
-    found = text_of(path, fields, "format")
-    if found != kind:
-        raise FileError(f"{path}: field format is {found!r}; {kind!r} was expected")
+    actual = text_of(path, fields, "format")
+    if actual != kind:
+        raise FileError(f"{path}: field format is {actual!r}; {kind!r} was expected")
 
 
 def write_arrays(path: Path, kind: str, arrays: dict[str, Any]) -> None:

@@ -129,16 +129,16 @@ def load_problem(
     path = as_path(path)
     parts = _parts_in(path)
     sources = dict.fromkeys(parts, path)
-    for name, given in {"q": q, "psi": psi, "upper": upper}.items():
+    for name, source in {"q": q, "psi": psi, "upper": upper}.items():
         part = _ALIASES.get(name, name)
-        if given is None:
+        if source is None:
             continue
         if part in parts:
             raise FileError(f"{path}: holds its own {name}; drop {name}")
-        if name in SIDES and isinstance(given, Real) and not isinstance(given, bool):
-            parts[part] = float(given)
+        if name in SIDES and isinstance(source, Real) and not isinstance(source, bool):
+            parts[part] = float(source)
         else:
-            sources[part] = as_path(given, name)
+            sources[part] = as_path(source, name)
             parts[part] = read_values(sources[part], name, parts["A"].shape[0] if parts["A"].ndim else 1)
     return problem_of(parts, sources)
 
@@ -197,16 +197,16 @@ def _parts_in(path: Path) -> dict[str, Any]:
         for name, file in files.items():
             parts[name] = read_matrix(file) if name.endswith("G") else read_vector(file, parts["A"].shape[0])
         return parts
-    found = read_named(path)
-    if "format" in found:
-        check_kind(path, found, _PROBLEM)
-        del found["format"]
-    if len(found) == 1:
-        return {"A": next(iter(found.values()))}
-    parts = {_ALIASES.get(name, name): value for name, value in found.items()}
-    if "A" not in parts or not parts.keys() <= {*_PARTS} or len(parts) < len(found):
+    arrays = read_named(path)
+    if "format" in arrays:
+        check_kind(path, arrays, _PROBLEM)
+        del arrays["format"]
+    if len(arrays) == 1:
+        return {"A": next(iter(arrays.values()))}
+    parts = {_ALIASES.get(name, name): value for name, value in arrays.items()}
+    if "A" not in parts or not parts.keys() <= {*_PARTS} or len(parts) < len(arrays):
         raise FileError(
-            f"{path}: holds {', '.join(found) or 'nothing'}; A alone, or A, q, psi and upper, or A, q, c, G, upper_c "
+            f"{path}: holds {', '.join(arrays) or 'nothing'}; A alone, or A, q, psi and upper, or A, q, c, G, upper_c "
             "and upper_G were expected"
         )
     return parts
@@ -222,9 +222,9 @@ def folder_files(path: Path) -> tuple[dict[str, str], dict[str, Path]]:
     with file_errors(declared, "read"):
         content = as_json(declared, declared.read_text(encoding="utf-8"))
     if not isinstance(content, dict) or content.keys() not in ({"psi"}, {"psi", "upper"}):
-        found = f"holds the fields {', '.join(content) or 'none'}" if isinstance(content, dict) else "holds no object"
-        wanted = "the field psi alone was expected, or psi and upper"
-        raise FileError(f'{declared}: {found}; {wanted}, for an LCP {{"psi": "zero"}}')
+        actual = f"holds the fields {', '.join(content) or 'none'}" if isinstance(content, dict) else "holds no object"
+        expected = "the field psi alone was expected, or psi and upper"
+        raise FileError(f'{declared}: {actual}; {expected}, for an LCP {{"psi": "zero"}}')
     names = ["A", "q"]
     for side, kind in content.items():
         if not isinstance(kind, str) or kind not in _KINDS:

@@ -81,10 +81,10 @@ def read_values(path: Path, name: str, n: int) -> Any:
     """The `n` numbers, or the only one, in a file; of several variables that called `name`."""
     if path.suffix.lower() == ".mtx":
         return read_vector(path, n)
-    found = read_named(path)
-    value = found.get(name, next(iter(found.values())) if len(found) == 1 else None)
+    arrays = read_named(path)
+    value = arrays.get(name, next(iter(arrays.values())) if len(arrays) == 1 else None)
     if value is None:
-        raise FileError(f"{path}: holds {', '.join(found) or 'nothing'}; {name}, or one thing only, was expected")
+        raise FileError(f"{path}: holds {', '.join(arrays) or 'nothing'}; {name}, or one thing only, was expected")
     return as_values(path, value, n)
 
 
@@ -121,6 +121,6 @@ def read_text(path: Path, heads: str = "") -> np.ndarray:
         except (ValueError, Warning) as error:
             if not size:
                 raise FileError(f"{path}: is empty") from error
-            found = str(error).strip().rstrip(".") if isinstance(error, ValueError) else "no numbers"
-            wanted = f"numbers with {'commas' if between else 'spaces'} between, and names in the first line at most"
-            raise FileError(f"{path}: {found}; {wanted}, were expected") from error
+            actual = str(error).strip().rstrip(".") if isinstance(error, ValueError) else "no numbers"
+            expected = f"numbers with {'commas' if between else 'spaces'} between, and names in the first line at most"
+            raise FileError(f"{path}: {actual}; {expected}, were expected") from error

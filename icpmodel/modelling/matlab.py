@@ -58,8 +58,8 @@ def read_variables(path: Path) -> dict[str, Any]:
                 inner = [(kind, element)]
             for one in inner:
                 _check_variable(path, one, order)
-        found = loadmat(io.BytesIO(content), spmatrix=False)
-    return {name: _numbers(path, name, value) for name, value in found.items() if not name.startswith("__")}
+        content_by_name = loadmat(io.BytesIO(content), spmatrix=False)
+    return {name: _numbers(path, name, value) for name, value in content_by_name.items() if not name.startswith("__")}
 
 
 def _elements(path: Path, content: memoryview, order: str) -> Iterator[_Element]:
@@ -112,8 +112,8 @@ def _check_variable(path: Path, element: _Element, order: str) -> None:
 def _numbers(path: Path, name: str, value: Any) -> Any:
     """The variable; one of shape (1, 1) is a number, as MATLAB has no others."""
     if value.dtype.kind not in REAL:
-        found = "complex" if value.dtype.kind == "c" else f"of dtype {value.dtype}"
-        raise FileError(f"{path}: the variable {name} is {found}; real numbers were expected")
+        actual = "complex" if value.dtype.kind == "c" else f"of dtype {value.dtype}"
+        raise FileError(f"{path}: the variable {name} is {actual}; real numbers were expected")
     if not sp.issparse(value):
         return value.reshape(()) if value.size == 1 else value
     with content_errors(path):

@@ -57,9 +57,9 @@ def _read(path: Path, n: int | None) -> Any:
         check_end(path, raw, size)
         file = io.TextIOWrapper(raw, encoding="utf-8", errors="replace")
         head = market_head(path, file.readline, size, n)
-        found = numbers_of(path, head, file)
-        check_count(path, head, found.size)
-        i, j, values = entries_of(path, head, found)
+        numbers = numbers_of(path, head, file)
+        check_count(path, head, numbers.size)
+        i, j, values = entries_of(path, head, numbers)
         if head.coordinate:
             return sp.coo_array((values, (i, j)), shape=(head.rows, head.columns))
         array = np.zeros((head.rows, head.columns))
@@ -102,8 +102,8 @@ def market_head(path: Path, readline: Callable[..., str], size: int, n: int | No
     lines = entries[0] if entries else rows * (columns + mirrored) // 2 if mirrored else rows * columns
     # a line has two bytes or more, and a matrix with fewer bytes than rows is a huge one with next to no entries
     if 2 * lines > size or (n is None and max(rows, columns) > size):
-        found = f"its header promises {rows} x {columns} with {lines} entries"
-        raise FileError(f"{path}: {found}, which do not fit into {size} bytes; is the file truncated?")
+        actual = f"its header promises {rows} x {columns} with {lines} entries"
+        raise FileError(f"{path}: {actual}, which do not fit into {size} bytes; is the file truncated?")
     return MarketHead(layout == "coordinate", field == "pattern", mirrored, rows, columns, lines)
 
 
@@ -118,10 +118,10 @@ def numbers_of(path: Path, head: MarketHead, lines: Iterable[Any]) -> np.ndarray
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            found: np.ndarray = np.loadtxt(chain([first], lines), dtype=columns, comments=None, ndmin=1)
+            numbers: np.ndarray = np.loadtxt(chain([first], lines), dtype=columns, comments=None, ndmin=1)
     except (ValueError, Warning) as error:
         raise FileError(f"{path}: not a readable Matrix Market file ({error})") from error
-    return found
+    return numbers
 
 
 def check_count(path: Path, head: MarketHead, count: int) -> None:
@@ -130,13 +130,13 @@ def check_count(path: Path, head: MarketHead, count: int) -> None:
         raise FileError(f"{path}: holds {count} entries; its header promises {head.lines}; is it truncated?")
 
 
-def entries_of(path: Path, head: MarketHead, found: np.ndarray, before: int = 0) -> tuple[Places, Places, Vector]:
-    """i, j and a_ij, counted from 0, of the lines `found` after so many lines `before`, with mirrored ones.
+def entries_of(path: Path, head: MarketHead, numbers: np.ndarray, before: int = 0) -> tuple[Places, Places, Vector]:
+    """i, j and a_ij, counted from 0, of the lines `numbers` after so many lines `before`, with mirrored ones.
 
     Entries that are there twice are to be added. Raises FileError.
     """
-    values = np.ones(found.size) if head.pattern else found["a"]
-    i, j = (found["i"] - 1, found["j"] - 1) if head.coordinate else _positions(head, found.size, before)
+    values = np.ones(numbers.size) if head.pattern else numbers["a"]
+    i, j = (numbers["i"] - 1, numbers["j"] - 1) if head.coordinate else _positions(head, numbers.size, before)
     wrong = (i < 0) | (i >= head.rows) | (j < 0) | (j >= head.columns)
     if head.mirrored:
         wrong |= i < j + (head.mirrored < 0)

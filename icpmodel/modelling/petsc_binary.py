@@ -55,27 +55,27 @@ class PetscFile:
         self.columns, self._entries = others or (1, self.rows)
         if min(self.rows, self.columns) < 0 or self._entries < 0:
             dense = self.is_matrix and self._entries == -1
-            found = "holds a dense matrix" if dense else f"says that it has {self.rows} rows, {self.columns} columns"
-            raise FileError(f"{path}: {found}; a sparse matrix, or a vector, was expected")
+            actual = "holds a dense matrix" if dense else f"says that it has {self.rows} rows, {self.columns} columns"
+            raise FileError(f"{path}: {actual}; a sparse matrix, or a vector, was expected")
         if not self.is_matrix and size != self._begin + _NUMBER.itemsize * self.rows:
             raise FileError(f"{path}: {self._but(self._begin + _NUMBER.itemsize * self.rows)}")
         if size < self._begin + self._integer.itemsize * self.rows:
             raise FileError(f"{path}: promises {self.rows} rows, which do not fit into {size} bytes; truncated?")
 
-    def _but(self, wanted: int) -> str:
+    def _but(self, expected: int) -> str:
         """What is said where the file has not the bytes that it should."""
         return (
             f"has {self._size} bytes where one real {'sparse matrix' if self.is_matrix else 'vector'} of double "
-            f"precision with {self.rows} rows has {wanted}; truncated, of another precision, or more than one object?"
+            f"precision with {self.rows} rows has {expected}; truncated, of another precision, or more than one object?"
         )
 
     def _read(self, begin: int, count: int, kind: np.dtype) -> NDArray[Any]:
         """`count` numbers from the byte `begin` on."""
         self._raw.seek(begin)
-        found = np.frombuffer(self._raw.read(count * kind.itemsize), kind)
-        if found.size != count:
+        numbers = np.frombuffer(self._raw.read(count * kind.itemsize), kind)
+        if numbers.size != count:
             raise FileError(f"{self.path}: ends within its numbers; truncated?")
-        return found.astype(kind.newbyteorder("="))
+        return numbers.astype(kind.newbyteorder("="))
 
     def vector(self, low: int, high: int) -> Vector:
         """The entries low ≤ i < high."""
@@ -84,11 +84,11 @@ class PetscFile:
     def lengths(self, low: int, high: int) -> NDArray[np.int64]:
         """How many entries the rows low ≤ i < high have."""
         begin = self._begin + low * self._integer.itemsize
-        found = self._read(begin, high - low, self._integer).astype(np.int64)
-        if (found < 0).any() or (found > self.columns).any():
-            i = int(np.argmax((found < 0) | (found > self.columns)))
-            raise FileError(f"{self.path}: row {low + i} has {found[i]} entries, and there are {self.columns} columns")
-        return found
+        counts = self._read(begin, high - low, self._integer).astype(np.int64)
+        if (counts < 0).any() or (counts > self.columns).any():
+            i = int(np.argmax((counts < 0) | (counts > self.columns)))
+            raise FileError(f"{self.path}: row {low + i} has {counts[i]} entries, and there are {self.columns} columns")
+        return counts
 
     def matrix(self, lengths: NDArray[np.int64], low: int, before: int, total: int) -> sp.csr_array:
         """The rows from `low` on, which have these `lengths`; `before` them are so many entries, of the `total`."""

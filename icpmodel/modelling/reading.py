@@ -57,17 +57,17 @@ def solved(reading: Reading, method: str | Method | None = None, *, z0: Any = No
     """
     problem = reading.problem
     start = reading.start() if z0 is None else z0
-    found = problem.solve(method, z0=start, raise_on_failure=False, **options)
-    if found.status is Status.INFEASIBLE:
-        return _named(reading, found)
+    solution = problem.solve(method, z0=start, raise_on_failure=False, **options)
+    if solution.status is Status.INFEASIBLE:
+        return _named(reading, solution)
     # a certified error, and the paper's residual, were asked for in units that the user has chosen
-    if not found.solved or found.accuracy or found.residual > found.tolerance:
-        return found
+    if not solution.solved or solution.accuracy or solution.residual > solution.tolerance:
+        return solution
     limit = max(_SHARE, _SLACK * float(options.get("rtol") or 0.0))
-    shares = _shares(reading, found.z)
+    shares = _shares(reading, solution.z)
     if not shares.max(initial=0.0) > limit:
-        return found
-    finer = found.polish()
+        return solution
+    finer = solution.polish()
     if not _shares(reading, finer.z).max() > limit:
         return finer
     row = int(np.argmax(shares))
@@ -75,17 +75,17 @@ def solved(reading: Reading, method: str | Method | None = None, *, z0: Any = No
         f"{reading.row_name(row)} is satisfied only to {shares[row]:.2g} of its own terms, although the residual of "
         "all rows is small: lower rtol, or scale the variables to similar sizes"
     )
-    return replace(found, status=Status.PRECISION_LIMIT, message=message)
+    return replace(solution, status=Status.PRECISION_LIMIT, message=message)
 
 
-def _named(reading: Reading, found: Solution) -> Solution:
+def _named(reading: Reading, solution: Solution) -> Solution:
     """An infeasible answer with the names of the model in its contradiction, which its message states."""
-    if found.contradiction is None:
-        return found
-    named = found.contradiction.named(lambda row: reading.row_name(row).removesuffix(","))
-    found = replace(found, message=f"{named}. No values of the variables meet these conditions together")
-    found.__dict__["contradiction"] = named
-    return found
+    if solution.contradiction is None:
+        return solution
+    named = solution.contradiction.named(lambda row: reading.row_name(row).removesuffix(","))
+    solution = replace(solution, message=f"{named}. No values of the variables meet these conditions together")
+    solution.__dict__["contradiction"] = named
+    return solution
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")

@@ -153,14 +153,14 @@ def load_solution(
     limits = Limits(rtol=rtol, atol=atol, max_iter=0, time_limit=None, accuracy=accuracy)
     if path.suffix.lower() == ".csv" and path.is_file():
         raise FileError(f"{path}: holds numbers alone; an .npz file was expected, or see icpmodel.certify(problem, z)")
-    given = None if problem is None else as_problem(problem, nonlinear=True)
+    data = None if problem is None else as_problem(problem, nonlinear=True)
     fields = read_arrays(path)
     check_kind(path, fields, _SOLUTION)
-    if given is None and "A" not in fields:
+    if data is None and "A" not in fields:
         raise FileError(f"{path}: holds no problem, as psi or f was Python code; give it: load_solution(path, problem)")
-    held = problem_of(fields, dict.fromkeys(fields, path)) if given is None else given
+    stored = problem_of(fields, dict.fromkeys(fields, path)) if data is None else data
     about = as_json(f"{path}: field about", text_of(path, fields, "about"))
-    return _judged(path, about if isinstance(about, dict) else {}, held, fields, limits)
+    return _judged(path, about if isinstance(about, dict) else {}, stored, fields, limits)
 
 
 def read_start(path: Path, n: int) -> Vector:
@@ -181,16 +181,16 @@ def _vector(path: Path, value: Any, n: int, name: str) -> Vector:
         return as_vector(value, n, name)
 
 
-def _known(path: Path, about: dict[str, Any], name: str, wanted: str) -> Any:
-    """The field `name` of the JSON text, where it is `wanted`: a text, without control characters, or a number >= 0."""
+def _known(path: Path, about: dict[str, Any], name: str, expected: str) -> Any:
+    """The field `name` of the JSON text: "a text", cleared of control characters, or "a number >= 0"."""
     value = about.get(name)
-    if wanted == "a text" and isinstance(value, str):
+    if expected == "a text" and isinstance(value, str):
         # nothing moves the cursor of a terminal
         return "".join(letter if letter.isprintable() or letter == "\n" else "?" for letter in value)
     is_number = isinstance(value, int | float) and not isinstance(value, bool) and 0.0 <= value < math.inf
-    if wanted == "a number >= 0" and is_number:
+    if expected == "a number >= 0" and is_number:
         return value
-    raise FileError(f"{path}: field about has {name} = {value!r:.80}; {wanted} was expected")
+    raise FileError(f"{path}: field about has {name} = {value!r:.80}; {expected} was expected")
 
 
 def _judged(
@@ -201,8 +201,8 @@ def _judged(
     try:
         status = Status(about.get("status"))
     except ValueError:
-        wanted = ", ".join(one.value for one in Status)
-        raise FileError(f"{path}: field about has status = {about.get('status')!r}; one of {wanted}") from None
+        expected = ", ".join(one.value for one in Status)
+        raise FileError(f"{path}: field about has status = {about.get('status')!r}; one of {expected}") from None
     scale = problem.residual_scale()
     goal = Goal(limits.tolerance(scale), problem, limits.atol, of_z=0.0 if scale else limits.rtol)
     residual = problem.residual(z)
@@ -216,7 +216,7 @@ def _judged(
         if not proof.holds:
             raise FileError(f"{path}: says that there is no solution, but its witness is no proof on {problem!r}")
     method = FromFile(path=str(path))
-    found = Solution(
+    solution = Solution(
         problem=problem,
         z=z,
         status=status,
@@ -234,19 +234,20 @@ def _judged(
         infeasible=proof,
     )
     if status is Status.SOLVED:
-        _check_solved(path, found, goal)
-    return found
+        _check_solved(path, solution, goal)
+    return solution
 
 
-def _check_solved(path: Path, found: Solution, goal: Goal) -> None:
+def _check_solved(path: Path, solution: Solution, goal: Goal) -> None:
     """Raise FileError where an answer that the file calls solved is not."""
-    if found.accuracy:
-        bound = found.error_bound
-        holds = bound is not None and bound <= found.accuracy
-        off = f"its error bound is {bound}, and {found.accuracy:.3g} was wanted"
+    if solution.accuracy:
+        bound = solution.error_bound
+        holds = bound is not None and bound <= solution.accuracy
+        off = f"its error bound is {bound}, and {solution.accuracy:.3g} was wanted"
     else:
-        holds = goal.reached(found.z, found.residual)
-        off = f"Res_D(z) = {found.residual:.3g} on {found.problem!r}, and at most {found.tolerance:.3g} was wanted"
+        holds = goal.reached(solution.z, solution.residual)
+        limit = f"at most {solution.tolerance:.3g} was wanted"
+        off = f"Res_D(z) = {solution.residual:.3g} on {solution.problem!r}, and {limit}"
     if not holds:
         raise FileError(
             f"{path}: says that it is solved, but {off}. It was solved to another tolerance (give that as rtol, atol "

@@ -44,8 +44,8 @@ class Copies:
             with np.errstate(all="ignore"):
                 value = np.asarray(one.value, dtype=np.float64).ravel(order="F")
             if not np.isfinite(value).all():
-                found = f"{named(one)} is {value[np.argmin(np.isfinite(value))]} here"
-                raise ArithmeticError(f"{found}; start where it is finite, from the variables' values")
+                actual = f"{named(one)} is {value[np.argmin(np.isfinite(value))]} here"
+                raise ArithmeticError(f"{actual}; start where it is finite, from the variables' values")
             values.append(value)
         return np.concatenate([np.zeros(0), *values])
 

@@ -71,7 +71,9 @@ class Compiled:
         Z, W = (_columns(M, part, columns) for part in (variables, list(self.atoms)))
         return AffineRows(Z, W, constant)
 
-    def moved_by(self, parameters: dict[cp.Parameter, cp.Variable], values: dict[cp.Variable, Vector]) -> sp.csr_array:
+    def parameter_jacobian(
+        self, parameters: dict[cp.Parameter, cp.Variable], values: dict[cp.Variable, Vector]
+    ) -> sp.csr_array:
         """The derivative of the rows of a DPP model by the `parameters`, where z and w have these `values`.
 
         Each parameter has as many entries as its variable. The program that CVXPY compiled for the last `rows` is
@@ -104,10 +106,10 @@ def _separated(expression: cp.Expression, atoms: dict[cp.Variable, cp.Expression
     if isinstance(expression, cp.cumsum) and expression.is_affine():
         return _as_product(expression)
     if isinstance(expression, AffAtom):
-        found: dict[cp.Variable, cp.Expression] = {}
-        inner = expression.copy([_separated(argument, found) for argument in expression.args])
+        nested: dict[cp.Variable, cp.Expression] = {}
+        inner = expression.copy([_separated(argument, nested) for argument in expression.args])
         if inner.is_affine():
-            atoms.update(found)
+            atoms.update(nested)
             return _separated(inner, {})
     stand_in = cp.Variable(expression.shape)
     atoms[stand_in] = expression
@@ -131,9 +133,9 @@ def _columns(M: sp.csr_array, variables: list[cp.Variable], columns: dict[int, i
     """The columns of `M` that belong to `variables`, in their order; zero for one that the compiled model has not."""
     none = M.shape[1]
     parts = [np.arange(x.size) + columns[x.id] if x.id in columns else np.full(x.size, none) for x in variables]
-    wanted = np.concatenate(parts) if parts else np.zeros(0, dtype=np.int64)
-    if np.array_equal(wanted, np.arange(none)):
+    selected = np.concatenate(parts) if parts else np.zeros(0, dtype=np.int64)
+    if np.array_equal(selected, np.arange(none)):
         return M
-    if (wanted == none).any():
+    if (selected == none).any():
         M = sp.csr_array((M.data, M.indices, M.indptr), shape=(M.shape[0], none + 1))
-    return sp.csr_array(M[:, wanted])
+    return sp.csr_array(M[:, selected])

@@ -105,8 +105,8 @@ class Complementarity(Shown, cp.Constraint):
 
     def __repr__(self) -> str:
         bounds = zip(("lower", "upper"), self.bounds, strict=True)
-        told = "".join(f", {name}={named(bound)}" for name, bound in bounds if bound is not None)
-        return cut(f"complements({named(self.sides[0])}, {named(self.sides[1])}{told}", 480) + ")"
+        keywords = "".join(f", {name}={named(bound)}" for name, bound in bounds if bound is not None)
+        return cut(f"complements({named(self.sides[0])}, {named(self.sides[1])}{keywords}", 480) + ")"
 
 
 def complements(p: Any, r: Any, *, lower: Any = 0.0, upper: Any = None) -> Complementarity:
@@ -152,8 +152,8 @@ def complements(p: Any, r: Any, *, lower: Any = 0.0, upper: Any = None) -> Compl
     p = _expression(p, "p")
     r = _expression(r, "r")
     if p.shape != r.shape:
-        found = f"p = {named(p)} has shape {p.shape}, r = {named(r)} {r.shape}"
-        raise InputError(f"complements(p, r) works entry by entry: {found}")
+        actual = f"p = {named(p)} has shape {p.shape}, r = {named(r)} {r.shape}"
+        raise InputError(f"complements(p, r) works entry by entry: {actual}")
     own = own_bounds(r)
     if _is_zero(lower) and upper is None and any(one is not None for one in own):
         lower, upper = own
@@ -183,8 +183,8 @@ def _bound(value: Any, name: str, r: cp.Expression) -> cp.Expression:
         return bound
     if bound.is_scalar():
         return promote(bound if bound.shape == () else cp.reshape(bound, (), order="F"), r.shape)
-    found = f"{name} = {named(bound)} has shape {bound.shape}, r = {named(r)} {r.shape}"
-    raise InputError(f"complements(p, r) works entry by entry: {found}")
+    actual = f"{name} = {named(bound)} has shape {bound.shape}, r = {named(r)} {r.shape}"
+    raise InputError(f"complements(p, r) works entry by entry: {actual}")
 
 
 def _expression(side: Any, name: str) -> cp.Expression:

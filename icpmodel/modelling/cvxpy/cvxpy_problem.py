@@ -307,22 +307,22 @@ class Problem(Shown):
         if verbose:
             print(f"icpmodel: {problem!r}")
             options["callback"] = printed_on(sys.stdout, options.get("callback"))
-        found = solved(reading, method, z0=z0, **options)
-        self._of_conditions = found
-        if found.status in (Status.SOLVED, Status.PRECISION_LIMIT):
-            found = reading.checked(found)
-        self.solution = found
-        self.solver_stats = SolverStats("ICPMODEL", found.seconds, seconds, found.iterations, found)  # type: ignore[arg-type]
+        answer = solved(reading, method, z0=z0, **options)
+        self._of_conditions = answer
+        if answer.status in (Status.SOLVED, Status.PRECISION_LIMIT):
+            answer = reading.checked(answer)
+        self.solution = answer
+        self.solver_stats = SolverStats("ICPMODEL", answer.seconds, seconds, answer.iterations, answer)  # type: ignore[arg-type]
         if verbose:
-            told = f"{self.status} after {found.iterations} iterations, {found.seconds:.3g} s"
-            print(f"icpmodel: {told}: {found.message}")
-        failed = raise_on_failure and not found.solved
-        self._write(None if failed else found.z)
+            summary = f"{self.status} after {answer.iterations} iterations, {answer.seconds:.3g} s"
+            print(f"icpmodel: {summary}: {answer.message}")
+        failed = raise_on_failure and not answer.solved
+        self._write(None if failed else answer.z)
         if failed:
-            raise NotSolved(found)
+            raise NotSolved(answer)
         if requires_grad and self.value == 0.0:
-            self._derivative = ParameterDerivative(reading, found)
-        return found
+            self._derivative = ParameterDerivative(reading, answer)
+        return answer
 
     def backward(self) -> None:
         """Write the gradient of ∑ g·x over the variables x to each parameter's `gradient`.
@@ -491,9 +491,9 @@ class Problem(Shown):
         return "\n".join([f"find {names}", *(f"  with {_description(one)}" for one in self._constraints)])
 
     def __repr__(self) -> str:
-        told = ", ".join(map(_description, self._constraints[:_TOLD]))
+        descriptions = ", ".join(map(_description, self._constraints[:_TOLD]))
         more = len(self._constraints) - _TOLD
-        return f"Problem([{told}{f', and {more} more' if more > 0 else ''}])"
+        return f"Problem([{descriptions}{f', and {more} more' if more > 0 else ''}])"
 
 
 def _description(constraint: Any) -> str:
@@ -502,22 +502,22 @@ def _description(constraint: Any) -> str:
 
 def _listed(constraints: Any) -> list[Any]:
     """`constraints` as a list of those that there may be. Raises InputError."""
-    wanted = "complements(p, r), equations a == b and inequalities a <= b"
+    expected = "complements(p, r), equations a == b and inequalities a <= b"
     known = (Complementarity, *_EQUATIONS, *_INEQUALITIES)
     if isinstance(constraints, known):
         return [constraints]
     if isinstance(constraints, cp.Minimize | cp.Maximize):
-        found = f"constraints is the objective {constraints}"
-        raise InputError(f"{found}; a complementarity problem has none, give the list of {wanted} alone")
+        actual = f"constraints is the objective {constraints}"
+        raise InputError(f"{actual}; a complementarity problem has none, give the list of {expected} alone")
     if not isinstance(constraints, Iterable) or isinstance(constraints, str | cp.Expression):
-        raise InputError(f"constraints is {described(constraints)}; a list of {wanted} was expected")
+        raise InputError(f"constraints is {described(constraints)}; a list of {expected} was expected")
     listed = list(constraints)
     for k, one in enumerate(listed):
         if isinstance(one, list | tuple):
             raise InputError(f"constraints[{k}] is a {type(one).__name__}; one flat list was expected: put * before it")
         if not isinstance(one, known):
             text = named(one) if isinstance(one, cp.Constraint | cp.Expression) else described(one)
-            raise InputError(f"constraints[{k}] is {text}; {wanted} were expected")
+            raise InputError(f"constraints[{k}] is {text}; {expected} were expected")
     return listed
 
 
@@ -525,6 +525,6 @@ def _check_solver(method: Any, options: dict[str, Any]) -> None:
     """What CVXPY's user names as a solver. Raises InputError."""
     solver = options.get("solver", method)
     if "solver" in options or (isinstance(method, str) and method in s.SOLVERS):
-        found = solver if isinstance(solver, str) else described(solver)
+        actual = solver if isinstance(solver, str) else described(solver)
         advice = 'leave it out, or give a method such as "newton"; crosscheck() asks other solvers about the answer'
-        raise InputError(f"the solver {found} was named, but icpmodel's own methods solve this problem: {advice}")
+        raise InputError(f"the solver {actual} was named, but icpmodel's own methods solve this problem: {advice}")

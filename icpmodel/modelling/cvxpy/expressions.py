@@ -86,7 +86,7 @@ class CvxpyReading:
             self._last, self._values = self._read(self._last), values
         return self._last
 
-    def moved_by(self, rows: AffineRows) -> tuple[sp.csr_array, sp.csr_array, sp.csr_array | None]:
+    def parameter_jacobians(self, rows: AffineRows) -> tuple[sp.csr_array, sp.csr_array, sp.csr_array | None]:
         """The derivatives of p, ψ and ψ̄ (or None) at a solution, by the values of the compiled `rows`.
 
         At a solution r_i = l_i in each row on the obstacle. So a change of ρ does not change ψ_i = z_i − (r_i − l_i)/ρ
@@ -118,10 +118,10 @@ class CvxpyReading:
         return self._by_condition(self._sign * self.problem.p(z)[self._own])
 
     def row_name(self, row: int) -> str:
-        found = np.flatnonzero(self._own == row)
-        if not found.size:
+        position = np.flatnonzero(self._own == row)
+        if not position.size:
             return named(self._equations[0]) if len(self._equations) == 1 else "one of the equations"
-        number, place = at([p for p, _ in self._pairs], int(found[0]))
+        number, place = at([p for p, _ in self._pairs], int(position[0]))
         return f"{self._conditions[number]}" + (place and f", entry {place},")
 
     def distances(self, z: Vector) -> list[tuple[Any, Any]]:
@@ -130,8 +130,8 @@ class CvxpyReading:
         above = self.problem.r_upper(z)
         if above is not None:
             r[self._own] = np.where(self._sign < 0, -above[self._own], r[self._own])
-        found = self._by_condition((r * self._scale)[self._own])
-        return [(one, value) for one, value in found if not one.is_bounded]
+        distances = self._by_condition((r * self._scale)[self._own])
+        return [(one, value) for one, value in distances if not one.is_bounded]
 
     def checked(self, solution: Solution) -> Solution:
         """`solution`, unless it violates an inequality."""
@@ -178,11 +178,11 @@ class CvxpyReading:
         return SumOfTerms(G, c, V, frozen(list(self.compiled.atoms.values()), self.variables), f"{name} of CVXPY")
 
     def _in_order(self, *parts: Any) -> OrderedRows:
-        found = in_order(*parts)
-        self._sign = found.sign
-        self._own = found.own
-        self._replaced = found.replaced
-        return found
+        ordered = in_order(*parts)
+        self._sign = ordered.sign
+        self._own = ordered.own
+        self._replaced = ordered.replaced
+        return ordered
 
     def _parts(self, rows: AffineRows) -> tuple[Any, ...]:
         """The compiled `rows` of p, of r, of the equations, and of the bounds of r, None where no condition has such a
@@ -208,8 +208,8 @@ class CvxpyReading:
         if wrong.any():
             row = int(np.argmax(wrong))
             number, place = at([one.bounds[k] for one in bounded], row)
-            found = f"{name}{place} of {bounded[number]} is {bound.constant[row]}"
-            raise InputError(f"{found}; a number was expected, or {none} for none")
+            actual = f"{name}{place} of {bounded[number]} is {bound.constant[row]}"
+            raise InputError(f"{actual}; a number was expected, or {none} for none")
         rows = np.concatenate([np.full(one.sides[1].size, one.bounds[k] is not None) for one in self._conditions])
         return bound.spread(np.flatnonzero(rows), self._m, none if k else 0.0)
 

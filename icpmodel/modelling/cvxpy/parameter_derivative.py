@@ -38,7 +38,7 @@ class ParameterDerivative:
         #: θ: of each parameter the entries that are its own, half of them where it is symmetric
         self._entries = {one: cp.Variable(lower_value(one, value_of(one)).shape) for one in self._parameters}
         rows = reading.compiled.rows()
-        p, psi, upper = reading.moved_by(rows)
+        p, psi, upper = reading.parameter_jacobians(rows)
         by_parameters = self._by_rows(reading, rows)
         self._p, self._psi = p @ by_parameters, psi @ by_parameters
         self._upper = None if upper is None else upper @ by_parameters
@@ -51,10 +51,10 @@ class ParameterDerivative:
         """The gradient of z̄ᵀz into each parameter's `gradient`, z̄ being the variables' `gradient`, by default 1."""
         zbar = [_filled(x, "gradient", 1.0).ravel(order="F") for x in self._variables]
         further = np.zeros(self._solution.z.size - sum(x.size for x in self._variables))
-        found = self._derivative.adjoint(np.concatenate([*zbar, further]))
-        theta = self._p.T @ found.q + self._psi.T @ found.psi_values
+        gradient = self._derivative.adjoint(np.concatenate([*zbar, further]))
+        theta = self._p.T @ gradient.q + self._psi.T @ gradient.psi_values
         if self._upper is not None:
-            theta = theta + self._upper.T @ found.upper_values
+            theta = theta + self._upper.T @ gradient.upper_values
         for parameter, part in zip(self._parameters, unstacked(theta, list(self._entries.values())), strict=True):
             parameter.gradient = recover_value_for_leaf(parameter, part, project=False)
 
@@ -81,7 +81,7 @@ class ParameterDerivative:
         if not compiled.is_dpp:
             return self._gradients(compiled.sides, constants)
         values |= {w: Copies([atom], [], constants).value(np.zeros(0)) for w, atom in compiled.atoms.items()}
-        moved = compiled.moved_by(self._entries, values)
+        moved = compiled.parameter_jacobian(self._entries, values)
         return moved + rows.W @ self._gradients(compiled.atoms.values(), constants)
 
     def _gradients(self, expressions: Iterable[cp.Expression], constants: dict[int, Any]) -> sp.csr_array:
@@ -134,8 +134,8 @@ def _filled(leaf: cp.Variable | cp.Parameter, name: str, default: float) -> np.n
     array = as_float64(as_rows(value, title).toarray() if sp.issparse(value) else value, title)
     if array.shape != leaf.shape and array.size != 1:
         raise InputError(f"{title} has shape {array.shape}; {leaf.shape}, or a number for all entries, was expected")
-    if found := not_finite(np.ravel(array, order="F"), title):
-        raise InputError(f"{found}; finite numbers were expected")
+    if actual := not_finite(np.ravel(array, order="F"), title):
+        raise InputError(f"{actual}; finite numbers were expected")
     return np.array(np.broadcast_to(array if array.shape == leaf.shape else array.item(), leaf.shape), dtype=np.float64)
 
 

@@ -97,11 +97,11 @@ def _with_unknowns(
     unknowns = r.constants(k, 0.0)
     unknowns = unknowns._replace(Z=sp.eye_array(k, r.Z.shape[1], k=r.Z.shape[1] - k, format="csr"))
     equations = equations.above(unknowns.plus(r.of(rows).times(np.full(k, -1.0))))
-    kept = np.ones(r.constant.size)
-    kept[rows] = 0.0
+    unchanged = np.ones(r.constant.size)
+    unchanged[rows] = 0.0
     return (
         p,
-        r.times(kept).plus(unknowns.spread(rows, kept.size, 0.0)),
+        r.times(unchanged).plus(unknowns.spread(rows, unchanged.size, 0.0)),
         equations,
         *(one and one.wider(k) for one in bounds),
     )
@@ -115,9 +115,9 @@ def _signs(R: sp.csr_array) -> Vector:
 
 def _turned(lower: AffineRows, upper: AffineRows, sign: Vector) -> tuple[AffineRows, AffineRows]:
     """The bounds of the rows times `sign`: lower and upper change places where it is −1."""
-    kept = np.maximum(sign, 0.0)
+    unchanged = np.maximum(sign, 0.0)
     turned = np.minimum(sign, 0.0)
-    return lower.times(kept).plus(upper.times(turned)), upper.times(kept).plus(lower.times(turned))
+    return lower.times(unchanged).plus(upper.times(turned)), upper.times(unchanged).plus(lower.times(turned))
 
 
 def p_before_r(

@@ -33,20 +33,20 @@ def check_constraints(equations: Sequence[cp.Constraint], inequalities: Sequence
             raise InputError(f"{named(one)} is complex; real expressions were expected")
     for one in inequalities:
         if not one.expr.is_affine():
-            wanted = "only affine ones are checked; ask its violation() after the solve"
-            raise InputError(f"the inequality {named(one)} is not affine in the variables; {wanted}")
+            expected = "only affine ones are checked; ask its violation() after the solve"
+            raise InputError(f"the inequality {named(one)} is not affine in the variables; {expected}")
 
 
 def check_variables(variables: list[cp.Variable], rows: int, inequalities: bool) -> None:
     for x in variables:
-        given = [name for name, value in x.attributes.items() if value and name not in BOUNDING]
-        if given:
-            found = f"the variable {x.name()} has the attribute {given[0]}"
-            raise InputError(f"{found}; a variable of an ICP may have these attributes alone: {', '.join(BOUNDING)}")
+        attributes = [name for name, value in x.attributes.items() if value and name not in BOUNDING]
+        if attributes:
+            actual = f"the variable {x.name()} has the attribute {attributes[0]}"
+            raise InputError(f"{actual}; a variable of an ICP may have these attributes alone: {', '.join(BOUNDING)}")
     unknowns = sum(x.size for x in variables)
     if rows != unknowns or not rows:
         entries = ", ".join(f"{x.name()} with {x.size}" for x in variables) or "no variables"
-        found = f"the conditions and equations have {rows} entries, the variables {unknowns} ({entries})"
-        wanted = "each entry of a variable needs one row of its own, a condition or an equation"
+        actual = f"the conditions and equations have {rows} entries, the variables {unknowns} ({entries})"
+        expected = "each entry of a variable needs one row of its own, a condition or an equation"
         more = "; inequalities are only checked: a <= b with a multiplier of its own is complements(b - a, multiplier)"
-        raise InputError(f"{found}; {wanted}{more if inequalities else ''}")
+        raise InputError(f"{actual}; {expected}{more if inequalities else ''}")

@@ -96,13 +96,13 @@ def _real(value: Any, name: str, shapes: Sequence[Shape]) -> Any:
     try:
         array = jnp.asarray(value)
     except (TypeError, ValueError) as error:
-        wanted = "its data, on the pattern of the problem's own" if sp.issparse(value) else "an array of numbers"
-        raise InputError(f"{name} is {described(value)}; {wanted} was expected") from error
+        expected = "its data, on the pattern of the problem's own" if sp.issparse(value) else "an array of numbers"
+        raise InputError(f"{name} is {described(value)}; {expected} was expected") from error
     if not (jnp.issubdtype(array.dtype, jnp.floating) or jnp.issubdtype(array.dtype, jnp.integer)):
         raise InputError(f"{name} has dtype {array.dtype}; real numbers were expected")
     if array.shape not in shapes if shapes else array.ndim != 1:
-        wanted = f"shape {' or '.join(map(str, shapes))}" if shapes else "a vector of parameters"
-        raise InputError(f"{name} has shape {array.shape}; {wanted} was expected")
+        expected = f"shape {' or '.join(map(str, shapes))}" if shapes else "a vector of parameters"
+        raise InputError(f"{name} has shape {array.shape}; {expected} was expected")
     return (array if array.ndim else jnp.broadcast_to(array, shapes[0])).astype(np.float64)
 
 
@@ -115,8 +115,8 @@ def _of_parameters(name: str, make: Callable[[Any], Any], theta: Any) -> Map:
     """The map that the user makes of parameters. Raises InputError where it has no derivative in them."""
     made = make(theta.copy())
     if not isinstance(made, Function | Elementwise) or made.parameter_derivative is None:
-        wanted = "a Function or an Elementwise with its parameter_derivative was expected"
-        raise InputError(f"{name}, the function that makes a map of parameters, returned {made!r}; {wanted}")
+        expected = "a Function or an Elementwise with its parameter_derivative was expected"
+        raise InputError(f"{name}, the function that makes a map of parameters, returned {made!r}; {expected}")
     return made
 
 

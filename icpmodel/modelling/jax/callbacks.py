@@ -213,11 +213,11 @@ class Callbacks:
         """The gradients in what `forward` takes, of all rows and weights."""
 
         def act(derivative: Derivative, weight: Vector) -> Vector:
-            found = derivative.adjoint(weight)
-            parts = {"q": found.q}
-            for name, values in (("psi", found.psi_values), ("upper", found.upper_values)):
+            gradient = derivative.adjoint(weight)
+            parts = {"q": gradient.q}
+            for name, values in (("psi", gradient.psi_values), ("upper", gradient.upper_values)):
                 if name in self.sizes:
-                    parts[name] = self.forms[name].gradient(partial(getattr, found, name), values)
+                    parts[name] = self.forms[name].gradient(partial(getattr, gradient, name), values)
                     if parts[name].size != self.sizes[name]:
                         sizes = f"{self.sizes[name]} parameters, its parameter_derivative {parts[name].size} columns"
                         raise MapError(f"{name} has {sizes}; as many were expected")
@@ -232,7 +232,7 @@ class Callbacks:
         lead = np.broadcast_shapes(rows.lead, directions.lead)
         of_rows = rows.numbers(lead)
         of_directions = directions.numbers(lead)
-        found = np.full((of_rows.size, size), np.nan)
+        results = np.full((of_rows.size, size), np.nan)
         with self.last.lock, one_blas_thread():
             for k in np.argsort(of_rows, kind="stable"):  # one derivative after the other
                 derivative = self.derivative(rows.at(of_rows[k]))
@@ -240,11 +240,11 @@ class Callbacks:
                 if derivative is None or not np.isfinite(vector).all():
                     continue
                 try:
-                    found[k] = act(derivative, vector)
+                    results[k] = act(derivative, vector)
                 except SingularOperator:
                     if self.loud:
                         raise
-        return found.reshape(*lead, size)
+        return results.reshape(*lead, size)
 
     def derivative(self, row: Arrays) -> Derivative | None:
         """That at the z of one row, where a solve from there ends at once; None where there is none."""

@@ -96,11 +96,11 @@ def nonlinear_solution_of(
 
     def of_theta(theta: Any) -> Any:
         check_float64()
-        held = jax.lax.stop_gradient(theta)
+        constant = jax.lax.stop_gradient(theta)
         shape = jax.ShapeDtypeStruct((size,), np.float64)
-        z = jax.pure_callback(lambda given: in_worker_thread(solved, given), shape, held, vmap_method="sequential")
+        z = jax.pure_callback(lambda t: in_worker_thread(solved, t), shape, constant, vmap_method="sequential")
         z = jax.lax.stop_gradient(z)
-        return z - _newton_step(jax, z, F(z, theta), slope(z, held), low, high)
+        return z - _newton_step(jax, z, F(z, theta), slope(z, constant), low, high)
 
     return of_theta
 

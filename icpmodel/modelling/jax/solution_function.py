@@ -166,10 +166,10 @@ class SolutionFunction(Shown):
          [0.]]
         """
         check_float64()
-        given = {"A": A, "q": q, "psi": psi, "upper": upper, "z0": z0}
-        given = {name: value for name, value in given.items() if value is not None}
-        forms = {name: argument(name, value, self.problem, self.makers.get(name)) for name, value in given.items()}
-        arrays = {name: form.read(given[name]) for name, form in forms.items()}
+        arguments = {"A": A, "q": q, "psi": psi, "upper": upper, "z0": z0}
+        arguments = {name: value for name, value in arguments.items() if value is not None}
+        forms = {name: argument(name, value, self.problem, self.makers.get(name)) for name, value in arguments.items()}
+        arrays = {name: form.read(arguments[name]) for name, form in forms.items()}
         shapes = {name: tuple(one.shape for one in several) for name, several in arrays.items()}
         key = tuple(shapes.items())
         if key not in self._traced:
@@ -239,8 +239,8 @@ class Traced:
             return jnp.concatenate([b[:n] + moved, b[n:]])
 
         def back(_: Any, c: Any) -> Any:
-            found = jax.pure_callback(self.adjoint, all_of_them, residuals, c[:n], **options)
-            return jnp.concatenate([c[:n], c[n:] + found])
+            change = jax.pure_callback(self.adjoint, all_of_them, residuals, c[:n], **options)
+            return jnp.concatenate([c[:n], c[n:] + change])
 
         b = jnp.concatenate([jnp.zeros_like(z), *(changes[name] for name in self.calls.sizes)])
         return jax.lax.custom_linear_solve(lambda x: once * x, b, ahead, back)[:n]

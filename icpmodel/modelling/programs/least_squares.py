@@ -179,8 +179,8 @@ def _wrong_slopes(
     """The share of the gradient at `x` that no bound holds, and whether that is small enough, rounding considered."""
     r = B @ x - c
     gradient = B.T @ r
-    held = ((x >= high) & (gradient < 0)) | ((x <= low) & (gradient > 0))
-    wrong = np.where(held, 0.0, np.abs(gradient))
+    at_bound = ((x >= high) & (gradient < 0)) | ((x <= low) & (gradient > 0))
+    wrong = np.where(at_bound, 0.0, np.abs(gradient))
     rounding = gamma(sum(B.shape) + 2) * (abs(B) @ np.abs(x) + np.abs(c))
     return wrong, bool((wrong <= abs(B).T @ (tolerance * np.abs(r) + rounding)).all())
 

@@ -68,20 +68,20 @@ class Presolve:
     Bounds that cross by no more than quotients and data are rounded are made to touch.
     """
 
-    def __init__(self, given: Program) -> None:
-        self.given = given
-        count = np.diff(given.G.indptr)
-        finite = given.h < np.inf
+    def __init__(self, original: Program) -> None:
+        self.original = original
+        count = np.diff(original.G.indptr)
+        finite = original.h < np.inf
         single = np.flatnonzero((count == 1) & finite)
         self.rows = np.flatnonzero((count != 1) & finite)
-        one_entry = given.G[single]
+        one_entry = original.G[single]
         column = one_entry.indices
         with np.errstate(over="ignore"):
-            value = given.h[single] / one_entry.data
+            value = original.h[single] / one_entry.data
         bounds = []
         #: for the bounds above and below, the row of G that gives each, -1 where none does
         self.origins = []
-        for sign, own in ((1.0, given.high), (-1.0, given.low)):
+        for sign, own in ((1.0, original.high), (-1.0, original.low)):
             on_side = sign * one_entry.data > 0
             bound = sign * own
             np.minimum.at(bound, column[on_side], sign * value[on_side])
@@ -96,16 +96,16 @@ class Presolve:
             touch = (low > high) & (low - high <= _TOUCH * (np.abs(low) + np.abs(high)))
         low = np.where(touch, high, low)
         self.crossed = bool((low > high).any())
-        self.program = replace(given, G=given.G[self.rows], h=given.h[self.rows], low=low, high=high)
+        self.program = replace(original, G=original.G[self.rows], h=original.h[self.rows], low=low, high=high)
 
     def postsolve(self, values: Values) -> Values:
         """The multipliers of the program that was given."""
-        inequality = np.zeros(self.given.h.size)
+        inequality = np.zeros(self.original.h.size)
         inequality[self.rows] = values.inequality
         box = values.box.copy()
         for origin, sign in zip(self.origins, (1.0, -1.0), strict=True):
             moved = np.flatnonzero((origin >= 0) & (sign * box > 0))
-            inequality[origin[moved]] = box[moved] / self.given.G[origin[moved]].data
+            inequality[origin[moved]] = box[moved] / self.original.G[origin[moved]].data
             box[moved] = 0.0
         return values._replace(inequality=inequality, box=box)
 
@@ -117,8 +117,8 @@ def conditions_of(program: Program, last: ICP | None = None) -> ICP:
     free = np.full(program.b.size, np.inf)
     low = np.concatenate([program.low, -free, np.zeros(program.h.size)])
     high = np.concatenate([program.high, free, np.full(program.h.size, np.inf)])
-    kept = last if last is not None and last.A.shape == A.shape and not (last.A != A).nnz else None
-    problem = ICP(A, q) if kept is None else kept.with_q(q)
+    reused = last if last is not None and last.A.shape == A.shape and not (last.A != A).nnz else None
+    problem = ICP(A, q) if reused is None else reused.with_q(q)
     return problem.with_sides(low, None if np.isposinf(high).all() else high)
 
 

@@ -59,8 +59,8 @@ def matrix(M: Any, name: str, n: int | None = None) -> sp.csr_array:
 def _rows(M: Any, right: Any, n: int, names: tuple[str, str]) -> tuple[sp.csr_array, Vector]:
     """The matrix and the right-hand side of constraints, none where both are None."""
     if (M is None) != (right is None):
-        given, other = names[::-1] if M is None else names
-        raise InputError(f"{given} is given without {other}: give both, or leave both out")
+        stated, other = names[::-1] if M is None else names
+        raise InputError(f"{stated} is given without {other}: give both, or leave both out")
     if M is None:
         return sp.csr_array((0, n)), np.zeros(0)
     M = matrix(M, names[0], n)

@@ -63,8 +63,8 @@ class Judge:
         gap = np.maximum(wrong - np.minimum(own, most), 0.0) @ np.minimum(room, reach)
         if gap > 0:
             x = z[is_x]
-            held = is_x & (room == 0)
-            of_sides = problem.q[~is_x] @ z[~is_x] - p[held] @ z[held]
+            at_bound = is_x & (room == 0)
+            of_sides = problem.q[~is_x] @ z[~is_x] - p[at_bound] @ z[at_bound]
             gap /= max(x @ (self.H @ x), 0.0) + size[is_x] @ (of_q + noise)[is_x] + abs(of_sides)
         shares = []
         for rounding in (noise, own):

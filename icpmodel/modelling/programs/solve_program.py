@@ -185,10 +185,10 @@ class _ProgramRun:
         if solution.infeasible is not None and solution.infeasible.witness is not None:
             y = np.array([float(weight) for weight in solution.infeasible.witness])
         else:
-            nearest, asked = least_violation(problem)
-            found = self._solved(ICP(nearest.A, nearest.q, nearest.psi), rtol=1e-10).polish()
+            nearest, signed = least_violation(problem)
+            least = self._solved(ICP(nearest.A, nearest.q, nearest.psi), rtol=1e-10).polish()
             y = np.zeros(problem.n)
-            y[asked] = found.z[problem.n :]
+            y[signed] = least.z[problem.n :]
         rows = np.arange(problem.n) >= self.program.g.size
         for direction, primal in ((np.where(rows, y, 0.0), True), (y, False)):
             if not contradicts(problem, direction):
@@ -210,8 +210,8 @@ class _ProgramRun:
         feasible = _ProgramRun(nearest, self.tolerance, self.left(), time.perf_counter()).outcome(None, None)
         self.iterations += feasible.iterations
         if feasible.status == "optimal":
-            told = "there is a feasible point, and a direction along which the objective falls for ever"
-            return Outcome(f"unbounded{inaccurate}", f"{told}: {how}")
+            reason = "there is a feasible point, and a direction along which the objective falls for ever"
+            return Outcome(f"unbounded{inaccurate}", f"{reason}: {how}")
         if feasible.status.startswith("infeasible"):
             return feasible
         return Outcome("infeasible_or_unbounded", f"no multipliers exist: {how}; no feasible point was computed")
@@ -290,10 +290,10 @@ class Incumbent:
         weights = _STEADY * self.problem.matrix.proximal_weights
         with suppress(IcpError, MemoryError):
             for _ in range(_REFINEMENTS):
-                found = steps.step(z, self.problem.p(z), pattern, z, weights)
-                if found is None or not np.isfinite(found[0]).all():
+                refined = steps.step(z, self.problem.p(z), pattern, z, weights)
+                if refined is None or not np.isfinite(refined[0]).all():
                     break
-                z = found[0]
+                z = refined[0]
                 if self.takes(z, self.pattern(z)):
                     break
 

@@ -46,4 +46,4 @@ def bounded_argument(expression: Any, condition: Any) -> BoundedArgument:
 def _finite(bounds: list[Terms]) -> tuple[Terms, ...]:
     """Those that are not x ≥ −inf or x ≤ inf."""
     numbers = ([factor * one for factor, one in terms if one.__class__ in native_numeric_types] for terms in bounds)
-    return tuple(terms for terms, found in zip(bounds, numbers, strict=True) if math.inf not in found)
+    return tuple(terms for terms, constants in zip(bounds, numbers, strict=True) if math.inf not in constants)

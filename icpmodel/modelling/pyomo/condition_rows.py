@@ -80,7 +80,7 @@ class ConditionRows:
     def variables(self) -> list[Any]:
         """The variables that occur, in the order of the model."""
         seen = {key for side in (*self.sides, self.widths.values()) for _, linear, _ in side for key in linear}
-        seen |= {id(variable) for _, found, _ in self.nonlinear() for variable in found}
+        seen |= {id(variable) for _, variables, _ in self.nonlinear() for variable in variables}
         return [variable for key, variable in self._recorder.var_map.items() if key in seen]
 
     def name_of(self, key: int) -> str:
@@ -96,7 +96,7 @@ class ConditionRows:
         targets = {Complementarity, pyo.Constraint, pyo.Objective}
         _, unknown = categorize_valid_components(model, valid=data | {pyo.ExternalFunction}, targets=targets)
         if unknown:
-            names = sorted(f"{kind.__name__} {found[0].name}" for kind, found in unknown.items())
+            names = sorted(f"{kind.__name__} {components[0].name}" for kind, components in unknown.items())
             raise InputError(f"the model has the active {', '.join(names)}, which no complementarity problem has")
         for objective in _active(model, pyo.Objective):
             _, linear, nonlinear = self._read(((1.0, objective.expr),), objective)
@@ -110,8 +110,8 @@ class ConditionRows:
             return
         if isinstance(constraint.parent_block(), ComplementarityData):
             name = constraint.parent_block().name
-            found = f"{name} was a Complementarity until a transformation, or a solver that needs one, rewrote it"
-            raise InputError(f"{found}: build the model anew, or clone() it before")
+            actual = f"{name} was a Complementarity until a transformation, or a solver that needs one, rewrote it"
+            raise InputError(f"{actual}: build the model anew, or clone() it before")
         if lower is None or upper is None or lower != upper:
             ends: list[Terms] = [((1.0, lower), (-1.0, body))] if lower is not None else []
             ends += [((1.0, body), (-1.0, upper))] if upper is not None else []
@@ -130,8 +130,8 @@ class ConditionRows:
                 return self._add_range(condition, one, other.body)
         if first.equality or second.equality or (len(first.bounds), len(second.bounds)) != (1, 1):
             count = [2 if one.equality else len(one.bounds) for one in (first, second)]
-            found = f"{condition.name} has {count[0]} + {count[1]} bounds (an equality is two)"
-            raise InputError(f"{found}; a Complementarity has one on each side, or two on one of them")
+            actual = f"{condition.name} has {count[0]} + {count[1]} bounds (an equality is two)"
+            raise InputError(f"{actual}; a Complementarity has one on each side, or two on one of them")
         return self._add(condition, first.bounds[0], second.bounds[0])
 
     def _add_range(self, condition: Any, one: BoundedArgument, force: Terms) -> None:
@@ -147,8 +147,8 @@ class ConditionRows:
             if abs(self._share(constant, (high[0], low[1]))) <= _HOLDS:
                 return self._add_equation(condition, low, force)
             if constant < 0:
-                found = f"{condition.name} has a lower bound that is larger than the upper one"
-                raise InputError(f"{found}, by {-constant:g}")
+                actual = f"{condition.name} has a lower bound that is larger than the upper one"
+                raise InputError(f"{actual}, by {-constant:g}")
         f = self._read(low, condition)
         g = self._read(force, condition)
         shared = any(value * g[1].get(key, 0.0) > 0 for key, value in f[1].items())
@@ -177,8 +177,8 @@ class ConditionRows:
         for terms in ends:
             constant, linear, nonlinear = self._read(terms, constraint)
             if nonlinear is not None:
-                found = f"{constraint.name} is a nonlinear inequality, and only affine ones are checked"
-                raise InputError(f"{found}: give it a partner, in Complementarity(expr=complements(..., ...))")
+                actual = f"{constraint.name} is a nonlinear inequality, and only affine ones are checked"
+                raise InputError(f"{actual}: give it a partner, in Complementarity(expr=complements(..., ...))")
             if linear:
                 self.inequalities.append((constraint, constant, linear))
             elif self._share(constant, terms) > _HOLDS:
@@ -190,8 +190,8 @@ class ConditionRows:
         if not any(bent) and not any(linear for _, linear, _ in sides):
             constants = [constant for constant, _, _ in sides]
             if not abs(min(map(self._share, constants, (first, second)))) <= _HOLDS:
-                found = f"{constants[0]:g} and {constants[1]:g}, the smaller of which should be 0"
-                raise InputError(f"{owner.name} has no free variable and does not hold: its sides are {found}")
+                actual = f"{constants[0]:g} and {constants[1]:g}, the smaller of which should be 0"
+                raise InputError(f"{owner.name} has no free variable and does not hold: its sides are {actual}")
             return
         self._append(owner, *sides)
 
@@ -202,8 +202,8 @@ class ConditionRows:
         return constant / size if size else 0.0
 
     def _append(self, owner: Any, *sides: Side, equation: bool = False) -> None:
-        for kept, (constant, linear, rest) in zip(self.sides, sides, strict=True):
-            kept.append((constant, linear, None if rest is None else flattened(rest, owner)))
+        for stored, (constant, linear, rest) in zip(self.sides, sides, strict=True):
+            stored.append((constant, linear, None if rest is None else flattened(rest, owner)))
         self.owners.append(owner)
         self.equation.append(equation)
 
@@ -215,12 +215,12 @@ class ConditionRows:
             if expression.__class__ in native_numeric_types:
                 constant += factor * expression
                 continue
-            found = self._walk(expression)
-            constant += factor * found.constant
-            for key, value in found.linear.items():
+            term = self._walk(expression)
+            constant += factor * term.constant
+            for key, value in term.linear.items():
                 linear[key] = linear.get(key, 0.0) + factor * value
-            if found.nonlinear is not None:
-                rest = factor * found.nonlinear
+            if term.nonlinear is not None:
+                rest = factor * term.nonlinear
                 nonlinear = rest if nonlinear is None else nonlinear + rest
         try:
             finite = math.isfinite(constant) and all(map(math.isfinite, linear.values()))

@@ -53,7 +53,7 @@ class LegacyPyomoSolver(LegacySolverWrapper, PyomoSolver):
             raise InputError("warmstart=False: every solve starts from the values of the variables; change these")
         if isinstance(kwds.get("options"), str):
             kwds["options"] = OptSolver._options_string_to_dict(kwds["options"])
-        kept = self.config
+        saved = self.config
         with contextlib.ExitStack() as stack:
             if logfile is not None:
                 streams = tee if isinstance(tee, (list, tuple)) else [tee]
@@ -61,17 +61,17 @@ class LegacyPyomoSolver(LegacySolverWrapper, PyomoSolver):
                     tee = [*streams, stack.enter_context(open(logfile, "w", encoding="utf-8"))]
                 except OSError as error:
                     raise FileError(f"logfile {logfile} cannot be written: {error.strerror}") from error
-            stack.callback(self.__dict__.update, config=kept)
-            self.__dict__["config"] = kept(preserve_implicit=True)  # by the attribute Pyomo would write into `kept`
+            stack.callback(self.__dict__.update, config=saved)
+            self.__dict__["config"] = saved(preserve_implicit=True)  # by the attribute Pyomo would write into `saved`
             return super().solve(model, tee=tee, **kwds)
 
     def set_options(self, options: Any) -> None:
         """For all solves to come: a mapping, or a text, "method=newton rtol=1e-9", as Pyomo's command line has it."""
         if isinstance(options, str):
             options = OptSolver._options_string_to_dict(options)
-        given = {name: value for name, value in options.items() if value is not None}
-        self.config.time_limit = given.pop("timelimit", self.config.time_limit)
-        self.options.update(given)
+        values = {name: value for name, value in options.items() if value is not None}
+        self.config.time_limit = values.pop("timelimit", self.config.time_limit)
+        self.options.update(values)
 
     def warm_start_capable(self) -> bool:
         return True
@@ -105,11 +105,11 @@ class LegacyPyomoSolver(LegacySolverWrapper, PyomoSolver):
         label = CNameLabeler()
         loader = results.solution_loader
         if load_solutions:
-            kept = getattr(model, "solutions", None)
-            if isinstance(kept, ModelSolutions):  # a block has none
-                kept.clear()
-                kept.add_symbol_map(symbols)
-                kept.add_solution(point, id(symbols))
+            solutions = getattr(model, "solutions", None)
+            if isinstance(solutions, ModelSolutions):  # a block has none
+                solutions.clear()
+                solutions.add_symbol_map(symbols)
+                solutions.add_solution(point, id(symbols))
         else:
             for variable, value in loader.get_vars().items():
                 point.variable[symbols.getSymbol(variable, label)] = {"Value": value}

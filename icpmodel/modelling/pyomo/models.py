@@ -94,7 +94,7 @@ class PyomoReading:
     def _forces(self, z: Vector) -> list[tuple[Any, float, Any, float]]:
         p = self.problem.p(z)
         r = self.problem.r(z)
-        found = []
+        forces = []
         skipped = {row + 1 for row in self.added} | set(np.flatnonzero(self.equation).tolist())
         for row, owner in enumerate(self.owners):
             if row in skipped:
@@ -108,8 +108,8 @@ class PyomoReading:
                 sign = 1.0
                 side_1 = p[row] if self.which_r[row] == 0 else r[row] * self.scale[row]
                 force = float(side_1 - self.signs[added] * z[added])
-            found.append((owner, force, self.variables[own], sign))
-        return found
+            forces.append((owner, force, self.variables[own], sign))
+        return forces
 
     def checked(self, solution: Solution) -> Solution:
         """`solution`, unless it violates an inequality, or a bound of a variable that no condition implies."""
@@ -161,8 +161,8 @@ def _reading(rows: ConditionRows, owned: Ownership) -> PyomoReading:
     """The ICP in which row i has the variable own[i], and its side which_r[i] is r."""
     p, r, free = owned.p, owned.r, owned.free
     p = p.times(np.where(free & (p.Z.diagonal() < 0), -1.0, 1.0))
-    held = np.flatnonzero(~free)
-    r = r.of(held).spread(held, free.size, np.inf)
+    with_obstacle = np.flatnonzero(~free)
+    r = r.of(with_obstacle).spread(with_obstacle, free.size, np.inf)
 
     def bent(G: sp.csr_array, c: Vector, V: sp.csr_array) -> Function:
         used = np.unique(V.indices)
@@ -196,8 +196,8 @@ def _inequalities(rows: ConditionRows, owned: Ownership) -> tuple[list[Named], s
     sides = list[Side]()
     for constraint, constant, linear in rows.inequalities:
         if unknown := [key for key in linear if key not in owned.row_of]:
-            found = f"{constraint.name} is an inequality in {rows.name_of(unknown[0])}, which is in no condition"
-            raise InputError(f"{found}: each variable needs a condition or an equation of its own")
+            actual = f"{constraint.name} is an inequality in {rows.name_of(unknown[0])}, which is in no condition"
+            raise InputError(f"{actual}: each variable needs a condition or an equation of its own")
         names.append((constraint, ""))
         sides.append((constant, linear, None))
     for j in owned.own.tolist():

@@ -46,12 +46,12 @@ class NonlinearRows:
 
     def __init__(self, flat: Sequence[Flat], columns: dict[int, int], signs: Vector) -> None:
         self.size, self.signs = len(flat), signs
-        found: dict[tuple[Any, ...], tuple[list[Any], list[Any], list[Any]]] = {}
+        rows_by_shape: dict[tuple[Any, ...], tuple[list[Any], list[Any], list[Any]]] = {}
         for row, (tokens, variables, constants) in enumerate(flat):
-            of_shape = found.setdefault(tokens, ([], [], []))
-            for kept, one in zip(of_shape, (row, [columns[id(x)] for x in variables], constants), strict=True):
-                kept.append(one)
-        self.compiled = [_Compiled(tokens, *of_shape) for tokens, of_shape in found.items()]
+            of_shape = rows_by_shape.setdefault(tokens, ([], [], []))
+            for column, one in zip(of_shape, (row, [columns[id(x)] for x in variables], constants), strict=True):
+                column.append(one)
+        self.compiled = [_Compiled(tokens, *of_shape) for tokens, of_shape in rows_by_shape.items()]
 
     def value(self, z: Vector) -> Vector:
         """N(σz)."""
@@ -73,11 +73,11 @@ class NonlinearRows:
     def expressions(self, z: Sequence[Any]) -> list[Any]:
         """They as Pyomo expressions of `z`, Pyomo variables or expressions."""
         x = [variable if sign > 0 else -variable for variable, sign in zip(z, self.signs, strict=True)]
-        found: list[Any] = [None] * self.size
+        expressions: list[Any] = [None] * self.size
         for one in self.compiled:
             for row, variables, constants in zip(one.rows, one.variables.T, one.constants.T.tolist(), strict=True):
-                found[int(row)] = _rebuilt(one.tokens, [x[j] for j in variables], constants)
-        return found
+                expressions[int(row)] = _rebuilt(one.tokens, [x[j] for j in variables], constants)
+        return expressions
 
 
 def flattened(expression: Any, owner: Any) -> Flat:
@@ -165,7 +165,7 @@ class _Compiled:
         self._value_steps = len(self._steps)
         gradient = differentiate(template, wrt_list=x, mode=Modes.reverse_symbolic)
         self._gradient = [self._compile(derivative) for derivative in gradient]
-        self._kept = (stand_in, template, gradient)  # ids are those of living objects
+        self._references = (stand_in, template, gradient)  # ids are those of living objects
 
     def _where(self, node: Any) -> Any:
         """A number, or where the value of `node` stands; None if that is not known yet."""
@@ -187,13 +187,13 @@ class _Compiled:
             self._steps.append((_called(word, np), places))
         return self._where(root)
 
-    def _run(self, x: Vector, steps: int, wanted: list[Any]) -> list[Any]:
-        """What stands at the `wanted` places after so many steps; numbers are as they are."""
+    def _run(self, x: Vector, steps: int, outputs: list[Any]) -> list[Any]:
+        """What stands at the `outputs` places after so many steps; numbers are as they are."""
         known: list[Any] = [*x[self.variables], *self.constants]
         with np.errstate(all="ignore"):  # the judge sees what is not finite
             for function, places in self._steps[:steps]:
                 known.append(function(*[known[k] if isinstance(k, int) else k for k in places]))
-        return [known[k] if isinstance(k, int) else k for k in wanted]
+        return [known[k] if isinstance(k, int) else k for k in outputs]
 
     def value(self, x: Vector) -> Any:
         return self._run(x, self._value_steps, [self._value])[0]

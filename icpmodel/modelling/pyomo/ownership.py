@@ -95,7 +95,8 @@ class Ownership:
         """
         m = len(owners)
         n = len(self.variables)
-        pairs = [(k, self._column[id(variable)]) for k, (_, found, _) in enumerate(self.flat) for variable in found]
+        rows = ((k, variables) for k, (_, variables, _) in enumerate(self.flat))
+        pairs = [(k, self._column[id(variable)]) for k, variables in rows for variable in variables]
         place = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
         occurs = abs(both.Z) + both.W @ sp.coo_array((np.ones(len(pairs)), place), shape=(len(self.flat), n))
         row, col = sp.coo_array(occurs[:m] + occurs[m:]).coords
@@ -113,8 +114,8 @@ class Ownership:
             parts = [
                 f"no {what} is left for {_listed([some[k].name for k in ks])}" for what, some, ks in left if ks.size
             ]
-            found = f"{m} conditions for {n} variables that are not fixed: {', and '.join(parts)}"
-            raise InputError(f"{found}; every condition needs a variable of its own, so fix or deactivate the surplus")
+            actual = f"{m} conditions for {n} variables that are not fixed: {', and '.join(parts)}"
+            raise InputError(f"{actual}; every condition needs a variable of its own, so fix or deactivate the surplus")
         return own
 
     def _should_be_r(self, both: AffineRows) -> np.ndarray:
@@ -122,9 +123,9 @@ class Ownership:
         becomes a fixed obstacle."""
         count = np.diff(both.Z.indptr).reshape(2, -1)
         count = np.where(count == 0, np.inf, count)
-        wanted = self._bent | (~self._bent.any(axis=0) & (count == count.min(axis=0)))
-        wanted[:, self._ranges] = [[True], [False]]
-        return wanted
+        preferred = self._bent | (~self._bent.any(axis=0) & (count == count.min(axis=0)))
+        preferred[:, self._ranges] = [[True], [False]]
+        return preferred
 
     def _which_side_is_r(self, both: AffineRows) -> np.ndarray:
         """The nonlinear one; of two affine ones that with fewer variables, else that in which its own variable weighs

@@ -184,9 +184,9 @@ class PyomoSolver(SolverBase):
     def _refuse(self, results: Results, config: Any) -> None:
         """Raises where there is no solution, and the call wants one."""
         failure = NoOptimalSolutionError if config.raise_exception_on_nonoptimal_result else NoFeasibleSolutionError
-        asked = [name for name in ("load_solutions", "raise_exception_on_nonoptimal_result") if config[name]]
-        if asked:
-            ask = ", ".join(f"{name}=False" for name in asked)
+        options = [name for name in ("load_solutions", "raise_exception_on_nonoptimal_result") if config[name]]
+        if options:
+            ask = ", ".join(f"{name}=False" for name in options)
             raise failure(
                 f"{results.solver_log}. Nothing is loaded; solve(model, {ask}) returns the results, "
                 f"and {self._best} loads the best iterate"
@@ -195,14 +195,14 @@ class PyomoSolver(SolverBase):
     def _fill(self, results: Results, model: Any, reading: PyomoReading, solution: Solution) -> None:
         """The status, honestly: a point that violates an inequality, or a bound of a variable, is no solution."""
         results.extra_info.solution, results.extra_info.iteration_count = solution, solution.iterations
-        found = solution
+        checked = solution
         if solution.status in (Status.SOLVED, Status.PRECISION_LIMIT):
-            found = reading.checked(solution)
-        results.termination_condition, results.solution_status = ENDS[found.status]
-        results.solver_log = found.message
-        if found.status is Status.STAGNATED and found is not solution:
+            checked = reading.checked(solution)
+        results.termination_condition, results.solution_status = ENDS[checked.status]
+        results.solver_log = checked.message
+        if checked.status is Status.STAGNATED and checked is not solution:
             results.termination_condition = TerminationCondition.unknown
-        elif found.solved:
+        elif checked.solved:
             # a constant, if there is one; Pyomo takes a number here for "there is a solution"
             objective = next(model.component_data_objects(Objective, active=True), 0.0)
             results.incumbent_objective = results.objective_bound = value(objective)
@@ -213,7 +213,7 @@ def _say(streams: Sequence[TextIO], *lines: object) -> None:
         print(*lines, sep="\n", file=stream, flush=True)
 
 
-def _chosen(pairs: list[tuple[Any, Any]], wanted: Sequence[Any] | None) -> Any:
-    """The pairs as a ComponentMap, of the components that are wanted, None for all."""
-    found = ComponentMap(pairs)
-    return found if wanted is None else ComponentMap((component, found[component]) for component in wanted)
+def _chosen(pairs: list[tuple[Any, Any]], selected: Sequence[Any] | None) -> Any:
+    """The pairs as a ComponentMap, of the `selected` components, None for all."""
+    values = ComponentMap(pairs)
+    return values if selected is None else ComponentMap((component, values[component]) for component in selected)

@@ -24,8 +24,8 @@ def size_of_terms(expression: Any) -> float:
     >>> size_of_terms((model.x - 3.0) / 2)
     3.0
     """
-    found: float = StreamBasedExpressionVisitor(exitNode=_of_node).walk_expression(expression)
-    return found
+    size: float = StreamBasedExpressionVisitor(exitNode=_of_node).walk_expression(expression)
+    return size
 
 
 def _of_node(node: Any, parts: list[float]) -> float:
