@@ -78,8 +78,8 @@ class _Commands(click.Group):
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name in _FILES:
-            found: click.Command = getattr(import_module(f".{_FILES[cmd_name]}", __package__), cmd_name)
-            return found
+            command: click.Command = getattr(import_module(f".{_FILES[cmd_name]}", __package__), cmd_name)
+            return command
         if not (ctx.resilient_parsing or cmd_name.startswith("-")):
             raise click.UsageError(f"No such command {cmd_name!r}{did_you_mean(cmd_name, _FILES)}")
         return None

@@ -63,8 +63,8 @@ def completing(listed: Callable[[], Iterable[str]]) -> Callable[..., list[Comple
     """What a shell completes: the names that `listed` makes, else a file."""
 
     def complete(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        found = [CompletionItem(name) for name in listed() if name.startswith(incomplete)]
-        return found or [CompletionItem(incomplete, type="file")]
+        items = [CompletionItem(name) for name in listed() if name.startswith(incomplete)]
+        return items or [CompletionItem(incomplete, type="file")]
 
     return complete
 
@@ -126,8 +126,8 @@ def _descriptions(function: Callable[..., Any]) -> dict[str, str]:
 def _option(parameter: inspect.Parameter, description: str) -> Decorator:
     default = parameter.default
     kind = _KINDS.get(str(parameter.annotation).split(" ")[0], type(default))
-    shown = {"default": default, "show_default": default is not None, "help": description}
-    return click.option("--" + parameter.name.replace("_", "-"), parameter.name, type=kind, **shown)
+    display = {"default": default, "show_default": default is not None, "help": description}
+    return click.option("--" + parameter.name.replace("_", "-"), parameter.name, type=kind, **display)
 
 
 class Named(NamedTuple):
@@ -148,8 +148,8 @@ def named_source(arguments: dict[str, Any]) -> Named:
     parameters = pairs(arguments["parameters"])
     files = {f"--{name}": arguments[key] for name, key in _PARTS.items() if arguments[key] is not None}
     if (source is None) == (file is None):
-        given = f"both are given, {source} and {file}; drop one" if source is not None else "neither is given"
-        raise InputError(f"SOURCE or --A names the problem; {given}")
+        actual = f"both are given, {source} and {file}; drop one" if source is not None else "neither is given"
+        raise InputError(f"SOURCE or --A names the problem; {actual}")
     if source in scene_names():
         if files:
             raise InputError(f"{next(iter(files))} belongs to a file of A; {source} is a scene, which has its own")
@@ -172,9 +172,9 @@ def named_problem(arguments: dict[str, Any]) -> tuple[ICP, Scene | None]:
     named = named_source(arguments)
     if named.scene is None:
         return load_problem(*named.files), None
-    found = scene(named.scene, named.n, **named.parameters)
-    note_size(named, found.problem.n)
-    return found.problem, found
+    named_scene = scene(named.scene, named.n, **named.parameters)
+    note_size(named, named_scene.problem.n)
+    return named_scene.problem, named_scene
 
 
 def note_size(named: Named, n: int) -> None:
@@ -205,22 +205,22 @@ def _side(text: str | None) -> float | str | None:
 
 def named_method(arguments: dict[str, Any]) -> Method | None:
     """The method that the arguments name, or None. Raises InputError."""
-    given = pairs(arguments["options"])
+    values = pairs(arguments["options"])
     if arguments["method"] is not None:
-        return named(arguments["method"], **given)
-    if given:
+        return named(arguments["method"], **values)
+    if values:
         raise InputError("--option belongs to a method; name one with --method")
     return None
 
 
 def pairs(texts: tuple[str, ...]) -> dict[str, Any]:
     """name=value with the value as a number or truth value where it is one. Raises InputError."""
-    found: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     for text in texts:
         name, equals, value = text.partition("=")
         if not equals or not name:
             raise InputError(f"{text!r} is not of the form NAME=VALUE")
-        if name in found:
+        if name in values:
             raise InputError(f"{name} is given twice")
-        found[name] = _number(value)
-    return found
+        values[name] = _number(value)
+    return values

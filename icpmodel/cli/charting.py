@@ -46,15 +46,15 @@ def stability(plane: str, output: str | None, form: str | None, **arguments: Any
     (skewness x mu) or units (units x norm of G).
     """
     check_picture(output)
-    asked = {name: arguments[name] for name in ("method", *_RUNS)}
+    options = {name: arguments[name] for name in ("method", *_RUNS)}
     problem = None
     if arguments["source"] is not None or arguments["a_file"] is not None:
         problem, _ = named_problem(arguments)
     elif arguments["parameters"] or any(arguments[name] is not None for name in ("q_file", "psi", "upper")):
         raise InputError("--set, --q, --psi and --upper belong to a SOURCE or to --A; name one")
     elif arguments["n"] is not None:
-        asked["n"] = arguments["n"]
-    run = partial(map_stability, plane, problem, **asked, progress=True, command=command_line())
+        options["n"] = arguments["n"]
+    run = partial(map_stability, plane, problem, **options, progress=True, command=command_line())
     return _show(run, output, form, "the other points are not run")
 
 
@@ -84,9 +84,9 @@ def race(
     """Measure time against error on SOURCE, of own methods and independent solvers at several tolerances."""
     check_picture(output)
     problem, scene = named_problem(arguments)
-    asked = {name: arguments[name] for name in _TIMINGS}
-    asked |= {"progress": True, "command": command_line()}
-    run = partial(run_race, scene or problem, methods or None, solvers or None, **asked)
+    options = {name: arguments[name] for name in _TIMINGS}
+    options |= {"progress": True, "command": command_line()}
+    run = partial(run_race, scene or problem, methods or None, solvers or None, **options)
     return _show(run, output, form, "this is what was measured before")
 
 

@@ -297,13 +297,13 @@ def distribute(problem: Any, comm: Any = None) -> DistributedICP:
     everywhere = totals(comm, problem is not None)[0] == comm.size
     with together(comm):
         mine = comm.rank == 0 or everywhere
-        given = as_problem(problem) if mine else None
-        bounds = None if given is None else [given.n * k // comm.size for k in range(comm.size + 1)]
-        if given is not None and bounds is not None and everywhere:
-            share = _share(given, bounds[comm.rank], bounds[comm.rank + 1])
-        elif given is not None and bounds is not None:
+        data = as_problem(problem) if mine else None
+        bounds = None if data is None else [data.n * k // comm.size for k in range(comm.size + 1)]
+        if data is not None and bounds is not None and everywhere:
+            share = _share(data, bounds[comm.rank], bounds[comm.rank + 1])
+        elif data is not None and bounds is not None:
             # a function that cannot be pickled must not be found out when the others wait already
-            sent = [pickle.dumps(_share(given, *bounds[k : k + 2])) for k in range(comm.size)]
+            sent = [pickle.dumps(_share(data, *bounds[k : k + 2])) for k in range(comm.size)]
     if not everywhere:
         share = pickle.loads(comm.scatter(sent if comm.rank == 0 else None))
     A, q, sides = share

@@ -69,9 +69,9 @@ class DistributedLevel:
     def is_chosen(self) -> Mask:
         """The own unknowns that are among the chosen. Collective."""
         if self._are_own:
-            found = np.zeros(self.matrix.high - self.matrix.low, dtype=bool)
-            found[self.chosen] = True
-            return found
+            mask = np.zeros(self.matrix.high - self.matrix.low, dtype=bool)
+            mask[self.chosen] = True
+            return mask
         fine = self.matrix.vector()
         ones = self.coarser.vector()
         ones.set(1.0)
@@ -109,9 +109,9 @@ class DistributedLevels:
     """
 
     def __init__(self, matrix: DistributedMatrix) -> None:
-        found = _hierarchy(matrix)
-        matrices = [matrix, *(DistributedMatrix(mat) for mat, _ in found)]
-        transfers = [*(P for _, P in found), None]
+        coarser = _hierarchy(matrix)
+        matrices = [matrix, *(DistributedMatrix(mat) for mat, _ in coarser)]
+        transfers = [*(P for _, P in coarser), None]
         self.levels = [DistributedLevel(*one) for one in zip(matrices, [*matrices[1:], None], transfers, strict=True)]
         self.krylov = "cg" if matrix.is_symmetric else "gmres"
         #: Krylov steps so far, on all levels
@@ -132,26 +132,26 @@ class DistributedLevels:
                 free = level.injected(mask)
                 weight = _DECOUPLED
 
-    def solved(self, f: Any, top: int, J: Any, share: float | None, wanted: float | None) -> Any:
+    def solved(self, f: Any, top: int, J: Any, share: float | None, target: float | None) -> Any:
         """Solve A_FF x = f_F on level `top`, with x = 0 elsewhere, or Jx = f where a `J` is given.
 
-        The solve stops at ‖f − Jx‖ ≤ `share` ‖f‖, after at most `_FEW` steps. With `wanted` it stops at
-        ‖D⁻¹(f − Jx)‖ ≤ `_PART` · `wanted`, after at most `_MANY` steps.
+        The solve stops at ‖f − Jx‖ ≤ `share` ‖f‖, after at most `_FEW` steps. With `target` it stops at
+        ‖D⁻¹(f − Jx)‖ ≤ `_PART` · `target`, after at most `_MANY` steps.
         """
         ksp = self.krylov_solver(top, J)
         x = f.duplicate()
-        if wanted is None:
+        if target is None:
             ksp.setTolerances(rtol=share, atol=0.0, max_it=_FEW)
         else:
             size = self.levels[top].matrix.smallest_row
             size = size if J is None else min(size, 1.0)  # some rows are those of r
-            ksp.setTolerances(rtol=0.0, atol=_PART * wanted * size, max_it=_MANY)
+            ksp.setTolerances(rtol=0.0, atol=_PART * target * size, max_it=_MANY)
         x.zeroEntries()
         ksp.solve(f, x)
         self.steps += ksp.getIterationNumber()
         if ksp.getConvergedReason() in _INDEFINITE and self.krylov == "cg":
             self.krylov = "gmres"
-            return self.solved(f, top, J, share, wanted)
+            return self.solved(f, top, J, share, target)
         return x
 
     def krylov_solver(self, top: int, J: Any) -> Any:
@@ -221,10 +221,10 @@ def _hierarchy(matrix: DistributedMatrix) -> list[tuple[Any, Any]]:
     except PETSc.Error:
         return []
     count = pc.getMGLevels()
-    found = [(pc.getMGSmoother(k).getOperators()[0], pc.getMGInterpolation(k + 1)) for k in range(count - 2, -1, -1)]
+    levels = [(pc.getMGSmoother(k).getOperators()[0], pc.getMGInterpolation(k + 1)) for k in range(count - 2, -1, -1)]
     pc.destroy()
-    low = sum(float((mat.getDiagonal().array_r <= 0).sum()) for mat, _ in found)
-    return [] if totals(matrix.comm, low)[0] else found
+    low = sum(float((mat.getDiagonal().array_r <= 0).sum()) for mat, _ in levels)
+    return [] if totals(matrix.comm, low)[0] else levels
 
 
 def _representatives(P: Any, matrix: DistributedMatrix) -> tuple[NDArray[np.integer], Vector, bool]:

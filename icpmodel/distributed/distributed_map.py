@@ -54,9 +54,9 @@ class DistributedMap:
                     raise InputError(f"{name} is {described(value)}; {_WANTED}")
                 G, value = value
                 if G.getSizes() != matrix.mat.getSizes():
-                    found = G.getSizes()
-                    wanted = matrix.mat.getSizes()
-                    raise InputError(f"{name}[0] has the sizes {found}; {wanted}, those of A, were expected")
+                    actual = G.getSizes()
+                    expected = matrix.mat.getSizes()
+                    raise InputError(f"{name}[0] has the sizes {actual}; {expected}, those of A, were expected")
             if isinstance(value, PETSc.Vec):
                 value = value.array.copy()
             elif isinstance(value, Map) and not isinstance(value, Constant | Elementwise):
@@ -82,12 +82,12 @@ class DistributedMap:
         """ψ(z) in the own rows, `z` a `Vec`. Collective. Raises MapError on all ranks."""
         if self.is_users:
             with together(self.matrix.comm):
-                found = self._own(z)
+                values = self._own(z)
         else:
-            found = self._own(z)
+            values = self._own(z)
         if self.G is not None:
-            found = found + self.matrix.image(self.G, z).array_r
-        return found
+            values = values + self.matrix.image(self.G, z).array_r
+        return values
 
     def _own(self, z: Any) -> Vector:
         return np.zeros(0) if self.own is None else self.own.value(z.array_r)

@@ -32,9 +32,9 @@ class DistributedMatrix:
     @cached_property
     def diagonal(self) -> Vector:
         """That of the own rows."""
-        found: Vector = self.mat.getDiagonal().array.copy()
-        found.flags.writeable = False
-        return found
+        entries: Vector = self.mat.getDiagonal().array.copy()
+        entries.flags.writeable = False
+        return entries
 
     @property
     def row_weights(self) -> Vector:
@@ -162,8 +162,8 @@ def check_counts(n: int, entries: int) -> None:
     """Raise InputError where PETSc's integers cannot count the unknowns, or the entries of one rank."""
     most = np.iinfo(petsc().IntType).max
     if max(n, entries) > most:
-        found = f"{n} unknowns" if n > most else f"{entries} entries on one rank"
-        raise InputError(f"{found} are too many for this PETSc, whose indices have {most.bit_length() + 1} bits")
+        actual = f"{n} unknowns" if n > most else f"{entries} entries on one rank"
+        raise InputError(f"{actual} are too many for this PETSc, whose indices have {most.bit_length() + 1} bits")
 
 
 def from_rows(rows: sp.csr_array, comm: Any) -> Any:

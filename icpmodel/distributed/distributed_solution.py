@@ -126,7 +126,7 @@ class DistributedSolution(Shown):
         dict
             It has no arrays.
         """
-        found = {
+        data = {
             "n": self.problem.n,
             "ranks": self.problem.comm.size,
             "status": self.status.value,
@@ -141,10 +141,10 @@ class DistributedSolution(Shown):
         known = self._known
         if known is not None:
             bound = known.bound
-            found |= {"error_bound": bound.value, "unique": bound.unique or None, "proof": bound.proof or None}
-            found |= {"no_error_bound_because": bound.reason or None}
-            found |= {f"rows_{name}": getattr(known, name) for name in ("active", "inactive", "above", "undecided")}
-        return {name: None if isinstance(x, float) and not np.isfinite(x) else x for name, x in found.items()}
+            data |= {"error_bound": bound.value, "unique": bound.unique or None, "proof": bound.proof or None}
+            data |= {"no_error_bound_because": bound.reason or None}
+            data |= {f"rows_{name}": getattr(known, name) for name in ("active", "inactive", "above", "undecided")}
+        return {name: None if isinstance(x, float) and not np.isfinite(x) else x for name, x in data.items()}
 
     def __repr__(self) -> str:
         return f"DistributedSolution({self.problem!r}, {self.status.value}, residual={self.residual:.3g})"

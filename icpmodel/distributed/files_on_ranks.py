@@ -95,15 +95,15 @@ def _files(path: Path, q: Any, psi: Any, upper: Any) -> dict[str, Any]:
     files: dict[str, Any] = {"A": path}
     declared: dict[str, str] = {}
     if path.is_dir():
-        declared, found = folder_files(path)
-        files |= found | {"q": found["q"]}
-    for name, given in {"q": q, "psi": psi, "upper": upper}.items():
-        if given is None:
+        declared, in_folder = folder_files(path)
+        files |= in_folder | {"q": in_folder["q"]}
+    for name, source in {"q": q, "psi": psi, "upper": upper}.items():
+        if source is None:
             continue
         if name in declared or (declared and name == "q"):
             raise FileError(f"{path}: holds its own {name}; drop {name}")
-        number = name in SIDES and isinstance(given, int | float) and not isinstance(given, bool)
-        files[name if name == "q" else f"{SIDES[name]}c"] = float(given) if number else as_path(given, name)
+        number = name in SIDES and isinstance(source, int | float) and not isinstance(source, bool)
+        files[name if name == "q" else f"{SIDES[name]}c"] = float(source) if number else as_path(source, name)
     if "q" not in files:
         raise FileError(f"{path}: holds A alone; the problem needs q too, in another file")
     for file in files.values():

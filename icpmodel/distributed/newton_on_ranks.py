@@ -38,10 +38,10 @@ _COARSE_STEPS = 8
 class Evaluation:
     """p, z − ψ `below`, z − ψ̄ `above`, the active set and the residual at z; one product and one reduction.
 
-    `moved` says whether the active set differs from `taken` on any rank.
+    `moved` says whether the active set differs from `last_pattern` on any rank.
     """
 
-    def __init__(self, problem: DistributedICP, z: Any, taken: Pattern | None) -> None:
+    def __init__(self, problem: DistributedICP, z: Any, last_pattern: Pattern | None) -> None:
         self.problem, self.z = problem, z
         self.p, self.below, self.above = problem.sides(z)
         with np.errstate(all="ignore"):
@@ -49,7 +49,7 @@ class Evaluation:
             a = self.p / problem.matrix.diagonal * problem.psi.own_slope
             self.pattern = Pattern.of(self.below, self.above, a)
             squares = float(np.sum(mid(problem.matrix.row_weights * self.p, self.below, self.above) ** 2))
-        moved = taken is None or not self.pattern.same_sides(taken)
+        moved = last_pattern is None or not self.pattern.same_sides(last_pattern)
         total, changes = totals(problem.comm, squares, float(moved))
         self.residual, self.moved = float(np.sqrt(total)), changes > 0
 
@@ -80,32 +80,32 @@ class Evaluation:
 
 
 def newton_steps(
-    levels: DistributedLevels, problem: DistributedICP, z: Any, top: int, wanted: float | None = None
+    levels: DistributedLevels, problem: DistributedICP, z: Any, top: int, target: float | None = None
 ) -> Generator[Evaluation, float | None, None]:
     """Newton's steps on level `top`, whose problem is `problem`, as `simplified` makes it: the evaluation after each.
 
-    The residual that is `wanted` from then on, or None, is sent.
+    Send the residual to aim at from then on, or None.
     """
-    taken: Pattern | None = None
+    last_pattern: Pattern | None = None
     before = np.inf
     while True:
-        at = Evaluation(problem, z, taken)
-        enough = wanted or 0.0
+        at = Evaluation(problem, z, last_pattern)
+        enough = target or 0.0
         for most in (np.inf, _WITHIN * enough):
             if at.moved and enough < at.residual <= most:
-                at = Evaluation(problem, at.swept(SWEEPS), taken)
-        wanted = yield at
+                at = Evaluation(problem, at.swept(SWEEPS), last_pattern)
+        target = yield at
         if at.moved:
-            taken = at.pattern
-            levels.restrict(np.where(taken.active, 0.0, 1.0), top)
+            last_pattern = at.pattern
+            levels.restrict(np.where(last_pattern.active, 0.0, 1.0), top)
         settled = not at.moved or at.residual <= _SETTLED * before < np.inf
-        z = _stepped(levels, at, top, wanted if settled else None)
+        z = _stepped(levels, at, top, target if settled else None)
         before = at.residual
         release(problem.comm)
 
 
-def _stepped(levels: DistributedLevels, at: Evaluation, top: int, wanted: float | None) -> Any:
-    """z after one Newton step from `at`, until ‖Az + q‖ in the free rows is a fraction of `wanted`, or a tenth."""
+def _stepped(levels: DistributedLevels, at: Evaluation, top: int, target: float | None) -> Any:
+    """z after one Newton step from `at`, until ‖Az + q‖ in the free rows is a fraction of `target`, or a tenth."""
     problem = at.problem
     active = at.pattern.active
     J = _coupled(at)
@@ -116,7 +116,7 @@ def _stepped(levels: DistributedLevels, at: Evaluation, top: int, wanted: float 
     else:
         z = at.z
         f = np.where(active, -at_rest * problem.matrix.diagonal, -at.p)
-    step = levels.solved(problem.vector(f), top, J, _SHARE if wanted is None else None, wanted)
+    step = levels.solved(problem.vector(f), top, J, _SHARE if target is None else None, target)
     if np.isfinite(step.norm()):
         z.axpy(1.0, step)
     return z

@@ -45,8 +45,8 @@ def vector_in(path: Path, mat: Any) -> Vector:
         with together(comm), opened(path, comm.size) as (raw, size):
             file = PetscFile(path, raw, size)
             if file.is_matrix or file.rows != n:
-                found = f"a matrix with {file.rows} rows" if file.is_matrix else f"a vector of {file.rows} numbers"
-                raise FileError(f"{path}: holds {found}; a vector of {n} numbers was expected")
+                actual = f"a matrix with {file.rows} rows" if file.is_matrix else f"a vector of {file.rows} numbers"
+                raise FileError(f"{path}: holds {actual}; a vector of {n} numbers was expected")
             own = file.vector(low, high)
         return own
     _, i, j, values = _market(path, comm, n)
@@ -99,13 +99,13 @@ def _market(path: Path, comm: Any, n: int | None) -> tuple[MarketHead, Places, P
         head = market_head(path, lambda *most: raw.readline(*most).decode("utf-8", "replace"), size, n)
         begin = raw.tell()
         ends = [begin + (size - begin) * k // comm.size for k in (comm.rank, comm.rank + 1)]
-        found = numbers_of(path, head, lines_within(raw, begin, *ends))
+        numbers = numbers_of(path, head, lines_within(raw, begin, *ends))
     _check_same(path, comm, (head, size))
-    before = comm.exscan(found.size) or 0
-    total = comm.allreduce(found.size)
+    before = comm.exscan(numbers.size) or 0
+    total = comm.allreduce(numbers.size)
     with together(comm):
         check_count(path, head, total)
-        i, j, values = entries_of(path, head, found, before)
+        i, j, values = entries_of(path, head, numbers, before)
     return head, i, j, values
 
 
@@ -124,6 +124,6 @@ def _assembled(comm: Any, n: int, i: Places, j: Places, values: Vector) -> Any:
     """The n × n `Mat` of the entries that all ranks have, those that are there twice added. Collective."""
     low, high = petsc().Vec().createMPI(n, comm=comm).getOwnershipRange()
     owner = np.searchsorted(comm.allgather(high), i, side="right")
-    found = comm.alltoall([(i[mine], j[mine], values[mine]) for mine in (owner == k for k in range(comm.size))])
-    i, j, values = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    received = comm.alltoall([(i[mine], j[mine], values[mine]) for mine in (owner == k for k in range(comm.size))])
+    i, j, values = (np.concatenate(parts) for parts in zip(*received, strict=True))
     return from_rows(sp.csr_array((values, (i - low, j)), shape=(high - low, n)), comm)

@@ -170,7 +170,7 @@ class _Run:
         self, problem: DistributedICP, limits: Limits, watch: Callable[[], Status | None], say: Callable[[str], None]
     ) -> None:
         self.problem, self.limits, self.watch, self.say = problem, limits, watch, say
-        self.begin, self.iterations, self.scale, self.tolerance, self.wanted = time.perf_counter(), 0, np.inf, 0.0, 0.0
+        self.begin, self.iterations, self.scale, self.tolerance, self.target = time.perf_counter(), 0, np.inf, 0.0, 0.0
         self.levels: DistributedLevels | None = None
         self.best, self.least = problem.vector(), np.inf
 
@@ -187,9 +187,9 @@ class _Run:
             self._seen(problem.vector(), 0.0)
             return Status.SOLVED, ""
         self.scale = scale
-        self.tolerance = self.wanted = float(self.limits.tolerance(self.scale))
+        self.tolerance = self.target = float(self.limits.tolerance(self.scale))
         if self.limits.atol and (paper := problem.paper_residual(z)) > 0:
-            self.wanted = max(self.wanted, self.limits.atol * first / paper)  # about what Res ≤ atol takes
+            self.target = max(self.target, self.limits.atol * first / paper)  # about what Res ≤ atol takes
         self._seen(z, first)
         if self._reached(z, first):
             return Status.SOLVED, ""
@@ -211,7 +211,7 @@ class _Run:
         mark = np.inf
         since = 0
         rescues = 0
-        path = newton_steps(self.levels, simple, z, 0, self.wanted)
+        path = newton_steps(self.levels, simple, z, 0, self.target)
         at = next(path)
         while True:
             residual = at.residual if simple is self.problem else self.problem.residual(at.z)
@@ -236,11 +236,11 @@ class _Run:
                 rescued = self._swept(simple) if rescues <= _RESCUES else None
                 if rescued is None:
                     return Status.STAGNATED, "neither Newton's steps nor sweeps reduce the residual any more"
-                path = newton_steps(self.levels, simple, rescued, 0, self.wanted)
+                path = newton_steps(self.levels, simple, rescued, 0, self.target)
                 at = next(path)
                 since = 0
             else:
-                at = path.send(self.wanted)
+                at = path.send(self.target)
             self.iterations += 1
 
     def _reached(self, z: Any, residual: float) -> bool:

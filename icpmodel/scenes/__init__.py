@@ -54,7 +54,7 @@ def scene(name: str, /, n: int | None = None, **parameters: Any) -> Scene:
     Traceback (most recent call last):
     icpmodel.errors.InputError: n is 1000; hand-lcp has one size only, n = 2
     """
-    name, n, parameters = _asked(name, n, parameters)
+    name, n, parameters = _split_name(name, n, parameters)
     build = _builder(name)
     if n is not None and "n" in inspect.signature(build).parameters:
         return build(n=n, **parameters)
@@ -91,16 +91,16 @@ def by_rows(name: str, /, n: int | None = None, **parameters: Any) -> ByRows:
     >>> by_rows("obstacle-3d", n=10**9).local_rows(0, 1).A.indices
     array([      0,       1,    1000, 1000000], dtype=int32)
     """
-    name, n, parameters = _asked(name, n, parameters)
+    name, n, parameters = _split_name(name, n, parameters)
     signature = inspect.signature(_builder(name))
     if name not in ASSEMBLIES:
         raise InputError(f"{name} is not assembled by rows; the scenes that are: {', '.join(sorted(ASSEMBLIES))}")
-    given = signature.bind(**parameters, **({} if n is None else {"n": size(n)}))
-    given.apply_defaults()
-    return ASSEMBLIES[name](**given.arguments)
+    bound = signature.bind(**parameters, **({} if n is None else {"n": size(n)}))
+    bound.apply_defaults()
+    return ASSEMBLIES[name](**bound.arguments)
 
 
-def _asked(name: str, n: int | None, parameters: dict[str, Any]) -> tuple[str, int | None, dict[str, Any]]:
+def _split_name(name: str, n: int | None, parameters: dict[str, Any]) -> tuple[str, int | None, dict[str, Any]]:
     """The name without the parameters that follow it, n, and all other parameters, which the scene has."""
     name, *pairs = name.split(",")
     try:

@@ -36,10 +36,10 @@ def rows_of(n: int, lo: int, hi: int, entries: dict[int, Any]) -> sp.csr_array:
     kind = sp.get_index_dtype(maxval=max(n, (hi - lo) * len(offsets)))
     columns = np.arange(lo, hi, dtype=kind)[:, None] + np.array(offsets, dtype=kind)
     values = np.stack([np.broadcast_to(entries[offset], hi - lo) for offset in offsets], axis=1)
-    kept = (values != 0.0) & (columns >= 0) & (columns < n)
+    inside = (values != 0.0) & (columns >= 0) & (columns < n)
     indptr = np.zeros(hi - lo + 1, dtype=kind)
-    np.cumsum(kept.sum(axis=1), out=indptr[1:])
-    matrix = sp.csr_array((values[kept], columns[kept], indptr), shape=(hi - lo, n))
+    np.cumsum(inside.sum(axis=1), out=indptr[1:])
+    matrix = sp.csr_array((values[inside], columns[inside], indptr), shape=(hi - lo, n))
     matrix.has_canonical_format = True
     return matrix
 

@@ -267,10 +267,10 @@ def register(build: Callable[Given, Scene]) -> Callable[Given, Scene]:
 
     @functools.wraps(build)
     def checked(*args: Given.args, **kwargs: Given.kwargs) -> Scene:
-        given = signature.bind(*args, **kwargs)
-        if "n" in given.arguments:
-            given.arguments["n"] = size(given.arguments["n"], most=LARGEST)
-        return replace(build(*given.args, **given.kwargs), name=name, title=title_of(build))
+        bound = signature.bind(*args, **kwargs)
+        if "n" in bound.arguments:
+            bound.arguments["n"] = size(bound.arguments["n"], most=LARGEST)
+        return replace(build(*bound.args, **bound.kwargs), name=name, title=title_of(build))
 
     _BUILDERS[name] = checked
     return checked

@@ -115,7 +115,7 @@ def sensitivity(solution: Solution) -> Sensitivity:
     answer = solution.polish()
     problem = solution.problem
     z = answer.z
-    of_p, of_r = _moved_by(problem, z, size)
+    of_p, of_r = _relative_changes(problem, z, size)
     unit = _CHANGE * size
     with np.errstate(over="ignore", invalid="ignore"):
         certified = perturbation_bound(problem, z, unit * of_p, unit * of_r)
@@ -130,7 +130,7 @@ def sensitivity(solution: Solution) -> Sensitivity:
     )
 
 
-def _moved_by(problem: ProblemData, z: Vector, size: float) -> tuple[Vector, Vector]:
+def _relative_changes(problem: ProblemData, z: Vector, size: float) -> tuple[Vector, Vector]:
     """E/size where p and where r counts: |A||z| + |q|, and |G||z| + |c| or |ψ(z)|, of both obstacles the larger one;
     divided first, so none overflows."""
     x = np.abs(z) / size

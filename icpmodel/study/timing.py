@@ -17,14 +17,14 @@ Name = TypeVar("Name", bound=Hashable)
 Run = TypeVar("Run")
 
 
-def clocked(call: Callable[..., Any], given: Callable[[], Any] | None = None) -> Callable[[], float]:
-    """What tells the seconds of `call`, with what `given` makes before the clock starts, if anything.
+def clocked(call: Callable[..., Any], prepare: Callable[[], Any] | None = None) -> Callable[[], float]:
+    """What tells the seconds of `call`, with what `prepare` makes before the clock starts, if anything.
 
     What it returns is freed at once: kept, it would make the next run pay for fresh memory.
     """
 
     def run() -> float:
-        arguments = () if given is None else (given(),)
+        arguments = () if prepare is None else (prepare(),)
         begin = time.perf_counter()
         call(*arguments)
         return time.perf_counter() - begin

@@ -130,8 +130,8 @@ def in_planes(places: Places, fields: Sequence[Field], heading: str) -> Drawing:
     """Every field in every plane, on one scale in all of them."""
     panels = []
     for field in fields:
-        shown = np.concatenate([field.values[plane.rows] for plane in places.planes])
-        limits = field.limits or (shown.min(), shown.max())
+        values = np.concatenate([field.values[plane.rows] for plane in places.planes])
+        limits = field.limits or (values.min(), values.max())
         for plane in places.planes:
             draw = partial(_field, plane, field._replace(limits=limits))
             panels.append(Panel(draw=draw, caption=field.caption, alt=f"{field.words}: {in_words(field.values)}."))
@@ -149,13 +149,13 @@ def _field(plane: Slice, field: Field, axes: Any) -> list[Any]:
     values = field.values[plane.rows]
     if plane.is_grid:
         cells = values.reshape(plane.cells)
-        shown = axes.pcolormesh(*plane.axes, cells, cmap=field.colours, shading="nearest", rasterized=True)
+        artist = axes.pcolormesh(*plane.axes, cells, cmap=field.colours, shading="nearest", rasterized=True)
     else:
         size = 72 * min(axes.bbox.width, axes.bbox.height) / axes.figure.dpi
         style = {"cmap": field.colours, "s": max(size**2 / (2 * values.size), 1.0), "rasterized": True}
-        shown = axes.scatter(plane.x, plane.y, c=values, **style)
-    axes.figure.colorbar(shown, ax=axes, fraction=0.046, pad=0.02, label=field.label)
-    shown.set_clim(field.limits)
+        artist = axes.scatter(plane.x, plane.y, c=values, **style)
+    axes.figure.colorbar(artist, ax=axes, fraction=0.046, pad=0.02, label=field.label)
+    artist.set_clim(field.limits)
     axes.set_title(", ".join(filter(None, (field.words, plane.at))), fontsize=10)
     axes.set(aspect="equal", xlabel=plane.labels[0], ylabel=plane.labels[1])
     for contact, mask in field.masks.items():

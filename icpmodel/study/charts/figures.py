@@ -133,18 +133,18 @@ class Drawing:
         """The panels in somebody's axes, or the first one where `ax` is one. Returns the figure that these are in."""
         from matplotlib.axes import Axes
 
-        given = [ax] if isinstance(ax, Axes) else list(np.ravel(np.array(ax, dtype=object)))
+        axes = [ax] if isinstance(ax, Axes) else list(np.ravel(np.array(ax, dtype=object)))
         many = len(self.panels)
-        if not all(isinstance(one, Axes) for one in given) or len(given) not in (1, many):
-            found = described(ax) if not given or not isinstance(given[0], Axes) else f"{len(given)} of them"
-            wanted = "matplotlib axes were" if many == 1 else f"one matplotlib axes, or {many} for all panels, were"
-            raise InputError(f"ax is {found}; {wanted} expected")
-        for panel, one in zip(self.panels, given, strict=False):
+        if not all(isinstance(one, Axes) for one in axes) or len(axes) not in (1, many):
+            actual = described(ax) if not axes or not isinstance(axes[0], Axes) else f"{len(axes)} of them"
+            expected = "matplotlib axes were" if many == 1 else f"one matplotlib axes, or {many} for all panels, were"
+            raise InputError(f"ax is {actual}; {expected} expected")
+        for panel, one in zip(self.panels, axes, strict=False):
             if handles := panel.draw(one):
                 one.legend(handles=handles, fontsize=8, frameon=False)
-        if self.title and not given[0].get_title():
-            given[0].set_title(self.title, fontsize=10, wrap=True)
-        return given[0].get_figure(root=True)
+        if self.title and not axes[0].get_title():
+            axes[0].set_title(self.title, fontsize=10, wrap=True)
+        return axes[0].get_figure(root=True)
 
 
 def panel_figure(panel: Panel) -> Figure:
@@ -260,12 +260,12 @@ def plot(what: Any, path: Any = None, *, ax: Any = None, points: Any = None, sha
     inline = in_notebook() and "inline" in backend
     if not inline and not _has_windows(backend):
         return made.on(new_figure(*made.size))
-    shown = made.on(pyplot.figure(figsize=made.size, layout="constrained"))
+    picture = made.on(pyplot.figure(figsize=made.size, layout="constrained"))
     if inline:  # by now the notebook knows how to show a figure; an open one it would show twice
-        pyplot.close(shown)
+        pyplot.close(picture)
     else:
         pyplot.show()
-    return shown
+    return picture
 
 
 def _has_windows(backend: str) -> bool:

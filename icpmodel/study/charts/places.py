@@ -172,10 +172,10 @@ def _plane(points: Vector, rows: Rows, axes: tuple[int, int], labels: Sequence[s
     """Every k-th point along both axes, with the smallest k that leaves about `PIXELS` of them."""
     x, y = points[rows][:, axes].T
     step = int(np.ceil(np.sqrt(rows.size / PIXELS)))
-    kept = np.ones(rows.size, dtype=bool)
+    selected = np.ones(rows.size, dtype=bool)
     for coordinate in (x, y):
-        kept &= np.unique(coordinate, return_inverse=True)[1] % step == 0
-    order = np.flatnonzero(kept)[np.lexsort((x[kept], y[kept]))]
+        selected &= np.unique(coordinate, return_inverse=True)[1] % step == 0
+    order = np.flatnonzero(selected)[np.lexsort((x[selected], y[selected]))]
     return Slice(rows[order], x[order], y[order], (labels[axes[0]], labels[axes[1]]), at)
 
 

@@ -37,11 +37,11 @@ def _(race: Race) -> Drawing:
     limits = _limits(race)
     panels = [
         Panel(
-            draw=partial(_times, race, {name: style_of[name] for name in shown}, limits, heading),
+            draw=partial(_times, race, {name: style_of[name] for name in names}, limits, heading),
             caption=_HOW_TIMES if k == 0 else "The same for others, with solve() once more.",
             alt=f"Time against {race.measure}. {race.winner}",
         )
-        for k, (heading, shown) in enumerate(_parts(kinds))
+        for k, (heading, names) in enumerate(_parts(kinds))
     ]
     first = race.quickest(RTOL)
     took = ", ".join(f"{name} {in_seconds(run.median)}" for name, run in first.items())
@@ -77,7 +77,7 @@ def _parts(kinds: Mapping[str, str]) -> list[tuple[str, list[str]]]:
     for kind, heading in (("own", "methods of this package"), ("peer", "independent solvers")):
         names = [name for name, one in kinds.items() if one == kind]
         parts += [(heading, ["solve()", *names[k : k + _SERIES]]) for k in range(0, len(names), _SERIES)]
-    return [(heading, [name for name in shown if name in kinds]) for heading, shown in parts]
+    return [(heading, [name for name in group if name in kinds]) for heading, group in parts]
 
 
 def _judged(race: Race, name: str) -> list[Entry]:
@@ -97,13 +97,15 @@ def _limits(race: Race) -> dict[str, Any]:
     }
 
 
-def _times(race: Race, shown: Mapping[str, Style], limits: dict[str, Any], heading: str, axes: Any) -> list[Any]:
+def _times(
+    race: Race, style_by_name: Mapping[str, Style], limits: dict[str, Any], heading: str, axes: Any
+) -> list[Any]:
     """Runs as markers, and their names beside the axes, in the order of the times of the most accurate ones."""
     axes.set(xscale="log", yscale="log", ylabel="time, s", xlabel=f"{race.measure}   ({ACCURATE})")
     axes.set(xlim=limits["xlim"], ylim=limits["ylim"])
     axes.set_title(heading, fontsize=10)
     ends = []
-    for name, style in shown.items():
+    for name, style in style_by_name.items():
         runs = sorted(_judged(race, name), key=lambda run: -(run.error or 0.0))
         if runs:
             errors = np.maximum([run.error or 0.0 for run in runs], limits["floor"])
@@ -112,7 +114,7 @@ def _times(race: Race, shown: Mapping[str, Style], limits: dict[str, Any], headi
         line = axes.axhline(race.limit, color=GREY, linestyle="--", linewidth=1.2, label="one linear solve")
         ends.append((race.limit, line))
     ends.sort(key=lambda end: -end[0])
-    if any(run.loose for run in race.entries if run.name in shown):
+    if any(run.loose for run in race.entries if run.name in style_by_name):
         hollow = {"color": GREY, "markerfacecolor": "none", "label": "claims success,\nnot in our measure"}
         ends += [(0.0, line) for line in axes.plot([], [], "o", **hollow)]
     beside = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5), "fontsize": 8, "frameon": False}

@@ -78,11 +78,11 @@ def _(solution: Solution, points: Any = None, shape: Any = None) -> Drawing:
         z = Field(solution.z, words, places.unknown, "The answer z; the contact set has an outline.", masks=masks)
         p = Field(solution.p, "force p", "force p", _FORCE, "cividis")
         return in_planes(places, [z, p], title(problem))
-    held = " and ".join(f"{int(rows.sum())} of {rows.size} rows in the {name}" for name, rows in masks.items())
+    contacts = " and ".join(f"{int(rows.sum())} of {rows.size} rows in the {name}" for name, rows in masks.items())
     heights = Panel(
         draw=partial(_heights, places, solution, masks),
         caption="The answer z and its obstacle. They touch where there are rings.",
-        alt=f"z {in_words(solution.z)}, {held}.",
+        alt=f"z {in_words(solution.z)}, {contacts}.",
     )
     forces = Panel(
         draw=partial(_forces, places, solution.p), caption=_FORCE, alt=f"The force p {in_words(solution.p)}."
@@ -150,10 +150,10 @@ def _(history: History) -> Drawing:
 
 def _residuals(history: History, ended: str, axes: Any) -> list[Any]:
     above_0 = history.residual[history.residual > 0.0]
-    shown = np.maximum(history.residual, _ZERO * above_0.min() if above_0.size else 1.0)  # 0 is drawn somewhere
-    style = {"marker": "o", "markersize": 4} if shown.size <= FEW else {}
-    axes.plot(history.iteration, shown, color=BLUE, linewidth=1.5, label="residual", **style)
-    axes.plot(history.iteration[-1:], shown[-1:], "o", color=BLUE, markersize=5, label="_")
+    residuals = np.maximum(history.residual, _ZERO * above_0.min() if above_0.size else 1.0)  # 0 is drawn somewhere
+    style = {"marker": "o", "markersize": 4} if residuals.size <= FEW else {}
+    axes.plot(history.iteration, residuals, color=BLUE, linewidth=1.5, label="residual", **style)
+    axes.plot(history.iteration[-1:], residuals[-1:], "o", color=BLUE, markersize=5, label="_")
     if history.tolerance > 0.0:
         axes.axhline(history.tolerance, color=GREY, linestyle="--", linewidth=1.2, label="tolerance")
         axes.annotate("tolerance", (0.0, history.tolerance), (2, 3), textcoords="offset points", fontsize=8, color=GREY)
