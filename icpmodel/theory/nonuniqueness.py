@@ -71,14 +71,14 @@ def known_of_solutions(problem: ProblemData, classes: MatrixClasses, z: Vector |
         along = ", ".join(listed(direction) for direction in face.directions)
         yield f"z may move along {along} without leaving the solutions, as far as no sign changes"
     if has_linear_pieces(problem) and piece_count(problem) <= _FEW_PIECES:
-        found = all_solutions(problem)
-        points = [*found.points, *(one.point for one in found.faces)]
+        solutions = all_solutions(problem)
+        points = [*solutions.points, *(one.point for one in solutions.faces)]
         if not points:
-            yield f"there is no solution: all {found.pieces} linear pieces were examined"
+            yield f"there is no solution: all {solutions.pieces} linear pieces were examined"
         elif len(points) > 1:
             yield f"two of {len(points)} solutions: z = {listed(points[0])} and z = {listed(points[1])}"
-        elif not found.faces:
-            yield f"there is one solution and no other: all {found.pieces} linear pieces were examined"
+        elif not solutions.faces:
+            yield f"there is one solution and no other: all {solutions.pieces} linear pieces were examined"
 
 
 def face_at(problem: ProblemData, z: Vector) -> Face | None:
@@ -95,5 +95,5 @@ def face_at(problem: ProblemData, z: Vector) -> Face | None:
     sides = np.where(pattern.active, LOWER, FREE)
     if pattern.above is not None:
         sides[pattern.above] = UPPER
-    found = ExactRows(problem).solve(sides)
-    return found.rounded() if found is not None and found.directions else None
+    face = ExactRows(problem).solve(sides)
+    return face.rounded() if face is not None and face.directions else None

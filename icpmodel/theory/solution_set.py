@@ -140,27 +140,27 @@ class ExactRows:
 
     def equations(self, sides: Any) -> list[Rational]:
         """The rows [coefficients, right-hand side] of a piece."""
-        found = []
+        system = []
         for i, side in enumerate(sides):
             if side == FREE:
-                found.append([*self.A[i], -self.q[i]])
+                system.append([*self.A[i], -self.q[i]])
             else:
                 rows, ends = (self.R, self.c) if side == LOWER else (self.S, self.d)
-                found.append([*rows[i], Fraction(float(ends[i]))])
-        return found
+                system.append([*rows[i], Fraction(float(ends[i]))])
+        return system
 
     def inequalities(self, sides: Any) -> list[Rational]:
         """The rows [coefficients, constant] that have to be ≥ 0 in a piece."""
-        found = []
+        system = []
         for i, side in enumerate(sides):
             if side != FREE:
                 sign = 1 if side == LOWER else -1
-                found.append([*(sign * a for a in self.A[i]), sign * self.q[i]])
+                system.append([*(sign * a for a in self.A[i]), sign * self.q[i]])
             if side != LOWER and self.c[i] > -np.inf:
-                found.append([*self.R[i], -Fraction(float(self.c[i]))])
+                system.append([*self.R[i], -Fraction(float(self.c[i]))])
             if side != UPPER and self.d[i] < np.inf:
-                found.append([*(-a for a in self.S[i]), Fraction(float(self.d[i]))])
-        return found
+                system.append([*(-a for a in self.S[i]), Fraction(float(self.d[i]))])
+        return system
 
     def solve(self, sides: Any) -> _Exact | None:
         """The solutions of the problem in a piece, None where there are none."""
@@ -185,20 +185,20 @@ class ExactRows:
         if inside is None:
             return None
         t, equations = inside
-        kept = null_space([slopes[j] for j in equations], len(free))
-        return _Exact(_sum(start, span, t), [_sum([Fraction(0)] * n, span, one) for one in kept])
+        directions = null_space([slopes[j] for j in equations], len(free))
+        return _Exact(_sum(start, span, t), [_sum([Fraction(0)] * n, span, one) for one in directions])
 
-    def lies_in(self, found: _Exact, sides: Any) -> bool:
-        """Whether `found`, a set of solutions, is part of the piece `sides`.
+    def lies_in(self, solutions: _Exact, sides: Any) -> bool:
+        """Whether `solutions`, a set of solutions, is part of the piece `sides`.
 
         Its equations have to hold in every direction. A sign that holds at a point of the relative interior holds on
-        all of `found`.
+        all of `solutions`.
         """
         n = self.n
         return all(
-            _dot(row, found.point) == row[n] and not any(_dot(row, one) for one in found.directions)
+            _dot(row, solutions.point) == row[n] and not any(_dot(row, one) for one in solutions.directions)
             for row in self.equations(sides)
-        ) and all(_dot(row, found.point) + row[n] >= 0 for row in self.inequalities(sides))
+        ) and all(_dot(row, solutions.point) + row[n] >= 0 for row in self.inequalities(sides))
 
 
 def _rounded(x: Rational) -> Vector:
@@ -262,19 +262,19 @@ def all_solutions(problem: ProblemLike, *, time_limit: float | None = None) -> S
     if count > MOST_PIECES:
         raise NotApplicable(f"there are {count:.3g} linear pieces; at most {MOST_PIECES} are examined")
     rows = LinearRows.of(problem, np.zeros(problem.n))
-    found: list[tuple[Any, _Exact]] = []
+    candidates: list[tuple[Any, _Exact]] = []
     complete = True
     with work.work_limit(np.inf if time_limit is None else time_limit):
         try:
             for sides in plausible(rows):
                 one = exact.solve(sides)
                 if one is not None:
-                    found.append((sides, one))
+                    candidates.append((sides, one))
         except OutOfTime:
             complete = False
-    kept = _distinct(exact, found)
-    points = sorted(_rounded(one.point).tolist() for one in kept if not one.directions)
-    faces = tuple(one.rounded() for one in kept if one.directions)
+    distinct = _distinct(exact, candidates)
+    points = sorted(_rounded(one.point).tolist() for one in distinct if not one.directions)
+    faces = tuple(one.rounded() for one in distinct if one.directions)
     return SolutionSet(np.array(points).reshape(-1, problem.n), faces, int(count), complete)
 
 
@@ -286,10 +286,10 @@ def plausible(rows: LinearRows) -> Any:
             yield sides
 
 
-def _distinct(exact: ExactRows, found: list[tuple[Any, _Exact]]) -> list[_Exact]:
+def _distinct(exact: ExactRows, candidates: list[tuple[Any, _Exact]]) -> list[_Exact]:
     """Of the sets of solutions those that lie in no other one, each once; those of most directions come first."""
-    kept: list[tuple[Any, _Exact]] = []
-    for sides, one in sorted(found, key=lambda pair: -len(pair[1].directions)):
-        if not any(exact.lies_in(one, other) for other, _ in kept):
-            kept.append((sides, one))
-    return [one for _, one in kept]
+    distinct: list[tuple[Any, _Exact]] = []
+    for sides, one in sorted(candidates, key=lambda pair: -len(pair[1].directions)):
+        if not any(exact.lies_in(one, other) for other, _ in distinct):
+            distinct.append((sides, one))
+    return [one for _, one in distinct]

@@ -122,13 +122,13 @@ class ErrorBound(ReadOnly, Shown):
         str
             One line, or one for each reason where there is no bound.
         """
-        given = "".join(word for word in (USERS_WORD, _USERS_WORD_ON_F) if word in self.proof)
+        assumption = "".join(word for word in (USERS_WORD, _USERS_WORD_ON_F) if word in self.proof)
         if self.value is not None:
-            wanted = "" if accuracy is None else f" ({accuracy:g} was asked for)"
+            goal = "" if accuracy is None else f" ({accuracy:g} was asked for)"
             size = at_most(self.value, below=math.inf if accuracy is None else accuracy)
-            return f"|z - z*| <= {size} in every entry{wanted}; z* is the only solution{given}"
+            return f"|z - z*| <= {size} in every entry{goal}; z* is the only solution{assumption}"
         if self.unique:
-            return f"no bound: {self.reason}; z* exists and is the only solution{given}"
+            return f"no bound: {self.reason}; z* exists and is the only solution{assumption}"
         return "no certified bound:" + bullet_list(self.reason)
 
     def __str__(self) -> str:

@@ -97,10 +97,10 @@ class CombinationRows:
         """The rows `index` of M by columns, without rounding: j → k → the entry of row `index`_k."""
         n = self.low.size
         part = self.slopes[index].tocoo()
-        found: dict[int, dict[int, Fraction]] = {}
+        columns: dict[int, dict[int, Fraction]] = {}
         for k, j, entry in zip(*part.coords, part.data, strict=True):
-            found.setdefault(int(j), {})[int(k)] = Fraction(float(entry))
+            columns.setdefault(int(j), {})[int(k)] = Fraction(float(entry))
         for k in np.flatnonzero(index >= n):
-            column = found.setdefault(int(index[k] % n), {})
+            column = columns.setdefault(int(index[k] % n), {})
             column[int(k)] = column.get(int(k), Fraction(0)) + 1
-        return found
+        return columns

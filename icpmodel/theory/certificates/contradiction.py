@@ -139,10 +139,10 @@ def contradiction(problem: ProblemLike) -> Contradiction | None:
         return None
     rows = least.conditions.rows
     exact = exact_combination(rows, least.y, rows.free)
-    found = highest_value(rows, exact)
-    if found is None:
+    highest = highest_value(rows, exact)
+    if highest is None:
         return None
-    total, columns = found
+    total, columns = highest
     n = problem.n
     exact = {i: weight for i, weight in exact.items() if weight}
     conditions = {_condition(i // n, i % n, weight > 0): weight for i, weight in exact.items()}
@@ -214,7 +214,7 @@ class _Conditions(NamedTuple):
         iterations = _iteration_limit(K)
         if iterations < 1 or not (np.isfinite(K.data).all() and np.isfinite(right).all()):
             return None
-        found = linprog(
+        result = linprog(
             np.concatenate([room * (np.isfinite(rows.high) * 1.0 - np.isfinite(rows.low)), np.ones(E.shape[1])]),
             A_ub=-sp.hstack([K, E]).tocsr(),
             b_ub=-right / unit,
@@ -222,10 +222,10 @@ class _Conditions(NamedTuple):
             method="highs-ds",
             options={"maxiter": iterations, "primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
         )
-        if found.status != 0:
+        if result.status != 0:
             return None
-        y = self._multipliers(scale, -found.ineqlin.marginals)
-        return _Least(self, unit * found.x[:n], y, unit * float(found.fun))
+        y = self._multipliers(scale, -result.ineqlin.marginals)
+        return _Least(self, unit * result.x[:n], y, unit * float(result.fun))
 
     def _multipliers(self, scale: Vector, weights: Vector) -> Vector:
         """y, by row, of the `weights` of the scaled conditions, those next to 0 left out."""
@@ -274,8 +274,8 @@ def _least_change(problem: ProblemData, room: float = 0.0) -> _Least | None:
     units = np.ones(rows.offset.size)
     units[:n] = np.where(problem.matrix.empty_rows, 1.0, problem.matrix.row_weights)
     of_p = np.arange(units.size) < n
-    found = _Conditions.of(rows, units).least(of_p, each=room > 0.0, room=room)
-    if found is None and units.size > n:
+    change = _Conditions.of(rows, units).least(of_p, each=room > 0.0, room=room)
+    if change is None and units.size > n:
         alone = replace(rows, rises=rows.rises & ~of_p, falls=rows.falls & ~of_p)
-        found = _Conditions.of(alone, units).least(~of_p)
-    return found if found is not None and (room or found.value > 0.0) else None
+        change = _Conditions.of(alone, units).least(~of_p)
+    return change if change is not None and (room or change.value > 0.0) else None

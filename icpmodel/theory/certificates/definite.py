@@ -93,8 +93,8 @@ class DefiniteProof(Proof):
         with np.errstate(over="ignore", invalid="ignore", under="ignore"):
             p, r, sign, room = _reflected(problem, z)
             scaled = np.ldexp(p, self.exponent), np.ldexp(r, self.exponent_r)
-            given = p, r, sign, for_p, for_r, room >= for_r
-            roots = (self._root(*given, scaled[0] < theta * scaled[1]) for theta in _SPLITS)
+            arguments = p, r, sign, for_p, for_r, room >= for_r
+            roots = (self._root(*arguments, scaled[0] < theta * scaled[1]) for theta in _SPLITS)
             deltas = [np.nextafter(np.ldexp(np.full(z.size, t), self.exponent + size), np.inf) for t, size in roots]
             delta = min(deltas, key=lambda delta: float(np.nan_to_num(delta.max(), nan=np.inf)))
         return delta, float(delta.max())
@@ -250,10 +250,10 @@ def _slopes(psi: Map, n: int) -> tuple[sp.csr_array, sp.csr_array]:
         assert psi.lipschitz is not None
         return identity, psi.lipschitz
     G, c = psi.linear
-    held = np.isfinite(c)
+    has_obstacle = np.isfinite(c)
     if psi.upper is not None and psi.upper.linear is not None:
-        held |= np.isfinite(psi.upper.linear[1])
-    bound = sp.csr_array(sp.diags_array(held.astype(float)) @ G)
+        has_obstacle |= np.isfinite(psi.upper.linear[1])
+    bound = sp.csr_array(sp.diags_array(has_obstacle.astype(float)) @ G)
     bound.eliminate_zeros()
     B = sp.csr_array(identity - bound)
     g = bound.diagonal()

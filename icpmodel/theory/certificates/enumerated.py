@@ -50,15 +50,15 @@ def prove(problem: ProblemData) -> EnumeratedProof | str:
     for k, sides in enumerate(plausible(LinearRows.of(problem, np.zeros(problem.n)))):
         if k == _SOLVED:
             return f"more than {_SOLVED} linear pieces may hold a solution"
-        found = exact.solve(sides)
-        if found is None:
+        solutions = exact.solve(sides)
+        if solutions is None:
             continue
-        face = found.rounded()
-        if found.directions:
+        face = solutions.rounded()
+        if solutions.directions:
             return f"there are many solutions: z may move from {listed(face.point)} along {listed(face.directions[0])}"
-        if point is not None and found.point != point.point:
+        if point is not None and solutions.point != point.point:
             return f"there are two solutions or more: {listed(point.rounded().point)} and {listed(face.point)}"
-        point = found
+        point = solutions
     if point is None:
         return f"there is no solution: all {count:.0f} linear pieces were examined"
     sentence = f"one solution was found in fractions, and no other: all {count:.0f} linear pieces were examined"

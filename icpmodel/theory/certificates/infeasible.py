@@ -62,8 +62,8 @@ def infeasible(problem: ProblemData, y: Vector, known: Known | None = None, *, b
     shares[np.abs(shares) <= ZERO] = 0.0
     top = int(exponents[shares != 0.0].max())
     for exact in candidates_near(rows, shares, exponents - top):
-        if (found := highest_value(rows, exact)) is not None:
-            return answer_of(rows, exact, found[0], known)
+        if (highest := highest_value(rows, exact)) is not None:
+            return answer_of(rows, exact, highest[0], known)
     most = rounded_combination(rows, shares, exponents) if bounded else None
     if most is None:
         return unknown

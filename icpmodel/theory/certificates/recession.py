@@ -48,7 +48,7 @@ def contradicts(problem: ProblemData, y: Vector) -> bool:
 
 @np.errstate(all="ignore")
 def _share(problem: ProblemData, y: Vector) -> float:
-    """What is wrong with `y` as a share of what it shows; inf where obstacles move."""
+    """The violation of `y` as a share of the decrease that it proves; inf where obstacles move."""
     rows = CombinationRows.of(problem) if problem.psi.is_constant else None
     if rows is None:
         return np.inf
@@ -58,10 +58,10 @@ def _share(problem: ProblemData, y: Vector) -> float:
     ends = root * np.where(columns > 0.0, rows.high, rows.low)
     open_ = np.isinf(ends)
     ends = np.where(open_, 0.0, ends)
-    shown = -(inner(problem.q, y) + inner(columns, ends))
-    if not shown > ZERO * (inner(np.abs(problem.q), np.abs(y)) + inner(np.abs(columns), np.abs(ends))):
+    decrease = -(inner(problem.q, y) + inner(columns, ends))
+    if not decrease > ZERO * (inner(np.abs(problem.q), np.abs(y)) + inner(np.abs(columns), np.abs(ends))):
         return np.inf
-    return float(np.abs(columns[open_]).max(initial=0.0)) / shown
+    return float(np.abs(columns[open_]).max(initial=0.0)) / decrease
 
 
 def least_violation(problem: ProblemData) -> tuple[ProblemData, Mask]:
@@ -74,10 +74,10 @@ def least_violation(problem: ProblemData) -> tuple[ProblemData, Mask]:
     """
     rows = CombinationRows.of(problem)
     assert rows is not None
-    asked = rows.rises | rows.falls
-    K = problem.A[asked]
+    signed = rows.rises | rows.falls
+    K = problem.A[signed]
     A = sp.block_array([[None, -K.T], [K, sp.eye_array(K.shape[0])]], format="csr")
-    low = np.where(rows.falls, -np.inf, 0.0)[asked]
-    high = np.where(rows.rises, np.inf, 0.0)[asked]
-    q = np.concatenate([np.zeros(problem.n), problem.q[asked]])
-    return ProblemData(A, q, np.concatenate([rows.low, low]), np.concatenate([rows.high, high])), asked
+    low = np.where(rows.falls, -np.inf, 0.0)[signed]
+    high = np.where(rows.rises, np.inf, 0.0)[signed]
+    q = np.concatenate([np.zeros(problem.n), problem.q[signed]])
+    return ProblemData(A, q, np.concatenate([rows.low, low]), np.concatenate([rows.high, high])), signed

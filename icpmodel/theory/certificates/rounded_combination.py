@@ -39,10 +39,10 @@ def rounded_combination(rows: CombinationRows, y: Vector, exponents: Exponents) 
     moved = np.zeros(y.size)
     if is_open.any():
         signed = ~(rows.rises & rows.falls)[used]
-        found = _moves(K[:, is_open], y, signed, (np.abs(columns) + off)[is_open], loss)
-        if found is None:
+        moves = _moves(K[:, is_open], y, signed, (np.abs(columns) + off)[is_open], loss)
+        if moves is None:
             return None
-        moved = found
+        moved = moves
         off = off + 1.01 * (size.T @ moved)
         if not (_bounded(rows, columns, off) | empty)[~is_open].all():
             return None

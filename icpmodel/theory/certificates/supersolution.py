@@ -87,8 +87,8 @@ def prove(problem: ProblemData) -> SupersolutionProof | str:
     psi = problem.psi
     if not isinstance(psi, Intervention) or psi.best != "max":
         return 'psi is no best jump (an Intervention with best="max"), for which supersolutions are sought'
-    if not (found := z_matrix(A)).holds:
-        return f"A is no Z-matrix: {found.reason}"
+    if not (answer := z_matrix(A)).holds:
+        return f"A is no Z-matrix: {answer.reason}"
     if not (positive := positive_diagonal(A)).holds:
         return f"A is not a nonsingular M-matrix: {positive.reason}"
     negative = np.flatnonzero(row_sum_signs(A) < 0)

@@ -92,8 +92,8 @@ class StepMatrices:
         if isinstance(member, str | type):
             raise InputError(f"member is {described(member)}; a Method object was expected, such as MNMGS()")
         if not (hasattr(member, "splitting_of") and hasattr(member, "omega_of")):
-            wanted = "a method of the modulus family, such as icpmodel.MNMGS()"
-            raise InputError(f"member is {member!r}; {wanted}, was expected")
+            expected = "a method of the modulus family, such as icpmodel.MNMGS()"
+            raise InputError(f"member is {member!r}; {expected}, was expected")
         self.problem = problem
         self.G: Any = problem.psi.lipschitz  # None where it is not known, and then `size` is neither
         self.A, self.n = problem.A, problem.n

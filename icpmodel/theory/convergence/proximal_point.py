@@ -52,10 +52,10 @@ def proximal_point(problem: ProblemData) -> Answer:
     """
     if not problem.facts.has_fixed_obstacle:
         return Answer(False, "the obstacle depends on other unknowns, or its slope is not known to be below 1")
-    found = shared_proofs(problem).classes.semidefinite
-    if not found.holds:
-        word = "A is not monotone" if found.holds is False else "it is not known whether A is monotone"
-        return Answer(found.holds, f"{word}: {found.reason}", found.witness)
+    answer = shared_proofs(problem).classes.semidefinite
+    if not answer.holds:
+        word = "A is not monotone" if answer.holds is False else "it is not known whether A is monotone"
+        return Answer(answer.holds, f"{word}: {answer.reason}", answer.witness)
     reason = (
         "A is monotone and the obstacle fixed: from every start the iterates converge to a solution, if there is one"
     )

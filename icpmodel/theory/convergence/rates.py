@@ -159,13 +159,13 @@ class Rate(Shown, ABC):
             raise InputError(f"accuracy has the entry {accuracy.min():g}; positive numbers were expected")
         distance = self.distance(problem, z0)
         with np.errstate(over="ignore"):
-            wanted = float((accuracy / self.v).min())
-        if not math.isfinite(distance) or wanted == 0.0:
+            target = float((accuracy / self.v).min())
+        if not math.isfinite(distance) or target == 0.0:
             return None
-        if distance <= wanted:
+        if distance <= target:
             return 0
         far = math.log(distance)
-        near = math.log(wanted)
+        near = math.log(target)
         fall = far - near + 8 * UNIT_ROUNDOFF * (1 + abs(far) + abs(near))
         return math.ceil(fall / -math.log(self.factor) * (1 + 64 * UNIT_ROUNDOFF))
 
@@ -271,9 +271,9 @@ def predicted_rate(problem: ProblemData, member: Member, checks: dict[str, Check
     if not (isinstance(checks, dict) and set(_KINDS) <= checks.keys()):
         raise InputError(f"checks is {described(checks)}; what check_all(problem, member) returns was expected")
     for name, kind in _KINDS.items():
-        found = checks[name]
-        if found.holds and found.number is not None and found.vector is not None:
-            return kind(found.number, found.vector, f"theorem {name}: {found.sentence}", StepMatrices(problem, member))
+        check = checks[name]
+        if check.holds and check.number is not None and check.vector is not None:
+            return kind(check.number, check.vector, f"theorem {name}: {check.sentence}", StepMatrices(problem, member))
     return checks["rowwise" if getattr(member, "sees_newest", False) else "sharper"]
 
 

@@ -69,8 +69,8 @@ DEFINITE = (
 
 def monotone(step: StepMatrices) -> Answer:
     """Whether the step is isotone; X ≥ 2D and X ≥ 2Ω are read up to the rounding of φ and Ω."""
-    if not (found := z_matrix(step.A)).holds:
-        return Answer(False, f"A is not a Z-matrix: {found.reason}")
+    if not (answer := z_matrix(step.A)).holds:
+        return Answer(False, f"A is not a Z-matrix: {answer.reason}")
     if (reason := _no_isotone_sweep(step) if step.sees_newest else _no_isotone_step(step)) is not None:
         return Answer(False, reason)
     reasons = {
@@ -117,10 +117,11 @@ def definite(step: StepMatrices) -> Answer:
     if sigma is not None:
         v = (1 + 4 * UNIT_ROUNDOFF) / np.sqrt(step.omega)
         return Answer(True, f"A is positive definite and sigma is at most {at_most(sigma, 6, below=1.0)}", v, sigma)
-    found = shared_proofs(step.problem).classes.definite
-    known = {True: "is", False: "is not", None: "is not known to be"}[found.holds]
+    answer = shared_proofs(step.problem).classes.definite
+    known = {True: "is", False: "is not", None: "is not known to be"}[answer.holds]
     # the witness of a theorem that holds is a vector v
-    return Answer(found.holds, f"A {known} positive definite: {found.reason}", None if found.holds else found.witness)
+    reason = f"A {known} positive definite: {answer.reason}"
+    return Answer(answer.holds, reason, None if answer.holds else answer.witness)
 
 
 def contraction_factor(step: StepMatrices) -> float | None:

@@ -172,26 +172,26 @@ def check_all(problem: ProblemData, member: Member, limit: Allowance = UNLIMITED
             step = StepMatrices(problem, member)
     except (OutOfTime, MemoryError) as error:
         return {name: _of(name, Answer(None, limit.undecided(error))) for name in _THEOREMS}
-    found: dict[str, Check] = {}
+    checks: dict[str, Check] = {}
     for name in _ORDER:
         try:
             with limit.enforced():
-                found[name] = _check(name, step, False)
+                checks[name] = _check(name, step, False)
         except (OutOfTime, MemoryError) as error:
-            found[name] = _of(name, Answer(None, limit.undecided(error)))
+            checks[name] = _of(name, Answer(None, limit.undecided(error)))
             for stronger in _FOLLOWS.get(name, ()):
-                if stronger in found and found[stronger].holds:
+                if stronger in checks and checks[stronger].holds:
                     reason = f"it follows from theorem {stronger}, with the same v"
-                    found[name] = _of(name, Answer(True, reason, found[stronger].vector))
-    return {name: found[name] for name in _THEOREMS}
+                    checks[name] = _of(name, Answer(True, reason, checks[stronger].vector))
+    return {name: checks[name] for name in _THEOREMS}
 
 
 def holding(problem: ProblemData, member: Member, names: Iterable[str], printed: Iterable[str]) -> tuple[set[str], ...]:
     """Which of the theorems `names` hold, and which of `printed` as printed, without their numbers: cheaper by half."""
     step = StepMatrices(problem, member)
     step.enough = 1.0
-    wanted = sorted(names, key=_ORDER.index), printed
-    return tuple({name for name in some if _check(name, step, some is printed).holds} for some in wanted)
+    groups = sorted(names, key=_ORDER.index), printed
+    return tuple({name for name in some if _check(name, step, some is printed).holds} for some in groups)
 
 
 def _of(name: str, answer: Answer) -> Check:
@@ -212,12 +212,12 @@ def _check(name: str, step: StepMatrices, as_printed: bool) -> Check:
         sentence = theorem.printed_sentence
     with np.errstate(all="ignore"):  # what overflows proves nothing
         if theorem.newest not in (None, step.sees_newest):
-            found = Answer(False, _OTHER_VALUES[step.sees_newest])
+            answer = Answer(False, _OTHER_VALUES[step.sees_newest])
         elif not (step.omega > 0).all():
-            found = Answer(False, f"Omega has the entry {step.omega.min():g}, not positive")
+            answer = Answer(False, f"Omega has the entry {step.omega.min():g}, not positive")
         else:
-            found = decide(step)
-    return Check(**vars(found), theorem=name, sentence=sentence, as_printed=as_printed, false_as_printed=theorem.false)
+            answer = decide(step)
+    return Check(**vars(answer), theorem=name, sentence=sentence, as_printed=as_printed, false_as_printed=theorem.false)
 
 
 def _starts(step: StepMatrices) -> Iterator[Vector]:
@@ -245,12 +245,12 @@ def _by_radius(name: str, make: Callable[[StepMatrices], HomogeneousMap | str]) 
         T = make(step)
         if isinstance(T, str):
             return Answer(False, T)
-        found = radius(T, _starts(step), step.enough)
-        if found.v is None:
+        bound = radius(T, _starts(step), step.enough)
+        if bound.v is None:
             return _without_inverse(step)
-        if found.holds:
-            step.vectors.append(found.v)
-        number = found.upper * T.limit * (1.0 if T.limit == 1.0 else 1 + 4 * UNIT_ROUNDOFF)
+        if bound.holds:
+            step.vectors.append(bound.v)
+        number = bound.upper * T.limit * (1.0 if T.limit == 1.0 else 1 + 4 * UNIT_ROUNDOFF)
         limit = f"{T.limit:.6g}"
         if float(limit) <= number < T.limit:  # what is proved must not look false for want of digits
             limit = repr(T.limit)
@@ -260,7 +260,7 @@ def _by_radius(name: str, make: Callable[[StepMatrices], HomogeneousMap | str]) 
             True: f"{name} is at most {size}, below {limit}",
             False: f"{name} is at least {at_least(T.limit, 6)}, and at most {size}",
         }
-        return Answer(found.holds, reasons[found.holds], found.v if found.holds else None, number)
+        return Answer(bound.holds, reasons[bound.holds], bound.v if bound.holds else None, number)
 
     return decide
 

@@ -138,23 +138,23 @@ class MatrixClasses(ReadOnly, Shown):
         MatrixClasses
             The copy.
         """
-        asked = MatrixClasses(self.A)
+        classes = MatrixClasses(self.A)
         all_known = True
-        vars(asked).update(vars(self))
+        vars(classes).update(vars(self))
         for name in _BASIC_FIRST:
             try:
                 with limit.enforced():
-                    answer = getattr(asked, name)
+                    answer = getattr(classes, name)
                 if all_known or answer.holds is not None:  # an unknown may rest on what a limit left open
                     vars(self)[name] = answer
             except (OutOfTime, MemoryError) as error:
                 all_known = False
-                vars(asked)[name] = unknown = Answer(None, limit.undecided(error))
-                if name == "h_plus":  # nor are others that rest on it asked for it once more
-                    vars(asked)["h"] = unknown
+                vars(classes)[name] = unknown = Answer(None, limit.undecided(error))
+                if name == "h_plus":  # nor do the answers that rest on it compute it once more
+                    vars(classes)["h"] = unknown
                 if name == "definite":
-                    vars(asked)["_definiteness"] = unknown, unknown
-        return asked
+                    vars(classes)["_definiteness"] = unknown, unknown
+        return classes
 
     def __str__(self) -> str:
         return "\n".join(f"{title:<29} {getattr(self, name)}" for name, title in NAMES.items())
@@ -238,8 +238,8 @@ class MatrixClasses(ReadOnly, Shown):
         """Semidefinite, or within rounding errors of a matrix that is, such as a computed BᵀB; `reason` says which."""
         if self.semidefinite.holds:
             return self.semidefinite
-        found = semidefinite_up_to_rounding(self.A)
-        return found if found.holds else self.semidefinite
+        answer = semidefinite_up_to_rounding(self.A)
+        return answer if answer.holds else self.semidefinite
 
     @cached_property
     def p(self) -> Answer:

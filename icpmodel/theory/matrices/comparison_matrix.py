@@ -58,12 +58,12 @@ def comparison_matrix(A: Any) -> sp.csr_array:
 def z_matrix(A: sp.csr_array) -> Answer:
     """Whether no entry off the diagonal is positive; the witness of False is (i, j) with a_ij > 0."""
     rows = row_of(A)
-    found = np.flatnonzero((A.data > 0) & (rows != A.indices))
-    if not found.size:
+    positive = np.flatnonzero((A.data > 0) & (rows != A.indices))
+    if not positive.size:
         return Answer(True, "no positive entry off the diagonal")
-    i = int(rows[found[0]])
-    j = int(A.indices[found[0]])
-    return Answer(False, f"A[{i}, {j}] = {A.data[found[0]]:g} is positive", (i, j))
+    i = int(rows[positive[0]])
+    j = int(A.indices[positive[0]])
+    return Answer(False, f"A[{i}, {j}] = {A.data[positive[0]]:g} is positive", (i, j))
 
 
 def positive_diagonal(A: sp.csr_array) -> Answer:

@@ -57,12 +57,12 @@ def definiteness(A: sp.csr_array) -> tuple[Answer, Answer]:
         if rows.holds is False and exact_sum(A.data[(rows.witness[[row_of(A), A.indices]] != 0).all(axis=0)]) <= 0:
             definite = Answer(False, "x'Ax <= 0 for the witness x", rows.witness)
     if definite.holds is None or semidefinite.holds is None:
-        found = _by_pivots(A)
-        if found.holds is not None:
-            return found, found
+        by_pivots = _by_pivots(A)
+        if by_pivots.holds is not None:
+            return by_pivots, by_pivots
         if n <= _RATIONAL:
             return _in_fractions(A)
-        definite, semidefinite = (found if answer.holds is None else answer for answer in (definite, semidefinite))
+        definite, semidefinite = (by_pivots if answer.holds is None else answer for answer in (definite, semidefinite))
     return definite, semidefinite
 
 

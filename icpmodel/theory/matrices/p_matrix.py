@@ -83,9 +83,9 @@ def by_pivots(A: sp.csr_array) -> Answer:
     # what left the normal range is known up to the smallest float, or not at all
     lost = np.where((A.toarray() != 0) & (np.abs(scaled) < 2.0**-1000), SMALLEST, 0.0)
     rad = np.where(np.isfinite(scaled), lost, np.inf)
-    found, undecided = search_minors(scaled, rad, 10**6 // n**3 + 1)
-    if found:
-        return _not_p(_members(found))
+    index_set, undecided = search_minors(scaled, rad, 10**6 // n**3 + 1)
+    if index_set:
+        return _not_p(_members(index_set))
     for bits in undecided:  # mostly it is 0
         chosen = _members(bits)
         failed = eliminate(rationals(A), chosen)
@@ -110,8 +110,8 @@ def search_minors(mid: Any, rad: Any, most: int) -> tuple[int, NDArray[np.int64]
     rads[0] = rad
     levels = np.empty(m + 1, dtype=np.int64)
     undecided = np.empty(most, dtype=np.int64)
-    found, count = search_pivots(mids, rads, levels, undecided)
-    return found, undecided[:count]
+    index_set, count = search_pivots(mids, rads, levels, undecided)
+    return index_set, undecided[:count]
 
 
 def _members(bits: int) -> list[int]:
