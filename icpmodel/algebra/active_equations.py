@@ -153,11 +153,11 @@ class Elimination:
             return self._solver(f, tolerance, transposed)
         matrix = self._problem.matrix
         free = self._free
-        held = np.where(self._active, f, 0.0)
-        part = self._solver(f[free] if transposed else (f - matrix.product(held))[free], tolerance, transposed)
+        x_active = np.where(self._active, f, 0.0)
+        part = self._solver(f[free] if transposed else (f - matrix.product(x_active))[free], tolerance, transposed)
         if part is None:
             return None
-        x = held
+        x = x_active
         x[free] = part
         if transposed:
             y = np.where(self._active, 0.0, x)

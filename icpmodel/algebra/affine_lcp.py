@@ -115,7 +115,7 @@ class AffineLcp:
         """Right-hand sides, shape (n,) or one in each row, with those of the rows above, where d is `D`."""
         return Q if self.rows is None else np.concatenate([Q, self.weight * D[..., self.rows]], axis=-1)
 
-    def held(self, y: Vector) -> tuple[Any, Any]:
+    def active_rows(self, y: Vector) -> tuple[Any, Any]:
         """Masks, shape (n,), of the rows at an obstacle and of those at the upper one, where the pivots end with `y`.
 
         The second mask is None where there is no upper obstacle.
@@ -203,13 +203,13 @@ def some_pivots(state: Any, entering: int, most: int) -> Any:
     while True:
         count = min(piece, most)
         work.check_budget(min(count, n) * price)
-        found = go_on(*state, entering, count)
+        result = go_on(*state, entering, count)
         # as many pivots as were asked for, or at the end one at least for each entry of y
-        work.count(price * (count if found[0] == UNFINISHED else np.count_nonzero(found[2]) + 1))
+        work.count(price * (count if result[0] == UNFINISHED else np.count_nonzero(result[2]) + 1))
         most = most - count
-        entering = found[1]
-        if found[0] != UNFINISHED or most == 0:
-            return found
+        entering = result[1]
+        if result[0] != UNFINISHED or most == 0:
+            return result
 
 
 def _inverse(G: Matrix | Vector) -> Matrix:

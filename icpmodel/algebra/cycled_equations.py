@@ -57,9 +57,9 @@ class CycledEquations:
     def product(self, y: Vector, transposed: bool = False) -> Vector:
         """Jy, or Jᵀy."""
         if transposed:
-            held = np.where(self._active, y, 0.0)
-            image = self._level(True).problem.product(y - held) + held
-            return image if self._J is None else image - self._J.T @ held
+            y_active = np.where(self._active, y, 0.0)
+            image = self._level(True).problem.product(y - y_active) + y_active
+            return image if self._J is None else image - self._J.T @ y_active
         image = self._level(False).problem.product(y)
         np.copyto(image, y if self._J is None else y - self._J @ y, where=self._active)
         return image

@@ -83,8 +83,8 @@ class Pattern(NamedTuple):
         """From r = z − ψ, `above` = z − ψ̄ and a = p/Ω."""
         if above is None:
             return cls(r, r < a)
-        taken = above > a
-        return cls(np.where(taken, above, r), (r < a) | taken, taken)
+        at_upper = above > a
+        return cls(np.where(at_upper, above, r), (r < a) | at_upper, at_upper)
 
     def sides(self) -> tuple[Mask, ...]:
         """The rows that take the obstacle below, and where there is one above, those that take that one."""
@@ -259,22 +259,22 @@ class ShiftedEquations:
         whole = self.costs.fill
         part = whole._replace(rows=rows.size, entries=share**2 * whole.entries, flops=share**2 * whole.flops)
         direct = min(work.factor_cost(part), work.dense_cost(rows.size, matrix.is_symmetric))
-        found = None
+        x_free = None
         if self.iterative:
             most = int(min(rows.size, min(direct, self.costs.again) / krylov_step_cost(matrix, share)))
             self.iterative = _few_steps_may_do(matrix) or shifted_cost(matrix)[0] < self.costs.again
             if self.iterative and most > 0:
                 by_steps = conjugate_gradients if matrix.is_nearly_symmetric else conjugate_residuals
-                found = by_steps(self._shifted(rows, D), f[rows], most)
-                self.iterative = found is not None or briefly  # with a smaller D they will not do better
-        if found is None and self.costs.again < direct:
+                x_free = by_steps(self._shifted(rows, D), f[rows], most)
+                self.iterative = x_free is not None or briefly  # with a smaller D they will not do better
+        if x_free is None and self.costs.again < direct:
             x_of_all = self._by_all_rows(free, D, f, tolerance)
             if x_of_all is not None or briefly:
                 return x_of_all
-        if found is None and (found := self._by_free_rows(rows, D, f[rows], tolerance)) is None:
+        if x_free is None and (x_free := self._by_free_rows(rows, D, f[rows], tolerance)) is None:
             return None
         x = np.zeros(free.size)
-        x[rows] = found
+        x[rows] = x_free
         return x
 
     def _shifted(self, rows: NDArray[np.intp], D: Vector) -> sp.csr_array:

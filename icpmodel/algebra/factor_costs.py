@@ -60,10 +60,10 @@ _COSTS: WeakKeyDictionary[Matrix, FactorCosts] = WeakKeyDictionary()
 
 def factor_costs(matrix: Matrix) -> FactorCosts:
     """The costs of factors of `matrix`, found out once."""
-    found = _COSTS.get(matrix)
-    if found is None:
-        found = _COSTS[matrix] = FactorCosts(matrix)
-    return found
+    costs = _COSTS.get(matrix)
+    if costs is None:
+        costs = _COSTS[matrix] = FactorCosts(matrix)
+    return costs
 
 
 def newton_cost(facts: Facts) -> float:

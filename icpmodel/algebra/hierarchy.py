@@ -35,8 +35,8 @@ class NoHierarchy(Exception):
 class Level:
     """A of one level, that of `problem`, CSR, shape (m, m), with its diagonal; it never changes once it is made.
 
-    Where there is a coarser level, `P`, CSR, shape (m, m_coarse), interpolates from it, and `kept`, shape (m_coarse,),
-    are the points that are on it as well: P leaves their values alone.
+    Where there is a coarser level, `P`, CSR, shape (m, m_coarse), interpolates from it. Its unknowns
+    are the `coarse_points`, shape (m_coarse,), of this level, whose values P leaves alone.
     """
 
     def __init__(self, problem: ProblemData) -> None:
@@ -46,13 +46,13 @@ class Level:
             raise NoHierarchy
         self.inverse = 1.0 / self.diagonal
         self.P: Any = None
-        self.kept: Any = None
+        self.coarse_points: Any = None
 
     def transposed(self) -> Level:
         """That of Aᵀ."""
         A = self.A.T.tocsr()
         level = Level(ProblemData.of_checked(A, np.zeros(A.shape[0]), 0.0))
-        level.P, level.kept = self.P, self.kept
+        level.P, level.coarse_points = self.P, self.coarse_points
         return level
 
 
@@ -87,15 +87,15 @@ class Hierarchy:
         price = hierarchy_cost(problem.n, problem.nnz)
         work.check_budget(price, HIERARCHY_BYTES * problem.nnz)
         finest = Level(problem)
-        found = _LAST.get(problem.matrix)
-        if found is None:
+        cached = _LAST.get(problem.matrix)
+        if cached is None:
             _LAST.clear()
             counted = work.done()
-            found = _LAST[problem.matrix] = _coarser(finest)
+            cached = _LAST[problem.matrix] = _coarser(finest)
             work.count(counted - work.done())
-        if isinstance(found, NoHierarchy):
+        if isinstance(cached, NoHierarchy):
             raise NoHierarchy
-        finest.P, finest.kept, coarser = found
+        finest.P, finest.coarse_points, coarser = cached
         work.count(price)
         self.levels = [finest, *coarser]
         self._dense = self.levels[-1].A.toarray()
@@ -106,7 +106,7 @@ class Hierarchy:
         vars(self).pop("transposed", None)
         self._free = [free] * (top + 1)
         for level in self.levels[top:-1]:
-            free = free[level.kept]
+            free = free[level.coarse_points]
             self._free.append(free)
         self._rows = np.flatnonzero(free)
         vars(self).pop("_inverse", None)
@@ -181,8 +181,8 @@ class Hierarchy:
         return x
 
 
-#: P and `kept` of the finest level and the levels below it, or why there are none, of the matrix that was asked for
-#: last: those of all would hold three times as much memory as the matrices themselves
+#: of the last matrix: P and `coarse_points` of the finest level and the levels below it, or why there are none.
+#: Those of all matrices would need three times as much memory as the matrices themselves
 _LAST: WeakKeyDictionary[Matrix, tuple[Any, Any, list[Level]] | NoHierarchy] = WeakKeyDictionary()
 
 
@@ -198,11 +198,11 @@ def _coarser(finest: Level) -> tuple[Any, Any, list[Level]] | NoHierarchy:
             raise NoHierarchy
     except NoHierarchy as error:
         return error.with_traceback(None)  # its frames hold the levels
-    return finest.P, finest.kept, levels[1:]
+    return finest.P, finest.coarse_points, levels[1:]
 
 
 def _coarsened(last: Level) -> Level | None:
-    """One more level below `last`, which gets P and `kept`; None where there is none."""
+    """One more level below `last`, which gets P and `coarse_points`; None where there is none."""
     work.check_budget(hierarchy_cost(last.A.shape[0], last.A.nnz))
     # direct interpolation costs least and is made for M-matrices
     made = ruge_stuben(last.A, interpolation="direct", max_coarse=_COARSEST, max_levels=2, keep=True).levels
@@ -210,6 +210,6 @@ def _coarsened(last: Level) -> Level | None:
         return None
     if not np.isfinite(made[1].A.data).all():
         raise NoHierarchy
-    last.P, last.kept = sp.csr_array(made[0].P), np.flatnonzero(made[0].splitting)
+    last.P, last.coarse_points = sp.csr_array(made[0].P), np.flatnonzero(made[0].splitting)
     last.P.sort_indices()  # as `row_sum` wants them; PyAMG makes them so, and promises nothing
     return Level(ProblemData(sp.csr_array(made[1].A), np.zeros(made[1].A.shape[0])))

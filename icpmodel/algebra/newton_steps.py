@@ -41,7 +41,7 @@ def newton_steps(hierarchy: Hierarchy, problem: ProblemData, z: Vector, top: int
     omega = level.diagonal
     sweep = sweep_with_flow(problem)
     newton: GCR | None = None
-    taken: Pattern | None = None
+    last_pattern: Pattern | None = None
     while True:
         p = problem.p(z)
         if moves:
@@ -51,15 +51,15 @@ def newton_steps(hierarchy: Hierarchy, problem: ProblemData, z: Vector, top: int
             omega = level.diagonal / np.maximum(1.0 - own, LEAST_SLOPE)
         pattern = Pattern.at(problem, z, p, omega)
         work.count(0.5 * work.COSTS.newton)
-        if taken is None or not pattern.same_sides(taken):
+        if last_pattern is None or not pattern.same_sides(last_pattern):
             # whose rest is that of the z before, if the pattern comes back
             z = swept(sweep, z, SWEEPS)
             newton = None
             p = problem.p(z)
             pattern = Pattern.at(problem, z, p, omega)
         yield z, problem.residual_of(p, problem.r(z), problem.r_upper(z))
-        if newton is None or taken is None or moves or not pattern.same_sides(taken):
-            taken = pattern
+        if newton is None or last_pattern is None or moves or not pattern.same_sides(last_pattern):
+            last_pattern = pattern
             J = derivative(problem.psi, z, pattern.above) if moves else None
             equations = CycledEquations(hierarchy, top, pattern.active, J)
             f = -np.where(pattern.active, pattern.r, p)

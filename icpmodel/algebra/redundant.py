@@ -54,8 +54,8 @@ def _of_empty_rows(problem: ProblemData, low: Vector, high: Vector, c: Vector) -
     q = problem.q
     side = np.where(q > 0, low, np.where(q < 0, high, np.minimum(np.maximum(0.0, low), high)))
     unseen = np.bincount(A.indices[A.data != 0], minlength=problem.n) == 0
-    taken = empty & np.isfinite(side) & ((q != 0) | unseen)
-    c[taken] = side[taken]
+    redundant = empty & np.isfinite(side) & ((q != 0) | unseen)
+    c[redundant] = side[redundant]
 
 
 def _substituted(problem: ProblemData, known: Mask, c: Vector, low: Vector, high: Vector) -> ProblemData:

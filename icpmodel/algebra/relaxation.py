@@ -93,14 +93,14 @@ def as_diagonal(value: float | Vector, n: int, name: str) -> Vector:
 
 def check_diagonal(method: Any, name: str, *, positive: bool = True) -> None:
     """Check one diagonal (a number or vector) of a frozen method and keep it as a float or a float64 vector."""
-    given = getattr(method, name)
-    if isinstance(given, float) and (0.0 < given < np.inf or (not positive and -np.inf < given < np.inf)):
+    option = getattr(method, name)
+    if isinstance(option, float) and (0.0 < option < np.inf or (not positive and -np.inf < option < np.inf)):
         return
-    value = as_vector(given, None if axes(given, name) else 1, name)
+    value = as_vector(option, None if axes(option, name) else 1, name)
     if positive and not (value > 0).all():
         raise InputError(f"{name} has the entry {value.min():g}; positive numbers were expected")
     value.flags.writeable = False
-    object.__setattr__(method, name, value if np.ndim(given) else float(value[0]))
+    object.__setattr__(method, name, value if np.ndim(option) else float(value[0]))
 
 
 def sor(problem: ProblemData, omega: float) -> tuple[float, Vector]:

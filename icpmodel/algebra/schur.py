@@ -125,8 +125,8 @@ def elimination(problem: ProblemData, most: Callable[[], float]) -> SchurComplem
 def _made(matrix: Matrix, rows: NDArray[np.intp]) -> SchurComplement | None:
     shift = 1.0 / matrix.row_weights[rows]
     A = _linked(matrix.sparse, rows, shift)
-    found = factors_and_schur(A, rows)
-    return None if found is None else SchurComplement(matrix, rows, *found, shift)
+    factors = factors_and_schur(A, rows)
+    return None if factors is None else SchurComplement(matrix, rows, *factors, shift)
 
 
 def _linked(A: sp.csr_array, rows: NDArray[np.intp], shift: Vector) -> sp.csr_array:

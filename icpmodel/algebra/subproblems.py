@@ -89,15 +89,15 @@ class Blocks:
         core[np.concatenate([*self.parts, self.rows[:0]])] = True
         return blocks(self.problem, core)
 
-    def forward(self, z: Vector, wanted: Mask) -> tuple[Vector, Mask]:
-        """`z` with the `wanted` blocks solved in turn, and which of them are solved, as far as the kernel knows.
+    def forward(self, z: Vector, selected: Mask) -> tuple[Vector, Mask]:
+        """`z` with the `selected` blocks solved in turn, and which of them are solved, as far as the kernel knows.
 
         References
         ----------
         Cottle, Pang and Stone, The Linear Complementarity Problem (1992), section 4.4.
         """
-        if not wanted.any():
-            return z, wanted
+        if not selected.any():
+            return z, selected
         from .kernels.blocks import solve_blocks  # loads numba
 
         A = self.problem.A
@@ -110,8 +110,8 @@ class Blocks:
         if psi.upper is not None and psi.upper.linear is not None:
             H, d = psi.upper.linear
             above = (H.indptr, H.indices, H.data), d
-        given = read_only((A.indptr, A.indices, A.data, self.problem.q, c, slopes, above))
-        return z, solve_blocks(*given, self.rows, self.starts, wanted, PIVOTS, z)
+        arrays = read_only((A.indptr, A.indices, A.data, self.problem.q, c, slopes, above))
+        return z, solve_blocks(*arrays, self.rows, self.starts, selected, PIVOTS, z)
 
 
 def blocks(problem: ProblemData, core: Mask | None = None) -> Blocks | None:

@@ -182,14 +182,14 @@ class Method(ReadOnly, Shown, ABC):
         """
 
     def __repr__(self) -> str:
-        given = []
+        options = []
         for option in fields(self):
             value = getattr(self, option.name)
             if isinstance(value, np.ndarray):
-                given.append(f"{option.name}=<{value.size} values>")
+                options.append(f"{option.name}=<{value.size} values>")
             elif value is not option.default and not (np.isscalar(value) and value == option.default):
-                given.append(f"{option.name}={value:.6g}" if isinstance(value, float) else f"{option.name}={value!r}")
-        return f"{type(self).__name__}({', '.join(given)})"
+                options.append(f"{option.name}={value:.6g}" if isinstance(value, float) else f"{option.name}={value!r}")
+        return f"{type(self).__name__}({', '.join(options)})"
 
 
 class FixedPoint(Method):
@@ -259,8 +259,8 @@ def named(name: str, /, **options: Any) -> Method:
     icpmodel.errors.InputError: mnmgs has no option theta1; it takes phi, phi1, phi2
     """
     if not isinstance(name, str) or name.lower() not in names():
-        wanted = f"; one of {', '.join(names())} or a Method object was expected"
-        raise InputError(f"method is {described(name)}{did_you_mean(name, names()) or wanted}")
+        expected = f"; one of {', '.join(names())} or a Method object was expected"
+        raise InputError(f"method is {described(name)}{did_you_mean(name, names()) or expected}")
     cls = _REGISTRY[name.lower()]
     known = [option.name for option in fields(cls)]
     for option in options:

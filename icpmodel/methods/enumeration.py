@@ -66,11 +66,11 @@ class Enumerate(Method):
             undecided = []
             for batch in rows.batches():
                 undecided.append(batch.sides[~batch.empty])
-                for found in batch.z[~batch.empty]:
-                    if np.isfinite(found).all():
-                        residual = problem.residual(found)
-                        best = min(best, (residual, found), key=lambda pair: pair[0])
-                        yield found, residual
+                for candidate in batch.z[~batch.empty]:
+                    if np.isfinite(candidate).all():
+                        residual = problem.residual(candidate)
+                        best = min(best, (residual, candidate), key=lambda pair: pair[0])
+                        yield candidate, residual
             if affine:
                 yield from _exactly(problem, np.concatenate(undecided))
             if best[1] is z:
@@ -81,12 +81,12 @@ class Enumerate(Method):
 def _exactly(problem: ProblemData, undecided: Sides) -> Iterator[Iterate]:
     """Solutions of the `undecided` pieces in fractions, rounded. Raises Infeasible where there are none."""
     exact = ExactRows(problem)
-    any_found = False
+    any_solution = False
     for sides in undecided:
         check_budget()
-        if (found := exact.solve(sides)) is not None:
-            any_found = True
-            yield np.array([nearest(x) for x in found.point]), None
-    if not any_found:
+        if (solutions := exact.solve(sides)) is not None:
+            any_solution = True
+            yield np.array([nearest(x) for x in solutions.point]), None
+    if not any_solution:
         reason = f"none of all {piece_count(problem):.0f} choices of active rows leaves a z with the right signs"
         raise Infeasible(Answer(True, f"no z solves the problem: {reason}"))

@@ -101,8 +101,8 @@ class Interior(Method):
                 return
             if (answer := recession.proof(path.z - path.resting[0])).holds:
                 raise Infeasible(answer)
-            if path.signs_repeat() and (found := path.by_signs()) is not None:
-                yield found, None
+            if path.signs_repeat() and (solution := path.by_signs()) is not None:
+                yield solution, None
             if not path.advance():
                 return
 
@@ -206,9 +206,9 @@ class InteriorPath:
         z, p, below, above = self.point
         pattern = Pattern.of(below, above, p / self.weights)
         with suppress(MapError):
-            found = self.steps.step(z, p, pattern, z, self.regularisation * self.weights, briefly=True)
-            if found is not None and np.isfinite(found[1]).all():
-                return found[0]
+            step = self.steps.step(z, p, pattern, z, self.regularisation * self.weights, briefly=True)
+            if step is not None and np.isfinite(step[1]).all():
+                return step[0]
         return None
 
     @np.errstate(all="ignore")

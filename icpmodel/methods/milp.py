@@ -98,10 +98,10 @@ class MixedInteger(Method):
         dense_matrix(problem)  # raises OutOfMemory where it does not fit
         for _ in range(1 if problem.psi.linear is not None else _LINEARISATIONS):
             best = (np.inf, z)
-            for found in _solutions(problem, z):
-                residual = problem.residual(found)
-                best = min(best, (residual, found), key=lambda pair: pair[0])
-                yield found, residual
+            for candidate in _solutions(problem, z):
+                residual = problem.residual(candidate)
+                best = min(best, (residual, candidate), key=lambda pair: pair[0])
+                yield candidate, residual
             if best[1] is z:
                 return
             z = best[1]
@@ -118,10 +118,10 @@ def _solutions(problem: ProblemData, z: Vector) -> Iterator[Vector]:
         return
     for limits in limits_in_turn(rows):
         cuts: list[Vector] = []
-        while len(cuts) < _CUTS and (found := active_set(rows, limits, cuts)) is not None:
+        while len(cuts) < _CUTS and (choice := active_set(rows, limits, cuts)) is not None:
             with suppress(SingularOperator, MapError):
-                yield solve_on(problem, z, found.active, found.above if problem.upper is not None else None)
-            cuts.append(found.binaries)
+                yield solve_on(problem, z, choice.active, choice.above if problem.upper is not None else None)
+            cuts.append(choice.binaries)
         if limits.certain and not cuts and problem.psi.linear is not None:
             reason = "HiGHS finds no choice of active rows, with bounds on p and r that all z with the right signs keep"
             raise Infeasible(Answer(True, f"no z solves the problem: {reason}"))
@@ -165,10 +165,10 @@ def _largest(objective: Vector, G: Dense, g: Vector, box: float) -> float | None
     """The largest objective · z for Gz + g ≥ 0 and |z_i| ≤ box, −∞ where there is no z, None where it is unknown."""
     from scipy.optimize import linprog
 
-    found = linprog(-objective, -G, g, bounds=(-box, box))
-    if found.status == 0:
-        return -float(found.fun)
-    return -math.inf if found.status == 2 else None
+    result = linprog(-objective, -G, g, bounds=(-box, box))
+    if result.status == 0:
+        return -float(result.fun)
+    return -math.inf if result.status == 2 else None
 
 
 def active_set(rows: LinearRows, most: MostOf, cuts: list[Vector]) -> ActiveRows | None:
@@ -191,20 +191,20 @@ def active_set(rows: LinearRows, most: MostOf, cuts: list[Vector]) -> ActiveRows
     highest = np.concatenate([np.full(n, np.inf), np.ones(2 * n)])
     options = {"mip_rel_gap": _ANY_GAP, "time_limit": work.seconds_left()}
     work.check_budget()
-    found = milp(
+    result = milp(
         np.append(objective, np.zeros(2 * n)),
         integrality=np.append(np.zeros(n), np.ones(2 * n)),
         bounds=Bounds(lowest, highest),
         constraints=[LinearConstraint(*one) for one in constraints if one[0].shape[0]],
         options=options,
     )
-    if found.status == 1:
+    if result.status == 1:
         raise OutOfTime("branch and bound did not end within the time limit")
-    if found.x is None:
+    if result.x is None:
         return None
-    lower = found.x[n : 2 * n] < 0.5
-    upper = found.x[2 * n :] < 0.5
-    return ActiveRows(lower | upper, upper & ~lower, np.round(found.x[n:]))
+    lower = result.x[n : 2 * n] < 0.5
+    upper = result.x[2 * n :] < 0.5
+    return ActiveRows(lower | upper, upper & ~lower, np.round(result.x[n:]))
 
 
 def _constraints(rows: LinearRows, most: MostOf) -> list[tuple[Any, Any, Any]]:

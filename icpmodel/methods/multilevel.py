@@ -66,8 +66,8 @@ class Multilevel(Method):
     memoryless: ClassVar[bool] = False
 
     def why_not(self, problem: ProblemData) -> str | None:
-        found = positive_diagonal(problem, "its smoother divides by the diagonal of A")
-        return found or (None if problem.facts.has_fixed_obstacle else problem.psi.no_derivative())
+        reason = positive_diagonal(problem, "its smoother divides by the diagonal of A")
+        return reason or (None if problem.facts.has_fixed_obstacle else problem.psi.no_derivative())
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         # never raises SingularOperator
@@ -152,8 +152,8 @@ def coarse_problem(problem: ProblemData, level: Level, coarser: Level) -> tuple[
     at a boundary do not lose their q.
     """
     P = level.P
-    kept = level.kept
+    coarse_points = level.coarse_points
     psi = problem.psi
     shift = -problem.q * level.inverse
-    shift[kept] = 0.0
-    return coarser.problem.with_q(P.T @ problem.p(shift)).with_psi(psi.composed(P, shift, kept)), shift
+    shift[coarse_points] = 0.0
+    return coarser.problem.with_q(P.T @ problem.p(shift)).with_psi(psi.composed(P, shift, coarse_points)), shift

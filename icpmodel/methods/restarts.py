@@ -74,10 +74,10 @@ class Restarts(Method):
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         best = problem.residual(z)
         yield z, best
-        for found, residual in self._candidates(problem, z):
+        for candidate, residual in self._candidates(problem, z):
             if residual < best:
                 best = residual
-                yield found, residual
+                yield candidate, residual
 
     def _candidates(self, problem: ProblemData, z: Vector) -> Iterator[tuple[Vector, float]]:
         """All that the tries find, with the residuals."""
@@ -92,12 +92,12 @@ class Restarts(Method):
         start = z
         for k in range(self.tries):
             with suppress(MapError):
-                if lcp is not None and (found := _pivoted(problem, lcp, rng)) is not None:
-                    yield found, problem.residual(found)
+                if lcp is not None and (candidate := _pivoted(problem, lcp, rng)) is not None:
+                    yield candidate, problem.residual(candidate)
             if has_newton and k % every == 0:
                 with suppress(MapError):
-                    for found, residual in islice(Newton().iterates(problem, start), _STEPS):
-                        yield found, problem.residual(found) if residual is None else residual
+                    for candidate, residual in islice(Newton().iterates(problem, start), _STEPS):
+                        yield candidate, problem.residual(candidate) if residual is None else residual
                 start = start_above(problem, z, scale, rng)
 
 
@@ -124,5 +124,5 @@ def _pivoted(problem: ProblemData, lcp: AffineLcp, rng: np.random.Generator) -> 
     if ended != SOLVED:
         return None
     with suppress(SingularOperator, MapError):
-        return solve_on(problem, lcp.z(y), *lcp.held(y))
+        return solve_on(problem, lcp.z(y), *lcp.active_rows(y))
     return lcp.z(y)

@@ -82,8 +82,8 @@ class Lemke(Shortcut):
 
     def why_not(self, problem: ProblemData) -> str | None:
         if problem.psi.linear is None and not problem.facts.has_fixed_obstacle:
-            wanted = "constant or affine, or dependent on z_i alone with a slope below 1"
-            return f"pivoting needs a psi that is {wanted}, not {problem.psi!r}"
+            expected = "constant or affine, or dependent on z_i alone with a slope below 1"
+            return f"pivoting needs a psi that is {expected}, not {problem.psi!r}"
         return too_large(problem.facts)
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
@@ -118,7 +118,7 @@ class Lemke(Shortcut):
                 break
         if ended == SOLVED:
             with suppress(SingularOperator):  # then what the pivots found has to do
-                z = solve_on(problem, z, *lcp.held(y))
+                z = solve_on(problem, z, *lcp.active_rows(y))
                 yield z, None
             return
         _prove(problem, lcp.joined(ray)[: problem.n])
@@ -212,16 +212,16 @@ class Tridiagonal(Shortcut):
         c = problem.facts.obstacle
         top = problem.facts.upper_obstacle
         matrix = bands(A.indptr, A.indices, A.data)
-        held = c if top is None else c.copy()
+        obstacle = c if top is None else c.copy()
         free = release(*matrix, q, c)
         ended = UNSETTLED
         rounds = 0
         while ended == UNSETTLED and rounds < _ROUNDS:
-            found, ended = newton(*matrix, q, c, top, held, free, _STEPS)
+            candidate, ended = newton(*matrix, q, c, top, obstacle, free, _STEPS)
             rounds += 1
             work.count(work.sweep(problem.n, problem.nnz))
-            if np.isfinite(found).all():
-                z = found
+            if np.isfinite(candidate).all():
+                z = candidate
                 yield z, None
         for _ in range(_REFINEMENTS if ended == SETTLED else 0):
             z = refine(*matrix, q, free, z)

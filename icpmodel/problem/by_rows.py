@@ -117,18 +117,18 @@ class ByRows(Shown):
         """
         lo = int(as_number(lo, "lo", least=0, most=self.n, whole=True))
         hi = int(as_number(hi, "hi", least=lo, most=self.n, whole=True))
-        found = self.rows(lo, hi)
+        block = self.rows(lo, hi)
         called = f"of rows({lo}, {hi})"
-        if not isinstance(found, tuple) or len(found) not in (3, 4):
-            what = f"a tuple of {len(found)}" if isinstance(found, tuple) else described(found)
+        if not isinstance(block, tuple) or len(block) not in (3, 4):
+            what = f"a tuple of {len(block)}" if isinstance(block, tuple) else described(block)
             raise InputError(f"{called[3:]} is {what}; LocalRows, or A, q, psi and perhaps upper, were expected")
-        A = as_rows(found[0], f"A {called}")
+        A = as_rows(block[0], f"A {called}")
         if A.shape != (hi - lo, self.n):
             raise InputError(f"A {called} has shape {A.shape}; {(hi - lo, self.n)} was expected")
-        none = len(found) < 4 or found[3] is None
+        none = len(block) < 4 or block[3] is None
         if hi == lo:
             return LocalRows(A, np.zeros(0), np.zeros(0), None if none else np.zeros(0))
-        q = as_vector(found[1], hi - lo, f"q {called}")
-        psi = as_vector(found[2], hi - lo, f"psi {called}", infinite=-np.inf)
-        below = None if none else as_vector(np.negative(found[3]), hi - lo, f"-upper {called}", infinite=-np.inf)
+        q = as_vector(block[1], hi - lo, f"q {called}")
+        psi = as_vector(block[2], hi - lo, f"psi {called}", infinite=-np.inf)
+        below = None if none else as_vector(np.negative(block[3]), hi - lo, f"-upper {called}", infinite=-np.inf)
         return LocalRows(A, q, psi, None if below is None else -below)

@@ -241,8 +241,8 @@ class ProblemData(PointValues):
         (array([ 2., -1.]), array([0. , 2.5]))
         """
         problem = cls(A, -as_vector(b, None, "b"))
-        if (found := np.shape(findex)) != (problem.n,):
-            raise InputError(f"findex has shape {found}; shape ({problem.n},) was expected")
+        if (shape := np.shape(findex)) != (problem.n,):
+            raise InputError(f"findex has shape {shape}; shape ({problem.n},) was expected")
         return problem.with_psi(FrictionIndex(lo, hi, findex))
 
     def _with(self, q: Vector, psi: Map, facts: Facts | None) -> Self:
@@ -284,8 +284,8 @@ class ProblemData(PointValues):
         self.__setattr__(name, None)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        given = (self.A, self.q, self.psi)
-        return type(self), given if self.f is None else (*given, None, self.f.map)
+        arguments = (self.A, self.q, self.psi)
+        return type(self), arguments if self.f is None else (*arguments, None, self.f.map)
 
     def with_q(self, q: Any) -> Self:
         """The problem with another `q`, shape (n,); A, ψ, f and the facts about them are shared.
@@ -456,10 +456,10 @@ def as_problem(problem: ProblemLike, *, nonlinear: bool = False) -> ProblemData:
     NotApplicable
         Where p is nonlinear, unless `nonlinear` says that it may be.
     """
-    found = _problem_data(problem)
-    if found.f is not None and not nonlinear:
+    data = _problem_data(problem)
+    if data.f is not None and not nonlinear:
         raise NotApplicable(NONLINEAR)
-    return found
+    return data
 
 
 def _problem_data(problem: ProblemLike) -> ProblemData:
@@ -468,10 +468,10 @@ def _problem_data(problem: ProblemLike) -> ProblemData:
     if isinstance(problem, str):
         raise InputError(f"problem is {problem!r}; an ICP was expected: icpmodel.scenes.scene makes a scene of a name")
     make = getattr(problem, "icp", None)
-    found = make() if callable(make) else getattr(problem, "problem", None)
-    if not isinstance(found, ProblemData):
-        wanted = "an ICP, or what holds one such as a scene, was expected"
+    candidate = make() if callable(make) else getattr(problem, "problem", None)
+    if not isinstance(candidate, ProblemData):
+        expected = "an ICP, or what holds one such as a scene, was expected"
         if isinstance(problem, list | tuple) or hasattr(problem, "shape"):
-            wanted = f"{wanted}: {HOW_TO_BUILD}"
-        raise InputError(f"problem is {described(problem)}; {wanted}")
-    return found
+            expected = f"{expected}: {HOW_TO_BUILD}"
+        raise InputError(f"problem is {described(problem)}; {expected}")
+    return candidate

@@ -42,8 +42,8 @@ def colours(pattern: sp.csr_array) -> NDArray[np.intp]:
     touched = sp.csr_array(abs(pattern).T @ abs(pattern))
     colour = np.full(pattern.shape[1], -1, dtype=np.intp)
     for j in range(colour.size):
-        taken = set(colour[touched.indices[touched.indptr[j] : touched.indptr[j + 1]]].tolist())
-        colour[j] = next(k for k in range(len(taken) + 1) if k not in taken)
+        used = set(colour[touched.indices[touched.indptr[j] : touched.indptr[j + 1]]].tolist())
+        colour[j] = next(k for k in range(len(used) + 1) if k not in used)
     return colour
 
 

@@ -100,8 +100,8 @@ class Elementwise(Parametrised):
         return "psi has no derivative: give `derivative` to Elementwise" if self.derivative is None else None
 
     def restricted(self, rows: NDArray[np.intp], z: Vector) -> Map:
-        given = self.given_lipschitz
-        lipschitz = given if given is None or given.ndim == 0 else given[rows]
+        constants = self.given_lipschitz
+        lipschitz = constants if constants is None or constants.ndim == 0 else constants[rows]
         return Elementwise(self.f, self.derivative, lipschitz, self.c[rows]).bind(rows.size)
 
     def _entrywise(self, f: Callable[[Any], Any], z: Vector, name: str) -> Vector:
@@ -115,11 +115,12 @@ class Elementwise(Parametrised):
         return f"Elementwise({getattr(self.f, '__name__', 'f')})"
 
 
-def _range(given: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _range(slope_range: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """(m, M), m finite and m ≤ M. Raises InputError."""
-    if not isinstance(given, tuple | list) or len(given) != 2:
-        raise InputError(f"psi.slope_range is {given!r}; a pair (m, M) was expected, as (0, inf) for a nondecreasing f")
-    m, M = (as_float64(side, "psi.slope_range") for side in given)
+    if not isinstance(slope_range, tuple | list) or len(slope_range) != 2:
+        expected = "a pair (m, M) was expected, as (0, inf) for a nondecreasing f"
+        raise InputError(f"psi.slope_range is {slope_range!r}; {expected}")
+    m, M = (as_float64(side, "psi.slope_range") for side in slope_range)
     if not (np.isfinite(m).all() and (m <= M).all()):
         raise InputError(f"psi.slope_range is ({m}, {M}); finite m <= M were expected")
     return locked(m), locked(M)

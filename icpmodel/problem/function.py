@@ -93,8 +93,8 @@ class Function(Parametrised):
                 return None
             matrix: Any = jacobian_by_differences(self.value, z, self.links, self._colours)
         else:
-            given = derivative
-            matrix = raising_map_error(lambda: given(z.copy()), "psi.jacobian")
+            function = derivative
+            matrix = raising_map_error(lambda: function(z.copy()), "psi.jacobian")
         try:
             return as_csr(matrix, "psi.jacobian(z)", z.size)
         except InputError as error:

@@ -113,8 +113,8 @@ class Intervention(Map):
             return super().data_change(z, change, name)
         rows = np.arange(z.size)
         target = self.best_jump(z)[1]
-        found = self._of_gains(change, name)[rows, np.maximum(target, 0)]
-        return None, np.where(target < 0, 0.0, np.asarray(found).reshape(-1))
+        changes = self._of_gains(change, name)[rows, np.maximum(target, 0)]
+        return None, np.where(target < 0, 0.0, np.asarray(changes).reshape(-1))
 
     def data_gradient(self, z: Vector, weight: Vector) -> Any:
         jumps = self.jumps
@@ -229,8 +229,8 @@ class Intervention(Map):
         value = call_user(lambda: pair[0], z.shape, "psi")
         if (wrong := (target < 0) & (value != self.none) & ~np.isnan(value)).any():
             i = int(np.argmax(wrong))
-            found = f"psi(z): row {i} has the value {value[i]:g} and the target -1, which stands for no jump"
-            raise MapError(f"{found}; the value {self.none}, or a target from 0 to {z.size - 1}, was expected")
+            actual = f"psi(z): row {i} has the value {value[i]:g} and the target -1, which stands for no jump"
+            raise MapError(f"{actual}; the value {self.none}, or a target from 0 to {z.size - 1}, was expected")
         return value, target
 
     def __repr__(self) -> str:

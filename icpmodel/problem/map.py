@@ -415,8 +415,8 @@ class Substituted(Map):
         if not (sp.issparse(self.P) and sp.issparse(P)) or np.ndim(self.factor):
             return super().composed(P, shift, rows, factor)
         # level upon level, ψ is asked once
-        kept = np.arange(self.P.shape[0])[self.rows][rows]
-        return Substituted(self.psi, self.P @ P, self._inner(shift), kept, factor * self.factor)
+        selected = np.arange(self.P.shape[0])[self.rows][rows]
+        return Substituted(self.psi, self.P @ P, self._inner(shift), selected, factor * self.factor)
 
     def __repr__(self) -> str:
         return f"Substituted({self.psi!r})"

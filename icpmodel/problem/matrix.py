@@ -158,8 +158,8 @@ class Matrix(ReadOnly):
         A = self.sparse
         image = np.empty(self.n)
         z = np.ascontiguousarray(z)
-        given = A.indptr, A.indices, A.data, z
-        run_in_threads(self.n, threads_for(self.nnz), lambda low, high: rows(*given, low, high, image))
+        arrays = A.indptr, A.indices, A.data, z
+        run_in_threads(self.n, threads_for(self.nnz), lambda low, high: rows(*arrays, low, high, image))
         return image
 
     @cached_property

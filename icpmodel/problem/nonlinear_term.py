@@ -60,19 +60,19 @@ class NonlinearTerm(Shown):
 
     def __init__(self, f: Any, n: int) -> None:
         if not isinstance(f, Affine | Elementwise | Function) and (isinstance(f, Map) or not callable(f)):
-            wanted = "a callable, Elementwise, Function or Affine was expected"
-            raise InputError(f"f is {described(f)}; {wanted}")
+            expected = "a callable, Elementwise, Function or Affine was expected"
+            raise InputError(f"f is {described(f)}; {expected}")
         with _about_f():
             self.map: Map = (f if isinstance(f, Map) else Function(f)).bind(n)
         self.n = n
         #: the last z and f′(z), which the judge and the next tangent both ask for
-        self._kept: tuple[Vector, sp.csr_array] | None = None
+        self._last_jacobian: tuple[Vector, sp.csr_array] | None = None
         if isinstance(self.map, Function) and self.map.no_derivative() is not None:
             if n > DENSE_UP_TO:
-                told = (
+                advice = (
                     f"for more than {DENSE_UP_TO} unknowns give Function(f, jacobian) or Function(f, sparsity=pattern)"
                 )
-                raise InputError(f"f has no derivative: {told}, or Elementwise(f) where f_i depends on z_i alone")
+                raise InputError(f"f has no derivative: {advice}, or Elementwise(f) where f_i depends on z_i alone")
             self.map = self.map.with_sparsity(np.ones((n, n)))
 
     @property
@@ -93,11 +93,11 @@ class NonlinearTerm(Shown):
         MapError
             Where the user's functions fail or f′(z) is not finite.
         """
-        kept = self._kept
-        if kept is not None and np.array_equal(kept[0], z):
-            return kept[1]
+        last = self._last_jacobian
+        if last is not None and np.array_equal(last[0], z):
+            return last[1]
         J = self._jacobian(z)
-        self._kept = (z.copy(), J)
+        self._last_jacobian = (z.copy(), J)
         return J
 
     def _jacobian(self, z: Vector) -> sp.csr_array:
@@ -130,10 +130,10 @@ class NonlinearTerm(Shown):
     @cached_property
     def slope_range(self) -> tuple[Vector, Vector] | None:
         """(m, M) with m_i ≤ (f_i(x) − f_i(y))/(x_i − y_i) ≤ M_i, shape (n,) each; None where that is not known."""
-        given = getattr(self.map, "slope_range", None)
-        if given is None:
+        slopes = getattr(self.map, "slope_range", None)
+        if slopes is None:
             return None
-        return np.broadcast_to(given[0], (self.n,)), np.broadcast_to(given[1], (self.n,))
+        return np.broadcast_to(slopes[0], (self.n,)), np.broadcast_to(slopes[1], (self.n,))
 
     def change(self, z: Vector, delta: Vector) -> Vector:
         """A bound on |f(x) − f(z)| for all |x − z| ≤ `delta`, infinite where nothing is known of the slopes.
@@ -167,8 +167,8 @@ class NonlinearTerm(Shown):
             if wrong.any():
                 i = int(np.argmax(wrong))
                 slope, (m, M) = moved[i] / z[i], (side[i] for side in self.slope_range)
-                found = f"f_{i} has the mean slope {slope:.6g} between z and 0"
-                return f"f.slope_range is wrong: {found}, outside of [{m:g}, {M:g}]"
+                actual = f"f_{i} has the mean slope {slope:.6g} between z and 0"
+                return f"f.slope_range is wrong: {actual}, outside of [{m:g}, {M:g}]"
         return ""
 
     def tangent(self, A: Matrix, z: Vector) -> tuple[Any, Vector]:

@@ -95,8 +95,8 @@ class TwoSidedObstacle(Map):
         return None if below is None or above is None else np.maximum(below, above)
 
     def isotone(self) -> bool | None:
-        found = {self.lower.isotone(), self.upper.isotone()}
-        return False if False in found else None if None in found else True
+        answers = {self.lower.isotone(), self.upper.isotone()}
+        return False if False in answers else None if None in answers else True
 
     def restricted(self, rows: NDArray[np.intp], z: Vector) -> Map:
         return self._of_both(lambda one: one.restricted(rows, z))
@@ -157,8 +157,8 @@ class Rowwise(Map):
             return None
         if not any(matrix.nnz for matrix in known):
             return known[0]
-        taken = (sp.diags_array((self.which == k).astype(np.float64)) @ matrix for k, matrix in enumerate(known))
-        matrix = sp.csr_array(sum(taken, start=sp.csr_array(known[0].shape)))
+        parts = (sp.diags_array((self.which == k).astype(np.float64)) @ matrix for k, matrix in enumerate(known))
+        matrix = sp.csr_array(sum(parts, start=sp.csr_array(known[0].shape)))
         matrix.sort_indices()  # which nobody can once it is read-only
         return matrix
 

@@ -74,8 +74,8 @@ class Parametrised(Map):
     """A map by a user's functions, of which one, where it is given, is ψ's derivative in the user's own parameters."""
 
     def __init__(self, parameter_derivative: Callable[[Vector], Any] | None) -> None:
-        given = parameter_derivative
-        self.parameter_derivative = None if given is None else as_function(given, "psi.parameter_derivative")
+        function = parameter_derivative
+        self.parameter_derivative = None if function is None else as_function(function, "psi.parameter_derivative")
 
     def data_change(self, z: Vector, change: Any, name: str) -> tuple[sp.csr_array | None, Vector]:
         if self.parameter_derivative is None:

@@ -37,12 +37,12 @@ def _by_differences(M, q, free, limit, y):
     whole, f = split(M, q, free)
     S, r, c = scale(whole)
     S, f, none, units, D, labels, work = begin(S, r, c, f, np.zeros(f.size, np.bool_))
-    found = go_on(S, f, none, units, D, labels, work, np.int64(START), limit)[2]
+    solution = go_on(S, f, none, units, D, labels, work, np.int64(START), limit)[2]
     second = y.size
     for i in range(y.size):
-        y[i] = found[i]
+        y[i] = solution[i]
         if free[i]:
-            y[i] -= found[second]
+            y[i] -= solution[second]
             second += 1
 
 

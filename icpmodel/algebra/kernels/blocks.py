@@ -50,17 +50,17 @@ def _block(indptr, indices, data, q, c, slopes, block, place, z):
 
 
 @compiled
-def solve_blocks(indptr, indices, data, q, c, slopes, above, rows, starts, wanted, pivots, z):
-    # the wanted blocks k, rows[starts[k] : starts[k + 1]], in turn: a row is a maximum, more are pivoted, G = `slopes`
+def solve_blocks(indptr, indices, data, q, c, slopes, above, rows, starts, selected, pivots, z):
+    # selected blocks k, rows[starts[k] : starts[k + 1]], in turn: a row is a maximum, more are pivoted, G = `slopes`
     # having no entry there. Returns which are solved: none that is not finite, or need not have one answer. `above` is
     # None, or (slopes, d) of the upper obstacle; then there are only rows. A block of b rows has up to (b + 1) times
     # `pivots`
-    solved = np.zeros(wanted.size, np.bool_)
+    solved = np.zeros(selected.size, np.bool_)
     place = np.empty(z.size, np.int32)
     for i in range(z.size):
         place[i] = -1
-    for k in range(wanted.size):
-        if not wanted[k]:
+    for k in range(selected.size):
+        if not selected[k]:
             continue
         block = rows[starts[k] : starts[k + 1]]
         b = block.size

@@ -60,16 +60,16 @@ def leaving(D, e, free, basic, place, ties):
             ties[count] = i
             count += 1
             least = min(least, max(D[i, n + 1], 0.0) / -D[i, e])
-    kept = 0
+    tied = 0
     most = least + _TIE * (1.0 + least)
     for at in range(count):
         i = ties[at]
         if max(D[i, n + 1], 0.0) <= most * -D[i, e]:
             if basic[i] == 2 * n:
                 return i
-            ties[kept] = i
-            kept += 1
-    count = kept
+            ties[tied] = i
+            tied += 1
+    count = tied
     if count == 0:
         return -1
     for k in range(n):
@@ -80,13 +80,13 @@ def leaving(D, e, free, basic, place, ties):
         least = np.inf
         for at in range(count):
             least = min(least, _of_inverse(D, ties[at], k, place) / -D[ties[at], e])
-        kept = 0
+        tied = 0
         for at in range(count):
             i = ties[at]
             if _of_inverse(D, i, k, place) / -D[i, e] <= least + _TIE * (1.0 + abs(least)):
-                ties[kept] = i
-                kept += 1
-        count = kept
+                ties[tied] = i
+                tied += 1
+        count = tied
     return ties[0]
 
 

@@ -71,15 +71,15 @@ def product(lower, diagonal, upper, q, z, p):
 
 
 @compiled
-def newton(lower, diagonal, upper, q, c, top, held, free, limit):
+def newton(lower, diagonal, upper, q, c, top, obstacle, free, limit):
     # steps z: p = 0 in the free rows, z = c in the others; free: p < diagonal * (z - c). With an upper obstacle, at
-    # `top`, else None, z = top where p < diagonal * (z - top). `free` is changed, and so is what the others are `held`
-    # at, which is c itself where there is one obstacle. Returns the last z, and how the steps ended
+    # `top`, else None, z = top where p < diagonal * (z - top). `obstacle` is z in the rows that are not free; it is c
+    # itself where there is one obstacle. It and `free` are changed. Returns the last z, and how the steps ended
     z = np.empty(q.size)
     p = np.empty(q.size)
     f = -q
     for _ in range(limit):
-        if not solve(lower, diagonal, upper, free, f, held, z):
+        if not solve(lower, diagonal, upper, free, f, obstacle, z):
             return z, NO_PIVOT
         product(lower, diagonal, upper, q, z, p)
         changed = False
@@ -90,8 +90,8 @@ def newton(lower, diagonal, upper, q, c, top, held, free, limit):
                 if opens and p[i] < diagonal[i] * (z[i] - top[i]):
                     opens = False
                     at = top[i]
-                changed |= not opens and at != held[i]
-                held[i] = at
+                changed |= not opens and at != obstacle[i]
+                obstacle[i] = at
             changed |= opens != free[i]
             free[i] = opens
         if not changed:

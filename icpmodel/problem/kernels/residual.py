@@ -38,7 +38,7 @@ def median(least, below, above):
 
 
 def _fma(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
-    return numba.float64(*[numba.float64] * 3), lambda context, builder, signature, given: builder.fma(*given)
+    return numba.float64(*[numba.float64] * 3), lambda context, builder, signature, operands: builder.fma(*operands)
 
 
 fma: Any = intrinsic(_fma)
