@@ -220,12 +220,12 @@ class Derivative(ReadOnly, Plotted):
     @cached_property
     def _tolerance(self) -> float:
         """That of linear systems which are solved by steps: the one of z, and no larger one than by default."""
-        asked = RTOL
+        tolerance = RTOL
         with suppress(MapError):
             scale = self.problem.residual_scale() or norm(self.z)
             if scale > 0.0 and not self.solution.accuracy:
-                asked = self.solution.tolerance / scale
-        return min(max(asked, _LEAST), RTOL)
+                tolerance = self.solution.tolerance / scale
+        return min(max(tolerance, _LEAST), RTOL)
 
     def solved(self, f: Vector, transposed: bool = False) -> Vector:
         """J⁻¹f, or J⁻ᵀf.
@@ -257,8 +257,8 @@ class Derivative(ReadOnly, Plotted):
             x = solve(f, self._tolerance)
             # all of f within the rounding of Jx: J is singular but for rounding
             if x is None or (f.any() and (np.abs(f) <= 16 * UNIT_ROUNDOFF * self._sizes(x, transposed)).all()):
-                told = "the equations of the active set are singular, or their solution overflows"
-                raise SingularOperator(f"{told}; where rows are undecided, one_sided may have an answer", 0)
+                reason = "the equations of the active set are singular, or their solution overflows"
+                raise SingularOperator(f"{reason}; where rows are undecided, one_sided may have an answer", 0)
         return x
 
     def _sizes(self, x: Vector, transposed: bool) -> Vector:
@@ -268,9 +268,9 @@ class Derivative(ReadOnly, Plotted):
         active = self.pattern.active
         x = np.abs(x)
         A = matrix.absolute if matrix.dense is None else np.abs(matrix.dense)
-        held = np.where(active, x, 0.0) if transposed else x
-        moved = (abs(G).T if transposed else abs(G)) @ held + held if G.nnz else held
-        return A.T @ (x - held) + moved if transposed else np.where(active, moved, A @ x)
+        x_active = np.where(active, x, 0.0) if transposed else x
+        moved = (abs(G).T if transposed else abs(G)) @ x_active + x_active if G.nnz else x_active
+        return A.T @ (x - x_active) + moved if transposed else np.where(active, moved, A @ x)
 
     @public_entry
     def one_sided(self, *, dA: Any = None, dq: Any = None, dpsi: Any = None, dupper: Any = None) -> OneSided:
@@ -433,11 +433,11 @@ class Derivative(ReadOnly, Plotted):
         delta = self._delta
         (for_p, for_r) = self.problem.rounding(self.z)
         moves = abs(self._jacobian) @ delta
-        held = self._open & (np.abs(problem.p(z)) <= for_p + problem.matrix.absolute @ delta)
+        candidates = self._open & (np.abs(problem.p(z)) <= for_p + problem.matrix.absolute @ delta)
         below = problem.r(z)
         above = problem.r_upper(z)
-        tied = [held & (np.abs(r) <= for_r + delta + moves) for r in (below, above) if r is not None]
-        return Ties(tied[0], tied[1] if above is not None else np.zeros_like(held), delta)
+        tied = [candidates & (np.abs(r) <= for_r + delta + moves) for r in (below, above) if r is not None]
+        return Ties(tied[0], tied[1] if above is not None else np.zeros_like(candidates), delta)
 
     @cached_property
     def _open(self) -> Mask:
@@ -448,11 +448,11 @@ class Derivative(ReadOnly, Plotted):
     def _tied_jumps(self) -> Mask:
         """The rows that are, or may be, at an obstacle which is the best of several jumps, perhaps not the only one."""
         delta = self.solution.certificate.bound.componentwise
-        found = np.zeros_like(self._open)
+        tied = np.zeros_like(self._open)
         for psi, rows in zip(sides_of(self.problem.psi), self.pattern.sides(), strict=True):
             if delta is not None:
-                found |= (rows | self._open) & psi.nonsmooth_rows(self.z, delta)
-        return found
+                tied |= (rows | self._open) & psi.nonsmooth_rows(self.z, delta)
+        return tied
 
     @cached_property
     def _misplaced(self) -> Mask:
@@ -532,6 +532,6 @@ class Derivative(ReadOnly, Plotted):
 def _named(mask: Mask) -> str:
     """The rows of `mask`, the first ones by number."""
     rows = np.flatnonzero(mask)
-    told = ", ".join(map(str, rows[:_NAMED]))
+    numbers = ", ".join(map(str, rows[:_NAMED]))
     more = f", ... ({rows.size} rows)" if rows.size > _NAMED else ""
-    return f"row{'s' if rows.size > 1 else ''} {told}{more}"
+    return f"row{'s' if rows.size > 1 else ''} {numbers}{more}"

@@ -38,8 +38,8 @@ class Direction:
 
     def sides(self) -> list[tuple[str, Map, Any]]:
         """Of each obstacle the name that the user gave its change, the map, and the change, or 0."""
-        given = ("dpsi", "dupper"), sides_of(self.problem.psi), (self.below, self.above)
-        return list(zip(*given, strict=False))
+        columns = ("dpsi", "dupper"), sides_of(self.problem.psi), (self.below, self.above)
+        return list(zip(*columns, strict=False))
 
     def of_p(self, z: Vector) -> Vector:
         """dA z + dq."""

@@ -40,12 +40,12 @@ def tangent_problem(z: Vector, pattern: Pattern, ties: Ties, direction: Directio
     sides = direction.sides()
     maps: list[Map] = [_tangent(name, psi, change, z, ties.delta) for name, psi, change in sides]
     tied = ties.below | ties.above
-    held = [rows & ~tied for rows in pattern.sides()]
+    certain = [rows & ~tied for rows in pattern.sides()]
     obstacles = []
     for k, (rows, none) in enumerate(((ties.below, -np.inf), (ties.above, np.inf))):
         # an active row is between its obstacle and the same one
         which = np.zeros(z.size, dtype=np.intp)
-        for side, at_side in enumerate(held, 1):
+        for side, at_side in enumerate(certain, 1):
             which[at_side] = side
         if k < len(maps):
             which[rows] = k + 1

@@ -325,7 +325,6 @@ def check_labels(arguments: Mapping[str, Any]) -> Any:
                 expected = labels
             elif not labels.equals(expected):
                 difference = f"{name}.{axis} has other labels than {first}, or in another order"
-                raise InputError(
-                    f"{difference}; bring them into one order, or give {name}.to_numpy() if positions count"
-                )
+                advice = f"bring them into one order, or give {name}.to_numpy() if positions count"
+                raise InputError(f"{difference}; {advice}")
     return expected

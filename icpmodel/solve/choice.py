@@ -221,8 +221,8 @@ class Ladder:
         self.rungs = [self._at_once, self._plain, self._sweeps, self._costly, self._last]
         self.floor = 0.0
         #: whether rung 5 waits, as the problem may be reduced before; and whether it is next
-        self.held = False
-        self.is_held = False
+        self.pauses = False
+        self.is_paused = False
 
     @property
     def is_decided(self) -> bool:
@@ -246,8 +246,8 @@ class Ladder:
                 self.rungs.pop(0)()
                 continue
             costly = not self.rungs or any(least in rung for rung in self.others)
-            self.is_held = self.held and costly and least is not None
-            return None if self.is_held else least
+            self.is_paused = self.pauses and costly and least is not None
+            return None if self.is_paused else least
 
     def end(self, job: Job) -> None:
         """`job` has ended; another method of its rung takes its place."""
@@ -259,7 +259,7 @@ class Ladder:
 
     def _estimated(self, methods: Iterable[Method]) -> list[Job]:
         """Those of the `methods` that can start and fit into memory, the cheapest first."""
-        found = []
+        jobs = []
         for method in methods:
             why_not = method.why_not(self.problem)
             estimate = None if why_not else estimate_of(method, self.problem.facts, self.target_reduction)
@@ -270,8 +270,8 @@ class Ladder:
             steps = _counted(estimate.steps)
             why = f"{steps} steps are expected, as much work as {products:.3g} products with A"
             _LOG.debug("n = %d: %r: %s", self.problem.n, method, why)
-            found.append(Job(Choice(method, why, estimate)))
-        return sorted(found, key=lambda job: job.remaining)
+            jobs.append(Job(Choice(method, why, estimate)))
+        return sorted(jobs, key=lambda job: job.remaining)
 
     def _at_once(self) -> None:
         problem = self.problem
@@ -304,9 +304,9 @@ class Ladder:
             return
         paper = self.family == "paper"
         method = MNMAOR(theta1=AUTO) if paper else Accelerated(of=PSOR(omega=relaxation(self.problem)))
-        if found := self._estimated([method]):
-            self.jobs = found  # plain sweeps are over
-        for job in found:
+        if jobs := self._estimated([method]):
+            self.jobs = jobs  # plain sweeps are over
+        for job in jobs:
             job.limit = self._trial(job, self.floor)
             job.remaining = 0.0
 

@@ -27,7 +27,7 @@ from .last_resort import search
 from .newton_josephy import NewtonJosephy
 from .outcome import solution_of
 from .progress import Progress
-from .reduction import climb, presolve
+from .reduction import ladder_steps, presolve
 from .run import WORTH_ANOTHER_METHOD, Run
 from .small import pivoted
 from .solution import Solution, Status
@@ -134,18 +134,18 @@ def solve(
     if family is not None and method is not None:
         raise InputError("family restricts the choice, but a method is named: leave out one of them")
     limits = _limits(rtol, atol, accuracy, max_iter, time_limit, memory_limit)
-    shown = _display_options(callback, history, progress)
+    display = _display_options(callback, history, progress)
     as_truth(raise_on_failure, "raise_on_failure")
     problem = as_problem(problem, nonlinear=True)
     plain = problem.f is method is family is z0 is None and not options
-    if plain and limits.is_default and not any(shown.values()):
+    if plain and limits.is_default and not any(display.values()):
         pivots = pivoted(problem, limits)
         if pivots is not None:
             return _logged(pivots)
     start = _starting_point(problem, z0)
     with limits.enforced():
         named_method = _named(method, problem, options)
-        run = _run(problem, start, limits, follows_theorems=method is not None, **shown)
+        run = _run(problem, start, limits, follows_theorems=method is not None, **display)
 
         def run_all() -> None:
             _run_all(run, named_method, family)
@@ -178,11 +178,11 @@ def _run_all(run: Run, method: Method | None, family: str | None) -> None:
     other = presolve(run.problem)
     if other is not run.problem:
         run.presolved = other
-        run_methods(run, climb(run, other, family))
+        run_methods(run, ladder_steps(run, other, family))
         if run.ended.status not in WORTH_ANOTHER_METHOD:
             return
         run.presolved = None
-    run_methods(run, climb(run, run.problem, family))
+    run_methods(run, ladder_steps(run, run.problem, family))
     if family is None:
         search(run, run_methods)
 
@@ -227,8 +227,9 @@ def _named(method: str | Method | None, problem: ProblemData, options: dict[str,
     if method is None:
         for option in options:
             own = _options()
-            found = f"solve has no option {option}; it takes {', '.join(own)}"
-            raise InputError(f"{found}, and the options of a method only where one is named{did_you_mean(option, own)}")
+            actual = f"solve has no option {option}; it takes {', '.join(own)}"
+            expected = "and the options of a method only where one is named"
+            raise InputError(f"{actual}, {expected}{did_you_mean(option, own)}")
         return None
     if isinstance(method, Method):
         if options:
@@ -248,7 +249,7 @@ def _named(method: str | Method | None, problem: ProblemData, options: dict[str,
     return method
 
 
-def _run(problem: ProblemData, start: Vector, limits: Limits, **shown: Any) -> Run:
+def _run(problem: ProblemData, start: Vector, limits: Limits, **display: Any) -> Run:
     """Set up the run from `start`. Raises MapError if ψ has no value there."""
     clock = work.clock()
     is_nonzero = bool(np.count_nonzero(start))
@@ -281,7 +282,7 @@ def _run(problem: ProblemData, start: Vector, limits: Limits, **shown: Any) -> R
         scale=scale,
         restart=restart,
         clock=clock,
-        **shown,
+        **display,
     )
 
 
@@ -320,8 +321,8 @@ def run_methods(run: Run, steps: Iterator[None]) -> None:
 def _logged(solution: Solution) -> Solution:
     """Log the `solution` and return it."""
     if _LOG.isEnabledFor(logging.INFO):
-        found = solution.status.value, solution.method, solution.iterations, solution.seconds, solution.residual
-        _LOG.info("n = %d: %s, z is from %r; %d iterations, %.3g s, residual %.3g", solution.problem.n, *found)
+        values = solution.status.value, solution.method, solution.iterations, solution.seconds, solution.residual
+        _LOG.info("n = %d: %s, z is from %r; %d iterations, %.3g s, residual %.3g", solution.problem.n, *values)
     return solution
 
 

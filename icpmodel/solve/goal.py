@@ -106,6 +106,6 @@ class Goal:
             return False
         return self.is_near(z, residual) and satisfies_paper(self.problem, z, self.atol)
 
-    def wanted(self, z: Vector) -> str:
+    def in_words(self, z: Vector) -> str:
         """What was asked for, in words, for the message of a run that did not get there with `z`."""
         return f"stop at {self.tolerance_at(z):.3g}" + (f", or at Res(z) = {self.atol:.3g}" if self.atol else "")

@@ -21,7 +21,7 @@ from ..numerics import work
 from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
 from .goal import Goal, Limits
-from .reduction import climb, presolve
+from .reduction import ladder_steps, presolve
 from .run import Run
 
 #: the weights μ of the proximal term beside A + f′ in the units of its diagonal, the next one where a step fails
@@ -177,14 +177,14 @@ class _Search:
         )
         fixed = presolve(linear)
         run.presolved = None if fixed is linear else fixed
-        for _ in climb(run, fixed, self.family):
+        for _ in ladder_steps(run, fixed, self.family):
             pass
         if run.is_refused and run.refused is not None:
             raise run.refused.error
-        found = run.best
-        if found is None or run.infeasible is not None or not found.residual < start_residual:
+        best = run.best
+        if best is None or run.infeasible is not None or not best.residual < start_residual:
             return None
-        return np.clip(found.z, self.low, self.high) if self.low is not None else found.z
+        return np.clip(best.z, self.low, self.high) if self.low is not None else best.z
 
     def _on_line(self, step: Vector) -> Point | None:
         """The first point z + tΔz, t = 1, ½, …, at which θ is small enough."""

@@ -101,11 +101,11 @@ def _end(run: Run, best: Best, limits: Limits) -> tuple[Status, str]:
         status = Status.CROSSED
         note = crossed
     may_contradict = run.problem.f is None and status in (*_NO_FURTHER, Status.INFEASIBLE)
-    found = contradiction(run.problem) if may_contradict else None
-    if found is None:
+    conflict = contradiction(run.problem) if may_contradict else None
+    if conflict is None:
         return status, note
-    proof = run.infeasible if status is Status.INFEASIBLE and run.infeasible is not None else found.proof
-    run.infeasible = replace(proof, reason=f"{proof.reason}; {found}")
+    proof = run.infeasible if status is Status.INFEASIBLE and run.infeasible is not None else conflict.proof
+    run.infeasible = replace(proof, reason=f"{proof.reason}; {conflict}")
     return Status.INFEASIBLE, run.infeasible.reason
 
 
@@ -116,7 +116,7 @@ def _message(run: Run, best: Best, status: Status, note: str) -> str:
     advice = status.advice_with(last.method.to_try if len(run.tried) < 2 else "")
     if run.proof and status in (Status.ITERATION_LIMIT, Status.TIME_LIMIT):
         note = f"{note}; {run.proof}"
-    residual = f"best residual {best.residual:.3g}{by} ({run.goal.wanted(best.z)})"
+    residual = f"best residual {best.residual:.3g}{by} ({run.goal.in_words(best.z)})"
     return f"{last.method!r} {status.value}: {note}; {residual}. Advice: {advice}"
 
 

@@ -101,13 +101,13 @@ class _SeenBar(Bar):
             self.show(self.title, min(max(share, 0.0), 1.0), text)
 
 
-def progress_bar(wanted: bool, clock: Callable[[], float] = time.monotonic) -> contextlib.AbstractContextManager[Bar]:
-    """A `Bar` for one run, which shows nothing unless `wanted`.
+def progress_bar(enabled: bool, clock: Callable[[], float] = time.monotonic) -> contextlib.AbstractContextManager[Bar]:
+    """A `Bar` for one run, which shows nothing unless `enabled`.
 
     It appears on standard error if that is a terminal, or in the cell of a notebook. Otherwise lines are written to
     standard error, the first one after a second.
     """
-    if not wanted or sys.stderr is None:
+    if not enabled or sys.stderr is None:
         return contextlib.nullcontext(Bar())
     if in_notebook():
         return _notebook_bar(_Pace(clock, log=False))
@@ -158,11 +158,11 @@ def _write(text: str) -> None:
 
 @contextlib.contextmanager
 def status_line(
-    wanted: bool, opening: str = "", clock: Callable[[], float] = time.monotonic
+    enabled: bool, opening: str = "", clock: Callable[[], float] = time.monotonic
 ) -> Iterator[Callable[[str], None]]:
     """A function that shows a sentence on what is going on.
 
-    If `wanted`, a terminal or a notebook shows the latest sentence, and a log on standard error one now and then. If
+    If `enabled`, a terminal or a notebook shows the latest sentence, and a log on standard error one now and then. If
     not, the logger "icpmodel" gets one now and then, at INFO. Every log gets the `opening`, which says how long it may
     take. Within another status line the function of that one is returned.
     """
@@ -171,7 +171,7 @@ def status_line(
             outer(opening)
         yield outer
         return
-    with _status(wanted and sys.stderr is not None, opening, clock) as say:
+    with _status(enabled and sys.stderr is not None, opening, clock) as say:
         token = _OPEN.set(say)
         try:
             yield say
@@ -180,18 +180,18 @@ def status_line(
 
 
 @contextlib.contextmanager
-def _status(wanted: bool, opening: str, clock: Callable[[], float]) -> Iterator[Callable[[str], None]]:
-    if wanted and in_notebook():
+def _status(enabled: bool, opening: str, clock: Callable[[], float]) -> Iterator[Callable[[str], None]]:
+    if enabled and in_notebook():
         with _cell() as show:
             yield lambda text: show(title=text, share=None, text="")
-    elif wanted and sys.stderr.isatty():
+    elif enabled and sys.stderr.isatty():
         from rich.console import Console
         from rich.markup import escape
 
         with Console(stderr=True).status(escape(opening)) as status:
             yield lambda text: status.update(escape(text))
     else:
-        write = _write if wanted else _LOG.info
+        write = _write if enabled else _LOG.info
         pace = _Pace(clock, log=True)
         if opening:
             write(opening)

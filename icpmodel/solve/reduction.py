@@ -65,21 +65,21 @@ def presolve(problem: ProblemData) -> ProblemData:
     return problem
 
 
-def climb(run: Run, problem: ProblemData, family: str | None) -> Iterator[None]:
+def ladder_steps(run: Run, problem: ProblemData, family: str | None) -> Iterator[None]:
     """The steps of `run` up its ladder, with the reduction of `problem` before rung 5."""
     ladder = Ladder(problem, run.target_reduction, family)
-    ladder.held = family != "paper"
-    if ladder.held and problem.psi.is_constant and not ladder.is_decided:
-        found = None
+    ladder.pauses = family != "paper"
+    if ladder.pauses and problem.psi.is_constant and not ladder.is_decided:
+        complement = None
         with suppress(OutOfTime, MemoryError):
-            found = elimination(problem, ladder.cost_of_iterations)
-        if found is not None:
-            yield from _Parts(run, problem, family).steps(found)
+            complement = elimination(problem, ladder.cost_of_iterations)
+        if complement is not None:
+            yield from _Parts(run, problem, family).steps(complement)
             if run.is_over:
                 return
     yield from run.steps(ladder)
-    if ladder.is_held and not run.is_over:
-        ladder.held = False
+    if ladder.is_paused and not run.is_over:
+        ladder.pauses = False
         yield from solve_parts(run, problem, family)
         if not run.is_over:
             yield from run.steps(ladder)
@@ -88,9 +88,9 @@ def climb(run: Run, problem: ProblemData, family: str | None) -> Iterator[None]:
 def solve_parts(run: Run, problem: ProblemData, family: str | None = None, most: float = _MOST) -> Iterator[None]:
     """The steps of the parts of `problem`, and their joined answer in `run`; none where a part has more than the share
     `most` of the rows."""
-    found = structure(problem, most * problem.n)
-    if found is not None and not (family is not None and found.is_pivoted):
-        yield from _Parts(run, problem, family).steps(found)
+    partition = structure(problem, most * problem.n)
+    if partition is not None and not (family is not None and partition.is_pivoted):
+        yield from _Parts(run, problem, family).steps(partition)
 
 
 class _Parts:
@@ -120,26 +120,26 @@ class _Parts:
         self.job = Job(Choice(PSOR()))
         self.size = 0
 
-    def steps(self, found: Blocks | SchurComplement) -> Iterator[None]:
-        """Solve what is `found`, and join it."""
+    def steps(self, partition: Blocks | SchurComplement) -> Iterator[None]:
+        """Solve the parts of `partition`, and join their answers."""
         run = self.run
         try:
             first: Blocks | None = None
-            if isinstance(found, SchurComplement):
-                yield from self._eliminated(found)
+            if isinstance(partition, SchurComplement):
+                yield from self._eliminated(partition)
             else:
-                first = found
+                first = partition
             while first is not None and not run.is_over:
-                found = first
-                first = yield from self._in_blocks(found)
-            if isinstance(found, Blocks) and found.is_pivoted and not self.size:
+                partition = first
+                first = yield from self._in_blocks(partition)
+            if isinstance(partition, Blocks) and partition.is_pivoted and not self.size:
                 self.job = Job(Choice(Lemke()))
         except Infeasible as proof:
             run.infeasible = proof.answer
             run.ended = Ended(Status.INFEASIBLE, proof.answer.reason)
             run.is_over = True
         finally:
-            self.job.choice = replace(self.job.choice, why=f"{found!r}; {self.job.choice.why}".removesuffix("; "))
+            self.job.choice = replace(self.job.choice, why=f"{partition!r}; {self.job.choice.why}".removesuffix("; "))
             with suppress(MapError):
                 self._join()
 
@@ -159,33 +159,34 @@ class _Parts:
             run.is_over = True
         _LOG.info("n = %d: %s: residual %.3g", run.problem.n, self.job.choice.why, residual)
 
-    def _in_blocks(self, found: Blocks) -> Path:
+    def _in_blocks(self, partition: Blocks) -> Path:
         """The small blocks before the core, its parts, and the small blocks after it."""
-        self.z, solved = found.forward(self.z, found.before)
-        if (unsolved := found.before & ~solved).any():
-            return found.with_core(unsolved)
-        share = _EARLIER if found.after.any() else 1.0
-        for rows in found.parts:
+        self.z, solved = partition.forward(self.z, partition.before)
+        if (unsolved := partition.before & ~solved).any():
+            return partition.with_core(unsolved)
+        share = _EARLIER if partition.after.any() else 1.0
+        for rows in partition.parts:
             part = self._part(
-                restricted(found.problem, rows, self.z), rows, share * self.tolerance / len(found.parts) ** 0.5
+                restricted(partition.problem, rows, self.z), rows, share * self.tolerance / len(partition.parts) ** 0.5
             )
             yield from self._solve(part, rows)
             if self.run.is_over:
                 return None
-        self.z, solved = found.forward(self.z, found.after)
-        unsolved = found.after & ~solved
-        return found.with_core(unsolved) if unsolved.any() else None
+        self.z, solved = partition.forward(self.z, partition.after)
+        unsolved = partition.after & ~solved
+        return partition.with_core(unsolved) if unsolved.any() else None
 
-    def _eliminated(self, found: SchurComplement) -> Iterator[None]:
+    def _eliminated(self, complement: SchurComplement) -> Iterator[None]:
         """The rows with an obstacle; the equations follow, unless their factors prove to be bad."""
         problem = self.problem
         equations = problem.matrix.row_weights.copy()
-        equations[found.rows] = 0.0
-        z = found.extended(problem, self.z)
+        equations[complement.rows] = 0.0
+        z = complement.extended(problem, self.z)
         if norm(equations * problem.p(z)) <= self.tolerance:
             self.z = z
-            self.completed = lambda z: found.extended(problem, z)
-            yield from self._solve(self._part(found.reduced(problem), found.rows, self.tolerance), found.rows)
+            self.completed = lambda z: complement.extended(problem, z)
+            part = self._part(complement.reduced(problem), complement.rows, self.tolerance)
+            yield from self._solve(part, complement.rows)
             self.z = self.completed(self.z)
 
     def _part(self, part: ProblemData, rows: Rows, tolerance: float) -> Run:
@@ -279,7 +280,7 @@ def proved_of_earlier(problem: ProblemData, rows: Rows, z: Vector) -> Known | No
 def structure(problem: ProblemData, most: float) -> Blocks | None:
     """The blocks of the whole problem, if no part that they leave has more than so many rows."""
     with suppress(MapError), np.errstate(over="ignore", invalid="ignore"):
-        found = blocks(problem)
-        if found is not None and max((part.size for part in found.parts), default=0) <= most:
-            return found
+        partition = blocks(problem)
+        if partition is not None and max((part.size for part in partition.parts), default=0) <= most:
+            return partition
     return None

@@ -448,7 +448,7 @@ class Solution(ReadOnly, Plotted):
             "problem": f"{self.problem!r}",
             "status": f"{self.status.value} after {self.iterations} iteration{plural}{last}",
             "method": f"{self.method!r}{adapted}" + (f"\n{self.why}" if self.why else ""),
-            "residual": f"{self.residual:.3g}" + ("" if self.accuracy else f" ({self._goal.wanted(self.z)})"),
+            "residual": f"{self.residual:.3g}" + ("" if self.accuracy else f" ({self._goal.in_words(self.z)})"),
             "error": bound.in_words(self.accuracy),
         }
         if bound.value is not None:
@@ -471,7 +471,7 @@ class Solution(ReadOnly, Plotted):
             "method": f"{self.adapted_method!r}, {self.iterations} iteration{plural}, {self.seconds:.3g} s",
         }
         if not self.accuracy:
-            rows["status"] += f" ({self._goal.wanted(self.z)})"
+            rows["status"] += f" ({self._goal.in_words(self.z)})"
         if not self.solved:
             rows["message"] = self.message
         return Card(rows)

@@ -131,7 +131,7 @@ class Solutions(ReadOnly, Plotted, Tabular):
         if not -len(self) <= k < len(self):
             raise IndexError(f"there is no row {k}; there are {len(self)}")
         k %= len(self)
-        found = self._alone.get(k) or (NOT_BEGUN if k in self.messages else self._at_once)
+        outcome = self._alone.get(k) or (NOT_BEGUN if k in self.messages else self._at_once)
         return Solution(
             problem=self._data.problem(k),
             z=self.Z[k],
@@ -139,7 +139,7 @@ class Solutions(ReadOnly, Plotted, Tabular):
             message=self.messages.get(k, "solved"),
             residual=float(self.residuals[k]),
             tolerance=float(self.tolerances[k]),
-            **found._asdict(),
+            **outcome._asdict(),
             atol=self._data.atol,
             time_limit=self._data.time_limit,
             memory_limit=self._data.memory_limit,

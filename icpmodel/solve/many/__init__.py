@@ -136,8 +136,9 @@ def _by_workers(batch: Batch, make: Any) -> None:
     then row by row. A row that still kills its worker is given up.
     """
     if not callable(make):
-        wanted = "a function that makes a pool was expected, such as ProcessPoolExecutor or Dask's client.get_executor"
-        raise InputError(f"executor is {described(make)}; {wanted}")
+        expected = "a function that makes a pool was expected"
+        advice = "such as ProcessPoolExecutor or Dask's client.get_executor"
+        raise InputError(f"executor is {described(make)}; {expected}, {advice}")
     k = len(batch.Z)
     price = batch.price()
     limit = batch.limits.time_limit
@@ -171,8 +172,8 @@ def _by_workers(batch: Batch, make: Any) -> None:
             pool.shutdown(wait=not running)
     _failed(batch, [share for share, end in ends.items() if end.done() and not end.cancelled()], ends)
     why = "Ctrl-C came" if batch.interrupted else f"time_limit = {limit} s was over"
-    told = Status.INTERRUPTED if batch.interrupted else Status.TIME_LIMIT, f"{why} before its worker had sent it"
-    batch.failures |= {int(row): told for row in np.flatnonzero(~batch.solved) if row not in batch.failures}
+    failure = Status.INTERRUPTED if batch.interrupted else Status.TIME_LIMIT, f"{why} before its worker had sent it"
+    batch.failures |= {int(row): failure for row in np.flatnonzero(~batch.solved) if row not in batch.failures}
 
 
 def _again(failed: Shares, tried: set[tuple[int, int]]) -> list[Shares]:
@@ -226,11 +227,11 @@ def _part(batch: Batch, low: int, high: int) -> Batch:
     return part
 
 
-def _take(batch: Batch, low: int, high: int, found: dict[str, Any]) -> None:
+def _take(batch: Batch, low: int, high: int, part: dict[str, Any]) -> None:
     """Keep what was found for a part, whatever became of it before."""
     for name in _BY_ROW:
-        getattr(batch, name)[low:high] = found[name]
-    batch.failures = {row: told for row, told in batch.failures.items() if not low <= row < high}
-    batch.failures |= {low + row: told for row, told in found["failures"].items()}
-    batch.alone |= {low + row: told for row, told in found["alone"].items()}
-    batch.compiled += found["compiled"]
+        getattr(batch, name)[low:high] = part[name]
+    batch.failures = {row: failure for row, failure in batch.failures.items() if not low <= row < high}
+    batch.failures |= {low + row: failure for row, failure in part["failures"].items()}
+    batch.alone |= {low + row: failure for row, failure in part["alone"].items()}
+    batch.compiled += part["compiled"]

@@ -46,8 +46,8 @@ def _rows(value: Any, name: str, infinite: float) -> Matrix:
     right = np.isfinite(array) | ((array == infinite) & (infinite != 0.0))
     if not right.all():
         i, j = np.argwhere(~right)[0]
-        wanted = f"a finite number or {infinite}" if infinite else "a finite number"
-        raise InputError(f"{name}[{i}, {j}] is {array[i, j]}; {wanted} was expected")
+        expected = f"a finite number or {infinite}" if infinite else "a finite number"
+        raise InputError(f"{name}[{i}, {j}] is {array[i, j]}; {expected} was expected")
     return array
 
 
@@ -71,8 +71,8 @@ def _common(**several: Any) -> int:
     counts = {name: len(values) for name, values in several.items() if values is not None}
     k = max(counts.values())
     if not set(counts.values()) <= {1, k}:
-        found = ", ".join(f"{count} of {name}" for name, count in counts.items())
-        raise InputError(f"there are {found}; as many of each were expected, or one for all")
+        actual = ", ".join(f"{count} of {name}" for name, count in counts.items())
+        raise InputError(f"there are {actual}; as many of each were expected, or one for all")
     return k
 
 
@@ -190,10 +190,10 @@ class Batch:
             np.errstate(over="ignore", invalid="ignore"),
             suppress(MapError, SingularOperator, OutOfTime, MemoryError),  # then it is seen row by row what remains
         ):
-            for rows, (*found, good) in self.compiler.pieces(price):
+            for rows, (*results, good) in self.compiler.pieces(price):
                 self.solved[rows] = good
-                for kept, new in zip((self.Z, self.residuals, self.tolerances), found, strict=True):
-                    kept[rows][good] = new[good]
+                for stored, new in zip((self.Z, self.residuals, self.tolerances), results, strict=True):
+                    stored[rows][good] = new[good]
 
     def solve(self, row: int) -> None:
         """One row by `ICP.solve`; none where an earlier one was interrupted."""
@@ -257,8 +257,8 @@ class Batch:
                 self.interrupted = True
             self.compiled[:] = self.solved.sum(), work.clock() - began
             if _LOG.isEnabledFor(logging.INFO):
-                told = *self.Z.shape, int(self.compiled[0]), self.compiler.method
-                _LOG.info("%d rows, n = %d: %d are solved at once by %r, the others one by one", *told)
+                values = *self.Z.shape, int(self.compiled[0]), self.compiler.method
+                _LOG.info("%d rows, n = %d: %d are solved at once by %r, the others one by one", *values)
             for left_open in np.flatnonzero(~self.solved):
                 self.solve(int(left_open))
 
@@ -268,5 +268,5 @@ class Batch:
         at_once = RunRecord.at_once(self.compiler.method, int(self.compiled[0]), self.compiled[1])
         statuses = [self.failures.get(row, (Status.SOLVED,))[0] for row in range(len(self.Z))]
         messages = {row: self.failures[row][1] for row in sorted(self.failures)}
-        found = self.Z, tuple(statuses), self.residuals, self.tolerances, self.elapsed(), messages
-        return Solutions(*found, self.stated, at_once, self.alone)
+        arrays = self.Z, tuple(statuses), self.residuals, self.tolerances, self.elapsed(), messages
+        return Solutions(*arrays, self.stated, at_once, self.alone)
