@@ -24,7 +24,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 #: what a message says to who has another name for an obstacle
-OBSTACLES = "the obstacle below, z >= psi(z), is called psi, and the one above upper"
+OBSTACLES = "the lower obstacle, z >= psi(z), is called psi, the upper obstacle is called upper"
 
 
 #: what other packages call an option → what it is called here

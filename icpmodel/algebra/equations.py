@@ -87,7 +87,7 @@ class Pattern(NamedTuple):
         return cls(np.where(at_upper, above, r), (r < a) | at_upper, at_upper)
 
     def sides(self) -> tuple[Mask, ...]:
-        """The rows that take the obstacle below, and where there is one above, those that take that one."""
+        """The rows that take the lower obstacle, and if there is an upper one, those that take it."""
         return (self.active,) if self.above is None else (self.active & ~self.above, self.above)
 
     def same_sides(self, other: Pattern) -> bool:

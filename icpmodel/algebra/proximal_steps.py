@@ -34,7 +34,7 @@ class ProximalSteps:
 
     @cached_property
     def obstacles(self) -> tuple[Vector, Vector | None]:
-        """ψ and ψ̄ at the start, None where there is none above."""
+        """ψ and ψ̄ at the start, None where there is no upper obstacle."""
         upper = self.problem.upper
         return self.problem.psi.value(self.start), None if upper is None else upper.value(self.start)
 

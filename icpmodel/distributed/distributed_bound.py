@@ -69,7 +69,7 @@ class DistributedCertificate(Shown):
     @property
     def rows(self) -> str:
         """The rows in words."""
-        upper = f", {self.above} at the one above" if self.above else ""
+        upper = f", {self.above} at the upper obstacle" if self.above else ""
         return f"{self.active} at the obstacle{upper}, {self.inactive} off it, {self.undecided} undecided"
 
     def __str__(self) -> str:
@@ -152,7 +152,7 @@ class _Point:
             return np.nextafter(v * (factor * (1 + 8 * UNIT_ROUNDOFF)), np.inf)
 
     def rows(self, delta: Vector, change: Vector) -> tuple[Mask, Mask, Mask]:
-        """The masks of the rows that |z − z*| ≤ `delta` proves to be active, off both obstacles, at the one above."""
+        """The masks of the rows that |z − z*| ≤ `delta` proves to be active, off both obstacles, at the upper one."""
         inflate = 1 + 8 * UNIT_ROUNDOFF
         of_p = (self.for_p + self.problem.matrix.absolute(delta)) * inflate
         of_r = (self.for_r + delta + change) * inflate

@@ -145,7 +145,7 @@ def _coupled(at: Evaluation) -> Any:
 
 
 def start(levels: DistributedLevels, problem: DistributedICP) -> Any:
-    """z from the coarser levels, each of which begins with the answer of the one below it; see `methods.multilevel`."""
+    """z from the coarser levels, each started from the answer of the next coarser one; see `methods.multilevel`."""
     problems = [problem]
     shifts = []
     for level, coarser in pairwise(levels.levels):

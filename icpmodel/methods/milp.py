@@ -63,9 +63,9 @@ class MixedInteger(Method):
 
     Notes
     -----
-    Up to 150 unknowns are taken. M is a guess first, 100 times the largest entry of q, c and d. Where nothing is found,
-    and the z with p ≥ 0 and r ≥ 0 are bounded, linear programs give an M for each row, which is certain where HiGHS
-    ignores no small entry. Elsewhere M is 10⁴ times that entry, and that nothing is found then proves nothing.
+    Up to 150 unknowns are taken. M is a guess first, 100 times the largest entry of q, c and d. If that gives no active
+    set, and the z with p ≥ 0 and r ≥ 0 are bounded, linear programs give an M for each row. This M is certain where
+    HiGHS ignores no small entry. Elsewhere M is 10⁴ times the largest entry. Without an active set that proves nothing.
 
     The objective, the sum of p and r, leads the search; the first active set ends it. With an upper obstacle
     p_i ≥ −M(1 − y'_i) and s_i ≤ M y'_i, s = ψ̄ − z. An active set whose z does not solve the problem is excluded by a

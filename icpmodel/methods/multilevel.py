@@ -1,9 +1,9 @@
 """Multilevel modulus Newton: inexact Newton steps on the modulus equation, started from the coarser levels.
 
-Every level of an algebraic multigrid hierarchy of A carries a problem of its own in z = Pz_c + s, where s = −q/D at the
-points that are not kept: A_c = PᵀAP, q_c = Pᵀ(As + q), and ψ at the points that are kept. Its answer is where the finer
-level starts, so that the active set there is wrong near its border only. The steps on each level are those of
-`algebra.newton_steps`.
+Every level of an algebraic multigrid hierarchy of A carries a problem of its own in z_c, where z = Pz_c + s. At the
+coarse points s is 0 and ψ is the one of the finer level; elsewhere s = −q/D. Then A_c = PᵀAP and q_c = Pᵀ(As + q). The
+finer level starts from its answer, so that the active set there is wrong near its border only. The steps on each level
+are those of `algebra.newton_steps`.
 
 No grid is given: the levels are made of A, q and ψ. A ψ_i that depends on z_i alone is first replaced by a fixed
 obstacle. Where ψ is an intervention, policy iteration (`Newton`) takes their place: its jumps reach too far for sweeps.
@@ -80,7 +80,7 @@ class Multilevel(Method):
             yield from Newton().iterates(problem, best)
 
     def start(self, hierarchy: Hierarchy, problem: ProblemData) -> Vector:
-        """The start from the coarser levels; each begins with the answer of the one below it.
+        """The start from the coarser levels; each begins with the answer of the next coarser level.
 
         Parameters
         ----------

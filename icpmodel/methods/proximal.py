@@ -106,7 +106,7 @@ class Proximal(Method):
                 raise Infeasible(answer)
 
 
-#: z, p, and z less the obstacle below and the one above, None where there is none
+#: z, p, z − ψ and z − ψ̄, None where there is no upper obstacle
 Point = tuple[Vector, Vector, Vector, Vector | None]
 
 

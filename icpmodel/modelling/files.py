@@ -4,8 +4,8 @@ A saved problem is one `.npz` file, which other programs read with `numpy.load`.
 latter as the CSR arrays A_data, A_indices and A_indptr. ψ(z) = Gz + c is in c and, in the same way, G; an obstacle
 above in upper_c and upper_G. Without c, ψ = 0.
 
-Other programs' files: A, q, psi and upper in a file each, see `formats`; or together, by these names, in a `.mat` file
-or one by `numpy.savez`; and a folder of Matrix Market files:
+Files of other programs are read in three forms. A, q, psi and upper may be in a file each, see `formats`. They may be
+together, by these names, in a `.mat` file or in one by `numpy.savez`. Or they are a folder of Matrix Market files:
 
     folder/A.mtx        A
     folder/q.mtx        q, n × 1

@@ -34,7 +34,7 @@ class LocalRows(Shown, _Four):
     psi : array of shape (hi − lo,)
         The fixed obstacle; −inf for none.
     upper : array of shape (hi − lo,), optional
-        The one above; +inf for none.
+        The upper obstacle; +inf for none.
 
     Examples
     --------

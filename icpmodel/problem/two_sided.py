@@ -25,7 +25,7 @@ class ObstaclePair(NamedTuple):
 
 
 class TwoSidedObstacle(Map):
-    """ψ ≤ z ≤ ψ̄: as a map it is the obstacle below, `lower`, and it has another one above, `upper`.
+    """ψ ≤ z ≤ ψ̄: as a map it is the lower obstacle, `lower`; its other obstacle is `upper`.
 
     `ICP` makes it of its `psi` and `upper`; all that is known of both maps together, G for one, is known of this one.
 
@@ -164,7 +164,7 @@ class Rowwise(Map):
 
 
 def sides_of(psi: Map) -> tuple[Map, ...]:
-    """The obstacle below z, and the one above it where there is one."""
+    """The lower obstacle, and the upper one if there is one."""
     return (psi.lower, psi.upper) if isinstance(psi, TwoSidedObstacle) else (psi,)
 
 
@@ -174,7 +174,7 @@ def obstacle_values(psi: Map, z: Vector) -> Any:
 
 
 def chosen(psi: Map, above: Mask | None) -> Map:
-    """`psi` as one obstacle, in the rows that are `above` the one above z; itself where there is none above."""
+    """`psi` as one obstacle: the upper one in the rows `above`, else the lower; `psi` itself where it has one only."""
     return psi if psi.upper is None or above is None else Rowwise((psi, psi.upper), above.astype(np.intp))
 
 

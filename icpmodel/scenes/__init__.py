@@ -43,8 +43,8 @@ def scene(name: str, /, n: int | None = None, **parameters: Any) -> Scene:
     Raises
     ------
     InputError
-        For an unknown name or parameter; for an n that is no positive integer or too small; for an
-        n that differs from the only size of the scene.
+        For an unknown name or parameter. For an n that is no positive integer, is too small, or
+        differs from the only size of the scene.
 
     Examples
     --------

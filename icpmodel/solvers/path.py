@@ -1,6 +1,6 @@
 """PATH, the field's reference for complementarity, as the GAMS system of `gamspy_base` runs it.
 
-Obstacles below and above that move have multipliers u ≥ 0 and v ≥ 0. PATH gets the mixed
+Lower and upper obstacles that move have multipliers u ≥ 0 and v ≥ 0. PATH gets the mixed
 complementarity problem in x = (z, u, v). Each line is a function and its variable:
 
     Az + q − u + v    ⟂   z, between the obstacles that do not move,
@@ -107,7 +107,7 @@ def mixed(target: Target) -> tuple[sp.coo_array, Vector, Vector, Vector]:
 
 
 def _sides(target: Target) -> Iterator[tuple[float, Any, Vector, Any]]:
-    """1, G and c of the obstacle below, −1, H and d of the one above, and which rows of each move."""
+    """(1, G, c) of the lower obstacle and (−1, H, d) of the upper one, each with the mask of the rows that move."""
     for sign, psi in ((1.0, target.problem.psi), (-1.0, target.problem.upper)):
         if psi is not None and psi.linear is not None:
             G, c = psi.linear

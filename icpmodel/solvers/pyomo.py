@@ -53,7 +53,7 @@ def to_pyomo(problem: ProblemLike) -> Any:
 
     Notes
     -----
-    A row with an obstacle is complements(p_i ≥ 0, r_i ≥ 0). A row that has one above as well is
+    A row with an obstacle is complements(p_i ≥ 0, r_i ≥ 0). A row that has an upper obstacle as well is
     complements(c_i ≤ z_i ≤ d_i, p_i) where they are constant. Otherwise it gets a variable v[i],
     complements(p_i + v_i ≥ 0, r_i ≥ 0) and `above[i]`, complements(v_i ≥ 0, ψ̄_i − z_i ≥ 0). A row
     without obstacle is the equality constraint `equation[i]`, p_i = 0.

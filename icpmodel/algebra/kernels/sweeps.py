@@ -52,7 +52,7 @@ def lifted(least, zi, low, top, weight):
 
 @called
 def pressed(least, zi, top, weight):
-    # max(weight (z_i - top), `least`), the median of a step; where the obstacles cross it moves z_i to the one above,
+    # max(weight (z_i - top), `least`), the median of a step; where the obstacles cross it moves z_i to the upper one,
     # and, unlike `lifted`, nothing jumps
     if top is None:
         return least

@@ -25,7 +25,7 @@ class Complementarity(Shown, cp.Constraint):
     sides : tuple of two Expression
         The expressions as they were given.
     bounds : tuple of two, Expression or None
-        The bounds of r below and above: 0 below and none above by default.
+        The lower and the upper bound of r; by default the lower one is 0, and there is no upper one.
 
     Notes
     -----
@@ -112,8 +112,9 @@ class Complementarity(Shown, cp.Constraint):
 def complements(p: Any, r: Any, *, lower: Any = 0.0, upper: Any = None) -> Complementarity:
     """The constraint p ≥ 0 ⟂ r ≥ 0 of a `Problem`, best with r = z − ψ(z); p may be any expression.
 
-    With bounds l and u of r it is l ≤ r ≤ u, p_i ≥ 0 where r_i = l_i, p_i ≤ 0 where r_i = u_i, and
-    p_i = 0 in between.
+    Bounds l and u of r make it a mixed condition:
+
+        l ≤ r ≤ u,    p_i ≥ 0 where r_i = l_i,    p_i ≤ 0 where r_i = u_i,    else p_i = 0.
 
     Parameters
     ----------

@@ -25,7 +25,7 @@ class OrderedRows(NamedTuple):
     ----------
     p, r : AffineRows
     lower, upper : AffineRows or None
-        The bounds of r, None for 0 below and for none above.
+        The bounds of r; None is 0 for the lower one, and no bound for the upper one.
     own : ndarray of int, shape (m,)
         The entry of z that each row of a condition owns.
     sign : ndarray, shape (m,)

@@ -224,8 +224,8 @@ class Traced:
     def linear(self, residuals: Arrays, changes: dict[str, Any], z: Any) -> Any:
         """dz for these changes, by a map that JAX can transpose and batch.
 
-        `jax.custom_derivatives.linear_call`, made for this, cannot be batched; `custom_linear_solve` can, and takes a
-        map L for the solution of (x − Ld, d) = b, which for b = (0, d) is (Ld, d).
+        `jax.custom_derivatives.linear_call` is made for this, but cannot be batched. `custom_linear_solve` can be. A
+        map L is for it the solution of (x − Ld, d) = b: for b = (0, d) that is (Ld, d).
         """
         jax = the_package()
         n = self.n

@@ -4,8 +4,8 @@ Let μ > 0 be at most the least eigenvalue of (H + Hᵀ)/2. Let x̂ be in C, λ 
 signs, and all rows and bounds with a multiplier be tight at x̂. Then (Hx̂ + g)ᵀ(x̂ − x*) ≤ ρᵀ(x̂ − x*) with the
 stationarity ρ = Hx̂ + g + Gᵀλ + Eᵀν + box. Moreover (Hx* + g)ᵀ(x* − x̂) ≤ 0. The sum is μ‖x̂ − x*‖² ≤ ‖ρ‖‖x̂ − x*‖.
 
-Such an x̂ is near x: with the tight rows C as equations, those of G and of E, x̂ = x − Cᵀ(CCᵀ)⁻¹(Cx − d) is at most
-η = ‖Cx − d‖/√θ away, where CCᵀ has no eigenvalue below θ > 0. Other rows and bounds have to have so much room.
+Such an x̂ is near x. Let Cx̂ = d be the rows of E and the tight rows of G, and let CCᵀ have no eigenvalue below θ > 0.
+Then x̂ = x − Cᵀ(CCᵀ)⁻¹(Cx − d) is at most η = ‖Cx − d‖/√θ away. Other rows and bounds need that much room.
 Reference: Facchinei and Pang, Finite-Dimensional Variational Inequalities (2003), sections 2.3 and 6.2.
 """
 

@@ -128,8 +128,11 @@ class Ownership:
         return preferred
 
     def _which_side_is_r(self, both: AffineRows) -> np.ndarray:
-        """The nonlinear one; of two affine ones that with fewer variables, else that in which its own variable weighs
-        more, or has a coefficient nearer to 1, or the smaller obstacle."""
+        """Which side of each condition becomes r: the nonlinear one.
+
+        Of two affine sides it is the one with fewer variables. Ties are broken by the weight of the own variable in
+        the side, then by the distance of its coefficient from 1, then by the size of the obstacle.
+        """
         m = self.free.size
         mine = np.abs([both.Z.diagonal(), both.Z.diagonal(-m)])
         rows = np.diff(both.Z.indptr), abs(both.Z).sum(axis=1), np.abs(both.constant)

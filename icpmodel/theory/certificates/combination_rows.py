@@ -33,8 +33,8 @@ class Known:
 class CombinationRows:
     """The rows of Mz + m whose sign is known at every solution, and an interval for each unknown.
 
-    The first n rows are p = Az + q. Where an obstacle moves, n rows z − ψ(z) follow, and n rows z − ψ̄(z) where there is
-    one above; a fixed obstacle is an end of the interval `low` ≤ z ≤ `high`. Row i of Mz + m may be assumed ≥ 0 where
+    The first n rows are p = Az + q. Where an obstacle moves, n rows z − ψ(z) follow, and for an upper obstacle n rows
+    z − ψ̄(z). A fixed obstacle is an end of the interval `low` ≤ z ≤ `high`. Row i of Mz + m may be assumed ≥ 0 where
     it `rises`, and ≤ 0 where it `falls`. `slopes` is M without the identity in the rows of z − ψ and z − ψ̄.
     """
 

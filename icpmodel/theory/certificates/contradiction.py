@@ -1,8 +1,8 @@
 """Which conditions of a problem contradict each other, by how much, and the nearest q for which they do not.
 
-The conditions p ≥ 0 and r ≥ 0 of constant and affine obstacles are linear. By how much they fail is the least s such
-that some z meets all of them when p is allowed to be wrong by s, in the units of Res_D. A vertex of the dual of that
-linear program has a minimal support: each proper subset of these conditions can be met. So no filter is needed.
+The conditions p ≥ 0 and r ≥ 0 of constant and affine obstacles are linear. Their violation is the least s ≥ 0 for
+which some z meets p ≥ −s, in the units of Res_D, and r ≥ 0. A vertex of the dual of that linear program has a minimal
+support: each proper subset of these conditions can be met. So no filter is needed.
 
 Reference: Gleeson and Ryan, ORSA J. Comput. 2 (1990), doi:10.1287/ijoc.2.1.61.
 """
@@ -53,8 +53,8 @@ class Contradiction(ReadOnly, Shown):
     weights : ndarray, shape (k,)
         Positive weights, with which their sum says 0 ≥ `by`.
     by : float
-        The least s such that |dq_i|/d_i ≤ s for some q + dq with p ≥ 0 and r ≥ 0 at some z; d as in `ICP.residual`, 1
-        where row i of A is 0. It is inf where the obstacles alone contradict each other.
+        The least s such that |dq_i|/d_i ≤ s for some q + dq with p ≥ 0 and r ≥ 0 at some z. d is as in
+        `ICP.residual`, and 1 where row i of A is 0. It is inf where the obstacles alone contradict each other.
     change : ndarray or None, shape (n,)
         Such a dq of the smallest Σ|dq_i|/d_i, up to rounding; None where there is none, and where Az overflows.
     proof : Answer
