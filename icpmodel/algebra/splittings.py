@@ -14,12 +14,12 @@ import scipy.sparse as sp
 from ..errors import InputError
 from ..numerics.arrays import Vector, as_csr, as_number
 from ..numerics.sparse_structure import is_diagonal
-from ..present.shown import Shown
+from ..present.display import Displayable
 from ..problem.data import ProblemData
 from .operators import AOROperator, FactorisedOperator, Operator, inverse_diagonal
 
 
-class Splitting(Shown, ABC):
+class Splitting(Displayable, ABC):
     """A choice of M₁ (and so of N₁ = M₁ − A)."""
 
     @abstractmethod

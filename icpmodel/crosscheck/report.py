@@ -10,8 +10,8 @@ from typing import Any
 
 from ..numerics.rounding import at_most
 from ..present.card import Card
+from ..present.display import Displayable
 from ..present.rendering import render
-from ..present.shown import Shown
 from ..present.table import Table, Tabular, width
 from ..present.whole_files import as_path, write_ours
 from ..solve.solution import Status
@@ -26,7 +26,7 @@ HEADS = ",".join(Row.__annotations__).encode()
 
 
 @dataclass(frozen=True, repr=False)
-class Report(Shown, Tabular):
+class Report(Displayable, Tabular):
     """The answers of the independent solvers beside the answer under test; print it, or let a notebook show it.
 
     Attributes

@@ -34,7 +34,7 @@ from ..errors import InputError, MapError, NotApplicable, OutOfTime, SingularOpe
 from ..numerics.arrays import Mask, ReadOnly, Vector, described, norm
 from ..numerics.rounding import SMALLEST, UNIT_ROUNDOFF, public_entry
 from ..present.card import Card
-from ..present.shown import Plotted, Shown
+from ..present.display import Displayable, Plottable
 from ..problem.data import ProblemData
 from ..problem.two_sided import sides_of
 from ..solve.driver import solve
@@ -55,7 +55,7 @@ _LEAST = 1e-14
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class OneSided(ReadOnly, Shown):
+class OneSided(ReadOnly, Displayable):
     """The derivatives of z*(t) at t = 0 in one direction of the data.
 
     Attributes
@@ -79,7 +79,7 @@ class OneSided(ReadOnly, Shown):
         return iter((self.right, self.left))
 
 
-class Derivative(ReadOnly, Plotted):
+class Derivative(ReadOnly, Plottable):
     """The derivative of z* in A, q and ψ at a solution, forward and adjoint.
 
     Parameters

@@ -10,12 +10,12 @@ import scipy.sparse as sp
 
 from ..algebra.equations import Pattern
 from ..numerics.arrays import ReadOnly, Vector, freeze, locked, row_of
-from ..present.shown import Shown, brief
+from ..present.display import Displayable, brief
 from ..problem.data import ProblemData
 from ..problem.two_sided import sides_of
 
 
-class Gradient(ReadOnly, Shown):
+class Gradient(ReadOnly, Displayable):
     """The gradient of z̄ᵀz* in A, q and ψ, for a weight z̄.
 
     Attributes

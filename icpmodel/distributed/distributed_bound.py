@@ -17,7 +17,7 @@ import numpy as np
 from ..numerics.arrays import Mask, Vector
 from ..numerics.rounding import SMALLEST, UNIT_ROUNDOFF, gamma
 from ..present.card import Card
-from ..present.shown import Shown
+from ..present.display import Displayable
 from ..problem.two_sided import mid
 from ..theory.certificates.bounds import USERS_WORD, ErrorBound
 from .distributed_icp import DistributedICP
@@ -30,7 +30,7 @@ HPlusVectors = tuple[str, Vector, Vector, Vector]
 
 
 @dataclass(frozen=True, repr=False)
-class DistributedCertificate(Shown):
+class DistributedCertificate(Displayable):
     """The residual, error bound and active set of z on ranks, recomputed from (A, q, ψ, z).
 
     Attributes

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import OBSTACLES, InputError, check_arguments
 from ..numerics.arrays import Vector, described
-from ..present.shown import Shown
+from ..present.display import Displayable
 from ..problem.affine import Affine, Constant
 from ..problem.by_rows import ByRows
 from ..problem.data import ProblemData, as_problem
@@ -20,7 +20,7 @@ from .distributed_matrix import DistributedMatrix, from_rows
 from .ranks import norm, petsc, together, totals, world
 
 
-class DistributedICP(Shown):
+class DistributedICP(Displayable):
     """An ICP on the ranks of a communicator: p = Az + q ≥ 0, r = z − ψ(z) ≥ 0, pᵀr = 0, or one with ψ ≤ z ≤ ψ̄.
 
     Every rank makes it at the same time, with its share of each argument. All functions of this

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..numerics.rounding import public_entry
 from ..present.card import Card
-from ..present.shown import Shown
+from ..present.display import Displayable
 from ..solve.solution import Status
 from .distributed_bound import DistributedCertificate, certify
 from .distributed_icp import DistributedICP
@@ -18,7 +18,7 @@ from .distributed_levels import DistributedLevels
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class DistributedSolution(Shown):
+class DistributedSolution(Displayable):
     """An answer on ranks: the returned z, the reason why the run stopped and, on request, what is certain of z.
 
     Attributes

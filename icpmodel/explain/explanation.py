@@ -16,7 +16,7 @@ from ..numerics.arrays import as_number, as_truth, described
 from ..numerics.rounding import UNIT_ROUNDOFF, at_most, public_entry
 from ..numerics.threads import one_blas_thread
 from ..present.card import Sections, inner_width
-from ..present.shown import Shown
+from ..present.display import Displayable
 from ..present.table import Table
 from ..problem.data import ProblemData, ProblemLike, as_problem
 from ..solve.choice import select_method, why_none
@@ -42,7 +42,7 @@ _CENTURY = 3e9  #: in seconds
 
 
 @dataclass(frozen=True, eq=False)
-class Explanation(Shown):
+class Explanation(Displayable):
     """Everything that is certain of an ICP before it is solved; `print` shows the page.
 
     Attributes

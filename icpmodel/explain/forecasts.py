@@ -16,7 +16,7 @@ from ..methods.factorised import MNMMOD, MNMOD
 from ..methods.modulus import ModulusMember
 from ..methods.psor import PSOR
 from ..numerics.rounding import at_most
-from ..present.shown import Shown
+from ..present.display import Displayable
 from ..problem.data import ProblemData
 from ..theory.answers import UNDECIDED, Allowance, Answer
 from ..theory.certificates.bounds import shared_proofs
@@ -33,7 +33,7 @@ _NOTHING = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class Forecast(Shown):
+class Forecast(Displayable):
     """The statements of the theory on one method before it runs.
 
     Attributes

@@ -19,7 +19,7 @@ from ..algebra.steps import Step, repeated_steps
 from ..errors import InputError, did_you_mean
 from ..numerics.arrays import ReadOnly, Vector, described
 from ..numerics.plugins import load_plugins
-from ..present.shown import Shown
+from ..present.display import Displayable
 from ..problem.data import ProblemData
 from ..theory.answers import Answer
 
@@ -74,7 +74,7 @@ class Infeasible(Exception):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Method(ReadOnly, Shown, ABC):
+class Method(ReadOnly, Displayable, ABC):
     """An iterative method; subclasses with options are frozen keyword-only dataclasses that check them.
 
     A method never changes after it was made.

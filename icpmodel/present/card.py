@@ -5,8 +5,8 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterator, Mapping
 
+from .display import Displayable, brief
 from .rendering import render
-from .shown import Shown, brief
 from .table import width
 
 #: the longest lines of a card, the columns of its names, and the longest lines of sections
@@ -15,7 +15,7 @@ _NAMES = 9
 _PAGE = 116
 
 
-class Card(Shown, Mapping[str, str]):
+class Card(Displayable, Mapping[str, str]):
     """Names with texts, which may have several lines.
 
     Parameters

@@ -14,9 +14,9 @@ from typing import Any
 
 from ..errors import NotApplicable
 from ..numerics.plugins import in_notebook
+from .display import Displayable
 from .latex import as_latex
 from .rendering import render
-from .shown import Shown
 
 #: in a file or a pipe a line is as long as it needs to be
 _UNBOUNDED = 10_000
@@ -29,7 +29,7 @@ _CELL = 115
 
 
 @dataclass(frozen=True, repr=False)
-class Table(Shown):
+class Table(Displayable):
     """A table of numbers and texts.
 
     Parameters

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 
 from ..errors import InputError
 from ..numerics.arrays import Vector, as_number, as_rows, as_vector, described
-from ..present.shown import Shown
+from ..present.display import Displayable
 
 
 class _Four(NamedTuple):
@@ -22,7 +22,7 @@ class _Four(NamedTuple):
     upper: Vector | None = None
 
 
-class LocalRows(Shown, _Four):
+class LocalRows(Displayable, _Four):
     """The rows lo ≤ i < hi of a problem with n unknowns, in the order of the arguments of `ICP`.
 
     Parameters
@@ -50,7 +50,7 @@ class LocalRows(Shown, _Four):
 
 
 @dataclass(frozen=True, repr=False)
-class ByRows(Shown):
+class ByRows(Displayable):
     """A problem that is assembled a range of rows at a time: processes that share it make each its own rows.
 
     Parameters

@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from ..numerics.arrays import Mask, ReadOnly, Vector, as_vector
 from ..numerics.rounding import SMALLEST, UNIT_ROUNDOFF
 from ..numerics.sparse_structure import is_diagonal
-from ..present.shown import Shown
+from ..present.display import Displayable
 
 
-class Map(ReadOnly, Shown, ABC):
+class Map(ReadOnly, Displayable, ABC):
     """ψ: Rⁿ → (R ∪ {−∞})ⁿ.
 
     Maps are made without a length; `ICP` binds them to its own. They never change.

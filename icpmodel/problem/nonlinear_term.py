@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from ..errors import InputError, MapError
 from ..numerics.arrays import Vector, described, not_finite
 from ..numerics.rounding import UNIT_ROUNDOFF
-from ..present.shown import Shown
+from ..present.display import Displayable
 from .affine import Affine
 from .differences import steps
 from .elementwise import Elementwise
@@ -36,7 +36,7 @@ def _about_f() -> Iterator[None]:
         raise type(error)(str(error).replace("psi", "f")) from error.__cause__
 
 
-class NonlinearTerm(Shown):
+class NonlinearTerm(Displayable):
     """The map f for `n` unknowns.
 
     Parameters

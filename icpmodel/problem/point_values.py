@@ -12,14 +12,14 @@ import scipy.sparse as sp
 from ..errors import InputError, MapError
 from ..numerics.arrays import Vector, as_array, as_float64, as_vector, norm, not_finite, smallest_size
 from ..numerics.rounding import SMALLEST, gamma
-from ..present.shown import Shown
+from ..present.display import Displayable
 from .map import Map
 from .matrix import Matrix
 from .nonlinear_term import NonlinearTerm
 from .two_sided import mid
 
 
-class PointValues(Shown):
+class PointValues(Displayable):
     """p(z), r(z), the residuals and bounds on their rounding errors; `ProblemData` documents the attributes."""
 
     __slots__ = ("f", "matrix", "n", "psi", "q")

@@ -16,7 +16,7 @@ from ..errors import InputError
 from ..icp import ICP
 from ..numerics.arrays import ReadOnly, Vector, as_number, locked
 from ..numerics.plugins import load_plugins
-from ..present.shown import Plotted, Shown
+from ..present.display import Displayable, Plottable
 from ..problem.by_rows import ByRows
 from ..problem.data import ProblemData
 from ..problem.matrix import Matrix
@@ -24,7 +24,7 @@ from ..solve.solution import Solution
 
 
 @dataclass(frozen=True, repr=False)
-class Quantity(Shown):
+class Quantity(Displayable):
     """A number of a solution whose value in the continuous problem is known.
 
     Parameters
@@ -74,7 +74,7 @@ def farthest(exact: Vector, z: Vector) -> float:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class Scene(ReadOnly, Plotted):
+class Scene(ReadOnly, Plottable):
     """A problem of the gallery with what is known of its answer.
 
     Parameters

@@ -23,7 +23,7 @@ from ..methods.proximal import Proximal
 from ..methods.psor import PSOR
 from ..methods.shortcuts import Josephy, Lemke, Tridiagonal
 from ..numerics import work
-from ..present.shown import Shown
+from ..present.display import Displayable
 from ..problem.data import ProblemData, ProblemLike, as_problem
 from .estimates import PLAIN, Estimate, least_cost
 from .estimates import estimate as estimate_of
@@ -49,7 +49,7 @@ _STILL = 4.0
 
 
 @dataclass(frozen=True, repr=False)
-class Choice(Shown):
+class Choice(Displayable):
     """The method that was chosen, and why.
 
     Attributes

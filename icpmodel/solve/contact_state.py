@@ -9,13 +9,13 @@ import numpy as np
 
 from ..errors import NotApplicable
 from ..numerics.arrays import Mask, ReadOnly, Vector
-from ..present.shown import Shown
+from ..present.display import Displayable
 from ..problem.friction import FrictionIndex
 from .solution import Solution
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ContactState(ReadOnly, Shown):
+class ContactState(ReadOnly, Displayable):
     """The state of every row of a contact problem, made by `contact_state`.
 
     Attributes

@@ -14,8 +14,8 @@ from typing import Any
 
 from ..numerics.arrays import Vector
 from ..numerics.plugins import in_notebook
+from ..present.display import Displayable
 from ..present.rendering import render
-from ..present.shown import Shown
 
 #: how often a bar is drawn, in seconds; and how far the lines of a log, which come after 1, 2, 4, … seconds, are apart
 #: at the most
@@ -27,7 +27,7 @@ _OPEN: ContextVar[Callable[[str], None] | None] = ContextVar("status line", defa
 
 
 @dataclass(frozen=True, repr=False)
-class Progress(Shown):
+class Progress(Displayable):
     """The state of a run that a callback receives.
 
     Attributes

@@ -17,7 +17,7 @@ from ..methods.contract import Method
 from ..numerics.arrays import ReadOnly, Vector
 from ..numerics.rounding import public_entry
 from ..present.card import Card
-from ..present.shown import Plotted, cut
+from ..present.display import Plottable, cut
 from ..present.table import Table, Tabular
 from ..problem.data import ProblemData
 from ..theory.answers import Answer
@@ -109,7 +109,7 @@ _QUICK = 0.02
 
 
 @dataclass(frozen=True, repr=False)
-class History(ReadOnly, Plotted, Tabular):
+class History(ReadOnly, Plottable, Tabular):
     """The path of a run, one entry per tested iterate.
 
     Parameters
@@ -154,7 +154,7 @@ class History(ReadOnly, Plotted, Tabular):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Solution(ReadOnly, Plotted):
+class Solution(ReadOnly, Plottable):
     """An answer: the returned z, why the loop stopped, and, computed when first asked for, what is certain of z.
 
     Attributes

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..methods.aor import MNMGS
 from ..methods.contract import Method
 from ..numerics.arrays import ReadOnly, Vector
-from ..present.shown import Plotted, cut
+from ..present.display import Plottable, cut
 from ..present.table import Table, Tabular
 from ..problem.data import ProblemData
 from ..theory.answers import Answer
@@ -76,7 +76,7 @@ class BatchData:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Solutions(ReadOnly, Plotted, Tabular):
+class Solutions(ReadOnly, Plottable, Tabular):
     """The answers of `solve_many`, one row per problem.
 
     It is a list of them, too: `many[0]` is a `Solution`, made when it is asked for, and `many[:2]` a list of these.

@@ -28,14 +28,14 @@ from ..errors import InputError, did_you_mean
 from ..numerics.arrays import as_list
 from ..numerics.plugins import load_plugins
 from ..numerics.rounding import is_ctrl_c
-from ..present.shown import Shown
+from ..present.display import Displayable
 from .formulations import QP, Target
 
 _REGISTRY: dict[str, type[ForeignSolver]] = {}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Claim(Shown):
+class Claim(Displayable):
     """The answer of a foreign solver and what it claims; the claim is recorded, the answer is judged.
 
     Parameters
@@ -67,7 +67,7 @@ class Claim(Shown):
     tolerance: float | None = None
 
 
-class ForeignSolver(Shown, ABC):
+class ForeignSolver(Displayable, ABC):
     """Base class: one foreign solver that solves a `Target`.
 
     The caller sets its tolerance and its time limit. A subclass is made without arguments.

@@ -37,14 +37,14 @@ from ..errors import InputError, MapError
 from ..numerics.arrays import Vector
 from ..numerics.equilibration import in_units
 from ..numerics.rounding import UNIT_ROUNDOFF
-from ..present.shown import Shown
+from ..present.display import Displayable
 from ..problem.data import ProblemData
 from ..theory.certificates.bounds import ErrorBound, error_bound
 from ..theory.matrices.classes import MatrixClasses, classify
 
 
 @dataclass(frozen=True, repr=False)
-class QP(Shown):
+class QP(Displayable):
     """A convex quadratic program: min ½yᵀPy + qᵀy subject to lower ≤ Ky ≤ upper.
 
     y is z, followed by v where the form "gap" has one. Where lower = upper a row is an equation.
@@ -95,7 +95,7 @@ class QP(Shown):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Target(Shown):
+class Target(Displayable):
     """One problem for foreign solvers, with the data that they share computed once.
 
     Parameters

@@ -18,13 +18,13 @@ from ..methods.contract import Method, named
 from ..methods.contract import names as method_names
 from ..numerics.multigrid import linear_solve
 from ..numerics.rounding import UNIT_ROUNDOFF
-from ..present.shown import Shown
+from ..present.display import Displayable
 from ..solvers.foreign import Claim, ForeignSolver, ask
 from .cases import Case, fresh, uninterrupted
 
 
 @dataclass(frozen=True, repr=False)
-class Entry(Shown):
+class Entry(Displayable):
     """One competitor at one `tolerance` of a race.
 
     `seconds` are those of each round. Among them are `build` seconds to make the ICP or the QP, and `setup` seconds of

@@ -14,7 +14,7 @@ from ..icp import ICP
 from ..methods.aor import MNMAOR, MNMGS
 from ..methods.contract import Method, named
 from ..numerics.arrays import Vector
-from ..present.shown import Shown
+from ..present.display import Displayable
 from ..problem.affine import Affine
 from ..problem.data import ProblemData
 from ..scenes import scene
@@ -24,7 +24,7 @@ from ..scenes.registry import title
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Axis(Shown):
+class Axis(Displayable):
     """One parameter of a plane.
 
     Parameters
@@ -51,7 +51,7 @@ class Axis(Shown):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Plane(Shown):
+class Plane(Displayable):
     """Two parameters, and the problem and method that belong to each pair of values.
 
     Parameters

@@ -16,8 +16,8 @@ from ..errors import InputError, Interrupted, OutOfTime
 from ..methods.contract import Method, named
 from ..numerics.arrays import as_list, as_number
 from ..numerics.rounding import public_entry
+from ..present.display import Plottable
 from ..present.rendering import render
-from ..present.shown import Plotted
 from ..present.table import Table, Tabular, folded
 from ..problem.data import ProblemLike, as_problem
 from ..scenes import Scene
@@ -45,7 +45,7 @@ _Say = Callable[[str], None]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class Race(Plotted, Tabular):
+class Race(Plottable, Tabular):
     """The result of `race`: times, errors and claims of every competitor.
 
     Attributes

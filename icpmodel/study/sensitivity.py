@@ -11,7 +11,7 @@ from ..errors import InputError, SingularOperator
 from ..numerics.arrays import Vector
 from ..numerics.rounding import at_most
 from ..present.card import Card
-from ..present.shown import Plotted
+from ..present.display import Plottable
 from ..problem.data import ProblemData
 from ..solve.solution import Solution
 from ..theory.certificates.bounds import perturbation_bound
@@ -27,7 +27,7 @@ _TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sensitivity(Plotted):
+class Sensitivity(Plottable):
     """κ with max|δz| ≤ κ·ε·max|z| where A, q and ψ change by at most ε of themselves, entry by entry.
 
     Parameters

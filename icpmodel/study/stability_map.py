@@ -14,8 +14,8 @@ from ..methods.contract import Method
 from ..methods.modulus import ModulusMember
 from ..numerics.arrays import Mask, Vector, as_number, described
 from ..numerics.rounding import public_entry
+from ..present.display import Plottable
 from ..present.rendering import render
-from ..present.shown import Plotted
 from ..present.table import Table, Tabular
 from ..problem.data import ProblemData, ProblemLike, as_problem
 from ..solve.driver import solve
@@ -41,7 +41,7 @@ PRINTED = ("4.2", "4.3", "4.4")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class StabilityMap(Plotted, Tabular):
+class StabilityMap(Plottable, Tabular):
     """The result of `stability`: how the method ended at every point of a plane of two parameters.
 
     Attributes

@@ -9,13 +9,13 @@ from typing import Any
 
 from ..numerics import work
 from ..numerics.arrays import ReadOnly
-from ..present.shown import Shown
+from ..present.display import Displayable
 
 UNDECIDED = "not decided"  #: how the reason begins where a limit left a question open
 
 
 @dataclass(frozen=True, repr=False)
-class Answer(ReadOnly, Shown):
+class Answer(ReadOnly, Displayable):
     """The answer to a question about a problem.
 
     Attributes

@@ -20,7 +20,7 @@ from ..numerics.arrays import ReadOnly, Vector, as_number
 from ..numerics.exact_polyhedron import null_space, relative_interior, row_reduce
 from ..numerics.rational import nearest, rationals
 from ..numerics.rounding import public_entry
-from ..present.shown import Shown
+from ..present.display import Displayable
 from ..problem.data import ProblemData, ProblemLike, as_problem
 
 #: problems with more pieces are refused: 2¹⁸ take half a minute
@@ -30,7 +30,7 @@ Rational = list[Fraction]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Face(ReadOnly, Shown):
+class Face(ReadOnly, Displayable):
     """Solutions that are not isolated: `point` + linear combinations of `directions`, as far as no sign changes.
 
     Attributes
@@ -52,7 +52,7 @@ class Face(ReadOnly, Shown):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SolutionSet(ReadOnly, Shown):
+class SolutionSet(ReadOnly, Displayable):
     """All solutions of a problem.
 
     Attributes

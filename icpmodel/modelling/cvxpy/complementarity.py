@@ -10,14 +10,14 @@ from cvxpy.atoms.affine.promote import promote
 
 from ...errors import InputError
 from ...numerics.arrays import described
-from ...present.shown import Shown, cut
+from ...present.display import Displayable, cut
 from .atoms import named
 
 #: the attributes that a variable of CVXPY's may have here
 BOUNDING = ("nonneg", "nonpos", "bounds")
 
 
-class Complementarity(Shown, cp.Constraint):
+class Complementarity(Displayable, cp.Constraint):
     """The condition p ≥ 0, r ≥ 0, pᵀr = 0 between two CVXPY expressions; `complements` makes it.
 
     Attributes

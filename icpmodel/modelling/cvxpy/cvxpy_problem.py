@@ -20,7 +20,7 @@ from ...explain.explanation import Explanation
 from ...icp import ICP
 from ...methods.contract import Method
 from ...numerics.arrays import Vector, as_truth, described
-from ...present.shown import Shown
+from ...present.display import Displayable
 from ...solve.solution import Solution, Status
 from ..reading import solved
 from ..running_log import printed_on
@@ -47,7 +47,7 @@ _VALUES = {s.OPTIMAL: 0.0, s.OPTIMAL_INACCURATE: 0.0, s.INFEASIBLE: np.inf}
 _TOLD = 3
 
 
-class Problem(Shown):
+class Problem(Displayable):
     """An ICP in CVXPY's terms: find z, all variables of the constraints, with every p ≥ 0 ⟂ r ≥ 0.
 
     Parameters

@@ -15,7 +15,7 @@ import numpy as np
 
 from ...errors import InputError, NotApplicable
 from ...numerics.arrays import as_truth, described
-from ...present.shown import Shown
+from ...present.display import Displayable
 from ...problem.data import ProblemData, ProblemLike, as_problem
 from ...problem.map import Map
 from ...solve.goal import RTOL, Limits
@@ -95,7 +95,7 @@ def solution_of(
     return SolutionFunction(as_problem(problem), {"psi": psi, "upper": upper}, options, loud)
 
 
-class SolutionFunction(Shown):
+class SolutionFunction(Displayable):
     """The answer of a problem as a function of its arrays; `solution_of` makes it.
 
     Parameters

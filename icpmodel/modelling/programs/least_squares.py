@@ -19,7 +19,7 @@ from ...errors import InputError, NotSolved, check_arguments
 from ...numerics.arrays import Vector, as_truth, as_vector, norm
 from ...numerics.rounding import gamma, public_entry
 from ...numerics.threads import one_blas_thread
-from ...present.shown import Shown
+from ...present.display import Displayable
 from .program import Program
 from .program_arguments import bounds, check_limits, matrix
 from .solve_program import solve_program
@@ -29,7 +29,7 @@ _DENSE = 2000
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LeastSquares(Shown):
+class LeastSquares(Displayable):
     """The result of `solve_lsq`, in the words of `scipy.optimize.lsq_linear`.
 
     Attributes

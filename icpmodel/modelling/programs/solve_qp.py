@@ -15,7 +15,7 @@ from ...errors import NotSolved, check_arguments
 from ...icp import ICP
 from ...numerics.arrays import Vector, as_truth, as_vector
 from ...numerics.rounding import public_entry
-from ...present.shown import Shown
+from ...present.display import Displayable
 from ...theory.certificates.bounds import ErrorBound
 from .distance import distance
 from .program import Program, Values, conditions_of
@@ -24,7 +24,7 @@ from .solve_program import solve_program
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ProgramSolution(Shown):
+class ProgramSolution(Displayable):
     """The result of `solve_qp` and of `solve_avi`, H being P and g being q in a quadratic program.
 
     Attributes

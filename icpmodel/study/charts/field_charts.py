@@ -11,7 +11,7 @@ import numpy as np
 
 from ...errors import InputError
 from ...numerics.arrays import Mask, Vector
-from ...present.shown import Plotted
+from ...present.display import Plottable
 from ...problem.data import ProblemData
 from ...scenes.registry import title
 from .figures import GREY, ORANGE, PURPLE, Drawing, Panel, drawing
@@ -28,7 +28,7 @@ CONTACTS = {"contact set": (GREY, "white"), "contact below": (GREY, "white"), "c
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Fields(Plotted):
+class Fields(Plottable):
     """Vectors over the unknowns of a problem, to be drawn: curves in one panel, or one field each.
 
     Parameters

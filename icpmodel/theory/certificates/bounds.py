@@ -22,7 +22,7 @@ from ...errors import MapError, OutOfTime
 from ...numerics import work
 from ...numerics.arrays import ReadOnly, Vector, as_number, as_truth, not_finite
 from ...numerics.rounding import UNIT_ROUNDOFF, at_most, public_entry
-from ...present.shown import Shown
+from ...present.display import Displayable
 from ...problem.data import ProblemData, ProblemLike, as_problem
 from ...problem.facts import Facts
 from ...problem.map import Map
@@ -56,7 +56,7 @@ _MAX_POINTS = 8
 
 
 @dataclass(frozen=True, repr=False)
-class ErrorBound(ReadOnly, Shown):
+class ErrorBound(ReadOnly, Displayable):
     """A bound on the distance of z to the solution; `print` says it in words.
 
     Attributes

@@ -17,7 +17,7 @@ from ...errors import InputError
 from ...numerics.arrays import Mask, ReadOnly, as_truth, described
 from ...numerics.rounding import UNIT_ROUNDOFF, public_entry, upper
 from ...present.card import Card
-from ...present.shown import Shown
+from ...present.display import Displayable
 from ...problem.data import ProblemLike, as_problem
 from ...problem.two_sided import mid
 from .bounds import ErrorBound, error_bound
@@ -26,7 +26,7 @@ NOT_COMPUTED = "it was not computed"  #: the reason of a certificate without a b
 
 
 @dataclass(frozen=True, repr=False)
-class Certificate(Shown):
+class Certificate(Displayable):
     """The residual, error bound, uniqueness and active set of z, recomputed from (A, q, ψ, z) by `certify`.
 
     Attributes
@@ -151,7 +151,7 @@ def certify(
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ActiveSet(ReadOnly, Shown):
+class ActiveSet(ReadOnly, Displayable):
     """The rows that are proved to be active (p* > 0, r* = 0) and inactive (r* > 0, p* = 0).
 
     Attributes

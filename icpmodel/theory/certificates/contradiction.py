@@ -23,7 +23,7 @@ from ...numerics.arrays import Mask, ReadOnly, Vector
 from ...numerics.equilibration import times_rows
 from ...numerics.rational import nearest
 from ...numerics.rounding import public_entry
-from ...present.shown import Shown
+from ...present.display import Displayable
 from ...problem.data import ProblemData, ProblemLike, as_problem
 from ..answers import Answer
 from .combination_rows import ZERO, CombinationRows
@@ -41,7 +41,7 @@ _ROOM = 1e-8
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Contradiction(ReadOnly, Shown):
+class Contradiction(ReadOnly, Displayable):
     """Conditions that no z meets together, confirmed in rational arithmetic.
 
     Attributes

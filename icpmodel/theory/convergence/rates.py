@@ -13,7 +13,7 @@ from ...algebra.splittings import Member
 from ...errors import InputError
 from ...numerics.arrays import Vector, as_number, as_vector, described
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, at_most, upper
-from ...present.shown import Shown
+from ...present.display import Displayable
 from ...problem.data import ProblemData, as_problem
 from ..answers import Answer
 from ..certificates.bounds import error_bound
@@ -25,7 +25,7 @@ from .theorems import Check, check_all
 
 
 @dataclass(frozen=True, eq=False)
-class Rate(Shown, ABC):
+class Rate(Displayable, ABC):
     """A proved rate: every step, in exact arithmetic, reduces a norm of z − z* to `factor` times it, or less.
 
     Attributes

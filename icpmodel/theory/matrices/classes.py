@@ -12,7 +12,7 @@ from ...errors import OutOfTime
 from ...numerics import work
 from ...numerics.arrays import ReadOnly, as_csr
 from ...numerics.sparse_structure import bandwidths
-from ...present.shown import Shown
+from ...present.display import Displayable
 from ..answers import Allowance, Answer
 from .comparison_matrix import comparison_matrix, positive_diagonal, z_matrix
 from .definiteness import definiteness, semidefinite_up_to_rounding
@@ -105,7 +105,7 @@ def p_matrix(A: Any) -> Answer:
     return classify(A).p
 
 
-class MatrixClasses(ReadOnly, Shown):
+class MatrixClasses(ReadOnly, Displayable):
     """Three-valued answers about a matrix; see `classify`.
 
     Each is computed when it is first asked for; `print` asks for all. Yes and no are proved, rounding

@@ -13,7 +13,7 @@ import pytest
 import icpmodel as icp
 from icpmodel.modelling.jax import SolutionFunction
 from icpmodel.present import Card, Table
-from icpmodel.present.shown import Shown
+from icpmodel.present.display import Displayable
 from icpmodel.solvers import Target
 from icpmodel.study.competitors import Entry
 
@@ -112,7 +112,7 @@ def public_classes():
 
 def test_every_public_class_is_shown_and_has_an_object_here(objects):
     classes = set(public_classes())
-    assert [one.__name__ for one in classes if not issubclass(one, Shown)] == []
+    assert [one.__name__ for one in classes if not issubclass(one, Displayable)] == []
     here = [one for one in classes if not one.__module__.startswith("icpmodel.distributed")]  # those need PETSc
     assert [one.__name__ for one in here if not any(isinstance(thing, one) for thing in objects)] == []
 

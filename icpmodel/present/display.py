@@ -16,7 +16,7 @@ _FIELD = 72
 _ALL = 480
 
 
-class Shown:
+class Displayable:
     """A base: a `repr` of less than 500 characters whatever the arrays in it, and in a notebook the text of `print`,
     folded to the width of its cell."""
 
@@ -24,14 +24,14 @@ class Shown:
 
     def __repr__(self) -> str:
         of: tuple[Field[Any], ...] = fields(self) if is_dataclass(self) else ()
-        shown = [f"{one.name}={brief(getattr(self, one.name))}" for one in of if one.repr]
-        return cut(f"{type(self).__name__}({', '.join(shown)}", _ALL) + ")"
+        values = [f"{one.name}={brief(getattr(self, one.name))}" for one in of if one.repr]
+        return cut(f"{type(self).__name__}({', '.join(values)}", _ALL) + ")"
 
     def _repr_html_(self) -> str:
         return render("folded.html", text=str(self))
 
 
-class Plotted(Shown):
+class Plottable(Displayable):
     """A base of what has a picture, which `icpmodel.study` draws."""
 
     __slots__ = ()
