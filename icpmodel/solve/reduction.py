@@ -1,14 +1,15 @@
-"""Reduction: transforms before a run. What need not be iterated on is left out, what does not interact is solved apart.
+"""Reduction: transforms before a run. Rows that need no iteration leave; independent parts are solved one by one.
 
 1. Obstacles that move with their own unknown alone are fixed, and redundant rows leave: `presolve`.
 2. Rows without any obstacle are eliminated before anything is iterated, see `algebra.schur`, where few have one.
 3. The strong components of A and ψ follow one another. A row alone is a maximum, a small block is pivoted, and what is
    left falls into parts that do not interact.
 
-Each part goes up a ladder of its own. The joined answer is judged as one of the whole problem, which goes on from there
-where it is not good enough. A part without a solution proves that the whole has none in two cases. Its proof, with 0 in
-all other rows, is one of the whole. Or the unknowns of earlier blocks have one answer, and the error bound says how far
-that is from what is known of it.
+Each part goes up a ladder of its own. The joined answer is judged as an answer of the whole problem; if it is not good
+enough, the run of the whole problem starts from it. A part without a solution proves in two cases that the whole has
+none. Its proof, with 0 in all other rows, is a proof for the whole. Or the unknowns of earlier blocks have only one
+solution, and an error bound encloses it.
+
 References: Tarjan, SIAM J. Comput. 1 (1972), for the components; Cottle, Pang and Stone, The Linear Complementarity
 Problem (1992), section 4.4, for blocks.
 """
@@ -41,15 +42,15 @@ from .run import Run
 from .solution import Status
 
 _LOG = logging.getLogger("icpmodel")
-#: the share of the rows above which a part is no smaller problem
-_MOST = 0.6
-#: the share of the tolerance of the whole that parts get together, and parts that others depend on
-_SHARE = 0.5
-_EARLIER = 1e-3
+#: a part with more than this share of the rows is no smaller problem
+_MAX_PART = 0.6
+#: the share of the tolerance of the whole that all parts get, and that parts get on which others depend
+_TOLERANCE_SHARE = 0.5
+_EARLIER_SHARE = 1e-3
 #: ends of a part that end the whole
-_LIMITS = (Status.ITERATION_LIMIT, Status.TIME_LIMIT, Status.STOPPED)
+_FINAL = (Status.ITERATION_LIMIT, Status.TIME_LIMIT, Status.STOPPED)
 
-#: steps, and in the end what is left to be solved, if anything
+#: steps, which return the blocks that are still to be solved, or None
 Path = Generator[None, None, Blocks | None]
 
 
@@ -85,7 +86,7 @@ def ladder_steps(run: Run, problem: ProblemData, family: str | None) -> Iterator
             yield from run.steps(ladder)
 
 
-def solve_parts(run: Run, problem: ProblemData, family: str | None = None, most: float = _MOST) -> Iterator[None]:
+def solve_parts(run: Run, problem: ProblemData, family: str | None = None, most: float = _MAX_PART) -> Iterator[None]:
     """The steps of the parts of `problem`, and their joined answer in `run`; none where a part has more than the share
     `most` of the rows."""
     partition = structure(problem, most * problem.n)
@@ -94,14 +95,14 @@ def solve_parts(run: Run, problem: ProblemData, family: str | None = None, most:
 
 
 class _Parts:
-    """The parts of a reduced problem, and what they are joined to.
+    """The parts of a reduced problem, and their joined answer z.
 
     Parameters
     ----------
     run : Run
         The run of the whole problem.
     problem : ProblemData
-        What is reduced.
+        The problem that is reduced.
     family : str or None
         As in `select_method`.
     """
@@ -113,9 +114,9 @@ class _Parts:
         self.z = (run.start if run.best is None else run.best.z).copy()
         tolerance = run.goal.tolerance_at(self.z)
         largest = max(1.0 / float(problem.matrix.row_weights.min()), 1.0)
-        self.tolerance = _SHARE * max(tolerance, run.goal.atol / largest)
-        #: an iterate of a part as one of the whole
-        self.completed: Callable[[Vector], Vector] = np.copy
+        self.tolerance = _TOLERANCE_SHARE * max(tolerance, run.goal.atol / largest)
+        #: makes an iterate of the whole problem of one of a part
+        self.extend: Callable[[Vector], Vector] = np.copy
         #: the job of the largest part
         self.job = Job(Choice(PSOR()))
         self.size = 0
@@ -124,14 +125,14 @@ class _Parts:
         """Solve the parts of `partition`, and join their answers."""
         run = self.run
         try:
-            first: Blocks | None = None
+            rest: Blocks | None = None
             if isinstance(partition, SchurComplement):
                 yield from self._eliminated(partition)
             else:
-                first = partition
-            while first is not None and not run.is_over:
-                partition = first
-                first = yield from self._in_blocks(partition)
+                rest = partition
+            while rest is not None and not run.is_over:
+                partition = rest
+                rest = yield from self._in_blocks(partition)
             if isinstance(partition, Blocks) and partition.is_pivoted and not self.size:
                 self.job = Job(Choice(Lemke()))
         except Infeasible as proof:
@@ -164,7 +165,7 @@ class _Parts:
         self.z, solved = partition.forward(self.z, partition.before)
         if (unsolved := partition.before & ~solved).any():
             return partition.with_core(unsolved)
-        share = _EARLIER if partition.after.any() else 1.0
+        share = _EARLIER_SHARE if partition.after.any() else 1.0
         for rows in partition.parts:
             part = self._part(
                 restricted(partition.problem, rows, self.z), rows, share * self.tolerance / len(partition.parts) ** 0.5
@@ -177,17 +178,17 @@ class _Parts:
         return partition.with_core(unsolved) if unsolved.any() else None
 
     def _eliminated(self, complement: SchurComplement) -> Iterator[None]:
-        """The rows with an obstacle; the equations follow, unless their factors prove to be bad."""
+        """Solve the rows with an obstacle, then the equations; do nothing if the factors of these are inaccurate."""
         problem = self.problem
         equations = problem.matrix.row_weights.copy()
         equations[complement.rows] = 0.0
         z = complement.extended(problem, self.z)
         if norm(equations * problem.p(z)) <= self.tolerance:
             self.z = z
-            self.completed = lambda z: complement.extended(problem, z)
+            self.extend = lambda z: complement.extended(problem, z)
             part = self._part(complement.reduced(problem), complement.rows, self.tolerance)
             yield from self._solve(part, complement.rows)
-            self.z = self.completed(self.z)
+            self.z = self.extend(self.z)
 
     def _part(self, part: ProblemData, rows: Rows, tolerance: float) -> Run:
         """The run of a part, whose unknowns are the `rows` of the whole."""
@@ -200,14 +201,14 @@ class _Parts:
         before = max(self.run.iteration, 0)
 
         def watch(z: Vector, residual: float) -> Ended | None:
-            self.run.iteration = before + max(made.iteration, 0)
+            self.run.iteration = before + max(run_of_part.iteration, 0)
             if not self.run.is_watched:
                 return None
             whole = self.z.copy()
             whole[rows] = z
-            return self.run.show(self.completed(whole))
+            return self.run.show(self.extend(whole))
 
-        made = Run(
+        run_of_part = Run(
             part,
             start,
             start_residual,
@@ -218,10 +219,10 @@ class _Parts:
             watch=watch,
             clock=self.run.clock,
         )
-        return made
+        return run_of_part
 
     def _solve(self, part: Run, rows: Rows) -> Iterator[None]:
-        """The steps of a `part`, which z follows."""
+        """The steps of a `part`; z takes over its best iterate after each."""
         try:
             for _ in part.steps(Ladder(part.problem, part.target_reduction, self.family)):
                 if part.best is not None:
@@ -234,13 +235,13 @@ class _Parts:
                     self.size = rows.size
                     self.job = part.best.job
         if part.infeasible is not None:
-            self._report(part, rows)
-        if part.ended.status in _LIMITS:
+            self._raise_infeasible(part, rows)
+        if part.ended.status in _FINAL:
             self.run.ended = part.ended
             self.run.is_over = True
 
-    def _report(self, part: Run, rows: Rows) -> None:
-        """Raise Infeasible where the proof that a `part` has no solution is one of the whole problem."""
+    def _raise_infeasible(self, part: Run, rows: Rows) -> None:
+        """Raise Infeasible if the proof that a `part` has no solution is a proof for the whole problem."""
         assert part.infeasible is not None
         problem = self.problem
         witness = np.array([float(x) for x in part.infeasible.witness]).reshape(-1, rows.size)
@@ -254,18 +255,18 @@ class _Parts:
 
 
 def proved_of_earlier(problem: ProblemData, rows: Rows, z: Vector) -> Known | None:
-    """What is proved of the unknowns that the `rows` hang on, where these have an answer of their own near `z`."""
+    """Proved bounds of the unknowns that the `rows` depend on, if these have a solution of their own near `z`."""
     A = problem.A
-    seen = np.zeros(problem.n, dtype=bool)
-    seen[rows] = True
+    visited = np.zeros(problem.n, dtype=bool)
+    visited[rows] = True
     new = rows
     while new.size:
         reached = np.unique(A[new].indices)
-        new = reached[~seen[reached]]
-        seen[new] = True
-    seen[rows] = False
-    earlier = np.flatnonzero(seen)
-    if not earlier.size or not problem.is_lcp or not seen[A[earlier].indices].all():
+        new = reached[~visited[reached]]
+        visited[new] = True
+    visited[rows] = False
+    earlier = np.flatnonzero(visited)
+    if not earlier.size or not problem.is_lcp or not visited[A[earlier].indices].all():
         return None
     bound = error_bound(restricted(problem, earlier, z), z[earlier])
     if bound.componentwise is None:
@@ -278,7 +279,7 @@ def proved_of_earlier(problem: ProblemData, rows: Rows, z: Vector) -> Known | No
 
 
 def structure(problem: ProblemData, most: float) -> Blocks | None:
-    """The blocks of the whole problem, if no part that they leave has more than so many rows."""
+    """The blocks of `problem`, None if a part that they leave has more than `most` rows."""
     with suppress(MapError), np.errstate(over="ignore", invalid="ignore"):
         partition = blocks(problem)
         if partition is not None and max((part.size for part in partition.parts), default=0) <= most:

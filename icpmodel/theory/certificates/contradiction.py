@@ -30,14 +30,14 @@ from .combination_rows import ZERO, CombinationRows
 from .exact_combination import RATIONAL, exact_combination, highest_value
 from .infeasible import answer_of
 
-#: entries of a linear program that is not tried: 10⁵ take about a second
-_LARGEST = 100_000
+#: linear programs with more entries are not tried: 10⁵ take about a second
+_MAX_ENTRIES = 100_000
 #: nanoseconds of an iteration of the simplex method, per entry and row (3 to 15 were measured with HiGHS, n = 100 to
-#: 10 000), and what all of them may cost
-_ITERATION = 5.0
-_LONGEST = 1e9
-#: how far the columns of Mᵀy are from 0 for rounding's sake, Σ|y| being 1: far above it, and above HiGHS's tolerance
-_ROOM = 1e-8
+#: 10 000), and of all iterations together
+_ITERATION_COST = 5.0
+_MAX_COST = 1e9
+#: the distance of the columns of Mᵀy from 0, where Σ|y| = 1: far above rounding, and above HiGHS's tolerance
+_MARGIN = 1e-8
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -51,7 +51,7 @@ class Contradiction(ReadOnly, Displayable):
     conditions : tuple of str
         Each of them in words, in the same order.
     weights : ndarray, shape (k,)
-        Positive weights, with which their sum says 0 ≥ `by`.
+        Positive weights; the weighted sum of the conditions says 0 ≥ `by`.
     by : float
         The least s such that |dq_i|/d_i ≤ s for some q + dq with p ≥ 0 and r ≥ 0 at some z. d is as in
         `ICP.residual`, and 1 where row i of A is 0. It is inf where the obstacles alone contradict each other.
@@ -92,8 +92,8 @@ class Contradiction(ReadOnly, Displayable):
 
         Examples
         --------
-        >>> found = icp.contradiction(ICP([[0]], [-2]))
-        >>> print(found.named(["balance"].__getitem__))
+        >>> conflict = icp.contradiction(ICP([[0]], [-2]))
+        >>> print(conflict.named(["balance"].__getitem__))
         infeasible by 2: balance: p[0] >= 0
         """
         named = (f"{name(int(i))}: {one}" for i, one in zip(self.rows, self.conditions, strict=True))
@@ -113,8 +113,8 @@ def contradiction(problem: ProblemLike) -> Contradiction | None:
     Returns
     -------
     Contradiction or None
-        None if there is none, or none is confirmed. None is sought for other obstacles, for more than 30 rows, or if
-        the linear program has more than 10⁵ entries or takes too many iterations.
+        None if there is no contradiction, or none is confirmed. None as well for other obstacles, for more than 30
+        rows, and if the linear program has more than 10⁵ entries or takes too many iterations.
 
     Notes
     -----
@@ -129,16 +129,16 @@ def contradiction(problem: ProblemLike) -> Contradiction | None:
 
     Examples
     --------
-    >>> found = icp.contradiction(ICP([[0, -1], [1, 0]], [1, -1.5], upper=[1, np.inf]))
-    >>> found.rows, found.by, found.change
+    >>> conflict = icp.contradiction(ICP([[0, -1], [1, 0]], [1, -1.5], upper=[1, np.inf]))
+    >>> conflict.rows, conflict.by, conflict.change
     (array([1, 0]), 0.5, array([0. , 0.5]))
     """
     problem = as_problem(problem)
-    least = _least_change(problem)
-    if least is None or np.count_nonzero(least.y) > RATIONAL:
+    minimum = _least_violation(problem)
+    if minimum is None or np.count_nonzero(minimum.y) > RATIONAL:
         return None
-    rows = least.conditions.rows
-    exact = exact_combination(rows, least.y, rows.free)
+    rows = minimum.conditions.rows
+    exact = exact_combination(rows, minimum.y, rows.free)
     highest = highest_value(rows, exact)
     if highest is None:
         return None
@@ -149,9 +149,9 @@ def contradiction(problem: ProblemLike) -> Contradiction | None:
     conditions |= {_condition(1, j, entry < 0): entry for j, entry in columns.items()}
     change = None
     by = np.inf
-    if sizes := [abs(weight) / Fraction(float(least.conditions.units[i])) for i, weight in exact.items() if i < n]:
+    if sizes := [abs(weight) / Fraction(float(minimum.conditions.units[i])) for i, weight in exact.items() if i < n]:
         by = nearest(-total / sum(sizes))
-        change = least.change(problem)
+        change = minimum.change(problem)
     contradictory = Contradiction(
         rows=np.array([*(i % n for i in exact), *columns], dtype=np.intp),
         conditions=tuple(conditions),
@@ -165,12 +165,12 @@ def contradiction(problem: ProblemLike) -> Contradiction | None:
 
 
 def multipliers(problem: ProblemData) -> Vector | None:
-    """A candidate y for `infeasible` by linear programming; None where there is none, or too much would be needed.
+    """A candidate y for `infeasible` by linear programming; None if there is none or it would cost too much.
 
-    It leaves room for rounding in the columns of Mᵀy that need a sign, where such a y exists.
+    If such a y exists, the columns of Mᵀy that need a sign are far from 0, so that rounding does not change it.
     """
-    least = _least_change(problem, _ROOM) or _least_change(problem)
-    return None if least is None else least.y
+    minimum = _least_violation(problem, _MARGIN) or _least_violation(problem)
+    return None if minimum is None else minimum.y
 
 
 def _condition(side: int, i: int, from_below: bool) -> str:
@@ -194,11 +194,13 @@ class _Conditions(NamedTuple):
         falling = np.flatnonzero(rows.falls)
         return cls(rows, units, np.append(rising, falling), np.repeat([1.0, -1.0], [rising.size, falling.size]))
 
-    def least(self, relaxed: Mask, *, each: bool = False, most: float = np.inf, room: float = 0) -> _Least | None:
-        """z, y and the value of min Σs, 0 ≤ s ≤ `most`, where conditions on `relaxed` rows may be wrong by s.
+    def minimise(
+        self, relaxed: Mask, *, separate: bool = False, max_violation: float = np.inf, margin: float = 0
+    ) -> _Minimum | None:
+        """Minimise Σs, 0 ≤ s ≤ `max_violation`, where s relaxes the conditions on the `relaxed` rows.
 
-        s is one number for all of them, or one for `each`. Where z has one end a move away from it is rewarded with
-        `room`, so that the columns of Mᵀy are as far from 0.
+        s is one number for all rows, or with `separate` one for each. An unknown with one end is rewarded with `margin`
+        per unit of its distance from that end. Then the columns of Mᵀy are at least as far from 0.
         """
         from scipy.optimize import linprog
 
@@ -208,24 +210,24 @@ class _Conditions(NamedTuple):
         K = times_rows(scale, rows.matrix[self.places])
         right = -scale * rows.offset[self.places]
         E: Any = relaxed[self.places].astype(float)
-        E = sp.diags_array(E) if each else E[:, None]
+        E = sp.diags_array(E) if separate else E[:, None]
         ends = np.concatenate([right, rows.low, rows.high])
         unit = float(np.abs(ends[np.isfinite(ends)]).max(initial=0.0)) or 1.0  # a solver takes 1e20 for infinite
         iterations = _iteration_limit(K)
         if iterations < 1 or not (np.isfinite(K.data).all() and np.isfinite(right).all()):
             return None
         result = linprog(
-            np.concatenate([room * (np.isfinite(rows.high) * 1.0 - np.isfinite(rows.low)), np.ones(E.shape[1])]),
+            np.concatenate([margin * (np.isfinite(rows.high) * 1.0 - np.isfinite(rows.low)), np.ones(E.shape[1])]),
             A_ub=-sp.hstack([K, E]).tocsr(),
             b_ub=-right / unit,
-            bounds=[*zip(rows.low / unit, rows.high / unit, strict=True), *[(0.0, most / unit)] * E.shape[1]],
+            bounds=[*zip(rows.low / unit, rows.high / unit, strict=True), *[(0.0, max_violation / unit)] * E.shape[1]],
             method="highs-ds",
             options={"maxiter": iterations, "primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
         )
         if result.status != 0:
             return None
         y = self._multipliers(scale, -result.ineqlin.marginals)
-        return _Least(self, unit * result.x[:n], y, unit * float(result.fun))
+        return _Minimum(self, unit * result.x[:n], y, unit * float(result.fun))
 
     def _multipliers(self, scale: Vector, weights: Vector) -> Vector:
         """y, by row, of the `weights` of the scaled conditions, those next to 0 left out."""
@@ -237,14 +239,14 @@ class _Conditions(NamedTuple):
 
 def _iteration_limit(K: sp.csr_array) -> int:
     """How many iterations of the simplex method the work limit leaves for a linear program with the matrix `K`."""
-    if K.nnz > _LARGEST:
+    if K.nnz > _MAX_ENTRIES:
         return 0
-    nanoseconds = work.COSTS.call + _ITERATION * (K.nnz + sum(K.shape))
-    return int(min(_LONGEST, work.nanoseconds_left()) / nanoseconds)
+    nanoseconds = work.COSTS.call + _ITERATION_COST * (K.nnz + sum(K.shape))
+    return int(min(_MAX_COST, work.nanoseconds_left()) / nanoseconds)
 
 
-class _Least(NamedTuple):
-    """A z at which the conditions are wrong by `value` at most, and the multipliers y of that."""
+class _Minimum(NamedTuple):
+    """A z that violates the conditions by the least possible `value`, and the multipliers y of that minimum."""
 
     conditions: _Conditions
     z: Vector
@@ -252,11 +254,11 @@ class _Least(NamedTuple):
     value: float
 
     def change(self, problem: ProblemData) -> Vector | None:
-        """The smallest dq with |dq_i|/d_i ≤ `value`: with the fewest units in all, else that which makes `z` do."""
+        """The dq with |dq_i|/d_i ≤ `value` of the smallest Σ|dq_i|/d_i, or the one for `z` if that is not found."""
         rows = self.conditions.rows
         n = problem.n
         of_p = np.arange(rows.offset.size) < n
-        sparse = self.conditions.least(of_p, each=True, most=(1.0 + ZERO) * self.value)
+        sparse = self.conditions.minimise(of_p, separate=True, max_violation=(1.0 + ZERO) * self.value)
         p = problem.p(self.z if sparse is None else sparse.z)
         change = np.where(rows.rises[:n], np.maximum(-p, 0.0), 0.0)
         change += np.where(rows.falls[:n], np.minimum(-p, 0.0), 0.0)
@@ -265,8 +267,11 @@ class _Least(NamedTuple):
 
 
 @np.errstate(all="ignore")
-def _least_change(problem: ProblemData, room: float = 0.0) -> _Least | None:
-    """By how much p must be wrong for a z to meet all, where that is more than 0; else the same of the obstacles."""
+def _least_violation(problem: ProblemData, margin: float = 0.0) -> _Minimum | None:
+    """The least violation of p ≥ 0 with which some z meets all conditions; of r ≥ 0 where no violation of p suffices.
+
+    None where it is 0 and `margin` is 0.
+    """
     rows = CombinationRows.of(problem)
     if rows is None:
         return None
@@ -274,8 +279,8 @@ def _least_change(problem: ProblemData, room: float = 0.0) -> _Least | None:
     units = np.ones(rows.offset.size)
     units[:n] = np.where(problem.matrix.empty_rows, 1.0, problem.matrix.row_weights)
     of_p = np.arange(units.size) < n
-    change = _Conditions.of(rows, units).least(of_p, each=room > 0.0, room=room)
-    if change is None and units.size > n:
+    minimum = _Conditions.of(rows, units).minimise(of_p, separate=margin > 0.0, margin=margin)
+    if minimum is None and units.size > n:
         alone = replace(rows, rises=rows.rises & ~of_p, falls=rows.falls & ~of_p)
-        change = _Conditions.of(alone, units).least(~of_p)
-    return change if change is not None and (room or change.value > 0.0) else None
+        minimum = _Conditions.of(alone, units).minimise(~of_p)
+    return minimum if minimum is not None and (margin or minimum.value > 0.0) else None
