@@ -22,7 +22,7 @@ from .equations import equations_on, submatrix
 from .hierarchy import Hierarchy, NoHierarchy
 
 #: the sum of the bandwidths above which multigrid is for a matrix
-_WIDEST_BAND = 16
+_MAX_BANDWIDTHS = 16
 
 
 class ActiveEquations:
@@ -99,7 +99,7 @@ def cycles_pay(problem: ProblemData, free: Mask) -> bool:
     rows = matrix.rows
     most = cycles_cost(problem)
     count = int(np.count_nonzero(free))
-    if matrix.dense is not None or rows.below + rows.above < _WIDEST_BAND:
+    if matrix.dense is not None or rows.below + rows.above < _MAX_BANDWIDTHS:
         return False
     if work.factor_cost(of_band(count, rows.below, rows.above, rows.below == rows.above)) <= most:
         return False

@@ -24,9 +24,9 @@ PIVOTS = 50
 #: a problem, or a block of one, with at most so many rows is pivoted
 PIVOT_UP_TO = 64
 #: arrays of n² entries that are held at once: A, its exponents and units, its scaled copy, and the dictionary
-_ARRAYS = 5
+_WORK_ARRAYS = 5
 #: these made and filled cost so many nanoseconds per entry; 40 to 50 at n = 10⁴ and 2·10⁴, where all pages are new
-_BEGIN = 45.0
+_SETUP_COST = 45.0
 #: an inverse and a product with it take so many times as long as a factorisation
 INVERSE = 6.0
 
@@ -39,9 +39,9 @@ def lcp_rows(facts: Facts) -> int:
 def too_large(facts: Facts) -> str | None:
     """Why its rows are not pivoted: the dense arrays do not fit into memory; None where they do."""
     n = lcp_rows(facts)
-    if work.fits(_ARRAYS * 8.0 * n**2):
+    if work.fits(_WORK_ARRAYS * 8.0 * n**2):
         return None
-    return f"pivoting works on all n x n entries: with n = {n} they need {_ARRAYS * 8e-6 * n**2:.3g} MB"
+    return f"pivoting works on all n x n entries: with n = {n} they need {_WORK_ARRAYS * 8e-6 * n**2:.3g} MB"
 
 
 class AffineLcp:
@@ -172,7 +172,7 @@ class AffineLcp:
 def dense_matrix(problem: ProblemData) -> Matrix:
     """A as pivots take it. Raises OutOfTime and OutOfMemory where they cannot begin with it."""
     entries = float(lcp_rows(problem.facts)) ** 2
-    work.check_budget(_BEGIN * entries, _ARRAYS * 8.0 * entries)
+    work.check_budget(_SETUP_COST * entries, _WORK_ARRAYS * 8.0 * entries)
     return problem.dense()
 
 

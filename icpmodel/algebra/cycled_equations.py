@@ -16,14 +16,14 @@ from ..problem.data import ProblemData
 from .hierarchy import Hierarchy, Level
 
 #: so many Krylov steps a system needs as a rule
-_STEPS = 10
+_TYPICAL_STEPS = 10
 #: ψ_i is not followed where 1 − ∂ψ_i/∂z_i is smaller
 LEAST_SLOPE = 0.1
 
 
 def cycles_cost(problem: ProblemData) -> float:
     """What one system costs by `CycledEquations`, with as many steps as it needs as a rule."""
-    return _STEPS * (cycle_cost(problem.n, problem.nnz) + gcr_step_cost(problem.n, problem.nnz))
+    return _TYPICAL_STEPS * (cycle_cost(problem.n, problem.nnz) + gcr_step_cost(problem.n, problem.nnz))
 
 
 class CycledEquations:

@@ -182,11 +182,11 @@ def derivative(psi: Map, z: Vector, above: Mask | None = None) -> sp.csr_array:
 
 #: steps of Krylov's methods for a system: 1e-4 where μ is .01, ½√100·log(2e4); and 70 to 1000 for games without a
 #: diagonal where μ is .1
-_STEPS = 50
-_STEPS_WITHOUT_DIAGONAL = 1000
+_KRYLOV_STEPS = 50
+_KRYLOV_STEPS_WITHOUT_DIAGONAL = 1000
 #: bytes of an entry, and vectors that steps hold
-_BYTES = 12.0
-_VECTORS = 24
+_ENTRY_BYTES = 12.0
+_WORK_VECTORS = 24
 
 
 def krylov_step_cost(matrix: Matrix, share: float = 1.0) -> float:
@@ -204,11 +204,11 @@ def system_cost(matrix: Matrix, factors: float, memory: float) -> tuple[float, f
 
 def shifted_cost(matrix: Matrix) -> tuple[float, float]:
     """The same of `ShiftedEquations`."""
-    steps: float = _STEPS if _few_steps_may_do(matrix) else _STEPS_WITHOUT_DIAGONAL
+    steps: float = _KRYLOV_STEPS if _few_steps_may_do(matrix) else _KRYLOV_STEPS_WITHOUT_DIAGONAL
     if (matrix.rows.diagonal < 0.0).any():
         steps = np.inf
     costs = factor_costs(matrix)
-    return _least(matrix, steps * krylov_step_cost(matrix), costs.again, _BYTES * costs.fill.entries)
+    return _least(matrix, steps * krylov_step_cost(matrix), costs.again, _ENTRY_BYTES * costs.fill.entries)
 
 
 def _few_steps_may_do(matrix: Matrix) -> bool:
@@ -217,7 +217,7 @@ def _few_steps_may_do(matrix: Matrix) -> bool:
 
 def _least(matrix: Matrix, by_steps: float, factors: float, memory: float) -> tuple[float, float]:
     if by_steps < factors or (by_steps < np.inf and not work.fits(memory)):
-        return by_steps, _BYTES * matrix.nnz + _VECTORS * 8.0 * matrix.n
+        return by_steps, _ENTRY_BYTES * matrix.nnz + _WORK_VECTORS * 8.0 * matrix.n
     return factors, memory
 
 

@@ -20,12 +20,12 @@ from ..problem.data import ProblemData
 from ..problem.matrix import Matrix
 
 #: a level of at most so many rows is solved by a dense inverse, and where coarsening stalls one of so many
-_COARSEST = 64
-_STALLED = 512
+_MAX_COARSEST = 64
+_MAX_COARSEST_IF_STALLED = 512
 #: an inverse has digits where the condition number is below this; else that of Moore and Penrose is taken
-_REGULAR = 1e-2 / UNIT_ROUNDOFF
+_MAX_CONDITION = 1e-2 / UNIT_ROUNDOFF
 #: a level that has so many times the entries of A, or more, costs more than it helps
-_FILL = 4
+_MAX_FILL = 4
 
 
 class NoHierarchy(Exception):
@@ -118,7 +118,8 @@ class Hierarchy:
         with one_blas_thread():
             with suppress(np.linalg.LinAlgError):
                 inverse = np.linalg.inv(A)  # a tenth of the cost of the other
-                if np.abs(A).sum(axis=0).max(initial=0.0) * np.abs(inverse).sum(axis=0).max(initial=0.0) < _REGULAR:
+                size, inverse_size = (np.abs(B).sum(axis=0).max(initial=0.0) for B in (A, inverse))
+                if size * inverse_size < _MAX_CONDITION:
                     return inverse
             return np.linalg.pinv(A)
 
@@ -190,11 +191,11 @@ def _coarser(finest: Level) -> tuple[Any, Any, list[Level]] | NoHierarchy:
     """What is coarser than `finest`, which is not kept."""
     levels = [finest]
     try:
-        while levels[-1].A.shape[0] > _COARSEST and (level := _coarsened(levels[-1])) is not None:
+        while levels[-1].A.shape[0] > _MAX_COARSEST and (level := _coarsened(levels[-1])) is not None:
             levels.append(level)
-            if level.A.nnz > _FILL * finest.A.nnz:
+            if level.A.nnz > _MAX_FILL * finest.A.nnz:
                 raise NoHierarchy
-        if levels[-1].A.shape[0] > _STALLED:
+        if levels[-1].A.shape[0] > _MAX_COARSEST_IF_STALLED:
             raise NoHierarchy
     except NoHierarchy as error:
         return error.with_traceback(None)  # its frames hold the levels
@@ -205,7 +206,7 @@ def _coarsened(last: Level) -> Level | None:
     """One more level below `last`, which gets P and `coarse_points`; None where there is none."""
     work.check_budget(hierarchy_cost(last.A.shape[0], last.A.nnz))
     # direct interpolation costs least and is made for M-matrices
-    made = ruge_stuben(last.A, interpolation="direct", max_coarse=_COARSEST, max_levels=2, keep=True).levels
+    made = ruge_stuben(last.A, interpolation="direct", max_coarse=_MAX_COARSEST, max_levels=2, keep=True).levels
     if len(made) == 1:
         return None
     if not np.isfinite(made[1].A.data).all():

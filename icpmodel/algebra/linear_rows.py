@@ -27,7 +27,7 @@ FREE = 0
 LOWER = 1
 UPPER = 2
 #: entries of all matrices of a batch; larger batches do not fit into a cache
-_BATCH = 200_000
+_BATCH_ENTRIES = 200_000
 
 Sides = NDArray[np.int8]
 Dense = NDArray[np.float64]
@@ -95,7 +95,7 @@ class LinearRows:
 
     def batches(self) -> Iterator[PieceBatch]:
         """All pieces, in batches. Raises OutOfTime where the next batch does not fit into the time that is left."""
-        size = max(_BATCH // self.n**2, 1)
+        size = max(_BATCH_ENTRIES // self.n**2, 1)
         pieces = itertools.product(*self.choices)
         while chosen := list(itertools.islice(pieces, size)):
             work.charge(len(chosen) * (work.COSTS.call + 8.0 * work.dense_cost(self.n)))

@@ -28,10 +28,10 @@ from .steps import Step, projected_sweep, repeated_steps
 #: sweeps where the active set has moved
 SWEEPS = 4
 #: share of the rest that Krylov's steps leave between two updates of the active set, and how many there are at most
-_SHARE = 0.1
-_KRYLOV = 8
+_KRYLOV_REDUCTION = 0.1
+_MAX_KRYLOV_STEPS = 8
 #: entries above the diagonal that weigh so much more than those below make the sweeps go backwards
-_FLOW = 1.1
+_MIN_UPWARD_FLOW = 1.1
 
 
 def newton_steps(hierarchy: Hierarchy, problem: ProblemData, z: Vector, top: int) -> Iterator[tuple[Vector, float]]:
@@ -65,9 +65,9 @@ def newton_steps(hierarchy: Hierarchy, problem: ProblemData, z: Vector, top: int
             f = -np.where(pattern.active, pattern.r, p)
             step = equations.start(f)
             newton = GCR(equations.product, equations.preconditioned, f - equations.product(step))
-            z, _ = newton.further(z + step, _SHARE * norm(newton.rest), _KRYLOV)
+            z, _ = newton.further(z + step, _KRYLOV_REDUCTION * norm(newton.rest), _MAX_KRYLOV_STEPS)
         else:
-            z, moved = newton.further(z, _SHARE * norm(newton.rest), _KRYLOV)
+            z, moved = newton.further(z, _KRYLOV_REDUCTION * norm(newton.rest), _MAX_KRYLOV_STEPS)
             if not moved:
                 return
 
@@ -75,7 +75,7 @@ def newton_steps(hierarchy: Hierarchy, problem: ProblemData, z: Vector, top: int
 def sweep_with_flow(problem: ProblemData) -> Step:
     """Projected Gauss–Seidel, from the last row to the first where what flows through A flows that way."""
     rows = problem.matrix.rows
-    return projected_sweep(problem, forward=rows.upper <= _FLOW * rows.lower)
+    return projected_sweep(problem, forward=rows.upper <= _MIN_UPWARD_FLOW * rows.lower)
 
 
 def swept(sweep: Step, z: Vector, count: int) -> Vector:

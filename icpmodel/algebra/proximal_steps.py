@@ -12,7 +12,7 @@ from .active_equations import Elimination
 from .equations import Pattern, ShiftedEquations, derivative
 
 #: the relative residual up to which a solve counts as one
-_BACKWARD = 1e-6
+_MAX_RELATIVE_RESIDUAL = 1e-6
 
 
 class ProximalSteps:
@@ -56,7 +56,7 @@ class ProximalSteps:
         J = derivative(self.problem.psi, z, pattern.above)
         equations = Elimination(self.problem, pattern.active, J, D)
         pull = p + D * (z - centre)
-        step = equations.solve(-np.where(pattern.active, pattern.r, pull), _BACKWARD, transposed=False)
+        step = equations.solve(-np.where(pattern.active, pattern.r, pull), _MAX_RELATIVE_RESIDUAL, transposed=False)
         return None if step is None else (z + step, self.problem.p(z + step))
 
     def _resting(
@@ -70,7 +70,7 @@ class ProximalSteps:
             z = np.where(pattern.above, top, z)
         if not active.all():
             f = D * (centre - z) - self.problem.p(z)
-            x = self.equations.solve(~active, D, f, _BACKWARD, briefly=briefly)
+            x = self.equations.solve(~active, D, f, _MAX_RELATIVE_RESIDUAL, briefly=briefly)
             if x is None:
                 return None
             z += x

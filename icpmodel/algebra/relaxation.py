@@ -31,28 +31,28 @@ from .steps import Step
 AUTO = "auto"
 #: steps between two changes of ω, which wait until two factors agree to this share of their gap to 1
 SETTLE = 12
-_AGREE = 0.05
+_FACTOR_AGREEMENT = 0.05
 #: from the rate follows an ω that is multiplied by this, as too large a one costs more than too small a one …
 _CAUTION = 0.98
 #: … and it is taken where it comes nearer to 2 by this share
-_WORTH = 0.05
+_MIN_GAIN = 0.05
 #: rounding and what is not normal leave sweeps so much of the error at the least
-_FASTEST = 1e-4
+_MIN_ERROR_FACTOR = 1e-4
 #: a radius counts as at most this one
-_NEAREST = 1.0 - 1e-6
+_MAX_RADIUS = 1.0 - 1e-6
 #: largest ω of a run that does not adapt it
-_UNWATCHED = 1.4
+_MAX_FIXED_OMEGA = 1.4
 #: below this ω there is nothing to adapt, and no rate leads beyond this one
 RELAXED = 1.2
-_MOST = 1.995
+_MAX_OMEGA = 1.995
 #: the least patience in steps, what multiplies the steps that halve the error at the observed rate and at the one for
 #: which ω is best, and the growth that is a reason to step back at once
 _PATIENCE = 100
-_HALVES = 3.0
-_GROWN = 1e3
+_HALVINGS_OF_PATIENCE = 3.0
+_MAX_GROWTH = 1e3
 #: but steps that halve the error are taken for at most so many where the rate does not tell: the patience is 724 then,
 #: in which SOR with the best ω = 1.999 halves the error, and what turns in a circle is found before a run gives up
-_SLOWEST = 300.0
+_MAX_HALVING_STEPS = 300.0
 
 
 def is_auto(theta1: Any) -> bool:
@@ -114,7 +114,7 @@ def sor(problem: ProblemData, omega: float) -> tuple[float, Vector]:
 
 def best_omega(radius: float) -> float:
     """The ω of the least SOR rate, 2/(1 + √(1 − ρ²)), for the Jacobi radius ρ, which counts as at most 1 − 1e-6."""
-    return 2.0 / (1.0 + math.sqrt(1.0 - min(radius, _NEAREST) ** 2))
+    return 2.0 / (1.0 + math.sqrt(1.0 - min(radius, _MAX_RADIUS) ** 2))
 
 
 def sor_speed(omega: float, radius: float) -> float:
@@ -123,11 +123,11 @@ def sor_speed(omega: float, radius: float) -> float:
     By the largest λ with (λ + ω − 1)² = ω²ρ²λ, for ω from the best one on ω − 1 (Young 1971, chapter 6). From ρ = 1 on
     it is that of ρ = 1 − 1e-6: what touches the obstacle does not count, so that nothing is said by ρ there.
     """
-    radius = min(radius, _NEAREST)
+    radius = min(radius, _MAX_RADIUS)
     half = (omega * radius) ** 2 / 2.0 - (omega - 1.0)
     discriminant = half**2 - (omega - 1.0) ** 2
     rate = half + math.sqrt(discriminant) if discriminant > 0.0 and half > 0.0 else omega - 1.0
-    return -math.log(max(rate, _FASTEST))
+    return -math.log(max(rate, _MIN_ERROR_FACTOR))
 
 
 def relaxation(problem: ProblemData) -> float:
@@ -138,7 +138,7 @@ def relaxation(problem: ProblemData) -> float:
     have the factor √2 − 1 … 1. Beyond ω = 1.4 it outweighs the gain for the slow errors.
     """
     rho = problem.matrix.coupled_radius
-    return min(best_omega(rho), _UNWATCHED) if rho < 1.0 else 1.0
+    return min(best_omega(rho), _MAX_FIXED_OMEGA) if rho < 1.0 else 1.0
 
 
 def scale_of(problem: ProblemData) -> float:
@@ -191,7 +191,7 @@ class AdaptedOmega:
     is best.
     """
 
-    def __init__(self, value: float, most: float = _MOST) -> None:
+    def __init__(self, value: float, most: float = _MAX_OMEGA) -> None:
         self.value, self.most, self.plain = value, most, False
         self._last = self._factor = math.nan
         self._steps = self._since = 0
@@ -209,14 +209,15 @@ class AdaptedOmega:
             self._mark, self._since = residual, 0
         if self.plain:
             return False
-        if self._since > self._patience(factor) or not residual <= _GROWN * self._least:
+        if self._since > self._patience(factor) or not residual <= _MAX_GROWTH * self._least:
             self.plain = self.value == 1.0
             self.most = 1.0 + 0.5 * (self.value - 1.0) if self.value > RELAXED else 1.0
             self._change(self.most)
             return True
-        if self.value < self.most and self._steps >= SETTLE and abs(factor - before) < _AGREE * (1.0 - factor):
+        agree = abs(factor - before) < _FACTOR_AGREEMENT * (1.0 - factor)
+        if self.value < self.most and self._steps >= SETTLE and agree:
             omega = min(_CAUTION * self._best(factor), self.most)
-            if omega > self.value + _WORTH * (2.0 - self.value):
+            if omega > self.value + _MIN_GAIN * (2.0 - self.value):
                 self._change(omega)
                 return True
         return False
@@ -224,8 +225,9 @@ class AdaptedOmega:
     def _patience(self, factor: float) -> float:
         # where omega is best, 1 - rho is about (2 - omega)^2 / 8 for the Jacobi radius rho, and Gauss-Seidel sweeps
         # halve the error in ln(2) / (1 - rho^2)
-        slow = min(4.0 / (2.0 - self.value) ** 2, _SLOWEST)
-        return _PATIENCE + _HALVES * math.log(2.0) * (max(slow, 1.0 / (1.0 - factor)) if factor < 1.0 else slow)
+        slow = min(4.0 / (2.0 - self.value) ** 2, _MAX_HALVING_STEPS)
+        steps = math.log(2.0) * (max(slow, 1.0 / (1.0 - factor)) if factor < 1.0 else slow)
+        return _PATIENCE + _HALVINGS_OF_PATIENCE * steps
 
     def _best(self, factor: float) -> float:
         """The ω for which this factor, seen at the present ω, gives the least rate; 0 where it tells nothing."""

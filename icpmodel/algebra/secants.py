@@ -30,10 +30,10 @@ from ..problem.nonlinear_term import NonlinearTerm
 from .steps import Step
 
 #: the share of p_i that may be left at t, and the halvings of the interval that t is in
-_LEFT = 0.1
-_HALVINGS = 100
+_MAX_RESIDUAL_SHARE = 0.1
+_MAX_HALVINGS = 100
 #: units in the last place that rounding may leave of a row
-_ULPS = 16.0
+_ROUNDING_ULPS = 16.0
 
 
 def least_diagonal(problem: ProblemData) -> Vector:
@@ -101,9 +101,9 @@ def _mean_slopes(problem: ProblemData, f: NonlinearTerm, z: Vector, here: Vector
     t = z - p / (diagonal + slopes)
     first = z
     last = z - p / least_diagonal(problem)
-    enough = _LEFT * np.abs(p) + _ULPS * UNIT_ROUNDOFF * (np.abs(diagonal * z) + np.abs(here))
+    enough = _MAX_RESIDUAL_SHARE * np.abs(p) + _ROUNDING_ULPS * UNIT_ROUNDOFF * (np.abs(diagonal * z) + np.abs(here))
     coarse = np.zeros(z.size, dtype=bool)
-    for _ in range(_HALVINGS):
+    for _ in range(_MAX_HALVINGS):
         with np.errstate(all="ignore"):
             left = p + diagonal * (t - z) + (f.value(t) - here)
             rough = ~(np.abs(left) <= enough)

@@ -16,7 +16,7 @@ from ..problem.two_sided import TwoSidedObstacle
 from .affine_lcp import PIVOT_UP_TO, PIVOTS
 
 #: so many parts that do not interact get a method each
-_PARTS = 32
+_MAX_PARTS = 32
 
 Rows = NDArray[np.intp]
 
@@ -185,4 +185,4 @@ def _parts(graph: sp.csr_array, core: Rows) -> tuple[Rows, ...]:
     label = connected_components(graph[core][:, core], connection="weak")[1]
     order = np.argsort(label, kind="stable")
     parts = np.split(core[order], np.flatnonzero(np.diff(label[order])) + 1)
-    return tuple(parts) if len(parts) <= _PARTS else (core,)
+    return tuple(parts) if len(parts) <= _MAX_PARTS else (core,)

@@ -26,7 +26,7 @@ from .output import AS_JSON, complain, show_json, wrote
 _LIMITS = ("rtol", "atol", "max_iter", "time_limit")
 
 #: seconds in which rank 0 has told what ended all ranks
-_MOMENT = 0.5
+_MESSAGE_SECONDS = 0.5
 
 
 class _OnRanks(click.Command):
@@ -87,7 +87,7 @@ def _ended_together(comm: Any) -> Iterator[None]:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         interrupted = isinstance(error, KeyboardInterrupt)
         if comm.rank and not sent:
-            time.sleep(_MOMENT)
+            time.sleep(_MESSAGE_SECONDS)
         if not (comm.rank and sent):
             where = (
                 "interrupted" if interrupted else f"rank {comm.rank} of {comm.size}: {type(error).__name__}: {error}"

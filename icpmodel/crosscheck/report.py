@@ -18,7 +18,7 @@ from ..solve.solution import Status
 from .judge import Row, Verdict
 
 #: columns of a report that goes to no terminal
-_WIDTH = 118
+_FILE_COLUMNS = 118
 #: the columns that are printed
 _SHOWN = ("solver", "formulation", "verdict", "residual", "difference", "seconds", "note")
 #: the first line of a report in CSV
@@ -146,7 +146,7 @@ class Report(Displayable, Tabular):
         str
             The text.
         """
-        columns = width(_WIDTH)
+        columns = width(_FILE_COLUMNS)
         verdict, coverage = (
             textwrap.fill(one, columns, break_on_hyphens=False) for one in (self.conclusion(), self.coverage())
         )

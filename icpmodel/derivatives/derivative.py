@@ -46,12 +46,12 @@ from .gradient import Gradient
 from .tangent import Ties, tangent_problem
 
 #: so many random weights: that all of them cancel to a hundredth happens once in 10⁶
-_DRAWS = 3
+_RANDOM_WEIGHTS = 3
 #: so many rows are named
-_NAMED = 5
+_MAX_NAMED_ROWS = 5
 #: the relative tolerance of tangent problems, and the least one of linear systems that are solved by steps
 _RTOL = 1e-10
-_LEAST = 1e-14
+_MIN_RTOL = 1e-14
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -225,7 +225,7 @@ class Derivative(ReadOnly, Plottable):
             scale = self.problem.residual_scale() or norm(self.z)
             if scale > 0.0 and not self.solution.accuracy:
                 tolerance = self.solution.tolerance / scale
-        return min(max(tolerance, _LEAST), RTOL)
+        return min(max(tolerance, _MIN_RTOL), RTOL)
 
     def solved(self, f: Vector, transposed: bool = False) -> Vector:
         """J⁻¹f, or J⁻ᵀf.
@@ -414,7 +414,7 @@ class Derivative(ReadOnly, Plottable):
         for_p, for_r = problem.rounding(z)
         F = np.where(active, np.abs(self.pattern.r) + for_r, np.abs(problem.p(z)) + for_p)
         # what the entries of F add to a step may cancel, but not with one random weight after the other
-        weights = np.vstack([np.ones(z.size), np.random.default_rng(0).standard_normal((_DRAWS, z.size))])
+        weights = np.vstack([np.ones(z.size), np.random.default_rng(0).standard_normal((_RANDOM_WEIGHTS, z.size))])
         return 2.0 * np.linalg.norm([self._step(one * F) for one in weights], axis=0)
 
     def _step(self, F: Vector) -> Vector:
@@ -532,6 +532,6 @@ class Derivative(ReadOnly, Plottable):
 def _named(mask: Mask) -> str:
     """The rows of `mask`, the first ones by number."""
     rows = np.flatnonzero(mask)
-    numbers = ", ".join(map(str, rows[:_NAMED]))
-    more = f", ... ({rows.size} rows)" if rows.size > _NAMED else ""
+    numbers = ", ".join(map(str, rows[:_MAX_NAMED_ROWS]))
+    more = f", ... ({rows.size} rows)" if rows.size > _MAX_NAMED_ROWS else ""
     return f"row{'s' if rows.size > 1 else ''} {numbers}{more}"

@@ -30,13 +30,13 @@ from .distributed_matrix import DistributedMatrix
 from .ranks import petsc, release, totals
 
 #: up to so many rows every rank factorises all of them where nothing is coarser
-_DIRECT = 2000
+_DIRECT_UP_TO = 2000
 #: Krylov's steps at the most while the active set moves, and afterwards, to this part of the residual that is wanted
-_FEW = 8
-_MANY = 60
-_PART = 0.3
+_MAX_EARLY_STEPS = 8
+_MAX_STEPS = 60
+_TARGET_SHARE = 0.3
 #: factor of the diagonal that decouples a row: it returns no correction
-_DECOUPLED = 1e100
+_DECOUPLING_FACTOR = 1e100
 #: PETSc's words for: A, or the cycle, is not positive definite
 _INDEFINITE = (-8, -10)
 #: options of what makes the levels begin with this in PETSc's database
@@ -130,22 +130,22 @@ class DistributedLevels:
             level.J.setDiagonal(level.matrix.vector(np.where(free > 0, 1.0, weight) * level.matrix.diagonal))
             if level.P is not None:
                 free = level.injected(mask)
-                weight = _DECOUPLED
+                weight = _DECOUPLING_FACTOR
 
     def solved(self, f: Any, top: int, J: Any, share: float | None, target: float | None) -> Any:
         """Solve A_FF x = f_F on level `top`, with x = 0 elsewhere, or Jx = f where a `J` is given.
 
-        The solve stops at ‖f − Jx‖ ≤ `share` ‖f‖, after at most `_FEW` steps. With `target` it stops at
-        ‖D⁻¹(f − Jx)‖ ≤ `_PART` · `target`, after at most `_MANY` steps.
+        The solve stops at ‖f − Jx‖ ≤ `share` ‖f‖, after at most `_MAX_EARLY_STEPS` steps. With `target` it stops at
+        ‖D⁻¹(f − Jx)‖ ≤ `_TARGET_SHARE` · `target`, after at most `_MAX_STEPS` steps.
         """
         ksp = self.krylov_solver(top, J)
         x = f.duplicate()
         if target is None:
-            ksp.setTolerances(rtol=share, atol=0.0, max_it=_FEW)
+            ksp.setTolerances(rtol=share, atol=0.0, max_it=_MAX_EARLY_STEPS)
         else:
             size = self.levels[top].matrix.smallest_row
             size = size if J is None else min(size, 1.0)  # some rows are those of r
-            ksp.setTolerances(rtol=0.0, atol=_PART * target * size, max_it=_MANY)
+            ksp.setTolerances(rtol=0.0, atol=_TARGET_SHARE * target * size, max_it=_MAX_STEPS)
         x.zeroEntries()
         ksp.solve(f, x)
         self.steps += ksp.getIterationNumber()
@@ -177,7 +177,7 @@ def _make_cycle(pc: Any, levels: list[DistributedLevel]) -> None:
     """Make `pc` a V(1, 1)-cycle with Gauss–Seidel in each rank, forwards before and backwards after: its own adjoint
     where A is symmetric."""
     PETSc = petsc()
-    if len(levels) == 1 and levels[0].matrix.n > _DIRECT:
+    if len(levels) == 1 and levels[0].matrix.n > _DIRECT_UP_TO:
         pc.setType("bjacobi")  # with an incomplete factorisation in each rank
         return
     pc.setType("mg")

@@ -21,7 +21,7 @@ from .distributed_matrix import DistributedMatrix, with_entries
 from .ranks import largest, petsc, together, totals
 
 #: of a difference quotient, relative: √u balances what it cuts off and rounding
-_STEP = 2.0**-26
+_DIFFERENCE_STEP = 2.0**-26
 _WANTED = (
     "a number, a Vec, the entries of the own rows, an Elementwise map of them, "
     "or a pair (Mat, one of these) for Gz + f(z) was expected"
@@ -104,7 +104,7 @@ class DistributedMap:
             J = self.own.jacobian(at)
             if J is not None:
                 return J.diagonal()
-            step = _STEP * (1.0 + np.abs(at))
+            step = _DIFFERENCE_STEP * (1.0 + np.abs(at))
             return (self.own.value(at + step) - self.own.value(at)) / ((at + step) - at)
 
     def fixed(self) -> Vector:

@@ -18,7 +18,7 @@ from ..problem.matrix import weights_of
 from .ranks import largest, petsc, together, totals
 
 #: what rounding may make of Au − Aᵀu, as a share of ‖Au‖
-_SYMMETRIC = 1e-10
+_SYMMETRY_RTOL = 1e-10
 
 
 class DistributedMatrix:
@@ -126,7 +126,7 @@ class DistributedMatrix:
         difference = image.duplicate()
         self.mat.multTranspose(u, difference)
         difference.axpy(-1.0, image)
-        return bool(difference.norm() <= _SYMMETRIC * image.norm())
+        return bool(difference.norm() <= _SYMMETRY_RTOL * image.norm())
 
     def vector(self, own: Vector | None = None) -> Any:
         """A new PETSc vector of shape (n,), with the `own` entries, or zeros."""

@@ -25,7 +25,7 @@ Source = str | PathLike[str]
 #: in what an answer can be written: PETSc's own form, and HDF5
 WRITTEN_IN_PARTS = (".bin", ".h5")
 #: beyond the numbers themselves, what a file may have
-_HEADS = 1 << 16
+_MAX_HEADER_BYTES = 1 << 16
 
 
 def load_problem(
@@ -218,7 +218,8 @@ def _written(path: Path, vectors: dict[str, Any], comm: Any) -> None:
                 with file_errors(path, "written"):
                     made = stack.enter_context(part_of(path))
                     stack.callback(Path(f"{made.name}.info").unlink, missing_ok=True)  # which PETSc writes beside
-                    _check_free_space(made, sum(8 * vector.getSize() for vector in vectors.values()) + _HEADS)
+                    size = sum(8 * vector.getSize() for vector in vectors.values())
+                    _check_free_space(made, size + _MAX_HEADER_BYTES)
         beside = comm.bcast(made and Path(made.name))
         hdf5 = path.suffix.lower() == ".h5"
         fault = _viewed(beside, hdf5, "w", vectors, comm)

@@ -24,15 +24,15 @@ from .distributed_map import DistributedMap
 from .ranks import petsc, release, together, totals
 
 #: share of Az + q that Krylov's steps leave in the free rows while the active set moves
-_SHARE = 0.1
+_KRYLOV_REDUCTION = 0.1
 #: share of the residual that a step leaves when the active set has settled but for a few rows
-_SETTLED = 0.5
+_SETTLED_REDUCTION = 0.5
 #: multiple of the wanted residual below which sweeps are tried once more, as a Newton step costs several times as much
-_WITHIN = 2.0
+_SWEEP_RANGE = 2.0
 #: share of its first residual at which a coarser level ends: below the error of interpolation, as in full multigrid
-_COARSE = 0.02
+_COARSE_REDUCTION = 0.02
 #: Newton steps on a coarser level at the most
-_COARSE_STEPS = 8
+_MAX_COARSE_STEPS = 8
 
 
 class Evaluation:
@@ -91,14 +91,14 @@ def newton_steps(
     while True:
         at = Evaluation(problem, z, last_pattern)
         enough = target or 0.0
-        for most in (np.inf, _WITHIN * enough):
+        for most in (np.inf, _SWEEP_RANGE * enough):
             if at.moved and enough < at.residual <= most:
                 at = Evaluation(problem, at.swept(SWEEPS), last_pattern)
         target = yield at
         if at.moved:
             last_pattern = at.pattern
             levels.restrict(np.where(last_pattern.active, 0.0, 1.0), top)
-        settled = not at.moved or at.residual <= _SETTLED * before < np.inf
+        settled = not at.moved or at.residual <= _SETTLED_REDUCTION * before < np.inf
         z = _stepped(levels, at, top, target if settled else None)
         before = at.residual
         release(problem.comm)
@@ -116,7 +116,7 @@ def _stepped(levels: DistributedLevels, at: Evaluation, top: int, target: float 
     else:
         z = at.z
         f = np.where(active, -at_rest * problem.matrix.diagonal, -at.p)
-    step = levels.solved(problem.vector(f), top, J, _SHARE if target is None else None, target)
+    step = levels.solved(problem.vector(f), top, J, _KRYLOV_REDUCTION if target is None else None, target)
     if np.isfinite(step.norm()):
         z.axpy(1.0, step)
     return z
@@ -156,8 +156,8 @@ def start(levels: DistributedLevels, problem: DistributedICP) -> Any:
     for top in range(len(problems) - 1, 0, -1):
         path = newton_steps(levels, problems[top], z, top)
         at = next(path)
-        enough = _COARSE * at.residual
-        for _ in range(_COARSE_STEPS - 1):
+        enough = _COARSE_REDUCTION * at.residual
+        for _ in range(_MAX_COARSE_STEPS - 1):
             if at.residual <= enough:
                 break
             at = path.send(enough)

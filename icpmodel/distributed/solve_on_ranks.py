@@ -30,18 +30,18 @@ from .newton_on_ranks import Evaluation, newton_steps, simplified, start
 from .ranks import largest, norm, release, together, totals
 
 #: a start with this share of Res_D(0) is kept
-_NEAR = 1e-7
+_GOOD_START = 1e-7
 #: factor that counts as a reduction of the residual
-_REDUCED = 0.9
+_REDUCTION = 0.9
 #: Newton steps without a reduction before sweeps take over
 _PATIENCE = 5
 #: share of the first residual above which rounding is no explanation, as in `solve.run`
-_LOW = 0.1
+_MAX_ROUNDING = 0.1
 #: rounds of sweeps that may take over, and how many sweeps a round has
-_ROUNDS = 100
-_SWEEPS = 8
+_MAX_ROUNDS = 100
+_SWEEPS_PER_ROUND = 8
 #: how often sweeps take over
-_RESCUES = 10
+_MAX_RESCUES = 10
 
 
 @public_entry
@@ -199,7 +199,7 @@ class _Run:
         if (stop := self.watch()) is not None:
             return stop, "while the levels were made"
         try:
-            if not first <= _NEAR * at_0:
+            if not first <= _GOOD_START * at_0:
                 self.say(f"starting from {len(self.levels.levels)} levels")
                 z = start(self.levels, simplified(simple, start=True) if simple.calls_users else simple)
             return self._steps(simple, z)
@@ -226,14 +226,14 @@ class _Run:
             if np.isnan(residual):
                 _check_maps(self.problem, at.z, f"in iteration {self.iterations}")
             since += 1
-            if residual <= _REDUCED * mark:
+            if residual <= _REDUCTION * mark:
                 mark = residual
                 since = 0
             if since > _PATIENCE or not np.isfinite(residual):
-                if self.least <= 2.0 * (noise := self._rounding()[0]) < _LOW * self.scale:
+                if self.least <= 2.0 * (noise := self._rounding()[0]) < _MAX_ROUNDING * self.scale:
                     return Status.PRECISION_LIMIT, f"rounding leaves a residual of up to about {noise:.2g} at this z"
                 rescues += 1
-                rescued = self._swept(simple) if rescues <= _RESCUES else None
+                rescued = self._swept(simple) if rescues <= _MAX_RESCUES else None
                 if rescued is None:
                     return Status.STAGNATED, "neither Newton's steps nor sweeps reduce the residual any more"
                 path = newton_steps(self.levels, simple, rescued, 0, self.target)
@@ -252,13 +252,13 @@ class _Run:
     def _swept(self, simple: DistributedICP) -> Any:
         """z from the best iterate by sweeps, with a residual that counts as reduced, or None."""
         z = self.best
-        for _ in range(_ROUNDS):
+        for _ in range(_MAX_ROUNDS):
             at = Evaluation(simple, z, None)
-            if at.residual <= _REDUCED * self.least:
+            if at.residual <= _REDUCTION * self.least:
                 return at.z
             if self.iterations >= self.limits.max_iter or not np.isfinite(at.residual):
                 return None
-            z = at.swept(_SWEEPS)
+            z = at.swept(_SWEEPS_PER_ROUND)
             release(self.problem.comm)
             self.iterations += 1
         return None

@@ -32,12 +32,12 @@ from .forecasts import Forecast, factor_text, forecasts_of, members, tie
 
 #: what a page may cost, in products with A and in nanoseconds: for n = 10⁶ and n = 10⁴ that were 5 s and 2 s on the
 #: machine of `work.Costs`; and the share of it that one question may cost
-_PRODUCTS = 600.0
-_NANOSECONDS = 0.8e9
-_SHARE = 0.2
+_MAX_PRODUCTS = 600.0
+_MAX_NANOSECONDS = 0.8e9
+_QUESTION_SHARE = 0.2
 #: and at most so many nanoseconds a row, where rows are long, and no less than 10⁶ rows would get
-_A_ROW = 3_000.0
-_ROWS = 1e6
+_NANOSECONDS_PER_ROW = 3_000.0
+_MIN_ROWS = 1e6
 _CENTURY = 3e9  #: in seconds
 
 
@@ -310,10 +310,10 @@ def explain(
     if options and not isinstance(method, str):
         raise InputError(f"{next(iter(options))}: the options of a method are taken only where it is named")
     unit = problem.matrix.product_cost
-    page = min(_PRODUCTS * unit + _NANOSECONDS, _A_ROW * max(problem.n, _ROWS))
+    page = min(_MAX_PRODUCTS * unit + _MAX_NANOSECONDS, _NANOSECONDS_PER_ROW * max(problem.n, _MIN_ROWS))
     products = math.inf if as_truth(thorough, "thorough") else page / unit
     with Allowance(products, unit).enforced(), one_blas_thread():
-        return _explained(problem, method, accuracy, Allowance(_SHARE * products, unit), options)
+        return _explained(problem, method, accuracy, Allowance(_QUESTION_SHARE * products, unit), options)
 
 
 def _explained(

@@ -28,8 +28,8 @@ from ..theory.matrices.classes import MatrixClasses
 #: beyond this size only the members that need no factorisation are looked at
 _FACTORISE_UP_TO = 20_000
 #: factors that differ by less, or are all rounding, are the same
-_TIE = 1e-6
-_NOTHING = 1e-12
+_EQUAL_FACTORS = 1e-6
+_ZERO_FACTOR = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +142,7 @@ def forecasts_of(
 
 def tie(one: float, other: float) -> bool:
     """Whether two factors per step differ by rounding only."""
-    return abs(one - other) <= _TIE * max(one, other) or max(one, other) < _NOTHING
+    return abs(one - other) <= _EQUAL_FACTORS * max(one, other) or max(one, other) < _ZERO_FACTOR
 
 
 def factor_text(factor: float) -> str:

@@ -19,16 +19,16 @@ from .contract import SAFE_HINT, FixedPoint, Iterate, Method, named, names
 from .psor import PSOR
 
 #: an accelerated iterate may have this many times the least residual so far
-_GROWTH = 10.0
+_MAX_GROWTH = 10.0
 #: beyond this it is not even shown, as it would be taken for divergence
-_FAR = 1e100
+_MAX_ITERATE_RESIDUAL = 1e100
 #: accelerated steps that have to halve the least residual, and the plain ones that follow where they do not
-_ACCELERATED = 100
-_PLAIN = 25
+_ACCELERATED_STEPS = 100
+_PLAIN_STEPS = 25
 #: calls in Python that a step takes beside the sweep
-_HISTORY = 2.0
+_CALLS_PER_STEP = 2.0
 #: directions of the history that are less independent than this say nothing but rounding errors
-_INDEPENDENT = 1e-10
+_MIN_INDEPENDENCE = 1e-10
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -155,9 +155,9 @@ class Accelerated(Method):
                 image = z
                 hint = np.nan
             residual = _residual(problem, z, hint)
-            if plain is None or residual <= _FAR * least:
+            if plain is None or residual <= _MAX_ITERATE_RESIDUAL * least:
                 yield z, residual
-            if plain is not None and not residual <= _GROWTH * least:
+            if plain is not None and not residual <= _MAX_GROWTH * least:
                 z = plain
                 plain = None
                 ahead = []
@@ -193,9 +193,9 @@ class _Phases:
         if least <= self.mark / 2:
             self.steps, self.mark = 0, least
         self.steps += 1
-        if self.steps > self.scale * (_ACCELERATED + _PLAIN):
+        if self.steps > self.scale * (_ACCELERATED_STEPS + _PLAIN_STEPS):
             self.steps, self.mark, self.scale = 1, least, 2 * self.scale
-        return self.steps <= self.scale * _ACCELERATED
+        return self.steps <= self.scale * _ACCELERATED_STEPS
 
 
 class Differences:
@@ -217,7 +217,7 @@ class Differences:
         self.newest = (self.newest + 1) % len(self.F) if self.known else 0
         self.known = max(self.known, self.newest + 1)
         np.subtract(image, z, out=self.F[self.newest])
-        work.count(_HISTORY * work.COSTS.call + 2.0 * work.COSTS.vector * z.size)
+        work.count(_CALLS_PER_STEP * work.COSTS.call + 2.0 * work.COSTS.vector * z.size)
         self.G[self.newest] = image
 
     def combined(self) -> Vector | None:
@@ -226,7 +226,7 @@ class Differences:
 
         out = np.empty(self.weight.size)
         work.count(3.0 * self.known * work.COSTS.vector * out.size)
-        if self.known > 1 and combine(self.F, self.G, self.known, self.newest, self.weight, _INDEPENDENT, out):
+        if self.known > 1 and combine(self.F, self.G, self.known, self.newest, self.weight, _MIN_INDEPENDENCE, out):
             return out
         return None
 

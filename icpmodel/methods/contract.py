@@ -29,7 +29,7 @@ _REGISTRY: dict[str, type[Method]] = {}
 SAFE_HINT = (1e-140, 1e140)
 
 #: what is less than this share of the least one so far counts as reduced
-_REDUCED = 0.9
+_REDUCTION = 0.9
 
 #: z with Res_D(z), or None where that does not fall out of the step for free
 Iterate = tuple[Vector, float | None]
@@ -45,7 +45,7 @@ class Least:
     def add(self, value: float) -> int:
         """`waited` with another value."""
         self.waited += 1
-        if value < _REDUCED * self.least:
+        if value < _REDUCTION * self.least:
             self.least = value
             self.waited = 0
         return self.waited

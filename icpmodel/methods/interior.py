@@ -43,19 +43,19 @@ _PATIENCE = 20
 #: what of W is added to A at first, and where A is not symmetric: entries are then not bounded by those of the
 #: diagonal, and the square of what is added has to be above rounding, or pivots may come to 0; and the least that is
 #: added where factors have been accurate with more, next to rounding
-_REGULARISATION = 1e-9
-_REGULARISATION_SKEW = 1e-7
-_REGULARISATION_LEAST = 1e-13
+_FIRST_REGULARISATION = 1e-9
+_FIRST_REGULARISATION_SKEW = 1e-7
+_MIN_REGULARISATION = 1e-13
 #: a tenth is added after a solve that has lost up to √ε of its right-hand side, a hundred times as much, and the solve
 #: made again, where it has lost the root of that
-_ACCURATE = 2.0**-26
-_ROUGH = 2.0**-13
-_LESS = 0.1
-_MORE = 100.0
+_ACCURATE_SOLVE = 2.0**-26
+_ROUGH_SOLVE = 2.0**-13
+_REGULARISATION_DECREASE = 0.1
+_REGULARISATION_INCREASE = 100.0
 #: the share of the way to the boundary that is gone
-_NEARLY_ALL = 0.995
+_BOUNDARY_SHARE = 0.995
 #: the least room between two obstacles, as a share of what rows with one have
-_LEAST = 1e-12
+_MIN_GAP = 1e-12
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -134,9 +134,9 @@ class InteriorPath:
         if not self.moves:
             self.pattern = self.steps.equations.repeated or self.steps.equations.analysis
         self.regularisation = self.first_regularisation = (
-            _REGULARISATION if problem.matrix.is_nearly_symmetric else _REGULARISATION_SKEW
+            _FIRST_REGULARISATION if problem.matrix.is_nearly_symmetric else _FIRST_REGULARISATION_SKEW
         )
-        self.least_regularisation = _REGULARISATION_LEAST
+        self.least_regularisation = _MIN_REGULARISATION
         self.solve_error = 0.0
         self.root = np.sqrt(self.weights)
         self.residuals = Least()
@@ -164,7 +164,7 @@ class InteriorPath:
         if top is not None:
             # in the middle where there is less room; rows that cannot move keep a trace of it
             has = np.isfinite(top)
-            r = np.where(bounded & has, np.clip(0.5 * (top - c), _LEAST * r, r), r)
+            r = np.where(bounded & has, np.clip(0.5 * (top - c), _MIN_GAP * r, r), r)
             z = np.where(bounded, c + r, np.where(has, np.minimum(c, top - r), c))
             sides = [(bounded, r), (has, np.maximum(top - z, r))]
         self.bounded = np.column_stack([has for has, _ in sides])
@@ -222,18 +222,18 @@ class InteriorPath:
         while True:
             solve = self._solver()
             _, dr, ds, longest = self._direction(solve, r * s)
-            if self.solve_error <= _ROUGH or self.regularisation >= self.first_regularisation:
+            if self.solve_error <= _ROUGH_SOLVE or self.regularisation >= self.first_regularisation:
                 break
             self.regularisation = self.least_regularisation = min(
-                _MORE * self.regularisation, self.first_regularisation
+                _REGULARISATION_INCREASE * self.regularisation, self.first_regularisation
             )
-        if self.solve_error <= _ACCURATE:
-            self.regularisation = max(_LESS * self.regularisation, self.least_regularisation)
+        if self.solve_error <= _ACCURATE_SOLVE:
+            self.regularisation = max(_REGULARISATION_DECREASE * self.regularisation, self.least_regularisation)
         t = 1.0 / max(longest, 1.0)
         after = inner(np.where(self.bounded, r + t * dr, 0.0).ravel(), (s + t * ds).ravel()) / both
         target = r * s + dr * ds - ((after / size) ** 3 * size if size else 0.0)
         dz, dr, ds, longest = self._direction(solve, target)
-        t = 1.0 / max(longest / _NEARLY_ALL, 1.0)
+        t = 1.0 / max(longest / _BOUNDARY_SHARE, 1.0)
         self.r = np.where(self.bounded, r + t * dr, 1.0)
         self.s = s + t * ds
         try:

@@ -29,12 +29,12 @@ BOUNDS = (1e2, 1e4)
 #: what is added to a bound that a linear program gives, relative and absolute, for its tolerance of 1e-7
 _MARGIN = 0.01
 #: HiGHS takes entries of a matrix up to this size for 0 (its option `small_matrix_value`)
-_IGNORED = 1e-9
+_SMALLEST_ENTRY = 1e-9
 #: the first active set ends the search, whatever the objective could be
-_ANY_GAP = 1e9
+_MIP_GAP = 1e9
 #: active sets that are excluded because their solution does not hold, and linearisations of an obstacle
-_CUTS = 5
-_LINEARISATIONS = 20
+_MAX_CUTS = 5
+_MAX_LINEARISATIONS = 20
 
 
 class ActiveRows(NamedTuple):
@@ -96,7 +96,7 @@ class MixedInteger(Method):
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         yield z, None
         dense_matrix(problem)  # raises OutOfMemory where it does not fit
-        for _ in range(1 if problem.psi.linear is not None else _LINEARISATIONS):
+        for _ in range(1 if problem.psi.linear is not None else _MAX_LINEARISATIONS):
             best = (np.inf, z)
             for candidate in _solutions(problem, z):
                 residual = problem.residual(candidate)
@@ -118,7 +118,7 @@ def _solutions(problem: ProblemData, z: Vector) -> Iterator[Vector]:
         return
     for limits in limits_in_turn(rows):
         cuts: list[Vector] = []
-        while len(cuts) < _CUTS and (choice := active_set(rows, limits, cuts)) is not None:
+        while len(cuts) < _MAX_CUTS and (choice := active_set(rows, limits, cuts)) is not None:
             with suppress(SingularOperator, MapError):
                 yield solve_on(problem, z, choice.active, choice.above if problem.upper is not None else None)
             cuts.append(choice.binaries)
@@ -133,7 +133,7 @@ def limits_in_turn(rows: LinearRows) -> Iterator[MostOf]:
     yield MostOf(first, False)
     proved = proved_limits(rows)
     entries = np.abs([rows.A, rows.R, rows.S])
-    complete = not ((entries > 0.0) & (entries <= _IGNORED)).any()
+    complete = not ((entries > 0.0) & (entries <= _SMALLEST_ENTRY)).any()
     yield MostOf(np.minimum(proved, last), complete and bool((proved <= last).all()))
 
 
@@ -189,7 +189,7 @@ def active_set(rows: LinearRows, most: MostOf, cuts: list[Vector]) -> ActiveRows
     objective = direction @ (rows.A + np.where(below[:, None], rows.R, rows.S))
     lowest = np.concatenate([np.full(n, -np.inf), ~below, ~above])
     highest = np.concatenate([np.full(n, np.inf), np.ones(2 * n)])
-    options = {"mip_rel_gap": _ANY_GAP, "time_limit": work.seconds_left()}
+    options = {"mip_rel_gap": _MIP_GAP, "time_limit": work.seconds_left()}
     work.check_budget()
     result = milp(
         np.append(objective, np.zeros(2 * n)),

@@ -29,14 +29,14 @@ from .newton import Newton
 
 #: a coarser level is left at this share of the residual that it begins with, which is below what interpolation to the
 #: next one brings in, as full multigrid has it; at this one of its Res_D(0) at the latest; or after so many looks
-_COARSE = 0.05
-_LEAST = 1e-8
-_COARSE_STEPS = 8
+_COARSE_REDUCTION = 0.05
+_MIN_COARSE_RTOL = 1e-8
+_MAX_COARSE_STEPS = 8
 #: where ψ is an intervention, at the second one or after so many: a step there costs little against the finest level's
-_POLICIES = 30
+_MAX_POLICY_STEPS = 30
 #: a start with this share of Res_D(0) is kept, ten times what is asked for by default; with more the error may be
 #: smooth and large, as what sweeps leave
-_NEAR = 1e-7
+_GOOD_START = 1e-7
 #: where so many looks do not halve the residual, or the second number do not reduce it at all, others do better
 _PATIENCE = 12
 _SHORT_PATIENCE = 5
@@ -104,13 +104,13 @@ class Multilevel(Method):
         z = np.zeros(problems[-1].n)
         for top in range(len(problems) - 1, 0, -1):
             path = Newton().iterates(problems[top], z) if jumps else newton_steps(hierarchy, problems[top], z, top)
-            enough = _LEAST * problems[top].residual_at_0()
-            for step, (near, residual) in enumerate(islice(path, _POLICIES if jumps else _COARSE_STEPS)):
+            enough = _MIN_COARSE_RTOL * problems[top].residual_at_0()
+            for step, (near, residual) in enumerate(islice(path, _MAX_POLICY_STEPS if jumps else _MAX_COARSE_STEPS)):
                 answer = near
                 if residual is None:
                     continue
                 if not (step or jumps):
-                    enough = max(enough, _COARSE * residual)
+                    enough = max(enough, _COARSE_REDUCTION * residual)
                 if residual <= enough:
                     break
             z = hierarchy.levels[top - 1].P @ answer + shifts[top - 1]
@@ -121,7 +121,7 @@ class Multilevel(Method):
         hierarchy = Hierarchy(problem)
         simple = with_fixed_obstacle(problem)
         at_0 = problem.residual_at_0()
-        start = z if first <= _NEAR * at_0 else self.start(hierarchy, simple)
+        start = z if first <= _GOOD_START * at_0 else self.start(hierarchy, simple)
         if problem.psi.has_policies:
             return start if problem.residual(start) <= min(first, at_0) else z
         mark = np.inf

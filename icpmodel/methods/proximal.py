@@ -37,24 +37,24 @@ from ..problem.two_sided import mid
 from ..theory.certificates.recession import Recession
 from .contract import Infeasible, Iterate, Least, Method
 
-#: the first μ, in units of W, and what is left of it after a problem that took at most `_QUICK` steps, or more
-_FIRST = 0.1
-_FALLS = 0.2
-_FALLS_SLOWLY = 0.5
-_QUICK = 3
-#: so many steps may pass without a reduction of the subproblem's residual by a tenth; then μ grows by this factor
+#: the first μ, in units of W; its factor after a subproblem of at most `_QUICK_STEPS` steps, and after a slower one
+_FIRST_SHIFT = 0.1
+_DECREASE = 0.2
+_SLOW_DECREASE = 0.5
+_QUICK_STEPS = 3
+#: after so many steps that do not reduce the residual of the subproblem by a tenth, μ grows by this factor
 _PATIENCE = 5
-_GROWS = 5.0
-#: a problem is done where its residual is below this share of that of the LCP
-_SHARE = 0.1
-#: smaller shifts do nothing to the pivots
-_LEAST = 1e-12
-#: μ after the first problem: where A is singular rounding over μ is what the iterates drift by, and where A is not
-#: symmetric pivots may be the square of μ
-_NEXT = 1e-10
-_NEXT_SKEW = 1e-6
-#: so many steps without a better iterate are the last ones
-_LAST = 100
+_INCREASE = 5.0
+#: a subproblem is solved when its residual is below this share of that of the LCP
+_INNER_REDUCTION = 0.1
+#: a smaller μ does not change the pivots
+_MIN_SHIFT = 1e-12
+#: μ after a quick first subproblem: where A is singular the iterates drift by rounding over μ, and where A is not
+#: symmetric pivots may be as small as μ²
+_SECOND_SHIFT = 1e-10
+_SECOND_SHIFT_SKEW = 1e-6
+#: the method ends after so many steps without a better iterate
+_MAX_IDLE_STEPS = 100
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -111,7 +111,7 @@ Point = tuple[Vector, Vector, Vector, Vector | None]
 
 
 class ProximalPath:
-    """The run: z with p, the `centre` of the subproblem with its p, and what its steps have come to."""
+    """The iterate z with its p, r and z − ψ̄, the `centre` and μ (`shift`) of the subproblem, and its progress."""
 
     @np.errstate(all="ignore")
     def __init__(self, problem: ProblemData, z: Vector) -> None:
@@ -121,13 +121,13 @@ class ProximalPath:
         self.root = np.sqrt(self.weights)
         self._move(self._at(z, problem.p(z)))
         self.centre = self.point
-        self.shift = _FIRST
-        self.made = 0
-        self.done = 0.0  # the μ of the last problem that was done
+        self.shift = _FIRST_SHIFT
+        self.inner_steps = 0
+        self.last_solved_shift = 0.0
         # the residuals of the LCP, and of the subproblem
         self.residuals = Least()
-        self.own = Least()
-        self.own_cost = newton_cost(problem.facts) if self.steps.moves else work.COSTS.newton
+        self.inner_residuals = Least()
+        self.step_cost = newton_cost(problem.facts) if self.steps.moves else work.COSTS.newton
 
     @property
     @np.errstate(all="ignore")
@@ -147,32 +147,32 @@ class ProximalPath:
     @np.errstate(all="ignore")
     def advance(self) -> bool:
         """Make one Newton step; False if no step is left."""
-        whole = self.size(self.p)
-        idle = self.residuals.add(whole)
-        work.count(self.own_cost)
-        if whole == 0.0 or idle > _LAST:
+        residual = self.size(self.p)
+        idle = self.residuals.add(residual)
+        work.count(self.step_cost)
+        if residual == 0.0 or idle > _MAX_IDLE_STEPS:
             return False
-        own = self.size(self.subproblem_p())
-        is_slow = self.made > _QUICK
-        if self.made and own <= _SHARE * whole:
-            first = not self.done
-            self.done = self.shift
-            shift = max((_FALLS_SLOWLY if is_slow else _FALLS) * self.shift, _LEAST)
+        inner_residual = self.size(self.subproblem_p())
+        is_slow = self.inner_steps > _QUICK_STEPS
+        if self.inner_steps and inner_residual <= _INNER_REDUCTION * residual:
+            first = not self.last_solved_shift
+            self.last_solved_shift = self.shift
+            shift = max((_SLOW_DECREASE if is_slow else _DECREASE) * self.shift, _MIN_SHIFT)
             if first and not is_slow:
-                shift = _NEXT if self.problem.matrix.is_nearly_symmetric else _NEXT_SKEW
+                shift = _SECOND_SHIFT if self.problem.matrix.is_nearly_symmetric else _SECOND_SHIFT_SKEW
             self._begin(self.point, shift)
-        elif not (np.isfinite(own) and self.own.add(own) <= _PATIENCE):
+        elif not (np.isfinite(inner_residual) and self.inner_residuals.add(inner_residual) <= _PATIENCE):
             self._enlarge_shift()
         while not self._step():
-            if not self.shift < 1.0 / _LEAST:
+            if not self.shift < 1.0 / _MIN_SHIFT:
                 return False
             self._enlarge_shift()
-        self.made += 1
+        self.inner_steps += 1
         return True
 
     def _enlarge_shift(self) -> None:
-        """The problem anew, with a larger μ: at least what follows the last one that was done as a rule."""
-        self._begin(self.centre, max(_GROWS * self.shift, _FALLS * self.done))
+        """Begin the subproblem again with a larger μ, at least the one that follows the last solved subproblem."""
+        self._begin(self.centre, max(_INCREASE * self.shift, _DECREASE * self.last_solved_shift))
 
     def _at(self, z: Vector, p: Vector) -> Point:
         return z, p, self.problem.r(z), self.problem.r_upper(z)
@@ -184,11 +184,11 @@ class ProximalPath:
         self._move(centre)
         self.centre = centre
         self.shift = shift
-        self.made = 0
-        self.own = Least(self.size(self.p))
+        self.inner_steps = 0
+        self.inner_residuals = Least(self.size(self.p))
 
     def _step(self) -> bool:
-        """The active rows rest on the obstacle, in the others the p of the subproblem is 0; False where that fails."""
+        """Make the Newton step: z = ψ(z) in active rows, the p of the subproblem 0 in the others; False if it fails."""
         pattern = Pattern.of(self.r, self.above, self.subproblem_p() / ((1.0 + self.shift) * self.weights))
         try:
             moved = self.steps.step(self.z, self.p, pattern, self.centre[0], self.shift * self.weights)

@@ -20,11 +20,11 @@ from .newton import Newton
 from .shortcuts import Lemke
 
 #: Newton's steps from one start
-_STEPS = 60
+_NEWTON_STEPS = 60
 #: tries for each start of Newton's method, where pivots make them and where nothing else does: at n = 20 a start took
 #: as long as 1500 tries with pivots, and succeeded five times as often
-_PIVOTED = 100
-_ALONE = 20
+_TRIES_WITH_PIVOTS = 100
+_TRIES_WITHOUT_PIVOTS = 20
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -86,7 +86,7 @@ class Restarts(Method):
         if Lemke().why_not(problem) is None:
             with suppress(SingularOperator):
                 lcp = dense_lcp(problem)
-        every = _ALONE if lcp is None else _PIVOTED
+        every = _TRIES_WITHOUT_PIVOTS if lcp is None else _TRIES_WITH_PIVOTS
         has_newton = Newton().why_not(problem) is None
         scale = scale_of_starts(problem, z)
         start = z
@@ -96,7 +96,7 @@ class Restarts(Method):
                     yield candidate, problem.residual(candidate)
             if has_newton and k % every == 0:
                 with suppress(MapError):
-                    for candidate, residual in islice(Newton().iterates(problem, start), _STEPS):
+                    for candidate, residual in islice(Newton().iterates(problem, start), _NEWTON_STEPS):
                         yield candidate, problem.residual(candidate) if residual is None else residual
                 start = start_above(problem, z, scale, rng)
 

@@ -30,11 +30,11 @@ from .contract import Infeasible, Iterate, Method, positive_diagonal
 #: so many unknowns may be split into differences; tested for 20 to 200
 _SPLIT_UP_TO = 200
 #: how often a step of Josephy's is halved, and the share of its length by which it has to reduce Res
-_HALVINGS = 6
-_SLOPE = 0.1
+_MAX_HALVINGS = 6
+_MIN_REDUCTION = 0.1
 #: rounds of Newton's steps, and steps in a round; where A is an M-matrix one step is the rule
-_ROUNDS = 5
-_STEPS = 10
+_MAX_ROUNDS = 5
+_STEPS_PER_ROUND = 10
 #: steps of iterative refinement, for those who ask for the last digit
 _REFINEMENTS = 2
 
@@ -216,8 +216,8 @@ class Tridiagonal(Shortcut):
         free = release(*matrix, q, c)
         ended = UNSETTLED
         rounds = 0
-        while ended == UNSETTLED and rounds < _ROUNDS:
-            candidate, ended = newton(*matrix, q, c, top, obstacle, free, _STEPS)
+        while ended == UNSETTLED and rounds < _MAX_ROUNDS:
+            candidate, ended = newton(*matrix, q, c, top, obstacle, free, _STEPS_PER_ROUND)
             rounds += 1
             work.count(work.sweep(problem.n, problem.nnz))
             if np.isfinite(candidate).all():
@@ -239,10 +239,10 @@ def _prove(problem: ProblemData, ray: Vector) -> None:
 
 def _shortened(problem: ProblemData, z: Vector, step: Vector, residual: float) -> tuple[Vector, float] | None:
     """z + t·step and its residual for the first t of 1, 1/2, 1/4, … that reduces `residual` enough, None for none."""
-    for k in range(_HALVINGS + 1):
+    for k in range(_MAX_HALVINGS + 1):
         following = z + 0.5**k * step
         reduced = problem.residual(following)
-        if reduced <= (1.0 - _SLOPE * 0.5**k) * residual:
+        if reduced <= (1.0 - _MIN_REDUCTION * 0.5**k) * residual:
             return following, reduced
     return None
 

@@ -21,7 +21,7 @@ from ..present.whole_files import check_replaceable, check_suffix, file_errors, 
 #: NumPy's letters for the kinds of real numbers
 REAL = "biuf"
 #: the bytes of the last record of an archive, which has the number of its entries; more where there is a comment
-_END = 22
+_MIN_DIRECTORY_BYTES = 22
 #: the fields of a sparse matrix, beside its name
 _CSR = ("data", "indices", "indptr")
 
@@ -77,8 +77,8 @@ def read_arrays(path: Path) -> dict[str, Any]:
     with opened(path) as (file, size), zipfile.ZipFile(file) as archive:
         entries = archive.infolist()
         check_room(str(path), sum(one.file_size for one in entries))
-        file.seek(size - _END)
-        end = file.read(_END)
+        file.seek(size - _MIN_DIRECTORY_BYTES)
+        end = file.read(_MIN_DIRECTORY_BYTES)
         # a damaged entry can swallow the next one, which zipfile does not notice
         if end[:4] == b"PK\5\6" and int.from_bytes(end[10:12], "little") not in (len(entries), 0xFFFF):
             raise FileError(f"{path}: does not have the number of fields in its directory; is it damaged?")

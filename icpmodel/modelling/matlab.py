@@ -23,7 +23,7 @@ from ..present.whole_files import file_errors
 from .archive import REAL, check_room, content_errors, opened
 
 #: the bytes before the first variable, of which the last two tell the order of bytes
-_HEAD = 128
+_HEADER_BYTES = 128
 _ORDERS = {b"IM": "<", b"MI": ">"}
 #: types of elements: numbers, a variable, and one that is compressed
 _NUMBERS = {1, 2, 3, 4, 5, 6, 7, 9, 12, 13}
@@ -34,7 +34,7 @@ _BEGINS = [6, 5, 1]
 #: classes of variables: sparse matrices and numbers
 _CLASSES = range(5, 16)
 #: a compressed element is unpacked in pieces of so many bytes, so that what does not fit is not unpacked
-_PIECE = 1 << 24
+_PIECE_BYTES = 1 << 24
 
 #: the type of an element, and its bytes
 _Element = tuple[int, memoryview]
@@ -46,12 +46,12 @@ def read_variables(path: Path) -> dict[str, Any]:
 
     with opened(path) as (file, _), file_errors(path, "read"):
         content = memoryview(file.read())
-        order = _ORDERS.get(bytes(content[126:_HEAD]))
+        order = _ORDERS.get(bytes(content[126:_HEADER_BYTES]))
         if order is None or content[:6] != b"MATLAB":
             raise FileError(f"{path}: is no .mat file of the versions 5 to 7; save it with the option -v7")
         if bytes(content[124:126]) in (b"\x00\x02", b"\x02\x00"):
             raise FileError(f"{path}: is of version 7.3; save it with the option -v7")
-        for kind, element in _elements(path, content[_HEAD:], order):
+        for kind, element in _elements(path, content[_HEADER_BYTES:], order):
             if kind == _COMPRESSED:
                 inner = list(_elements(path, memoryview(_unpacked(path, element)), order))
             else:
@@ -87,7 +87,7 @@ def _unpacked(path: Path, content: memoryview) -> bytes:
     total = 0
     left = bytes(content)
     while left and not packed.eof:
-        parts.append(packed.decompress(left, _PIECE))
+        parts.append(packed.decompress(left, _PIECE_BYTES))
         left = packed.unconsumed_tail
         total += len(parts[-1])
         check_room(str(path), 2.0 * total)

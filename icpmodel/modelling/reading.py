@@ -19,9 +19,9 @@ from ..solve.solution import Solution, Status
 from .affine_rows import SumOfTerms
 
 #: share of its terms up to which a side counts as 0: the tolerance of PATH and of GAMS's other MCP solvers
-_SHARE = 1e-6
+_ZERO_SHARE = 1e-6
 #: a larger rtol counts so many times as such a share
-_SLACK = 100.0
+_RTOL_FACTOR = 100.0
 
 
 @runtime_checkable
@@ -63,7 +63,7 @@ def solved(reading: Reading, method: str | Method | None = None, *, z0: Any = No
     # a certified error, and the paper's residual, were asked for in units that the user has chosen
     if not solution.solved or solution.accuracy or solution.residual > solution.tolerance:
         return solution
-    limit = max(_SHARE, _SLACK * float(options.get("rtol") or 0.0))
+    limit = max(_ZERO_SHARE, _RTOL_FACTOR * float(options.get("rtol") or 0.0))
     shares = _shares(reading, solution.z)
     if not shares.max(initial=0.0) > limit:
         return solution

@@ -19,16 +19,16 @@ Mask = NDArray[np.bool_]
 #: so many entries have positions that fit into 32 bits
 _SHORT = np.iinfo(np.int32).max
 #: no float is as large as this integer
-_LONG = 10**309
+_MIN_OVERFLOWING_INTEGER = 10**309
 #: what counts as a number, whole or not, although bools and times are among them, and as a truth value
 _WHOLE = (int, np.integer)
 _REAL = (int, float, np.integer, np.floating)
 _NO_NUMBER = (bool, np.timedelta64)
 _TRUTH = (bool, np.bool_)
 #: every whole number up to this one is a float64
-_EXACT = 2.0**53
+_MAX_EXACT_INTEGER = 2.0**53
 #: inner products of so many entries BLAS makes with one thread
-_FEW = 10_000
+_ONE_THREAD_UP_TO = 10_000
 
 
 def as_vector(value: Any, n: int | None, name: str, *, infinite: float | None = None) -> Vector:
@@ -84,7 +84,7 @@ def described(value: Any) -> str:
     """What a message calls `value`, which was not expected: None, texts and numbers as they are, else the type."""
     if isinstance(value, type):
         return f"the class {value.__name__}"
-    if isinstance(value, int) and abs(value) >= _LONG:
+    if isinstance(value, int) and abs(value) >= _MIN_OVERFLOWING_INTEGER:
         return "an integer of hundreds of digits"
     plain = value is None or isinstance(value, str | int | float | np.number)
     return repr(value) if plain else f"a {type(value).__name__}"
@@ -122,7 +122,7 @@ def as_number(
 ) -> float:
     """`value` as a finite float (an int if `whole`), no truth value, within these bounds. Raises InputError."""
     right = isinstance(value, _WHOLE if whole else _REAL) and not isinstance(value, _NO_NUMBER)
-    right = right and not (isinstance(value, int) and abs(value) >= _LONG)
+    right = right and not (isinstance(value, int) and abs(value) >= _MIN_OVERFLOWING_INTEGER)
     if not (right and math.isfinite(value) and above < value < below and least <= value <= most):
         bounds = ((">", above), (">=", least), ("<=", most), ("<", below))
         condition = "".join(f" and {sign} {bound:g}" for sign, bound in bounds if np.isfinite(bound))[4:]
@@ -195,7 +195,7 @@ def inner(x: Vector, y: Vector) -> float:
     """xᵀy, both of shape (n,)."""
     # vdot does not look for overflow, as ufuncs do; from some size on BLAS wakes threads, which then spin for a while
     # on the core that a sweep could have
-    return float(np.vdot(x, y) if x.size <= _FEW else np.einsum("i,i", x, y))
+    return float(np.vdot(x, y) if x.size <= _ONE_THREAD_UP_TO else np.einsum("i,i", x, y))
 
 
 def norm(x: Vector) -> float:
@@ -299,7 +299,7 @@ def as_float64(value: Any, name: str) -> NDArray[np.float64]:
     with np.errstate(over="ignore"):
         made = np.array(array, dtype=np.float64, order="C")
     if array.dtype.itemsize > (made.itemsize if kind == "f" else 4):
-        doubtful = array == array if kind == "f" else np.abs(made) >= _EXACT
+        doubtful = array == array if kind == "f" else np.abs(made) >= _MAX_EXACT_INTEGER
         for one, rounded in zip(array[doubtful].tolist(), made[doubtful].tolist(), strict=True):
             if one != rounded:
                 actual = f"{name} holds {one} of dtype {array.dtype}, which rounds to the float64 {rounded}"

@@ -18,28 +18,29 @@ from .arrays import Vector, row_of
 Exponents = NDArray[np.int64]
 
 #: entries within 2^±so many of the diagonal need no balancing
-_TAME = 30
+_BALANCED_RANGE = 30
 #: least squares this far from the optimum still bring every entry into range
-_STEPS = 60
+_MAX_STEPS = 60
 #: below the exponent of every float
-_NONE = -(2**20)
+_ZERO_EXPONENT = -(2**20)
 #: weights go half the way to where rows are balanced so often at the most, 2^200 takes all, and so far do their roots
 #: go; they stay where none moves by more than this share: of .03, .1 and .3, .1 took the fewest proximal steps
-_PASSES = 100
-_FAR = 2.0**500
-_NEAR = 0.1
+_MAX_PASSES = 100
+_MAX_WEIGHT = 2.0**500
+_SETTLED_SHARE = 0.1
 
 
 def row_exponents(X: Any, columns: Any = 0) -> Exponents:
     """Whole e with 1/2 ≤ max_j 2^(e_i + c_j)|x_ij| < 1, c = `columns`, for dense or CSR `X`; 0 in zero rows."""
     if sp.issparse(X):
-        size = np.where(X.data != 0, np.frexp(X.data)[1] + (columns[X.indices] if np.ndim(columns) else columns), _NONE)
-        largest = np.full(X.shape[0], _NONE)
+        shift = columns[X.indices] if np.ndim(columns) else columns
+        size = np.where(X.data != 0, np.frexp(X.data)[1] + shift, _ZERO_EXPONENT)
+        largest = np.full(X.shape[0], _ZERO_EXPONENT)
         stored = np.flatnonzero(np.diff(X.indptr))
         largest[stored] = np.maximum.reduceat(size, X.indptr[stored])
     else:
-        largest = np.where(X != 0, np.frexp(X)[1] + columns, _NONE).max(axis=1)
-    return np.where(largest > _NONE // 2, -largest, 0).astype(np.int64)
+        largest = np.where(X != 0, np.frexp(X)[1] + columns, _ZERO_EXPONENT).max(axis=1)
+    return np.where(largest > _ZERO_EXPONENT // 2, -largest, 0).astype(np.int64)
 
 
 def equilibrated(X: Any) -> tuple[Any, Exponents, Exponents]:
@@ -67,7 +68,7 @@ def natural_exponents(A: sp.csr_array) -> tuple[Exponents, Exponents]:
     i = rows[off]
     j = A.indices[off]
     ratio = np.frexp(A.data[off])[1] - 1.0 - size[i]
-    if np.abs(ratio).max(initial=0.0) <= _TAME:
+    if np.abs(ratio).max(initial=0.0) <= _BALANCED_RANGE:
         return -size, np.zeros(n, dtype=np.int64)
     from scipy.sparse.linalg import cg
 
@@ -75,7 +76,7 @@ def natural_exponents(A: sp.csr_array) -> tuple[Exponents, Exponents]:
     degree = np.bincount(i, minlength=n) + np.bincount(j, minlength=n)
     laplacian = sp.diags_array(degree + 1e-6) - edges - edges.T
     right = np.bincount(i, ratio, minlength=n) - np.bincount(j, ratio, minlength=n)
-    balanced, _ = cg(laplacian, right, rtol=1e-6, maxiter=_STEPS, M=sp.diags_array(1.0 / (degree + 1e-6)))
+    balanced, _ = cg(laplacian, right, rtol=1e-6, maxiter=_MAX_STEPS, M=sp.diags_array(1.0 / (degree + 1e-6)))
     shift = np.rint(balanced).astype(np.int64)
     return -size - shift, shift
 
@@ -123,11 +124,11 @@ def balanced(A: Any) -> Vector:
         count = np.count_nonzero(A, axis=1)
     roots = np.ones(A.shape[0])
     with np.errstate(over="ignore"):
-        for _ in range(_PASSES):
+        for _ in range(_MAX_PASSES):
             mean = roots * (sizes @ (1.0 / roots)) / np.maximum(count, 1)
             before = roots
-            roots = np.clip(np.sqrt(np.where(count > 0, mean, 1.0)), 1.0 / _FAR, _FAR)
-            if np.abs(roots / before - 1.0).max(initial=0.0) <= _NEAR:
+            roots = np.clip(np.sqrt(np.where(count > 0, mean, 1.0)), 1.0 / _MAX_WEIGHT, _MAX_WEIGHT)
+            if np.abs(roots / before - 1.0).max(initial=0.0) <= _SETTLED_SHARE:
                 break
     return np.asarray(roots * roots)
 

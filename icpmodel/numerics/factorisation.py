@@ -22,13 +22,13 @@ from .threads import one_blas_thread, run_with_deadline
 #: so that a pivot costs half of the digits at most, and a step of refinement brings them back. Exchanges are not
 #: foreseen: with .01 equilibria of prices fill up 58 times as much, controls three times; with √ε neither does. The
 #: backward error was at most 3e-13 with either, or 2e-12, and 2e-16 after refinement, on all that were tried
-_THRESHOLD = 2.0**-26
+_PIVOT_THRESHOLD = 2.0**-26
 #: entries of this share of the largest one of their column will do for pivots
-_LARGE = 0.1
+_GOOD_PIVOT_SHARE = 0.1
 #: up to so many diagonals on one side LAPACK's factorisations of bands make no blocks
-_BY_COLUMNS = 32
+_UNBLOCKED_BAND = 32
 #: bytes of an entry of a factor, doubled for exchanges of rows that were not foreseen
-_BYTES = 2 * 12
+_ENTRY_BYTES = 2 * 12
 
 
 class Factors:
@@ -196,7 +196,7 @@ def _of_band(matrix: sp.csr_array, analysis: SymbolicAnalysis, definite: bool) -
     of = (matrix.indptr, matrix.indices, matrix.data)
     work.charge(work.factor_cost(analysis.band), 8.0 * analysis.band.entries)
     # LAPACK goes through narrow bands without calls of BLAS that would take threads
-    with one_blas_thread() if max(below, above) > _BY_COLUMNS else nullcontext():
+    with one_blas_thread() if max(below, above) > _UNBLOCKED_BAND else nullcontext():
         if below == above and analysis.is_symmetric:
             half = np.zeros((n, below + 1))
             diagonals(*of, 0, half)
@@ -239,7 +239,7 @@ def _superlu(matrix: sp.csr_array, fill: work.Fill, diagonal_pivots: bool, order
         splu,
         sp.csc_array(matrix),
         permc_spec=order,
-        diag_pivot_thresh=0.0 if diagonal_pivots else _THRESHOLD,
+        diag_pivot_thresh=0.0 if diagonal_pivots else _PIVOT_THRESHOLD,
         options={"SymmetricMode": True},
     )
     try:
@@ -259,7 +259,7 @@ def _fill_of(analysis: SymbolicAnalysis, symmetric: bool = False) -> work.Fill:
     """The fill of matrices with the pattern of the `analysis`; raises OutOfTime and OutOfMemory as `factorise`."""
     work.check_budget(work.factor_cost(analysis.fill))
     fill = analysis.complete
-    work.check_budget(memory=_BYTES * fill.entries)
+    work.check_budget(memory=_ENTRY_BYTES * fill.entries)
     return fill._replace(symmetric=symmetric and fill.symmetric)
 
 
@@ -272,7 +272,8 @@ def _onto_diagonal(matrix: sp.csr_array) -> NDArray[np.int32] | None:
 
     size = np.abs(matrix.data)
     largest = largest_of_columns(matrix)
-    for chosen in (size >= np.maximum(_LARGE * largest[matrix.indices], np.finfo(np.float64).tiny), size > 0.0):
+    large = np.maximum(_GOOD_PIVOT_SHARE * largest[matrix.indices], np.finfo(np.float64).tiny)
+    for chosen in (size >= large, size > 0.0):
         candidates = sp.csr_array((size[chosen], (row_of(matrix)[chosen], matrix.indices[chosen])), shape=matrix.shape)
         rows = maximum_bipartite_matching(candidates, perm_type="row")
         if (rows >= 0).all():

@@ -16,16 +16,16 @@ from .threads import run_with_deadline
 from .work import Fill, dense_cost, factor_cost, least_factor_cost
 
 #: nanoseconds of a symbolic analysis, whatever the size, and per entry; n² times the last one on graphs that fill up
-_ANALYSIS = 100_000.0
-_ANALYSIS_ENTRY = 150.0
-_SLOWEST = 50.0
+_ANALYSIS_COST = 100_000.0
+_ANALYSIS_COST_PER_ENTRY = 150.0
+_MAX_COST_FACTOR = 50.0
 #: a graph of more rows than this, with more entries in the mean row, is not analysed where a breadth-first layer has
 #: more than this share of the rows
-_SMALL = 2000
-_THIN = 5
-_WIDE = 0.125
+_SMALL_GRAPH = 2000
+_THIN_DEGREE = 5
+_WIDE_LAYER = 0.125
 #: entries that differ by a smaller share are the same up to rounding
-_SAME = 1e-13
+_SYMMETRY_RTOL = 1e-13
 
 
 def of_band(n: int, below: int, above: int, symmetric: bool = False) -> Fill:
@@ -70,14 +70,15 @@ def ordered(A: sp.csr_array, symmetric: bool = False) -> tuple[Fill, NDArray[np.
     graph = sp.csr_array((np.ones(A.nnz), A.indices, A.indptr), shape=A.shape)
     graph = sp.csc_array((graph if symmetric else graph + graph.T) + sp.diags_array(np.full(n, 1e3)))
     options = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
-    place = run_with_deadline(partial(spilu, graph, drop_tol=0.5, fill_factor=1.0, **options), _SLOWEST * n**2).perm_c
+    analysis = partial(spilu, graph, drop_tol=0.5, fill_factor=1.0, **options)
+    place = run_with_deadline(analysis, _MAX_COST_FACTOR * n**2).perm_c
     entries, squares = column_counts(*read_only((graph.indptr, graph.indices, place)))
     fill = Fill(n, 2.0 * (entries + n), entries + squares, True)
     return min(fill, fill._replace(symmetric=symmetric), key=factor_cost), np.argsort(place)
 
 
 def _analysis_cost(A: sp.csr_array) -> float:
-    return _ANALYSIS + _ANALYSIS_ENTRY * A.nnz
+    return _ANALYSIS_COST + _ANALYSIS_COST_PER_ENTRY * A.nnz
 
 
 class SymbolicAnalysis:
@@ -183,7 +184,7 @@ class SymbolicAnalysis:
         """A rough fill where a breadth-first layer has many of the rows, as in an expander; None else."""
         A = self.matrix
         n = A.shape[0]
-        if n <= _SMALL or A.nnz <= _THIN * n:
+        if n <= _SMALL_GRAPH or A.nnz <= _THIN_DEGREE * n:
             return None
         from .kernels.graph import layers  # loads numba
 
@@ -194,7 +195,7 @@ class SymbolicAnalysis:
             last = order[-1]
         widest = float(np.bincount(layer[order]).max())
         rough = Fill(n, widest**2, widest**3 / 3.0, False, symmetric=self.signs is not None)
-        return rough if widest > _WIDE * n else None
+        return rough if widest > _WIDE_LAYER * n else None
 
 
 def signs_of_symmetry(A: sp.csr_array) -> Vector | None:
@@ -204,5 +205,5 @@ def signs_of_symmetry(A: sp.csr_array) -> Vector | None:
     """
     from .kernels.graph import signs  # loads numba
 
-    sigma = signs(*read_only((A.indptr, A.indices, A.data)), _SAME) if A.has_canonical_format else np.empty(0)
+    sigma = signs(*read_only((A.indptr, A.indices, A.data)), _SYMMETRY_RTOL) if A.has_canonical_format else np.empty(0)
     return sigma if sigma.size else None

@@ -16,15 +16,15 @@ SMALL_RADIUS = 0.7
 #: Lanczos steps between two estimates of the radius
 _CHECK_EVERY = 4
 #: an estimate is accepted if it exceeds the one before by at most this share of its distance from 1
-_SHARE = 0.3
+_RADIUS_AGREEMENT = 0.3
 #: Lanczos steps, after which the estimate is accepted in any case
-_MOST = 60
+_MAX_LANCZOS_STEPS = 60
 #: nanoseconds for which a_ji is found, in rows of thousands of entries
 _COUPLING_COST = 40.0
 #: the relative residual of an inexact solve
 INEXACT = 1e-4
 #: directions that GCR keeps, and its steps before the rate is asked for
-_DIRECTIONS = 8
+_MAX_DIRECTIONS = 8
 _TRIAL_STEPS = 32
 
 
@@ -50,7 +50,7 @@ def couplings(A: sp.csr_array) -> sp.csr_array:
     return sp.csr_array((couple(A.indptr, A.indices, A.data, weight), A.indices, A.indptr), shape=A.shape)
 
 
-def radius_of(S: sp.csr_array, share: float = _SHARE) -> float:
+def radius_of(S: sp.csr_array, share: float = _RADIUS_AGREEMENT) -> float:
     """An estimate, usually from below, of the spectral radius ρ of a symmetric `S` ≥ 0; inf if it is not finite.
 
     By Lanczos steps from the vector of ones; `share` of 1 − ρ is what four more of them must gain for the next four to
@@ -70,7 +70,7 @@ def radius_of(S: sp.csr_array, share: float = _SHARE) -> float:
     own: list[float] = []
     next_to: list[float] = []
     w = sums / np.sqrt(n)
-    last = min(_MOST, n)
+    last = min(_MAX_LANCZOS_STEPS, n)
     for step in range(1, last + 1):
         own.append(inner(v, w))
         w -= own[-1] * v
@@ -186,11 +186,11 @@ class GCR:
                 break
             self._shortest = min(self._shortest, length / size)
             # where M is singular, w is what rounding left of My, or of what was taken from it
-            if not _DIRECTIONS * UNIT_ROUNDOFF * max(largest, length / self._shortest) <= size:
+            if not _MAX_DIRECTIONS * UNIT_ROUNDOFF * max(largest, length / self._shortest) <= size:
                 break
             y /= size
             w /= size
-            self._directions = [*self._directions[1 - _DIRECTIONS :], (y, w)]
+            self._directions = [*self._directions[1 - _MAX_DIRECTIONS :], (y, w)]
             share = inner(self.rest, w)
             add_both(x, y, share, self.rest, w, -share)
             moved = True

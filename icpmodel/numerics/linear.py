@@ -34,17 +34,17 @@ class Solver(Protocol):
 
 
 #: the relative error up to which systems count as solved
-_BACKWARD = 1e-12
+_MAX_BACKWARD_ERROR = 1e-12
 #: the share of the diagonal that is added so that a singular matrix is seen in time, the least that did it in every
 #: case; and the share of the solution, or of the step before, up to which a step of refinement takes it back
 _NUDGE = 2.0**-36
-_SMALL = 0.5
+_MAX_CORRECTION = 0.5
 #: what is added to smaller entries of the diagonal, in units of the largest one of the column: enough for a pivot
-_SHIFT = 2.0**-25
+_PIVOT_SHIFT = 2.0**-25
 #: so many Krylov steps GCR needs without a preconditioner
 MANY_STEPS = 100
 #: and where the fill is not known it may make so many
-_MOST_STEPS = 1000
+_MAX_STEPS = 1000
 
 
 def solver_of(M: Any, analysis: SymbolicAnalysis | None = None) -> Solver:
@@ -121,7 +121,7 @@ def _by_steps(M: sp.csr_array, analysis: SymbolicAnalysis) -> Solver | None:
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
         nonlocal failed
-        most = int(factor_cost(analysis.fill) / a_step) if analysis.fill.seen else _MOST_STEPS
+        most = int(factor_cost(analysis.fill) / a_step) if analysis.fill.seen else _MAX_STEPS
         most = min(most, M.shape[0])
         x = None if failed else conjugate_residuals(turned() if transposed else M, f, most, tolerance)
         failed = x is None
@@ -161,10 +161,10 @@ def _nudged(M: sp.csr_array, analysis: SymbolicAnalysis) -> Solver:
     def exchanged() -> Solver:
         return _refined(M, units, by(_NUDGE * diagonal, False)[1])
 
-    shift = _SHIFT * units
+    shift = _PIVOT_SHIFT * units
     small = np.abs(diagonal) < shift
     # columns of different sizes hide the small entries
-    if (analysis.signs is None and not small.any()) or units.min() < _SHIFT * units.max():
+    if (analysis.signs is None and not small.any()) or units.min() < _PIVOT_SHIFT * units.max():
         return exchanged()
     near, by_near = by(np.where(small, np.copysign(shift, diagonal), _NUDGE * diagonal), True)
     refined = _refined(M, units, by_near)
@@ -197,10 +197,11 @@ def _refined(M: sp.csr_array, units: Vector, by_factors: Solver) -> Solver:
         while True:
             count(product(f.size, M.nnz))
             step = by_factors(f - whole @ x, tolerance, transposed)
-            if step is None or not (size := norm(unit * step)) <= _SMALL * before:
+            if step is None or not (size := norm(unit * step)) <= _MAX_CORRECTION * before:
                 return refined  # the best that rounding leaves, if any
             refined = x = x + step
-            if before == 0.0 or size / before * size <= _BACKWARD * norm(unit * x):  # what the next step would be
+            limit = _MAX_BACKWARD_ERROR * norm(unit * x)
+            if before == 0.0 or size / before * size <= limit:  # what the next step would be
                 return x
             before = size
 

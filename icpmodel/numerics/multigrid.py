@@ -17,11 +17,11 @@ from .arrays import Vector
 from .sparse_structure import is_symmetric
 
 #: coarsening has stalled where so many rows are left
-_STALLED = 500
+_MAX_COARSEST_IF_STALLED = 500
 #: with multigrid as preconditioner a Krylov method that needs more steps will not get there
 KRYLOV_STEPS = 30
 #: and so many are made where nothing else is left to try
-_STEPS = 100
+_LAST_RESORT_STEPS = 100
 #: what SciPy's direct solvers, on the coarsest level, make of a matrix that is singular, or not finite
 _FAILURES = (RuntimeError, ValueError, ArithmeticError)
 #: bytes that a hierarchy takes per entry of A: its levels, with what interpolates between them, hold about three times
@@ -50,7 +50,7 @@ def ruge_stuben(A: sp.csr_array, **options: Any) -> Any:
 
     with _quiet():
         made = pyamg.ruge_stuben_solver(sp.csr_matrix(A), **options)  # PyAMG takes the older class only
-        if made.levels[-1].A.shape[0] > _STALLED:
+        if made.levels[-1].A.shape[0] > _MAX_COARSEST_IF_STALLED:
             made.coarse_solver = pyamg.coarse_grid_solver("splu")
         return made
 
@@ -86,7 +86,7 @@ def linear_solve(A: sp.csr_array, b: Vector, tolerance: float = 1e-8) -> Vector:
     costs = work.COSTS
     work.charge(costs.hierarchy + costs.hierarchy_entry * A.nnz, HIERARCHY_BYTES * A.nnz)
     hierarchy = ruge_stuben(A)
-    options = {"maxiter": _STEPS, "accel": "cg" if is_symmetric(A) else "bicgstab", "residuals": steps}
+    options = {"maxiter": _LAST_RESORT_STEPS, "accel": "cg" if is_symmetric(A) else "bicgstab", "residuals": steps}
     with _quiet():
         try:
             return np.asarray(hierarchy.solve(b, tol=tolerance, **options))

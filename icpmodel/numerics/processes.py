@@ -18,7 +18,7 @@ _T = TypeVar("_T")
 #: whether a process can be begun that has all that this one has
 CAN_FORK = hasattr(os, "fork")
 #: the bytes before an item, which say how long it is
-_LENGTH = 8
+_LENGTH_BYTES = 8
 
 
 def in_a_process(items: Callable[[], Iterator[_T]], end: float) -> Iterator[_T]:
@@ -49,7 +49,7 @@ def in_a_process(items: Callable[[], Iterator[_T]], end: float) -> Iterator[_T]:
         while True:
             if not select.select([here], [], [], max(end - time.perf_counter(), 0.0))[0]:
                 raise OutOfTime("the time is over")
-            length = _read(here, _LENGTH)
+            length = _read(here, _LENGTH_BYTES)
             if not length:
                 _, status = os.waitpid(child, 0)
                 child = 0
@@ -85,7 +85,7 @@ def _send(items: Callable[[], Iterator[Any]], there: int) -> None:
 
 def _write(there: int, item: Any) -> None:
     data = pickle.dumps(item)
-    data = len(data).to_bytes(_LENGTH, "big") + data
+    data = len(data).to_bytes(_LENGTH_BYTES, "big") + data
     while data:
         data = data[os.write(there, data) :]
 

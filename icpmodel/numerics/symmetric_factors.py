@@ -12,7 +12,7 @@ from .arrays import Mask, Vector, row_of
 from .threads import run_with_deadline
 
 #: bytes of an entry of L + U where L is stored alone
-_OF_SYMMETRIC = 8
+_ENTRY_BYTES = 8
 
 
 class Symmetric:
@@ -72,7 +72,7 @@ class Symmetric:
             return None
         upper = sp.csc_array((entries, j, self._start), shape=2 * self._signs.shape)
         cost = work.factor_cost(self.fill) if self._ldl is None else work.refactor_cost(self.fill)
-        work.charge(cost, _OF_SYMMETRIC * self.fill.entries + 12 * data.size)
+        work.charge(cost, _ENTRY_BYTES * self.fill.entries + 12 * data.size)
 
         def step() -> Any:
             if self._ldl is None:

@@ -174,13 +174,13 @@ def dense_cost(n: int, symmetric: bool = False) -> float:
 
 
 #: seconds that count as having gone as foreseen, before it is known how far the table is from this machine
-_BELIEF = 0.1
+_PACE_OFFSET = 0.1
 #: a piece of a long loop between two looks at the clock, in nanoseconds
-_PIECE = 2e7
+_PIECE_NANOSECONDS = 2e7
 #: for fewer bytes the system is not asked how many are free, nor for this share of what it had so many seconds ago
-_TRIFLE = 2.0**24
-_MODEST = 0.05
-_LATELY = 0.5
+_NEGLIGIBLE_BYTES = 2.0**24
+_NEGLIGIBLE_SHARE = 0.05
+_MEMORY_CACHE_SECONDS = 0.5
 
 
 class _Budget(NamedTuple):
@@ -297,7 +297,7 @@ def nanoseconds_left() -> float:
     if budget is None:
         return math.inf
     now = clock()
-    pace = max((now - budget.begun + _BELIEF) / (1e-9 * (done() - budget.counted) + _BELIEF), 1.0)
+    pace = max((now - budget.begun + _PACE_OFFSET) / (1e-9 * (done() - budget.counted) + _PACE_OFFSET), 1.0)
     return min(1e9 * (budget.end - now) / pace, budget.most - done())
 
 
@@ -310,7 +310,7 @@ def seconds_left() -> float:
 def pieces(nanoseconds: float) -> int:
     """How many steps of this cost, one at least, are a piece of a loop that asks `check_budget`, and may be
     interrupted, between its pieces."""
-    return max(int(_PIECE / nanoseconds), 1)
+    return max(int(_PIECE_NANOSECONDS / nanoseconds), 1)
 
 
 def free_memory() -> float:
@@ -326,9 +326,9 @@ def free_memory() -> float:
 def fits(memory: float) -> bool:
     """Whether so many bytes may still be asked for."""
     budget = _counted.budget
-    if memory <= (_TRIFLE if budget is None else min(budget.memory, _TRIFLE)):
+    if memory <= (_NEGLIGIBLE_BYTES if budget is None else min(budget.memory, _NEGLIGIBLE_BYTES)):
         return True
-    modest = (budget is None or budget.memory == math.inf) and memory <= _MODEST * _SYSTEM.lately_free()
+    modest = (budget is None or budget.memory == math.inf) and memory <= _NEGLIGIBLE_SHARE * _SYSTEM.lately_free()
     return modest or memory <= free_memory()
 
 
@@ -350,7 +350,7 @@ class _System:
 
     def lately_free(self) -> float:
         """Not long ago."""
-        return self.seen if time.monotonic() - self.at < _LATELY else self.free()
+        return self.seen if time.monotonic() - self.at < _MEMORY_CACHE_SECONDS else self.free()
 
 
 _SYSTEM = _System()

@@ -10,9 +10,9 @@ from .rendering import render
 from .table import width
 
 #: the longest lines of a card, the columns of its names, and the longest lines of sections
-_WIDTH = 100
-_NAMES = 9
-_PAGE = 116
+_MAX_CARD_WIDTH = 100
+_NAME_COLUMNS = 9
+_MAX_PAGE_WIDTH = 116
 
 
 class Card(Displayable, Mapping[str, str]):
@@ -44,10 +44,10 @@ class Card(Displayable, Mapping[str, str]):
         return len(self.rows)
 
     def __str__(self) -> str:
-        names = max(_NAMES, *map(len, self.rows))
+        names = max(_NAME_COLUMNS, *map(len, self.rows))
         lines = []
         for name, text in self.rows.items():
-            wide = min(width(_WIDTH), _WIDTH) - names - 1
+            wide = min(width(_MAX_CARD_WIDTH), _MAX_CARD_WIDTH) - names - 1
             parts = [part for line in text.splitlines() for part in textwrap.wrap(line, wide)]
             heads = [name, *[""] * len(parts)]
             lines += [f"{head:<{names}} {part}" for head, part in zip(heads, parts or [""], strict=False)]
@@ -87,7 +87,7 @@ class Sections:
 
 def inner_width() -> int:
     """The columns that a table in a section may have."""
-    return min(width(_PAGE), _PAGE) - 2
+    return min(width(_MAX_PAGE_WIDTH), _MAX_PAGE_WIDTH) - 2
 
 
 def _indented(line: str) -> str:

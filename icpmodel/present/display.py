@@ -12,8 +12,8 @@ import numpy as np
 from .rendering import render
 
 #: a line on a terminal or two for a field, and a screenful is too long for all of them
-_FIELD = 72
-_ALL = 480
+_MAX_FIELD_LENGTH = 72
+_MAX_REPR_LENGTH = 480
 
 
 class Displayable:
@@ -25,7 +25,7 @@ class Displayable:
     def __repr__(self) -> str:
         of: tuple[Field[Any], ...] = fields(self) if is_dataclass(self) else ()
         values = [f"{one.name}={brief(getattr(self, one.name))}" for one in of if one.repr]
-        return cut(f"{type(self).__name__}({', '.join(values)}", _ALL) + ")"
+        return cut(f"{type(self).__name__}({', '.join(values)}", _MAX_REPR_LENGTH) + ")"
 
     def _repr_html_(self) -> str:
         return render("folded.html", text=str(self))
@@ -81,13 +81,13 @@ def brief(value: Any) -> str:
     if isinstance(value, np.ndarray) and value.size > 1:
         return f"<{' x '.join(map(str, value.shape))} values>"
     if isinstance(value, Mapping):
-        return cut(f"{{{', '.join(f'{key!r}: ...' for key in value)}}}", _FIELD)
-    if isinstance(value, tuple | list) and (len(value) > 8 or len(repr(value)) > _FIELD):
+        return cut(f"{{{', '.join(f'{key!r}: ...' for key in value)}}}", _MAX_FIELD_LENGTH)
+    if isinstance(value, tuple | list) and (len(value) > 8 or len(repr(value)) > _MAX_FIELD_LENGTH):
         return f"<{len(value)} entries>"
     if isinstance(value, float):
         return f"{value:.6g}"
     text = repr(value)
-    return cut(" ".join(text.split()), _FIELD)
+    return cut(" ".join(text.split()), _MAX_FIELD_LENGTH)
 
 
 def cut(text: str, most: int) -> str:

@@ -21,11 +21,11 @@ from .rendering import render
 #: in a file or a pipe a line is as long as it needs to be
 _UNBOUNDED = 10_000
 #: texts are wrapped to no fewer columns
-_NARROWEST = 12
+_MIN_TEXT_WIDTH = 12
 #: the spaces between two columns
-_GAP = 2
+_COLUMN_GAP = 2
 #: the columns of a cell of a notebook, which nothing tells: what rich takes for it, unless JUPYTER_COLUMNS is set
-_CELL = 115
+_NOTEBOOK_WIDTH = 115
 
 
 @dataclass(frozen=True, repr=False)
@@ -102,7 +102,7 @@ class Table(Displayable):
         """The fewest characters that column `k` can have: numbers and words are not cut, texts not too short."""
         longest = max((len(row[k]) for row in cells), default=0)
         word = max(map(len, self.heads[k].split()), default=0)
-        return max(min(longest, _NARROWEST) if self._is_text(k) else longest, word)
+        return max(min(longest, _MIN_TEXT_WIDTH) if self._is_text(k) else longest, word)
 
     def _blocks(self, cells: list[list[str]], columns: int) -> list[tuple[list[int], list[int]]]:
         """What stands beside each other: positions of columns, and their least widths."""
@@ -113,7 +113,7 @@ class Table(Displayable):
             first = [least[0]] if len(blocks) > 1 else []
             if (
                 len(block) > 1 - len(first)
-                and sum([*first, *widths, narrowest]) + _GAP * (len(block) + len(first)) > columns
+                and sum([*first, *widths, narrowest]) + _COLUMN_GAP * (len(block) + len(first)) > columns
             ):
                 blocks.append(([k], [narrowest]))
             else:
@@ -255,7 +255,7 @@ def width(otherwise: int) -> int:
     such as a file or a pipe."""
     if in_notebook():
         columns = os.environ.get("JUPYTER_COLUMNS", "")
-        return int(columns) if columns.isdigit() else _CELL
+        return int(columns) if columns.isdigit() else _NOTEBOOK_WIDTH
     if sys.stdout is None or not sys.stdout.isatty():
         return otherwise
     return max(shutil.get_terminal_size().columns, 40)

@@ -14,9 +14,9 @@ from .map import Map
 from .matrix import Matrix
 
 #: evaluations of ψ at the most; with a derivative five are the rule
-_EVALUATIONS = 100
+_MAX_EVALUATIONS = 100
 #: what rounding may add to a fixed obstacle, as a share
-_CROSSED = 1e-12
+_MAX_CROSSING = 1e-12
 
 
 class Facts:
@@ -81,7 +81,7 @@ class Facts:
         if above is None:
             return None
         with np.errstate(invalid="ignore"):
-            gap = self.obstacle - above - _CROSSED * (np.abs(self.obstacle) + np.abs(above))
+            gap = self.obstacle - above - _MAX_CROSSING * (np.abs(self.obstacle) + np.abs(above))
         return int(np.nanargmax(gap)) if (gap > 0.0).any() else None
 
     def _fixed(self, psi: Map, none: float) -> Vector:
@@ -93,7 +93,7 @@ class Facts:
         c = np.zeros(n)
         low = np.full(n, -np.inf)
         high = np.full(n, np.inf)
-        for _ in range(_EVALUATIONS):
+        for _ in range(_MAX_EVALUATIONS):
             value = psi.value(c)
             with np.errstate(all="ignore"):
                 r = np.where(np.isinf(value), 0.0, c - value)

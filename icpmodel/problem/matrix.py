@@ -17,12 +17,12 @@ from ..numerics.sparse_structure import absolute, is_symmetric
 from ..numerics.threads import THREADS_FROM, run_in_threads, threads_for
 
 #: an A of so many rows is dense until its sparse form is asked for
-_SMALL = 64
+_DENSE_UP_TO = 64
 #: Au and Aᵀu that differ by no more are the same
-_SAME = 1e-13
+_SYMMETRY_RTOL = 1e-13
 #: what a row without entries counts as, and the least that 1/d_i is made of
-_EMPTY = 2.0**-520
-_LEAST = 2.0**-1000
+_EMPTY_ROW_SIZE = 2.0**-520
+_MIN_DIAGONAL = 2.0**-1000
 
 
 class Rows(NamedTuple):
@@ -56,8 +56,8 @@ class Rows(NamedTuple):
 
 def weights_of(largest: Vector) -> Vector:
     """The weights of rows whose `largest` |entries| are these, shape (n,), read-only: see `Matrix.row_weights`."""
-    if largest.size and largest.min() < _EMPTY:
-        largest = np.where(largest > 0.0, np.maximum(largest, _LEAST), _EMPTY)
+    if largest.size and largest.min() < _EMPTY_ROW_SIZE:
+        largest = np.where(largest > 0.0, np.maximum(largest, _MIN_DIAGONAL), _EMPTY_ROW_SIZE)
     weights: Vector = 1.0 / largest
     weights.flags.writeable = False
     return weights
@@ -90,10 +90,10 @@ class Matrix(ReadOnly):
     def __init__(self, A: Any, labels: Any = None) -> None:
         if labels is not None and not hasattr(labels, "step"):  # a range is no name
             self.labels = labels
-        if sp.issparse(A) and max(A.shape) <= _SMALL:
+        if sp.issparse(A) and max(A.shape) <= _DENSE_UP_TO:
             A = checked_sparse(A, "A").toarray()
         square: Any = A if sp.issparse(A) else as_square(A, "A")
-        self.dense = None if sp.issparse(square) or square.shape[0] > _SMALL else square
+        self.dense = None if sp.issparse(square) or square.shape[0] > _DENSE_UP_TO else square
         if self.dense is None:
             self.sparse = as_csr(square, "A", keep_diagonal=True)
         self.lock()
@@ -194,7 +194,7 @@ class Matrix(ReadOnly):
     @property
     def empty_rows(self) -> Any:
         """Which rows have no entries, a mask of shape (n,)."""
-        return self.row_weights == 1.0 / _EMPTY
+        return self.row_weights == 1.0 / _EMPTY_ROW_SIZE
 
     @cached_property
     def has_positive_diagonal(self) -> bool:
@@ -212,7 +212,7 @@ class Matrix(ReadOnly):
         root = np.sqrt(self.weights)
         u = np.cos(np.arange(self.n) ** 2.0) / root
         image = self.product(u)
-        return bool(np.abs((image - self.sparse.T @ u) / root).max() <= _SAME * np.abs(image / root).max())
+        return bool(np.abs((image - self.sparse.T @ u) / root).max() <= _SYMMETRY_RTOL * np.abs(image / root).max())
 
     @cached_property
     def jacobi_radius(self) -> float:

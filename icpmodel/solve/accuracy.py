@@ -18,9 +18,9 @@ from .run import Run
 from .solution import Status
 
 #: a bound falls about as a residual does: the tolerance becomes this share of what would then do, within the other two
-_SHARE = 0.5
-_LEAST = 1e-3
-_MOST = 0.5
+_SAFETY_FACTOR = 0.5
+_MIN_FACTOR = 1e-3
+_MAX_FACTOR = 0.5
 
 
 def solve_to_accuracy(run: Run, accuracy: float, run_methods: Callable[[], None]) -> None:
@@ -42,7 +42,7 @@ def solve_to_accuracy(run: Run, accuracy: float, run_methods: Callable[[], None]
     bound = None if first is None else first.value
     z = run.start
     while bound is None or bound > accuracy or run.iteration < 0:
-        share = _LEAST if bound is None else min(max(_SHARE * accuracy / bound, _LEAST), _MOST)
+        share = _MIN_FACTOR if bound is None else min(max(_SAFETY_FACTOR * accuracy / bound, _MIN_FACTOR), _MAX_FACTOR)
         run.goal = replace(run.goal, tolerance=share * residual if bound is None or bound > accuracy else np.inf)
         run.is_over = False
         run_methods()

@@ -35,17 +35,17 @@ FAMILIES = ("paper", "modulus", None)
 #: accelerated sweeps are tried for the first share of what the next method is expected to cost, or for the second one
 #: where they are expected to cost more than so many times as much; sweeps that would have ended soon go on by the rate
 #: that was seen. Not tested for matrices whose rows have more than some hundred entries
-_TRIAL = 0.25
-_BRIEF_TRIAL = 0.125
-_HOPELESS = 1.0
+_TRIAL_SHARE = 0.25
+_BRIEF_TRIAL_SHARE = 0.125
+_HOPELESS_RATIO = 1.0
 #: sweeps that are made before a rate is read off: plain ones, and accelerated ones, twice their history; plain ones go
 #: on where the second number of them will do
-_PLAIN = 12
-_ACCELERATED = 20
+_PLAIN_SWEEPS = 12
+_ACCELERATED_SWEEPS = 20
 #: a method that has spent so many times what it said is stopped; by its rate it has left what it has spent, and at most
 #: so many times that
-_OVERRUN = 2.0
-_STILL = 4.0
+_MAX_OVERRUN = 2.0
+_MAX_REMAINING_FACTOR = 4.0
 
 
 @dataclass(frozen=True, repr=False)
@@ -156,7 +156,7 @@ class Job:
         self.log_reductions = [0.0]
         total = 0.0 if choice.estimate is None else choice.estimate.total
         self.remaining = total
-        self.limit = math.inf if choice.estimate is None else _OVERRUN * total
+        self.limit = math.inf if choice.estimate is None else _MAX_OVERRUN * total
         if trial is not None:
             self.limit = trial
 
@@ -177,7 +177,7 @@ class Job:
     def is_overrun(self) -> bool:
         """Whether it has spent twice its estimate."""
         estimate = self.choice.estimate
-        return estimate is not None and self.spent >= _OVERRUN * estimate.total
+        return estimate is not None and self.spent >= _MAX_OVERRUN * estimate.total
 
     def _left(self, need: float) -> float:
         """What it has left: by the rate over the last half of its steps, or by what it has spent."""
@@ -186,9 +186,9 @@ class Job:
         half = self.steps // 2
         gained = max(self.log_reductions[half + 1 :]) - max(self.log_reductions[: half + 1])
         if not gained > 0.0:
-            return _STILL * self.spent
+            return _MAX_REMAINING_FACTOR * self.spent
         steps = (need - max(self.log_reductions)) * (self.steps - half) / gained
-        return min(max(steps * self.spent / self.steps, self.spent), _STILL * self.spent)
+        return min(max(steps * self.spent / self.steps, self.spent), _MAX_REMAINING_FACTOR * self.spent)
 
     def __str__(self) -> str:
         """What it did: 40 of an expected 300 steps."""
@@ -295,7 +295,7 @@ class Ladder:
         sweeps = PSOR()
         if sweeps.why_not(self.problem) is None and work.fits(8.0 * 4.0 * self.problem.n):
             step = estimate_of(sweeps, self.problem.facts, self.target_reduction).step
-            self.floor = _ACCELERATED * step
+            self.floor = _ACCELERATED_SWEEPS * step
             self.jobs.append(Job(Choice(sweeps, f"{PLAIN} sweeps are tried first"), PLAIN * step))
 
     def _sweeps(self) -> None:
@@ -315,8 +315,8 @@ class Ladder:
         estimate = job.choice.estimate
         if estimate is None:
             return following
-        hopeless = self.problem.matrix.coupled_radius < 1.0 and estimate.total > _HOPELESS * following
-        return max((_BRIEF_TRIAL if hopeless else _TRIAL) * following, _ACCELERATED * estimate.step)
+        hopeless = self.problem.matrix.coupled_radius < 1.0 and estimate.total > _HOPELESS_RATIO * following
+        return max((_BRIEF_TRIAL_SHARE if hopeless else _TRIAL_SHARE) * following, _ACCELERATED_SWEEPS * estimate.step)
 
     def _costly(self) -> None:
         self.floor = math.inf

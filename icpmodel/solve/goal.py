@@ -16,7 +16,7 @@ from ..problem.verdict import certain, satisfies_paper
 #: the default relative tolerance
 RTOL = 1e-8
 #: room for rounding where residuals are compared
-_NEAR = 1.0 + 1e-6
+_ROUNDING_ROOM = 1.0 + 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,7 +96,7 @@ class Goal:
             return True
         if not self.atol or self.problem is None:
             return False
-        return residual <= _NEAR * max(float(self.problem.matrix.row_weights.max()), 1.0) * self.atol
+        return residual <= _ROUNDING_ROOM * max(float(self.problem.matrix.row_weights.max()), 1.0) * self.atol
 
     def reached(self, z: Vector, residual: float) -> bool:
         """Whether `z`, shape (n,), with Res_D(z) = `residual` is what was asked for; NaN is not."""

@@ -33,7 +33,7 @@ _SIGMA, _MEMORY = 1e-4, 5
 #: a step is halved so many times; so many steps may pass until the least θ has fallen by a tenth
 _HALVINGS, _PATIENCE = 10, 40
 #: random starts after the last step that helps, for problems small enough for a search
-_RESTARTS = 20
+_MAX_RESTARTS = 20
 #: their size, in powers of ten of the largest entry of D⁻¹p(0), ψ and z⁰, or of 1 where all are smaller
 _SMALLEST, _LARGEST = -1.0, 2.0
 
@@ -89,7 +89,7 @@ class NewtonJosephy(Method):
             here = Point(problem, problem.matrix.weights, z)
         yield z, here.residual
         search = _Search(problem, z, self.inner_family)
-        tries = _RESTARTS if problem.n <= LARGEST else 0
+        tries = _MAX_RESTARTS if problem.n <= LARGEST else 0
         for left in range(tries, -1, -1):
             for here in search.steps():
                 yield here.z, here.residual

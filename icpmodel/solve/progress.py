@@ -19,8 +19,8 @@ from ..present.rendering import render
 
 #: how often a bar is drawn, in seconds; and how far the lines of a log, which come after 1, 2, 4, … seconds, are apart
 #: at the most
-_DRAWN = 0.1
-_APART = 60.0
+_DRAW_INTERVAL = 0.1
+_MAX_LOG_INTERVAL = 60.0
 _LOG = logging.getLogger("icpmodel")
 #: what the status line shows that is open
 _OPEN: ContextVar[Callable[[str], None] | None] = ContextVar("status line", default=None)
@@ -69,7 +69,7 @@ class _Pace:
     """When it is time to show something: every tenth of a second, or as the lines of a log come, by a `clock`."""
 
     def __init__(self, clock: Callable[[], float], log: bool) -> None:
-        self.clock, self.wait, self.longer = clock, 1.0 if log else _DRAWN, 2.0 if log else 1.0
+        self.clock, self.wait, self.longer = clock, 1.0 if log else _DRAW_INTERVAL, 2.0 if log else 1.0
         self.next = clock() + (self.wait if log else 0.0)
 
     def is_due(self) -> bool:
@@ -77,7 +77,7 @@ class _Pace:
         now = self.clock()
         if now < self.next:
             return False
-        self.next, self.wait = now + self.wait, min(self.longer * self.wait, _APART)
+        self.next, self.wait = now + self.wait, min(self.longer * self.wait, _MAX_LOG_INTERVAL)
         return True
 
 

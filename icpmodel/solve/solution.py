@@ -103,9 +103,9 @@ _ADVICE = {
 }
 
 #: a residual or a bound counts as better than another one if it is at most this share of it
-_BETTER = 0.99
+_IMPROVEMENT = 0.99
 #: seconds that the bound of a printed solution may take though the solve took less
-_QUICK = 0.02
+_PRINT_SECONDS = 0.02
 
 
 @dataclass(frozen=True, repr=False)
@@ -336,7 +336,7 @@ class Solution(ReadOnly, Plottable):
                 residual = self._goal.judged(z, residual)
         except (IcpError, MemoryError) as error:
             return self._with(why=self._and_why(f"not polished: {error}"))
-        if not (residual < _BETTER * self.residual or self._closer(z)):
+        if not (residual < _IMPROVEMENT * self.residual or self._closer(z)):
             return self
         left = int(known.undecided.sum())
         guessed = f", {left} rows of which are not proved" if left else ""
@@ -379,7 +379,7 @@ class Solution(ReadOnly, Plottable):
         if known is None:
             return False
         bound = error_bound(self.problem, z, time_limit=self.time_limit, memory_limit=self.memory_limit).value
-        return bound is not None and bound < _BETTER * known
+        return bound is not None and bound < _IMPROVEMENT * known
 
     def _and_why(self, reason: str) -> str:
         return f"{self.why}; {reason}" if self.why else reason
@@ -477,9 +477,9 @@ class Solution(ReadOnly, Plottable):
         return Card(rows)
 
     def _quick_bound(self) -> str:
-        """The error bound if it is known, or if it is expected to cost no more than the solve did or `_QUICK`."""
+        """The error bound if it is known, or is expected to cost no more than the solve did or `_PRINT_SECONDS`."""
         if "certificate" not in self.__dict__:
-            limit = min(max(self.seconds, _QUICK), self.time_limit or np.inf)
+            limit = min(max(self.seconds, _PRINT_SECONDS), self.time_limit or np.inf)
             with suppress(MapError):
                 quick = certify(self.problem, self.z, time_limit=limit, memory_limit=self.memory_limit)
                 if quick.bound.value is not None:

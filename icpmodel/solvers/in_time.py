@@ -16,9 +16,9 @@ _T = TypeVar("_T")
 #: how many times as long as a factorisation by BLAS, and how many nanoseconds for each entry of A beside it, a solver
 #: sets up in one piece: OSQP and CVXPY at n = 1000, dense, and for the membrane with n = 40 000; up to this share of
 #: the time that is no reason for a process of its own
-_FACTORS = 25.0
-_ENTRY = 3000.0
-_SHARE = 0.1
+_SETUP_FACTORISATIONS = 25.0
+_SETUP_COST_PER_ENTRY = 3000.0
+_MAX_SETUP_SHARE = 0.1
 
 
 def in_time(items: Callable[[], Iterator[_T]], problem: ProblemData, pieces: int, end: float) -> Iterator[_T]:
@@ -42,8 +42,8 @@ def in_time(items: Callable[[], Iterator[_T]], problem: ProblemData, pieces: int
     ChildProcessError
         Where the process died.
     """
-    piece = _FACTORS * factor_costs(problem.matrix).first + _ENTRY * problem.matrix.nnz
-    if pieces * piece <= 1e9 * _SHARE * (end - time.perf_counter()):
+    piece = _SETUP_FACTORISATIONS * factor_costs(problem.matrix).first + _SETUP_COST_PER_ENTRY * problem.matrix.nnz
+    if pieces * piece <= 1e9 * _MAX_SETUP_SHARE * (end - time.perf_counter()):
         return items()
     if not CAN_FORK:
         raise OutOfTime("the solvers may take longer, and cannot be interrupted on this system")

@@ -12,7 +12,7 @@ from .foreign import Claim, ForeignSolver
 from .formulations import Target
 
 #: a matrix with a larger share of entries is given to its dense solver
-_DENSE = 0.1
+_MIN_DENSITY = 0.1
 
 
 class Piqp(ForeignSolver):
@@ -26,7 +26,7 @@ class Piqp(ForeignSolver):
         import piqp
 
         qp = self.pose(target)
-        dense = qp.P.nnz > _DENSE * qp.q.size**2
+        dense = qp.P.nnz > _MIN_DENSITY * qp.q.size**2
         model = piqp.DenseSolver() if dense else piqp.SparseSolver()
         settings = model.settings
         settings.verbose = False

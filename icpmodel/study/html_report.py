@@ -44,13 +44,13 @@ GENERATOR = b'<meta name="generator" content="icpmodel">'
 #: a map solves the problem some hundreds of times
 _MAP_UP_TO = 1000
 #: the steps of a run of the map, and its points per axis
-_STEPS = 5000
-_POINTS = 9
+_MAP_STEPS = 5000
+_MAP_POINTS = 9
 #: the tolerances of the race, and the seconds that each of its runs may take
 _TOLERANCES = tuple(10.0**-k for k in range(2, 13, 2))
 _RACE_LIMIT = 3.0
 #: the ratio of the numbers of two iterates of a run that are pictured
-_RATIO = 3
+_PICTURE_RATIO = 3
 
 
 class Page(str):
@@ -262,7 +262,7 @@ def _on_the_way(solution: Solution, start: Vector | None, time_limit: float) -> 
     def watch(now: Progress) -> None:
         nonlocal following
         if now.iteration >= following:
-            following = max(now.iteration + 1, _RATIO * now.iteration)
+            following = max(now.iteration + 1, _PICTURE_RATIO * now.iteration)
             seen[f"z after {now.iteration} steps"] = now.z
 
     problem = solution.problem
@@ -329,8 +329,8 @@ def _race(problem: ProblemData, z_exact: Vector | None, time_limit: float) -> Se
 
 def _map(problem: ProblemData) -> Section:
     if problem.n > _MAP_UP_TO:
-        raise InputError(f"a map solves the problem {_POINTS**2} times, which is done up to n = {_MAP_UP_TO}")
-    result = stability(relaxation(_POINTS, problem), starts=1, max_iter=_STEPS)
+        raise InputError(f"a map solves the problem {_MAP_POINTS**2} times, which is done up to n = {_MAP_UP_TO}")
+    result = stability(relaxation(_MAP_POINTS, problem), starts=1, max_iter=_MAP_STEPS)
     return Section(
         lead=f"What relaxation does to the paper's method: at each point {result.plane.title} is solved.",
         panels=drawing(result).panels,

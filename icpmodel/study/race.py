@@ -36,9 +36,9 @@ TOLERANCES = tuple(10.0**-k for k in range(2, 13))
 #: own methods of which a chart is made where none are named
 METHODS = ("mnmgs", "mnmaor, tuned", "psor, tuned", "newton", "multilevel")
 #: a claim of success is loose where the residual, relative to Res_D(0), is more than so many times what was asked for
-_LOOSE = 10.0
+_LOOSE_FACTOR = 10.0
 #: a run that takes so many seconds is timed once
-_ONCE = 1.0
+_TIMED_ONCE_SECONDS = 1.0
 #: z ↦ its error, None where it has none
 _Error = Callable[[Any], float | None]
 _Say = Callable[[str], None]
@@ -332,7 +332,7 @@ def _run(
             reached[one.name] = 0.0
         elif entry.residual is not None:
             reached[one.name] = entry.residual
-        if entry.seconds[0] < _ONCE:
+        if entry.seconds[0] < _TIMED_ONCE_SECONDS:
             again[key] = partial(timed_run, case, one, tolerance, limit)
     for key, run in interleaved(again, repeats - 1, say=lambda k: say(f"round {k + 1} of {repeats}")):
         entries[key] = replace(entries[key], seconds=(*entries[key].seconds, builds[key[0]] + run.seconds))
@@ -343,7 +343,7 @@ def _build_seconds(case: Case, one: Competitor) -> float:
     """The median of the times of `build`, or its time where that is long."""
     build = clocked(partial(one.build, case))
     seconds = build()
-    return seconds if seconds >= _ONCE else float(np.median([seconds, build(), build()]))
+    return seconds if seconds >= _TIMED_ONCE_SECONDS else float(np.median([seconds, build(), build()]))
 
 
 def _entry(case: Case, one: Competitor, tolerance: float, build: float, run: Claim, error: _Error) -> Entry:
@@ -358,5 +358,5 @@ def _entry(case: Case, one: Competitor, tolerance: float, build: float, run: Cla
         error=None if run.z is None else error(run.z),
         residual=residual,
         claim=run.words,
-        loose=run.solved and (residual is None or residual > _LOOSE * tolerance),
+        loose=run.solved and (residual is None or residual > _LOOSE_FACTOR * tolerance),
     )

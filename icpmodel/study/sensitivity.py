@@ -19,11 +19,11 @@ from ..theory.certificates.bounds import perturbation_bound
 #: up to this size the inverse is computed, beyond its norm is estimated
 _INVERT_UP_TO = 500
 #: so many draws of the signs of the changes
-_DRAWS = 10
+_RANDOM_SIGNS = 10
 #: ε of the change that the certificate bounds
-_CHANGE = 1e-6
+_RELATIVE_CHANGE = 1e-6
 #: the relative tolerance of linear systems that are solved by steps
-_TOLERANCE = 1e-6
+_RTOL = 1e-6
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -116,7 +116,7 @@ def sensitivity(solution: Solution) -> Sensitivity:
     problem = solution.problem
     z = answer.z
     of_p, of_r = _relative_changes(problem, z, size)
-    unit = _CHANGE * size
+    unit = _RELATIVE_CHANGE * size
     with np.errstate(over="ignore", invalid="ignore"):
         certified = perturbation_bound(problem, z, unit * of_p, unit * of_r)
     local, rows = _local(answer, of_p, of_r)
@@ -156,12 +156,12 @@ def _local(answer: Solution, of_p: Vector, of_r: Vector) -> tuple[float | None, 
     equations = derivative.equations
     E = np.where(derivative.pattern.active, of_r, of_p)
     exact = E.size <= _INVERT_UP_TO
-    signs = np.eye(E.size) if exact else np.random.default_rng(0).choice([-1.0, 1.0], (_DRAWS, E.size))
+    signs = np.eye(E.size) if exact else np.random.default_rng(0).choice([-1.0, 1.0], (_RANDOM_SIGNS, E.size))
     try:
         derivative.solved(E)
     except SingularOperator:
         return None, None
-    columns = [equations.solve(E * one, _TOLERANCE) for one in signs]
+    columns = [equations.solve(E * one, _RTOL) for one in signs]
     known = np.abs([column for column in columns if column is not None])
     if len(known) < len(columns):
         return None, None
@@ -170,8 +170,8 @@ def _local(answer: Solution, of_p: Vector, of_r: Vector) -> tuple[float | None, 
         return float(rows.max()), rows
     rows = known.max(axis=0)
     times, back = (
-        lambda x: E * equations.transposed(np.ravel(x), _TOLERANCE),
-        lambda x: equations.solve(E * np.ravel(x), _TOLERANCE),
+        lambda x: E * equations.transposed(np.ravel(x), _RTOL),
+        lambda x: equations.solve(E * np.ravel(x), _RTOL),
     )
     product = LinearOperator((E.size, E.size), matvec=times, rmatvec=back, dtype=np.float64)
     # with t = 1, as more columns are drawn from NumPy's global state; what that may miss, the draws show

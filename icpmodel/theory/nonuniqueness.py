@@ -27,9 +27,9 @@ from .matrices.classes import MatrixClasses
 from .solution_set import ExactRows, Face, all_solutions, listed
 
 #: linear pieces up to which all solutions are looked for: they take about a tenth of a second
-_FEW_PIECES = 2**9
+_MAX_PIECES = 2**9
 #: unknowns up to which the equations of an active set are solved in fractions
-_FEW_UNKNOWNS = 20
+_MAX_UNKNOWNS = 20
 
 
 def known_of_solutions(problem: ProblemData, classes: MatrixClasses, z: Vector | None = None) -> Iterator[str]:
@@ -70,7 +70,7 @@ def known_of_solutions(problem: ProblemData, classes: MatrixClasses, z: Vector |
     if face is not None:
         along = ", ".join(listed(direction) for direction in face.directions)
         yield f"z may move along {along} without leaving the solutions, as far as no sign changes"
-    if has_linear_pieces(problem) and piece_count(problem) <= _FEW_PIECES:
+    if has_linear_pieces(problem) and piece_count(problem) <= _MAX_PIECES:
         solutions = all_solutions(problem)
         points = [*solutions.points, *(one.point for one in solutions.faces)]
         if not points:
@@ -89,7 +89,7 @@ def face_at(problem: ProblemData, z: Vector) -> Face | None:
     >>> face_at(ICP([[1, 1], [1, 1]], [-2, -2]), np.ones(2)).directions
     array([[-1.,  1.]])
     """
-    if problem.f is not None or problem.n > _FEW_UNKNOWNS or not has_linear_pieces(problem):
+    if problem.f is not None or problem.n > _MAX_UNKNOWNS or not has_linear_pieces(problem):
         return None
     pattern = pattern_at(problem, z)
     sides = np.where(pattern.active, LOWER, FREE)

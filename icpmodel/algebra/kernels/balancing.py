@@ -9,8 +9,8 @@ import numpy as np
 from ...numerics.kernels import compiled
 
 #: entries within 2^±so many of each other need no balancing; the exponent of 0
-_TAME = 20
-_NONE = -5000
+_BALANCED_RANGE = 20
+_ZERO_EXPONENT = -5000
 
 
 @compiled
@@ -18,11 +18,11 @@ def _row_units(M, columns):
     # r such that the largest entry of each row of 2^(r_i + columns_j) m_ij is in [1/2, 1); 0 for rows of zeros
     rows = np.zeros(M.shape[0], np.int64)
     for i in range(M.shape[0]):
-        largest = _NONE
+        largest = _ZERO_EXPONENT
         for j in range(M.shape[1]):
             if M[i, j] != 0.0:
                 largest = max(largest, math.frexp(M[i, j])[1] + columns[j])
-        if largest > _NONE:
+        if largest > _ZERO_EXPONENT:
             rows[i] = -largest
     return rows
 
@@ -51,7 +51,7 @@ def scale(M):
                 low = min(low, size)
     exponent = math.frexp(high)[1]
     unit = math.ldexp(1.0, -exponent)
-    if exponent - math.frexp(low)[1] <= 2 * _TAME and 0.0 < unit < np.inf:
+    if exponent - math.frexp(low)[1] <= 2 * _BALANCED_RANGE and 0.0 < unit < np.inf:
         r[:] = -exponent
         return M * unit, r, c
     r = _row_units(M, c)

@@ -18,9 +18,9 @@ from cvxpy.atoms.quad_form import QuadForm
 from ...numerics.arrays import Vector
 
 #: constants with more entries than this are not printed
-_PRINTED = 20
+_MAX_PRINTED_ENTRIES = 20
 #: how far a difference quotient may lie from the gradient
-_SAME = 1e-4
+_GRADIENT_TOLERANCE = 1e-4
 
 
 class Copies:
@@ -89,7 +89,7 @@ class Copies:
             except Exception:  # whatever an expression without a gradient raises
                 return False
             noise = 1e-12 * np.abs(self.value(at)).max()
-            allowed = _SAME * max(np.abs(quotient).max(), np.abs(expected).max()) + noise
+            allowed = _GRADIENT_TOLERANCE * max(np.abs(quotient).max(), np.abs(expected).max()) + noise
             return bool((np.abs(quotient - expected) <= allowed).all())
         return True
 
@@ -135,7 +135,7 @@ def copied(expression: Any, copies: dict[int, Any]) -> Any:
 
 def named(expression: cp.Expression | cp.Constraint) -> str:
     """What a message calls `expression`: its label, else its text where that is short enough."""
-    if expression.label is None and any(constant.size > _PRINTED for constant in expression.constants()):
+    if expression.label is None and any(constant.size > _MAX_PRINTED_ENTRIES for constant in expression.constants()):
         names = ", ".join(x.name() for x in expression.variables())
         kind = "a constraint" if isinstance(expression, cp.Constraint) else "an expression"
         text = f"{kind} of shape {expression.shape}" + (f" in {names}" if names else "")

@@ -44,7 +44,7 @@ STATUSES = {
 #: the least value of the objective 0
 _VALUES = {s.OPTIMAL: 0.0, s.OPTIMAL_INACCURATE: 0.0, s.INFEASIBLE: np.inf}
 #: so many constraints are printed in one line
-_TOLD = 3
+_MAX_PRINTED_CONSTRAINTS = 3
 
 
 class Problem(Displayable):
@@ -491,8 +491,8 @@ class Problem(Displayable):
         return "\n".join([f"find {names}", *(f"  with {_description(one)}" for one in self._constraints)])
 
     def __repr__(self) -> str:
-        descriptions = ", ".join(map(_description, self._constraints[:_TOLD]))
-        more = len(self._constraints) - _TOLD
+        descriptions = ", ".join(map(_description, self._constraints[:_MAX_PRINTED_CONSTRAINTS]))
+        more = len(self._constraints) - _MAX_PRINTED_CONSTRAINTS
         return f"Problem([{descriptions}{f', and {more} more' if more > 0 else ''}])"
 
 

@@ -23,7 +23,7 @@ from ...theory.matrices.eigenvalue import smallest_below
 from .program import Program, Values, matrix_of
 
 #: rows and bounds count as tight where their slack is no more than this share of their terms
-_TIGHT = 1e-9
+_TIGHT_SLACK = 1e-9
 _STRONG = "H is strongly monotone"
 
 
@@ -68,7 +68,7 @@ def _to_feasible(
     C = in_units(sp.csr_array(sp.vstack([program.E, program.G])), np.zeros(slack.size, np.int64), unit)
     tight = np.arange(slack.size) < equations
     size = np.abs(program.h) + abs(program.G) @ np.abs(x)
-    tight[equations:] = (values.inequality > 0) | (np.abs(slack[equations:]) <= _TIGHT * size)
+    tight[equations:] = (values.inequality > 0) | (np.abs(slack[equations:]) <= _TIGHT_SLACK * size)
     moved = _moved(sp.csr_array(C[tight][:, free]), (np.abs(slack) + error)[tight])
     if moved is None:
         return None

@@ -25,7 +25,7 @@ from .program_arguments import bounds, check_limits, matrix
 from .solve_program import solve_program
 
 #: rows and columns up to which x is corrected by an orthogonal factorisation
-_DENSE = 2000
+_DENSE_UP_TO = 2000
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -251,7 +251,7 @@ def _corrected(B: sp.csr_array, c: Vector, x: Vector, low: Vector, high: Vector,
     """x after steps by an orthogonal factorisation of the free columns, while they reduce the residual, until `end`."""
     from scipy.linalg import lstsq
 
-    if max(B.shape) > _DENSE:
+    if max(B.shape) > _DENSE_UP_TO:
         return x
     dense = B.toarray()
     while time.perf_counter() < end:

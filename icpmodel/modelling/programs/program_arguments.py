@@ -15,7 +15,7 @@ from ...theory.matrices.definiteness import definiteness
 from .program import Program
 
 #: largest n for which Cholesky's factors of a dense P are asked first whether it is semidefinite: 128 MB
-_DENSE = 4000
+_DENSE_UP_TO = 4000
 
 
 def read(H: Any, g: Any, G: Any, h: Any, A: Any, b: Any, lb: Any, ub: Any, names: tuple[str, str]) -> Program:
@@ -86,7 +86,7 @@ def check_convex(P: sp.csr_array) -> None:
     if (2.0 * P.diagonal() >= abs(P).sum(axis=1)).all():
         return
     used = np.flatnonzero(np.diff(P.indptr))
-    if used.size <= _DENSE:
+    if used.size <= _DENSE_UP_TO:
         part = P[used][:, used]
         diagonal = part.diagonal()
         unit = 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))

@@ -10,14 +10,14 @@ from ...numerics.rounding import gamma
 from ...problem.data import ProblemData
 
 #: the share of the largest unknown up to which one may be rounding
-_NOISE = 1e-13
+_NOISE_OF_X = 1e-13
 #: the share of the largest entry of g up to which what is wrong with the gradient may be rounding
-_SAID = 1e-3
+_NOISE_OF_GRADIENT = 1e-3
 #: an entry counts for the units above this share of the largest of its row or of its column
-_NEXT_TO_NOTHING = 1e-12
+_NEGLIGIBLE_ENTRY = 1e-12
 #: steps to the units, and the largest of their exponents
-_MEANS = 50
-_LARGEST = 500
+_MAX_SCALING_STEPS = 50
+_MAX_EXPONENT = 500
 
 
 class Judge:
@@ -54,7 +54,7 @@ class Judge:
         of_q = np.abs(problem.q)
         terms = self.size @ size + of_q
         room = room_of(problem, z, p)
-        most = np.where(is_x, _SAID * self.unit * ((of_q / self.unit)[is_x].max() or np.inf), np.inf)
+        most = np.where(is_x, _NOISE_OF_GRADIENT * self.unit * ((of_q / self.unit)[is_x].max() or np.inf), np.inf)
         own = self.loss * terms
         largest = sum(self.largest(z, part) * of_part for part, of_part in self.parts)
         noise = np.maximum(own, np.minimum(largest, most))
@@ -79,7 +79,7 @@ class Judge:
     def without_noise(self, z: Vector) -> Vector:
         """z with 0 for what may be rounding."""
         largest = np.where(self.is_x, *(self.largest(z, part) for part, _ in self.parts))
-        return np.where(np.abs(z) * self.unit <= _NOISE * largest, 0.0, z)
+        return np.where(np.abs(z) * self.unit <= _NOISE_OF_X * largest, 0.0, z)
 
 
 def room_of(problem: ProblemData, z: Vector, p: Vector) -> Vector:
@@ -91,7 +91,7 @@ def room_of(problem: ProblemData, z: Vector, p: Vector) -> Vector:
 def _units(A: sp.csr_array) -> Vector:
     """2^e such that log₂|a_ij| − e_i − e_j is 0 in the mean of the entries of a row that count."""
     largest = abs(A).max(axis=1).toarray().ravel()
-    there = np.abs(A.data) > _NEXT_TO_NOTHING * np.minimum(largest[row_of(A)], largest[A.indices])
+    there = np.abs(A.data) > _NEGLIGIBLE_ENTRY * np.minimum(largest[row_of(A)], largest[A.indices])
     logarithm = A.copy()
     logarithm.data = np.log2(np.abs(A.data), out=np.zeros(A.nnz), where=there)
     pattern = A.copy()
@@ -99,6 +99,6 @@ def _units(A: sp.csr_array) -> Vector:
     sums = logarithm.sum(axis=1)
     count = np.maximum(pattern.sum(axis=1), 1.0)
     e = np.zeros(A.shape[0])
-    for _ in range(_MEANS):
+    for _ in range(_MAX_SCALING_STEPS):
         e = 0.5 * (e + (sums - pattern @ e) / count)
-    return np.exp2(np.clip(e, -_LARGEST, _LARGEST))
+    return np.exp2(np.clip(e, -_MAX_EXPONENT, _MAX_EXPONENT))

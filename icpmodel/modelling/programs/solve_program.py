@@ -26,14 +26,14 @@ from .program_arguments import check_limits
 from .program_judge import Judge, room_of
 
 #: what may be wrong for an answer to be called inaccurate and not an error
-_INACCURATE = 1e-4
+_MAX_INACCURATE_VIOLATION = 1e-4
 #: steps of the refinement, and what of W is added to A in them
 _REFINEMENTS = 3
-_STEADY = 1e-9
+_REGULARISATION = 1e-9
 #: the share of the terms of a row up to which it is tight at a start
-_TIGHT = 1e-6
+_TIGHT_SLACK = 1e-6
 #: the share of the largest residual from which on the judge is asked
-_NEAR = 1e-4
+_JUDGED_SHARE = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +164,7 @@ class _ProgramRun:
         message = "solved"
         if not best.is_good:
             message = f"rows or multipliers are wrong by {error:.3g} of their terms; {solution.message}"
-            status = "optimal_inaccurate" if error <= _INACCURATE else "solver_error"
+            status = "optimal_inaccurate" if error <= _MAX_INACCURATE_VIOLATION else "solver_error"
             if solution.status is Status.MEMORY_LIMIT or self.left() == 0.0:
                 status = "user_limit"
         return Outcome(status, message, best.values(), violation=error, iterations=self.iterations, incumbent=best)
@@ -252,7 +252,7 @@ class Incumbent:
     def judged(self, progress: Progress) -> bool:
         """Whether a run has come to an answer."""
         self.largest = max(self.largest, progress.residual)
-        if progress.iteration and progress.residual > _NEAR * self.largest:
+        if progress.iteration and progress.residual > _JUDGED_SHARE * self.largest:
             return False
         return self.takes(progress.z, self.pattern(progress.z))
 
@@ -280,14 +280,14 @@ class Incumbent:
         """The iterate with `x` and multipliers 0, and the active set of the rows and bounds that are tight at `x`."""
         z = np.concatenate([x, np.zeros(self.z.size - x.size)])
         terms = abs(self.problem.A) @ np.abs(z) + np.abs(self.problem.q)
-        free = np.isneginf(self.low) | (self.problem.p(z) <= _TIGHT * terms)
+        free = np.isneginf(self.low) | (self.problem.p(z) <= _TIGHT_SLACK * terms)
         free[: x.size] = ((self.low < z) & (z < self.high))[: x.size]
         return z, Pattern(z, ~free, ~free & (z >= self.high))
 
     def polish(self, z: Vector, pattern: Pattern) -> None:
         """Newton steps from `z` with one active set, of the equations and a small multiple of W."""
         steps = ProximalSteps(self.problem, z)
-        weights = _STEADY * self.problem.matrix.proximal_weights
+        weights = _REGULARISATION * self.problem.matrix.proximal_weights
         with suppress(IcpError, MemoryError):
             for _ in range(_REFINEMENTS):
                 refined = steps.step(z, self.problem.p(z), pattern, z, weights)

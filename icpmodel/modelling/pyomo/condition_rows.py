@@ -37,7 +37,7 @@ from .nonlinear import Flat, flattened
 from .sums import size_of_terms
 
 #: how far a condition without variables may be from holding, as a share of its terms: they are the user's own sums
-_HOLDS = 1e-9
+_MAX_VIOLATION = 1e-9
 #: one side of a row: a constant, coefficients by the variable's id, what is nonlinear or None
 Side = tuple[float, dict[int, float], Any]
 
@@ -144,7 +144,7 @@ class ConditionRows:
             return self._add(condition, one.bounds[0], tuple((sign * factor, term) for factor, term in force))
         width = constant, linear, nonlinear = self._read((high[0], low[1]), condition)
         if not linear and nonlinear is None:
-            if abs(self._share(constant, (high[0], low[1]))) <= _HOLDS:
+            if abs(self._share(constant, (high[0], low[1]))) <= _MAX_VIOLATION:
                 return self._add_equation(condition, low, force)
             if constant < 0:
                 actual = f"{condition.name} has a lower bound that is larger than the upper one"
@@ -164,7 +164,7 @@ class ConditionRows:
     def _add_equation(self, owner: Any, zero: Terms, hint: Terms) -> None:
         constant, linear, nonlinear = self._read(zero, owner)
         if not linear and nonlinear is None:
-            if not abs(self._share(constant, zero)) <= _HOLDS:
+            if not abs(self._share(constant, zero)) <= _MAX_VIOLATION:
                 raise InputError(f"{owner.name} has no free variable and cannot hold: 0 = {constant:g}")
             return
         if nonlinear is None:
@@ -181,7 +181,7 @@ class ConditionRows:
                 raise InputError(f"{actual}: give it a partner, in Complementarity(expr=complements(..., ...))")
             if linear:
                 self.inequalities.append((constraint, constant, linear))
-            elif self._share(constant, terms) > _HOLDS:
+            elif self._share(constant, terms) > _MAX_VIOLATION:
                 raise InputError(f"{constraint.name} has no free variable and cannot hold: {constant:g} <= 0")
 
     def _add(self, owner: Any, first: Terms, second: Terms) -> None:
@@ -189,7 +189,7 @@ class ConditionRows:
         bent = [nonlinear is not None for _, _, nonlinear in sides]
         if not any(bent) and not any(linear for _, linear, _ in sides):
             constants = [constant for constant, _, _ in sides]
-            if not abs(min(map(self._share, constants, (first, second)))) <= _HOLDS:
+            if not abs(min(map(self._share, constants, (first, second)))) <= _MAX_VIOLATION:
                 actual = f"{constants[0]:g} and {constants[1]:g}, the smaller of which should be 0"
                 raise InputError(f"{owner.name} has no free variable and does not hold: its sides are {actual}")
             return

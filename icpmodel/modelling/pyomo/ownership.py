@@ -15,11 +15,11 @@ from .condition_rows import ConditionRows, Side
 
 #: what it costs a row to own a variable that is not on the side that should become r, that is missing on one side, or
 #: that has different signs on the two, in powers of two of the coefficients, which count only among equals
-_NOT_IN_R = 2e7
-_MISSING = 1e7
-_OPPOSITE = 1e5
+_NOT_IN_R_COST = 2e7
+_MISSING_COST = 1e7
+_OPPOSITE_SIGN_COST = 1e5
 #: how many names a message lists
-_LISTED = 5
+_MAX_LISTED = 5
 
 
 class Ownership:
@@ -106,7 +106,7 @@ class Ownership:
             size = np.where(coefficient == 0, 0.0, np.log2(np.abs(coefficient))).sum(axis=0)
         opposite = np.sign(coefficient).prod(axis=0) < 0
         missing = (coefficient == 0).sum(axis=0)
-        cost = _NOT_IN_R * ~in_r + _MISSING * missing + _OPPOSITE * opposite - size
+        cost = _NOT_IN_R_COST * ~in_r + _MISSING_COST * missing + _OPPOSITE_SIGN_COST * opposite - size
         own = cheapest(row, col, cost, m, m) if m == n else None
         if own is None:
             conditions, unowned = left_over(row, col, (m, n))
@@ -147,5 +147,5 @@ class Ownership:
 
 def _listed(names: list[str]) -> str:
     """The first few of `names`, and how many more there are."""
-    more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
-    return ", ".join(names[:_LISTED]) + more
+    more = f" and {len(names) - _MAX_LISTED} more" if len(names) > _MAX_LISTED else ""
+    return ", ".join(names[:_MAX_LISTED]) + more

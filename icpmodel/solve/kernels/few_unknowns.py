@@ -14,8 +14,8 @@ from ...numerics.rounding import SMALLEST
 from ...problem.kernels.residual import raised
 
 #: squares of norms in this range have neither over- nor underflown, nor are rows so small that they count as empty
-_SAFE = 1e-280
-_NOT_EMPTY = 1e-140
+_MIN_SAFE_SQUARE = 1e-280
+_MIN_ROW_SIZE = 1e-140
 
 
 @partial(compiled, exact=True)
@@ -31,7 +31,7 @@ def _squared_residuals(M, q, c, z, weights):
         for j in range(q.size):
             p += M[i, j] * z[j]
             largest = max(largest, abs(M[i, j]))
-        if largest < _NOT_EMPTY:
+        if largest < _MIN_ROW_SIZE:
             return np.nan, np.nan
         weights[i] = 1.0 / largest
         squares += min(weights[i] * p, z[i] - c[i]) ** 2
@@ -56,7 +56,7 @@ def solve_few(M, q, c, rtol, limit):
     z = Z[0]
     weights = np.empty(n)
     squares, squares_0 = _squared_residuals(M, q, c, z, weights)
-    if not _SAFE < squares_0 < 1.0 / _SAFE or not squares < 1.0 / _SAFE:
+    if not _MIN_SAFE_SQUARE < squares_0 < 1.0 / _MIN_SAFE_SQUARE or not squares < 1.0 / _MIN_SAFE_SQUARE:
         return z, np.nan, np.nan
     residual = np.full(1, math.sqrt(squares))
     # as `share_of` rounds it

@@ -25,9 +25,9 @@ from ..solutions import BatchData
 Matrix = NDArray[np.float64]
 
 #: Newton's steps that a row may take where A is tridiagonal, before `solve` has a try at it
-_STEPS = 50
+_MAX_STEPS = 50
 #: arrays of the size of Q that the rows at once take
-_COPIES = 6
+_WORK_ARRAYS = 6
 #: so many rows, or unknowns where A is tridiagonal, are worth a thread of their own
 ROWS_A_THREAD = 200
 UNKNOWNS_A_THREAD = 20_000
@@ -75,7 +75,7 @@ class AtOnce:
         Raises MapError, SingularOperator, OutOfTime and MemoryError.
         """
         psi = self.problem.psi
-        work.check_budget(memory=_COPIES * 8.0 * self.Q.size)
+        work.check_budget(memory=_WORK_ARRAYS * 8.0 * self.Q.size)
         C, G = self._affine(psi, self.obstacles)
         D, H = (None, None) if psi.upper is None else self._affine(psi.upper, self.above)
         above = None if D is None else (D[0], H)
@@ -197,7 +197,7 @@ class AtOnce:
         matrix = bands(A.indptr, A.indices, A.data)
 
         def part(low: int, high: int) -> None:
-            many(*matrix, Q[low:high], C[low:high], None if D is None else D[low:high], _STEPS, Z[low:high])
+            many(*matrix, Q[low:high], C[low:high], None if D is None else D[low:high], _MAX_STEPS, Z[low:high])
 
         self._on_threads(part, len(Q))
         return Z

@@ -22,7 +22,7 @@ FEW = 60
 #: a curve of more points is written as pixels
 VECTOR = 5000
 #: of a sequence of fields so many are drawn, evenly spaced
-_FIELDS = 6
+_MAX_FIELDS = 6
 #: contact with an obstacle → its colour on a line and in the plane
 CONTACTS = {"contact set": (GREY, "white"), "contact below": (GREY, "white"), "contact above": (PURPLE, ORANGE)}
 
@@ -78,9 +78,10 @@ def _(fields: Fields, points: Any = None, shape: Any = None) -> Drawing:
 
 
 def evenly(values: Mapping[str, Vector]) -> dict[str, Vector]:
-    """At most `_FIELDS` of the vectors."""
+    """At most `_MAX_FIELDS` of the vectors."""
     names = [*values]
-    return {names[k]: values[names[k]] for k in np.unique(np.linspace(0, len(names) - 1, _FIELDS).round().astype(int))}
+    chosen = np.unique(np.linspace(0, len(names) - 1, _MAX_FIELDS).round().astype(int))
+    return {names[k]: values[names[k]] for k in chosen}
 
 
 def _curves(places: Places, values: Mapping[str, Vector], axes: Any) -> list[Any]:

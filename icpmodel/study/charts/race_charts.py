@@ -16,14 +16,14 @@ from ..race import Race
 from .figures import ACCURATE, GREY, Drawing, Panel, drawing, styles
 
 #: what an answer that is exact to the last digit is drawn at, as a share of the smallest error above 0
-_EXACT = 0.1
+_ZERO_ERROR_SHARE = 0.1
 #: so many competitors beside solve() are in one panel, each in a colour of its own
-_SERIES = 6
+_MAX_SERIES = 6
 #: what a panel on its own needs for a line of times, in inches, and for the axes around them
-_LINE = 0.24
-_AROUND = 1.0
+_LINE_HEIGHT = 0.24
+_AXES_HEIGHT = 1.0
 #: room for the numbers beside the times, as a factor
-_NUMBERS = 30.0
+_LABEL_ROOM = 30.0
 #: colour and marker of a competitor
 Style = tuple[str, str]
 
@@ -50,7 +50,7 @@ def _(race: Race) -> Drawing:
         caption="The time to the accuracy that solve() aims at by default, the shortest at the top, on a logarithmic "
         "axis; in brackets how much of it goes by before the first step.",
         alt=f"Times to the default accuracy. {took or 'None reached it'}.",
-        height=_AROUND + _LINE * max(len(first), 4),
+        height=_AXES_HEIGHT + _LINE_HEIGHT * max(len(first), 4),
     )
     many = len(panels)
     return Drawing(
@@ -71,12 +71,12 @@ _HOW_TIMES = (
 
 def _parts(kinds: Mapping[str, str]) -> list[tuple[str, list[str]]]:
     """Title and competitors of each panel, solve() in each; one panel without a title where all fit into it."""
-    if len(kinds) <= _SERIES + 1:
+    if len(kinds) <= _MAX_SERIES + 1:
         return [("", [*kinds])]
     parts = []
     for kind, heading in (("own", "methods of this package"), ("peer", "independent solvers")):
         names = [name for name, one in kinds.items() if one == kind]
-        parts += [(heading, ["solve()", *names[k : k + _SERIES]]) for k in range(0, len(names), _SERIES)]
+        parts += [(heading, ["solve()", *names[k : k + _MAX_SERIES]]) for k in range(0, len(names), _MAX_SERIES)]
     return [(heading, [name for name in group if name in kinds]) for heading, group in parts]
 
 
@@ -89,7 +89,7 @@ def _limits(race: Race) -> dict[str, Any]:
     errors = [run.error for run in race.entries if run.error]
     times = [second for run in race.entries if run.error is not None for second in run.seconds]
     times += [race.limit] if race.limit else []
-    floor = max(_EXACT * min(errors, default=1.0), UNIT_ROUNDOFF * max(errors, default=1.0))
+    floor = max(_ZERO_ERROR_SHARE * min(errors, default=1.0), UNIT_ROUNDOFF * max(errors, default=1.0))
     return {
         "floor": floor,
         "xlim": (2 * max(errors, default=1.0), floor / 2),
@@ -145,7 +145,7 @@ def _quickest(first: Mapping[str, Entry], style_of: Mapping[str, Style], axes: A
         axes.plot([run.median], [k], color=colour, marker=marker, markersize=7, linestyle="", label=run.name)
         before = (run.build + (run.setup or 0.0)) / run.median
         axes.text(1.3 * run.median, k, f"{in_seconds(run.median)} ({before:.0%})", va="center", fontsize=8)
-    axes.set(xscale="log", xlim=(min(times, default=1.0) / 3, _NUMBERS * max(times, default=1.0)))
+    axes.set(xscale="log", xlim=(min(times, default=1.0) / 3, _LABEL_ROOM * max(times, default=1.0)))
     axes.set_yticks(range(len(first)), list(first), fontsize=8)
     axes.invert_yaxis()
     axes.margins(y=0.1)

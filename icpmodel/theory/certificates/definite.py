@@ -63,7 +63,7 @@ from .proof import Proof, no_lipschitz, norm_up
 
 #: up to here the factorisations take a second on a two-dimensional grid, but half a minute on a three-dimensional one
 LARGEST = 50_000
-_LARGEST_WORK = 2_000_000  #: products in AᵀB where B is not I; it has no more entries
+_MAX_PRODUCTS = 2_000_000  #: products in AᵀB where B is not I; it has no more entries
 #: the row takes u = p where p < θr, in scaled units
 _SPLITS = (0.25, 1.0)
 
@@ -167,7 +167,7 @@ def prove(matrix: Matrix, psi: Map) -> DefiniteProof | str:
     B, L = _slopes(psi, n)
     products = int(np.diff(A.indptr) @ (np.diff(B.indptr) + np.diff(L.indptr)))
     coupled = (sp.eye_array(n) != B).nnz > 0
-    if n > LARGEST or (products > _LARGEST_WORK and (coupled or L.nnz)):
+    if n > LARGEST or (products > _MAX_PRODUCTS and (coupled or L.nnz)):
         return f"A is not tested for definiteness: with n = {n} and {A.nnz} entries it is too large to be factorised"
     work.charge_matrices(products, 12)
     exponent, exponent_r = _exponents(A, B, coupled)

@@ -20,20 +20,20 @@ Combination = dict[int, Fraction]
 #: rows up to which a system is solved in rational arithmetic: 30 with 31 unknowns took .9 s, 15 took .06 s
 RATIONAL = 30
 #: denominators that are tried first: the rays of problems in small whole numbers have them
-_DENOMINATOR = 1000
+_FIRST_DENOMINATOR = 1000
 #: nanoseconds for an entry of A in fractions, by cProfile; how many are too many
-_FRACTION = 3000.0
-_LONG = 4e8
+_FRACTION_COST = 3000.0
+_MAX_COST = 4e8
 
 
 def candidates_near(rows: CombinationRows, shares: Vector, exponents: Exponents) -> Iterator[Combination]:
     """Combinations next to 2^`exponents` · `shares`."""
     support = np.flatnonzero(shares)
-    if _FRACTION * float(np.diff(rows.matrix.indptr)[support].sum()) > min(_LONG, work.nanoseconds_left()):
+    if _FRACTION_COST * float(np.diff(rows.matrix.indptr)[support].sum()) > min(_MAX_COST, work.nanoseconds_left()):
         return
     units = [Fraction(2) ** int(exponents[i]) for i in support]
     exact = [Fraction(float(shares[i])) for i in support]
-    for near in ([share.limit_denominator(_DENOMINATOR) for share in exact], exact):
+    for near in ([share.limit_denominator(_FIRST_DENOMINATOR) for share in exact], exact):
         yield {int(i): share * unit for i, share, unit in zip(support, near, units, strict=True)}
     y = np.ldexp(shares, exponents)
     if support.size <= RATIONAL:

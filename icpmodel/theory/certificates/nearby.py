@@ -27,9 +27,9 @@ from ...problem.two_sided import mid
 from .h_plus import HPlusProof
 
 #: sweeps between two points where there is no hierarchy
-_SWEEPS_ALONE = 20
+_SWEEPS_PER_POINT = 20
 #: a bound of at most so many times a lower bound of the error is not improved
-_GOOD = 10.0
+_GOOD_RATIO = 10.0
 
 
 def points_near(problem: ProblemData, z: Vector, proof: HPlusProof, bound: float) -> Iterator[Vector]:
@@ -39,7 +39,7 @@ def points_near(problem: ProblemData, z: Vector, proof: HPlusProof, bound: float
     """
     for_p, for_r = problem.rounding(z)
     floor = float(proof.v.max() * np.maximum(for_p / proof.alpha, for_r / proof.beta).max())
-    if not (np.isfinite(z).all() and bound > _GOOD * max(_least_error(problem, z), floor)):
+    if not (np.isfinite(z).all() and bound > _GOOD_RATIO * max(_least_error(problem, z), floor)):
         return
     simple = with_fixed_obstacle(problem)
     sweep = sweep_with_flow(simple)
@@ -48,7 +48,7 @@ def points_near(problem: ProblemData, z: Vector, proof: HPlusProof, bound: float
         with suppress(NoHierarchy):
             hierarchy = Hierarchy(simple)
     while hierarchy is None:  # A is so diagonally dominant that sweeps do
-        z = swept(sweep, z, _SWEEPS_ALONE)
+        z = swept(sweep, z, _SWEEPS_PER_POINT)
         yield z
     residuals = [np.inf, np.inf]
     for better, residual in islice(newton_steps(hierarchy, simple, z, 0), 1, None):

@@ -15,8 +15,8 @@ from .combination_rows import SHOWN, CombinationRows
 
 #: nanoseconds for k²m of a factorisation with pivoting of an m × k matrix, 7 s at m = 2600 and k = 1700 were measured;
 #: and how many are too many
-_PIVOTED = 1.0
-_LONGEST = 2e9
+_FACTORISATION_COST = 1.0
+_MAX_COST = 2e9
 
 
 @np.errstate(all="ignore")
@@ -81,8 +81,8 @@ def _moves(columns: sp.csr_array, y: Vector, signed: Mask, wrong: Vector, loss: 
     from scipy.linalg import qr
 
     m, k = columns.shape
-    cost = _PIVOTED * float(k) * k * m
-    if k > m or cost > min(_LONGEST, work.nanoseconds_left()) or not work.fits(24.0 * k * m):
+    cost = _FACTORISATION_COST * float(k) * k * m
+    if k > m or cost > min(_MAX_COST, work.nanoseconds_left()) or not work.fits(24.0 * k * m):
         return None
     work.count(cost)
     weights = np.where(signed, np.abs(y) / np.abs(y).max(), 1.0)

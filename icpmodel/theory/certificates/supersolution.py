@@ -47,7 +47,7 @@ from .proof import Proof, norm_up
 
 #: the margins m that are tried, as shares of the size of the data: large ones bound the error of a bad z
 _SHARES = tuple(4.0**-k for k in range(1, 12))
-_STEPS = 100  #: steps of policy iteration for one margin
+_MAX_POLICY_STEPS = 100  #: steps of policy iteration for one margin
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +124,7 @@ def _supersolution(problem: ProblemData, weight: Vector, start: Vector) -> tuple
     size = max(float(np.abs(start).max()), float(np.abs(r[np.isfinite(r)]).max(initial=0.0))) or 1.0
     for target in (size * share for share in _SHARES):
         s = start
-        for _ in range(_STEPS):
+        for _ in range(_MAX_POLICY_STEPS):
             new = _policy_step(problem, weight, target, s)
             if new is None:
                 break

@@ -77,7 +77,7 @@ from ...problem.data import ProblemData, as_problem
 from ..matrices.comparison_matrix import positive_diagonal
 from .contraction import Comparison, MonotoneMap, absolute_inverse
 
-_EQUAL = 1.0 - 2.0**-50  #: φ₂ ≥ φ₁D is read up to the rounding of φ₂/φ₁
+_NEARLY_1 = 1.0 - 2.0**-50  #: φ₂ ≥ φ₁D is read up to the rounding of φ₂/φ₁
 
 
 class StepMatrices:
@@ -232,7 +232,7 @@ def printed_44(step: StepMatrices) -> MonotoneMap | str:
 
     Case (1) has φ₂ ≥ φ₁D in every row, case (2) φ₂ < φ₁D in every row. φ stands as printed, not multiplied by φ₁.
     """
-    above = step.omega >= step.D * _EQUAL
+    above = step.omega >= step.D * _NEARLY_1
     if above.any() and not above.all():
         return "neither phi2 >= phi1 D nor phi2 < phi1 D holds in every row"
     splitting = _h_splitting(step)
@@ -252,7 +252,7 @@ def _not_as_printed(step: StepMatrices) -> str:
     """Which of D > 0 and φ₂ ≥ φ₁D, which 4.2 and 4.3 as printed ask for, does not hold; empty where both do."""
     if not (positive := positive_diagonal(step.A)).holds:
         return f"A is not an H+-matrix: {positive.reason}"
-    return "" if (step.omega >= step.D * _EQUAL).all() else "phi2 >= phi1 D does not hold"
+    return "" if (step.omega >= step.D * _NEARLY_1).all() else "phi2 >= phi1 D does not hold"
 
 
 def theta_factor(theta: AOR) -> float:

@@ -25,9 +25,9 @@ from ..matrices.comparison_matrix import comparison_matrix
 #: up to this n the inverse of an X that is no M-matrix is computed densely, and so is known from both sides
 DENSE = 300
 #: entries up to which a step costs a factorisation, and entries that all power steps together may read
-_FACTORISED = 200_000
-_READ = 400_000_000
-_WORTH = 0.01  #: a gain of this share of the distance to 1 (or to 0) is worth another step
+_MAX_FACTORISED_ENTRIES = 200_000
+_MAX_READ_ENTRIES = 400_000_000
+_MIN_GAIN = 0.01  #: a gain of this share of the distance to 1 (or to 0) is worth another step
 
 
 def absolute_inverse(X: sp.csr_array, size: sp.csr_array | None = None) -> Comparison | Dense:
@@ -265,9 +265,9 @@ def radius(T: HomogeneousMap, starts: Iterable[Vector], enough: float = 0.0) -> 
                 break
         if best.v is None:
             return best
-        if T.entries <= _FACTORISED:
+        if T.entries <= _MAX_FACTORISED_ENTRIES:
             best = _noda(T, best, enough)
-        best, last = _power(T, best, int(np.clip(_READ // T.entries, 3, 100)), enough)
+        best, last = _power(T, best, int(np.clip(_MAX_READ_ENTRIES // T.entries, 3, 100)), enough)
         fails = best.upper >= 1 and (_invariant_part(T, last) or _invariant_part(T, best.v))
         if best.upper >= 1 and not fails:
             work.check_budget(T.price)
@@ -292,7 +292,7 @@ def _better(T: HomogeneousMap, v: Vector | None, best: Radius) -> Radius:
 
 
 def _worthwhile(before: float, after: float) -> bool:
-    return before - after > _WORTH * min(abs(1.0 - after), after)
+    return before - after > _MIN_GAIN * min(abs(1.0 - after), after)
 
 
 def _noda(T: HomogeneousMap, best: Radius, enough: float) -> Radius:

@@ -22,7 +22,7 @@ from .rowwise import rowwise
 from .structural import DEFINITE, MONOTONE, definite, monotone
 
 #: nanoseconds that balancing takes for an entry
-_BALANCE = 100.0
+_BALANCING_COST = 100.0
 
 
 @dataclass(frozen=True, repr=False)
@@ -228,7 +228,7 @@ def _starts(step: StepMatrices) -> Iterator[Vector]:
     if not isinstance(proof, str):
         yield proof.v
     if 1 < step.n <= 500:
-        work.charge(_BALANCE * step.n**2)
+        work.charge(_BALANCING_COST * step.n**2)
         from scipy.linalg import matrix_balance
 
         quotients = step.size.toarray() / step.size.diagonal()[:, None]

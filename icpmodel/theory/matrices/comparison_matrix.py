@@ -16,7 +16,7 @@ from ...numerics.multigrid import linear_solve
 from ...numerics.sparse_structure import diagonal_positions, is_symmetric
 from ..answers import Answer
 
-_FACTORISE_FIRST = 20_000  #: up to this size a factorisation costs less than looking for a cheaper way
+_FACTORISE_FIRST_UP_TO = 20_000  #: up to this size a factorisation costs less than looking for a cheaper way
 
 
 def comparison_matrix(A: Any) -> sp.csr_array:
@@ -79,7 +79,7 @@ def scaling_vectors(comparison: sp.csr_array) -> Iterator[tuple[str, Vector]]:
     """Candidates v > 0 for ⟨A⟩v > 0, to be checked, each with its name, cheapest first; D > 0."""
     n = comparison.shape[0]
     yield "v = 1", np.ones(n)
-    if n > _FACTORISE_FIRST and (v := layered(comparison)) is not None:
+    if n > _FACTORISE_FIRST_UP_TO and (v := layered(comparison)) is not None:
         yield "v = f(layer)", v
     v = solve_for_diagonal(comparison)
     if v is not None and (v > 0).all():
@@ -98,7 +98,7 @@ def solve_for_diagonal(M: sp.csr_array) -> Vector | None:
         return None
     rows = sp.csr_array(sp.diags_array(1.0 / diagonal) @ M)  # so that units do not look like singularity
     ones = np.ones(M.shape[0])
-    if M.shape[0] > _FACTORISE_FIRST and (diagonal > 0).all():
+    if M.shape[0] > _FACTORISE_FIRST_UP_TO and (diagonal > 0).all():
         with suppress(np.linalg.LinAlgError):
             v = linear_solve(rows, ones, 0.5 / np.sqrt(ones.size))
             if (v > 0).all() and (rows @ v > 0).all():

@@ -26,9 +26,9 @@ from .comparison_matrix import comparison_matrix
 from .eigenvalue import above, falling, within_reach
 from .h_matrix import by_row_sums, row_sum_signs
 
-_RATIONAL = 30  #: rows up to which rational elimination is asked
+_RATIONAL_UP_TO = 30  #: rows up to which rational elimination is asked
 _SHIFT = 2.0**-38  #: S − cI is factorised for this c, which is about what rounding needs, or for a larger one
-_ROUNDING = 2.0**-26  #: what may be called rounding in a matrix with a diagonal of about 1
+_MAX_ROUNDING = 2.0**-26  #: what may be called rounding in a matrix with a diagonal of about 1
 
 
 def definiteness(A: sp.csr_array) -> tuple[Answer, Answer]:
@@ -60,13 +60,13 @@ def definiteness(A: sp.csr_array) -> tuple[Answer, Answer]:
         by_pivots = _by_pivots(A)
         if by_pivots.holds is not None:
             return by_pivots, by_pivots
-        if n <= _RATIONAL:
+        if n <= _RATIONAL_UP_TO:
             return _in_fractions(A)
         definite, semidefinite = (by_pivots if answer.holds is None else answer for answer in (definite, semidefinite))
     return definite, semidefinite
 
 
-def semidefinite_up_to_rounding(A: sp.csr_array, most: float = _ROUNDING) -> Answer:
+def semidefinite_up_to_rounding(A: sp.csr_array, most: float = _MAX_ROUNDING) -> Answer:
     """Whether the symmetric part of `A` is semidefinite as far as floats can tell, such as a computed BᵀB; or None.
 
     True proves that all eigenvalues, with the diagonal scaled to about 1, are at least `number`, above −`most`.

@@ -19,11 +19,11 @@ from ...numerics.threads import one_blas_thread
 #: shares of the estimated eigenvalue that are tried as a bound; the first one does unless rounding is felt
 _SHARES = (0.99, 0.9, 0.5)
 #: up to so many rows dense factorisations are the quicker ones whatever the pattern
-_DENSE = 64
-_SECONDS = 5e9  #: what a factorisation may cost, in nanoseconds as they are counted
-_TRIDIAGONAL = 4  #: to make a dense matrix tridiagonal takes about as long as so many factorisations
-_INVERSE_STEPS = 30  #: steps of the inverse iteration; eigenvalues next to the smallest one serve as well
-_POWER_STEPS = 40  #: steps of the power method; each makes the bound sharper, none makes it false
+_DENSE_UP_TO = 64
+_MAX_FACTORISATION_COST = 5e9  #: what a factorisation may cost, in nanoseconds as they are counted
+_TRIDIAGONALISATION_COST = 4  #: to make a dense matrix tridiagonal takes about as long as so many factorisations
+_MAX_INVERSE_STEPS = 30  #: steps of the inverse iteration; eigenvalues next to the smallest one serve as well
+_MAX_POWER_STEPS = 40  #: steps of the power method; each makes the bound sharper, none makes it false
 
 
 def above(S: sp.csr_array, c: float, slack: float = 0.0) -> float:
@@ -72,7 +72,7 @@ def largest_above(N: sp.csr_array) -> float:
     """
     T = sp.csr_array(0.5 * (N + N.T))
     v = np.ones(T.shape[0])
-    for _ in range(_POWER_STEPS):
+    for _ in range(_MAX_POWER_STEPS):
         work.charge(work.product(v.size, T.nnz))
         w = T @ v
         largest = float(w.max())
@@ -103,7 +103,7 @@ def _least_pair(S: sp.csr_array) -> tuple[float, Vector | None]:
     """The least λ with Sx = λx, and x, by dense matrices; −inf and None where that fails."""
     from scipy.linalg import LinAlgError, eigh
 
-    work.charge(_TRIDIAGONAL * work.dense_cost(S.shape[0]), 16.0 * S.shape[0] ** 2)
+    work.charge(_TRIDIAGONALISATION_COST * work.dense_cost(S.shape[0]), 16.0 * S.shape[0] ** 2)
     try:
         with one_blas_thread():
             value, x = eigh(S.toarray(), subset_by_index=(0, 0))
@@ -115,17 +115,17 @@ def _least_pair(S: sp.csr_array) -> tuple[float, Vector | None]:
 def is_dense(S: sp.csr_array) -> bool:
     """Whether dense factorisations of `S` (CSR) are quicker than sparse ones."""
     n = S.shape[0]
-    return n <= _DENSE or (8 * S.nnz >= n * n and work.dense_cost(n) <= _SECONDS)
+    return n <= _DENSE_UP_TO or (8 * S.nnz >= n * n and work.dense_cost(n) <= _MAX_FACTORISATION_COST)
 
 
 def within_reach(S: sp.csr_array) -> bool:
     """Whether the symmetric `S` (CSR) is foreseen to be factorised in seconds: a million rows on a plane."""
-    return is_dense(S) or not SymbolicAnalysis(S, lambda: True).costs_more(_SECONDS)
+    return is_dense(S) or not SymbolicAnalysis(S, lambda: True).costs_more(_MAX_FACTORISATION_COST)
 
 
 def _estimate(S: sp.csr_array, lu: Any) -> float:
     """About the smallest eigenvalue, or something ≤ 0 where S is seen to be indefinite; no proof."""
-    if S.shape[0] <= _DENSE:
+    if S.shape[0] <= _DENSE_UP_TO:
         return _least_pair(S)[0]
     solve = _solver(S, lu)
     if solve is None:
@@ -133,7 +133,7 @@ def _estimate(S: sp.csr_array, lu: Any) -> float:
     x = np.random.default_rng(0).random(S.shape[0])
     largest = np.inf
     with one_blas_thread():
-        for _ in range(_INVERSE_STEPS):
+        for _ in range(_MAX_INVERSE_STEPS):
             work.charge(work.product(x.size, S.nnz))
             x = x / norm(x)
             image = solve(x)

@@ -35,10 +35,10 @@ from ...numerics.rounding import SMALLEST, lower, upper
 from ..answers import Answer
 from .comparison_matrix import comparison_matrix, solve_for_diagonal
 
-_POWER_STEPS = 30  #: so many steps of the power method cost less than a linear solve
+_MAX_POWER_STEPS = 30  #: so many steps of the power method cost less than a linear solve
 #: the limits of what rational elimination is asked to decide: stored entries, rows of a block
-_EXACT_ENTRIES = 2000
-_EXACT_ROWS = 40
+_MAX_EXACT_ENTRIES = 2000
+_MAX_EXACT_ROWS = 40
 
 
 def irreducible_blocks(A: sp.csr_array) -> tuple[int, NDArray[np.int32]]:
@@ -139,7 +139,7 @@ def decide(C: sp.csr_array, count: int, block: NDArray[np.int32]) -> Answer:
                 return Answer(True, f"<A>v > 0 with v from {name}", _in_old_units(y, c) if count == 1 else None)
             if holds is False:
                 return Answer(False, f"<A>x <= 0 with x >= 0 from {name}", _in_old_units(y, c))
-    if C.nnz <= _EXACT_ENTRIES and np.bincount(block).max() <= _EXACT_ROWS:
+    if C.nnz <= _MAX_EXACT_ENTRIES and np.bincount(block).max() <= _MAX_EXACT_ROWS:
         return _exactly(C, block, count)
     return Answer(None, "neither v > 0 with <A>v > 0 nor x >= 0 with <A>x <= 0 was found, rounding considered")
 
@@ -155,7 +155,7 @@ def _candidates(S: sp.csr_array, block: NDArray[np.int32], count: int) -> Iterat
         return x - (S @ x) / diagonal  # Jx
 
     with np.errstate(all="ignore"):  # beside a diagonal next to nothing J overflows, and NaN proves nothing
-        for _ in range(_POWER_STEPS):
+        for _ in range(_MAX_POWER_STEPS):
             x = x + np.maximum(image(x), 0.0)  # I + J has no other eigenvalue of its largest modulus
             largest = np.zeros(count)
             np.maximum.at(largest, block, x)

@@ -35,9 +35,9 @@ from ..answers import Answer
 from .h_matrix import by_row_sums, irreducible_blocks
 
 LIMIT = 26  #: irreducible blocks up to this size are decided by all of their minors: a second or two
-_RATIONAL = 10  #: rows up to which all minors are computed in rational arithmetic: a tenth of a second
-_MINOR = 15.0  #: nanoseconds that a minor takes
-_PAIRS = 1000  #: at most so many nearly singular pairs are checked in rational arithmetic
+_RATIONAL_UP_TO = 10  #: rows up to which all minors are computed in rational arithmetic: a tenth of a second
+_MINOR_COST = 15.0  #: nanoseconds that a minor takes
+_MAX_EXACT_PAIRS = 1000  #: at most so many nearly singular pairs are checked in rational arithmetic
 
 Indices = NDArray[np.intp]
 
@@ -66,7 +66,7 @@ def minor_of_order_two(A: sp.csr_array) -> Indices | None:
         diagonal = S.diagonal()
         ratio = product.data / (diagonal[i] * diagonal[j])
     near = np.flatnonzero((i < j) & ~(ratio < 1 - 16 * UNIT_ROUNDOFF))
-    for k in near[np.argsort(-ratio[near])][:_PAIRS]:
+    for k in near[np.argsort(-ratio[near])][:_MAX_EXACT_PAIRS]:
         pair = np.array([i[k], j[k]], dtype=np.intp)
         minor = [[A[row, column] for column in pair] for row in pair]
         if eliminate(rationals(minor), [0, 1]) is not None:
@@ -77,7 +77,7 @@ def minor_of_order_two(A: sp.csr_array) -> Indices | None:
 def by_pivots(A: sp.csr_array) -> Answer:
     """The exact test, for n ≤ 60 or so; the time doubles with each row."""
     n = A.shape[0]
-    work.charge(_MINOR * 2.0**n)
+    work.charge(_MINOR_COST * 2.0**n)
     r, c = natural_exponents(A)
     scaled = in_units(A, r, c).toarray()
     # what left the normal range is known up to the smallest float, or not at all
@@ -91,7 +91,7 @@ def by_pivots(A: sp.csr_array) -> Answer:
         failed = eliminate(rationals(A), chosen)
         if failed is not None:
             return _not_p(chosen[: failed + 1])
-    if undecided.size and n <= _RATIONAL:
+    if undecided.size and n <= _RATIONAL_UP_TO:
         minor = _failing_minor(rationals(A), [], list(range(n)))
         return Answer(True, "all principal minors are positive, exactly") if minor is None else _not_p(minor)
     if undecided.size:
