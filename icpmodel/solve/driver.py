@@ -252,6 +252,7 @@ def _named(method: str | Method | None, problem: ProblemData, options: dict[str,
 def _run(problem: ProblemData, start: Vector, limits: Limits, **display: Any) -> Run:
     """Set up the run from `start`. Raises MapError if ψ has no value there."""
     clock = work.clock()
+    counted = work.done()
     is_nonzero = bool(np.count_nonzero(start))
     start_residual = at_0 = problem.residual(start) if is_nonzero else problem.residual_at_0()
     if not math.isfinite(start_residual) and (fault := fault_of_psi(problem, start)):
@@ -282,6 +283,7 @@ def _run(problem: ProblemData, start: Vector, limits: Limits, **display: Any) ->
         scale=scale,
         restart=restart,
         clock=clock,
+        counted=counted,
         **display,
     )
 

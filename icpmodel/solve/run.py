@@ -114,6 +114,7 @@ class Run:
     history: bool = False
     progress: bool = False
     clock: float = field(default_factory=work.clock)
+    counted: float = field(default_factory=work.done)
 
     def __post_init__(self) -> None:
         self.records: list[tuple[int, float, float, str]] | None = [] if self.history else None

@@ -28,7 +28,8 @@ def pivoted(problem: ProblemData, limits: Limits) -> Solution | None:
     z, residual, tolerance = solve_few(M, problem.q, problem.psi.linear[1], float(limits.rtol), PIVOTS * (n + 1))
     if not residual <= tolerance:
         return None
-    work.count(work.COSTS.pivot_entry * n**3 / 3.0)
+    cost = work.COSTS.pivot_entry * n**3 / 3.0
+    work.count(cost)
     return Solution(
         problem=problem,
         z=z,
@@ -43,4 +44,5 @@ def pivoted(problem: ProblemData, limits: Limits) -> Solution | None:
         atol=limits.atol,
         iterations=1,
         seconds=work.clock() - begun,
+        cost=cost,
     )

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..algebra.equations import pattern_at, solve_on
-from ..errors import IcpError, InputError, MapError
+from ..errors import IcpError, InputError, MapError, OutOfTime
 from ..methods.contract import Method
+from ..numerics import work
 from ..numerics.arrays import ReadOnly, Vector
 from ..numerics.rounding import public_entry
 from ..present.card import Card
@@ -104,8 +105,9 @@ _ADVICE = {
 
 #: a residual or a bound counts as better than another one if it is at most this share of it
 _IMPROVEMENT = 0.99
-#: seconds that the bound of a printed solution may take though the solve took less
+#: what the bound of a printed solution may cost though the solve cost less, in seconds and in counted nanoseconds
 _PRINT_SECONDS = 0.02
+_PRINT_COST = 2e6
 
 
 @dataclass(frozen=True, repr=False)
@@ -186,6 +188,8 @@ class Solution(ReadOnly, Plottable):
         The proof with its witness where the status is INFEASIBLE.
     time_limit, memory_limit : float or None
         Those of the run. The certificate and `polish` keep to them, too, each for itself.
+    cost : float
+        The counted cost of the run in nanoseconds, see `numerics.work`; 0 where it is not known.
 
     Examples
     --------
@@ -214,6 +218,7 @@ class Solution(ReadOnly, Plottable):
     infeasible: Answer | None = None
     time_limit: float | None = None
     memory_limit: float | None = None
+    cost: float = 0.0
 
     def __post_init__(self) -> None:
         self.z.flags.writeable = False  # all else is locked already
@@ -477,10 +482,11 @@ class Solution(ReadOnly, Plottable):
         return Card(rows)
 
     def _quick_bound(self) -> str:
-        """The error bound if it is known, or is expected to cost no more than the solve did or `_PRINT_SECONDS`."""
+        """The error bound if it is known, or costs no more than the solve did, or less than `_PRINT_SECONDS`."""
         if "certificate" not in self.__dict__:
             limit = min(max(self.seconds, _PRINT_SECONDS), self.time_limit or np.inf)
-            with suppress(MapError):
+            counted = work.work_limit(nanoseconds=max(self.cost, _PRINT_COST))
+            with suppress(MapError, OutOfTime), counted:
                 quick = certify(self.problem, self.z, time_limit=limit, memory_limit=self.memory_limit)
                 if quick.bound.value is not None:
                     self.__dict__["certificate"] = quick

@@ -30,6 +30,7 @@ class RunRecord(NamedTuple):
     iterations: int
     seconds: float
     infeasible: Answer | None = None
+    cost: float = 0.0
 
     @classmethod
     def of(cls, solution: Solution) -> RunRecord:

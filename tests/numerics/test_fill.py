@@ -50,6 +50,12 @@ def test_an_expander_is_given_up_within_some_tens_of_products():
     assert work.done() - before <= 100 * work.product(A.shape[0], A.nnz)
 
 
+def test_the_analysis_of_many_rows_coupled_to_one_is_no_bargain():
+    """Minimum degree takes ten times as long as the factors of such a star, with the square of its rays."""
+    star = sp.csr_array(([1.0] * 60_000, (np.arange(60_000), [7] * 60_000)), shape=(10**5, 10**5))
+    assert SymbolicAnalysis(sp.csr_array(star + star.T + 10.0 * sp.eye_array(10**5))).costs_more(1e9)
+
+
 def test_factors_that_would_not_fit_are_not_begun():
     A, parents = expander(2000).A, np.random.default_rng(5).integers(0, np.arange(1, 2000))
     tree = sp.csr_array((np.ones(1999), (np.arange(1, 2000), parents)), shape=(2000, 2000))

@@ -9,6 +9,7 @@ from benchmarks.families import expander
 
 import icpmodel as icp
 from icpmodel.methods import named, names
+from icpmodel.numerics import work
 from icpmodel.solve.solution import Status
 
 
@@ -43,6 +44,20 @@ def test_another_method_takes_over_from_one_that_does_not_fit():
     assert problem.solve(memory_limit=1e5).solved
     with pytest.raises(icp.NotApplicable, match="fits into the memory"):
         problem.solve(memory_limit=1e3)
+
+
+@pytest.mark.parametrize("skew", [0.0, 0.5, None])
+def test_a_printed_solution_costs_no_more_than_the_solve_did(skew):
+    """By counted work: of dense matrices that are definite, symmetric or not, and of a membrane (None)."""
+    problem = icp.scenes.membrane(n=10_000).problem
+    if skew is not None:
+        B, C = np.random.default_rng(0).standard_normal((2, 800, 800)) / 800**0.5
+        problem = icp.ICP(B @ B.T + 0.1 * np.eye(800) + skew * (C - C.T), B[0])
+    begun = work.done()
+    solution = problem.solve()
+    solved = work.done()
+    assert "\nmethod" in str(solution)
+    assert work.done() - solved <= solved - begun
 
 
 @pytest.mark.parametrize("wrong", [-1.0, np.nan, "much"])

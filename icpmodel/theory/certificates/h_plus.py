@@ -29,8 +29,9 @@ from itertools import chain
 import numpy as np
 import scipy.sparse as sp
 
+from ...numerics import work
 from ...numerics.arrays import Vector
-from ...numerics.equilibration import in_units, natural_exponents
+from ...numerics.equilibration import in_units, natural_exponents, times_rows
 from ...numerics.factorisation import factorise
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, lower, upper
 from ...problem.data import ProblemData
@@ -72,18 +73,13 @@ def prove(matrix: Matrix, psi: Map) -> HPlusProof | str:
     both conditions. It then grows from choice to choice (Howard's policy iteration). The signs of α and β are checked,
     rounding included.
     """
-    A = matrix.sparse
     G = psi.lipschitz
-    if not (positive := positive_diagonal(A)).holds:
+    if not (positive := positive_diagonal(matrix.sparse)).holds:
         return f"A is not an H+-matrix: {positive.reason}"
     if G is None:
         return no_lipschitz(psi)
-    comparison = comparison_matrix(A)
     dominated = False
-    for name, v in _candidates(comparison, G):
-        # a lower bound costs three times as much
-        if not (comparison @ v > 0).all() or not ((alpha := lower(comparison, v, matrix.magnitude(v))) > 0).all():
-            continue
+    for name, v, alpha in _dominated(matrix, G):
         dominated = True
         # a row of psi without obstacle would need no beta, but which rows those are may change with z
         beta = v - upper(G, v) - 2 * UNIT_ROUNDOFF * v
@@ -94,20 +90,41 @@ def prove(matrix: Matrix, psi: Map) -> HPlusProof | str:
     return "A is not proved to be an H+-matrix: no v > 0 found gives <A>v > 0"
 
 
+def _dominated(matrix: Matrix, G: sp.csr_array) -> Iterator[tuple[str, Vector, Vector]]:
+    """The `_candidates` v with a lower bound α > 0 of ⟨A⟩v; for v = 1 it takes the row sums of |A| alone."""
+    A = matrix.sparse
+    ones = np.ones(matrix.n)
+    work.charge(2.0 * matrix.product_cost)
+    size = matrix.magnitude(ones)
+    diagonal = A.diagonal()
+    # the sums commit errors of at most γ times `size`, and nothing underflows in them
+    alpha = (diagonal - size) + diagonal - 2 * (np.diff(A.indptr) + 4) * UNIT_ROUNDOFF * size
+    if (alpha > 0).all():
+        yield "v = 1", ones, alpha
+    comparison = comparison_matrix(A)
+    for name, v in _candidates(comparison, G):
+        work.charge(4.0 * matrix.product_cost)
+        # a lower bound costs three times as much
+        if (comparison @ v > 0).all() and ((alpha := lower(comparison, v, matrix.magnitude(v))) > 0).all():
+            yield name, v, alpha
+
+
 def _candidates(comparison: sp.csr_array, G: sp.csr_array) -> Iterator[tuple[str, Vector]]:
     """Vectors that may serve A, then A and ψ, then in natural units: in others ⟨A⟩v may drown in its rounding error."""
     yield from scaling_vectors(comparison)
     diagonal = comparison.diagonal()
     if (diagonal < np.finfo(np.float64).tiny).any():
         return
-    rows = sp.csr_array(sp.diags_array(1.0 / diagonal) @ comparison)
+    rows = times_rows(1.0 / diagonal, comparison)
     yield from _policy_iteration(rows, G)
+    work.charge_matrices(rows.nnz + G.nnz, 6)
     c = natural_exponents(sp.csr_array(abs(rows) + G))[1]
     if not c.any():
         return
     rows = in_units(rows, -c, c)
     G = in_units(G, -c, c)
-    for name, v in chain(scaling_vectors(rows), _policy_iteration(rows, G)):
+    ones = ("v = 1", np.ones(diagonal.size))
+    for name, v in chain([ones], scaling_vectors(rows), _policy_iteration(rows, G)):
         yield f"{name} in natural units", np.ldexp(v, c)
 
 

@@ -11,6 +11,7 @@ import scipy.sparse as sp
 
 from ...numerics import work
 from ...numerics.arrays import Vector, as_csr, row_of
+from ...numerics.equilibration import times_rows
 from ...numerics.factorisation import factorise
 from ...numerics.multigrid import linear_solve
 from ...numerics.sparse_structure import diagonal_positions, is_symmetric
@@ -76,9 +77,8 @@ def positive_diagonal(A: sp.csr_array) -> Answer:
 
 
 def scaling_vectors(comparison: sp.csr_array) -> Iterator[tuple[str, Vector]]:
-    """Candidates v > 0 for ⟨A⟩v > 0, to be checked, each with its name, cheapest first; D > 0."""
+    """Candidates v > 0 for ⟨A⟩v > 0, to be checked, each with its name, cheapest first, v = 1 left out; D > 0."""
     n = comparison.shape[0]
-    yield "v = 1", np.ones(n)
     if n > _FACTORISE_FIRST_UP_TO and (v := layered(comparison)) is not None:
         yield "v = f(layer)", v
     v = solve_for_diagonal(comparison)
@@ -96,7 +96,8 @@ def solve_for_diagonal(M: sp.csr_array) -> Vector | None:
     diagonal = M.diagonal()
     if (np.abs(diagonal) < np.finfo(np.float64).tiny).any():
         return None
-    rows = sp.csr_array(sp.diags_array(1.0 / diagonal) @ M)  # so that units do not look like singularity
+    work.charge_matrices(M.nnz)
+    rows = times_rows(1.0 / diagonal, M)  # so that units do not look like singularity
     ones = np.ones(M.shape[0])
     if M.shape[0] > _FACTORISE_FIRST_UP_TO and (diagonal > 0).all():
         with suppress(np.linalg.LinAlgError):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,7 @@ import scipy.sparse as sp
 
 from ...numerics import work
 from ...numerics.arrays import Vector, norm
-from ...numerics.factorisation import factorise
+from ...numerics.factorisation import factorise, of_dense
 from ...numerics.fill import SymbolicAnalysis
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, upper
 from ...numerics.threads import one_blas_thread
@@ -144,31 +143,16 @@ def _estimate(S: sp.csr_array, lu: Any) -> float:
 
 def _solver(S: sp.csr_array, lu: Any) -> Callable[[Vector], Vector] | None:
     """x ↦ S⁻¹x by Cholesky's or the sparse factorisation, None where a pivot is not positive."""
-    if not is_dense(S):
-        lu = lu or factorise(S, definite=True)
-        return lu.solve if lu is not None and lu.pivots.min() > 0 else None
-    from scipy.linalg import LinAlgError, cho_factor, cho_solve
-
-    work.charge(work.dense_cost(S.shape[0]), 16.0 * S.shape[0] ** 2)
-    try:
-        with one_blas_thread():
-            factor = cho_factor(S.toarray(), overwrite_a=True)
-    except LinAlgError:
-        return None
-    return partial(cho_solve, factor, check_finite=False)
+    lu = lu or (of_dense(S, cholesky=True) if is_dense(S) else factorise(S, definite=True))
+    return lu.solve if lu is not None and lu.pivots.min() > 0 else None
 
 
 def _error_of_cholesky(S: sp.csr_array) -> float:
     """A bound on the norm of S − RᵀR, R the computed Cholesky factor, inf where there is none."""
     n = S.shape[0]
-    work.charge(work.dense_cost(n), 16.0 * n**2)
-    try:
-        with one_blas_thread():
-            factor = np.linalg.cholesky(S.toarray())
-    except np.linalg.LinAlgError:
+    if of_dense(S, cholesky=True) is None:
         return np.inf
-    error = (n + 8) * (UNIT_ROUNDOFF * float(S.diagonal().sum()) + 8 * n * SMALLEST)
-    return error if np.isfinite(factor).all() else np.inf  # a pivot NaN stops no factorisation
+    return (n + 8) * (UNIT_ROUNDOFF * float(S.diagonal().sum()) + 8 * n * SMALLEST)
 
 
 def _distance_from_definite(S: sp.csr_array) -> float:
