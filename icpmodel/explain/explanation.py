@@ -119,23 +119,17 @@ class Explanation(Displayable):
         }
 
     def about(self) -> dict[str, Any]:
-        """The page as plain data for JSON.
+        """The page as plain data for JSON: the lines of each section, the numbers beside them, and the methods.
 
         Returns
         -------
         dict
             It has no arrays.
         """
-        return {
-            "what_to_do": list(self._to_do()),
-            "problem": repr(self.problem),
+        return {title.replace(" ", "_"): text.splitlines() for title, text in self.sections().items()} | {
             "n": self.problem.n,
             "classes": {name: _plain(getattr(self.classes, name)) for name in NAMES},
-            "psi": self.problem.psi.describe(),
-            "f": None if self.problem.f is None else self.problem.f.describe(),
             "unique": self.bound.unique or None,
-            "proof": self.bound.proof or None,
-            "no_proof_because": self.bound.reason or None,
             "accuracy": self.accuracy,
             "methods": [
                 {
@@ -148,7 +142,6 @@ class Explanation(Displayable):
                 for forecast in self.forecasts
             ],
             "picked": None if self.picked is None else repr(self.picked),
-            "best_proved": list(self._best_proved()),
         }
 
     def _methods(self) -> Iterator[str]:
