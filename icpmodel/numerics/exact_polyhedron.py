@@ -26,14 +26,19 @@ def row_reduce(rows: Rationals, columns: int) -> list[int]:
         if k is None:
             continue
         rows[top], rows[k] = rows[k], rows[top]
-        pivot = rows[top][column]
-        rows[top] = [entry / pivot for entry in rows[top]]
-        for i, row in enumerate(rows):
-            if i != top and row[column]:
-                factor = row[column]
-                rows[i] = [a - factor * b for a, b in zip(row, rows[top], strict=True)]
+        _eliminate(rows, top, column)
         pivots.append(column)
     return pivots
+
+
+def _eliminate(rows: Rationals, top: int, column: int) -> None:
+    """Make the entry of row `top` in the `column` 1, and the others there 0, in place."""
+    pivot = rows[top][column]
+    rows[top] = [entry / pivot for entry in rows[top]]
+    for i, row in enumerate(rows):
+        if i != top and row[column]:
+            factor = row[column]
+            rows[i] = [a - factor * b for a, b in zip(row, rows[top], strict=True)]
 
 
 def null_space(rows: Rationals, columns: int) -> Rationals:
@@ -139,12 +144,7 @@ def _maximise(tableau: Rationals, basis: list[int], cost: Rational, columns: int
             if row[entering] > 0 or (basis[i] >= columns and row[entering])
         ]
         _, _, leaving = min(ratios)  # Σu is bounded, so that there is one
-        pivot = tableau[leaving][entering]
-        tableau[leaving] = [entry / pivot for entry in tableau[leaving]]
-        for i, row in enumerate(tableau):
-            if i != leaving and row[entering]:
-                factor = row[entering]
-                tableau[i] = [a - factor * b for a, b in zip(row, tableau[leaving], strict=True)]
+        _eliminate(tableau, leaving, entering)
         basis[leaving] = entering
 
 
