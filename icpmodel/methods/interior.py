@@ -28,11 +28,10 @@ from ..algebra.proximal_steps import ProximalSteps
 from ..algebra.subproblems import with_fixed_obstacle
 from ..errors import MapError
 from ..numerics import work
-from ..numerics.arrays import Mask, Vector, inner, norm, row_of
+from ..numerics.arrays import Vector, inner, norm, row_of
 from ..numerics.factorisation import factorise
 from ..numerics.fill import SymbolicAnalysis
 from ..numerics.symmetric_factors import Symmetric
-from ..problem.affine import zero
 from ..problem.data import ProblemData
 from ..problem.two_sided import mid
 from ..theory.certificates.recession import Recession
@@ -54,8 +53,10 @@ _REGULARISATION_DECREASE = 0.1
 _REGULARISATION_INCREASE = 100.0
 #: the share of the way to the boundary that is gone
 _BOUNDARY_SHARE = 0.995
-#: the least room between two obstacles, as a share of what rows with one have
-_MIN_GAP = 1e-12
+#: r and s are shifted by so many times what is negative at first
+_SHIFT = 1.5
+#: where the way has grown to so many times its least, and above the least residual, solves are too inaccurate to go on
+_MAX_ERROR_GROWTH = 1e4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -99,7 +100,7 @@ class Interior(Method):
             yield path.z, None
             if not path.makes_progress():
                 return
-            if (answer := recession.proof(path.z - path.resting[0])).holds:
+            if (answer := recession.proof(path.z - path.resting)).holds:
                 raise Infeasible(answer)
             if path.signs_repeat() and (solution := path.by_signs()) is not None:
                 yield solution, None
@@ -108,7 +109,7 @@ class Interior(Method):
 
 
 class InteriorPath:
-    """The run: z with p and z − ψ(z), and r and s with the obstacles in columns.
+    """The run: z with p and z − ψ(z), and r and s for every obstacle, the lower ones first.
 
     Parameters
     ----------
@@ -139,41 +140,38 @@ class InteriorPath:
         self.least_regularisation = _MIN_REGULARISATION
         self.solve_error = 0.0
         self.root = np.sqrt(self.weights)
+        self.matrix = sp.csr_array(problem.A, dtype=np.float64, copy=True)
+        self.row = row_of(problem.A)
         self.residuals = Least()
         self.infeasibilities = Least()
         self.signs = np.zeros(0, bool)
         self.same = 0
         below, top = self.steps.obstacles
         c = np.where(np.isneginf(below), 0.0 if top is None else np.minimum(top, 0.0), below)
-        p = problem.p(c)
-        #: c with 0, or what is nearest to it and not above, for the rows without obstacle below, and p there
-        self.resting = c, p
-        bounded = ~np.isneginf(below)
-        # in rows without obstacle p > 0 pulls at c as well
-        size = float(np.abs((np.where(bounded, np.minimum(p, 0.0), p) if top is None else p) / self.root).max())
-        if self.moves:  # where nothing pulls at c, c is no solution as yet
-            size = max(size, float(np.max((self.root * np.abs(problem.r(c)))[bounded], initial=0.0))) or 1.0
-        self._start(c, size, bounded, top)
+        #: c with 0, or what is nearest to it and not above, for the rows without obstacle below
+        self.resting = c
+        #: the rows of r and s, for one obstacle and the other
+        self.sides = [np.flatnonzero(np.isfinite(side)) for side in (below, top) if side is not None]
+        self.rows = np.concatenate(self.sides)
+        self.sign = np.repeat([1.0, -1.0][: len(self.sides)], [rows.size for rows in self.sides])
+        self._start(c)
 
-    def _start(self, c: Vector, size: float, bounded: Mask, top: Vector | None) -> None:
-        """So far from the obstacles, in the units of W, which is where p/W comes to."""
-        r = size / self.root
-        s = size * self.root
-        z = c + np.where(bounded, r, 0.0)
-        sides = [(bounded, r)]
-        if top is not None:
-            # in the middle where there is less room; rows that cannot move keep a trace of it
-            has = np.isfinite(top)
-            r = np.where(bounded & has, np.clip(0.5 * (top - c), _MIN_GAP * r, r), r)
-            z = np.where(bounded, c + r, np.where(has, np.minimum(c, top - r), c))
-            sides = [(bounded, r), (has, np.maximum(top - z, r))]
-        self.bounded = np.column_stack([has for has, _ in sides])
-        self.r = np.where(self.bounded, np.column_stack([r for _, r in sides]), 1.0)
-        self.s = np.where(self.bounded, s[:, None], 0.0)
-        self.sign = np.array([1.0, -1.0])[: len(sides)]
-        self.gap = np.zeros_like(self.r)
-        self.slopes = [zero(self.problem.n)] * len(sides)
+    def _start(self, z: Vector) -> None:
+        """Mehrotra's starting point: r and s solve the equations with Wr + s = 0, and are shifted to be positive."""
+        weights = self.weights[self.rows]
+        self.r = np.ones(weights.size)
+        self.s = weights
         self._move_to(z)
+        room = self._room()
+        z = z + self._solver()(-self.point[1] - self._in_rows(self.sign * weights * room))
+        v = np.sqrt(weights) * (room + self._change(z - self.resting))
+        r = v + _SHIFT * np.max(-v, initial=0.0)
+        s = _SHIFT * np.max(v, initial=0.0) - v
+        product = 0.5 * inner(r, s)
+        self.r = (r + (product / s.sum() if product else 1.0)) / np.sqrt(weights)
+        self.s = (s + (product / r.sum() if product else 1.0)) * np.sqrt(weights)
+        self._move_to(z)
+        self.gap = self._room() - self.r
 
     @property
     def z(self) -> Vector:
@@ -183,19 +181,38 @@ class InteriorPath:
     @property
     def rest(self) -> Vector:
         """How far s is from p."""
-        return np.asarray(self.s @ self.sign - self.point[1])
+        return self._in_rows(self.sign * self.s) - self.point[1]
+
+    def _in_rows(self, x: Vector) -> Vector:
+        """The sum of `x` over the obstacles of each row."""
+        return np.asarray(np.bincount(self.rows, x, self.problem.n), dtype=np.float64)
+
+    def _room(self) -> Vector:
+        """z − ψ(z), and ψ̄(z) − z."""
+        _, _, below, above = self.point
+        room = below[self.sides[0]]
+        return room if above is None else np.concatenate([room, -above[self.sides[1]]])
+
+    def _change(self, dz: Vector) -> Vector:
+        """How much the room changes along `dz`."""
+        if not self.moves:
+            return self.sign * dz[self.rows]
+        ways = zip(self.slopes, self.sides, strict=True)
+        return self.sign * np.concatenate([(dz - J @ dz)[rows] for J, rows in ways])
 
     @np.errstate(all="ignore")
     def makes_progress(self) -> bool:
         """Whether the residual, or the way of r and s to z − ψ(z) and p, was reduced not long ago, and is not 0."""
         _, p, below, above = self.point
         whole = norm(mid(p / self.root, self.root * below, None if above is None else self.root * above))
-        way = norm(self.rest / self.root) + norm((self.root[:, None] * self.gap).ravel())
-        return whole > 0.0 and min(self.residuals.add(whole), self.infeasibilities.add(way)) < _PATIENCE
+        way = norm(np.concatenate([self.rest / self.root, self.root[self.rows] * self.gap]))
+        idle = min(self.residuals.add(whole), self.infeasibilities.add(way))
+        is_lost = way > max(_MAX_ERROR_GROWTH * self.infeasibilities.least, self.residuals.least)
+        return whole > 0.0 and idle < _PATIENCE and not is_lost
 
     def signs_repeat(self) -> bool:
         """Whether the signs of the modulus have been the same for 1, 3, 7, … steps."""
-        signs = self.s > self.weights[:, None] * self.r
+        signs = self.s > self.weights[self.rows] * self.r
         self.same = self.same + 1 if np.array_equal(signs, self.signs) else 0
         self.signs = signs
         return self.same > 0 and not self.same & (self.same + 1)
@@ -206,7 +223,7 @@ class InteriorPath:
         z, p, below, above = self.point
         pattern = Pattern.of(below, above, p / self.weights)
         with suppress(MapError):
-            step = self.steps.step(z, p, pattern, z, self.regularisation * self.weights, briefly=True)
+            step = self.steps.step(z, p, pattern, z, _FIRST_REGULARISATION * self.weights)
             if step is not None and np.isfinite(step[1]).all():
                 return step[0]
         return None
@@ -217,8 +234,8 @@ class InteriorPath:
         work.count(newton_cost(self.problem.facts))
         r = self.r
         s = self.s
-        both = max(int(np.count_nonzero(self.bounded)), 1)
-        size = inner(r.ravel(), s.ravel()) / both
+        both = max(r.size, 1)
+        size = inner(r, s) / both
         while True:
             solve = self._solver()
             _, dr, ds, longest = self._direction(solve, r * s)
@@ -230,14 +247,17 @@ class InteriorPath:
         if self.solve_error <= _ACCURATE_SOLVE:
             self.regularisation = max(_REGULARISATION_DECREASE * self.regularisation, self.least_regularisation)
         t = 1.0 / max(longest, 1.0)
-        after = inner(np.where(self.bounded, r + t * dr, 0.0).ravel(), (s + t * ds).ravel()) / both
+        after = inner(r + t * dr, s + t * ds) / both
         target = r * s + dr * ds - ((after / size) ** 3 * size if size else 0.0)
         dz, dr, ds, longest = self._direction(solve, target)
         t = 1.0 / max(longest / _BOUNDARY_SHARE, 1.0)
-        self.r = np.where(self.bounded, r + t * dr, 1.0)
+        self.r = r + t * dr
         self.s = s + t * ds
+        self.gap = (1.0 - t) * self.gap
         try:
             self._move_to(self.z + t * dz)
+            if self.moves:
+                self.gap = self._room() - self.r
         except MapError:
             return False
         return bool(np.isfinite(self.point[1]).all() and np.isfinite(self.gap).all())
@@ -246,33 +266,31 @@ class InteriorPath:
         """The ways of z, r and s where rs falls by `target`, and how many times as long as to the boundary they are."""
         r = self.r
         s = self.s
-        dz = solve(self.rest - np.where(self.bounded, (target + s * self.gap) / r, 0.0) @ self.sign)
-        dr = self.sign * np.column_stack([dz - J @ dz if J.nnz else dz for J in self.slopes]) + self.gap
-        ds = np.where(self.bounded, -(target + s * dr) / r, 0.0)
-        steps = -dr / r, -ds / np.where(self.bounded, s, 1.0)
-        return dz, dr, ds, max(float(np.max(x[self.bounded], initial=0.0)) for x in steps)
+        dz = solve(self.rest - self._in_rows(self.sign * (target + s * self.gap) / r))
+        dr = self._change(dz) + self.gap
+        ds = -(target + s * dr) / r
+        return dz, dr, ds, max(float(np.max(-dr / r, initial=0.0)), float(np.max(-ds / s, initial=0.0)))
 
     def _move_to(self, z: Vector) -> None:
-        """z with p, z − ψ(z) and z − ψ̄(z), and how far r is from them, if it can be."""
+        """z with p, z − ψ(z) and z − ψ̄(z), and the derivatives of obstacles that move."""
         problem = self.problem
         self.point = z, problem.p(z), problem.r(z), problem.r_upper(z)
         if self.moves:
-            _, _, below, above = self.point
-            room = below[:, None] if above is None else np.column_stack([below, -above])
-            self.gap = np.where(self.bounded, room - self.r, 0.0)
             self.slopes = [derivative(psi, z) for psi in (problem.psi, problem.upper) if psi is not None]
 
     def _solver(self) -> Callable[[Vector], Vector]:
-        A = self.problem.A
-        slopes = np.where(self.bounded, self.s / self.r, 0.0)
-        data = A.data.copy()
-        data[self.diagonal] += slopes.sum(axis=1) + self.regularisation * self.weights
-        M = sp.csr_array((data, A.indices, A.indptr), shape=A.shape)
+        M = self.matrix
+        M.data[:] = self.problem.A.data
+        slopes = self.s / self.r
+        M.data[self.diagonal] += self._in_rows(slopes) + self.regularisation * self.weights
+        row = self.row
         if self.moves:
-            for J, slope in zip(self.slopes, slopes.T, strict=True):
-                M = sp.csr_array(M - sp.diags_array(slope) @ J)
-        unit = 1.0 / np.sqrt(np.abs(M.diagonal()))
-        M.data *= unit[row_of(M)]
+            slope = np.split(slopes, [self.sides[0].size])
+            for J, rows, values in zip(self.slopes, self.sides, slope, strict=False):
+                M = sp.csr_array(M - sp.diags_array(np.bincount(rows, values, self.problem.n)) @ J)
+            row = row_of(M)
+        unit = 1.0 / np.sqrt(np.abs(M.diagonal() if self.moves else M.data[self.diagonal]))
+        M.data *= unit[row]
         M.data *= unit[M.indices]
         if isinstance(self.pattern, Symmetric):
             factors = self.pattern.factors(M.data)
