@@ -1,4 +1,7 @@
-"""What a factorisation of A costs, or of another matrix with its pattern; one symbolic analysis for each A."""
+"""What a factorisation of A costs, or of another matrix with its pattern; one symbolic analysis for each A.
+
+Neither the pattern nor the symmetry of A + D changes with the diagonal D, so that one analysis serves for all D.
+"""
 
 from __future__ import annotations
 
@@ -59,7 +62,8 @@ _COSTS: WeakKeyDictionary[Matrix, FactorCosts] = WeakKeyDictionary()
 
 
 def factor_costs(matrix: Matrix) -> FactorCosts:
-    """The costs of factors of `matrix`, found out once."""
+    """The costs of factors of `matrix`, found out once, also for all others that differ in their diagonals alone."""
+    matrix = matrix.origin or matrix
     costs = _COSTS.get(matrix)
     if costs is None:
         costs = _COSTS[matrix] = FactorCosts(matrix)

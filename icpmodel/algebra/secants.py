@@ -20,12 +20,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import scipy.sparse as sp
 
 from ..numerics.arrays import Vector
 from ..numerics.rounding import UNIT_ROUNDOFF
 from ..problem.data import ProblemData
-from ..problem.matrix import Matrix
 from ..problem.nonlinear_term import NonlinearTerm
 from .steps import Step
 
@@ -84,11 +82,7 @@ def secant_problem(problem: ProblemData, z: Vector) -> tuple[ProblemData, Vector
 
 def with_slopes(problem: ProblemData, slopes: Vector, q: Vector) -> ProblemData:
     """The affine problem with A + diag(`slopes`) and `q`."""
-    A = problem.A
-    data = A.data.copy()
-    data[problem.matrix.rows.diag] += slopes
-    matrix = Matrix.of_checked(sp.csr_array((data, A.indices, A.indptr), shape=A.shape), problem.matrix.row_weights)
-    return problem.with_matrix(matrix, q)
+    return problem.with_matrix(problem.matrix.plus_diagonal(slopes), q)
 
 
 def _mean_slopes(problem: ProblemData, f: NonlinearTerm, z: Vector, here: Vector, p: Vector) -> Vector:

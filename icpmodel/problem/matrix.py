@@ -86,6 +86,8 @@ class Matrix(ReadOnly):
 
     #: the names of the rows, None where they are numbers
     labels: Any = None
+    #: a matrix that differs in its diagonal alone, None where none is known
+    origin: Matrix | None = None
 
     def __init__(self, A: Any, labels: Any = None) -> None:
         if labels is not None and not hasattr(labels, "step"):  # a range is no name
@@ -117,6 +119,27 @@ class Matrix(ReadOnly):
         if row_weights is not None:
             new.row_weights = locked(row_weights)
         new._measure(A)
+        return new
+
+    def plus_diagonal(self, d: Vector) -> Matrix:
+        """A + diag(d) with the row weights of A; its `origin` is A, or that of A.
+
+        Parameters
+        ----------
+        d : array of shape (n,)
+            The diagonal.
+
+        Examples
+        --------
+        >>> Matrix([[1.0, 2.0], [3.0, 4.0]]).plus_diagonal(np.ones(2)).sparse.toarray()
+        array([[2., 2.],
+               [3., 5.]])
+        """
+        A = self.sparse
+        data = A.data.copy()
+        data[self.rows.diag] += d
+        new = Matrix.of_checked(sp.csr_array((data, A.indices, A.indptr), shape=A.shape), self.row_weights)
+        new.origin = self.origin or self
         return new
 
     def _measure(self, A: Any) -> None:

@@ -209,9 +209,14 @@ class Ladder:
         The share of Res_D(0) that is asked for.
     family : str or None
         As in `select_method`.
+    first : Method, optional
+        The method that solved a similar problem after others. It runs first, and the others where it takes longer than
+        expected.
     """
 
-    def __init__(self, problem: ProblemData, target_reduction: float, family: str | None = None) -> None:
+    def __init__(
+        self, problem: ProblemData, target_reduction: float, family: str | None = None, first: Method | None = None
+    ) -> None:
         self.problem = problem
         self.target_reduction = target_reduction
         self.family = family
@@ -223,6 +228,10 @@ class Ladder:
         #: whether rung 5 waits, as the problem may be reduced before; and whether it is next
         self.pauses = False
         self.is_paused = False
+        if first is not None:
+            self.rungs.pop(0)
+            self.jobs = self._estimated([first])
+            self.floor = sum(job.remaining for job in self.jobs)
 
     @property
     def is_decided(self) -> bool:

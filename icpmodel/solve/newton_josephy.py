@@ -23,6 +23,7 @@ from ..problem.data import ProblemData
 from .goal import Goal, Limits
 from .reduction import ladder_steps, presolve
 from .run import Run
+from .solution import Status
 
 #: the weights μ of the proximal term beside A + f′ in the units of its diagonal, the next one where a step fails
 _PROXIMAL = (0.0, 1e-2, 1.0, 1e2)
@@ -32,6 +33,8 @@ _TIGHT, _LOOSE = 1e-4, 0.1
 _SIGMA, _MEMORY = 1e-4, 5
 #: a step is halved so many times; so many steps may pass until the least θ has fallen by a tenth
 _HALVINGS, _PATIENCE = 10, 40
+#: a ladder begins with so many methods that are sweeps
+_SWEEPS = 2
 #: random starts after the last step that helps, for problems small enough for a search
 _MAX_RESTARTS = 20
 #: their size, in powers of ten of the largest entry of D⁻¹p(0), ψ and z⁰, or of 1 where all are smaller
@@ -123,6 +126,8 @@ class _Search:
         self.recent = deque([self.here.theta], _MEMORY)
         self.least = Least()
         self.weight = 0
+        #: what solved a linear problem on which plain and accelerated sweeps were tried before
+        self.first: Method | None = None
         self.fault: MapError | None = None
         facts = problem.facts
         self.low = facts.obstacle if facts.has_fixed_obstacle else None
@@ -177,8 +182,10 @@ class _Search:
         )
         fixed = presolve(linear)
         run.presolved = None if fixed is linear else fixed
-        for _ in ladder_steps(run, fixed, self.family):
+        for _ in ladder_steps(run, fixed, self.family, self.first):
             pass
+        if run.ended.status is Status.SOLVED and len(run.tried) > _SWEEPS:
+            self.first = run.tried[-1].method
         if run.is_refused and run.refused is not None:
             raise run.refused.error
         best = run.best

@@ -27,7 +27,7 @@ from ..algebra.redundant import without_redundant_rows
 from ..algebra.schur import SchurComplement, elimination
 from ..algebra.subproblems import Blocks, Rows, blocks, restricted, with_fixed_obstacle
 from ..errors import MapError, OutOfTime
-from ..methods.contract import Infeasible
+from ..methods.contract import Infeasible, Method
 from ..methods.psor import PSOR
 from ..methods.shortcuts import Lemke
 from ..numerics.arrays import Vector, norm
@@ -66,9 +66,9 @@ def presolve(problem: ProblemData) -> ProblemData:
     return problem
 
 
-def ladder_steps(run: Run, problem: ProblemData, family: str | None) -> Iterator[None]:
-    """The steps of `run` up its ladder, with the reduction of `problem` before rung 5."""
-    ladder = Ladder(problem, run.target_reduction, family)
+def ladder_steps(run: Run, problem: ProblemData, family: str | None, first: Method | None = None) -> Iterator[None]:
+    """The steps of `run` up its ladder, with the reduction of `problem` before rung 5; `first` as in `Ladder`."""
+    ladder = Ladder(problem, run.target_reduction, family, first)
     ladder.pauses = family != "paper"
     if ladder.pauses and problem.psi.is_constant and not ladder.is_decided:
         complement = None
