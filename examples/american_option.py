@@ -9,7 +9,7 @@ Run: python examples/american_option.py       writes american_option.png and ame
 # ## The model
 #
 # A put gives the right to sell a share, worth $S$, for the strike $K$ at any time within a year. Its value $V(S, t)$ is
-# at least what exercising pays, $\psi(S) = \max(K - S, 0)$; while it is worth more it is held, and then it follows the
+# at least what exercising pays, $\psi(S) = \max(K - S, 0)$. While it is worth more it is held, and then it follows the
 # equation of Black and Scholes,
 #
 # $$\frac{\partial V}{\partial t} + L V = 0, \qquad
@@ -164,7 +164,7 @@ assert forever < edges[10] < edges[1], (
 # %%
 # **3.** What is $p/\Delta t$ where the put is exercised, and why?
 #
-# Answer: $\rho K$, the interest that who waits loses: there $V = K - S$, the share is a fair bet, and of the strike
+# Answer: $\rho K$, the interest that is lost by waiting. There $V = K - S$ and the share is a fair bet. Of the strike
 # only the interest is left, $-L(K - S) = \rho K$, on the grid but for an error of its spacing squared. (Where it is
 # exercised now it is exercised at the next date as well, so that $V_{\text{later}}$ is the payoff.)
 

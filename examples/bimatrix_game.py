@@ -18,7 +18,7 @@ Run: python examples/bimatrix_game.py         writes bimatrix_game.png and bimat
 #
 # $$C y \ge e, \quad x \ge 0, \qquad\qquad C^T x \ge e, \quad y \ge 0, \qquad\qquad \text{each pair complementary}.$$
 #
-# For $z = (x, y)$ that is $p = Az + q$ with $C$ and $C^T$ off the diagonal of $A$, $q = -(e, e)$ and $\psi = 0$; the
+# For $z = (x, y)$ that is $p = Az + q$ with $C$ and $C^T$ off the diagonal of $A$, $q = -(e, e)$ and $\psi = 0$. The
 # probabilities are $x/e^T x$ and $y/e^T y$. $g$ is `THIRD`.
 
 import matplotlib.pyplot as plt

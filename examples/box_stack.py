@@ -9,9 +9,9 @@ Run: python examples/box_stack.py        writes box_stack.png and box_stack.svg 
 # ## The model
 #
 # A contact gives an impulse in each of its rows, $z_n \ge 0$ off the surface and $z_t$ along it. After the impulses the
-# contacts have the velocities $w = Az - b$, where $A = J M^{-1} J^T$, $J$ maps the velocities of the bodies to those of
-# the contacts, and $b = -Jv$. A normal row has $w_n \ge 0$ and $w_n z_n = 0$. A row of friction has its bounds from the
-# normal row `findex[t]`:
+# contacts have the velocities $w = Az - b$, where $A = J M^{-1} J^T$ and $b = -Jv$. $J$ maps the velocities of
+# the bodies to those of the contacts. A normal row has $w_n \ge 0$ and $w_n z_n = 0$. A row of friction has its
+# bounds from the normal row `findex[t]`:
 #
 # $$-\mu z_n \le z_t \le \mu z_n, \qquad w_t = 0 \text{ in between}, \qquad w_t z_t \le 0 \text{ at a bound}.$$
 #

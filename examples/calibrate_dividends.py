@@ -9,7 +9,7 @@ Run: python examples/calibrate_dividends.py   writes calibrate_dividends.png and
 # %%
 # ## The model
 #
-# As in the lesson on dividends, the reserve of a firm drifts by $\mu$ a year with the volatility $\sigma$; paying it
+# As in the lesson on dividends, the reserve of a firm drifts by $\mu$ a year with the volatility $\sigma$. Paying it
 # down from $x$ to $y$ is worth $(x - y - c)/(1 + \lambda)$ to its owner. Its value $V$ solves, on a grid,
 #
 # $$p = AV + q \ge 0, \qquad r = V - \psi(V) \ge 0, \qquad p^T r = 0, \qquad

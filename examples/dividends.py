@@ -177,7 +177,7 @@ assert np.allclose(ratio, (1 + TAX) / (1 + 2 * TAX), rtol=1e-8), (
 #
 # Answer: $\psi$ is monotone, and a constant added to $V$ is added to $\psi(V)$, no more. With $A$, whose rows are
 # dominant, that leaves room for one solution if there is a *strict supersolution*, some $s$ with $As + q > 0$ and
-# $s > \psi(s)$; there is one since every payment costs something. Its margin also turns the residual of any $z$ into a
+# $s > \psi(s)$. There is one since every payment costs something. Its margin also turns the residual of any $z$ into a
 # bound of its error. The certificate names this proof.
 
 bound = solution.certificate.bound

@@ -9,7 +9,7 @@ Run: python examples/friction_block.py        writes friction_block.png and fric
 # ## The model
 #
 # A block of mass $m$ starts from rest on a slope of angle $\alpha$. In one time step $\Delta t$ the slope gives it two
-# impulses, $z = (\lambda_n, \lambda_t)$: $\lambda_n$ off the slope and $\lambda_t$ downhill, so that friction, which
+# impulses, $z = (\lambda_n, \lambda_t)$: $\lambda_n$ off the slope and $\lambda_t$ downhill. Friction, which
 # holds it, is negative. What comes of them and of gravity is its velocity $p$, off the slope and downhill:
 #
 # $$p = \frac{1}{m}\, z + g\,\Delta t \begin{pmatrix} -\cos\alpha \\ \sin\alpha \end{pmatrix}.$$
@@ -140,7 +140,7 @@ assert np.allclose(heavy.p, light.p), "and the same velocities"
 # of a row in which both are 0?
 #
 # Answer: Both are 0: friction is at its bound, and the block still rests. The row is *degenerate*. A certificate proves
-# on which side of its obstacle a row lies where an error that is not excluded cannot change it; here it can, and the
+# on which side of its obstacle a row lies where an error that is not excluded cannot change it. Here it can, and the
 # row is counted as undecided.
 
 edge = step(np.rad2deg(np.arctan(MU)))

@@ -164,7 +164,7 @@ assert np.ptp(flow[: last + 1]) < 1e-6 < flow[-1] - flow[0], (
 # **3.** The continuous problem with $\varepsilon = 0.5$ has the highest pressure 0.745831366621. By which factor does
 # the error fall where the grid is made three times as fine?
 #
-# Answer: About 9, $3^2$: the scheme is of second order, in spite of the free boundary; not exactly, since the error
+# Answer: About 9, $3^2$: the scheme is of second order, in spite of the free boundary. Not exactly, since the error
 # depends as well on where between two grid points the film ends. The parabola through the three highest points gives
 # the highest pressure between grid points.
 

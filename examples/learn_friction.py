@@ -10,20 +10,20 @@ Run: python examples/learn_friction.py        writes learn_friction.png and lear
 # ## The model
 #
 # A block lies on a gentle slope that is shaken along itself with the acceleration $a(t)$. In one step of time
-# $\Delta t$, in the frame of the slope, $z = (\lambda_n, \lambda_t)$ are the impulses off the slope and along it, and
-# $p$ the velocities off it and downhill; with the velocity $v$ before,
+# $\Delta t$, in the frame of the slope, $z = (\lambda_n, \lambda_t)$ are the impulses off the slope and along it.
+# $p$ are the velocities off it and downhill. With the velocity $v$ before,
 #
 # $$p = \frac{1}{m} z + \begin{pmatrix} -g\cos\alpha\,\Delta t \\ v + (g\sin\alpha - a)\,\Delta t \end{pmatrix}, \qquad
 #   0 \le \lambda_n \perp p_1 \ge 0, \qquad -\mu\lambda_n \le \lambda_t \le \mu\lambda_n .$$
 #
 # Friction is at its lower bound, $\lambda_t = -\mu\lambda_n$, if the block slips downhill, $p_2 > 0$, and at the upper
-# one if it slips uphill; it sticks, $p_2 = 0$, while friction can hold it. So $\mu$ is in both obstacles. The place of
+# one if it slips uphill. It sticks, $p_2 = 0$, while friction can hold it. So $\mu$ is in both obstacles. The place of
 # the block is measured after each step, with noise; wanted is the $\mu$ for which
 #
 # $$\sum_k \left(\frac{x_k(\mu) - x_k^{\text{measured}}}{\text{noise}}\right)^2$$
 #
-# is least. For that one needs $dx_k/d\mu$: `forward` takes what the step before changes, $dq = (0, dv)$, and what $\mu$
-# changes here, the slopes of both obstacles, and gives $dz$, hence the next $dv$. The search begins at `START`.
+# is least. For that one needs $dx_k/d\mu$. `forward` takes what the step before changes, $dq = (0, dv)$, and what $\mu$
+# changes here, the slopes of both obstacles. It gives $dz$, hence the next $dv$. The search begins at `START`.
 
 import matplotlib.pyplot as plt
 import numpy as np

@@ -13,8 +13,8 @@ Run: python examples/market_equilibrium.py    writes market_equilibrium.png and 
 #
 # $$p = Az - w \ge 0, \qquad r = z - \psi(z) \ge 0, \qquad p^T r = 0.$$
 #
-# $p_i$ is supply less demand of good $i$: it rises with its own price and falls with the prices of the others, which
-# replace it a little; $w$ is what is wanted if everything is free. The law keeps the wage above a share of the cost of
+# $p_i$ is supply less demand of good $i$. It rises with its own price and falls with the prices of the others, which
+# replace it a little. $w$ is what is wanted if everything is free. The law keeps the wage above a share of the cost of
 # living,
 #
 # $$\psi(z) = \left(0,\ 0,\ s\,\sqrt{0.01 + z_{\text{bread}}\, z_{\text{housing}}}\right).$$
@@ -149,7 +149,7 @@ assert below < 1e-8 < above, (
 # up with. Are prices the same?
 #
 # Answer: Yes: at the solution the obstacle has the same value, and an equilibrium asks for nothing else of it. But who
-# sets the floor in money has to know that wage; set at 1.2 times the cost of living of the *free* market, the floor is
+# sets the floor in money has to know that wage. Set at 1.2 times the cost of living of the *free* market, the floor is
 # much lower, since the floor itself makes living dearer.
 
 moving = prices(1.2)

@@ -142,7 +142,7 @@ assert pressure.max() <= 4 * CURVATURE * (1 + 1e-8), "and nowhere larger"
 # %%
 # **2.** Add up all equations $p = Az$. What carries the force with which the membrane presses on the hill?
 #
-# Answer: The frame. In the sum every inner coupling cancels; what is left is one $z$ for each side that a point has to
+# Answer: The frame. In the sum every inner coupling cancels. What is left is one $z$ for each side that a point has to
 # the frame, whose height is 0: the pull on the frame.
 
 frame = square(solution.z)

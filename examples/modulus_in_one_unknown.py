@@ -108,7 +108,7 @@ for Omega in (0.4, 2.0, OMEGA):
 # ### In a picture
 #
 # Go from the start up to the V, across to the diagonal, up or down to the V again: a cobweb. With a small $\Omega$ the
-# piece falls, and the walk turns round the solution; with a large one it rises, and the walk comes from one side; with
+# piece falls, and the walk turns round the solution. With a large one it rises, and the walk comes from one side. With
 # $\Omega = a$ it is level, and one step hits. To the right the same walks as errors: how steep the lines are is the
 # slope of the pieces.
 

@@ -1,7 +1,7 @@
 r"""What of the paper holds, what had to be mended, and what fails? Every statement, tested by the smallest numbers.
 
 Kumar, Deepmala and Das, *More on modulus based iterative method for solving implicit complementarity problem*, is where
-this package began. Each of its statements is here with numbers that show a verdict, computed live; a line that does not
+this package began. Each of its statements is here with numbers that show a verdict, computed live. A line that does not
 show it would be marked NO, and the count at the end is made of what was shown.
 
 Run: python examples/paper_under_the_microscope.py      writes paper_under_the_microscope.png and .svg into the current
@@ -24,7 +24,7 @@ folder, and paper_counterexamples.png
 # ## The model
 #
 # Find $z$ with $p = Az + q \ge 0$, $r = z - \psi(z) \ge 0$ and $p^\top r = 0$, where
-# $|\psi(x) - \psi(y)| \le G|x - y|$. In what follows $D = \mathrm{diag}(A)$, $B = D - A$, $e = (1, \ldots, 1)$;
+# $|\psi(x) - \psi(y)| \le G|x - y|$. In what follows $D = \mathrm{diag}(A)$, $B = D - A$, $e = (1, \ldots, 1)$.
 # $\varphi$ is a diagonal matrix, $\varphi_1$ and $\varphi_2$ are positive ones, and $\Omega = \varphi_1^{-1}\varphi_2$.
 # With a splitting $A = M_1 - N_1$ the matrix of a step is $X = M_1 + \varphi + \Omega$.
 #
@@ -369,7 +369,7 @@ judge(
 # %%
 # ### The members: holds
 #
-# MNMOD has $M_1 = A$ and $\Omega = I$; MNMAOR has $M_1 = (D - \theta_2 L)/\theta_1$ and $N_1 = ((1 - \theta_1)D +
+# MNMOD has $M_1 = A$ and $\Omega = I$. MNMAOR has $M_1 = (D - \theta_2 L)/\theta_1$ and $N_1 = ((1 - \theta_1)D +
 # (\theta_1 - \theta_2)L + \theta_1 U)/\theta_1$, with MNMSOR, MNMGS and MNMJ in it. True, once $A = D - L - U$.
 
 thetas, free = (
@@ -501,7 +501,7 @@ judge("Theorem 4.2", MENDED, "wᵢᵢ for wᵢⱼ; the corrected one takes any s
 # $\varphi_1 B$, from which $\varphi_1$ cancels.) Then MNMAOR converges.
 #
 # The number must be $\rho(D^{-1}(|B| + \Omega G))$: $D^{-1}$ stands before both terms, as it does at the end of the
-# proof, and $\varphi_1$ cancels from the second one as well.
+# proof. $\varphi_1$ cancels from the second one as well.
 
 circle, gauss_seidel = (
     icp.ICP([[0.1]], [1.0], icp.Affine([[-5.0]], 6.0)),
@@ -747,8 +747,8 @@ figure.savefig("paper_counterexamples.png", dpi=150)
 # ## What no theorem here can give
 #
 # The abstract promises conditions "when the system matrix is a P-matrix". Being one is not enough for the members that
-# the paper names: on the wheel of theorem 4.1 the step with $M_1 = A$ and $\Omega = \omega I$ turns the error in the
-# plane across $(1, 1, 1)$, whatever $\omega$ is, and never shrinks it; Gauss–Seidel is in a circle of two. [Why
+# the paper names. On the wheel of theorem 4.1 the step with $M_1 = A$ and $\Omega = \omega I$ turns the error in the
+# plane across $(1, 1, 1)$. It never shrinks it, whatever $\omega$ is. Gauss–Seidel is in a circle of two. [Why
 # relaxation helps](why_relaxation_helps.md) has the picture, and a step that does converge.
 
 for omega in (0.5, 1.0, 2.0, 8.0):
@@ -879,7 +879,7 @@ for s in (0.5, 0.9, 1.1, 5.0, 9.0):
 # **1.** In the counterexample with the shift $\varphi = -1.5$ the error is multiplied by $-3$. Up to which negative
 # $\varphi$ does that method still converge?
 #
-# Answer: $A = M_1 = \Omega = 1$, hence $X = 2 + \varphi$ and a step multiplies by $1 - 2/(2 + \varphi)$, which is above
+# Answer: $A = M_1 = \Omega = 1$, hence $X = 2 + \varphi$. A step multiplies by $1 - 2/(2 + \varphi)$, which is above
 # −1 for $\varphi > -1$. A negative shift is not always wrong, only never promised.
 
 for phi in (-0.9, -1.1):

@@ -104,7 +104,7 @@ def expected_error(solution: icp.Solution) -> np.ndarray:
 # %%
 # ## What is seen
 #
-# Where the membrane touches, the obstacle is known several times better than one height is measured; where it hangs
+# Where the membrane touches, the obstacle is known several times better than one height is measured. Where it hangs
 # free, the answer is a guess, and the expected error says so. (It counts noise. That splines cannot have quite the
 # shape of the hills comes on top of it.)
 

@@ -100,7 +100,7 @@ place = (
 print(f"{touches.sum()} of {N} points touch{place}")
 
 # %%
-# Between its last contact and the nail the string is a parabola; where it lies on the bump it is pushed up by
+# Between its last contact and the nail the string is a parabola. Where it lies on the bump it is pushed up by
 # $w - \psi'' = w + 4$ per length.
 
 figure, (shape, force) = plt.subplots(1, 2, figsize=(9, 3.9), layout="constrained")
@@ -154,7 +154,7 @@ for weight in sorted({-1.2, -0.5, 0.0, 1.0, 5.0, 20.0, WEIGHT}):
 # **1.** Where does the string first touch the bump? (Left of it $u = as + w s^2/2$; at the first contact $u$ and
 # $u'$ are those of the bump.)
 #
-# Answer: Eliminating $a$ gives $s_1^2\,(2 + w/2) = 2 \cdot 0.6^2 - 0.15 = 0.57$, and from the other nail, at the
+# Answer: Eliminating $a$ gives $s_1^2\,(2 + w/2) = 2 \cdot 0.6^2 - 0.15 = 0.57$. From the other nail, at the
 # distance 0.4 from the top of the bump, $(1 - s_2)^2\,(2 + w/2) = 2 \cdot 0.4^2 - 0.15 = 0.17$.
 
 for weight in (0.0, 1.0, 5.0):

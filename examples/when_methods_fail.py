@@ -52,7 +52,7 @@ def report(
 # ## What is seen
 #
 # **A condition that the literature prints and that is false.** It bounds $\varrho(D^{-1}|B| + \varphi_2 G)$, here
-# $0.1 \cdot 5 = 0.5 < 1$, and promises convergence; the right number has $D^{-1}$ before both terms and is 5. The
+# $0.1 \cdot 5 = 0.5 < 1$, and promises convergence. The right number has $D^{-1}$ before both terms and is 5. The
 # method cycles, and says so.
 
 for as_printed in (True, False):
@@ -145,7 +145,7 @@ for phi2 in sorted({0.005, 0.01, 0.018, 0.1, 0.15, PHI2}):
 # **1.** For which $\varphi_2$ does the first method converge near $z^*$? The advice is a larger $\varphi$, which is
 # added to $M$: for $\varphi_2 = 0.1$, how large has it to be?
 #
-# Answer: $|1 - 12\varphi_2/(0.1 + \varphi + \varphi_2)| < 1$ if and only if $5\varphi_2 < 0.1 + \varphi$: for
+# Answer: $|1 - 12\varphi_2/(0.1 + \varphi + \varphi_2)| < 1$ if and only if $5\varphi_2 < 0.1 + \varphi$. For
 # $\varphi = 0$ that is $\varphi_2 < 0.02$, and for $\varphi_2 = 0.1$ it is $\varphi > 0.4$.
 
 for options in (
@@ -164,7 +164,7 @@ for options in (
 # there. Which eigenvalues of $A$ are to blame?
 #
 # Answer: $\pm i\sqrt3$. Where $p$ decides in all rows the error is multiplied by $(\omega I + A)^{-1}(\omega I - A)$,
-# and $|\omega - \lambda| = |\omega + \lambda|$ for an imaginary $\lambda$: the error is turned and never becomes
+# and $|\omega - \lambda| = |\omega + \lambda|$ for an imaginary $\lambda$. The error is turned and never becomes
 # smaller. Pivoting does not care.
 
 for start in ([0.0, 0.0, 0.0], [1.0, 0.0, 0.0]):

@@ -14,9 +14,9 @@ the work-precision chart which_solver_race.png
 #
 # $$-(H^3u')' + H' \ge 0, \qquad u \ge 0, \qquad \text{one of them } 0.$$
 #
-# On a grid of $n$ points with rows multiplied by $h^2$ this is $Az + q \ge 0$, $z \ge 0$, complementary, with entries
-# of $A$ near 1 and $q_i \approx h^2 H'$. $A$ is symmetric and positive definite, so that $z$ is also the solution of a
-# quadratic program, which any QP solver takes:
+# On a grid of $n$ points with rows multiplied by $h^2$ this is $Az + q \ge 0$, $z \ge 0$, complementary. The entries
+# of $A$ are near 1 and $q_i \approx h^2 H'$. $A$ is symmetric and positive definite, so that $z$ is also the solution
+# of a quadratic program, which any QP solver takes:
 #
 # $$\min_{z \ge 0}\ \tfrac{1}{2} z^T A z + q^T z.$$
 #

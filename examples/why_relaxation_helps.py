@@ -59,7 +59,7 @@ print(
 # \text{up to } \omega^* = \frac{2}{1 + \sqrt{1 - \mu^2}}, \qquad \sigma(\omega) = \omega - 1 \quad
 # \text{beyond.}$$
 #
-# *Why it helps*: long waves of the error shrink slowly and always the same way; whoever goes further in that direction
+# *Why it helps*: long waves of the error shrink slowly and always the same way. A larger step in that direction
 # makes them shrink faster, until at $\omega^*$ all waves shrink alike and begin to turn round. *Why it kills*: the
 # eigenvalues of a sweep over $m$ points have the product $(1 - \omega)^m$. Beyond $\omega = 2$ at least one of them is
 # larger than 1, whatever the matrix is, and `PSOR` refuses such an $\omega$.
@@ -114,7 +114,7 @@ print(
 # ### Another way to fail: on the way there
 #
 # The paper's sweep with $\theta_2 = \theta_1$ (`MNMSOR`) looks at the *old* values inside its modulus. There is no
-# formula for it, but near the solution it is linear, too: $e^+ = (I - 2X^{-1}S)\,e$ with $X = M_1 + D$, where a row of
+# formula for it, but near the solution it is linear, too: $e^+ = (I - 2X^{-1}S)\,e$ with $X = M_1 + D$. A row of
 # $S$ is that of $A$ if it hangs free and that of $D$ if it lies on the bump. The largest eigenvalue says how fast the
 # method is *there*, and it would bear $\theta_1 = 6$. From $z = 0$ it does not come there: it overshoots, rows change
 # between bump and air, and every such step is linear with another matrix. An eigenvalue at the solution says nothing
@@ -145,7 +145,7 @@ for theta in THETAS:
     )
 
 # %%
-# (With $\theta_2 = 2\theta_1$ a free row does what projected SOR does with $\omega = 2\theta_1/(1 + \theta_1)$: half of
+# (With $\theta_2 = 2\theta_1$ a free row does what projected SOR does with $\omega = 2\theta_1/(1 + \theta_1)$. Half of
 # the newest values got lost in the modulus, and twice as many make good for it.)
 #
 # ### A third way: neither alive nor dead

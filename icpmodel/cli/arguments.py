@@ -22,8 +22,8 @@ from ..modelling.formats import SUFFIXES
 from ..scenes import Scene, scene
 from ..scenes import names as scene_names
 
-SOURCE_HELP = f"""SOURCE is the name of a built-in scene (see `icpmodel scenes`), an .npz file written by
---save-problem, a .mat file with the variables A, q, psi and upper, or a folder of Matrix Market files with a psi.json.
+SOURCE_HELP = f"""SOURCE is the name of a built-in scene (see `icpmodel scenes`) or an .npz file written by
+--save-problem. It may be a .mat file with A, q, psi and upper, or a folder of Matrix Market files with a psi.json.
 Without SOURCE give --A and --q, and --psi and --upper for obstacles other than 0. A file name of A or of a vector ends
 in {", ".join(SUFFIXES)}; in .csv and .txt the first line may have names. One of the files may be -, standard input."""
 

@@ -48,7 +48,7 @@ def _(race: Race) -> Drawing:
     times = Panel(
         draw=partial(_quickest, first, style_of),
         caption="The time to the accuracy that solve() aims at by default, the shortest at the top, on a logarithmic "
-        "axis; in brackets how much of it goes by before the first step.",
+        "axis. In brackets: how much of it goes by before the first step.",
         alt=f"Times to the default accuracy. {took or 'None reached it'}.",
         height=_AXES_HEIGHT + _LINE_HEIGHT * max(len(first), 4),
     )

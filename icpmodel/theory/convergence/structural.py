@@ -55,15 +55,15 @@ from ..matrices.eigenvalue import largest_above, smallest_below, within_reach
 from .conditions import StepMatrices
 
 MONOTONE = (
-    "If A is a Z-matrix, ψ is continuous and isotone and X = M₁ + φ + Ω is diagonal with X ≥ 2D and X ≥ 2Ω "
-    "(for M₁ = D: φ ≥ |D − Ω|), or the method is projected SOR with ω ≤ 1, D > 0, the step is isotone and converges "
-    "downwards from every supersolution that lies above a subsolution, upwards from that subsolution; global "
-    "convergence also needs A1 ≥ 0, ψ(z + t) ≤ ψ(z) + t for t ≥ 0, ψ convex and a strict supersolution, which are not "
-    "checked here; with an upper obstacle, isotone too, the limit is a solution if ψ ≤ ψ̄ there"
+    "Let A be a Z-matrix and ψ continuous and isotone. Let X = M₁ + φ + Ω be diagonal with X ≥ 2D and X ≥ 2Ω "
+    "(for M₁ = D: φ ≥ |D − Ω|), or the method projected SOR with ω ≤ 1, D > 0. Then the step is isotone. It converges "
+    "downwards from every supersolution that lies above a subsolution, upwards from that subsolution. Global "
+    "convergence also needs A1 ≥ 0, ψ(z + t) ≤ ψ(z) + t for t ≥ 0, ψ convex and a strict supersolution. These are not "
+    "checked here. With an upper obstacle, isotone too, the limit is a solution if ψ ≤ ψ̄ there"
 )
 DEFINITE = (
     "If A is positive definite, the obstacles constant, M₁ = A and φ = 0, the method converges from every start for "
-    "every diagonal Ω > 0; with Ω = ωI and w = (A + ωI)(z − z*), ‖w⁺‖₂ ≤ σ‖w‖₂, σ = ‖(A − ωI)(A + ωI)⁻¹‖₂ < 1"
+    "every diagonal Ω > 0. With Ω = ωI and w = (A + ωI)(z − z*), ‖w⁺‖₂ ≤ σ‖w‖₂, σ = ‖(A − ωI)(A + ωI)⁻¹‖₂ < 1"
 )
 
 

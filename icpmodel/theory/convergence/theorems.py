@@ -289,7 +289,7 @@ _THEOREMS = {
     "4.1": _Theorem(
         "If ρ(L) < 1, L = |X⁻¹|(|N₁ + φ| + |A − Ω| + 2ΩG), " + _CONVERGES + ", |zᵏ − z*| ≤ Lᵏ(I − L)⁻¹|z¹ − z⁰|",
         _by_radius("rho(L)", theorem_41),
-        "If A is a P-matrix and ρ(L) < 1, L = |X⁻¹|(|N₁ + φ| + |A − Ω| + 2ΩG), then ICP has one solution and the "
+        "If A is a P-matrix and ρ(L) < 1, L = |X⁻¹|(|N₁ + φ| + |A − Ω| + 2ΩG), then ICP has one solution. The "
         "method converges to it from every nonnegative start, each |zᵏ⁺¹ − z*| < |zᵏ − z*|",
         # that A is a P-matrix follows: for psi = 0 and every q the step has one fixed point
         _by_radius("rho(L)", theorem_41),
@@ -308,8 +308,8 @@ _THEOREMS = {
         _by_radius("rho(D^-1(|B| + Omega G + (D - Omega)+))", theorem_43),
         "AOR: if A is an H₊-matrix, φ₂ ≥ φ₁D and max(θ₁, θ₂)·ρ(D⁻¹|B| + φ₂G) < min(1, θ₁), " + _CONVERGES,
         _by_radius("rho(D^-1|B| + phi2 G)", lambda step: theorem_43(step, as_printed=True)),
-        "the parenthesis: A = .1, q = 1, ψ = 6 − 5z, φ₁ = 1, φ₂ = .1 ends in the cycle −10, 56; φ < 0: A = 1, q = −1, "
-        "φ = −1.5 has the error factor −3; θ₂ < 0: A = [1, −.5; −.5, 1], θ = (1, −4) has an error matrix of radius "
+        "the parenthesis: A = .1, q = 1, ψ = 6 − 5z, φ₁ = 1, φ₂ = .1 ends in the cycle −10, 56. φ < 0: A = 1, q = −1, "
+        "φ = −1.5 has the error factor −3. θ₂ < 0: A = [1, −.5; −.5, 1], θ = (1, −4) has an error matrix of radius "
         "1.151",
     ),
     "4.4": _Theorem(
