@@ -152,11 +152,11 @@ class SingularOperator(NotApplicable):
 
 
 class OutOfTime(IcpError):
-    """A step is foreseen to take longer than what is left of `time_limit`; a run ends with its best iterate then."""
+    """A step is expected to take longer than `time_limit` leaves; the run ends with its best iterate."""
 
 
 class OutOfMemory(IcpError, MemoryError):
-    """A step is foreseen to take more memory than there is, or `memory_limit` leaves; a run goes on without it."""
+    """A step is expected to need more memory than there is or `memory_limit` leaves; the run goes on without it."""
 
 
 class NotSolved(IcpError):

@@ -1,4 +1,4 @@
-"""Algebraic multigrid for a matrix of which some rows and columns are left out: PyAMG's levels, truncated by masks."""
+"""Algebraic multigrid for a principal submatrix of A: PyAMG's levels of A, truncated by masks."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ _MAX_CROSSING = 4.0 * UNIT_ROUNDOFF
 
 
 def without_redundant_rows(problem: ProblemData) -> ProblemData:
-    """A problem of the same size with constant obstacles, each solution of which is one of `problem`.
+    """A problem of the same size with constant obstacles. Each of its solutions is one of `problem`.
 
     It has a solution if and only if `problem` has one.
 

@@ -25,7 +25,7 @@ Several = Callable[[Vector, int], list[Stepped]]
 
 
 class Sweep:
-    """A step of which `several(z, count)` are made by one call."""
+    """A step; `several(z, count)` makes several of them in one call."""
 
     def __init__(self, single: Step, several: Several) -> None:
         self.single, self.several = single, several
@@ -43,7 +43,7 @@ def repeated_steps(step: Step, z: Vector, count: int = AT_ONCE) -> list[Stepped]
 def compiled_step(problem: ProblemData, parameters: tuple[Any, ...], forward: bool = True) -> Step:
     """One compiled sweep as a step, forward or backward through the rows, with the `parameters` of the kernel.
 
-    An affine ψ is evaluated inside the sweep, of which several are then made in one call; any other
+    An affine ψ is evaluated inside the sweep, and several sweeps are then made in one call; any other
     is called once for each.
     """
     from .kernels.sweeps import in_order, some_in_order

@@ -132,7 +132,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def _leave(signum: int, frame: FrameType | None) -> None:
-    """End at once: mpiexec makes SIGTERM of Ctrl-C, for all ranks, of which the first says so."""
+    """End at once: mpiexec turns Ctrl-C into SIGTERM for all ranks; the first rank reports it."""
     if all(os.environ.get(name, "0") == "0" for name in _RANKS):
         os.write(2, b"icpmodel: interrupted\n")
     os._exit(130)

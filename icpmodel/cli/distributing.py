@@ -1,4 +1,4 @@
-"""`mpiexec -n RANKS icpmodel distributed`: a problem of which every rank makes or reads its own rows, solved on all."""
+"""`mpiexec -n RANKS icpmodel distributed`: every rank makes or reads its own rows of a problem, and all solve it."""
 
 from __future__ import annotations
 

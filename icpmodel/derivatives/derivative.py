@@ -441,7 +441,7 @@ class Derivative(ReadOnly, Plottable):
 
     @cached_property
     def _open(self) -> Mask:
-        """The rows of which it is not proved that they are at an obstacle or off it."""
+        """The rows that are not proved to be at an obstacle or off it."""
         return self.solution.active_set.undecided
 
     @cached_property

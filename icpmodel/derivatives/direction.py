@@ -67,7 +67,7 @@ class Direction:
         return [(None, None) if change is None else psi.data_change(z, change, name) for name, psi, change in sides]
 
     def times(self, factor: float) -> Direction:
-        """`factor` times as fast, of one of which `right_side` was asked for, and which is thus as it should be."""
+        """The direction times `factor`, without new checks: call `right_side` of this one first."""
         return Direction(self.problem, *(_times(factor, one) for one in (self.matrix, self.q, self.below, self.above)))
 
 

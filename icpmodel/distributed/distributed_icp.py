@@ -222,7 +222,7 @@ def _own_entries(value: Any, low: int, high: int) -> Vector:
 
 
 def by_rows(problem: Any, comm: Any = None) -> DistributedICP:
-    """The problem of which every rank assembles its own rows; no rank holds all.
+    """The problem, each rank assembling its own rows; no rank holds all.
 
     Parameters
     ----------

@@ -77,7 +77,7 @@ def release(*comms: Any) -> None:
 def together(comm: Any) -> Iterator[None]:
     """A block of local work that ranks leave together: what the first of them raises, all of them raise.
 
-    Nothing in it may wait for other ranks. The error of another rank than 0 says of which one it is.
+    Nothing in it may wait for other ranks. The error of another rank than 0 names the rank.
     """
     fault: Exception | None = None
     try:
@@ -109,7 +109,7 @@ def totals(comm: Any, *numbers: float) -> list[float]:
 
 
 def norm(comm: Any, own: Vector) -> float:
-    """‖x‖₂ of the x of which every rank has its `own` entries, in one reduction."""
+    """‖x‖₂, where each rank has its `own` entries of x, in one reduction."""
     return float(np.sqrt(totals(comm, float(np.sum(own**2)))[0]))
 
 

@@ -46,7 +46,7 @@ class AffineRows(NamedTuple):
         return AffineRows(Z, W, np.concatenate([self.constant, other.constant]))
 
     def spread(self, rows: NDArray[np.intp], count: int, default: float) -> AffineRows:
-        """`count` rows, of which the `rows` are these and the others the constant `default`."""
+        """`count` rows: the `rows` are these, the others the constant `default`."""
         S = sp.csr_array((np.ones(rows.size), (rows, np.arange(rows.size))), shape=(count, rows.size))
         constant = np.full(count, default)
         constant[rows] = self.constant

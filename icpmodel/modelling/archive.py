@@ -28,7 +28,7 @@ _CSR = ("data", "indices", "indptr")
 
 @contextmanager
 def opened(path: Path, shares: int = 1) -> Iterator[tuple[BinaryIO, int]]:
-    """Open the file `path`, of which one of so many `shares` is read; yields it and its bytes.
+    """Open the file `path`, to read one of so many `shares` of it; yields it and its bytes.
 
     Raises FileError, for pipes and folders, too.
     """

@@ -22,7 +22,7 @@ from ..numerics.sparse_input import checked_sparse
 from ..present.whole_files import file_errors
 from .archive import REAL, check_room, content_errors, opened
 
-#: the bytes before the first variable, of which the last two tell the order of bytes
+#: the bytes before the first variable; the last two of them tell the byte order
 _HEADER_BYTES = 128
 _ORDERS = {b"IM": "<", b"MI": ">"}
 #: types of elements: numbers, a variable, and one that is compressed

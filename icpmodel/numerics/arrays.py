@@ -104,7 +104,7 @@ def as_truth(value: Any, name: str) -> bool:
 
 
 def as_list(value: Any, name: str) -> list[Any]:
-    """`value`, of which the items are meant: a text, whose items are letters, is no list. Raises InputError."""
+    """`value` as a list of its items. A text is no list, though it has letters. Raises InputError."""
     if isinstance(value, str) or not isinstance(value, Iterable) or (isinstance(value, np.ndarray) and not value.ndim):
         raise InputError(f"{name} is {described(value)}; a list was expected")
     return list(value)

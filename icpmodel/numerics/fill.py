@@ -157,7 +157,7 @@ class SymbolicAnalysis:
         return predicted_fill(self.matrix, self.signs is not None)
 
     def to_the_end(self) -> SymbolicAnalysis:
-        """This one where its fill is exact, or another one of which it is."""
+        """This prediction if it is exact, else another one that is."""
         if self.fill.seen:
             return self
         whole = SymbolicAnalysis(self.matrix, self._known_symmetry)
@@ -172,7 +172,7 @@ class SymbolicAnalysis:
         return factor_cost(self.band) > most
 
     def costs_more(self, most: float) -> bool:
-        """Whether it is foreseen to take more than so many nanoseconds to factorise A."""
+        """Whether the factorisation of A is expected to take more than so many nanoseconds."""
         return self.band_costs_more(most) and self._sparse_costs_more(most)
 
     def _sparse_costs_more(self, most: float) -> bool:

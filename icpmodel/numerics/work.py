@@ -4,7 +4,7 @@ The count stands for a clock in whatever decides, so that the same problem takes
 number of threads and under any load. Whoever does work says so with `count`.
 
 Limits are kept by asking before: `work_limit` says how much time and memory there is, and `check_budget` raises where a
-step is foreseen to take more than is left. Work in small pieces asks between them, one large piece before it is begun.
+step is expected to take more than is left. Work in small pieces asks between pieces, one large piece before it begins.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Problems of which nobody holds the whole: any range of their rows is assembled when it is asked for."""
+"""Problems that nobody stores whole: a range of rows is assembled on request."""
 
 from __future__ import annotations
 

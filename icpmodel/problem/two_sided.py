@@ -250,7 +250,7 @@ def as_map(psi: Any, n: int, upper: Any = None) -> Map:
 
 
 def _one_side(value: Any, n: int, name: str, none: float) -> Map:
-    """The obstacle `value`, of which a user speaks as `name`, and where the infinite number `none` means none."""
+    """The obstacle `value`, called `name` in messages; the infinite number `none` stands for no obstacle."""
     if isinstance(value, TwoSidedObstacle):
         raise InputError(f"{name} has two sides; one obstacle was expected")
     if isinstance(value, Map):

@@ -71,7 +71,7 @@ def call_user(call: Callable[[], Any], shape: tuple[int, ...], name: str) -> Vec
 
 
 class Parametrised(Map):
-    """A map by a user's functions, of which one, where it is given, is ψ's derivative in the user's own parameters."""
+    """A map by a user's functions; one of them may be the derivative of ψ by the user's own parameters."""
 
     def __init__(self, parameter_derivative: Callable[[Vector], Any] | None) -> None:
         function = parameter_derivative

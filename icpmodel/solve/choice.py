@@ -353,7 +353,7 @@ class Ladder:
 
 
 class InTurn:
-    """Methods of which each begins where those before it have ended, as `Ladder` has them.
+    """Methods, each begun when the one before has ended; it offers what `Ladder` offers.
 
     Parameters
     ----------

@@ -344,7 +344,7 @@ class Solution(ReadOnly, Plottable):
         if not (residual < _IMPROVEMENT * self.residual or self._closer(z)):
             return self
         left = int(known.undecided.sum())
-        guessed = f", {left} rows of which are not proved" if left else ""
+        guessed = f", {left} of these rows not proved" if left else ""
         reason = f"polished by one linear solve on the active set{guessed}"
         better = replace(self, z=z, residual=residual, why=self._and_why(reason))
         if self.certificate.bound.reason == NOT_COMPUTED:

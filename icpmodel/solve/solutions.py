@@ -44,7 +44,7 @@ class RunRecord(NamedTuple):
         return cls(method, method, method, why, 1, seconds / max(rows, 1))
 
 
-#: what is told of a row that nobody had a try at
+#: the outcome of a row that was not tried
 NOT_BEGUN = RunRecord(MNMGS(), MNMGS(), MNMGS(), "no method was tried", 0, 0.0)
 
 

@@ -1,4 +1,4 @@
-"""HiGHS on the mixed-integer form, with bounds that are widened: for problems of which no bound is known.
+"""HiGHS on the mixed-integer form, with bounds that are widened step by step: for problems without a known bound.
 
 Reference: Huangfu and Hall, Math. Program. Comput. 10 (2018), doi 10.1007/s12532-017-0130-5.
 """

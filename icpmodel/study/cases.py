@@ -16,7 +16,7 @@ from ..solvers.formulations import Target, in_typical_units
 
 
 def fresh(problem: ProblemData) -> ICP:
-    """The problem, nothing of which is known yet."""
+    """A copy of the problem without its cached facts."""
     return ICP(problem.A, problem.q, problem.psi)
 
 

@@ -33,7 +33,7 @@ from .timing import clocked, interleaved, machine
 
 #: the tolerances that each competitor is asked for
 TOLERANCES = tuple(10.0**-k for k in range(2, 13))
-#: own methods of which a chart is made where none are named
+#: own methods in the chart if none are named
 METHODS = ("mnmgs", "mnmaor, tuned", "psor, tuned", "newton", "multilevel")
 #: a claim of success is loose where the residual, relative to Res_D(0), is more than so many times what was asked for
 _LOOSE_FACTOR = 10.0

@@ -46,7 +46,7 @@ class Sensitivity(Plottable):
         An upper bound to first order, from the proof behind the error bound, whatever the active
         set. None where there is no proof.
     undecided : int
-        Rows of which it is not proved that they are at the obstacle or off it.
+        Rows that are not proved to be at the obstacle or off it.
 
     Examples
     --------

@@ -50,7 +50,7 @@ class Answer(ReadOnly, Displayable):
 
 @dataclass(frozen=True)
 class Allowance:
-    """What one question may cost: so many `products` with A, of which each costs `unit` nanoseconds as they are
+    """What one question may cost: so many `products` with A, each of `unit` nanoseconds as they are
     counted. Others learn from `undecided` that it was not enough, or that something else was not."""
 
     products: float

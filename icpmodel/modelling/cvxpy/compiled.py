@@ -57,7 +57,7 @@ class Compiled:
         backend = None if self.parameters else cp.SCIPY_CANON_BACKEND
         solver = cvxpy_solver()
         ignore = not self.is_dpp
-        # it reads sparse parameters in a way of which it warns its users
+        # CVXPY warns of the way in which it reads sparse parameters
         is_sparse = any(parameter.attributes["sparsity"] for parameter in self.parameters)
         with warnings.catch_warnings(action="ignore", category=RuntimeWarning) if is_sparse else nullcontext():
             data, chain, _ = self._model.get_problem_data(solver, ignore_dpp=ignore, canon_backend=backend)

@@ -102,7 +102,7 @@ class ParameterDerivative:
 def _gradient(
     one: cp.Expression, leaf: cp.Variable | cp.Parameter, copies: dict[int, Any], entries: cp.Variable, at: Vector
 ) -> sp.csr_array:
-    """∂one/∂leaf where its `entries`, of which its copy is made, are `at`. Raises InputError where CVXPY has none."""
+    """∂one/∂leaf where the `entries` that make its copy are `at`. Raises InputError where CVXPY has none."""
     kind = "parameter" if isinstance(leaf, cp.Parameter) else "variable"
     without = f"CVXPY has no gradient of {named(one)} in the {kind} {leaf.name()}"
     if any(leaf is x for x in _beside(one)):

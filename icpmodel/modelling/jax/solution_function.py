@@ -202,7 +202,7 @@ class Traced:
         return jax.numpy.asarray(self.calls.solved(arrays))  # an error comes as it is
 
     def tangent(self, primals: Any, tangents: Any) -> Any:
-        """The rule of forward mode, of which JAX makes that of reverse mode."""
+        """The rule of forward mode; JAX derives reverse mode from it."""
         jax = the_package()
         (arrays,) = primals
         (moved,) = tangents
@@ -248,7 +248,7 @@ class Traced:
 
 @lru_cache(maxsize=1)
 def _guard() -> Any:
-    """z ↦ 1, of which no derivative can be taken."""
+    """z ↦ 1, which raises an error where its derivative is taken."""
     jax = the_package()
 
     @jax.custom_jvp

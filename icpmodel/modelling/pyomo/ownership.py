@@ -52,7 +52,7 @@ class Ownership:
         # a nonlinear equation has an obstacle, and p = 1
         self.free = np.array(rows.equation, dtype=bool) & ~self._bent[1]
         every = np.arange(self.free.size)
-        #: the rows with two bounds, of which side 0 is r
+        #: the rows with two bounds; their side 0 is r
         self._ranges = np.isin(every, list(rows.widths))
         self.own = self._own_variables(rows.owners, both)
         self.row_of = {id(self.variables[j]): row for row, j in enumerate(self.own.tolist())}

@@ -117,7 +117,7 @@ register(_COMPILE, _watch)
 
 
 def _one(typing_context: Any) -> Any:
-    # the position 1, of which LLVM does not know that it is 1: it comes out of a piece of assembler, an empty one
+    # the position 1, which LLVM does not know to be 1: it is the output of an empty piece of assembler
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         word = ir.IntType(64)
         return builder.asm(ir.FunctionType(word, [word]), "", "=r,0", [ir.Constant(word, 1)], side_effect=False)

@@ -13,7 +13,7 @@ from ...numerics.kernels import compiled
 from ...numerics.rounding import SMALLEST
 from ...problem.kernels.residual import raised
 
-#: squares of norms in this range have neither over- nor underflown, nor are rows so small that they count as empty
+#: squares of norms from here to its reciprocal do not over- or underflow; smaller rows count as empty
 _MIN_SAFE_SQUARE = 1e-280
 _MIN_ROW_SIZE = 1e-140
 

@@ -61,7 +61,7 @@ def _listed(value: Any, name: str, none: float) -> tuple[list[Any] | None, Matri
 
 
 def _each(value: Any, is_one: Callable[[Any], bool]) -> list[Any] | None:
-    """The items of a list of which each is a value of its own; None for a single value."""
+    """The items of a list of values; None for a single value."""
     listed = isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.ndim > 0)
     return list(value) if listed and len(value) and is_one(value[0]) else None
 

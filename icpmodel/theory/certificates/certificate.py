@@ -176,7 +176,7 @@ class ActiveSet(ReadOnly, Displayable):
 
     @property
     def undecided(self) -> Mask:
-        """The rows of which nothing is proved: too near to both, or no error bound."""
+        """The undecided rows: p and r are both too near to 0, or there is no error bound."""
         decided = self.active | self.inactive
         return ~decided if self.above is None else ~(decided | self.above)
 

@@ -77,7 +77,7 @@ class CombinationRows:
 
     @property
     def free(self) -> Mask:
-        """The unknowns of which neither end is known."""
+        """The unknowns without a known bound."""
         return np.isneginf(self.low) & np.isposinf(self.high)
 
     def with_known_signs(self, y: Vector) -> Vector:

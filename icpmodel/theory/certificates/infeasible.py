@@ -74,7 +74,7 @@ def infeasible(problem: ProblemData, y: Vector, known: Known | None = None, *, b
 
 
 def answer_of(rows: CombinationRows, exact: Combination, most: Fraction, known: Known | None = None) -> Answer:
-    """The answer by an `exact` combination, of which the value is `most` < 0."""
+    """The answer by an `exact` combination whose value is `most` < 0."""
     weights = [exact.get(i, Fraction(0)) for i in range(rows.offset.size)]
     witness = as_witness(weights, lambda x: highest_value(rows, dict(enumerate(x))) is not None)
     number = nearest(most)

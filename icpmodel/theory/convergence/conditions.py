@@ -144,7 +144,7 @@ def off_diagonal(matrix: sp.csr_array) -> sp.csr_array:
 
 
 def total(*terms: Any) -> sp.csr_array:
-    """The sum of sparse matrices, of which those without entries cost nothing."""
+    """The sum of sparse matrices; those without entries cost nothing."""
     return sp.csr_array(reduce(operator.add, [one for one in terms if one.nnz] or terms[:1]))
 
 

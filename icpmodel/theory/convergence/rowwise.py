@@ -86,7 +86,7 @@ class SweepMap(HomogeneousMap):
         out = np.empty(v.size)
         k = np.diff(self._A.indptr) + 8
         scale = np.nextafter(self._omega / self._rows.diagonal, np.inf if sign > 0 else 0.0)
-        # a row takes k roundings at most, and as many underflows, of which all but a few are scaled
+        # a row takes at most k roundings and k underflows; all but a few underflows are scaled
         growth = 1.0 + sign * 4 * k * UNIT_ROUNDOFF
         tiny = sign * (scale * (k * SMALLEST) + 4 * SMALLEST)
         bounded(A.indptr, A.indices, A.data, self._rows.diag, scale, growth, tiny, f, v, g, out)

@@ -118,7 +118,7 @@ def is_dense(S: sp.csr_array) -> bool:
 
 
 def within_reach(S: sp.csr_array) -> bool:
-    """Whether the symmetric `S` (CSR) is foreseen to be factorised in seconds: a million rows on a plane."""
+    """Whether the symmetric `S` (CSR) is expected to be factorised in seconds: a million rows on a plane."""
     return is_dense(S) or not SymbolicAnalysis(S, lambda: True).costs_more(_MAX_FACTORISATION_COST)
 
 

@@ -119,7 +119,7 @@ def _members(bits: int) -> list[int]:
 
 
 def _failing_minor(M: Rationals, chosen: list[int], rest: list[int]) -> list[int] | None:
-    """A principal minor ≤ 0 that contains the indices `chosen`, of which `M` is the Schur complement in the `rest`."""
+    """A principal minor ≤ 0 with the indices `chosen`, whose Schur complement in the `rest` is `M`."""
     if not rest:
         return None
     if M[0][0] <= 0:
