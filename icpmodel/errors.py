@@ -32,7 +32,7 @@ _ELSEWHERE = {"tol": "rtol", "tolerance": "rtol", "eps": "atol", "maxiter": "max
 
 
 def did_you_mean(name: Any, known: Iterable[str]) -> str:
-    """What the end of a message asks about `name`, which is none of the names that are `known`, but near to one."""
+    """The end of a message on `name`, which is not among the `known` names: the nearest one, or nothing."""
     if not isinstance(name, str):
         return ""
     called = _ELSEWHERE.get(name.lower(), name.lower())

@@ -94,7 +94,7 @@ class ActiveEquations:
 
 
 def cycles_pay(problem: ProblemData, free: Mask) -> bool:
-    """Whether V-cycles are for A, and are predicted to cost less than factors of its `free` rows and columns."""
+    """Whether V-cycles suit A, and are predicted to cost less than factors of its `free` rows and columns."""
     matrix = problem.matrix
     rows = matrix.rows
     most = cycles_cost(problem)
@@ -138,7 +138,7 @@ class Elimination:
 
     @property
     def cost(self) -> float:
-        """What a factorisation is predicted to cost, in nanoseconds."""
+        """The predicted cost of a factorisation, in nanoseconds."""
         return work.factor_cost(self._analysis.fill)
 
     @cached_property

@@ -37,7 +37,7 @@ def lcp_rows(facts: Facts) -> int:
 
 
 def too_large(facts: Facts) -> str | None:
-    """Why its rows are not pivoted: the dense arrays do not fit into memory; None where they do."""
+    """Why the rows are not pivoted: the dense arrays do not fit into memory. None if they fit."""
     n = lcp_rows(facts)
     if work.fits(_WORK_ARRAYS * 8.0 * n**2):
         return None
@@ -142,7 +142,7 @@ class AffineLcp:
         return pivoting.begin(S / covering[:, None], *units, self.q / covering, free)
 
     def split(self) -> AffineLcp:
-        """The same with differences y⁺ − y⁻, both ≥ 0, in the `free` rows, for where these cannot be eliminated."""
+        """The LCP with y⁺ − y⁻, both ≥ 0, in place of y in the `free` rows, if these cannot be eliminated."""
         from .kernels.batched_lcps import split  # loads numba
 
         new = copy(self)
@@ -170,7 +170,7 @@ class AffineLcp:
 
 
 def dense_matrix(problem: ProblemData) -> Matrix:
-    """A as pivots take it. Raises OutOfTime and OutOfMemory where they cannot begin with it."""
+    """A as a dense array for pivoting. Raises OutOfTime or OutOfMemory if the limits do not allow it."""
     entries = float(lcp_rows(problem.facts)) ** 2
     work.check_budget(_SETUP_COST * entries, _WORK_ARRAYS * 8.0 * entries)
     return problem.dense()

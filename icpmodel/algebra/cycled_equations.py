@@ -22,12 +22,12 @@ LEAST_SLOPE = 0.1
 
 
 def cycles_cost(problem: ProblemData) -> float:
-    """What one system costs by `CycledEquations`, with as many steps as it needs as a rule."""
+    """The cost of one system by `CycledEquations`, with a typical number of Krylov steps."""
     return _TYPICAL_STEPS * (cycle_cost(problem.n, problem.nnz) + gcr_step_cost(problem.n, problem.nnz))
 
 
 class CycledEquations:
-    """J on level `top` of a hierarchy of A, never made: its products, V-cycles on the free rows, and what they solve.
+    """J on level `top` of a hierarchy of A, never assembled: products, V-cycles on the free rows, and solves.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ class CycledEquations:
         return image
 
     def preconditioned(self, f: Vector) -> Vector:
-        """About J⁻¹f; where nothing is coupled, f_I must be 0."""
+        """An approximation of J⁻¹f. For a diagonal ψ′ f_I must be 0."""
         return self._in_blocks(f, self._cycle, False) if self._coupled else self._cycle(f)
 
     def solve(self, f: Vector, tolerance: float, transposed: bool = False) -> Vector:
@@ -96,7 +96,7 @@ class CycledEquations:
         return steps.until(np.zeros(f.size), tolerance * norm(steps.rest), KRYLOV_STEPS)
 
     def _in_blocks(self, f: Vector, on_free: Callable[[Vector], Vector], transposed: bool) -> Vector:
-        """J⁻¹f or J⁻ᵀf, with `on_free` in place of A_FF⁻¹, where nothing is coupled, else about that."""
+        """J⁻¹f or J⁻ᵀf, with `on_free` in place of A_FF⁻¹; an approximation if ψ′ is not diagonal."""
         if transposed:
             y = on_free(f)
             return y + self.start(f - self._level(True).problem.product(y))

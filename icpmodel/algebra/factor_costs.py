@@ -28,12 +28,12 @@ class FactorCosts:
 
     @cached_property
     def fill(self) -> work.Fill:
-        """The entries and operations of a sparse factorisation; rough where it is not worth a full analysis."""
+        """The entries and operations of a sparse factorisation; an estimate where a full analysis does not pay."""
         return self.analysis.fill
 
     @cached_property
     def dense(self) -> float:
-        """A dense factorisation of A."""
+        """The cost of a dense factorisation of A."""
         return work.dense_cost(self.n, self._is_symmetric())
 
     @cached_property
@@ -44,17 +44,17 @@ class FactorCosts:
 
     @cached_property
     def first(self) -> float:
-        """A, or a matrix with its pattern: as a sparse one, or as a dense one."""
+        """The cost for A, or a matrix with its pattern: the sparse or the dense one, whichever is less."""
         return min(work.factor_cost(self.fill), self.dense)
 
     @cached_property
     def unsymmetric(self) -> float:
-        """A matrix with the pattern of A that is not symmetric, whether A is or not."""
+        """The cost for an unsymmetric matrix with the pattern of A."""
         return min(work.factor_cost(self.fill._replace(symmetric=False)), work.dense_cost(self.n))
 
     @cached_property
     def again(self) -> float:
-        """A matrix with the pattern of A when another one was factorised before."""
+        """The cost for a matrix with the pattern of A once another one has been factorised."""
         return work.refactor_cost(self.fill) if self.repeats else self.first
 
 
@@ -62,7 +62,7 @@ _COSTS: WeakKeyDictionary[Matrix, FactorCosts] = WeakKeyDictionary()
 
 
 def factor_costs(matrix: Matrix) -> FactorCosts:
-    """The costs of factors of `matrix`, found out once, also for all others that differ in their diagonals alone."""
+    """The costs of factors of `matrix`, computed once, also for matrices that differ only on the diagonal."""
     matrix = matrix.origin or matrix
     costs = _COSTS.get(matrix)
     if costs is None:

@@ -49,7 +49,7 @@ class Level:
         self.coarse_points: Any = None
 
     def transposed(self) -> Level:
-        """That of Aᵀ."""
+        """The level of Aᵀ."""
         A = self.A.T.tocsr()
         level = Level(ProblemData.of_checked(A, np.zeros(A.shape[0]), 0.0))
         level.P, level.coarse_points = self.P, self.coarse_points
@@ -113,7 +113,7 @@ class Hierarchy:
 
     @cached_property
     def _inverse(self) -> NDArray[np.float64]:
-        """That of the free rows of the coarsest level."""
+        """The inverse of the free rows of the coarsest level."""
         A = self._dense[np.ix_(self._rows, self._rows)]
         with one_blas_thread():
             with suppress(np.linalg.LinAlgError):
@@ -124,7 +124,7 @@ class Hierarchy:
             return np.linalg.pinv(A)
 
     def cycle(self, f: Vector, top: int = 0) -> Vector:
-        """About the x with (Ax)_i = f_i in the free rows and x_i = 0 in the others, by one V(1, 1)-cycle.
+        """Approximate, by one V(1, 1)-cycle, the x with (Ax)_i = f_i in the free rows and x_i = 0 in the others.
 
         Parameters
         ----------
@@ -144,7 +144,7 @@ class Hierarchy:
 
     @cached_property
     def is_symmetric(self) -> bool:
-        """Whether A is, and with it every level and the cycle, up to rounding."""
+        """Whether A, and so every level and the cycle, is symmetric up to rounding."""
         return self.levels[0].problem.matrix.is_symmetric
 
     @cached_property
@@ -188,7 +188,7 @@ _LAST: WeakKeyDictionary[Matrix, tuple[Any, Any, list[Level]] | NoHierarchy] = W
 
 
 def _coarser(finest: Level) -> tuple[Any, Any, list[Level]] | NoHierarchy:
-    """What is coarser than `finest`, which is not kept."""
+    """P and the coarse points of `finest`, and the coarser levels; `finest` itself is not stored."""
     levels = [finest]
     try:
         while levels[-1].A.shape[0] > _MAX_COARSEST and (level := _coarsened(levels[-1])) is not None:
@@ -203,7 +203,7 @@ def _coarser(finest: Level) -> tuple[Any, Any, list[Level]] | NoHierarchy:
 
 
 def _coarsened(last: Level) -> Level | None:
-    """One more level below `last`, which gets P and `coarse_points`; None where there is none."""
+    """The next coarser level below `last`, which gets P and `coarse_points`; None if coarsening stalls."""
     work.check_budget(hierarchy_cost(last.A.shape[0], last.A.nnz))
     # direct interpolation costs least and is made for M-matrices
     made = ruge_stuben(last.A, interpolation="direct", max_coarse=_MAX_COARSEST, max_levels=2, keep=True).levels

@@ -125,7 +125,7 @@ class LinearRows:
         return PieceBatch(sides, z, wrong)
 
     def _signs(self, sides: Sides) -> Iterator[tuple[Dense, Vector, float, NDArray[np.bool_]]]:
-        """(M, v, ±1, rows): ±(Mz + v)_i ≥ 0 is asked for in these rows, a mask of the shape of `sides`."""
+        """(M, v, ±1, rows): ±(Mz + v)_i ≥ 0 must hold in these rows, a mask of the shape of `sides`."""
         below = np.isfinite(self.c)
         above = np.isfinite(self.d)
         yield self.A, self.q, 1.0, sides == LOWER

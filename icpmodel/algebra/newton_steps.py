@@ -73,7 +73,7 @@ def newton_steps(hierarchy: Hierarchy, problem: ProblemData, z: Vector, top: int
 
 
 def sweep_with_flow(problem: ProblemData) -> Step:
-    """Projected Gauss–Seidel, from the last row to the first where what flows through A flows that way."""
+    """Projected Gauss–Seidel in the direction of the flow in A: backwards if the upper triangle is heavier."""
     rows = problem.matrix.rows
     return projected_sweep(problem, forward=rows.upper <= _MIN_UPWARD_FLOW * rows.lower)
 

@@ -16,7 +16,7 @@ _MAX_RELATIVE_RESIDUAL = 1e-6
 
 
 class ProximalSteps:
-    """Steps with the sides of a `Pattern`: z = ψ(z) in its active rows, p + D(z − centre) = 0 in the others.
+    """Newton steps of the proximal method: z = ψ(z) in the active rows of a `Pattern`, p + D(z − centre) = 0 elsewhere.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class ProximalSteps:
     def _resting(
         self, z: Vector, pattern: Pattern, centre: Vector, D: Vector, briefly: bool
     ) -> tuple[Vector, Vector] | None:
-        """The same where the obstacle is fixed."""
+        """A step with a fixed obstacle."""
         active = pattern.active
         c, top = self.obstacles
         z = np.where(active, c, z)

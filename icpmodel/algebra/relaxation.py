@@ -67,7 +67,7 @@ def is_auto(theta1: Any) -> bool:
 
 
 def a_number(theta1: Any) -> float:
-    """θ₁ where only a number will do. Raises InputError."""
+    """θ₁, which must be a number here. Raises InputError."""
     if is_auto(theta1):
         raise InputError(f"theta1 is {AUTO!r}; adapt(problem) is the member with numbers, which was expected")
     return float(theta1)
@@ -82,7 +82,7 @@ def leave_out(method: Any, *names: str) -> None:
 
 
 def as_diagonal(value: float | Vector, n: int, name: str) -> Vector:
-    """The diagonal of a matrix that a method has checked already, a number or a vector, with shape (n,).
+    """A diagonal that a method has checked, a number or a vector, as a vector of shape (n,).
 
     Raises InputError for a vector of another length.
     """
@@ -118,7 +118,7 @@ def best_omega(radius: float) -> float:
 
 
 def sor_speed(omega: float, radius: float) -> float:
-    """By how much the logarithm of the error falls in a sweep with ω where the Jacobi radius ρ is `radius`.
+    """The log reduction of the error in a sweep with ω, for the Jacobi radius ρ = `radius`.
 
     By the largest λ with (λ + ω − 1)² = ω²ρ²λ, for ω from the best one on ω − 1 (Young 1971, chapter 6). From ρ = 1 on
     it is that of ρ = 1 − 1e-6: what touches the obstacle does not count, so that nothing is said by ρ there.
@@ -198,7 +198,7 @@ class AdaptedOmega:
         self._least = self._mark = math.inf
 
     def changes(self, residual: float | None) -> bool:
-        """Whether the `residual` of the next iterate is a reason to change ω, or to be `plain` from now on."""
+        """Whether to change ω, or to stay `plain` from now on, after an iterate with this `residual`."""
         assert residual is not None
         factor = residual / self._last if self._last > 0 else math.nan
         before, self._factor, self._last = self._factor, factor, residual
@@ -230,7 +230,7 @@ class AdaptedOmega:
         return _PATIENCE + _HALVINGS_OF_PATIENCE * steps
 
     def _best(self, factor: float) -> float:
-        """The ω for which this factor, seen at the present ω, gives the least rate; 0 where it tells nothing."""
+        """The ω of the least rate, from the `factor` observed at the present ω; 0 if that is no evidence."""
         if not 0 < factor < 1:
             return 0.0
         mu = (factor + self.value - 1.0) / (self.value * math.sqrt(factor))

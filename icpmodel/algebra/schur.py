@@ -85,7 +85,7 @@ class SchurComplement:
 
 
 def elimination(problem: ProblemData, most: Callable[[], float]) -> SchurComplement | None:
-    """What eliminates the equations of `problem`; None where they are few, or a factorisation is not worth it.
+    """The elimination of the equations of `problem`; None if they are few or a factorisation does not pay.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def _made(matrix: Matrix, rows: NDArray[np.intp]) -> SchurComplement | None:
 
 
 def _linked(A: sp.csr_array, rows: NDArray[np.intp], shift: Vector) -> sp.csr_array:
-    """A + T, with a stored entry, be it 0, in each of the `rows` in the columns of the one before and of the next."""
+    """A + T, where each of the `rows` stores an entry, possibly 0, in the columns of its two neighbours."""
     i = np.concatenate([row_of(A), rows, rows[1:], rows[:-1]])
     j = np.concatenate([A.indices, rows, rows[:-1], rows[1:]])
     data = np.concatenate([A.data, shift, np.zeros(2 * rows.size - 2)])

@@ -58,7 +58,7 @@ def why_not_rows(problem: ProblemData) -> str | None:
 
 
 def secant_step(problem: ProblemData, step_of: Callable[[ProblemData], Step]) -> Step:
-    """The step that `step_of` makes for affine problems, with the slopes of `problem` at each z."""
+    """The step of `step_of`, on the affine problem with the mean slopes of f at each z."""
 
     def step(z: Vector) -> tuple[Vector, float]:
         affine, p = secant_problem(problem, z)

@@ -154,7 +154,7 @@ _NAMED = {"jacobi": AOR(1.0, 0.0), "gauss-seidel": AOR(1.0, 1.0), "whole": Whole
 
 
 def as_splitting(value: Any) -> Splitting:
-    """M₁ from what a user may write: a name, a `Splitting`, or a matrix."""
+    """M₁ from the user's argument: a name, a `Splitting`, or a matrix."""
     if isinstance(value, Splitting):
         return value
     if isinstance(value, str):

@@ -35,7 +35,7 @@ class Sweep:
 
 
 def repeated_steps(step: Step, z: Vector, count: int = AT_ONCE) -> list[Stepped]:
-    """Up to `count` ≥ 1 steps from `z`, each from where the one before it ends: one, or as many as one call makes."""
+    """Up to `count` ≥ 1 steps from `z`, one after the other: one step, or as many as one call makes."""
     several = min(count, AT_ONCE)
     return step.several(z, several) if isinstance(step, Sweep) and several > 1 else [step(z)]
 

@@ -36,7 +36,7 @@ def with_fixed_obstacle(problem: ProblemData) -> ProblemData:
 
 
 def restricted(problem: ProblemData, rows: Rows, z: Vector) -> ProblemData:
-    """The ICP in the unknowns `rows` alone, ascending, where all others are what they are in `z`, shape (n,)."""
+    """The ICP in the unknowns `rows`, ascending, with the values of `z`, shape (n,), for all others."""
     from ..numerics.kernels.graph import cut  # loads numba
 
     A = problem.A
@@ -79,11 +79,11 @@ class Blocks:
 
     @property
     def core(self) -> int:
-        """How many rows are left once the small blocks are gone."""
+        """The number of rows outside of the small blocks."""
         return sum(part.size for part in self.parts)
 
     def with_core(self, unsolved: Mask) -> Blocks | None:
-        """The blocks once the `unsolved` ones, which `forward` cannot do, belong to the core as well."""
+        """The blocks, with the `unsolved` ones, which `forward` cannot solve, added to the core."""
         core = np.zeros(self.problem.n, dtype=bool)
         core[self.rows[np.repeat(unsolved, np.diff(self.starts))]] = True
         core[np.concatenate([*self.parts, self.rows[:0]])] = True
@@ -156,7 +156,7 @@ def blocks(problem: ProblemData, core: Mask | None = None) -> Blocks | None:
 
 
 def _unsuitable(problem: ProblemData, part: Any, sizes: Any) -> Mask:
-    """The rows that `Blocks.forward` does not solve: those alone without one answer, and moving ψ inside a block."""
+    """The rows that `Blocks.forward` does not solve: rows without a unique solution, and moving ψ inside a block."""
     psi = problem.psi
     alone = sizes[part] == 1
     wrong: Mask = alone & ~(problem.A.diagonal() > 0)
@@ -177,7 +177,7 @@ def _unsuitable(problem: ProblemData, part: Any, sizes: Any) -> Mask:
 
 
 def _parts(graph: sp.csr_array, core: Rows) -> tuple[Rows, ...]:
-    """The rows of the `core` in parts that do not interact; in one where there are many."""
+    """The rows of the `core` in parts that do not interact; as one part if there are too many."""
     from scipy.sparse.csgraph import connected_components
 
     if not core.size:

@@ -219,7 +219,7 @@ class Derivative(ReadOnly, Plottable):
 
     @cached_property
     def _tolerance(self) -> float:
-        """That of linear systems which are solved by steps: the one of z, and no larger one than by default."""
+        """The tolerance of iterative solves: that of z, at most the default."""
         tolerance = RTOL
         with suppress(MapError):
             scale = self.problem.residual_scale() or norm(self.z)
@@ -404,7 +404,7 @@ class Derivative(ReadOnly, Plottable):
     @cached_property
     @np.errstate(all="ignore")
     def _delta(self) -> Vector:
-        """How far z* is at most from z, where that is proved, else twice how far steps of Newton's method lead."""
+        """The proved bound of |z − z*|, or twice the length of Newton steps if nothing is proved."""
         known = self.solution.certificate.bound.componentwise
         if known is not None:
             return known
@@ -418,7 +418,7 @@ class Derivative(ReadOnly, Plottable):
         return 2.0 * np.linalg.norm([self._step(one * F) for one in weights], axis=0)
 
     def _step(self, F: Vector) -> Vector:
-        """J⁻¹F, and where J is singular F in the units of z."""
+        """J⁻¹F, or F in the units of z if J is singular."""
         try:
             return self.solved(F)
         except SingularOperator:
@@ -427,7 +427,7 @@ class Derivative(ReadOnly, Plottable):
     @cached_property
     @np.errstate(all="ignore")
     def _ties(self) -> Ties:
-        """Which of the undecided rows may be held by which obstacle."""
+        """The undecided rows that may be at each obstacle."""
         problem = self.problem
         z = self.z
         delta = self._delta
@@ -446,7 +446,7 @@ class Derivative(ReadOnly, Plottable):
 
     @cached_property
     def _tied_jumps(self) -> Mask:
-        """The rows that are, or may be, at an obstacle which is the best of several jumps, perhaps not the only one."""
+        """The rows that are, or may be, at the best of several jumps, where another jump may be as good."""
         delta = self.solution.certificate.bound.componentwise
         tied = np.zeros_like(self._open)
         for psi, rows in zip(sides_of(self.problem.psi), self.pattern.sides(), strict=True):
@@ -456,7 +456,7 @@ class Derivative(ReadOnly, Plottable):
 
     @cached_property
     def _misplaced(self) -> Mask:
-        """The rows that are proved to be on another side than z is nearer to."""
+        """The rows that are proved to be on the side that z is farther from."""
         known = self.solution.active_set
         pattern = self.pattern
         proved = [known.active] if known.above is None else [known.active, known.above]

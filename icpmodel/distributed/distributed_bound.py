@@ -125,7 +125,7 @@ def certify(problem: DistributedICP, z: Any, levels: DistributedLevels | None = 
 
 
 class _Point:
-    """A `Vec` z with all that a bound asks of it in the own rows. Collective."""
+    """A `Vec` z, and all that a bound needs of it in the own rows. Collective."""
 
     def __init__(self, problem: DistributedICP, z: Any) -> None:
         self.problem = problem
@@ -191,7 +191,7 @@ def moved(problem: DistributedICP, delta: Vector) -> Vector:
 
 
 def _may_cross(problem: DistributedICP, here: _Point, change: Vector) -> bool:
-    """Whether it is not certain that ψ ≤ ψ̄ for all x within the bound of z. Fixed obstacles were looked at."""
+    """Whether ψ > ψ̄ is possible at an x within the bound of z. Fixed obstacles were checked before."""
     if here.above is None or all(one.is_fixed for one in problem.maps):
         return False
     with np.errstate(invalid="ignore"):

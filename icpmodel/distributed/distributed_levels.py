@@ -103,7 +103,7 @@ class DistributedLevel:
 
 
 class DistributedLevels:
-    """The levels of `matrix`, finest first: `levels`; with what solves A_FF x = f_F where F, the free rows, changes.
+    """The `levels` of `matrix`, finest first, and solves of A_FF x = f_F for changing free rows F.
 
     The diagonal must be positive. Where PETSc makes no hierarchy of it there is one level.
     """
@@ -121,7 +121,7 @@ class DistributedLevels:
         release(matrix.comm, self.levels[-1].matrix.comm)  # hypre's levels have a communicator of their own
 
     def restrict(self, free: Vector, top: int) -> None:
-        """Let only the rows where `free` is 1, of level `top`, take part in what is solved from now on. Collective."""
+        """Restrict later solves to the rows of level `top` where `free` is 1. Collective."""
         weight = 1.0
         for level in self.levels[top:]:
             mask = level.matrix.vector(free)

@@ -31,14 +31,14 @@ class DistributedMatrix:
 
     @cached_property
     def diagonal(self) -> Vector:
-        """That of the own rows."""
+        """The diagonal of the own rows."""
         entries: Vector = self.mat.getDiagonal().array.copy()
         entries.flags.writeable = False
         return entries
 
     @property
     def row_weights(self) -> Vector:
-        """Those of the own rows: see `problem.Matrix.row_weights`."""
+        """The weights of the own rows: see `problem.Matrix.row_weights`."""
         return self.own_entries[3]
 
     @cached_property
@@ -62,7 +62,7 @@ class DistributedMatrix:
         return q if self.comm.size == 1 else q + (self.product(z).array_r - self.block @ z.array_r)
 
     def forget_block(self) -> None:
-        """Free what sweeps on this level needed."""
+        """Free the arrays of sweeps on this level."""
         for name in ("block", "block_diagonal"):
             vars(self).pop(name, None)
 
@@ -136,7 +136,7 @@ class DistributedMatrix:
 
     @cached_property
     def _template(self) -> Any:
-        """A copy of a vector asks nothing of other ranks, another one from the matrix does."""
+        """A vector to copy: a copy needs no communication, a new vector of the matrix does."""
         return self.mat.createVecRight()
 
     def product(self, z: Any) -> Any:

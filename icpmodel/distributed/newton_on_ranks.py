@@ -192,7 +192,7 @@ def _coarse(
 
 
 def simplified(problem: DistributedICP, start: bool = False) -> DistributedICP:
-    """The problem with the same solutions in which a user's function f is called only where it must be.
+    """An equivalent problem that calls a user's function f only where it must.
 
     That is where the obstacle is Gz + f(z). For a `start` f is not called there either: it is then
     its value at its own fixed point. Raises MapError, NotApplicable.

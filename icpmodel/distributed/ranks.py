@@ -25,7 +25,7 @@ _PASSED = (*_OURS, OSError, MemoryError)
 
 
 class FailedOnRank(RuntimeError):
-    """What is none of the package's errors, raised by a user's code on the rank that it names."""
+    """An error of a user's code, not of the package, on the rank that the message names."""
 
 
 def petsc() -> Any:
@@ -75,7 +75,7 @@ def release(*comms: Any) -> None:
 
 @contextmanager
 def together(comm: Any) -> Iterator[None]:
-    """A block of local work that ranks leave together: what the first of them raises, all of them raise.
+    """A block of local work that all ranks leave together: an error of one is raised on all.
 
     Nothing in it may wait for other ranks. The error of another rank than 0 names the rank.
     """

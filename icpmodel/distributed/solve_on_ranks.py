@@ -175,7 +175,7 @@ class _Run:
         self.best, self.least = problem.vector(), np.inf
 
     def status_from(self, z0: Any) -> tuple[Status, str]:
-        """(the status, what is to be said of it)."""
+        """(status, message)."""
         problem = self.problem
         at_0 = problem.residual(problem.vector())
         z, first = (problem.vector(), at_0) if z0 is None else (z0.copy(), problem.residual(z0))
@@ -264,7 +264,7 @@ class _Run:
         return None
 
     def _rounding(self) -> tuple[float, float]:
-        """What rounding may make of Res_D and of Res there. Collective."""
+        """Bounds on the rounding errors of Res_D and Res at the best iterate. Collective."""
         (for_p, for_r) = rounding(self.problem, self.best)
         comm = self.problem.comm
         weighted = np.maximum(self.problem.matrix.row_weights * for_p, for_r)

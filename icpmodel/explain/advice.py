@@ -13,7 +13,7 @@ from ..theory.matrices.classes import MatrixClasses
 
 
 def what_to_do(problem: ProblemData, classes: MatrixClasses, picked: Method | None = None) -> Iterator[str]:
-    """What helps where no member of the family is proved to converge; `picked` is what `solve()` begins with."""
+    """Advice if no member of the family is proved to converge; `picked` is the first method of `solve()`."""
     yield "no member of the family is proved to converge; solve() tries several, and checks the residual of the result"
     psi = problem.psi
     both = problem.upper is not None
@@ -45,7 +45,7 @@ def what_to_do(problem: ProblemData, classes: MatrixClasses, picked: Method | No
 
 
 def what_to_do_about_f(problem: ProblemData, unique: bool) -> Iterator[str]:
-    """What helps where p is nonlinear; `unique`: whether the solution is proved to be the only one."""
+    """Advice for a nonlinear p; `unique`: whether the solution is proved to be unique."""
     assert problem.f is not None
     if unique:
         return

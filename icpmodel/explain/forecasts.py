@@ -105,7 +105,7 @@ class Forecast(Displayable):
 
 
 def members(problem: ProblemData) -> dict[str, Method]:
-    """Title → the members to look at; few where A is large."""
+    """Title → member, of the members to forecast; few for a large A."""
     diagonal = problem.A.diagonal()
     methods: dict[str, Method] = {"MNMJ(), Omega = D": MNMJ(), "MNMGS(), Omega = D": MNMGS()}
     if np.abs(problem.A.data).max() > np.finfo(np.float64).max / 4:  # M1 and Omega of the others would overflow

@@ -179,12 +179,12 @@ class Accelerated(Method):
 
 
 def _default(problem: ProblemData) -> FixedPoint:
-    """What is accelerated where nothing is named."""
+    """The default of the method that is accelerated."""
     return PSOR(omega=relaxation(problem)) if problem.facts.has_fixed_obstacle else MNMAOR(theta1=AUTO)
 
 
 class _Phases:
-    """Which steps are accelerated: some, and where those did not halve the least residual some that are not."""
+    """The phases of a run: accelerated steps, then plain ones if those did not halve the least residual."""
 
     def __init__(self) -> None:
         self.steps, self.scale, self.mark = 0, 1, np.inf
@@ -221,7 +221,7 @@ class Differences:
         self.G[self.newest] = image
 
     def combined(self) -> Vector | None:
-        """g(z) − ΔGγ, z the newest; None where the history has nothing to say."""
+        """g(z) − ΔGγ, z the newest iterate; None if the history is too short or dependent."""
         from ..numerics.kernels.anderson import combine
 
         out = np.empty(self.weight.size)

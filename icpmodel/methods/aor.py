@@ -18,7 +18,7 @@ from .modulus import FreeOmega
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class _Relaxing(FreeOmega):
-    """Members whose θ₁ may be "auto": then ω goes from what `_adapted` begins with to what the run makes of it."""
+    """Members whose θ₁ may be "auto": ω starts where `_adapted` says, and adapts during the run."""
 
     theta1: Any = 1.0
 
@@ -53,7 +53,7 @@ class _AdaptedPath(Iterator[Iterate]):
         return z, self.residual
 
     def _adapt(self, residual: float) -> None:
-        """Another ω where the `residual` of the last iterate is a reason for it."""
+        """Change ω if the `residual` of the last iterate calls for it."""
         if self.omega is None:
             self.omega = self.member._adapted(self.problem)
         elif not self.omega.changes(residual):

@@ -36,14 +36,14 @@ Iterate = tuple[Vector, float | None]
 
 
 class Least:
-    """The `least` of the values so far, and how many have come since it was last reduced by a tenth: `waited`."""
+    """The `least` value so far, and the number of values since its last reduction by a tenth: `waited`."""
 
     def __init__(self, least: float = np.inf) -> None:
         self.least = least
         self.waited = 0
 
     def add(self, value: float) -> int:
-        """`waited` with another value."""
+        """Add a value; return `waited`."""
         self.waited += 1
         if value < _REDUCTION * self.least:
             self.least = value
@@ -56,7 +56,7 @@ OF_F = "p is nonlinear, and this method needs affine p: leave out the method, or
 
 
 def _of_affine_p(own: Callable[[Any, ProblemData], str | None]) -> Callable[[Any, ProblemData], str | None]:
-    """`own`, a method's `why_not`, after the question whether it takes a nonlinear p."""
+    """A method's `why_not`, `own`, preceded by the check for a nonlinear p."""
 
     @wraps(own)
     def why_not(self: Any, problem: ProblemData) -> str | None:
@@ -271,7 +271,7 @@ def named(name: str, /, **options: Any) -> Method:
 
 
 def positive_diagonal(problem: ProblemData, use: str) -> str | None:
-    """The sentence for a method that needs a positive diagonal of A, None where it is positive."""
+    """Why a method that needs a positive diagonal of A refuses; None if the diagonal is positive."""
     if problem.f is not None or problem.matrix.has_positive_diagonal:  # with an f `why_not_rows` asks for more
         return None
     diagonal = problem.matrix.rows.diagonal

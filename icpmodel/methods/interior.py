@@ -37,25 +37,25 @@ from ..problem.two_sided import mid
 from ..theory.certificates.recession import Recession
 from .contract import Infeasible, Iterate, Least, Method
 
-#: so many steps in a row may reduce neither the residual nor the way to where it is one
+#: so many steps in a row may reduce neither the residual nor the infeasibility of r and s
 _PATIENCE = 20
-#: what of W is added to A at first, and where A is not symmetric: entries are then not bounded by those of the
-#: diagonal, and the square of what is added has to be above rounding, or pivots may come to 0; and the least that is
-#: added where factors have been accurate with more, next to rounding
+#: the first multiple of W that is added to A, for a symmetric A and for another one. There entries are not bounded by
+#: those of the diagonal, and the square of the multiple must be above rounding, or pivots may vanish. The last one is
+#: the least multiple, near rounding, for factors that have been accurate with more
 _FIRST_REGULARISATION = 1e-9
 _FIRST_REGULARISATION_SKEW = 1e-7
 _MIN_REGULARISATION = 1e-13
-#: a tenth is added after a solve that has lost up to √ε of its right-hand side, a hundred times as much, and the solve
-#: made again, where it has lost the root of that
+#: a solve with a relative residual of at most √ε reduces the multiple to a tenth; one above ε^¼ is repeated with a
+#: hundred times the multiple
 _ACCURATE_SOLVE = 2.0**-26
 _ROUGH_SOLVE = 2.0**-13
 _REGULARISATION_DECREASE = 0.1
 _REGULARISATION_INCREASE = 100.0
-#: the share of the way to the boundary that is gone
+#: a step goes this share of the way to the boundary
 _BOUNDARY_SHARE = 0.995
-#: r and s are shifted by so many times what is negative at first
+#: the starting r and s are shifted by so many times their negative part
 _SHIFT = 1.5
-#: where the way has grown to so many times its least, and above the least residual, solves are too inaccurate to go on
+#: the method ends when the infeasibility exceeds so many times its least value, and the least residual
 _MAX_ERROR_GROWTH = 1e4
 
 
@@ -63,11 +63,10 @@ _MAX_ERROR_GROWTH = 1e4
 class Interior(Method):
     """Newton's steps with √(x² + 4ε²) for |x|, ε falling: all rows count, and no signs are sought.
 
-    For the problems that `Proximal` is for, where its signs wander or are found one by one: redundant contacts in two
-    and three dimensions, plates, programs and equilibria. The number of steps, 10 to 40 as a rule, hardly depends on n.
-    Where A is monotone and there is no solution the iterates run away, their direction is tried as a proof, and the
-    method raises `Infeasible` or ends. That the steps lead to a solution is not proved. The start has no influence
-    where the obstacle is fixed.
+    For the problems of `Proximal` whose active set changes often or row by row: redundant contacts in two and three
+    dimensions, plates, programs and equilibria. The number of steps, 10 to 40 as a rule, hardly depends on n. Where A
+    is monotone and there is no solution, the iterates diverge. Their direction is tried as a proof, and the method
+    raises `Infeasible` or ends. Convergence is not proved. If the obstacle is fixed, the start has no influence.
 
     References
     ----------
@@ -109,7 +108,7 @@ class Interior(Method):
 
 
 class InteriorPath:
-    """The run: z with p and z − ψ(z), and r and s for every obstacle, the lower ones first.
+    """The state of a run: z, p and z − ψ(z), and r and s for every obstacle, the lower ones first.
 
     Parameters
     ----------
@@ -175,12 +174,12 @@ class InteriorPath:
 
     @property
     def z(self) -> Vector:
-        """Where it has come to."""
+        """The current iterate."""
         return self.point[0]
 
     @property
-    def rest(self) -> Vector:
-        """How far s is from p."""
+    def dual_residual(self) -> Vector:
+        """The difference of s and p."""
         return self._in_rows(self.sign * self.s) - self.point[1]
 
     def _in_rows(self, x: Vector) -> Vector:
@@ -202,13 +201,13 @@ class InteriorPath:
 
     @np.errstate(all="ignore")
     def makes_progress(self) -> bool:
-        """Whether the residual, or the way of r and s to z − ψ(z) and p, was reduced not long ago, and is not 0."""
+        """Whether the residual, or the distance of r and s from z − ψ(z) and p, was reduced lately and is not 0."""
         _, p, below, above = self.point
-        whole = norm(mid(p / self.root, self.root * below, None if above is None else self.root * above))
-        way = norm(np.concatenate([self.rest / self.root, self.root[self.rows] * self.gap]))
-        idle = min(self.residuals.add(whole), self.infeasibilities.add(way))
-        is_lost = way > max(_MAX_ERROR_GROWTH * self.infeasibilities.least, self.residuals.least)
-        return whole > 0.0 and idle < _PATIENCE and not is_lost
+        residual = norm(mid(p / self.root, self.root * below, None if above is None else self.root * above))
+        infeasibility = norm(np.concatenate([self.dual_residual / self.root, self.root[self.rows] * self.gap]))
+        idle = min(self.residuals.add(residual), self.infeasibilities.add(infeasibility))
+        is_lost = infeasibility > max(_MAX_ERROR_GROWTH * self.infeasibilities.least, self.residuals.least)
+        return residual > 0.0 and idle < _PATIENCE and not is_lost
 
     def signs_repeat(self) -> bool:
         """Whether the signs of the modulus have been the same for 1, 3, 7, … steps."""
@@ -230,7 +229,7 @@ class InteriorPath:
 
     @np.errstate(all="ignore")
     def advance(self) -> bool:
-        """One step, False where it fails."""
+        """Make one step; False if it fails."""
         work.count(newton_cost(self.problem.facts))
         r = self.r
         s = self.s
@@ -263,10 +262,10 @@ class InteriorPath:
         return bool(np.isfinite(self.point[1]).all() and np.isfinite(self.gap).all())
 
     def _direction(self, solve: Callable[[Vector], Vector], target: Vector) -> tuple[Vector, Vector, Vector, float]:
-        """The ways of z, r and s where rs falls by `target`, and how many times as long as to the boundary they are."""
+        """The step of z, r and s that reduces rs by `target`, and its length in units of that to the boundary."""
         r = self.r
         s = self.s
-        dz = solve(self.rest - self._in_rows(self.sign * (target + s * self.gap) / r))
+        dz = solve(self.dual_residual - self._in_rows(self.sign * (target + s * self.gap) / r))
         dr = self._change(dz) + self.gap
         ds = -(target + s * dr) / r
         return dz, dr, ds, max(float(np.max(-dr / r, initial=0.0)), float(np.max(-ds / s, initial=0.0)))

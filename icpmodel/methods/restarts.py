@@ -80,7 +80,7 @@ class Restarts(Method):
                 yield candidate, residual
 
     def _candidates(self, problem: ProblemData, z: Vector) -> Iterator[tuple[Vector, float]]:
-        """All that the tries find, with the residuals."""
+        """The candidates of all tries, with their residuals."""
         rng = np.random.default_rng(self.seed)
         lcp = None
         if Lemke().why_not(problem) is None:
@@ -116,7 +116,7 @@ def start_above(problem: ProblemData, z: Vector, scale: float, rng: np.random.Ge
 
 
 def _pivoted(problem: ProblemData, lcp: AffineLcp, rng: np.random.Generator) -> Vector | None:
-    """What Lemke's pivots find with a random covering vector, None where they end in a ray. Raises OutOfTime."""
+    """z by Lemke's pivots with a random covering vector, None if they end in a ray. Raises OutOfTime."""
     from ..algebra.kernels.pivoting import SOLVED, START  # loads numba
 
     covering = np.exp(rng.uniform(-3.0, 3.0, len(lcp.q)))

@@ -40,7 +40,7 @@ _REFINEMENTS = 2
 
 
 class Shortcut(Method):
-    """What these methods have in common."""
+    """The common base of these methods."""
 
     family: ClassVar[str] = "shortcut"
     memoryless: ClassVar[bool] = False

@@ -31,7 +31,7 @@ def _psi_entry(psi, i, z):
 
 
 def upper_entry(psi, i, z):
-    """The entry of the upper obstacle, None where there is none."""
+    """ψ̄_i(z), None without an upper obstacle."""
     raise TypeError("upper_entry exists in compiled code only")
 
 
