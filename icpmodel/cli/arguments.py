@@ -60,7 +60,7 @@ _KINDS = {"int": _WHOLE, "float": float, "str": str}
 
 
 def completing(listed: Callable[[], Iterable[str]]) -> Callable[..., list[CompletionItem]]:
-    """What a shell completes: the names that `listed` makes, else a file."""
+    """The completion of a shell: the names in `listed()`, else a file."""
 
     def complete(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
         items = [CompletionItem(name) for name in listed() if name.startswith(incomplete)]
@@ -110,7 +110,7 @@ def command(*decorators: Decorator) -> Decorator:
 
 
 def from_signature(function: Callable[..., Any], *names: str) -> list[Decorator]:
-    """An option for each of the named parameters, with the type, the default and the description that it has."""
+    """A click option for each named parameter of a signature, with its type, default and description."""
     known = inspect.signature(function).parameters
     descriptions = _descriptions(function)
     return [_option(known[name], descriptions.get(name, "")) for name in names]
@@ -131,7 +131,7 @@ def _option(parameter: inspect.Parameter, description: str) -> Decorator:
 
 
 class Named(NamedTuple):
-    """What the arguments name: a scene with its `n` and `parameters`, or the arguments of `load_problem`."""
+    """The problem that the arguments name: a scene with `n` and `parameters`, or the arguments of `load_problem`."""
 
     scene: str | None
     n: int | None
@@ -178,7 +178,7 @@ def named_problem(arguments: dict[str, Any]) -> tuple[ICP, Scene | None]:
 
 
 def note_size(named: Named, n: int) -> None:
-    """Say that the scene has not the size that was wanted, but `n` unknowns, where that is so."""
+    """Report on standard error if the scene has `n` unknowns and not the size that was asked for."""
     if named.n not in (None, n):
         click.echo(f"note: {named.scene} has no size {named.n}; the nearest is {n}", err=True)
 

@@ -97,7 +97,7 @@ def check_picture(path: str | None) -> None:
 
 
 def _show(run: Callable[[], Any], output: str | None, form: str | None, partly: str) -> int:
-    """Measure, print and draw; after Ctrl-C what there is, with the sentence `partly`."""
+    """Measure, print and draw; after Ctrl-C the results so far, with the sentence `partly`."""
 
     def show(result: Any) -> None:
         print_table(result, result.table(), form)

@@ -30,7 +30,7 @@ _MESSAGE_SECONDS = 0.5
 
 
 class _OnRanks(click.Command):
-    """A command whose errors only rank 0 tells."""
+    """A command whose errors only rank 0 reports."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         try:
@@ -69,7 +69,7 @@ def distributed(as_json: bool, **arguments: Any) -> int:
 
 @contextmanager
 def _ended_together(comm: Any) -> Iterator[None]:
-    """A block whose failure on one rank ends all ranks, as nobody knows where the others are.
+    """A block whose failure on one rank ends all ranks, since the others may wait for it.
 
     Rank 0 says why; another rank does where rank 0 has not done so a moment later. mpiexec sends
     SIGTERM to all ranks after Ctrl-C, and after the end of one.

@@ -37,14 +37,14 @@ def print_as(data: dict[str, Any], text: object, as_json: bool) -> None:
 
 
 def print_table(result: Any, table: Table, form: str | None) -> None:
-    """Print what was found, or all of its table as CSV or LaTeX."""
+    """Print the results, or their whole table as CSV or LaTeX."""
     made = {"csv": table.to_csv, "latex": table.to_latex}
     click.echo(made[form]() if form else str(result), nl=not form)
 
 
 @contextmanager
 def compilation_announced() -> Iterator[None]:
-    """A block in which a person who has typed a command hears of compilation, though standard error goes elsewhere."""
+    """Announce compilation on the terminal in a block, even if standard error is redirected."""
     compiler = logging.getLogger("icpmodel.compiler")
     handler = logging.StreamHandler()
     handler.setFormatter(logging.Formatter("icpmodel ... %(message)s"))
@@ -65,7 +65,7 @@ def complain(message: str, code: int = 2) -> int:
 
 
 def command_line() -> str:
-    """The command line that is at work, to be noted beside what it makes."""
+    """The command line of this process, recorded in the files that it writes."""
     return str(click.get_current_context().find_root().obj)
 
 
@@ -75,7 +75,7 @@ def exit_code(success: bool, complaint: str) -> int:
 
 
 def measured(measure: Callable[[], Any], show: Callable[[Any], None], partly: str) -> int:
-    """Measure and show; after Ctrl-C show what there is, with the sentence `partly`. Returns 0 or 130."""
+    """Measure and show; after Ctrl-C show the results so far, with the sentence `partly`. Returns 0 or 130."""
     try:
         result = measure()
         code = 0

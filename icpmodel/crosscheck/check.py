@@ -187,7 +187,7 @@ def _why_not(solver: ForeignSolver, checked: Checked) -> list[str]:
 
 
 def _claim(solver: ForeignSolver, target: Target, time_limit: float) -> Claim:
-    """Its claim at the first of its tight tolerances at which it claims success, else at the last one."""
+    """The claim of the solver at the first of its tight tolerances where it claims success, else at the last."""
     begin = time.perf_counter()
     claim = ask(solver, target, solver.tight[0], time_limit)
     seconds = claim.seconds

@@ -144,7 +144,7 @@ class Checked:
 
     @staticmethod
     def _loose(problem: ProblemData, x: Vector, claim: Claim) -> str:
-        """The accuracy that was asked for, by the solver's criterion, beside that of its answer by ours."""
+        """The accuracy asked for, by the solver's criterion, and that of its answer by ours."""
         share = problem.residual(x) / (problem.residual_scale() or norm(x) or 1.0)
         request = "" if claim.tolerance is None else f"asked for {claim.tolerance:g} in its own measure, "
         return f"claims {claim.words!r}: {request}{share:.1e} in ours, where {THEIRS:g} was expected"

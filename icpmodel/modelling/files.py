@@ -144,7 +144,7 @@ def load_problem(
 
 
 def problem_of(parts: dict[str, Any], sources: dict[str, Path]) -> ICP:
-    """The problem of its parts A, q, c, G, upper_c and upper_G, the last four where they are there.
+    """The problem of its parts A and q, and of c, G, upper_c and upper_G as far as they are given.
 
     A FileError names the file of the part that is wrong, as `sources` say.
     """

@@ -63,7 +63,7 @@ class PetscFile:
             raise FileError(f"{path}: promises {self.rows} rows, which do not fit into {size} bytes; truncated?")
 
     def _but(self, expected: int) -> str:
-        """What is said where the file has not the bytes that it should."""
+        """The message on a file of another size than expected."""
         return (
             f"has {self._size} bytes where one real {'sparse matrix' if self.is_matrix else 'vector'} of double "
             f"precision with {self.rows} rows has {expected}; truncated, of another precision, or more than one object?"

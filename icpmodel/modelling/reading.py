@@ -79,7 +79,7 @@ def solved(reading: Reading, method: str | Method | None = None, *, z0: Any = No
 
 
 def _named(reading: Reading, solution: Solution) -> Solution:
-    """An infeasible answer with the names of the model in its contradiction, which its message states."""
+    """The infeasible `solution` with the model's names in its contradiction and its message."""
     if solution.contradiction is None:
         return solution
     named = solution.contradiction.named(lambda row: reading.row_name(row).removesuffix(","))

@@ -93,7 +93,7 @@ def in_units(X: Any, r: Any, c: Any = 0) -> Any:
 
 
 def in_units_exactly(X: Any, r: Any, c: Any = 0) -> Any:
-    """What `in_units` gives where no entry is rounded, so that it can be undone; else None."""
+    """The result of `in_units` if it rounds no entry, and so can be undone; else None."""
     scaled = in_units(X, r, c)
     back = in_units(scaled, -r, -c)
     return scaled if np.array_equal(*((M.data if sp.issparse(M) else M) for M in (back, X))) else None

@@ -160,7 +160,7 @@ def factors_and_schur(matrix: sp.csr_array, last: NDArray[np.intp]) -> tuple[Fac
 
 
 def of_dense(matrix: sp.csr_array, cholesky: bool = False) -> DenseFactors | None:
-    """Those of a sparse matrix with all entries stored; raises OutOfTime and OutOfMemory as `factorise` does."""
+    """Dense factors of a sparse matrix that stores all entries; raises OutOfTime and OutOfMemory as `factorise`."""
     n = matrix.shape[0]
     work.check_budget(work.dense_cost(n, cholesky), 16.0 * n**2)
     return of_array(matrix.toarray(order="F"), cholesky)
@@ -264,7 +264,7 @@ def _fill_of(analysis: SymbolicAnalysis, symmetric: bool = False) -> work.Fill:
 
 
 def _onto_diagonal(matrix: sp.csr_array) -> NDArray[np.int32] | None:
-    """The order of the rows that brings entries that are not 0 onto the diagonal, large ones where that is possible.
+    """An order of the rows with nonzero entries on the diagonal, large ones if possible.
 
     None where the matrix is structurally singular, which SuperLU must not be given.
     """

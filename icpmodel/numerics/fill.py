@@ -86,7 +86,7 @@ def _analysis_cost(A: sp.csr_array) -> float:
 
 
 class SymbolicAnalysis:
-    """What it takes to factorise `A`, as a dense matrix, a band or a sparse one, computed once.
+    """The predicted cost of factors of `A`: dense, band or sparse; computed once.
 
     Where the pattern is not symmetric the fill is an upper bound.
 
@@ -143,7 +143,7 @@ class SymbolicAnalysis:
 
     @property
     def fill(self) -> Fill:
-        """What costs less; rough where it is not worth a closer look."""
+        """The fill of the cheaper form, band or sparse; an estimate where a full analysis does not pay."""
         if self._is_full:
             n = self.matrix.shape[0]
             return Fill(n, float(n) ** 2, float(n) ** 3 / 3.0, True)
@@ -151,7 +151,7 @@ class SymbolicAnalysis:
 
     @cached_property
     def complete(self) -> Fill:
-        """The fill of a sparse factorisation, seen to the end; `fill` stays as rough as it is."""
+        """The exact fill of a sparse factorisation, whatever `fill` estimates."""
         if self._sparse is not None and self._sparse.seen:
             return self._sparse
         return predicted_fill(self.matrix, self.signs is not None)
@@ -165,14 +165,14 @@ class SymbolicAnalysis:
         return whole
 
     def band_costs_more(self, most: float) -> bool:
-        """Whether it takes more than so many nanoseconds to factorise the band."""
+        """Whether factors of the band cost more than `most` nanoseconds."""
         below, above = self.reach
         if factor_cost(of_band(self.matrix.shape[0], below, above, below == above)) > most:
             return True  # to ask whether A is symmetric takes as long as some products
         return factor_cost(self.band) > most
 
     def costs_more(self, most: float) -> bool:
-        """Whether the factorisation of A is expected to take more than so many nanoseconds."""
+        """Whether factors of A are expected to cost more than `most` nanoseconds."""
         return self.band_costs_more(most) and self._sparse_costs_more(most)
 
     def _sparse_costs_more(self, most: float) -> bool:
@@ -185,7 +185,7 @@ class SymbolicAnalysis:
         return factor_cost(self._sparse) > most
 
     def _without_geometry(self) -> Fill | None:
-        """A rough fill where a breadth-first layer has many of the rows, as in an expander; None else."""
+        """An estimated fill if one breadth-first layer has many of the rows, as in an expander; else None."""
         A = self.matrix
         n = A.shape[0]
         if n <= _SMALL_GRAPH or A.nnz <= _THIN_DEGREE * n:

@@ -29,7 +29,7 @@ _TRIAL_STEPS = 32
 
 
 class NotConverged(Exception):
-    """The steps do not get to their tolerance."""
+    """The Krylov steps did not reach their tolerance."""
 
 
 def couplings(A: sp.csr_array) -> sp.csr_array:

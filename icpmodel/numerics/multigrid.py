@@ -30,12 +30,12 @@ HIERARCHY_BYTES = 3 * 12
 
 
 def hierarchy_cost(n: int, nnz: int) -> float:
-    """What the hierarchy of an n × n matrix costs, in nanoseconds."""
+    """The cost of the hierarchy of an n × n matrix, in nanoseconds."""
     return work.COSTS.hierarchy + work.COSTS.hierarchy_entry * work.entries(n, nnz)
 
 
 def cycle_cost(n: int, nnz: int) -> float:
-    """What a V-cycle with compiled loops costs, in nanoseconds."""
+    """The cost of a V-cycle with compiled loops, in nanoseconds."""
     return work.COSTS.cycle + work.COSTS.cycle_entry * work.entries(n, nnz)
 
 
@@ -98,7 +98,7 @@ def linear_solve(A: sp.csr_array, b: Vector, tolerance: float = 1e-8) -> Vector:
 
 @contextmanager
 def _docstrings() -> Iterator[None]:
-    """PyAMG writes into its docstrings while it is loaded, so that under `python -OO` it must be given some."""
+    """Give PyAMG docstrings under `python -OO`: it edits them while it is imported."""
     plain = SourceFileLoader.get_code
     if sys.flags.optimize > 1:
 
@@ -115,7 +115,7 @@ def _docstrings() -> Iterator[None]:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """What PyAMG warns of, matrices that are nothing for it above all, its callers see by the result."""
+    """Silence the warnings of PyAMG, mostly of unsuitable matrices: its callers check the result."""
     # recorded, and dropped: PyAMG switches some of its warnings on again while it runs
     with np.errstate(all="ignore"), warnings.catch_warnings(record=True):
         warnings.simplefilter("ignore")

@@ -70,7 +70,7 @@ def in_a_process(items: Callable[[], Iterator[_T]], end: float) -> Iterator[_T]:
 
 
 def _send(items: Callable[[], Iterator[Any]], there: int) -> None:
-    """Send what `items` yields, and exit, in a group of processes of its own, which Ctrl-C does not reach."""
+    """Send the `items` and exit, in a new process group, which Ctrl-C does not reach."""
     try:
         os.setsid()
         try:
@@ -91,7 +91,7 @@ def _write(there: int, item: Any) -> None:
 
 
 def _read(here: int, count: int) -> bytes:
-    """So many bytes, or fewer where the other end is closed."""
+    """Read `count` bytes, or fewer if the other end is closed."""
     data = b""
     while len(data) < count and (more := os.read(here, count - len(data))):
         data += more

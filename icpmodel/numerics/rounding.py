@@ -53,7 +53,7 @@ def public_entry(verb: Verb) -> Verb:
 
 
 def is_ctrl_c(error: BaseException | None) -> bool:
-    """Whether `error` is what compiled code makes of Ctrl-C: errors because of it, of numba's or of an import."""
+    """Whether `error` comes from a Ctrl-C in compiled code, in numba or during an import."""
     while isinstance(error, CTRL_C):
         error = error.__cause__
     return isinstance(error, KeyboardInterrupt)
@@ -83,7 +83,7 @@ def upper(matrix: sp.csr_array, v: Vector) -> Vector:
 
 
 def share_of(x: Any, share: float) -> Any:
-    """`share`·x ≥ 0 of a number or an array, where that underflows rounded down: it is what exact residuals may be."""
+    """`share`·x ≥ 0, rounded down on underflow: a limit of exact residuals. x is a number or an array."""
     return np.maximum(share * x - SMALLEST, 0.0)
 
 

@@ -62,7 +62,7 @@ def checked_sparse(value: Any, name: str) -> Any:
 
 
 def is_compressed(indptr: np.ndarray, indices: np.ndarray, rows: int, columns: int) -> bool:
-    """Whether these are the positions of a CSR matrix of this shape, or of a CSC matrix the other way round."""
+    """Whether these are the positions of a CSR matrix of this shape, or of a CSC matrix of the transposed shape."""
     try:
         _check_compressed(_whole(indptr), _whole(indices), indices.size, rows, columns)
     except (IndexError, ValueError):

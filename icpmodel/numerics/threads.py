@@ -33,7 +33,7 @@ def cores() -> int:
 
 
 def run_in_threads(size: int, parts: int, work: OfRows) -> list[Any]:
-    """What `work(low, high)` returns for `parts` pieces of range(`size`): the first here, the others in threads."""
+    """The results of `work(low, high)` for `parts` pieces of range(`size`): the first here, the others in threads."""
     cuts = [size * i // parts for i in range(parts + 1)]
     if parts == 1:
         return [work(0, size)]
@@ -95,7 +95,7 @@ def one_blas_thread() -> Iterator[None]:
 
 @cache
 def pools(user_api: str) -> Any:
-    """What limits the threads of "blas", or of "openmp": of the libraries that are there when it is first asked."""
+    """The controller of the threads of "blas", or of "openmp", of the libraries loaded at the first call."""
     import scipy.linalg  # noqa: F401  has a BLAS of its own, which must be there to be found
     import threadpoolctl
 

@@ -107,32 +107,32 @@ _counted = _Counted()
 
 
 def count(nanoseconds: float) -> None:
-    """Count work, in whole nanoseconds: what something cost then does not hang on what was counted before."""
+    """Count work, in whole nanoseconds, so that differences do not depend on earlier counts."""
     _counted.total += int(nanoseconds)
 
 
 def done() -> float:
-    """All work that this thread has counted, in nanoseconds; differences tell what something cost."""
+    """All work that this thread has counted, in nanoseconds. A difference is the cost of what was done between."""
     return _counted.total
 
 
 def product(n: int, nnz: int) -> float:
-    """What A @ z costs: the unit of all estimates."""
+    """The cost of A @ z, the unit of all estimates."""
     return COSTS.call + COSTS.row * n + COSTS.entry * entries(n, nnz)
 
 
 def entries(n: int, nnz: int) -> float:
-    """How many entries of a sparse matrix cost as much as these: where all are stored they are read in their order."""
+    """The equivalent number of sparse entries: a full matrix is read in order, which costs less."""
     return nnz if nnz < n * n else COSTS.full_entry / COSTS.entry * nnz
 
 
 def charge_matrices(nnz: int, matrices: int = 1) -> None:
-    """Count so many sparse matrices that are made of others, sums or scaled ones; raises as `check_budget` does."""
+    """Count the cost of sparse matrices made of others, such as sums; raises as `check_budget` does."""
     charge(matrices * (COSTS.built + COSTS.built_entry * nnz))
 
 
 def sweep(n: int, nnz: int) -> float:
-    """What one compiled sweep costs."""
+    """The cost of one compiled sweep."""
     return COSTS.call + COSTS.sweep_row * n + COSTS.sweep_entry * entries(n, nnz)
 
 
@@ -143,7 +143,7 @@ def newton(n: int, nnz: int, mixed: bool) -> float:
 
 
 def factor_cost(fill: Fill) -> float:
-    """What a factorisation with this fill costs, the ordering of a sparse one included."""
+    """The cost of a factorisation with this fill, with the ordering of a sparse one."""
     if fill.band:
         return COSTS.band + COSTS.band_entry * fill.entries + COSTS.band_flop * fill.flops
     if fill.symmetric:
@@ -153,22 +153,22 @@ def factor_cost(fill: Fill) -> float:
 
 
 def refactor_cost(fill: Fill) -> float:
-    """What a factorisation of a symmetric matrix with this fill costs, once another one had its pattern."""
+    """The cost of a symmetric factorisation with this fill, if the pattern was analysed before."""
     return COSTS.call + COSTS.symmetric_entry * fill.entries + COSTS.symmetric_flop * fill.flops
 
 
 def least_factor_cost(n: int, nnz: int, symmetric: bool = True) -> float:
-    """What a sparse factorisation without any fill costs."""
+    """The cost of a sparse factorisation without fill."""
     return factor_cost(Fill(n, nnz, 0.0, True, symmetric=symmetric))
 
 
 def solve_cost(fill: Fill) -> float:
-    """What a solve with the factors costs."""
+    """The cost of a solve with the factors."""
     return COSTS.call + COSTS.solve_entry * fill.entries
 
 
 def dense_cost(n: int, symmetric: bool = False) -> float:
-    """What a dense LU factorisation costs, from a sparse matrix, or, of a `symmetric` one, Cholesky's."""
+    """The cost of a dense LU factorisation of a sparse matrix, or of Cholesky's if it is `symmetric`."""
     cost = COSTS.dense_entry * n**2 + COSTS.dense_flop * n**3 / 3.0
     return COSTS.call + (0.5 * cost if symmetric else cost)
 
@@ -196,7 +196,7 @@ class _Budget(NamedTuple):
 
 
 class _Compiler:
-    """The seconds in which code was compiled, or loaded from the disk, whoever asked for it."""
+    """The seconds spent on compiling code, or loading it from the disk, in any thread."""
 
     def __init__(self) -> None:
         self._lock, self._busy, self._since, self._total = threading.Lock(), 0, 0.0, 0.0
@@ -232,7 +232,7 @@ COMPILER = _Compiler()
 
 
 def clock() -> float:
-    """Seconds that pass while nothing is compiled; differences tell what a run took."""
+    """Seconds without those of compilation; the duration of a run is a difference."""
     return COMPILER.clock()
 
 
@@ -240,7 +240,7 @@ def clock() -> float:
 def work_limit(
     seconds: float = math.inf, memory: float = math.inf, nanoseconds: float = math.inf, begun: float | None = None
 ) -> Iterator[None]:
-    """In this block of this thread `check_budget` raises where more is asked for; limits around it hold as well.
+    """Limit the work of this thread in a block: `check_budget` raises beyond it. Outer limits hold as well.
 
     Parameters
     ----------
@@ -275,7 +275,7 @@ def work_limit(
 
 
 def check_budget(nanoseconds: float = 0.0, memory: float = 0.0) -> None:
-    """Raises OutOfTime or OutOfMemory where a step, by the table of costs and in bytes, is more than what is left."""
+    """Raise OutOfTime or OutOfMemory if a step needs more counted nanoseconds, or bytes, than are left."""
     if not fits(memory):
         raise OutOfMemory(f"a step needs about {1e-6 * memory:.3g} MB, which is more than the memory limit leaves")
     if not nanoseconds <= nanoseconds_left() > 0.0:

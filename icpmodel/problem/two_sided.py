@@ -18,7 +18,7 @@ from .map import Map
 
 
 class ObstaclePair(NamedTuple):
-    """What a compiled loop, or whoever asks for both values at once, gets of two obstacles."""
+    """The values ψ(z) and ψ̄(z) together, for compiled loops and other callers."""
 
     lower: Any
     upper: Any
@@ -52,7 +52,7 @@ class TwoSidedObstacle(Map):
         return TwoSidedObstacle(self.lower.bind(n), self.upper.bind(n))
 
     def crossed_everywhere(self) -> int | None:
-        """A row where ψ_i > ψ̄_i whatever z is, as far as that can be seen of constant and affine maps; else None."""
+        """A row where ψ_i > ψ̄_i at every z; found for constant and affine maps only, else None."""
         if self.linear is None or self.upper.linear is None:
             return None
         (G, c) = self.linear
@@ -275,5 +275,5 @@ def _checked(bound: Map, c: Vector, name: str, none: float) -> Map:
 
 @lru_cache(maxsize=1)
 def _at_zero(n: int) -> Map:
-    """ψ = 0, which LCPs of one size share: a map never changes."""
+    """ψ = 0, shared by all LCPs of one size."""
     return Constant(0.0).bind(n)

@@ -39,7 +39,7 @@ def as_function(f: Any, name: str) -> Callable[..., Any]:
 
 
 def raising_map_error(call: Callable[[], Any], name: str) -> Any:
-    """What the user's function returns; what it raises becomes a MapError about `name`."""
+    """Call the user's function; its exceptions become a MapError about `name`."""
     try:
         return call()
     except Exception as error:
@@ -50,7 +50,7 @@ def raising_map_error(call: Callable[[], Any], name: str) -> Any:
 
 
 def returned(value: Any, name: str) -> NDArray[Any]:
-    """What a user's function returned, as an array of any kind. Raises MapError where it is none."""
+    """The result of a user's function as an array of any kind. Raises MapError if it is no array."""
     try:
         return as_array(value, name)
     except InputError as error:

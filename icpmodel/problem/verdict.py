@@ -20,7 +20,7 @@ Rows = NDArray[np.float64]
 
 
 def certain(problem: ProblemData, z: Vector, residual: float, tolerance: float, weights: Vector | None = None) -> float:
-    """Res_D(z) by which z is judged, `residual` being what float64 makes of it, see `certain_rows`."""
+    """The Res_D(z) by which z is judged, from its float64 value `residual`; see `certain_rows`."""
     if not residual <= tolerance:
         return residual
     count(problem.matrix.product_cost)
@@ -42,7 +42,7 @@ def _offset(psi: Map, z: Vector) -> Rows:
 
 
 def _above(psi: Map, z: Vector) -> Any:
-    """The same of what is above, None where nothing is."""
+    """`_offset` of the upper obstacle, None without one."""
     return None if psi.upper is None else _offset(psi.upper, z)
 
 
@@ -81,7 +81,7 @@ def certain_rows_of_each(
     tolerances: Vector,
     above: Rows | None = None,
 ) -> None:
-    """The same where row i has the matrix `A`[i] and the `weights`[i]."""
+    """`certain_rows` for rows with a matrix `A`[i] and `weights`[i] each."""
     from .kernels.residual import raised_each  # loads numba
 
     k, n = Q.shape
@@ -91,19 +91,19 @@ def certain_rows_of_each(
 
 
 def _entries(matrix: Matrix) -> tuple[Any, Any, Any]:
-    """A as the compiled loop takes it."""
+    """A as arguments of the compiled loop."""
     if matrix.dense is None:
         return matrix.sparse.indptr, matrix.sparse.indices, matrix.sparse.data
     return *_full(matrix.n), matrix.dense.reshape(-1)
 
 
 def _side(psi: Map, C: Rows) -> tuple[Any, ...]:
-    """One obstacle, Gz + C, as the compiled loop takes it."""
+    """One obstacle, Gz + C, as arguments of the compiled loop."""
     G = zero(C.shape[1]) if psi.linear is None else psi.linear[0]
     return G.indptr, G.indices, G.data, read_only(C), 2.0 * UNIT_ROUNDOFF if psi.linear is None else 0.0
 
 
 @lru_cache(maxsize=4)
 def _full(n: int) -> tuple[Any, Any]:
-    """Where rows begin, and their columns, in an n × n matrix whose entries are all stored."""
+    """The CSR arrays indptr and indices of a full n × n matrix."""
     return locked((np.arange(0, n * n + 1, n, dtype=np.int32), np.tile(np.arange(n, dtype=np.int32), n)))

@@ -101,7 +101,7 @@ def by_rows(name: str, /, n: int | None = None, **parameters: Any) -> ByRows:
 
 
 def _split_name(name: str, n: int | None, parameters: dict[str, Any]) -> tuple[str, int | None, dict[str, Any]]:
-    """The name without the parameters that follow it, n, and all other parameters, which the scene has."""
+    """The scene name, n and the other parameters, from a name that parameters may follow."""
     name, *pairs = name.split(",")
     try:
         parameters |= {key: json.loads(value) for key, _, value in (pair.partition("=") for pair in pairs)}
@@ -134,7 +134,7 @@ def names() -> list[str]:
 
 
 def titles() -> dict[str, str]:
-    """What each scene is, in one line; it builds nothing.
+    """Name → title of each scene; no scene is built.
 
     Returns
     -------

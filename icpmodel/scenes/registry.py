@@ -205,7 +205,7 @@ _CALLED: WeakKeyDictionary[ProblemData, str] = WeakKeyDictionary()
 
 
 def title(problem: ProblemData) -> str:
-    """What people call the `problem`, such as "membrane, 900 unknowns"; without the name where it is no scene's."""
+    """A title of the `problem`, such as "membrane, 900 unknowns"; without a name if it is no scene."""
     unknowns = f"{problem.n:_} unknown{'' if problem.n == 1 else 's'}".replace("_", " ")
     return f"{_CALLED[problem]}, {unknowns}" if problem in _CALLED else unknowns
 

@@ -161,8 +161,10 @@ class Job:
             self.limit = trial
 
     def step(self, cost: float, log_reduction: float, need: float) -> bool:
-        """Count a step; whether it is time to compare with others. `log_reduction`: that of the residual so far, of the
-        `need`."""
+        """Count a step; return whether to compare with other methods.
+
+        `log_reduction` is the one of the residual so far, `need` the one that is asked for.
+        """
         self.steps += 1
         self.spent += cost
         self.log_reductions.append(log_reduction)
@@ -180,7 +182,7 @@ class Job:
         return estimate is not None and self.spent >= _MAX_OVERRUN * estimate.total
 
     def _left(self, need: float) -> float:
-        """What it has left: by the rate over the last half of its steps, or by what it has spent."""
+        """The remaining cost: from the rate over the last half of the steps, or from the cost so far."""
         if self.method.finite:
             return self.spent
         half = self.steps // 2
@@ -191,7 +193,7 @@ class Job:
         return min(max(steps * self.spent / self.steps, self.spent), _MAX_REMAINING_FACTOR * self.spent)
 
     def __str__(self) -> str:
-        """What it did: 40 of an expected 300 steps."""
+        """The method and its progress: 40 of an expected 300 steps."""
         estimate = self.choice.estimate
         if estimate is None:
             return f"{self.method!r}, {self.steps} step{'' if self.steps == 1 else 's'}"
@@ -246,7 +248,7 @@ class Ladder:
         return min((job.remaining for job in self._estimated(methods)), default=math.inf)
 
     def next(self) -> Job | None:
-        """The method that runs next, None where none is left, or where the ladder is held."""
+        """The method that runs next; None if none is left or the ladder is paused."""
         while True:
             if not self.rungs and self.family is None and self.problem.n <= LARGEST:
                 self.jobs = [job for job in self.jobs if not job.is_overrun]
@@ -320,7 +322,7 @@ class Ladder:
             job.remaining = 0.0
 
     def _trial(self, job: Job, following: float) -> float:
-        """What sweeps may spend before they are compared with methods that cost as much as `following`."""
+        """The budget of sweeps before they are compared with methods that cost `following`."""
         estimate = job.choice.estimate
         if estimate is None:
             return following

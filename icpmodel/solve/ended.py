@@ -25,7 +25,7 @@ class Ended(NamedTuple):
 
 
 class Stalled:
-    """Whether iterates come back, lead no further, or are as good as rounding lets them be.
+    """The test for iterates that recur, stagnate, or are as accurate as rounding allows.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ class Stalled:
         return None
 
     def recurred(self, period: int = 1) -> Ended:
-        """The end where an iterate came back after so many steps, or where no new one comes."""
+        """The reason for the end if an iterate recurred, or if no new iterate comes."""
         still = "the iterates no longer move, but z is not a solution"
         cycled = Ended(Status.CYCLED, f"the iterates repeat with period {period}")
         return self.at_floor() or (Ended(Status.STAGNATED, still) if period == 1 else cycled)

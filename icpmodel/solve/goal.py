@@ -57,7 +57,7 @@ class Limits:
         return share_of(scale, self.rtol)
 
     def enforced(self, begun: float | None = None) -> AbstractContextManager[None]:
-        """A block that keeps to the limits of time, which `begun` then or now, and memory: see `work_limit`."""
+        """Enforce the limits of time, counted from `begun` or now, and memory in a block: see `work_limit`."""
         from ..numerics import kernels  # noqa: F401  loads numba, before the clock begins
 
         seconds, memory = (math.inf if limit is None else limit for limit in (self.time_limit, self.memory_limit))
@@ -87,11 +87,11 @@ class Goal:
         return min(self.tolerance, of_z) if self.tolerance else of_z
 
     def judged(self, z: Vector, residual: float) -> float:
-        """The residual by which `z` is judged, `residual` being what float64 makes of Res_D(z)."""
+        """The residual by which `z` is judged, from the float64 value `residual` of Res_D(z)."""
         return residual if self.problem is None else certain(self.problem, z, residual, self.tolerance_at(z))
 
     def is_near(self, z: Vector, residual: float) -> bool:
-        """Whether `z`, with about this Res_D(z), may be what was asked for: Res(z) ≥ min(1, d_i) Res_D(z)."""
+        """Whether `z`, with about this Res_D(z), may meet the test: Res(z) ≥ min(1, d_i) Res_D(z)."""
         if residual <= self.tolerance_at(z):
             return True
         if not self.atol or self.problem is None:
@@ -99,7 +99,7 @@ class Goal:
         return residual <= _ROUNDING_ROOM * max(float(self.problem.matrix.row_weights.max()), 1.0) * self.atol
 
     def reached(self, z: Vector, residual: float) -> bool:
-        """Whether `z`, shape (n,), with Res_D(z) = `residual` is what was asked for; NaN is not."""
+        """Whether `z`, shape (n,), with Res_D(z) = `residual` meets the test; NaN does not."""
         if residual <= self.tolerance_at(z):
             return True
         if not self.atol or self.problem is None:
@@ -107,5 +107,5 @@ class Goal:
         return self.is_near(z, residual) and satisfies_paper(self.problem, z, self.atol)
 
     def in_words(self, z: Vector) -> str:
-        """What was asked for, in words, for the message of a run that did not get there with `z`."""
+        """The test in words, for the message of a run that failed it with `z`."""
         return f"stop at {self.tolerance_at(z):.3g}" + (f", or at Res(z) = {self.atol:.3g}" if self.atol else "")

@@ -134,7 +134,7 @@ class _Search:
         self.high = facts.upper_obstacle if facts.has_fixed_obstacle else None
 
     def steps(self) -> Iterator[Point]:
-        """The points after the start, until none is better."""
+        """Yield the points after the start, until none is better."""
         while self.here.theta > 0.0 and self.least.add(self.here.theta) < _PATIENCE:
             try:
                 with np.errstate(all="ignore"):

@@ -28,7 +28,7 @@ def _residual(run: Run, z: Vector) -> float:
 
 @public_entry
 def _is_luck(run: Run, z: Vector) -> bool:
-    """Whether rounding alone makes the residual of `z`, which was judged otherwise, small enough."""
+    """Whether only rounding makes the residual of `z`, which failed the exact test, small enough."""
     with contextlib.suppress(MapError):
         goal = run.goal
         problem = run.problem
@@ -38,7 +38,7 @@ def _is_luck(run: Run, z: Vector) -> bool:
 
 
 def judged(run: Run) -> Best:
-    """The best iterate by the judge's word: hints chose it, and may have hidden that the last one is better."""
+    """The best iterate, judged exactly: it was chosen by hints, and the last iterate may be better."""
     problem = run.problem
     best = run.best
     assert best is not None
@@ -56,7 +56,7 @@ def judged(run: Run) -> Best:
 
 
 def solution_of(run: Run, limits: Limits) -> Solution:
-    """What the run found."""
+    """The solution of a run."""
     best = judged(run)
     status, note = _end(run, best, limits)
     last = best.job if status is Status.SOLVED else run.job
@@ -87,7 +87,7 @@ def solution_of(run: Run, limits: Limits) -> Solution:
 
 
 def _end(run: Run, best: Best, limits: Limits) -> tuple[Status, str]:
-    """The status, and what there is to say of it; a contradiction that is found becomes the proof of the run."""
+    """The status and its message; a contradiction becomes the proof of the run."""
     status = run.ended.status
     note = run.ended.note
     if limits.accuracy is None and run.goal.reached(best.z, best.residual):
@@ -111,7 +111,7 @@ def _end(run: Run, best: Best, limits: Limits) -> tuple[Status, str]:
 
 
 def _message(run: Run, best: Best, status: Status, note: str) -> str:
-    """What went wrong, and what may help."""
+    """The message: what went wrong, and what may help."""
     last = run.job
     by = "" if last is best.job else f" by {best.job.method!r}"
     advice = status.advice_with(last.method.to_try if len(run.tried) < 2 else "")

@@ -59,14 +59,14 @@ class Bar:
     """A bar that shows nothing; `update` is cheap enough to be called at every iteration."""
 
     def begin(self, title: str) -> None:
-        """Tell the bar who has the turn."""
+        """Show the name of the method that runs."""
 
     def update(self, iteration: int, residual: float, tolerance: float) -> None:
-        """Tell the bar how far the run is: `iteration`, Res_D(z) and the residual at which it may stop."""
+        """Show the progress: `iteration`, Res_D(z), and the residual at which the run may stop."""
 
 
 class _Pace:
-    """When it is time to show something: every tenth of a second, or as the lines of a log come, by a `clock`."""
+    """The times of updates, by a `clock`: every tenth of a second, or at the intervals of a log."""
 
     def __init__(self, clock: Callable[[], float], log: bool) -> None:
         self.clock, self.wait, self.longer = clock, 1.0 if log else _DRAW_INTERVAL, 2.0 if log else 1.0
@@ -141,7 +141,7 @@ def _notebook_bar(pace: _Pace) -> Iterator[Bar]:
 
 @contextlib.contextmanager
 def _cell() -> Iterator[Callable[..., None]]:
-    """What shows `progress.html` in the output of a cell, once, and replaces it from then on; at the end it is gone."""
+    """A function that shows `progress.html` in the output of a notebook cell and updates it; removed at the end."""
     from IPython.display import HTML, display
 
     handle: Any = display(HTML(""), display_id=True)
@@ -199,7 +199,7 @@ def _status(enabled: bool, opening: str, clock: Callable[[], float]) -> Iterator
 
 
 def time_left(begin: float, done: int, total: int) -> str:
-    """About how long the rest of `total` pieces takes, `done` of them having been made since `begin`, in words."""
+    """The estimated remaining time in words, with `done` of `total` pieces finished since `begin`."""
     if not done:
         return ""
     seconds = (time.monotonic() - begin) / done * (total - done)

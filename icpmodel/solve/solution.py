@@ -253,7 +253,7 @@ class Solution(ReadOnly, Plottable):
 
     @property
     def _goal(self) -> Goal:
-        """What was asked for, but for an accuracy."""
+        """The test of the run, without `accuracy`."""
         return Goal(self.tolerance, self.problem, self.atol)
 
     @cached_property
@@ -390,7 +390,7 @@ class Solution(ReadOnly, Plottable):
         return f"{self.why}; {reason}" if self.why else reason
 
     def _with(self, **changed: Any) -> Solution:
-        """The same z with what is known of it, but for the words on it."""
+        """A copy with other fields that keeps the certificate."""
         copy = replace(self, **changed)
         if "certificate" in self.__dict__:
             copy.__dict__["certificate"] = self.certificate

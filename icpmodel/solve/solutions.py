@@ -21,7 +21,7 @@ from .solution import Solution, Status
 
 
 class RunRecord(NamedTuple):
-    """What is told of the run of a row, beside z and its residual."""
+    """The fields of a row's `Solution` besides z and its residual."""
 
     method: Method
     adapted_method: Method
@@ -34,12 +34,12 @@ class RunRecord(NamedTuple):
 
     @classmethod
     def of(cls, solution: Solution) -> RunRecord:
-        """What is told of the run of `solution`."""
+        """The record of `solution`."""
         return cls(*(getattr(solution, name) for name in cls._fields))
 
     @classmethod
     def at_once(cls, method: Method, rows: int, seconds: float) -> RunRecord:
-        """That of so many `rows` in one compiled call."""
+        """The record of `rows` rows solved in one compiled call."""
         why = f"{rows} problems were solved in compiled code at once; the seconds are their mean"
         return cls(method, method, method, why, 1, seconds / max(rows, 1))
 

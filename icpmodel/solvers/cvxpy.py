@@ -142,7 +142,7 @@ def _program(value: Any, rows: list[Any]) -> Any:
 
 
 class _ThroughCvxpy(ForeignSolver):
-    """What the two share: `solver` is CVXPY's name, and `options` gives the arguments for a tolerance."""
+    """Base of both: `solver` is CVXPY's name, and `options` gives the arguments for a tolerance."""
 
     used_by = ("crosscheck",)
     solver: ClassVar[str]

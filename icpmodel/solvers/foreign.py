@@ -236,7 +236,7 @@ _STREAMS = threading.Lock()
 
 @contextlib.contextmanager
 def _silence() -> Iterator[None]:
-    """What is printed meanwhile goes nowhere, from compiled code, too: PIQP, for one, has warnings of its own.
+    """Suppress all output in a block, also of compiled code: PIQP, for one, prints warnings.
 
     Python's own standard error stays, where a line of progress may be drawn. Of several threads one is let in at a
     time.

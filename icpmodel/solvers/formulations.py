@@ -350,7 +350,7 @@ def targets(problem: ProblemData, y: Vector) -> list[Target]:
 
 
 def _rows(mask: np.ndarray) -> sp.dia_array:
-    """What keeps the rows `mask` of a matrix and makes the others 0."""
+    """The diagonal matrix that keeps the rows `mask` and makes the others 0."""
     return sp.diags_array(mask.astype(np.float64))
 
 

@@ -15,7 +15,7 @@ from .formulations import Target
 
 
 class Highs(ForeignSolver):
-    """HiGHS, which shows in a race what does not grow."""
+    """HiGHS for quadratic programs, by its active-set method."""
 
     name = "highs"
     package = "highspy"

@@ -22,7 +22,7 @@ _MAX_SETUP_SHARE = 0.1
 
 
 def in_time(items: Callable[[], Iterator[_T]], problem: ProblemData, pieces: int, end: float) -> Iterator[_T]:
-    """The `items`, from a process of their own where they may take longer in one piece than there is time.
+    """Yield the `items`, from a separate process if a single step may exceed the time limit.
 
     Parameters
     ----------

@@ -142,7 +142,7 @@ def _moved(G: Any, c: Any, z: Any) -> list[Any]:
 
 
 def _compare(psi: Map, expressions: list[Any], z: Any) -> None:
-    """Raise ValueError where the expressions have not the values of ψ, so that code with a state is found out."""
+    """Raise ValueError if the expressions differ from ψ in value, as for code with a state."""
     from pyomo.environ import value
 
     random = np.random.default_rng(0)

@@ -51,7 +51,7 @@ class Entry(Displayable):
 
     @property
     def note(self) -> str:
-        """What is to be said of a loose claim."""
+        """The note on a loose claim."""
         if not self.loose:
             return ""
         ours = "no number" if self.residual is None else f"{self.residual:.1e}"
@@ -60,7 +60,7 @@ class Entry(Displayable):
 
 
 class Competitor(ABC):
-    """One that takes part: its `kind` is "solve", "own", "peer" or "limit"."""
+    """A competitor in a race; its `kind` is "solve", "own", "peer" or "limit"."""
 
     kind: str
     name: str
@@ -74,7 +74,7 @@ class Competitor(ABC):
         return None
 
     def build(self, case: Case) -> Any:
-        """What it is given, made outside of the time of `run`: the ICP, and for a peer the QP from it."""
+        """Build the input of `run`, outside of its time: the ICP, and for a peer the QP from it."""
         return fresh(case.problem)
 
     def run(self, case: Case, tolerance: float, time_limit: float) -> Claim:
@@ -87,7 +87,7 @@ class Competitor(ABC):
 
     @abstractmethod
     def attempt(self, case: Case, tolerance: float, time_limit: float) -> Claim:
-        """The same; what it raises becomes the claim."""
+        """`run`, where an exception becomes the claim."""
 
 
 class Own(Competitor):

@@ -20,7 +20,7 @@ from .timing import timed
 def first_runs(
     case: Case, named: list[Competitor], tolerance: float, limit: float, say: Callable[[str], None]
 ) -> dict[str, str | None]:
-    """Who does not take part, and why, or None."""
+    """Competitor → why it does not take part, or None."""
     reasons = {}
     for one in named:
         say(f"{one.name}: warming up")
@@ -55,7 +55,7 @@ def _first_run(case: Case, one: Competitor, tolerance: float, limit: float) -> s
 
 
 def _ended(call: Callable[[], Any], case: Case, limit: float) -> Any:
-    """What `call` returns, from a process that is ended at the limit where it may take longer. Raises OutOfTime."""
+    """The result of `call`, in a process that is killed at the limit if it may take longer. Raises OutOfTime."""
 
     def items() -> Iterator[Any]:
         yield call()

@@ -117,7 +117,7 @@ class Race(Plottable, Tabular):
 
     @property
     def winner(self) -> str:
-        """Who came first to Res_D(z) ≤ 1e-8·Res_D(0), in one sentence.
+        """The first competitor to reach Res_D(z) ≤ 1e-8·Res_D(0), in one sentence.
 
         Where nobody did, the goal is the smallest tolerance that somebody reached. Competitors whose times
         overlap with those of the first are named as level with it.
@@ -313,7 +313,7 @@ def _measure(case: Case, z_exact: Any, limit: float) -> tuple[str, _Error]:
 def _run(
     case: Case, entered: list[Competitor], goals: list[float], repeats: int, limit: float, error: _Error, say: _Say
 ) -> Iterator[Entry]:
-    """In the first round it turns out who needs which tolerances and how long; the short runs are then repeated."""
+    """Run every competitor once, to find its tolerances and its time; then repeat the short runs."""
     builds = {one.name: _build_seconds(case, one) for one in entered}
     reached = dict.fromkeys(builds, 1.0)  # 0 for one that is asked for no more
     again = {}

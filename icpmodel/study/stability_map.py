@@ -91,7 +91,7 @@ class StabilityMap(Plottable, Tabular):
 
     @property
     def any_printed(self) -> Mask:
-        """The points where the paper, as printed, says so."""
+        """The points where a theorem as printed proves convergence."""
         return np.any([*self.printed.values()], axis=0)
 
     @property
@@ -101,7 +101,7 @@ class StabilityMap(Plottable, Tabular):
 
     @property
     def printed_contradictions(self) -> int:
-        """The same for the theorems as printed."""
+        """The number of such points for the theorems as printed."""
         return int((self.any_printed & self.failed).sum())
 
     def table(self) -> Table:

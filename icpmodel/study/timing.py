@@ -18,7 +18,7 @@ Run = TypeVar("Run")
 
 
 def clocked(call: Callable[..., Any], prepare: Callable[[], Any] | None = None) -> Callable[[], float]:
-    """What tells the seconds of `call`, with what `prepare` makes before the clock starts, if anything.
+    """A timer of `call`, whose argument `prepare`, if given, makes before the clock starts.
 
     What it returns is freed at once: kept, it would make the next run pay for fresh memory.
     """

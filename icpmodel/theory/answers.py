@@ -57,7 +57,7 @@ class Allowance:
     unit: float
 
     def enforced(self) -> AbstractContextManager[None]:
-        """A block in which more raises OutOfTime."""
+        """Limit the cost of a block: beyond it OutOfTime is raised."""
         return work.work_limit(nanoseconds=self.products * self.unit)
 
     def undecided(self, error: Exception) -> str:

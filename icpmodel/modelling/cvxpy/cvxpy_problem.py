@@ -227,7 +227,7 @@ class Problem(Displayable):
 
     @property
     def value(self) -> float | None:
-        """What CVXPY would call the least value of the objective 0.
+        """The optimal value of the objective 0, as CVXPY has it.
 
         0.0 where the status is "optimal" or "optimal_inaccurate", inf where it is proved that there is no
         solution, else None.
@@ -386,7 +386,7 @@ class Problem(Displayable):
         raise InputError(f"{verb}() was called without a solve(requires_grad=True) just before it; call that first")
 
     def _write(self, z: Vector | None) -> None:
-        """What the variables, conditions and constraints are at `z`; nothing where it is None."""
+        """Write the values at `z` to the variables, conditions and constraints; None removes them."""
         reading = self._reading
         for variable in reading.variables:
             variable.save_value(None)
@@ -501,7 +501,7 @@ def _description(constraint: Any) -> str:
 
 
 def _listed(constraints: Any) -> list[Any]:
-    """`constraints` as a list of those that there may be. Raises InputError."""
+    """`constraints` as a list, each of a kind that is allowed. Raises InputError."""
     expected = "complements(p, r), equations a == b and inequalities a <= b"
     known = (Complementarity, *_EQUATIONS, *_INEQUALITIES)
     if isinstance(constraints, known):
@@ -522,7 +522,7 @@ def _listed(constraints: Any) -> list[Any]:
 
 
 def _check_solver(method: Any, options: dict[str, Any]) -> None:
-    """What CVXPY's user names as a solver. Raises InputError."""
+    """Refuse a solver of CVXPY by name. Raises InputError."""
     solver = options.get("solver", method)
     if "solver" in options or (isinstance(method, str) and method in s.SOLVERS):
         actual = solver if isinstance(solver, str) else described(solver)

@@ -167,7 +167,7 @@ class CvxpyReading:
         return obstacle(r, bound, lambda *terms: self._bent(*terms, name))
 
     def _bent(self, G: sp.csr_array, c: Vector, V: sp.csr_array, name: str) -> Function:
-        """What has atoms; its derivative only where CVXPY's gradients held at the first start."""
+        """A function with atoms; with a derivative only if CVXPY's gradients were right at the first start."""
         function = self._function(G, c, V, name)
         if self._gradient_holds is None:
             start = self.start()

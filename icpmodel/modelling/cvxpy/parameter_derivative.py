@@ -117,7 +117,7 @@ def _gradient(
 
 
 def _beside(expression: Any) -> Iterator[cp.Parameter]:
-    """The parameters in `expression` that are no arguments, as an exponent is."""
+    """The parameters of `expression` that are not among its arguments, such as an exponent."""
     for argument in expression.args:
         yield from _beside(argument)
     for x in (expression.get_data() or []) if expression.args else []:

@@ -32,7 +32,7 @@ class IcpSolver(QpSolver):
         return "ICPMODEL"
 
     def import_solver(self) -> None:
-        """Nothing is left to import."""
+        """Import nothing: icpmodel is loaded."""
 
     def cite(self, data: Any) -> str:
         return ""
@@ -40,7 +40,7 @@ class IcpSolver(QpSolver):
     def solve_via_data(
         self, data: Any, warm_start: bool, verbose: bool, solver_opts: Any, solver_cache: Any = None
     ) -> Outcome:
-        """Solve what CVXPY has compiled. Raises InputError for a wrong option, SolverError where nothing is found."""
+        """Solve the compiled data. Raises InputError for a wrong option, SolverError without a solution."""
         for option in solver_opts:
             if option not in _OPTIONS:
                 raise InputError(f"the solver ICPMODEL has no option {option}; it takes {', '.join(_OPTIONS)}")
@@ -93,7 +93,7 @@ def cvxpy_solver() -> IcpSolver:
 
 
 def program_of(data: Any) -> Program:
-    """What CVXPY has compiled, by its own names for the parts."""
+    """The program of CVXPY's compiled data, by its names of the parts."""
     P, A, F = (sp.csr_array(data[key], dtype=np.float64) for key in (s.P, s.A, s.F))
     for M in (P, A, F):
         M.sum_duplicates()

@@ -22,7 +22,7 @@ def pair(condition: Any) -> tuple[cp.Expression, cp.Expression]:
 
 
 def bounds_of(x: cp.Variable) -> list[cp.Constraint]:
-    """What the attributes of `x` say, as inequalities."""
+    """The attributes of `x` as inequalities."""
     low, high = own_bounds(x)
     return [one for one in (low is not None and x >= low, high is not None and x <= high) if one is not False]
 

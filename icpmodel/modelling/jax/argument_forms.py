@@ -62,11 +62,11 @@ class Argument:
         return tuple(_real(one, f"{self.name}[{k}]", self.shapes[k]) for k, one in enumerate(value))
 
     def made(self, *arrays: Any) -> Any:
-        """What `ICP` takes."""
+        """The argument of `ICP`."""
         return self.make(*arrays) if self.make else arrays[0]
 
     def change(self, z: Any, *tangents: Any) -> Any:
-        """What a change of the arrays amounts to at the answer z, a vector."""
+        """The effect of a change of the arrays at the answer z, a vector."""
         if self.matrix is None or self.in_data:
             return tangents[0]
         import jax
@@ -79,11 +79,11 @@ class Argument:
         return sum(constant, jax.ops.segment_sum(products, rows, z.size, indices_are_sorted=True))
 
     def direction(self, change: Any) -> Any:
-        """That as `Derivative.forward` takes it."""
+        """The change as an argument of `Derivative.forward`."""
         return _on(self.matrix, change) if self.in_data and self.matrix is not None else change
 
     def gradient(self, in_data: Callable[[], Any], in_values: Any) -> Any:
-        """Its transpose, of the two gradients that `Derivative.adjoint` knows."""
+        """The transpose of `change`, applied to a gradient by `Derivative.adjoint`."""
         if not self.in_data:
             return in_values
         return in_data() if self.matrix is None else in_data().data

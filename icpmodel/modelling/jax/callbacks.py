@@ -78,7 +78,7 @@ class LastDerivative:
         self.lock = RLock()
 
     def forget(self) -> None:
-        """Keep none."""
+        """Forget the derivative."""
         self.key = ()
         self.derivative = None
 
@@ -130,12 +130,12 @@ class Callbacks:
 
     @cached_property
     def sizes(self) -> dict[str, int]:
-        """How long what crosses over of a change is, a change of A being one of q."""
+        """Argument → the length of its change as passed to the callback; a change of A is passed as one of q."""
         sizes = {"q": self.problem.n} if "A" in self.forms or "q" in self.forms else {}
         return sizes | {name: self.shapes[name][-1][0] for name in ("psi", "upper") if name in self.forms}
 
     def solved(self, arrays: Arrays) -> Any:
-        """z of all rows, NaN where there is none."""
+        """z of all rows, NaN in rows without a solution."""
         rows = Mapped(arrays, self.shapes)
         answers = self.answers(rows)
         if isinstance(answers, Solutions):
@@ -148,7 +148,7 @@ class Callbacks:
         return Z.reshape(*rows.lead, self.problem.n)
 
     def answers(self, rows: Mapped) -> Answers:
-        """The solutions of all rows, None where not even a problem can be made and nothing is to be raised."""
+        """The solutions of all rows; None if no problem can be made and no error is to be raised."""
         if rows.count > 1:
             try:
                 return solve_many(**self.many(rows), raise_on_failure=self.loud, **self.options)
@@ -158,7 +158,7 @@ class Callbacks:
         return [self.answer(rows.at(row)) for row in range(rows.count)]
 
     def many(self, rows: Mapped) -> dict[str, Any]:
-        """What `solve_many` takes: lists, or matrices with a row for each, of what is not the same for all."""
+        """The arguments of `solve_many`: lists, or matrices with a row per problem, where problems differ."""
         problem = self.problem
         made = {}
         sides = obstacles(problem)
@@ -188,7 +188,7 @@ class Callbacks:
             return None
 
     def stated(self, row: Arrays) -> ProblemData:
-        """The problem of one row, which shares with the owner's what is the same."""
+        """The problem of one row; it shares equal data with the problem of the owner."""
         problem = self.problem
         made = {name: self.forms[name].made(*row[name]) for name in self.forms}
         sides = [made.get(name, own) for name, own in obstacles(problem).items()]
@@ -226,7 +226,7 @@ class Callbacks:
         return self.each(residuals, zbar, act, sum(self.sizes.values()))
 
     def each(self, residuals: Arrays, vectors: Any, act: Callable[[Derivative, Vector], Vector], size: int) -> Any:
-        """What `act` makes of every derivative and the vectors that come with it, of this `size`; else NaN."""
+        """`act` on every derivative with its vectors, of length `size`; NaN in rows without a derivative."""
         rows = Mapped(residuals, self.shapes | {"z": ((self.problem.n,),)})
         directions = Mapped({"": (vectors,)}, {"": (np.shape(vectors)[-1:],)})
         lead = np.broadcast_shapes(rows.lead, directions.lead)
@@ -247,7 +247,7 @@ class Callbacks:
         return results.reshape(*lead, size)
 
     def derivative(self, row: Arrays) -> Derivative | None:
-        """That at the z of one row, where a solve from there ends at once; None where there is none."""
+        """The derivative at the z of one row, if a solve from there ends at once; else None."""
         key = tuple(np.ascontiguousarray(one).tobytes() for several in row.values() for one in several)
         if key == self.last.key:
             return self.last.derivative

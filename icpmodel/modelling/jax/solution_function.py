@@ -182,7 +182,7 @@ class SolutionFunction(Displayable):
 
 
 class Traced:
-    """What JAX sees of a `SolutionFunction` for arguments of certain forms."""
+    """A `SolutionFunction` for arguments of fixed forms, as JAX traces it."""
 
     def __init__(self, calls: Callbacks) -> None:
         jax = the_package()

@@ -116,7 +116,7 @@ def solve_program(
 
 
 class _ProgramRun:
-    """One program on its way to an outcome."""
+    """A run on one program."""
 
     def __init__(self, program: Program, tolerance: float, time_limit: float | None, begin: float) -> None:
         self.program = program
@@ -181,7 +181,7 @@ class _ProgramRun:
         return solution
 
     def _without_solution(self, problem: ICP, solution: Solution) -> Outcome | None:
-        """What is proved by the directions in which the run ended, or by the least violation of the conditions."""
+        """The outcome without a solution: proved by the last direction of the run, or by the least violation."""
         if solution.infeasible is not None and solution.infeasible.witness is not None:
             y = np.array([float(weight) for weight in solution.infeasible.witness])
         else:
@@ -202,7 +202,7 @@ class _ProgramRun:
         return None
 
     def _falls(self, inaccurate: str, how: str) -> Outcome:
-        """What follows where no multipliers exist: it needs a feasible point as well."""
+        """The outcome where no multipliers exist: unbounded if there is a feasible point, else infeasible."""
         if not self.program.is_symmetric:
             return Outcome(f"infeasible{inaccurate}", f"no x and multipliers meet the conditions: {how}")
         n = self.program.g.size
@@ -218,7 +218,7 @@ class _ProgramRun:
 
 
 class Incumbent:
-    """The best iterate of a program: of those that are good up to rounding the one that is wrong least.
+    """The best iterate of a program: among those good up to rounding, the one with the least violation.
 
     Parameters
     ----------
@@ -246,7 +246,7 @@ class Incumbent:
 
     @property
     def is_good(self) -> bool:
-        """Whether nothing is wrong by more than the tolerance, up to rounding."""
+        """Whether the violation is within the tolerance, up to rounding."""
         return self.violation[0] <= self.tolerance
 
     def judged(self, progress: Progress) -> bool:
@@ -298,7 +298,7 @@ class Incumbent:
                     break
 
     def values(self) -> Values:
-        """The unknowns apart; multipliers of bounds are p where it presses x on them."""
+        """x and the multipliers; those of bounds are p where it presses x on them."""
         p = self.problem.p(self.z)
         n, equations = self.size
         box = np.where(room_of(self.problem, self.z, p) == 0, -p, 0.0)[:n]

@@ -173,7 +173,7 @@ class ConditionRows:
             self._append(owner, (1.0, {}, None), (constant, linear, nonlinear), equation=True)
 
     def _add_inequality(self, constraint: Any, ends: list[Terms]) -> None:
-        """What must be ≤ 0 at the answer."""
+        """Add an inequality, which must be ≤ 0 at the answer."""
         for terms in ends:
             constant, linear, nonlinear = self._read(terms, constraint)
             if nonlinear is not None:

@@ -71,7 +71,7 @@ class NonlinearRows:
         return sp.csr_array(sp.coo_array((data, (rows, columns)), shape=(self.size, z.size)))
 
     def expressions(self, z: Sequence[Any]) -> list[Any]:
-        """They as Pyomo expressions of `z`, Pyomo variables or expressions."""
+        """The rows as Pyomo expressions of `z`, Pyomo variables or expressions."""
         x = [variable if sign > 0 else -variable for variable, sign in zip(z, self.signs, strict=True)]
         expressions: list[Any] = [None] * self.size
         for one in self.compiled:

@@ -182,7 +182,7 @@ class PyomoSolver(SolverBase):
         return results
 
     def _refuse(self, results: Results, config: Any) -> None:
-        """Raises where there is no solution, and the call wants one."""
+        """Raise Pyomo's error if there is no solution and the call asks for one."""
         failure = NoOptimalSolutionError if config.raise_exception_on_nonoptimal_result else NoFeasibleSolutionError
         options = [name for name in ("load_solutions", "raise_exception_on_nonoptimal_result") if config[name]]
         if options:
@@ -193,7 +193,7 @@ class PyomoSolver(SolverBase):
             )
 
     def _fill(self, results: Results, model: Any, reading: PyomoReading, solution: Solution) -> None:
-        """The status, honestly: a point that violates an inequality, or a bound of a variable, is no solution."""
+        """Fill in the status. A point that violates an inequality, or a bound of a variable, is no solution."""
         results.extra_info.solution, results.extra_info.iteration_count = solution, solution.iterations
         checked = solution
         if solution.status in (Status.SOLVED, Status.PRECISION_LIMIT):

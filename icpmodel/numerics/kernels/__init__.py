@@ -93,7 +93,7 @@ def _tell(what: str) -> None:
 
 
 class _Watch(Listener):
-    """Tells the clock of the runs when numba is busy, and a person who sees standard error what it is doing."""
+    """A listener to numba: it stops the clock of runs while numba compiles, and announces that on standard error."""
 
     announced = False
 

@@ -120,7 +120,7 @@ def solve_many(
 
 @public_entry
 def _done(batch: Batch, begun: float) -> dict[str, Any]:
-    """What a worker makes of a share, which `begun` says when all began, by the clock on the wall."""
+    """A worker's results for a share; `begun` is the wall-clock time of the start of all shares."""
     batch.clock = work.clock() - max(time.time() - begun, 0.0)
     if len(batch.Z) and begun not in _INTERRUPTED:
         batch.run()
@@ -177,7 +177,7 @@ def _by_workers(batch: Batch, make: Any) -> None:
 
 
 def _again(failed: Shares, tried: set[tuple[int, int]]) -> list[Shares]:
-    """What is done again of the shares that `failed`: halves of them, then one alone, then its rows."""
+    """The shares to repeat after some `failed`: halves of them, then one share alone, then its rows."""
     half = len(failed) // 2
     if half:
         return [failed[half:], failed[:half]]
@@ -189,7 +189,7 @@ def _again(failed: Shares, tried: set[tuple[int, int]]) -> list[Shares]:
 
 
 def _failed(batch: Batch, shares: Shares, ends: Ends) -> Shares:
-    """Those of the `shares` that did not come back; the others are kept."""
+    """The `shares` that failed; the results of the others are stored."""
     failed = []
     for low, high in shares:
         end = ends.get((low, high))
@@ -228,7 +228,7 @@ def _part(batch: Batch, low: int, high: int) -> Batch:
 
 
 def _take(batch: Batch, low: int, high: int, part: dict[str, Any]) -> None:
-    """Keep what was found for a part, whatever became of it before."""
+    """Store the results of a part in place of earlier ones."""
     for name in _BY_ROW:
         getattr(batch, name)[low:high] = part[name]
     batch.failures = {row: failure for row, failure in batch.failures.items() if not low <= row < high}

@@ -61,7 +61,7 @@ class AtOnce:
         self.method: Method = Lemke() if self.small else Tridiagonal()
 
     def price(self) -> float | None:
-        """What a row costs, in nanoseconds; None where these problems are not for it."""
+        """The cost of a row, in nanoseconds; None if compiled code does not apply."""
         problem = self.problem
         if not (self.affine or problem.facts.has_fixed_obstacle):
             return None
@@ -70,7 +70,7 @@ class AtOnce:
         return None if self.affine or self.method.why_not(problem) else work.COSTS.band_entry * 3.0 * problem.n
 
     def pieces(self, price: float) -> Iterator[tuple[slice, tuple[Matrix, Vector, Vector, Any]]]:
-        """Some rows, their z, residuals and tolerances, and which of them are solved, until there are none left.
+        """Yield batches of rows with their z, residuals, tolerances, and a mask of the solved ones.
 
         Raises MapError, SingularOperator, OutOfTime and MemoryError.
         """
@@ -117,7 +117,7 @@ class AtOnce:
         return (psi.linear[0] @ Z.T).T + psi.linear[1] if psi.linear else np.array([psi.value(z) for z in Z])
 
     def _judged(self, rows: slice, Z: Matrix, Q: Matrix, C: Matrix, D: Matrix | None) -> tuple[Vector, Vector, Any]:
-        """The residuals of Z, what they are held against, and which of the `rows` are solved."""
+        """The residuals of Z, the tolerances, and a mask of the solved `rows`."""
         problem = self.problem
         psi = problem.psi
         upper = problem.upper
@@ -152,7 +152,7 @@ class AtOnce:
         return residuals, tolerances, solved
 
     def _raise(self, rows: slice, known: list[Matrix], residuals: Vector, tolerances: Vector, weights: Any) -> None:
-        """Make bounds of the exact residuals of what is within the tolerances."""
+        """Replace residuals within the tolerances by upper bounds of the exact ones."""
         Q, C, Z, *above = known
         psi = self.problem.psi
         if self.stack is None:
@@ -164,7 +164,7 @@ class AtOnce:
         self._on_threads(lambda low, high: judge(*(X[low:high] for X in of_rows)), len(Q))
 
     def _pivoted(self, lcp: AffineLcp, Q: Matrix, C: Matrix, D: Matrix | None) -> Matrix:
-        """What the pivots make of the rows, each an LCP of its own."""
+        """Solve the rows by pivoting, one LCP each."""
         from ...algebra.kernels.balancing import scale
         from ...algebra.kernels.batched_lcps import each, many  # loads numba
 
@@ -188,7 +188,7 @@ class AtOnce:
         return X
 
     def _by_thomas(self, Q: Matrix, C: Matrix, D: Matrix | None) -> Matrix:
-        """What the direct method for tridiagonal A makes of the rows."""
+        """Solve the rows by the direct method for tridiagonal A."""
         from ...algebra.kernels.tridiagonal import bands, many  # loads numba
 
         A = self.problem.A

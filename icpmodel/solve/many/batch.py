@@ -104,7 +104,7 @@ class Stack(Sequence[ProblemData]):
 
 
 class Batch:
-    """The rows of one `solve_many` and what is found for them."""
+    """The rows of one `solve_many` and their results."""
 
     def __init__(self, A: Any, Q: Any, psi: Any, upper: Any, Z0: Any, limits: Limits) -> None:
         self.clock = work.clock()
@@ -129,7 +129,7 @@ class Batch:
         self._begin()
 
     def _begin(self) -> None:
-        """Nothing is found as yet."""
+        """Make empty results."""
         self.Z = np.zeros(self.stated.Q.shape)
         k = len(self.Z)
         if self.starts is not None:
@@ -173,16 +173,15 @@ class Batch:
 
     @property
     def compiler(self) -> AtOnce:
-        """What compiled code makes of the rows."""
+        """The solver of the rows in compiled code."""
         return AtOnce(self.stated, self.obstacles, self.above, self.limits)
 
     def price(self) -> float | None:
-        """What compiled code takes for a row, in nanoseconds; None where it takes none of these problems."""
+        """The cost of a row in compiled code, in nanoseconds; None if it does not apply."""
         return self.compiler.price() if self.together else None
 
     def at_once(self) -> None:
-        """The rows in compiled code, where there is some for them, while the limits allow it; a row is solved where its
-        residual says so."""
+        """Solve rows in compiled code, if it applies and as the limits allow; their residuals say which are solved."""
         price = self.price()
         if price is None:
             return
@@ -196,7 +195,7 @@ class Batch:
                     stored[rows][good] = new[good]
 
     def solve(self, row: int) -> None:
-        """One row by `ICP.solve`; none where an earlier one was interrupted."""
+        """Solve one row by `ICP.solve`, unless an earlier one was interrupted."""
         if self.interrupted:
             self.failures[row] = Status.INTERRUPTED, "an earlier row was interrupted"
             return
@@ -246,7 +245,7 @@ class Batch:
         return self.Z[row - 1] if row % CHAIN and self.solved[row - 1] else None
 
     def run(self) -> None:
-        """All rows, at once where that can be, the others one by one."""
+        """Solve all rows, at once where possible, the others one by one."""
         with self.limits.enforced(self.clock):
             began = work.clock()
             try:
@@ -263,7 +262,7 @@ class Batch:
                 self.solve(int(left_open))
 
     def solutions(self) -> Solutions:
-        """What was found."""
+        """The results."""
         self.Z.flags.writeable = False
         at_once = RunRecord.at_once(self.compiler.method, int(self.compiled[0]), self.compiled[1])
         statuses = [self.failures.get(row, (Status.SOLVED,))[0] for row in range(len(self.Z))]

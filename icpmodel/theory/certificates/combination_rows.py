@@ -47,7 +47,7 @@ class CombinationRows:
 
     @classmethod
     def of(cls, problem: ProblemData, known: Known | None = None) -> CombinationRows | None:
-        """Those of a problem with constant or affine obstacles; None for another one."""
+        """The rows of a problem with constant or affine obstacles; None for other obstacles."""
         psi = problem.psi
         n = problem.n
         above = None if problem.upper is None else problem.upper.linear

@@ -124,7 +124,7 @@ class DefiniteProof(Proof):
         return self._larger_root(u, for_u, w, for_w), size
 
     def _larger_root(self, u: Vector, for_u: Vector, w: Vector, for_w: Vector) -> float:
-        """That of the quadratic, u and w being known to `for_u` and `for_w`, rounded up."""
+        """The larger root of the quadratic, rounded up, with u and w known to `for_u` and `for_w`."""
         U = np.abs(u) + for_u
         W = np.abs(w) + for_w
         terms = np.diff(self.A.indptr) + np.diff(self.B.indptr) + 4

@@ -82,7 +82,7 @@ def answer_of(rows: CombinationRows, exact: Combination, most: Fraction, known: 
 
 
 def _reason(rows: CombinationRows, known: Known | None, y: Any, number: float) -> str:
-    """What the combination `y` says, in words."""
+    """The contradiction that the combination `y` proves, in words."""
     sums = f"{_weighted(rows, y)} is at most {number:.3g}"
     if known is not None:
         proved = f"{np.count_nonzero(np.isfinite(known.high))} unknowns are proved to be what they are ({known.proof})"

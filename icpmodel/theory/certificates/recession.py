@@ -33,7 +33,7 @@ class Recession:
         self.share = SHOWN
 
     def proof(self, y: Vector) -> Answer:
-        """What is proved by the direction `y`, shape (n,)."""
+        """The proof, if any, by the direction `y`, shape (n,)."""
         share = _share(self.problem, y)
         if not share < self.share:
             return Answer(None, "the iterates do not diverge along a combination of rows")

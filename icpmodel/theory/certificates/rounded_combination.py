@@ -21,7 +21,7 @@ _MAX_COST = 2e9
 
 @np.errstate(all="ignore")
 def rounded_combination(rows: CombinationRows, y: Vector, exponents: Exponents) -> float | None:
-    """What (Mz + m)ᵀx is at most, for some x next to 2^`exponents`·`y`, where that is negative, rounding included."""
+    """An upper bound of (Mz + m)ᵀx, for some x near 2^`exponents`·`y`, if it is negative, rounding included."""
     used = np.flatnonzero(y)
     y = y[used]
     scale = np.ldexp(1.0, exponents[used])

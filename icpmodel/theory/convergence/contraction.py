@@ -49,7 +49,7 @@ def absolute_inverse(X: sp.csr_array, size: sp.csr_array | None = None) -> Compa
 
 
 def slack(size: sp.csr_array, v: Vector) -> Vector:
-    """More than the rounding errors of a product with `v` of a matrix of at most 2·`size`, and of making it.
+    """A bound on the rounding errors of a product with `v` of a matrix of at most 2·`size`, assembly included.
 
     8k(u·`size`|v| + 2⁻¹⁰⁷⁴), k eight more than the entries of the longest row; the second term is for underflow and
     asks for |v| ≤ 1.
@@ -165,7 +165,7 @@ class HomogeneousMap(ABC):
 
     @property
     def price(self) -> float:
-        """What one evaluation costs; to solve with X, or to sweep, counts itself."""
+        """The cost of one evaluation, without solves with X and sweeps, which count themselves."""
         return 2.0 * work.product(0, self.entries)
 
     @abstractmethod

@@ -270,7 +270,7 @@ class MatrixClasses(ReadOnly, Displayable):
         return Answer(True, proved) if unknown is None else Answer(None, unknown)
 
     def _p_by_theorems(self) -> Answer:
-        """For blocks beyond LIMIT: what theorems say."""
+        """The answer for blocks beyond LIMIT, by theorems."""
         if self.h_plus.holds:
             return Answer(True, "H+-matrix")
         if self.definite.holds:
