@@ -202,7 +202,7 @@ class _ProgramRun:
         return None
 
     def _falls(self, inaccurate: str, how: str) -> Outcome:
-        """The outcome where no multipliers exist: unbounded if there is a feasible point, else infeasible."""
+        """The outcome where no multipliers exist: "unbounded" only if a feasible point is computed."""
         if not self.program.is_symmetric:
             return Outcome(f"infeasible{inaccurate}", f"no x and multipliers meet the conditions: {how}")
         n = self.program.g.size
