@@ -83,7 +83,7 @@ class Argument:
         return _on(self.matrix, change) if self.in_data and self.matrix is not None else change
 
     def gradient(self, in_data: Callable[[], Any], in_values: Any) -> Any:
-        """The gradient in the arrays, from the two gradients of `Derivative.adjoint`: in the data, and in the values."""
+        """The gradient in the arrays, from those in the data and in the values of `Derivative.adjoint`."""
         if not self.in_data:
             return in_values
         return in_data() if self.matrix is None else in_data().data
