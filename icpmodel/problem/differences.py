@@ -39,6 +39,8 @@ def colours(pattern: sp.csr_array) -> NDArray[np.intp]:
     >>> colours(sp.csr_array([[1.0, 1, 0], [0, 1, 1]]))
     array([0, 1, 0])
     """
+    if (np.diff(pattern.indptr) == pattern.shape[1]).any():  # no two columns can share a colour
+        return np.arange(pattern.shape[1])
     touched = sp.csr_array(abs(pattern).T @ abs(pattern))
     colour = np.full(pattern.shape[1], -1, dtype=np.intp)
     for j in range(colour.size):

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 
 from ...errors import InputError
 from ...icp import ICP
-from ...numerics.arrays import Vector, as_number, as_vector, described
+from ...numerics.arrays import Vector, as_csr, as_number, as_vector, described, row_of
+from ...numerics.factorisation import factorise
+from ...problem.differences import colours
 from ...solve.goal import RTOL
 from .argument_forms import check_float64, the_package
 from .callbacks import in_worker_thread, worker_threads
@@ -21,6 +25,7 @@ def nonlinear_solution_of(
     *,
     psi: Any = 0.0,
     upper: Any = None,
+    sparsity: Any = None,
     z0: Any = None,
     rtol: float = RTOL,
     atol: float = 0.0,
@@ -36,6 +41,8 @@ def nonlinear_solution_of(
         Number of unknowns.
     psi, upper : float or array_like of shape (n,), optional
         Fixed bounds of z, by default 0 and none.
+    sparsity : array_like or sparse of shape (n, n), optional
+        An entry wherever F_i may depend on z_j: for derivatives of columns together.
     z0 : array_like of shape (n,), optional
         The start, as for `solve`.
     rtol, atol : float, default 1e-8, 0
@@ -51,13 +58,14 @@ def nonlinear_solution_of(
     Raises
     ------
     InputError
-        Where F is no function, a bound is no vector of n numbers, or JAX has not float64.
+        Where F is no function, a bound is no vector of n numbers, `sparsity` is no matrix of n rows, or JAX has not
+        float64.
 
     Notes
     -----
-    The Jacobian is `jax.jacfwd(F)`. With M the rows of F′ where p is the smaller one, and of I elsewhere, z is
-    z* − M⁻¹m(z*, θ), m being p or z − bound. At the answer m = 0, so that the derivative in θ is that of the implicit
-    function. Where p = r = 0 it is that of one side.
+    The Jacobian is made by `jax.jvp`, one for each group of columns that share no row. With M the rows of F′ where p is
+    the smaller one, and of I elsewhere, Mdz = −(∂F/∂θ)dθ in the former rows and 0 in the latter, as the theorem of the
+    implicit function has it. Where p = r = 0 it is the derivative of one side. It can be differentiated again.
 
     References
     ----------
@@ -71,46 +79,91 @@ def nonlinear_solution_of(
     ...
     ...     with jax.enable_x64(True):
     ...         root = nonlinear_solution_of(lambda z, theta: z**2 - theta, 1, z0=[1.0])
-    ...         print(jax.jacrev(root)(4.0).round(6))
+    ...         print(jax.jacrev(root)(4.0).round(6), jax.hessian(root)(4.0).round(6))
     ... else:
-    ...     print("[0.25]")
-    [0.25]
+    ...     print("[0.25] [-0.03125]")
+    [0.25] [-0.03125]
     """
     jax = the_package()
     worker_threads()
     if not callable(F):
         raise InputError(f"F is {described(F)}; a function of z and theta was expected")
     size = int(as_number(n, "n", least=1, whole=True))
-    slope = jax.jacfwd(F)
+    pattern = sp.csr_array(np.ones((size, size))) if sparsity is None else as_csr(sparsity, "sparsity", size)
+    jacobian = _Jacobian(jax, F, pattern)
     low = as_vector(psi, size, "psi", infinite=np.inf)
     high = as_vector(np.inf if upper is None else upper, size, "upper", infinite=np.inf)
 
     def solved(theta: Any) -> Vector:
         problem = ICP.nonlinear(
             lambda z: np.asarray(F(z, theta)),
-            lambda z: np.asarray(slope(z, theta)),
+            lambda z: jacobian.matrix(jacobian.entries(z, theta)),
             low,
             None if upper is None else high,
         )
         return problem.solve(z0=z0, rtol=rtol, atol=atol, time_limit=time_limit).z
 
-    def of_theta(theta: Any) -> Any:
+    @jax.custom_jvp
+    def answer(theta: Any) -> Any:
         check_float64()
-        constant = jax.lax.stop_gradient(theta)
         shape = jax.ShapeDtypeStruct((size,), np.float64)
-        z = jax.pure_callback(lambda t: in_worker_thread(solved, t), shape, constant, vmap_method="sequential")
-        z = jax.lax.stop_gradient(z)
-        return z - _newton_step(jax, z, F(z, theta), slope(z, constant), low, high)
+        return jax.pure_callback(lambda t: in_worker_thread(solved, t), shape, theta, vmap_method="sequential")
 
-    return of_theta
+    @answer.defjvp
+    def of_implicit_function(primals: Any, tangents: Any) -> Any:
+        z = answer(*primals)
+        p, dp = jax.jvp(lambda theta: F(z, theta), primals, tangents)
+        at_bound = (p > z - low) | (p < z - high)
+        M = jacobian.with_unit_rows(jacobian.entries(z, *primals), at_bound)
+        return z, jacobian.solve(M, jax.numpy.where(at_bound, 0.0, -dp))
+
+    answer_of_theta: Callable[[Any], Any] = answer
+    return answer_of_theta
 
 
-def _newton_step(jax: Any, z: Any, p: Any, jacobian: Any, low: Vector, high: Vector) -> Any:
-    """M⁻¹m: row i of m and of its Jacobian M is that of p, or of z − bound where z_i is at a bound."""
-    jnp = jax.numpy
-    at = jax.lax.stop_gradient(p)
-    below = at > z - low
-    above = at < z - high
-    bound = jnp.where(below, low, high)
-    M = jnp.where((below | above)[:, None], jnp.eye(low.size), jacobian)
-    return jnp.linalg.solve(M, jnp.where(below | above, z - bound, p))
+class _Jacobian:
+    """∂F/∂z on the entries of a `pattern`, to which the diagonal is added, in the order of CSR."""
+
+    def __init__(self, jax: Any, F: Callable[[Any, Any], Any], pattern: sp.csr_array) -> None:
+        self._jax = jax
+        self._pattern = sp.csr_array(abs(pattern) + sp.eye_array(pattern.shape[0]))
+        self._rows = row_of(self._pattern)
+        self._columns = self._pattern.indices
+        colour = colours(self._pattern)
+        self._of_entry = colour[self._columns]
+        seeds = (np.arange(colour.max() + 1)[:, None] == colour).astype(np.float64)
+
+        def entries(z: Any, theta: Any) -> Any:
+            along = jax.vmap(lambda seed: jax.jvp(lambda y: F(y, theta), (z,), (seed,))[1])(seeds)
+            return along[self._of_entry, self._rows]
+
+        #: (z, θ) ↦ the entries, by one derivative along a direction for each colour
+        self.entries = jax.jit(entries)
+
+    def matrix(self, entries: Any) -> sp.csr_array:
+        pattern = self._pattern
+        return sp.csr_array((np.array(entries), pattern.indices, pattern.indptr), shape=pattern.shape)
+
+    def with_unit_rows(self, entries: Any, unit: Any) -> Any:
+        """The entries with the rows `unit`, a mask of shape (n,), those of I."""
+        return self._jax.numpy.where(unit[self._rows], 1.0 * (self._rows == self._columns), entries)
+
+    def solve(self, entries: Any, m: Any) -> Any:
+        """M⁻¹m for the M of these `entries`, NaN where it is singular."""
+        jax = self._jax
+
+        def solved(transposed: bool) -> Callable[[Any, Any], Any]:
+            def of(entries: Any, b: Any) -> Vector:
+                factors = factorise(self.matrix(entries))
+                if factors is None:
+                    return np.full(b.shape, np.nan)
+                return np.asarray(factors.solve(np.array(b), "T" if transposed else "N"))
+
+            call = partial(in_worker_thread, of)
+            shape = jax.ShapeDtypeStruct(m.shape, np.float64)
+            return lambda _, b: jax.pure_callback(call, shape, entries, b, vmap_method="sequential")
+
+        def product(x: Any) -> Any:
+            return jax.numpy.zeros(m.shape).at[self._rows].add(entries * x[self._columns])
+
+        return jax.lax.custom_linear_solve(product, m, solved(False), solved(True))
