@@ -47,6 +47,13 @@ class Level:
         self.inverse = 1.0 / self.diagonal
         self.P: Any = None
         self.coarse_points: Any = None
+        #: of the coarsest level: the rows whose inverse was made last, and that inverse
+        self.inverted: tuple[Any, Any] = (None, None)
+
+    @cached_property
+    def R(self) -> Any:
+        """Pᵀ."""
+        return self.P.T
 
     def transposed(self) -> Level:
         """The level of Aᵀ."""
@@ -113,15 +120,13 @@ class Hierarchy:
 
     @cached_property
     def _inverse(self) -> NDArray[np.float64]:
-        """The inverse of the free rows of the coarsest level."""
-        A = self._dense[np.ix_(self._rows, self._rows)]
-        with one_blas_thread():
-            with suppress(np.linalg.LinAlgError):
-                inverse = np.linalg.inv(A)  # a tenth of the cost of the other
-                size, inverse_size = (np.abs(B).sum(axis=0).max(initial=0.0) for B in (A, inverse))
-                if size * inverse_size < _MAX_CONDITION:
-                    return inverse
-            return np.linalg.pinv(A)
+        """The inverse of the free rows of the coarsest level, which is kept: these rows seldom change."""
+        level = self.levels[-1]
+        rows, inverse = level.inverted
+        if not np.array_equal(rows, self._rows):
+            inverse = _inverse_of(self._dense[np.ix_(self._rows, self._rows)])
+            level.inverted = self._rows, inverse
+        return inverse
 
     def cycle(self, f: Vector, top: int = 0) -> Vector:
         """Approximate, by one V(1, 1)-cycle, the x with (Ax)_i = f_i in the free rows and x_i = 0 in the others.
@@ -180,6 +185,17 @@ class Hierarchy:
         interpolate(free, *transfer, self._cycle(coarse, top + 1), x)
         sweep_up(*matrix, level.inverse, free, f, x)
         return x
+
+
+def _inverse_of(A: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A⁻¹, or that of Moore and Penrose where it has no digits."""
+    with one_blas_thread():
+        with suppress(np.linalg.LinAlgError):
+            inverse = np.linalg.inv(A)  # a tenth of the cost of the other
+            size, inverse_size = (np.abs(B).sum(axis=0).max(initial=0.0) for B in (A, inverse))
+            if size * inverse_size < _MAX_CONDITION:
+                return inverse
+        return np.linalg.pinv(A)
 
 
 #: of the last matrix: P and `coarse_points` of the finest level and the levels below it, or why there are none.

@@ -3,7 +3,9 @@
 Every level of an algebraic multigrid hierarchy of A carries a problem of its own in z_c, where z = Pz_c + s. At the
 coarse points s is 0 and ψ is the one of the finer level; elsewhere s = −q/D. Then A_c = PᵀAP and q_c = Pᵀ(As + q). The
 finer level starts from its answer, so that the active set there is wrong near its border only. The steps on each level
-are those of `algebra.newton_steps`.
+are those of `algebra.newton_steps`. With a z that is not 0, and fixed obstacles, they begin on the
+finest level whose cycles cost less than the Python around them. Else, and where that fails, they begin with 0 on the
+coarsest level.
 
 No grid is given: the levels are made of A, q and ψ. A ψ_i that depends on z_i alone is first replaced by a fixed
 obstacle. Where ψ is an intervention, policy iteration (`Newton`) takes their place: its jumps reach too far for sweeps.
@@ -22,11 +24,17 @@ import numpy as np
 from ..algebra.hierarchy import Hierarchy, Level, NoHierarchy
 from ..algebra.newton_steps import newton_steps
 from ..algebra.subproblems import with_fixed_obstacle
+from ..numerics import work
 from ..numerics.arrays import Vector
+from ..numerics.multigrid import cycle_cost
 from ..problem.data import ProblemData
 from .contract import Iterate, Method, positive_diagonal
 from .newton import Newton
 
+#: a start from z begins on the finest level of which a cycle costs less than this share of a Newton step, which is
+#: about what Python costs around it: further levels cost as much, and bring less. Of 67 problems of 33 families, after
+#: twelve sweeps, one in 1D was lost so, which the coarsest levels solve; the others took .7 times as long (median)
+_SMALL = 0.5
 #: a coarser level is left at this share of the residual that it begins with, which is below what interpolation to the
 #: next one brings in, as full multigrid has it; at this one of its Res_D(0) at the latest; or after so many looks
 _COARSE_REDUCTION = 0.05
@@ -75,11 +83,11 @@ class Multilevel(Method):
         yield z, first
         best = z
         with suppress(NoHierarchy):
-            best = yield from self._finest_level(problem, z, first)
+            best = yield from self._from_levels(problem, z, first)
         if problem.psi.has_policies:
             yield from Newton().iterates(problem, best)
 
-    def start(self, hierarchy: Hierarchy, problem: ProblemData) -> Vector:
+    def start(self, hierarchy: Hierarchy, problem: ProblemData, z: Vector, lowest: int) -> Vector:
         """The start from the coarser levels; each begins with the answer of the next coarser level.
 
         Parameters
@@ -88,21 +96,25 @@ class Multilevel(Method):
             The levels.
         problem : ProblemData
             The problem on the finest level.
+        z : array of shape (n,)
+            The point with which the lowest level begins.
+        lowest : int
+            That level.
 
         Returns
         -------
         array of shape (n,)
-            The start z.
+            The start; `z` itself where the lowest level is the finest one.
         """
         problems = [problem]
         shifts = []
-        for level, coarser in pairwise(hierarchy.levels):
+        for level, coarser in islice(pairwise(hierarchy.levels), lowest):
             coarse, shift = coarse_problem(problems[-1], level, coarser)
             problems.append(coarse)
             shifts.append(shift)
+            z = z[level.coarse_points]
         jumps = problem.psi.has_policies
-        z = np.zeros(problems[-1].n)
-        for top in range(len(problems) - 1, 0, -1):
+        for top in range(lowest, 0, -1):
             path = Newton().iterates(problems[top], z) if jumps else newton_steps(hierarchy, problems[top], z, top)
             enough = _MIN_COARSE_RTOL * problems[top].residual_at_0()
             for step, (near, residual) in enumerate(islice(path, _MAX_POLICY_STEPS if jumps else _MAX_COARSE_STEPS)):
@@ -116,33 +128,52 @@ class Multilevel(Method):
             z = hierarchy.levels[top - 1].P @ answer + shifts[top - 1]
         return z
 
-    def _finest_level(self, problem: ProblemData, z: Vector, first: float) -> Generator[Iterate, None, Vector]:
-        """The finest level, while the residual falls, from `z` with the residual `first`; returns the best z."""
+    def _from_levels(self, problem: ProblemData, z: Vector, first: float) -> Generator[Iterate, None, Vector]:
+        """Steps from `z`, with the residual `first`, then from the coarsest level; where ψ jumps returns a start."""
         hierarchy = Hierarchy(problem)
         simple = with_fixed_obstacle(problem)
         at_0 = problem.residual_at_0()
-        start = z if first <= _GOOD_START * at_0 else self.start(hierarchy, simple)
+        is_near = first <= _GOOD_START * at_0
+        if is_near and problem.psi.has_policies:
+            return z
+        if is_near or (simple.psi.is_constant and z.any()):
+            start = self.start(hierarchy, simple, z, 0 if is_near else _first_small(hierarchy))
+            yield from _while_it_falls(hierarchy, problem, simple, start)
+        start = self.start(hierarchy, simple, np.zeros(problem.n), len(hierarchy.levels) - 1)
         if problem.psi.has_policies:
             return start if problem.residual(start) <= min(first, at_0) else z
-        mark = np.inf
-        least = np.inf
-        halved_at = 0
-        better_at = 0
-        best = z
-        for step, (iterate, residual) in enumerate(newton_steps(hierarchy, simple, start, 0)):
-            if not residual < np.inf:
-                break
-            yield iterate, residual if simple is problem else None
-            if residual < least:
-                least = residual
-                better_at = step
-                best = iterate
-            if residual <= 0.5 * mark:
-                mark = residual
-                halved_at = step
-            if step - halved_at >= _PATIENCE or step - better_at >= _SHORT_PATIENCE:
-                break
-        return best
+        yield from _while_it_falls(hierarchy, problem, simple, start)
+        return start
+
+
+def _first_small(hierarchy: Hierarchy) -> int:
+    """The level on which a start begins: the finest small one, see `_SMALL`, or the coarsest one."""
+    for k, level in enumerate(hierarchy.levels[:-1]):
+        if cycle_cost(level.A.shape[0], level.A.nnz) <= _SMALL * work.COSTS.newton:
+            return k
+    return len(hierarchy.levels) - 1
+
+
+def _while_it_falls(
+    hierarchy: Hierarchy, problem: ProblemData, simple: ProblemData, start: Vector
+) -> Iterator[Iterate]:
+    """Newton's steps on the finest level from `start`, while the residual falls; `simple` has fixed obstacles."""
+    mark = np.inf
+    least = np.inf
+    halved_at = 0
+    better_at = 0
+    for step, (iterate, residual) in enumerate(newton_steps(hierarchy, simple, start, 0)):
+        if not residual < np.inf:
+            break
+        yield iterate, residual if simple is problem else None
+        if residual < least:
+            least = residual
+            better_at = step
+        if residual <= 0.5 * mark:
+            mark = residual
+            halved_at = step
+        if step - halved_at >= _PATIENCE or step - better_at >= _SHORT_PATIENCE:
+            break
 
 
 def coarse_problem(problem: ProblemData, level: Level, coarser: Level) -> tuple[ProblemData, Vector]:
@@ -156,4 +187,4 @@ def coarse_problem(problem: ProblemData, level: Level, coarser: Level) -> tuple[
     psi = problem.psi
     shift = -problem.q * level.inverse
     shift[coarse_points] = 0.0
-    return coarser.problem.with_q(P.T @ problem.p(shift)).with_psi(psi.composed(P, shift, coarse_points)), shift
+    return coarser.problem.with_q(level.R @ problem.p(shift)).with_psi(psi.composed(P, shift, coarse_points)), shift
