@@ -92,10 +92,10 @@ class Hierarchy:
     def __init__(self, problem: ProblemData) -> None:
         # whether the levels are still there makes no difference to what is counted
         price = hierarchy_cost(problem.n, problem.nnz)
-        work.check_budget(price, HIERARCHY_BYTES * problem.nnz)
         finest = Level(problem)
         cached = _LAST.get(problem.matrix)
         if cached is None:
+            work.check_budget(price, HIERARCHY_BYTES * problem.nnz)
             _LAST.clear()
             counted = work.done()
             cached = _LAST[problem.matrix] = _coarser(finest)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,6 +23,8 @@ from ..methods.proximal import Proximal
 from ..methods.psor import PSOR
 from ..methods.shortcuts import Josephy, Lemke, Tridiagonal
 from ..numerics import work
+from ..numerics.arrays import as_truth
+from ..numerics.multigrid import hierarchy_cost
 from ..present.display import Displayable
 from ..problem.data import ProblemData, ProblemLike, as_problem
 from .estimates import PLAIN, Estimate, least_cost
@@ -72,7 +74,9 @@ class Choice(Displayable):
     estimate: Estimate | None = None
 
 
-def select_method(problem: ProblemLike, *, rtol: float = RTOL, family: str | None = None) -> Choice | None:
+def select_method(
+    problem: ProblemLike, *, rtol: float = RTOL, family: str | None = None, warm_start: bool = False
+) -> Choice | None:
     """Choose the method that `solve()` runs first.
 
     What one method solves at once goes to it:
@@ -81,6 +85,10 @@ def select_method(problem: ProblemLike, *, rtol: float = RTOL, family: str | Non
        `Josephy`.
     2. A tridiagonal, and every ψ_i fixed, or dependent on z_i alone and changing by less: `Tridiagonal`.
     3. ψ an intervention: policy iteration, by `Newton` or from the coarser levels by `Multilevel`.
+
+    With a z0 the problem counts as one of a sequence with the same A, which keeps the hierarchy of `Multilevel`. Where
+    `Multilevel` without the hierarchy is expected to cost less than accelerated sweeps and than `Newton`, it begins.
+    The ladder below follows where it ends, or has spent twice its estimate with the hierarchy.
 
     Rows without any obstacle are equations. They are eliminated where at most √nnz rows have an obstacle, ψ is fixed,
     and to factorise A is expected to cost less than sweeps or `Multilevel`. What is left takes the place of the
@@ -120,6 +128,8 @@ def select_method(problem: ProblemLike, *, rtol: float = RTOL, family: str | Non
         "modulus" leaves out what does not grow out of the modulus equation: `Lemke`, `Josephy`,
         `Tridiagonal`. "paper" takes MNMAOR with θ₁ = "auto" for the sweeps of rung 4, MNMMOD with
         θ₁ = "auto" for rung 5, then MNMGS.
+    warm_start : bool, default False
+        Whether `solve` is given a z0.
 
     Returns
     -------
@@ -131,7 +141,8 @@ def select_method(problem: ProblemLike, *, rtol: float = RTOL, family: str | Non
     >>> icp.select_method(ICP([[2, -1], [-1, 2]], [-1, 3])).method
     Lemke()
     """
-    job = Ladder(as_problem(problem), rtol, family).next()
+    as_truth(warm_start, "warm_start")
+    job = Ladder(as_problem(problem), rtol, family, warm_start).next()
     return None if job is None else job.choice
 
 
@@ -210,6 +221,7 @@ class Ladder:
     target_reduction : float
         The share of Res_D(0) that is asked for.
     family : str or None
+    warm_start : bool
         As in `select_method`.
     first : Method, optional
         The method that solved a similar problem after others. It runs first, and the others where it takes longer than
@@ -217,7 +229,12 @@ class Ladder:
     """
 
     def __init__(
-        self, problem: ProblemData, target_reduction: float, family: str | None = None, first: Method | None = None
+        self,
+        problem: ProblemData,
+        target_reduction: float,
+        family: str | None = None,
+        first: Method | None = None,
+        warm_start: bool = False,
     ) -> None:
         self.problem = problem
         self.target_reduction = target_reduction
@@ -226,13 +243,18 @@ class Ladder:
         self.jobs: list[Job] = []
         self.others: list[list[Job]] = []
         self.rungs = [self._at_once, self._plain, self._sweeps, self._costly, self._last]
+        if warm_start and family != "paper" and not problem.psi.has_policies:
+            self.rungs.insert(1, self._kept)
         self.floor = 0.0
+        #: what runs before the sweeps
+        self.early: Job | None = None
         #: whether rung 5 waits, as the problem may be reduced before; and whether it is next
         self.pauses = False
         self.is_paused = False
         if first is not None:
             self.rungs.pop(0)
             self.jobs = self._estimated([first])
+            self.early = next(iter(self.jobs), None)
             self.floor = sum(job.remaining for job in self.jobs)
 
     @property
@@ -300,6 +322,20 @@ class Ladder:
                 break
             _LOG.debug("n = %d: %r is left out: %s", problem.n, method, why_not)
 
+    def _kept(self) -> None:
+        """`Multilevel` with the hierarchy that A keeps: a trial of sweeps would save no set-up."""
+        problem = self.problem
+        methods = [Multilevel(), Accelerated(of=PSOR(omega=relaxation(problem))), Newton()]
+        found = self._estimated(methods)
+        for job in found:
+            if isinstance(job.method, Multilevel):
+                job.remaining -= hierarchy_cost(problem.n, problem.nnz)
+                job.choice = replace(job.choice, why=f"{job.choice.why}, of which A keeps the hierarchy")
+                if job is min(found, key=lambda job: job.remaining):
+                    self.early = job
+                    self.jobs.append(job)
+                    self.floor = job.remaining
+
     def _plain(self) -> None:
         if self.family == "paper" or self.problem.psi.has_policies:
             return
@@ -316,7 +352,7 @@ class Ladder:
         paper = self.family == "paper"
         method = MNMAOR(theta1=AUTO) if paper else Accelerated(of=PSOR(omega=relaxation(self.problem)))
         if jobs := self._estimated([method]):
-            self.jobs = jobs  # plain sweeps are over
+            self.jobs = [*jobs, *(job for job in self.jobs if job is self.early)]  # plain sweeps are over
         for job in jobs:
             job.limit = self._trial(job, self.floor)
             job.remaining = 0.0
@@ -338,8 +374,9 @@ class Ladder:
             proximal = [Proximal(), Interior()]
         if self.family is None:
             newton.append(Lemke())
-        sweeps = self.jobs[:]
-        self.others = [self._estimated(newton), *([job] for job in self._estimated(proximal))]
+        sweeps = [job for job in self.jobs if job is not self.early]
+        others = [[method for method in rung if not self._has_begun(method)] for rung in (newton, proximal)]
+        self.others = [self._estimated(others[0]), *([job] for job in self._estimated(others[1]))]
         for rung in self.others:
             self.jobs += rung[:1]
         following = min((rung[0].remaining for rung in self.others if rung), default=math.inf)
@@ -349,6 +386,10 @@ class Ladder:
             elif job.spent < (trial := self._trial(job, following)):
                 job.limit = trial
                 job.remaining = 0.0
+
+    def _has_begun(self, method: Method) -> bool:
+        """Whether `method` ran before the sweeps."""
+        return self.early is not None and type(method) is type(self.early.method)
 
     def _last(self) -> None:
         self.jobs += self._estimated([MNMGS()] if self.family == "paper" else [MNMGS(), MNMMOD(theta1=AUTO)])

@@ -145,7 +145,8 @@ def solve(
     start = _starting_point(problem, z0)
     with limits.enforced():
         named_method = _named(method, problem, options)
-        run = _run(problem, start, limits, follows_theorems=method is not None, **display)
+        given = {"warm_start": z0 is not None, "follows_theorems": method is not None}
+        run = _run(problem, start, limits, **given, **display)
 
         def run_all() -> None:
             _run_all(run, named_method, family)

@@ -22,6 +22,7 @@ from ..methods.proximal import Proximal
 from ..methods.psor import PSOR
 from ..methods.shortcuts import Lemke
 from ..numerics import work
+from ..numerics.krylov import gcr_step_cost
 from ..numerics.multigrid import cycle_cost, hierarchy_cost
 from ..problem.data import ProblemData
 from ..problem.facts import Facts
@@ -108,11 +109,19 @@ def _newton(method: Method, facts: Facts, target_reduction: float) -> Estimate:
 def _multilevel_costs(facts: Facts) -> tuple[float, float]:
     """The set-up and a step."""
     matrix = facts.matrix
-    costs = work.COSTS
-    coarser = 2.0 * math.log2(max(matrix.n / 64.0, 1.0))  # steps
-    setup = hierarchy_cost(matrix.n, matrix.nnz) + coarser * costs.newton
-    cycles = 3.0 * cycle_cost(matrix.n, matrix.nnz)
-    return setup, 0.5 * costs.newton + SWEEPS * work.sweep(matrix.n, facts.entries) + cycles
+    n = matrix.n
+    python = 0.5 * work.COSTS.newton
+    cycle = cycle_cost(n, matrix.nnz)
+    step = python + SWEEPS * work.sweep(n, facts.entries)
+    hierarchy = hierarchy_cost(n, matrix.nnz)
+    if not facts.has_fixed_obstacle:
+        # two steps on each level
+        return hierarchy + 4.0 * math.log2(max(n / 64.0, 1.0)) * python, step + 3.0 * cycle
+    # two steps on each level that is not small, which together have about as many entries as the finest one; a step is
+    # one Krylov step in the median of 67 problems
+    step += cycle + gcr_step_cost(n, matrix.nnz)
+    coarser = 2.0 * math.log2(max(cycle / python, 1.0))
+    return hierarchy + coarser * python + min(coarser, 2.0) * (step - python), step
 
 
 def _multilevel(method: Method, facts: Facts, target_reduction: float) -> Estimate:

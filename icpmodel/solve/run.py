@@ -87,6 +87,8 @@ class Run:
         The reference residual; if 0, ‖z‖ takes its place.
     restart : array of shape (n,), optional
         The start of a method after one that failed.
+    warm_start : bool
+        Whether the user gave the start.
     presolved : ProblemData, optional
         A problem with the same solutions that the methods get in place of `problem`.
     follows_theorems : bool
@@ -107,6 +109,7 @@ class Run:
     target_reduction: float
     scale: float
     restart: Vector | None = None
+    warm_start: bool = False
     presolved: ProblemData | None = None
     follows_theorems: bool = False
     watch: Callable[[Vector, float], Ended | None] | None = None

@@ -43,6 +43,16 @@ class TestRule:
         ):
             assert isinstance(icp.select_method(problem).method, kind)
 
+    def test_a_sequence_takes_the_method_whose_hierarchy_its_matrix_keeps(self):
+        """A trial of sweeps would save no set-up; where few sweeps do, or few unknowns are there, sweeps it is."""
+        for n, mu, kind in ((100**2, 0.0, icp.Multilevel), (100**2, 4.0, icp.PSOR), (15**2, 0.0, icp.PSOR)):
+            problem = scenes.membrane(n=n, mu=mu).problem
+            assert isinstance(icp.select_method(problem, warm_start=True).method, kind)
+            before = problem.solve()
+            following = problem.with_q(problem.q - 0.01).solve(z0=before)
+            assert isinstance(following.method, icp.Multilevel) == (kind is icp.Multilevel)
+            assert following.error_bound < 1e-5
+
     @pytest.mark.parametrize("family", FAMILIES)
     def test_a_ladder_keeps_to_its_family_and_its_estimates_are_numbers(self, family):
         kinds = {"paper": {"paper"}, "modulus": {"paper", "modulus"}, None: {"paper", "modulus", "shortcut"}}[family]
