@@ -166,7 +166,7 @@ class Hierarchy:
         return new
 
     def _cycle(self, f: Vector, top: int) -> Vector:
-        from ..numerics.kernels.vcycle import interpolate, restrict, sweep_down, sweep_up
+        from ..numerics.kernels.vcycle import ascend, descend
 
         level = self.levels[top]
         if level.P is None:
@@ -176,14 +176,12 @@ class Hierarchy:
         x = np.empty(f.size)  # the first sweep writes all of it
         A = level.A
         P = level.P
-        free = self._free[top]
         matrix = (A.indptr, A.indices, A.data)
         transfer = (P.indptr, P.indices, P.data)
+        free = self._free[top]
         coarse = np.zeros(P.shape[1])
-        sweep_down(*matrix, level.diag, level.inverse, free, f, x)
-        restrict(*matrix, level.diag, free, *transfer, x, coarse)
-        interpolate(free, *transfer, self._cycle(coarse, top + 1), x)
-        sweep_up(*matrix, level.inverse, free, f, x)
+        descend(*matrix, level.diag, level.inverse, free, f, *transfer, x, coarse)
+        ascend(*matrix, level.inverse, free, f, *transfer, x, self._cycle(coarse, top + 1))
         return x
 
 

@@ -42,6 +42,8 @@ def newton_steps(hierarchy: Hierarchy, problem: ProblemData, z: Vector, top: int
     sweep = sweep_with_flow(problem)
     newton: GCR | None = None
     last_pattern: Pattern | None = None
+    # where the active set has moved, and at first, sweeps move its border further
+    z = swept(sweep, z, SWEEPS)
     while True:
         p = problem.p(z)
         if moves:
@@ -51,7 +53,7 @@ def newton_steps(hierarchy: Hierarchy, problem: ProblemData, z: Vector, top: int
             omega = level.diagonal / np.maximum(1.0 - own, LEAST_SLOPE)
         pattern = Pattern.at(problem, z, p, omega)
         work.count(0.5 * work.COSTS.newton)
-        if last_pattern is None or not pattern.same_sides(last_pattern):
+        if last_pattern is not None and not pattern.same_sides(last_pattern):
             # whose rest is that of the z before, if the pattern comes back
             z = swept(sweep, z, SWEEPS)
             newton = None

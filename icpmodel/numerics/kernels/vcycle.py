@@ -13,14 +13,10 @@ from . import compiled, one, row_sum, uint
 
 
 @compiled
-def sweep_down(indptr, indices, data, diag, inverse, free, f, x):
+def descend(indptr, indices, data, diag, inverse, free, f, p_indptr, p_indices, p_data, x, coarse):
     # one forward sweep from x = 0, which needs the lower triangle alone
     for i in range(uint(x.size)):
         x[i] = -row_sum(-f[i], indptr[i], diag[i], indices, data, x) * inverse[i] if free[i] else 0.0
-
-
-@compiled
-def restrict(indptr, indices, data, diag, free, p_indptr, p_indices, p_data, x, coarse):
     # coarse + P'(f - Ax), where the residual of a row that was just swept is the product of x with its upper triangle
     for i in range(uint(x.size)):
         if free[i]:
@@ -33,15 +29,11 @@ def restrict(indptr, indices, data, diag, free, p_indptr, p_indices, p_data, x, 
 
 
 @compiled
-def interpolate(free, p_indptr, p_indices, p_data, coarse, x):
+def ascend(indptr, indices, data, inverse, free, f, p_indptr, p_indices, p_data, x, coarse):
     # x + P coarse
     for i in range(uint(x.size)):
         if free[i]:
             x[i] = row_sum(x[i], p_indptr[i], p_indptr[i + uint(1)], p_indices, p_data, coarse)
-
-
-@compiled
-def sweep_up(indptr, indices, data, inverse, free, f, x):
     # one backward sweep
     n = x.size
     for step in range(n):
