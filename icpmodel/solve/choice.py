@@ -142,7 +142,7 @@ def select_method(
     Lemke()
     """
     as_truth(warm_start, "warm_start")
-    job = Ladder(as_problem(problem), rtol, family, warm_start).next()
+    job = Ladder(as_problem(problem), rtol, family, warm_start=warm_start).next()
     return None if job is None else job.choice
 
 
@@ -351,7 +351,8 @@ class Ladder:
             return
         paper = self.family == "paper"
         method = MNMAOR(theta1=AUTO) if paper else Accelerated(of=PSOR(omega=relaxation(self.problem)))
-        if jobs := self._estimated([method]):
+        jobs = [] if self._has_begun(method) else self._estimated([method])
+        if jobs:
             self.jobs = [*jobs, *(job for job in self.jobs if job is self.early)]  # plain sweeps are over
         for job in jobs:
             job.limit = self._trial(job, self.floor)

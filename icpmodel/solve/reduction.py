@@ -68,7 +68,7 @@ def presolve(problem: ProblemData) -> ProblemData:
 
 def ladder_steps(run: Run, problem: ProblemData, family: str | None, first: Method | None = None) -> Iterator[None]:
     """The steps of `run` up its ladder, with the reduction of `problem` before rung 5; `first` as in `Ladder`."""
-    ladder = Ladder(problem, run.target_reduction, family, first, run.warm_start)
+    ladder = Ladder(problem, run.target_reduction, family, first, warm_start=run.warm_start)
     ladder.pauses = family != "paper"
     if ladder.pauses and problem.psi.is_constant and not ladder.is_decided:
         complement = None
