@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -10,19 +9,10 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..errors import MapError, SingularOperator
-from ..numerics import work
-from ..numerics.arrays import Mask, Vector, norm
-from ..numerics.factorisation import factorise
-from ..numerics.fill import SymbolicAnalysis
-from ..numerics.krylov import cg_step_cost, conjugate_gradients, conjugate_residuals, gcr_step_cost
-from ..numerics.linear import MANY_STEPS, solver_of
-from ..numerics.sparse_structure import diagonal_positions
-from ..numerics.symmetric_factors import Symmetric
+from ..numerics.arrays import Mask, Vector
 from ..problem.data import ProblemData
 from ..problem.map import Map
-from ..problem.matrix import Matrix
 from ..problem.two_sided import chosen
-from .factor_costs import factor_costs
 from .operators import FactorisedOperator
 
 #: steps of iterative refinement, or of Newton's method with the first derivative kept
@@ -178,132 +168,3 @@ def derivative(psi: Map, z: Vector, above: Mask | None = None) -> sp.csr_array:
     if not np.isfinite(J.data).all():
         raise MapError("psi's derivative is not finite")
     return J
-
-
-#: steps of Krylov's methods for a system: 1e-4 where μ is .01, ½√100·log(2e4); and 70 to 1000 for games without a
-#: diagonal where μ is .1
-_KRYLOV_STEPS = 50
-_KRYLOV_STEPS_WITHOUT_DIAGONAL = 1000
-#: bytes of an entry, and vectors that steps hold
-_ENTRY_BYTES = 12.0
-_WORK_VECTORS = 24
-
-
-def krylov_step_cost(matrix: Matrix, share: float = 1.0) -> float:
-    """The cost of a step of CG on a `share` of the rows of A, or of GCR if A is not symmetric."""
-    cost = cg_step_cost if matrix.is_nearly_symmetric else gcr_step_cost
-    return cost(int(share * matrix.n), int(share * matrix.nnz))
-
-
-def system_cost(matrix: Matrix, factors: float, memory: float) -> tuple[float, float]:
-    """(nanoseconds, bytes) that `solver_of` is expected to take for a system with the pattern of A, where factors take
-    so many."""
-    steps = MANY_STEPS * gcr_step_cost(matrix.n, matrix.nnz) if matrix.has_positive_diagonal else np.inf
-    return _least(matrix, steps, factors, memory)
-
-
-def shifted_cost(matrix: Matrix) -> tuple[float, float]:
-    """The expected (nanoseconds, bytes) of `ShiftedEquations`."""
-    steps: float = _KRYLOV_STEPS if _few_steps_may_do(matrix) else _KRYLOV_STEPS_WITHOUT_DIAGONAL
-    if (matrix.rows.diagonal < 0.0).any():
-        steps = np.inf
-    costs = factor_costs(matrix)
-    return _least(matrix, steps * krylov_step_cost(matrix), costs.again, _ENTRY_BYTES * costs.fill.entries)
-
-
-def _few_steps_may_do(matrix: Matrix) -> bool:
-    return matrix.is_nearly_symmetric or matrix.has_positive_diagonal
-
-
-def _least(matrix: Matrix, by_steps: float, factors: float, memory: float) -> tuple[float, float]:
-    if by_steps < factors or (by_steps < np.inf and not work.fits(memory)):
-        return by_steps, _ENTRY_BYTES * matrix.nnz + _WORK_VECTORS * 8.0 * matrix.n
-    return factors, memory
-
-
-class ShiftedEquations:
-    """((A + D)x)_i = f_i in the free rows and x_i = 0 in the others, for one set of rows and one D ≥ 0 after another.
-
-    By steps of Krylov's methods as long as these promise to cost less; by factors of matrices with the pattern of A,
-    or by those of the free rows.
-    """
-
-    def __init__(self, problem: ProblemData) -> None:
-        self.problem = problem
-        self.costs = factor_costs(problem.matrix)
-        self.iterative = True
-
-    @cached_property
-    def repeated(self) -> Symmetric | None:
-        """The factorisation of all rows that keeps its order, if that costs less than a new order each time."""
-        costs = self.costs
-        signs = costs.analysis.signs
-        if not costs.repeats or signs is None:
-            return None
-        return Symmetric(self.problem.A, costs.fill, signs)
-
-    @cached_property
-    def analysis(self) -> SymbolicAnalysis:
-        """The complete symbolic analysis of all rows."""
-        return self.costs.analysis.to_the_end()
-
-    def solve(self, free: Mask, D: Vector, f: Vector, tolerance: float, briefly: bool) -> Vector | None:
-        """x with an error of f of at most the relative `tolerance`, or None; `D`, `f` and x of shape (n,).
-
-        Steps are `INEXACT` in the units of the diagonal. With `briefly` the free rows are not
-        factorised where all have been.
-        """
-        matrix = self.problem.matrix
-        rows = np.flatnonzero(free)
-        share = rows.size / free.size
-        whole = self.costs.fill
-        part = whole._replace(rows=rows.size, entries=share**2 * whole.entries, flops=share**2 * whole.flops)
-        direct = min(work.factor_cost(part), work.dense_cost(rows.size, matrix.is_symmetric))
-        x_free = None
-        if self.iterative:
-            most = int(min(rows.size, min(direct, self.costs.again) / krylov_step_cost(matrix, share)))
-            self.iterative = _few_steps_may_do(matrix) or shifted_cost(matrix)[0] < self.costs.again
-            if self.iterative and most > 0:
-                by_steps = conjugate_gradients if matrix.is_nearly_symmetric else conjugate_residuals
-                x_free = by_steps(self._shifted(rows, D), f[rows], most)
-                self.iterative = x_free is not None or briefly  # with a smaller D they will not do better
-        if x_free is None and self.costs.again < direct:
-            x_of_all = self._by_all_rows(free, D, f, tolerance)
-            if x_of_all is not None or briefly:
-                return x_of_all
-        if x_free is None and (x_free := self._by_free_rows(rows, D, f[rows], tolerance)) is None:
-            return None
-        x = np.zeros(free.size)
-        x[rows] = x_free
-        return x
-
-    def _shifted(self, rows: NDArray[np.intp], D: Vector) -> sp.csr_array:
-        M = submatrix(self.problem, rows)
-        M.data[diagonal_positions(M)] += D[rows]
-        return M
-
-    def _by_free_rows(self, rows: NDArray[np.intp], D: Vector, f: Vector, tolerance: float) -> Vector | None:
-        M = self._shifted(rows, D)
-        analysis = SymbolicAnalysis(M)
-        lu = factorise(M, definite=True, analysis=analysis)
-        x = None if lu is None else np.asarray(lu.solve(f))
-        if x is None or not norm(M @ x - f) <= tolerance * norm(f):
-            return solver_of(M, analysis=analysis)(f, tolerance)
-        return x
-
-    def _by_all_rows(self, free: Mask, D: Vector, f: Vector, tolerance: float) -> Vector | None:
-        problem = self.problem
-        data = problem.A.data.copy()
-        data[problem.matrix.rows.diag] += D
-        factors = self.repeated.factors(data, free) if self.repeated else None
-        if factors is None:
-            return None
-        f = np.where(free, f, 0.0)
-        x = np.zeros(f.size)
-        rest = f
-        for _ in range(2):  # without exchanges of rows digits may be lost
-            x = x + factors.solve(rest)
-            rest = np.where(free, f - D * x - problem.product(x), 0.0)
-            if norm(rest) <= tolerance * norm(f):
-                return x
-        return None

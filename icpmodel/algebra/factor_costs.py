@@ -8,8 +8,11 @@ from __future__ import annotations
 from functools import cached_property
 from weakref import WeakKeyDictionary, ref
 
+import numpy as np
+
 from ..numerics import work
 from ..numerics.fill import SymbolicAnalysis
+from ..numerics.linear import steps_cost
 from ..problem.facts import Facts
 from ..problem.matrix import Matrix
 
@@ -68,6 +71,22 @@ def factor_costs(matrix: Matrix) -> FactorCosts:
     if costs is None:
         costs = _COSTS[matrix] = FactorCosts(matrix)
     return costs
+
+
+#: bytes of an entry of factors and of A, and vectors that Krylov's steps hold
+_FACTOR_BYTES = 16.0
+_ENTRY_BYTES = 12.0
+_WORK_VECTORS = 24
+
+
+def system_cost(matrix: Matrix, factors: float) -> tuple[float, float]:
+    """(nanoseconds, bytes) that `solver_of` is expected to take for a system with the pattern of A, where `factors` are
+    the nanoseconds of a factorisation."""
+    memory = _FACTOR_BYTES * factor_costs(matrix).fill.entries
+    steps = steps_cost(matrix.n, matrix.nnz) if matrix.has_positive_diagonal else np.inf
+    if steps < factors or (steps < np.inf and not work.fits(memory)):
+        return steps, _ENTRY_BYTES * matrix.nnz + _WORK_VECTORS * 8.0 * matrix.n
+    return factors, memory
 
 
 def newton_cost(facts: Facts) -> float:

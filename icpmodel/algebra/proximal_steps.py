@@ -5,11 +5,19 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
+import scipy.sparse as sp
 
-from ..numerics.arrays import Vector
+from ..numerics import work
+from ..numerics.arrays import Mask, Vector, norm
+from ..numerics.factorisation import factorise
+from ..numerics.fill import SymbolicAnalysis
+from ..numerics.linear import solver_of
+from ..numerics.sparse_structure import diagonal_positions
+from ..numerics.symmetric_factors import Symmetric
 from ..problem.data import ProblemData
 from .active_equations import Elimination
-from .equations import Pattern, ShiftedEquations, derivative
+from .equations import Pattern, derivative, submatrix
+from .factor_costs import factor_costs
 
 #: the relative residual up to which a solve counts as one
 _MAX_RELATIVE_RESIDUAL = 1e-6
@@ -30,13 +38,27 @@ class ProximalSteps:
         self.problem = problem
         self.start = start
         self.moves = not problem.facts.has_fixed_obstacle
-        self.equations = ShiftedEquations(problem)
+        self.costs = factor_costs(problem.matrix)
 
     @cached_property
     def obstacles(self) -> tuple[Vector, Vector | None]:
         """ψ and ψ̄ at the start, None where there is no upper obstacle."""
         upper = self.problem.upper
         return self.problem.psi.value(self.start), None if upper is None else upper.value(self.start)
+
+    @cached_property
+    def repeated(self) -> Symmetric | None:
+        """The factorisation of all rows that keeps its order, if that costs less than a new order each time."""
+        costs = self.costs
+        signs = costs.analysis.signs
+        if not costs.repeats or signs is None:
+            return None
+        return Symmetric(self.problem.A, costs.fill, signs)
+
+    @cached_property
+    def analysis(self) -> SymbolicAnalysis:
+        """The complete symbolic analysis of all rows."""
+        return self.costs.analysis.to_the_end()
 
     def step(
         self, z: Vector, p: Vector, pattern: Pattern, centre: Vector, D: Vector, *, briefly: bool = False
@@ -70,8 +92,56 @@ class ProximalSteps:
             z = np.where(pattern.above, top, z)
         if not active.all():
             f = D * (centre - z) - self.problem.p(z)
-            x = self.equations.solve(~active, D, f, _MAX_RELATIVE_RESIDUAL, briefly=briefly)
+            x = self._on_free_rows(active, D, np.where(active, 0.0, f), briefly)
             if x is None:
                 return None
             z += x
         return z, self.problem.p(z)
+
+    def _on_free_rows(self, active: Mask, D: Vector, f: Vector, briefly: bool) -> Vector | None:
+        """x with ((A + D)x)_i = f_i in the free rows, x_i = 0 in the others; None where it is not found."""
+        matrix = self.problem.matrix
+        free = int(np.count_nonzero(~active))
+        share = free / active.size
+        whole = self.costs.fill
+        part = whole._replace(rows=free, entries=share**2 * whole.entries, flops=share**2 * whole.flops)
+        direct = min(work.factor_cost(part), work.dense_cost(free, matrix.is_symmetric))
+        if self.costs.again < direct:
+            x = self._by_all_rows(active, D, f)
+            if x is not None or briefly:
+                return x
+        rows = np.flatnonzero(~active)
+        M = submatrix(self.problem, rows)
+        M.data[diagonal_positions(M)] += D[rows]
+        part_of_x = _solution(M, f[rows])
+        if part_of_x is None:
+            return None
+        x = np.zeros(f.size)
+        x[rows] = part_of_x
+        return x
+
+    def _by_all_rows(self, active: Mask, D: Vector, f: Vector) -> Vector | None:
+        problem = self.problem
+        data = problem.A.data.copy()
+        data[problem.matrix.rows.diag] += D
+        factors = self.repeated.factors(data, ~active) if self.repeated else None
+        if factors is None:
+            return None
+        x = np.zeros(f.size)
+        rest = f
+        for _ in range(2):  # without exchanges of rows digits may be lost
+            x = x + factors.solve(rest)
+            rest = np.where(active, 0.0, f - D * x - problem.product(x))
+            if norm(rest) <= _MAX_RELATIVE_RESIDUAL * norm(f):
+                return x
+        return None
+
+
+def _solution(M: sp.csr_array, f: Vector) -> Vector | None:
+    """x with Mx = f, or None; M may be definite."""
+    analysis = SymbolicAnalysis(M)
+    factors = factorise(M, definite=True, analysis=analysis)
+    x = None if factors is None else np.asarray(factors.solve(f))
+    if x is not None and norm(M @ x - f) <= _MAX_RELATIVE_RESIDUAL * norm(f):
+        return x
+    return solver_of(M, analysis)(f, _MAX_RELATIVE_RESIDUAL)

@@ -132,7 +132,7 @@ class InteriorPath:
         self.moves = self.steps.moves
         self.pattern: Symmetric | SymbolicAnalysis | None = None
         if not self.moves:
-            self.pattern = self.steps.equations.repeated or self.steps.equations.analysis
+            self.pattern = self.steps.repeated or self.steps.analysis
         self.regularisation = self.first_regularisation = (
             _FIRST_REGULARISATION if problem.matrix.is_nearly_symmetric else _FIRST_REGULARISATION_SKEW
         )

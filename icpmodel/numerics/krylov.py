@@ -21,8 +21,6 @@ _RADIUS_AGREEMENT = 0.3
 _MAX_LANCZOS_STEPS = 60
 #: nanoseconds for which a_ji is found, in rows of thousands of entries
 _COUPLING_COST = 40.0
-#: the relative residual of an inexact solve
-INEXACT = 1e-4
 #: directions that GCR keeps, and its steps before the rate is asked for
 _MAX_DIRECTIONS = 8
 _TRIAL_STEPS = 32
@@ -93,26 +91,7 @@ def radius_of(S: sp.csr_array, share: float = _RADIUS_AGREEMENT) -> float:
     return radius
 
 
-def conjugate_gradients(M: sp.csr_array, f: Vector, most: int) -> Vector | None:
-    """x with Mx = f, M definite, to 1e-4 of `f` in the norm of D⁻¹, by at most so many products; None where that fails.
-
-    Raises OutOfTime.
-    """
-    from scipy.sparse.linalg import LinearOperator, cg
-
-    unit = 1.0 / np.sqrt(M.diagonal())
-    price = cg_step_cost(M.shape[0], M.nnz)
-
-    def product(y: Vector) -> Vector:
-        work.charge(price)
-        return unit * (M @ (unit * y))
-
-    with np.errstate(all="ignore"):
-        x, failed = cg(LinearOperator(M.shape, product, dtype=np.float64), unit * f, rtol=INEXACT, maxiter=most)
-    return None if failed else unit * x
-
-
-def conjugate_residuals(M: sp.csr_array, f: Vector, most: int, tolerance: float = INEXACT) -> Vector | None:
+def conjugate_residuals(M: sp.csr_array, f: Vector, most: int, tolerance: float) -> Vector | None:
     """Solve Mx = f to the relative `tolerance` by `GCR`, for M with a positive diagonal.
 
     M need not be symmetric. Returns None as soon as the observed rate predicts more than `most`
@@ -141,14 +120,9 @@ def conjugate_residuals(M: sp.csr_array, f: Vector, most: int, tolerance: float 
     return None
 
 
-def cg_step_cost(n: int, nnz: int) -> float:
-    """The cost of a step of `conjugate_gradients`: a product, and eight calls for vectors."""
-    return work.product(n, nnz) + 8 * (work.COSTS.call + work.COSTS.vector * n)
-
-
 def gcr_step_cost(n: int, nnz: int) -> float:
-    """The cost of a step of `GCR` without a preconditioner, which passes over 40 vectors more."""
-    return cg_step_cost(n, nnz) + 40.0 * work.COSTS.vector * n
+    """The cost of a step of `GCR` without a preconditioner: a product, eight calls, and 48 passes over vectors."""
+    return work.product(n, nnz) + 8 * work.COSTS.call + 48.0 * work.COSTS.vector * n
 
 
 class GCR:

@@ -23,7 +23,7 @@ from .arrays import Vector, norm
 from .equilibration import Exponents, in_units, row_exponents
 from .factorisation import factorise, largest_of_columns, of_array, of_dense
 from .fill import SymbolicAnalysis
-from .krylov import INEXACT, conjugate_residuals, gcr_step_cost
+from .krylov import conjugate_residuals, gcr_step_cost
 from .work import check_budget, count, factor_cost, product
 
 
@@ -41,8 +41,10 @@ _NUDGE = 2.0**-36
 _MAX_CORRECTION = 0.5
 #: what is added to smaller entries of the diagonal, in units of the largest one of the column: enough for a pivot
 _PIVOT_SHIFT = 2.0**-25
+#: the residual, as a share of the solution, of good factors
+_INEXACT = 1e-4
 #: so many Krylov steps GCR needs without a preconditioner
-MANY_STEPS = 100
+_MANY_STEPS = 100
 #: and where the fill is not known it may make so many
 _MAX_STEPS = 1000
 
@@ -106,14 +108,19 @@ def _by_factors(M: Any, analysis: SymbolicAnalysis | None) -> tuple[Solver, Expo
     return _nudged(in_units(M, both, both), analysis), both, both
 
 
+def steps_cost(n: int, nnz: int) -> float:
+    """What GCR is expected to cost for a system of n rows."""
+    return _MANY_STEPS * gcr_step_cost(n, nnz)
+
+
 def _by_steps(M: sp.csr_array, analysis: SymbolicAnalysis) -> Solver | None:
     """The solver by GCR, with as many steps as cost no more than a factorisation.
 
-    None where a factorisation is predicted to cost less than `MANY_STEPS`, or where the diagonal is
+    None where a factorisation is predicted to cost less than `_MANY_STEPS`, or where the diagonal is
     not positive.
     """
     a_step = gcr_step_cost(M.shape[0], M.nnz)
-    cost = MANY_STEPS * a_step
+    cost = steps_cost(M.shape[0], M.nnz)
     if not (analysis.band_costs_more(cost) and (M.diagonal() > 0.0).all() and analysis.costs_more(cost)):
         return None
     turned = cache(lambda: sp.csr_array(M.T))
@@ -173,7 +180,7 @@ def _nudged(M: sp.csr_array, analysis: SymbolicAnalysis) -> Solver:
         x = refined(f, tolerance, transposed)
         if x is None and (y := by_near(f, tolerance, transposed)) is not None:
             whole = near.T if transposed else near
-            if norm(f - whole @ y) <= INEXACT * norm(y):  # good factors: it is M that is nearly singular
+            if norm(f - whole @ y) <= _INEXACT * norm(y):  # good factors: it is M that is nearly singular
                 return None
         return exchanged()(f, tolerance, transposed) if x is None else x
 

@@ -7,8 +7,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from ..algebra.affine_lcp import INVERSE, lcp_rows
-from ..algebra.equations import shifted_cost, system_cost
-from ..algebra.factor_costs import factor_costs, newton_cost
+from ..algebra.factor_costs import factor_costs, newton_cost, system_cost
 from ..algebra.newton_steps import SWEEPS
 from ..algebra.relaxation import sor_speed
 from ..methods.accelerated import Accelerated
@@ -99,7 +98,7 @@ def _newton(method: Method, facts: Facts, target_reduction: float) -> Estimate:
     wander = 8.0 if matrix.coupled_radius > 1.0 and matrix.has_positive_diagonal else 1.0
     simple = wander == 1.0 and facts.has_fixed_obstacle
     factors = factor_costs(matrix).first if simple else factor_costs(matrix).unsymmetric
-    system, memory = system_cost(matrix, factors, 16.0 * factor_costs(matrix).fill.entries)
+    system, memory = system_cost(matrix, factors)
     # without a diagonal the equations of the free rows are singular more often than not, and others follow
     systems = 1.0 if matrix.has_positive_diagonal else 4.0
     steps = wander * (1.0 + math.log2(max(facts.bounded, 1)) / 3.0)
@@ -140,12 +139,9 @@ def _proximal(method: Method, facts: Facts, target_reduction: float) -> Estimate
     # medians of 6 and 10 steps were measured at n = 120 and 1000 where there is a diagonal; of 24, 35 and 125 at
     # n = 120, 500 and 2000 where there is none
     matrix = facts.matrix
-    if facts.has_fixed_obstacle:
-        system, memory = shifted_cost(matrix)
-        step = work.COSTS.newton + system
-    else:
-        system, memory = system_cost(matrix, factor_costs(matrix).unsymmetric, 12.0 * factor_costs(matrix).fill.entries)
-        step = newton_cost(facts) + system
+    fixed = facts.has_fixed_obstacle
+    system, memory = system_cost(matrix, factor_costs(matrix).again if fixed else factor_costs(matrix).unsymmetric)
+    step = (work.COSTS.newton if fixed else newton_cost(facts)) + system
     rows = max(facts.bounded, 1)
     steps = 3.0 + math.log2(rows) if matrix.has_positive_diagonal else 2.0 * math.sqrt(rows)
     return Estimate(step, step, steps, memory)
