@@ -25,7 +25,7 @@ exclude_patterns = ["_extensions"]
 linkcheck_ignore = [r"^\w+\.html$"]  # of the cards of the gallery, which are made with the pages they lead to
 nitpicky = False  # annotations name what is no page; links in the text are all checked
 
-myst_enable_extensions = ["dollarmath", "colon_fence", "deflist", "attrs_inline"]
+myst_enable_extensions = ["dollarmath", "colon_fence", "deflist", "attrs_inline", "attrs_block"]
 myst_heading_anchors = 3
 
 napoleon_use_ivar = True  # a list of attributes: those that are properties have an entry of their own
@@ -43,7 +43,8 @@ html_title = "icpmodel"
 html_static_path = ["_static"]
 html_css_files = ["house.css"]
 html_copy_source = html_show_sourcelink = False
-pygments_style, pygments_dark_style = "friendly", "monokai"
+pygments_style = "default"  # all of its text is 4.5 : 1 or more, as that of the other
+pygments_dark_style = "monokai"
 html_theme_options = {"navigation_with_keys": True}
 copybutton_prompt_text, copybutton_prompt_is_regexp = r">>> |\.\.\. |\$ ", True
 copybutton_copy_empty_lines = False

@@ -705,7 +705,6 @@ for name, (problem, method, colour, marker) in PROMISED.items():
         (last, error[last]),
         (6, 0),
         textcoords="offset points",
-        color=colour,
         va="center",
         fontsize=9,
     )

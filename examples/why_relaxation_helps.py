@@ -228,16 +228,14 @@ pace.plot(
     markersize=5,
 )
 pace.axhline(1.0, color="0.6", linewidth=1)
-for text, at, off, colour in (
-    ("projected SOR,\nω = θ₁", (best, young(best)), (12, 6), BLUE),
-    ("MNMSOR", (2.5, near_solution(2.5, 2.5)), (0, 5), RED),
-    ("MNMAOR,\nθ₂ = 2θ₁", (5, near_solution(5, 10)), (5, -30), GREEN),
-    ("MNMSOR from z = 0: never arrives", (6, 1.0), (8, 7), RED),
+for text, at, off in (
+    ("projected SOR,\nω = θ₁", (best, young(best)), (12, 6)),
+    ("MNMSOR", (2.5, near_solution(2.5, 2.5)), (0, 5)),
+    ("MNMAOR,\nθ₂ = 2θ₁", (5, near_solution(5, 10)), (5, -30)),
+    ("MNMSOR from z = 0: never arrives", (6, 1.0), (8, 7)),
 ):
     right = "right" if at[0] == 6 else "left"
-    pace.annotate(
-        text, at, off, textcoords="offset points", color=colour, fontsize=9, ha=right
-    )
+    pace.annotate(text, at, off, textcoords="offset points", fontsize=9, ha=right)
 pace.set(
     ylim=(None, 1.03),
     xlabel="relaxation parameter θ₁",
@@ -257,10 +255,8 @@ for method, colour, marker in ((full, RED, "s"), (half, BLUE, "o")):
         linewidth=0.7,
     )
 plane.plot(0, 0, "*", color="black", markersize=10)
-plane.annotate(
-    "full steps turn for ever", (-0.26, 0.27), color=RED, fontsize=9, va="bottom"
-)
-plane.annotate("half steps arrive", (0.36, -0.01), color=BLUE, fontsize=9)
+plane.annotate("full steps turn for ever", (-0.26, 0.27), fontsize=9, va="bottom")
+plane.annotate("half steps arrive", (0.36, -0.01), fontsize=9)
 plane.annotate(
     "start",
     across @ turns(full)[0],

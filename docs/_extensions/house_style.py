@@ -216,6 +216,11 @@ def prose(text):
     return "".join(parts)
 
 
+def markdown(text):
+    """Text as it stands, as Markdown: names in backticks stay so, everything else means only itself."""
+    return re.sub(r"(`[^`]*`)|([\\*_<\[$])", lambda found: found[1] or f"\\{found[2]}", text)
+
+
 class Overview(SphinxDirective):
     """Every public name with the first line of its docstring, room by room."""
 
@@ -228,7 +233,7 @@ class Overview(SphinxDirective):
         lines = []
         for room in sorted(rooms):
             lines += [f"**icpmodel{room and '.'}{room}**", ""]
-            lines += [f"- {prose(f'`{path}`: {told}')}" for path, told in sorted(rooms[room])]
+            lines += [f"- `{path}`: {markdown(told)}" for path, told in sorted(rooms[room])]
             lines += [""]
         return self.parse_text_to_nodes("\n".join(lines))
 

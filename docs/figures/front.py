@@ -58,7 +58,6 @@ def race(axes):
             at,
             (7, below),
             textcoords="offset points",
-            color=colour,
             fontsize=8.5,
             va="center",
             annotation_clip=False,
