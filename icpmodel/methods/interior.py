@@ -55,7 +55,7 @@ _REGULARISATION_INCREASE = 100.0
 _BOUNDARY_SHARE = 0.995
 #: the starting r and s are shifted by so many times their negative part
 _SHIFT = 1.5
-#: the method ends when the infeasibility exceeds so many times its least value, and the least residual
+#: the method ends when the infeasibility exceeds so many times its least value and the least residual
 _MAX_ERROR_GROWTH = 1e4
 
 
@@ -99,7 +99,7 @@ class Interior(Method):
             yield path.z, None
             if not path.makes_progress():
                 return
-            if (answer := recession.proof(path.z - path.resting)).holds:
+            if path.infeasibilities.waited and (answer := recession.proof(path.z - path.resting)).holds:
                 raise Infeasible(answer)
             if path.signs_repeat() and (solution := path.by_signs()) is not None:
                 yield solution, None
@@ -206,7 +206,7 @@ class InteriorPath:
         residual = norm(mid(p / self.root, self.root * below, None if above is None else self.root * above))
         infeasibility = norm(np.concatenate([self.dual_residual / self.root, self.root[self.rows] * self.gap]))
         idle = min(self.residuals.add(residual), self.infeasibilities.add(infeasibility))
-        is_lost = infeasibility > max(_MAX_ERROR_GROWTH * self.infeasibilities.least, self.residuals.least)
+        is_lost = infeasibility > _MAX_ERROR_GROWTH * max(self.infeasibilities.least, self.residuals.least)
         return residual > 0.0 and idle < _PATIENCE and not is_lost
 
     def signs_repeat(self) -> bool:

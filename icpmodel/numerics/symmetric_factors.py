@@ -46,7 +46,8 @@ class Symmetric:
         self._stored = np.flatnonzero(A.indices <= row)
         self._row = row[self._stored]
         self._column = A.indices[self._stored]
-        self._start = np.append(0, np.cumsum(np.bincount(self._row, minlength=A.shape[0])))
+        start = np.append(0, np.cumsum(np.bincount(self._row, minlength=A.shape[0])))
+        self._upper = sp.csc_array((np.zeros(self._row.size), self._column, start), shape=A.shape)
         self._ldl: Any = None
 
     @property
@@ -70,7 +71,8 @@ class Symmetric:
             entries[(i != j) & ~(free[i] & free[j])] = 0.0
         if not np.isfinite(entries).all():
             return None
-        upper = sp.csc_array((entries, j, self._start), shape=2 * self._signs.shape)
+        upper = self._upper
+        upper.data = entries
         cost = work.factor_cost(self.fill) if self._ldl is None else work.refactor_cost(self.fill)
         work.charge(cost, _ENTRY_BYTES * self.fill.entries + 12 * data.size)
 

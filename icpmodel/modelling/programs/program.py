@@ -125,6 +125,10 @@ def conditions_of(program: Program, last: ICP | None = None) -> ICP:
 def matrix_of(program: Program) -> sp.csr_array:
     """[[H, Eᵀ, Gᵀ], [−E, 0, 0], [−G, 0, 0]]."""
     C = sp.csr_array(sp.vstack([program.E, program.G]))
-    if not C.shape[0]:
+    rows, n = C.shape
+    if not rows:
         return program.H
-    return sp.csr_array(sp.block_array([[program.H, C.T], [-C, None]]))
+    # stacks of rows take a quarter of the time of `block_array`
+    upper = sp.vstack([program.H.T.tocsr(), C]).T.tocsr()
+    lower = sp.csr_array((-C.data, C.indices, C.indptr), shape=(rows, n + rows))
+    return sp.csr_array(sp.vstack([upper, lower]))

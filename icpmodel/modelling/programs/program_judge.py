@@ -15,8 +15,9 @@ _NOISE_OF_X = 1e-13
 _NOISE_OF_GRADIENT = 1e-3
 #: an entry counts for the units above this share of the largest of its row or of its column
 _NEGLIGIBLE_ENTRY = 1e-12
-#: steps to the units, and the largest of their exponents
+#: steps to the units, the last step of their exponents, and the largest of these
 _MAX_SCALING_STEPS = 50
+_SETTLED_STEP = 0.1
 _MAX_EXPONENT = 500
 
 
@@ -100,5 +101,8 @@ def _units(A: sp.csr_array) -> Vector:
     count = np.maximum(pattern.sum(axis=1), 1.0)
     e = np.zeros(A.shape[0])
     for _ in range(_MAX_SCALING_STEPS):
-        e = 0.5 * (e + (sums - pattern @ e) / count)
+        step = 0.5 * ((sums - pattern @ e) / count - e)
+        e += step
+        if np.abs(step).max(initial=0.0) <= _SETTLED_STEP:
+            break
     return np.exp2(np.clip(e, -_MAX_EXPONENT, _MAX_EXPONENT))

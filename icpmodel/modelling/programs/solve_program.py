@@ -33,7 +33,7 @@ _REGULARISATION = 1e-9
 #: the share of the terms of a row up to which it is tight at a start
 _TIGHT_SLACK = 1e-6
 #: the share of the largest residual from which on the judge is asked
-_JUDGED_SHARE = 1e-4
+_JUDGED_SHARE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +149,8 @@ class _ProgramRun:
             if self.left() == 0.0:
                 break
             with enforce_limits(self.left(), None):
-                best.polish(best.z, best.pattern(best.z))
+                if not best.is_exact:
+                    best.polish(best.z, best.pattern(best.z))
                 if not best.is_good:
                     best.polish(solution.z, best.pattern(solution.z))
             if solution.status is Status.MEMORY_LIMIT or best.is_good:
@@ -249,6 +250,11 @@ class Incumbent:
         """Whether the violation is within the tolerance, up to rounding."""
         return self.violation[0] <= self.tolerance
 
+    @property
+    def is_exact(self) -> bool:
+        """Whether the same holds without regard to rounding."""
+        return self.violation[1] <= self.tolerance
+
     def judged(self, progress: Progress) -> bool:
         """Whether a run has come to an answer."""
         self.largest = max(self.largest, progress.residual)
@@ -271,7 +277,9 @@ class Incumbent:
             if self._order(violation) <= self._order(self.violation):
                 self.violation = violation
                 self.z = one
-        return self.violation[1] <= self.tolerance or self.violation[1] > enough > self.tolerance
+            if self.is_exact:
+                return True
+        return self.violation[1] > enough > self.tolerance
 
     def _order(self, violation: tuple[float, float]) -> tuple[float, float]:
         return max(violation[0], self.tolerance), violation[1]
