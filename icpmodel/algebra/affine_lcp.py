@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..errors import SingularOperator
 from ..numerics import work
 from ..numerics.arrays import Vector, read_only
+from ..numerics.fill import dense_cost
 from ..numerics.threads import one_blas_thread
 from ..problem.data import ProblemData
 from ..problem.facts import Facts
@@ -214,7 +215,7 @@ def some_pivots(state: Any, entering: int, most: int) -> Any:
 
 def _inverse(G: Matrix | Vector) -> Matrix:
     """(I − G)⁻¹, dense, as G is wherever it is not the diagonal of a small problem."""
-    work.check_budget(INVERSE * work.dense_cost(len(G)))
+    work.check_budget(INVERSE * dense_cost(len(G)))
     with suppress(np.linalg.LinAlgError):
         return np.asarray(np.linalg.inv(np.eye(len(G)) - _dense(G)), dtype=np.float64)
     raise SingularOperator("I - G is singular", 0)

@@ -11,7 +11,7 @@ from weakref import WeakKeyDictionary, ref
 import numpy as np
 
 from ..numerics import work
-from ..numerics.fill import SymbolicAnalysis
+from ..numerics.fill import Fill, SymbolicAnalysis, dense_cost, factor_cost, refactor_cost
 from ..numerics.linear import steps_cost
 from ..problem.facts import Facts
 from ..problem.matrix import Matrix
@@ -30,35 +30,35 @@ class FactorCosts:
         return matrix is not None and matrix.is_symmetric
 
     @cached_property
-    def fill(self) -> work.Fill:
+    def fill(self) -> Fill:
         """The entries and operations of a sparse factorisation; an estimate where a full analysis does not pay."""
         return self.analysis.fill
 
     @cached_property
     def dense(self) -> float:
         """The cost of a dense factorisation of A."""
-        return work.dense_cost(self.n, self._is_symmetric())
+        return dense_cost(self.n, self._is_symmetric())
 
     @cached_property
     def repeats(self) -> bool:
         """Whether `Symmetric` is for matrices with the pattern of A, and costs less than dense factors."""
         fill = self.fill
-        return fill.seen and fill.symmetric and work.refactor_cost(fill) < self.dense
+        return fill.seen and fill.symmetric and refactor_cost(fill) < self.dense
 
     @cached_property
     def first(self) -> float:
         """The cost for A, or a matrix with its pattern: the sparse or the dense one, whichever is less."""
-        return min(work.factor_cost(self.fill), self.dense)
+        return min(factor_cost(self.fill), self.dense)
 
     @cached_property
     def unsymmetric(self) -> float:
         """The cost for an unsymmetric matrix with the pattern of A."""
-        return min(work.factor_cost(self.fill._replace(symmetric=False)), work.dense_cost(self.n))
+        return min(factor_cost(self.fill._replace(symmetric=False)), dense_cost(self.n))
 
     @cached_property
     def again(self) -> float:
         """The cost for a matrix with the pattern of A once another one has been factorised."""
-        return work.refactor_cost(self.fill) if self.repeats else self.first
+        return refactor_cost(self.fill) if self.repeats else self.first
 
 
 _COSTS: WeakKeyDictionary[Matrix, FactorCosts] = WeakKeyDictionary()

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ..numerics import work
 from ..numerics.arrays import Vector
+from ..numerics.fill import dense_cost
 from ..numerics.rounding import gamma
 from ..problem.data import ProblemData
 from ..problem.map import Map
@@ -98,7 +99,7 @@ class LinearRows:
         size = max(_BATCH_ENTRIES // self.n**2, 1)
         pieces = itertools.product(*self.choices)
         while chosen := list(itertools.islice(pieces, size)):
-            work.charge(len(chosen) * (work.COSTS.call + 8.0 * work.dense_cost(self.n)))
+            work.charge(len(chosen) * (work.COSTS.call + 8.0 * dense_cost(self.n)))
             yield self._solved(np.array(chosen, dtype=np.int8))
 
     @np.errstate(all="ignore")

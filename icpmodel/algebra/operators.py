@@ -24,6 +24,7 @@ from ..numerics import work
 from ..numerics.arrays import Vector
 from ..numerics.equilibration import equilibrated
 from ..numerics.factorisation import factorise
+from ..numerics.fill import least_factor_cost
 from ..numerics.rounding import UNIT_ROUNDOFF
 from ..numerics.sparse_structure import diagonal_positions
 from ..problem.data import ProblemData
@@ -85,7 +86,7 @@ class FactorisedOperator(Operator):
 
     def __init__(self, X: sp.csr_array) -> None:
         X = sp.csr_array(X)
-        work.check_budget(2.0 * work.least_factor_cost(X.shape[0], X.nnz))
+        work.check_budget(2.0 * least_factor_cost(X.shape[0], X.nnz))
         # so that units do not look like singularity
         scaled, self._rows, self._columns = equilibrated(X)
         self._lu = factorise(scaled)

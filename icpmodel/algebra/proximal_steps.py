@@ -7,10 +7,9 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from ..numerics import work
 from ..numerics.arrays import Mask, Vector, norm
 from ..numerics.factorisation import factorise
-from ..numerics.fill import SymbolicAnalysis
+from ..numerics.fill import SymbolicAnalysis, dense_cost, factor_cost
 from ..numerics.linear import solver_of
 from ..numerics.sparse_structure import diagonal_positions
 from ..numerics.symmetric_factors import Symmetric
@@ -105,7 +104,7 @@ class ProximalSteps:
         share = free / active.size
         whole = self.costs.fill
         part = whole._replace(rows=free, entries=share**2 * whole.entries, flops=share**2 * whole.flops)
-        direct = min(work.factor_cost(part), work.dense_cost(free, matrix.is_symmetric))
+        direct = min(factor_cost(part), dense_cost(free, matrix.is_symmetric))
         if self.costs.again < direct:
             x = self._by_all_rows(active, D, f)
             if x is not None or briefly:

@@ -14,7 +14,16 @@ from numpy.typing import NDArray
 
 from . import work
 from .arrays import Vector, row_of
-from .fill import SymbolicAnalysis, ordered, signs_of_symmetry
+from .fill import (
+    Fill,
+    SymbolicAnalysis,
+    dense_cost,
+    factor_cost,
+    least_factor_cost,
+    ordered,
+    signs_of_symmetry,
+    solve_cost,
+)
 from .symmetric_factors import Symmetric
 from .threads import one_blas_thread, run_with_deadline
 
@@ -55,7 +64,7 @@ class Factors:
     def solve(self, f: Vector, trans: str = "N") -> Vector:
         """A⁻¹f, or A⁻ᵀf with `trans` = "T"; `f` of shape (n,) or (n, k)."""
         columns = f.size / f.shape[0]
-        work.count(columns * work.solve_cost(work.Fill(f.shape[0], self.lu.nnz, 0.0, True)))
+        work.count(columns * solve_cost(Fill(f.shape[0], self.lu.nnz, 0.0, True)))
         before, after = self._orders if trans == "N" else self._orders[::-1]
         f = np.asarray(f, dtype=np.float64)
         y: Vector = self.lu.solve(f if before is None else f[before], trans)
@@ -162,7 +171,7 @@ def factors_and_schur(matrix: sp.csr_array, last: NDArray[np.intp]) -> tuple[Fac
 def of_dense(matrix: sp.csr_array, cholesky: bool = False) -> DenseFactors | None:
     """Dense factors of a sparse matrix that stores all entries; raises OutOfTime and OutOfMemory as `factorise`."""
     n = matrix.shape[0]
-    work.check_budget(work.dense_cost(n, cholesky), 16.0 * n**2)
+    work.check_budget(dense_cost(n, cholesky), 16.0 * n**2)
     return of_array(matrix.toarray(order="F"), cholesky)
 
 
@@ -177,7 +186,7 @@ def of_array(M: NDArray[np.float64], cholesky: bool = False) -> DenseFactors | N
             factors, failed = dpotrf(M, lower=1, overwrite_a=1)
         else:
             factors, rows, failed = dgetrf(M, overwrite_a=1)
-    work.count(work.dense_cost(M.shape[0], cholesky))
+    work.count(dense_cost(M.shape[0], cholesky))
     pivots = factors.diagonal()
     if failed or not np.isfinite(pivots).all():
         return None
@@ -194,7 +203,7 @@ def _of_band(matrix: sp.csr_array, analysis: SymbolicAnalysis, definite: bool) -
     n = matrix.shape[0]
     below, above = analysis.reach
     of = (matrix.indptr, matrix.indices, matrix.data)
-    work.charge(work.factor_cost(analysis.band), 8.0 * analysis.band.entries)
+    work.charge(factor_cost(analysis.band), 8.0 * analysis.band.entries)
     # LAPACK goes through narrow bands without calls of BLAS that would take threads
     with one_blas_thread() if max(below, above) > _UNBLOCKED_BAND else nullcontext():
         if below == above and analysis.is_symmetric:
@@ -218,7 +227,7 @@ def _of_band(matrix: sp.csr_array, analysis: SymbolicAnalysis, definite: bool) -
 
 def _by_superlu(matrix: sp.csr_array, analysis: SymbolicAnalysis, diagonal_pivots: bool) -> Factors | None:
     n = matrix.shape[0]
-    work.check_budget(work.least_factor_cost(n, matrix.nnz, symmetric=False))
+    work.check_budget(least_factor_cost(n, matrix.nnz, symmetric=False))
     rows = None
     if np.count_nonzero(matrix.diagonal()) < n:
         rows = None if diagonal_pivots else _onto_diagonal(matrix)
@@ -230,11 +239,11 @@ def _by_superlu(matrix: sp.csr_array, analysis: SymbolicAnalysis, diagonal_pivot
     return None if lu is None else Factors(lu, rows)
 
 
-def _superlu(matrix: sp.csr_array, fill: work.Fill, diagonal_pivots: bool, order: str = "MMD_AT_PLUS_A") -> Any:
+def _superlu(matrix: sp.csr_array, fill: Fill, diagonal_pivots: bool, order: str = "MMD_AT_PLUS_A") -> Any:
     from scipy.sparse.linalg import splu
 
     n = matrix.shape[0]
-    work.check_budget(work.factor_cost(fill))
+    work.check_budget(factor_cost(fill))
     by_superlu = partial(
         splu,
         sp.csc_array(matrix),
@@ -244,20 +253,20 @@ def _superlu(matrix: sp.csr_array, fill: work.Fill, diagonal_pivots: bool, order
     )
     try:
         # exchanges of rows can fill all
-        lu = run_with_deadline(by_superlu, work.factor_cost(work.Fill(n, n**2, n**3 / 3.0, True)))
+        lu = run_with_deadline(by_superlu, factor_cost(Fill(n, n**2, n**3 / 3.0, True)))
     except RuntimeError:
         # as long as was foreseen, or twice that, where few pivots are 0; 80 times where many are, which `linear` avoids
-        work.count(2.0 * work.factor_cost(fill))
+        work.count(2.0 * factor_cost(fill))
         return None
     # exchanges of rows make more than was foreseen
     flops = fill.flops * max(lu.nnz / fill.entries, 1.0) ** 1.5
-    work.count(work.factor_cost(work.Fill(n, lu.nnz, flops, True)))
+    work.count(factor_cost(Fill(n, lu.nnz, flops, True)))
     return None if diagonal_pivots and not np.array_equal(lu.perm_r, lu.perm_c) else lu
 
 
-def _fill_of(analysis: SymbolicAnalysis, symmetric: bool = False) -> work.Fill:
+def _fill_of(analysis: SymbolicAnalysis, symmetric: bool = False) -> Fill:
     """The fill of matrices with the pattern of the `analysis`; raises OutOfTime and OutOfMemory as `factorise`."""
-    work.check_budget(work.factor_cost(analysis.fill))
+    work.check_budget(factor_cost(analysis.fill))
     fill = analysis.complete
     work.check_budget(memory=_ENTRY_BYTES * fill.entries)
     return fill._replace(symmetric=symmetric and fill.symmetric)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property, partial
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -13,7 +14,7 @@ from . import work
 from .arrays import Vector, read_only
 from .sparse_structure import bandwidths, is_symmetric
 from .threads import run_with_deadline
-from .work import Fill, dense_cost, factor_cost, least_factor_cost
+from .work import COSTS
 
 #: nanoseconds of a symbolic analysis, whatever the size, per entry, and per squared number of entries of a column: 10⁵
 #: rows coupled to one of 10⁴, 3·10⁴ and 6·10⁴ others took 1.1 to 2 times that; on graphs that fill up n² times the last
@@ -28,6 +29,52 @@ _THIN_DEGREE = 5
 _WIDE_LAYER = 0.125
 #: entries that differ by a smaller share are the same up to rounding
 _SYMMETRY_RTOL = 1e-13
+
+
+class Fill(NamedTuple):
+    """The `entries` of L + U of so many `rows`, and the `flops` (multiplications) that make them.
+
+    Both are rough unless they were `seen` to the end. Those of a `band` are stored and made as full ones, and of
+    `symmetric` ones, up to the signs of rows, a half is.
+    """
+
+    rows: int
+    entries: float
+    flops: float
+    seen: bool
+    band: bool = False
+    symmetric: bool = False
+
+
+def factor_cost(fill: Fill) -> float:
+    """The cost of a factorisation with this fill, with the ordering of a sparse one."""
+    if fill.band:
+        return COSTS.band + COSTS.band_entry * fill.entries + COSTS.band_flop * fill.flops
+    if fill.symmetric:
+        return COSTS.symmetric_row * fill.rows + refactor_cost(fill)
+    without_fill = COSTS.call + COSTS.factor_row * fill.rows
+    return without_fill + COSTS.factor_entry * fill.entries + COSTS.factor_flop * fill.flops
+
+
+def refactor_cost(fill: Fill) -> float:
+    """The cost of a symmetric factorisation with this fill, if the pattern was analysed before."""
+    return COSTS.call + COSTS.symmetric_entry * fill.entries + COSTS.symmetric_flop * fill.flops
+
+
+def least_factor_cost(n: int, nnz: int, symmetric: bool = True) -> float:
+    """The cost of a sparse factorisation without fill."""
+    return factor_cost(Fill(n, nnz, 0.0, True, symmetric=symmetric))
+
+
+def solve_cost(fill: Fill) -> float:
+    """The cost of a solve with the factors."""
+    return COSTS.call + COSTS.solve_entry * fill.entries
+
+
+def dense_cost(n: int, symmetric: bool = False) -> float:
+    """The cost of a dense LU factorisation of a sparse matrix, or of Cholesky's if it is `symmetric`."""
+    cost = COSTS.dense_entry * n**2 + COSTS.dense_flop * n**3 / 3.0
+    return COSTS.call + (0.5 * cost if symmetric else cost)
 
 
 def of_band(n: int, below: int, above: int, symmetric: bool = False) -> Fill:

@@ -8,7 +8,7 @@
 6. Krylov steps with V-cycles, for M-matrices, where ten of them cost less: see `algebra.cycled_equations`.
 
 Rows are brought to one size first. Where GCR does not converge M is factorised as well. The costs
-are those of `numerics.work`, the fill that of `numerics.fill`.
+and the fill are those of `numerics.fill`.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ import scipy.sparse as sp
 from .arrays import Vector, norm
 from .equilibration import Exponents, in_units, row_exponents
 from .factorisation import factorise, largest_of_columns, of_array, of_dense
-from .fill import SymbolicAnalysis
+from .fill import SymbolicAnalysis, factor_cost
 from .krylov import conjugate_residuals, gcr_step_cost
-from .work import check_budget, count, factor_cost, product
+from .work import check_budget, count, product
 
 
 class Solver(Protocol):

@@ -9,6 +9,7 @@ import scipy.sparse as sp
 
 from . import work
 from .arrays import Mask, Vector, row_of
+from .fill import Fill, factor_cost, refactor_cost, solve_cost
 from .threads import run_with_deadline
 
 #: bytes of an entry of L + U where L is stored alone
@@ -38,7 +39,7 @@ class Symmetric:
     Stellato et al., Math. Program. Comput. 12 (2020), section 3.1.
     """
 
-    def __init__(self, A: sp.csr_array, fill: work.Fill, signs: Vector) -> None:
+    def __init__(self, A: sp.csr_array, fill: Fill, signs: Vector) -> None:
         row = row_of(A)
         self.fill = fill
         self._signs = signs
@@ -73,7 +74,7 @@ class Symmetric:
             return None
         upper = self._upper
         upper.data = entries
-        cost = work.factor_cost(self.fill) if self._ldl is None else work.refactor_cost(self.fill)
+        cost = factor_cost(self.fill) if self._ldl is None else refactor_cost(self.fill)
         work.charge(cost, _ENTRY_BYTES * self.fill.entries + 12 * data.size)
 
         def step() -> Any:
@@ -90,6 +91,6 @@ class Symmetric:
 
     def solve(self, f: Vector, trans: str = "N") -> Vector:
         """M⁻¹f, or M⁻ᵀf with `trans` = "T"; both of shape (n,)."""
-        work.count(work.solve_cost(self.fill))
+        work.count(solve_cost(self.fill))
         x = self._ldl.solve(np.asarray(f if trans == "T" else self._signs * f, dtype=np.float64))
         return np.asarray(self._signs * x if trans == "T" else x)

@@ -82,21 +82,6 @@ class Costs(NamedTuple):
     krylov_entry: float = 35.0
 
 
-class Fill(NamedTuple):
-    """The `entries` of L + U of so many `rows`, and the `flops` (multiplications) that make them.
-
-    Both are rough unless they were `seen` to the end. Those of a `band` are stored and made as full ones, and of
-    `symmetric` ones, up to the signs of rows, a half is.
-    """
-
-    rows: int
-    entries: float
-    flops: float
-    seen: bool
-    band: bool = False
-    symmetric: bool = False
-
-
 class _Counted(threading.local):
     total = 0
     budget: _Budget | None = None
@@ -140,37 +125,6 @@ def newton(n: int, nnz: int, mixed: bool) -> float:
     """What a Newton step costs besides the solution of its equations; `mixed`: these are made of A and ψ′."""
     cost = COSTS.newton + COSTS.newton_row * n + COSTS.newton_entry * nnz
     return cost + (COSTS.mixed + COSTS.mixed_entry * nnz if mixed else 0.0)
-
-
-def factor_cost(fill: Fill) -> float:
-    """The cost of a factorisation with this fill, with the ordering of a sparse one."""
-    if fill.band:
-        return COSTS.band + COSTS.band_entry * fill.entries + COSTS.band_flop * fill.flops
-    if fill.symmetric:
-        return COSTS.symmetric_row * fill.rows + refactor_cost(fill)
-    without_fill = COSTS.call + COSTS.factor_row * fill.rows
-    return without_fill + COSTS.factor_entry * fill.entries + COSTS.factor_flop * fill.flops
-
-
-def refactor_cost(fill: Fill) -> float:
-    """The cost of a symmetric factorisation with this fill, if the pattern was analysed before."""
-    return COSTS.call + COSTS.symmetric_entry * fill.entries + COSTS.symmetric_flop * fill.flops
-
-
-def least_factor_cost(n: int, nnz: int, symmetric: bool = True) -> float:
-    """The cost of a sparse factorisation without fill."""
-    return factor_cost(Fill(n, nnz, 0.0, True, symmetric=symmetric))
-
-
-def solve_cost(fill: Fill) -> float:
-    """The cost of a solve with the factors."""
-    return COSTS.call + COSTS.solve_entry * fill.entries
-
-
-def dense_cost(n: int, symmetric: bool = False) -> float:
-    """The cost of a dense LU factorisation of a sparse matrix, or of Cholesky's if it is `symmetric`."""
-    cost = COSTS.dense_entry * n**2 + COSTS.dense_flop * n**3 / 3.0
-    return COSTS.call + (0.5 * cost if symmetric else cost)
 
 
 #: seconds that count as having gone as foreseen, before it is known how far the table is from this machine

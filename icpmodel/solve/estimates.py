@@ -21,6 +21,7 @@ from ..methods.proximal import Proximal
 from ..methods.psor import PSOR
 from ..methods.shortcuts import Lemke
 from ..numerics import work
+from ..numerics.fill import dense_cost, least_factor_cost, solve_cost
 from ..numerics.krylov import gcr_step_cost
 from ..numerics.multigrid import cycle_cost, hierarchy_cost
 from ..problem.data import ProblemData
@@ -49,7 +50,7 @@ def least_cost(problem: ProblemData, family: str | None) -> float:
     """The least that rung 5 can cost, from n and the entries of A alone."""
     matrix = problem.matrix
     facts = problem.facts
-    factors = min(work.least_factor_cost(matrix.n, matrix.nnz), work.dense_cost(matrix.n))
+    factors = min(least_factor_cost(matrix.n, matrix.nnz), dense_cost(matrix.n))
     floor = factors + newton_cost(facts)
     if family != "paper":
         floor = min(floor, _multilevel_costs(facts)[0])
@@ -58,7 +59,7 @@ def least_cost(problem: ProblemData, family: str | None) -> float:
 
 def _pivots(facts: Facts) -> float:
     """n/2 pivots, as half of the unknowns leave an obstacle, be there one or two; and (I − G)⁻¹ where it moves."""
-    inverse = 0.0 if facts.has_fixed_obstacle else INVERSE * work.dense_cost(facts.matrix.n)
+    inverse = 0.0 if facts.has_fixed_obstacle else INVERSE * dense_cost(facts.matrix.n)
     return 0.5 * facts.matrix.n * lcp_rows(facts) ** 2 * work.COSTS.pivot_entry + inverse
 
 
@@ -151,7 +152,7 @@ def _interior(method: Method, facts: Facts, target_reduction: float) -> Estimate
     # medians of 13, 16 and 20 steps were measured at n = 120, 500 and 2000, with four solves each
     matrix = facts.matrix
     factors = factor_costs(matrix).again if facts.has_fixed_obstacle else factor_costs(matrix).unsymmetric
-    step = newton_cost(facts) + factors + 4.0 * work.solve_cost(factor_costs(matrix).fill)
+    step = newton_cost(facts) + factors + 4.0 * solve_cost(factor_costs(matrix).fill)
     return Estimate(step, step, 3.0 + 1.5 * math.log2(max(facts.bounded, 1)), 24.0 * factor_costs(matrix).fill.entries)
 
 
@@ -160,7 +161,7 @@ def _factorised(method: Method, facts: Facts, target_reduction: float) -> Estima
     matrix = facts.matrix
     radius = min(matrix.coupled_radius, 1.0 - 1e-6)
     root = math.sqrt((1.0 + radius) / (1.0 - radius))
-    step = 4.0 * work.COSTS.call + work.solve_cost(factor_costs(matrix).fill) + matrix.product_cost
+    step = 4.0 * work.COSTS.call + solve_cost(factor_costs(matrix).fill) + matrix.product_cost
     steps = math.log(1.0 / target_reduction) / math.log((root + 1.0) / (root - 1.0)) if root > 1.0 else 1.0
     return Estimate(2.0 * factor_costs(matrix).first, step, 1.0 + steps, 16.0 * factor_costs(matrix).fill.entries)
 

@@ -12,6 +12,7 @@ from icpmodel.algebra.factor_costs import factor_costs
 from icpmodel.errors import OutOfTime
 from icpmodel.numerics import work
 from icpmodel.numerics.factorisation import factorise
+from icpmodel.numerics.fill import Fill, factor_cost
 
 
 def counted(make):
@@ -25,10 +26,10 @@ def test_products_factorisations_and_cycles_are_counted():
     matrix, f = problem.matrix, np.ones(900)
     product, _ = counted(lambda: matrix.product(f))
     assert product == pytest.approx(work.product(problem.n, problem.nnz))
-    for triangles, least in ((False, factor_costs(matrix).fill), (True, work.Fill(900, problem.nnz, 0.0, True))):
+    for triangles, least in ((False, factor_costs(matrix).fill), (True, Fill(900, problem.nnz, 0.0, True))):
         first, lu = counted(partial(factorise, problem.A, triangles=triangles))
         again, _ = counted(partial(factorise, problem.A, triangles=triangles))
-        assert first == again >= int(work.factor_cost(least))
+        assert first == again >= int(factor_cost(least))
         one, two = (counted(partial(lu.solve, f))[0] for f in (f, np.ones((900, 2))))
         assert 0 < one == two // 2 < first
 

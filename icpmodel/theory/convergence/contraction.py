@@ -19,6 +19,7 @@ from ...numerics import work
 from ...numerics.arrays import Vector
 from ...numerics.equilibration import equilibrated, in_units, times_rows
 from ...numerics.factorisation import factorise
+from ...numerics.fill import dense_cost
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
 from ..matrices.comparison_matrix import comparison_matrix
 
@@ -119,7 +120,7 @@ class Dense:
     def of(cls, X: sp.csr_array, size: sp.csr_array) -> Dense | None:
         """The inverse of `X` (CSR, shape (n, n)) with a bound on its error, or None where it is too ill conditioned."""
         n = X.shape[0]
-        work.charge(4 * work.dense_cost(n))
+        work.charge(4 * dense_cost(n))
         with np.errstate(all="ignore"):
             # so that units cost no accuracy
             S, rows, columns = equilibrated(size.toarray())
@@ -146,7 +147,7 @@ class Dense:
         return np.maximum(y, 0.0)
 
     def resolvent(self, mu: float, F: sp.csr_array, v: Vector) -> Vector | None:
-        work.charge(3 * work.dense_cost(v.size))
+        work.charge(3 * dense_cost(v.size))
         try:
             return np.linalg.solve(mu * np.eye(v.size) - self.above @ F, v)
         except np.linalg.LinAlgError:

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from ...numerics import work
 from ...numerics.arrays import Vector, norm
 from ...numerics.factorisation import factorise, of_dense
-from ...numerics.fill import SymbolicAnalysis
+from ...numerics.fill import SymbolicAnalysis, dense_cost
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, upper
 from ...numerics.threads import one_blas_thread
 
@@ -102,7 +102,7 @@ def _least_pair(S: sp.csr_array) -> tuple[float, Vector | None]:
     """The least λ with Sx = λx, and x, by dense matrices; −inf and None where that fails."""
     from scipy.linalg import LinAlgError, eigh
 
-    work.charge(_TRIDIAGONALISATION_COST * work.dense_cost(S.shape[0]), 16.0 * S.shape[0] ** 2)
+    work.charge(_TRIDIAGONALISATION_COST * dense_cost(S.shape[0]), 16.0 * S.shape[0] ** 2)
     try:
         with one_blas_thread():
             value, x = eigh(S.toarray(), subset_by_index=(0, 0))
@@ -114,7 +114,7 @@ def _least_pair(S: sp.csr_array) -> tuple[float, Vector | None]:
 def is_dense(S: sp.csr_array) -> bool:
     """Whether dense factorisations of `S` (CSR) are quicker than sparse ones."""
     n = S.shape[0]
-    return n <= _DENSE_UP_TO or (8 * S.nnz >= n * n and work.dense_cost(n) <= _MAX_FACTORISATION_COST)
+    return n <= _DENSE_UP_TO or (8 * S.nnz >= n * n and dense_cost(n) <= _MAX_FACTORISATION_COST)
 
 
 def within_reach(S: sp.csr_array) -> bool:
