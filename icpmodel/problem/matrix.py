@@ -206,6 +206,15 @@ class Matrix(ReadOnly):
         return Rows(*arrays, max(below), max(above), sum(lower), sum(upper))
 
     @cached_property
+    def largest_beside(self) -> Vector:
+        """max_{j≠i} |a_ij|, shape (n,)."""
+        A = self.sparse
+        sizes = np.abs(A.data)
+        sizes[self.rows.diag] = 0.0
+        largest: Vector = np.maximum.reduceat(sizes, A.indptr[:-1])
+        return largest
+
+    @cached_property
     def row_weights(self) -> Vector:
         """The diagonal of D⁻¹, d_i = max_j |a_ij|, which gives p the units of z: see `ProblemData.residual`.
 

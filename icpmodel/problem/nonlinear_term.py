@@ -200,7 +200,11 @@ class NonlinearTerm(Displayable):
         So Res_D(z) counts a step of Newton's method in full, and a slope that grows without bound hides no p.
         """
         with np.errstate(all="ignore"):
-            size = abs(sp.csr_array(A.sparse + self.jacobian(z))).max(axis=1).toarray().reshape(-1)
+            J = self.jacobian(z)
+            if self.is_elementwise:
+                size = np.maximum(np.abs(A.rows.diagonal + J.diagonal()), A.largest_beside)
+            else:
+                size = abs(sp.csr_array(A.sparse + J)).max(axis=1).toarray().reshape(-1)
         return np.maximum(A.row_weights, weights_of(size))
 
     def describe(self) -> str:

@@ -126,7 +126,7 @@ def test_every_method_says_whether_it_takes_f_and_explain_repeats_it():
         for name in icp.methods.names():
             why_not = icp.methods.named(name).why_not(problem)
             assert why_not is None or " ".join(why_not.split()[:3]) in " ".join(methods.split())
-        assert page.about()["f"].startswith(repr(problem.f))
+        assert page.about()["nonlinear_part_f"][0].startswith(repr(problem.f))
     logarithm = icp.Elementwise(lambda z: np.array([math.log(t) for t in z]), slope_range=(0, np.inf))
     assert "at z = 0" in ICP([[1.0]], [1.0], f=logarithm).explain().sections()["solution"]
     with pytest.raises(icp.NotApplicable, match="linearised"):
