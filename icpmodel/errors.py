@@ -116,7 +116,7 @@ class MapError(IcpError):
 
 
 class NotApplicable(IcpError):
-    """A method or an independent solver cannot take this problem; the message is its ``why_not``.
+    """A method or an independent solver cannot take this problem; the message is its `why_not`.
 
     Examples
     --------

@@ -54,13 +54,7 @@ def race(axes):
         axes.loglog(*zip(*points, strict=True), marker=marker, color=colour, markersize=4, linewidth=1.2)
         at, below = (points[2], -22) if name == "mnmgs" else (points[-1], 0)  # where no other line passes
         axes.annotate(
-            label,
-            at,
-            (7, below),
-            textcoords="offset points",
-            fontsize=8.5,
-            va="center",
-            annotation_clip=False,
+            label, at, (7, below), textcoords="offset points", fontsize=8.5, va="center", annotation_clip=False
         )
     axes.invert_xaxis()
     axes.set_xlim(right=1e-15)
