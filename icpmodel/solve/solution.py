@@ -105,7 +105,9 @@ _ADVICE = {
 
 #: a residual or a bound counts as better than another one if it is at most this share of it
 _IMPROVEMENT = 0.99
-#: what the bound of a printed solution may cost though the solve cost less, in seconds and in counted nanoseconds
+#: the bound of a printed solution may cost this share of what the solve did; the products that end it make up the rest
+_PRINT_SHARE = 0.9
+#: what it may cost though the solve cost less, in seconds and in counted nanoseconds
 _PRINT_SECONDS = 0.02
 _PRINT_COST = 2e6
 
@@ -483,16 +485,21 @@ class Solution(ReadOnly, Plottable):
 
     def _quick_bound(self) -> str:
         """The error bound if it is known, or costs no more than the solve did, or less than `_PRINT_SECONDS`."""
-        if "certificate" not in self.__dict__:
-            limit = min(max(self.seconds, _PRINT_SECONDS), self.time_limit or np.inf)
-            counted = work.work_limit(nanoseconds=max(self.cost, _PRINT_COST))
-            with suppress(MapError, OutOfTime), counted:
-                quick = certify(self.problem, self.z, time_limit=limit, memory_limit=self.memory_limit)
-                if quick.bound.value is not None:
-                    self.__dict__["certificate"] = quick
-        if "certificate" in self.__dict__ and self.certificate.bound.value is not None:
-            return self.certificate.bound.in_words(self.accuracy)
-        return "no bound is certified yet: print(solution.summary()) tries, or says why there is none"
+        certificate = self.__dict__.get("certificate")
+        if certificate is None:
+            seconds = max(self.seconds, _PRINT_SECONDS)
+            if self.time_limit is not None:
+                seconds = min(seconds, self.time_limit)
+            memory = np.inf if self.memory_limit is None else self.memory_limit
+            limits = work.work_limit(seconds, memory, max(_PRINT_SHARE * self.cost, _PRINT_COST))
+            with suppress(MapError, OutOfTime, MemoryError), limits:
+                certificate = certify(self.problem, self.z)
+        if certificate is None:
+            return "not computed, as it may cost more than the solve did: solution.error_bound computes it"
+        if certificate.bound.value is None:
+            return "no bound is proved: print(solution.summary()) says why"
+        self.__dict__["certificate"] = certificate
+        return str(certificate.bound.in_words(self.accuracy))
 
     def about(self) -> dict[str, Any]:
         """What is known of this answer as plain data for JSON: status, method, residuals, error bound.
