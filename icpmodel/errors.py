@@ -35,8 +35,8 @@ def did_you_mean(name: Any, known: Iterable[str]) -> str:
     """The end of a message on `name`, which is not among the `known` names: the nearest one, or nothing."""
     if not isinstance(name, str):
         return ""
-    called = _ELSEWHERE.get(name.lower(), name.lower())
-    near = get_close_matches(called, list(known), n=1)
+    translated = _ELSEWHERE.get(name.lower(), name.lower())
+    near = get_close_matches(translated, list(known), n=1)
     return f"; did you mean {near[0]}?" if near else ""
 
 

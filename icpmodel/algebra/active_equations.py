@@ -79,13 +79,13 @@ class ActiveEquations:
             if self._cycled is not None and self._ends and self._spent and self._spent >= self._eliminated.cost:
                 self._cycled = None
             if self._cycled is not None:
-                done = work.done()
+                before = work.counter()
                 try:
                     return self._cycled.solve(f, tolerance, transposed)
                 except NotConverged:
                     self._cycled = None
                 finally:
-                    self._spent += work.done() - done
+                    self._spent += work.counter() - before
             return self._eliminated.solve(f, tolerance, transposed)
 
     def transposed(self, f: Vector, tolerance: float) -> Vector | None:

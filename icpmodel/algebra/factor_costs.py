@@ -43,7 +43,7 @@ class FactorCosts:
     def repeats(self) -> bool:
         """Whether `Symmetric` is for matrices with the pattern of A, and costs less than dense factors."""
         fill = self.fill
-        return fill.seen and fill.symmetric and refactor_cost(fill) < self.dense
+        return fill.is_exact and fill.symmetric and refactor_cost(fill) < self.dense
 
     @cached_property
     def first(self) -> float:

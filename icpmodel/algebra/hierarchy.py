@@ -97,9 +97,9 @@ class Hierarchy:
         if cached is None:
             work.check_budget(price, HIERARCHY_BYTES * problem.nnz)
             _LAST.clear()
-            counted = work.done()
+            counted = work.counter()
             cached = _LAST[problem.matrix] = _coarser(finest)
-            work.count(counted - work.done())
+            work.count(counted - work.counter())
         if isinstance(cached, NoHierarchy):
             raise NoHierarchy
         finest.P, finest.coarse_points, coarser = cached
@@ -220,11 +220,11 @@ def _coarsened(last: Level) -> Level | None:
     """The next coarser level below `last`, which gets P and `coarse_points`; None if coarsening stalls."""
     work.check_budget(hierarchy_cost(last.A.shape[0], last.A.nnz))
     # direct interpolation costs least and is made for M-matrices
-    made = ruge_stuben(last.A, interpolation="direct", max_coarse=_MAX_COARSEST, max_levels=2, keep=True).levels
-    if len(made) == 1:
+    levels = ruge_stuben(last.A, interpolation="direct", max_coarse=_MAX_COARSEST, max_levels=2, keep=True).levels
+    if len(levels) == 1:
         return None
-    if not np.isfinite(made[1].A.data).all():
+    if not np.isfinite(levels[1].A.data).all():
         raise NoHierarchy
-    last.P, last.coarse_points = sp.csr_array(made[0].P), np.flatnonzero(made[0].splitting)
+    last.P, last.coarse_points = sp.csr_array(levels[0].P), np.flatnonzero(levels[0].splitting)
     last.P.sort_indices()  # as `row_sum` wants them; PyAMG makes them so, and promises nothing
-    return Level(ProblemData(sp.csr_array(made[1].A), np.zeros(made[1].A.shape[0])))
+    return Level(ProblemData(sp.csr_array(levels[1].A), np.zeros(levels[1].A.shape[0])))

@@ -118,12 +118,12 @@ class LinearRows:
         left = np.abs(b - _times(B, z)) + gamma(2 * n) * (_times(np.abs(B), np.abs(z)) + np.abs(b))
         error = _times(np.abs(inverse), left).max(axis=1) / (1.0 - contraction)
         error = np.where(contraction < 1.0, 2.0 * error, np.inf)[:, None]
-        wrong = np.zeros(len(sides), dtype=bool)
+        empty = np.zeros(len(sides), dtype=bool)
         for M, offset, sign, rows in self._signs(sides):
             value = sign * (z @ M.T + offset)
             rounding = gamma(2 * n) * (np.abs(z) @ np.abs(M).T + np.abs(offset))
-            wrong |= (rows & (value < -(np.abs(M).sum(axis=1) * error + rounding))).any(axis=1)
-        return PieceBatch(sides, z, wrong)
+            empty |= (rows & (value < -(np.abs(M).sum(axis=1) * error + rounding))).any(axis=1)
+        return PieceBatch(sides, z, empty)
 
     def _signs(self, sides: Sides) -> Iterator[tuple[Dense, Vector, float, NDArray[np.bool_]]]:
         """(M, v, ±1, rows): ±(Mz + v)_i ≥ 0 must hold in these rows, a mask of the shape of `sides`."""

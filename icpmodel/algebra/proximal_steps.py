@@ -57,7 +57,7 @@ class ProximalSteps:
     @cached_property
     def analysis(self) -> SymbolicAnalysis:
         """The complete symbolic analysis of all rows."""
-        return self.costs.analysis.to_the_end()
+        return self.costs.analysis.exact()
 
     def step(
         self, z: Vector, p: Vector, pattern: Pattern, centre: Vector, D: Vector, *, briefly: bool = False

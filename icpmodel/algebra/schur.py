@@ -112,7 +112,7 @@ def elimination(problem: ProblemData, most: Callable[[], float]) -> SchurComplem
         return None
     limit = most()
     costs = factor_costs(matrix)
-    if costs.analysis.costs_more(limit) or not costs.fill.seen or costs.unsymmetric > limit:
+    if costs.analysis.costs_more(limit) or not costs.fill.is_exact or costs.unsymmetric > limit:
         return None
     key = rows.tobytes()
     known = _LAST.get(matrix)

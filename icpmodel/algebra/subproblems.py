@@ -159,21 +159,21 @@ def _unsuitable(problem: ProblemData, part: Any, sizes: Any) -> Mask:
     """The rows that `Blocks.forward` does not solve: rows without a unique solution, and moving ψ inside a block."""
     psi = problem.psi
     alone = sizes[part] == 1
-    wrong: Mask = alone & ~(problem.A.diagonal() > 0)
+    unsuitable: Mask = alone & ~(problem.A.diagonal() > 0)
     if psi.upper is not None:
         if psi.upper.linear is None or psi.linear is None:
             return np.ones(problem.n, dtype=bool)
-        wrong |= ~alone | ~(psi.upper.linear[0].diagonal() < 1)
+        unsuitable |= ~alone | ~(psi.upper.linear[0].diagonal() < 1)
     if psi.linear is not None:
         G = psi.linear[0]
         i = row_of(G)
         j = G.indices
-        wrong |= alone & ~(G.diagonal() < 1)
-        wrong[i[~alone[i] & (part[i] == part[j])]] = True
+        unsuitable |= alone & ~(G.diagonal() < 1)
+        unsuitable[i[~alone[i] & (part[i] == part[j])]] = True
     elif psi.links is not None:
-        wrong |= np.diff(psi.links.indptr) > 0
-        wrong[psi.links.indices] = True
-    return wrong
+        unsuitable |= np.diff(psi.links.indptr) > 0
+        unsuitable[psi.links.indices] = True
+    return unsuitable
 
 
 def _parts(graph: sp.csr_array, core: Rows) -> tuple[Rows, ...]:

@@ -64,7 +64,8 @@ _EXAMPLES = {
 class _Commands(click.Group):
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Examples"):
-            formatter.write_dl([(f"icpmodel {typed}", said) for typed, said in _EXAMPLES.items()], col_max=40)
+            examples = [(f"icpmodel {typed}", description) for typed, description in _EXAMPLES.items()]
+            formatter.write_dl(examples, col_max=40)
         super().format_epilog(ctx, formatter)
 
     def list_commands(self, ctx: click.Context) -> list[str]:

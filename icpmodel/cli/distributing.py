@@ -129,10 +129,10 @@ def _solved(comm: Any, arguments: dict[str, Any]) -> DistributedSolution:
         problem = load_problem(*named.files)
     else:
         with together(comm):
-            made = scene_by_rows(named.scene, named.n, **named.parameters)
+            assembly = scene_by_rows(named.scene, named.n, **named.parameters)
         if comm.rank == 0:
-            note_size(named, made.n)
-        problem = by_rows(made, comm)
+            note_size(named, assembly.n)
+        problem = by_rows(assembly, comm)
     z0 = None if z0_file is None else start_in(as_path(z0_file), problem)
     limits = {name: arguments[name] for name in _LIMITS}
     return solve(problem, z0=z0, **limits, progress=True, raise_on_failure=False)

@@ -38,8 +38,8 @@ def print_as(data: dict[str, Any], text: object, as_json: bool) -> None:
 
 def print_table(result: Any, table: Table, form: str | None) -> None:
     """Print the results, or their whole table as CSV or LaTeX."""
-    made = {"csv": table.to_csv, "latex": table.to_latex}
-    click.echo(made[form]() if form else str(result), nl=not form)
+    formats = {"csv": table.to_csv, "latex": table.to_latex}
+    click.echo(formats[form]() if form else str(result), nl=not form)
 
 
 @contextmanager

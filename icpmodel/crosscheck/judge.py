@@ -98,8 +98,8 @@ class Checked:
         rtol = OURS
         scale = problem.residual_scale() or norm(self.z)
         self.y = self.z / self.unit
-        of_it = isinstance(solution, Solution) and (solution.problem is problem or solution.problem is original)
-        if of_it and solution.solved and scale > 0:
+        is_own = isinstance(solution, Solution) and (solution.problem is problem or solution.problem is original)
+        if is_own and solution.solved and scale > 0:
             rtol = min(max(OURS, solution.tolerance / scale, solution.residual / scale), LOOSEST)
         self.holds = solves(problem, self.z, rtol)
         # the unit may be far larger than z: it counts only for an answer that is known to be a solution

@@ -460,10 +460,10 @@ class Derivative(ReadOnly, Plottable):
         known = self.solution.active_set
         pattern = self.pattern
         proved = [known.active] if known.above is None else [known.active, known.above]
-        wrong = known.inactive & pattern.active
+        misplaced = known.inactive & pattern.active
         for rows, at in zip(proved, pattern.sides(), strict=True):
-            wrong |= rows & ~at
-        return wrong
+            misplaced |= rows & ~at
+        return misplaced
 
     @cached_property
     def undecided(self) -> NDArray[np.intp]:

@@ -145,15 +145,15 @@ class DistributedMatrix:
 
     def image(self, mat: Any, z: Any) -> Any:
         """Mz for a `mat` of the same layout, a new PETSc vector."""
-        made = self._template.duplicate()
-        mat.mult(z, made)
-        return made
+        result = self._template.duplicate()
+        mat.mult(z, result)
+        return result
 
 
-def with_entries(mat: Any, made: Callable[[Vector], Vector]) -> Any:
-    """The `Mat` whose entries are `made` of those of `mat`. Collective."""
+def with_entries(mat: Any, entries_of: Callable[[Vector], Vector]) -> Any:
+    """The `Mat` whose entries `entries_of` makes of those of `mat`. Collective."""
     indptr, indices, data = mat.getValuesCSR()
-    new = petsc().Mat().createAIJ(mat.getSizes(), csr=(indptr, indices, made(data)), comm=mat.comm)
+    new = petsc().Mat().createAIJ(mat.getSizes(), csr=(indptr, indices, entries_of(data)), comm=mat.comm)
     new.assemble()
     return new
 

@@ -211,28 +211,28 @@ def _check_vector(path: Path) -> None:
 
 def _written(path: Path, vectors: dict[str, Any], comm: Any) -> None:
     """Write them to a file that then takes its place. Collective. Raises FileError on all ranks."""
-    made: BinaryIO | None = None
+    file: BinaryIO | None = None
     with ExitStack() as stack:
         with together(comm):
             if comm.rank == 0:
                 with file_errors(path, "written"):
-                    made = stack.enter_context(part_of(path))
-                    stack.callback(Path(f"{made.name}.info").unlink, missing_ok=True)  # which PETSc writes beside
+                    file = stack.enter_context(part_of(path))
+                    stack.callback(Path(f"{file.name}.info").unlink, missing_ok=True)  # which PETSc writes beside
                     size = sum(8 * vector.getSize() for vector in vectors.values())
-                    _check_free_space(made, size + _MAX_HEADER_BYTES)
-        beside = comm.bcast(made and Path(made.name))
+                    _check_free_space(file, size + _MAX_HEADER_BYTES)
+        beside = comm.bcast(file and Path(file.name))
         hdf5 = path.suffix.lower() == ".h5"
         fault = _viewed(beside, hdf5, "w", vectors, comm)
-        again = {name: vector.duplicate() for name, vector in vectors.items()}
-        fault = fault or _viewed(beside, hdf5, "r", again, comm)
+        copies = {name: vector.duplicate() for name, vector in vectors.items()}
+        fault = fault or _viewed(beside, hdf5, "r", copies, comm)
         # what MPI has written is not what it says it has: on a full disk it says nothing
-        same = all(np.array_equal(again[name].array_r, one.array_r, equal_nan=True) for name, one in vectors.items())
+        same = all(np.array_equal(copies[name].array_r, one.array_r, equal_nan=True) for name, one in vectors.items())
         with together(comm):
             if fault or not same:
                 raise FileError(f"{path}: cannot be written ({fault or 'what was written is not what is read'})")
         with together(comm), file_errors(path, "written"):
-            if made is not None:
-                put_in_place(made, path)
+            if file is not None:
+                put_in_place(file, path)
 
 
 def _check_free_space(file: BinaryIO, size: int) -> None:

@@ -40,14 +40,14 @@ def checked(solution: Solution, Z: sp.csr_array, constant: Vector, name: Callabl
     terms = abs(Z) @ np.abs(z) + np.where(np.isfinite(constant), np.abs(constant), 0.0)
     noise = gamma(np.diff(Z.indptr) + 2) * terms
     # a residual is a step in z
-    wrong = values > sizes * max(solution.tolerance, solution.residual, solution.accuracy or 0.0) + noise
-    if not wrong.any():
+    violated = values > sizes * max(solution.tolerance, solution.residual, solution.accuracy or 0.0) + noise
+    if not violated.any():
         return solution
     error = None
     with contextlib.suppress(MapError):
         error = solution.certificate.bound.componentwise
-    proved = np.zeros(wrong.size, dtype=bool) if error is None else wrong & (values > abs(Z) @ error + noise)
-    row = int(np.argmax(np.where(proved if proved.any() else wrong, values, -np.inf)))
+    proved = np.zeros(violated.size, dtype=bool) if error is None else violated & (values > abs(Z) @ error + noise)
+    row = int(np.argmax(np.where(proved if proved.any() else violated, values, -np.inf)))
     if proved[row]:
         status, more = Status.INFEASIBLE, "the conditions have no other solution"
     else:

@@ -107,6 +107,6 @@ class PetscFile:
             row = low + int(np.searchsorted(np.cumsum(lengths), k, side="right"))
             raise FileError(f"{self.path}: row {row} has an entry in column {columns[k]} of {self.columns}")
         data = self._read(values + _NUMBER.itemsize * before, count, _NUMBER)
-        made = sp.csr_array((data, columns, np.r_[0, np.cumsum(lengths)]), shape=(lengths.size, self.columns))
-        made.sum_duplicates()
-        return made
+        matrix = sp.csr_array((data, columns, np.r_[0, np.cumsum(lengths)]), shape=(lengths.size, self.columns))
+        matrix.sum_duplicates()
+        return matrix

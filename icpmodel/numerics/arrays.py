@@ -297,14 +297,14 @@ def as_float64(value: Any, name: str) -> NDArray[np.float64]:
     if kind not in "biuf":
         raise InputError(f"{name} has dtype {array.dtype}; real numbers were expected")
     with np.errstate(over="ignore"):
-        made = np.array(array, dtype=np.float64, order="C")
-    if array.dtype.itemsize > (made.itemsize if kind == "f" else 4):
-        doubtful = array == array if kind == "f" else np.abs(made) >= _MAX_EXACT_INTEGER
-        for one, rounded in zip(array[doubtful].tolist(), made[doubtful].tolist(), strict=True):
+        converted = np.array(array, dtype=np.float64, order="C")
+    if array.dtype.itemsize > (converted.itemsize if kind == "f" else 4):
+        doubtful = array == array if kind == "f" else np.abs(converted) >= _MAX_EXACT_INTEGER
+        for one, rounded in zip(array[doubtful].tolist(), converted[doubtful].tolist(), strict=True):
             if one != rounded:
                 actual = f"{name} holds {one} of dtype {array.dtype}, which rounds to the float64 {rounded}"
                 raise InputError(f"{actual}; write {name}.astype(float) if that is intended")
-    return made
+    return converted
 
 
 def check_labels(arguments: Mapping[str, Any]) -> Any:

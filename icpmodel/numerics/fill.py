@@ -34,14 +34,14 @@ _SYMMETRY_RTOL = 1e-13
 class Fill(NamedTuple):
     """The `entries` of L + U of so many `rows`, and the `flops` (multiplications) that make them.
 
-    Both are rough unless they were `seen` to the end. Those of a `band` are stored and made as full ones, and of
+    Both are estimates unless `is_exact`. Those of a `band` are stored and made as full ones, and of
     `symmetric` ones, up to the signs of rows, a half is.
     """
 
     rows: int
     entries: float
     flops: float
-    seen: bool
+    is_exact: bool
     band: bool = False
     symmetric: bool = False
 
@@ -199,17 +199,17 @@ class SymbolicAnalysis:
     @cached_property
     def complete(self) -> Fill:
         """The exact fill of a sparse factorisation, whatever `fill` estimates."""
-        if self._sparse is not None and self._sparse.seen:
+        if self._sparse is not None and self._sparse.is_exact:
             return self._sparse
         return predicted_fill(self.matrix, self.signs is not None)
 
-    def to_the_end(self) -> SymbolicAnalysis:
+    def exact(self) -> SymbolicAnalysis:
         """This prediction if it is exact, else another one that is."""
-        if self.fill.seen:
+        if self.fill.is_exact:
             return self
-        whole = SymbolicAnalysis(self.matrix, self._known_symmetry)
-        whole._sparse = self.complete
-        return whole
+        analysis = SymbolicAnalysis(self.matrix, self._known_symmetry)
+        analysis._sparse = self.complete
+        return analysis
 
     def band_costs_more(self, most: float) -> bool:
         """Whether factors of the band cost more than `most` nanoseconds."""

@@ -106,16 +106,16 @@ def conjugate_residuals(M: sp.csr_array, f: Vector, most: int, tolerance: float)
 
     steps = GCR(product, np.copy, unit * f)
     x = np.zeros(f.size)
-    made = 0
+    count = 0
     first = norm(steps.rest)
-    while made < most and first < np.inf:
-        further = min(max(made, _TRIAL_STEPS), most - made)
+    while count < most and first < np.inf:
+        further = min(max(count, _TRIAL_STEPS), most - count)
         x, _ = steps.further(x, tolerance * first, further)
-        made = made + further
+        count = count + further
         left = norm(steps.rest)
         if left <= tolerance * first:
             return unit * x
-        if not made * np.log(1.0 / max(tolerance, UNIT_ROUNDOFF)) <= most * np.log(first / left):
+        if not count * np.log(1.0 / max(tolerance, UNIT_ROUNDOFF)) <= most * np.log(first / left):
             break
     return None
 

@@ -128,7 +128,7 @@ def _by_steps(M: sp.csr_array, analysis: SymbolicAnalysis) -> Solver | None:
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
         nonlocal failed
-        most = int(factor_cost(analysis.fill) / a_step) if analysis.fill.seen else _MAX_STEPS
+        most = int(factor_cost(analysis.fill) / a_step) if analysis.fill.is_exact else _MAX_STEPS
         most = min(most, M.shape[0])
         x = None if failed else conjugate_residuals(turned() if transposed else M, f, most, tolerance)
         failed = x is None
@@ -179,8 +179,8 @@ def _nudged(M: sp.csr_array, analysis: SymbolicAnalysis) -> Solver:
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
         x = refined(f, tolerance, transposed)
         if x is None and (y := by_near(f, tolerance, transposed)) is not None:
-            whole = near.T if transposed else near
-            if norm(f - whole @ y) <= _INEXACT * norm(y):  # good factors: it is M that is nearly singular
+            matrix = near.T if transposed else near
+            if norm(f - matrix @ y) <= _INEXACT * norm(y):  # good factors: it is M that is nearly singular
                 return None
         return exchanged()(f, tolerance, transposed) if x is None else x
 
@@ -195,7 +195,7 @@ def _refined(M: sp.csr_array, units: Vector, by_factors: Solver) -> Solver:
     """
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
-        whole, unit = (M.T, 1.0) if transposed else (M, units)
+        matrix, unit = (M.T, 1.0) if transposed else (M, units)
         x = by_factors(f, tolerance, transposed)
         if x is None:
             return None
@@ -203,7 +203,7 @@ def _refined(M: sp.csr_array, units: Vector, by_factors: Solver) -> Solver:
         before = norm(unit * x)
         while True:
             count(product(f.size, M.nnz))
-            step = by_factors(f - whole @ x, tolerance, transposed)
+            step = by_factors(f - matrix @ x, tolerance, transposed)
             if step is None or not (size := norm(unit * step)) <= _MAX_CORRECTION * before:
                 return refined  # the best that rounding leaves, if any
             refined = x = x + step

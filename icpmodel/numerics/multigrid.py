@@ -49,10 +49,10 @@ def ruge_stuben(A: sp.csr_array, **options: Any) -> Any:
         import pyamg
 
     with _quiet():
-        made = pyamg.ruge_stuben_solver(sp.csr_matrix(A), **options)  # PyAMG takes the older class only
-        if made.levels[-1].A.shape[0] > _MAX_COARSEST_IF_STALLED:
-            made.coarse_solver = pyamg.coarse_grid_solver("splu")
-        return made
+        solver = pyamg.ruge_stuben_solver(sp.csr_matrix(A), **options)  # PyAMG takes the older class only
+        if solver.levels[-1].A.shape[0] > _MAX_COARSEST_IF_STALLED:
+            solver.coarse_solver = pyamg.coarse_grid_solver("splu")
+        return solver
 
 
 def linear_solve(A: sp.csr_array, b: Vector, tolerance: float = 1e-8) -> Vector:

@@ -38,30 +38,30 @@ def in_a_process(items: Callable[[], Iterator[_T]], end: float) -> Iterator[_T]:
     ChildProcessError
         Where the other process died.
     """
-    here, there = os.pipe()
+    reader, writer = os.pipe()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # of threads: none of those here holds a lock meanwhile
         child = os.fork()
     if not child:
-        _send(items, there)
-    os.close(there)
+        _send(items, writer)
+    os.close(writer)
     try:
         while True:
-            if not select.select([here], [], [], max(end - time.perf_counter(), 0.0))[0]:
+            if not select.select([reader], [], [], max(end - time.perf_counter(), 0.0))[0]:
                 raise OutOfTime("the time is over")
-            length = _read(here, _LENGTH_BYTES)
+            length = _read(reader, _LENGTH_BYTES)
             if not length:
                 _, status = os.waitpid(child, 0)
                 child = 0
                 raise ChildProcessError(f"its process died with exit code {os.waitstatus_to_exitcode(status)}")
-            ended, item = pickle.loads(_read(here, int.from_bytes(length, "big")))
+            ended, item = pickle.loads(_read(reader, int.from_bytes(length, "big")))
             if ended and item is not None:
                 raise item
             if ended:
                 return
             yield item
     finally:
-        os.close(here)
+        os.close(reader)
         if child:
             with suppress(OSError):
                 os.killpg(child, signal.SIGKILL)  # and what it began itself
@@ -69,30 +69,30 @@ def in_a_process(items: Callable[[], Iterator[_T]], end: float) -> Iterator[_T]:
             os.waitpid(child, 0)
 
 
-def _send(items: Callable[[], Iterator[Any]], there: int) -> None:
+def _send(items: Callable[[], Iterator[Any]], writer: int) -> None:
     """Send the `items` and exit, in a new process group, which Ctrl-C does not reach."""
     try:
         os.setsid()
         try:
             for item in items():
-                _write(there, (False, item))
-            _write(there, (True, None))
+                _write(writer, (False, item))
+            _write(writer, (True, None))
         except Exception as error:
-            _write(there, (True, error))
+            _write(writer, (True, error))
     finally:
         os._exit(1)
 
 
-def _write(there: int, item: Any) -> None:
+def _write(writer: int, item: Any) -> None:
     data = pickle.dumps(item)
     data = len(data).to_bytes(_LENGTH_BYTES, "big") + data
     while data:
-        data = data[os.write(there, data) :]
+        data = data[os.write(writer, data) :]
 
 
-def _read(here: int, count: int) -> bytes:
+def _read(reader: int, count: int) -> bytes:
     """Read `count` bytes, or fewer if the other end is closed."""
     data = b""
-    while len(data) < count and (more := os.read(here, count - len(data))):
+    while len(data) < count and (more := os.read(reader, count - len(data))):
         data += more
     return data

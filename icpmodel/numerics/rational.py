@@ -54,13 +54,13 @@ def subtract_row(M: Rationals, k: int, below: Sequence[int]) -> None:
                     M[i][j] -= factor * row[j]
 
 
-def substitute_back(M: Rationals, done: int, known: dict[int, Fraction | int]) -> list[Fraction]:
-    """x with these entries `known`, such that the rows before `done`, eliminated in turn, give zero, and 0 elsewhere.
+def substitute_back(M: Rationals, count: int, known: dict[int, Fraction | int]) -> list[Fraction]:
+    """x with these entries `known`, such that the rows before `count`, eliminated in turn, give zero, and 0 elsewhere.
 
     Indices with pivot 0, whose row is zero, get 0.
     """
     x = [Fraction(known.get(i, 0)) for i in range(len(M))]
-    for i in reversed(range(done)):
+    for i in reversed(range(count)):
         if M[i][i]:
             x[i] = -sum((M[i][j] * x[j] for j in range(len(x)) if x[j] and M[i][j]), Fraction(0)) / M[i][i]
     return x

@@ -89,10 +89,10 @@ def _whole(positions: Any) -> np.ndarray:
     return positions.astype(np.int64) if positions.dtype.kind == "u" else positions
 
 
-def _check_within(positions: np.ndarray, low: int, high: int, called: str) -> None:
+def _check_within(positions: np.ndarray, low: int, high: int, name: str) -> None:
     if positions.size and not low <= positions.min() <= positions.max() < high:
         wrong = positions[np.argmax((positions < low) | (positions >= high))]
-        raise ValueError(f"{called} {wrong} is not one of {low} to {high - 1}")
+        raise ValueError(f"{name} {wrong} is not one of {low} to {high - 1}")
 
 
 def _check_compressed(indptr: np.ndarray, indices: np.ndarray, stored: int, major: int, minor: int) -> None:

@@ -96,7 +96,7 @@ def count(nanoseconds: float) -> None:
     _counted.total += int(nanoseconds)
 
 
-def done() -> float:
+def counter() -> float:
     """All work that this thread has counted, in nanoseconds. A difference is the cost of what was done between."""
     return _counted.total
 
@@ -209,7 +209,7 @@ def work_limit(
     """
     before = _counted.budget
     begun = clock() if begun is None else begun
-    counted = done()
+    counted = counter()
     end = begun + seconds
     most = counted + nanoseconds
     if before is not None:
@@ -251,8 +251,8 @@ def nanoseconds_left() -> float:
     if budget is None:
         return math.inf
     now = clock()
-    pace = max((now - budget.begun + _PACE_OFFSET) / (1e-9 * (done() - budget.counted) + _PACE_OFFSET), 1.0)
-    return min(1e9 * (budget.end - now) / pace, budget.most - done())
+    pace = max((now - budget.begun + _PACE_OFFSET) / (1e-9 * (counter() - budget.counted) + _PACE_OFFSET), 1.0)
+    return min(1e9 * (budget.end - now) / pace, budget.most - counter())
 
 
 def seconds_left() -> float:
@@ -290,7 +290,7 @@ class _System:
     """The memory that the system has free, which it takes as long to ask for as to solve a small problem."""
 
     def __init__(self) -> None:
-        self.seen, self.at = 0.0, -math.inf
+        self.last_free, self.at = 0.0, -math.inf
 
     def free(self) -> float:
         """Now."""
@@ -299,12 +299,12 @@ class _System:
                 free = 1024.0 * next(int(line.split()[1]) for line in lines if line.startswith("MemAvailable"))
         except (OSError, StopIteration, ValueError):
             free = 0.5 * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-        self.seen, self.at = free, time.monotonic()
+        self.last_free, self.at = free, time.monotonic()
         return free
 
     def lately_free(self) -> float:
         """Not long ago."""
-        return self.seen if time.monotonic() - self.at < _MEMORY_CACHE_SECONDS else self.free()
+        return self.last_free if time.monotonic() - self.at < _MEMORY_CACHE_SECONDS else self.free()
 
 
 _SYSTEM = _System()

@@ -118,17 +118,17 @@ class ByRows(Displayable):
         lo = int(as_number(lo, "lo", least=0, most=self.n, whole=True))
         hi = int(as_number(hi, "hi", least=lo, most=self.n, whole=True))
         block = self.rows(lo, hi)
-        called = f"of rows({lo}, {hi})"
+        place = f"of rows({lo}, {hi})"
         if not isinstance(block, tuple) or len(block) not in (3, 4):
             what = f"a tuple of {len(block)}" if isinstance(block, tuple) else described(block)
-            raise InputError(f"{called[3:]} is {what}; LocalRows, or A, q, psi and perhaps upper, were expected")
-        A = as_rows(block[0], f"A {called}")
+            raise InputError(f"{place[3:]} is {what}; LocalRows, or A, q, psi and perhaps upper, were expected")
+        A = as_rows(block[0], f"A {place}")
         if A.shape != (hi - lo, self.n):
-            raise InputError(f"A {called} has shape {A.shape}; {(hi - lo, self.n)} was expected")
+            raise InputError(f"A {place} has shape {A.shape}; {(hi - lo, self.n)} was expected")
         none = len(block) < 4 or block[3] is None
         if hi == lo:
             return LocalRows(A, np.zeros(0), np.zeros(0), None if none else np.zeros(0))
-        q = as_vector(block[1], hi - lo, f"q {called}")
-        psi = as_vector(block[2], hi - lo, f"psi {called}", infinite=-np.inf)
-        below = None if none else as_vector(np.negative(block[3]), hi - lo, f"-upper {called}", infinite=-np.inf)
+        q = as_vector(block[1], hi - lo, f"q {place}")
+        psi = as_vector(block[2], hi - lo, f"psi {place}", infinite=-np.inf)
+        below = None if none else as_vector(np.negative(block[3]), hi - lo, f"-upper {place}", infinite=-np.inf)
         return LocalRows(A, q, psi, None if below is None else -below)

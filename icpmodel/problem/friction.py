@@ -88,5 +88,5 @@ class FrictionIndex(TwoSidedObstacle):
         return f"FrictionIndex({int(self.friction.sum())} of {self.n} rows are friction)"
 
 
-def _first(wrong: Mask) -> int | None:
-    return int(np.argmax(wrong)) if wrong.any() else None
+def _first(mask: Mask) -> int | None:
+    return int(np.argmax(mask)) if mask.any() else None

@@ -159,13 +159,13 @@ class NonlinearTerm(Displayable):
         if self.slope_range is None:
             return ""
         with suppress(MapError), np.errstate(all="ignore"):
-            here, there = self.value(z), self.value(np.zeros(self.n))
-            room = self.rounding(here) + self.rounding(there)
-            moved = here - there
+            f_z, f_0 = self.value(z), self.value(np.zeros(self.n))
+            room = self.rounding(f_z) + self.rounding(f_0)
+            moved = f_z - f_0
             ends = [np.where(side == 0.0, 0.0, side * z) for side in self.slope_range]
-            wrong = (moved < np.minimum(*ends) - room) | (moved > np.maximum(*ends) + room)
-            if wrong.any():
-                i = int(np.argmax(wrong))
+            violated = (moved < np.minimum(*ends) - room) | (moved > np.maximum(*ends) + room)
+            if violated.any():
+                i = int(np.argmax(violated))
                 slope, (m, M) = moved[i] / z[i], (side[i] for side in self.slope_range)
                 actual = f"f_{i} has the mean slope {slope:.6g} between z and 0"
                 return f"f.slope_range is wrong: {actual}, outside of [{m:g}, {M:g}]"

@@ -104,8 +104,8 @@ class TwoSidedObstacle(Map):
     def composed(self, P: Any, shift: Any = 0.0, rows: Any = slice(None), factor: Any = 1.0) -> Map:
         return self._of_both(lambda one: one.composed(P, shift, rows, factor))
 
-    def _of_both(self, made: Callable[[Map], Map]) -> TwoSidedObstacle:
-        return TwoSidedObstacle(made(self.lower), made(self.upper))
+    def _of_both(self, transform: Callable[[Map], Map]) -> TwoSidedObstacle:
+        return TwoSidedObstacle(transform(self.lower), transform(self.upper))
 
     def describe(self) -> str:
         if self.is_constant:

@@ -244,7 +244,7 @@ class Ladder:
         self.others: list[list[Job]] = []
         self.rungs = [self._at_once, self._plain, self._sweeps, self._costly, self._last]
         if warm_start and family != "paper" and not problem.psi.has_policies:
-            self.rungs.insert(1, self._kept)
+            self.rungs.insert(1, self._with_hierarchy)
         self.floor = 0.0
         #: what runs before the sweeps
         self.early: Job | None = None
@@ -322,16 +322,16 @@ class Ladder:
                 break
             _LOG.debug("n = %d: %r is left out: %s", problem.n, method, why_not)
 
-    def _kept(self) -> None:
+    def _with_hierarchy(self) -> None:
         """`Multilevel` with the hierarchy that A keeps: a trial of sweeps would save no set-up."""
         problem = self.problem
         methods = [Multilevel(), Accelerated(of=PSOR(omega=relaxation(problem))), Newton()]
-        found = self._estimated(methods)
-        for job in found:
+        jobs = self._estimated(methods)
+        for job in jobs:
             if isinstance(job.method, Multilevel):
                 job.remaining -= hierarchy_cost(problem.n, problem.nnz)
                 job.choice = replace(job.choice, why=f"{job.choice.why}, of which A keeps the hierarchy")
-                if job is min(found, key=lambda job: job.remaining):
+                if job is min(jobs, key=lambda job: job.remaining):
                     self.early = job
                     self.jobs.append(job)
                     self.floor = job.remaining

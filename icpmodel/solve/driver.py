@@ -145,8 +145,8 @@ def solve(
     start = _starting_point(problem, z0)
     with limits.enforced():
         named_method = _named(method, problem, options)
-        given = {"warm_start": z0 is not None, "follows_theorems": method is not None}
-        run = _run(problem, start, limits, **given, **display)
+        start_options = {"warm_start": z0 is not None, "follows_theorems": method is not None}
+        run = _run(problem, start, limits, **start_options, **display)
 
         def run_all() -> None:
             _run_all(run, named_method, family)
@@ -253,7 +253,7 @@ def _named(method: str | Method | None, problem: ProblemData, options: dict[str,
 def _run(problem: ProblemData, start: Vector, limits: Limits, **display: Any) -> Run:
     """Set up the run from `start`. Raises MapError if ψ has no value there."""
     clock = work.clock()
-    counted = work.done()
+    counted = work.counter()
     is_nonzero = bool(np.count_nonzero(start))
     start_residual = at_0 = problem.residual(start) if is_nonzero else problem.residual_at_0()
     if not math.isfinite(start_residual) and (fault := fault_of_psi(problem, start)):

@@ -36,8 +36,8 @@ def search(run: Run, run_methods: Callable[[Run, Iterator[None]], None]) -> None
     seconds = work.seconds_left() if limited else SECONDS
     limit = f"a search of at most {seconds:.3g} s" + ("" if limited else " (no time_limit was given)")
     why = f"the methods before it {before.status.value}; {limit}"
-    again = [one.method for one in run.tried if not one.is_fresh]
-    methods = [one for one in (Enumerate(), *again, Restarts(), MixedInteger()) if one.why_not(run.problem) is None]
+    restarted = [one.method for one in run.tried if not one.is_fresh]
+    methods = [one for one in (Enumerate(), *restarted, Restarts(), MixedInteger()) if one.why_not(run.problem) is None]
     _LOG.info("n = %d: %s begins: %s", run.problem.n, limit, ", ".join(map(repr, methods)))
     run.restart = run.start
     with work.work_limit(seconds):

@@ -89,20 +89,20 @@ class NewtonJosephy(Method):
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         rng = np.random.default_rng(0)
         with np.errstate(all="ignore"):
-            here = Point(problem, problem.matrix.weights, z)
-        yield z, here.residual
+            point = Point(problem, problem.matrix.weights, z)
+        yield z, point.residual
         search = _Search(problem, z, self.inner_family)
         tries = _MAX_RESTARTS if problem.n <= LARGEST else 0
         for left in range(tries, -1, -1):
-            for here in search.steps():
-                yield here.z, here.residual
-            if here.residual <= 2.0 * problem.rounding_of_residual(here.z) or not left:
+            for point in search.steps():
+                yield point.z, point.residual
+            if point.residual <= 2.0 * problem.rounding_of_residual(point.z) or not left:
                 break
             size = max(scale_of_starts(problem, z), 1.0) * 10.0 ** rng.uniform(_SMALLEST, _LARGEST)
             with suppress(MapError):
                 search = _Search(problem, start_above(problem, z, size, rng), self.inner_family)
-                if np.isfinite(search.here.theta):
-                    yield search.here.z, search.here.residual
+                if np.isfinite(search.current.theta):
+                    yield search.current.z, search.current.residual
         if search.fault is not None:
             raise search.fault
 
@@ -122,8 +122,8 @@ class _Search:
         self.family = family
         with np.errstate(all="ignore"):
             self.path = Path(problem, z)
-        self.here = self.path.current
-        self.recent = deque([self.here.theta], _MEMORY)
+        self.current = self.path.current
+        self.recent = deque([self.current.theta], _MEMORY)
         self.least = Least()
         self.weight = 0
         #: what solved a linear problem on which plain and accelerated sweeps were tried before
@@ -135,7 +135,7 @@ class _Search:
 
     def steps(self) -> Iterator[Point]:
         """Yield the points after the start, until none is better."""
-        while self.here.theta > 0.0 and self.least.add(self.here.theta) < _PATIENCE:
+        while self.current.theta > 0.0 and self.least.add(self.current.theta) < _PATIENCE:
             try:
                 with np.errstate(all="ignore"):
                     new = self._next()
@@ -144,7 +144,7 @@ class _Search:
                 return
             if new is None:
                 return
-            self.here = new
+            self.current = new
             self.recent.append(new.theta)
             yield new
 
@@ -152,22 +152,22 @@ class _Search:
         linear = self._affine()
         self.weight = max(self.weight - 1, 0)
         while self.weight < len(_PROXIMAL):
-            z = self._solved(_proximal(linear, self.here.z, _PROXIMAL[self.weight]))
-            if z is not None and (new := self._on_line(z - self.here.z)) is not None:
+            z = self._solved(_proximal(linear, self.current.z, _PROXIMAL[self.weight]))
+            if z is not None and (new := self._on_line(z - self.current.z)) is not None:
                 return new
             self.weight += 1
         return self._descent(linear)
 
     def _affine(self) -> ProblemData:
-        z = self.here.z
+        z = self.current.z
         if why_not_rows(self.problem) is None:
             return secant_problem(self.problem, z)[0]
         return self.problem.linearised(z)
 
     def _solved(self, linear: ProblemData) -> Vector | None:
         """A solution of the `linear` problem to a share of the residual of z; None where there is none to be found."""
-        z = self.here.z
-        share = min(max(self.here.theta / self.path.start_theta, _TIGHT), _LOOSE)
+        z = self.current.z
+        share = min(max(self.current.theta / self.path.start_theta, _TIGHT), _LOOSE)
         start_residual = linear.residual(z)
         seconds = work.seconds_left()
         limits = Limits(rtol=share, atol=0.0, max_iter=100_000, time_limit=seconds if seconds < np.inf else None)
@@ -197,21 +197,21 @@ class _Search:
         """The first point z + tΔz, t = 1, ½, …, at which θ is small enough."""
         for k in range(_HALVINGS):
             t = 0.5**k
-            new = self.path.point(self.here.z + t * step)
+            new = self.path.point(self.current.z + t * step)
             if new is not None and new.theta <= (1.0 - _SIGMA * t) * max(self.recent):
                 return new
         return None
 
     def _descent(self, linear: ProblemData) -> Point | None:
         """A point at which θ is smaller, in a direction in which it falls."""
-        here = Point(linear, self.path.omega, self.here.z)
-        V, total = here.derivative()
-        phi = here.phi / here.theta
+        point = Point(linear, self.path.omega, self.current.z)
+        V, total = point.derivative()
+        phi = point.phi / point.theta
         for direction in self.path.directions(V, phi, total):
             slope = float(phi @ (V @ direction))
             if (
                 slope < -_SIGMA
-                and (new := self.path.line_search(self.here, self.here.theta * direction, slope)) is not None
+                and (new := self.path.line_search(self.current, self.current.theta * direction, slope)) is not None
             ):
                 return new
         return None

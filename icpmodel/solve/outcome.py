@@ -82,7 +82,7 @@ def solution_of(run: Run, limits: Limits) -> Solution:
         infeasible=run.infeasible if status is Status.INFEASIBLE else None,
         time_limit=limits.time_limit,
         memory_limit=limits.memory_limit,
-        cost=work.done() - run.counted,
+        cost=work.counter() - run.counted,
     )
 
 

@@ -117,7 +117,7 @@ class Run:
     history: bool = False
     progress: bool = False
     clock: float = field(default_factory=work.clock)
-    counted: float = field(default_factory=work.done)
+    counted: float = field(default_factory=work.counter)
 
     def __post_init__(self) -> None:
         self.records: list[tuple[int, float, float, str]] | None = [] if self.history else None
@@ -246,12 +246,12 @@ class Run:
         while True:
             self.path = path
             self.job = job
-            before = work.done()
+            before = work.counter()
             try:
                 z, hint = next(path)
             except StopIteration:
                 return stalled.recurred()
-            spent += work.done() - before
+            spent += work.counter() - before
             if count or self.iteration < 0:  # a later method starts from an iterate that was counted before
                 self.iteration += 1
             self.previous = self.current

@@ -74,14 +74,14 @@ class PathSolver(ForeignSolver):
                 pathlib.Path(folder, name).write_text(text, encoding="ascii")
             left = max(end - time.perf_counter(), 0.0)
             try:  # it is killed at the limit, and after Ctrl-C
-                done = subprocess.run(call, cwd=folder, stdin=subprocess.DEVNULL, capture_output=True, timeout=left)
+                process = subprocess.run(call, cwd=folder, stdin=subprocess.DEVNULL, capture_output=True, timeout=left)
             except subprocess.TimeoutExpired:
                 return Claim(None, "time limit", False)
             answer = pathlib.Path(folder, "answer.txt")
             z = np.array(answer.read_text().split(), dtype=np.float64)[:n] if answer.exists() else None
         # what PATH says in the end; else what stopped GAMS
-        said = re.findall(r"^ \*{2,3} EXIT - (.+?)\.?$", text := done.stdout.decode(errors="replace"), re.MULTILINE)
-        words = said[-1] if said else "; ".join(re.findall(r"^\*\*\* (.+)", text, re.MULTILINE)[:2])
+        exits = re.findall(r"^ \*{2,3} EXIT - (.+?)\.?$", text := process.stdout.decode(errors="replace"), re.MULTILINE)
+        words = exits[-1] if exits else "; ".join(re.findall(r"^\*\*\* (.+)", text, re.MULTILINE)[:2])
         return Claim(z, words, words == "solution found")
 
 

@@ -26,7 +26,7 @@ from ..present.rendering import render
 from ..present.whole_files import place_of, write_ours
 from ..problem.data import ProblemData, ProblemLike
 from ..scenes import Scene
-from ..scenes.registry import title as called
+from ..scenes.registry import title as scene_title
 from ..solve.driver import solve
 from ..solve.progress import Progress, status_line
 from ..solve.solution import Solution
@@ -186,7 +186,7 @@ def report(
             sections.append(section)
     page = render(
         "report.html",
-        title=title or called(problem),
+        title=title or scene_title(problem),
         about=about,
         data=_data(problem),
         bounded=problem.upper is not None,
@@ -201,7 +201,7 @@ def report(
 
 def scene_texts(scene: Scene) -> dict[str, Any]:
     """The title, the introduction and the known solution of a page on `scene`."""
-    return {"title": called(scene.problem), "about": f"{scene.title}. {scene.models}", "z_exact": scene.z_exact}
+    return {"title": scene_title(scene.problem), "about": f"{scene.title}. {scene.models}", "z_exact": scene.z_exact}
 
 
 def page_file(path: Any) -> Path:
@@ -256,19 +256,19 @@ def _answer(solution: Solution, start: Vector | None, points: Vector | None, tim
 
 def _on_the_way(solution: Solution, start: Vector | None, time_limit: float) -> Fields:
     """z at iterates in geometric progression of a run of the paper's sweeps. Raises IcpError."""
-    seen: dict[str, Vector] = {}
+    iterates: dict[str, Vector] = {}
     following = 0
 
     def watch(now: Progress) -> None:
         nonlocal following
         if now.iteration >= following:
             following = max(now.iteration + 1, _PICTURE_RATIO * now.iteration)
-            seen[f"z after {now.iteration} steps"] = now.z
+            iterates[f"z after {now.iteration} steps"] = now.z
 
     problem = solution.problem
     options: dict[str, Any] = {"z0": start, "time_limit": time_limit, "raise_on_failure": False}
     uninterrupted(solve(problem, MNMGS(), callback=watch, **options))
-    return Fields(problem, seen)
+    return Fields(problem, iterates)
 
 
 def _certain(solution: Solution) -> Section:

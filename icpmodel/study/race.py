@@ -21,7 +21,7 @@ from ..present.rendering import render
 from ..present.table import Table, Tabular, folded
 from ..problem.data import ProblemLike, as_problem
 from ..scenes import Scene
-from ..scenes.registry import title as called
+from ..scenes.registry import title as scene_title
 from ..solve.driver import solve
 from ..solve.goal import RTOL, Limits
 from ..solve.progress import status_line, time_left
@@ -251,7 +251,7 @@ def race(
     limit = as_number(time_limit, "time_limit", above=0.0)
     goals = _goals(tolerances)
     named = [Own(), *_own(methods), *map(Foreign, chosen_solvers(solvers, "race"))]
-    result = Race(title=f"{called(problem)} ({machine()})", measure="", entries=(), command=command)
+    result = Race(title=f"{scene_title(problem)} ({machine()})", measure="", entries=(), command=command)
     entries: dict[tuple[str, float], Entry] = {}
     runs = len(named) * (2 + len(goals) * repeats)
     opening = f"{len(named)} competitors, at most {runs} runs of up to {limit:g} s: {runs * limit:.3g} s at most"
@@ -316,7 +316,7 @@ def _run(
     """Run every competitor once, to find its tolerances and its time; then repeat the short runs."""
     builds = {one.name: _build_seconds(case, one) for one in entered}
     reached = dict.fromkeys(builds, 1.0)  # 0 for one that is asked for no more
-    again = {}
+    repeated = {}
     entries = {}
     begin = time.monotonic()
     for done, (tolerance, one) in enumerate(product(goals, entered)):
@@ -333,8 +333,8 @@ def _run(
         elif entry.residual is not None:
             reached[one.name] = entry.residual
         if entry.seconds[0] < _TIMED_ONCE_SECONDS:
-            again[key] = partial(timed_run, case, one, tolerance, limit)
-    for key, run in interleaved(again, repeats - 1, say=lambda k: say(f"round {k + 1} of {repeats}")):
+            repeated[key] = partial(timed_run, case, one, tolerance, limit)
+    for key, run in interleaved(repeated, repeats - 1, say=lambda k: say(f"round {k + 1} of {repeats}")):
         entries[key] = replace(entries[key], seconds=(*entries[key].seconds, builds[key[0]] + run.seconds))
         yield entries[key]
 

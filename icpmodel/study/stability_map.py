@@ -130,9 +130,10 @@ class StabilityMap(Plottable, Tabular):
         """
         rows = []
         for end in ENDS:
-            here = self.ends == end
-            if here.any():
-                rows.append((end, *(int(at.sum()) for at in (here, here & self.any_proved, here & self.any_printed))))
+            selected = self.ends == end
+            if selected.any():
+                groups = selected, selected & self.any_proved, selected & self.any_printed
+                rows.append((end, *(int(group.sum()) for group in groups)))
         return Table(self.plane.title, ("end", "points", "proved", "proved as printed"), tuple(rows))
 
     def _against(self) -> str:

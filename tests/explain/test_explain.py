@@ -195,11 +195,11 @@ def test_an_accuracy_below_rounding_is_remarked():
 def test_a_page_costs_no_more_than_so_many_products_and_says_what_it_left_open():
     """Law 12: factors of a random graph are foreseen to be dense, and nothing is factorised that cannot be paid."""
     problem = expander(1500)
-    before = work.done()
+    before = work.counter()
     page = problem.explain()
     told = str(page)
     unit = problem.matrix.product_cost
-    assert work.done() - before < 1.2 * (_MAX_PRODUCTS * unit + _MAX_NANOSECONDS)
+    assert work.counter() - before < 1.2 * (_MAX_PRODUCTS * unit + _MAX_NANOSECONDS)
     assert "not decided within" in told
     assert "thorough=True" in told
     assert page.bound.unique

@@ -53,11 +53,11 @@ def test_a_printed_solution_costs_no_more_than_the_solve_did(skew):
     if skew is not None:
         B, C = np.random.default_rng(0).standard_normal((2, 800, 800)) / 800**0.5
         problem = icp.ICP(B @ B.T + 0.1 * np.eye(800) + skew * (C - C.T), B[0])
-    begun = work.done()
+    begun = work.counter()
     solution = problem.solve()
-    solved = work.done()
+    solved = work.counter()
     assert "\nmethod" in str(solution)
-    assert work.done() - solved <= solved - begun
+    assert work.counter() - solved <= solved - begun
 
 
 @pytest.mark.parametrize("wrong", [-1.0, np.nan, "much"])

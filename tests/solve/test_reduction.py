@@ -271,10 +271,10 @@ class TestElimination:
         solution = problem.solve()
         assert "eliminated" in solution.why
         assert solution.error_bound <= 1e-8
-        before = work.done()
+        before = work.counter()
         again = problem.with_q(np.full(10_000, 1.1)).solve()
         assert "eliminated" in again.why
-        assert work.done() - before < factor_cost(factor_costs(problem.matrix).fill)
+        assert work.counter() - before < factor_cost(factor_costs(problem.matrix).fill)
 
     def test_factors_that_fail_leave_the_problem_as_it_is(self):
         """p_F = 0 is singular, and still there are solutions."""

@@ -61,7 +61,7 @@ class Argument:
             return (_real(value, self.name, self.shapes[0]),)
         return tuple(_real(one, f"{self.name}[{k}]", self.shapes[k]) for k, one in enumerate(value))
 
-    def made(self, *arrays: Any) -> Any:
+    def to_icp(self, *arrays: Any) -> Any:
         """The argument of `ICP`."""
         return self.make(*arrays) if self.make else arrays[0]
 
@@ -113,11 +113,11 @@ def _on(pattern: sp.csr_array, data: Any) -> Any:
 
 def _of_parameters(name: str, make: Callable[[Any], Any], theta: Any) -> Map:
     """The map that the user makes of parameters. Raises InputError where it has no derivative in them."""
-    made = make(theta.copy())
-    if not isinstance(made, Function | Elementwise) or made.parameter_derivative is None:
+    result = make(theta.copy())
+    if not isinstance(result, Function | Elementwise) or result.parameter_derivative is None:
         expected = "a Function or an Elementwise with its parameter_derivative was expected"
-        raise InputError(f"{name}, the function that makes a map of parameters, returned {made!r}; {expected}")
-    return made
+        raise InputError(f"{name}, the function that makes a map of parameters, returned {result!r}; {expected}")
+    return result
 
 
 def obstacles(problem: ProblemData) -> dict[str, Map | None]:

@@ -160,20 +160,20 @@ class Callbacks:
     def many(self, rows: Mapped) -> dict[str, Any]:
         """The arguments of `solve_many`: lists, or matrices with a row per problem, where problems differ."""
         problem = self.problem
-        made = {}
+        arguments = {}
         sides = obstacles(problem)
         for name, form in self.forms.items():
             arrays = rows.arrays[name]
             if not rows.differ(name):
-                made[name] = form.made(*(one[0] for one in arrays))
+                arguments[name] = form.to_icp(*(one[0] for one in arrays))
             elif form.make in (None, Constant):
-                made[name] = arrays[0]
+                arguments[name] = arrays[0]
             else:
-                made[name] = [form.made(*rows.at(row)[name]) for row in range(rows.count)]
-        Q = np.broadcast_to(made.get("q", problem.q), (rows.count, self.problem.n))
-        A = made.get("A", problem.A)
-        start = made.get("z0")
-        psi, upper = (made.get(name, sides[name]) for name in ("psi", "upper"))
+                arguments[name] = [form.to_icp(*rows.at(row)[name]) for row in range(rows.count)]
+        Q = np.broadcast_to(arguments.get("q", problem.q), (rows.count, self.problem.n))
+        A = arguments.get("A", problem.A)
+        start = arguments.get("z0")
+        psi, upper = (arguments.get(name, sides[name]) for name in ("psi", "upper"))
         return {"A": A, "Q": Q, "psi": psi, "upper": upper, "Z0": start}
 
     def answer(self, row: Arrays) -> Solution | None:
@@ -190,13 +190,13 @@ class Callbacks:
     def stated(self, row: Arrays) -> ProblemData:
         """The problem of one row; it shares equal data with the problem of the owner."""
         problem = self.problem
-        made = {name: self.forms[name].made(*row[name]) for name in self.forms}
-        sides = [made.get(name, own) for name, own in obstacles(problem).items()]
-        if "A" in made:
-            return type(problem)(made["A"], made.get("q", problem.q), *sides)
-        if "q" in made:
-            problem = problem.with_q(made["q"])
-        return problem.with_sides(*sides) if "psi" in made or "upper" in made else problem
+        arguments = {name: self.forms[name].to_icp(*row[name]) for name in self.forms}
+        sides = [arguments.get(name, own) for name, own in obstacles(problem).items()]
+        if "A" in arguments:
+            return type(problem)(arguments["A"], arguments.get("q", problem.q), *sides)
+        if "q" in arguments:
+            problem = problem.with_q(arguments["q"])
+        return problem.with_sides(*sides) if "psi" in arguments or "upper" in arguments else problem
 
     def forward(self, residuals: Arrays, changes: Any) -> Any:
         """dz of all rows and directions; `changes` has those of all arguments, one after the other."""

@@ -78,16 +78,16 @@ def _to_feasible(
     return moved if holds else None
 
 
-def _moved(C: sp.csr_array, wrong: Vector) -> float | None:
-    """How far the nearest point with Cx = d is where |Cx − d| ≤ `wrong`; None where that is not bounded."""
-    if not wrong.any():
+def _moved(C: sp.csr_array, misfit: Vector) -> float | None:
+    """A bound on the distance to the points with Cx = d, if |Cx − d| ≤ `misfit`; None if there is none."""
+    if not misfit.any():
         return 0.0
     scale = symmetric_exponents((C * C).sum(axis=1))
     C = in_units(C, scale)
     rounding = 2.0 * (int(np.diff(C.indptr).max(initial=0)) + 2) * UNIT_ROUNDOFF
     size = abs(C)
     theta = smallest_below(sp.csr_array(C @ C.T), rounding * float((size @ size.T).sum(axis=1).max(initial=0.0)))
-    return 1.01 * float(norm(np.ldexp(wrong, scale)) / np.sqrt(theta)) if theta > 0.0 else None
+    return 1.01 * float(norm(np.ldexp(misfit, scale)) / np.sqrt(theta)) if theta > 0.0 else None
 
 
 def _with_error(M: sp.csr_array, x: Vector, right: Vector) -> tuple[Vector, Vector]:

@@ -142,7 +142,7 @@ def solve_lsq(
     low, high = _ordered(*bounds(lb, ub, B.shape[1]))
     end = begin + (np.inf if time_limit is None else time_limit)
     x = _corrected(B, c, np.clip(0.0, low, high), low, high, end)
-    wrong, is_optimal = _wrong_slopes(B, c, x, low, high, tolerance)
+    violations, is_optimal = _wrong_slopes(B, c, x, low, high, tolerance)
     iterations = 0
     status = "optimal"
     message = "solved"
@@ -151,7 +151,7 @@ def solve_lsq(
         iterations = outcome.iterations
         if outcome.values is not None:
             x = _corrected(B, c, outcome.values.x[c.size :], low, high, end)
-            wrong, is_optimal = _wrong_slopes(B, c, x, low, high, tolerance)
+            violations, is_optimal = _wrong_slopes(B, c, x, low, high, tolerance)
     if not is_optimal:
         fails = outcome.status == "optimal"
         status = "solver_error" if fails else outcome.status
@@ -161,7 +161,7 @@ def solve_lsq(
         x=x,
         cost=0.5 * norm(fun) ** 2,
         fun=fun,
-        optimality=float(wrong.max(initial=0.0)),
+        optimality=float(violations.max(initial=0.0)),
         active_mask=np.where(x >= high, 1, np.where(x <= low, -1, 0)),
         nit=iterations,
         status=status,
@@ -180,9 +180,9 @@ def _wrong_slopes(
     r = B @ x - c
     gradient = B.T @ r
     at_bound = ((x >= high) & (gradient < 0)) | ((x <= low) & (gradient > 0))
-    wrong = np.where(at_bound, 0.0, np.abs(gradient))
+    violations = np.where(at_bound, 0.0, np.abs(gradient))
     rounding = gamma(sum(B.shape) + 2) * (abs(B) @ np.abs(x) + np.abs(c))
-    return wrong, bool((wrong <= abs(B).T @ (tolerance * np.abs(r) + rounding)).all())
+    return violations, bool((violations <= abs(B).T @ (tolerance * np.abs(r) + rounding)).all())
 
 
 def _ordered(low: Vector, high: Vector) -> tuple[Vector, Vector]:

@@ -51,7 +51,7 @@ class Judge:
         is_x = self.is_x
         size = np.abs(z)
         p = problem.p(z)
-        wrong = np.abs(p)
+        violations = np.abs(p)
         of_q = np.abs(problem.q)
         terms = self.size @ size + of_q
         room = room_of(problem, z, p)
@@ -61,7 +61,7 @@ class Judge:
         noise = np.maximum(own, np.minimum(largest, most))
         reach = size.copy()
         reach[is_x] = np.where(self.diagonal > 0, (self.of_H @ size[is_x]) / self.diagonal, size[is_x])
-        gap = np.maximum(wrong - np.minimum(own, most), 0.0) @ np.minimum(room, reach)
+        gap = np.maximum(violations - np.minimum(own, most), 0.0) @ np.minimum(room, reach)
         if gap > 0:
             x = z[is_x]
             at_bound = is_x & (room == 0)
@@ -69,7 +69,8 @@ class Judge:
             gap /= max(x @ (self.H @ x), 0.0) + size[is_x] @ (of_q + noise)[is_x] + abs(of_sides)
         shares = []
         for rounding in (noise, own):
-            share = max(float(np.where((room > 0) & (wrong > rounding), (wrong - rounding) / terms, 0.0).max()), gap)
+            excess = np.where((room > 0) & (violations > rounding), (violations - rounding) / terms, 0.0)
+            share = max(float(excess.max()), gap)
             shares.append(share if share < np.inf else np.inf)
         return shares[0], shares[1]
 
@@ -92,11 +93,11 @@ def room_of(problem: ProblemData, z: Vector, p: Vector) -> Vector:
 def _units(A: sp.csr_array) -> Vector:
     """2^e such that log₂|a_ij| − e_i − e_j is 0 in the mean of the entries of a row that count."""
     largest = abs(A).max(axis=1).toarray().ravel()
-    there = np.abs(A.data) > _NEGLIGIBLE_ENTRY * np.minimum(largest[row_of(A)], largest[A.indices])
+    counts = np.abs(A.data) > _NEGLIGIBLE_ENTRY * np.minimum(largest[row_of(A)], largest[A.indices])
     logarithm = A.copy()
-    logarithm.data = np.log2(np.abs(A.data), out=np.zeros(A.nnz), where=there)
+    logarithm.data = np.log2(np.abs(A.data), out=np.zeros(A.nnz), where=counts)
     pattern = A.copy()
-    pattern.data = 1.0 * there
+    pattern.data = 1.0 * counts
     sums = logarithm.sum(axis=1)
     count = np.maximum(pattern.sum(axis=1), 1.0)
     e = np.zeros(A.shape[0])

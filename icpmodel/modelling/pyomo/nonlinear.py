@@ -126,16 +126,16 @@ def _word(kind: type) -> str:
 def _rebuilt(tokens: tuple[Any, ...], variables: Sequence[Any], constants: Sequence[Any]) -> Any:
     """The Pyomo expression of this shape with these variables and constants."""
     left = list(constants)
-    done: list[Any] = []
+    stack: list[Any] = []
     for token in reversed(tokens):
         if token is None:
-            done.append(left.pop())
+            stack.append(left.pop())
         elif isinstance(token, int):
-            done.append(variables[token])
+            stack.append(variables[token])
         else:
             word, count = token
-            done.append(_called(word, pyo)(*[done.pop() for _ in range(count)]))
-    return done.pop()
+            stack.append(_called(word, pyo)(*[stack.pop() for _ in range(count)]))
+    return stack.pop()
 
 
 def _called(word: str, functions: Any) -> Callable[..., Any]:

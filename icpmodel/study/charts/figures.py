@@ -192,8 +192,8 @@ def figure(what: Any, points: Any = None, shape: Any = None) -> Figure:
     >>> [axes.get_title() for axes in icp.study.figure(solution).axes[:2]]
     ['z, contact set outlined', 'force p']
     """
-    made = _drawing(what, points, shape)
-    return made.on(new_figure(*made.size))
+    description = _drawing(what, points, shape)
+    return description.on(new_figure(*description.size))
 
 
 def _drawing(what: Any, points: Any, shape: Any) -> Drawing:
@@ -249,18 +249,18 @@ def plot(what: Any, path: Any = None, *, ax: Any = None, points: Any = None, sha
     if ax is not None and path is not None:
         raise InputError("path and ax are both given; a picture is written or drawn into axes: leave out one of them")
     place = None if path is None else picture_file(path)
-    made = _drawing(what, points, shape)
+    description = _drawing(what, points, shape)
     if ax is not None:
-        return made.into(ax)
+        return description.into(ax)
     if place is not None:
-        return write(made.on(new_figure(*made.size)), place)
+        return write(description.on(new_figure(*description.size)), place)
     from matplotlib import pyplot
 
     backend = pyplot.get_backend()
     inline = in_notebook() and "inline" in backend
     if not inline and not _has_windows(backend):
-        return made.on(new_figure(*made.size))
-    picture = made.on(pyplot.figure(figsize=made.size, layout="constrained"))
+        return description.on(new_figure(*description.size))
+    picture = description.on(pyplot.figure(figsize=description.size, layout="constrained"))
     if inline:  # by now the notebook knows how to show a figure; an open one it would show twice
         pyplot.close(picture)
     else:

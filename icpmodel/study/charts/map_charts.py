@@ -58,10 +58,10 @@ def _map(result: StabilityMap, axes: Any) -> list[Any]:
     handles = []
     X, Y = np.meshgrid(x.values, y.values)
     for end, (sign, words) in SIGNS.items():
-        here = result.ends == end
-        if here.any():
+        selected = result.ends == end
+        if selected.any():
             signs = {"linestyle": "", "marker": sign, "label": words.format(max_iter=result.max_iter)}
-            handles += axes.plot(X[here], Y[here], markersize=5, color=_INK, **signs)
+            handles += axes.plot(X[selected], Y[selected], markersize=5, color=_INK, **signs)
     paper = np.any([result.proved[name] for name in _PAPER], axis=0)
     false = result.any_printed if (result.any_printed & ~result.any_proved).any() else np.zeros_like(paper)
     for words, mask, colour, dashes, width in (

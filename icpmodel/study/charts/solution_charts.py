@@ -108,10 +108,11 @@ def _heights(places: Places, solution: Solution, masks: Mapping[str, Mask], axes
             axes.plot(places.x, obstacle, label=words, **line_style(places, colour, 2.5, "_"))
     axes.plot(places.x, z, label="z", **line_style(places, BLUE, 1.5))
     for name, mask in masks.items():
-        here = mask[places.rows]
-        if here.any():
+        contact = mask[places.rows]
+        if contact.any():
             ring = {"linestyle": "", "marker": "o", "markersize": 9, "alpha": 0.3, "zorder": 0}
-            axes.plot(places.x[here], z[here], label=name, color=CONTACTS[name][0], rasterized=z.size > VECTOR, **ring)
+            ring |= {"label": name, "color": CONTACTS[name][0], "rasterized": z.size > VECTOR}
+            axes.plot(places.x[contact], z[contact], **ring)
     for handle in axes.legend(loc="best", frameon=False, fontsize=9).legend_handles:
         if handle.get_linestyle() == "None":
             handle.set_markersize(7)
@@ -132,8 +133,8 @@ def _outlined(masks: Mapping[str, Mask]) -> str:
     if "contact set" in masks:
         return ", contact set outlined"
     colours = {"contact below": "below (white)", "contact above": "above (orange)"}
-    seen = [colours[name] for name, rows in masks.items() if rows.any()]
-    return f", contact {' and '.join(seen)}" if seen else ""
+    outlines = [colours[name] for name, rows in masks.items() if rows.any()]
+    return f", contact {' and '.join(outlines)}" if outlines else ""
 
 
 @drawing.register

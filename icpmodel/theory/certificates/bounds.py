@@ -291,14 +291,14 @@ def lipschitz_violation(problem: ProblemData, z: Vector) -> str:
         if allowed is None:
             continue
         with suppress(MapError), np.errstate(all="ignore"):  # ψ may have no value at 0
-            here = one.value(z)
-            there = one.value(np.zeros(z.size))
-            moved = np.abs(here - there)
-            excess = moved - allowed - _USER_ULPS * UNIT_ROUNDOFF * (np.abs(here) + np.abs(there))
+            psi_z = one.value(z)
+            psi_0 = one.value(np.zeros(z.size))
+            moved = np.abs(psi_z - psi_0)
+            excess = moved - allowed - _USER_ULPS * UNIT_ROUNDOFF * (np.abs(psi_z) + np.abs(psi_0))
             if (excess > 0.0).any():
                 i = int(np.nanargmax(excess))
-                seen = f"{name}_{i} differs by {moved[i]:.6g} between z and 0, and it allows {allowed[i]:.6g}"
-                return f"{name}.lipschitz is too small: {seen} (give a larger one, or none)"
+                actual = f"{name}_{i} differs by {moved[i]:.6g} between z and 0, and it allows {allowed[i]:.6g}"
+                return f"{name}.lipschitz is too small: {actual} (give a larger one, or none)"
     return ""
 
 

@@ -134,17 +134,17 @@ def certify(
     r = problem.r(z)
     above = problem.r_upper(z)
     beyond = np.maximum(-r, 0.0)
-    wrong = np.maximum(-p, 0.0)
+    violation = np.maximum(-p, 0.0)
     if above is not None:
         # p < 0 where nothing is above, p > 0 where nothing is below
         beyond = np.maximum(beyond, above)
-        wrong = np.where(np.isneginf(above), wrong, 0.0)
-        wrong = np.where(np.isposinf(r), np.maximum(p, wrong), wrong)
+        violation = np.where(np.isneginf(above), violation, 0.0)
+        violation = np.where(np.isposinf(r), np.maximum(p, violation), violation)
     return Certificate(
         residual=problem.residual(z),
         residual_max=float(np.abs(mid(problem.weights_at(z) * p, r, above)).max()),
         residual_of_paper=problem.paper_residual(z),
-        violation_p=float(wrong.max()),
+        violation_p=float(violation.max()),
         violation_r=float(beyond.max()),
         bound=error_bound(problem, z, **how) if bound else ErrorBound.none(NOT_COMPUTED),
     )

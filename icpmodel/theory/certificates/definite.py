@@ -238,9 +238,9 @@ def _reflected(problem: ProblemData, z: Vector) -> tuple[Vector, Vector, Any, Ve
     above = problem.r_upper(z)
     if above is None:
         return p, r, 1.0, r
-    there = (above > 0) | ((p < 0) & (r >= 0))
-    sign = np.where(there, -1.0, 1.0)
-    return sign * p, np.where(there, -above, r), sign, np.minimum(r, -above)
+    is_upper = (above > 0) | ((p < 0) & (r >= 0))
+    sign = np.where(is_upper, -1.0, 1.0)
+    return sign * p, np.where(is_upper, -above, r), sign, np.minimum(r, -above)
 
 
 def _slopes(psi: Map, n: int) -> tuple[sp.csr_array, sp.csr_array]:

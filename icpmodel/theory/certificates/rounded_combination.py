@@ -71,8 +71,8 @@ def _bounded(rows: CombinationRows, columns: Vector, off: Vector) -> Mask:
     return (columns - off >= 0) & has_high | (columns + off <= 0) & has_low | has_low & has_high
 
 
-def _moves(columns: sp.csr_array, y: Vector, signed: Mask, wrong: Vector, loss: float) -> Vector | None:
-    """By how much, at most, each entry of `y` is moved so that Nx = 0, where Ny is `wrong` by that much at most.
+def _moves(columns: sp.csr_array, y: Vector, signed: Mask, misfit: Vector, loss: float) -> Vector | None:
+    """Bounds on |x − y|, entry by entry, for an x with Nx = 0, where |Ny| ≤ `misfit`.
 
     `columns` is Nᵀ, dense only where the work and memory limits allow it.
 
@@ -99,7 +99,7 @@ def _moves(columns: sp.csr_array, y: Vector, signed: Mask, wrong: Vector, loss: 
     alpha = 1.01 * (np.abs(np.eye(k) - R @ N).sum(axis=1).max() + rounded)
     if not alpha < 0.5:
         return None
-    by = float(1.01 * np.abs(R).sum(axis=1).max() * wrong.max() / (1.0 - alpha))
+    by = float(1.01 * np.abs(R).sum(axis=1).max() * misfit.max() / (1.0 - alpha))
     # farther away y would not be a witness
     if not by <= SHOWN * np.abs(y).max() or (signed[basis] & (np.abs(y[basis]) < by)).any():
         return None

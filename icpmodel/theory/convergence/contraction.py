@@ -321,8 +321,8 @@ def _power(T: HomogeneousMap, best: Radius, steps: int, enough: float) -> tuple[
         quotient, image = _quotient(T, v)
         if quotient < before:
             best = Radius(quotient, v)
-        done = step and quotient < 1 and not _worthwhile(before, quotient)
-        if done or not np.isfinite(quotient) or (image >= v).all():
+        is_settled = step and quotient < 1 and not _worthwhile(before, quotient)
+        if is_settled or not np.isfinite(quotient) or (image >= v).all():
             break
         v = image + 0.25 * quotient * v
         v = v / v.max()

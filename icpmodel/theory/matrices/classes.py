@@ -255,18 +255,18 @@ class MatrixClasses(ReadOnly, Displayable):
         minors = 0
         proved = "every irreducible diagonal block is a P-matrix"
         for rows, part in open_blocks(self.A):
-            whole = rows.size == self.A.shape[0]
+            is_irreducible = rows.size == self.A.shape[0]
             small = rows.size <= LIMIT
             minors += 2**rows.size if small else 0
             if small and minors > 2 ** (LIMIT + 2):
                 return Answer(None, f"too many irreducible blocks of up to {LIMIT} rows to compute all of their minors")
-            answer = by_pivots(part) if small else (self if whole else MatrixClasses(part))._p_by_theorems()
-            reason = answer.reason if whole else f"{answer.reason} (irreducible block of {rows.size} rows)"
+            answer = by_pivots(part) if small else (self if is_irreducible else MatrixClasses(part))._p_by_theorems()
+            reason = answer.reason if is_irreducible else f"{answer.reason} (irreducible block of {rows.size} rows)"
             if answer.holds is False:
                 return Answer(False, reason, None if answer.witness is None else rows[answer.witness])
             if answer.holds is None:
                 unknown = unknown or reason
-            proved = reason if whole else proved
+            proved = reason if is_irreducible else proved
         return Answer(True, proved) if unknown is None else Answer(None, unknown)
 
     def _p_by_theorems(self) -> Answer:
