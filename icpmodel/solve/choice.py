@@ -330,7 +330,7 @@ class Ladder:
         for job in jobs:
             if isinstance(job.method, Multilevel):
                 job.remaining -= hierarchy_cost(problem.n, problem.nnz)
-                job.choice = replace(job.choice, why=f"{job.choice.why}, of which A keeps the hierarchy")
+                job.choice = replace(job.choice, why=f"{job.choice.why}, and A keeps the hierarchy")
                 if job is min(jobs, key=lambda job: job.remaining):
                     self.early = job
                     self.jobs.append(job)

@@ -153,7 +153,7 @@ def report(
     Examples
     --------
     >>> page = icp.report(ICP([[2, -1], [-1, 2]], [-1, 3]), title="A pair", time_limit=5)
-    >>> page.startswith("<!DOCTYPE html>"), "Who agrees?" in page
+    >>> page.startswith("<!DOCTYPE html>"), "Which solvers agree?" in page
     (True, True)
     """
     time_limit = as_number(time_limit, "time_limit", above=0.0)
@@ -216,10 +216,10 @@ def _contents(
     problem = solution.problem
     return [
         ("The answer", "Is it solved?", lambda: _answer(solution, start, points, time_limit)),
-        ("How sure that is", "How sure is that?", lambda: _certain(solution)),
-        ("Second opinions", "Who agrees?", lambda: _checked(solution, time_limit)),
-        ("Time against accuracy", "Who is quickest?", lambda: _race(problem, z_exact, time_limit)),
-        ("When the data change", "Has it a derivative?", lambda: _moved(solution)),
+        ("Certainty", "How certain is it?", lambda: _certain(solution)),
+        ("Second opinions", "Which solvers agree?", lambda: _checked(solution, time_limit)),
+        ("Time against accuracy", "Which is the fastest?", lambda: _race(problem, z_exact, time_limit)),
+        ("When the data change", "Does it have a derivative?", lambda: _moved(solution)),
         ("Before the solve", "", lambda: _explained(problem)),
         ("Where relaxation works", "", lambda: _map(problem)),
     ]
@@ -318,7 +318,7 @@ def _race(problem: ProblemData, z_exact: Vector | None, time_limit: float) -> Se
     outcome = race(problem, z_exact=z_exact, tolerances=_TOLERANCES, repeats=1, time_limit=limit)
     folded = [("Every run", outcome.table().to_html())]
     if left := outcome.left_out():
-        folded.append(("Who did not take part", render("folded.html", text="\n".join(left))))
+        folded.append(("Solvers that did not take part", render("folded.html", text="\n".join(left))))
     return Section(
         short=outcome.in_words("To {goal:g} of the residual at z = 0"),
         lead="Each run was made once; times on other machines, and of problems of another size, differ.",

@@ -11,14 +11,20 @@ import icpmodel as icp
 
 SECTIONS = [
     "The answer",
-    "How sure that is",
+    "Certainty",
     "Second opinions",
     "Time against accuracy",
     "When the data change",
     "Before the solve",
     "Where relaxation works",
 ]
-QUESTIONS = ["Is it solved?", "How sure is that?", "Who agrees?", "Who is quickest?", "Has it a derivative?"]
+QUESTIONS = [
+    "Is it solved?",
+    "How certain is it?",
+    "Which solvers agree?",
+    "Which is the fastest?",
+    "Does it have a derivative?",
+]
 #: a figure
 STILL = '<svg role="img"'
 #: elements that have no end tag
@@ -107,7 +113,7 @@ def test_what_cannot_be_shown_is_said():
     solution = icp.scenes.hard_jump().problem.solve(raise_on_failure=False)
     page = icp.report(solution, title="jump", time_limit=5)
     assert Page(page).short["Is it solved?"].startswith("No: ")
-    assert "Not known: " in Page(page).short["Has it a derivative?"]
+    assert "Not known: " in Page(page).short["Does it have a derivative?"]
     assert Page(page).headings == SECTIONS
     says = [0.1] * 100_000
     gone = icp.ICP([[2.0]], [-1.0], lambda z: says.pop() * z).solve()

@@ -111,7 +111,7 @@ class ConditionRows:
         if isinstance(constraint.parent_block(), ComplementarityData):
             name = constraint.parent_block().name
             actual = f"{name} was a Complementarity until a transformation, or a solver that needs one, rewrote it"
-            raise InputError(f"{actual}: build the model anew, or clone() it before")
+            raise InputError(f"{actual}: build the model again, or clone() it before")
         if lower is None or upper is None or lower != upper:
             ends: list[Terms] = [((1.0, lower), (-1.0, body))] if lower is not None else []
             ends += [((1.0, body), (-1.0, upper))] if upper is not None else []
@@ -190,7 +190,7 @@ class ConditionRows:
         if not any(bent) and not any(linear for _, linear, _ in sides):
             constants = [constant for constant, _, _ in sides]
             if not abs(min(map(self._share, constants, (first, second)))) <= _MAX_VIOLATION:
-                actual = f"{constants[0]:g} and {constants[1]:g}, the smaller of which should be 0"
+                actual = f"{constants[0]:g} and {constants[1]:g}; the smaller should be 0"
                 raise InputError(f"{owner.name} has no free variable and does not hold: its sides are {actual}")
             return
         self._append(owner, *sides)
