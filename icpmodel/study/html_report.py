@@ -263,7 +263,7 @@ def _on_the_way(solution: Solution, start: Vector | None, time_limit: float) -> 
         nonlocal following
         if now.iteration >= following:
             following = max(now.iteration + 1, _PICTURE_RATIO * now.iteration)
-            iterates[f"z after {now.iteration} steps"] = now.z
+            iterates[f"z after {now.iteration} step{'' if now.iteration == 1 else 's'}"] = now.z
 
     problem = solution.problem
     options: dict[str, Any] = {"z0": start, "time_limit": time_limit, "raise_on_failure": False}

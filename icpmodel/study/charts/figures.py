@@ -34,8 +34,8 @@ YELLOW = "#E69F00"
 SKY = "#56B4E9"
 COLOURS = (BLUE, ORANGE, GREEN, PURPLE, YELLOW, SKY)
 MARKERS = ("s", "^", "D", "v", "P", "X")
-#: what is neither a series nor text
-GREY = "0.5"
+#: what is no series, and small words: 4.7 : 1 on white
+GREY = "0.45"
 #: what stands on an axis of errors, which is turned round
 ACCURATE = "more accurate →"
 #: what has a picture
