@@ -119,7 +119,7 @@ class AOR(Splitting):
 
 
 @dataclass(frozen=True)
-class Whole(Splitting):
+class FullSplitting(Splitting):
     """M₁ = A, N₁ = 0: one factorisation of A + φ + Ω, reused in every step."""
 
     def matrix(self, A: sp.csr_array) -> sp.csr_array:
@@ -129,7 +129,7 @@ class Whole(Splitting):
         return FactorisedOperator(A + sp.diags_array(shift))
 
 
-class Given(Splitting):
+class UserSplitting(Splitting):
     """A user's own M₁: dense or sparse, shape (n, n). It is factorised unless it is diagonal."""
 
     def __init__(self, M1: Any) -> None:
@@ -147,10 +147,10 @@ class Given(Splitting):
         return FactorisedOperator(M1 + sp.diags_array(shift))
 
     def __repr__(self) -> str:
-        return f"Given(M1 with {self.M1.nnz} entries)"
+        return f"UserSplitting(M1 with {self.M1.nnz} entries)"
 
 
-_NAMED = {"jacobi": AOR(1.0, 0.0), "gauss-seidel": AOR(1.0, 1.0), "whole": Whole()}
+_NAMED = {"jacobi": AOR(1.0, 0.0), "gauss-seidel": AOR(1.0, 1.0), "whole": FullSplitting()}
 
 
 def as_splitting(value: Any) -> Splitting:
@@ -161,4 +161,4 @@ def as_splitting(value: Any) -> Splitting:
         if value not in _NAMED:
             raise InputError(f"splitting is {value!r}; one of {', '.join(_NAMED)}, an AOR or a matrix was expected")
         return _NAMED[value]
-    return Given(value)
+    return UserSplitting(value)

@@ -130,7 +130,7 @@ def _option(parameter: inspect.Parameter, description: str) -> Decorator:
     return click.option("--" + parameter.name.replace("_", "-"), parameter.name, type=kind, **display)
 
 
-class Named(NamedTuple):
+class NamedProblem(NamedTuple):
     """The problem that the arguments name: a scene with `n` and `parameters`, or the arguments of `load_problem`."""
 
     scene: str | None
@@ -139,7 +139,7 @@ class Named(NamedTuple):
     files: tuple[Any, ...]
 
 
-def named_source(arguments: dict[str, Any]) -> Named:
+def named_source(arguments: dict[str, Any]) -> NamedProblem:
     """The scene or the files that the arguments name. Raises InputError, FileError."""
     arguments = arguments | {key: _input(arguments[key]) for key in ("source", *_PARTS.values())}
     source = arguments["source"]
@@ -155,7 +155,7 @@ def named_source(arguments: dict[str, Any]) -> Named:
             raise InputError(f"{next(iter(files))} belongs to a file of A; {source} is a scene, which has its own")
         if "n" in parameters:
             raise InputError("the size of a scene is set by --n, not by --set n=...")
-        return Named(source, n, parameters, ())
+        return NamedProblem(source, n, parameters, ())
     if file is None and not os.path.exists(source):
         if os.path.splitext(source)[1] or os.sep in source:
             raise FileError(f"{source}: no such file or folder")
@@ -164,7 +164,7 @@ def named_source(arguments: dict[str, Any]) -> Named:
     if n is not None or parameters:
         raise InputError(f"--n and --set belong to scenes, and {source or file} is not a scene; see `icpmodel scenes`")
     sides = (_side(arguments[name]) for name in ("psi", "upper"))
-    return Named(None, None, {}, (source or file, arguments["q_file"], *sides))
+    return NamedProblem(None, None, {}, (source or file, arguments["q_file"], *sides))
 
 
 def named_problem(arguments: dict[str, Any]) -> tuple[ICP, Scene | None]:
@@ -177,7 +177,7 @@ def named_problem(arguments: dict[str, Any]) -> tuple[ICP, Scene | None]:
     return named_scene.problem, named_scene
 
 
-def note_size(named: Named, n: int) -> None:
+def note_size(named: NamedProblem, n: int) -> None:
     """Report on standard error if the scene has `n` unknowns and not the size that was asked for."""
     if named.n not in (None, n):
         click.echo(f"note: {named.scene} has no size {named.n}; the nearest is {n}", err=True)

@@ -21,7 +21,7 @@ from ..solve.solution import Solution, certify
 from ..solvers.foreign import Claim, ForeignSolver, ask, chosen_solvers
 from ..solvers.formulations import Target
 from ..solvers.in_time import in_time
-from .judge import Checked, Row, Verdict, finite
+from .judge import AnswerUnderTest, Row, Verdict, finite
 from .report import Report
 
 #: what is certain of the answer (Res_D(z), the error bound or None, why there is none), a solver that begins, or a row
@@ -97,7 +97,7 @@ def crosscheck(
     # an answer may hold anything, infinities too: the judge sees what comes of them, the user need not be warned
     with np.errstate(over="ignore", invalid="ignore"):
         problem = original.linearised(original.vector(solution, "solution"))
-        checked = Checked(problem, solution, atol, original)
+        checked = AnswerUnderTest(problem, solution, atol, original)
         rows: dict[str, list[Row]] = {solver.name: [] for solver in chosen}
         certain: tuple[float, float | None, str]
         certain = (problem.residual(checked.z), None, f"time_limit = {time_limit:g} s was over")
@@ -141,7 +141,9 @@ def _all_rows(rows: dict[str, list[Row]], at_work: str, note: str) -> tuple[Row,
     return tuple(chain(*rows.values()))
 
 
-def _report(checked: Checked, solution: Any, certain: tuple[float, float | None, str], rows: tuple[Row, ...]) -> Report:
+def _report(
+    checked: AnswerUnderTest, solution: Any, certain: tuple[float, float | None, str], rows: tuple[Row, ...]
+) -> Report:
     is_vector = not isinstance(solution, Solution)
     return Report(
         rows=rows,
@@ -158,7 +160,7 @@ def _report(checked: Checked, solution: Any, certain: tuple[float, float | None,
 
 
 def _items(
-    checked: Checked, original: ProblemData, chosen: list[ForeignSolver], solution: Any, end: float
+    checked: AnswerUnderTest, original: ProblemData, chosen: list[ForeignSolver], solution: Any, end: float
 ) -> Iterator[_Item]:
     """What is certain of the answer to the `original` problem, of which `checked` may have the tangent; then, solver by
     solver, its name as it begins, and its rows."""
@@ -179,7 +181,7 @@ def _items(
             yield checked.judge(solver.name, solver.form(target), target, _claim(solver, target, share))
 
 
-def _why_not(solver: ForeignSolver, checked: Checked) -> list[str]:
+def _why_not(solver: ForeignSolver, checked: AnswerUnderTest) -> list[str]:
     """Why `solver` can take none of the targets; empty where it can take one."""
     reasons = [solver.why_not(target) for target in checked.targets]
     nothing = "the obstacles are not finite at the answer, or cross there, so that they cannot be frozen"

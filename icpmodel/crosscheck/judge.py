@@ -84,7 +84,7 @@ class Row:
         return self.formulation.startswith("frozen")
 
 
-class Checked:
+class AnswerUnderTest:
     """An answer under test, `z`, and `y` = z/`unit`, the same in the typical units of its `targets`.
 
     `holds` says whether z is a solution, `tolerance` how far another answer may lie apart; `atol` replaces its default.

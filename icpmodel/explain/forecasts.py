@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..algebra.splittings import Given, Whole
+from ..algebra.splittings import FullSplitting, UserSplitting
 from ..errors import OutOfTime
 from ..methods.aor import MNMAOR, MNMGS, MNMJ, MNMSOR
 from ..methods.contract import Method
@@ -96,9 +96,9 @@ class Forecast(Displayable):
     def factorises(self) -> bool:
         """Whether a step solves with a factorisation of X = M₁ + φ + Ω instead of sweeping over A."""
         splitting = self.method.splitting_of()
-        if isinstance(splitting, Given):
+        if isinstance(splitting, UserSplitting):
             return not MatrixClasses(splitting.M1).triangular.holds
-        return isinstance(splitting, Whole)
+        return isinstance(splitting, FullSplitting)
 
     def __repr__(self) -> str:
         return f"Forecast({self.title!r}, proved_by={self.proved_by}, factor={self.factor}, steps={self.steps})"

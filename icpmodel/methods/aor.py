@@ -17,7 +17,7 @@ from .modulus import FreeOmega
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class _Relaxing(FreeOmega):
+class _AdaptiveRelaxation(FreeOmega):
     """Members whose θ₁ may be "auto": ω starts where `_adapted` says, and adapts during the run."""
 
     theta1: Any = 1.0
@@ -35,7 +35,7 @@ class _Relaxing(FreeOmega):
 class _AdaptedPath(Iterator[Iterate]):
     """The iterates with theta1="auto"; `adapted_method` is the member with the numbers of the latest steps."""
 
-    def __init__(self, member: _Relaxing, problem: ProblemData, z: Vector) -> None:
+    def __init__(self, member: _AdaptiveRelaxation, problem: ProblemData, z: Vector) -> None:
         self.adapted_method: Method = member
         self.member, self.problem, self.z = member, problem, z
         self.step: Any = member.opening(problem)
@@ -64,7 +64,7 @@ class _AdaptedPath(Iterator[Iterate]):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class MNMAOR(_Relaxing):
+class MNMAOR(_AdaptiveRelaxation):
     """Accelerated overrelaxation: M₁ = (D − θ₂L)/θ₁.
 
     Parameters
@@ -132,7 +132,7 @@ class MNMAOR(_Relaxing):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class MNMSOR(_Relaxing):
+class MNMSOR(_AdaptiveRelaxation):
     """Successive overrelaxation: MNMAOR with θ₂ = θ₁.
 
     Parameters

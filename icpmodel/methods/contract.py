@@ -35,7 +35,7 @@ _REDUCTION = 0.9
 Iterate = tuple[Vector, float | None]
 
 
-class Least:
+class LeastValue:
     """The `least` value so far, and the number of values since its last reduction by a tenth: `waited`."""
 
     def __init__(self, least: float = np.inf) -> None:

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..algebra.relaxation import a_number, check_diagonal, is_auto, scale_of
-from ..algebra.splittings import Splitting, Whole
+from ..algebra.splittings import FullSplitting, Splitting
 from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
 from .modulus import ModulusMember
@@ -48,7 +48,7 @@ class MNMOD(ModulusMember):
         check_diagonal(self, "phi", positive=False)
 
     def splitting_of(self) -> Splitting:
-        return Whole()
+        return FullSplitting()
 
     def omega_of(self, problem: ProblemData) -> Vector:
         return np.ones(problem.n)

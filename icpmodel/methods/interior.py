@@ -35,7 +35,7 @@ from ..numerics.symmetric_factors import Symmetric
 from ..problem.data import ProblemData
 from ..problem.two_sided import mid
 from ..theory.certificates.recession import Recession
-from .contract import Infeasible, Iterate, Least, Method
+from .contract import Infeasible, Iterate, LeastValue, Method
 
 #: so many steps in a row may reduce neither the residual nor the infeasibility of r and s
 _PATIENCE = 20
@@ -141,8 +141,8 @@ class InteriorPath:
         self.root = np.sqrt(self.weights)
         self.matrix = sp.csr_array(problem.A, dtype=np.float64, copy=True)
         self.row = row_of(problem.A)
-        self.residuals = Least()
-        self.infeasibilities = Least()
+        self.residuals = LeastValue()
+        self.infeasibilities = LeastValue()
         self.signs = np.zeros(0, bool)
         self.same = 0
         below, top = self.steps.obstacles

@@ -45,7 +45,7 @@ class ActiveRows(NamedTuple):
     binaries: Vector
 
 
-class MostOf(NamedTuple):
+class ValueBounds(NamedTuple):
     """Bounds on p, −p, r and s, shape (4, n), and whether every solution keeps them."""
 
     limits: Dense
@@ -127,14 +127,14 @@ def _solutions(problem: ProblemData, z: Vector) -> Iterator[Vector]:
             raise Infeasible(Answer(True, f"no z solves the problem: {reason}"))
 
 
-def limits_in_turn(rows: LinearRows) -> Iterator[MostOf]:
+def limits_in_turn(rows: LinearRows) -> Iterator[ValueBounds]:
     """A guess, and then bounds that are proved, or guessed where nothing is proved. Raises OutOfTime."""
     first, last = (np.full((4, rows.n), bound) for bound in BOUNDS)
-    yield MostOf(first, False)
+    yield ValueBounds(first, False)
     proved = proved_limits(rows)
     entries = np.abs([rows.A, rows.R, rows.S])
     complete = not ((entries > 0.0) & (entries <= _SMALLEST_ENTRY)).any()
-    yield MostOf(np.minimum(proved, last), complete and bool((proved <= last).all()))
+    yield ValueBounds(np.minimum(proved, last), complete and bool((proved <= last).all()))
 
 
 def proved_limits(rows: LinearRows) -> Dense:
@@ -171,7 +171,7 @@ def _largest(objective: Vector, G: Dense, g: Vector, box: float) -> float | None
     return -math.inf if result.status == 2 else None
 
 
-def active_set(rows: LinearRows, most: MostOf, cuts: list[Vector]) -> ActiveRows | None:
+def active_set(rows: LinearRows, most: ValueBounds, cuts: list[Vector]) -> ActiveRows | None:
     """An active set with p and r at most as large as in `most`, and none of the `cuts`; None where there is none.
 
     Raises OutOfTime where HiGHS had no time to tell.
@@ -207,7 +207,7 @@ def active_set(rows: LinearRows, most: MostOf, cuts: list[Vector]) -> ActiveRows
     return ActiveRows(lower | upper, upper & ~lower, np.round(result.x[n:]))
 
 
-def _constraints(rows: LinearRows, most: MostOf) -> list[tuple[Any, Any, Any]]:
+def _constraints(rows: LinearRows, most: ValueBounds) -> list[tuple[Any, Any, Any]]:
     """(M, lower, upper) with lower ≤ M(z, y, y') ≤ upper.
 
     y_i = 1: above the lower obstacle, so p_i ≤ 0; y'_i = 1: below the upper one, so p_i ≥ 0.

@@ -31,7 +31,7 @@ import numpy as np
 
 from ..algebra.relaxation import AUTO, as_diagonal, check_diagonal, is_auto, jacobi_step
 from ..algebra.secants import secant_step, why_not_rows, with_slopes
-from ..algebra.splittings import AOR, Splitting, Whole, as_splitting
+from ..algebra.splittings import AOR, FullSplitting, Splitting, as_splitting
 from ..algebra.steps import Step
 from ..numerics.arrays import Vector, as_number
 from ..problem.data import ProblemData
@@ -74,10 +74,10 @@ class ModulusMember(FixedPoint):
             return reason
         if is_auto(self.theta1):
             return f"theta1={AUTO!r} follows from A alone, and p is nonlinear: give a number"
-        if not isinstance(self.splitting_of(), AOR | Whole):
+        if not isinstance(self.splitting_of(), AOR | FullSplitting):
             return "M1 is given for A alone, and p is nonlinear"
         assert f.slope_range is not None
-        if isinstance(self.splitting_of(), Whole) and not np.isfinite(f.slope_range[1]).all():
+        if isinstance(self.splitting_of(), FullSplitting) and not np.isfinite(f.slope_range[1]).all():
             return "A + diag(M) is factorised, M the largest slopes of f: give a finite M in slope_range=(m, M)"
         return None
 

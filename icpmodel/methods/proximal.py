@@ -35,7 +35,7 @@ from ..numerics.arrays import Vector, norm
 from ..problem.data import ProblemData
 from ..problem.two_sided import mid
 from ..theory.certificates.recession import Recession
-from .contract import Infeasible, Iterate, Least, Method
+from .contract import Infeasible, Iterate, LeastValue, Method
 
 #: the first μ, in units of W; its factor after a subproblem of at most `_QUICK_STEPS` steps, and after a slower one
 _FIRST_SHIFT = 0.1
@@ -125,8 +125,8 @@ class ProximalPath:
         self.inner_steps = 0
         self.last_solved_shift = 0.0
         # the residuals of the LCP, and of the subproblem
-        self.residuals = Least()
-        self.inner_residuals = Least()
+        self.residuals = LeastValue()
+        self.inner_residuals = LeastValue()
         self.step_cost = newton_cost(problem.facts) if self.steps.moves else work.COSTS.newton
 
     @property
@@ -185,7 +185,7 @@ class ProximalPath:
         self.centre = centre
         self.shift = shift
         self.inner_steps = 0
-        self.inner_residuals = Least(self.size(self.p))
+        self.inner_residuals = LeastValue(self.size(self.p))
 
     def _step(self) -> bool:
         """Make the Newton step: z = ψ(z) in active rows, the p of the subproblem 0 in the others; False if it fails."""

@@ -82,13 +82,13 @@ class Costs(NamedTuple):
     krylov_entry: float = 35.0
 
 
-class _Counted(threading.local):
+class _Counter(threading.local):
     total = 0
     budget: _Budget | None = None
 
 
 COSTS = Costs()
-_counted = _Counted()
+_counted = _Counter()
 
 
 def count(nanoseconds: float) -> None:

@@ -230,7 +230,7 @@ class Map(ReadOnly, Displayable, ABC):
         >>> icp.Constant([1, 2]).bind(2).composed(P, np.zeros(2), np.array([1])).c
         array([2.])
         """
-        return Substituted(self, P, shift, rows, factor)
+        return ComposedMap(self, P, shift, rows, factor)
 
     def as_upper(self) -> Map:
         """The same map as an upper obstacle, where +∞ means none.
@@ -377,14 +377,14 @@ class Map(ReadOnly, Displayable, ABC):
         return f"{self!r}: Lipschitz matrix G with {G.nnz} entries, largest row sum {slope:.6g}{word}{own}"
 
 
-class Substituted(Map):
+class ComposedMap(Map):
     """y ↦ t·ψ(Py + s) in some rows, see `Map.composed`."""
 
     def __init__(self, psi: Map, P: Any, shift: Any = 0.0, rows: Any = slice(None), factor: Any = 1.0) -> None:
         self.psi, self.P, self.shift, self.rows, self.factor = psi, P, shift, rows, factor
         self.calls_user_code = psi.calls_user_code
 
-    def bind(self, n: int) -> Substituted:
+    def bind(self, n: int) -> ComposedMap:
         return self
 
     def _inner(self, y: Vector) -> Vector:
@@ -416,7 +416,7 @@ class Substituted(Map):
             return super().composed(P, shift, rows, factor)
         # level upon level, ψ is asked once
         selected = np.arange(self.P.shape[0])[self.rows][rows]
-        return Substituted(self.psi, self.P @ P, self._inner(shift), selected, factor * self.factor)
+        return ComposedMap(self.psi, self.P @ P, self._inner(shift), selected, factor * self.factor)
 
     def __repr__(self) -> str:
         return f"Substituted({self.psi!r})"

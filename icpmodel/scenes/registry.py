@@ -179,7 +179,7 @@ class Scene(ReadOnly, Plottable):
 
 
 Builder = Callable[..., Scene]
-Given = ParamSpec("Given")
+Arguments = ParamSpec("Arguments")
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,7 +225,7 @@ def builders() -> dict[str, Builder]:
     return _BUILDERS
 
 
-def register(build: Callable[Given, Scene]) -> Callable[Given, Scene]:
+def register(build: Callable[Arguments, Scene]) -> Callable[Arguments, Scene]:
     """Decorator: make the function a scene.
 
     Its name (with hyphens) is the scene's, the first line of its docstring the title.
@@ -266,7 +266,7 @@ def register(build: Callable[Given, Scene]) -> Callable[Given, Scene]:
         raise InputError(f"there is already a scene called {name}")
 
     @functools.wraps(build)
-    def checked(*args: Given.args, **kwargs: Given.kwargs) -> Scene:
+    def checked(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Scene:
         bound = signature.bind(*args, **kwargs)
         if "n" in bound.arguments:
             bound.arguments["n"] = size(bound.arguments["n"], most=LARGEST)
@@ -276,7 +276,7 @@ def register(build: Callable[Given, Scene]) -> Callable[Given, Scene]:
     return checked
 
 
-def assembles(name: str) -> Callable[[Callable[Given, ByRows]], Callable[Given, ByRows]]:
+def assembles(name: str) -> Callable[[Callable[Arguments, ByRows]], Callable[Arguments, ByRows]]:
     """Make the function, which takes the parameters of the scene called `name`, what `by_rows` asks for its rows."""
     return lambda build: ASSEMBLIES.setdefault(name, build)
 

@@ -13,9 +13,9 @@ from ..numerics.arrays import Vector
 from ..numerics.rounding import at_most
 from ..problem.data import ProblemData
 from ..theory.certificates.bounds import error_bound
-from .ended import Ended
 from .run import Run
 from .solution import Status
+from .stopping import StopReason
 
 #: a bound falls about as a residual does: the tolerance becomes this share of what would then do, within the other two
 _SAFETY_FACTOR = 0.5
@@ -52,14 +52,16 @@ def solve_to_accuracy(run: Run, accuracy: float, run_methods: Callable[[], None]
         before = residual
         residual = run.best.residual
         bound = certified(problem, z)
-        if run.ended.status is not Status.SOLVED or not residual < before:
+        if run.stop_reason.status is not Status.SOLVED or not residual < before:
             break
     if bound is not None and bound <= accuracy:
-        run.ended = Ended(Status.SOLVED, "")
+        run.stop_reason = StopReason(Status.SOLVED, "")
     else:
         known = "nothing is certain of its error" if bound is None else f"its error is at most {at_most(bound)}"
-        status = Status.PRECISION_LIMIT if run.ended.status is Status.SOLVED else run.ended.status
-        run.ended = Ended(status, f"{run.ended.note}; {known}; {accuracy:.3g} was wanted".removeprefix("; "))
+        status = Status.PRECISION_LIMIT if run.stop_reason.status is Status.SOLVED else run.stop_reason.status
+        run.stop_reason = StopReason(
+            status, f"{run.stop_reason.note}; {known}; {accuracy:.3g} was wanted".removeprefix("; ")
+        )
 
 
 def certified(problem: ProblemData, z: Vector) -> float | None:

@@ -21,7 +21,6 @@ from ..numerics.rounding import CTRL_C, is_ctrl_c, public_entry
 from ..problem.data import HOW_TO_BUILD, ProblemData, ProblemLike, as_problem
 from .accuracy import solve_to_accuracy
 from .choice import FAMILIES, Choice, InTurn, Job, why_none
-from .ended import Ended, fault_of_psi
 from .goal import RTOL, Goal, Limits
 from .last_resort import search
 from .newton_josephy import NewtonJosephy
@@ -31,6 +30,7 @@ from .reduction import ladder_steps, presolve
 from .run import WORTH_ANOTHER_METHOD, Run
 from .small import pivoted
 from .solution import Solution, Status
+from .stopping import StopReason, fault_of_psi
 
 _LOG = logging.getLogger("icpmodel")
 
@@ -180,7 +180,7 @@ def _run_all(run: Run, method: Method | None, family: str | None) -> None:
     if other is not run.problem:
         run.presolved = other
         run_methods(run, ladder_steps(run, other, family))
-        if run.ended.status not in WORTH_ANOTHER_METHOD:
+        if run.stop_reason.status not in WORTH_ANOTHER_METHOD:
             return
         run.presolved = None
     run_methods(run, ladder_steps(run, run.problem, family))
@@ -303,7 +303,7 @@ def _target_reduction(problem: ProblemData, limits: Limits) -> float:
 
 @np.errstate(over="ignore", invalid="ignore")
 def run_methods(run: Run, steps: Iterator[None]) -> None:
-    """Exhaust the `steps` of the run; Ctrl-C after the first method began sets `run.ended` instead of being raised."""
+    """Exhaust the `steps` of the run; once a method has begun, Ctrl-C sets `run.stop_reason` and is not raised."""
     try:
         if run.problem.upper is not None and _fixed_obstacles_cross(run):
             return
@@ -314,8 +314,8 @@ def run_methods(run: Run, steps: Iterator[None]) -> None:
             raise
         if run.best is None:
             run.best = run.candidate(run.start, run.start_residual)
-        run.ended = Ended(Status.INTERRUPTED, "by Ctrl-C")
-    if run.best is None and run.refused is not None:
+        run.stop_reason = StopReason(Status.INTERRUPTED, "by Ctrl-C")
+    if run.best is None and run.refusal is not None:
         if not run.tried:
             run.job = Job(Choice(MNMGS(), "the limits were reached before a method was chosen"))
         run.best = run.candidate(run.start, run.start_residual)

@@ -10,9 +10,9 @@ from ..methods.milp import LARGEST, MixedInteger
 from ..methods.restarts import Restarts
 from ..numerics import work
 from .choice import InTurn
-from .ended import Ended
 from .run import Run
 from .solution import Status
+from .stopping import StopReason
 
 _LOG = logging.getLogger("icpmodel")
 #: seconds for all of it where no time limit was given
@@ -28,7 +28,7 @@ def search(run: Run, run_methods: Callable[[Run, Iterator[None]], None]) -> None
     began elsewhere, now from z⁰; `Restarts`; and `MixedInteger`. Where nothing is found `run` ends as it did
     before, and its note says what was tried.
     """
-    before = run.ended
+    before = run.stop_reason
     if run.best is None or before.status not in _FAILED or run.problem.n > LARGEST:
         return
     job = run.job
@@ -42,8 +42,8 @@ def search(run: Run, run_methods: Callable[[Run, Iterator[None]], None]) -> None
     run.restart = run.start
     with work.work_limit(seconds):
         run_methods(run, run.steps(InTurn(*methods, why=why)))
-    if run.ended.status in _FAILED or (run.ended.status is Status.TIME_LIMIT and not limited):
+    if run.stop_reason.status in _FAILED or (run.stop_reason.status is Status.TIME_LIMIT and not limited):
         tried = ", ".join(one.name for one in methods)
-        run.ended = Ended(before.status, f"{before.note}; {limit} found no solution ({tried})")
+        run.stop_reason = StopReason(before.status, f"{before.note}; {limit} found no solution ({tried})")
         run.job = job
         run.search_notes = (f"then {limit} found nothing",)

@@ -13,7 +13,7 @@ import scipy.sparse as sp
 
 from ..algebra.secants import secant_problem, why_not_rows
 from ..errors import MapError
-from ..methods.contract import Iterate, Least, Method
+from ..methods.contract import Iterate, LeastValue, Method
 from ..methods.milp import LARGEST
 from ..methods.newton import Path, Point
 from ..methods.restarts import scale_of_starts, start_above
@@ -124,7 +124,7 @@ class _Search:
             self.path = Path(problem, z)
         self.current = self.path.current
         self.recent = deque([self.current.theta], _MEMORY)
-        self.least = Least()
+        self.least = LeastValue()
         self.weight = 0
         #: what solved a linear problem on which plain and accelerated sweeps were tried before
         self.first: Method | None = None
@@ -184,10 +184,10 @@ class _Search:
         run.presolved = None if fixed is linear else fixed
         for _ in ladder_steps(run, fixed, self.family, self.first):
             pass
-        if run.ended.status is Status.SOLVED and len(run.tried) > _SWEEPS:
+        if run.stop_reason.status is Status.SOLVED and len(run.tried) > _SWEEPS:
             self.first = run.tried[-1].method
-        if run.is_refused and run.refused is not None:
-            raise run.refused.error
+        if run.is_refused and run.refusal is not None:
+            raise run.refusal.error
         best = run.best
         if best is None or run.infeasible is not None or not best.residual < start_residual:
             return None

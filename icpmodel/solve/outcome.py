@@ -14,7 +14,7 @@ from ..numerics.rounding import public_entry
 from ..problem.data import ProblemData
 from ..theory.certificates.contradiction import contradiction
 from .goal import Limits
-from .run import Best, Run
+from .run import BestIterate, Run
 from .solution import History, Solution, Status
 
 #: ends for which rounding is a better reason, where there is one
@@ -37,13 +37,13 @@ def _is_luck(run: Run, z: Vector) -> bool:
     return False
 
 
-def judged(run: Run) -> Best:
+def judged(run: Run) -> BestIterate:
     """The best iterate, judged exactly: it was chosen by hints, and the last iterate may be better."""
     problem = run.problem
     best = run.best
     assert best is not None
     # of a z that solved the judge has just spoken
-    judged = [] if run.ended.status is Status.SOLVED and not problem.psi.calls_user_code else [best]
+    judged = [] if run.stop_reason.status is Status.SOLVED and not problem.psi.calls_user_code else [best]
     if run.current is not best.z:
         judged.append(run.candidate(run.current, np.inf))
     for one in judged:
@@ -86,10 +86,10 @@ def solution_of(run: Run, limits: Limits) -> Solution:
     )
 
 
-def _end(run: Run, best: Best, limits: Limits) -> tuple[Status, str]:
+def _end(run: Run, best: BestIterate, limits: Limits) -> tuple[Status, str]:
     """The status and its message; a contradiction becomes the proof of the run."""
-    status = run.ended.status
-    note = run.ended.note
+    status = run.stop_reason.status
+    note = run.stop_reason.note
     if limits.accuracy is None and run.goal.reached(best.z, best.residual):
         status = Status.SOLVED
     elif status is Status.SOLVED and limits.accuracy is None:
@@ -110,7 +110,7 @@ def _end(run: Run, best: Best, limits: Limits) -> tuple[Status, str]:
     return Status.INFEASIBLE, run.infeasible.reason
 
 
-def _message(run: Run, best: Best, status: Status, note: str) -> str:
+def _message(run: Run, best: BestIterate, status: Status, note: str) -> str:
     """The message: what went wrong, and what may help."""
     last = run.job
     by = "" if last is best.job else f" by {best.job.method!r}"

@@ -81,7 +81,7 @@ class _Pace:
         return True
 
 
-class _SeenBar(Bar):
+class _VisibleBar(Bar):
     """The share of the way, on a logarithmic scale, from the first residual of a turn to the tolerance; `show` draws
     (title, share, text)."""
 
@@ -114,7 +114,7 @@ def progress_bar(enabled: bool, clock: Callable[[], float] = time.monotonic) -> 
     if sys.stderr.isatty():
         return _terminal_bar(_Pace(clock, log=False))
     pace = _Pace(clock, log=True)
-    return contextlib.nullcontext(_SeenBar(lambda title, _, text: _write(f"{title}: {text}"), pace))
+    return contextlib.nullcontext(_VisibleBar(lambda title, _, text: _write(f"{title}: {text}"), pace))
 
 
 @contextlib.contextmanager
@@ -130,13 +130,13 @@ def _terminal_bar(pace: _Pace) -> Iterator[Bar]:
         def show(title: str, share: float, text: str) -> None:
             progress.update(task, description=escape(title), completed=share, text=text)
 
-        yield _SeenBar(show, pace)
+        yield _VisibleBar(show, pace)
 
 
 @contextlib.contextmanager
 def _notebook_bar(pace: _Pace) -> Iterator[Bar]:
     with _cell() as show:
-        yield _SeenBar(lambda title, share, text: show(title=title, share=share, text=text), pace)
+        yield _VisibleBar(lambda title, share, text: show(title=title, share=share, text=text), pace)
 
 
 @contextlib.contextmanager

@@ -33,13 +33,13 @@ from ..methods.shortcuts import Lemke
 from ..numerics.arrays import Vector, norm
 from ..problem.data import ProblemData
 from ..theory.certificates.bounds import error_bound
-from ..theory.certificates.combination_rows import Known
+from ..theory.certificates.combination_rows import ProvedBounds
 from ..theory.certificates.infeasible import infeasible
 from .choice import Choice, Job, Ladder
-from .ended import Ended
 from .goal import Goal
 from .run import Run
 from .solution import Status
+from .stopping import StopReason
 
 _LOG = logging.getLogger("icpmodel")
 #: a part with more than this share of the rows is no smaller problem
@@ -137,7 +137,7 @@ class _Parts:
                 self.job = Job(Choice(Lemke()))
         except Infeasible as proof:
             run.infeasible = proof.answer
-            run.ended = Ended(Status.INFEASIBLE, proof.answer.reason)
+            run.stop_reason = StopReason(Status.INFEASIBLE, proof.answer.reason)
             run.is_over = True
         finally:
             self.job.choice = replace(self.job.choice, why=f"{partition!r}; {self.job.choice.why}".removesuffix("; "))
@@ -156,7 +156,7 @@ class _Parts:
         if reached or run.best is None or residual < run.best.residual:
             run.best = run.candidate(self.z, residual)
         if reached:
-            run.ended = Ended(Status.SOLVED, "")
+            run.stop_reason = StopReason(Status.SOLVED, "")
             run.is_over = True
         _LOG.info("n = %d: %s: residual %.3g", run.problem.n, self.job.choice.why, residual)
 
@@ -200,7 +200,7 @@ class _Parts:
         limits = replace(self.run.limits, max_iter=max(self.run.limits.max_iter - max(self.run.iteration, 0), 0))
         before = max(self.run.iteration, 0)
 
-        def watch(z: Vector, residual: float) -> Ended | None:
+        def watch(z: Vector, residual: float) -> StopReason | None:
             self.run.iteration = before + max(run_of_part.iteration, 0)
             if not self.run.is_watched:
                 return None
@@ -236,8 +236,8 @@ class _Parts:
                     self.job = part.best.job
         if part.infeasible is not None:
             self._raise_infeasible(part, rows)
-        if part.ended.status in _FINAL:
-            self.run.ended = part.ended
+        if part.stop_reason.status in _FINAL:
+            self.run.stop_reason = part.stop_reason
             self.run.is_over = True
 
     def _raise_infeasible(self, part: Run, rows: Rows) -> None:
@@ -254,7 +254,7 @@ class _Parts:
             raise Infeasible(answer)
 
 
-def proved_of_earlier(problem: ProblemData, rows: Rows, z: Vector) -> Known | None:
+def proved_of_earlier(problem: ProblemData, rows: Rows, z: Vector) -> ProvedBounds | None:
     """Proved bounds of the unknowns that the `rows` depend on, if these have a solution of their own near `z`."""
     A = problem.A
     visited = np.zeros(problem.n, dtype=bool)
@@ -275,7 +275,7 @@ def proved_of_earlier(problem: ProblemData, rows: Rows, z: Vector) -> Known | No
     high = np.full(problem.n, np.inf)
     low[earlier] = np.nextafter(z[earlier] - bound.componentwise, -np.inf)
     high[earlier] = np.nextafter(z[earlier] + bound.componentwise, np.inf)
-    return Known(low, high, bound.proof)
+    return ProvedBounds(low, high, bound.proof)
 
 
 def structure(problem: ProblemData, most: float) -> Blocks | None:

@@ -21,11 +21,11 @@ from ..numerics.arrays import Vector, locked, norm
 from ..problem.data import ProblemData
 from ..theory.answers import Answer
 from .choice import InTurn, Job, Ladder
-from .ended import Ended, Stalled, fault_of_psi
 from .goal import Goal, Limits
 from .progress import Bar, Progress, progress_bar
 from .proved_convergence import proved_convergence
 from .solution import Status
+from .stopping import StagnationTest, StopReason, fault_of_psi
 
 _LOG = logging.getLogger("icpmodel")
 _LOG.addHandler(logging.NullHandler())
@@ -47,7 +47,7 @@ WORTH_ANOTHER_METHOD = (Status.STAGNATED, Status.CYCLED, Status.DIVERGED, Status
 
 
 @dataclass
-class Best:
+class BestIterate:
     """The best iterate, the job that found it, and the method with its adapted parameters.
 
     Until the end of the run `residual` may be the estimate that the method itself gave.
@@ -59,10 +59,10 @@ class Best:
     adapted_method: Method
 
 
-class Refused(NamedTuple):
+class Refusal(NamedTuple):
     """A method not started, or (`job` None) not chosen, for lack of time or memory: the end, the job and the error."""
 
-    ended: Ended
+    stop_reason: StopReason
     job: Job | None
     error: Exception
 
@@ -71,7 +71,7 @@ class Refused(NamedTuple):
 class Run:
     """Try methods on a problem, one at a time, until one solves it or no other could do better.
 
-    `steps` is the loop. Afterwards `ended` holds the reason for the end, `best` the best iterate, `tried` the jobs.
+    `steps` is the loop. Afterwards `stop_reason` says why it stopped, `best` is the best iterate, `tried` the jobs.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ class Run:
         Whether a method that is proved to converge continues although its residual does not fall; then without
         `presolved`.
     watch : function, optional
-        Called with every iterate and its residual in place of `callback`; it ends the run by returning an `Ended`.
+        Called with every iterate and its residual in place of `callback`; it ends the run by returning an `StopReason`.
     callback, history, progress
         As in `solve`.
     """
@@ -112,7 +112,7 @@ class Run:
     warm_start: bool = False
     presolved: ProblemData | None = None
     follows_theorems: bool = False
-    watch: Callable[[Vector, float], Ended | None] | None = None
+    watch: Callable[[Vector, float], StopReason | None] | None = None
     callback: Callable[[Progress], Any] | None = None
     history: bool = False
     progress: bool = False
@@ -127,18 +127,18 @@ class Run:
         self.proof = ""
         self.job: Job
         self.path: Iterator[Iterate] = iter(())
-        self.best: Best | None = None
+        self.best: BestIterate | None = None
         self.tried: list[Job] = []
         self.loops: dict[Job, Iterator[bool]] = {}
         #: whether no other method is to be tried
         self.is_over = False
-        self.ended = Ended(Status.STAGNATED, "")
+        self.stop_reason = StopReason(Status.STAGNATED, "")
         self.infeasible: Answer | None = None
         # what the global search after a failure adds to the reasons of the solution: its limit and its result
         self.search_notes: tuple[str, ...] = ()
         self.fault: MapError | None = None
         # the last method that was not started for lack of time or memory
-        self.refused: Refused | None = None
+        self.refusal: Refusal | None = None
         self.singular: SingularOperator | None = None
         self.bar = Bar()
         self.target_reduction = min(max(self.target_reduction, _LEAST_REDUCTION), _MOST_REDUCTION)
@@ -158,7 +158,7 @@ class Run:
                         if is_due:
                             break
                     else:
-                        if self.ended.status not in WORTH_ANOTHER_METHOD and not self.is_refused:
+                        if self.stop_reason.status not in WORTH_ANOTHER_METHOD and not self.is_refused:
                             self.is_over = True
                             return
                         ladder.end(job)
@@ -166,10 +166,10 @@ class Run:
                 if following is not None and job.outcome == "":
                     _LOG.info("n = %d: %s, then %r", self.problem.n, job, following.method)
                 job = following
-        if self.refused is not None:
-            self.ended = self.refused.ended
-            if self.refused.job is not None:
-                self.job = self.refused.job
+        if self.refusal is not None:
+            self.stop_reason = self.refusal.stop_reason
+            if self.refusal.job is not None:
+                self.job = self.refusal.job
 
     def _next_job(self, ladder: Ladder | InTurn) -> Job | None:
         """The next job; None if none is left, or if choosing one would exceed the limits."""
@@ -179,27 +179,27 @@ class Run:
             self._refuse(error, None)
             return None
 
-    def _refuse(self, error: Exception, job: Job | None) -> Ended:
+    def _refuse(self, error: Exception, job: Job | None) -> StopReason:
         """Record that `job` was not started, and return the end that this makes."""
         is_late = isinstance(error, OutOfTime)
         if is_late and self.limits.time_limit is not None:
             error = OutOfTime(f"time_limit = {self.limits.time_limit:g} s, and {error}")
-        ended = Ended(Status.TIME_LIMIT if is_late else Status.MEMORY_LIMIT, str(error))
-        self.refused = Refused(ended, job, error)
-        return ended
+        stop_reason = StopReason(Status.TIME_LIMIT if is_late else Status.MEMORY_LIMIT, str(error))
+        self.refusal = Refusal(stop_reason, job, error)
+        return stop_reason
 
     @property
     def is_refused(self) -> bool:
         """Whether the last end is that of a method not started for lack of time or memory."""
-        return self.refused is not None and self.ended is self.refused.ended
+        return self.refusal is not None and self.stop_reason is self.refusal.stop_reason
 
     def _run_method(self, job: Job) -> Iterator[bool]:
-        """Run one method until it ends; set `ended`. Yield whether it is time to compare it with other methods."""
+        """Run one method to its end; set `stop_reason`. Yield whether it is time to compare it with other methods."""
         self.job = job
         self.tried.append(job)
         _LOG.info("n = %d: %r begins: %s", self.problem.n, job.method, job.choice.why or "it was named")
         try:
-            self.ended = yield from self._loop(job)
+            self.stop_reason = yield from self._loop(job)
         except SingularOperator as error:
             self.singular = error
             self.tried.remove(job)
@@ -208,18 +208,18 @@ class Run:
             return
         except Infeasible as proof:
             self.infeasible = proof.answer
-            self.ended = Ended(Status.INFEASIBLE, proof.answer.reason)
+            self.stop_reason = StopReason(Status.INFEASIBLE, proof.answer.reason)
         except KeyboardInterrupt:
             job.outcome = Status.INTERRUPTED.value
             raise
         except (OutOfTime, MemoryError) as error:
-            self.ended = self._refuse(error, job)
+            self.stop_reason = self._refuse(error, job)
         except MapError as error:
             if self.best is None:
                 raise
             self.fault = error
-            self.ended = Ended(Status.MAP_FAILED, str(error))
-        job.outcome = self.ended.status.value
+            self.stop_reason = StopReason(Status.MAP_FAILED, str(error))
+        job.outcome = self.stop_reason.status.value
         self._log_end(job)
 
     def _log_end(self, job: Job) -> None:
@@ -232,14 +232,14 @@ class Run:
             return self.start
         return self.best.z if self.restart is None or self.best.job.outcome in _CONTINUABLE else self.restart
 
-    def _loop(self, job: Job) -> Generator[bool, None, Ended]:
+    def _loop(self, job: Job) -> Generator[bool, None, StopReason]:
         """Test the iterates of one method; return its end. Yield as `_run_method` does."""
         self.proof = ""
         start = self._starting_point()
         job.is_fresh = start is self.start and self.presolved is None
         path = job.method.iterates(self.presolved or self.problem, start)
         longest = min(max(PATIENCE, 2 * self.problem.n), _LONGEST_PATIENCE)
-        stalled = Stalled(job.method.memoryless, longest, self.at_floor, self._is_proved)
+        stalled = StagnationTest(job.method.memoryless, longest, self.at_floor, self._is_proved)
         first = np.nan
         count = 0
         spent = 0.0
@@ -262,10 +262,10 @@ class Run:
                 first = residual
             if self.best is None or residual < self.best.residual:
                 self.best = self.candidate(z, residual)
-            ended = self._show(z, residual, seconds) or self._end_at(z, residual, first)
-            if ended := ended or stalled.check(z, residual) or self._end_by_limit(seconds):
+            stop_reason = self._show(z, residual, seconds) or self._end_at(z, residual, first)
+            if stop_reason := stop_reason or stalled.check(z, residual) or self._end_by_limit(seconds):
                 job.steps = max(count, job.steps)
-                return ended
+                return stop_reason
             is_due = False
             count += 1
             if count > 1:  # the set-up counts as a part of the first step
@@ -278,9 +278,9 @@ class Run:
         need = _log_ratio(first, self.target) if self.target < first < np.inf else np.inf
         return (_log_ratio(first, residual) if residual > 0.0 and 0.0 < first < np.inf else 0.0), need
 
-    def candidate(self, z: Vector, residual: float) -> Best:
+    def candidate(self, z: Vector, residual: float) -> BestIterate:
         """`z` as the best iterate, found by the current method."""
-        return Best(z, residual, self.job, getattr(self.path, "adapted_method", self.job.method))
+        return BestIterate(z, residual, self.job, getattr(self.path, "adapted_method", self.job.method))
 
     def _residual(self, z: Vector, hint: float | None) -> float:
         """The residual that the method estimates (`hint`), or the exact one if the run might end at `z`."""
@@ -294,13 +294,13 @@ class Run:
         """Whether the iterates go to a progress bar, the history or a callback."""
         return self.progress or self.history or self.callback is not None
 
-    def show(self, z: Vector) -> Ended | None:
+    def show(self, z: Vector) -> StopReason | None:
         """Report an iterate that was completed from an iterate of a part; return an end if the callback stops."""
         with suppress(MapError):
             return self._show(z, self.problem.residual(z), work.clock() - self.clock)
         return None
 
-    def _show(self, z: Vector, residual: float, seconds: float) -> Ended | None:
+    def _show(self, z: Vector, residual: float, seconds: float) -> StopReason | None:
         """Report `z` to whatever watches the run, with the residual of `problem` even if it was presolved."""
         if self.watch is not None:
             return self.watch(z, residual)
@@ -312,28 +312,28 @@ class Run:
             self.records.append((self.iteration, residual, seconds, self.job.method.name))
         # a copy: a view could be written to through its base
         if self.callback is not None and self.callback(Progress(self.iteration, locked(z.copy()), residual, seconds)):
-            return Ended(Status.STOPPED, "by the callback")
+            return StopReason(Status.STOPPED, "by the callback")
         return None
 
-    def _end_at(self, z: Vector, residual: float, first: float) -> Ended | None:
+    def _end_at(self, z: Vector, residual: float, first: float) -> StopReason | None:
         """SOLVED, or DIVERGED or MAP_FAILED relative to the method's `first` residual; None if the run goes on."""
         if self.goal.reached(z, residual):
             if self.best is None or self.best.z is not z:
                 self.best = self.candidate(z, residual)
-            return Ended(Status.SOLVED, "")
+            return StopReason(Status.SOLVED, "")
         if not residual < np.inf or residual > _DIVERGENCE * max(first, self.goal.tolerance):
             if fault := fault_of_psi(self.problem, z):
-                return Ended(Status.MAP_FAILED, f"{fault} at iteration {self.iteration}")
-            return Ended(Status.DIVERGED, f"the iterates diverged, at iteration {self.iteration}")
+                return StopReason(Status.MAP_FAILED, f"{fault} at iteration {self.iteration}")
+            return StopReason(Status.DIVERGED, f"the iterates diverged, at iteration {self.iteration}")
         return None
 
-    def _end_by_limit(self, seconds: float) -> Ended | None:
+    def _end_by_limit(self, seconds: float) -> StopReason | None:
         """ITERATION_LIMIT or TIME_LIMIT, if one is reached."""
         time_limit = self.limits.time_limit
         if self.iteration >= self.limits.max_iter:
-            return Ended(Status.ITERATION_LIMIT, f"max_iter = {self.limits.max_iter}")
+            return StopReason(Status.ITERATION_LIMIT, f"max_iter = {self.limits.max_iter}")
         if time_limit is not None and seconds >= time_limit:
-            return Ended(Status.TIME_LIMIT, f"time_limit = {time_limit:g} s")
+            return StopReason(Status.TIME_LIMIT, f"time_limit = {time_limit:g} s")
         return None
 
     def _is_proved(self) -> bool:
@@ -345,13 +345,15 @@ class Run:
             )
         return bool(self.proof)
 
-    def at_floor(self) -> Ended | None:
+    def at_floor(self) -> StopReason | None:
         """PRECISION_LIMIT if rounding explains the residual of the best iterate, else None."""
         if self.best is None:
             return None
         floor = self.problem.rounding_of_residual(self.best.z)
         if self.best.residual <= 2 * floor < _MAX_ROUNDING * (self.scale or norm(self.best.z)):
-            return Ended(Status.PRECISION_LIMIT, f"rounding leaves a residual of up to about {floor:.2g} at this z")
+            return StopReason(
+                Status.PRECISION_LIMIT, f"rounding leaves a residual of up to about {floor:.2g} at this z"
+            )
         return None
 
 

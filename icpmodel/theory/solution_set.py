@@ -105,7 +105,7 @@ def listed(z: Vector) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class _Exact:
+class _ExactSolutions:
     """A solution, or the relative interior point of a polyhedron of them, with its directions, in fractions."""
 
     point: Rational
@@ -162,7 +162,7 @@ class ExactRows:
                 system.append([*(-a for a in self.S[i]), Fraction(float(self.d[i]))])
         return system
 
-    def solve(self, sides: Any) -> _Exact | None:
+    def solve(self, sides: Any) -> _ExactSolutions | None:
         """The solutions of the problem in a piece, None where there are none."""
         n = self.n
         rows = self.equations(sides)
@@ -179,16 +179,16 @@ class ExactRows:
         signs = self.inequalities(sides)
         constants = [_dot(row, start) + row[n] for row in signs]
         if not free:
-            return _Exact(start, []) if all(one >= 0 for one in constants) else None
+            return _ExactSolutions(start, []) if all(one >= 0 for one in constants) else None
         slopes = [[_dot(row, direction) for direction in span] for row in signs]
         inside = relative_interior(slopes, constants) if signs else ([Fraction(0)] * len(free), [])
         if inside is None:
             return None
         t, equations = inside
         directions = null_space([slopes[j] for j in equations], len(free))
-        return _Exact(_sum(start, span, t), [_sum([Fraction(0)] * n, span, one) for one in directions])
+        return _ExactSolutions(_sum(start, span, t), [_sum([Fraction(0)] * n, span, one) for one in directions])
 
-    def lies_in(self, solutions: _Exact, sides: Any) -> bool:
+    def lies_in(self, solutions: _ExactSolutions, sides: Any) -> bool:
         """Whether `solutions`, a set of solutions, is part of the piece `sides`.
 
         Its equations have to hold in every direction. A sign that holds at a point of the relative interior holds on
@@ -262,7 +262,7 @@ def all_solutions(problem: ProblemLike, *, time_limit: float | None = None) -> S
     if count > MOST_PIECES:
         raise NotApplicable(f"there are {count:.3g} linear pieces; at most {MOST_PIECES} are examined")
     rows = LinearRows.of(problem, np.zeros(problem.n))
-    candidates: list[tuple[Any, _Exact]] = []
+    candidates: list[tuple[Any, _ExactSolutions]] = []
     complete = True
     with work.work_limit(np.inf if time_limit is None else time_limit):
         try:
@@ -286,9 +286,9 @@ def plausible(rows: LinearRows) -> Any:
             yield sides
 
 
-def _distinct(exact: ExactRows, candidates: list[tuple[Any, _Exact]]) -> list[_Exact]:
+def _distinct(exact: ExactRows, candidates: list[tuple[Any, _ExactSolutions]]) -> list[_ExactSolutions]:
     """Of the sets of solutions those that lie in no other one, each once; those of most directions come first."""
-    distinct: list[tuple[Any, _Exact]] = []
+    distinct: list[tuple[Any, _ExactSolutions]] = []
     for sides, one in sorted(candidates, key=lambda pair: -len(pair[1].directions)):
         if not any(exact.lies_in(one, other) for other, _ in distinct):
             distinct.append((sides, one))

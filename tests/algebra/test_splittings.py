@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import icpmodel as icp
 from icpmodel.algebra.operators import AOROperator, FactorisedOperator, inverse_diagonal
-from icpmodel.algebra.splittings import AOR, Given, Whole
+from icpmodel.algebra.splittings import AOR, FullSplitting, UserSplitting
 from icpmodel.algebra.steps import repeated_steps
 from icpmodel.methods.contract import named
 
@@ -73,10 +73,10 @@ def test_collapse_identity_the_paper_s_modulus_step_is_one_preconditioned_step(k
     choice = {
         "aor": AOR(1.3, 0.7),
         "jacobi": AOR(1.0, 0.0),
-        "whole": Whole(),
-        "lower": Given(sp.tril(A) * 1.1),
-        "upper": Given(sp.triu(A) * 1.1),
-        "full": Given(A + sp.eye_array(n)),
+        "whole": FullSplitting(),
+        "lower": UserSplitting(sp.tril(A) * 1.1),
+        "upper": UserSplitting(sp.triu(A) * 1.1),
+        "full": UserSplitting(A + sp.eye_array(n)),
     }[splitting]
     method = icp.Modulus(splitting=choice, phi=phi, phi1=phi1, phi2=phi2)
     z = rng.normal(size=n)
@@ -97,8 +97,8 @@ def test_relaxation_does_not_factorise():
     A = random_problem(0, "zero")[0].A
     shift = np.ones(A.shape[0])
     assert isinstance(AOR(1.0, 1.0).operator(A, shift), AOROperator)
-    assert isinstance(Given(np.eye(A.shape[0])).operator(A, shift), AOROperator)
-    assert isinstance(Given(A).operator(A, shift), FactorisedOperator)
+    assert isinstance(UserSplitting(np.eye(A.shape[0])).operator(A, shift), AOROperator)
+    assert isinstance(UserSplitting(A).operator(A, shift), FactorisedOperator)
 
 
 class TestSingularOperatorNamesTheRow:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import icpmodel as icp
-from icpmodel.crosscheck.judge import Checked, Verdict, solves
+from icpmodel.crosscheck.judge import AnswerUnderTest, Verdict, solves
 from icpmodel.solvers.foreign import Claim
 
 
@@ -13,13 +13,13 @@ def test_units_that_blind_the_residual_do_not_hold() -> None:
     problem = icp.ICP(1e-12 * np.eye(2), [1e-12, -1e-12], [1.0, -5.0])  # z* = (1, 1)
     blind = np.array([1.0, 0.0])
     assert problem.paper_residual(blind) <= 1e-12
-    assert not Checked(problem, blind).holds
+    assert not AnswerUnderTest(problem, blind).holds
 
 
 def test_the_loose_tolerance_of_another_problem_does_not_count() -> None:
     loose = icp.ICP([[2.0]], [-2.0]).solve("mnmj", phi2=9.0, rtol=1e-4)
-    assert not Checked(icp.ICP([[2.0]], [-2.0]), loose).holds
-    assert Checked(loose.problem, loose).holds
+    assert not AnswerUnderTest(icp.ICP([[2.0]], [-2.0]), loose).holds
+    assert AnswerUnderTest(loose.problem, loose).holds
 
 
 def test_ten_times_the_rounding_is_no_solution() -> None:
@@ -32,7 +32,7 @@ def test_ten_times_the_rounding_is_no_solution() -> None:
 @pytest.mark.parametrize("error", [1e-3])
 def test_a_wide_bound_proves_no_agreement(error: float) -> None:
     A, z = np.eye(2) - (1 - 1e-6) * (1 - np.eye(2)), np.array([1.0, 2.0])
-    checked = Checked(icp.ICP(A, -A @ z, -10.0), z + error)
+    checked = AnswerUnderTest(icp.ICP(A, -A @ z, -10.0), z + error)
     exact = Claim(z / checked.unit, "optimal", True, 0.0, 0.0)
     assert checked.judge("exact", "energy", checked.targets[0], exact).verdict is Verdict.INCONCLUSIVE
 

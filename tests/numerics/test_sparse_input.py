@@ -56,7 +56,7 @@ DOORS = {
     "jumps": icp.Intervention,
     "change of gains": lambda M: moved(dpsi=M),
     "dA": lambda M: moved(dA=M),
-    "M1": icp.algebra.splittings.Given,
+    "M1": icp.algebra.splittings.UserSplitting,
     "rows": lambda M: icp.ByRows((3,), lambda lo, hi: (M, 1.0, 0.0)).local_rows(0, 3),
     "classes": icp.theory.classify,
     "P": lambda M: icp.solve_qp(M, np.ones(3)),

@@ -23,7 +23,7 @@ from .atoms import copied, unique, value_of
 from .qp_solver import cvxpy_solver
 
 
-class Compiled:
+class CompiledExpressions:
     """The `sides`, stacked column by column, compiled for all values of their parameters. `variables` are those that z
     stacks, in this order; `atoms` the parts w by the variable that stands for each; `is_dpp` whether once is enough."""
 

@@ -26,7 +26,7 @@ from ...solve.solution import Solution
 from ..affine_rows import AffineRows, SumOfTerms, obstacle
 from ..inequalities import checked
 from .atoms import at, frozen, named, unique, unstacked
-from .compiled import Compiled
+from .compiled import CompiledExpressions
 from .row_order import OrderedRows, in_order, is_same, p_before_r
 from .statement_checks import bounds_of, check_constraints, check_variables, pair
 
@@ -53,7 +53,7 @@ class CvxpyReading:
         self._m = sum(p.size for p, _ in self._pairs)
         parts = self._parts_of_sides()
         check_variables(variables, self._m + sum(one.expr.size for one in equations), bool(inequalities))
-        self.compiled = Compiled([side for part in parts for side in part])
+        self.compiled = CompiledExpressions([side for part in parts for side in part])
         self._ends = np.cumsum([sum(side.size for side in part) for part in parts])
         self.variables, self.parameters = self.compiled.variables, self.compiled.parameters
         self.is_dpp = self.compiled.is_dpp

@@ -83,7 +83,7 @@ class LastDerivative:
         self.derivative = None
 
 
-class Mapped:
+class MappedArrays:
     """The arrays of a callback, over which JAX may have mapped: one problem, or direction, for each index of `lead`.
 
     `shapes` are those of a single one.
@@ -136,7 +136,7 @@ class Callbacks:
 
     def solved(self, arrays: Arrays) -> Any:
         """z of all rows, NaN in rows without a solution."""
-        rows = Mapped(arrays, self.shapes)
+        rows = MappedArrays(arrays, self.shapes)
         answers = self.answers(rows)
         if isinstance(answers, Solutions):
             Z = answers.Z
@@ -147,7 +147,7 @@ class Callbacks:
             Z = np.array([nothing if one is None or one.status not in _ANSWERS else one.z for one in answers])
         return Z.reshape(*rows.lead, self.problem.n)
 
-    def answers(self, rows: Mapped) -> Answers:
+    def answers(self, rows: MappedArrays) -> Answers:
         """The solutions of all rows; None if no problem can be made and no error is to be raised."""
         if rows.count > 1:
             try:
@@ -157,7 +157,7 @@ class Callbacks:
                     raise
         return [self.answer(rows.at(row)) for row in range(rows.count)]
 
-    def many(self, rows: Mapped) -> dict[str, Any]:
+    def many(self, rows: MappedArrays) -> dict[str, Any]:
         """The arguments of `solve_many`: lists, or matrices with a row per problem, where problems differ."""
         problem = self.problem
         arguments = {}
@@ -227,8 +227,8 @@ class Callbacks:
 
     def each(self, residuals: Arrays, vectors: Any, act: Callable[[Derivative, Vector], Vector], size: int) -> Any:
         """`act` on every derivative with its vectors, of length `size`; NaN in rows without a derivative."""
-        rows = Mapped(residuals, self.shapes | {"z": ((self.problem.n,),)})
-        directions = Mapped({"": (vectors,)}, {"": (np.shape(vectors)[-1:],)})
+        rows = MappedArrays(residuals, self.shapes | {"z": ((self.problem.n,),)})
+        directions = MappedArrays({"": (vectors,)}, {"": (np.shape(vectors)[-1:],)})
         lead = np.broadcast_shapes(rows.lead, directions.lead)
         of_rows = rows.numbers(lead)
         of_directions = directions.numbers(lead)

@@ -63,9 +63,10 @@ def nonlinear_solution_of(
 
     Notes
     -----
-    The Jacobian is made by `jax.jvp`, one for each group of columns that share no row. With M the rows of F′ where p is
-    the smaller one, and of I elsewhere, Mdz = −(∂F/∂θ)dθ in the former rows and 0 in the latter, as the theorem of the
-    implicit function has it. Where p = r = 0 it is the derivative of one side. It can be differentiated again.
+    The Jacobian is made by `jax.jvp`, one for each group of columns that share no row. The derivative is that of the
+    implicit function theorem. Let M have the rows of F′ where p is the smaller one, and those of I elsewhere. Then
+    Mdz = −(∂F/∂θ)dθ in the rows of F′ and 0 in the others. Where p = r = 0 it is the derivative of one side. It can be
+    differentiated again.
 
     References
     ----------

@@ -128,7 +128,7 @@ class SolutionFunction(Displayable):
         self.problem, self.makers, self.options, self.raise_on_failure = problem, makers, options, loud
         self._last = LastDerivative()
         weakref.finalize(self, self._last.forget)  # what JAX has compiled may live longer
-        self._traced: dict[Any, Traced] = {}
+        self._traced: dict[Any, TracedFunction] = {}
 
     def __call__(self, *, A: Any = None, q: Any = None, psi: Any = None, upper: Any = None, z0: Any = None) -> Any:
         """z, shape (n,), float64, of the problem with these arrays; what is left out is the problem's own.
@@ -174,14 +174,14 @@ class SolutionFunction(Displayable):
         key = tuple(shapes.items())
         if key not in self._traced:
             calls = Callbacks(self.problem, forms, shapes, self.options, self.raise_on_failure, self._last)
-            self._traced[key] = Traced(calls)
+            self._traced[key] = TracedFunction(calls)
         return self._traced[key].function(arrays)
 
     def __repr__(self) -> str:
         return f"SolutionFunction({self.problem!r})"
 
 
-class Traced:
+class TracedFunction:
     """A `SolutionFunction` for arguments of fixed forms, as JAX traces it."""
 
     def __init__(self, calls: Callbacks) -> None:

@@ -27,7 +27,7 @@ from .nonlinear import NonlinearRows
 from .ownership import Ownership
 
 #: a component, and what follows its name in that of an inequality
-Named = tuple[Any, str]
+NamedInequality = tuple[Any, str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +55,7 @@ class PyomoReading:
     added: dict[int, int]
     which_r: np.ndarray
     scale: Vector
-    inequalities: tuple[list[Named], sp.csr_array, Vector]
+    inequalities: tuple[list[NamedInequality], sp.csr_array, Vector]
 
     def start(self) -> Vector:
         """Raises InputError where a condition has no finite value at the present values, 0 where there is none."""
@@ -189,10 +189,10 @@ def _reading(rows: ConditionRows, owned: Ownership) -> PyomoReading:
     )
 
 
-def _inequalities(rows: ConditionRows, owned: Ownership) -> tuple[list[Named], sp.csr_array, Vector]:
+def _inequalities(rows: ConditionRows, owned: Ownership) -> tuple[list[NamedInequality], sp.csr_array, Vector]:
     """The names, Z and c of all that is to be checked: Zz + c ≤ 0. Raises InputError for a variable that is in no
     condition, and for a discrete one."""
-    names = list[Named]()
+    names = list[NamedInequality]()
     sides = list[Side]()
     for constraint, constant, linear in rows.inequalities:
         if unknown := [key for key in linear if key not in owned.row_of]:

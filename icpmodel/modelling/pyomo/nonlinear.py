@@ -51,7 +51,7 @@ class NonlinearRows:
             of_shape = rows_by_shape.setdefault(tokens, ([], [], []))
             for column, one in zip(of_shape, (row, [columns[id(x)] for x in variables], constants), strict=True):
                 column.append(one)
-        self.compiled = [_Compiled(tokens, *of_shape) for tokens, of_shape in rows_by_shape.items()]
+        self.compiled = [_CompiledExpression(tokens, *of_shape) for tokens, of_shape in rows_by_shape.items()]
 
     def value(self, z: Vector) -> Vector:
         """N(σz)."""
@@ -146,7 +146,7 @@ def _called(word: str, functions: Any) -> Callable[..., Any]:
     return _OPERATIONS[word][1] if word in _OPERATIONS else getattr(functions, word)
 
 
-class _Compiled:
+class _CompiledExpression:
     """A shape as NumPy calls: its value and its derivatives, for all its rows at once."""
 
     def __init__(self, tokens: tuple[Any, ...], rows: list[Any], variables: list[Any], constants: list[Any]) -> None:

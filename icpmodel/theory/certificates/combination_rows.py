@@ -21,7 +21,7 @@ SHOWN = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
-class Known:
+class ProvedBounds:
     """Every solution has `low` ≤ z ≤ `high`, shape (n,), infinite where nothing is known; `proof` says why."""
 
     low: Vector
@@ -46,7 +46,7 @@ class CombinationRows:
     rises: Mask
 
     @classmethod
-    def of(cls, problem: ProblemData, known: Known | None = None) -> CombinationRows | None:
+    def of(cls, problem: ProblemData, known: ProvedBounds | None = None) -> CombinationRows | None:
         """The rows of a problem with constant or affine obstacles; None for other obstacles."""
         psi = problem.psi
         n = problem.n

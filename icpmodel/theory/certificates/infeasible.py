@@ -30,13 +30,13 @@ from ...numerics.arrays import Vector
 from ...numerics.rational import as_witness, nearest
 from ...problem.data import ProblemData
 from ..answers import Answer
-from .combination_rows import ZERO, CombinationRows, Known
+from .combination_rows import ZERO, CombinationRows, ProvedBounds
 from .exact_combination import Combination, candidates_near, highest_value
 from .rounded_combination import rounded_combination
 
 
 @np.errstate(all="ignore")  # what overflows proves nothing
-def infeasible(problem: ProblemData, y: Vector, known: Known | None = None, *, bounded: bool = True) -> Answer:
+def infeasible(problem: ProblemData, y: Vector, known: ProvedBounds | None = None, *, bounded: bool = True) -> Answer:
     """Whether `y`, or an exact y next to it, is such a combination, given what is `known`; its scale is irrelevant.
 
     Often Aᵀy has to be 0 in many rows, which floats seldom satisfy. So three candidates are tried: simple fractions
@@ -73,7 +73,7 @@ def infeasible(problem: ProblemData, y: Vector, known: Known | None = None, *, b
     return Answer(True, f"no z is a solution: {nearby}, every rounding error being bounded", y, number)
 
 
-def answer_of(rows: CombinationRows, exact: Combination, most: Fraction, known: Known | None = None) -> Answer:
+def answer_of(rows: CombinationRows, exact: Combination, most: Fraction, known: ProvedBounds | None = None) -> Answer:
     """The answer by an `exact` combination whose value is `most` < 0."""
     weights = [exact.get(i, Fraction(0)) for i in range(rows.offset.size)]
     witness = as_witness(weights, lambda x: highest_value(rows, dict(enumerate(x))) is not None)
@@ -81,7 +81,7 @@ def answer_of(rows: CombinationRows, exact: Combination, most: Fraction, known: 
     return Answer(True, _reason(rows, known, weights, number), witness, number)
 
 
-def _reason(rows: CombinationRows, known: Known | None, y: Any, number: float) -> str:
+def _reason(rows: CombinationRows, known: ProvedBounds | None, y: Any, number: float) -> str:
     """The contradiction that the combination `y` proves, in words."""
     sums = f"{_weighted(rows, y)} is at most {number:.3g}"
     if known is not None:

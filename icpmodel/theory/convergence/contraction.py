@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from ...algebra.splittings import Given
+from ...algebra.splittings import UserSplitting
 from ...errors import OutOfTime, SingularOperator
 from ...numerics import work
 from ...numerics.arrays import Vector
@@ -73,7 +73,7 @@ class Comparison:
         self._proof: Vector | None = None
         self._solve: Any = None
         with contextlib.suppress(SingularOperator):
-            self._solve = Given(self._C).operator(self._C, np.zeros(X.shape[0])).solve
+            self._solve = UserSplitting(self._C).operator(self._C, np.zeros(X.shape[0])).solve
 
     def upper(self, w: Vector) -> Vector:
         """y ≥ |X⁻¹|w for `w` > 0, entry by entry; +inf where nothing is proved."""

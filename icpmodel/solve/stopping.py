@@ -1,4 +1,4 @@
-"""What ends a method: its iterates stand still, or go round, or ψ has no value."""
+"""Why a method stops: its iterates stagnate or cycle, or ψ has no value."""
 
 from __future__ import annotations
 
@@ -12,36 +12,36 @@ from ..numerics.arrays import Vector, not_finite
 from ..problem.data import ProblemData
 from .solution import Status
 
-#: after so many steps that do not bring the residual down by a thousandth, it is asked whether rounding is the reason
+#: after so many steps without a reduction of the residual by a thousandth, the rounding of the residual is computed
 _PRECISION_CHECK = 50
 _NOTHING: Vector = np.zeros(0)
 
 
-class Ended(NamedTuple):
+class StopReason(NamedTuple):
     """Why a method ended."""
 
     status: Status
     note: str
 
 
-class Stalled:
+class StagnationTest:
     """The test for iterates that recur, stagnate, or are as accurate as rounding allows.
 
     Parameters
     ----------
     memoryless : bool
-        That of the method.
+        Whether the method is, see `Method.memoryless`.
     patience : int
-        So many steps without a better iterate are the last, unless `is_proved` to converge.
+        The method stops after so many steps without a better iterate, unless `is_proved` to converge.
     at_floor : callable
-        Returns an end where rounding explains that the residual does not fall.
+        Returns a reason if rounding explains that the residual does not fall, else None.
     is_proved : callable
         Whether a theorem says that the method converges; asked once.
 
     Notes
     -----
-    Cycles of a method without memory are found by Brent's search: an iterate is compared with one
-    that is kept while their number doubles.
+    Cycles of a method without memory are found by Brent's search: each iterate is compared with
+    the milestone, which is the iterate number 1, 2, 4, 8, …
 
     References
     ----------
@@ -49,7 +49,11 @@ class Stalled:
     """
 
     def __init__(
-        self, memoryless: bool, patience: float, at_floor: Callable[[], Ended | None], is_proved: Callable[[], bool]
+        self,
+        memoryless: bool,
+        patience: float,
+        at_floor: Callable[[], StopReason | None],
+        is_proved: Callable[[], bool],
     ) -> None:
         self.memoryless, self.patience, self.at_floor, self.is_proved = memoryless, patience, at_floor, is_proved
         self.step = self.milestone = 0
@@ -57,8 +61,8 @@ class Stalled:
         self.progress_at, self.progress_residual = 0, np.inf
         self.better_at, self.better_residual = 0, np.inf
 
-    def check(self, z: Vector, residual: float) -> Ended | None:
-        """Whether the next iterate, `z`, is the last."""
+    def check(self, z: Vector, residual: float) -> StopReason | None:
+        """The reason to stop at the next iterate `z`, or None."""
         k = self.step
         self.step = self.step + 1
         if residual < self.better_residual:
@@ -69,20 +73,20 @@ class Stalled:
             self.milestone, self.milestone_residual, self.milestone_z = k, residual, z
         if residual < 0.999 * self.progress_residual:
             self.progress_at, self.progress_residual = k, residual
-        elif (k - self.progress_at) % _PRECISION_CHECK == _PRECISION_CHECK - 1 and (ended := self.at_floor()):
-            return ended
+        elif (k - self.progress_at) % _PRECISION_CHECK == _PRECISION_CHECK - 1 and (stop_reason := self.at_floor()):
+            return stop_reason
         if k - self.better_at >= self.patience:
             if self.is_proved():
                 self.patience = math.inf
                 return None
-            return Ended(Status.STAGNATED, f"no better iterate in {k - self.better_at} iterations")
+            return StopReason(Status.STAGNATED, f"no better iterate in {k - self.better_at} iterations")
         return None
 
-    def recurred(self, period: int = 1) -> Ended:
+    def recurred(self, period: int = 1) -> StopReason:
         """The reason for the end if an iterate recurred, or if no new iterate comes."""
         still = "the iterates no longer move, but z is not a solution"
-        cycled = Ended(Status.CYCLED, f"the iterates repeat with period {period}")
-        return self.at_floor() or (Ended(Status.STAGNATED, still) if period == 1 else cycled)
+        cycled = StopReason(Status.CYCLED, f"the iterates repeat with period {period}")
+        return self.at_floor() or (StopReason(Status.STAGNATED, still) if period == 1 else cycled)
 
 
 def fault_of_psi(problem: ProblemData, z: Vector) -> str:
