@@ -82,7 +82,7 @@ def secant_problem(problem: ProblemData, z: Vector) -> tuple[ProblemData, Vector
 
 def with_slopes(problem: ProblemData, slopes: Vector, q: Vector) -> ProblemData:
     """The affine problem with A + diag(`slopes`) and `q`."""
-    return problem.with_matrix(problem.matrix.plus_diagonal(slopes), q)
+    return problem.with_matrix(problem.matrix.plus_diagonal(slopes, problem.matrix.row_weights), q)
 
 
 def _mean_slopes(problem: ProblemData, f: NonlinearTerm, z: Vector, here: Vector, p: Vector) -> Vector:

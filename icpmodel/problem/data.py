@@ -395,11 +395,11 @@ class ProblemData(PointValues):
         if self.f is None:
             return self
         z = self.vector(z, finite=True)
-        A, slope_times_z = self.f.tangent(self.matrix, z)
+        matrix, slope_times_z = self.f.tangent(self.matrix, z)
         offset = self.offset(z) - slope_times_z
         if fault := not_finite(offset, "q + f(z) - f'(z)z"):
             raise MapError(f"{fault}; a finite number was expected")
-        return type(self)(A, offset, self.psi)
+        return self.with_matrix(matrix, offset)
 
     @property
     def is_lcp(self) -> bool:

@@ -121,13 +121,15 @@ class Matrix(ReadOnly):
         new._measure(A)
         return new
 
-    def plus_diagonal(self, d: Vector) -> Matrix:
-        """A + diag(d) with the row weights of A; its `origin` is A, or that of A.
+    def plus_diagonal(self, d: Vector, row_weights: Vector | None = None) -> Matrix:
+        """A + diag(d), whose `origin` is A, or that of A.
 
         Parameters
         ----------
         d : array of shape (n,)
             The diagonal.
+        row_weights : array of shape (n,), optional
+            The diagonal of D⁻¹, where more than A + diag(d) determines it.
 
         Examples
         --------
@@ -138,7 +140,7 @@ class Matrix(ReadOnly):
         A = self.sparse
         data = A.data.copy()
         data[self.rows.diag] += d
-        new = Matrix.of_checked(sp.csr_array((data, A.indices, A.indptr), shape=A.shape), self.row_weights)
+        new = Matrix.of_checked(sp.csr_array((data, A.indices, A.indptr), shape=A.shape), row_weights)
         new.origin = self.origin or self
         return new
 

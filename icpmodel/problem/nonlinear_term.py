@@ -171,10 +171,12 @@ class NonlinearTerm(Displayable):
                 return f"f.slope_range is wrong: {actual}, outside of [{m:g}, {M:g}]"
         return ""
 
-    def tangent(self, A: Matrix, z: Vector) -> tuple[Any, Vector]:
+    def tangent(self, A: Matrix, z: Vector) -> tuple[Matrix, Vector]:
         """(A + f′(z), f′(z)z), the matrix dense where A is."""
         J = self.jacobian(z)
-        return (A.dense + J.toarray() if A.dense is not None else sp.csr_array(A.sparse + J)), J @ z
+        if A.dense is None and self.is_elementwise:
+            return A.plus_diagonal(J.diagonal()), J @ z
+        return Matrix(sp.csr_array(A.sparse + J) if A.dense is None else A.dense + J.toarray()), J @ z
 
     def weighted(self, A: Matrix) -> Matrix:
         """A with the row weights of p: d_i is the mean of the largest |entries| of row i of A + f′ at z = ½ and 1.
