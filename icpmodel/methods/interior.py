@@ -304,7 +304,8 @@ class InteriorPath:
             x = factors.solve(f)
             rest = f - M @ x
             self.solve_error = norm(rest) / (norm(f) or 1.0)
-            x += factors.solve(rest)  # without exchanges of rows digits may be lost
+            if self.solve_error > _ACCURATE_SOLVE:
+                x += factors.solve(rest)  # without exchanges of rows digits may be lost
             return np.asarray(unit * x)
 
         return solve

@@ -14,6 +14,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from .arrays import Vector, row_of
+from .fill import signs_of_symmetry
+from .sparse_structure import absolute
 
 Exponents = NDArray[np.int64]
 
@@ -113,12 +115,17 @@ def balanced(A: Any) -> Vector:
     """
     if sp.issparse(A):
         there = A.data != 0.0
-        # with a count beside it no logarithm is lost, as one that is 0 would be
-        counted = 1.0 + 1j * np.log(np.abs(A.data[there]))
-        M = sp.csr_array((counted, (row_of(A)[there], A.indices[there])), shape=A.shape)
-        M = sp.csr_array(M + M.T)
-        sizes = sp.csr_array((np.exp(M.data.imag / M.data.real), M.indices, M.indptr), shape=A.shape)
-        count = np.diff(M.indptr)
+        i = row_of(A)[there]
+        if signs_of_symmetry(A) is not None:
+            sizes = absolute(A)
+            count = np.bincount(i, minlength=A.shape[0])
+        else:
+            # with a count beside it no logarithm is lost, as one that is 0 would be
+            counted = 1.0 + 1j * np.log(np.abs(A.data[there]))
+            M = sp.csr_array((counted, (i, A.indices[there])), shape=A.shape)
+            M = sp.csr_array(M + M.T)
+            sizes = sp.csr_array((np.exp(M.data.imag / M.data.real), M.indices, M.indptr), shape=A.shape)
+            count = np.diff(M.indptr)
     else:
         sizes = np.abs(A)
         count = np.count_nonzero(A, axis=1)

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from . import work
-from .arrays import Vector, read_only
+from .arrays import Vector, read_only, row_of
 from .sparse_structure import bandwidths, is_symmetric
 from .threads import run_with_deadline
 from .work import COSTS
@@ -27,6 +27,8 @@ _MAX_COST_FACTOR = 50.0
 _SMALL_GRAPH = 2000
 _THIN_DEGREE = 5
 _WIDE_LAYER = 0.125
+#: the diagonal of the matrix that is ordered, next to entries of 1
+_DIAGONAL = 1e3
 #: entries that differ by a smaller share are the same up to rounding
 _SYMMETRY_RTOL = 1e-13
 
@@ -116,8 +118,13 @@ def ordered(A: sp.csr_array, symmetric: bool = False) -> tuple[Fill, NDArray[np.
 
     n = A.shape[0]
     work.charge(_analysis_cost(A))
-    graph = sp.csr_array((np.ones(A.nnz), A.indices, A.indptr), shape=A.shape)
-    graph = sp.csc_array((graph if symmetric else graph + graph.T) + sp.diags_array(np.full(n, 1e3)))
+    sizes = np.where(A.indices == row_of(A), _DIAGONAL, 1.0)
+    graph = sp.csc_array((sizes, A.indices, A.indptr), shape=A.shape)
+    if not symmetric:
+        graph = graph + graph.T
+    if not graph.diagonal().all():
+        graph = graph + sp.diags_array(np.full(n, _DIAGONAL))
+    graph = sp.csc_array(graph)
     options = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
     analysis = partial(spilu, graph, drop_tol=0.5, fill_factor=1.0, **options)
     place = run_with_deadline(analysis, _MAX_COST_FACTOR * n**2).perm_c

@@ -272,7 +272,8 @@ class Incumbent:
         if pattern.above is not None:
             z = np.where(pattern.above, self.high, z)
         enough = 0.5 * self.violation[1] if self.is_good else self.tolerance
-        for one in (z, np.clip(self.judge.without_noise(z), self.low, self.high)):
+        cleaned = np.clip(self.judge.without_noise(z), self.low, self.high)
+        for one in (z,) if np.array_equal(z, cleaned) else (z, cleaned):
             violation = self.judge.violation(self.problem, one)
             if self._order(violation) <= self._order(self.violation):
                 self.violation = violation
