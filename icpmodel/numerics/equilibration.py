@@ -64,16 +64,17 @@ def natural_exponents(A: sp.csr_array) -> tuple[Exponents, Exponents]:
     (log₂|a_ij/a_ii| + c_j − c_i)² over the stored entries: for A = D₁SD₂ with |s_ij| = 1 this finds D₁ and D₂.
     """
     n = A.shape[0]
-    rows = row_of(A)
     size = np.frexp(A.diagonal())[1].astype(np.int64) - 1
-    off = (rows != A.indices) & (A.data != 0)
-    i = rows[off]
-    j = A.indices[off]
-    ratio = np.frexp(A.data[off])[1] - 1.0 - size[i]
-    if np.abs(ratio).max(initial=0.0) <= _BALANCED_RANGE:
+    ratios = np.frexp(A.data)[1] - 1 - np.repeat(size, np.diff(A.indptr))
+    if np.abs(ratios[A.data != 0]).max(initial=0) <= _BALANCED_RANGE:  # that of the diagonal is 0
         return -size, np.zeros(n, dtype=np.int64)
     from scipy.sparse.linalg import cg
 
+    rows = row_of(A)
+    off = (rows != A.indices) & (A.data != 0)
+    i = rows[off]
+    j = A.indices[off]
+    ratio = ratios[off].astype(np.float64)
     edges = sp.coo_array((np.ones(i.size), (i, j)), shape=(n, n)).tocsr()
     degree = np.bincount(i, minlength=n) + np.bincount(j, minlength=n)
     laplacian = sp.diags_array(degree + 1e-6) - edges - edges.T

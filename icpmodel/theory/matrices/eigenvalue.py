@@ -13,6 +13,7 @@ from ...numerics.arrays import Vector, norm
 from ...numerics.factorisation import factorise, of_dense
 from ...numerics.fill import SymbolicAnalysis, dense_cost
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, upper
+from ...numerics.sparse_structure import is_symmetric
 from ...numerics.threads import one_blas_thread
 
 #: shares of the estimated eigenvalue that are tried as a bound; the first one does unless rounding is felt
@@ -56,7 +57,7 @@ def smallest_below(M: sp.csr_array, slack: float = 0.0, lu: Any = None) -> float
 
     The diagonal of M is about 1, `lu` its factorisation with diagonal pivots, if at hand. −inf where none was found.
     """
-    S = sp.csr_array(0.5 * (M + M.T))
+    S = M if is_symmetric(M) else sp.csr_array(0.5 * (M + M.T))
     estimate = _estimate(S, lu) if np.isfinite(S.data).all() else -np.inf
     if not estimate > 0:
         return -np.inf
