@@ -13,15 +13,14 @@ from numpy.typing import NDArray
 
 from ..numerics import work
 from ..numerics.arrays import Mask, Vector
-from ..numerics.multigrid import HIERARCHY_BYTES, cycle_cost, hierarchy_cost, ruge_stuben
+from ..numerics.multigrid import HIERARCHY_BYTES, MAX_COARSEST_IF_STALLED, cycle_cost, hierarchy_cost, ruge_stuben
 from ..numerics.rounding import UNIT_ROUNDOFF
 from ..numerics.threads import one_blas_thread
 from ..problem.data import ProblemData
 from ..problem.matrix import Matrix
 
-#: a level of at most so many rows is solved by a dense inverse, and where coarsening stalls one of so many
+#: a level of at most so many rows is solved by a dense inverse
 _MAX_COARSEST = 64
-_MAX_COARSEST_IF_STALLED = 512
 #: an inverse has digits where the condition number is below this; else that of Moore and Penrose is taken
 _MAX_CONDITION = 1e-2 / UNIT_ROUNDOFF
 #: a level that has so many times the entries of A, or more, costs more than it helps
@@ -209,7 +208,7 @@ def _coarser(finest: Level) -> tuple[Any, Any, list[Level]] | NoHierarchy:
             levels.append(level)
             if level.A.nnz > _MAX_FILL * finest.A.nnz:
                 raise NoHierarchy
-        if levels[-1].A.shape[0] > _MAX_COARSEST_IF_STALLED:
+        if levels[-1].A.shape[0] > MAX_COARSEST_IF_STALLED:
             raise NoHierarchy
     except NoHierarchy as error:
         return error.with_traceback(None)  # its frames hold the levels

@@ -28,8 +28,8 @@ from .steps import Step, projected_sweep, repeated_steps
 #: sweeps where the active set has moved
 SWEEPS = 4
 #: share of the rest that Krylov's steps leave between two updates of the active set, and how many there are at most
-_KRYLOV_REDUCTION = 0.1
-_MAX_KRYLOV_STEPS = 8
+KRYLOV_REDUCTION = 0.1
+MAX_KRYLOV_STEPS = 8
 #: entries above the diagonal that weigh so much more than those below make the sweeps go backwards
 _MIN_UPWARD_FLOW = 1.1
 
@@ -67,9 +67,9 @@ def newton_steps(hierarchy: Hierarchy, problem: ProblemData, z: Vector, top: int
             f = -np.where(pattern.active, pattern.r, p)
             step = equations.start(f)
             newton = GCR(equations.product, equations.preconditioned, f - equations.product(step))
-            z, _ = newton.further(z + step, _KRYLOV_REDUCTION * norm(newton.rest), _MAX_KRYLOV_STEPS)
+            z, _ = newton.further(z + step, KRYLOV_REDUCTION * norm(newton.rest), MAX_KRYLOV_STEPS)
         else:
-            z, moved = newton.further(z, _KRYLOV_REDUCTION * norm(newton.rest), _MAX_KRYLOV_STEPS)
+            z, moved = newton.further(z, KRYLOV_REDUCTION * norm(newton.rest), MAX_KRYLOV_STEPS)
             if not moved:
                 return
 

@@ -14,7 +14,7 @@ from ..problem.data import ProblemData
 from ..problem.two_sided import TwoSidedObstacle
 
 #: the share of their sizes by which rounded obstacles may cross
-_MAX_CROSSING = 4.0 * UNIT_ROUNDOFF
+MAX_CROSSING = 4.0 * UNIT_ROUNDOFF
 
 
 def without_redundant_rows(problem: ProblemData) -> ProblemData:
@@ -40,7 +40,7 @@ def without_redundant_rows(problem: ProblemData) -> ProblemData:
     c = np.full(problem.n, np.nan)
     _of_empty_rows(problem, low, high, c)
     with np.errstate(invalid="ignore"):
-        fixed = (low >= high) & (low - high <= _MAX_CROSSING * (np.abs(low) + np.abs(high)))
+        fixed = (low >= high) & (low - high <= MAX_CROSSING * (np.abs(low) + np.abs(high)))
     c[fixed] = low[fixed]
     known = np.isfinite(c)
     return _substituted(problem, known, np.where(known, c, 0.0), low, high) if known.any() else problem

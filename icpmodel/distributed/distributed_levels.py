@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..algebra.newton_steps import MAX_KRYLOV_STEPS
 from ..numerics.arrays import Mask, Vector
 from ..numerics.threads import pools
 from .distributed_matrix import DistributedMatrix
@@ -31,8 +32,7 @@ from .ranks import petsc, release, totals
 
 #: up to so many rows every rank factorises all of them where nothing is coarser
 _DIRECT_UP_TO = 2000
-#: Krylov's steps at the most while the active set moves, and afterwards, to this part of the residual that is wanted
-_MAX_EARLY_STEPS = 8
+#: Krylov's steps at the most after the active set has settled, to this part of the residual that is wanted
 _MAX_STEPS = 60
 _TARGET_SHARE = 0.3
 #: factor of the diagonal that decouples a row: it returns no correction
@@ -135,13 +135,13 @@ class DistributedLevels:
     def solved(self, f: Any, top: int, J: Any, share: float | None, target: float | None) -> Any:
         """Solve A_FF x = f_F on level `top`, with x = 0 elsewhere, or Jx = f where a `J` is given.
 
-        The solve stops at ‖f − Jx‖ ≤ `share` ‖f‖, after at most `_MAX_EARLY_STEPS` steps. With `target` it stops at
+        The solve stops at ‖f − Jx‖ ≤ `share` ‖f‖, after at most `MAX_KRYLOV_STEPS` steps. With `target` it stops at
         ‖D⁻¹(f − Jx)‖ ≤ `_TARGET_SHARE` · `target`, after at most `_MAX_STEPS` steps.
         """
         ksp = self.krylov_solver(top, J)
         x = f.duplicate()
         if target is None:
-            ksp.setTolerances(rtol=share, atol=0.0, max_it=_MAX_EARLY_STEPS)
+            ksp.setTolerances(rtol=share, atol=0.0, max_it=MAX_KRYLOV_STEPS)
         else:
             size = self.levels[top].matrix.smallest_row
             size = size if J is None else min(size, 1.0)  # some rows are those of r

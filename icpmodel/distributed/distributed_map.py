@@ -12,6 +12,7 @@ from ..algebra.cycled_equations import LEAST_SLOPE
 from ..errors import InputError, NotApplicable
 from ..numerics.arrays import Vector, described
 from ..problem.affine import Constant
+from ..problem.differences import DIFFERENCE_STEP
 from ..problem.elementwise import Elementwise
 from ..problem.facts import Facts
 from ..problem.map import Map
@@ -20,8 +21,6 @@ from ..problem.two_sided import as_map
 from .distributed_matrix import DistributedMatrix, with_entries
 from .ranks import largest, petsc, together, totals
 
-#: of a difference quotient, relative: √u balances what it cuts off and rounding
-_DIFFERENCE_STEP = 2.0**-26
 _WANTED = (
     "a number, a Vec, the entries of the own rows, an Elementwise map of them, "
     "or a pair (Mat, one of these) for Gz + f(z) was expected"
@@ -104,7 +103,7 @@ class DistributedMap:
             J = self.own.jacobian(at)
             if J is not None:
                 return J.diagonal()
-            step = _DIFFERENCE_STEP * (1.0 + np.abs(at))
+            step = DIFFERENCE_STEP * (1.0 + np.abs(at))
             return (self.own.value(at + step) - self.own.value(at)) / ((at + step) - at)
 
     def fixed(self) -> Vector:

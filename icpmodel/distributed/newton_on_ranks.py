@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from ..algebra.equations import Pattern
-from ..algebra.newton_steps import SWEEPS
+from ..algebra.newton_steps import KRYLOV_REDUCTION, SWEEPS
+from ..methods.multilevel import MAX_COARSE_STEPS
 from ..numerics.arrays import Vector
 from ..problem.two_sided import ObstaclePair, mid
 from .distributed_icp import DistributedICP
@@ -23,16 +24,12 @@ from .distributed_levels import DistributedLevel, DistributedLevels
 from .distributed_map import DistributedMap
 from .ranks import petsc, release, together, totals
 
-#: share of Az + q that Krylov's steps leave in the free rows while the active set moves
-_KRYLOV_REDUCTION = 0.1
 #: share of the residual that a step leaves when the active set has settled but for a few rows
 _SETTLED_REDUCTION = 0.5
 #: multiple of the wanted residual below which sweeps are tried once more, as a Newton step costs several times as much
 _SWEEP_RANGE = 2.0
 #: share of its first residual at which a coarser level ends: below the error of interpolation, as in full multigrid
 _COARSE_REDUCTION = 0.02
-#: Newton steps on a coarser level at the most
-_MAX_COARSE_STEPS = 8
 
 
 class Evaluation:
@@ -116,7 +113,7 @@ def _stepped(levels: DistributedLevels, at: Evaluation, top: int, target: float 
     else:
         z = at.z
         f = np.where(active, -at_rest * problem.matrix.diagonal, -at.p)
-    step = levels.solved(problem.vector(f), top, J, _KRYLOV_REDUCTION if target is None else None, target)
+    step = levels.solved(problem.vector(f), top, J, KRYLOV_REDUCTION if target is None else None, target)
     if np.isfinite(step.norm()):
         z.axpy(1.0, step)
     return z
@@ -157,7 +154,7 @@ def start(levels: DistributedLevels, problem: DistributedICP) -> Any:
         path = newton_steps(levels, problems[top], z, top)
         at = next(path)
         enough = _COARSE_REDUCTION * at.residual
-        for _ in range(_MAX_COARSE_STEPS - 1):
+        for _ in range(MAX_COARSE_STEPS - 1):
             if at.residual <= enough:
                 break
             at = path.send(enough)

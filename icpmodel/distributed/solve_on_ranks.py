@@ -17,10 +17,13 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, MapError, NotApplicable, NotSolved
+from ..methods.contract import REDUCTION
+from ..methods.multilevel import GOOD_START
 from ..numerics.arrays import as_truth
 from ..numerics.rounding import public_entry
 from ..solve.goal import RTOL, Limits
 from ..solve.progress import status_line
+from ..solve.run import MAX_ROUNDING
 from ..solve.solution import Status
 from .distributed_bound import rounding
 from .distributed_icp import DistributedICP
@@ -29,14 +32,8 @@ from .distributed_solution import DistributedSolution
 from .newton_on_ranks import Evaluation, newton_steps, simplified, start
 from .ranks import largest, norm, release, together, totals
 
-#: a start with this share of Res_D(0) is kept
-_GOOD_START = 1e-7
-#: factor that counts as a reduction of the residual
-_REDUCTION = 0.9
 #: Newton steps without a reduction before sweeps take over
 _PATIENCE = 5
-#: share of the first residual above which rounding is no explanation, as in `solve.run`
-_MAX_ROUNDING = 0.1
 #: rounds of sweeps that may take over, and how many sweeps a round has
 _MAX_ROUNDS = 100
 _SWEEPS_PER_ROUND = 8
@@ -199,7 +196,7 @@ class _Run:
         if (stop := self.watch()) is not None:
             return stop, "while the levels were made"
         try:
-            if not first <= _GOOD_START * at_0:
+            if not first <= GOOD_START * at_0:
                 self.say(f"starting from {len(self.levels.levels)} levels")
                 z = start(self.levels, simplified(simple, start=True) if simple.calls_users else simple)
             return self._steps(simple, z)
@@ -226,11 +223,11 @@ class _Run:
             if np.isnan(residual):
                 _check_maps(self.problem, at.z, f"in iteration {self.iterations}")
             since += 1
-            if residual <= _REDUCTION * mark:
+            if residual <= REDUCTION * mark:
                 mark = residual
                 since = 0
             if since > _PATIENCE or not np.isfinite(residual):
-                if self.least <= 2.0 * (noise := self._rounding()[0]) < _MAX_ROUNDING * self.scale:
+                if self.least <= 2.0 * (noise := self._rounding()[0]) < MAX_ROUNDING * self.scale:
                     return Status.PRECISION_LIMIT, f"rounding leaves a residual of up to about {noise:.2g} at this z"
                 rescues += 1
                 rescued = self._swept(simple) if rescues <= _MAX_RESCUES else None
@@ -254,7 +251,7 @@ class _Run:
         z = self.best
         for _ in range(_MAX_ROUNDS):
             at = Evaluation(simple, z, None)
-            if at.residual <= _REDUCTION * self.least:
+            if at.residual <= REDUCTION * self.least:
                 return at.z
             if self.iterations >= self.limits.max_iter or not np.isfinite(at.residual):
                 return None

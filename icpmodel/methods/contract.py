@@ -29,7 +29,7 @@ _REGISTRY: dict[str, type[Method]] = {}
 SAFE_HINT = (1e-140, 1e140)
 
 #: what is less than this share of the least one so far counts as reduced
-_REDUCTION = 0.9
+REDUCTION = 0.9
 
 #: z with Res_D(z), or None where that does not fall out of the step for free
 Iterate = tuple[Vector, float | None]
@@ -45,7 +45,7 @@ class LeastValue:
     def add(self, value: float) -> int:
         """Add a value; return `waited`."""
         self.waited += 1
-        if value < _REDUCTION * self.least:
+        if value < REDUCTION * self.least:
             self.least = value
             self.waited = 0
         return self.waited

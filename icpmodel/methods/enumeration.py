@@ -20,7 +20,7 @@ from .contract import Infeasible, Iterate, Method
 #: problems with more choices are refused: n = 14 with one obstacle in every row
 MOST_CHOICES = 2**14
 #: how often an obstacle that is not affine is linearised anew
-_MAX_LINEARISATIONS = 20
+MAX_LINEARISATIONS = 20
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -60,7 +60,7 @@ class Enumerate(Method):
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         yield z, None
         affine = problem.psi.linear is not None
-        for _ in range(1 if affine else _MAX_LINEARISATIONS):
+        for _ in range(1 if affine else MAX_LINEARISATIONS):
             rows = LinearRows.of(problem, z)
             best = (np.inf, z)
             undecided = []

@@ -20,6 +20,7 @@ from ..numerics.arrays import Mask, Vector
 from ..problem.data import ProblemData
 from ..theory.answers import Answer
 from .contract import Infeasible, Iterate, Method
+from .enumeration import MAX_LINEARISATIONS
 
 #: problems with more unknowns are refused
 LARGEST = 150
@@ -32,9 +33,8 @@ _MARGIN = 0.01
 _SMALLEST_ENTRY = 1e-9
 #: the first active set ends the search, whatever the objective could be
 _MIP_GAP = 1e9
-#: active sets that are excluded because their solution does not hold, and linearisations of an obstacle
+#: active sets that are excluded because their solution does not hold
 _MAX_CUTS = 5
-_MAX_LINEARISATIONS = 20
 
 
 class ActiveRows(NamedTuple):
@@ -96,7 +96,7 @@ class MixedInteger(Method):
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         yield z, None
         dense_matrix(problem)  # raises OutOfMemory where it does not fit
-        for _ in range(1 if problem.psi.linear is not None else _MAX_LINEARISATIONS):
+        for _ in range(1 if problem.psi.linear is not None else MAX_LINEARISATIONS):
             best = (np.inf, z)
             for candidate in _solutions(problem, z):
                 residual = problem.residual(candidate)

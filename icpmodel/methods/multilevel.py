@@ -39,12 +39,12 @@ _SMALL = 0.5
 #: next one brings in, as full multigrid has it; at this one of its Res_D(0) at the latest; or after so many looks
 _COARSE_REDUCTION = 0.05
 _MIN_COARSE_RTOL = 1e-8
-_MAX_COARSE_STEPS = 8
+MAX_COARSE_STEPS = 8
 #: where ψ is an intervention, at the second one or after so many: a step there costs little against the finest level's
 _MAX_POLICY_STEPS = 30
 #: a start with this share of Res_D(0) is kept, ten times what is asked for by default; with more the error may be
 #: smooth and large, as what sweeps leave
-_GOOD_START = 1e-7
+GOOD_START = 1e-7
 #: where so many looks do not halve the residual, or the second number do not reduce it at all, others do better
 _PATIENCE = 12
 _SHORT_PATIENCE = 5
@@ -117,7 +117,7 @@ class Multilevel(Method):
         for top in range(lowest, 0, -1):
             path = Newton().iterates(problems[top], z) if jumps else newton_steps(hierarchy, problems[top], z, top)
             enough = _MIN_COARSE_RTOL * problems[top].residual_at_0()
-            for step, (near, residual) in enumerate(islice(path, _MAX_POLICY_STEPS if jumps else _MAX_COARSE_STEPS)):
+            for step, (near, residual) in enumerate(islice(path, _MAX_POLICY_STEPS if jumps else MAX_COARSE_STEPS)):
                 answer = near
                 if residual is None:
                     continue
@@ -133,7 +133,7 @@ class Multilevel(Method):
         hierarchy = Hierarchy(problem)
         simple = with_fixed_obstacle(problem)
         at_0 = problem.residual_at_0()
-        is_near = first <= _GOOD_START * at_0
+        is_near = first <= GOOD_START * at_0
         if is_near and problem.psi.has_policies:
             return z
         if is_near or (simple.psi.is_constant and z.any()):

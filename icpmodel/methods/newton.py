@@ -13,7 +13,7 @@ A is diagonally dominant in this row. In other rows p_i depends more on the neig
 so they are freed first.
 
 The line search is a nonmonotone watchdog. Let θ = ‖φ‖. The first reference is θ of the start. A step reduces θ enough
-where θ is at most `_REDUCTION` of the reference; its θ is then the next reference. An active-set step may raise θ, but
+where θ is at most `REDUCTION` of the reference; its θ is then the next reference. An active-set step may raise θ, but
 one of the next `_ALLOWED_STEPS` must reduce it enough. Two kinds of steps count less:
 
 - Steps that only shrink the active set do not count, as there are at most n in a row.
@@ -42,12 +42,10 @@ from ..numerics import work
 from ..numerics.arrays import Mask, Vector, norm
 from ..numerics.linear import solver_of
 from ..problem.data import ProblemData
-from .contract import Iterate, Method
+from .contract import REDUCTION, Iterate, Method
 
 #: so many active-set steps may pass without enough reduction of θ; after each descent step half as many
 _ALLOWED_STEPS = 8
-#: θ counts as reduced where it is at most this share of the reference
-_REDUCTION = 0.9
 #: moves against the common direction are rounding up to this share of the largest move (1e-11 was seen, with z = 1e5)
 _ROUNDING_SHARE = 1e-6
 #: the share of the slope in Armijo's rule, and how often a step is halved
@@ -220,7 +218,7 @@ class Path(Iterator[Iterate]):
         return True
 
     def _is_reduced(self, point: Point) -> bool:
-        return point.theta <= _REDUCTION * self.reference
+        return point.theta <= REDUCTION * self.reference
 
     def _unless_psi_fails(self, step: Callable[[], Point | None]) -> Point | None:
         """The result of `step`, None where ψ fails on the way."""

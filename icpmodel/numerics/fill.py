@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from . import work
 from .arrays import Vector, read_only, row_of
-from .sparse_structure import bandwidths, is_symmetric
+from .sparse_structure import SYMMETRY_RTOL, bandwidths, is_symmetric
 from .threads import run_with_deadline
 from .work import COSTS
 
@@ -29,8 +29,6 @@ _THIN_DEGREE = 5
 _WIDE_LAYER = 0.125
 #: the diagonal of the matrix that is ordered, next to entries of 1
 _DIAGONAL = 1e3
-#: entries that differ by a smaller share are the same up to rounding
-_SYMMETRY_RTOL = 1e-13
 
 
 class Fill(NamedTuple):
@@ -263,5 +261,5 @@ def signs_of_symmetry(A: sp.csr_array) -> Vector | None:
     """
     from .kernels.graph import signs  # loads numba
 
-    sigma = signs(*read_only((A.indptr, A.indices, A.data)), _SYMMETRY_RTOL) if A.has_canonical_format else np.empty(0)
+    sigma = signs(*read_only((A.indptr, A.indices, A.data)), SYMMETRY_RTOL) if A.has_canonical_format else np.empty(0)
     return sigma if sigma.size else None

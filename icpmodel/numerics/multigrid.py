@@ -17,7 +17,7 @@ from .arrays import Vector
 from .sparse_structure import is_symmetric
 
 #: coarsening has stalled where so many rows are left
-_MAX_COARSEST_IF_STALLED = 500
+MAX_COARSEST_IF_STALLED = 512
 #: with multigrid as preconditioner a Krylov method that needs more steps will not get there
 KRYLOV_STEPS = 30
 #: and so many are made where nothing else is left to try
@@ -50,7 +50,7 @@ def ruge_stuben(A: sp.csr_array, **options: Any) -> Any:
 
     with _quiet():
         solver = pyamg.ruge_stuben_solver(sp.csr_matrix(A), **options)  # PyAMG takes the older class only
-        if solver.levels[-1].A.shape[0] > _MAX_COARSEST_IF_STALLED:
+        if solver.levels[-1].A.shape[0] > MAX_COARSEST_IF_STALLED:
             solver.coarse_solver = pyamg.coarse_grid_solver("splu")
         return solver
 

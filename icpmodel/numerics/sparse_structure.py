@@ -8,6 +8,9 @@ from numpy.typing import NDArray
 
 from .arrays import read_only, row_of
 
+#: what differs by a smaller share is the same up to rounding
+SYMMETRY_RTOL = 1e-13
+
 
 def diagonal_positions(matrix: sp.csr_array) -> NDArray[np.int32] | NDArray[np.int64]:
     """Where in `matrix.data` each row's diagonal entry stands, shape (n,); every one must be stored."""

@@ -12,7 +12,7 @@ from ..numerics.arrays import Vector
 from ..numerics.rounding import UNIT_ROUNDOFF
 
 #: the share of |z_j| that balances rounding and curvature where both are of order 1 (Gill, Murray and Wright 1981, 8.6)
-_DIFFERENCE_STEP = (2.0 * UNIT_ROUNDOFF) ** 0.5
+DIFFERENCE_STEP = (2.0 * UNIT_ROUNDOFF) ** 0.5
 
 
 def steps(z: Vector) -> Vector:
@@ -23,7 +23,7 @@ def steps(z: Vector) -> Vector:
     >>> bool(np.allclose(steps(np.array([0.0, 4.0])), 2.0**-26 * np.array([1, 4])))
     True
     """
-    exact: Vector = (z + _DIFFERENCE_STEP * np.maximum(np.abs(z), 1.0)) - z
+    exact: Vector = (z + DIFFERENCE_STEP * np.maximum(np.abs(z), 1.0)) - z
     return exact
 
 

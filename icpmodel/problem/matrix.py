@@ -13,13 +13,11 @@ from ..numerics.arrays import ReadOnly, Vector, as_csr, as_square, freeze, locke
 from ..numerics.equilibration import balanced
 from ..numerics.krylov import SMALL_RADIUS, couplings, radius_of
 from ..numerics.sparse_input import checked_sparse
-from ..numerics.sparse_structure import absolute, is_symmetric
+from ..numerics.sparse_structure import SYMMETRY_RTOL, absolute, is_symmetric
 from ..numerics.threads import THREADS_FROM, run_in_threads, threads_for
 
 #: an A of so many rows is dense until its sparse form is asked for
 _DENSE_UP_TO = 64
-#: Au and Aᵀu that differ by no more are the same
-_SYMMETRY_RTOL = 1e-13
 #: what a row without entries counts as, and the least that 1/d_i is made of
 _EMPTY_ROW_SIZE = 2.0**-520
 _MIN_DIAGONAL = 2.0**-1000
@@ -246,7 +244,7 @@ class Matrix(ReadOnly):
         root = np.sqrt(self.weights)
         u = np.cos(np.arange(self.n) ** 2.0) / root
         image = self.product(u)
-        return bool(np.abs((image - self.sparse.T @ u) / root).max() <= _SYMMETRY_RTOL * np.abs(image / root).max())
+        return bool(np.abs((image - self.sparse.T @ u) / root).max() <= SYMMETRY_RTOL * np.abs(image / root).max())
 
     @cached_property
     def jacobi_radius(self) -> float:

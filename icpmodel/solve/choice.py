@@ -40,9 +40,8 @@ FAMILIES = ("paper", "modulus", None)
 _TRIAL_SHARE = 0.25
 _BRIEF_TRIAL_SHARE = 0.125
 _HOPELESS_RATIO = 1.0
-#: sweeps that are made before a rate is read off: plain ones, and accelerated ones, twice their history; plain ones go
-#: on where the second number of them will do
-_PLAIN_SWEEPS = 12
+#: accelerated sweeps that are made before a rate is read off, twice their history; plain ones go on where so many of
+#: them will do
 _ACCELERATED_SWEEPS = 20
 #: a method that has spent so many times what it said is stopped; by its rate it has left what it has spent, and at most
 #: so many times that

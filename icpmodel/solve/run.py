@@ -37,7 +37,7 @@ _LONGEST_PATIENCE = 50_000
 _LEAST_REDUCTION = 1e-14
 _MOST_REDUCTION = 0.5
 #: the largest share of the first residual that rounding may explain; beyond it the iterates have diverged
-_MAX_ROUNDING = 0.1
+MAX_ROUNDING = 0.1
 #: a residual of this many times the first one counts as divergence, before it overflows
 _DIVERGENCE = 1e200
 #: outcomes after which the next method starts from the best iterate; "" is a method that was only interrupted by others
@@ -350,7 +350,7 @@ class Run:
         if self.best is None:
             return None
         floor = self.problem.rounding_of_residual(self.best.z)
-        if self.best.residual <= 2 * floor < _MAX_ROUNDING * (self.scale or norm(self.best.z)):
+        if self.best.residual <= 2 * floor < MAX_ROUNDING * (self.scale or norm(self.best.z)):
             return StopReason(
                 Status.PRECISION_LIMIT, f"rounding leaves a residual of up to about {floor:.2g} at this z"
             )

@@ -21,12 +21,10 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
+from ...algebra.redundant import MAX_CROSSING
 from ...icp import ICP
 from ...numerics.arrays import Vector
 from ...numerics.rounding import UNIT_ROUNDOFF
-
-#: the share of their sizes by which bounds may cross as data and quotients are rounded
-_MAX_CROSSING = 4.0 * UNIT_ROUNDOFF
 
 
 class Values(NamedTuple):
@@ -93,7 +91,7 @@ class Presolve:
             self.origins.append(origin)
         high, low = bounds
         with np.errstate(invalid="ignore"):
-            touch = (low > high) & (low - high <= _MAX_CROSSING * (np.abs(low) + np.abs(high)))
+            touch = (low > high) & (low - high <= MAX_CROSSING * (np.abs(low) + np.abs(high)))
         low = np.where(touch, high, low)
         self.crossed = bool((low > high).any())
         self.program = replace(original, G=original.G[self.rows], h=original.h[self.rows], low=low, high=high)

@@ -40,6 +40,8 @@ GREY = "0.45"
 ACCURATE = "more accurate →"
 #: what has a picture
 _DRAWN = "a Solution, a list of them, Solutions, Fields, a Derivative, Sensitivity, History, Scene, Race or map"
+#: what is 0 on a logarithmic axis is drawn at, as a share of the smallest value above 0
+ZERO_SHARE = 0.1
 #: what a picture is written as
 FORMATS = (".png", ".pdf", ".svg")
 #: what a picture of ours says of its origin, and with what the data beside it begin

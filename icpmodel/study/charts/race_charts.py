@@ -13,10 +13,8 @@ from ...numerics.rounding import UNIT_ROUNDOFF
 from ...solve.goal import RTOL
 from ..competitors import Entry
 from ..race import Race
-from .figures import ACCURATE, GREY, Drawing, Panel, drawing, styles
+from .figures import ACCURATE, GREY, ZERO_SHARE, Drawing, Panel, drawing, styles
 
-#: what an answer that is exact to the last digit is drawn at, as a share of the smallest error above 0
-_ZERO_ERROR_SHARE = 0.1
 #: so many competitors beside solve() are in one panel, each in a colour of its own
 _MAX_SERIES = 6
 #: what a panel on its own needs for a line of times, in inches, and for the axes around them
@@ -89,7 +87,7 @@ def _limits(race: Race) -> dict[str, Any]:
     errors = [run.error for run in race.entries if run.error]
     times = [second for run in race.entries if run.error is not None for second in run.seconds]
     times += [race.limit] if race.limit else []
-    floor = max(_ZERO_ERROR_SHARE * min(errors, default=1.0), UNIT_ROUNDOFF * max(errors, default=1.0))
+    floor = max(ZERO_SHARE * min(errors, default=1.0), UNIT_ROUNDOFF * max(errors, default=1.0))
     return {
         "floor": floor,
         "xlim": (2 * max(errors, default=1.0), floor / 2),

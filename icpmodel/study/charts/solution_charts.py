@@ -19,11 +19,9 @@ from ...solve.solution import History, Solution
 from ...solve.solutions import Solutions
 from ..sensitivity import Sensitivity
 from .field_charts import CONTACTS, FEW, VECTOR, Field, Fields, clean, evenly, in_planes, in_words, line_style
-from .figures import BLUE, GREEN, GREY, ORANGE, PURPLE, Drawing, Panel, drawing
+from .figures import BLUE, GREEN, GREY, ORANGE, PURPLE, ZERO_SHARE, Drawing, Panel, drawing
 from .places import Places, places_of
 
-#: what is 0 on a logarithmic axis is drawn at, as a share of the smallest value above 0
-_ZERO_SHARE = 0.1
 _FORCE = "The force p = Az + q with which the obstacle pushes back: 0 where z is free."
 
 
@@ -151,7 +149,7 @@ def _(history: History) -> Drawing:
 
 def _residuals(history: History, ended: str, axes: Any) -> list[Any]:
     above_0 = history.residual[history.residual > 0.0]
-    zero = _ZERO_SHARE * above_0.min() if above_0.size else 1.0
+    zero = ZERO_SHARE * above_0.min() if above_0.size else 1.0
     residuals = np.maximum(history.residual, zero)
     style = {"marker": "o", "markersize": 4} if residuals.size <= FEW else {}
     axes.plot(history.iteration, residuals, color=BLUE, linewidth=1.5, label="residual", **style)

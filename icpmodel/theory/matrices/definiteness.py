@@ -19,14 +19,13 @@ from numpy.typing import NDArray
 from ...numerics import work
 from ...numerics.arrays import Vector, as_csr, row_of
 from ...numerics.equilibration import in_units, row_exponents, symmetric_exponents
-from ...numerics.rational import as_witness, curvature, exact_sum, rationals
+from ...numerics.rational import RATIONAL_UP_TO, as_witness, curvature, exact_sum, rationals
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
 from ..answers import Answer
 from .comparison_matrix import comparison_matrix
 from .eigenvalue import above, falling, within_reach
 from .h_matrix import by_row_sums, row_sum_signs
 
-_RATIONAL_UP_TO = 30  #: rows up to which rational elimination is asked
 _SHIFT = 2.0**-38  #: S − cI is factorised for this c, which is about what rounding needs, or for a larger one
 _MAX_ROUNDING = 2.0**-26  #: what may be called rounding in a matrix with a diagonal of about 1
 
@@ -60,7 +59,7 @@ def definiteness(A: sp.csr_array) -> tuple[Answer, Answer]:
         by_pivots = _by_pivots(A)
         if by_pivots.holds is not None:
             return by_pivots, by_pivots
-        if n <= _RATIONAL_UP_TO:
+        if n <= RATIONAL_UP_TO:
             return _in_fractions(A)
         definite, semidefinite = (by_pivots if answer.holds is None else answer for answer in (definite, semidefinite))
     return definite, semidefinite
