@@ -188,11 +188,11 @@ def _inverse_of(A: NDArray[np.float64]) -> NDArray[np.float64]:
     """A⁻¹, or that of Moore and Penrose where it has no digits."""
     with one_blas_thread():
         with suppress(np.linalg.LinAlgError):
-            inverse = np.linalg.inv(A)  # a tenth of the cost of the other
+            inverse = np.asarray(np.linalg.inv(A), np.float64)  # a tenth of the cost of the other
             size, inverse_size = (np.abs(B).sum(axis=0).max(initial=0.0) for B in (A, inverse))
             if size * inverse_size < _MAX_CONDITION:
                 return inverse
-        return np.linalg.pinv(A)
+        return np.asarray(np.linalg.pinv(A), np.float64)
 
 
 #: of the last matrix: P and `coarse_points` of the finest level and the levels below it, or why there are none.

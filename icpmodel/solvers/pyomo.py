@@ -109,7 +109,7 @@ def _obstacle(psi: Map, z: Any) -> list[Any]:
     if psi.linear is not None:
         return _moved(*psi.linear, z)
     code: Any = psi.fun if isinstance(psi, Function) else None
-    terms = getattr(code, "w", None)
+    terms: Any = getattr(code, "w", None)
     if hasattr(terms, "expressions"):  # read from a Pyomo model: Gz + c + Vw
         return _moved(sp.hstack([code.G, code.V], format="csr"), code.c, [*variables, *terms.expressions(variables)])
     symbols = np.array([_Symbol(variable) for variable in variables], dtype=object)

@@ -164,7 +164,7 @@ class CvxpyReading:
 
     def _obstacle(self, r: AffineRows, bound: AffineRows | None, name: str) -> Any:
         """z − (r − `bound`)/ρ, the bound being 0 where it is None."""
-        return obstacle(r, bound, lambda *terms: self._bent(*terms, name))
+        return obstacle(r, bound, lambda G, c, V: self._bent(G, c, V, name))
 
     def _bent(self, G: sp.csr_array, c: Vector, V: sp.csr_array, name: str) -> Function:
         """A function with atoms; with a derivative only if CVXPY's gradients were right at the first start."""

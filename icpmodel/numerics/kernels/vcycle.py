@@ -37,9 +37,9 @@ def ascend(indptr, indices, data, inverse, free, f, p_indptr, p_indices, p_data,
     # one backward sweep
     n = x.size
     for step in range(n):
-        i = uint(n - 1 - step)
-        if free[i]:
-            x[i] -= row_sum(-f[i], indptr[i], indptr[i + uint(1)], indices, data, x) * inverse[i]
+        row = uint(n - 1 - step)
+        if free[row]:
+            x[row] -= row_sum(-f[row], indptr[row], indptr[row + uint(1)], indices, data, x) * inverse[row]
 
 
 @compiled
