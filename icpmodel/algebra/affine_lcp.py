@@ -20,15 +20,15 @@ from ..problem.facts import Facts
 Matrix = NDArray[np.float64]
 
 
-#: so many pivots, times n + 1, and a small LCP counts as not solved
+#: the largest number of pivots for a small LCP, in units of n + 1
 PIVOTS = 50
-#: a problem, or a block of one, with at most so many rows is pivoted
+#: the largest number of rows of a problem, or a block of one, that is solved by pivoting
 PIVOT_UP_TO = 64
 #: arrays of n² entries that are held at once: A, its exponents and units, its scaled copy, and the dictionary
 _WORK_ARRAYS = 5
-#: these made and filled cost so many nanoseconds per entry; 40 to 50 at n = 10⁴ and 2·10⁴, where all pages are new
+#: nanoseconds per entry to make and fill these arrays: 40 to 50 at n = 10⁴ and 2·10⁴, where all pages are new
 _SETUP_COST = 45.0
-#: an inverse and a product with it take so many times as long as a factorisation
+#: the cost of an inverse and a product with it, in factorisations
 INVERSE = 6.0
 
 

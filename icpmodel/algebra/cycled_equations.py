@@ -15,7 +15,7 @@ from ..numerics.sparse_structure import is_diagonal
 from ..problem.data import ProblemData
 from .hierarchy import Hierarchy, Level
 
-#: so many Krylov steps a system needs as a rule
+#: the typical number of Krylov steps for a system
 _TYPICAL_STEPS = 10
 #: ψ_i is not followed where 1 − ∂ψ_i/∂z_i is smaller
 LEAST_SLOPE = 0.1

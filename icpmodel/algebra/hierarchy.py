@@ -19,11 +19,11 @@ from ..numerics.threads import one_blas_thread
 from ..problem.data import ProblemData
 from ..problem.matrix import Matrix
 
-#: a level of at most so many rows is solved by a dense inverse
+#: the largest number of rows of the coarsest level, which has a dense inverse
 _MAX_COARSEST = 64
 #: an inverse has digits where the condition number is below this; else that of Moore and Penrose is taken
 _MAX_CONDITION = 1e-2 / UNIT_ROUNDOFF
-#: a level that has so many times the entries of A, or more, costs more than it helps
+#: a level with more than this multiple of the entries of A costs more than it helps
 _MAX_FILL = 4
 
 

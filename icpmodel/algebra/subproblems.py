@@ -15,7 +15,7 @@ from ..problem.data import ProblemData
 from ..problem.two_sided import TwoSidedObstacle
 from .affine_lcp import PIVOT_UP_TO, PIVOTS
 
-#: so many parts that do not interact get a method each
+#: the largest number of independent parts that get a method each
 _MAX_PARTS = 32
 
 Rows = NDArray[np.intp]
@@ -139,7 +139,7 @@ def blocks(problem: ProblemData, core: Mask | None = None) -> Blocks | None:
     count, part = connected_components(graph, connection="strong")
     if count == 1 and problem.n > PIVOT_UP_TO:
         return None
-    # SciPy numbers the components so that each hangs on those before it only
+    # SciPy numbers the components so that each depends only on those before it
     simple = with_fixed_obstacle(problem)
     sizes = np.bincount(part, minlength=count)
     heavy = sizes > PIVOT_UP_TO

@@ -25,7 +25,7 @@ from .output import AS_JSON, complain, show_json, wrote
 
 _LIMITS = ("rtol", "atol", "max_iter", "time_limit")
 
-#: seconds in which rank 0 has told what ended all ranks
+#: seconds within which rank 0 reports the error that ended all ranks
 _MESSAGE_SECONDS = 0.5
 
 

@@ -45,9 +45,9 @@ from .direction import Direction
 from .gradient import Gradient
 from .tangent import Ties, tangent_problem
 
-#: so many random weights: that all of them cancel to a hundredth happens once in 10⁶
+#: the number of random weights: all of them cancel to a hundredth once in 10⁶ times
 _RANDOM_WEIGHTS = 3
-#: so many rows are named
+#: the largest number of rows that a message names
 _MAX_NAMED_ROWS = 5
 #: the relative tolerance of tangent problems, and the least one of linear systems that are solved by steps
 _RTOL = 1e-10

@@ -30,7 +30,7 @@ from ..numerics.threads import pools
 from .distributed_matrix import DistributedMatrix
 from .ranks import petsc, release, totals
 
-#: up to so many rows every rank factorises all of them where nothing is coarser
+#: the largest number of rows that every rank factorises whole if there is no coarser level
 _DIRECT_UP_TO = 2000
 #: Krylov's steps at the most after the active set has settled, to this part of the residual that is wanted
 _MAX_STEPS = 60

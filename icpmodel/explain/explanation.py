@@ -229,7 +229,7 @@ class Explanation(Displayable):
             if self.instead is not None:
                 also = "without a method, explain examines more of them"
                 yield f"{self.instead.title} is proved here (theorem {self.instead.theorems}); {also}"
-        # what is not known of A is not looked for while a page is printed
+        # printing a page computes no further facts of A
         if proved is None and self.classes.semidefinite.holds and (answer := proximal_point(self.problem)).holds:
             yield f"Proximal() is proved (theorem proximal): {answer.reason}"
         elif proved is None and self.instead is None:
@@ -326,7 +326,7 @@ def _explained(
             title = f"{type(picked).__name__}, first choice of solve()"
             methods[title] = picked.adapt(problem) if isinstance(picked, ModulusMember) else picked
     bound = _bound_at_zero(problem, limit)
-    # the first choice first, as not all may be looked at
+    # the first choice first, since the limit may not allow all forecasts
     first = sorted(methods, key=lambda title: not (picked is not None and _same(methods[title], picked)))
     in_turn = {title: methods[title] for title in first}
     by_title = {one.title: one for one in forecasts_of(problem, in_turn, accuracy, limit)}

@@ -25,7 +25,7 @@ from ..theory.convergence.rates import Rate, predicted_rate
 from ..theory.convergence.theorems import Check, check_all
 from ..theory.matrices.classes import MatrixClasses
 
-#: beyond this size only the members that need no factorisation are looked at
+#: beyond this size forecasts are made only of members without a factorisation
 _FACTORISE_UP_TO = 20_000
 #: factors that differ by less, or are all rounding, are the same
 _EQUAL_FACTORS = 1e-6

@@ -37,7 +37,7 @@ from ..problem.two_sided import mid
 from ..theory.certificates.recession import Recession
 from .contract import Infeasible, Iterate, LeastValue, Method
 
-#: so many steps in a row may reduce neither the residual nor the infeasibility of r and s
+#: the method ends after so many steps that reduce neither the residual nor the infeasibility of r and s
 _PATIENCE = 20
 #: the first multiple of W that is added to A, for a symmetric A and for another one. There entries are not bounded by
 #: those of the diagonal, and the square of the multiple must be above rounding, or pivots may vanish. The last one is

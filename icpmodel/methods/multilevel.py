@@ -35,17 +35,17 @@ from .newton import Newton
 #: about what Python costs around it: further levels cost as much, and bring less. Of 67 problems of 33 families, after
 #: twelve sweeps, one in 1D was lost so, which the coarsest levels solve; the others took .7 times as long (median)
 _SMALL = 0.5
-#: a coarser level is left at this share of the residual that it begins with, which is below what interpolation to the
-#: next one brings in, as full multigrid has it; at this one of its Res_D(0) at the latest; or after so many looks
+#: a coarser level ends at this share of its first residual: below the error of interpolation to the next level, as in
+#: full multigrid. It ends at the second share of its Res_D(0) at the latest, and after the number of steps
 _COARSE_REDUCTION = 0.05
 _MIN_COARSE_RTOL = 1e-8
 MAX_COARSE_STEPS = 8
-#: where ψ is an intervention, at the second one or after so many: a step there costs little against the finest level's
+#: if ψ is an intervention, it ends at the second share or after so many steps: they cost little on a coarser level
 _MAX_POLICY_STEPS = 30
-#: a start with this share of Res_D(0) is kept, ten times what is asked for by default; with more the error may be
-#: smooth and large, as what sweeps leave
+#: a start with at most this share of Res_D(0), ten times the default tolerance, is used as it is; with more the error
+#: may be smooth and large, as after sweeps
 GOOD_START = 1e-7
-#: where so many looks do not halve the residual, or the second number do not reduce it at all, others do better
+#: the method ends if so many steps do not halve the residual, or if the second number of steps do not reduce it
 _PATIENCE = 12
 _SHORT_PATIENCE = 5
 

@@ -44,7 +44,7 @@ from ..numerics.linear import solver_of
 from ..problem.data import ProblemData
 from .contract import REDUCTION, Iterate, Method
 
-#: so many active-set steps may pass without enough reduction of θ; after each descent step half as many
+#: the number of active-set steps without enough reduction of θ that are allowed; each descent step halves it
 _ALLOWED_STEPS = 8
 #: moves against the common direction are rounding up to this share of the largest move (1e-11 was seen, with z = 1e5)
 _ROUNDING_SHARE = 1e-6

@@ -27,7 +27,7 @@ from ..theory.certificates.contradiction import multipliers
 from ..theory.certificates.infeasible import infeasible
 from .contract import Infeasible, Iterate, Method, positive_diagonal
 
-#: so many unknowns may be split into differences; tested for 20 to 200
+#: the largest number of unknowns that are split into differences; tested for 20 to 200
 _SPLIT_UP_TO = 200
 #: how often a step of Josephy's is halved, and the share of its length by which it has to reduce Res
 _MAX_HALVINGS = 6

@@ -20,7 +20,7 @@ from .affine_rows import SumOfTerms
 
 #: share of its terms up to which a side counts as 0: the tolerance of PATH and of GAMS's other MCP solvers
 _ZERO_SHARE = 1e-6
-#: a larger rtol counts so many times as such a share
+#: a larger rtol allows this multiple of it as a share
 _RTOL_FACTOR = 100.0
 
 

@@ -27,7 +27,7 @@ _NO_NUMBER = (bool, np.timedelta64)
 _TRUTH = (bool, np.bool_)
 #: every whole number up to this one is a float64
 _MAX_EXACT_INTEGER = 2.0**53
-#: inner products of so many entries BLAS makes with one thread
+#: BLAS uses one thread for inner products of up to so many entries
 _ONE_THREAD_UP_TO = 10_000
 
 

@@ -19,7 +19,7 @@ from .sparse_structure import absolute
 
 Exponents = NDArray[np.int64]
 
-#: entries within 2^±so many of the diagonal need no balancing
+#: entries within a factor 2^± this of the diagonal need no balancing
 _BALANCED_RANGE = 30
 #: least squares this far from the optimum still bring every entry into range
 _MAX_STEPS = 60

@@ -43,9 +43,9 @@ _MAX_CORRECTION = 0.5
 _PIVOT_SHIFT = 2.0**-25
 #: the residual, as a share of the solution, of good factors
 _INEXACT = 1e-4
-#: so many Krylov steps GCR needs without a preconditioner
+#: the typical number of steps of GCR without a preconditioner
 _MANY_STEPS = 100
-#: and where the fill is not known it may make so many
+#: the largest number of steps of GCR if the fill is not known
 _MAX_STEPS = 1000
 
 

@@ -16,11 +16,11 @@ from . import work
 from .arrays import Vector
 from .sparse_structure import is_symmetric
 
-#: coarsening has stalled where so many rows are left
+#: coarsening has stalled if more rows than these are left
 MAX_COARSEST_IF_STALLED = 512
 #: with multigrid as preconditioner a Krylov method that needs more steps will not get there
 KRYLOV_STEPS = 30
-#: and so many are made where nothing else is left to try
+#: the largest number of steps if no other solver is left
 _LAST_RESORT_STEPS = 100
 #: what SciPy's direct solvers, on the coarsest level, make of a matrix that is singular, or not finite
 _FAILURES = (RuntimeError, ValueError, ArithmeticError)

@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 from ..errors import OutOfTime
 from .work import nanoseconds_left, seconds_left
 
-#: loops over so many entries are worth threads
+#: the least number of entries of a loop for which threads pay
 THREADS_FROM = 1_000_000
 #: what makes rows low <= i < high
 OfRows = Callable[[int, int], Any]

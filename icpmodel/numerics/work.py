@@ -129,9 +129,10 @@ def newton(n: int, nnz: int, mixed: bool) -> float:
 
 #: seconds that count as having gone as foreseen, before it is known how far the table is from this machine
 _PACE_OFFSET = 0.1
-#: a piece of a long loop between two looks at the clock, in nanoseconds
+#: a piece of a long loop between two readings of the clock, in nanoseconds
 _PIECE_NANOSECONDS = 2e7
-#: for fewer bytes the system is not asked how many are free, nor for this share of what it had so many seconds ago
+#: the free memory is not read again for fewer bytes than the first number, nor for less than this share of the value
+#: read within the last seconds
 _NEGLIGIBLE_BYTES = 2.0**24
 _NEGLIGIBLE_SHARE = 0.05
 _MEMORY_CACHE_SECONDS = 0.5

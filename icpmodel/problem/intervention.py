@@ -1,4 +1,4 @@
-"""The intervention operator of impulse control, the map ψ that looks for the best jump."""
+"""The intervention operator of impulse control: the map ψ of the best jump."""
 
 from __future__ import annotations
 

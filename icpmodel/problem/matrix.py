@@ -16,7 +16,7 @@ from ..numerics.sparse_input import checked_sparse
 from ..numerics.sparse_structure import SYMMETRY_RTOL, absolute, is_symmetric
 from ..numerics.threads import THREADS_FROM, run_in_threads, threads_for
 
-#: an A of so many rows is dense until its sparse form is asked for
+#: the largest number of rows of a dense A that stays dense until its sparse form is needed
 _DENSE_UP_TO = 64
 #: what a row without entries counts as, and the least that 1/d_i is made of
 _EMPTY_ROW_SIZE = 2.0**-520

@@ -191,7 +191,7 @@ class Placement:
     unknown: str
 
 
-#: the placement of a scene's A, as long as that A is there: whoever plots a solution need not know its scene
+#: the placement of a scene's A, as long as that A exists: a plot of a solution need not know its scene
 _PLACES: WeakKeyDictionary[Matrix, Placement] = WeakKeyDictionary()
 
 

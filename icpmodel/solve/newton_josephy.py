@@ -31,9 +31,9 @@ _PROXIMAL = (0.0, 1e-2, 1.0, 1e2)
 _TIGHT, _LOOSE = 1e-4, 0.1
 #: a step of length t is taken where θ ≤ (1 − σt) times the largest of the last so many (Grippo and others 1986)
 _SIGMA, _MEMORY = 1e-4, 5
-#: a step is halved so many times; so many steps may pass until the least θ has fallen by a tenth
+#: the number of halvings of a step, and of steps without a reduction of the least θ by a tenth
 _HALVINGS, _PATIENCE = 10, 40
-#: a ladder begins with so many methods that are sweeps
+#: the number of sweeps methods with which a ladder begins
 _SWEEPS = 2
 #: random starts after the last step that helps, for problems small enough for a search
 _MAX_RESTARTS = 20

@@ -1,4 +1,4 @@
-"""Runs of competitors within a limit of time, whoever keeps to it."""
+"""Runs of competitors within a time limit, which is enforced from outside."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ TOLERANCES = tuple(10.0**-k for k in range(2, 13))
 METHODS = ("mnmgs", "mnmaor, tuned", "psor, tuned", "newton", "multilevel")
 #: a claim of success is loose where the residual, relative to Res_D(0), is more than so many times what was asked for
 _LOOSE_FACTOR = 10.0
-#: a run that takes so many seconds is timed once
+#: a run that takes more seconds than this is timed once
 _TIMED_ONCE_SECONDS = 1.0
 #: z ↦ its error, None where it has none
 _Error = Callable[[Any], float | None]

@@ -18,7 +18,7 @@ from ..theory.certificates.bounds import perturbation_bound
 
 #: up to this size the inverse is computed, beyond its norm is estimated
 _INVERT_UP_TO = 500
-#: so many draws of the signs of the changes
+#: the number of draws of the signs of the changes
 _RANDOM_SIGNS = 10
 #: ε of the change that the certificate bounds
 _RELATIVE_CHANGE = 1e-6

@@ -37,7 +37,7 @@ def interleaved(
 ) -> Iterator[tuple[Name, Run]]:
     """(name, run) of all `calls`, `rounds` times in turn, each round beginning with another one.
 
-    `say` is told the round, from 1.
+    `say` is called with the number of the round, from 1.
     """
     names = list(calls)
     for done in range(rounds if names else 0):

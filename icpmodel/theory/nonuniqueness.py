@@ -26,7 +26,7 @@ from ..problem.data import ProblemData
 from .matrices.classes import MatrixClasses
 from .solution_set import ExactRows, Face, all_solutions, listed
 
-#: linear pieces up to which all solutions are looked for: they take about a tenth of a second
+#: the largest number of linear pieces for which all solutions are computed: about a tenth of a second
 _MAX_PIECES = 2**9
 #: unknowns up to which the equations of an active set are solved in fractions
 _MAX_UNKNOWNS = 20

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...numerics.kernels import compiled
 
-#: entries within 2^±so many of each other need no balancing; the exponent of 0
+#: entries within a factor 2^± this of each other need no balancing; the exponent of 0
 _BALANCED_RANGE = 20
 _ZERO_EXPONENT = -5000
 

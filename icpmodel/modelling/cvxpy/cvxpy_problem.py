@@ -43,7 +43,7 @@ STATUSES = {
 }
 #: the least value of the objective 0
 _VALUES = {s.OPTIMAL: 0.0, s.OPTIMAL_INACCURATE: 0.0, s.INFEASIBLE: np.inf}
-#: so many constraints are printed in one line
+#: the largest number of constraints in a repr
 _MAX_PRINTED_CONSTRAINTS = 3
 
 

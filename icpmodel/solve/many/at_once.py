@@ -28,7 +28,7 @@ Matrix = NDArray[np.float64]
 _MAX_STEPS = 50
 #: arrays of the size of Q that the rows at once take
 _WORK_ARRAYS = 6
-#: so many rows, or unknowns where A is tridiagonal, are worth a thread of their own
+#: the number of rows, or of unknowns for a tridiagonal A, for which a further thread pays
 ROWS_A_THREAD = 200
 UNKNOWNS_A_THREAD = 20_000
 

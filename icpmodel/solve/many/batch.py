@@ -33,7 +33,7 @@ Matrix = NDArray[np.float64]
 #: so many rows that are solved one by one start each from the answer of the one before; the next one begins anew, so
 #: that a share of the rows in another process has the same answers: measured, a cold row costs .7 to 2 times as much
 CHAIN = 16
-#: a share of rows in compiled code is worth so many nanoseconds, some hundred times what it takes to send it
+#: the cost of a share of rows in compiled code, in nanoseconds: some hundred times the cost of sending it
 SHARE = 1e8
 
 

@@ -17,11 +17,11 @@ from ...scenes.registry import title
 from .figures import GREY, ORANGE, PURPLE, Drawing, Panel, drawing
 from .places import Places, Slice, places_of
 
-#: so many points or rows are shown one by one
+#: the largest number of points or rows drawn one by one
 FEW = 60
 #: a curve of more points is written as pixels
 VECTOR = 5000
-#: of a sequence of fields so many are drawn, evenly spaced
+#: the largest number of fields of a sequence that are drawn, evenly spaced
 _MAX_FIELDS = 6
 #: contact with an obstacle → its colour on a line and in the plane
 CONTACTS = {"contact set": (GREY, "white"), "contact below": (GREY, "white"), "contact above": (PURPLE, ORANGE)}

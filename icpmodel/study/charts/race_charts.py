@@ -15,7 +15,7 @@ from ..competitors import Entry
 from ..race import Race
 from .figures import ACCURATE, GREY, ZERO_SHARE, Drawing, Panel, drawing, styles
 
-#: so many competitors beside solve() are in one panel, each in a colour of its own
+#: the largest number of competitors beside solve() in one panel, each in its own colour
 _MAX_SERIES = 6
 #: what a panel on its own needs for a line of times, in inches, and for the axes around them
 _LINE_HEIGHT = 0.24

@@ -39,7 +39,7 @@ from .proof import Proof, norm_up
 from .slopes import proofs_by_slopes
 from .supersolution import prove as prove_supersolution
 
-#: A of up to so many entries are always sharpened: that takes a few milliseconds
+#: bounds for matrices with up to so many entries are always sharpened: that takes a few milliseconds
 _SHARPEN_MAX_NNZ = 10_000
 #: no further point ẑ is tried once δ(ẑ) is this share of |z − ẑ|: the bound is then good to 2 per cent
 _NEGLIGIBLE = 0.02

@@ -41,7 +41,7 @@ from ...problem.two_sided import mid
 from ..matrices.comparison_matrix import comparison_matrix, positive_diagonal, scaling_vectors
 from .proof import Proof, no_lipschitz, norm_up
 
-_POLICY_UP_TO = 200_000  #: beyond this size a factorisation for every choice of rows is too dear
+_POLICY_UP_TO = 200_000  #: beyond this size a factorisation for every choice of rows costs too much
 _POLICY_STEPS = 30
 
 

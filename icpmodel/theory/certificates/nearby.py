@@ -28,7 +28,7 @@ from .h_plus import HPlusProof
 
 #: sweeps between two points where there is no hierarchy
 _SWEEPS_PER_POINT = 20
-#: a bound of at most so many times a lower bound of the error is not improved
+#: a bound of at most this multiple of a lower bound of the error is not improved
 _GOOD_RATIO = 10.0
 
 

@@ -252,7 +252,7 @@ def _by_radius(name: str, make: Callable[[StepMatrices], HomogeneousMap | str]) 
             step.vectors.append(bound.v)
         number = bound.upper * T.limit * (1.0 if T.limit == 1.0 else 1 + 4 * UNIT_ROUNDOFF)
         limit = f"{T.limit:.6g}"
-        if float(limit) <= number < T.limit:  # what is proved must not look false for want of digits
+        if float(limit) <= number < T.limit:  # more digits, so that a proved inequality does not look false
             limit = repr(T.limit)
         size = at_most(number, 6, below=float(limit))
         reasons = {

@@ -18,7 +18,7 @@ from ...numerics.threads import one_blas_thread
 
 #: shares of the estimated eigenvalue that are tried as a bound; the first one does unless rounding is felt
 _SHARES = (0.99, 0.9, 0.5)
-#: up to so many rows dense factorisations are the quicker ones whatever the pattern
+#: the number of rows up to which dense factorisations are quicker, whatever the pattern
 _DENSE_UP_TO = 64
 _MAX_FACTORISATION_COST = 5e9  #: what a factorisation may cost, in nanoseconds as they are counted
 _TRIDIAGONALISATION_COST = 4  #: to make a dense matrix tridiagonal takes about as long as so many factorisations
