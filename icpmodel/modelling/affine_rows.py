@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..numerics.arrays import Vector, row_of
 from ..problem.affine import Affine
+from ..problem.differences import steps
 from ..problem.function import Function
 
 
@@ -82,7 +84,14 @@ class SumOfTerms:
         return np.asarray(own + np.abs(self.c) + abs(self.V) @ np.abs(self.w.value(z)))
 
     def jacobian(self, z: Vector) -> sp.csr_array:
-        """ψ′(z) = G + Vw′(z). Raises ArithmeticError where an expression has no gradient at `z`."""
+        """ψ′(z) = G + Vw′(z). At the edge of a domain, where w has no finite derivative, that of a point next to z is
+        taken. Raises ArithmeticError where an expression has no gradient there either."""
+        h = steps(z)
+        for near in (z, z + h, z - h):
+            with suppress(ArithmeticError):
+                of_w = self.w.jacobian(near)
+                if np.isfinite(of_w.data).all():
+                    return sp.csr_array(self.G + self.V @ of_w)
         return sp.csr_array(self.G + self.V @ self.w.jacobian(z))
 
 

@@ -148,7 +148,7 @@ def test_a_series_is_compiled_once_and_gives_the_answers_of_new_models(monkeypat
 
 
 def test_an_expression_without_a_value_is_named():
-    """A start outside the domain is an error that says which expression; from inside it is solved."""
+    """A start outside the domain is an error that says which expression; from inside, or the edge, it is solved."""
     z = cp.Variable(2, name="z")
     model = icp.Problem(icp.complements(4 * z - 2, z - 0.1 * cp.log(z)))
     with pytest.raises(icp.MapError, match=r"log\(z\) is -inf here; start where it is finite"):
@@ -159,25 +159,22 @@ def test_an_expression_without_a_value_is_named():
     z.value = [1, 1]
     assert model.solve().solved
     assert z.value == pytest.approx([0.5, 0.5])
-
-
-def cube(x):
-    """x³, which CVXPY's power has for x ≥ 0 alone."""
-    return cp.multiply(x, cp.square(x))
+    z.value = None
+    assert icp.Problem(icp.complements(z**2.5 + cp.sqrt(z) - [2, -1], z)).solve().z == pytest.approx([1, 0])
 
 
 #: x ∈ R² ↦ one condition, or equations, with any expressions on both sides; and the answer
 BENT = {
     "p": (lambda x: [icp.complements(cp.exp(x) - 2, x + 1)], [np.log(2), np.log(2)]),
     "p is like r": (lambda x: [icp.complements(2 * x - 1, cp.exp(x) - 1)], [0.5, 0.5]),
-    "both": (lambda x: [icp.complements(cp.exp(x) - [2, 0], x + cube(x))], [np.log(2), 0]),
-    "both swapped": (lambda x: [icp.complements(x + cube(x), cp.exp(x) - [2, 0])], [np.log(2), 0]),
-    "r is a power": (lambda x: [icp.complements(cp.exp(x) - [2, 5], cube(x) - 1)], [1, np.log(5)]),
-    "bounds": (lambda x: [icp.complements(cp.exp(x) - [2, 5], cube(x), lower=-8, upper=1)], [np.log(2), 1]),
+    "both": (lambda x: [icp.complements(cp.exp(x) - [2, 0], x + cp.power(x, 3))], [np.log(2), 0]),
+    "both swapped": (lambda x: [icp.complements(x + cp.power(x, 3), cp.exp(x) - [2, 0])], [np.log(2), 0]),
+    "r is a power": (lambda x: [icp.complements(cp.exp(x) - [2, 5], cp.power(x, 3) - 1)], [1, np.log(5)]),
+    "bounds": (lambda x: [icp.complements(cp.exp(x) - [2, 5], cp.power(x, 3), lower=-8, upper=1)], [np.log(2), 1]),
     "a matrix": (
         lambda x: [
             icp.complements(
-                cp.reshape(cp.hstack([cp.exp(x[1]) - 3, cube(x[0]) - x[1]]), (2, 1), order="C"),
+                cp.reshape(cp.hstack([cp.exp(x[1]) - 3, cp.power(x[0], 3) - x[1]]), (2, 1), order="C"),
                 cp.vstack([x[1] - 1, cp.exp(x[0]) - 2]),
             )
         ],

@@ -21,6 +21,8 @@ from ...numerics.arrays import Vector
 _MAX_PRINTED_ENTRIES = 20
 #: how far a difference quotient may lie from the gradient
 _GRADIENT_TOLERANCE = 1e-4
+#: the class of x**k, which CVXPY 1.6 calls power
+_POWER: Any = getattr(cp, "Power", cp.power)
 
 
 class Copies:
@@ -117,7 +119,7 @@ def unique(items: Iterable[Any]) -> list[Any]:
 def copied(expression: Any, copies: dict[int, Any]) -> Any:
     """`expression` with some of its leaves replaced, also a parameter that is no argument (power, huber). What is
     stretched to the shape of the others is stretched beforehand: CVXPY 1.9 forgets it in gradients. Nor does it know
-    those of a quotient a/b in b, which becomes ab/b², and of a quadratic form in its matrix."""
+    those of a quotient a/b in b, which becomes ab/b², of a quadratic form in its matrix, and of x³ where x ≤ 0."""
     if id(expression) in copies or not expression.args:
         return copies.get(id(expression), expression)
     arguments = [copied(argument, copies) for argument in expression.args]
@@ -127,10 +129,20 @@ def copied(expression: Any, copies: dict[int, Any]) -> Any:
         arguments = [x if x.shape == expression.shape else broadcast_to(x, expression.shape) for x in arguments]
     if isinstance(expression, QuadForm) and not arguments[1].is_constant():
         return cp.sum(cp.multiply(arguments[0], arguments[1] @ arguments[0]))
+    if isinstance(expression, _POWER) and (exponent := expression.p.value) is not None and exponent in range(3, 100):
+        return _whole_power(arguments[0], int(exponent))
     data = expression.get_data() or []
     if not any(isinstance(x, cp.Expression) for x in data):
         return expression.copy(arguments)
     return type(expression)(*arguments, *(cp.Constant(x.value) if isinstance(x, cp.Expression) else x for x in data))
+
+
+def _whole_power(x: cp.Expression, exponent: int) -> cp.Expression:
+    """xᵏ, k ≥ 2, by squares."""
+    if exponent <= 3:
+        return cp.square(x) if exponent == 2 else cp.multiply(x, cp.square(x))
+    half = cp.square(_whole_power(x, exponent // 2))
+    return cp.multiply(x, half) if exponent % 2 else half
 
 
 def named(expression: cp.Expression | cp.Constraint) -> str:
