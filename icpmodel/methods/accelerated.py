@@ -92,7 +92,6 @@ class Accelerated(Method):
 
     name: ClassVar[str] = "accelerated"
     family: ClassVar[str] = "modulus"
-    memoryless: ClassVar[bool] = False
     to_try: ClassVar[str] = "another method to accelerate (of), another history_size or mixing_frequency"
     of: Any = None
     history_size: int = 7

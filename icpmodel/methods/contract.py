@@ -89,7 +89,7 @@ class Method(ReadOnly, Displayable, ABC):
     #: the name that `solve` and the command line take
     name: ClassVar[str] = ""
     #: whether zᵏ alone decides zᵏ⁺¹, so that an iterate that comes back proves a cycle
-    memoryless: ClassVar[bool] = True
+    memoryless: ClassVar[bool] = False
     #: "paper" for the members that the paper prints, "modulus" for what grows out of the same equation, "shortcut" for
     #: what solves small or narrow problems without it, "" for baselines
     family: ClassVar[str] = ""
@@ -194,6 +194,8 @@ class Method(ReadOnly, Displayable, ABC):
 
 class FixedPoint(Method):
     """A method whose iterates are those of one map: zᵏ⁺¹ = g(zᵏ). Such a method can be accelerated."""
+
+    memoryless: ClassVar[bool] = True
 
     @abstractmethod
     def step_of(self, problem: ProblemData) -> Step:

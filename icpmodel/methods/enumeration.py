@@ -48,7 +48,6 @@ class Enumerate(Method):
     """
 
     name: ClassVar[str] = "enumerate"
-    memoryless: ClassVar[bool] = False
     finite: ClassVar[bool] = True
 
     def why_not(self, problem: ProblemData) -> str | None:

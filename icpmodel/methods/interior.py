@@ -35,7 +35,8 @@ from ..numerics.symmetric_factors import Symmetric
 from ..problem.data import ProblemData
 from ..problem.two_sided import mid
 from ..theory.certificates.recession import Recession
-from .contract import Infeasible, Iterate, LeastValue, Method
+from .contract import Infeasible, Iterate, LeastValue
+from .proximal import Regularised
 
 #: the method ends after so many steps that reduce neither the residual nor the infeasibility of r and s
 _PATIENCE = 20
@@ -60,7 +61,7 @@ _MAX_ERROR_GROWTH = 1e4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Interior(Method):
+class Interior(Regularised):
     """Newton's steps with √(x² + 4ε²) for |x|, ε falling: all rows count, and no signs are sought.
 
     For the problems of `Proximal` whose active set changes often or row by row: redundant contacts in two and three
@@ -79,12 +80,6 @@ class Interior(Method):
     """
 
     name: ClassVar[str] = "interior"
-    family: ClassVar[str] = "modulus"
-    memoryless: ClassVar[bool] = False
-    finite: ClassVar[bool] = True
-
-    def why_not(self, problem: ProblemData) -> str | None:
-        return None if problem.facts.has_fixed_obstacle else problem.psi.no_derivative()
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         # never raises SingularOperator

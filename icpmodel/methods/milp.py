@@ -83,7 +83,6 @@ class MixedInteger(Method):
     """
 
     name: ClassVar[str] = "milp"
-    memoryless: ClassVar[bool] = False
     finite: ClassVar[bool] = True
 
     def why_not(self, problem: ProblemData) -> str | None:

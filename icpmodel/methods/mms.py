@@ -56,7 +56,6 @@ class MMS(Method):
     name: ClassVar[str] = "mms"
     family: ClassVar[str] = ""
     to_try: ClassVar[str] = "another omega, another splitting"
-    memoryless: ClassVar[bool] = False  # x is more than z: all x <= 0 give z = psi
     splitting: Any = "gauss-seidel"
     omega: Any = None
     inner: int = 10

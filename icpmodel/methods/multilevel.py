@@ -71,7 +71,6 @@ class Multilevel(Method):
 
     name: ClassVar[str] = "multilevel"
     family: ClassVar[str] = "modulus"
-    memoryless: ClassVar[bool] = False
 
     def why_not(self, problem: ProblemData) -> str | None:
         reason = positive_diagonal(problem, "its smoother divides by the diagonal of A")

@@ -83,7 +83,6 @@ class Newton(Method):
 
     name: ClassVar[str] = "newton"
     family: ClassVar[str] = "modulus"
-    memoryless: ClassVar[bool] = False
     finite: ClassVar[bool] = True
 
     def why_not(self, problem: ProblemData) -> str | None:

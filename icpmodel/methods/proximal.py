@@ -57,8 +57,18 @@ _SECOND_SHIFT_SKEW = 1e-6
 _MAX_IDLE_STEPS = 100
 
 
+class Regularised(Method):
+    """The common base of the methods that add a small diagonal to A."""
+
+    family: ClassVar[str] = "modulus"
+    finite: ClassVar[bool] = True
+
+    def why_not(self, problem: ProblemData) -> str | None:
+        return None if problem.facts.has_fixed_obstacle else problem.psi.no_derivative()
+
+
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Proximal(Method):
+class Proximal(Regularised):
     """The proximal-point method: z⁺ solves the LCP(A + μW, q − μWz) by Newton's method, an iterate per step.
 
     It is made for monotone A (xᵀAx ≥ 0), symmetric or not, singular or with a zero diagonal: contact
@@ -87,12 +97,6 @@ class Proximal(Method):
     """
 
     name: ClassVar[str] = "proximal"
-    family: ClassVar[str] = "modulus"
-    memoryless: ClassVar[bool] = False
-    finite: ClassVar[bool] = True
-
-    def why_not(self, problem: ProblemData) -> str | None:
-        return None if problem.facts.has_fixed_obstacle else problem.psi.no_derivative()
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         # never raises SingularOperator

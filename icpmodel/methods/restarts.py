@@ -58,7 +58,6 @@ class Restarts(Method):
     """
 
     name: ClassVar[str] = "restarts"
-    memoryless: ClassVar[bool] = False
     finite: ClassVar[bool] = True
 
     tries: int = 400

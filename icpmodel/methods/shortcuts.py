@@ -43,7 +43,6 @@ class Shortcut(Method):
     """The common base of these methods."""
 
     family: ClassVar[str] = "shortcut"
-    memoryless: ClassVar[bool] = False
     finite: ClassVar[bool] = True
 
 

@@ -74,7 +74,6 @@ class NewtonJosephy(Method):
     """
 
     name: ClassVar[str] = "newton-josephy"
-    memoryless: ClassVar[bool] = False
     finite: ClassVar[bool] = True
     to_try: ClassVar[str] = "another start z0"
 
