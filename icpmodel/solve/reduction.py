@@ -150,6 +150,8 @@ class _Parts:
         run.job = self.job
         run.path = iter(())
         run.tried.append(self.job)
+        if not np.isfinite(self.z).all():  # a block has overflowed
+            self.z = run.start
         run.current = self.z
         residual = run.goal.judged(self.z, run.problem.residual(self.z))
         reached = not run.is_over and run.goal.reached(self.z, residual)

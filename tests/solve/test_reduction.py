@@ -132,6 +132,13 @@ class TestBlocks:
         assert solution.residual == problem.residual(solution.z)
         assert np.abs(solution.z - plain(problem)).max() <= 1e-6
 
+    @pytest.mark.parametrize("c", [0.0, -np.inf])
+    def test_a_block_that_overflows_leaves_an_iterate_of_numbers(self, c):
+        A = np.zeros((8, 8))
+        A[2, 1:3] = -1e307, 1e307
+        problem = icp.ICP(A, np.zeros(8), [0.0, 1000.0, c, *[0.0] * 5])
+        assert np.isfinite(problem.solve(family="modulus", max_iter=100, raise_on_failure=False).z).all()
+
     def test_a_part_of_its_own_gets_a_method_of_its_own(self):
         """A large membrane and a dense P-matrix: what serves one does not serve the other."""
         rng = np.random.default_rng(0)
