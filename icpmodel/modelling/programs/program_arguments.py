@@ -69,13 +69,13 @@ def _rows(M: Any, right: Any, n: int, names: tuple[str, str]) -> tuple[sp.csr_ar
     return M, as_vector(right, M.shape[0], names[1], infinite=np.inf if names[0] == "G" else None)
 
 
-def check_convex(P: sp.csr_array) -> None:
+def check_convex(program: Program) -> None:
     """Raises InputError where P is not symmetric, or is proved not to be semidefinite."""
     from scipy.linalg.lapack import dpotrf
 
-    skew = sp.coo_array(P - P.T)
-    size = np.abs(P.data).max(initial=0.0)
-    if np.abs(skew.data).max(initial=0.0) > P.shape[0] * UNIT_ROUNDOFF * size:
+    P = program.H
+    if not program.is_symmetric:
+        skew = sp.coo_array(P - P.T)
         k = int(np.argmax(np.abs(skew.data)))
         i = int(skew.coords[0][k])
         j = int(skew.coords[1][k])

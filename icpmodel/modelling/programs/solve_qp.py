@@ -211,7 +211,7 @@ def solve_qp(
     """
     begin = time.perf_counter()
     program = read(P, q, G, h, A, b, lb, ub, ("P", "q"))
-    check_convex(program.H)
+    check_convex(program)
     return _solved(program, initvals, tolerance, time_limit, raise_on_failure, begin)
 
 
