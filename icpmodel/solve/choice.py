@@ -252,9 +252,8 @@ class Ladder:
         self.is_paused = False
         if first is not None:
             self.rungs.pop(0)
-            self.jobs = self._estimated([first])
-            self.early = next(iter(self.jobs), None)
-            self.floor = sum(job.remaining for job in self.jobs)
+            for job in self._estimated([first]):
+                self._begin(job)
 
     @property
     def is_decided(self) -> bool:
@@ -331,9 +330,13 @@ class Ladder:
                 job.remaining -= hierarchy_cost(problem.n, problem.nnz)
                 job.choice = replace(job.choice, why=f"{job.choice.why}, and A keeps the hierarchy")
                 if job is min(jobs, key=lambda job: job.remaining):
-                    self.early = job
-                    self.jobs.append(job)
-                    self.floor = job.remaining
+                    self._begin(job)
+
+    def _begin(self, job: Job) -> None:
+        """Run `job` before the sweeps, until it costs more than expected."""
+        self.early = job
+        self.jobs.append(job)
+        self.floor = job.remaining
 
     def _plain(self) -> None:
         if self.family == "paper" or self.problem.psi.has_policies:

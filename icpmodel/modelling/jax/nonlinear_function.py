@@ -90,7 +90,7 @@ def nonlinear_solution_of(
     if not callable(F):
         raise InputError(f"F is {described(F)}; a function of z and theta was expected")
     size = int(as_number(n, "n", least=1, whole=True))
-    pattern = sp.csr_array(np.ones((size, size))) if sparsity is None else as_csr(sparsity, "sparsity", size)
+    pattern = as_csr(np.ones((size, size)) if sparsity is None else sparsity, "sparsity", size)
     jacobian = _Jacobian(jax, F, pattern)
     low = as_vector(psi, size, "psi", infinite=np.inf)
     high = as_vector(np.inf if upper is None else upper, size, "upper", infinite=np.inf)
@@ -111,12 +111,10 @@ def nonlinear_solution_of(
         return jax.pure_callback(lambda t: in_worker_thread(solved, t), shape, theta, vmap_method="sequential")
 
     @answer.defjvp
-    def of_implicit_function(primals: Any, tangents: Any) -> Any:
+    def of_implicit_function(primals: tuple[Any], tangents: tuple[Any]) -> Any:
         z = answer(*primals)
         p, dp = jax.jvp(lambda theta: F(z, theta), primals, tangents)
-        at_bound = (p > z - low) | (p < z - high)
-        M = jacobian.with_unit_rows(jacobian.entries(z, *primals), at_bound)
-        return z, jacobian.solve(M, jax.numpy.where(at_bound, 0.0, -dp))
+        return z, jacobian.newton_step(z, *primals, (p > z - low) | (p < z - high), dp)
 
     answer_of_theta: Callable[[Any], Any] = answer
     return answer_of_theta
@@ -145,11 +143,13 @@ class _Jacobian:
         pattern = self._pattern
         return sp.csr_array((np.array(entries), pattern.indices, pattern.indptr), shape=pattern.shape)
 
-    def with_unit_rows(self, entries: Any, unit: Any) -> Any:
-        """The entries with the rows `unit`, a mask of shape (n,), those of I."""
-        return self._jax.numpy.where(unit[self._rows], 1.0 * (self._rows == self._columns), entries)
+    def newton_step(self, z: Any, theta: Any, at_bound: Any, p: Any) -> Any:
+        """dz with F′dz = −p and, in the rows `at_bound`, a mask of shape (n,), dz = 0."""
+        where = self._jax.numpy.where
+        entries = where(at_bound[self._rows], 1.0 * (self._rows == self._columns), self.entries(z, theta))
+        return self._solve(entries, where(at_bound, 0.0, -p))
 
-    def solve(self, entries: Any, m: Any) -> Any:
+    def _solve(self, entries: Any, m: Any) -> Any:
         """M⁻¹m for the M of these `entries`, NaN where it is singular."""
         jax = self._jax
 
