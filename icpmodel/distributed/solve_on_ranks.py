@@ -285,7 +285,7 @@ class _Run:
         message = "solved"
         if status is not Status.SOLVED:
             message = (
-                f"{status.value}: {note}; best residual {residual:.3g} (stop at {self.tolerance:.3g}). "
+                f"{status.value}: {note}. Best residual {residual:.3g} (stop at {self.tolerance:.3g}). "
                 f"Advice: {status.advice}"
             )
         levels = self.levels
