@@ -27,7 +27,7 @@ from ..numerics.arrays import as_truth
 from ..numerics.multigrid import hierarchy_cost
 from ..present.display import Displayable
 from ..problem.data import ProblemData, ProblemLike, as_problem
-from .estimates import PLAIN, Estimate, least_cost
+from .estimates import PLAIN, Estimate, least_cost, least_of_others
 from .estimates import estimate as estimate_of
 from .goal import RTOL
 
@@ -86,7 +86,7 @@ def select_method(
     3. ψ an intervention: policy iteration, by `Newton` or from the coarser levels by `Multilevel`.
 
     With a z0 the problem counts as one of a sequence with the same A, which keeps the hierarchy of `Multilevel`. Where
-    `Multilevel` without the hierarchy is expected to cost less than accelerated sweeps and than `Newton`, it begins.
+    `Multilevel` without the hierarchy is expected to cost less than any other method could, it begins.
     The ladder below follows where it ends, or has spent twice its estimate with the hierarchy.
 
     Rows without any obstacle are equations. They are eliminated where at most √nnz rows have an obstacle, ψ is fixed,
@@ -99,7 +99,8 @@ def select_method(
        for a quarter of what the cheapest method of rung 5 is expected to cost. Where the Jacobi radius ρ < 1 of A
        foretells that it needs more than that method, it is for an eighth.
     5. Of three methods the one with the least left to do: the cheapest of `Newton`, `Multilevel` and `Lemke`;
-       `Proximal`; `Interior`. Their estimates follow from ρ and the fill of the factors of A.
+       `Proximal`; `Interior`. Their estimates follow from ρ and the fill of the factors of A. That fill is not asked
+       for before `Multilevel` has more left than the others would cost without any.
     6. Where all of these have ended: the others that rung 5 names, then MNMGS and MNMMOD. With at most 150 unknowns
        they end after twice their estimates, as a global search follows.
 
@@ -241,11 +242,11 @@ class Ladder:
         #: the methods that may run; for each of the three of rung 5 the ones that follow where it ends
         self.jobs: list[Job] = []
         self.others: list[list[Job]] = []
-        self.rungs = [self._at_once, self._plain, self._sweeps, self._costly, self._last]
+        self.rungs = [self._at_once, self._plain, self._sweeps, self._levels, self._costly, self._last]
         if warm_start and family != "paper" and not problem.psi.has_policies:
             self.rungs.insert(1, self._with_hierarchy)
         self.floor = 0.0
-        #: what runs before the sweeps
+        #: what runs before all of rung 5 is estimated
         self.early: Job | None = None
         #: whether rung 5 waits, as the problem may be reduced before; and whether it is next
         self.pauses = False
@@ -276,7 +277,8 @@ class Ladder:
             if self.rungs and (least is None or least.remaining > self.floor):
                 self.rungs.pop(0)()
                 continue
-            costly = not self.rungs or any(least in rung for rung in self.others)
+            began = least is self.early and self._plain not in self.rungs
+            costly = began or not self.rungs or any(least in rung for rung in self.others)
             self.is_paused = self.pauses and costly and least is not None
             return None if self.is_paused else least
 
@@ -323,17 +325,17 @@ class Ladder:
     def _with_hierarchy(self) -> None:
         """`Multilevel` with the hierarchy that A keeps: a trial of sweeps would save no set-up."""
         problem = self.problem
-        methods = [Multilevel(), Accelerated(of=PSOR(omega=relaxation(problem))), Newton()]
-        jobs = self._estimated(methods)
+        jobs = self._estimated([Multilevel(), Accelerated(of=PSOR(omega=relaxation(problem)))])
         for job in jobs:
             if isinstance(job.method, Multilevel):
                 job.remaining -= hierarchy_cost(problem.n, problem.nnz)
                 job.choice = replace(job.choice, why=f"{job.choice.why}, and A keeps the hierarchy")
-                if job is min(jobs, key=lambda job: job.remaining):
+                least = min(jobs, key=lambda job: job.remaining)
+                if job is least and job.remaining <= least_of_others(problem.facts, self.family):
                     self._begin(job)
 
     def _begin(self, job: Job) -> None:
-        """Run `job` before the sweeps, until it costs more than expected."""
+        """Run `job` before all of rung 5 is estimated, until it costs more than expected."""
         self.early = job
         self.jobs.append(job)
         self.floor = job.remaining
@@ -368,6 +370,17 @@ class Ladder:
         hopeless = self.problem.matrix.coupled_radius < 1.0 and estimate.total > _HOPELESS_RATIO * following
         return max((_BRIEF_TRIAL_SHARE if hopeless else _TRIAL_SHARE) * following, _ACCELERATED_SWEEPS * estimate.step)
 
+    def _levels(self) -> None:
+        """`Multilevel` where the others of rung 5 would cost more even without fill, which an analysis would tell."""
+        if self.early is not None or self.family == "paper" or self.problem.psi.has_policies:
+            return
+        least = least_of_others(self.problem.facts, self.family)
+        for job in self._estimated([Multilevel()]):
+            if job.remaining <= least:
+                self._try_sweeps(self.jobs, job.remaining)
+                self._begin(job)
+                self.floor = least
+
     def _costly(self) -> None:
         self.floor = math.inf
         newton: list[Method] = [MNMMOD(theta1=AUTO)]
@@ -378,11 +391,16 @@ class Ladder:
         if self.family is None:
             newton.append(Lemke())
         sweeps = [job for job in self.jobs if job is not self.early]
+        begun = [job for job in self.jobs if job is self.early]
+        first = [job for job in begun if any(self._has_begun(method) for method in newton)]
         others = [[method for method in rung if not self._has_begun(method)] for rung in (newton, proximal)]
-        self.others = [self._estimated(others[0]), *([job] for job in self._estimated(others[1]))]
+        self.others = [first + self._estimated(others[0]), *([job] for job in self._estimated(others[1]))]
         for rung in self.others:
-            self.jobs += rung[:1]
-        following = min((rung[0].remaining for rung in self.others if rung), default=math.inf)
+            self.jobs += [job for job in rung[:1] if job not in begun]
+        self._try_sweeps(sweeps, min((rung[0].remaining for rung in self.others if rung), default=math.inf))
+
+    def _try_sweeps(self, sweeps: Iterable[Job], following: float) -> None:
+        """Let `sweeps` go on until their trial is over, where the next method costs `following`."""
         for job in sweeps:
             if following == math.inf:
                 job.limit = math.inf
@@ -391,7 +409,7 @@ class Ladder:
                 job.remaining = 0.0
 
     def _has_begun(self, method: Method) -> bool:
-        """Whether `method` ran before the sweeps."""
+        """Whether `method` began before the others of rung 5."""
         return self.early is not None and type(method) is type(self.early.method)
 
     def _last(self) -> None:

@@ -21,8 +21,9 @@ from ..methods.proximal import Proximal
 from ..methods.psor import PSOR
 from ..methods.shortcuts import Lemke
 from ..numerics import work
-from ..numerics.fill import dense_cost, least_factor_cost, solve_cost
+from ..numerics.fill import dense_cost, factor_cost, least_factor_cost, of_band, solve_cost
 from ..numerics.krylov import gcr_step_cost
+from ..numerics.linear import steps_cost
 from ..numerics.multigrid import cycle_cost, hierarchy_cost
 from ..problem.data import ProblemData
 from ..problem.facts import Facts
@@ -92,9 +93,26 @@ def _sweeps(method: Method, facts: Facts, target_reduction: float) -> Estimate:
     return Estimate(costs.call, step, _sweep_steps(facts, target_reduction, method), 8.0 * n * (4.0 + vectors))
 
 
+def _newton_steps(facts: Facts) -> float:
+    """Sets that only shrink do so by layers whose number doubles."""
+    return 1.0 + math.log2(max(facts.bounded, 1)) / 3.0
+
+
+def least_of_others(facts: Facts, family: str | None) -> float:
+    """The least that `Newton`, `Proximal`, `Interior` or `Lemke` can cost, where factors have no fill."""
+    matrix = facts.matrix
+    n = matrix.n
+    rows = matrix.rows
+    band = factor_cost(of_band(n, rows.below, rows.above, rows.below == rows.above))
+    factors = min(band, least_factor_cost(n, matrix.nnz), dense_cost(n, True))
+    system = min(factors, steps_cost(n, matrix.nnz))
+    least = _newton_steps(facts) * (newton_cost(facts) + system)
+    return min(least, _pivots(facts)) if family is None else least
+
+
 def _newton(method: Method, facts: Facts, target_reduction: float) -> Estimate:
-    # sets that only shrink do so by layers whose number doubles; where rows are not dominant signs wander: about eight
-    # times as many steps were measured. Those of a descent are not symmetric, nor those with an obstacle that moves.
+    # where rows are not dominant signs wander: about eight times as many steps were measured. Systems of a descent are
+    # not symmetric, nor those with an obstacle that moves.
     matrix = facts.matrix
     wander = 8.0 if matrix.coupled_radius > 1.0 and matrix.has_positive_diagonal else 1.0
     simple = wander == 1.0 and facts.has_fixed_obstacle
@@ -102,7 +120,7 @@ def _newton(method: Method, facts: Facts, target_reduction: float) -> Estimate:
     system, memory = system_cost(matrix, factors)
     # without a diagonal the equations of the free rows are singular more often than not, and others follow
     systems = 1.0 if matrix.has_positive_diagonal else 4.0
-    steps = wander * (1.0 + math.log2(max(facts.bounded, 1)) / 3.0)
+    steps = wander * _newton_steps(facts)
     return Estimate(0.0, systems * (newton_cost(facts) + system), steps, memory)
 
 
