@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..algebra.equations import pattern_at, solve_on
+from ..algebra.active_equations import solve_on
+from ..algebra.equations import pattern_at
 from ..errors import IcpError, InputError, MapError, OutOfTime
 from ..methods.contract import Method
 from ..numerics import work
