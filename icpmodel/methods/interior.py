@@ -217,7 +217,7 @@ class InteriorPath:
         z, p, below, above = self.point
         pattern = Pattern.of(below, above, p / self.weights)
         with suppress(MapError):
-            step = self.steps.step(z, p, pattern, z, _FIRST_REGULARISATION * self.weights)
+            step = self.steps.step(z, p, pattern, z, _MIN_REGULARISATION * self.weights)
             if step is not None and np.isfinite(step[1]).all():
                 return step[0]
         return None
