@@ -11,22 +11,16 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from ..errors import SingularOperator
 from ..numerics import work
 from ..numerics.arrays import Mask, Vector, row_of
 from ..numerics.fill import SymbolicAnalysis, factor_cost, least_factor_cost, of_band
 from ..numerics.krylov import NotConverged
 from ..numerics.linear import Solver, solver_of
 from ..problem.data import ProblemData
-from ..problem.two_sided import chosen
 from .cycled_equations import CycledEquations, cycles_cost
 from .equations import equations_on, submatrix
 from .hierarchy import Hierarchy, NoHierarchy
-from .operators import dependent_row
 
-#: steps of iterative refinement, or of Newton's method with the first derivative kept, and how exact each is
-_REFINEMENTS = 4
-_REFINED = 1e-12
 #: the sum of the bandwidths above which multigrid is for a matrix
 _MAX_BANDWIDTHS = 16
 
@@ -153,11 +147,6 @@ class Elimination:
             return solver_of(self._M.toarray())
         return solver_of(self._M, self._analysis)
 
-    def dependent_row(self) -> int:
-        """A row of J that depends on the others, where J is singular."""
-        row = dependent_row(self._M)
-        return row if self._whole else int(self._free[row])
-
     def solve(self, f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
         """x with Jx = f, or Jᵀx = f, or None."""
         if self._whole:
@@ -174,56 +163,3 @@ class Elimination:
             y = np.where(self._active, 0.0, x)
             x -= np.where(self._active, matrix.product(y) if matrix.is_symmetric else matrix.sparse.T @ y, 0.0)
         return x if np.isfinite(x).all() else None
-
-
-def solve_on(problem: ProblemData, z: Vector, active: Mask, above: Mask | None = None) -> Vector:
-    """The solution of z_i = ψ_i(z) in the `active` rows, (Az + q)_i = 0 in the others, near `z`.
-
-    Parameters
-    ----------
-    problem : ProblemData
-        The problem.
-    z : array of shape (n,)
-        Start.
-    active : mask of shape (n,)
-        The active rows.
-    above : mask of shape (n,), optional
-        The rows with ψ̄ in place of ψ.
-
-    Returns
-    -------
-    array of shape (n,)
-        A candidate only: `error_bound` bounds its error.
-
-    Raises
-    ------
-    SingularOperator
-        Where the equations are singular.
-    MapError
-        Where ψ or its Jacobian fails.
-
-    Notes
-    -----
-    One factorisation, of the other rows alone where ψ has no derivative, then refinement while the
-    residual falls.
-    """
-    psi = chosen(problem.psi, above)
-    jacobian = psi.jacobian(z)
-    with np.errstate(over="ignore", invalid="ignore"):
-        equations = Elimination(problem, active, sp.csr_array(problem.A.shape) if jacobian is None else jacobian)
-        left = np.where(active, z - psi.value(z), problem.p(z))
-        for _ in range(_REFINEMENTS):
-            step = equations.solve(left, _REFINED)
-            if step is None:
-                row = equations.dependent_row()
-                message = "the equations that the active set leaves are singular to working precision: row"
-                raise SingularOperator(f"{message} {row} depends on the others", row)
-            following = z - step
-            before = left
-            left = np.where(active, following - psi.value(following), problem.p(following))
-            if not np.abs(left).max() < np.abs(before).max():
-                return z
-            z = following
-            if not left.any():
-                break
-    return z

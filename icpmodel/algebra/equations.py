@@ -8,11 +8,15 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..errors import MapError
+from ..errors import MapError, SingularOperator
 from ..numerics.arrays import Mask, Vector
 from ..problem.data import ProblemData
 from ..problem.map import Map
 from ..problem.two_sided import chosen
+from .operators import FactorisedOperator
+
+#: steps of iterative refinement, or of Newton's method with the first derivative kept
+_REFINEMENTS = 4
 
 
 def equations_on(problem: ProblemData, active: Mask, jacobian: sp.csr_array) -> sp.csr_array:
@@ -86,6 +90,74 @@ def pattern_at(problem: ProblemData, z: Vector) -> Pattern:
     """The rows that take an obstacle's side at `z`, with Ω = `weights`."""
     with np.errstate(over="ignore", invalid="ignore"):
         return Pattern.at(problem, z, problem.p(z), problem.matrix.weights)
+
+
+def solve_on(problem: ProblemData, z: Vector, active: Mask, above: Mask | None = None) -> Vector:
+    """The solution of z_i = ψ_i(z) in the `active` rows, (Az + q)_i = 0 in the others, near `z`.
+
+    Parameters
+    ----------
+    problem : ProblemData
+        The problem.
+    z : array of shape (n,)
+        Start.
+    active : mask of shape (n,)
+        The active rows.
+    above : mask of shape (n,), optional
+        The rows with ψ̄ in place of ψ.
+
+    Returns
+    -------
+    array of shape (n,)
+        A candidate only: `error_bound` bounds its error.
+
+    Raises
+    ------
+    SingularOperator
+        Where the equations are singular.
+    MapError
+        Where ψ or its Jacobian fails.
+
+    Notes
+    -----
+    One factorisation, of the other rows alone where ψ has no derivative, then refinement while the
+    residual falls.
+    """
+    psi = chosen(problem.psi, above)
+    jacobian = psi.jacobian(z)
+    with np.errstate(over="ignore", invalid="ignore"):
+        return _refined(problem, psi, z, active, jacobian if jacobian is not None and jacobian.nnz else None)
+
+
+def _refined(problem: ProblemData, psi: Map, z: Vector, active: Mask, jacobian: sp.csr_array | None) -> Vector:
+    free = np.flatnonzero(~active)
+    try:
+        if jacobian is not None:
+            operator = FactorisedOperator(equations_on(problem, active, jacobian))
+        elif free.size:
+            operator = FactorisedOperator(submatrix(problem, free))
+    except SingularOperator as error:
+        row = int(error.row if jacobian is not None else free[error.row])
+        message = "the equations that the active set leaves are singular to working precision: row"
+        raise SingularOperator(f"{message} {row} depends on the others", row) from None
+    best = z
+    smallest = np.inf
+    for _ in range(_REFINEMENTS):
+        if jacobian is not None:
+            z = z - operator.solve(np.where(active, z - psi.value(z), problem.p(z)))
+        else:
+            z = np.where(active, psi.value(z), z)
+            if free.size:
+                z[free] -= operator.solve(problem.p(z)[free])
+        equations = np.abs(np.where(active, z - psi.value(z), problem.p(z)))
+        size = float(equations.max())
+        if not size < smallest:
+            break
+        best = z
+        smallest = size
+        if size == 0.0:
+            break
+    return best
 
 
 def derivative(psi: Map, z: Vector, above: Mask | None = None) -> sp.csr_array:

@@ -94,7 +94,7 @@ class FactorisedOperator(Operator):
             pivots = np.abs(self._lu.pivots)
             if pivots.min() > 16 * UNIT_ROUNDOFF * pivots.max():
                 return
-        row = dependent_row(scaled)
+        row = _dependent_row(scaled)
         raise SingularOperator(
             f"X = M1 + phi + Omega is singular to working precision: row {row} is a linear combination of the others; "
             "change phi or phi2",
@@ -123,7 +123,7 @@ def inverse_diagonal(diagonal: Vector, shift: Vector) -> Vector:
     return inverse
 
 
-def dependent_row(X: sp.csr_array) -> int:
+def _dependent_row(X: sp.csr_array) -> int:
     """The largest entry of a left null vector of X, by two steps of inverse iteration on a slightly shifted X."""
     lu = factorise(sp.csr_array(X + 1e-10 * sp.eye_array(X.shape[0])))
     if lu is None:

@@ -11,8 +11,8 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from ..algebra.active_equations import solve_on
 from ..algebra.affine_lcp import dense_matrix
+from ..algebra.equations import solve_on
 from ..algebra.linear_rows import Dense, LinearRows
 from ..errors import MapError, OutOfTime, SingularOperator
 from ..numerics import work

@@ -10,8 +10,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..algebra.active_equations import solve_on
 from ..algebra.affine_lcp import PIVOTS, AffineLcp, dense_lcp, some_pivots
+from ..algebra.equations import solve_on
 from ..errors import MapError, SingularOperator
 from ..numerics.arrays import Vector, as_number
 from ..problem.data import ProblemData

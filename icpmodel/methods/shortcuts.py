@@ -15,9 +15,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..algebra.active_equations import solve_on
 from ..algebra.affine_lcp import PIVOTS, AffineLcp, dense_lcp, dense_matrix, some_pivots, too_large
-from ..algebra.equations import derivative
+from ..algebra.equations import derivative, solve_on
 from ..errors import SingularOperator
 from ..numerics import work
 from ..numerics.arrays import Vector

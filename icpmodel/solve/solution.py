@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..algebra.active_equations import solve_on
-from ..algebra.equations import pattern_at
+from ..algebra.equations import pattern_at, solve_on
 from ..errors import IcpError, InputError, MapError, OutOfTime
 from ..methods.contract import Method
 from ..numerics import work

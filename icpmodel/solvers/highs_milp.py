@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..algebra.active_equations import solve_on
+from ..algebra.equations import solve_on
 from ..algebra.linear_rows import LinearRows
 from ..errors import OutOfTime, SingularOperator
 from ..methods.milp import active_set, limits_in_turn

@@ -5,7 +5,7 @@ import pytest
 from conformance import WITH_Z
 
 import icpmodel as icp
-from icpmodel.algebra.active_equations import solve_on
+from icpmodel.algebra.equations import solve_on
 
 
 def in_units(size):

@@ -8,8 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ...algebra.active_equations import solve_on
-from ...algebra.equations import pattern_at
+from ...algebra.equations import pattern_at, solve_on
 from ...errors import IcpError
 from ...numerics.arrays import Vector, norm
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
