@@ -95,8 +95,7 @@ class Ownership:
         """
         m = len(owners)
         n = len(self.variables)
-        rows = ((k, variables) for k, (_, variables, _) in enumerate(self.flat))
-        pairs = [(k, self._column[id(variable)]) for k, variables in rows for variable in variables]
+        pairs = [(k, self._column[id(one)]) for k, (_, variables, _) in enumerate(self.flat) for one in variables]
         place = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
         occurs = abs(both.Z) + both.W @ sp.coo_array((np.ones(len(pairs)), place), shape=(len(self.flat), n))
         row, col = sp.coo_array(occurs[:m] + occurs[m:]).coords
