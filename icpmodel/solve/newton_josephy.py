@@ -18,7 +18,7 @@ from ..methods.milp import LARGEST
 from ..methods.newton import Path, Point
 from ..methods.restarts import scale_of_starts, start_above
 from ..numerics import work
-from ..numerics.arrays import Vector
+from ..numerics.arrays import Vector, not_finite
 from ..problem.data import ProblemData
 from .goal import Goal, Limits
 from .reduction import ladder_steps, presolve
@@ -217,9 +217,12 @@ class _Search:
 
 
 def _proximal(linear: ProblemData, z: Vector, weight: float) -> ProblemData:
-    """The `linear` problem with the `weight` times W(z⁺ − z) added to p, W its diagonal."""
+    """The `linear` problem with the `weight` times W(z⁺ − z) added to p, W its diagonal. MapError beyond the floats."""
     if not weight:
         return linear
     W = weight * linear.matrix.weights
+    q = linear.q - W * z
+    if fault := not_finite(q, "q of the proximal problem"):
+        raise MapError(f"{fault}; a finite number was expected")
     A = linear.dense() + np.diag(W) if linear.matrix.dense is not None else sp.csr_array(linear.A + sp.diags_array(W))
-    return type(linear)(A, linear.q - W * z, linear.psi)
+    return type(linear)(A, q, linear.psi)

@@ -90,8 +90,7 @@ def nonlinear_solution_of(
     if not callable(F):
         raise InputError(f"F is {described(F)}; a function of z and theta was expected")
     size = int(as_number(n, "n", least=1, whole=True))
-    pattern = as_csr(np.ones((size, size)) if sparsity is None else sparsity, "sparsity", size)
-    jacobian = _Jacobian(jax, F, pattern)
+    jacobian = _Jacobian(jax, F, as_csr(np.ones((size, size)) if sparsity is None else sparsity, "sparsity", size))
     low = as_vector(psi, size, "psi", infinite=np.inf)
     high = as_vector(np.inf if upper is None else upper, size, "upper", infinite=np.inf)
 
@@ -116,8 +115,7 @@ def nonlinear_solution_of(
         p, dp = jax.jvp(lambda theta: F(z, theta), primals, tangents)
         return z, jacobian.newton_step(z, *primals, (p > z - low) | (p < z - high), dp)
 
-    answer_of_theta: Callable[[Any], Any] = answer
-    return answer_of_theta
+    return answer
 
 
 class _Jacobian:
