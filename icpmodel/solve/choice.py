@@ -243,8 +243,8 @@ class Ladder:
         self.jobs: list[Job] = []
         self.others: list[list[Job]] = []
         self.rungs = [self._at_once, self._plain, self._sweeps, self._levels, self._costly, self._last]
-        if warm_start and family != "paper" and not problem.psi.has_policies:
-            self.rungs.insert(1, self._with_hierarchy)
+        if warm_start:
+            self.rungs.insert(1, self._levels)
         self.floor = 0.0
         #: what runs before all of rung 5 is estimated
         self.early: Job | None = None
@@ -294,6 +294,8 @@ class Ladder:
         """Those of the `methods` that can start and fit into memory, the cheapest first."""
         jobs = []
         for method in methods:
+            if self._has_begun(method):
+                continue
             why_not = method.why_not(self.problem)
             estimate = None if why_not else estimate_of(method, self.problem.facts, self.target_reduction)
             if estimate is None or not work.fits(estimate.memory):
@@ -322,18 +324,6 @@ class Ladder:
                 break
             _LOG.debug("n = %d: %r is left out: %s", problem.n, method, why_not)
 
-    def _with_hierarchy(self) -> None:
-        """`Multilevel` with the hierarchy that A keeps: a trial of sweeps would save no set-up."""
-        problem = self.problem
-        jobs = self._estimated([Multilevel(), Accelerated(of=PSOR(omega=relaxation(problem)))])
-        for job in jobs:
-            if isinstance(job.method, Multilevel):
-                job.remaining -= hierarchy_cost(problem.n, problem.nnz)
-                job.choice = replace(job.choice, why=f"{job.choice.why}, and A keeps the hierarchy")
-                least = min(jobs, key=lambda job: job.remaining)
-                if job is least and job.remaining <= least_of_others(problem.facts, self.family):
-                    self._begin(job)
-
     def _begin(self, job: Job) -> None:
         """Run `job` before all of rung 5 is estimated, until it costs more than expected."""
         self.early = job
@@ -355,8 +345,7 @@ class Ladder:
             return
         paper = self.family == "paper"
         method = MNMAOR(theta1=AUTO) if paper else Accelerated(of=PSOR(omega=relaxation(self.problem)))
-        jobs = [] if self._has_begun(method) else self._estimated([method])
-        if jobs:
+        if jobs := self._estimated([method]):
             self.jobs = [*jobs, *(job for job in self.jobs if job is self.early)]  # plain sweeps are over
         for job in jobs:
             job.limit = self._trial(job, self.floor)
@@ -371,11 +360,20 @@ class Ladder:
         return max((_BRIEF_TRIAL_SHARE if hopeless else _TRIAL_SHARE) * following, _ACCELERATED_SWEEPS * estimate.step)
 
     def _levels(self) -> None:
-        """`Multilevel` where the others of rung 5 would cost more even without fill, which an analysis would tell."""
+        """`Multilevel` where the others of rung 5 would cost more even without fill, which an analysis would tell.
+
+        Before the sweeps it has the hierarchy that A keeps: a trial of sweeps would save no set-up.
+        """
         if self.early is not None or self.family == "paper" or self.problem.psi.has_policies:
             return
-        least = least_of_others(self.problem.facts, self.family)
+        problem = self.problem
+        least = least_of_others(problem.facts, self.family)
         for job in self._estimated([Multilevel()]):
+            if self._plain in self.rungs:
+                job.remaining -= hierarchy_cost(problem.n, problem.nnz)
+                job.choice = replace(job.choice, why=f"{job.choice.why}, and A keeps the hierarchy")
+                sweeps = self._estimated([Accelerated(of=PSOR(omega=relaxation(problem)))])
+                least = min([least, *(one.remaining for one in sweeps)])
             if job.remaining <= least:
                 self._try_sweeps(self.jobs, job.remaining)
                 self._begin(job)
@@ -391,12 +389,10 @@ class Ladder:
         if self.family is None:
             newton.append(Lemke())
         sweeps = [job for job in self.jobs if job is not self.early]
-        begun = [job for job in self.jobs if job is self.early]
-        first = [job for job in begun if any(self._has_begun(method) for method in newton)]
-        others = [[method for method in rung if not self._has_begun(method)] for rung in (newton, proximal)]
-        self.others = [first + self._estimated(others[0]), *([job] for job in self._estimated(others[1]))]
-        for rung in self.others:
-            self.jobs += [job for job in rung[:1] if job not in begun]
+        self.others = [self._estimated(newton), *([job] for job in self._estimated(proximal))]
+        if self.early in self.jobs and any(self._has_begun(method) for method in newton):
+            self.others[0].insert(0, self.early)
+        self.jobs += [rung[0] for rung in self.others if rung and rung[0] is not self.early]
         self._try_sweeps(sweeps, min((rung[0].remaining for rung in self.others if rung), default=math.inf))
 
     def _try_sweeps(self, sweeps: Iterable[Job], following: float) -> None:
