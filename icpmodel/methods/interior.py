@@ -1,15 +1,15 @@
 """The interior method: Newton's steps on the modulus equation with the modulus rounded off.
 
-With √(x² + 4ε²) for |x| both r = z − ψ(z) and s = p are positive and rs = ε², and ε falls. s converges to p as z does
-to the solution. r is z − ψ(z) where ψ is fixed, and converges to it where ψ moves. With an upper obstacle, r and s have
-a second column for ψ̄(z) − z, and s₁ − s₂ converges to p.
+With √(x² + 4ε²) for |x| both r and s are positive and rs = ε², and ε falls. s converges to p, and r to z − ψ(z), as z
+does to the solution. An upper obstacle has an r and an s of its own: r₂ converges to ψ̄(z) − z, and s₁ − s₂ to p. At the
+start r and s solve the equations with Wr + s = 0, and are shifted to be positive.
 
 Each step is a proximal one with its own z for centre: a multiple of W is added to A. It falls as long as the factors
 remain accurate. As soon as the signs of s − Wr repeat, a step with these signs is tried as the answer: r = 0 or p = 0
 in every row.
 
-References: Mehrotra, SIAM J. Optim. 2 (1992), for the choice of ε; Friedlander and Orban, Math. Program. Comput. 4
-(2012), for the proximal terms.
+References: Mehrotra, SIAM J. Optim. 2 (1992), for the start and the choice of ε; Friedlander and Orban, Math. Program.
+Comput. 4 (2012), for the proximal terms.
 """
 
 from __future__ import annotations
