@@ -152,7 +152,7 @@ def test_obstacles_may_be_any_two_maps(name):
 
 @pytest.mark.parametrize("name", ["newton", "josephy", "multilevel"])
 def test_a_slope_that_is_not_finite_is_named(name):
-    psi = icp.Elementwise(np.sqrt, lambda z: np.where(z > 0, 0.5, np.inf))
+    psi = icp.Elementwise(np.sqrt, lambda z: np.where(z > 2, 0.5, np.inf))
     solution = icp.ICP(2.0 * np.eye(2), [-1.0, -1.0], psi).solve(name, raise_on_failure=False)
     assert solution.status is icp.Status.MAP_FAILED
     assert "psi's derivative is not finite" in solution.message
