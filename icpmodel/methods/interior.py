@@ -281,7 +281,9 @@ class InteriorPath:
         if self.moves:
             slope = np.split(slopes, [self.sides[0].size])
             for J, rows, values in zip(self.slopes, self.sides, slope, strict=False):
-                M = sp.csr_array(M - sp.diags_array(np.bincount(rows, values, self.problem.n)) @ J)
+                of_rows = np.zeros(self.problem.n)
+                of_rows[rows] = values
+                M = sp.csr_array(M - sp.diags_array(of_rows) @ J)
             row = row_of(M)
         unit = 1.0 / np.sqrt(np.abs(M.diagonal() if self.moves else M.data[self.diagonal]))
         M.data *= unit[row]
