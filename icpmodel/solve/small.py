@@ -1,15 +1,11 @@
-"""Few unknowns over fixed obstacles: one chain of pivots in one compiled call, without a run."""
+"""Few unknowns over fixed obstacles: from the arrays to the judged answer in one compiled call, without a run."""
 
 from __future__ import annotations
-
-import numpy as np
 
 from ..algebra.affine_lcp import PIVOT_UP_TO, PIVOTS
 from ..methods.shortcuts import Lemke
 from ..numerics import work
-from ..numerics.arrays import read_only
 from ..problem.data import ProblemData
-from ..problem.verdict import certain
 from .goal import Limits
 from .solution import Solution, Status
 
@@ -25,17 +21,11 @@ def pivoted(problem: ProblemData, limits: Limits) -> Solution | None:
     n = problem.n
     if M is None or n > PIVOT_UP_TO or not problem.psi.is_constant or problem.psi.upper is not None:
         return None
-    from ..algebra.kernels.balancing import scale
-    from ..algebra.kernels.batched_lcps import many  # loads numba
+    from .kernels.few_unknowns import solve_few  # loads numba
 
     assert problem.psi.linear is not None
     begun = work.clock()
-    M, q, c = read_only((M, problem.q[None], problem.psi.linear[1][None]))
-    Z = np.empty((1, n))
-    many(*scale(M), M, q, c, PIVOTS * (n + 1), Z)
-    z = Z[0]
-    tolerance = limits.tolerance(problem.residual_scale())
-    residual = certain(problem, z, problem.residual(z), tolerance)
+    z, residual, tolerance = solve_few(M, problem.q, problem.psi.linear[1], float(limits.rtol), PIVOTS * (n + 1))
     if not residual <= tolerance:
         return None
     cost = work.COSTS.pivot_entry * n**3 / 3.0

@@ -1,0 +1,70 @@
+"""An LCP of few unknowns from its arrays to the judged answer."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+
+import numpy as np
+
+from ...algebra.kernels.balancing import scale
+from ...algebra.kernels.batched_lcps import many
+from ...numerics.kernels import compiled
+from ...numerics.rounding import SMALLEST
+from ...problem.kernels.residual import raised
+
+#: squares of norms from here to its reciprocal do not over- or underflow; smaller rows count as empty
+_MIN_SAFE_SQUARE = 1e-280
+_MIN_ROW_SIZE = 1e-140
+
+
+@partial(compiled, exact=True)
+def _squared_residuals(M, q, c, z, weights):
+    # Res_D(z)² and the square of its scale, NaN where a row counts as empty; the `weights` are set: what `residual`,
+    # `residual_scale` and `Matrix.row_weights` compute, whose calls take longer than the pivots for so few unknowns
+    squares = 0.0
+    squares_0 = 0.0
+    least = np.inf
+    for i in range(q.size):
+        p = q[i]
+        largest = 0.0
+        for j in range(q.size):
+            p += M[i, j] * z[j]
+            largest = max(largest, abs(M[i, j]))
+        if largest < _MIN_ROW_SIZE:
+            return np.nan, np.nan
+        weights[i] = 1.0 / largest
+        squares += min(weights[i] * p, z[i] - c[i]) ** 2
+        squares_0 += min(weights[i] * q[i], -c[i]) ** 2
+        for size in (abs(weights[i] * q[i]), abs(c[i])):
+            if 0.0 < size < least:
+                least = size
+    if squares_0 == 0.0 and least < np.inf:
+        squares_0 = least * least
+    return squares, squares_0
+
+
+@partial(compiled, exact=True)
+def solve_few(M, q, c, rtol, limit):
+    # (z, Res_D(z), its tolerance) for the LCP of M and q over the obstacle c: NaN where it is for others to judge
+    n = q.size
+    Q = q.reshape(1, n)
+    C = c.reshape(1, n)
+    Z = np.empty((1, n))
+    S, r, units = scale(M)
+    many(S, r, units, M, Q, C, limit, Z)
+    z = Z[0]
+    weights = np.empty(n)
+    squares, squares_0 = _squared_residuals(M, q, c, z, weights)
+    if not _MIN_SAFE_SQUARE < squares_0 < 1.0 / _MIN_SAFE_SQUARE or not squares < 1.0 / _MIN_SAFE_SQUARE:
+        return z, np.nan, np.nan
+    residual = np.full(1, math.sqrt(squares))
+    # as `share_of` rounds it
+    tolerance = np.full(1, max(rtol * math.sqrt(squares_0) - SMALLEST, 0.0))
+    indptr = np.arange(0, n * n + 1, n).astype(np.int32)
+    indices = np.empty(n * n, np.int32)
+    for k in range(n * n):
+        indices[k] = k % n
+    none = np.zeros(n + 1, np.int32), np.empty(0, np.int32), np.empty(0)
+    raised(indptr, indices, M.reshape(-1), weights, Q, *none, C, 0.0, Z, tolerance, residual, None)
+    return z, residual[0], tolerance[0]
