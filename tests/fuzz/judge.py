@@ -85,8 +85,14 @@ def worse_than_seen(exact, problem, z, path):
         return
     last, (least, best) = exact.residual(z), min(seen, key=lambda pair: pair[0])
     with np.errstate(all="ignore"):
-        size = sum(float(np.max(abs(problem.A) @ abs(x) + abs(problem.q) + abs(x), initial=0.0)) for x in (z, best))
-    allowed = 1.000001 * near(root(least)) + _LOST * math.sqrt(exact.n) * size + exact.n * math.ulp(0.0)
+        weights = np.array(list(map(near, exact.weights)))
+        lost = 0.0
+        for x in (z, best):
+            of_p = abs(problem.A) @ abs(x)
+            terms = np.where(of_p > 0.0, weights * (of_p + abs(problem.q)), 0.0) + abs(x)
+            lost += _LOST * math.sqrt(exact.n) * float(terms.max())
+        underflow = exact.n * math.ulp(0.0) * max(1.0, float(weights.max()))
+    allowed = 1.000001 * near(root(least)) + lost + underflow
     if last is None or near(root(last)) > allowed:
         yield "lost iterate", f"an iterate with the residual {near(root(least)):.3g} was shown, the answer has {last}"
 
