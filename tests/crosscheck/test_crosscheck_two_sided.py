@@ -1,7 +1,5 @@
 """Answers between two obstacles: confirmed where they are right, and not where a row is at the wrong one."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -12,7 +10,7 @@ ALL = ["osqp", "cvxpy-clarabel", "cvxpy-highs", "pyomo-highs"]
 
 
 @pytest.mark.parametrize(("skew", "coupling"), [(0.0, 0.0), (0.5, 0.0), (0.3, 0.8)])
-def test_every_solver_confirms_the_manufactured_answer(skew: float, coupling: float) -> None:
+def test_every_solver_confirms_the_manufactured_answer(skew, coupling):
     pytest.importorskip("pyomo")
     scene = icp.scenes.box_manufactured(n=25, skew=skew, coupling=coupling, seed=1)
     report = icp.crosscheck(scene.problem, scene.z_exact, ALL)
@@ -25,7 +23,7 @@ def test_every_solver_confirms_the_manufactured_answer(skew: float, coupling: fl
 
 @pytest.mark.parametrize("row", range(3))
 @pytest.mark.parametrize("at", [-0.25, 0.0, 0.5, 1.0, 1.25])
-def test_an_answer_with_one_row_elsewhere_is_a_disagreement(row: int, at: float) -> None:
+def test_an_answer_with_one_row_elsewhere_is_a_disagreement(row, at):
     scene = icp.scenes.hand_box()
     z = scene.z_exact.copy()
     if z[row] == at:
@@ -36,7 +34,7 @@ def test_an_answer_with_one_row_elsewhere_is_a_disagreement(row: int, at: float)
     assert not report.holds
 
 
-def test_the_report_on_obstacles_that_cross_confirms_nothing() -> None:
+def test_the_report_on_obstacles_that_cross_confirms_nothing():
     problem = icp.scenes.hard_crossing().problem
     solution = problem.solve(raise_on_failure=False)
     report = icp.crosscheck(problem, solution, ["osqp", "cvxpy-clarabel"])
@@ -45,7 +43,7 @@ def test_the_report_on_obstacles_that_cross_confirms_nothing() -> None:
     assert report.count(Verdict.AGREES) == report.count(Verdict.DISAGREES) == 0
 
 
-def test_a_nonlinear_obstacle_above_is_frozen_with_the_one_below() -> None:
+def test_a_nonlinear_obstacle_above_is_frozen_with_the_one_below():
     problem = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [3.0, -4.0], -1.0, upper=lambda z: 1.0 + 0.1 * np.sin(z[::-1]))
     solution = problem.solve()
     report = icp.crosscheck(problem, solution, ["osqp", "cvxpy-highs"])

@@ -1,13 +1,10 @@
 """Whatever foreign solvers do becomes the right verdict, and the report says it in every format."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json
 import os
 import time
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,13 +14,13 @@ import icpmodel as icp
 from icpmodel.crosscheck.check import crosscheck
 from icpmodel.crosscheck.judge import Row, Verdict
 from icpmodel.crosscheck.report import Report
-from icpmodel.solvers import Claim, ForeignSolver, Target, chosen_solvers
+from icpmodel.solvers import Claim, ForeignSolver, chosen_solvers
 from icpmodel.solvers.formulations import in_typical_units
 
 QUICK = ("osqp", "cvxpy-clarabel", "cvxpy-highs", "pyomo-highs")
 
 
-def verdicts(report: Report) -> list[Verdict]:
+def verdicts(report):
     return [row.verdict for row in report.rows]
 
 
@@ -32,13 +29,13 @@ class Fake(ForeignSolver):
 
     name, forms, used_by = "fake", ("mpec",), ()
 
-    def __init__(self, z: Any = None, words: str = "optimal", solved: bool = True) -> None:
+    def __init__(self, z=None, words="optimal", solved=True):
         self.z, self.words, self.solved = z, words, solved
 
-    def set_up(self, target: Target, tolerance: float, time_limit: float) -> Any:
+    def set_up(self, target, tolerance, time_limit):
         return None
 
-    def run(self, model: Any) -> Claim:
+    def run(self, model):
         if isinstance(self.z, BaseException):
             raise self.z
         return Claim(self.z, self.words, self.solved)
@@ -48,13 +45,13 @@ LCP = icp.ICP([[0.5, 0.0], [0.0, 0.5]], [-0.25, 0.25])
 LCP_Z = np.array([0.5, 0.0])
 
 
-def ask(z: Any, solution: Any = LCP_Z, problem: icp.ICP = LCP, **claim: Any) -> Row:
+def ask(z, solution=LCP_Z, problem=LCP, **claim):
     """The one row of a fake solver, whose answer is given in the user's units."""
     scaled = z if z is None or isinstance(z, BaseException | str) else np.asarray(z) / typical_unit(problem)
     return crosscheck(problem, solution, [Fake(scaled, **claim)]).rows[0]
 
 
-def typical_unit(problem: icp.ICP) -> float:
+def typical_unit(problem):
     return in_typical_units(problem)[1]
 
 
@@ -74,9 +71,7 @@ def typical_unit(problem: icp.ICP) -> float:
         ([0.5, 0.0], {"words": "time limit", "solved": False}, Verdict.FAILED),
     ],
 )
-def test_what_a_solver_returns_or_raises_is_judged_and_what_it_claims_is_not_believed(
-    z: Any, claim: dict[str, Any], verdict: Verdict
-) -> None:
+def test_what_a_solver_returns_or_raises_is_judged_and_what_it_claims_is_not_believed(z, claim, verdict):
     row = ask(z, **claim)
     assert row.verdict is verdict
     # a solver is held to the criterion that it was asked for, or to ours by name
@@ -84,7 +79,7 @@ def test_what_a_solver_returns_or_raises_is_judged_and_what_it_claims_is_not_bel
     assert row.note or verdict is not Verdict.FAILED
 
 
-def test_an_interruption_passes_through() -> None:
+def test_an_interruption_passes_through():
     with pytest.raises(KeyboardInterrupt):
         ask(KeyboardInterrupt())
 
@@ -94,11 +89,11 @@ TWO = icp.ICP([[1.0, 2.0], [2.0, 1.0]], [-1.0, -1.0])
 
 @pytest.mark.parametrize("z", [[1.0, 0.0], [0.0, 1.0], [1 / 3, 1 / 3]])
 @pytest.mark.parametrize("foreign", [[1.0, 0.0], [0.0, 1.0], [1 / 3, 1 / 3]])
-def test_another_solution_is_neither_agreement_nor_disagreement(z: list[float], foreign: list[float]) -> None:
+def test_another_solution_is_neither_agreement_nor_disagreement(z, foreign):
     assert ask(foreign, z, TWO).verdict is (Verdict.AGREES if z == foreign else Verdict.OTHER_SOLUTION)
 
 
-def test_an_indefinite_problem_is_skipped_with_the_reason_and_not_confirmed() -> None:
+def test_an_indefinite_problem_is_skipped_with_the_reason_and_not_confirmed():
     report = crosscheck(TWO, [1.0, 0.0], QUICK)
     assert set(verdicts(report)) == {Verdict.SKIPPED}
     assert all("not positive semidefinite" in row.note or "no bounds" in row.note for row in report.rows)
@@ -106,13 +101,13 @@ def test_an_indefinite_problem_is_skipped_with_the_reason_and_not_confirmed() ->
     assert report.conclusion().endswith("not confirmed.")
 
 
-def test_the_certified_bound_can_make_the_agreement() -> None:
+def test_the_certified_bound_can_make_the_agreement():
     row = crosscheck(LCP, np.array([0.5 + 1e-10, 0.0]), [Fake(LCP_Z / typical_unit(LCP))], atol=1e-12).rows[0]
     assert row.verdict is Verdict.AGREES
     assert row.note.startswith("within the certified bound")
 
 
-def test_two_honest_answers_at_a_loose_tolerance_are_no_disagreement() -> None:
+def test_two_honest_answers_at_a_loose_tolerance_are_no_disagreement():
     """A slow mode of the 1-D Laplacian: SOLVED at 1e-8, yet off by 1e-4; the bound says so, and so must the report."""
     n = 300
     A = sp.diags_array([-np.ones(n - 1), np.full(n, 2.0), -np.ones(n - 1)], offsets=[-1, 0, 1])
@@ -123,7 +118,7 @@ def test_two_honest_answers_at_a_loose_tolerance_are_no_disagreement() -> None:
     assert crosscheck(problem, problem.solve("mnmmod", theta1=0.02, rtol=1e-13), ["osqp"]).agrees
 
 
-def test_a_singular_problem_with_many_solutions_is_not_called_unique() -> None:
+def test_a_singular_problem_with_many_solutions_is_not_called_unique():
     """The Neumann Laplacian: z + constant solves as well."""
     n = 20
     A, q = np.diag(np.r_[1.0, np.full(n - 2, 2.0), 1.0]) - np.eye(n, k=1) - np.eye(n, k=-1), np.zeros(n)
@@ -148,28 +143,28 @@ def test_a_singular_problem_with_many_solutions_is_not_called_unique() -> None:
         *(((LCP_Z, ["osqp"]), {"time_limit": bad}, "time_limit") for bad in (0.0, -1.0, np.nan, np.inf, True, "1")),
     ],
 )
-def test_unknown_and_unfit_arguments_are_named(arguments: Any, options: Any, told: str) -> None:
+def test_unknown_and_unfit_arguments_are_named(arguments, options, told):
     with pytest.raises(icp.InputError, match=told):
         crosscheck(LCP, *arguments, **options)
 
 
 @pytest.mark.parametrize("verdict", list(Verdict))
-def test_one_disagreement_spoils_the_report_and_nothing_else_does(verdict: Verdict) -> None:
+def test_one_disagreement_spoils_the_report_and_nothing_else_does(verdict):
     rows = [Row(name, "", v, None, None, None, "", "") for name, v in (("a", Verdict.AGREES), ("b", verdict))]
     assert Report(tuple(rows), "", 1, "", "", 0.0, True, None, "", 1e-6).agrees is (verdict is not Verdict.DISAGREES)
     assert Report(tuple(rows[1:]), "", 1, "", "", 0.0, True, None, "", 1e-6).agrees is (verdict is Verdict.AGREES)
 
 
-def test_all_solvers_by_default_each_at_least_one_row() -> None:
+def test_all_solvers_by_default_each_at_least_one_row():
     report = crosscheck(LCP, LCP_Z)
     assert [row.solver for row in report.rows] == [solver.name for solver in chosen_solvers(None, "crosscheck")]
 
 
-def test_a_spent_time_limit_ends_the_attempts() -> None:
+def test_a_spent_time_limit_ends_the_attempts():
     class Slow(Fake):
         name, tight, asked = "slow", (1e-9, 1e-6), 0
 
-        def run(self, model: Any) -> Claim:
+        def run(self, model):
             self.asked += 1
             return Claim(None, "time limit", False)
 
@@ -179,11 +174,11 @@ def test_a_spent_time_limit_ends_the_attempts() -> None:
         assert slow.asked == times
 
 
-def test_who_was_not_asked_for_want_of_time_has_not_failed() -> None:
+def test_who_was_not_asked_for_want_of_time_has_not_failed():
     class Late(Fake):
         name = "late"
 
-        def run(self, model: Any) -> Claim:
+        def run(self, model):
             time.sleep(1.1)
             return Claim(None, "time limit", False)
 
@@ -193,13 +188,13 @@ def test_who_was_not_asked_for_want_of_time_has_not_failed() -> None:
 
 
 @pytest.mark.parametrize(("ends", "said"), [(False, "time_limit"), (True, "exit code 3")])
-def test_a_solver_that_does_not_stop_or_dies_takes_nobody_with_it(ends: bool, said: str) -> None:
+def test_a_solver_that_does_not_stop_or_dies_takes_nobody_with_it(ends, said):
     """Where there is little time for the size of the problem it has a process of its own."""
 
     class Endless(Fake):
         name = "endless"
 
-        def run(self, model: Any) -> Claim:
+        def run(self, model):
             if ends:
                 os._exit(3)
             time.sleep(15.0)
@@ -214,7 +209,7 @@ def test_a_solver_that_does_not_stop_or_dies_takes_nobody_with_it(ends: bool, sa
 # --- the report --------------------------------------------------------------------------------------------------
 
 
-def test_a_report_begins_with_the_verdict() -> None:
+def test_a_report_begins_with_the_verdict():
     for solution, solvers, begins in (
         (LCP_Z, ["osqp"], "Solved; no entry off by more than "),
         ([0.6, 0.0], ["osqp"], "Not solved: "),
@@ -226,7 +221,7 @@ def test_a_report_begins_with_the_verdict() -> None:
         assert report.agrees is (begins.startswith("Solved; no") and bool(solvers))
 
 
-def test_a_moving_obstacle_is_covered_as_a_whole_and_frozen() -> None:
+def test_a_moving_obstacle_is_covered_as_a_whole_and_frozen():
     problem = icp.ICP([[2.0, 0.0], [0.0, 2.0]], [-1.0, -1.0], icp.Affine([[0.0, 0.5], [0.0, 0.0]], 0.0))
     report = crosscheck(problem, None, ["osqp"])
     assert report.coverage().startswith("Confirmed: the whole problem by osqp; with its obstacle frozen")
@@ -234,7 +229,7 @@ def test_a_moving_obstacle_is_covered_as_a_whole_and_frozen() -> None:
     assert report.coverage() in report._repr_html_().replace("\n", " ")
 
 
-def test_csv_and_json_come_back(tmp_path: Any) -> None:
+def test_csv_and_json_come_back(tmp_path):
     report = crosscheck(LCP, LCP_Z)
     rows = list(csv.DictReader(io.StringIO(report.to_csv(tmp_path / "report.csv"))))
     assert (tmp_path / "report.csv").read_text(encoding="utf-8") == report.to_csv()

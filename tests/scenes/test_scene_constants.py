@@ -1,7 +1,5 @@
 """The reference numbers in the gallery, derived again from the equations that define them."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.integrate import quad
 from scipy.optimize import brentq, root

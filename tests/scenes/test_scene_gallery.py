@@ -1,7 +1,5 @@
 """The gallery's contract: what every scene carries, and how wrong wishes are refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Each scene against its reference: solved by an oracle that shares no code with the package's methods."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import scipy.sparse as sp

@@ -1,7 +1,5 @@
 """Scenes with two obstacles against references that share no code with them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import scipy.sparse as sp
