@@ -1,56 +1,47 @@
 """PATH and IPOPT: the forms that they are given are right, convex or not, and their programs leave nothing behind."""
 
-from __future__ import annotations
-
 import os
 import sys
 import tempfile
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from test_foreign_solvers import solved
 from test_two_sided_targets import box
 
 import icpmodel as icp
 from icpmodel.solvers import Target, ask, foreign_solvers
-from icpmodel.solvers.formulations import in_typical_units
 from icpmodel.solvers.path import mixed
 
-BOTH = pytest.mark.parametrize("name", ["ipopt", "path"])
 posix = pytest.mark.skipif(os.name != "posix", reason="makes an executable shell script")
 
 
-@BOTH
+@pytest.fixture(params=["ipopt", "path"])
+def solver(request):
+    found = foreign_solvers()[request.param]
+    pytest.importorskip(found.package)
+    return found
+
+
 @pytest.mark.parametrize("seed", range(3))
-def test_obstacles_that_do_not_move_alike_need_no_convexity(name: str, seed: int) -> None:
-    solver = foreign_solvers()[name]
-    pytest.importorskip(solver.package or "")
+def test_obstacles_that_do_not_move_alike_need_no_convexity(solver, seed):
     problem, z = box(seed, kind="apart")
-    scaled, unit = in_typical_units(problem)
-    assert not Target(scaled).parallel
-    claim = ask(solver, Target(scaled), solver.tight[0], 20.0)
-    assert claim.solved, claim.words
-    assert np.asarray(claim.z) * unit == pytest.approx(z, abs=1e-6)
+    assert not Target(problem).parallel
+    assert solved(solver.name, problem, solver.tight[0]) == pytest.approx(z, abs=1e-6)
 
 
-@BOTH
-def test_a_p_matrix_that_no_convex_program_takes_is_solved(name: str) -> None:
-    solver = foreign_solvers()[name]
-    pytest.importorskip(solver.package or "")
+def test_a_p_matrix_that_no_convex_program_takes_is_solved(solver):
     problem = icp.ICP([[1.0, 0.0], [6.0, 1.0]], [-1.0, -3.0])
     assert foreign_solvers()["osqp"].why_not(Target(problem)) is not None
-    report = problem.crosscheck([1.0, 0.0], [name])
+    report = problem.crosscheck([1.0, 0.0], [solver])
     assert report.agrees, str(report)
-    assert not problem.crosscheck([1.001, 0.0], [name]).agrees
+    assert not problem.crosscheck([1.001, 0.0], [solver]).agrees
 
 
-@BOTH
-def test_what_has_no_solution_is_not_called_solved(name: str) -> None:
-    solver = foreign_solvers()[name]
-    pytest.importorskip(solver.package or "")
+def test_what_has_no_solution_is_not_called_solved(solver):
     claim = ask(solver, Target(icp.scenes.hard_infeasible().problem), solver.tight[0], 20.0)
     assert not claim.solved
     assert claim.words in ("infeasible", "Diverging_Iterates")
@@ -58,7 +49,7 @@ def test_what_has_no_solution_is_not_called_solved(name: str) -> None:
 
 @settings(max_examples=60, deadline=None)
 @given(seed=st.integers(0, 2**32), kind=st.sampled_from(["symmetric", "skew", "alike", "apart"]))
-def test_the_mixed_problem_has_the_solution_with_the_multipliers_of_what_moves(seed: int, kind: str) -> None:
+def test_the_mixed_problem_has_the_solution_with_the_multipliers_of_what_moves(seed, kind):
     problem, z = box(seed, kind=kind)
     target = Target(problem)
     M, b, least, most = mixed(target)
@@ -71,7 +62,7 @@ def test_the_mixed_problem_has_the_solution_with_the_multipliers_of_what_moves(s
     assert np.abs(np.median([M @ x + b, x - least, x - most], axis=0)).max() > 1e-6
 
 
-def test_the_licence_counts_the_multipliers_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_licence_counts_the_multipliers_as_well(monkeypatch):
     monkeypatch.setitem(sys.modules, "gamspy_base", SimpleNamespace(directory="nowhere"))
     path = foreign_solvers()["path"]
     assert path.why_not(Target(icp.ICP(4.0 * np.eye(1000), np.ones(1000)))) is None
@@ -82,7 +73,7 @@ def test_the_licence_counts_the_multipliers_as_well(monkeypatch: pytest.MonkeyPa
     assert str(path.why_not(Target(moving))).endswith("this n is 600, and 600 further unknowns count as well")
 
 
-def fake_gams(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: str) -> Path:
+def fake_gams(tmp_path, monkeypatch, script):
     """A program in the place of GAMS; returns the folder where temporary ones are made."""
     gams, folder = tmp_path / "gams", tmp_path / "temporary"
     gams.write_text(f"#!/bin/sh\necho $$ > {tmp_path}/pid\n{script}\n")
@@ -94,7 +85,7 @@ def fake_gams(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: str) -> P
 
 
 @posix
-def test_a_success_of_path_at_a_wrong_answer_is_recorded_and_not_believed(tmp_path, monkeypatch) -> None:
+def test_a_success_of_path_at_a_wrong_answer_is_recorded_and_not_believed(tmp_path, monkeypatch):
     folder = fake_gams(tmp_path, monkeypatch, "echo 0.25 > answer.txt; echo ' ** EXIT - solution found.'")
     row = icp.crosscheck(icp.ICP([[2.0]], [-1.0]), [0.5], ["path"]).rows[0]
     assert (row.verdict.value, row.claim) == ("loose", "solution found")
@@ -102,7 +93,7 @@ def test_a_success_of_path_at_a_wrong_answer_is_recorded_and_not_believed(tmp_pa
 
 
 @posix
-def test_at_the_time_limit_gams_is_killed_and_its_folder_removed(tmp_path, monkeypatch) -> None:
+def test_at_the_time_limit_gams_is_killed_and_its_folder_removed(tmp_path, monkeypatch):
     folder = fake_gams(tmp_path, monkeypatch, "exec sleep 60")
     claim = ask(foreign_solvers()["path"], Target(icp.ICP([[2.0]], [-1.0])), 1e-10, 0.5)
     assert (claim.words, claim.solved) == ("time limit", False)
@@ -111,7 +102,7 @@ def test_at_the_time_limit_gams_is_killed_and_its_folder_removed(tmp_path, monke
         os.kill(int((tmp_path / "pid").read_text()), 0)
 
 
-def test_ipopt_keeps_its_time_limit() -> None:
+def test_ipopt_keeps_its_time_limit():
     pytest.importorskip("casadi")
     claim = ask(foreign_solvers()["ipopt"], Target(icp.scenes.membrane(n=100).problem), 1e-10, 1e-6)
     assert (claim.words, claim.solved) == ("Maximum_WallTime_Exceeded", False)

@@ -1,7 +1,5 @@
 """Every foreign solver finds what is known, and says why it does not."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 
@@ -16,7 +14,7 @@ NATIVE = ("osqp", "osqp, not polished", "clarabel", "piqp", "scs", "highs", "ipo
 NAMES = (*NATIVE, "cvxpy-clarabel", "cvxpy-highs", "pyomo-highs")
 
 
-def solved(name: str, problem: icp.ICP, tolerance: float = 1e-11) -> np.ndarray | str:
+def solved(name, problem, tolerance=1e-11):
     """The solver's z for `problem` in its own units, or the reason why it has none."""
     scaled, unit = in_typical_units(problem)
     solver, target = foreign_solvers()[name], Target(scaled)
@@ -34,7 +32,7 @@ def solved(name: str, problem: icp.ICP, tolerance: float = 1e-11) -> np.ndarray 
 
 @pytest.mark.parametrize("solver", [name for name in NATIVE if name != "osqp, not polished"])
 @pytest.mark.parametrize("name", ["hand-lcp", "hand-free", "hand-degenerate", "hand-negative", "hand-affine"])
-def test_a_solver_finds_what_was_found_by_hand(solver: str, name: str) -> None:
+def test_a_solver_finds_what_was_found_by_hand(solver, name):
     scene = icp.scenes.scene(name)
     z = solved(solver, scene.problem)
     # where p = r = 0 an interior point is off by the root of its tolerance
@@ -44,12 +42,12 @@ def test_a_solver_finds_what_was_found_by_hand(solver: str, name: str) -> None:
 # --- the contract ------------------------------------------------------------------------------------------------
 
 
-def test_every_solver_of_the_room_is_found_by_name_and_asked_by_those_that_it_names() -> None:
+def test_every_solver_of_the_room_is_found_by_name_and_asked_by_those_that_it_names():
     known = foreign_solvers()
     assert set(NAMES) <= set(known)
     assert list(known) == sorted(known)
 
-    def asked(asker: str) -> set[str]:
+    def asked(asker):
         return {one.name for one in chosen_solvers(None, asker)} & set(NAMES)
 
     through = {name for name in NAMES if name.startswith(("cvxpy", "pyomo"))}
@@ -63,14 +61,14 @@ class Exact(ForeignSolver):
     name, forms, used_by = "test-exact", ("mpec",), ()
     tight = (1e-3,)
 
-    def set_up(self, target: Target, tolerance: float, time_limit: float) -> icp.problem.data.ProblemData:
+    def set_up(self, target, tolerance, time_limit):
         return target.problem
 
-    def run(self, model: icp.problem.data.ProblemData) -> Claim:
+    def run(self, model):
         return Claim(-model.q / model.A.diagonal(), "by heart", True)
 
 
-def test_a_solver_from_outside_is_found_by_its_name() -> None:
+def test_a_solver_from_outside_is_found_by_its_name():
     assert isinstance(foreign_solvers()["test-exact"], Exact)
     assert [one.name for one in chosen_solvers(["test-exact", "osqp", "test-exact"])] == ["test-exact", "osqp"]
     row = icp.crosscheck(icp.ICP([[2.0]], [-1.0]), [0.5], ["test-exact"]).rows[0]
@@ -79,7 +77,7 @@ def test_a_solver_from_outside_is_found_by_its_name() -> None:
 
 
 @pytest.mark.parametrize("name", ["osqp", "highs", "cvxpy-clarabel", "pyomo-highs", "ipopt", "path"])
-def test_a_missing_package_is_a_sentence(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_package_is_a_sentence(name, monkeypatch):
     solver = foreign_solvers()[name]
     assert solver.package is not None
     monkeypatch.setitem(sys.modules, solver.package, None)
@@ -94,17 +92,17 @@ class Picky(Exact):
     tight = (1e-12, 1e-9, 1e-6)
     asked: list[float]
 
-    def set_up(self, target: Target, tolerance: float, time_limit: float) -> object:
+    def set_up(self, target, tolerance, time_limit):
         self.asked = [*getattr(self, "asked", []), tolerance]
         return target.problem, tolerance
 
-    def run(self, model: object) -> Claim:
-        problem, tolerance = model  # type: ignore[misc]
+    def run(self, model):
+        problem, tolerance = model
         found = super().run(problem)
         return found if tolerance == 1e-6 else replace(found, words="infeasible", solved=False)
 
 
-def test_a_failure_at_a_tight_tolerance_is_repeated_more_loosely_and_told() -> None:
+def test_a_failure_at_a_tight_tolerance_is_repeated_more_loosely_and_told():
     solver = Picky()
     report = icp.crosscheck(icp.ICP([[2.0]], [-1.0]), [0.5], [solver])
     assert solver.asked == [1e-12, 1e-9, 1e-6]
