@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from benchmarks.harness import relaxed
 
 import icpmodel as icp
 from icpmodel import scenes
@@ -12,12 +13,6 @@ from icpmodel.algebra.relaxation import AdaptedOmega, relaxation, scale_of
 def tridiagonal(n, b):
     A = sp.diags_array([-b, 1.0, -b], offsets=[-1, 0, 1], shape=(n, n))
     return icp.ICP(A, -np.ones(n), -np.inf)
-
-
-def relaxed(problem, omega):
-    share = 2 - omega
-    theta1 = 1 / (2 / omega - share)
-    return icp.MNMAOR(theta1=theta1, theta2=2 * theta1, phi2=share * problem.A.diagonal())
 
 
 @pytest.mark.parametrize("b", [0.1, 0.45])

@@ -5,6 +5,19 @@ import numpy as np
 import icpmodel as icp
 
 
+def dominant(rng, n, share=0.5):
+    """A strictly diagonally dominant matrix with about this share of its entries."""
+    A = rng.normal(size=(n, n)) * (rng.random((n, n)) < share)
+    np.fill_diagonal(A, 0.0)
+    return A + np.diag(1.1 * np.abs(A).sum(axis=1) + 0.2)
+
+
+def definite(rng, n, shift=1.0):
+    """A symmetric positive definite matrix, whose eigenvalues are at least `shift`."""
+    B = rng.normal(size=(n, n))
+    return B @ B.T / n + shift * np.eye(n)
+
+
 def affine(G):
     """c ↦ ψ(z) = Gz + c, a constant where G is 0."""
     return (lambda c: icp.Affine(G, c)) if np.any(G) else icp.Constant

@@ -6,6 +6,7 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from known_answers import dominant
 from threadpoolctl import threadpool_limits
 
 import icpmodel as icp
@@ -64,9 +65,8 @@ def test_products_and_norms_are_the_same_on_one_core(large):
 def test_dense_and_sparse_input_give_the_same_bits(method, n):
     """Also where zeros are stored, and on an object that was used before."""
     rng = np.random.default_rng(n)
-    A = rng.normal(size=(n, n)) * (rng.random((n, n)) < 0.5)
-    A += np.diag(np.abs(A).sum(axis=1) + 0.1)
-    q, c = rng.normal(size=n), np.where(rng.random(n) < 0.2, -np.inf, rng.normal(size=n))
+    A, q = dominant(rng, n), rng.normal(size=n)
+    c = np.where(rng.random(n) < 0.2, -np.inf, rng.normal(size=n))
     stored = sp.csr_array((A.ravel(), np.tile(np.arange(n), n), np.arange(0, n * n + 1, n)), shape=(n, n))
     problem, full = icp.ICP(A, q, c), icp.ICP(stored, q, c)
     expected = numbers(problem, method)

@@ -2,14 +2,10 @@
 
 import numpy as np
 import pytest
+from known_answers import definite
 
 import icpmodel as icp
 from icpmodel.methods.shortcuts import Josephy, Lemke
-
-
-def spd(rng, n, shift=1.0):
-    B = rng.normal(size=(n, n))
-    return B @ B.T / n + shift * np.eye(n)
 
 
 def run(problem, **options):
@@ -29,7 +25,7 @@ def neighbours(n, slope):
 
 def test_a_step_is_the_affine_problem_at_z():
     rng = np.random.default_rng(0)
-    A, q, z = spd(rng, 6), rng.normal(size=6), rng.normal(size=6)
+    A, q, z = definite(rng, 6), rng.normal(size=6), rng.normal(size=6)
     psi = neighbours(6, 0.4)
     path = Josephy().iterates(icp.ICP(A, q, psi), z)
     next(path)
@@ -42,7 +38,7 @@ def test_it_converges_quadratically():
     rng = np.random.default_rng(1)
     for _ in range(10):
         psi = icp.Elementwise(lambda z: 0.9 * np.sin(z), lambda z: 0.9 * np.cos(z), c=rng.normal(size=8))
-        problem = icp.ICP(spd(rng, 8), rng.normal(size=8), psi)
+        problem = icp.ICP(definite(rng, 8), rng.normal(size=8), psi)
         exact = problem.solve("newton", rtol=1e-14, raise_on_failure=False).z
         path = Josephy().iterates(problem, exact + 1e-3 * rng.normal(size=8))
         near, step = (np.abs(next(path)[0] - exact).max() for _ in range(2))
@@ -65,6 +61,6 @@ def test_steps_that_would_wander_are_shortened(seed):
     """Newton's method for z − .9 sin z = c alone goes to and fro; here 40 rows do so at once."""
     rng = np.random.default_rng(seed)
     psi = icp.Elementwise(lambda z: 0.9 * np.sin(z), lambda z: 0.9 * np.cos(z), c=rng.normal(size=40))
-    solution = run(icp.ICP(spd(rng, 40, 3.0), rng.normal(size=40), psi), history=True)
+    solution = run(icp.ICP(definite(rng, 40, 3.0), rng.normal(size=40), psi), history=True)
     assert solution.solved
     assert (np.diff(solution.history.residual) < 0).all()

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 import scipy.sparse as sp
+from known_answers import dominant
 
 import icpmodel as icp
 from icpmodel import Status, scenes
@@ -27,13 +28,6 @@ def test_one_step_from_the_right_active_set_is_the_solution():
     near = scene.z_exact + 1e-3
     steps = list(newton_path(scene.problem, near))
     assert np.abs(steps[1] - scene.z_exact).max() <= 1e-13
-
-
-def h_plus(rng, n):
-    A = rng.normal(size=(n, n)) * (rng.random((n, n)) < 0.4)
-    np.fill_diagonal(A, 0.0)
-    A[np.diag_indices(n)] = np.abs(A).sum(axis=1) * 1.1 + 0.2
-    return A
 
 
 @pytest.mark.parametrize(
@@ -117,7 +111,8 @@ def test_without_a_solution_it_stands_still_and_what_contradicts_itself_is_prove
 
 
 def points(rng, n=6):
-    problem = icp.ICP(h_plus(rng, n), rng.normal(size=n), icp.Affine(0.1 * rng.normal(size=(n, n)), rng.normal(size=n)))
+    psi = icp.Affine(0.1 * rng.normal(size=(n, n)), rng.normal(size=n))
+    problem = icp.ICP(dominant(rng, n, 0.4), rng.normal(size=n), psi)
     return problem, Point(problem, problem.matrix.weights, rng.normal(size=n))
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from known_answers import definite
 
 import icpmodel as icp
 from icpmodel import Status
@@ -11,11 +12,6 @@ from icpmodel.solve.many.at_once import ROWS_A_THREAD, UNKNOWNS_A_THREAD
 
 SMALL = [[2.0, -1.0], [-1.0, 2.0]]
 TRIDIAGONAL = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(100, 100))
-
-
-def spd(rng, n):
-    B = rng.normal(size=(n, n))
-    return B @ B.T / n + np.eye(n)
 
 
 def same_as_row_by_row(A, Q, psi, obstacles=False, **options):
@@ -36,8 +32,8 @@ def same_as_row_by_row(A, Q, psi, obstacles=False, **options):
 @pytest.mark.parametrize("n", [1, 3, 16, 64])
 def test_small_lcps_with_fixed_obstacles(n):
     rng = np.random.default_rng(n)
-    same_as_row_by_row(spd(rng, n), rng.normal(size=(30, n)), 0.0)
-    same_as_row_by_row(spd(rng, n), rng.normal(size=(30, n)), rng.normal(size=n))
+    same_as_row_by_row(definite(rng, n), rng.normal(size=(30, n)), 0.0)
+    same_as_row_by_row(definite(rng, n), rng.normal(size=(30, n)), rng.normal(size=n))
 
 
 @pytest.mark.parametrize("atol", [0.0, 1e-9])
@@ -46,7 +42,7 @@ def test_matrices_of_their_own_in_one_call(obstacles, atol):
     """Rows of which 0 is the answer, in units of their own, without obstacles, and one that has no solution."""
     rng = np.random.default_rng(5)
     k, n = 40, 7
-    A = [spd(rng, n) * 2.0 ** rng.integers(-60, 60) for _ in range(k)]
+    A = [definite(rng, n) * 2.0 ** rng.integers(-60, 60) for _ in range(k)]
     Q = rng.normal(size=(k, n)) * np.array([np.abs(M).max() for M in A])[:, None]
     Q[3] = np.abs(Q[3])
     A[5] = -np.eye(n)
@@ -67,7 +63,7 @@ def test_obstacles_of_each_row_and_rows_without_one():
     rng = np.random.default_rng(0)
     C = rng.normal(size=(40, 6))
     C[rng.random(C.shape) < 0.3] = -np.inf
-    A = spd(rng, 6)
+    A = definite(rng, 6)
     same_as_row_by_row(A, rng.normal(size=(40, 6)), C, obstacles=True)
     same_as_row_by_row(A, rng.normal(size=6), C, obstacles=True)
     assert np.array_equal(solve_many(A, np.ones((3, 6)), C[:1]).Z, solve_many(A, np.ones((3, 6)), C[[0, 0, 0]]).Z)
@@ -79,20 +75,20 @@ def test_what_is_not_pivoted_is_solved_one_by_one():
     Q = large.q + 0.01 * rng.normal(size=(4, 100))
     same_as_row_by_row(large.A, Q, large.psi.c)
     same_as_row_by_row(large.A, Q, np.array([large.psi.c - 0.1 * k for k in range(4)]), obstacles=True)
-    same_as_row_by_row(spd(rng, 5), rng.normal(size=(5, 5)), icp.Affine(0.1 * np.eye(5), -0.1))
-    same_as_row_by_row(spd(rng, 5), rng.normal(size=(5, 5)), lambda z: 0.1 * np.sin(z))
+    same_as_row_by_row(definite(rng, 5), rng.normal(size=(5, 5)), icp.Affine(0.1 * np.eye(5), -0.1))
+    same_as_row_by_row(definite(rng, 5), rng.normal(size=(5, 5)), lambda z: 0.1 * np.sin(z))
 
 
 def test_threads_give_the_rows_in_their_order():
     rng = np.random.default_rng(2)
-    A, (Q, C) = spd(rng, 4), rng.normal(size=(2, 3 * ROWS_A_THREAD + 7, 4))
+    A, (Q, C) = definite(rng, 4), rng.normal(size=(2, 3 * ROWS_A_THREAD + 7, 4))
     parts = [np.array_split(rows, 5) for rows in (Q, C, C + 1.0)]
     whole = solve_many(A, Q, C, upper=C + 1.0)
     by_part = [solve_many(A, q, c, upper=d).Z for q, c, d in zip(*parts, strict=True)]
     assert np.array_equal(whole.Z, np.vstack(by_part))
 
 
-@pytest.mark.parametrize("A", [spd(np.random.default_rng(0), 6), TRIDIAGONAL])
+@pytest.mark.parametrize("A", [definite(np.random.default_rng(0), 6), TRIDIAGONAL])
 def test_rows_with_obstacles_of_their_own_are_solved_at_once(A, caplog):
     """By pivots and by the tridiagonal pass: with the obstacles of another row they would be solved again, alone."""
     n = A.shape[0]
@@ -158,7 +154,7 @@ def test_obstacles_that_move_are_pivoted_too_where_they_are_affine_or_amount_to_
         icp.Affine(np.diag(rng.uniform(-0.9, 0.9, 6)), c),
         icp.Elementwise(lambda z: 0.8 * np.sin(z), lambda z: 0.8 * np.cos(z), lipschitz=0.8, c=c),
     ]
-    A, Q = spd(rng, 6), rng.normal(size=(25, 6))
+    A, Q = definite(rng, 6), rng.normal(size=(25, 6))
     for psi in maps:
         same_as_row_by_row(A, Q, psi)
 
@@ -178,7 +174,7 @@ def test_tridiagonal_problems_of_any_size_are_solved_in_compiled_code_on_all_cor
 def test_parameter_values_a_list_of_matrices_or_of_maps():
     rng = np.random.default_rng(8)
     q = rng.normal(size=5)
-    matrices = [spd(rng, 5) for _ in range(4)]
+    matrices = [definite(rng, 5) for _ in range(4)]
     maps = [icp.Elementwise(lambda z, t=t: t * np.sin(z), lipschitz=t) for t in (0.0, 0.1, 0.5, 0.9)]
     for A, psi in ((matrices, 0.0), (matrices, maps), (matrices[0], maps), (np.array(matrices), maps[2])):
         found = solve_many(A, q, psi)
@@ -203,7 +199,7 @@ def test_ctrl_c_leaves_the_rows_that_are_solved_and_begins_no_others(last):
             raise KeyboardInterrupt
         return 0.1 * np.sin(z)
 
-    found = solve_many(spd(rng, 4), Q, psi, raise_on_failure=False)
+    found = solve_many(definite(rng, 4), Q, psi, raise_on_failure=False)
     names = [status.name for status in found.statuses]
     if "INTERRUPTED" not in names:  # it came while a row that is solved was judged once more
         assert set(names) == {"SOLVED"}
@@ -236,7 +232,7 @@ def test_a_psi_that_fails_fails_in_its_own_row():
 def test_limits_of_time_and_memory_are_statuses_of_the_rows(psi):
     """Law 12. A row that was not begun has its start, and nothing is said of its residual."""
     rng = np.random.default_rng(7)
-    A, Q, Z0 = spd(rng, 5), rng.normal(size=(6, 5)), rng.normal(size=(6, 5))
+    A, Q, Z0 = definite(rng, 5), rng.normal(size=(6, 5)), rng.normal(size=(6, 5))
     found = solve_many(A, Q, psi, Z0=Z0, time_limit=0.0, raise_on_failure=False)
     assert set(found.statuses) == {icp.Status.TIME_LIMIT}
     assert np.array_equal(found.Z, Z0)
