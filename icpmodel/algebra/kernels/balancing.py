@@ -8,56 +8,44 @@ import numpy as np
 
 from ...numerics.kernels import compiled
 
-#: entries within a factor 2^± this of each other need no balancing; the exponent of 0
-_BALANCED_RANGE = 20
-_ZERO_EXPONENT = -5000
+#: columns with a larger entry than this, where those of the rows are about 1, need no balancing
+_BALANCED = 2.0**-40
 
 
 @compiled
-def _row_units(M, columns):
-    # r such that the largest entry of each row of 2^(r_i + columns_j) m_ij is in [1/2, 1); 0 for rows of zeros
+def _row_units(M):
+    # r such that the largest entry of each row of 2^(r_i) m_ij is in [1/2, 1); 0 for rows of zeros
     rows = np.zeros(M.shape[0], np.int64)
     for i in range(M.shape[0]):
-        largest = _ZERO_EXPONENT
+        largest = 0.0
         for j in range(M.shape[1]):
-            if M[i, j] != 0.0:
-                largest = max(largest, math.frexp(M[i, j])[1] + columns[j])
-        if largest > _ZERO_EXPONENT:
-            rows[i] = -largest
+            largest = max(largest, abs(M[i, j]))
+        rows[i] = -math.frexp(largest)[1]
     return rows
 
 
 @compiled
 def scale(M):
-    # (S, r, c) with s_ij = 2^(r_i + c_j) m_ij: the largest entry of each row and column is in [1/2, 1) where those of
-    # rows or columns differ much; else all are divided by the largest of all. (Entries that are small in their row and
-    # in their column are no reason: those of an inverse fade with the distance, and units in which they do not would
-    # make q grow as fast.)
+    # (S, r, c) with s_ij = 2^(r_i + c_j) m_ij: the largest entry of each row is in [1/2, 1), whatever the units of the
+    # rows, and that of each column where those of columns differ much. (Entries that are small in their row and in
+    # their column are no reason: those of an inverse fade with the distance, and units in which they do not would make
+    # q grow as fast.)
     n = M.shape[0]
-    r = np.zeros(n, np.int64)
+    r = _row_units(M)
     c = np.zeros(n, np.int64)
-    rows = np.zeros(n)
+    S = np.empty((n, n))
     columns = np.zeros(n)
     for i in range(n):
+        unit = math.ldexp(1.0, r[i])
         for j in range(n):
-            size = abs(M[i, j])
-            rows[i] = max(rows[i], size)
-            columns[j] = max(columns[j], size)
-    high = rows.max()
-    low = high
-    for largest in (rows, columns):
-        for size in largest:
-            if size > 0.0:
-                low = min(low, size)
-    exponent = math.frexp(high)[1]
-    unit = math.ldexp(1.0, -exponent)
-    if exponent - math.frexp(low)[1] <= 2 * _BALANCED_RANGE and 0.0 < unit < np.inf:
-        r[:] = -exponent
-        return M * unit, r, c
-    r = _row_units(M, c)
-    c = _row_units(M.T, r)
-    S = np.empty((n, n))
-    for i in range(n):
-        for j in range(n):
-            S[i, j] = math.ldexp(M[i, j], r[i] + c[j])
+            S[i, j] = M[i, j] * unit if unit < np.inf else math.ldexp(M[i, j], r[i])
+            columns[j] = max(columns[j], abs(S[i, j]))
+    for largest in columns:
+        if 0.0 < largest < _BALANCED:
+            c = _row_units(S.T)
+            break
+    for j in range(n):
+        if c[j] != 0:
+            for i in range(n):
+                S[i, j] = math.ldexp(M[i, j], r[i] + c[j])
     return S, r, c
