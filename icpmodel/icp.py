@@ -96,7 +96,7 @@ class ICP(ProblemData):
     # The rooms of these verbs stand above this one and know it, so that each is imported when it is called.
 
     def race(self, *args: Any, **options: Any) -> Any:
-        """Time own methods and foreign solvers against their error.
+        """Time this package's methods and foreign solvers against their error.
 
         Parameters
         ----------

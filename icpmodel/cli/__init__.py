@@ -82,7 +82,8 @@ class _Commands(click.Group):
             command: click.Command = getattr(import_module(f".{_FILES[cmd_name]}", __package__), cmd_name)
             return command
         if not (ctx.resilient_parsing or cmd_name.startswith("-")):
-            raise click.UsageError(f"No such command {cmd_name!r}{did_you_mean(cmd_name, _FILES)}")
+            hint = did_you_mean(cmd_name, _FILES) or f"; one of {', '.join(_FILES)} was expected"
+            raise click.UsageError(f"there is no command {cmd_name!r}{hint}")
         return None
 
 

@@ -25,7 +25,8 @@ from ..scenes import names as scene_names
 SOURCE_HELP = f"""SOURCE is the name of a built-in scene (see `icpmodel scenes`) or an .npz file written by
 --save-problem. It may be a .mat file with A, q, psi and upper, or a folder of Matrix Market files with a psi.json.
 Without SOURCE give --A and --q, and --psi and --upper for obstacles other than 0. A file name of A or of a vector ends
-in {", ".join(SUFFIXES)}; in .csv and .txt the first line may have names. One of the files may be -, standard input."""
+in {", ".join(SUFFIXES[:-1])} or {SUFFIXES[-1]}; in .csv and .txt the first line may have names. One of the files may be
+-, standard input."""
 
 Decorator = Callable[[Any], Any]
 
@@ -141,11 +142,13 @@ class NamedProblem(NamedTuple):
 
 def named_source(arguments: dict[str, Any]) -> NamedProblem:
     """The scene or the files that the arguments name. Raises InputError, FileError."""
+    if [arguments[key] for key in ("source", *_PARTS.values())].count("-") > 1:
+        raise InputError("more than one file is -, standard input, which holds one; give the others by name")
     arguments = arguments | {key: _input(arguments[key]) for key in ("source", *_PARTS.values())}
     source = arguments["source"]
     file = arguments["a_file"]
     n = arguments["n"]
-    parameters = pairs(arguments["parameters"])
+    parameters = pairs(arguments["parameters"], "--set")
     files = {f"--{name}": arguments[key] for name, key in _PARTS.items() if arguments[key] is not None}
     if (source is None) == (file is None):
         actual = f"both are given, {source} and {file}; drop one" if source is not None else "neither is given"
@@ -163,7 +166,7 @@ def named_source(arguments: dict[str, Any]) -> NamedProblem:
         raise InputError(f"SOURCE is {source!r}; there is neither a scene nor a file or folder of this name{hint}")
     if n is not None or parameters:
         raise InputError(f"--n and --set belong to scenes, and {source or file} is not a scene; see `icpmodel scenes`")
-    sides = (_side(arguments[name]) for name in ("psi", "upper"))
+    sides = (_side(arguments[name], f"--{name}") for name in ("psi", "upper"))
     return NamedProblem(None, None, {}, (source or file, arguments["q_file"], *sides))
 
 
@@ -189,23 +192,25 @@ def _input(name: str | None) -> str | None:
         return name
     data = sys.stdin.buffer.read()
     suffix = next((suffix for begin, suffix in _BEGINS.items() if data.startswith(begin)), ".csv")
-    with NamedTemporaryFile(suffix=suffix, delete=False) as file:
+    with NamedTemporaryFile(prefix="standard-input-", suffix=suffix, delete=False) as file:
         file.write(data)
     click.get_current_context().call_on_close(lambda: os.unlink(file.name))
     return file.name
 
 
-def _side(text: str | None) -> float | str | None:
-    """A number, or else the name of a file."""
+def _side(text: str | None, option: str) -> float | str | None:
+    """A number, or else the name of a file. Raises InputError."""
     try:
         return None if text is None else float(text)
     except ValueError:
+        if not os.path.exists(str(text)):
+            raise InputError(f"{option} is {text!r}; a number or the name of a file was expected") from None
         return text
 
 
 def named_method(arguments: dict[str, Any]) -> Method | None:
     """The method that the arguments name, or None. Raises InputError."""
-    values = pairs(arguments["options"])
+    values = pairs(arguments["options"], "--option")
     if arguments["method"] is not None:
         return named(arguments["method"], **values)
     if values:
@@ -213,14 +218,14 @@ def named_method(arguments: dict[str, Any]) -> Method | None:
     return None
 
 
-def pairs(texts: tuple[str, ...]) -> dict[str, Any]:
-    """name=value with the value as a number or truth value where it is one. Raises InputError."""
+def pairs(texts: tuple[str, ...], option: str) -> dict[str, Any]:
+    """Name → value of a repeated `option`, a number or truth value where the text is one. Raises InputError."""
     values: dict[str, Any] = {}
     for text in texts:
         name, equals, value = text.partition("=")
         if not equals or not name:
-            raise InputError(f"{text!r} is not of the form NAME=VALUE")
+            raise InputError(f"{option} is {text!r}; NAME=VALUE was expected")
         if name in values:
-            raise InputError(f"{name} is given twice")
+            raise InputError(f"{option} gives {name} twice; once was expected")
         values[name] = _number(value)
     return values

@@ -81,7 +81,7 @@ def stability(plane: str, output: str | None, form: str | None, **arguments: Any
 def race(
     methods: tuple[str, ...], solvers: tuple[str, ...], output: str | None, form: str | None, **arguments: Any
 ) -> int:
-    """Measure time against error on SOURCE, of own methods and independent solvers at several tolerances."""
+    """Measure time against error on SOURCE, for this package's methods and independent solvers."""
     check_picture(output)
     problem, scene = named_problem(arguments)
     options = {name: arguments[name] for name in _TIMINGS}

@@ -48,7 +48,7 @@ psi.json. Without SOURCE give --A and --q, and --psi and --upper for obstacles o
 {" or ".join(PARTED)} (PETSc's), and all ranks read the files.""",
 )
 @options(*SOURCE_OPTIONS)
-@click.option("--z0", "z0_file", type=click.Path(), help=f"Start from the vector in this file, {', '.join(PARTED)}.")
+@click.option("--z0", "z0_file", type=click.Path(), help=f"Start from the vector in this file, {' or '.join(PARTED)}.")
 @options(*from_signature(solve, *_LIMITS))
 @click.option("--bound/--no-bound", default=True, help="Compute the error bound, which costs about a linear solve.")
 @click.option(

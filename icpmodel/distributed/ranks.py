@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import FileError, InputError, MapError, NotApplicable
-from ..numerics.arrays import Vector
+from ..numerics.arrays import Vector, described
 
 _MISSING = (
     "icpmodel.distributed needs petsc4py and mpi4py, which pip install 'icpmodel[petsc]' builds from sources; "
@@ -60,7 +60,7 @@ def world(comm: Any = None) -> Any:
     if isinstance(comm, PETSc.Comm):
         return comm.tompi4py()
     if not hasattr(comm, "Allreduce"):
-        raise InputError(f"comm is a {type(comm).__name__}; a communicator of mpi4py or petsc4py was expected")
+        raise InputError(f"comm is {described(comm)}; a communicator of mpi4py or petsc4py was expected")
     return comm
 
 

@@ -269,7 +269,7 @@ def explain(
         Accuracy > 0, in the units of z, of the predicted numbers of steps.
     thorough : bool, default False
         Answer every question, however long it takes. By default a question is left open after a
-        number of products with A, and the page says so.
+        number of products with A, and the output says so.
     **options
         Options of a `method` that is given by name.
 
@@ -301,7 +301,10 @@ def explain(
     problem = as_problem(problem, nonlinear=True)
     accuracy = as_number(accuracy, "accuracy", above=0)
     if options and not isinstance(method, str):
-        raise InputError(f"{next(iter(options))}: the options of a method are taken only where it is named")
+        raise InputError(
+            f"explain has no option {next(iter(options))}; it takes method, accuracy, thorough, and the options of a "
+            "method only where that is named"
+        )
     unit = problem.matrix.product_cost
     page = min(_MAX_PRODUCTS * unit + _MAX_NANOSECONDS, _NANOSECONDS_PER_ROW * max(problem.n, _MIN_ROWS))
     products = math.inf if as_truth(thorough, "thorough") else page / unit

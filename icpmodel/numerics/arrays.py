@@ -71,7 +71,8 @@ def as_array(value: Any, name: str) -> np.ndarray:
                 f"{name} is {described(value)}, which only multiplies vectors; its entries are needed: give the array "
                 "or the sparse matrix that it is made of, or, where n is small, its product with np.eye(n)"
             )
-        raise InputError(f"{name} is {described(value)}; real numbers were expected")
+        reader = "; icpmodel.load_problem reads files" if isinstance(value, str) else ""
+        raise InputError(f"{name} is {described(value)}; real numbers were expected{reader}")
     return array
 
 
@@ -87,7 +88,10 @@ def described(value: Any) -> str:
     if isinstance(value, int) and abs(value) >= _MIN_OVERFLOWING_INTEGER:
         return "an integer of hundreds of digits"
     plain = value is None or isinstance(value, str | int | float | np.number)
-    return repr(value) if plain else f"a {type(value).__name__}"
+    if plain:
+        return repr(value)
+    name = type(value).__name__
+    return f"{'an' if name[0] in 'aeioAEIOU' or name.startswith('nd') else 'a'} {name}"
 
 
 def not_finite(vector: Vector, name: str) -> str:

@@ -20,6 +20,7 @@ from .matrix import Matrix
 from .nonlinear_term import NonlinearTerm
 from .point_values import PointValues
 from .two_sided import TwoSidedObstacle, as_map
+from .user_code import as_function
 
 #: the advice in errors about arrays given in place of a problem
 HOW_TO_BUILD = "icpmodel.ICP(A, q, psi) makes a problem of arrays, and icpmodel.ICP(A, q, psi).solve() solves it"
@@ -185,6 +186,7 @@ class ProblemData(PointValues):
         >>> problem.solve().z.round(6), problem.p([2, 0])
         (array([2., 0.]), array([0., 1.]))
         """
+        as_function(F, "F")
         known = [np.shape(side)[0] for side in (psi, upper, sparsity) if np.ndim(side)]
         if n is None and not known:
             raise InputError("n is not known, as psi and upper are no vectors; give n, the number of unknowns")

@@ -9,7 +9,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..errors import InputError, MapError, check_arguments
-from ..numerics.arrays import Mask, Vector, as_csr, freeze, row_of
+from ..numerics.arrays import Mask, Vector, as_csr, described, freeze, row_of
 from ..numerics.rounding import UNIT_ROUNDOFF
 from .map import Map
 from .user_code import call_user, raising_map_error, returned
@@ -217,7 +217,7 @@ class Intervention(Map):
         assert fun is not None
         pair = raising_map_error(lambda: fun(z.copy()), "psi")
         if not isinstance(pair, tuple) or len(pair) != 2:
-            raise MapError(f"psi(z) returned a {type(pair).__name__}; a tuple (value, target) was expected")
+            raise MapError(f"psi(z) returned {described(pair)}; a tuple (value, target) was expected")
         target = returned(pair[1], "psi(z): target")
         if target.shape != z.shape or target.dtype.kind not in "iu":
             raise MapError(
@@ -241,7 +241,7 @@ class Intervention(Map):
 def _checked(jumps: Any) -> sp.csr_array:
     if not sp.issparse(jumps):
         raise InputError(
-            f"jumps is a {type(jumps).__name__}; a SciPy sparse matrix (its stored entries are the possible jumps) or "
+            f"jumps is {described(jumps)}; a SciPy sparse matrix (its stored entries are the possible jumps) or "
             "a function z -> (value, target) was expected"
         )
     matrix = as_csr(jumps, "jumps")

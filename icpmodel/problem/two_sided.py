@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..numerics.arrays import Mask, Vector, as_vector, freeze
+from ..numerics.arrays import Mask, Vector, as_vector, described, freeze
 from .affine import Constant
 from .function import Function
 from .map import Map
@@ -256,10 +256,11 @@ def _one_side(value: Any, n: int, name: str, none: float) -> Map:
     if isinstance(value, Map):
         bound = value.bind(n) if none < 0 else value.bind(n).as_upper()
         return bound if (c := getattr(bound, "c", None)) is None else _checked(bound, c, f"{name}.c", none)
-    if callable(value):
+    if callable(value) and not isinstance(value, type):
         return Function(value).bind(n)
-    if isinstance(value, str) or value is None:
-        raise InputError(f"{name} is {value!r}; a number, a vector, a callable or one of icpmodel's maps was expected")
+    if isinstance(value, str | type) or value is None:
+        expected = "a number, a vector, a callable or one of icpmodel's maps"
+        raise InputError(f"{name} is {described(value)}; {expected} was expected")
     vector = as_vector(value, n, name, infinite=none)
     bound = Constant(vector).bind(n)
     return bound if none < 0.0 else _checked(bound, vector, name, none)  # both infinities pass there

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..errors import InputError, MapError
-from ..numerics.arrays import Vector, as_array, as_rows, as_vector, axes, freeze
+from ..numerics.arrays import Vector, as_array, as_rows, as_vector, axes, described, freeze
 from ..numerics.rounding import is_ctrl_c
 from .map import Map
 
@@ -34,7 +34,7 @@ def diagonal_lipschitz(value: Any, n: int) -> sp.csr_array:
 def as_function(f: Any, name: str) -> Callable[..., Any]:
     """`f`, which must be callable. Raises InputError."""
     if not callable(f):
-        raise InputError(f"{name} is a {type(f).__name__}; a function was expected")
+        raise InputError(f"{name} is {described(f)}; a function was expected")
     return f
 
 

@@ -14,7 +14,18 @@ from typing import Any
 
 from ..errors import InputError, did_you_mean
 from ..problem.by_rows import ByRows
-from .registry import ASSEMBLIES, LARGEST, Builder, Quantity, Scene, builders, register, size, title_of
+from .registry import (
+    ASSEMBLIES,
+    LARGEST,
+    Builder,
+    Quantity,
+    Scene,
+    builders,
+    check_parameters,
+    register,
+    size,
+    title_of,
+)
 
 __all__ = ["Quantity", "Scene", "by_rows", "names", "parameters", "register", "scene", "titles"]
 
@@ -109,11 +120,7 @@ def _split_name(name: str, n: int | None, parameters: dict[str, Any]) -> tuple[s
         raise InputError(f"{','.join([name, *pairs])!r} is not of the form NAME,PARAMETER=NUMBER") from None
     n = parameters.pop("n", n)
     known = inspect.signature(_builder(name)).parameters
-    for parameter in parameters:
-        if parameter not in known:
-            listed = ", ".join(known) or "none"
-            hint = did_you_mean(parameter, known)
-            raise InputError(f"{name} has no parameter {parameter!r}; its parameters are: {listed}{hint}")
+    check_parameters(name, parameters, known)
     return name, n, parameters
 
 

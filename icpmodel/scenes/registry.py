@@ -5,14 +5,14 @@ from __future__ import annotations
 import functools
 import inspect
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, ParamSpec
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, did_you_mean
 from ..icp import ICP
 from ..numerics.arrays import ReadOnly, Vector, as_number, locked
 from ..numerics.plugins import load_plugins
@@ -267,6 +267,7 @@ def register(build: Callable[Arguments, Scene]) -> Callable[Arguments, Scene]:
 
     @functools.wraps(build)
     def checked(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Scene:
+        check_parameters(name, kwargs, signature.parameters)
         bound = signature.bind(*args, **kwargs)
         if "n" in bound.arguments:
             bound.arguments["n"] = size(bound.arguments["n"], most=LARGEST)
@@ -274,6 +275,15 @@ def register(build: Callable[Arguments, Scene]) -> Callable[Arguments, Scene]:
 
     _BUILDERS[name] = checked
     return checked
+
+
+def check_parameters(name: str, parameters: Iterable[str], known: Iterable[str]) -> None:
+    """Raise InputError where one of the `parameters` of the scene called `name` is not among the `known` ones."""
+    for parameter in parameters:
+        if parameter not in known:
+            hint = did_you_mean(parameter, known)
+            listed = ", ".join(known) or "none"
+            raise InputError(f"{name} has no parameter {parameter!r}; its parameters are: {listed}{hint}")
 
 
 def assembles(name: str) -> Callable[[Callable[Arguments, ByRows]], Callable[Arguments, ByRows]]:

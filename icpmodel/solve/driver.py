@@ -80,7 +80,7 @@ def solve(
     max_iter : int, default 100_000
         Limit on iterations; a sweep or a Newton step is one.
     time_limit : float, optional
-        Seconds, exceeded by at most a tenth and .2 s. A step that is expected to take longer than
+        Seconds; a run may exceed them by a tenth plus 0.2 s. A step that is expected to take longer than
         the rest is not started. Compiling and loading in the first calls do not count.
     memory_limit : float, optional
         Bytes that the solve may allocate, by default the free memory of the machine. A method that
@@ -204,7 +204,7 @@ def _options() -> list[str]:
 
 def _display_options(callback: Any, history: Any, progress: Any) -> dict[str, Any]:
     if callback is not None and not callable(callback):
-        raise InputError(f"callback is a {type(callback).__name__}; a function was expected")
+        raise InputError(f"callback is {described(callback)}; a function was expected")
     as_truth(history, "history")
     as_truth(progress, "progress")
     return {"callback": callback, "history": history, "progress": progress}
@@ -257,7 +257,8 @@ def _run(problem: ProblemData, start: Vector, limits: Limits, **display: Any) ->
     is_nonzero = bool(np.count_nonzero(start))
     start_residual = at_0 = problem.residual(start) if is_nonzero else problem.residual_at_0()
     if not math.isfinite(start_residual) and (fault := fault_of_psi(problem, start)):
-        raise MapError(f"{fault} at the start z0; a finite number, -inf in psi or inf in upper was expected")
+        besides = "" if fault.startswith("f(") else ", -inf in psi or inf in upper"
+        raise MapError(f"{fault} at the start; a finite number{besides} was expected: give another z0")
     # after a failure the next method starts from 0, unless psi has no value there
     restart = start
     if is_nonzero:

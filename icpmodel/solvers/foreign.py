@@ -25,7 +25,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import InputError, did_you_mean
-from ..numerics.arrays import as_list
+from ..numerics.arrays import as_list, described
 from ..numerics.plugins import load_plugins
 from ..numerics.rounding import is_ctrl_c
 from ..present.display import Displayable
@@ -327,7 +327,7 @@ def chosen_solvers(solvers: Iterable[str | ForeignSolver] | None, asker: str | N
             hint = did_you_mean(solver, known)
             raise InputError(f"solvers has {solver!r}; one of {', '.join(map(repr, known))} was expected{hint}")
         if not isinstance(solver, str | ForeignSolver):
-            raise InputError(f"solvers has a {type(solver).__name__}; names or ForeignSolver objects were expected")
+            raise InputError(f"solvers has {described(solver)}; names or ForeignSolver objects were expected")
     chosen = [known[solver] if isinstance(solver, str) else solver for solver in requested]
     return list({solver.name: solver for solver in chosen}.values())
 

@@ -191,7 +191,7 @@ def race(
     progress: bool = False,
     command: str = "",
 ) -> Race:
-    """Time own methods and foreign solvers at every tolerance, in turn, build and set-up included.
+    """Time this package's methods and foreign solvers at every tolerance, in turn, build and set-up included.
 
     Parameters
     ----------

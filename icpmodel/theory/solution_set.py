@@ -260,7 +260,9 @@ def all_solutions(problem: ProblemLike, *, time_limit: float | None = None) -> S
     exact = ExactRows(problem)
     count = piece_count(problem)
     if count > MOST_PIECES:
-        raise NotApplicable(f"there are {count:.3g} linear pieces; at most {MOST_PIECES} are examined")
+        raise NotApplicable(
+            f"problem has {count:.3g} linear pieces; at most {MOST_PIECES} are examined: solve() finds one solution"
+        )
     rows = LinearRows.of(problem, np.zeros(problem.n))
     candidates: list[tuple[Any, _ExactSolutions]] = []
     complete = True

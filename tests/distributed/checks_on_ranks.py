@@ -255,7 +255,7 @@ def check_wrong_arguments_are_told():
     assert raised(lambda: solve(np.eye(2), np.ones(2))).startswith("InputError: A is")
     assert raised(lambda: solve(problem, rtol=2.0)).startswith("InputError: rtol is 2.0")
     assert raised(lambda: solve(problem, problem.q)).startswith("InputError: A is a DistributedICP")
-    assert raised(lambda: distribute(problem, comm=3)).startswith("InputError: comm is a int")
+    assert raised(lambda: distribute(problem, comm=3)).startswith("InputError: comm is 3")
     assert "constant, affine or elementwise" in raised(lambda: distribute(icp.ICP([[2.0]], [1.0], psi=np.sin)))
     upside_down = icp.ICP([[-1.0, 0.0], [0.0, 1.0]], [1.0, 1.0])
     assert "diagonal" in raised(lambda: solve(distribute(upside_down)))

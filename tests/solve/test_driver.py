@@ -262,7 +262,7 @@ def test_the_start_is_not_changed():
         ({"atol": float("nan")}, "atol is nan"),
         ({"max_iter": 1.5}, "max_iter is 1.5; a whole number"),
         ({"z0": [float("nan")]}, r"z0\[0\] is nan"),
-        ({"callback": 3}, "callback is a int; a function"),
+        ({"callback": 3}, "callback is 3; a function"),
     ],
 )
 def test_wrong_options_are_named(options, words):

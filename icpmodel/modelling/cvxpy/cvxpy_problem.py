@@ -514,7 +514,7 @@ def _listed(constraints: Any) -> list[Any]:
     listed = list(constraints)
     for k, one in enumerate(listed):
         if isinstance(one, list | tuple):
-            raise InputError(f"constraints[{k}] is a {type(one).__name__}; one flat list was expected: put * before it")
+            raise InputError(f"constraints[{k}] is {described(one)}; one flat list was expected: put * before it")
         if not isinstance(one, known):
             text = named(one) if isinstance(one, cp.Constraint | cp.Expression) else described(one)
             raise InputError(f"constraints[{k}] is {text}; {expected} were expected")

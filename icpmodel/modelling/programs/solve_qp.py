@@ -180,7 +180,7 @@ def solve_qp(
         The largest violation of any condition, in the units of the program; see
         `ProgramSolution.violation`.
     time_limit : float, optional
-        Seconds, kept to within a tenth and .2 s. To compile and load loops at the first calls does
+        Seconds; a run may exceed them by a tenth plus 0.2 s. To compile and load loops at the first calls does
         not count.
     raise_on_failure : bool, default True
         Whether a run that fails raises NotSolved.
