@@ -12,17 +12,12 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from benchmarks.families import drawn
+from runs import ended, run_on
 
 import icpmodel as icp
 from icpmodel import Status
 from icpmodel.methods.contract import Method
 from icpmodel.solve.choice import InTurn
-from icpmodel.solve.driver import run_methods
-from icpmodel.solve.goal import Goal, Limits
-from icpmodel.solve.outcome import solution_of
-from icpmodel.solve.run import Run
-
-LIMITS = Limits(rtol=1e-8, atol=0.0, max_iter=10**5, time_limit=None)
 
 
 @pytest.fixture(autouse=True)
@@ -37,12 +32,6 @@ def ctrl_c_raises():
 def slow():
     """A problem on which the sweeps need thousands of steps."""
     return icp.scenes.bai_symmetric(n=900, mu=0).problem
-
-
-def run_on(problem, **options):
-    start = np.zeros(problem.n)
-    at_0 = problem.residual(start)
-    return Run(problem, start, at_0, Goal(0.0), limits=LIMITS, target_reduction=1e-14, scale=at_0, **options)
 
 
 CYCLIC = icp.scenes.hand_cyclic().problem
@@ -279,8 +268,7 @@ def test_what_happens_while_the_next_method_is_chosen_loses_nothing(error):
             return super().next()
 
     run = run_on(CYCLIC)
-    run_methods(run, run.steps(Raises(icp.PSOR())))
-    solution = solution_of(run, LIMITS)
+    solution = ended(run, run.steps(Raises(icp.PSOR())))
     assert solution.status is (Status.INTERRUPTED if error is KeyboardInterrupt else Status.MEMORY_LIMIT)
     assert repr(solution.last_method) == "PSOR()"
     assert np.isfinite(solution.residual)
@@ -296,8 +284,7 @@ class Greedy(icp.MNMGS):
 
 def test_a_method_that_needs_too_much_memory_gives_way_to_the_next():
     run = run_on(CYCLIC)
-    run_methods(run, run.steps(InTurn(Greedy(), icp.Newton())))
-    assert solution_of(run, LIMITS).z == pytest.approx(np.full(3, 1 / 3))
+    assert ended(run, run.steps(InTurn(Greedy(), icp.Newton()))).z == pytest.approx(np.full(3, 1 / 3))
     solution = CYCLIC.solve(Greedy(), raise_on_failure=False)
     assert solution.status is Status.MEMORY_LIMIT
 
@@ -305,7 +292,7 @@ def test_a_method_that_needs_too_much_memory_gives_way_to_the_next():
 def test_an_operator_that_is_singular_is_passed_over_or_raised():
     singular = icp.MNMJ(phi=[-2.0, 0.0, 0.0])
     run = run_on(CYCLIC)
-    run_methods(run, run.steps(InTurn(singular, icp.Newton())))
+    ended(run, run.steps(InTurn(singular, icp.Newton())))
     assert [repr(one.method) for one in run.tried] == ["Newton()"]
     with pytest.raises(icp.SingularOperator):
         CYCLIC.solve(singular)

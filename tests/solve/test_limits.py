@@ -4,8 +4,7 @@ import time
 
 import numpy as np
 import pytest
-import scipy.sparse as sp
-from benchmarks.families import expander
+from benchmarks.families import drawn, expander
 
 import icpmodel as icp
 from icpmodel.methods import named, names
@@ -66,18 +65,15 @@ def test_a_memory_limit_is_a_number_of_bytes(wrong):
         icp.ICP([[2.0]], [1.0]).solve(memory_limit=wrong)
 
 
-def definite(n):
-    """A positive definite and no H-matrix on a random graph, whose factors are as good as dense."""
-    rng = np.random.default_rng(1)
-    B = sum(
-        sp.coo_array((rng.standard_normal(n), (np.arange(n), rng.permutation(n))), (n, n)).tocsr() for _ in range(3)
-    )
-    return icp.ICP(sp.csr_array(B @ B.T + 0.3 * sp.eye_array(n)), rng.standard_normal(n))
+@pytest.fixture
+def definite():
+    """Positive definite, no H-matrix, and dense."""
+    return drawn("dense-definite", 1000, np.random.default_rng(1))
 
 
 @pytest.mark.parametrize(("name", "limit"), [("time_limit", 0.0), ("memory_limit", 1e3)])
-def test_the_limits_of_a_run_hold_for_its_certificate_and_its_polish(name, limit):
-    solution = definite(1000).solve("mnmgs", max_iter=1, raise_on_failure=False, **{name: limit})
+def test_the_limits_of_a_run_hold_for_its_certificate_and_its_polish(definite, name, limit):
+    solution = definite.solve("mnmgs", max_iter=1, raise_on_failure=False, **{name: limit})
     assert f"not decided within {name} = {limit:g}" in solution.certificate.bound.reason
     assert "not decided" in str(solution.summary())
     polished = solution.polish()
@@ -86,13 +82,12 @@ def test_the_limits_of_a_run_hold_for_its_certificate_and_its_polish(name, limit
 
 
 @pytest.mark.parametrize("name", ["time_limit", "memory_limit"])
-def test_a_bound_keeps_to_limits_of_its_own(name):
-    problem = definite(1000)
-    bound = icp.error_bound(problem, np.zeros(1000), **{name: 0})
+def test_a_bound_keeps_to_limits_of_its_own(definite, name):
+    bound = icp.error_bound(definite, np.zeros(1000), **{name: 0})
     assert bound.value is None
     assert f"not decided within {name} = 0" in bound.reason
     with pytest.raises(icp.InputError, match=name):
-        icp.error_bound(problem, np.zeros(1000), **{name: -1})
+        icp.error_bound(definite, np.zeros(1000), **{name: -1})
 
 
 def test_a_polish_that_would_take_for_ever_is_not_begun():

@@ -15,10 +15,11 @@ TRIDIAGONAL = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(100, 
 
 
 def same_as_row_by_row(A, Q, psi, obstacles=False, **options):
+    """Several of A, of q, and of ψ where there are `obstacles`, are those of each row."""
     found = solve_many(A, Q, psi, **options)
     for i, z in enumerate(found.Z):
         q = Q[i] if np.ndim(Q) == 2 else Q
-        problem = icp.ICP(A, q, psi[i] if obstacles else psi)
+        problem = icp.ICP(A[i] if np.ndim(A) == 3 else A, q, psi[i] if obstacles else psi)
         alone = problem.solve(**options)
         assert z == pytest.approx(alone.z, abs=1e-6)
         assert found.residuals[i] == pytest.approx(problem.residual(z), rel=1e-6, abs=1e-13)
@@ -177,12 +178,7 @@ def test_parameter_values_a_list_of_matrices_or_of_maps():
     matrices = [definite(rng, 5) for _ in range(4)]
     maps = [icp.Elementwise(lambda z, t=t: t * np.sin(z), lipschitz=t) for t in (0.0, 0.1, 0.5, 0.9)]
     for A, psi in ((matrices, 0.0), (matrices, maps), (matrices[0], maps), (np.array(matrices), maps[2])):
-        found = solve_many(A, q, psi)
-        assert found.failed == []
-        for row in range(4):
-            own = icp.ICP(A[row] if np.ndim(A) == 3 else A, q, psi[row] if isinstance(psi, list) else psi)
-            assert found.Z[row] == pytest.approx(own.solve().z, abs=1e-6)
-            assert found.residuals[row] == pytest.approx(own.residual(found.Z[row]), rel=1e-6, abs=1e-13)
+        assert len(same_as_row_by_row(A, q, psi, obstacles=psi is maps)) == 4
     sparse = [sp.csr_array(A) for A in matrices]
     assert np.array_equal(solve_many(sparse, np.tile(q, (4, 1))).Z, solve_many(matrices, q).Z)
 

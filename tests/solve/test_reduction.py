@@ -5,6 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from runs import ended, run_on
 
 import icpmodel as icp
 from icpmodel.algebra.factor_costs import factor_costs
@@ -14,13 +15,7 @@ from icpmodel.numerics import work
 from icpmodel.numerics.fill import factor_cost
 from icpmodel.scenes.grid import five_point
 from icpmodel.solve.choice import Ladder
-from icpmodel.solve.driver import run_methods
-from icpmodel.solve.goal import Goal, Limits
-from icpmodel.solve.outcome import solution_of
 from icpmodel.solve.reduction import solve_parts
-from icpmodel.solve.run import Run
-
-LIMITS = Limits(rtol=1e-8, atol=0.0, max_iter=10**5, time_limit=None)
 
 
 def p_matrix(rng, n, skew=3.0):
@@ -42,22 +37,16 @@ def block_triangular(rng, sizes, coupling=0.0):
 
 def plain(problem):
     """The answer without any reduction."""
-    at_0 = problem.residual_at_0()
-    run = Run(problem, np.zeros(problem.n), at_0, Goal(1e-12 * at_0), limits=LIMITS, target_reduction=1e-12, scale=at_0)
-    run_methods(run, run.steps(Ladder(problem, 1e-12)))
-    solution = solution_of(run, LIMITS)
-    assert solution.residual <= 1e-9 * (1.0 + at_0)
+    run = run_on(problem, 1e-12)
+    solution = ended(run, run.steps(Ladder(problem, 1e-12)))
+    assert solution.residual <= 1e-9 * (1.0 + problem.residual_at_0())
     return solution.z
 
 
 def solve_in_parts(problem, rtol=1e-11, **shown):
     """What the parts alone make of the problem."""
-    at_0 = problem.residual_at_0()
-    run = Run(
-        problem, np.zeros(problem.n), at_0, Goal(rtol * at_0), limits=LIMITS, target_reduction=rtol, scale=at_0, **shown
-    )
-    run_methods(run, solve_parts(run, problem, most=1.0))
-    return solution_of(run, LIMITS)
+    run = run_on(problem, rtol, **shown)
+    return ended(run, solve_parts(run, problem, most=1.0))
 
 
 class TestBlocks:
