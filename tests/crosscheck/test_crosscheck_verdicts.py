@@ -136,7 +136,7 @@ def test_a_singular_problem_with_many_solutions_is_not_called_unique():
     ("arguments", "options", "told"),
     [
         ((LCP_Z, ["gurobi"]), {}, r"'gurobi'; one of .*'cvxpy-clarabel', .* was expected"),
-        ((LCP_Z, [3]), {}, "solvers has a int"),
+        ((LCP_Z, [3]), {}, "solvers has 3; names"),
         (([0.5], ["osqp"]), {}, "solution has shape"),
         ((["osqp"],), {}, "solvers="),
         ((LCP_Z, ["osqp"]), {"atol": -1.0}, "atol"),

@@ -108,8 +108,8 @@ def test_one_method_can_be_asked_for():
     [
         ("mms", {}, "modulus family only"),
         (icp.MNMGS, {}, "method is the class MNMGS"),
-        (None, {"theta1": 0.9}, "theta1: the options of a method"),
-        (icp.MNMSOR(), {"theta1": 0.9}, "theta1: the options of a method"),
+        (None, {"theta1": 0.9}, "explain has no option theta1; it takes method, accuracy, thorough"),
+        (icp.MNMSOR(), {"theta1": 0.9}, "explain has no option theta1; it takes method, accuracy, thorough"),
         (None, {"thorough": "yes"}, "thorough"),
         *((None, {"accuracy": bad}, "accuracy is") for bad in (0.0, -1.0, np.nan, np.inf, "x", None, True, [1.0, 2.0])),
     ],

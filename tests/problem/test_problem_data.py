@@ -36,7 +36,7 @@ def test_bad_input_is_named_with_what_was_found(A, q, psi, words):
         lambda problem: icp.save_problem(problem, "nowhere.npz"),
     ],
 )
-@pytest.mark.parametrize(("problem", "found"), [(np.eye(2), "a ndarray"), (None, "None"), (icp.ICP, "the class ICP")])
+@pytest.mark.parametrize(("problem", "found"), [(np.eye(2), "an ndarray"), (None, "None"), (icp.ICP, "the class ICP")])
 def test_what_is_no_icp_is_named(use, problem, found):
     with pytest.raises(icp.InputError, match=f"problem is {found}; an ICP"):
         use(problem)
