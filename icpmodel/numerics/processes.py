@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import pickle
 import select
@@ -47,7 +48,8 @@ def in_a_process(items: Callable[[], Iterator[_T]], end: float) -> Iterator[_T]:
     os.close(writer)
     try:
         while True:
-            if not select.select([reader], [], [], max(end - time.perf_counter(), 0.0))[0]:
+            left = None if end == math.inf else max(end - time.perf_counter(), 0.0)
+            if not select.select([reader], [], [], left)[0]:
                 raise OutOfTime("the time is over")
             length = _read(reader, _LENGTH_BYTES)
             if not length:
