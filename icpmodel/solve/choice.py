@@ -34,12 +34,9 @@ from .goal import RTOL
 _LOG = logging.getLogger("icpmodel")
 #: which methods may be chosen, see `select_method`
 FAMILIES = ("paper", "modulus", None)
-#: accelerated sweeps are tried for the first share of what the next method is expected to cost, or for the second one
-#: where they are expected to cost more than so many times as much; sweeps that would have ended soon go on by the rate
-#: that was seen. Not tested for matrices whose rows have more than some hundred entries
+#: accelerated sweeps are tried for this share of what the next method is expected to cost; sweeps that would have ended
+#: soon go on by the rate that was seen. Not tested for matrices whose rows have more than some hundred entries
 _TRIAL_SHARE = 0.25
-_BRIEF_TRIAL_SHARE = 0.125
-_HOPELESS_RATIO = 1.0
 #: accelerated sweeps that are made before a rate is read off, twice their history; plain ones go on where so many of
 #: them will do
 _ACCELERATED_SWEEPS = 20
@@ -87,7 +84,7 @@ def select_method(
 
     With a z0 the problem counts as one of a sequence with the same A, which keeps the hierarchy of `Multilevel`. Where
     `Multilevel` without the hierarchy is expected to cost less than any other method could, it begins.
-    The ladder below follows where it ends, or has spent twice its estimate with the hierarchy.
+    The ladder below follows where it ends, or has spent twice that.
 
     Rows without any obstacle are equations. They are eliminated where at most √nnz rows have an obstacle, ψ is fixed,
     and to factorise A is expected to cost less than sweeps or `Multilevel`. What is left takes the place of the
@@ -96,8 +93,8 @@ def select_method(
     Everything else goes up a ladder, each rung from the best iterate so far:
 
     4. Where A has a positive diagonal, sweeps. PSOR makes 12, and goes on while 20 more will do. `Accelerated` follows,
-       for a quarter of what the cheapest method of rung 5 is expected to cost. Where the Jacobi radius ρ < 1 of A
-       foretells that it needs more than that method, it is for an eighth.
+       for a quarter of what the cheapest method of rung 5 is expected to cost, and for 20 sweeps at least. It is not
+       tried where the Jacobi radius ρ < 1 of A foretells that it needs more than that method.
     5. Of three methods the one with the least left to do: the cheapest of `Newton`, `Multilevel` and `Lemke`;
        `Proximal`; `Interior`. Their estimates follow from ρ and the fill of the factors of A. That fill is not asked
        for before `Multilevel` has more left than the others would cost without any.
@@ -115,8 +112,8 @@ def select_method(
 
     **Bound.** The best method needs T, and its remaining cost is never more than R ≥ T. Another one runs only where its
     remaining cost is at most R. Its first turn costs at most 2R. When a later turn begins it has spent at most R, as
-    its remaining cost is at least that. It pauses when this has doubled, at 2R in all. Sweeps and three methods need
-    T + 6R: 7T where the best method's estimates are right. What ended early has spent at most 2R, too.
+    its remaining cost is at least that. It pauses when this has doubled, at 2R in all. Sweeps, an early `Multilevel`
+    and three methods need T + 8R: 9T where the best method's estimates are right. Each that ends adds 2R for the next.
 
     Parameters
     ----------
@@ -226,6 +223,8 @@ class Ladder:
     first : Method, optional
         The method that solved a similar problem after others. It runs first, and the others where it takes longer than
         expected.
+    reduces : bool
+        Whether it pauses before rung 5, for the problem to be reduced.
     """
 
     def __init__(
@@ -235,26 +234,29 @@ class Ladder:
         family: str | None = None,
         first: Method | None = None,
         warm_start: bool = False,
+        reduces: bool = False,
     ) -> None:
         self.problem = problem
         self.target_reduction = target_reduction
         self.family = family
-        #: the methods that may run; for each of the three of rung 5 the ones that follow where it ends
+        #: the methods that may run; sweeps; what began before the others of rung 5 are estimated
         self.jobs: list[Job] = []
+        self.sweeps: list[Job] = []
+        self.early: list[Job] = []
+        #: for each of the three of rung 5 the ones that follow where it ends
         self.others: list[list[Job]] = []
-        self.rungs = [self._at_once, self._plain, self._sweeps, self._levels, self._costly, self._last]
+        self.rungs = [self._at_once, self._plain, self._accelerated, self._levels, self._costly, self._last]
+        if reduces:
+            self.rungs.insert(3, self._pause)
         if warm_start:
             self.rungs.insert(1, self._levels)
         self.floor = 0.0
-        #: what runs before all of rung 5 is estimated
-        self.early: Job | None = None
-        #: whether rung 5 waits, as the problem may be reduced before; and whether it is next
-        self.pauses = False
+        #: whether the problem is to be reduced before the next method begins
         self.is_paused = False
         if first is not None:
             self.rungs.pop(0)
             for job in self._estimated([first]):
-                self._begin(job)
+                self._begin(job, job.remaining)
 
     @property
     def is_decided(self) -> bool:
@@ -270,17 +272,15 @@ class Ladder:
 
     def next(self) -> Job | None:
         """The method that runs next; None if none is left or the ladder is paused."""
-        while True:
+        self.is_paused = False
+        while not self.is_paused:
             if not self.rungs and self.family is None and self.problem.n <= LARGEST:
                 self.jobs = [job for job in self.jobs if not job.is_overrun]
             least = min(self.jobs, key=lambda job: job.remaining, default=None)
-            if self.rungs and (least is None or least.remaining > self.floor):
-                self.rungs.pop(0)()
-                continue
-            began = least is self.early and self._plain not in self.rungs
-            costly = began or not self.rungs or any(least in rung for rung in self.others)
-            self.is_paused = self.pauses and costly and least is not None
-            return None if self.is_paused else least
+            if not self.rungs or (least is not None and least.remaining <= self.floor):
+                return least
+            self.rungs.pop(0)()
+        return None
 
     def end(self, job: Job) -> None:
         """`job` has ended; another method of its rung takes its place."""
@@ -294,7 +294,7 @@ class Ladder:
         """Those of the `methods` that can start and fit into memory, the cheapest first."""
         jobs = []
         for method in methods:
-            if self._has_begun(method):
+            if any(type(method) is type(job.method) for job in self.early):
                 continue
             why_not = method.why_not(self.problem)
             estimate = None if why_not else estimate_of(method, self.problem.facts, self.target_reduction)
@@ -324,11 +324,11 @@ class Ladder:
                 break
             _LOG.debug("n = %d: %r is left out: %s", problem.n, method, why_not)
 
-    def _begin(self, job: Job) -> None:
-        """Run `job` before all of rung 5 is estimated, until it costs more than expected."""
-        self.early = job
+    def _begin(self, job: Job, floor: float) -> None:
+        """Run `job` before the others of rung 5 are estimated, until it has more than `floor` left."""
+        self.early = [job]
         self.jobs.append(job)
-        self.floor = job.remaining
+        self.floor = floor
 
     def _plain(self) -> None:
         if self.family == "paper" or self.problem.psi.has_policies:
@@ -337,47 +337,55 @@ class Ladder:
         if sweeps.why_not(self.problem) is None and work.fits(8.0 * 4.0 * self.problem.n):
             step = estimate_of(sweeps, self.problem.facts, self.target_reduction).step
             self.floor = _ACCELERATED_SWEEPS * step
-            self.jobs.append(Job(Choice(sweeps, f"{PLAIN} sweeps are tried first"), PLAIN * step))
+            self.sweeps = [Job(Choice(sweeps, f"{PLAIN} sweeps are tried first"), PLAIN * step)]
+            self.jobs += self.sweeps
 
-    def _sweeps(self) -> None:
+    def _accelerated(self) -> None:
         self.floor = least_cost(self.problem, self.family)
         if self.problem.psi.has_policies:
             return
         paper = self.family == "paper"
         method = MNMAOR(theta1=AUTO) if paper else Accelerated(of=PSOR(omega=relaxation(self.problem)))
         if jobs := self._estimated([method]):
-            self.jobs = [*jobs, *(job for job in self.jobs if job is self.early)]  # plain sweeps are over
-        for job in jobs:
-            job.limit = self._trial(job, self.floor)
-            job.remaining = 0.0
+            self.jobs = [*jobs, *(job for job in self.jobs if job not in self.sweeps)]
+            self.sweeps = jobs
+            self._try_sweeps(self.floor)
 
-    def _trial(self, job: Job, following: float) -> float:
-        """The budget of sweeps before they are compared with methods that cost `following`."""
-        estimate = job.choice.estimate
-        if estimate is None:
-            return following
-        hopeless = self.problem.matrix.coupled_radius < 1.0 and estimate.total > _HOPELESS_RATIO * following
-        return max((_BRIEF_TRIAL_SHARE if hopeless else _TRIAL_SHARE) * following, _ACCELERATED_SWEEPS * estimate.step)
+    def _try_sweeps(self, following: float) -> None:
+        """Let sweeps go on until their trial is over, where the next method costs `following`."""
+        for job in self.sweeps:
+            trial = following
+            if following < math.inf and (estimate := job.choice.estimate):
+                trial = max(_TRIAL_SHARE * following, _ACCELERATED_SWEEPS * estimate.step)
+                if self.problem.matrix.coupled_radius < 1.0 and estimate.total > following:
+                    trial = 0.0
+            if job.spent < trial:
+                job.limit = trial
+                job.remaining = 0.0
+
+    def _pause(self) -> None:
+        self.is_paused = True
 
     def _levels(self) -> None:
         """`Multilevel` where the others of rung 5 would cost more even without fill, which an analysis would tell.
 
         Before the sweeps it has the hierarchy that A keeps: a trial of sweeps would save no set-up.
         """
-        if self.early is not None or self.family == "paper" or self.problem.psi.has_policies:
+        if self.early or self.family == "paper" or self.problem.psi.has_policies:
             return
         problem = self.problem
         least = least_of_others(problem.facts, self.family)
         for job in self._estimated([Multilevel()]):
             if self._plain in self.rungs:
-                job.remaining -= hierarchy_cost(problem.n, problem.nnz)
+                kept = hierarchy_cost(problem.n, problem.nnz)
+                job.remaining -= kept
+                job.limit -= kept
                 job.choice = replace(job.choice, why=f"{job.choice.why}, and A keeps the hierarchy")
                 sweeps = self._estimated([Accelerated(of=PSOR(omega=relaxation(problem)))])
                 least = min([least, *(one.remaining for one in sweeps)])
             if job.remaining <= least:
-                self._try_sweeps(self.jobs, job.remaining)
-                self._begin(job)
-                self.floor = least
+                self._try_sweeps(job.remaining)
+                self._begin(job, least)
 
     def _costly(self) -> None:
         self.floor = math.inf
@@ -388,25 +396,10 @@ class Ladder:
             proximal = [Proximal(), Interior()]
         if self.family is None:
             newton.append(Lemke())
-        sweeps = [job for job in self.jobs if job is not self.early]
         self.others = [self._estimated(newton), *([job] for job in self._estimated(proximal))]
-        if self.early in self.jobs and any(self._has_begun(method) for method in newton):
-            self.others[0].insert(0, self.early)
-        self.jobs += [rung[0] for rung in self.others if rung and rung[0] is not self.early]
-        self._try_sweeps(sweeps, min((rung[0].remaining for rung in self.others if rung), default=math.inf))
-
-    def _try_sweeps(self, sweeps: Iterable[Job], following: float) -> None:
-        """Let `sweeps` go on until their trial is over, where the next method costs `following`."""
-        for job in sweeps:
-            if following == math.inf:
-                job.limit = math.inf
-            elif job.spent < (trial := self._trial(job, following)):
-                job.limit = trial
-                job.remaining = 0.0
-
-    def _has_begun(self, method: Method) -> bool:
-        """Whether `method` began before the others of rung 5."""
-        return self.early is not None and type(method) is type(self.early.method)
+        began = [rung[0] for rung in self.others if rung]
+        self.jobs += began
+        self._try_sweeps(min((job.remaining for job in began), default=math.inf))
 
     def _last(self) -> None:
         self.jobs += self._estimated([MNMGS()] if self.family == "paper" else [MNMGS(), MNMMOD(theta1=AUTO)])

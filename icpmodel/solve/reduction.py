@@ -68,9 +68,9 @@ def presolve(problem: ProblemData) -> ProblemData:
 
 def ladder_steps(run: Run, problem: ProblemData, family: str | None, first: Method | None = None) -> Iterator[None]:
     """The steps of `run` up its ladder, with the reduction of `problem` before rung 5; `first` as in `Ladder`."""
-    ladder = Ladder(problem, run.target_reduction, family, first, warm_start=run.warm_start)
-    ladder.pauses = family != "paper"
-    if ladder.pauses and problem.psi.is_constant and not ladder.is_decided:
+    reduces = family != "paper"
+    ladder = Ladder(problem, run.target_reduction, family, first, run.warm_start, reduces)
+    if reduces and problem.psi.is_constant and not ladder.is_decided:
         complement = None
         with suppress(OutOfTime, MemoryError):
             complement = elimination(problem, ladder.cost_of_iterations)
@@ -80,7 +80,6 @@ def ladder_steps(run: Run, problem: ProblemData, family: str | None, first: Meth
                 return
     yield from run.steps(ladder)
     if ladder.is_paused and not run.is_over:
-        ladder.pauses = False
         yield from solve_parts(run, problem, family)
         if not run.is_over:
             yield from run.steps(ladder)
