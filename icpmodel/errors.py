@@ -40,16 +40,17 @@ def did_you_mean(name: Any, known: Iterable[str]) -> str:
     return f"; did you mean {near[0]}?" if near else ""
 
 
-def check_arguments(call: str, hint: str = "") -> Callable[[Callable[P, R]], Callable[P, R]]:
+def check_arguments(hint: str = "", call: str = "") -> Callable[[Callable[P, R]], Callable[P, R]]:
     """Decorator: turn Python's TypeError for unknown or missing arguments into an InputError with the accepted names.
 
-    The message calls the function `call` and ends in the `hint`.
+    The message ends in the `hint`. It calls the function `call`, by default by its name, a constructor by its class.
     """
     ending = hint and f"; {hint}"
 
     def checking(function: Callable[P, R]) -> Callable[P, R]:
         code = function.__code__
         names = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
+        name = call or function.__qualname__.removesuffix(".__init__")
 
         @wraps(function)
         def checked(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -59,13 +60,13 @@ def check_arguments(call: str, hint: str = "") -> Callable[[Callable[P, R]], Cal
                 if error.__traceback__ is None or error.__traceback__.tb_next is not None:
                     raise  # it comes from inside
             takes = f"it takes {', '.join(one for one in names if one != 'self')}"
-            if unknown := [name for name in kwargs if name not in names]:
+            if unknown := [one for one in kwargs if one not in names]:
                 near = did_you_mean(unknown[0], names) or ending
-                raise InputError(f"{call} has no argument {unknown[0]}; {takes}{near}")
+                raise InputError(f"{name} has no argument {unknown[0]}; {takes}{near}")
             needed = names[len(args) : code.co_argcount - len(function.__defaults__ or ())]
-            if lacks := [name for name in needed if name not in kwargs]:
-                raise InputError(f"{call} was not given {' and '.join(lacks)}; {takes}{ending}")
-            raise InputError(f"{call} was given an argument twice, or too many without a name; {takes}{ending}")
+            if lacks := [one for one in needed if one not in kwargs]:
+                raise InputError(f"{name} was not given {' and '.join(lacks)}; {takes}{ending}")
+            raise InputError(f"{name} was given an argument twice, or too many without a name; {takes}{ending}")
 
         return checked
 

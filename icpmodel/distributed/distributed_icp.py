@@ -55,7 +55,7 @@ class DistributedICP(Displayable):
     DistributedICP(n=2, ranks=1)
     """
 
-    @check_arguments("DistributedICP", OBSTACLES)
+    @check_arguments(OBSTACLES)
     def __init__(self, A: Any, q: Any, psi: Any = 0.0, upper: Any = None) -> None:
         PETSc = petsc()
         if not isinstance(A, PETSc.Mat):

@@ -15,7 +15,7 @@ from ..numerics import work
 from ..numerics.arrays import Vector, as_number, described
 from ..problem.data import ProblemData
 from .aor import MNMAOR
-from .contract import SAFE_HINT, FixedPoint, Iterate, Method, named, names
+from .contract import SAFE_HINT, FixedPoint, Iterate, Method, named
 from .psor import PSOR
 
 #: an accelerated iterate may have this many times the least residual so far
@@ -104,7 +104,7 @@ class Accelerated(Method):
             return
         method = named(self.of) if isinstance(self.of, str) else self.of
         if not isinstance(method, Method):
-            raise InputError(f"of is {described(method)}; a Method object or one of {', '.join(names())} was expected")
+            raise InputError(f"of is {described(method)}; a Method or the name of one was expected")
         if not isinstance(method, FixedPoint):
             raise InputError(f"{method.name} cannot be accelerated: its iterates are not those of one map z -> g(z)")
         object.__setattr__(self, "of", method)

@@ -261,7 +261,7 @@ def named(name: str, /, **options: Any) -> Method:
     icpmodel.errors.InputError: mnmgs has no option theta1; it takes phi, phi1, phi2
     """
     if not isinstance(name, str) or name.lower() not in names():
-        expected = f"; one of {', '.join(names())} or a Method object was expected"
+        expected = "; a name as 'newton' or 'mnmgs' of icpmodel.methods.names(), or a Method as Newton(), was expected"
         raise InputError(f"method is {described(name)}{did_you_mean(name, names()) or expected}")
     cls = _REGISTRY[name.lower()]
     known = [option.name for option in fields(cls)]

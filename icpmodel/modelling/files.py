@@ -50,6 +50,7 @@ _PARTS = ("A", "q", "c", "G", "upper_c", "upper_G")
 _ALIASES = {"psi": "c", "upper": "upper_c"}
 
 
+@check_arguments()
 def save_problem(problem: ProblemLike, path: str | PathLike[str]) -> None:
     """Write `problem` to the `.npz` file `path`; other programs may take `scipy.io.mmwrite("A.mtx", problem.A)`.
 
@@ -83,7 +84,7 @@ def save_problem(problem: ProblemLike, path: str | PathLike[str]) -> None:
     write_arrays(as_path(path), _PROBLEM, problem_parts(problem))
 
 
-@check_arguments("load_problem", OBSTACLES)
+@check_arguments(OBSTACLES)
 def load_problem(
     path: Source, q: Source | None = None, psi: Source | float | None = None, upper: Source | float | None = None
 ) -> ICP:

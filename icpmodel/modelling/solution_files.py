@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import FileError, InputError, NotApplicable
+from ..errors import FileError, InputError, NotApplicable, check_arguments
 from ..methods.contract import Iterate, Method
 from ..numerics.arrays import Vector, as_vector, described
 from ..present.whole_files import as_path, check_ours, check_suffix, file_errors, write_whole
@@ -48,6 +48,7 @@ class FromFile(Method):
         raise NotApplicable(self.why_not(problem))
 
 
+@check_arguments()
 def save_solution(solution: Solution, path: str | PathLike[str]) -> None:
     """Write `solution` to the file `path`.
 
@@ -106,6 +107,7 @@ def check_place(path: str) -> None:
             check_ours(place, begins=_HEADS.encode())
 
 
+@check_arguments()
 def load_solution(
     path: Source,
     problem: ProblemLike | None = None,

@@ -58,7 +58,7 @@ class ProblemData(PointValues):
 
     facts: Facts
 
-    @check_arguments("ICP", OBSTACLES)
+    @check_arguments(OBSTACLES, "ICP")
     def __init__(self, A: Any, q: Any, psi: Any = 0.0, upper: Any = None, f: Any = None) -> None:
         labels = None
         if hasattr(A, "columns") or hasattr(q, "index"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from inspect import signature
 from typing import Any
 
 import numpy as np
@@ -31,10 +32,18 @@ def diagonal_lipschitz(value: Any, n: int) -> sp.csr_array:
     return freeze(sp.csr_array((vector, np.arange(n), np.arange(n + 1)), shape=(n, n)))
 
 
-def as_function(f: Any, name: str) -> Callable[..., Any]:
-    """`f`, which must be callable. Raises InputError."""
+def as_function(f: Any, name: str, argument: str = "z") -> Callable[..., Any]:
+    """`f`, which must be callable with one `argument`. Raises InputError."""
     if not callable(f):
         raise InputError(f"{name} is {described(f)}; a function was expected")
+    try:
+        parameters = signature(f)
+    except ValueError:  # some compiled functions do not say what they take
+        return f
+    try:
+        parameters.bind(None)
+    except TypeError:
+        raise InputError(f"{name} is a function of {parameters}; one of {argument} alone was expected") from None
     return f
 
 

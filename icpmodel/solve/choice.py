@@ -11,6 +11,7 @@ import numpy as np
 
 from ..algebra.affine_lcp import PIVOT_UP_TO
 from ..algebra.relaxation import AUTO, relaxation
+from ..errors import check_arguments
 from ..methods.accelerated import Accelerated
 from ..methods.aor import MNMAOR, MNMGS
 from ..methods.contract import Method
@@ -29,11 +30,9 @@ from ..present.display import Displayable
 from ..problem.data import ProblemData, ProblemLike, as_problem
 from .estimates import PLAIN, Estimate, least_cost, least_of_others
 from .estimates import estimate as estimate_of
-from .goal import RTOL
+from .goal import RTOL, check_family
 
 _LOG = logging.getLogger("icpmodel")
-#: which methods may be chosen, see `select_method`
-FAMILIES = ("paper", "modulus", None)
 #: accelerated sweeps are tried for this share of what the next method is expected to cost; sweeps that would have ended
 #: soon go on by the rate that was seen. Not tested for matrices whose rows have more than some hundred entries
 _TRIAL_SHARE = 0.25
@@ -70,6 +69,7 @@ class Choice(Displayable):
     estimate: Estimate | None = None
 
 
+@check_arguments()
 def select_method(
     problem: ProblemLike, *, rtol: float = RTOL, family: str | None = None, warm_start: bool = False
 ) -> Choice | None:
@@ -138,6 +138,7 @@ def select_method(
     >>> icp.select_method(ICP([[2, -1], [-1, 2]], [-1, 3])).method
     Lemke()
     """
+    check_family(family)
     as_truth(warm_start, "warm_start")
     job = Ladder(as_problem(problem), rtol, family, warm_start=warm_start).next()
     return None if job is None else job.choice

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import NotApplicable
+from ..errors import NotApplicable, check_arguments
 from ..numerics.arrays import Mask, ReadOnly, Vector
 from ..present.display import Displayable
 from ..problem.friction import FrictionIndex
@@ -54,6 +54,7 @@ class ContactState(ReadOnly, Displayable):
     __repr__ = __str__
 
 
+@check_arguments()
 def contact_state(solution: Solution) -> ContactState:
     """Return the impulses of a solution, and which of its rows separate, stick and slide.
 

@@ -16,12 +16,13 @@ from ..errors import InputError, MapError, NotApplicable, NotSolved, check_argum
 from ..methods.aor import MNMGS
 from ..methods.contract import Method, named
 from ..numerics import work
-from ..numerics.arrays import Vector, as_truth, described, norm
+from ..numerics.arrays import Vector, as_truth, norm
 from ..numerics.rounding import CTRL_C, is_ctrl_c, public_entry
 from ..problem.data import HOW_TO_BUILD, ProblemData, ProblemLike, as_problem
+from ..problem.user_code import as_function
 from .accuracy import solve_to_accuracy
-from .choice import FAMILIES, Choice, InTurn, Job, why_none
-from .goal import RTOL, Goal, Limits
+from .choice import Choice, InTurn, Job, why_none
+from .goal import RTOL, Goal, Limits, check_family
 from .last_resort import search
 from .newton_josephy import NewtonJosephy
 from .outcome import solution_of
@@ -36,7 +37,7 @@ _LOG = logging.getLogger("icpmodel")
 
 
 @public_entry
-@check_arguments("solve", HOW_TO_BUILD)
+@check_arguments(HOW_TO_BUILD)
 def solve(
     problem: ProblemLike,
     method: str | Method | None = None,
@@ -129,8 +130,7 @@ def solve(
     >>> solution.status, solution.z.round(6)
     (<Status.SOLVED: 'solved'>, array([1., 1.]))
     """
-    if family not in tuple(FAMILIES):  # what cannot be hashed is refused as well
-        raise InputError(f"family is {described(family)}; 'paper', 'modulus' or None was expected")
+    check_family(family)
     if family is not None and method is not None:
         raise InputError("family restricts the choice, but a method is named: leave out one of them")
     limits = _limits(rtol, atol, accuracy, max_iter, time_limit, memory_limit)
@@ -203,8 +203,8 @@ def _options() -> list[str]:
 
 
 def _display_options(callback: Any, history: Any, progress: Any) -> dict[str, Any]:
-    if callback is not None and not callable(callback):
-        raise InputError(f"callback is {described(callback)}; a function was expected")
+    if callback is not None:
+        as_function(callback, "callback", "a Progress")
     as_truth(history, "history")
     as_truth(progress, "progress")
     return {"callback": callback, "history": history, "progress": progress}

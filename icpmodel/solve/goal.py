@@ -7,14 +7,17 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Any
 
+from ..errors import InputError
 from ..numerics import work
-from ..numerics.arrays import Vector, as_number, norm
+from ..numerics.arrays import Vector, as_number, described, norm
 from ..numerics.rounding import share_of
 from ..problem.data import ProblemData
 from ..problem.verdict import certain, satisfies_paper
 
 #: the default relative tolerance
 RTOL = 1e-8
+#: the sets of methods that a choice may be restricted to, see `select_method`
+FAMILIES = ("paper", "modulus", None)
 #: room for rounding where residuals are compared
 _ROUNDING_ROOM = 1.0 + 1e-6
 
@@ -62,6 +65,12 @@ class Limits:
 
         seconds, memory = (math.inf if limit is None else limit for limit in (self.time_limit, self.memory_limit))
         return work.work_limit(seconds, memory, begun=begun)
+
+
+def check_family(family: Any) -> None:
+    """Raise InputError unless `family` is one of `FAMILIES`."""
+    if family not in tuple(FAMILIES):
+        raise InputError(f"family is {described(family)}; 'paper', 'modulus' or None was expected")
 
 
 @dataclass

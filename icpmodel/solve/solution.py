@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..algebra.equations import pattern_at, solve_on
-from ..errors import IcpError, InputError, MapError, OutOfTime
+from ..errors import IcpError, InputError, MapError, OutOfTime, check_arguments
 from ..methods.contract import Method
 from ..numerics import work
 from ..numerics.arrays import ReadOnly, Vector
@@ -314,6 +314,7 @@ class Solution(ReadOnly, Plottable):
         return active_set(self.problem, self.z, self.certificate.bound)
 
     @public_entry
+    @check_arguments()
     def polish(self) -> Solution:
         """Improve the answer to rounding accuracy: one linear solve on the active set.
 

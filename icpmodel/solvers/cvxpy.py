@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 import scipy.sparse as sp
 
-from ..errors import InputError, NotApplicable
+from ..errors import InputError, NotApplicable, check_arguments
 from ..numerics.arrays import described
 from ..problem.data import ProblemLike, as_problem
 from .clarabel import clarabel_options
@@ -21,6 +21,7 @@ from .formulations import Target
 from .highs import highs_options
 
 
+@check_arguments()
 def to_cvxpy(problem: ProblemLike, formulation: str = "qp") -> Any:
     """State `problem` as a CVXPY problem in one variable named z, in the units of the ICP.
 

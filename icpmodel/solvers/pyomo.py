@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ..errors import NotApplicable
+from ..errors import NotApplicable, check_arguments
 from ..problem.data import ProblemData, ProblemLike, as_problem
 from ..problem.elementwise import Elementwise
 from ..problem.function import Function
@@ -31,6 +31,7 @@ _FUNCTIONS: tuple[str, ...] = ("exp", "log", "log10", "sqrt", "sin", "cos", "tan
 _FUNCTIONS += tuple(f"arc{name}" for name in _FUNCTIONS[4:])
 
 
+@check_arguments()
 def to_pyomo(problem: ProblemLike) -> Any:
     """State `problem` as a Pyomo model in the variables z[i].
 

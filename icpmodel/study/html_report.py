@@ -16,7 +16,7 @@ from typing import Any
 
 from ..crosscheck.check import crosscheck
 from ..derivatives.derivative import Derivative
-from ..errors import IcpError, InputError
+from ..errors import IcpError, InputError, check_arguments
 from ..explain.explanation import explain
 from ..methods.aor import MNMGS
 from ..numerics.arrays import Vector, as_number
@@ -99,6 +99,7 @@ class Section:
         return [(panel, _svg(panel)) for panel in self.panels]
 
 
+@check_arguments()
 def report(
     problem: ProblemLike,
     path: str | os.PathLike[str] | None = None,

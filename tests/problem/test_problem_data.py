@@ -148,14 +148,28 @@ def test_labels_of_pandas_that_differ_are_named():
             icp.ICP(*wrong)
 
 
+_OBSTACLES = r"has no argument (lower|ub); .* is called psi, .* upper$"
+_VERBS = "all_solutions certify comparison_matrix contact_state contradiction crosscheck load_solution race report"
+_ALONE = "one of {} alone was expected"
+
+
 @pytest.mark.parametrize(
-    "call",
+    ("call", "words"),
     [
-        lambda: icp.ICP([[1.0]], [1.0], lower=0),
-        lambda: icp.solve_many([[1.0]], [[1.0]], ub=0),
-        lambda: icp.load_problem("A.npy", lower=0),
+        (lambda: icp.ICP([[1.0]], [1.0], lower=0), _OBSTACLES),
+        (lambda: icp.solve_many([[1.0]], [[1.0]], ub=0), _OBSTACLES),
+        (lambda: icp.load_problem("A.npy", lower=0), _OBSTACLES),
+        (lambda: icp.complements(1), "complements was not given r; it takes p, r, lower, upper"),
+        (lambda: icp.complements(1, 2, lowr=0), "complements has no argument lowr; .* did you mean lower"),
+        (lambda: icp.Problem(), "Problem was not given constraints"),
+        (lambda: icp.ICP([[1.0]], [1.0]).solve().polish(3), "Solution.polish was given an argument twice, or too many"),
+        (lambda: icp.ICP([[1.0]], [1.0]).solve(method=3), r"method is 3; .*methods\.names"),
+        (lambda: icp.ICP([[1.0]], [1.0]).solve(callback=lambda: None), _ALONE.format("a Progress")),
+        (lambda: icp.ICP([[1.0]], [1.0], psi=lambda z, w: z), _ALONE.format("z")),
+        (lambda: icp.select_method(icp.ICP([[1.0]], [1.0]), family="x"), "family is 'x'; 'paper', 'modulus' or None"),
+        *((getattr(icp, verb), f"{verb} was not given") for verb in _VERBS.split()),
     ],
 )
-def test_who_has_another_name_for_an_obstacle_is_told_what_it_is_called(call):
-    with pytest.raises(icp.InputError, match=r"has no argument (lower|lb|ub|obstacle); .* is called psi, .* upper$"):
+def test_arguments_that_do_not_fit_are_named(call, words):
+    with pytest.raises(icp.InputError, match=words):
         call()

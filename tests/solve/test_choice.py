@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 import icpmodel as icp
 from icpmodel import scenes
 from icpmodel.numerics import work
-from icpmodel.solve.choice import FAMILIES, Choice, InTurn, Job, Ladder
+from icpmodel.solve.choice import Choice, InTurn, Job, Ladder
 from icpmodel.solve.estimates import Estimate
+from icpmodel.solve.goal import FAMILIES
 
 PROBLEMS = {name: scenes.scene(name, 60 if "n" in scenes.parameters(name) else None).problem for name in scenes.names()}
 PROBLEMS = {name: problem for name, problem in PROBLEMS.items() if problem.f is None}

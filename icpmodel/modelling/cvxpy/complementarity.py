@@ -8,7 +8,7 @@ import cvxpy as cp
 import numpy as np
 from cvxpy.atoms.affine.promote import promote
 
-from ...errors import InputError
+from ...errors import InputError, check_arguments
 from ...numerics.arrays import described
 from ...present.display import Displayable, cut
 from .atoms import named
@@ -109,6 +109,7 @@ class Complementarity(Displayable, cp.Constraint):
         return cut(f"complements({named(self.sides[0])}, {named(self.sides[1])}{keywords}", 480) + ")"
 
 
+@check_arguments()
 def complements(p: Any, r: Any, *, lower: Any = 0.0, upper: Any = None) -> Complementarity:
     """The constraint p ≥ 0 ⟂ r ≥ 0 of a `Problem`, best with r = z − ψ(z); p may be any expression.
 

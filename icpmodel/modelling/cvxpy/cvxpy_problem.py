@@ -15,7 +15,7 @@ from cvxpy.constraints.zero import Equality, Zero
 from cvxpy.problems.problem import SolverStats
 
 from ...crosscheck.report import Report
-from ...errors import InputError, NotSolved
+from ...errors import InputError, NotSolved, check_arguments
 from ...explain.explanation import Explanation
 from ...icp import ICP
 from ...methods.contract import Method
@@ -111,6 +111,7 @@ class Problem(Displayable):
     (array([0.75, 0.25]), 0.75)
     """
 
+    @check_arguments()
     def __init__(self, constraints: Any, *others: Any) -> None:
         if others:
             raise InputError("a complementarity problem has no objective: give the list of constraints alone")

@@ -33,7 +33,7 @@ _INTERRUPTED: set[float] = set()
 
 
 @public_entry
-@check_arguments("solve_many", OBSTACLES)
+@check_arguments(OBSTACLES)
 def solve_many(
     A: Any,
     Q: Any,

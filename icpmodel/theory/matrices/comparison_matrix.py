@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
+from ...errors import check_arguments
 from ...numerics import work
 from ...numerics.arrays import Vector, as_csr, row_of
 from ...numerics.equilibration import times_rows
@@ -20,6 +21,7 @@ from ..answers import Answer
 _FACTORISE_FIRST_UP_TO = 20_000  #: up to this size a factorisation costs less than looking for a cheaper way
 
 
+@check_arguments()
 def comparison_matrix(A: Any) -> sp.csr_array:
     """⟨A⟩: |a_ii| on the diagonal and −|a_ij| off it.
 
