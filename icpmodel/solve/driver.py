@@ -252,8 +252,8 @@ def _named(method: str | Method | None, problem: ProblemData, options: dict[str,
 
 def _run(problem: ProblemData, start: Vector, limits: Limits, **display: Any) -> Run:
     """Set up the run from `start`. Raises MapError if ψ has no value there."""
-    clock = work.clock()
-    counted = work.counter()
+    start_time = work.clock()
+    start_cost = work.counter()
     is_nonzero = bool(np.count_nonzero(start))
     start_residual = at_0 = problem.residual(start) if is_nonzero else problem.residual_at_0()
     if not math.isfinite(start_residual) and (fault := fault_of_psi(problem, start)):
@@ -284,8 +284,8 @@ def _run(problem: ProblemData, start: Vector, limits: Limits, **display: Any) ->
         target_reduction=_target_reduction(problem, limits),
         scale=scale,
         restart=restart,
-        clock=clock,
-        counted=counted,
+        start_time=start_time,
+        start_cost=start_cost,
         **display,
     )
 

@@ -77,12 +77,12 @@ def solution_of(run: Run, limits: Limits) -> Solution:
         atol=limits.atol,
         accuracy=limits.accuracy,
         iterations=max(run.iteration, 0),
-        seconds=work.clock() - run.clock,
+        seconds=work.clock() - run.start_time,
         history_or_none=None if run.records is None else _history(run.records, run.goal.tolerance),
         infeasible=run.infeasible if status is Status.INFEASIBLE else None,
         time_limit=limits.time_limit,
         memory_limit=limits.memory_limit,
-        cost=work.counter() - run.counted,
+        cost=work.counter() - run.start_cost,
     )
 
 

@@ -207,7 +207,7 @@ class _Parts:
                 return None
             whole = self.z.copy()
             whole[rows] = z
-            return self.run.show(self.extend(whole))
+            return self.run.report_whole(self.extend(whole))
 
         run_of_part = Run(
             part,
@@ -218,7 +218,7 @@ class _Parts:
             target_reduction=tolerance / scale if scale else 0.0,
             scale=scale,
             watch=watch,
-            clock=self.run.clock,
+            start_time=self.run.start_time,
         )
         return run_of_part
 

@@ -95,9 +95,11 @@ class Run:
         Whether a method that is proved to converge continues although its residual does not fall; then without
         `presolved`.
     watch : function, optional
-        Called with every iterate and its residual in place of `callback`; it ends the run by returning an `StopReason`.
+        Called with every iterate and its residual in place of `callback`; it ends the run by returning a `StopReason`.
     callback, history, progress
         As in `solve`.
+    start_time, start_cost : float
+        `work.clock()` and `work.counter()` when the run began; seconds and costs count from there.
     """
 
     problem: ProblemData
@@ -116,8 +118,8 @@ class Run:
     callback: Callable[[Progress], Any] | None = None
     history: bool = False
     progress: bool = False
-    clock: float = field(default_factory=work.clock)
-    counted: float = field(default_factory=work.counter)
+    start_time: float = field(default_factory=work.clock)
+    start_cost: float = field(default_factory=work.counter)
 
     def __post_init__(self) -> None:
         self.records: list[tuple[int, float, float, str]] | None = [] if self.history else None
@@ -257,12 +259,12 @@ class Run:
             self.previous = self.current
             self.current = z
             residual = self._residual(z, hint)
-            seconds = work.clock() - self.clock
+            seconds = work.clock() - self.start_time
             if not count:
                 first = residual
             if self.best is None or residual < self.best.residual:
                 self.best = self.candidate(z, residual)
-            stop_reason = self._show(z, residual, seconds) or self._end_at(z, residual, first)
+            stop_reason = self._report(z, residual, seconds) or self._end_at(z, residual, first)
             if stop_reason := stop_reason or stalled.check(z, residual) or self._end_by_limit(seconds):
                 job.steps = max(count, job.steps)
                 return stop_reason
@@ -294,13 +296,13 @@ class Run:
         """Whether the iterates go to a progress bar, the history or a callback."""
         return self.progress or self.history or self.callback is not None
 
-    def show(self, z: Vector) -> StopReason | None:
+    def report_whole(self, z: Vector) -> StopReason | None:
         """Report an iterate that was completed from an iterate of a part; return an end if the callback stops."""
         with suppress(MapError):
-            return self._show(z, self.problem.residual(z), work.clock() - self.clock)
+            return self._report(z, self.problem.residual(z), work.clock() - self.start_time)
         return None
 
-    def _show(self, z: Vector, residual: float, seconds: float) -> StopReason | None:
+    def _report(self, z: Vector, residual: float, seconds: float) -> StopReason | None:
         """Report `z` to whatever watches the run, with the residual of `problem` even if it was presolved."""
         if self.watch is not None:
             return self.watch(z, residual)

@@ -121,7 +121,7 @@ def solve_many(
 @public_entry
 def _done(batch: Batch, begun: float) -> dict[str, Any]:
     """A worker's results for a share; `begun` is the wall-clock time of the start of all shares."""
-    batch.clock = work.clock() - max(time.time() - begun, 0.0)
+    batch.start_time = work.clock() - max(time.time() - begun, 0.0)
     if len(batch.Z) and begun not in _INTERRUPTED:
         batch.run()
     if batch.interrupted:

@@ -107,7 +107,7 @@ class Batch:
     """The rows of one `solve_many` and their results."""
 
     def __init__(self, A: Any, Q: Any, psi: Any, upper: Any, Z0: Any, limits: Limits) -> None:
-        self.clock = work.clock()
+        self.start_time = work.clock()
         self.limits = limits
         Q = _rows(Q, "Q", 0.0)
         matrices = _each(A, lambda one: axes(one, "A") == 2)
@@ -169,7 +169,7 @@ class Batch:
 
     def elapsed(self) -> float:
         """The seconds since it began."""
-        return work.clock() - self.clock
+        return work.clock() - self.start_time
 
     @property
     def compiler(self) -> AtOnce:
@@ -246,7 +246,7 @@ class Batch:
 
     def run(self) -> None:
         """Solve all rows, at once where possible, the others one by one."""
-        with self.limits.enforced(self.clock):
+        with self.limits.enforced(self.start_time):
             began = work.clock()
             try:
                 self.at_once()
