@@ -11,6 +11,7 @@ from typing import ClassVar
 import numpy as np
 import scipy.sparse as sp
 
+from ..algebra.equations import Pattern, pattern_at
 from ..algebra.secants import secant_problem, why_not_rows
 from ..errors import MapError
 from ..methods.contract import Iterate, LeastValue, Method
@@ -18,7 +19,7 @@ from ..methods.milp import LARGEST
 from ..methods.newton import Path, Point
 from ..methods.restarts import scale_of_starts, start_above
 from ..numerics import work
-from ..numerics.arrays import Vector, not_finite
+from ..numerics.arrays import Vector, norm, not_finite
 from ..problem.data import ProblemData
 from .goal import Goal, Limits
 from .reduction import ladder_steps, presolve
@@ -32,7 +33,7 @@ _TIGHT, _LOOSE = 1e-4, 0.1
 #: a step of length t is taken where θ ≤ (1 − σt) times the largest of the last so many (Grippo and others 1986)
 _SIGMA, _MEMORY = 1e-4, 5
 #: the number of halvings of a step, and of steps without a reduction of the least θ by a tenth
-_HALVINGS, _PATIENCE = 10, 40
+_HALVINGS, _PATIENCE = 20, 40
 #: the number of sweeps methods with which a ladder begins
 _SWEEPS = 2
 #: random starts after the last step that helps, for problems small enough for a search
@@ -151,8 +152,10 @@ class _Search:
         linear = self._affine()
         self.weight = max(self.weight - 1, 0)
         while self.weight < len(_PROXIMAL):
-            z = self._solved(_proximal(linear, self.current.z, _PROXIMAL[self.weight]))
-            if z is not None and (new := self._on_line(z - self.current.z)) is not None:
+            W = _PROXIMAL[self.weight] * linear.matrix.weights
+            proximal = _proximal(linear, self.current.z, W)
+            z = self._solved(proximal)
+            if z is not None and (new := self._on_line(z, pattern_at(proximal, z), W)) is not None:
                 return new
             self.weight += 1
         return self._descent(linear)
@@ -192,14 +195,33 @@ class _Search:
             return None
         return np.clip(best.z, self.low, self.high) if self.low is not None else best.z
 
-    def _on_line(self, step: Vector) -> Point | None:
-        """The first point z + tΔz, t = 1, ½, …, at which θ is small enough."""
+    def _on_line(self, z: Vector, pattern: Pattern, W: Vector) -> Point | None:
+        """The first point on the way to `z` at which θ is small enough, and the equations of the step are nearer to 0.
+
+        θ alone may fall although the rows that are free at z move away from p = 0, in short steps that lead nowhere.
+        """
+        current = self.current
+        before = self._equations(pattern, current, W)
         for k in range(_HALVINGS):
             t = 0.5**k
-            new = self.path.point(self.current.z + t * step)
-            if new is not None and new.theta <= (1.0 - _SIGMA * t) * max(self.recent):
+            enough = 1.0 - _SIGMA * t
+            new = self.path.point(current.z + t * (z - current.z))
+            if (
+                new is not None
+                and new.theta <= enough * max(self.recent)
+                and self._equations(pattern, new, W) <= enough * before
+            ):
                 return new
         return None
+
+    def _equations(self, pattern: Pattern, point: Point, W: Vector) -> float:
+        """‖·‖ of r in the active rows of the `pattern`, and of p and the proximal term in its free rows, at `point`."""
+        r = self.problem.r(point.z)
+        above = self.problem.r_upper(point.z)
+        if pattern.above is not None and above is not None:
+            r = np.where(pattern.above, above, r)
+        p = point.p + W * (point.z - self.current.z)
+        return norm(np.where(pattern.active, r, p / self.path.omega))
 
     def _descent(self, linear: ProblemData) -> Point | None:
         """A point at which θ is smaller, in a direction in which it falls."""
@@ -216,11 +238,10 @@ class _Search:
         return None
 
 
-def _proximal(linear: ProblemData, z: Vector, weight: float) -> ProblemData:
-    """The `linear` problem with the `weight` times W(z⁺ − z) added to p, W its diagonal. MapError beyond the floats."""
-    if not weight:
+def _proximal(linear: ProblemData, z: Vector, W: Vector) -> ProblemData:
+    """The `linear` problem with W(z⁺ − z) added to p, W a diagonal. MapError beyond the floats."""
+    if not W.any():
         return linear
-    W = weight * linear.matrix.weights
     q = linear.q - W * z
     if fault := not_finite(q, "q of the proximal problem"):
         raise MapError(f"{fault}; a finite number was expected")

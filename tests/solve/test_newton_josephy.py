@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from known_answers import definite
 
 import icpmodel as icp
 from icpmodel import ICP
@@ -201,11 +202,33 @@ def radiating(**options: Any) -> ICP:
     return ICP(STIFF, 0.001 * np.sin(3 * x), 0.2 - 2 * (x - 0.4) ** 2, f=lambda z: 0.01 * z**3, **options)
 
 
-def test_a_monotone_problem_takes_a_few_linear_ones():
-    solution = radiating().solve(history=True)
-    assert solution.iterations <= 6
-    assert solution.history.residual.size == solution.iterations + 1
-    assert 0 < (solution.r > 1e-9).sum() < GRID
+#: monotone f and f′, convex or flat far from 0
+MONOTONE = {
+    "cube": (lambda z: z**3, lambda z: 3 * z**2),
+    "exp": (np.exp, np.exp),
+    "rational": (lambda z: z / (1 + np.abs(z)), lambda z: 1 / (1 + np.abs(z)) ** 2),
+}
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("name", MONOTONE)
+def test_an_obstacle_adds_at_most_three_linear_problems_to_those_of_newtons_method(name, seed):
+    """A on a grid or at random, not symmetric; f of any size and p of up to 100 times the size of A."""
+    f, slope = MONOTONE[name]
+    rng = np.random.default_rng(seed)
+    B = rng.normal(size=(8, 8))
+    touching = 0
+    for A, q in ((STIFF, np.cos(9 * np.linspace(0, 1, GRID))), (definite(rng, 8, 0.1) + B - B.T, rng.normal(size=8))):
+        for size, strength in ((1.0, 1000.0), (100.0, 0.01), (100.0, 1.0)):
+            force = icp.Function(lambda z, c=strength: c * f(z), lambda z, c=strength: np.diag(c * slope(z)))
+            problem = ICP(A, size * q, -0.3 * rng.random(q.size), f=force)
+            with np.errstate(all="ignore"):
+                free = problem.with_psi(-np.inf).solve().iterations
+                solution = problem.solve(history=True)
+            assert solution.iterations <= free + 3
+            assert solution.history.residual.size == solution.iterations + 1
+            touching += np.count_nonzero(solution.r < 1e-9)
+    assert touching > 10
 
 
 def test_what_one_linear_problem_taught_serves_for_the_next():

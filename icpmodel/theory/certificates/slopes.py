@@ -63,7 +63,8 @@ def proofs_by_slopes(problem: ProblemData) -> Iterator[Proof | str]:
     assert problem.f is not None
     bounds = problem.f.slope_range
     if bounds is None:
-        yield "p is nonlinear, and the slopes of f are not known: give `slope_range` to Elementwise"
+        advice = ": give `slope_range` to Elementwise" if problem.f.is_elementwise else ""
+        yield f"p is nonlinear, and the slopes of f are not known{advice}"
         return
     matrix = problem.matrix
     if bounds[0].any():
