@@ -68,7 +68,9 @@ def test_the_bound_is_attained_by_a_row_alone():
 
 def test_without_known_slopes_nothing_is_proved_and_a_broken_word_is_seen():
     unknown = ICP([[1.0]], [-2.0], f=lambda z: z**3)
-    assert "slopes" in error_bound(unknown, [1.0]).reason
+    assert error_bound(unknown, [1.0]).reason.endswith("the slopes of f are not known")
+    elementwise = ICP([[1.0]], [-2.0], f=icp.Elementwise(np.exp))
+    assert "give `slope_range`" in error_bound(elementwise, [1.0]).reason
     broken = ICP([[1.0]], [-2.0], f=icp.Elementwise(lambda z: z**3, slope_range=(0, 0.5)))
     assert "slope_range is wrong" in error_bound(broken, [1.0]).reason
     assert error_bound(unknown.with_q([1.0]), [0.0], rigorous=True).value is None
