@@ -35,14 +35,19 @@ _SETTLED_SHARE = 0.1
 def row_exponents(X: Any, columns: Any = 0) -> Exponents:
     """Whole e with 1/2 ≤ max_j 2^(e_i + c_j)|x_ij| < 1, c = `columns`, for dense or CSR `X`; 0 in zero rows."""
     if sp.issparse(X):
-        shift = columns[X.indices] if np.ndim(columns) else columns
-        size = np.where(X.data != 0, np.frexp(X.data)[1] + shift, _ZERO_EXPONENT)
-        largest = np.full(X.shape[0], _ZERO_EXPONENT)
+        size = _shifted_exponents(X.data, columns[X.indices]) if np.ndim(columns) else np.abs(X.data)
+        largest = np.full(X.shape[0], _ZERO_EXPONENT if np.ndim(columns) else 0.0)
         stored = np.flatnonzero(np.diff(X.indptr))
         largest[stored] = np.maximum.reduceat(size, X.indptr[stored])
     else:
-        largest = np.where(X != 0, np.frexp(X)[1] + columns, _ZERO_EXPONENT).max(axis=1)
+        largest = (_shifted_exponents(X, columns) if np.ndim(columns) else np.abs(X)).max(axis=1)
+    if not np.ndim(columns):
+        largest = _shifted_exponents(largest, columns)
     return np.where(largest > _ZERO_EXPONENT // 2, -largest, 0).astype(np.int64)
+
+
+def _shifted_exponents(x: Vector, shift: Any) -> Exponents:
+    return np.where(x != 0, np.frexp(x)[1] + shift, _ZERO_EXPONENT)
 
 
 def equilibrated(X: Any) -> tuple[Any, Exponents, Exponents]:
@@ -97,9 +102,13 @@ def in_units(X: Any, r: Any, c: Any = 0) -> Any:
 
 def in_units_exactly(X: Any, r: Any, c: Any = 0) -> Any:
     """The result of `in_units` if it rounds no entry, and so can be undone; else None."""
-    scaled = in_units(X, r, c)
-    back = in_units(scaled, -r, -c)
-    return scaled if np.array_equal(*((M.data if sp.issparse(M) else M) for M in (back, X))) else None
+    if sp.issparse(X):
+        scaled = in_units(X, r, c)
+        return scaled if np.array_equal(in_units(scaled, -r, -c).data, X.data) else None
+    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+        scaled = X * np.ldexp(1.0, r)[:, None] * np.ldexp(1.0, c)
+        back = scaled * np.ldexp(1.0, -r)[:, None] * np.ldexp(1.0, -c)
+    return scaled if np.array_equal(back, X) else None
 
 
 def balanced(A: Any) -> Vector:
