@@ -35,19 +35,14 @@ _SETTLED_SHARE = 0.1
 def row_exponents(X: Any, columns: Any = 0) -> Exponents:
     """Whole e with 1/2 ≤ max_j 2^(e_i + c_j)|x_ij| < 1, c = `columns`, for dense or CSR `X`; 0 in zero rows."""
     if sp.issparse(X):
-        size = _shifted_exponents(X.data, columns[X.indices]) if np.ndim(columns) else np.abs(X.data)
-        largest = np.full(X.shape[0], _ZERO_EXPONENT if np.ndim(columns) else 0.0)
+        shift = columns[X.indices] if np.ndim(columns) else columns
+        size = np.where(X.data != 0, np.frexp(X.data)[1] + shift, _ZERO_EXPONENT)
+        largest = np.full(X.shape[0], _ZERO_EXPONENT)
         stored = np.flatnonzero(np.diff(X.indptr))
         largest[stored] = np.maximum.reduceat(size, X.indptr[stored])
     else:
-        largest = (_shifted_exponents(X, columns) if np.ndim(columns) else np.abs(X)).max(axis=1)
-    if not np.ndim(columns):
-        largest = _shifted_exponents(largest, columns)
+        largest = np.where(X != 0, np.frexp(X)[1] + columns, _ZERO_EXPONENT).max(axis=1)
     return np.where(largest > _ZERO_EXPONENT // 2, -largest, 0).astype(np.int64)
-
-
-def _shifted_exponents(x: Vector, shift: Any) -> Exponents:
-    return np.where(x != 0, np.frexp(x)[1] + shift, _ZERO_EXPONENT)
 
 
 def equilibrated(X: Any) -> tuple[Any, Exponents, Exponents]:
@@ -105,10 +100,11 @@ def in_units_exactly(X: Any, r: Any, c: Any = 0) -> Any:
     if sp.issparse(X):
         scaled = in_units(X, r, c)
         return scaled if np.array_equal(in_units(scaled, -r, -c).data, X.data) else None
-    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
-        scaled = X * np.ldexp(1.0, r)[:, None] * np.ldexp(1.0, c)
-        back = scaled * np.ldexp(1.0, -r)[:, None] * np.ldexp(1.0, -c)
-    return scaled if np.array_equal(back, X) else None
+    with np.errstate(all="ignore"):
+        left = np.ldexp(1.0, r)[:, None]
+        right = np.ldexp(1.0, c)
+        scaled = X * left * right
+        return scaled if np.array_equal(scaled / left / right, X) else None
 
 
 def balanced(A: Any) -> Vector:

@@ -241,8 +241,9 @@ def error_bound(
             return _bound(problem, z, sharp)
     except OutOfTime:
         within = f"{1e-9 * DEFAULT_WORK:.0f} s of work" if time_limit is None else f"time_limit = {time_limit:g} s"
-    except MemoryError:
+    except MemoryError as error:
         within = "the memory that there is" if memory_limit is None else f"memory_limit = {memory_limit:g} bytes"
+        within += f": {error}" if str(error) else ""
     return ErrorBound.none(f"{UNDECIDED} within {within}")
 
 

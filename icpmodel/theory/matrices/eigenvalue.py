@@ -22,7 +22,7 @@ _SHARES = (0.99, 0.9, 0.5)
 _DENSE_UP_TO = 64
 _MAX_FACTORISATION_COST = 5e9  #: what a factorisation may cost, in nanoseconds as they are counted
 _TRIDIAGONALISATION_COST = 4  #: to make a dense matrix tridiagonal takes about as long as so many factorisations
-_LANCZOS_STEPS = 15  #: steps with the inverse; eigenvalues next to the smallest one serve as well
+_MAX_INVERSE_STEPS = 30  #: steps of the inverse iteration; eigenvalues next to the smallest one serve as well
 _MAX_POWER_STEPS = 40  #: steps of the power method; each makes the bound sharper, none makes it false
 
 
@@ -138,43 +138,25 @@ def within_reach(S: sp.csr_array) -> bool:
 
 def definite_factors(S: Any) -> Any:
     """Factors of the symmetric `S`, as it is stored, by Cholesky or with diagonal pivots; None unless all are > 0."""
-    lu = factorise(S, definite=True) if sp.issparse(S) else _cholesky(S.copy())
+    lu = factorise(S, definite=True) if sp.issparse(S) else of_array(S.copy().T, cholesky=True)
     return lu if lu is not None and lu.pivots.min() > 0 else None
 
 
-def _cholesky(S: NDArray[np.float64]) -> Any:
-    """Cholesky's factor of a symmetric array, which is overwritten; None where it is not definite."""
-    work.check_budget(dense_cost(S.shape[0], symmetric=True))
-    return of_array(S.T, cholesky=True)
-
-
 def _estimate(S: Any, lu: Any) -> float:
-    """About the smallest eigenvalue, by Lanczos' method with S⁻¹; ≤ 0 where S is seen to be indefinite; no proof."""
-    n = S.shape[0]
-    if n <= _DENSE_UP_TO:
+    """About the smallest eigenvalue, or something ≤ 0 where S is seen to be indefinite; no proof."""
+    if S.shape[0] <= _DENSE_UP_TO:
         return _least_pair(S)[0]
     lu = lu or definite_factors(S)
     if lu is None:
         return -np.inf
-    x = np.random.default_rng(0).random(n)
-    x /= norm(x)
-    before = np.zeros(n)
-    T = np.zeros((_LANCZOS_STEPS + 1, _LANCZOS_STEPS + 1))
+    x = np.random.default_rng(0).random(S.shape[0])
+    largest = np.inf
     with one_blas_thread():
-        for k in range(_LANCZOS_STEPS):
-            image = lu.solve(x) - T[k, k - 1] * before
-            quotient = float(x @ image)
-            image -= quotient * x
-            size = norm(image)
-            if not size < np.inf:
-                return -np.inf
-            T[k, k] = quotient
-            if size == 0.0:
-                break
-            T[k + 1, k] = size
-            before = x
-            x = image / size
-    largest = float(np.linalg.eigvalsh(T[:-1, :-1]).max())
+        for _ in range(_MAX_INVERSE_STEPS):
+            x = x / norm(x)
+            image = lu.solve(x)
+            largest = float(x @ image)
+            x = image
     return 1.0 / largest if largest > 0 else -np.inf
 
 
@@ -184,7 +166,9 @@ def _error_of_cholesky(S: NDArray[np.float64], c: float, trace: float) -> float:
     work.check_budget(memory=8.0 * n**2)
     shifted = S.copy()
     shifted.flat[:: n + 1] -= c
-    return np.inf if _cholesky(shifted) is None else (n + 8) * (UNIT_ROUNDOFF * trace + 8 * n * SMALLEST)
+    return (
+        np.inf if of_array(shifted.T, cholesky=True) is None else (n + 8) * (UNIT_ROUNDOFF * trace + 8 * n * SMALLEST)
+    )
 
 
 def _distance_from_definite(S: sp.csr_array, c: float) -> float:
