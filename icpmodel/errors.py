@@ -18,15 +18,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from difflib import get_close_matches
 from functools import wraps
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, TypeVar, cast
 
-P = ParamSpec("P")
-R = TypeVar("R")
+Call = TypeVar("Call", bound=Callable[..., Any])
 
-#: what a message says to who has another name for an obstacle
-OBSTACLES = "the lower obstacle, z >= psi(z), is called psi, the upper obstacle is called upper"
-
-
+#: the end of a message about another name for an obstacle, and of one about a missing problem
+_OBSTACLES = "the lower obstacle, z >= psi(z), is called psi, the upper obstacle is called upper"
+HOW_TO_BUILD = "icpmodel.ICP(A, q, psi) makes a problem of arrays, and icpmodel.ICP(A, q, psi).solve() solves it"
 #: what other packages call an option → what it is called here
 _ELSEWHERE = {"tol": "rtol", "tolerance": "rtol", "eps": "atol", "maxiter": "max_iter", "maxit": "max_iter"}
 
@@ -40,37 +38,30 @@ def did_you_mean(name: Any, known: Iterable[str]) -> str:
     return f"; did you mean {near[0]}?" if near else ""
 
 
-def check_arguments(hint: str = "", call: str = "") -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Decorator: turn Python's TypeError for unknown or missing arguments into an InputError with the accepted names.
+def check_arguments(function: Call) -> Call:
+    """Decorator: turn the TypeError for unknown or missing arguments into an InputError with the accepted names."""
+    code = function.__code__
+    names = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
+    hint = f"; {_OBSTACLES}" if {"psi", "upper"} <= set(names) else ""
 
-    The message ends in the `hint`. It calls the function `call`, by default by its name, a constructor by its class.
-    """
-    ending = hint and f"; {hint}"
+    @wraps(function)
+    def checked(*args: Any, **kwargs: Any) -> Any:
+        try:
+            return function(*args, **kwargs)
+        except TypeError as error:
+            if error.__traceback__ is None or error.__traceback__.tb_next is not None:
+                raise  # it comes from inside
+        name = type(args[0]).__name__ if function.__name__ == "__init__" else function.__qualname__
+        takes = f"it takes {', '.join(one for one in names if one != 'self')}"
+        if unknown := [one for one in kwargs if one not in names]:
+            raise InputError(f"{name} has no argument {unknown[0]}; {takes}{did_you_mean(unknown[0], names) or hint}")
+        needed = names[len(args) : code.co_argcount - len(function.__defaults__ or ())]
+        if lacks := [one for one in needed if one not in kwargs]:
+            advice = f"; {HOW_TO_BUILD}" if "problem" in lacks else hint
+            raise InputError(f"{name} was not given {' and '.join(lacks)}; {takes}{advice}")
+        raise InputError(f"{name} was given an argument twice, or too many without a name; {takes}{hint}")
 
-    def checking(function: Callable[P, R]) -> Callable[P, R]:
-        code = function.__code__
-        names = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
-        name = call or function.__qualname__.removesuffix(".__init__")
-
-        @wraps(function)
-        def checked(*args: P.args, **kwargs: P.kwargs) -> R:
-            try:
-                return function(*args, **kwargs)
-            except TypeError as error:
-                if error.__traceback__ is None or error.__traceback__.tb_next is not None:
-                    raise  # it comes from inside
-            takes = f"it takes {', '.join(one for one in names if one != 'self')}"
-            if unknown := [one for one in kwargs if one not in names]:
-                near = did_you_mean(unknown[0], names) or ending
-                raise InputError(f"{name} has no argument {unknown[0]}; {takes}{near}")
-            needed = names[len(args) : code.co_argcount - len(function.__defaults__ or ())]
-            if lacks := [one for one in needed if one not in kwargs]:
-                raise InputError(f"{name} was not given {' and '.join(lacks)}; {takes}{ending}")
-            raise InputError(f"{name} was given an argument twice, or too many without a name; {takes}{ending}")
-
-        return checked
-
-    return checking
+    return cast(Call, checked)
 
 
 class IcpError(Exception):

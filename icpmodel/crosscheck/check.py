@@ -29,7 +29,7 @@ _Item = tuple[float, float | None, str] | str | Row
 
 
 @public_entry
-@check_arguments()
+@check_arguments
 def crosscheck(
     problem: ProblemLike,
     solution: Any = None,

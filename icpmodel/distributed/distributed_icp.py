@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import OBSTACLES, InputError, check_arguments
+from ..errors import InputError, check_arguments
 from ..numerics.arrays import Vector, described
 from ..present.display import Displayable
 from ..problem.affine import Affine, Constant
@@ -55,7 +55,7 @@ class DistributedICP(Displayable):
     DistributedICP(n=2, ranks=1)
     """
 
-    @check_arguments(OBSTACLES)
+    @check_arguments
     def __init__(self, A: Any, q: Any, psi: Any = 0.0, upper: Any = None) -> None:
         PETSc = petsc()
         if not isinstance(A, PETSc.Mat):

@@ -247,7 +247,7 @@ class Explanation(Displayable):
 
 
 @public_entry
-@check_arguments()
+@check_arguments
 def explain(
     problem: ProblemLike,
     method: str | Method | None = None,

@@ -27,7 +27,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import OBSTACLES, FileError, InputError, check_arguments
+from ..errors import FileError, InputError, check_arguments
 from ..icp import ICP
 from ..present.whole_files import as_path, file_errors
 from ..problem.affine import Affine
@@ -50,7 +50,7 @@ _PARTS = ("A", "q", "c", "G", "upper_c", "upper_G")
 _ALIASES = {"psi": "c", "upper": "upper_c"}
 
 
-@check_arguments()
+@check_arguments
 def save_problem(problem: ProblemLike, path: str | PathLike[str]) -> None:
     """Write `problem` to the `.npz` file `path`; other programs may take `scipy.io.mmwrite("A.mtx", problem.A)`.
 
@@ -84,7 +84,7 @@ def save_problem(problem: ProblemLike, path: str | PathLike[str]) -> None:
     write_arrays(as_path(path), _PROBLEM, problem_parts(problem))
 
 
-@check_arguments(OBSTACLES)
+@check_arguments
 def load_problem(
     path: Source, q: Source | None = None, psi: Source | float | None = None, upper: Source | float | None = None
 ) -> ICP:

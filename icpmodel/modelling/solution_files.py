@@ -48,7 +48,7 @@ class FromFile(Method):
         raise NotApplicable(self.why_not(problem))
 
 
-@check_arguments()
+@check_arguments
 def save_solution(solution: Solution, path: str | PathLike[str]) -> None:
     """Write `solution` to the file `path`.
 
@@ -107,7 +107,7 @@ def check_place(path: str) -> None:
             check_ours(place, begins=_HEADS.encode())
 
 
-@check_arguments()
+@check_arguments
 def load_solution(
     path: Source,
     problem: ProblemLike | None = None,

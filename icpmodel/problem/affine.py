@@ -96,7 +96,7 @@ class Affine(Map):
     array([5., 2.])
     """
 
-    @check_arguments()
+    @check_arguments
     def __init__(self, G: Any, c: Any = 0.0) -> None:
         self.G = as_csr(G, "psi.G")
         n = self.G.shape[0]

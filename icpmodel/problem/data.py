@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..errors import OBSTACLES, InputError, MapError, NotApplicable, check_arguments
+from ..errors import HOW_TO_BUILD, InputError, MapError, NotApplicable, check_arguments
 from ..numerics.arrays import Vector, as_number, as_vector, check_labels, described, not_finite
 from .affine import vertical_map
 from .facts import Facts
@@ -21,9 +21,6 @@ from .nonlinear_term import NonlinearTerm
 from .point_values import PointValues
 from .two_sided import TwoSidedObstacle, as_map
 from .user_code import as_function
-
-#: the advice in errors about arrays given in place of a problem
-HOW_TO_BUILD = "icpmodel.ICP(A, q, psi) makes a problem of arrays, and icpmodel.ICP(A, q, psi).solve() solves it"
 
 
 class ProblemData(PointValues):
@@ -58,7 +55,7 @@ class ProblemData(PointValues):
 
     facts: Facts
 
-    @check_arguments(OBSTACLES, "ICP")
+    @check_arguments
     def __init__(self, A: Any, q: Any, psi: Any = 0.0, upper: Any = None, f: Any = None) -> None:
         labels = None
         if hasattr(A, "columns") or hasattr(q, "index"):

@@ -50,7 +50,7 @@ class Elementwise(Parametrised):
 
     calls_user_code = True
 
-    @check_arguments()
+    @check_arguments
     def __init__(
         self,
         f: Callable[[Any], Any],

@@ -44,7 +44,7 @@ class Function(Parametrised):
 
     calls_user_code = True
 
-    @check_arguments()
+    @check_arguments
     def __init__(
         self,
         fun: Callable[[Vector], Any],

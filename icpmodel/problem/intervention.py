@@ -52,7 +52,7 @@ class Intervention(Map):
     #: the value of rows without a jump
     none = -np.inf
 
-    @check_arguments()
+    @check_arguments
     def __init__(self, jumps: Any, best: str = "max") -> None:
         if best not in ("max", "min"):
             raise InputError(f'best is {best!r}; "max" or "min" was expected')

@@ -69,7 +69,7 @@ class Choice(Displayable):
     estimate: Estimate | None = None
 
 
-@check_arguments()
+@check_arguments
 def select_method(
     problem: ProblemLike, *, rtol: float = RTOL, family: str | None = None, warm_start: bool = False
 ) -> Choice | None:

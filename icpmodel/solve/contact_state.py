@@ -54,7 +54,7 @@ class ContactState(ReadOnly, Displayable):
     __repr__ = __str__
 
 
-@check_arguments()
+@check_arguments
 def contact_state(solution: Solution) -> ContactState:
     """Return the impulses of a solution, and which of its rows separate, stick and slide.
 

@@ -18,7 +18,7 @@ from ..methods.contract import Method, named
 from ..numerics import work
 from ..numerics.arrays import Vector, as_truth, norm
 from ..numerics.rounding import CTRL_C, is_ctrl_c, public_entry
-from ..problem.data import HOW_TO_BUILD, ProblemData, ProblemLike, as_problem
+from ..problem.data import ProblemData, ProblemLike, as_problem
 from ..problem.user_code import as_function
 from .accuracy import solve_to_accuracy
 from .choice import Choice, InTurn, Job, why_none
@@ -37,7 +37,7 @@ _LOG = logging.getLogger("icpmodel")
 
 
 @public_entry
-@check_arguments(HOW_TO_BUILD)
+@check_arguments
 def solve(
     problem: ProblemLike,
     method: str | Method | None = None,

@@ -314,7 +314,7 @@ class Solution(ReadOnly, Plottable):
         return active_set(self.problem, self.z, self.certificate.bound)
 
     @public_entry
-    @check_arguments()
+    @check_arguments
     def polish(self) -> Solution:
         """Improve the answer to rounding accuracy: one linear solve on the active set.
 

@@ -21,7 +21,7 @@ from .formulations import Target
 from .highs import highs_options
 
 
-@check_arguments()
+@check_arguments
 def to_cvxpy(problem: ProblemLike, formulation: str = "qp") -> Any:
     """State `problem` as a CVXPY problem in one variable named z, in the units of the ICP.
 

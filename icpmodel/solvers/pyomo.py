@@ -31,7 +31,7 @@ _FUNCTIONS: tuple[str, ...] = ("exp", "log", "log10", "sqrt", "sin", "cos", "tan
 _FUNCTIONS += tuple(f"arc{name}" for name in _FUNCTIONS[4:])
 
 
-@check_arguments()
+@check_arguments
 def to_pyomo(problem: ProblemLike) -> Any:
     """State `problem` as a Pyomo model in the variables z[i].
 

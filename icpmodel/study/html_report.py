@@ -99,7 +99,7 @@ class Section:
         return [(panel, _svg(panel)) for panel in self.panels]
 
 
-@check_arguments()
+@check_arguments
 def report(
     problem: ProblemLike,
     path: str | os.PathLike[str] | None = None,

@@ -179,7 +179,7 @@ class Race(Plottable, Tabular):
 
 
 @public_entry
-@check_arguments()
+@check_arguments
 def race(
     problem: ProblemLike,
     methods: Sequence[str | Method] | None = None,

@@ -147,7 +147,7 @@ class StabilityMap(Plottable, Tabular):
 
 
 @public_entry
-@check_arguments()
+@check_arguments
 def stability(
     plane: str | Plane = "relaxation",
     problem: ProblemLike | None = None,

@@ -219,7 +219,7 @@ def _sum(start: Rational, span: list[Rational], t: Rational) -> Rational:
 
 @public_entry
 @np.errstate(all="ignore")  # what overflows proves nothing
-@check_arguments()
+@check_arguments
 def all_solutions(problem: ProblemLike, *, time_limit: float | None = None) -> SolutionSet:
     """Find all solutions of a small problem with constant or affine obstacles.
 

@@ -109,7 +109,7 @@ class Complementarity(Displayable, cp.Constraint):
         return cut(f"complements({named(self.sides[0])}, {named(self.sides[1])}{keywords}", 480) + ")"
 
 
-@check_arguments()
+@check_arguments
 def complements(p: Any, r: Any, *, lower: Any = 0.0, upper: Any = None) -> Complementarity:
     """The constraint p ≥ 0 ⟂ r ≥ 0 of a `Problem`, best with r = z − ψ(z); p may be any expression.
 

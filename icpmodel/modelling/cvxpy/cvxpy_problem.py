@@ -111,7 +111,7 @@ class Problem(Displayable):
     (array([0.75, 0.25]), 0.75)
     """
 
-    @check_arguments()
+    @check_arguments
     def __init__(self, constraints: Any, *others: Any) -> None:
         if others:
             raise InputError("a complementarity problem has no objective: give the list of constraints alone")

@@ -84,7 +84,7 @@ class LeastSquares(Displayable):
 
 
 @public_entry
-@check_arguments()
+@check_arguments
 def solve_lsq(
     B: Any,
     c: Any,
@@ -204,7 +204,7 @@ def _conditions(B: sp.csr_array, c: Vector, low: Vector, high: Vector) -> Progra
 
 
 @public_entry
-@check_arguments()
+@check_arguments
 def solve_nnls(B: Any, c: Any, *, tolerance: float = 1e-9, time_limit: float | None = None) -> tuple[Vector, float]:
     """Minimise ‖Bx − c‖₂ subject to x ≥ 0, without forming BᵀB; in the words of `scipy.optimize.nnls`.
 

@@ -137,7 +137,7 @@ class ProgramSolution(Displayable):
 
 
 @public_entry
-@check_arguments()
+@check_arguments
 def solve_qp(
     P: Any,
     q: Any,
@@ -216,7 +216,7 @@ def solve_qp(
 
 
 @public_entry
-@check_arguments()
+@check_arguments
 def solve_avi(
     H: Any,
     g: Any,

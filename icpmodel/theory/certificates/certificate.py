@@ -86,7 +86,7 @@ class Certificate(Displayable):
 
 @public_entry
 @np.errstate(all="ignore")  # what overflows proves nothing
-@check_arguments()
+@check_arguments
 def certify(
     problem: ProblemLike,
     z: Any,

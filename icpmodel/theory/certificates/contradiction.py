@@ -103,7 +103,7 @@ class Contradiction(ReadOnly, Displayable):
 
 @public_entry
 @np.errstate(all="ignore")  # what overflows proves nothing
-@check_arguments()
+@check_arguments
 def contradiction(problem: ProblemLike) -> Contradiction | None:
     """Find a minimal set of contradictory conditions among p ≥ 0 and r ≥ 0, and the nearest q without one.
 

@@ -21,7 +21,7 @@ from ..answers import Answer
 _FACTORISE_FIRST_UP_TO = 20_000  #: up to this size a factorisation costs less than looking for a cheaper way
 
 
-@check_arguments()
+@check_arguments
 def comparison_matrix(A: Any) -> sp.csr_array:
     """⟨A⟩: |a_ii| on the diagonal and −|a_ij| off it.
 
