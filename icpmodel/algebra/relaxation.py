@@ -195,7 +195,7 @@ class AdaptedOmega:
         self.value, self.most, self.plain = value, most, False
         self._last = self._factor = math.nan
         self._steps = self._since = 0
-        self._least = self._mark = math.inf
+        self._least = self._milestone = math.inf
 
     def changes(self, residual: float | None) -> bool:
         """Whether to change ω, or to stay `plain` from now on, after an iterate with this `residual`."""
@@ -205,8 +205,8 @@ class AdaptedOmega:
         self._least = min(self._least, residual)
         self._steps += 1
         self._since += 1
-        if residual <= self._mark / 2:
-            self._mark, self._since = residual, 0
+        if residual <= self._milestone / 2:
+            self._milestone, self._since = residual, 0
         if self.plain:
             return False
         if self._since > self._patience(factor) or not residual <= _MAX_GROWTH * self._least:
@@ -239,4 +239,4 @@ class AdaptedOmega:
     def _change(self, omega: float) -> None:
         self.value, self._steps, self._since = omega, 0, 0
         self._factor = math.nan
-        self._mark = self._last
+        self._milestone = self._last

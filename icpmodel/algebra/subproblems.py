@@ -140,10 +140,10 @@ def blocks(problem: ProblemData, core: Mask | None = None) -> Blocks | None:
     if count == 1 and problem.n > PIVOT_UP_TO:
         return None
     # SciPy numbers the components so that each depends only on those before it
-    simple = with_fixed_obstacle(problem)
+    fixed = with_fixed_obstacle(problem)
     sizes = np.bincount(part, minlength=count)
     heavy = sizes > PIVOT_UP_TO
-    heavy[part[_unsuitable(simple, part, sizes)]] = True
+    heavy[part[_unsuitable(fixed, part, sizes)]] = True
     if core is not None:
         heavy[part[core]] = True
     rows = np.argsort(part, kind="stable")
@@ -152,7 +152,7 @@ def blocks(problem: ProblemData, core: Mask | None = None) -> Blocks | None:
 
     follows, needed = around(graph.indptr, graph.indices, part, rows, starts, heavy)
     parts = _parts(graph, np.flatnonzero((follows & needed)[part]))
-    return Blocks(simple, rows, starts, ~follows, follows & ~needed, parts)
+    return Blocks(fixed, rows, starts, ~follows, follows & ~needed, parts)
 
 
 def _unsuitable(problem: ProblemData, part: Any, sizes: Any) -> Mask:

@@ -190,7 +190,7 @@ class _Run:
         self._seen(z, first)
         if self._reached(z, first):
             return Status.SOLVED, ""
-        simple = simplified(problem) if problem.calls_users else problem
+        fixed = simplified(problem) if problem.calls_users else problem
         self.say("making the levels")
         self.levels = DistributedLevels(problem.matrix)
         if (stop := self.watch()) is not None:
@@ -198,20 +198,20 @@ class _Run:
         try:
             if not first <= GOOD_START * at_0:
                 self.say(f"starting from {len(self.levels.levels)} levels")
-                z = start(self.levels, simplified(simple, start=True) if simple.calls_users else simple)
-            return self._steps(simple, z)
+                z = start(self.levels, simplified(fixed, start=True) if fixed.calls_users else fixed)
+            return self._steps(fixed, z)
         except MapError as error:
             return Status.MAP_FAILED, str(error)
 
-    def _steps(self, simple: DistributedICP, z: Any) -> tuple[Status, str]:
+    def _steps(self, fixed: DistributedICP, z: Any) -> tuple[Status, str]:
         assert self.levels is not None
-        mark = np.inf
+        milestone = np.inf
         since = 0
         rescues = 0
-        path = newton_steps(self.levels, simple, z, 0, self.target)
+        path = newton_steps(self.levels, fixed, z, 0, self.target)
         at = next(path)
         while True:
-            residual = at.residual if simple is self.problem else self.problem.residual(at.z)
+            residual = at.residual if fixed is self.problem else self.problem.residual(at.z)
             self._seen(at.z, residual)
             self.say(f"iteration {self.iterations}, residual {residual:.2e} -> {self.tolerance:.2e}")
             if self._reached(at.z, residual):
@@ -223,17 +223,17 @@ class _Run:
             if np.isnan(residual):
                 _check_maps(self.problem, at.z, f"in iteration {self.iterations}")
             since += 1
-            if residual <= REDUCTION * mark:
-                mark = residual
+            if residual <= REDUCTION * milestone:
+                milestone = residual
                 since = 0
             if since > _PATIENCE or not np.isfinite(residual):
                 if self.least <= 2.0 * (noise := self._rounding()[0]) < MAX_ROUNDING * self.scale:
                     return Status.PRECISION_LIMIT, f"rounding leaves a residual of up to about {noise:.2g} at this z"
                 rescues += 1
-                rescued = self._swept(simple) if rescues <= _MAX_RESCUES else None
+                rescued = self._swept(fixed) if rescues <= _MAX_RESCUES else None
                 if rescued is None:
                     return Status.STAGNATED, "neither Newton's steps nor sweeps reduce the residual any more"
-                path = newton_steps(self.levels, simple, rescued, 0, self.target)
+                path = newton_steps(self.levels, fixed, rescued, 0, self.target)
                 at = next(path)
                 since = 0
             else:
@@ -246,11 +246,11 @@ class _Run:
             return residual <= self.tolerance
         return self.problem.paper_residual(z) <= self.limits.atol
 
-    def _swept(self, simple: DistributedICP) -> Any:
+    def _swept(self, fixed: DistributedICP) -> Any:
         """z from the best iterate by sweeps, with a residual that counts as reduced, or None."""
         z = self.best
         for _ in range(_MAX_ROUNDS):
-            at = Evaluation(simple, z, None)
+            at = Evaluation(fixed, z, None)
             if at.residual <= REDUCTION * self.least:
                 return at.z
             if self.iterations >= self.limits.max_iter or not np.isfinite(at.residual):

@@ -186,14 +186,14 @@ class _Phases:
     """The phases of a run: accelerated steps, then plain ones if those did not halve the least residual."""
 
     def __init__(self) -> None:
-        self.steps, self.scale, self.mark = 0, 1, np.inf
+        self.steps, self.scale, self.milestone = 0, 1, np.inf
 
     def accelerates(self, least: float) -> bool:
-        if least <= self.mark / 2:
-            self.steps, self.mark = 0, least
+        if least <= self.milestone / 2:
+            self.steps, self.milestone = 0, least
         self.steps += 1
         if self.steps > self.scale * (_ACCELERATED_STEPS + _PLAIN_STEPS):
-            self.steps, self.mark, self.scale = 1, least, 2 * self.scale
+            self.steps, self.milestone, self.scale = 1, least, 2 * self.scale
         return self.steps <= self.scale * _ACCELERATED_STEPS
 
 

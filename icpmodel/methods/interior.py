@@ -84,17 +84,17 @@ class Interior(Regularised):
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         # never raises SingularOperator
         yield z, None
-        simple = with_fixed_obstacle(problem)
+        fixed = with_fixed_obstacle(problem)
         try:
-            path = InteriorPath(simple, z)
+            path = InteriorPath(fixed, z)
         except MapError:
             return
-        recession = Recession(simple)
+        recession = Recession(fixed)
         while True:
             yield path.z, None
             if not path.makes_progress():
                 return
-            if path.infeasibilities.waited and (answer := recession.proof(path.z - path.resting)).holds:
+            if path.infeasibilities.waited and (answer := recession.proof(path.z - path.at_rest)).holds:
                 raise Infeasible(answer)
             if path.signs_repeat() and (solution := path.by_signs()) is not None:
                 yield solution, None
@@ -139,11 +139,11 @@ class InteriorPath:
         self.residuals = LeastValue()
         self.infeasibilities = LeastValue()
         self.signs = np.zeros(0, bool)
-        self.same = 0
+        self.repetitions = 0
         below, top = self.steps.obstacles
         c = np.where(np.isneginf(below), 0.0 if top is None else np.minimum(top, 0.0), below)
         #: c with 0, or what is nearest to it and not above, for the rows without obstacle below
-        self.resting = c
+        self.at_rest = c
         #: the rows of r and s, for one obstacle and the other
         self.sides = [np.flatnonzero(np.isfinite(side)) for side in (below, top) if side is not None]
         self.rows = np.concatenate(self.sides)
@@ -158,7 +158,7 @@ class InteriorPath:
         self._move_to(z)
         room = self._room()
         z = z + self._solver()(-self.point[1] - self._in_rows(self.sign * weights * room))
-        v = np.sqrt(weights) * (room + self._change(z - self.resting))
+        v = np.sqrt(weights) * (room + self._change(z - self.at_rest))
         r = v + _SHIFT * np.max(-v, initial=0.0)
         s = _SHIFT * np.max(v, initial=0.0) - v
         product = 0.5 * inner(r, s)
@@ -207,9 +207,9 @@ class InteriorPath:
     def signs_repeat(self) -> bool:
         """Whether the signs of the modulus have been the same for 1, 3, 7, … steps."""
         signs = self.s > self.weights[self.rows] * self.r
-        self.same = self.same + 1 if np.array_equal(signs, self.signs) else 0
+        self.repetitions = self.repetitions + 1 if np.array_equal(signs, self.signs) else 0
         self.signs = signs
-        return self.same > 0 and not self.same & (self.same + 1)
+        return self.repetitions > 0 and not self.repetitions & (self.repetitions + 1)
 
     @np.errstate(all="ignore")
     def by_signs(self) -> Vector | None:

@@ -34,7 +34,7 @@ from .newton import Newton
 #: a start from z begins on the finest level of which a cycle costs less than this share of a Newton step, which is
 #: about what Python costs around it: further levels cost as much, and bring less. Of 67 problems of 33 families, after
 #: twelve sweeps, one in 1D was lost so, which the coarsest levels solve; the others took .7 times as long (median)
-_SMALL = 0.5
+_MAX_CYCLE_SHARE = 0.5
 #: a coarser level ends at this share of its first residual: below the error of interpolation to the next level, as in
 #: full multigrid. It ends at the second share of its Res_D(0) at the latest, and after the number of steps
 _COARSE_REDUCTION = 0.05
@@ -115,14 +115,14 @@ class Multilevel(Method):
         jumps = problem.psi.has_policies
         for top in range(lowest, 0, -1):
             path = Newton().iterates(problems[top], z) if jumps else newton_steps(hierarchy, problems[top], z, top)
-            enough = _MIN_COARSE_RTOL * problems[top].residual_at_0()
+            target = _MIN_COARSE_RTOL * problems[top].residual_at_0()
             for step, (near, residual) in enumerate(islice(path, _MAX_POLICY_STEPS if jumps else MAX_COARSE_STEPS)):
                 answer = near
                 if residual is None:
                     continue
                 if not (step or jumps):
-                    enough = max(enough, _COARSE_REDUCTION * residual)
-                if residual <= enough:
+                    target = max(target, _COARSE_REDUCTION * residual)
+                if residual <= target:
                     break
             z = hierarchy.levels[top - 1].P @ answer + shifts[top - 1]
         return z
@@ -130,46 +130,46 @@ class Multilevel(Method):
     def _from_levels(self, problem: ProblemData, z: Vector, first: float) -> Generator[Iterate, None, Vector]:
         """Steps from `z`, with the residual `first`, then from the coarsest level; where ψ jumps returns a start."""
         hierarchy = Hierarchy(problem)
-        simple = with_fixed_obstacle(problem)
+        fixed = with_fixed_obstacle(problem)
         at_0 = problem.residual_at_0()
         is_near = first <= GOOD_START * at_0
         if is_near and problem.psi.has_policies:
             return z
-        if is_near or (simple.psi.is_constant and z.any()):
-            start = self.start(hierarchy, simple, z, 0 if is_near else _first_small(hierarchy))
-            yield from _while_it_falls(hierarchy, problem, simple, start)
-        start = self.start(hierarchy, simple, np.zeros(problem.n), len(hierarchy.levels) - 1)
+        if is_near or (fixed.psi.is_constant and z.any()):
+            start = self.start(hierarchy, fixed, z, 0 if is_near else _starting_level(hierarchy))
+            yield from _while_residual_falls(hierarchy, problem, fixed, start)
+        start = self.start(hierarchy, fixed, np.zeros(problem.n), len(hierarchy.levels) - 1)
         if problem.psi.has_policies:
             return start if problem.residual(start) <= min(first, at_0) else z
-        yield from _while_it_falls(hierarchy, problem, simple, start)
+        yield from _while_residual_falls(hierarchy, problem, fixed, start)
         return start
 
 
-def _first_small(hierarchy: Hierarchy) -> int:
-    """The level on which a start begins: the finest small one, see `_SMALL`, or the coarsest one."""
+def _starting_level(hierarchy: Hierarchy) -> int:
+    """The level on which a start begins: the finest small one, see `_MAX_CYCLE_SHARE`, or the coarsest one."""
     for k, level in enumerate(hierarchy.levels[:-1]):
-        if cycle_cost(level.A.shape[0], level.A.nnz) <= _SMALL * work.COSTS.newton:
+        if cycle_cost(level.A.shape[0], level.A.nnz) <= _MAX_CYCLE_SHARE * work.COSTS.newton:
             return k
     return len(hierarchy.levels) - 1
 
 
-def _while_it_falls(
-    hierarchy: Hierarchy, problem: ProblemData, simple: ProblemData, start: Vector
+def _while_residual_falls(
+    hierarchy: Hierarchy, problem: ProblemData, fixed: ProblemData, start: Vector
 ) -> Iterator[Iterate]:
-    """Newton's steps on the finest level from `start`, while the residual falls; `simple` has fixed obstacles."""
-    mark = np.inf
+    """Newton's steps on the finest level from `start`, while the residual falls; `fixed` has fixed obstacles."""
+    milestone = np.inf
     least = np.inf
     halved_at = 0
     better_at = 0
-    for step, (iterate, residual) in enumerate(newton_steps(hierarchy, simple, start, 0)):
+    for step, (iterate, residual) in enumerate(newton_steps(hierarchy, fixed, start, 0)):
         if not residual < np.inf:
             break
-        yield iterate, residual if simple is problem else None
+        yield iterate, residual if fixed is problem else None
         if residual < least:
             least = residual
             better_at = step
-        if residual <= 0.5 * mark:
-            mark = residual
+        if residual <= 0.5 * milestone:
+            milestone = residual
             halved_at = step
         if step - halved_at >= _PATIENCE or step - better_at >= _SHORT_PATIENCE:
             break

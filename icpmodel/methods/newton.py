@@ -1,5 +1,6 @@
 """Newton's method on the modulus equation: the modulus frozen at its sign pattern.
 
+Here p = Az + q, r = z − ψ(z) and Ω = `problem.matrix.weights`, which is |a_ii| wherever that is not 0.
 Active rows, those with r_i < p_i/Ω_i, get the equation z_i = ψ_i(z), linearised; the others get (Az + q)_i = 0. That is
 the primal–dual active set method and, for impulse control, policy iteration. Where ψ is affine the active set decides
 the next iterate. So there are finitely many iterates, and the method ends after a few steps or cycles. A merit
@@ -51,10 +52,12 @@ _ROUNDING_SHARE = 1e-6
 #: the share of the slope in Armijo's rule, and how often a step is halved
 _ARMIJO = 1e-4
 _MAX_HALVINGS = 30
-#: the method ends after so many descent steps without a new reference
+#: a direction is tried if its slope, relative to θ², is below minus this number
+_MIN_SLOPE = 1e-6
+#: the largest number of descent steps without a new reference
 _MAX_DESCENTS = 40
 #: the regularisation of a singular Newton matrix of φ
-_SHIFT = 1e-6
+_REGULARISATION = 1e-6
 #: the relative tolerance of an inexact solve, in the first steps and near the solution
 _LOOSE_RTOL = 1e-3
 _TIGHT_RTOL = 1e-8
@@ -90,10 +93,10 @@ class Newton(Method):
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         # a singular system ends the iteration; SingularOperator is never raised
-        return Path(problem, z)
+        return NewtonPath(problem, z)
 
 
-class Point:
+class NewtonPoint:
     """z and what is evaluated there: p, r of the nearer obstacle, φ, θ = ‖φ‖, the residual, on request ψ′."""
 
     def __init__(self, problem: ProblemData, omega: Vector, z: Vector) -> None:
@@ -103,7 +106,7 @@ class Point:
         above = problem.r_upper(z)
         self.residual = problem.residual_of(self.p, below, above)
         a = self.p / omega
-        pattern = Pattern.of(below, above, a if above is None else _multipliers_in_reach(problem, a, below - above))
+        pattern = Pattern.of(below, above, a if above is None else _clipped_multipliers(problem, a, below - above))
         self.r, self.active, self.above = pattern
         self.inner = None if above is None else _FischerBurmeister(-a, -above)
         self.outer = _FischerBurmeister(a if self.inner is None else -self.inner.phi, below)
@@ -117,28 +120,28 @@ class Point:
     def derivative(self) -> tuple[sp.csr_array, Vector]:
         """V, an element of the generalised derivative of φ at z, and per row the sum of the slopes in V."""
         problem = self.problem
-        (of_p, of_r) = self.outer.slopes()
+        (slope_p, slope_r) = self.outer.slopes()
         identity = sp.eye_array(problem.n)
-        total = of_r
+        total = slope_r
         V = 0
         if self.inner is not None:
             assert problem.upper is not None
-            inner, of_s = self.inner.slopes()
-            of_s = of_p * of_s
-            of_p = of_p * inner
+            inner, slope_s = self.inner.slopes()
+            slope_s = slope_p * slope_s
+            slope_p = slope_p * inner
             J = derivative(problem.upper, self.z)
-            total = total + of_s
-            V = sp.diags_array(of_s) @ (identity - J)
+            total = total + slope_s
+            V = sp.diags_array(slope_s) @ (identity - J)
         J = self.jacobian if self.above is None else derivative(problem.psi, self.z)
-        V = V + sp.diags_array(of_p / self.omega) @ problem.A + sp.diags_array(of_r) @ (identity - J)
-        return sp.csr_array(V), total + of_p
+        V = V + sp.diags_array(slope_p / self.omega) @ problem.A + sp.diags_array(slope_r) @ (identity - J)
+        return sp.csr_array(V), total + slope_p
 
 
-def _multipliers_in_reach(problem: ProblemData, a: Vector, gap: Vector) -> Vector:
+def _clipped_multipliers(problem: ProblemData, a: Vector, gap: Vector) -> Vector:
     """`a` = p/Ω, in rows without diagonal dominance clipped to half the `gap` between the obstacles."""
     rows = problem.matrix.rows
     half = 0.5 * gap
-    free = (rows.rest > np.abs(rows.diagonal)) & (half > 0)
+    free = (rows.off_diagonal_sums > np.abs(rows.diagonal)) & (half > 0)
     return np.where(free, np.clip(a, -half, half), a)
 
 
@@ -158,19 +161,19 @@ class _FischerBurmeister:
         """(∂φ/∂a, ∂φ/∂b), an element of the generalised derivative where a = b = 0."""
         corner = self.root == 0
         root = np.where(corner, 1.0, self.root)
-        in_a, in_b = (np.where(corner, 1.0 - np.sqrt(0.5), 1.0 - side / root) for side in (self.a, self.b))
-        in_a[self.free] = 1.0
-        in_b[self.free] = 0.0
-        return in_a, in_b
+        slope_a, slope_b = (np.where(corner, 1.0 - np.sqrt(0.5), 1.0 - side / root) for side in (self.a, self.b))
+        slope_a[self.free] = 1.0
+        slope_b[self.free] = 0.0
+        return slope_a, slope_b
 
 
-class Path(Iterator[Iterate]):
+class NewtonPath(Iterator[Iterate]):
     """The iterates of Newton's method, with the state of the watchdog."""
 
     def __init__(self, problem: ProblemData, z: Vector) -> None:
         self.problem, self.omega = problem, problem.matrix.weights
         with np.errstate(all="ignore"):
-            self.current = self.best = Point(problem, self.omega, z)
+            self.current = self.best = NewtonPoint(problem, self.omega, z)
         self.start_theta = self.reference = self.current.theta
         self.has_begun = False
         self.allowed_steps = _ALLOWED_STEPS
@@ -187,7 +190,7 @@ class Path(Iterator[Iterate]):
         self.direction = 0
         # the last factorised equations, with the active set and the ψ′ that they belong to
         self.factorised: tuple[Mask, sp.csr_array, ActiveEquations] | None = None
-        self.fault: MapError | None = None
+        self.psi_error: MapError | None = None
 
     def __next__(self) -> Iterate:
         if self.has_begun and not self.advance():
@@ -200,12 +203,12 @@ class Path(Iterator[Iterate]):
         if self.current.theta == 0:
             return False
         work.count(newton_cost(self.problem.facts))
-        self.fault = None
+        self.psi_error = None
         with np.errstate(all="ignore"):
             new = self._unless_psi_fails(self.active_set_step) or self._unless_psi_fails(self.descent_step)
         if new is None:
-            if self.fault is not None:
-                raise self.fault
+            if self.psi_error is not None:
+                raise self.psi_error
             return False
         self.current = new
         if new.theta < self.best.theta:
@@ -216,38 +219,38 @@ class Path(Iterator[Iterate]):
             self.descents = 0
         return True
 
-    def _is_reduced(self, point: Point) -> bool:
+    def _is_reduced(self, point: NewtonPoint) -> bool:
         return point.theta <= REDUCTION * self.reference
 
-    def _unless_psi_fails(self, step: Callable[[], Point | None]) -> Point | None:
+    def _unless_psi_fails(self, step: Callable[[], NewtonPoint | None]) -> NewtonPoint | None:
         """The result of `step`, None where ψ fails on the way."""
         try:
             return step()
         except MapError as error:
-            self.fault = error
+            self.psi_error = error
             return None
 
-    def point(self, z: Vector) -> Point | None:
+    def point(self, z: Vector) -> NewtonPoint | None:
         """The point at `z`, None where it has no finite θ."""
-        point = self._unless_psi_fails(lambda: Point(self.problem, self.omega, z))
+        point = self._unless_psi_fails(lambda: NewtonPoint(self.problem, self.omega, z))
         if point is None or np.isfinite(point.theta):
             return point
         bad = ~(point.r > -np.inf)
         if np.isfinite(z).all() and bad.any():
-            self.fault = MapError(f"psi(z)[{np.argmax(bad)}] is NaN or +inf")
+            self.psi_error = MapError(f"psi(z)[{np.argmax(bad)}] is NaN or +inf")
         return None
 
-    def active_set_step(self) -> Point | None:
+    def active_set_step(self) -> NewtonPoint | None:
         """A step of the active set method, None after too many without enough reduction of θ."""
         own = self.current.active
         active = self._predicted_active_set()
-        new = self._solved_on(active)
+        new = self._solution_on(active)
         if active is not own:
-            further = own & ~active
-            if new is None or 2 * np.count_nonzero(new.active & further) > np.count_nonzero(further):
+            newly_freed = own & ~active
+            if new is None or 2 * np.count_nonzero(new.active & newly_freed) > np.count_nonzero(newly_freed):
                 self.delay *= 2
                 active = own
-                new = self._solved_on(own)
+                new = self._solution_on(own)
         if new is None:
             return None
         moved = new.z - self.current.z
@@ -283,7 +286,7 @@ class Path(Iterator[Iterate]):
         layer = dijkstra(after, indices=np.flatnonzero(free), unweighted=True, min_only=True, limit=most)
         return active & np.isinf(layer)
 
-    def _solved_on(self, active: Mask) -> Point | None:
+    def _solution_on(self, active: Mask) -> NewtonPoint | None:
         """The point that solves the linearised equations with this active set; None if there is none."""
         current = self.current
         J = current.jacobian
@@ -297,7 +300,7 @@ class Path(Iterator[Iterate]):
         step = self.factorised[2].solve(-np.where(active, current.r, current.p), tolerance)
         return None if step is None else self.point(current.z + step)
 
-    def descent_step(self) -> Point | None:
+    def descent_step(self) -> NewtonPoint | None:
         """A step from the best point that reduces Ψ by Armijo's rule; None if none does or too many were made."""
         best = self.best
         self.allowed_steps //= 2
@@ -311,7 +314,7 @@ class Path(Iterator[Iterate]):
         phi = best.phi / best.theta
         for direction in self.directions(V, phi, total):
             slope = float(phi @ (V @ direction))
-            if slope < -_SHIFT:
+            if slope < -_MIN_SLOPE:
                 new = self.line_search(best, best.theta * direction, slope)
                 if new is not None:
                     return new
@@ -321,7 +324,7 @@ class Path(Iterator[Iterate]):
         """The Newton direction, with V regularised if singular, then steepest descent with Cauchy's step length."""
         step = solver_of(V)(-phi, _TIGHT_RTOL)
         if step is None:
-            step = solver_of(sp.csr_array(V + sp.diags_array(_SHIFT * shift)))(-phi, _TIGHT_RTOL)
+            step = solver_of(sp.csr_array(V + sp.diags_array(_REGULARISATION * shift)))(-phi, _TIGHT_RTOL)
         if step is not None:
             yield step
         gradient = V.T @ phi
@@ -329,7 +332,7 @@ class Path(Iterator[Iterate]):
         size = norm(V @ steepest)
         yield -steepest * (phi @ (V @ steepest)) / size / size  # the square may not be a float
 
-    def line_search(self, best: Point, step: Vector, slope: float) -> Point | None:
+    def line_search(self, best: NewtonPoint, step: Vector, slope: float) -> NewtonPoint | None:
         """The first point z + tΔz, t = 1, ½, …, from `best` that satisfies Armijo's rule; None if none does."""
         for k in range(_MAX_HALVINGS):
             t = 0.5**k

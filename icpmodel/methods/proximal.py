@@ -101,11 +101,11 @@ class Proximal(Regularised):
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         # never raises SingularOperator
         yield z, None
-        simple = with_fixed_obstacle(problem)
-        path = ProximalPath(simple, z)
-        recession = Recession(simple)
+        fixed = with_fixed_obstacle(problem)
+        path = ProximalPath(fixed, z)
+        recession = Recession(fixed)
         while path.advance():
-            yield path.z, path.residual if simple is problem else None
+            yield path.z, path.residual if fixed is problem else None
             if (answer := recession.proof(path.z - z)).holds:
                 raise Infeasible(answer)
 

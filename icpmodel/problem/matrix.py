@@ -32,7 +32,7 @@ class Rows(NamedTuple):
         The place of each diagonal entry in A.data.
     diagonal : array of shape (n,)
         a_ii.
-    rest : array of shape (n,)
+    off_diagonal_sums : array of shape (n,)
         Σ_{j≠i}|a_ij|.
     largest : array of shape (n,)
         max_j |a_ij|.
@@ -44,7 +44,7 @@ class Rows(NamedTuple):
 
     diag: Any
     diagonal: Vector
-    rest: Vector
+    off_diagonal_sums: Vector
     largest: Vector
     below: int
     above: int
@@ -255,7 +255,7 @@ class Matrix(ReadOnly):
         if not self.has_positive_diagonal:
             return np.inf
         with np.errstate(over="ignore"):
-            bound = float((self.rows.rest / self.rows.diagonal).max())
+            bound = float((self.rows.off_diagonal_sums / self.rows.diagonal).max())
         return bound if bound <= SMALL_RADIUS else radius_of(couplings(self.sparse))
 
     @cached_property

@@ -115,8 +115,8 @@ def _newton(method: Method, facts: Facts, target_reduction: float) -> Estimate:
     # not symmetric, nor those with an obstacle that moves.
     matrix = facts.matrix
     wander = 8.0 if matrix.coupled_radius > 1.0 and matrix.has_positive_diagonal else 1.0
-    simple = wander == 1.0 and facts.has_fixed_obstacle
-    factors = factor_costs(matrix).first if simple else factor_costs(matrix).unsymmetric
+    is_symmetric = wander == 1.0 and facts.has_fixed_obstacle
+    factors = factor_costs(matrix).first if is_symmetric else factor_costs(matrix).unsymmetric
     system, memory = system_cost(matrix, factors)
     # without a diagonal the equations of the free rows are singular more often than not, and others follow
     systems = 1.0 if matrix.has_positive_diagonal else 4.0

@@ -16,7 +16,7 @@ from ..algebra.secants import secant_problem, why_not_rows
 from ..errors import MapError
 from ..methods.contract import Iterate, LeastValue, Method
 from ..methods.milp import LARGEST
-from ..methods.newton import Path, Point
+from ..methods.newton import NewtonPath, NewtonPoint
 from ..methods.restarts import scale_of_starts, start_above
 from ..numerics import work
 from ..numerics.arrays import Vector, norm, not_finite
@@ -89,7 +89,7 @@ class NewtonJosephy(Method):
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         rng = np.random.default_rng(0)
         with np.errstate(all="ignore"):
-            point = Point(problem, problem.matrix.weights, z)
+            point = NewtonPoint(problem, problem.matrix.weights, z)
         yield z, point.residual
         search = _Search(problem, z, self.inner_family)
         tries = _MAX_RESTARTS if problem.n <= LARGEST else 0
@@ -103,8 +103,8 @@ class NewtonJosephy(Method):
                 search = _Search(problem, start_above(problem, z, size, rng), self.inner_family)
                 if np.isfinite(search.current.theta):
                     yield search.current.z, search.current.residual
-        if search.fault is not None:
-            raise search.fault
+        if search.psi_error is not None:
+            raise search.psi_error
 
 
 class _Search:
@@ -121,26 +121,26 @@ class _Search:
         self.problem = problem
         self.family = family
         with np.errstate(all="ignore"):
-            self.path = Path(problem, z)
+            self.path = NewtonPath(problem, z)
         self.current = self.path.current
         self.recent = deque([self.current.theta], _MEMORY)
         self.least = LeastValue()
         self.weight = 0
         #: what solved a linear problem on which plain and accelerated sweeps were tried before
         self.first: Method | None = None
-        self.fault: MapError | None = None
+        self.psi_error: MapError | None = None
         facts = problem.facts
         self.low = facts.obstacle if facts.has_fixed_obstacle else None
         self.high = facts.upper_obstacle if facts.has_fixed_obstacle else None
 
-    def steps(self) -> Iterator[Point]:
+    def steps(self) -> Iterator[NewtonPoint]:
         """Yield the points after the start, until none is better."""
         while self.current.theta > 0.0 and self.least.add(self.current.theta) < _PATIENCE:
             try:
                 with np.errstate(all="ignore"):
                     new = self._next()
             except MapError as error:
-                self.fault = error
+                self.psi_error = error
                 return
             if new is None:
                 return
@@ -148,7 +148,7 @@ class _Search:
             self.recent.append(new.theta)
             yield new
 
-    def _next(self) -> Point | None:
+    def _next(self) -> NewtonPoint | None:
         linear = self._affine()
         self.weight = max(self.weight - 1, 0)
         while self.weight < len(_PROXIMAL):
@@ -195,7 +195,7 @@ class _Search:
             return None
         return np.clip(best.z, self.low, self.high) if self.low is not None else best.z
 
-    def _on_line(self, z: Vector, pattern: Pattern, W: Vector) -> Point | None:
+    def _on_line(self, z: Vector, pattern: Pattern, W: Vector) -> NewtonPoint | None:
         """The first point on the way to `z` at which θ is small enough, and the equations of the step are nearer to 0.
 
         θ alone may fall although the rows that are free at z move away from p = 0, in short steps that lead nowhere.
@@ -214,7 +214,7 @@ class _Search:
                 return new
         return None
 
-    def _equations(self, pattern: Pattern, point: Point, W: Vector) -> float:
+    def _equations(self, pattern: Pattern, point: NewtonPoint, W: Vector) -> float:
         """‖·‖ of r in the active rows of the `pattern`, and of p and the proximal term in its free rows, at `point`."""
         r = self.problem.r(point.z)
         above = self.problem.r_upper(point.z)
@@ -223,9 +223,9 @@ class _Search:
         p = point.p + W * (point.z - self.current.z)
         return norm(np.where(pattern.active, r, p / self.path.omega))
 
-    def _descent(self, linear: ProblemData) -> Point | None:
+    def _descent(self, linear: ProblemData) -> NewtonPoint | None:
         """A point at which θ is smaller, in a direction in which it falls."""
-        point = Point(linear, self.path.omega, self.current.z)
+        point = NewtonPoint(linear, self.path.omega, self.current.z)
         V, total = point.derivative()
         phi = point.phi / point.theta
         for direction in self.path.directions(V, phi, total):

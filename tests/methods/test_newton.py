@@ -10,7 +10,7 @@ from known_answers import dominant
 
 import icpmodel as icp
 from icpmodel import Status, scenes
-from icpmodel.methods.newton import Point
+from icpmodel.methods.newton import NewtonPoint
 
 
 def newton_path(problem, z):
@@ -113,7 +113,7 @@ def test_without_a_solution_it_stands_still_and_what_contradicts_itself_is_prove
 def points(rng, n=6):
     psi = icp.Affine(0.1 * rng.normal(size=(n, n)), rng.normal(size=n))
     problem = icp.ICP(dominant(rng, n, 0.4), rng.normal(size=n), psi)
-    return problem, Point(problem, problem.matrix.weights, rng.normal(size=n))
+    return problem, NewtonPoint(problem, problem.matrix.weights, rng.normal(size=n))
 
 
 def test_phi_is_fischer_and_burmeister_s_function_of_p_and_r():
@@ -129,9 +129,9 @@ def test_the_derivative_of_phi_is_what_differences_say(two):
         problem, point = points(rng)
         if two:  # Billups: −φ(−a, ψ̄ − z) in place of a
             problem = problem.with_upper(icp.Affine(0.1 * rng.normal(size=(6, 6)), 1.0 + problem.psi.linear[1]))
-            point = Point(problem, problem.matrix.weights, point.z)
+            point = NewtonPoint(problem, problem.matrix.weights, point.z)
         omega, direction = problem.matrix.weights, rng.normal(size=problem.n)
-        there, back = (Point(problem, omega, point.z + s * h * direction).phi for s in (1, -1))
+        there, back = (NewtonPoint(problem, omega, point.z + s * h * direction).phi for s in (1, -1))
         assert point.derivative()[0] @ direction == pytest.approx((there - back) / (2 * h), abs=1e-6)
 
 

@@ -41,17 +41,17 @@ def points_near(problem: ProblemData, z: Vector, proof: HPlusProof, bound: float
     floor = float(proof.v.max() * np.maximum(for_p / proof.alpha, for_r / proof.beta).max())
     if not (np.isfinite(z).all() and bound > _GOOD_RATIO * max(_least_error(problem, z), floor)):
         return
-    simple = with_fixed_obstacle(problem)
-    sweep = sweep_with_flow(simple)
+    fixed = with_fixed_obstacle(problem)
+    sweep = sweep_with_flow(fixed)
     hierarchy = None
-    if not simple.psi.no_derivative():
+    if not fixed.psi.no_derivative():
         with suppress(NoHierarchy):
-            hierarchy = Hierarchy(simple)
+            hierarchy = Hierarchy(fixed)
     while hierarchy is None:  # A is so diagonally dominant that sweeps do
         z = swept(sweep, z, _SWEEPS_PER_POINT)
         yield z
     residuals = [np.inf, np.inf]
-    for better, residual in islice(newton_steps(hierarchy, simple, z, 0), 1, None):
+    for better, residual in islice(newton_steps(hierarchy, fixed, z, 0), 1, None):
         # sweeps make the largest residual, which decides, several times smaller
         yield swept(sweep, better, SWEEPS)
         if not 2.0 * residual <= residuals[-2]:  # a change of the active set may leave as much as there was
@@ -66,5 +66,9 @@ def _least_error(problem: ProblemData, z: Vector) -> float:
     assert G is not None  # there would be no proof
     moves = 1.0 + G @ np.ones(problem.n)
     above = problem.r_upper(z)
-    F = mid(problem.p(z) / (rows.rest + rows.diagonal), problem.r(z) / moves, None if above is None else above / moves)
+    F = mid(
+        problem.p(z) / (rows.off_diagonal_sums + rows.diagonal),
+        problem.r(z) / moves,
+        None if above is None else above / moves,
+    )
     return float(np.abs(F).max())
