@@ -17,7 +17,6 @@ import scipy.sparse as sp
 from cvxpy.atoms.affine.affine_atom import AffAtom
 
 from ...errors import InputError
-from ...numerics.arrays import Vector
 from ..affine_rows import AffineRows
 from .atoms import copied, unique, value_of
 from .qp_solver import cvxpy_solver
@@ -60,9 +59,8 @@ class CompiledExpressions:
         # CVXPY warns of the way in which it reads sparse parameters
         is_sparse = any(parameter.attributes["sparsity"] for parameter in self.parameters)
         with warnings.catch_warnings(action="ignore", category=RuntimeWarning) if is_sparse else nullcontext():
-            data, chain, _ = self._model.get_problem_data(solver, ignore_dpp=ignore, canon_backend=backend)
-        self._program, self._reductions = data[cp.settings.PARAM_PROB], chain.reductions
-        columns = self._program.var_id_to_col
+            data, *_ = self._model.get_problem_data(solver, ignore_dpp=ignore, canon_backend=backend)
+        columns = data[cp.settings.PARAM_PROB].var_id_to_col
         M = sp.csr_array(data[cp.settings.A])
         constant = -data[cp.settings.B]
         assert M.shape[0] == self._rows, "CVXPY has added rows of its own"
@@ -70,32 +68,6 @@ class CompiledExpressions:
         variables = [self._plain.get(x, x) for x in self.variables]
         Z, W = (_columns(M, part, columns) for part in (variables, list(self.atoms)))
         return AffineRows(Z, W, constant)
-
-    def parameter_jacobian(
-        self, parameters: dict[cp.Parameter, cp.Variable], values: dict[cp.Variable, Vector]
-    ) -> sp.csr_array:
-        """The derivative of the rows of a DPP model by the `parameters`, where z and w have these `values`.
-
-        Each parameter has as many entries as its variable. The program that CVXPY compiled for the last `rows` is
-        linear in them.
-        """
-        program = self._program
-        at = np.ones(program.x.size + 1)  # the last is that of the constant
-        for x, value in values.items():
-            start = program.var_id_to_col.get(self._plain.get(x, x).id)
-            if start is not None:
-                at[start:][: x.size] = np.ravel(value, order="F")
-        T = program.A.tocoo()
-        column, row = np.divmod(T.row, self._rows)
-        J = sp.csr_array((T.data * at[column], (row, T.col)), shape=(self._rows, T.shape[1]))
-        starts = {}
-        for parameter, entries in parameters.items():
-            identity = parameter.id
-            for reduction in self._reductions:
-                (identity,) = reduction.param_id_map.get(identity, [identity])
-            if identity in program.param_id_to_col:
-                starts[entries.id] = program.param_id_to_col[identity]
-        return _columns(J, list(parameters.values()), starts)
 
 
 def _separated(expression: cp.Expression, atoms: dict[cp.Variable, cp.Expression]) -> cp.Expression:

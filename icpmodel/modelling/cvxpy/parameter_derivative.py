@@ -1,13 +1,12 @@
 """The derivative of an answer by the parameters of a CVXPY model, in the words of CVXPY's `backward` and `derivative`.
 
-Parameters move the values of p, ψ and ψ̄ at the answer: this is differentiated here. These values move z: that is
-`icpmodel.Derivative`. The compiled rows of a DPP model are linear in the parameters, and only its atoms remain. These
-atoms, and a whole model that is not DPP, are differentiated by CVXPY's `.grad`, with variables for parameters.
+Parameters move the values of p, ψ and ψ̄ at the answer: this is differentiated here, by CVXPY's `.grad`, with variables
+for parameters. These values move z: that is `icpmodel.Derivative`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from functools import cached_property
 from typing import Any
 
@@ -20,8 +19,7 @@ from ...derivatives.derivative import Derivative
 from ...errors import InputError
 from ...numerics.arrays import Vector, as_float64, as_rows, not_finite
 from ...solve.solution import Solution
-from ..affine_rows import AffineRows
-from .atoms import Copies, named, unstacked, value_of
+from .atoms import Copies, copied, named, unstacked, value_of
 from .expressions import CvxpyReading
 
 
@@ -37,9 +35,8 @@ class ParameterDerivative:
                 raise InputError(f"the parameter {one.name()} is complex, and no derivative is known: {advice}")
         #: θ: of each parameter the entries that are its own, half of them where it is symmetric
         self._entries = {one: cp.Variable(lower_value(one, value_of(one)).shape) for one in self._parameters}
-        rows = reading.compiled.rows()
-        p, psi, upper = reading.parameter_jacobians(rows)
-        by_parameters = self._by_rows(reading, rows)
+        p, psi, upper = reading.parameter_jacobians(reading.compiled.rows())
+        by_parameters = self._by_rows(reading)
         self._p, self._psi = p @ by_parameters, psi @ by_parameters
         self._upper = None if upper is None else upper @ by_parameters
 
@@ -67,8 +64,8 @@ class ParameterDerivative:
         for variable, part in zip(self._variables, unstacked(dz, self._variables), strict=True):
             variable.delta = part
 
-    def _by_rows(self, reading: CvxpyReading, rows: AffineRows) -> sp.csr_array:
-        """∂row/∂θ of the compiled rows at the answer."""
+    def _by_rows(self, reading: CvxpyReading) -> sp.csr_array:
+        """∂row/∂θ of the compiled rows at the answer, row by row."""
         compiled = reading.compiled
         values = dict(reading.values(self._solution.z))
         constants: dict[int, Any] = {id(x): cp.Constant(value) for x, value in values.items()}
@@ -78,16 +75,8 @@ class ParameterDerivative:
                 for x in atom.variables():
                     copy = cp.Variable(x.shape)
                     _gradient(atom, x, constants | {id(x): copy}, copy, values[x].ravel(order="F"))
-        if not compiled.is_dpp:
-            return self._gradients(compiled.sides, constants)
-        values |= {w: Copies([atom], [], constants).value(np.zeros(0)) for w, atom in compiled.atoms.items()}
-        moved = compiled.parameter_jacobian(self._entries, values)
-        return moved + rows.W @ self._gradients(compiled.atoms.values(), constants)
-
-    def _gradients(self, expressions: Iterable[cp.Expression], constants: dict[int, Any]) -> sp.csr_array:
-        """∂expression/∂θ, row by row."""
         blocks = [sp.csr_array((0, sum(entries.size for entries in self._entries.values())))]
-        for one in expressions:
+        for one in compiled.sides:
             parts = [sp.csr_array((one.size, 0))]
             for parameter, entries in self._entries.items():
                 if any(parameter is x for x in one.parameters()):
@@ -107,9 +96,10 @@ def _gradient(
     without = f"CVXPY has no gradient of {named(one)} in the {kind} {leaf.name()}"
     if any(leaf is x for x in _beside(one)):
         raise InputError(f"{without}, which is none of its arguments; x**a is exp(a*log(x)) where x > 0")
+    at = np.where(np.isfinite(at), at, 0.0)  # a bound that is none has no part in it
     try:
         copy = Copies([one], [entries], copies)
-        if copy.gradient_holds(at):
+        if copied(one, copies).is_affine() or copy.gradient_holds(at):
             return copy.jacobian(at)
     except Exception as error:  # whatever an expression raises that expects a constant there
         raise InputError(f"{without}: {error}") from error
