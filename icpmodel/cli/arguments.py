@@ -23,7 +23,7 @@ from ..scenes import Scene, scene
 from ..scenes import names as scene_names
 
 SOURCE_HELP = f"""SOURCE is the name of a built-in scene (see `icpmodel scenes`) or an .npz file written by
---save-problem. It may be a .mat file with A, q, psi and upper, or a folder of Matrix Market files with a psi.json.
+--save-problem. It may be a .mat file with A, q, psi and upper.
 Without SOURCE give --A and --q, and --psi and --upper for obstacles other than 0. A file name of A or of a vector ends
 in {", ".join(SUFFIXES[:-1])} or {SUFFIXES[-1]}; in .csv and .txt the first line may have names. One of the files may be
 -, standard input."""

@@ -12,12 +12,10 @@ from typing import Any
 import click
 
 from ..distributed import DistributedSolution, by_rows, load_problem, save_solution, solve
-from ..distributed.files_on_ranks import WRITTEN_IN_PARTS, check_place_on_ranks, start_in
+from ..distributed.files_on_ranks import WRITTEN_IN_PARTS, check_place_on_ranks, vector_in
 from ..distributed.ranks import FailedOnRank, together, world
-from ..distributed.rows_of_files import PARTED
 from ..errors import IcpError
 from ..present.card import Card
-from ..present.whole_files import as_path
 from ..scenes import by_rows as scene_by_rows
 from ..solve.solution import Status
 from .arguments import SOURCE_OPTIONS, from_signature, named_source, note_size, options
@@ -43,12 +41,12 @@ class _OnRanks(click.Command):
 
 @click.command(
     cls=_OnRanks,
-    epilog=f"""SOURCE is the name of a scene that is assembled by rows, or a folder of Matrix Market files with a
-psi.json. Without SOURCE give --A and --q, and --psi and --upper for obstacles other than 0. File names end in
-{" or ".join(PARTED)} (PETSc's), and all ranks read the files.""",
+    epilog="""SOURCE is the name of a scene that is assembled by rows, or a file of --save-problem. Without SOURCE give
+--A and --q, and --psi and --upper for obstacles other than 0. Each rank reads its rows of .bin files (PETSc's), and
+rank 0 all other files.""",
 )
 @options(*SOURCE_OPTIONS)
-@click.option("--z0", "z0_file", type=click.Path(), help=f"Start from the vector in this file, {' or '.join(PARTED)}.")
+@click.option("--z0", "z0_file", type=click.Path(), help="Start from the vector in this file.")
 @options(*from_signature(solve, *_LIMITS))
 @click.option("--bound/--no-bound", default=True, help="Compute the error bound, which costs about a linear solve.")
 @click.option(
@@ -133,6 +131,6 @@ def _solved(comm: Any, arguments: dict[str, Any]) -> DistributedSolution:
         if comm.rank == 0:
             note_size(named, assembly.n)
         problem = by_rows(assembly, comm)
-    z0 = None if z0_file is None else start_in(as_path(z0_file), problem)
+    z0 = None if z0_file is None else problem.vector(vector_in(z0_file, problem.A, "z0"))
     limits = {name: arguments[name] for name in _LIMITS}
     return solve(problem, z0=z0, **limits, progress=True, raise_on_failure=False)

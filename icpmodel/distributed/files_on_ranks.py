@@ -1,4 +1,4 @@
-"""Problems and answers on disk, without a rank that holds all of them: each reads and writes its part."""
+"""Problems and answers on disk: PETSc's binary files, of which each rank reads and writes its part, and others."""
 
 from __future__ import annotations
 
@@ -11,19 +11,22 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from ..errors import FileError, IcpError, InputError, NotApplicable
-from ..modelling.archive import content_errors, opened
-from ..modelling.files import SIDES, folder_files
+from ..modelling.archive import content_errors
+from ..modelling.files import load_problem as load_whole
+from ..modelling.formats import read_values
 from ..modelling.petsc_binary import PetscFile
-from ..numerics.arrays import described
+from ..numerics.arrays import Vector, as_vector, described
 from ..present.whole_files import as_path, check_replaceable, check_suffix, file_errors, part_of, put_in_place
-from .distributed_icp import DistributedICP
+from .distributed_icp import DistributedICP, distribute
+from .distributed_matrix import from_rows
 from .distributed_solution import DistributedSolution
 from .ranks import petsc, together, world
-from .rows_of_files import PARTED, matrix_in, vector_in
 
 Source = str | PathLike[str]
 #: in what an answer can be written: PETSc's own form, and HDF5
 WRITTEN_IN_PARTS = (".bin", ".h5")
+#: the number that stands for no obstacle
+_INFINITE = {"psi": -np.inf, "upper": np.inf}
 #: beyond the numbers themselves, what a file may have
 _MAX_HEADER_BYTES = 1 << 16
 
@@ -35,15 +38,14 @@ def load_problem(
     upper: Source | float | None = None,
     comm: Any = None,
 ) -> DistributedICP:
-    """Read a problem from files that all ranks see; each rank reads its part, and no rank holds all.
+    """Read a problem from files, each rank its rows of PETSc's binary files, and rank 0 all others.
 
     Parameters
     ----------
     path : str or path
-        A folder of Matrix Market files, as `icpmodel.load_problem` reads it, or a file of A alone:
-        `.mtx` or `.bin`.
+        A file of A, or of the whole problem, as `icpmodel.load_problem` takes it.
     q : str or path, optional
-        A file of n numbers, `.mtx` or `.bin` (a `Vec`).
+        A file of n numbers, where `path` does not hold them.
     psi, upper : str, path or float, optional
         A file of the obstacle, or a number. Without `psi` it is 0; without `upper` there is no
         upper obstacle.
@@ -62,9 +64,9 @@ def load_problem(
 
     Notes
     -----
-    A `.bin` file is what PETSc's `MatView` writes to a binary viewer: one real matrix in double
-    precision, with integers of 32 or 64 bits. A `.mtx` file is cut into as many ranges of bytes as
-    there are ranks.
+    A `.bin` file is what PETSc's `MatView` or `VecView` writes to a binary viewer: one real matrix
+    (aij) or vector in double precision, with integers of 32 or 64 bits. All ranks see it, and none
+    holds all of it. What is in another file rank 0 reads, and sends each rank its rows.
 
     Examples
     --------
@@ -77,58 +79,81 @@ def load_problem(
     """
     comm = world(comm)
     with together(comm):
-        files = _files(as_path(path), q, psi, upper)
-    A = matrix_in(files["A"], comm)
-    sides: list[Any] = []
-    for name, prefix in SIDES.items():
-        own = files.get(f"{prefix}c", 0.0 if name == "psi" else None)
-        own = vector_in(own, A) if isinstance(own, Path) else own
-        sides.append((matrix_in(files[f"{prefix}G"], comm), own) if f"{prefix}G" in files else own)
-    with content_errors(as_path(path)):  # the same one on all ranks
-        return DistributedICP(A, vector_in(files["q"], A), *sides)
+        place = as_path(path)
+        problem = None
+        if not _is_parted(place) and comm.rank == 0:
+            problem = load_whole(path, q, psi, upper)
+        elif _is_parted(place) and q is None:
+            raise FileError(f"{place}: holds A alone; the problem needs q too, in another file")
+    if not _is_parted(place):
+        return distribute(problem, comm)
+    A = _matrix_in(place, comm)
+    vectors = [
+        source if source is None or isinstance(source, int | float) else vector_in(source, A, name)
+        for name, source in (("q", q), ("psi", psi), ("upper", upper))
+    ]
+    with content_errors(place):  # the same one on all ranks
+        return DistributedICP(A, vectors[0], 0.0 if vectors[1] is None else vectors[1], vectors[2])
 
 
-def _files(path: Path, q: Any, psi: Any, upper: Any) -> dict[str, Any]:
-    """A, q, c, G, upper_c, upper_G → the file that it is in, of what there is; an obstacle may be a number."""
-    with file_errors(path, "read"):
-        path.stat()
-    files: dict[str, Any] = {"A": path}
-    declared: dict[str, str] = {}
-    if path.is_dir():
-        declared, in_folder = folder_files(path)
-        files |= in_folder | {"q": in_folder["q"]}
-    for name, source in {"q": q, "psi": psi, "upper": upper}.items():
-        if source is None:
-            continue
-        if name in declared or (declared and name == "q"):
-            raise FileError(f"{path}: holds its own {name}; drop {name}")
-        number = name in SIDES and isinstance(source, int | float) and not isinstance(source, bool)
-        files[name if name == "q" else f"{SIDES[name]}c"] = float(source) if number else as_path(source, name)
-    if "q" not in files:
-        raise FileError(f"{path}: holds A alone; the problem needs q too, in another file")
-    for file in files.values():
-        if isinstance(file, Path):
-            _check_parted(file)
-    return files
+def _is_parted(path: Path) -> bool:
+    return path.suffix.lower() == ".bin"
 
 
-def _check_parted(file: Path) -> None:
-    if file.suffix.lower() not in PARTED:
-        raise FileError(
-            f"{file}: is not read in parts; {' or '.join(PARTED)} was expected. Or read it on rank 0 with "
-            "icpmodel.load_problem, and send its rows to the others with icpmodel.distributed.distribute"
-        )
+def _matrix_in(path: Path, comm: Any) -> Any:
+    """The `Mat`, n × n, in the binary file `path`. Collective. Raises FileError on all ranks."""
+    with together(comm):
+        file = PetscFile(path, comm.size)
+        if not file.is_matrix or file.rows != file.columns or not file.rows:
+            actual = f"a matrix of shape ({file.rows}, {file.columns})" if file.is_matrix else "a vector"
+            raise FileError(f"{path}: holds {actual}; a square matrix was expected")
+    seen = file.rows, file.size
+    first = comm.bcast(seen)
+    with together(comm):
+        if seen != first:
+            raise FileError(f"{path}: is not the same file as on rank 0; one that all ranks see was expected")
+    low, high = petsc().Vec().createMPI(file.rows, comm=comm).getOwnershipRange()
+    with together(comm):
+        rows = file.matrix(low, high)
+    return from_rows(rows, comm)
 
 
-def start_in(path: Path, problem: DistributedICP) -> Any:
-    """The `Vec` in the file `path`, to start from. Collective. Raises FileError on all ranks."""
-    with together(problem.comm):
-        _check_parted(path)
-    own = vector_in(path, problem.A)
-    with together(problem.comm):
-        if not np.isfinite(own).all():
-            raise FileError(f"{path}: entry {problem.low + int(np.argmin(np.isfinite(own)))} is not finite")
-    return problem.vector(own)
+def vector_in(source: Source, mat: Any, name: str) -> Vector:
+    """The entries, for the rows of `mat` that this rank has, of the vector `name` in a file.
+
+    Collective. Raises FileError on all ranks.
+
+    Parameters
+    ----------
+    source : str or path
+        The file: each rank reads its rows of a `.bin` file, rank 0 all of another one.
+    mat : Mat
+        The matrix whose rows have these entries.
+    name : str
+        What the vector is called, in messages and in files of several variables.
+
+    Returns
+    -------
+    array
+        The own entries.
+    """
+    low, high = mat.getOwnershipRange()
+    n = mat.getSize()[0]
+    comm = mat.comm.tompi4py()
+    ends = comm.gather(high)
+    with together(comm):
+        path = as_path(source, name)
+        own = np.empty(0)
+        if _is_parted(path):
+            file = PetscFile(path, comm.size)
+            if file.is_matrix or file.rows != n:
+                actual = f"a matrix with {file.rows} rows" if file.is_matrix else f"a vector of {file.rows} numbers"
+                raise FileError(f"{path}: holds {actual}; a vector of {n} numbers was expected")
+            own = file.vector(low, high)
+        elif comm.rank == 0:
+            with content_errors(path):
+                own = as_vector(read_values(path, name, n), n, name, infinite=_INFINITE.get(name))
+    return own if _is_parted(path) else comm.scatter(np.split(own, ends[:-1]) if comm.rank == 0 else None)
 
 
 def save_solution(solution: DistributedSolution, path: Source) -> None:
@@ -204,9 +229,8 @@ def check_place_on_ranks(path: Source, comm: Any) -> None:
 def _check_vector(path: Path) -> None:
     if path.suffix.lower() == ".h5":
         raise FileError(f"{path}: files of HDF5 are not replaced")
-    with opened(path) as (raw, size):
-        if PetscFile(path, raw, size).is_matrix:
-            raise FileError(f"{path}: holds a matrix")
+    if PetscFile(path).is_matrix:
+        raise FileError(f"{path}: holds a matrix")
 
 
 def _written(path: Path, vectors: dict[str, Any], comm: Any) -> None:

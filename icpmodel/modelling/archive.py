@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import io
 import os
+import warnings
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -68,6 +69,18 @@ def array_of(content: bytes, name: str) -> np.ndarray:
     if array.dtype.kind not in REAL + "SU" or file.read(1):
         raise FileError(f"{name} has shape {array.shape}, dtype {array.dtype}; numbers, or a text, were expected")
     return array
+
+
+def table_of(path: Path, lines: Iterable[Any], expected: str = "numbers", **options: Any) -> np.ndarray:
+    """The numbers in the `lines` of a file, by NumPy with these `options`. Raises FileError."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # NumPy warns where there is nothing at all
+            table: np.ndarray = np.loadtxt(lines, comments=None, **options)
+    except (ValueError, Warning) as error:
+        actual = str(error).strip().rstrip(".") if isinstance(error, ValueError) else "holds no numbers"
+        raise FileError(f"{path}: {actual}; {expected} were expected") from error
+    return table
 
 
 def read_arrays(path: Path) -> dict[str, Any]:

@@ -4,22 +4,12 @@ A saved problem is one `.npz` file, which other programs read with `numpy.load`.
 latter as the CSR arrays A_data, A_indices and A_indptr. ψ(z) = Gz + c is in c and, in the same way, G; an obstacle
 above in upper_c and upper_G. Without c, ψ = 0.
 
-Files of other programs are read in three forms. A, q, psi and upper may be in a file each, see `formats`. They may be
-together, by these names, in a `.mat` file or in one by `numpy.savez`. Or they are a folder of Matrix Market files:
-
-    folder/A.mtx        A
-    folder/q.mtx        q, n × 1
-    folder/psi.json     {"psi": "zero"} or {"psi": "constant"} or {"psi": "affine"}
-    folder/c.mtx        c, n × 1      (constant and affine)
-    folder/G.mtx        G             (affine)
-
-psi.json may have a second field, "upper": "constant" or "affine", with upper_c.mtx and upper_G.mtx. c has no infinite
-numbers there: where an obstacle is missing in some rows take the `.npz` file. ψ given by Python code has no file form.
+Files of other programs are read in two forms. A, q, psi and upper may be in a file each, see `formats`. Or they are
+together, by these names, in a `.mat` file or in one by `numpy.savez`. ψ given by Python code has no file form.
 """
 
 from __future__ import annotations
 
-import json
 from numbers import Real
 from os import PathLike
 from pathlib import Path
@@ -29,21 +19,18 @@ import numpy as np
 
 from ..errors import FileError, InputError, check_arguments
 from ..icp import ICP
-from ..present.whole_files import as_path, file_errors
+from ..present.whole_files import as_path
 from ..problem.affine import Affine
 from ..problem.data import ProblemLike, as_problem
 from ..problem.two_sided import TwoSidedObstacle
 from .archive import check_kind, content_errors, write_arrays
 from .formats import as_values, read_named, read_values
-from .matrix_market import read_matrix, read_vector
 
 Source = str | PathLike[str]
 
 _PROBLEM = "icpmodel problem 3"
 #: obstacle → what the names of its parts begin with
 SIDES = {"psi": "", "upper": "upper_"}
-#: kind of an obstacle in psi.json → its parts
-_KINDS: dict[str, tuple[str, ...]] = {"zero": (), "constant": ("c",), "affine": ("c", "G")}
 #: the parts of a problem in a file
 _PARTS = ("A", "q", "c", "G", "upper_c", "upper_G")
 #: names of variables in files of other programs → the parts that they are
@@ -88,12 +75,12 @@ def save_problem(problem: ProblemLike, path: str | PathLike[str]) -> None:
 def load_problem(
     path: Source, q: Source | None = None, psi: Source | float | None = None, upper: Source | float | None = None
 ) -> ICP:
-    """Read a problem from one file or folder, or from files of A, q and the obstacles.
+    """Read a problem from one file, or from files of A, q and the obstacles.
 
     Parameters
     ----------
     path : str or path
-        A whole problem: an `.npz` file by `save_problem`, or a folder of Matrix Market files. Or a `.mat` (-v6, -v7) or
+        A whole problem: an `.npz` file by `save_problem`. Or a `.mat` (-v6, -v7) or
         `numpy.savez` file with the variables A, q, and optionally psi and upper. Or A alone: `.npy`, `.npz` by
         `scipy.sparse.save_npz`, `.mat`, `.mtx`, `.bin` by PETSc, `.csv` or `.txt` without a header.
     q : str or path, optional
@@ -187,17 +174,7 @@ def problem_parts(problem: ProblemLike) -> dict[str, Any]:
 
 
 def _parts_in(path: Path) -> dict[str, Any]:
-    """The parts of a problem in a file or a folder, A at least."""
-    with file_errors(path, "read"):
-        path.stat()
-        is_folder = path.is_dir()
-    if is_folder:
-        declared, files = folder_files(path)
-        parts: dict[str, Any] = {f"{SIDES[side]}c": 0.0 for side in declared}
-        parts["A"] = read_matrix(files.pop("A"))
-        for name, file in files.items():
-            parts[name] = read_matrix(file) if name.endswith("G") else read_vector(file, parts["A"].shape[0])
-        return parts
+    """The parts of a problem in a file, A at least."""
     arrays = read_named(path)
     if "format" in arrays:
         check_kind(path, arrays, _PROBLEM)
@@ -211,32 +188,3 @@ def _parts_in(path: Path) -> dict[str, Any]:
             "and upper_G were expected"
         )
     return parts
-
-
-def folder_files(path: Path) -> tuple[dict[str, str], dict[str, Path]]:
-    """The obstacles that the psi.json of a folder declares, and part → its Matrix Market file. Raises FileError."""
-    declared = path / "psi.json"
-    if not declared.is_file():
-        if not (path / "A.mtx").is_file():
-            raise FileError(f"{path}: the folder holds no problem; psi.json, A.mtx and q.mtx were expected")
-        raise FileError(f'{declared}: no such file; it declares psi, for an LCP as {{"psi": "zero"}}')
-    with file_errors(declared, "read"):
-        content = as_json(declared, declared.read_text(encoding="utf-8"))
-    if not isinstance(content, dict) or content.keys() not in ({"psi"}, {"psi", "upper"}):
-        actual = f"holds the fields {', '.join(content) or 'none'}" if isinstance(content, dict) else "holds no object"
-        expected = "the field psi alone was expected, or psi and upper"
-        raise FileError(f'{declared}: {actual}; {expected}, for an LCP {{"psi": "zero"}}')
-    names = ["A", "q"]
-    for side, kind in content.items():
-        if not isinstance(kind, str) or kind not in _KINDS:
-            raise FileError(f"{declared}: field {side} is {kind!r}; one of {', '.join(_KINDS)} was expected")
-        names += [SIDES[side] + name for name in _KINDS[kind]]
-    return content, {name: path / f"{name}.mtx" for name in names}
-
-
-def as_json(where: str | Path, text: str) -> Any:
-    """The content of the JSON `text`. Raises FileError."""
-    try:
-        return json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise FileError(f"{where}: is not JSON ({error})") from error

@@ -12,7 +12,6 @@
 from __future__ import annotations
 
 import io
-import warnings
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -23,9 +22,9 @@ import scipy.sparse as sp
 from ..errors import FileError
 from ..numerics.sparse_input import checked_sparse
 from ..present.whole_files import file_errors
-from .archive import REAL, array_of, check_room, opened, read_arrays
+from .archive import REAL, array_of, check_room, opened, read_arrays, table_of
 from .matlab import read_variables
-from .matrix_market import check_end, read_matrix, read_vector
+from .matrix_market import check_end, read_matrix
 from .petsc_binary import read_petsc
 
 #: the end of the name → what is between two numbers in a line, None for any spaces
@@ -79,8 +78,6 @@ def checked_numbers(path: Path, name: str, value: Any) -> Any:
 
 def read_values(path: Path, name: str, n: int) -> Any:
     """The `n` numbers, or the only one, in a file; of several variables that called `name`."""
-    if path.suffix.lower() == ".mtx":
-        return read_vector(path, n)
     arrays = read_named(path)
     value = arrays.get(name, next(iter(arrays.values())) if len(arrays) == 1 else None)
     if value is None:
@@ -109,18 +106,12 @@ def read_text(path: Path, heads: str = "") -> np.ndarray:
     with opened(path) as (raw, size):
         check_room(str(path), 8.0 * size / 2)  # a number has a digit and what ends it
         check_end(path, raw, size)
+        if not size:
+            raise FileError(f"{path}: is empty")
         file = io.TextIOWrapper(raw, encoding="utf-8-sig", errors="replace")
         first = file.readline()
         if heads and first.strip() != heads:
             raise FileError(f"{path}: its first line is not {heads!r}")
         lines = file if heads or _has_names(first, between) else chain([first], file)
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("error")  # NumPy warns where there is nothing at all
-                return np.loadtxt(lines, delimiter=between, comments=None, ndmin=2)
-        except (ValueError, Warning) as error:
-            if not size:
-                raise FileError(f"{path}: is empty") from error
-            actual = str(error).strip().rstrip(".") if isinstance(error, ValueError) else "no numbers"
-            expected = f"numbers with {'commas' if between else 'spaces'} between, and names in the first line at most"
-            raise FileError(f"{path}: {actual}; {expected}, were expected") from error
+        expected = f"numbers with {'commas' if between else 'spaces'} between, and names in the first line at most,"
+        return table_of(path, lines, expected, delimiter=between, ndmin=2)

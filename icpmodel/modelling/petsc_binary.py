@@ -2,111 +2,110 @@
 
 All is big-endian: a head of integers, of a matrix the number of entries of each row and the column of each entry, then
 the numbers. Integers have 32 or 64 bits, as the PETSc that wrote the file; numbers are real, of double precision.
+NumPy maps the arrays, so that a process reads what it takes.
+
 Reference: the manual page of MatLoad of PETSc.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from ..errors import FileError
 from ..numerics.arrays import Vector
 from .archive import opened
 
-#: how PETSc marks what follows
-_MATRIX, _VECTOR = 1211216, 1211214
-#: the head of a matrix: the mark, rows, columns, entries; of a vector: the mark, rows
-_HEADS = {_MATRIX: 4, _VECTOR: 2}
+#: how PETSc marks a matrix and a vector, and the integers in their heads
+_MATRIX = 1211216
+_HEADS = {_MATRIX: 4, 1211214: 2}
 _NUMBER = np.dtype(">f8")
 
 
 def read_petsc(path: Path) -> Any:
     """The CSR matrix, or the vector of shape (n,), in one of PETSc's binary files. Raises FileError."""
-    with opened(path) as (raw, size):
-        file = PetscFile(path, raw, size)
-        if not file.is_matrix:
-            return file.vector(0, file.rows)
-        lengths = file.lengths(0, file.rows)
-        return file.matrix(lengths, 0, 0, int(lengths.sum()))
+    file = PetscFile(path)
+    return file.matrix(0, file.rows) if file.is_matrix else file.vector(0, file.rows)
 
 
 class PetscFile:
-    """What the file `raw` of `size` bytes, called `path`, holds: `is_matrix` or vector, `rows`, `columns`. Raises
-    FileError."""
+    """One binary file, `size` bytes: a matrix if `is_matrix`, else a vector; `rows` × `columns`. Raises FileError.
 
-    def __init__(self, path: Path, raw: BinaryIO, size: int) -> None:
-        self.path, self._raw, self._size = path, raw, size
-        marks = raw.read(8)
-        wide = int.from_bytes(marks, "big") in _HEADS  # four bytes of zeros come first
-        self._integer = np.dtype(">i8" if wide else ">i4")
-        mark = int.from_bytes(marks if wide else marks[:4], "big")
-        if mark not in _HEADS:
-            raise FileError(f"{path}: is no binary file of PETSc: it does not begin with the mark of a Mat or a Vec")
-        self.is_matrix, count = mark == _MATRIX, _HEADS[mark]
-        self._begin = count * self._integer.itemsize
-        if size < self._begin:
-            raise FileError(f"{path}: ends within its head; truncated?")
-        self.rows, *others = (int(x) for x in self._read(0, count, self._integer)[1:])
-        self.columns, self._entries = others or (1, self.rows)
-        if min(self.rows, self.columns) < 0 or self._entries < 0:
-            dense = self.is_matrix and self._entries == -1
-            actual = "holds a dense matrix" if dense else f"says that it has {self.rows} rows, {self.columns} columns"
-            raise FileError(f"{path}: {actual}; a sparse matrix, or a vector, was expected")
-        if not self.is_matrix and size != self._begin + _NUMBER.itemsize * self.rows:
-            raise FileError(f"{path}: {self._but(self._begin + _NUMBER.itemsize * self.rows)}")
-        if size < self._begin + self._integer.itemsize * self.rows:
-            raise FileError(f"{path}: promises {self.rows} rows, which do not fit into {size} bytes; truncated?")
+    Parameters
+    ----------
+    path : Path
+        The file.
+    shares : int
+        How many processes read it, each its rows.
+    """
 
-    def _but(self, expected: int) -> str:
-        """The message on a file of another size than expected."""
-        return (
-            f"has {self._size} bytes where one real {'sparse matrix' if self.is_matrix else 'vector'} of double "
-            f"precision with {self.rows} rows has {expected}; truncated, of another precision, or more than one object?"
-        )
+    def __init__(self, path: Path, shares: int = 1) -> None:
+        with opened(path, shares) as (file, self.size):
+            content: Any = np.memmap(file, np.uint8, "r") if self.size else np.empty(0, np.uint8)
+        # of 64 bits, the first four bytes of the mark are 0
+        integer = np.dtype(">i4" if content[:4].any() else ">i8")
+        head = content[: 4 * integer.itemsize].copy()
+        numbers = head[: head.size // integer.itemsize * integer.itemsize].view(integer).tolist()
+        count = _HEADS.get(numbers[0] if numbers else 0)
+        if count is None or len(numbers) < count:
+            raise FileError(f"{path}: is no binary file of PETSc: it does not begin with the head of a Mat or a Vec")
+        self.path = path
+        self.is_matrix = numbers[0] == _MATRIX
+        self.rows: int = numbers[1]
+        self.columns: int = numbers[2] if self.is_matrix else 1
+        entries: int = numbers[3] if self.is_matrix else self.rows
+        if min(self.rows, self.columns, entries) < 0:
+            actual = f"has the head {', '.join(map(str, numbers[:count]))}"
+            raise FileError(f"{path}: {actual}; one of a sparse matrix, or of a vector, was expected")
+        begin = after = count * integer.itemsize
+        if self.is_matrix:
+            after += self.rows * integer.itemsize
+            self._check_size(after, self.size >= after)
+            self.lengths = content[begin:after].view(integer)
+            outside = (self.lengths < 0) | (self.lengths > self.columns)
+            if outside.any():
+                i = int(np.argmax(outside))
+                actual = f"row {i} has {self.lengths[i]} entries, and there are {self.columns} columns"
+                raise FileError(f"{path}: {actual}")
+            total = int(self.lengths.sum(dtype=np.int64))
+            # of more entries than its integers can count PETSc writes the largest of them
+            if min(total, np.iinfo(integer).max) != entries:
+                raise FileError(f"{path}: has rows with {total} entries, and says that there are {entries}")
+            entries = total
+            begin = after
+            after += entries * integer.itemsize
+        end = after + entries * _NUMBER.itemsize
+        self._check_size(end, self.size == end)
+        self._places = content[begin:after].view(integer)
+        self._numbers = content[after:].view(_NUMBER)
 
-    def _read(self, begin: int, count: int, kind: np.dtype) -> NDArray[Any]:
-        """`count` numbers from the byte `begin` on."""
-        self._raw.seek(begin)
-        numbers = np.frombuffer(self._raw.read(count * kind.itemsize), kind)
-        if numbers.size != count:
-            raise FileError(f"{self.path}: ends within its numbers; truncated?")
-        return numbers.astype(kind.newbyteorder("="))
+    def _check_size(self, expected: int, is_right: bool) -> None:
+        if not is_right:
+            kind = "sparse matrix" if self.is_matrix else "vector"
+            raise FileError(
+                f"{self.path}: has {self.size} bytes where one real {kind} of double precision with {self.rows} rows "
+                f"has {expected} or more; truncated, of another precision, or more than one object?"
+            )
 
     def vector(self, low: int, high: int) -> Vector:
         """The entries low ≤ i < high."""
-        return self._read(self._begin + low * _NUMBER.itemsize, high - low, _NUMBER)
+        return self._numbers[low:high].astype(np.float64)
 
-    def lengths(self, low: int, high: int) -> NDArray[np.int64]:
-        """How many entries the rows low ≤ i < high have."""
-        begin = self._begin + low * self._integer.itemsize
-        counts = self._read(begin, high - low, self._integer).astype(np.int64)
-        if (counts < 0).any() or (counts > self.columns).any():
-            i = int(np.argmax((counts < 0) | (counts > self.columns)))
-            raise FileError(f"{self.path}: row {low + i} has {counts[i]} entries, and there are {self.columns} columns")
-        return counts
-
-    def matrix(self, lengths: NDArray[np.int64], low: int, before: int, total: int) -> sp.csr_array:
-        """The rows from `low` on, which have these `lengths`; `before` them are so many entries, of the `total`."""
-        wide = self._integer.itemsize
-        places = self._begin + wide * self.rows
-        values = places + wide * total
-        # of more entries than its integers can count PETSc writes the largest of them
-        if min(total, np.iinfo(self._integer).max) != self._entries:
-            raise FileError(f"{self.path}: has rows with {total} entries, and says that there are {self._entries}")
-        if self._size != values + _NUMBER.itemsize * total:
-            raise FileError(f"{self.path}: {self._but(values + _NUMBER.itemsize * total)}")
-        count = int(lengths.sum())
-        columns = self._read(places + wide * before, count, self._integer)
-        if count and (columns.min() < 0 or columns.max() >= self.columns):
-            k = int(np.argmax((columns < 0) | (columns >= self.columns)))
-            row = low + int(np.searchsorted(np.cumsum(lengths), k, side="right"))
-            raise FileError(f"{self.path}: row {row} has an entry in column {columns[k]} of {self.columns}")
-        data = self._read(values + _NUMBER.itemsize * before, count, _NUMBER)
-        matrix = sp.csr_array((data, columns, np.r_[0, np.cumsum(lengths)]), shape=(lengths.size, self.columns))
+    def matrix(self, low: int, high: int) -> sp.csr_array:
+        """The rows low ≤ i < high, with all columns."""
+        starts = np.append(0, np.cumsum(self.lengths[low:high], dtype=np.int64))
+        before = int(self.lengths[:low].sum(dtype=np.int64))
+        own = slice(before, before + int(starts[-1]))
+        places = self._places[own].astype(np.int64)
+        outside = (places < 0) | (places >= self.columns)
+        if outside.any():
+            k = int(np.argmax(outside))
+            row = low + int(np.searchsorted(starts, k, side="right")) - 1
+            raise FileError(f"{self.path}: row {row} has an entry in column {places[k]} of {self.columns}")
+        values = self._numbers[own].astype(np.float64)
+        matrix = sp.csr_array((values, places, starts), shape=(high - low, self.columns))
         matrix.sum_duplicates()
         return matrix

@@ -26,7 +26,7 @@ from ..solve.goal import RTOL, Goal, Limits
 from ..solve.solution import Solution, Status
 from ..theory.certificates.infeasible import infeasible
 from .archive import check_free, check_kind, content_errors, read_arrays, text_of, write_arrays
-from .files import Source, as_json, problem_of, problem_parts
+from .files import Source, problem_of, problem_parts
 from .formats import read_text, read_values
 
 _SOLUTION = "icpmodel solution 3"
@@ -161,7 +161,7 @@ def load_solution(
     if data is None and "A" not in fields:
         raise FileError(f"{path}: holds no problem, as psi or f was Python code; give it: load_solution(path, problem)")
     stored = problem_of(fields, dict.fromkeys(fields, path)) if data is None else data
-    about = as_json(f"{path}: field about", text_of(path, fields, "about"))
+    about = _as_json(f"{path}: field about", text_of(path, fields, "about"))
     return _judged(path, about if isinstance(about, dict) else {}, stored, fields, limits)
 
 
@@ -256,3 +256,11 @@ def _check_solved(path: Path, solution: Solution, goal: Goal) -> None:
             "or accuracy of load_solution), is of another problem, or was changed; icpmodel.certify(problem, z) "
             "certifies z"
         )
+
+
+def _as_json(where: str | Path, text: str) -> Any:
+    """The content of the JSON `text`. Raises FileError."""
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise FileError(f"{where}: is not JSON ({error})") from error

@@ -1,7 +1,6 @@
 """What holds of files on any number of ranks: checks that `checks_on_ranks.py` runs."""
 
 import contextlib
-import json
 import resource
 import tempfile
 import tracemalloc
@@ -16,7 +15,7 @@ from scipy.io import mmwrite
 
 import icpmodel as icp
 from icpmodel.distributed import distribute, load_problem, save_solution, solve
-from icpmodel.distributed.files_on_ranks import start_in
+from icpmodel.distributed.files_on_ranks import vector_in
 
 
 @contextlib.contextmanager
@@ -50,106 +49,65 @@ def assert_same(found, problem):
     assert np.array_equal(found.q, problem.q[found.low : found.high])
 
 
-#: bodies of Matrix Market files of one matrix and one vector each, and q
-SMALL = {
-    "twice": (
-        "coordinate real general\n3 3 5\n1 1 1.5\n2 2 2\n3 3 1\n1 1 .5\n1 3 -1\n",
-        "array real general\n3 1\n1\n2\n3\n",
-    ),
-    "lines": (
-        "coordinate real general\r\n% a comment\r\n\r\n3 3 3\r\n1 1 1\r\n\r\n2 2 1\r\n3 3 1e0\r\n\r\n",
-        "array real general\n% c\n3 1\n\n-1\n2\n\n3\n",
-    ),
-    "pattern": ("coordinate pattern symmetric\n2 2 3\n2 1\n1 1\n2 2\n", "coordinate integer general\n2 1 1\n2 1 7\n"),
-    "skew": (
-        "array real skew-symmetric\n4 4\n1\n2\n3\n4\n5\n6\n",
-        "coordinate real general\n1 4 3\n1 4 1\n1 1 2\n1 4 1\n",
-    ),
-    "dense": ("array real symmetric\n3 3\n3\n1\n0\n3\n1\n3\n", "array real general\n1 3\n-1\n-2\n-3\n"),
-    "one": ("array real general\n1 1\n2\n", "array real general\n1 1\n-1\n"),
-}
-
-
-def check_a_matrix_market_file_is_read_in_parts_as_one_process_reads_it():
-    with folder() as there:
-        A, q = there / "A.mtx", there / "q.mtx"
-        for texts in SMALL.values():
-            for path, text in zip((A, q), texts, strict=True):
-                put(path, f"%%MatrixMarket matrix {text}".encode())
-            assert_same(load_problem(A, q), icp.load_problem(A, q))
-        for problem, symmetry in ((coupled(), "symmetric"), (transport(), "general")):
-            put(A, problem.A, symmetry=symmetry), put(q, problem.q)
-            assert_same(load_problem(A, q), problem)
+def view(there, comm=COMM, **parts):
+    """Have PETSc write matrices and vectors, each to a file of its name, and return the files."""
+    for name, part in parts.items():
+        part.view(PETSc.Viewer().createBinary(str(there / f"{name}.bin"), "w", comm=comm))
+    COMM.barrier()
+    return [there / f"{name}.bin" for name in parts]
 
 
 def check_a_rank_takes_the_memory_of_its_part():
-    problem = icp.scenes.membrane(n=10_000).problem
+    problem = distribute(icp.scenes.membrane(n=10_000).problem)
     with folder() as there:
-        files = there / "A.mtx", there / "q.mtx"
-        for path, part in zip(files, (problem.A, problem.q), strict=True):
-            put(path, part)
+        files = view(there, A=problem.A, q=problem.vector(problem.q))
         peaks = []
         for comm in (MPI.COMM_SELF, COMM):
             tracemalloc.start()
             load_problem(*files, comm=comm)
             peaks.append(tracemalloc.get_traced_memory()[1])
             tracemalloc.stop()
-        # what is read ahead of a file, and what a library loads at its first use, is not less for less rows
+        # what a library loads at its first use is not less for less rows
         assert peaks[1] < 1.1 * peaks[0] / COMM.size + 2e5, peaks
 
 
-def check_a_folder_is_the_problem_that_one_process_reads():
-    two = {"psi": "constant", "upper": "constant"}
+def check_files_are_read_on_ranks_as_by_one_process():
     with folder() as there:
-        for problem, declared in ((coupled(), {"psi": "affine"}), (between(), two)):
-            parts = {"A": problem.A, "q": problem.q, "c": problem.psi.value(np.zeros(problem.n))}
-            parts |= {"G": problem.psi.G} if declared is not two else {"upper_c": problem.psi.upper.value(problem.q)}
-            for name, part in parts.items():
-                put(there / f"{name}.mtx", part)
-            put(there / "psi.json", json.dumps(declared).encode())
-            found = load_problem(there)
+        one = there / "p.npz"
+        for problem in (transport(), coupled(), between()):
+            if COMM.rank == 0:
+                icp.save_problem(problem, one)
+            COMM.barrier()
+            found = load_problem(one)
             assert_same(found, problem)
-            assert np.allclose(whole(solve(found).z), icp.load_problem(there).solve().z, atol=NEAR)
-
-
-def check_files_of_petsc_are_read_on_ranks_and_by_one_process():
-    problem = distribute(transport())
-    with folder() as there:
-        for part, name in ((problem.A, "A.bin"), (problem.vector(problem.q), "q.bin")):
-            part.view(PETSc.Viewer().createBinary(str(there / name), "w", comm=COMM))
-        COMM.barrier()
-        for found in (
-            load_problem(there / "A.bin", there / "q.bin"),
-            icp.load_problem(there / "A.bin", there / "q.bin"),
-        ):
-            assert_same(distribute(found) if isinstance(found, icp.ICP) else found, transport())
+            assert np.allclose(whole(solve(found).z), problem.solve().z, atol=NEAR)
+        problem = distribute(transport())
+        A, q = view(there, A=problem.A, q=problem.vector(problem.q))
+        put(there / "q.mtx", transport().q)
+        for found in (load_problem(A, q), load_problem(A, there / "q.mtx"), distribute(icp.load_problem(A, q))):
+            assert_same(found, transport())
 
 
 def check_a_file_that_is_cut_or_changed_is_read_by_ranks_only_as_by_one_process():
     small, read = icp.scenes.membrane(n=9).problem, 0
-    A = PETSc.Mat().createAIJ((9, 9), csr=(small.A.indptr, small.A.indices, small.A.data), comm=PETSc.COMM_SELF)
-    A.assemble()
     with folder() as there:
-        q = there / "q.mtx"
-        put(there / "A.mtx", small.A, symmetry="general"), put(q, small.q)
-        if COMM.rank == 0:
-            A.view(PETSc.Viewer().createBinary(str(there / "A.bin"), "w", comm=PETSc.COMM_SELF))
-        COMM.barrier()
-        for path in (there / "A.mtx", there / "A.bin"):
-            content = path.read_bytes()
-            random = np.random.default_rng(7)
-            damaged = [content[:cut] for cut in random.integers(0, len(content), 8)]
-            for place, byte in zip(random.integers(0, len(content), 30), random.integers(0, 256, 30), strict=True):
-                damaged.append(content[:place] + bytes([byte]) + content[place + 1 :])
-            for one in damaged:
-                put(path, one)
-                try:
-                    expected = icp.load_problem(path, q)
-                except icp.FileError:
-                    assert "FileError" in raised(load_problem, path, q), one
-                else:
-                    assert_same(load_problem(path, q), expected)
-                    read += 1
+        q, path = there / "q.mtx", there / "A.bin"
+        put(q, small.q)
+        view(there, A=distribute(small).A)
+        content = path.read_bytes()
+        random = np.random.default_rng(7)
+        damaged = [content[:cut] for cut in random.integers(0, len(content), 16)]
+        for place, byte in zip(random.integers(0, len(content), 60), random.integers(0, 256, 60), strict=True):
+            damaged.append(content[:place] + bytes([byte]) + content[place + 1 :])
+        for one in damaged:
+            put(path, one)
+            try:
+                expected = icp.load_problem(path, q)
+            except icp.FileError:
+                assert "FileError" in raised(load_problem, path, q), one
+            else:
+                assert_same(load_problem(path, q), expected)
+                read += 1
     assert 0 < read < 60, read
 
 
@@ -157,13 +115,17 @@ def check_what_is_wrong_with_files_is_one_error_of_all_ranks():
     with folder() as there:
         A, q, z = there / "A.mtx", there / "q.mtx", there / "z.bin"
         put(A, sp.eye_array(3)), put(q, np.ones(3)), put(there / "inf.mtx", [1.0, np.inf, 2.0])
+        put(there / "long.mtx", np.ones(4))
         assert "A alone" in raised(load_problem, A)
         assert "no such file" in raised(load_problem, there / "B.mtx", q)
         assert "no such file" in raised(load_problem, A, there / "p.mtx")
-        assert "q.mtx: the matrix has shape (3, 1)" in raised(load_problem, q, q)
-        assert "is 3 x 3; a vector of 3" in raised(load_problem, A, A)
-        assert "A.mtx: q[1] is inf" in raised(load_problem, A, there / "inf.mtx")
-        assert "distribute" in raised(load_problem, there / "A.mtx", "q.npy")
+        assert "q.mtx: A has shape (3, 1)" in raised(load_problem, q, q)
+        assert "inf.mtx: q[1] is inf" in raised(load_problem, A, there / "inf.mtx")
+        (parted,) = view(there, A=distribute(icp.load_problem(A, q)).A)
+        assert "A alone" in raised(load_problem, parted)
+        assert "inf.mtx: q[1] is inf" in raised(load_problem, parted, there / "inf.mtx")
+        assert "q has shape (4,)" in raised(load_problem, parted, there / "long.mtx")
+        assert "holds a matrix with 3 rows" in raised(load_problem, parted, parted)
         assert "obstacles cross" in raised(load_problem, A, q, 1.0, 0.0)
         solution = solve(load_problem(A, q))
         save_solution(solution, z)
@@ -183,7 +145,7 @@ def check_the_answer_is_read_by_numpy_petsc_and_one_process_and_is_a_start():
         assert np.array_equal(np.fromfile(there / "z.bin", ">f8", offset=8), z)
         put(there / "A.mtx", sp.eye_array(z.size))
         assert np.array_equal(icp.load_problem(there / "A.mtx", there / "z.bin").q, z)
-        again = start_in(there / "z.bin", problem)
+        again = problem.vector(vector_in(there / "z.bin", problem.A, "z0"))
         assert np.array_equal(again.array, solution.z.array)
         assert solve(problem, z0=again).iterations == 0
         if not PETSc.Sys.hasExternalPackage("hdf5"):

@@ -2,7 +2,6 @@
 
 import io
 import itertools
-import json
 import os
 import signal
 import sys
@@ -14,7 +13,6 @@ import scipy.sparse as sp
 from damaged import Trap, cut, mutated, read_or_refused
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.io import mmwrite
 
 import icpmodel as icp
 
@@ -32,33 +30,14 @@ def problem_of(kind, seed=0, n=4, above=None):
     return icp.ICP(A, rng.normal(size=n), maps[kind](0.0), upper=maps[above](30.0))
 
 
-def write_folder(problem, folder):
-    """The problem as other programs write it."""
-    folder.mkdir()
-    parts, told, upper = {"A": problem.A, "q": problem.q[:, None]}, {}, problem.upper
-    for name, prefix, psi in (
-        ("psi", "", problem.psi if upper is None else problem.psi.lower),
-        ("upper", "upper_", upper),
-    ):
-        if psi is not None:
-            G, c = psi.linear
-            told[name] = "affine" if not psi.is_constant else "constant" if c.any() else "zero"
-            parts |= {f"{prefix}c": c[:, None]} if c.any() else {}
-            parts |= {} if psi.is_constant else {f"{prefix}G": G}
-    for name, part in parts.items():
-        mmwrite(folder / f"{name}.mtx", part, precision=17, symmetry="general")
-    (folder / "psi.json").write_text(json.dumps(told) + "\n")
-
-
-@pytest.mark.parametrize("write", [icp.save_problem, write_folder])
 @pytest.mark.parametrize("kind", ["zero", "constant", "free rows", "affine"])
 @pytest.mark.parametrize("above", [None, "constant", "affine"])
 @settings(max_examples=10, deadline=None)
 @given(seed=st.integers(0, 10**6))
-def test_a_problem_comes_back_to_the_last_bit(tmp_path_factory, write, kind, above, seed):
+def test_a_problem_comes_back_to_the_last_bit(tmp_path_factory, kind, above, seed):
     path = tmp_path_factory.mktemp("files") / "problem.npz"
     problem = problem_of(kind, seed, above=above)
-    write(problem, path)
+    icp.save_problem(problem, path)
     back = icp.load_problem(path)
     z = np.random.default_rng(seed).normal(size=4)
     assert np.array_equal(back.A.toarray(), problem.A.toarray())
@@ -174,12 +153,12 @@ def test_a_saved_problem_cut_after_any_byte_is_refused_and_a_changed_byte_change
         ("coordinate real general", "1 1 1\n0 1 1\n", "an entry at 0, 1; places within 1 x 1"),
         ("coordinate real general", "1 1 1\n1 1 1\n1 1 1\n", "holds 2 entries; its header promises 1"),
         ("coordinate real general", "900000000 900000000 1\n1 1 1\n", "promises 900000000 x 900000000 with 1 entries"),
-        ("coordinate real general", "1 1\n1 1 1\n", "'1 1.n' where its size was expected"),
-        ("coordinate real general", f"1 1 {'9' * 5000}\n1 1 1\n", "cannot be read"),
+        ("coordinate real general", "1 1\n1 1 1\n", "not a readable Matrix Market file"),
+        ("coordinate real general", f"1 1 {'9' * 5000}\n1 1 1\n", "not a readable Matrix Market file"),
         ("coordinate real symmetric", "2 2 1\n1 2 1\n", "places within 2 x 2 on or below the diagonal"),
         ("coordinate real skew-symmetric", "2 2 1\n1 1 1\n", "places within 2 x 2 below the diagonal"),
         ("coordinate real symmetric", "2 1 1\n1 1 1\n", "is 2 x 1, and cannot be symmetric"),
-        ("coordinate complex general", "1 1 1\n1 1 1 0\n", "is complex general; real numbers"),
+        ("coordinate complex general", "1 1 1\n1 1 1 0\n", "is coordinate complex general; real numbers"),
         ("array real symmetric", "2 2\n1\n2\n", "holds 2 entries; its header promises 3"),
         ("array pattern general", "1 1\n1\n", "is array pattern"),
     ],

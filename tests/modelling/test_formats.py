@@ -206,9 +206,21 @@ def test_what_unpacks_to_more_than_there_is_room_for_is_refused_before(tmp_path,
         icp.load_problem(path, q="q.npy")
 
 
-@pytest.mark.parametrize(("symmetry", "sign"), [("symmetric", 1.0), ("skew-symmetric", -1.0)])
-def test_the_half_that_a_matrix_market_file_leaves_out_is_read(tmp_path, symmetry, sign):
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("coordinate real general\n3 3 4\n1 1 1.5\n2 2 2\n1 1 .5\n1 3 -1\n", [[2, 0, -1], [0, 2, 0], [0, 0, 0]]),
+        ("coordinate real general\r\n% c\r\n\r\n1 1 1\r\n1 1 1e0\r\n\r\n", [[1]]),
+        ("coordinate pattern symmetric\n2 2 2\n2 1\n1 1\n", [[1, 1], [1, 0]]),
+        ("coordinate real skew-symmetric\n2 2 1\n2 1 3.5\n", [[0, -3.5], [3.5, 0]]),
+        ("coordinate real general\n2 2 0\n", [[0, 0], [0, 0]]),
+        ("array real symmetric\n3 3\n3\n1\n0\n4\n1\n5\n", [[3, 1, 0], [1, 4, 1], [0, 1, 5]]),
+        ("array real skew-symmetric\n3 3\n1\n2\n3\n", [[0, -1, -2], [1, 0, -3], [2, 3, 0]]),
+        ("array integer general\n% c\n2 2\n\n1\n2\n\n3\n4\n", [[1, 3], [2, 4]]),
+    ],
+)
+def test_a_matrix_market_file_means_what_its_format_says(tmp_path, text, expected):
     path = tmp_path / "A.mtx"
-    np.save(tmp_path / "q.npy", Q[:2])
-    path.write_text(f"%%MatrixMarket matrix coordinate real {symmetry}\n2 2 1\n2 1 3.5\n")
-    assert content(path, tmp_path) == [[0.0, sign * 3.5], [3.5, 0.0]]
+    path.write_bytes(f"%%MatrixMarket matrix {text}".encode())
+    np.save(tmp_path / "q.npy", Q[: len(expected)])
+    assert content(path, tmp_path) == expected
