@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.io import mmwrite
 from shell import call
 
 import icpmodel
@@ -22,7 +21,7 @@ MISSING += [] if shutil.which("mpiexec") else ["mpiexec"]
 #: machine, where ranks give way while they wait
 HANGS = 600.0
 #: parts of the names of what is checked on each number of ranks; on three, where the parts differ in size, all is
-FEW = ["the_answer_is", "in_parts", "what_one_rank_finds_wrong"]
+FEW = ["the_answer_is", "files_are_read", "what_one_rank_finds_wrong"]
 #: Open MPI may run as root, on more ranks than there are cores, which then give way to each other
 ENVIRONMENT = os.environ | {
     "OMPI_ALLOW_RUN_AS_ROOT": "1",
@@ -97,15 +96,8 @@ def test_nobody_waits_for_a_rank_that_died_or_ended_by_an_error_of_the_script(wa
 @with_petsc
 def test_the_command_solves_what_is_in_files_and_writes_what_the_command_of_one_process_reads(tmp_path):
     problem = icpmodel.scenes.torsion(n=400).problem
-    for name, part in {
-        "A": problem.A,
-        "q": problem.q,
-        "c": problem.psi.lower.c,
-        "upper_c": problem.psi.upper.c,
-    }.items():
-        mmwrite(tmp_path / f"{name}.mtx", part if name == "A" else part[:, None], precision=17)
-    (tmp_path / "psi.json").write_text('{"psi": "constant", "upper": "constant"}')
-    run = on_ranks(2, "-m", "icpmodel", "distributed", str(tmp_path), "-o", str(tmp_path / "z.bin"))
+    icpmodel.save_problem(problem, tmp_path / "p.npz")
+    run = on_ranks(2, "-m", "icpmodel", "distributed", str(tmp_path / "p.npz"), "-o", str(tmp_path / "z.bin"))
     assert run.returncode == 0, run.stderr
     assert run.stdout.count("400 unknowns on 2 ranks") == 1
     assert run.stderr.count(f"wrote {tmp_path / 'z.bin'}") == 1
@@ -122,7 +114,7 @@ def test_the_command_solves_what_is_in_files_and_writes_what_the_command_of_one_
         (["coulomb"], "not assembled by rows; the scenes that are: ball"),
         (["membrane", "--n", "100", "-o", "z.npz"], "a file name that ends in .bin or .h5 was expected"),
         (["A.npy", "--q", "q.npy"], "A.npy: no such file"),
-        (["membrane", "--z0", "z.npz"], "z.npz: is not read in parts"),
+        (["membrane", "--z0", "z.npz"], "z.npz: no such file"),
         ([], "SOURCE or --A names the problem"),
     ],
 )
