@@ -97,9 +97,14 @@ def in_units(X: Any, r: Any, c: Any = 0) -> Any:
 
 def in_units_exactly(X: Any, r: Any, c: Any = 0) -> Any:
     """The result of `in_units` if it rounds no entry, and so can be undone; else None."""
-    scaled = in_units(X, r, c)
-    back = in_units(scaled, -r, -c)
-    return scaled if np.array_equal(*((M.data if sp.issparse(M) else M) for M in (back, X))) else None
+    if sp.issparse(X):
+        scaled = in_units(X, r, c)
+        return scaled if np.array_equal(in_units(scaled, -r, -c).data, X.data) else None
+    with np.errstate(all="ignore"):
+        left = np.ldexp(1.0, r)[:, None]
+        right = np.ldexp(1.0, c)
+        scaled = X * left * right
+        return scaled if np.array_equal(scaled / left / right, X) else None
 
 
 def balanced(A: Any) -> Vector:

@@ -171,22 +171,22 @@ def factors_and_schur(matrix: sp.csr_array, last: NDArray[np.intp]) -> tuple[Fac
 def of_dense(matrix: sp.csr_array, cholesky: bool = False) -> DenseFactors | None:
     """Dense factors of a sparse matrix that stores all entries; raises OutOfTime and OutOfMemory as `factorise`."""
     n = matrix.shape[0]
-    work.check_budget(dense_cost(n, cholesky), 16.0 * n**2)
+    work.check_budget(memory=16.0 * n**2)
     return of_array(matrix.toarray(order="F"), cholesky)
 
 
 def of_array(M: NDArray[np.float64], cholesky: bool = False) -> DenseFactors | None:
     """Those of an array in Fortran's order, which is overwritten; None where it is singular, or, by Cholesky's method,
-    which takes it for symmetric, not definite."""
+    which takes it for symmetric, not definite. Raises OutOfTime."""
     # lu_factor warns of a zero pivot, and is slower than a small matrix
     from scipy.linalg.lapack import dgetrf, dgetrs, dpotrf, dpotrs
 
+    work.charge(dense_cost(M.shape[0], cholesky))
     with one_blas_thread():
         if cholesky:
             factors, failed = dpotrf(M, lower=1, overwrite_a=1)
         else:
             factors, rows, failed = dgetrf(M, overwrite_a=1)
-    work.count(dense_cost(M.shape[0], cholesky))
     pivots = factors.diagonal()
     if failed or not np.isfinite(pivots).all():
         return None

@@ -64,6 +64,11 @@ def gamma(k: Any) -> Any:
     return k * UNIT_ROUNDOFF / (1 - k * UNIT_ROUNDOFF)
 
 
+def terms_of(matrix: Any) -> Any:
+    """How many terms a product with a CSR or dense `matrix` has in each row."""
+    return np.diff(matrix.indptr) if sp.issparse(matrix) else matrix.shape[1]
+
+
 def lower(matrix: sp.csr_array, v: Vector, size: Vector | None = None) -> Vector:
     """A lower bound of `matrix` @ `v`, entry by entry, whatever the order of summation; NaN or −inf where it overflows.
 
@@ -71,7 +76,7 @@ def lower(matrix: sp.csr_array, v: Vector, size: Vector | None = None) -> Vector
     `size` is |matrix||v|, where it is known.
     Reference: Higham, Accuracy and Stability of Numerical Algorithms (2002), section 3.5.
     """
-    k = np.diff(matrix.indptr) + 2
+    k = terms_of(matrix) + 2
     with np.errstate(over="ignore", invalid="ignore"):
         size = absolute(matrix) @ np.abs(v) if size is None else size
         return np.asarray(matrix @ v - 2 * k * UNIT_ROUNDOFF * size - k * SMALLEST)

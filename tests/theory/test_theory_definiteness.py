@@ -10,9 +10,11 @@ from hypothesis import strategies as st
 
 import icpmodel as icp
 from icpmodel.numerics.arrays import as_csr
+from icpmodel.numerics.rational import curvature
 from icpmodel.theory import check, classify
 from icpmodel.theory.certificates.bounds import shared_proofs
-from icpmodel.theory.matrices import definiteness
+from icpmodel.theory.certificates.proof import Proof
+from icpmodel.theory.matrices import definiteness, eigenvalue
 
 SEEDS = st.integers(0, 10**9)
 drawn = settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -65,6 +67,33 @@ def test_a_singular_matrix_is_never_called_definite(padded, seed, n):
     assert nearly is True
     ring = 2 * np.eye(n) - np.roll(np.eye(n), 1, 0) - np.roll(np.eye(n), -1, 0)
     assert decided(padded(ring)) == (False, True, True)
+
+
+@drawn
+@given(seed=SEEDS, n=st.integers(1, 6), spread=st.sampled_from([0, 10, 25]))
+def test_a_bound_on_the_smallest_eigenvalue_is_one_in_fractions(seed, n, spread):
+    """S − bound·I is semidefinite, with c next to the eigenvalue, on either side of it."""
+    rng = np.random.default_rng(seed)
+    B = np.ldexp(rng.integers(-3, 4, size=(n, n)), -rng.integers(0, spread + 1, size=(n, 1)))
+    S = B @ B.T
+    smallest = np.linalg.eigvalsh(S)[0]
+    for c in (smallest, 0.0, *(smallest + sign * np.ldexp(1.0, [-30, -45, -52, -60]) for sign in (-1, 1))):
+        for shift in np.atleast_1d(c):
+            bound = eigenvalue.above(sp.csr_array(S), shift)
+            if bound > -np.inf:
+                exact = [[Fraction(S[i, j]) - (i == j) * Fraction(bound) for j in range(n)] for i in range(n)]
+                assert curvature(exact)[0]
+
+
+@pytest.mark.parametrize("less", [0.0, 2.0**-44, 2.0**-30])
+def test_a_large_matrix_that_is_definite_by_rounding_alone_is_not_proved_so(less):
+    """BBᵀ of rank n − 1, exact in floats, less `less` on its diagonal: Cholesky's method may well go through."""
+    for seed in range(8):
+        B = np.random.default_rng(seed).integers(-3, 4, size=(100, 99)).astype(float)
+        S = B @ B.T - less * np.eye(100)
+        assert isinstance(shared_proofs(icp.ICP(S, np.zeros(100))).definite, str)
+        assert not eigenvalue.smallest_below(sp.csr_array(S / 512)) > 0
+        assert isinstance(shared_proofs(icp.ICP(S + 2.0**-20 * np.eye(100), np.zeros(100))).definite, Proof)
 
 
 HIDDEN = [[1.0, 0.9, 0.9], [0.9, 1.0, -0.9], [0.9, -0.9, 1.0]]

@@ -17,6 +17,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from ...algebra.equations import Pattern, pattern_at
 from ...algebra.linear_rows import has_linear_pieces
 from ...errors import MapError, OutOfTime
 from ...numerics import work
@@ -240,8 +241,9 @@ def error_bound(
             return _bound(problem, z, sharp)
     except OutOfTime:
         within = f"{1e-9 * DEFAULT_WORK:.0f} s of work" if time_limit is None else f"time_limit = {time_limit:g} s"
-    except MemoryError:
+    except MemoryError as error:
         within = "the memory that there is" if memory_limit is None else f"memory_limit = {memory_limit:g} bytes"
+        within += f": {error}" if str(error) else ""
     return ErrorBound.none(f"{UNDECIDED} within {within}")
 
 
@@ -420,10 +422,19 @@ def sharpened(
 
 
 def _newton_points(problem: ProblemData, z: Vector, proof: Proof) -> Iterator[Vector]:
-    """The iterates of an active-set Newton iteration from `z`, a factorisation each."""
+    """The iterates of an active-set Newton iteration from `z`, a factorisation each.
+
+    Where p, ψ and ψ̄ are affine, an active set that comes again leaves the same equations.
+    """
     iterate: Vector | None = z
+    before: Pattern | None = None
     while iterate is not None and np.isfinite(iterate).all():
         z = iterate
+        if has_linear_pieces(problem):
+            pattern = pattern_at(problem, z)
+            if before is not None and before.same_sides(pattern):
+                return
+            before = pattern
         iterate = proof.newton_step(problem, z)
         if iterate is None or np.array_equal(iterate, z):
             return

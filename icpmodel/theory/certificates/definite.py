@@ -41,7 +41,6 @@ above.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -51,14 +50,14 @@ import scipy.sparse as sp
 from ...numerics import work
 from ...numerics.arrays import Vector
 from ...numerics.equilibration import in_units_exactly, row_exponents, symmetric_exponents
-from ...numerics.factorisation import factorise
-from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, at_least, at_most, upper
+from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, at_least, at_most, terms_of, upper
+from ...numerics.threads import one_blas_thread
 from ...problem.data import ProblemData
 from ...problem.map import Map
 from ...problem.matrix import Matrix
 from ...problem.two_sided import TwoSidedObstacle
 from ..matrices.comparison_matrix import positive_diagonal
-from ..matrices.eigenvalue import largest_above, smallest_below, within_reach
+from ..matrices.eigenvalue import definite_factors, in_storage, is_dense, largest_above, smallest_below, within_reach
 from .proof import Proof, no_lipschitz, norm_up
 
 #: up to here the factorisations take a second on a two-dimensional grid, but half a minute on a three-dimensional one
@@ -72,25 +71,27 @@ _SPLITS = (0.25, 1.0)
 class DefiniteProof(Proof):
     """The data of the proof, for the problem scaled by 2^`exponent`, the rows of r by 2^`exponent_r`.
 
-    `smallest` ≤ λ and `gap` ≤ λ − κ. `A`, `B` and `L` are its Aᵀ, Bᵀ and Lᵀ. `H` differs from the
-    symmetric part of AᵀB by at most `slack` in norm, and `solve` is about H⁻¹.
+    `smallest` ≤ λ and `gap` ≤ λ − κ. `A`, `B` and `L` are its Aᵀ, Bᵀ and Lᵀ, and `sizes` are |A|ᵀ, |B|ᵀ and |H|.
+    `H` differs from the symmetric part of AᵀB by at most `slack` in norm, and `factors` are about those of H. A and H
+    are dense, or CSR as the others.
     """
 
     smallest: float
     gap: float
     exponent: np.ndarray
     exponent_r: np.ndarray
-    A: sp.csr_array
+    A: Any
     B: sp.csr_array
     L: sp.csr_array
-    H: sp.csr_array
+    H: Any
     slack: float
-    solve: Callable[[Vector], Vector]
+    factors: Any
+    sizes: tuple[Any, sp.csr_array, Any]
 
     needs_sharpening = True  # δ knows the Euclidean norm of the error only
 
     def bound(self, problem: ProblemData, z: Vector, for_p: Vector, for_r: Vector) -> tuple[Vector, float]:
-        with np.errstate(over="ignore", invalid="ignore", under="ignore"):
+        with np.errstate(over="ignore", invalid="ignore", under="ignore"), one_blas_thread():
             p, r, sign, room = _reflected(problem, z)
             scaled = np.ldexp(p, self.exponent), np.ldexp(r, self.exponent_r)
             arguments = p, r, sign, for_p, for_r, room >= for_r
@@ -124,12 +125,17 @@ class DefiniteProof(Proof):
         return self._larger_root(u, for_u, w, for_w), size
 
     def _larger_root(self, u: Vector, for_u: Vector, w: Vector, for_w: Vector) -> float:
-        """The larger root of the quadratic, rounded up, with u and w known to `for_u` and `for_w`."""
+        """The larger root of the quadratic, rounded up, with u and w known to `for_u` and `for_w`.
+
+        Bᵀu + Aᵀw of k terms is wrong by at most |B|ᵀδu + |A|ᵀδw + γ_k(|B|ᵀ|u| + |A|ᵀ|w|), and a sum of k numbers ≥ 0
+        is at most 1 + γ_k times what is computed (Higham, 2002, section 3.1).
+        """
         U = np.abs(u) + for_u
         W = np.abs(w) + for_w
-        terms = np.diff(self.A.indptr) + np.diff(self.B.indptr) + 4
-        error = upper(abs(self.B), for_u) + upper(abs(self.A), for_w) + terms * SMALLEST
-        error += 2 * UNIT_ROUNDOFF * terms * (abs(self.B) @ U + abs(self.A) @ W)
+        of_A, of_B, _ = self.sizes
+        terms = terms_of(self.A) + terms_of(self.B) + 4
+        rounding = 2 * UNIT_ROUNDOFF * terms
+        error = (1 + rounding) * (of_B @ for_u + of_A @ for_w) + rounding * (of_B @ U + of_A @ W) + 4 * terms * SMALLEST
         b = self._dual(self.B @ u + self.A @ w) + norm_up(error)
         if self.L.nnz:
             b += norm_up(upper(self.L, U))
@@ -142,12 +148,12 @@ class DefiniteProof(Proof):
 
     def _dual(self, g: Vector) -> float:
         """An upper bound of √λ·√(gᵀH⁻¹g), not above that of ‖g‖₂."""
-        y = self.solve(g)
+        y = self.factors.solve(g)
         n = g.size
         gamma = 2 * UNIT_ROUNDOFF * (n + 8)
         underflow = (n + 8) * SMALLEST
         image = self.H @ y
-        size = abs(self.H) @ np.abs(y)
+        size = self.sizes[2] @ np.abs(y)
         energy = float(y @ image) + gamma * float(np.abs(y) @ size) + underflow * (1.0 + float(np.abs(y).sum()))
         rest = norm_up(np.abs(g - image) + gamma * (np.abs(g) + size) + underflow)
         lost = 2 * self.slack * norm_up(y)
@@ -160,6 +166,7 @@ def prove(matrix: Matrix, psi: Map) -> DefiniteProof | str:
     """λ by factorisations of the symmetric part of AᵀB, κ by the power method; both are proved bounds."""
     A = matrix.sparse
     n = matrix.n
+    fits = is_dense(A)
     if not (positive := positive_diagonal(A)).holds:
         return f"A is not positive definite: {positive.reason}"
     if psi.lipschitz is None:
@@ -167,23 +174,28 @@ def prove(matrix: Matrix, psi: Map) -> DefiniteProof | str:
     B, L = _slopes(psi, n)
     products = int(np.diff(A.indptr) @ (np.diff(B.indptr) + np.diff(L.indptr)))
     coupled = (sp.eye_array(n) != B).nnz > 0
-    if n > LARGEST or (products > _MAX_PRODUCTS and (coupled or L.nnz)):
+    if (n > LARGEST and not fits) or (products > _MAX_PRODUCTS and (coupled or L.nnz)):
         return f"A is not tested for definiteness: with n = {n} and {A.nnz} entries it is too large to be factorised"
     work.charge_matrices(products, 12)
+    A = in_storage(A)
     exponent, exponent_r = _exponents(A, B, coupled)
     scaled = [in_units_exactly(X, left, exponent) for X, left in ((A, exponent), (B, exponent_r), (L, exponent_r))]
     if any(X is None for X in scaled):
         return "A is not tested for definiteness: scaled to a diagonal of 1, its entries or those of psi underflow"
     A, B, L = scaled
-    At = sp.csr_array(A.T)
-    gamma = 2 * (int(np.diff(At.indptr).max()) + 4) * UNIT_ROUNDOFF
+    At = sp.csr_array(A.T) if sp.issparse(A) else A.T
+    gamma = 2 * (int(np.max(terms_of(At))) + 4) * UNIT_ROUNDOFF
     name = "A'(I - G)" if coupled else "A"
-    H, slack = _symmetric_part(At, B if coupled else None, gamma)
-    if not within_reach(H):
+    if matrix.is_symmetric and not coupled:
+        At = H = A
+        slack = 0.0
+    else:
+        H, slack = _symmetric_part(At, B if coupled else None, gamma)
+    if not fits and not within_reach(H):
         return f"{name} is not tested for definiteness: with n = {n} it is too large to be factorised"
-    lu = factorise(H, definite=True)
-    smallest = smallest_below(H, slack, lu)
-    if lu is None or not smallest > 0:
+    factors = definite_factors(H)
+    smallest = -np.inf if factors is None else smallest_below(H, slack, factors)
+    if not smallest > 0:
         return f"{name} is not proved positive definite: its symmetric part has no eigenvalue bound above 0"
     kappa = _kappa(At, L, gamma)
     gap = float(np.nextafter(smallest - kappa, -np.inf))
@@ -193,10 +205,12 @@ def prove(matrix: Matrix, psi: Map) -> DefiniteProof | str:
     sentence = f"{name} is positive definite (the symmetric part, its diagonal scaled to 1, is >= {at_least(smallest)})"
     Bt = sp.csr_array(B.T)
     Lt = sp.csr_array(L.T)
-    return DefiniteProof(sentence, smallest, gap, exponent, exponent_r, At, Bt, Lt, H, slack, lu.solve)
+    of_A = abs(At)
+    sizes = of_A, abs(Bt), of_A if At is H else abs(H)
+    return DefiniteProof(sentence, smallest, gap, exponent, exponent_r, At, Bt, Lt, H, slack, factors, sizes)
 
 
-def _exponents(A: sp.csr_array, B: sp.csr_array, coupled: bool) -> tuple[np.ndarray, np.ndarray]:
+def _exponents(A: Any, B: sp.csr_array, coupled: bool) -> tuple[np.ndarray, np.ndarray]:
     """The binary exponents of S and of σS⁻¹; σ is 1 where B is I, not `coupled`."""
     exponent = symmetric_exponents(A.diagonal())
     if not coupled:
@@ -204,7 +218,7 @@ def _exponents(A: sp.csr_array, B: sp.csr_array, coupled: bool) -> tuple[np.ndar
     return exponent, -exponent + int((row_exponents(B, exponent) + exponent).min())  # AᵀB is about 1 as well
 
 
-def _kappa(At: sp.csr_array, L: sp.csr_array, gamma: float) -> float:
+def _kappa(At: Any, L: sp.csr_array, gamma: float) -> float:
     """An upper bound of the largest eigenvalue of the symmetric part of |A|ᵀL, rounding of the product included."""
     if not L.nnz:
         return 0.0
@@ -212,18 +226,19 @@ def _kappa(At: sp.csr_array, L: sp.csr_array, gamma: float) -> float:
     return largest_above(sp.csr_array(abs(At) @ L)) * (1 + gamma) + n * n * SMALLEST
 
 
-def _symmetric_part(At: sp.csr_array, B: sp.csr_array | None, gamma: float) -> tuple[sp.csr_array, float]:
+def _symmetric_part(At: Any, B: sp.csr_array | None, gamma: float) -> tuple[Any, float]:
     """The symmetric part of AᵀB, of Aᵀ where `B` is None, and a bound on the norm of its error."""
     n = At.shape[0]
     slack = n * n * SMALLEST
     M = At
     if B is not None:  # rounding of the product
-        M = sp.csr_array(At @ B)
+        M = At @ B
         ones = np.ones(n)
         rows = abs(At) @ (abs(B) @ ones)
         columns = abs(B).T @ (abs(At).T @ ones)
         slack += gamma * float((rows + columns).max())
-    H = sp.csr_array(0.5 * (M + M.T))
+    H = 0.5 * (M + M.T)
+    H = sp.csr_array(H) if sp.issparse(H) else H
     return H, slack + 4 * UNIT_ROUNDOFF * float(abs(H).sum(axis=1).max())
 
 

@@ -91,16 +91,22 @@ def prove(matrix: Matrix, psi: Map) -> HPlusProof | str:
 
 
 def _dominated(matrix: Matrix, G: sp.csr_array) -> Iterator[tuple[str, Vector, Vector]]:
-    """The `_candidates` v with a lower bound α > 0 of ⟨A⟩v; for v = 1 it takes the row sums of |A| alone."""
+    """The `_candidates` v with a lower bound α > 0 of ⟨A⟩v; for v = 1 it takes the row sums of |A| alone.
+
+    There is no v if ⟨A⟩1 < 0. Else divide v by its least entry v_i: v ≥ 1 = v_i has (⟨A⟩v)_i ≤ (⟨A⟩1)_i < 0.
+    """
     A = matrix.sparse
     ones = np.ones(matrix.n)
     work.charge(2.0 * matrix.product_cost)
     size = matrix.magnitude(ones)
     diagonal = A.diagonal()
     # the sums commit errors of at most γ times `size`, and nothing underflows in them
-    alpha = (diagonal - size) + diagonal - 2 * (np.diff(A.indptr) + 4) * UNIT_ROUNDOFF * size
+    rounding = 2 * (np.diff(A.indptr) + 4) * UNIT_ROUNDOFF * size
+    alpha = (diagonal - size) + diagonal - rounding
     if (alpha > 0).all():
         yield "v = 1", ones, alpha
+    if (alpha + 2 * rounding < 0).all():
+        return
     comparison = comparison_matrix(A)
     for name, v in _candidates(comparison, G):
         work.charge(4.0 * matrix.product_cost)

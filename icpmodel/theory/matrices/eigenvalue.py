@@ -1,16 +1,16 @@
-"""Proved bounds on the eigenvalues of sparse symmetric matrices, rounding included."""
+"""Proved bounds on the eigenvalues of symmetric matrices, CSR or dense, rounding included."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from ...numerics import work
 from ...numerics.arrays import Vector, norm
-from ...numerics.factorisation import factorise, of_dense
+from ...numerics.factorisation import factorise, of_array
 from ...numerics.fill import SymbolicAnalysis, dense_cost
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, upper
 from ...numerics.sparse_structure import is_symmetric
@@ -26,11 +26,12 @@ _MAX_INVERSE_STEPS = 30  #: steps of the inverse iteration; eigenvalues next to 
 _MAX_POWER_STEPS = 40  #: steps of the power method; each makes the bound sharper, none makes it false
 
 
-def above(S: sp.csr_array, c: float, slack: float = 0.0) -> float:
+def above(S: Any, c: float, slack: float = 0.0) -> float:
     """A lower bound c − ε of λ_min of a symmetric matrix by a factorisation of S − cI, −inf where a pivot is not > 0.
 
-    Dense S: a Cholesky factorisation that runs to its end has a backward error of norm ≤
-    γ_{n+1}trace(S − cI).
+    Dense S: a Cholesky factorisation that runs to its end has RᵀR = S − cI + Δ, |Δ| ≤ γ/(1 − γ)ddᵀ
+    with γ = γ_{n+1} and d_i = √(s_ii − c). So ‖Δ‖₂ ≤ γ/(1 − γ)trace(S − cI), and RᵀR ≥ 0 proves λ_min(S) ≥
+    c − ‖Δ‖₂. More terms than n + 1 leave room for quotients made of reciprocals.
 
     Sparse S: P(S − cI)Pᵀ + ΔT = LU by diagonal pivots with |ΔT| ≤ γ|L||U|. Let D = diag(U) > 0 and
     U = DLᵀ + ΔU. Then LU is LDLᵀ + LΔU, and P(S − cI)Pᵀ is LDLᵀ + (LΔU − ΔT). LDLᵀ is positive
@@ -45,20 +46,22 @@ def above(S: sp.csr_array, c: float, slack: float = 0.0) -> float:
     Higham, Accuracy and Stability of Numerical Algorithms (2002), theorems 9.3, 10.5. Rump, BIT 46
     (2006).
     """
+    S = in_storage(S)
     n = S.shape[0]
-    shifted = sp.csr_array(S - c * sp.eye_array(n))
-    error = _error_of_cholesky(shifted) if is_dense(S) else _distance_from_definite(shifted)
-    rounding = 4 * UNIT_ROUNDOFF * (float(abs(S).sum(axis=1).max()) + float(np.abs(shifted.diagonal()).max()))
+    diagonal = S.diagonal() - c
+    error = _distance_from_definite(S, c) if sp.issparse(S) else _error_of_cholesky(S, c, float(diagonal.sum()))
+    rounding = 4 * UNIT_ROUNDOFF * (float(abs(S).sum(axis=1).max()) + float(np.abs(diagonal).max()))
     return c - 1.01 * (error + rounding + slack + n * SMALLEST)
 
 
-def smallest_below(M: sp.csr_array, slack: float = 0.0, lu: Any = None) -> float:
+def smallest_below(M: Any, slack: float = 0.0, lu: Any = None) -> float:
     """A lower bound of λ_min(S), S the symmetric part of a matrix that differs from `M` by at most `slack` in norm.
 
-    The diagonal of M is about 1, `lu` its factorisation with diagonal pivots, if at hand. −inf where none was found.
+    The diagonal of M is about 1, `lu` the `definite_factors` of S, if at hand. −inf where none was found. A dense M is
+    symmetric.
     """
-    S = M if is_symmetric(M) else sp.csr_array(0.5 * (M + M.T))
-    estimate = _estimate(S, lu) if np.isfinite(S.data).all() else -np.inf
+    S = in_storage(M if not sp.issparse(M) or is_symmetric(M) else sp.csr_array(0.5 * (M + M.T)))
+    estimate = _estimate(S, lu) if np.isfinite(S.data if sp.issparse(S) else S).all() else -np.inf
     if not estimate > 0:
         return -np.inf
     bounds = (above(S, share * estimate, slack) for share in _SHARES)
@@ -86,7 +89,7 @@ def largest_above(N: sp.csr_array) -> float:
 def falling(S: sp.csr_array) -> Vector | None:
     """An x ≠ 0, shape (n,), about which xᵀSx < 0 is likely, None where the symmetric `S` (CSR) seems to have none."""
     if is_dense(S):
-        value, x = _least_pair(S)
+        value, x = _least_pair(S.toarray())
         return x if value < 0 else None
     from scipy.sparse.linalg import spsolve_triangular
 
@@ -99,14 +102,14 @@ def falling(S: sp.csr_array) -> Vector | None:
     return np.asarray(y)[lu.lu.perm_c]
 
 
-def _least_pair(S: sp.csr_array) -> tuple[float, Vector | None]:
-    """The least λ with Sx = λx, and x, by dense matrices; −inf and None where that fails."""
+def _least_pair(S: NDArray[np.float64]) -> tuple[float, Vector | None]:
+    """The least λ with Sx = λx, and x, for a dense S; −inf and None where that fails."""
     from scipy.linalg import LinAlgError, eigh
 
     work.charge(_TRIDIAGONALISATION_COST * dense_cost(S.shape[0]), 16.0 * S.shape[0] ** 2)
     try:
         with one_blas_thread():
-            value, x = eigh(S.toarray(), subset_by_index=(0, 0))
+            value, x = eigh(S, subset_by_index=(0, 0))
     except LinAlgError:
         return -np.inf, None
     return float(value[0]), x[:, 0]
@@ -115,50 +118,62 @@ def _least_pair(S: sp.csr_array) -> tuple[float, Vector | None]:
 def is_dense(S: sp.csr_array) -> bool:
     """Whether dense factorisations of `S` (CSR) are quicker than sparse ones."""
     n = S.shape[0]
-    return n <= _DENSE_UP_TO or (8 * S.nnz >= n * n and dense_cost(n) <= _MAX_FACTORISATION_COST)
+    return n <= _DENSE_UP_TO or 8 * S.nnz >= n * n
+
+
+def in_storage(S: Any) -> Any:
+    """`S` (CSR) as a dense array where dense factorisations are quicker; S itself elsewhere, or where it is dense."""
+    if not sp.issparse(S) or not is_dense(S):
+        return S
+    work.check_budget(memory=8.0 * S.shape[0] ** 2)
+    return S.toarray()
 
 
 def within_reach(S: sp.csr_array) -> bool:
     """Whether the symmetric `S` (CSR) is expected to be factorised in seconds: a million rows on a plane."""
-    return is_dense(S) or not SymbolicAnalysis(S, lambda: True).costs_more(_MAX_FACTORISATION_COST)
+    if is_dense(S):
+        return dense_cost(S.shape[0]) <= _MAX_FACTORISATION_COST
+    return not SymbolicAnalysis(S, lambda: True).costs_more(_MAX_FACTORISATION_COST)
 
 
-def _estimate(S: sp.csr_array, lu: Any) -> float:
+def definite_factors(S: Any) -> Any:
+    """Factors of the symmetric `S`, as it is stored, by Cholesky or with diagonal pivots; None unless all are > 0."""
+    lu = factorise(S, definite=True) if sp.issparse(S) else of_array(S.copy().T, cholesky=True)
+    return lu if lu is not None and lu.pivots.min() > 0 else None
+
+
+def _estimate(S: Any, lu: Any) -> float:
     """About the smallest eigenvalue, or something ≤ 0 where S is seen to be indefinite; no proof."""
     if S.shape[0] <= _DENSE_UP_TO:
         return _least_pair(S)[0]
-    solve = _solver(S, lu)
-    if solve is None:
+    lu = lu or definite_factors(S)
+    if lu is None:
         return -np.inf
     x = np.random.default_rng(0).random(S.shape[0])
     largest = np.inf
     with one_blas_thread():
         for _ in range(_MAX_INVERSE_STEPS):
-            work.charge(work.product(x.size, S.nnz))
             x = x / norm(x)
-            image = solve(x)
+            image = lu.solve(x)
             largest = float(x @ image)
             x = image
     return 1.0 / largest if largest > 0 else -np.inf
 
 
-def _solver(S: sp.csr_array, lu: Any) -> Callable[[Vector], Vector] | None:
-    """x ↦ S⁻¹x by Cholesky's or the sparse factorisation, None where a pivot is not positive."""
-    lu = lu or (of_dense(S, cholesky=True) if is_dense(S) else factorise(S, definite=True))
-    return lu.solve if lu is not None and lu.pivots.min() > 0 else None
-
-
-def _error_of_cholesky(S: sp.csr_array) -> float:
-    """A bound on the norm of S − RᵀR, R the computed Cholesky factor, inf where there is none."""
+def _error_of_cholesky(S: NDArray[np.float64], c: float, trace: float) -> float:
+    """A bound on the norm of S − cI − RᵀR, R the computed Cholesky factor, inf where there is none."""
     n = S.shape[0]
-    if of_dense(S, cholesky=True) is None:
-        return np.inf
-    return (n + 8) * (UNIT_ROUNDOFF * float(S.diagonal().sum()) + 8 * n * SMALLEST)
+    work.check_budget(memory=8.0 * n**2)
+    shifted = S.copy()
+    shifted.flat[:: n + 1] -= c
+    return (
+        np.inf if of_array(shifted.T, cholesky=True) is None else (n + 8) * (UNIT_ROUNDOFF * trace + 8 * n * SMALLEST)
+    )
 
 
-def _distance_from_definite(S: sp.csr_array) -> float:
-    """A bound on the norm of S − LDLᵀ with D > 0, inf where a pivot is not positive."""
-    lu = factorise(S, definite=True, triangles=True)
+def _distance_from_definite(S: sp.csr_array, c: float) -> float:
+    """A bound on the norm of S − cI − LDLᵀ with D > 0, inf where a pivot is not positive."""
+    lu = factorise(sp.csr_array(S - c * sp.eye_array(S.shape[0])), definite=True, triangles=True)
     if lu is None or not ((D := lu.pivots) > 0).all():
         return np.inf
     L = sp.csr_array(lu.lu.L)
