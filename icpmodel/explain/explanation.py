@@ -19,8 +19,9 @@ from ..present.card import Sections, inner_width
 from ..present.display import Displayable
 from ..present.table import Table
 from ..problem.data import ProblemData, ProblemLike, as_problem
-from ..solve.choice import select_method, why_none
+from ..solve.choice import select_method
 from ..solve.newton_josephy import NewtonJosephy
+from ..solve.outcome import why_none
 from ..solve.reduction import presolve
 from ..theory.answers import Allowance, Answer
 from ..theory.certificates.bounds import ErrorBound, bullet_list, error_bound, never_cross, shared_proofs

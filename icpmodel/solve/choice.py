@@ -7,8 +7,6 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from ..algebra.affine_lcp import PIVOT_UP_TO
 from ..algebra.relaxation import AUTO, relaxation
 from ..errors import check_arguments
@@ -28,14 +26,17 @@ from ..numerics.arrays import as_truth
 from ..numerics.multigrid import hierarchy_cost
 from ..present.display import Displayable
 from ..problem.data import ProblemData, ProblemLike, as_problem
-from .estimates import PLAIN, Estimate, least_cost, least_of_others
+from .estimates import Estimate, least_cost, least_of_others
 from .estimates import estimate as estimate_of
 from .goal import RTOL, check_family
 
 _LOG = logging.getLogger("icpmodel")
-#: accelerated sweeps are tried for this share of what the next method is expected to cost; sweeps that would have ended
-#: soon go on by the rate that was seen. Not tested for matrices whose rows have more than some hundred entries
+#: accelerated sweeps are tried for this share of what the next method is expected to cost, or for half of it where they
+#: are expected to cost more; sweeps that would have ended soon go on by the rate that was seen. Not tested for matrices
+#: whose rows have more than some hundred entries
 _TRIAL_SHARE = 0.25
+#: plain sweeps that are made before a rate is read off
+_PLAIN_SWEEPS = 12
 #: accelerated sweeps that are made before a rate is read off, twice their history; plain ones go on where so many of
 #: them will do
 _ACCELERATED_SWEEPS = 20
@@ -93,8 +94,9 @@ def select_method(
     Everything else goes up a ladder, each rung from the best iterate so far:
 
     4. Where A has a positive diagonal, sweeps. PSOR makes 12, and goes on while 20 more will do. `Accelerated` follows,
-       for a quarter of what the cheapest method of rung 5 is expected to cost, and for 20 sweeps at least. It is not
-       tried where the Jacobi radius ρ < 1 of A foretells that it needs more than that method.
+       for a quarter of what the cheapest method of rung 5 is expected to cost, and for 20 sweeps at least, which show
+       a rate. Where the Jacobi radius ρ < 1 of A foretells that it needs more than that method, it is tried for an
+       eighth, and not at all where that does not pay for 20 sweeps.
     5. Of three methods the one with the least left to do: the cheapest of `Newton`, `Multilevel` and `Lemke`;
        `Proximal`; `Interior`. Their estimates follow from ρ and the fill of the factors of A. That fill is not asked
        for before `Multilevel` has more left than the others would cost without any.
@@ -162,25 +164,23 @@ class Job:
         self.is_fresh = False
         self.steps = 0
         self.spent = 0.0
-        self.log_reductions = [0.0]
+        #: the first one is that of the start
+        self.residuals: list[float] = []
         total = 0.0 if choice.estimate is None else choice.estimate.total
         self.remaining = total
         self.limit = math.inf if choice.estimate is None else _MAX_OVERRUN * total
         if trial is not None:
             self.limit = trial
 
-    def step(self, cost: float, log_reduction: float, need: float) -> bool:
-        """Count a step; return whether to compare with other methods.
-
-        `log_reduction` is the one of the residual so far, `need` the one that is asked for.
-        """
+    def step(self, cost: float, residual: float, target: float) -> bool:
+        """Count a step to `residual`, where `target` is asked for; return whether to compare with other methods."""
         self.steps += 1
         self.spent += cost
-        self.log_reductions.append(log_reduction)
+        self.residuals.append(residual)
         self.remaining = max(self.remaining - cost, 0.0)
         if self.spent < self.limit:
             return False
-        self.remaining = self._left(need)
+        self.remaining = self._left(target)
         self.limit = self.spent + min(self.spent, self.remaining)
         return True
 
@@ -190,15 +190,16 @@ class Job:
         estimate = self.choice.estimate
         return estimate is not None and self.spent >= _MAX_OVERRUN * estimate.total
 
-    def _left(self, need: float) -> float:
+    def _left(self, target: float) -> float:
         """The remaining cost: from the rate over the last half of the steps, or from the cost so far."""
         if self.method.finite:
             return self.spent
         half = self.steps // 2
-        gained = max(self.log_reductions[half + 1 :]) - max(self.log_reductions[: half + 1])
+        least = min(self.residuals)
+        gained = math.log(min(self.residuals[: half + 1])) - math.log(least)
         if not gained > 0.0:
             return _MAX_REMAINING_FACTOR * self.spent
-        steps = (need - max(self.log_reductions)) * (self.steps - half) / gained
+        steps = (math.log(least) - math.log(target)) * (self.steps - half) / gained
         return min(max(steps * self.spent / self.steps, self.spent), _MAX_REMAINING_FACTOR * self.spent)
 
     def __str__(self) -> str:
@@ -246,13 +247,16 @@ class Ladder:
         self.early: list[Job] = []
         #: for each of the three of rung 5 the ones that follow where it ends
         self.others: list[list[Job]] = []
-        self.rungs = [self._at_once, self._plain, self._accelerated, self._levels, self._costly, self._last]
-        if reduces:
-            self.rungs.insert(3, self._pause)
+        self.rungs = [self._at_once, self._plain, self._sweeps, self._pause, self._levels, self._costly, self._last]
         if warm_start:
             self.rungs.insert(1, self._levels)
+        if family == "paper":
+            self.rungs = [self._at_once, self._sweeps, self._costly, self._last]
+        if problem.psi.has_policies:
+            self.rungs = [self._at_once, self._pause, self._costly, self._last]
+        #: whether the problem is to be reduced before rung 5; and whether that is next
+        self.reduces = reduces
         self.floor = 0.0
-        #: whether the problem is to be reduced before the next method begins
         self.is_paused = False
         if first is not None:
             self.rungs.pop(0)
@@ -268,8 +272,11 @@ class Ladder:
 
     def cost_of_iterations(self) -> float:
         """The least that methods without factors are expected to cost, in nanoseconds."""
-        methods = [Accelerated(of=PSOR(omega=relaxation(self.problem))), Multilevel()]
+        methods = [self._accelerated(), Multilevel()]
         return min((job.remaining for job in self._estimated(methods)), default=math.inf)
+
+    def _accelerated(self) -> Accelerated:
+        return Accelerated(of=PSOR(omega=relaxation(self.problem)))
 
     def next(self) -> Job | None:
         """The method that runs next; None if none is left or the ladder is paused."""
@@ -312,13 +319,11 @@ class Ladder:
     def _at_once(self) -> None:
         problem = self.problem
         self.floor = math.inf
-        rules: list[tuple[Method, str]] = []
-        if self.family is None:
-            if problem.n <= PIVOT_UP_TO:
-                few = f"{problem.n} unknowns are few"
-                rules += [(Lemke(), few), (Josephy(), few)]
-            rules.append((Tridiagonal(), "A is tridiagonal"))
-        for method, why in rules:
+        few = f"{problem.n} unknowns are few"
+        rules: list[tuple[Method, str]] = [(Lemke(), few), (Josephy(), few), (Tridiagonal(), "A is tridiagonal")]
+        if problem.n > PIVOT_UP_TO:
+            rules = rules[2:]
+        for method, why in rules if self.family is None else ():
             why_not = method.why_not(problem)
             if why_not is None:
                 self.jobs.append(Job(Choice(method, why)))
@@ -332,22 +337,16 @@ class Ladder:
         self.floor = floor
 
     def _plain(self) -> None:
-        if self.family == "paper" or self.problem.psi.has_policies:
-            return
         sweeps = PSOR()
         if sweeps.why_not(self.problem) is None and work.fits(8.0 * 4.0 * self.problem.n):
             step = estimate_of(sweeps, self.problem.facts, self.target_reduction).step
             self.floor = _ACCELERATED_SWEEPS * step
-            self.sweeps = [Job(Choice(sweeps, f"{PLAIN} sweeps are tried first"), PLAIN * step)]
+            self.sweeps = [Job(Choice(sweeps, f"{_PLAIN_SWEEPS} sweeps are tried first"), _PLAIN_SWEEPS * step)]
             self.jobs += self.sweeps
 
-    def _accelerated(self) -> None:
+    def _sweeps(self) -> None:
         self.floor = least_cost(self.problem, self.family)
-        if self.problem.psi.has_policies:
-            return
-        paper = self.family == "paper"
-        method = MNMAOR(theta1=AUTO) if paper else Accelerated(of=PSOR(omega=relaxation(self.problem)))
-        if jobs := self._estimated([method]):
+        if jobs := self._estimated([MNMAOR(theta1=AUTO) if self.family == "paper" else self._accelerated()]):
             self.jobs = [*jobs, *(job for job in self.jobs if job not in self.sweeps)]
             self.sweeps = jobs
             self._try_sweeps(self.floor)
@@ -357,22 +356,27 @@ class Ladder:
         for job in self.sweeps:
             trial = following
             if following < math.inf and (estimate := job.choice.estimate):
-                trial = max(_TRIAL_SHARE * following, _ACCELERATED_SWEEPS * estimate.step)
-                if self.problem.matrix.coupled_radius < 1.0 and estimate.total > following:
+                trial = _TRIAL_SHARE * following
+                least = _ACCELERATED_SWEEPS * estimate.step
+                if self.problem.matrix.coupled_radius >= 1.0 or estimate.total <= following:
+                    trial = max(trial, least)
+                elif trial < 2.0 * least:
                     trial = 0.0
+                else:
+                    trial = 0.5 * trial
             if job.spent < trial:
                 job.limit = trial
                 job.remaining = 0.0
 
     def _pause(self) -> None:
-        self.is_paused = True
+        self.is_paused = self.reduces
 
     def _levels(self) -> None:
         """`Multilevel` where the others of rung 5 would cost more even without fill, which an analysis would tell.
 
         Before the sweeps it has the hierarchy that A keeps: a trial of sweeps would save no set-up.
         """
-        if self.early or self.family == "paper" or self.problem.psi.has_policies:
+        if self.early:
             return
         problem = self.problem
         least = least_of_others(problem.facts, self.family)
@@ -382,8 +386,7 @@ class Ladder:
                 job.remaining -= kept
                 job.limit -= kept
                 job.choice = replace(job.choice, why=f"{job.choice.why}, and A keeps the hierarchy")
-                sweeps = self._estimated([Accelerated(of=PSOR(omega=relaxation(problem)))])
-                least = min([least, *(one.remaining for one in sweeps)])
+                least = min([least, *(sweeps.remaining for sweeps in self._estimated([self._accelerated()]))])
             if job.remaining <= least:
                 self._try_sweeps(job.remaining)
                 self._begin(job, least)
@@ -431,13 +434,3 @@ class InTurn:
 
 def _counted(steps: float) -> str:
     return f"{max(round(steps), 1)}" if math.isfinite(steps) else "endless"
-
-
-def why_none(problem: ProblemData) -> str:
-    """Why no method can start."""
-    diagonal = problem.A.diagonal()
-    i = int(np.argmin(diagonal))
-    if diagonal[i] > 0.0:
-        return "no suitable method fits into the memory that is left (memory_limit)"
-    others = problem.psi.no_derivative() or "factors do not fit into the memory that is left: raise memory_limit"
-    return f"A[{i}, {i}] = {diagonal[i]:g} is not positive, which sweeps need, and {others}"

@@ -21,11 +21,11 @@ from ..numerics.rounding import CTRL_C, is_ctrl_c, public_entry
 from ..problem.data import ProblemData, ProblemLike, as_problem
 from ..problem.user_code import as_function
 from .accuracy import solve_to_accuracy
-from .choice import Choice, InTurn, Job, why_none
+from .choice import Choice, InTurn, Job
 from .goal import RTOL, Goal, Limits, check_family
 from .last_resort import search
 from .newton_josephy import NewtonJosephy
-from .outcome import solution_of
+from .outcome import solution_of, why_none
 from .progress import Progress
 from .reduction import ladder_steps, presolve
 from .run import WORTH_ANOTHER_METHOD, Run

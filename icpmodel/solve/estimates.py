@@ -11,7 +11,6 @@ from ..algebra.factor_costs import factor_costs, newton_cost, system_cost
 from ..algebra.newton_steps import SWEEPS
 from ..algebra.relaxation import sor_speed
 from ..methods.accelerated import Accelerated
-from ..methods.aor import MNMAOR, MNMGS
 from ..methods.contract import Method
 from ..methods.factorised import MNMMOD
 from ..methods.interior import Interior
@@ -27,9 +26,6 @@ from ..numerics.linear import steps_cost
 from ..numerics.multigrid import cycle_cost, hierarchy_cost
 from ..problem.data import ProblemData
 from ..problem.facts import Facts
-
-#: plain sweeps that are made before a rate is read off
-PLAIN = 12
 
 
 class Estimate(NamedTuple):
@@ -49,13 +45,8 @@ class Estimate(NamedTuple):
 
 def least_cost(problem: ProblemData, family: str | None) -> float:
     """The least that rung 5 can cost, from n and the entries of A alone."""
-    matrix = problem.matrix
-    facts = problem.facts
-    factors = min(least_factor_cost(matrix.n, matrix.nnz), dense_cost(matrix.n))
-    floor = factors + newton_cost(facts)
-    if family != "paper":
-        floor = min(floor, _multilevel_costs(facts)[0])
-    return min(floor, _pivots(facts)) if family is None else floor
+    least = least_of_others(problem.facts, family)
+    return least if family == "paper" else min(least, _multilevel_costs(problem.facts)[0])
 
 
 def _pivots(facts: Facts) -> float:
@@ -71,8 +62,6 @@ def _sweep_steps(facts: Facts, target_reduction: float, method: Method) -> float
     contact make ρ smaller: on 188 problems twenty Lanczos steps for the whole of A mostly overstated it. Anderson's
     method is expected to gain half of what Chebyshev's would.
     """
-    if isinstance(method, PSOR):
-        return float(PLAIN)
     omega = method.of.omega if isinstance(method, Accelerated) and isinstance(method.of, PSOR) else 1.0
     speed = sor_speed(omega, max(facts.matrix.coupled_radius, facts.coupling))
     if isinstance(method, Accelerated):
@@ -110,18 +99,18 @@ def least_of_others(facts: Facts, family: str | None) -> float:
     return min(least, _pivots(facts)) if family is None else least
 
 
-def _newton(method: Method, facts: Facts, target_reduction: float) -> Estimate:
+def _newton(facts: Facts) -> Estimate:
     # where rows are not dominant signs wander: about eight times as many steps were measured. Systems of a descent are
     # not symmetric, nor those with an obstacle that moves.
     matrix = facts.matrix
-    wander = 8.0 if matrix.coupled_radius > 1.0 and matrix.has_positive_diagonal else 1.0
+    wander = 8.0 if matrix.coupled_radius > 1.0 else 1.0
+    if not matrix.has_positive_diagonal:
+        # the equations of the free rows are singular more often than not, and others follow
+        wander = 4.0
     is_symmetric = wander == 1.0 and facts.has_fixed_obstacle
     factors = factor_costs(matrix).first if is_symmetric else factor_costs(matrix).unsymmetric
     system, memory = system_cost(matrix, factors)
-    # without a diagonal the equations of the free rows are singular more often than not, and others follow
-    systems = 1.0 if matrix.has_positive_diagonal else 4.0
-    steps = wander * _newton_steps(facts)
-    return Estimate(0.0, systems * (newton_cost(facts) + system), steps, memory)
+    return Estimate(0.0, newton_cost(facts) + system, wander * _newton_steps(facts), memory)
 
 
 def _multilevel_costs(facts: Facts) -> tuple[float, float]:
@@ -142,7 +131,7 @@ def _multilevel_costs(facts: Facts) -> tuple[float, float]:
     return hierarchy + coarser * python + min(coarser, 2.0) * (step - python), step
 
 
-def _multilevel(method: Method, facts: Facts, target_reduction: float) -> Estimate:
+def _multilevel(facts: Facts) -> Estimate:
     # for matrices with ρ ≤ 1 the median of 67 problems, n = 300 … 4000, was five steps, and three quarters took six at
     # most; of the others, for which it is not made, few end
     radius = max(facts.matrix.coupled_radius, 1.0)
@@ -150,11 +139,11 @@ def _multilevel(method: Method, facts: Facts, target_reduction: float) -> Estima
     return Estimate(setup, step, 5.0 * radius * radius * radius * radius, 40.0 * facts.matrix.nnz)
 
 
-def _lemke(method: Method, facts: Facts, target_reduction: float) -> Estimate:
+def _lemke(facts: Facts) -> Estimate:
     return Estimate(0.0, _pivots(facts), 1.0, 24.0 * lcp_rows(facts) ** 2)
 
 
-def _proximal(method: Method, facts: Facts, target_reduction: float) -> Estimate:
+def _proximal(facts: Facts) -> Estimate:
     # medians of 6 and 10 steps were measured at n = 120 and 1000 where there is a diagonal; of 24, 35 and 125 at
     # n = 120, 500 and 2000 where there is none
     matrix = facts.matrix
@@ -166,7 +155,7 @@ def _proximal(method: Method, facts: Facts, target_reduction: float) -> Estimate
     return Estimate(step, step, steps, memory)
 
 
-def _interior(method: Method, facts: Facts, target_reduction: float) -> Estimate:
+def _interior(facts: Facts) -> Estimate:
     # medians of 13, 16 and 20 steps were measured at n = 120, 500 and 2000, with four solves each
     matrix = facts.matrix
     factors = factor_costs(matrix).again if facts.has_fixed_obstacle else factor_costs(matrix).unsymmetric
@@ -174,7 +163,7 @@ def _interior(method: Method, facts: Facts, target_reduction: float) -> Estimate
     return Estimate(step, step, 3.0 + 1.5 * math.log2(max(facts.bounded, 1)), 24.0 * factor_costs(matrix).fill.entries)
 
 
-def _factorised(method: Method, facts: Facts, target_reduction: float) -> Estimate:
+def _factorised(facts: Facts, target_reduction: float) -> Estimate:
     # with θ₁ = √(λ_min λ_max) a step leaves (√κ − 1)/(√κ + 1), where A is symmetric, and κ = (1 + ρ)/(1 − ρ)
     matrix = facts.matrix
     radius = min(matrix.coupled_radius, 1.0 - 1e-6)
@@ -184,12 +173,7 @@ def _factorised(method: Method, facts: Facts, target_reduction: float) -> Estima
     return Estimate(2.0 * factor_costs(matrix).first, step, 1.0 + steps, 16.0 * factor_costs(matrix).fill.entries)
 
 
-_ESTIMATES: dict[type[Method], Callable[[Method, Facts, float], Estimate]] = {
-    Accelerated: _sweeps,
-    MNMAOR: _sweeps,
-    MNMGS: _sweeps,
-    PSOR: _sweeps,
-    MNMMOD: _factorised,
+_ESTIMATES: dict[type[Method], Callable[[Facts], Estimate]] = {
     Newton: _newton,
     Multilevel: _multilevel,
     Lemke: _lemke,
@@ -200,4 +184,7 @@ _ESTIMATES: dict[type[Method], Callable[[Method, Facts, float], Estimate]] = {
 
 def estimate(method: Method, facts: Facts, target_reduction: float) -> Estimate:
     """What `method` is expected to cost until the residual is the share `target_reduction` of the first one."""
-    return _ESTIMATES[type(method)](method, facts, target_reduction)
+    if isinstance(method, MNMMOD):
+        return _factorised(facts, target_reduction)
+    known = _ESTIMATES.get(type(method))
+    return _sweeps(method, facts, target_reduction) if known is None else known(facts)

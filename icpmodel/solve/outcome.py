@@ -137,3 +137,13 @@ def _crossed(problem: ProblemData, z: Vector) -> str:
 def _history(records: list[tuple[int, float, float, str]], tolerance: float) -> History:
     iteration, residual, seconds, method = zip(*records, strict=True) if records else ((), (), (), ())
     return History(np.array(iteration, dtype=np.int64), np.array(residual), np.array(seconds), method, tolerance)
+
+
+def why_none(problem: ProblemData) -> str:
+    """Why no method can start."""
+    diagonal = problem.A.diagonal()
+    i = int(np.argmin(diagonal))
+    if diagonal[i] > 0.0:
+        return "no suitable method fits into the memory that is left (memory_limit)"
+    others = problem.psi.no_derivative() or "factors do not fit into the memory that is left: raise memory_limit"
+    return f"A[{i}, {i}] = {diagonal[i]:g} is not positive, which sweeps need, and {others}"

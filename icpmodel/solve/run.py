@@ -6,7 +6,6 @@ It serves whole problems and parts of them. Its decisions are logged by the logg
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Callable, Generator, Iterator
 from contextlib import suppress
 from dataclasses import KW_ONLY, dataclass, field
@@ -144,7 +143,7 @@ class Run:
         self.singular: SingularOperator | None = None
         self.bar = Bar()
         self.target_reduction = min(max(self.target_reduction, _LEAST_REDUCTION), _MOST_REDUCTION)
-        self.target = self.target_reduction * (self.scale or self.start_residual)
+        self.target = self.target_reduction * (self.scale or self.start_residual) or _LEAST_REDUCTION
 
     def steps(self, ladder: Ladder | InTurn) -> Iterator[None]:
         """Run the loop; yield after each tested iterate but the last one of a method."""
@@ -242,7 +241,6 @@ class Run:
         path = job.method.iterates(self.presolved or self.problem, start)
         longest = min(max(PATIENCE, 2 * self.problem.n), _LONGEST_PATIENCE)
         stalled = StagnationTest(job.method.memoryless, longest, self.at_floor, self._is_proved)
-        first = np.nan
         count = 0
         spent = 0.0
         while True:
@@ -261,24 +259,19 @@ class Run:
             residual = self._residual(z, hint)
             seconds = work.clock() - self.start_time
             if not count:
-                first = residual
+                job.residuals.append(residual)
             if self.best is None or residual < self.best.residual:
                 self.best = self.candidate(z, residual)
-            stop_reason = self._report(z, residual, seconds) or self._end_at(z, residual, first)
+            stop_reason = self._report(z, residual, seconds) or self._end_at(z, residual, job.residuals[0])
             if stop_reason := stop_reason or stalled.check(z, residual) or self._end_by_limit(seconds):
                 job.steps = max(count, job.steps)
                 return stop_reason
             is_due = False
             count += 1
             if count > 1:  # the set-up counts as a part of the first step
-                is_due = job.step(spent + work.COSTS.iterate, *self._log_reduction(first, residual))
+                is_due = job.step(spent + work.COSTS.iterate, residual, self.target)
                 spent = 0.0
             yield is_due
-
-    def _log_reduction(self, first: float, residual: float) -> tuple[float, float]:
-        """(log(first/residual), log(first/target)): the log reduction achieved, and the one needed."""
-        need = _log_ratio(first, self.target) if self.target < first < np.inf else np.inf
-        return (_log_ratio(first, residual) if residual > 0.0 and 0.0 < first < np.inf else 0.0), need
 
     def candidate(self, z: Vector, residual: float) -> BestIterate:
         """`z` as the best iterate, found by the current method."""
@@ -357,8 +350,3 @@ class Run:
                 Status.PRECISION_LIMIT, f"rounding leaves a residual of up to about {floor:.2g} at this z"
             )
         return None
-
-
-def _log_ratio(high: float, low: float) -> float:
-    """log(high/low), also if the quotient would overflow; infinite at low = 0."""
-    return math.log(high) - math.log(low) if low > 0.0 else math.inf

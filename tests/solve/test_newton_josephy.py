@@ -241,7 +241,7 @@ def test_what_one_linear_problem_taught_serves_for_the_next():
     ladder = Ladder(problem, 1e-6, first=icp.Multilevel())
     job = ladder.next()
     assert job.method.name == "multilevel"
-    assert job.step(1e12, 0.0, 10.0)
+    assert job.step(1e12, 1.0, 1e-6)
     assert ladder.next().method.name == "psor"
 
 
