@@ -23,8 +23,8 @@ from typing import Any, TypeVar, cast
 Call = TypeVar("Call", bound=Callable[..., Any])
 
 #: the end of a message about another name for an obstacle, and of one about a missing problem
-_OBSTACLES = "the lower obstacle, z >= psi(z), is called psi, the upper obstacle is called upper"
-HOW_TO_BUILD = "icpmodel.ICP(A, q, psi) makes a problem of arrays, and icpmodel.ICP(A, q, psi).solve() solves it"
+_OBSTACLES = "; the lower obstacle, z >= psi(z), is called psi, the upper obstacle is called upper"
+HOW_TO_BUILD = "; icpmodel.ICP(A, q, psi) makes a problem of arrays, and icpmodel.ICP(A, q, psi).solve() solves it"
 #: what other packages call an option → what it is called here
 _ELSEWHERE = {"tol": "rtol", "tolerance": "rtol", "eps": "atol", "maxiter": "max_iter", "maxit": "max_iter"}
 
@@ -42,7 +42,7 @@ def check_arguments(function: Call) -> Call:
     """Decorator: turn the TypeError for unknown or missing arguments into an InputError with the accepted names."""
     code = function.__code__
     names = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
-    hint = f"; {_OBSTACLES}" if {"psi", "upper"} <= set(names) else ""
+    hint = _OBSTACLES if {"psi", "upper"} <= set(names) else HOW_TO_BUILD if "problem" in names else ""
 
     @wraps(function)
     def checked(*args: Any, **kwargs: Any) -> Any:
@@ -57,8 +57,7 @@ def check_arguments(function: Call) -> Call:
             raise InputError(f"{name} has no argument {unknown[0]}; {takes}{did_you_mean(unknown[0], names) or hint}")
         needed = names[len(args) : code.co_argcount - len(function.__defaults__ or ())]
         if lacks := [one for one in needed if one not in kwargs]:
-            advice = f"; {HOW_TO_BUILD}" if "problem" in lacks else hint
-            raise InputError(f"{name} was not given {' and '.join(lacks)}; {takes}{advice}")
+            raise InputError(f"{name} was not given {' and '.join(lacks)}; {takes}{hint}")
         raise InputError(f"{name} was given an argument twice, or too many without a name; {takes}{hint}")
 
     return cast(Call, checked)

@@ -471,6 +471,6 @@ def _problem_data(problem: ProblemLike) -> ProblemData:
     if not isinstance(candidate, ProblemData):
         expected = "an ICP, or what holds one such as a scene, was expected"
         if isinstance(problem, list | tuple) or hasattr(problem, "shape"):
-            expected = f"{expected}: {HOW_TO_BUILD}"
+            expected = f"{expected}{HOW_TO_BUILD}"
         raise InputError(f"problem is {described(problem)}; {expected}")
     return candidate
