@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from known_answers import chain
 
 import icpmodel as icp
 from icpmodel import scenes
@@ -125,7 +126,7 @@ def test_what_cycles_cannot_do_is_eliminated():
 def test_the_foreseen_cost_decides_between_cycles_and_factors():
     """As for any matrix: a grid in the plane of some size is for cycles, which stop at the tolerance, a line is not."""
     f = np.random.default_rng(8).normal(size=76**2)
-    line = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(76**2, 76**2))
+    line = chain(76**2)
     for A, inexact in ((scenes.membrane(n=230**2).problem.A, True), (line, False)):
         f = np.random.default_rng(8).normal(size=A.shape[0])
         equations = ActiveEquations(icp.ICP(A, f), np.zeros(f.size, dtype=bool), sp.csr_array(A.shape))

@@ -8,6 +8,7 @@ import click
 import numpy as np
 import pytest
 from installed import announce, run
+from known_answers import PAIR
 from scipy.io import savemat
 from shell import call, said
 
@@ -54,7 +55,7 @@ def test_problem_and_solution_travel_through_files(capsys, tmp_path):
 
 
 def test_a_and_q_and_the_obstacles_are_files_or_numbers(capsys, tmp_path):
-    np.save(tmp_path / "A.npy", [[2.0, -1.0], [-1.0, 2.0]])
+    np.save(tmp_path / "A.npy", PAIR)
     np.savetxt(tmp_path / "q.csv", [-1.0, 3.0])
     np.save(tmp_path / "psi.npy", [-np.inf, -0.25])
     given = ["--q", str(tmp_path / "q.csv"), "--psi", str(tmp_path / "psi.npy"), "--upper", "0.3", "--json"]
@@ -65,7 +66,7 @@ def test_a_and_q_and_the_obstacles_are_files_or_numbers(capsys, tmp_path):
         assert told["z"] == pytest.approx([0.3, -0.25])
         assert told["p"] == pytest.approx([-0.15, 2.2])
         assert told["r"] == [None, 0.0]  # JSON has no infinity
-    variables = {"A": [[2.0, -1.0], [-1.0, 2.0]], "q": [-1.0, 3.0], "psi": -0.25, "upper": 0.3}
+    variables = {"A": PAIR, "q": [-1.0, 3.0], "psi": -0.25, "upper": 0.3}
     savemat(tmp_path / "p.mat", variables)
     assert json.loads(call(capsys, "solve", str(tmp_path / "p.mat"), "--json")[1])["z"] == pytest.approx(told["z"])
 
@@ -133,7 +134,7 @@ def test_standard_input_is_a_file_and_the_first_line_of_a_table_may_have_names(c
     A = tmp_path / "A.csv"
     A.write_text("first,second\n2,-1\n-1,2\n")
     problem = tmp_path / "p.npz"
-    icp.save_problem(icp.ICP([[2, -1], [-1, 2]], [-1, 3]), problem)
+    icp.save_problem(icp.ICP(PAIR, [-1, 3]), problem)
     for typed, given in ((["--A", str(A), "--q", "-"], b"q\n-1\n3\n"), (["-"], problem.read_bytes())):
         monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(given)))
         code, out, _ = call(capsys, "solve", *typed, "--json")

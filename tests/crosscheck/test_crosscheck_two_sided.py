@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from known_answers import PAIR
 
 import icpmodel as icp
 from icpmodel.crosscheck import Verdict
@@ -44,7 +45,7 @@ def test_the_report_on_obstacles_that_cross_confirms_nothing():
 
 
 def test_a_nonlinear_obstacle_above_is_frozen_with_the_one_below():
-    problem = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [3.0, -4.0], -1.0, upper=lambda z: 1.0 + 0.1 * np.sin(z[::-1]))
+    problem = icp.ICP(PAIR, [3.0, -4.0], -1.0, upper=lambda z: 1.0 + 0.1 * np.sin(z[::-1]))
     solution = problem.solve()
     report = icp.crosscheck(problem, solution, ["osqp", "cvxpy-highs"])
     assert {row.formulation for row in report.rows} <= {"frozen energy QP", "frozen gap QP"}

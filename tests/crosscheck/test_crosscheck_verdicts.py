@@ -8,7 +8,7 @@ import time
 
 import numpy as np
 import pytest
-import scipy.sparse as sp
+from known_answers import chain
 
 import icpmodel as icp
 from icpmodel.crosscheck.check import crosscheck
@@ -110,7 +110,7 @@ def test_the_certified_bound_can_make_the_agreement():
 def test_two_honest_answers_at_a_loose_tolerance_are_no_disagreement():
     """A slow mode of the 1-D Laplacian: SOLVED at 1e-8, yet off by 1e-4; the bound says so, and so must the report."""
     n = 300
-    A = sp.diags_array([-np.ones(n - 1), np.full(n, 2.0), -np.ones(n - 1)], offsets=[-1, 0, 1])
+    A = chain(n)
     problem = icp.ICP(A, -A @ (1.0 + np.arange(n) % 2))
     solution = problem.solve("mnmmod", theta1=float(4 * np.sin(np.pi / 2 / (n + 1))))
     report = crosscheck(problem, solution, ["osqp"])

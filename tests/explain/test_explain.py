@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from benchmarks.families import expander
+from known_answers import PAIR
 
 import icpmodel as icp
 from icpmodel import scenes
@@ -133,10 +134,7 @@ def test_what_solve_begins_with_is_proved_and_its_steps_are_told():
     [
         (icp.ICP([[2.0]], [-1.0], np.sin), "give psi's Lipschitz matrix"),
         (icp.ICP([[2.0]], [-1.0], icp.Affine([[3.0]])), "psi moves too much"),
-        (
-            icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 1.0], icp.Affine([[0, 3.0], [1.0, 0]])),
-            "with the obstacle frozen",
-        ),
+        (icp.ICP(PAIR, [-1.0, 1.0], icp.Affine([[0, 3.0], [1.0, 0]])), "with the obstacle frozen"),
         (icp.ICP([[-1.0]], [-1.0]), "no P-matrix: there may be no solution, or many"),
         (scenes.hand_cyclic().problem, "sweeps may cycle: try newton"),
         (icp.ICP([[1.0, -1.0], [-1.0, 1.0]], [1.0, 1.0]), "A is positive semidefinite: if some z has p >= 0"),
@@ -186,7 +184,7 @@ def test_rounding_noise_decides_nothing():
 
 
 def test_an_accuracy_below_rounding_is_remarked():
-    problem = icp.ICP([[2, -1], [-1, 2]], [-2, -2])
+    problem = icp.ICP(PAIR, [-2, -2])
     assert "the accuracy 1e-30 may be out of reach" in problem.explain(accuracy=1e-30).sections()["what to do"]
     assert "out of reach" not in problem.explain().sections()["what to do"]
     assert "out of reach" not in icp.ICP([[2.0]], [1e-40]).explain(accuracy=1e-30).sections()["what to do"]

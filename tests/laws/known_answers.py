@@ -1,8 +1,20 @@
 """Problems that are made for an answer known beforehand."""
 
 import numpy as np
+import scipy.sparse as sp
+from hypothesis import strategies as st
 
 import icpmodel as icp
+
+#: seeds of random problems
+SEEDS = st.integers(0, 2**32 - 1)
+#: the smallest symmetric M-matrix whose rows depend on each other
+PAIR = np.array([[2.0, -1.0], [-1.0, 2.0]])
+
+
+def chain(n, diagonal=2.0):
+    """The tridiagonal matrix with −1 beside this diagonal."""
+    return sp.diags_array([-1.0, diagonal, -1.0], offsets=[-1, 0, 1], shape=(n, n), format="csr")
 
 
 def dominant(rng, n, share=0.5):

@@ -6,10 +6,11 @@ import pickle
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from known_answers import PAIR
 
 import icpmodel as icp
 
-PROBLEM = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 3.0])
+PROBLEM = icp.ICP(PAIR, [-1.0, 3.0])
 
 
 def again(value):
@@ -49,7 +50,7 @@ def arrays(value):
 
 
 def test_what_is_read_only_stays_so_there():
-    problem = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 3.0], icp.Affine(np.eye(2) / 4, [0.5, -np.inf]))
+    problem = icp.ICP(PAIR, [-1.0, 3.0], icp.Affine(np.eye(2) / 4, [0.5, -np.inf]))
     solution = problem.solve("mnmgs", history=True)
     results = [solution, solution.history, solution.certificate.bound, solution.active_set, problem.psi]
     results += [solution.problem.psi, icp.MNMGS(phi=[1.0, 2.0]), icp.solve_many(problem.A, [[1.0, 2.0]])]

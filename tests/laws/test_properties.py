@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from known_answers import affine, around, dominant
+from known_answers import SEEDS, affine, around, dominant
 
 import icpmodel as icp
 
@@ -17,8 +17,7 @@ def manufactured(seed, n=10):
     return around(rng, dominant(rng, n), z, affine(G)), z
 
 
-@settings(max_examples=60, deadline=None)
-@given(seed=st.integers(0, 10**9), size=st.floats(1e-6, 10))
+@given(seed=SEEDS, size=st.floats(1e-6, 10))
 def test_the_manufactured_solution_is_found_and_no_other_whatever_the_order_of_the_rows(seed, size):
     """It is unique, so any other z shows in the residual: catches a sign that is wrong anywhere in p, r or min."""
     problem, z = manufactured(seed)
@@ -42,8 +41,8 @@ def test_the_manufactured_solution_is_found_and_no_other_whatever_the_order_of_t
     assert frozen.solve(rtol=1e-11).z == pytest.approx(z, abs=1e-8)
 
 
-@settings(max_examples=40, deadline=None)
-@given(seed=st.integers(0, 10**9))
+@settings(max_examples=40)
+@given(seed=SEEDS)
 def test_psi_zero_is_the_lcp_in_every_spelling(seed):
     problem, z = manufactured(seed)
     zero = np.zeros(z.size)

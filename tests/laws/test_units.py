@@ -5,6 +5,7 @@ import numpy as np
 import pyomo.environ as pyo
 import pytest
 import scipy.sparse as sp
+from known_answers import PAIR
 from pyomo.contrib.solver.common.factory import SolverFactory
 from pyomo.contrib.solver.common.results import SolutionStatus
 from pyomo.mpec import Complementarity, complements
@@ -122,7 +123,7 @@ def test_a_row_whose_p_is_no_float_in_the_units_of_z_is_decided_by_r():
 
 @pytest.mark.parametrize("unit", [1e-9, 1e9])
 def test_many_problems_are_judged_in_all_units_alike(unit):
-    A, Q = np.array([[2.0, -1.0], [-1.0, 2.0]]), np.array([[-1.0, 3.0], [1.0, 2.0], [0.0, 0.0]])
+    A, Q = PAIR, np.array([[-1.0, 3.0], [1.0, 2.0], [0.0, 0.0]])
     for of_A, of_z in ((unit, 1.0), (1.0, unit)):
         many = icp.solve_many(A * of_A, Q * of_A * of_z)
         assert many.Z / of_z == pytest.approx(icp.solve_many(A, Q).Z)

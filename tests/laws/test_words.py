@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from known_answers import PAIR
 
 import icpmodel as icp
 
-A, Q = np.array([[2.0, -1.0], [-1.0, 2.0]]), np.array([-1.0, 3.0])
+A, Q = PAIR, np.array([-1.0, 3.0])
 PROBLEM = icp.ICP(A, Q)
 
 

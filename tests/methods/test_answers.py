@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from known_answers import affine, around
+from known_answers import PAIR, affine, around
 
 import icpmodel as icp
 from icpmodel import methods, scenes
@@ -111,7 +111,7 @@ def test_units_of_rows_and_columns_change_nothing(name):
         ([[2.0]], [-1.0], 0.0, [0.5]),
         ([[0.0]], [1.0], 3.0, [3.0]),
         ([[2.0]], [-1.0], -np.inf, [0.5]),
-        ([[2.0, -1.0], [-1.0, 2.0]], [1.0, 2.0], [-np.inf, 0.0], [-0.5, 0.0]),
+        (PAIR, [1.0, 2.0], [-np.inf, 0.0], [-0.5, 0.0]),
         ([[2.0, -1.0], [0.0, 0.0]], [-1.0, 1.0], 0.0, [0.5, 0.0]),  # a zero row
         ([[0.0, 1.0], [-1.0, 0.0]], [-1.0, 2.0], 0.0, [2.0, 1.0]),  # a zero diagonal: A only turns
         ([[1.0, 0.0, 2.0], [2.0, 1.0, 0.0], [0.0, 2.0, 1.0]], [-1.0, -1.0, -1.0], 0.0, [1 / 3, 1 / 3, 1 / 3]),

@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from known_answers import chain
 
 from icpmodel import ICP, Affine, Elementwise
 from icpmodel.solve.solution import Status
@@ -30,7 +31,7 @@ def test_fixed_obstacles_that_cross_are_found_before_any_method_is_tried():
 
 @pytest.mark.parametrize("method", ["psor", "mnmgs", "mnmj"])
 def test_one_obstacle_may_move_while_the_other_does_not(method):
-    A, swap = np.array([[4.0, -1.0, 0.0], [-1.0, 4.0, -1.0], [0.0, -1.0, 4.0]]), np.eye(3)[::-1]
+    A, swap = chain(3, 4.0).toarray(), np.eye(3)[::-1]
     for psi, upper in ((Affine(0.25 * swap, 1.0), 2.0), (-2.0, Affine(0.25 * swap, -1.0))):
         problem = ICP(A, [3.0, -30.0, 2.0], psi, upper=upper)
         assert problem.solve(method, rtol=1e-12).z == pytest.approx(problem.solve("enumerate").z, abs=1e-9)

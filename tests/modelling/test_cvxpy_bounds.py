@@ -3,6 +3,7 @@
 import cvxpy as cp
 import numpy as np
 import pytest
+from known_answers import PAIR
 
 import icpmodel as icp
 
@@ -22,7 +23,7 @@ def clamped(F, x, low, high):
     ],
 )
 def test_bounds_of_a_variable_are_those_of_its_condition_and_else_are_checked(attributes, lower, upper):
-    A, load = np.array([[2.0, -1.0], [-1.0, 2.0]]), cp.Parameter(2, value=[-4.0, 4.0])
+    A, load = PAIR, cp.Parameter(2, value=[-4.0, 4.0])
     x, y = cp.Variable(2, **attributes), cp.Variable(2)
     icp.Problem(icp.complements(A @ x - load, x)).solve(requires_grad=True)
     plain = icp.Problem(icp.complements(A @ y - load, y, lower=lower, upper=upper))
@@ -37,7 +38,7 @@ def test_bounds_of_a_variable_are_those_of_its_condition_and_else_are_checked(at
 
 
 def test_a_variable_with_bounds_has_the_gradients_of_one_without():
-    A, found = np.array([[2.0, -1.0], [-1.0, 2.0]]), []
+    A, found = PAIR, []
     for attributes in ({}, {"nonneg": True}):
         x, load = cp.Variable(2, **attributes), cp.Parameter(2, value=[3.0, 1.0])
         model = icp.Problem(icp.complements(A @ x - load, x - 0.3 * cp.minimum(x, 1)))

@@ -137,7 +137,7 @@ def test_derivative_and_backward_are_what_central_differences_give_and_adjoint_t
         assert variable.delta.shape == variable.shape
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(st.lists(st.floats(-3, 3), min_size=3, max_size=3), st.floats(0.5, 2))
 @example([0.0, 0.0, 5e-324], 2.0)
 def test_the_derivative_of_z_where_it_is_known(load, a):

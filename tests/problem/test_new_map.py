@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from known_answers import chain
 
 import icpmodel as icp
 from icpmodel.algebra.subproblems import restricted
@@ -40,7 +41,7 @@ def next_one(n):
 
 def problem(n, psi, seed=0):
     rng = np.random.default_rng(seed)
-    A = sp.diags_array([-np.ones(n - 1), np.full(n, 3.0), -np.ones(n - 1)], offsets=[-1, 0, 1]).tocsr()
+    A = chain(n, 3.0)
     return icp.ICP(A, rng.normal(size=n), psi)
 
 

@@ -8,11 +8,12 @@ import pickle
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from known_answers import chain
 
 import icpmodel as icp
 from icpmodel import ICP
 
-A = np.array([[4.0, -1.0, 0.0], [-1.0, 4.0, -1.0], [0.0, -1.0, 4.0]])
+A = chain(3, 4.0).toarray()
 Q = np.array([-9.0, 2.0, -40.0])
 Z = np.array([0.5, 1.0, 2.0])
 

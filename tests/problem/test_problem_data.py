@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from known_answers import PAIR
 from scipy.sparse.linalg import aslinearoperator
 
 import icpmodel as icp
@@ -140,7 +141,7 @@ def test_an_operator_that_only_multiplies_is_refused_with_what_to_give_instead()
 def test_labels_of_pandas_that_differ_are_named():
     """Numbers are taken by their place: rows that are called otherwise would be taken for each other."""
     pd = pytest.importorskip("pandas")
-    A = pd.DataFrame([[2.0, -1.0], [-1.0, 2.0]], index=list("ab"), columns=list("ab"))
+    A = pd.DataFrame(PAIR, index=list("ab"), columns=list("ab"))
     q = pd.Series([-2.0, 1.0], index=list("ab"))
     assert icp.ICP(A, q, psi=pd.Series([0.0, 0.0], index=list("ab"))).solve().z.tolist() == [1.0, 0.0]
     for wrong, name in (((A[["b", "a"]], q), "A.columns"), ((A, q, q[::-1]), "psi.index")):

@@ -10,12 +10,11 @@ import scipy.sparse as sp
 from exact import ExactProblem, fractions
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from known_answers import SEEDS
 
 import icpmodel as icp
 from icpmodel.problem.two_sided import TwoSidedObstacle, mid
 from icpmodel.problem.verdict import certain
-
-SEEDS = st.integers(0, 2**32 - 1)
 
 
 def maps(rng, n):
@@ -35,7 +34,6 @@ def pair(rng, n):
     return TwoSidedObstacle(lower, upper).bind(n)
 
 
-@settings(max_examples=60, deadline=None)
 @given(SEEDS)
 def test_what_is_known_of_both_is_true_of_each(seed):
     """G bounds the differences of both, `change` too; links, isotone, constant, a user's word likewise."""
@@ -58,7 +56,7 @@ def test_what_is_known_of_both_is_true_of_each(seed):
     assert (both.linear is None) == any(one.linear is None for one in sides)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(SEEDS)
 def test_both_sides_go_along_wherever_the_map_goes(seed):
     """To some rows, to a coarser level, to other units."""
@@ -167,7 +165,6 @@ def given_problems(draw):
     return icp.ICP(kind(A), q * unit, icp.Affine(G, c * unit) if G.any() else c * unit, upper=upper), z * unit
 
 
-@settings(max_examples=60, deadline=None)
 @given(given_problems())
 def test_a_certain_residual_is_never_below_the_exact_one_and_tight(drawn):
     problem, z = drawn
@@ -177,7 +174,6 @@ def test_a_certain_residual_is_never_below_the_exact_one_and_tight(drawn):
     assert root == 0.0 or Fraction(certain(problem, z, 0.0, root / 2)) ** 2 >= exact
 
 
-@settings(max_examples=60, deadline=None)
 @given(given_problems())
 def test_the_rounding_errors_of_p_and_of_both_r_are_bounded(drawn):
     problem, z = drawn

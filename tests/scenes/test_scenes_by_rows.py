@@ -25,7 +25,7 @@ def stacked(made, cuts):
 
 
 @pytest.mark.parametrize("name", NAMES)
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(data=st.data(), n=st.integers(30, 400), of_all=st.lists(st.floats(0, 1), max_size=4))
 def test_the_rows_of_any_cut_are_those_of_the_whole_bit_by_bit(name, data, n, of_all):
     asked = {"skew": data.draw(st.sampled_from([0.0, 0.3, 1.0, -1.0]))} if "skew" in scenes.parameters(name) else {}

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from known_answers import PAIR
 
 import icpmodel as icp
 
@@ -38,7 +39,7 @@ class TestAccuracy:
             return 0.3 * z[::-1]
 
         psi = icp.Function(tiring, lipschitz=[[0, 0.3], [0.3, 0]])
-        solution = icp.ICP([[2, -1], [-1, 2]], [-1, 3], psi).solve(accuracy=1e-12, raise_on_failure=False)
+        solution = icp.ICP(PAIR, [-1, 3], psi).solve(accuracy=1e-12, raise_on_failure=False)
         assert solution.status is icp.Status.MAP_FAILED
         assert "tired" in solution.message
         assert solution.residual < 0.2

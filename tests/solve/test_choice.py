@@ -86,7 +86,7 @@ class Rungs(InTurn):
 
 
 @given(st.lists(scripts(), min_size=1, max_size=5))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 def test_the_total_is_at_most_nine_times_what_the_best_one_needs_or_says(candidates):
     """T + 8R: see `select_method`. Looks between steps add a step each."""
     rungs = Rungs()

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from benchmarks.families import drawn
+from known_answers import PAIR
 from runs import ended, run_on
 
 import icpmodel as icp
@@ -180,7 +181,7 @@ def test_loud_by_default_and_the_error_carries_the_solution(slow):
 def test_the_tolerance_is_relative_to_a_scale_that_no_start_changes():
     """Law 5: Res_D(0), or where 0 is a solution the smallest term of it; atol is judged by the Res of the paper."""
     membrane = icp.scenes.membrane(n=100).problem
-    at_0 = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [1.0, 2.0])
+    at_0 = icp.ICP(PAIR, [1.0, 2.0])
     for problem, scale in ((membrane, membrane.residual(np.zeros(100))), (at_0, 0.5)):
         for z0 in (None, np.full(problem.n, 1e6), 1e8 * (-1.0) ** np.arange(problem.n)):
             solution = problem.solve("mnmgs", z0=z0, rtol=1e-6)
@@ -413,7 +414,7 @@ def test_a_solved_answer_survives_ctrl_c_while_it_is_judged_again():
             raise KeyboardInterrupt
         return 0.1 * np.sin(z)
 
-    problem = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 0.5], psi)
+    problem = icp.ICP(PAIR, [-1.0, 0.5], psi)
     problem.solve("mnmgs")
     for call in range(4, len(calls) + 1):
         calls.clear()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from known_answers import definite
+from known_answers import chain, definite
 
 import icpmodel as icp
 from icpmodel import Status
@@ -11,7 +11,7 @@ from icpmodel.solve.many import solve_many
 from icpmodel.solve.many.at_once import ROWS_A_THREAD, UNKNOWNS_A_THREAD
 
 SMALL = [[2.0, -1.0], [-1.0, 2.0]]
-TRIDIAGONAL = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(100, 100))
+TRIDIAGONAL = chain(100)
 
 
 def same_as_row_by_row(A, Q, psi, obstacles=False, **options):

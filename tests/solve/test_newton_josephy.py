@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from known_answers import definite
+from known_answers import PAIR, definite
 
 import icpmodel as icp
 from icpmodel import ICP
@@ -328,7 +328,7 @@ def test_the_derivative_and_the_polish_have_the_slopes_of_f():
 
 def test_an_obstacle_above_and_one_that_moves():
     f = icp.Elementwise(np.exp, np.exp)
-    problem = ICP([[2.0, -1.0], [-1.0, 2.0]], [-9.0, -1.0], icp.Affine([[0, 0.5], [0.5, 0]], -1.0), [1.0, 9.0], f=f)
+    problem = ICP(PAIR, [-9.0, -1.0], icp.Affine([[0, 0.5], [0.5, 0]], -1.0), [1.0, 9.0], f=f)
     z = problem.solve(rtol=1e-12).z
     assert problem.natural_map(z) == pytest.approx([0.0, 0.0], abs=1e-9)
     assert z[0] == pytest.approx(1.0, rel=1e-15)

@@ -3,6 +3,8 @@
 import io
 import logging
 
+from known_answers import PAIR
+
 import icpmodel as icp
 from icpmodel.solve.progress import progress_bar, status_line
 
@@ -33,7 +35,7 @@ def test_the_lines_of_a_log_come_after_1_2_4_seconds_and_then_one_a_minute(capsy
 
 
 def test_a_study_says_beforehand_how_much_it_is_and_in_a_page_as_well(caplog):
-    problem = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 3.0])
+    problem = icp.ICP(PAIR, [-1.0, 3.0])
     with caplog.at_level("INFO", "icpmodel"), status_line(False, "outer") as outer, status_line(True, "inner") as inner:
         assert inner is outer  # a page shows what its parts are at
     assert "outer" in caplog.text

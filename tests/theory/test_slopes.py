@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from known_answers import PAIR
 
 import icpmodel as icp
 from icpmodel import ICP
@@ -78,7 +79,7 @@ def test_without_known_slopes_nothing_is_proved_and_a_broken_word_is_seen():
 
 def test_an_accuracy_can_be_asked_for_and_the_derivative_is_certain():
     f = icp.Elementwise(np.exp, np.exp, slope_range=(0, np.inf))
-    solution = ICP([[2.0, -1.0], [-1.0, 2.0]], [-3.0, 5.0], f=f).solve(accuracy=1e-9)
+    solution = ICP(PAIR, [-3.0, 5.0], f=f).solve(accuracy=1e-9)
     assert solution.error_bound <= 1e-9
     assert solution.derivative().certain
     assert solution.active_set.active.tolist() == [False, True]

@@ -87,14 +87,14 @@ def against_brute_force(A, q, G, c, H, d):
             assert not is_solution([a + (b - a) / 1024 for a, b in zip(z, end, strict=True)], p, r, s)
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=40, derandomize=True)
 @given(problems())
 def test_all_solutions_are_those_of_brute_force(data):
     against_brute_force(*data)
 
 
 @pytest.mark.slow
-@settings(max_examples=1000, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=1000, suppress_health_check=list(HealthCheck))
 @given(problems())
 def test_all_solutions_are_those_of_brute_force_on_many(data):
     against_brute_force(*data)

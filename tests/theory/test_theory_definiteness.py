@@ -7,6 +7,7 @@ import pytest
 import scipy.sparse as sp
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from known_answers import SEEDS
 
 import icpmodel as icp
 from icpmodel.numerics.arrays import as_csr
@@ -16,8 +17,7 @@ from icpmodel.theory.certificates.bounds import shared_proofs
 from icpmodel.theory.certificates.proof import Proof
 from icpmodel.theory.matrices import definiteness, eigenvalue
 
-SEEDS = st.integers(0, 10**9)
-drawn = settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+drawn = settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 @pytest.fixture(params=[0, 40, 100], ids=["fractions", "dense", "sparse"])

@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from known_answers import affine, around
+from known_answers import PAIR, affine, around
 
 import icpmodel as icp
 from icpmodel.theory.convergence.rates import Contraction, PeacemanRachford, Rate, predicted_rate
@@ -110,7 +110,7 @@ def test_it_is_sharp_for_linear_equations():
     rate = predicted_rate(problem, icp.MNMMOD(theta1=2.0))
     exact = max(abs(values - 2) / (values + 2))
     assert exact <= rate.factor <= exact + 0.01
-    problem = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [0.0, 0.0], psi=-np.inf)
+    problem = icp.ICP(PAIR, [0.0, 0.0], psi=-np.inf)
     rate = predicted_rate(problem, icp.MNMJ())  # halves the error of (1, 1) in each step
     assert rate.factor == pytest.approx(0.5, abs=1e-12)
     assert [rate.steps(problem, [1.0, 1.0], 0.0625 * (1 + sign * 1e-9)) for sign in (1, -1)] == [4, 5]
@@ -128,7 +128,7 @@ def test_the_factor_is_that_of_theory_on_the_five_point_matrix(member, radius):
 
 
 def test_it_serves_every_q_and_no_other_problem():
-    problem = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, -1.0])
+    problem = icp.ICP(PAIR, [-1.0, -1.0])
     rate = predicted_rate(problem, icp.MNMGS())
     assert rate.steps(problem.with_q([5.0, -7.0]), [0.0, 0.0], 1e-3) > 0
     assert rate.steps(problem, [1.0, 1.0], 1e-9) == 0

@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
+from known_answers import PAIR
 
 import icpmodel as icp
 from icpmodel.numerics.rounding import at_least, at_most
 from icpmodel.theory import check, error_bound
 
-P = icp.ICP([[2, -1], [-1, 2]], [1, -2])
+P = icp.ICP(PAIR, [1, -2])
 FLOATS = st.floats(allow_nan=False, allow_infinity=False)
 
 
