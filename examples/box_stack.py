@@ -28,7 +28,7 @@ gdt = 9.81 * 0.01  # what gravity makes in one time step, m/s
 
 
 def stack(masses: list[float], angle: float, mu: float = MU) -> icp.Solution:
-    """One time step from rest of boxes on a slope of so many degrees; the x axis runs downhill."""
+    """One time step from rest of boxes on a slope of `angle` degrees; the x axis runs downhill."""
     rows = []
     for k in range(len(masses)):
         for x in (-0.5, 0.5):  # uphill, downhill
@@ -81,7 +81,7 @@ print(
 assert abs(carried - 3 * gdt) < 1e-9, "the slope carries the weight"
 
 # %%
-# Now one block on a level floor that moves at 1 m/s in a direction of so many degrees from the first axis of friction.
+# Now one block on a level floor that moves at 1 m/s in a `direction`, in degrees from the first axis of friction.
 # In three dimensions a contact has two rows of friction, each bounded by $\mu z_n$: together a *pyramid*. Coulomb's
 # *cone*, $\sqrt{z_x^2 + z_y^2} \le \mu z_n$, is solved by hand for one block: friction of $\mu z_n$ against the motion.
 # The *box* law has a fixed bound, $\mu$ times the weight, whatever the contact carries.

@@ -30,7 +30,7 @@ m, g, dt = 1.0, 9.81, 0.1  # kg, m/s², s
 
 
 def step(angle: float, mu: float = MU, m: float = m, dt: float = dt) -> icp.Solution:
-    """One time step from rest on a slope of so many degrees."""
+    """One time step from rest on a slope of `angle` degrees."""
     slope = np.deg2rad(angle)
     q = (
         g * dt * np.array([-np.cos(slope), np.sin(slope)])

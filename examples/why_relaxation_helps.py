@@ -43,7 +43,7 @@ def stretched(n):
 string = stretched(N)
 exact = string.solve("tridiagonal")
 free = exact.p < exact.r
-side = int(np.argmin(free))  # so many points hang free on each side
+side = int(np.argmin(free))  # the number of points that hang free on each side
 print(
     f"{N} points: {N - free.sum()} lie on the bump, {side} hang free on each side of it"
 )

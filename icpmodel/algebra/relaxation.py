@@ -50,7 +50,7 @@ _MAX_OMEGA = 1.995
 _PATIENCE = 100
 _HALVINGS_OF_PATIENCE = 3.0
 _MAX_GROWTH = 1e3
-#: but steps that halve the error are taken for at most so many where the rate does not tell: the patience is 724 then,
+#: the largest number of steps to halve the error that is assumed without a rate: the patience is 724 then,
 #: in which SOR with the best ω = 1.999 halves the error, and what turns in a circle is found before a run gives up
 _MAX_HALVING_STEPS = 300.0
 

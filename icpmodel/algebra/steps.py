@@ -20,7 +20,7 @@ AT_ONCE = 4
 Stepped = tuple[Vector, float | None]
 #: z ↦ (z⁺, Res_D(z))
 Step = Callable[[Vector], Stepped]
-#: (z, count) ↦ so many steps in a row, or what costs that
+#: (z, count) ↦ the results of `count` steps in a row, or of fewer
 Several = Callable[[Vector, int], list[Stepped]]
 
 

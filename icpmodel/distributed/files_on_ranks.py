@@ -260,7 +260,7 @@ def _written(path: Path, vectors: dict[str, Any], comm: Any) -> None:
 
 
 def _check_free_space(file: BinaryIO, size: int) -> None:
-    """Have the system say now that there is no room for so many bytes: while ranks write, one may wait for ever for
+    """Have the system say now that there is no room for `size` bytes: while ranks write, one may wait for ever for
     another one that could not."""
     if hasattr(os, "posix_fallocate"):  # which macOS has not
         os.posix_fallocate(file.fileno(), 0, size)

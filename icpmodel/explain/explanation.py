@@ -36,7 +36,7 @@ from .forecasts import Forecast, factor_text, forecasts_of, members, tie
 _MAX_PRODUCTS = 600.0
 _MAX_NANOSECONDS = 0.8e9
 _QUESTION_SHARE = 0.2
-#: and at most so many nanoseconds a row, where rows are long, and no less than 10⁶ rows would get
+#: and the largest number of nanoseconds a row, where rows are long, and no less than 10⁶ rows would get
 _NANOSECONDS_PER_ROW = 3_000.0
 _MIN_ROWS = 1e6
 _CENTURY = 3e9  #: in seconds

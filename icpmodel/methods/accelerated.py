@@ -52,7 +52,7 @@ class Accelerated(Method):
     history_size : int, default 7
         Number of differences, at least 1.
     mixing_frequency : int, default 3
-        Every so many steps are combined, at least 1.
+        The number of steps from one combination to the next, at least 1.
 
     Raises
     ------

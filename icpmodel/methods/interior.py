@@ -38,7 +38,7 @@ from ..theory.certificates.recession import Recession
 from .contract import Infeasible, Iterate, LeastValue
 from .proximal import Regularised
 
-#: the method ends after so many steps that reduce neither the residual nor the infeasibility of r and s
+#: the largest number of steps that reduce neither the residual nor the infeasibility of r and s
 _PATIENCE = 20
 #: the first multiple of W that is added to A, for a symmetric A and for another one. There entries are not bounded by
 #: those of the diagonal, and the square of the multiple must be above rounding, or pivots may vanish. The last one is
@@ -54,9 +54,9 @@ _REGULARISATION_DECREASE = 0.1
 _REGULARISATION_INCREASE = 100.0
 #: a step goes this share of the way to the boundary
 _BOUNDARY_SHARE = 0.995
-#: the starting r and s are shifted by so many times their negative part
+#: the starting r and s are shifted by this multiple of their negative part
 _SHIFT = 1.5
-#: the method ends when the infeasibility exceeds so many times its least value and the least residual
+#: the method ends when the infeasibility exceeds this multiple of its least value and the least residual
 _MAX_ERROR_GROWTH = 1e4
 
 

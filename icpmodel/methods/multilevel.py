@@ -40,12 +40,12 @@ _MAX_CYCLE_SHARE = 0.5
 _COARSE_REDUCTION = 0.05
 _MIN_COARSE_RTOL = 1e-8
 MAX_COARSE_STEPS = 8
-#: if ψ is an intervention, it ends at the second share or after so many steps: they cost little on a coarser level
+#: if ψ is an intervention, it ends at the second share or after this number of steps, which are cheap on coarse levels
 _MAX_POLICY_STEPS = 30
 #: a start with at most this share of Res_D(0), ten times the default tolerance, is used as it is; with more the error
 #: may be smooth and large, as after sweeps
 GOOD_START = 1e-7
-#: the method ends if so many steps do not halve the residual, or if the second number of steps do not reduce it
+#: the method ends if this number of steps does not halve the residual, or the second number does not reduce it
 _PATIENCE = 12
 _SHORT_PATIENCE = 5
 

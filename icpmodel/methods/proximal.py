@@ -42,7 +42,7 @@ _FIRST_SHIFT = 0.1
 _DECREASE = 0.2
 _SLOW_DECREASE = 0.5
 _QUICK_STEPS = 3
-#: after so many steps that do not reduce the residual of the subproblem by a tenth, μ grows by this factor
+#: after this number of steps that do not reduce the residual of the subproblem by a tenth, μ grows by this factor
 _PATIENCE = 5
 _INCREASE = 5.0
 #: a subproblem is solved when its residual is below this share of that of the LCP
@@ -53,7 +53,7 @@ _MIN_SHIFT = 1e-12
 #: symmetric pivots may be as small as μ²
 _SECOND_SHIFT = 1e-10
 _SECOND_SHIFT_SKEW = 1e-6
-#: the method ends after so many steps without a better iterate
+#: the largest number of steps without a better iterate
 _MAX_IDLE_STEPS = 100
 
 

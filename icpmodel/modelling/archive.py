@@ -29,7 +29,7 @@ _CSR = ("data", "indices", "indptr")
 
 @contextmanager
 def opened(path: Path, shares: int = 1) -> Iterator[tuple[BinaryIO, int]]:
-    """Open the file `path`, to read one of so many `shares` of it; yields it and its bytes.
+    """Open the file `path`, to read one of its `shares` equal parts; yields it and its size in bytes.
 
     Raises FileError, for pipes and folders, too.
     """
@@ -54,7 +54,7 @@ def content_errors(path: Path | None) -> Iterator[None]:
 
 
 def check_room(what: str, size: float) -> None:
-    """Raise FileError where `what`, of so many bytes, is more than the machine has free."""
+    """Raise FileError where the size of `what` in bytes exceeds the free memory."""
     if not work.fits(size):
         raise FileError(f"{what} takes {1e-9 * size:.3g} GB of memory, more than is free")
 

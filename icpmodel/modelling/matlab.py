@@ -27,7 +27,7 @@ from .archive import REAL, check_room, content_errors, opened
 #: the bytes before the first variable; the last two of them tell the byte order
 _HEADER_BYTES = 128
 _ORDERS = {b"IM": "<", b"MI": ">"}
-#: the type of a compressed variable, which is unpacked in pieces of so many bytes: what does not fit is not unpacked
+#: the type of a compressed variable, and the bytes of a piece in which it is unpacked: only what fits is unpacked
 _COMPRESSED = 15
 _PIECE_BYTES = 1 << 24
 

@@ -16,7 +16,7 @@ from .sparse_input import checked_sparse
 Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: so many entries have positions that fit into 32 bits
+#: the largest number of entries whose positions fit into 32 bits
 _SHORT = np.iinfo(np.int32).max
 #: no float is as large as this integer
 _MIN_OVERFLOWING_INTEGER = 10**309
@@ -27,7 +27,7 @@ _NO_NUMBER = (bool, np.timedelta64)
 _TRUTH = (bool, np.bool_)
 #: every whole number up to this one is a float64
 _MAX_EXACT_INTEGER = 2.0**53
-#: BLAS uses one thread for inner products of up to so many entries
+#: the number of entries up to which BLAS uses one thread for an inner product
 _ONE_THREAD_UP_TO = 10_000
 
 

@@ -34,7 +34,7 @@ from .threads import one_blas_thread, run_with_deadline
 _PIVOT_THRESHOLD = 2.0**-26
 #: entries of this share of the largest one of their column will do for pivots
 _GOOD_PIVOT_SHARE = 0.1
-#: LAPACK's factorisations of bands with up to so many diagonals on one side use no blocks
+#: the number of diagonals on one side up to which LAPACK's factorisation of a band uses no blocks
 _UNBLOCKED_BAND = 32
 #: bytes of an entry of a factor, doubled for exchanges of rows that were not foreseen
 _ENTRY_BYTES = 2 * 12

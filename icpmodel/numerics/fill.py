@@ -32,7 +32,7 @@ _DIAGONAL = 1e3
 
 
 class Fill(NamedTuple):
-    """The `entries` of L + U of so many `rows`, and the `flops` (multiplications) that make them.
+    """The `entries` of L + U with this number of `rows`, and the `flops` (multiplications) that make them.
 
     Both are estimates unless `is_exact`. Those of a `band` are stored and made as full ones, and of
     `symmetric` ones, up to the signs of rows, a half is.
@@ -78,7 +78,7 @@ def dense_cost(n: int, symmetric: bool = False) -> float:
 
 
 def of_band(n: int, below: int, above: int, symmetric: bool = False) -> Fill:
-    """The fill of a band with so many diagonals below the main one and above it.
+    """The fill of a band with `below` diagonals below the main one and `above` above it.
 
     There is room for exchanges of rows. For a `symmetric` band it is the fill of Cholesky's factor,
     which needs none.

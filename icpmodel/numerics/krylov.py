@@ -140,7 +140,7 @@ class GCR:
         self._shortest = np.inf
 
     def further(self, x: Vector, tolerance: float, most: int) -> tuple[Vector, bool]:
-        """`x` after at most so many steps, until the rest is as small as `tolerance`, and whether any was made."""
+        """`x` after at most `most` steps, until the rest is as small as `tolerance`, and whether any was made."""
         from .kernels.vcycle import add_both  # loads numba
 
         # in place: to touch memory that is new costs more than these sums
@@ -173,7 +173,7 @@ class GCR:
         return x, moved
 
     def until(self, x: Vector, tolerance: float, most: int) -> Vector:
-        """`x` after at most so many steps, where the rest is as small as `tolerance`. Raises NotConverged."""
+        """`x` after at most `most` steps, where the rest is as small as `tolerance`. Raises NotConverged."""
         if norm(self.rest) > tolerance:
             x, _ = self.further(x, tolerance, most)
         if not norm(self.rest) <= tolerance < np.inf:

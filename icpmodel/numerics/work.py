@@ -279,7 +279,7 @@ def free_memory() -> float:
 
 
 def fits(memory: float) -> bool:
-    """Whether so many bytes may still be asked for."""
+    """Whether an allocation of `memory` bytes is within the limits."""
     budget = _counted.budget
     if memory <= (_NEGLIGIBLE_BYTES if budget is None else min(budget.memory, _NEGLIGIBLE_BYTES)):
         return True

@@ -21,7 +21,7 @@ from .function import Function
 from .map import Map
 from .matrix import Matrix, weights_of
 
-#: beyond so many unknowns the n + 1 values of f that a dense Jacobian takes want a word of the user
+#: the largest n for which a dense Jacobian is made of n + 1 values of f without the consent of the user
 DENSE_UP_TO = 1000
 #: units in the last place to which f is taken as exact
 ULPS = 8.0

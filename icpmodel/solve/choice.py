@@ -37,11 +37,11 @@ _LOG = logging.getLogger("icpmodel")
 _TRIAL_SHARE = 0.25
 #: plain sweeps that are made before a rate is read off
 _PLAIN_SWEEPS = 12
-#: accelerated sweeps that are made before a rate is read off, twice their history; plain ones go on where so many of
-#: them will do
+#: accelerated sweeps that are made before a rate is read off, twice their history; plain ones go on where this
+#: number of them will do
 _ACCELERATED_SWEEPS = 20
-#: a method that has spent so many times what it said is stopped; by its rate it has left what it has spent, and at most
-#: so many times that
+#: a method stops when it has spent this multiple of its estimate; its remaining cost is then at least what it spent,
+#: and at most the second multiple of that
 _MAX_OVERRUN = 2.0
 _MAX_REMAINING_FACTOR = 4.0
 

@@ -30,7 +30,7 @@ from .solution import Status
 _PROXIMAL = (0.0, 1e-2, 1.0, 1e2)
 #: a linearised problem is solved to the share θ/θ⁰ of its residual, kept within these (Eisenstat and Walker 1996)
 _TIGHT, _LOOSE = 1e-4, 0.1
-#: a step of length t is taken where θ ≤ (1 − σt) times the largest of the last so many (Grippo and others 1986)
+#: a step of length t is taken where θ ≤ (1 − σt) times the largest of the last ones, by number (Grippo and others 1986)
 _SIGMA, _MEMORY = 1e-4, 5
 #: the number of halvings of a step, and of steps without a reduction of the least θ by a tenth
 _HALVINGS, _PATIENCE = 20, 40

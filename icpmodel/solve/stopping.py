@@ -12,7 +12,7 @@ from ..numerics.arrays import Vector, not_finite
 from ..problem.data import ProblemData
 from .solution import Status
 
-#: after so many steps without a reduction of the residual by a thousandth, the rounding of the residual is computed
+#: the number of steps that reduce the residual by less than a thousandth before its rounding error is computed
 _PRECISION_CHECK = 50
 _NOTHING: Vector = np.zeros(0)
 
@@ -32,7 +32,7 @@ class StagnationTest:
     memoryless : bool
         Whether the method is, see `Method.memoryless`.
     patience : int
-        The method stops after so many steps without a better iterate, unless `is_proved` to converge.
+        The number of steps without a better iterate after which the method stops, unless `is_proved` to converge.
     at_floor : callable
         Returns a reason if rounding explains that the residual does not fall, else None.
     is_proved : callable

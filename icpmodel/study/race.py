@@ -35,7 +35,7 @@ from .timing import clocked, interleaved, machine
 TOLERANCES = tuple(10.0**-k for k in range(2, 13))
 #: own methods in the chart if none are named
 METHODS = ("mnmgs", "mnmaor, tuned", "psor, tuned", "newton", "multilevel")
-#: a claim of success is loose where the residual, relative to Res_D(0), is more than so many times what was asked for
+#: a claim of success is loose where the residual, relative to Res_D(0), exceeds this multiple of what was asked for
 _LOOSE_FACTOR = 10.0
 #: a run that takes more seconds than this is timed once
 _TIMED_ONCE_SECONDS = 1.0

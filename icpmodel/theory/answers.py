@@ -50,8 +50,10 @@ class Answer(ReadOnly, Displayable):
 
 @dataclass(frozen=True)
 class Allowance:
-    """What one question may cost: so many `products` with A, each of `unit` nanoseconds as they are
-    counted. Others learn from `undecided` that it was not enough, or that something else was not."""
+    """What one question may cost: this number of `products` with A, each counted as `unit` nanoseconds.
+
+    `undecided` says where that, or another limit, was not enough.
+    """
 
     products: float
     unit: float

@@ -15,11 +15,11 @@ from .harness import compared, relaxed, run, scene
 PEERS = ("piqp", "clarabel", "osqp", "highs")
 #: what a peer is asked for until its answer is good enough
 LADDER = tuple(10.0**-k for k in range(3, 13))
-#: `solve()` looks bad beyond so many times the best own method, or a peer
+#: the largest times of `solve()` that are good, in times of the best own method, or of a peer
 OWN, PEER = 2.0, 1.5
-#: a method has so many times the time of the best so far, and so many seconds at least
+#: the time of a method: this multiple of the best so far, and at least these seconds
 PATIENCE, LEAST = 3.0, 0.3
-#: who takes longer than so many times the best, and than so many seconds, is not timed again
+#: a method that takes longer than this multiple of the best, and than these seconds, is timed once
 NEAR, BRIEF = 1.3, 0.01
 GALLERY = "gallery-"
 
@@ -36,7 +36,7 @@ def table(seed=1, families=(), low=100, high=10_000, count=1, most=60, time_limi
     seed : stands for all problems
     families : first letters of names; "gallery" takes the scenes; by default all but these
     low, high, count : smallest and largest n, and how many sizes between them, drawn for each family
-    most : so many problems at most, drawn of all
+    most : the largest number of problems, drawn of all
     time_limit : seconds for one run
     repeats : rounds of timings
     own : names of the own methods to take part, by default all

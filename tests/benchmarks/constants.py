@@ -12,7 +12,7 @@ import icpmodel as icp
 from icpmodel.numerics.work import COSTS
 from icpmodel.study.timing import clocked
 
-#: so many sweeps are timed together, as a method may make some of them in one pass
+#: the number of sweeps timed together, as a method may make some of them in one pass
 TOGETHER = 8
 
 

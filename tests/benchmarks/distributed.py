@@ -28,7 +28,7 @@ ENVIRONMENT = {
     "OMP_NUM_THREADS": "1",
     "OPENBLAS_NUM_THREADS": "1",
 }
-#: a problem of so many unknowns is solved before anything is measured
+#: the unknowns of the problem that is solved before anything is measured
 WARM = 400
 HEADS = ("scene", "n", "method", "ranks", "solve, s", "lowest", "highest", "iterations", "Krylov steps")
 HEADS += ("memory a rank, MiB", "beyond the programs, MiB", "time / serial", "note")
@@ -51,7 +51,7 @@ def table(
     ranks : numbers of ranks
     repeats : rounds
     time_limit : seconds for one run, its start included
-    snesvi : SNESVI is run up to so many unknowns
+    snesvi : the number of unknowns up to which SNESVI is run
     """
     if not (find_spec("petsc4py") and find_spec("mpi4py") and which("mpiexec")):
         raise SystemExit("petsc4py, mpi4py and mpiexec are needed: docs/distributed.md says how to get them")

@@ -42,7 +42,7 @@ def with_petsc(test):
 
 
 def on_ranks(ranks, *arguments, **environment):
-    """The finished run of Python on so many ranks."""
+    """The finished run of Python on these ranks."""
     command = ["mpiexec", "-n", str(ranks), sys.executable, *arguments]
     environment = ENVIRONMENT | environment
     return subprocess.run(command, capture_output=True, text=True, timeout=HANGS, env=environment, check=False)

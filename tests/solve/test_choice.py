@@ -73,7 +73,7 @@ class Ends(icp.PSOR):
 
 @st.composite
 def scripts(draw):
-    """What a method says of its cost, and what it does: so many steps of one cost, its residual falling in turn."""
+    """What a method says of its cost, and what it does: steps of one cost, its residual falling in turn."""
     falls = draw(st.lists(st.floats(-2.0, 2.0), min_size=1, max_size=6))
     return draw(st.booleans()), draw(st.floats(0.1, 1e3)), draw(st.floats(0.01, 10.0)), draw(st.integers(1, 300)), falls
 

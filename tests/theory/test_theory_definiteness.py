@@ -22,7 +22,7 @@ drawn = settings(max_examples=25, suppress_health_check=[HealthCheck.function_sc
 
 @pytest.fixture(params=[0, 40, 100], ids=["fractions", "dense", "sparse"])
 def padded(request):
-    """S with so many rows of the identity: up to 30 are decided by fractions, from 65 on sparse ones by SuperLU."""
+    """S with further rows of the identity: up to 30 are decided by fractions, from 65 on sparse ones by SuperLU."""
     return lambda S: sp.block_diag([S, sp.eye_array(request.param)]).toarray()
 
 

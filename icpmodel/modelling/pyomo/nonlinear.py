@@ -188,7 +188,7 @@ class _CompiledExpression:
         return self._where(root)
 
     def _run(self, x: Vector, steps: int, outputs: list[Any]) -> list[Any]:
-        """What stands at the `outputs` places after so many steps; numbers are as they are."""
+        """The values at the `outputs` places after `steps` operations; numbers are as they are."""
         known: list[Any] = [*x[self.variables], *self.constants]
         with np.errstate(all="ignore"):  # the judge sees what is not finite
             for function, places in self._steps[:steps]:

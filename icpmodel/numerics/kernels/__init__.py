@@ -36,7 +36,7 @@ _LOG = logging.getLogger("icpmodel.compiler")
 uint = np.uint64
 _OPTIONS: dict[str, Any] = {"fastmath": {"contract"}, "error_model": "numpy", "nogil": True}
 _SUMS: dict[str, Any] = _OPTIONS | {"fastmath": {"contract", "reassoc"}}
-#: from so many entries side by side on, where they take two fifths of the time of a loop, vector instructions sum them
+#: the least number of adjacent entries that vector instructions sum: there they take two fifths of the time of a loop
 _LONG = uint(16)
 
 #: a function that becomes part of the compiled ones that call it

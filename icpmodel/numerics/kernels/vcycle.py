@@ -52,7 +52,7 @@ def add_both(x, y, share, v, w, part):
 
 @compiled
 def largest_of(indptr, groups, data, count):
-    # where the largest entry of each of so many groups stands, the first of them, and in which row; -1 where none is
+    # position and row of the largest entry of each of the `count` groups, the first of them; -1 where none is
     places = np.full(count, -1)
     rows = np.zeros(count, np.int64)
     for i in range(indptr.size - 1):

@@ -106,7 +106,7 @@ class AtOnce:
         return np.broadcast_to(np.asarray(c), self.Q.shape), G
 
     def _on_threads(self, loop: Callable[[int, int], Any], rows: int) -> None:
-        """Call `loop` for parts of so many rows, on as many threads as they are worth."""
+        """Call `loop` for parts of the `rows`, on as many threads as they are worth."""
         worth = -(-rows // ROWS_A_THREAD) if self.small else -(-rows * self.problem.n // UNKNOWNS_A_THREAD)
         run_in_threads(rows, min(cores(), rows, worth), loop)
 

@@ -30,7 +30,7 @@ _LOG = logging.getLogger("icpmodel")
 
 Matrix = NDArray[np.float64]
 
-#: so many rows that are solved one by one start each from the answer of the one before; the next one begins anew, so
+#: the number of rows in a chain, each of which starts from the answer of the one before; the next one begins anew, so
 #: that a share of the rows in another process has the same answers: measured, a cold row costs .7 to 2 times as much
 CHAIN = 16
 #: the cost of a share of rows in compiled code, in nanoseconds: some hundred times the cost of sending it

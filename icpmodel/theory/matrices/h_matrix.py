@@ -35,7 +35,7 @@ from ...numerics.rounding import SMALLEST, lower, upper
 from ..answers import Answer
 from .comparison_matrix import comparison_matrix, solve_for_diagonal
 
-_MAX_POWER_STEPS = 30  #: so many steps of the power method cost less than a linear solve
+_MAX_POWER_STEPS = 30  #: this number of steps of the power method costs less than a linear solve
 #: the limits of what rational elimination is asked to decide: stored entries, rows of a block
 _MAX_EXACT_ENTRIES = 2000
 _MAX_EXACT_ROWS = 40

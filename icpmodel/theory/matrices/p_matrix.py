@@ -37,7 +37,7 @@ from .h_matrix import by_row_sums, irreducible_blocks
 LIMIT = 26  #: irreducible blocks up to this size are decided by all of their minors: a second or two
 _RATIONAL_UP_TO = 10  #: rows up to which all minors are computed in rational arithmetic: a tenth of a second
 _MINOR_COST = 15.0  #: nanoseconds that a minor takes
-_MAX_EXACT_PAIRS = 1000  #: at most so many nearly singular pairs are checked in rational arithmetic
+_MAX_EXACT_PAIRS = 1000  #: the largest number of nearly singular pairs checked in rational arithmetic
 
 Indices = NDArray[np.intp]
 

@@ -36,7 +36,7 @@ def waves(points, length, rng):
 
 
 def in_regions(points, values, rng):
-    """At each of the `points` the value of the region that it is in: those nearest to one of so many random places."""
+    """At each of the `points` the value of its region: the points nearest to one of the random places."""
     from scipy.spatial import cKDTree
 
     low, high = points.min(axis=0), points.max(axis=0)

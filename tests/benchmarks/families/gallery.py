@@ -124,7 +124,7 @@ def drawn(family, n, rng):
 
 
 def drawn_sizes(family, seed, low, high, count):
-    """`count` sizes from `low` to `high`, one at random in each of so many geometric steps.
+    """`count` sizes from `low` to `high`, one at random in each of as many geometric steps.
 
     None is above the largest size of the family; a name that is no family has no such bound.
     """

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 
 from .draw import scattered, some
 
-#: so many entries a matrix has at most, which is a quarter of a gigabyte
+#: the largest number of entries of a matrix, which is a quarter of a gigabyte
 _ENTRIES = 2e7
 
 
