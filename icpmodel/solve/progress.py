@@ -55,6 +55,10 @@ class Progress(Displayable):
     seconds: float
 
 
+#: what shows a title, the share of the way, None for none, and a text
+_Show = Callable[[str, float | None, str], None]
+
+
 class Bar:
     """A bar that shows nothing; `update` is cheap enough to be called at every iteration."""
 
@@ -65,35 +69,19 @@ class Bar:
         """Show the progress: `iteration`, Res_D(z), and the residual at which the run may stop."""
 
 
-class _Pace:
-    """The times of updates, by a `clock`: every tenth of a second, or at the intervals of a log."""
-
-    def __init__(self, clock: Callable[[], float], log: bool) -> None:
-        self.clock, self.wait, self.longer = clock, 1.0 if log else _DRAW_INTERVAL, 2.0 if log else 1.0
-        self.next = clock() + (self.wait if log else 0.0)
-
-    def is_due(self) -> bool:
-        """Whether it is time; if so, the next time is later."""
-        now = self.clock()
-        if now < self.next:
-            return False
-        self.next, self.wait = now + self.wait, min(self.longer * self.wait, _MAX_LOG_INTERVAL)
-        return True
-
-
 class _VisibleBar(Bar):
-    """The share of the way, on a logarithmic scale, from the first residual of a turn to the tolerance; `show` draws
-    (title, share, text)."""
+    """The share of the way, on a logarithmic scale, from the first residual of a turn to the tolerance."""
 
-    def __init__(self, show: Callable[[str, float, str], None], pace: _Pace) -> None:
-        self.show, self.pace, self.title, self.first = show, pace, "", 0.0
+    def __init__(self, show: _Show, clock: Callable[[], float]) -> None:
+        self.show, self.clock, self.next, self.title, self.first = show, clock, -math.inf, "", 0.0
 
     def begin(self, title: str) -> None:
         self.title, self.first = title, 0.0
 
     def update(self, iteration: int, residual: float, tolerance: float) -> None:
         self.first = self.first or residual
-        if self.pace.is_due():
+        if (now := self.clock()) >= self.next:
+            self.next = now + _DRAW_INTERVAL
             share = 0.0
             if 0 < tolerance < self.first and residual > 0:
                 share = math.log(self.first / residual) / math.log(self.first / tolerance)
@@ -101,59 +89,18 @@ class _VisibleBar(Bar):
             self.show(self.title, min(max(share, 0.0), 1.0), text)
 
 
-def progress_bar(enabled: bool, clock: Callable[[], float] = time.monotonic) -> contextlib.AbstractContextManager[Bar]:
+@contextlib.contextmanager
+def progress_bar(enabled: bool, clock: Callable[[], float] = time.monotonic) -> Iterator[Bar]:
     """A `Bar` for one run, which shows nothing unless `enabled`.
 
     It appears on standard error if that is a terminal, or in the cell of a notebook. Otherwise lines are written to
     standard error, the first one after a second.
     """
     if not enabled or sys.stderr is None:
-        return contextlib.nullcontext(Bar())
-    if in_notebook():
-        return _notebook_bar(_Pace(clock, log=False))
-    if sys.stderr.isatty():
-        return _terminal_bar(_Pace(clock, log=False))
-    pace = _Pace(clock, log=True)
-    return contextlib.nullcontext(_VisibleBar(lambda title, _, text: _write(f"{title}: {text}"), pace))
-
-
-@contextlib.contextmanager
-def _terminal_bar(pace: _Pace) -> Iterator[Bar]:
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[text]}"), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task("", total=1.0, text="")
-
-        def show(title: str, share: float, text: str) -> None:
-            progress.update(task, description=escape(title), completed=share, text=text)
-
-        yield _VisibleBar(show, pace)
-
-
-@contextlib.contextmanager
-def _notebook_bar(pace: _Pace) -> Iterator[Bar]:
-    with _cell() as show:
-        yield _VisibleBar(lambda title, share, text: show(title=title, share=share, text=text), pace)
-
-
-@contextlib.contextmanager
-def _cell() -> Iterator[Callable[..., None]]:
-    """A function that shows `progress.html` in the output of a notebook cell and updates it; removed at the end."""
-    from IPython.display import HTML, display
-
-    handle: Any = display(HTML(""), display_id=True)
-    try:
-        yield lambda **values: handle.update(HTML(render("progress.html", **values)))
-    finally:
-        handle.update(HTML(""))
-
-
-def _write(text: str) -> None:
-    with contextlib.suppress(OSError, ValueError):  # a log that is full or closed does not end a run
-        print(f"icpmodel ... {text}", file=sys.stderr, flush=True)
+        yield Bar()
+        return
+    with _display(True, clock) as show:
+        yield _VisibleBar(show, clock)
 
 
 @contextlib.contextmanager
@@ -171,7 +118,11 @@ def status_line(
             outer(opening)
         yield outer
         return
-    with _status(enabled and sys.stderr is not None, opening, clock) as say:
+    with _display(enabled and sys.stderr is not None, clock, opening) as show:
+
+        def say(text: str) -> None:
+            show(text, None, "")
+
         token = _OPEN.set(say)
         try:
             yield say
@@ -180,22 +131,49 @@ def status_line(
 
 
 @contextlib.contextmanager
-def _status(enabled: bool, opening: str, clock: Callable[[], float]) -> Iterator[Callable[[str], None]]:
+def _display(enabled: bool, clock: Callable[[], float], opening: str = "") -> Iterator[_Show]:
+    """The cell of a notebook, a terminal, or a log that gets the `opening`, and more after 1, 2, 4, … seconds."""
     if enabled and in_notebook():
-        with _cell() as show:
-            yield lambda text: show(title=text, share=None, text="")
+        from IPython.display import HTML, display
+
+        handle: Any = display(HTML(""), display_id=True)
+        try:
+            yield lambda title, share, text: handle.update(
+                HTML(render("progress.html", title=title, share=share, text=text))
+            )
+        finally:
+            handle.update(HTML(""))
     elif enabled and sys.stderr.isatty():
         from rich.console import Console
         from rich.markup import escape
+        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-        with Console(stderr=True).status(escape(opening)) as status:
-            yield lambda text: status.update(escape(text))
+        columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[text]}"))
+        with Progress(*columns, TimeElapsedColumn(), console=Console(stderr=True), transient=True) as progress:
+            task = progress.add_task(escape(opening), total=None, text="")
+            yield lambda title, share, text: progress.update(
+                task, description=escape(title), total=None if share is None else 1.0, completed=share, text=text
+            )
     else:
         write = _write if enabled else _LOG.info
-        pace = _Pace(clock, log=True)
+        wait = 1.0
+        following = clock() + wait
         if opening:
             write(opening)
-        yield lambda text: write(text) if pace.is_due() else None
+
+        def show(title: str, share: float | None, text: str) -> None:
+            nonlocal wait, following
+            if clock() >= following:
+                following = clock() + wait
+                wait = min(2.0 * wait, _MAX_LOG_INTERVAL)
+                write(f"{title}: {text}" if text else title)
+
+        yield show
+
+
+def _write(text: str) -> None:
+    with contextlib.suppress(OSError, ValueError):  # a log that is full or closed does not end a run
+        print(f"icpmodel ... {text}", file=sys.stderr, flush=True)
 
 
 def time_left(begin: float, done: int, total: int) -> str:
