@@ -39,7 +39,7 @@ payoff = np.maximum(STRIKE - share, 0)
 def put(
     rate: float, volatility: float = VOLATILITY, years: int = 1, dates: int = DATES
 ) -> tuple:
-    """The value on the inner grid, below which price to exercise at each date, and the last solution."""
+    """The value on the inner grid, the exercise boundary, and the last solution."""
     dt = years / dates
     diffusion, drift = volatility**2 / (2 * h**2), (rate - volatility**2 / 2) / (2 * h)
     diagonals = [diffusion - drift, -2 * diffusion - rate, diffusion + drift]
@@ -57,7 +57,7 @@ def put(
 
 
 def tree(early: bool, rate: float, steps: int = 2000) -> float:
-    """At the money, on a binomial tree of Cox, Ross and Rubinstein, with or without exercise before the end."""
+    """At the money, by the tree of Cox, Ross and Rubinstein; European or American."""
     dt = 1 / steps
     up = np.exp(VOLATILITY * np.sqrt(dt))
     q, discount = (np.exp(rate * dt) - 1 / up) / (up - 1 / up), np.exp(-rate * dt)

@@ -77,7 +77,7 @@ STARTS = (
 
 
 def led_to(g: float, points: np.ndarray) -> np.ndarray:
-    """The number of the equilibrium in `points` that each start leads to, −1 where the method fails."""
+    """The index in `points` of the answer from each start, −1 where there is none."""
     reached = []
     for start in STARTS:
         one = game(g).solve("newton", z0=np.tile(start, 2), raise_on_failure=False)

@@ -28,7 +28,7 @@ gdt = 9.81 * 0.01  # what gravity makes in one time step, m/s
 
 
 def stack(masses: list[float], angle: float, mu: float = MU) -> icp.Solution:
-    """One time step from rest of boxes on a slope of `angle` degrees; the x axis runs downhill."""
+    """One time step from rest of boxes on a slope of `angle` degrees; x is downhill."""
     rows = []
     for k in range(len(masses)):
         for x in (-0.5, 0.5):  # uphill, downhill

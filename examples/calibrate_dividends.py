@@ -43,7 +43,7 @@ i, j = np.tril_indices(n, -1)  # from x_i down to x_j
 def operator(
     rate: float, diffusion: float, drift: float
 ) -> tuple[sp.csr_array, np.ndarray]:
-    """rate V - diffusion V'' - drift V', with V' = WORTH at the right end: linear in all three."""
+    """rate V - diffusion V'' - drift V', V' = WORTH at the right end: linear in all."""
     second, first, q = diffusion / h**2, drift / (2 * h), np.zeros(n)
     below, middle = np.full(n - 1, first - second), np.full(n, rate + 2 * second)
     above = np.full(n - 1, -first - second)
@@ -59,7 +59,7 @@ def value(cost: float, volatility: float, drift: float, z0=None) -> icp.Solution
 
 
 def threshold(z: np.ndarray, k: int) -> tuple[float, np.ndarray]:
-    """Where the line through the slopes of cells k and k + 1 is WORTH, and the derivative of that in z."""
+    """Where the line through two slopes of cells is WORTH; its derivative in z."""
     s0, s1 = np.diff(z[k : k + 3]) / h
     zbar = np.zeros(n)
     zbar[k : k + 3] = (

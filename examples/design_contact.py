@@ -58,7 +58,7 @@ def membrane(theta: np.ndarray) -> icp.Solution:
 
 
 def shortfall(theta: np.ndarray) -> tuple[float, np.ndarray]:
-    """What is to be least, and its gradient: z moves p and r, and the load also p itself."""
+    """The objective and its gradient: z moves p and r, and the load also p itself."""
     one = membrane(theta)
     missing = np.abs(side) * np.maximum(
         1 - side * (one.p / cell / PUSH - one.r / GAP), 0.0

@@ -58,7 +58,7 @@ def firm(
 def payment(
     x: np.ndarray, solution: icp.Solution, tax: float = TAX
 ) -> tuple[float, float]:
-    """Pay at, and down to: where the slope of V, read off a straight line through two cells, is 1/(1 + tax)."""
+    """Pay at, and down to: where the interpolated slope of V is 1/(1 + tax)."""
     slope, worth = np.diff(solution.z) / x[1], 1 / (1 + tax)
     pays = int(np.argmax(solution.p > solution.r))
     cells = pays - 3, int(np.argmax(slope < worth)) - 1

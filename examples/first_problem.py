@@ -118,7 +118,7 @@ for c in sorted({0.0, 0.25, 0.5, 0.75, 0.95, COUPLING}):
 
 
 def all_solutions(c: float) -> list[np.ndarray]:
-    """For each row, the equation of its force or that of its distance; kept where p, r >= 0."""
+    """Per row, the equation of its force or of its distance; kept where p, r >= 0."""
     problem, G, found = icp.ICP(A, q, bound(c)), np.array([[0.0, c], [c, 0.0]]), []
     for touches in itertools.product([False, True], repeat=2):
         rows = np.where(np.array(touches)[:, None], np.eye(2) - G, A)

@@ -41,7 +41,7 @@ known = {}
 
 
 def motion(mu: float) -> dict:
-    """Velocity, place, and the derivative of the place in mu after each step; each motion is computed once."""
+    """Velocity, place, and the derivative of the place in mu after each step."""
     if mu not in known:
         v = dv = 0.0
         track, derivatives = [], []

@@ -63,7 +63,7 @@ solver = icp.pyomo_solver(rtol=1e-12)
 
 
 def prices(share: float) -> list[float]:
-    """Of the three goods, and unemployment; each solve starts from the prices before."""
+    """Prices of the three goods, and unemployment; a solve starts from the last one."""
     model.share.set_value(share)
     pyo.assert_optimal_termination(solver.solve(model))
     found = [pyo.value(model.price[good]) for good in GOODS]

@@ -45,7 +45,7 @@ FOUND = {}  # statement: (verdict, what is right)
 
 
 def judge(name, verdict, right, *seen):
-    """Keep the verdict if all that was seen shows it, and print that: `seen` are (a line, whether it shows it)."""
+    """Print and keep the verdict; `seen` are pairs (line, whether it agrees)."""
     FOUND[name] = (verdict if all(shows for _, shows in seen) else NOT_SHOWN, right)
     print(f"{name}: {FOUND[name][0]}")
     for line, shows in seen:

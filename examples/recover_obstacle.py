@@ -73,8 +73,9 @@ def misfit(
 def recover(pressure: float):
     """The problem, the data, what the optimiser found, and the membrane on that.
 
-    It begins too high, above all noise: splines that touch nothing would have no gradient to rise by. It ends when a
-    step gains less than 1e-5 of about n/2; chance alone moves that by about the root of n/2.
+    It begins above all noise: splines that touch nothing have no gradient.
+    It ends when a step gains less than 1e-5 of the objective, about n/2.
+    Chance alone moves that by about the root of n/2.
     """
     problem, measured = measure(pressure)
     above = measured + 3 * NOISE - TABLE
@@ -92,7 +93,7 @@ def recover(pressure: float):
 
 
 def expected_error(solution: icp.Solution) -> np.ndarray:
-    """Of every height: from the curvature of what was made least, by one forward derivative per spline."""
+    """Of every height, from the curvature of the objective."""
     derivative = solution.derivative()
     dz = np.column_stack([derivative.forward(dpsi=spline) for spline in B.T.toarray()])
     curvature = dz.T @ dz / NOISE**2 + (D.T @ D).toarray()

@@ -39,7 +39,7 @@ def load(scene: icp.scenes.Scene, pressure: np.ndarray) -> float:
 
 
 def as_it_comes(problem: icp.ICP, solver: str, **settings) -> tuple[np.ndarray, str]:
-    """The quadratic program in CVXPY; every setting is the default, but for those named."""
+    """The quadratic program in CVXPY, at defaults but for the `settings`."""
     z = cp.Variable(problem.n)
     energy = cp.quad_form(z, cp.psd_wrap(problem.A)) / 2 + problem.q @ z
     model = cp.Problem(cp.Minimize(energy), [z >= 0])

@@ -86,7 +86,7 @@ def errors(method, start=None, steps=2500):
 
 
 def measured(error):
-    """The mean factor of a step, from a hundredth of the first error on until rounding; infinite without an end."""
+    """The mean factor of a step from 1/100 of the first error on, or infinity."""
     late = np.flatnonzero((error < 1e-2 * error[0]) & (error > 1e-12))
     return (
         (error[late[-1]] / error[late[0]]) ** (1 / (late[-1] - late[0]))
