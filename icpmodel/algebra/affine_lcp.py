@@ -67,7 +67,7 @@ class AffineLcp:
     Notes
     -----
     In the rows that are `free`, y has any sign and the inequality is an equation. An upper obstacle
-    adds a row for each row that has it. The first rows are then Az + q + Ds ≥ 0 with D = |diag(A)|.
+    adds a row for each row that has it. The first rows are then Az + q + Ds ≥ 0, d_i = max_j |a_ij|.
     Behind z, y holds s, whose rows are D(Hz + d − z) ≥ 0. So p < 0 where z is at the upper
     obstacle.
 
@@ -99,7 +99,7 @@ class AffineLcp:
         n = self.n
         self.rows = np.flatnonzero(d < np.inf)
         k = self.rows.size
-        weight = np.abs(np.diagonal(A, axis1=-2, axis2=-1))[..., self.rows]
+        weight = np.abs(A).max(axis=-1)[..., self.rows]
         self.weight = np.where(weight > 0.0, weight, 1.0)
         moves = np.eye(n) if H is None else np.eye(n) - _dense(H)
         if self.inverse is not None:
