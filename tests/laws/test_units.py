@@ -77,6 +77,10 @@ def test_units_of_rows_hide_no_proof_that_there_is_no_solution():
         rows = 2.0 ** rng.choice([-40, -17, 0, 13, 40], 3)
         found = icp.ICP(A * rows[:, None], rows * [-1.0, -1.0, 0.0]).solve(raise_on_failure=False, max_iter=200)
         assert found.status is icp.Status.INFEASIBLE
+    for unit in 2.0 ** np.array([-80, 0, 80]):  # of a row of zeros, beside which the others are all, or nothing
+        by_zeros = icp.ICP([[0, 0], [-4, -4]], [-4 * unit, 0], [-4, 0])
+        assert by_zeros.solve("josephy", raise_on_failure=False).status is icp.Status.INFEASIBLE
+        assert icp.contradiction(icp.ICP([[0, 0], [0, -1]], [unit, -1])).by == 1.0
 
 
 def test_where_all_methods_creep_the_search_begins_in_all_units():
@@ -99,12 +103,17 @@ def test_where_all_methods_creep_the_search_begins_in_all_units():
 
 
 def test_rows_in_other_units_are_pivoted_alike():
-    """A is nearly singular, so that other pivots lose all digits."""
-    A = np.array([[1 + 1e-13, 0, -1 + 1e-13], [0, 0, 0], [1 + 1e-13, 0, -1]])
-    units = 2.0 ** np.array([[0, 0, 0], [-40, -40, -17], [30, -3, -30]])
-    answers = [icp.ICP(rows[:, None] * A, rows * [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]).solve() for rows in units]
-    assert [one.iterations for one in answers] == [1, 1, 1]
-    assert all((one.z == answers[0].z).all() for one in answers)
+    """Nearly singular ones, where other pivots lose all digits, and zeros on the diagonal below an upper obstacle."""
+    units = 2.0 ** np.array([[0, 0, 0], [-40, -40, -17], [30, -3, -30], [0, -17, -40]])
+    problems = (
+        ([[1 + 1e-13, 0, -1 + 1e-13], [0, 0, 0], [1 + 1e-13, 0, -1]], [-1, 0, 0], [0, 0, 1], None),
+        ([[1 + 1e-7, 0, 1], [0, 1e-7, 0], [1, 0, 1 + 1e-7]], [0, 0, 0], [0, -1, -1], None),
+        ([[1, -3, -1], [-3, 0, 0], [-3, 3, 2]], [-3, 0, -4], [-1, 0, -1], [2, 3, 0]),
+    )
+    for A, q, c, upper in problems:
+        scaled = [icp.ICP(np.multiply(rows[:, None], A), rows * q, c, upper=upper) for rows in units]
+        answers = [one.solve(None if upper is None else "lemke") for one in scaled]
+        assert len({(one.iterations, *one.z) for one in answers}) == 1
 
 
 def test_a_tiny_entry_on_the_diagonal_makes_no_residual_small():

@@ -191,9 +191,10 @@ class _Conditions(NamedTuple):
     sign: Vector
 
     @classmethod
-    def of(cls, rows: CombinationRows, units: Vector) -> _Conditions:
-        rising = np.flatnonzero(rows.rises)
-        falling = np.flatnonzero(rows.falls)
+    def of(cls, rows: CombinationRows, units: Vector, taken: Mask) -> _Conditions:
+        """Those on the rows that are `taken`."""
+        rising = np.flatnonzero(rows.rises & taken)
+        falling = np.flatnonzero(rows.falls & taken)
         return cls(rows, units, np.append(rising, falling), np.repeat([1.0, -1.0], [rising.size, falling.size]))
 
     def minimise(
@@ -230,6 +231,20 @@ class _Conditions(NamedTuple):
             return None
         y = self._multipliers(scale, -result.ineqlin.marginals)
         return _Minimum(self, unit * result.x[:n], y, unit * float(result.fun))
+
+    def broken_by_zeros(self, q: Vector) -> _Minimum | None:
+        """The largest violation by `q` in the rows of A that are 0; None where there is none.
+
+        The linear program is without them: in the units of q_i the ends of z may be as good as 0, or q_i beside them.
+        """
+        n = q.size
+        violation = np.where(self.rows.rises[:n], -q, 0.0)
+        violation = np.maximum(violation, np.where(self.rows.falls[:n], q, 0.0))
+        i = int(np.argmax(violation))
+        y = np.zeros(self.rows.offset.size)
+        y[i] = -np.sign(q[i])
+        z = np.clip(np.zeros(n), self.rows.low, self.rows.high)
+        return _Minimum(self, z, y, float(violation[i])) if violation[i] > 0.0 else None
 
     def _multipliers(self, scale: Vector, weights: Vector) -> Vector:
         """y, by row, of the `weights` of the scaled conditions, those next to 0 left out."""
@@ -278,11 +293,17 @@ def _least_violation(problem: ProblemData, margin: float = 0.0) -> _Minimum | No
     if rows is None:
         return None
     n = problem.n
+    empty = problem.matrix.empty_rows
     units = np.ones(rows.offset.size)
-    units[:n] = np.where(problem.matrix.empty_rows, 1.0, problem.matrix.row_weights)
+    units[:n] = np.where(empty, 1.0, problem.matrix.row_weights)
     of_p = np.arange(units.size) < n
-    minimum = _Conditions.of(rows, units).minimise(of_p, separate=margin > 0.0, margin=margin)
+    taken = np.append(~empty, np.ones(units.size - n, dtype=bool))
+    conditions = _Conditions.of(rows, units, taken)
+    minimum = conditions.minimise(of_p, separate=margin > 0.0, margin=margin)
     if minimum is None and units.size > n:
-        alone = replace(rows, rises=rows.rises & ~of_p, falls=rows.falls & ~of_p)
-        minimum = _Conditions.of(alone, units).minimise(~of_p)
+        minimum = _Conditions.of(rows, units, ~of_p).minimise(~of_p)
+    else:
+        of_zeros = conditions.broken_by_zeros(np.where(empty, problem.q, 0.0))
+        if of_zeros and (margin or minimum is None or of_zeros.value > minimum.value):
+            minimum = of_zeros
     return minimum if minimum is not None and (margin or minimum.value > 0.0) else None
