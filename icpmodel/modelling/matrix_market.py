@@ -13,6 +13,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from ..errors import FileError
 from .archive import opened, table_of
@@ -55,11 +56,20 @@ def read_matrix(path: Path) -> Any:
         held = numbers.size + sum(1 for _ in lines)
         if held != count:
             raise FileError(f"{path}: holds {held} entries; its header promises {count}")
+    matrix = _assembled(path, (rows, columns), is_dense, mirrored, numbers)
+    return matrix.toarray() if is_dense else matrix
+
+
+def _assembled(
+    path: Path, shape: tuple[int, int], is_dense: bool, mirrored: int, numbers: NDArray[Any]
+) -> sp.coo_array:
+    """The matrix of the lines, with `mirrored` times what is below its diagonal above it. Raises FileError."""
+    rows, columns = shape
     if is_dense:
-        j, i = np.divmod(np.arange(count), rows) if not mirrored else np.triu_indices(rows, int(mirrored < 0))
+        j, i = np.divmod(np.arange(numbers.size), rows) if not mirrored else np.triu_indices(rows, int(mirrored < 0))
     else:
         i, j = numbers["i"] - 1, numbers["j"] - 1
-    values = np.ones(count) if field == "pattern" else numbers["a"]
+    values = numbers["a"] if "a" in numbers.dtype.names else np.ones(numbers.size)
     outside = (i < 0) | (i >= rows) | (j < 0) | (j >= columns)
     if mirrored:
         outside |= i < j + (mirrored < 0)
@@ -68,10 +78,8 @@ def read_matrix(path: Path) -> Any:
         part = ("", " on or below the diagonal", " below the diagonal")[mirrored]
         actual = f"has an entry at {i[k] + 1}, {j[k] + 1}"
         raise FileError(f"{path}: {actual}; places within {rows} x {columns}{part} were expected")
-    matrix = sp.coo_array((values, (i, j)), shape=(rows, columns))
-    if mirrored:
-        matrix = (matrix + mirrored * sp.tril(matrix, -1).T).tocoo()
-    return matrix.toarray() if is_dense else matrix
+    matrix = sp.coo_array((values, (i, j)), shape=shape)
+    return (matrix + mirrored * sp.tril(matrix, -1).T).tocoo() if mirrored else matrix
 
 
 def check_end(path: Path, raw: BinaryIO, size: int) -> None:

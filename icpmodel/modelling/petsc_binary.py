@@ -65,11 +65,7 @@ class PetscFile:
             after += self.rows * integer.itemsize
             self._check_size(after, self.size >= after)
             self.lengths = content[begin:after].view(integer)
-            outside = (self.lengths < 0) | (self.lengths > self.columns)
-            if outside.any():
-                i = int(np.argmax(outside))
-                actual = f"row {i} has {self.lengths[i]} entries, and there are {self.columns} columns"
-                raise FileError(f"{path}: {actual}")
+            self._check_lengths()
             total = int(self.lengths.sum(dtype=np.int64))
             # of more entries than its integers can count PETSc writes the largest of them
             if min(total, np.iinfo(integer).max) != entries:
@@ -81,6 +77,13 @@ class PetscFile:
         self._check_size(end, self.size == end)
         self._places = content[begin:after].view(integer)
         self._numbers = content[after:].view(_NUMBER)
+
+    def _check_lengths(self) -> None:
+        outside = (self.lengths < 0) | (self.lengths > self.columns)
+        if outside.any():
+            i = int(np.argmax(outside))
+            actual = f"row {i} has {self.lengths[i]} entries, and there are {self.columns} columns"
+            raise FileError(f"{self.path}: {actual}")
 
     def _check_size(self, expected: int, is_right: bool) -> None:
         if not is_right:
