@@ -69,7 +69,7 @@ def _assembled(
         j, i = np.divmod(np.arange(numbers.size), rows) if not mirrored else np.triu_indices(rows, int(mirrored < 0))
     else:
         i, j = numbers["i"] - 1, numbers["j"] - 1
-    values = numbers["a"] if "a" in numbers.dtype.names else np.ones(numbers.size)
+    values = numbers["a"] if "a" in (numbers.dtype.names or ()) else np.ones(numbers.size)
     outside = (i < 0) | (i >= rows) | (j < 0) | (j >= columns)
     if mirrored:
         outside |= i < j + (mirrored < 0)
