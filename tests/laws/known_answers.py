@@ -6,8 +6,9 @@ from hypothesis import strategies as st
 
 import icpmodel as icp
 
-#: seeds of random problems
+#: seeds of random problems, and generators
 SEEDS = st.integers(0, 2**32 - 1)
+GENERATORS = st.builds(np.random.default_rng, SEEDS)
 #: the smallest symmetric M-matrix whose rows depend on each other
 PAIR = np.array([[2.0, -1.0], [-1.0, 2.0]])
 
@@ -33,6 +34,16 @@ def definite(rng, n, shift=1.0):
 def affine(G):
     """c ↦ ψ(z) = Gz + c, a constant where G is 0."""
     return (lambda c: icp.Affine(G, c)) if np.any(G) else icp.Constant
+
+
+def attempt(problem, *arguments, **options):
+    """The solution of a run, whatever its status."""
+    return problem.solve(*arguments, raise_on_failure=False, **options)
+
+
+def sine(slope, c=0.0):
+    """ψ(z) = slope·sin z + c."""
+    return icp.Elementwise(lambda z: slope * np.sin(z), lambda z: slope * np.cos(z), slope, c)
 
 
 def around(rng, A, exact, psi=icp.Constant, of_p=1.0, of_r=1.0, free=0.0, above=0.0):

@@ -2,9 +2,7 @@
 
 import ast
 import collections
-import importlib
 import inspect
-import pkgutil
 import re
 import subprocess
 import sys
@@ -13,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from numba.core.dispatcher import Dispatcher
+from public_names import modules, public_objects
 
 import icpmodel
 
@@ -232,21 +231,6 @@ def test_what_is_compiled_is_found_again_by_the_next_process():
     kept = [value for room in rooms for value in vars(room).values() if isinstance(value, Dispatcher)]
     assert len(kept) > 40
     assert [code for code in kept if code.py_func.__closure__] == []
-
-
-def modules():
-    yield icpmodel
-    for info in pkgutil.walk_packages(icpmodel.__path__, "icpmodel."):
-        yield importlib.import_module(info.name)
-
-
-def public_objects():
-    """What users reach: the names of the face, and those that a room lists in `__all__`."""
-    for room in modules():
-        for name in getattr(room, "__all__", ()):
-            value = getattr(room, name)
-            if inspect.isclass(value) or inspect.isfunction(value):
-                yield f"{room.__name__}.{name}", value
 
 
 def test_every_public_function_and_class_has_a_docstring_with_an_example():

@@ -3,11 +3,11 @@
 import ast
 import importlib
 import inspect
-import pkgutil
 import re
 from pathlib import Path
 
 import pytest
+from public_names import public_objects
 
 import icpmodel as icp
 from icpmodel import scenes
@@ -33,19 +33,17 @@ def test_a_users_script_that_names_every_public_name_passes_mypy_strict():
 def test_every_public_call_has_its_keywords_and_types_in_its_signature():
     """No `**options` in which an editor finds nothing, and nothing without an annotation."""
     open_, bare = set(), []
-    for room in [icp, *(importlib.import_module(one.name) for one in pkgutil.walk_packages(icp.__path__, "icpmodel."))]:
-        for name in getattr(room, "__all__", ()):
-            value = getattr(room, name)
-            members = vars(value).values() if inspect.isclass(value) else [value]
-            for function in filter(inspect.isfunction, members):
-                if function.__name__.startswith("_") or not function.__module__.startswith("icpmodel"):
-                    continue
-                signature = inspect.signature(function)
-                given = [one for key, one in signature.parameters.items() if key not in ("self", "cls")]
-                if signature.empty in (signature.return_annotation, *(one.annotation for one in given)):
-                    bare.append(f"{room.__name__}.{function.__name__}")
-                if any(one.kind is one.VAR_KEYWORD for one in given):
-                    open_.add(function.__name__)
+    for name, value in public_objects():
+        members = vars(value).values() if inspect.isclass(value) else [value]
+        for function in filter(inspect.isfunction, members):
+            if function.__name__.startswith("_") or not function.__module__.startswith("icpmodel"):
+                continue
+            signature = inspect.signature(function)
+            given = [one for key, one in signature.parameters.items() if key not in ("self", "cls")]
+            if signature.empty in (signature.return_annotation, *(one.annotation for one in given)):
+                bare.append(f"{name}: {function.__name__}")
+            if any(one.kind is one.VAR_KEYWORD for one in given):
+                open_.add(function.__name__)
     assert bare == []
     assert open_ <= OPEN
 

@@ -5,7 +5,7 @@ import numpy as np
 import pyomo.environ as pyo
 import pytest
 import scipy.sparse as sp
-from known_answers import PAIR
+from known_answers import PAIR, attempt
 from pyomo.contrib.solver.common.factory import SolverFactory
 from pyomo.contrib.solver.common.results import SolutionStatus
 from pyomo.mpec import Complementarity, complements
@@ -47,11 +47,11 @@ def alike(one, other, unit, exact):
 def test_units_of_rows_and_of_z_change_no_verdict_of_solve(name):
     problem = SCENES[name].problem
     rng, n = np.random.default_rng(0), problem.n
-    before = problem.solve(raise_on_failure=False, max_iter=300)
+    before = attempt(problem, max_iter=300)
     units = UNITS if problem.psi.is_constant or problem.psi.linear else ()  # jumps in other units are a map of Python's
     changes = [(np.full(n, 2.0**-30), 1.0), (rng.choice(ROWS, n), 1.0), *((np.ones(n), unit) for unit in units)]
     for rows, unit in changes:
-        after = scaled(problem, rows, unit).solve(raise_on_failure=False, max_iter=300)
+        after = attempt(scaled(problem, rows, unit), max_iter=300)
         alike(before, after, unit, exact=False)
 
 
@@ -75,7 +75,7 @@ def test_units_of_rows_hide_no_proof_that_there_is_no_solution():
     rng, A = np.random.default_rng(0), np.array([[2.0, -3.0, 1.0], [-1.0, 3.0, -3.0], [-2.0, 0.0, 1.0]])
     for _ in range(20):
         rows = 2.0 ** rng.choice([-40, -17, 0, 13, 40], 3)
-        found = icp.ICP(A * rows[:, None], rows * [-1.0, -1.0, 0.0]).solve(raise_on_failure=False, max_iter=200)
+        found = attempt(icp.ICP(A * rows[:, None], rows * [-1.0, -1.0, 0.0]), max_iter=200)
         assert found.status is icp.Status.INFEASIBLE
     for unit in 2.0 ** np.array([-80, 0, 80]):  # of a row of zeros, beside which the others are all, or nothing
         by_zeros = icp.ICP([[0, 0], [-4, -4]], [-4 * unit, 0], [-4, 0])

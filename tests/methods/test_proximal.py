@@ -6,7 +6,7 @@ import hypothesis.strategies as st
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from known_answers import SEEDS
+from known_answers import GENERATORS
 
 import icpmodel as icp
 
@@ -25,10 +25,9 @@ def complementary(rng, n, degenerate=0.3):
     return z, p
 
 
-@given(SEEDS, st.integers(1, 12), st.floats(0.0, 1.0), st.floats(0.0, 3.0), st.integers(-6, 6))
+@given(GENERATORS, st.integers(1, 12), st.floats(0.0, 1.0), st.floats(0.0, 3.0), st.integers(-6, 6))
 @settings(max_examples=30)
-def test_every_monotone_problem_with_a_solution_is_solved_in_any_units(seed, n, rank, skew, decades):
-    rng = np.random.default_rng(seed)
+def test_every_monotone_problem_with_a_solution_is_solved_in_any_units(rng, n, rank, skew, decades):
     E, K = rng.normal(size=(n, max(round(rank * n), 1))), skew * rng.normal(size=(n, n))
     A, (z, p), units = E @ E.T + K - K.T, complementary(rng, n), 10.0 ** (decades * rng.uniform(-1, 1, n))
     problem = icp.ICP(units[:, None] * A * units, units * (p - A @ z))

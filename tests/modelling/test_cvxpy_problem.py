@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from known_answers import PAIR as A
+from known_answers import attempt
 
 import icpmodel as icp
 from icpmodel.modelling.cvxpy.cvxpy_problem import STATUSES
@@ -32,15 +33,15 @@ def test_status_and_value_are_those_of_a_problem_with_the_objective_0():
     assert (problem.status, problem.value, problem.solution, problem.solver_stats) == (None, None, None, None)
     problem.solve()
     assert (problem.status, problem.value) == (cp.OPTIMAL, 0.0)
-    problem.solve("mnmgs", warm_start=False, max_iter=1, raise_on_failure=False)
+    attempt(problem, "mnmgs", warm_start=False, max_iter=1)
     assert (problem.status, problem.value) == (cp.USER_LIMIT, None)
     z = cp.Variable()
     never = icp.Problem(icp.complements(-z - 1, z))
-    never.solve(raise_on_failure=False)
+    attempt(never)
     assert (never.status, never.value) == (cp.INFEASIBLE, np.inf)
     x = cp.Variable(2)
     lost = icp.Problem(icp.complements(np.array([[1.0, -2.0], [2.0, 2.0]]) @ x - [1, 2], x))
-    lost.solve("mnmgs", raise_on_failure=False)
+    attempt(lost, "mnmgs")
     assert (lost.status, lost.value) == (cp.SOLVER_ERROR, None)
 
 
@@ -95,7 +96,7 @@ def test_a_failed_run_leaves_its_best_iterate_where_it_does_not_raise_and_nothin
     assert caught.value.solution is problem.solution
     assert problem.status == cp.USER_LIMIT
     assert (z.value, pair.p, pair.r, pair.dual_value, total.dual_value) == (None,) * 5
-    found = problem.solve("mnmgs", z0=[9, 0], max_iter=1, raise_on_failure=False)
+    found = attempt(problem, "mnmgs", z0=[9, 0], max_iter=1)
     assert not found.solved
     assert z.value.tolist() == found.z.tolist()
     assert pair.p == pytest.approx(A @ found.z - 1)
@@ -156,7 +157,7 @@ def test_a_violated_inequality_is_infeasible_where_the_conditions_have_one_solut
         problem.solve()
     assert (problem.status, problem.value, problem.solution.status) == (cp.INFEASIBLE, np.inf, icp.Status.INFEASIBLE)
     assert z.value is None
-    found = problem.solve(raise_on_failure=False)
+    found = attempt(problem)
     assert not found.solved
     assert z.value == pytest.approx([5 / 3, 7 / 3])
     assert [one.dual_value for one in rows] == [None, None]
@@ -170,7 +171,7 @@ def test_a_violated_inequality_proves_nothing_where_there_may_be_other_solutions
     pair, z = two_answers()
     problem = icp.Problem([pair, z[0] <= 0.9, z[1] >= 0.9])
     z.value = [1.0, 0.0]
-    found = problem.solve(raise_on_failure=False)
+    found = attempt(problem)
     assert (problem.status, problem.value, found.status) == (cp.SOLVER_ERROR, None, icp.Status.STAGNATED)
     assert "0.9 <= z[1] is violated by 0.9" in found.message
     assert "the conditions may have another solution" in found.message

@@ -31,10 +31,14 @@ def stack(masses, push):
     return ICP.from_friction_index(J / inertia @ J.T, -J @ v, *bounds, findex), J[:12]
 
 
+def contact(A, q):
+    """The state of one contact with friction of at most a half of its force."""
+    return icp.contact_state(ICP.from_friction_index(A, q, [0, -0.5], [np.inf, 0.5], [-1, 0]).solve())
+
+
 @pytest.mark.parametrize(("speed", "slides"), [(0.0, False), (0.4, False), (3.0, True), (-3.0, True)])
 def test_a_block_obeys_coulombs_law(speed, slides):
-    problem = ICP.from_friction_index(np.eye(2) / 2, [1, -speed], [0, -0.5], [np.inf, 0.5], [-1, 0])
-    state = icp.contact_state(problem.solve())
+    state = contact(np.eye(2) / 2, [1, -speed])
     friction = -np.clip(2 * speed, -1, 1)
     np.testing.assert_allclose(state.impulses, [2, friction])
     np.testing.assert_allclose(state.velocities, [0, speed + friction / 2], atol=1e-12)
@@ -42,8 +46,7 @@ def test_a_block_obeys_coulombs_law(speed, slides):
 
 
 def test_a_block_in_the_air_separates():
-    problem = ICP.from_friction_index(np.eye(2), [-1, -3], [0, -0.5], [np.inf, 0.5], [-1, 0])
-    state = icp.contact_state(problem.solve())
+    state = contact(np.eye(2), [-1, -3])
     assert state.separating.all()
     assert not state.sliding.any() | state.sticking.any()
 

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from exact import ExactProblem, fractions
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from known_answers import SEEDS
+from known_answers import GENERATORS, sine
 
 import icpmodel as icp
 from icpmodel.problem.two_sided import TwoSidedObstacle, mid
@@ -34,10 +34,9 @@ def pair(rng, n):
     return TwoSidedObstacle(lower, upper).bind(n)
 
 
-@given(SEEDS)
-def test_what_is_known_of_both_is_true_of_each(seed):
+@given(GENERATORS)
+def test_what_is_known_of_both_is_true_of_each(rng):
     """G bounds the differences of both, `change` too; links, isotone, constant, a user's word likewise."""
-    rng = np.random.default_rng(seed)
     n = int(rng.integers(2, 5))
     both = pair(rng, n)
     x, y = rng.normal(size=(2, n)) * 3
@@ -57,10 +56,9 @@ def test_what_is_known_of_both_is_true_of_each(seed):
 
 
 @settings(max_examples=40)
-@given(SEEDS)
-def test_both_sides_go_along_wherever_the_map_goes(seed):
+@given(GENERATORS)
+def test_both_sides_go_along_wherever_the_map_goes(rng):
     """To some rows, to a coarser level, to other units."""
-    rng = np.random.default_rng(seed)
     n = int(rng.integers(2, 5))
     both, z = pair(rng, n), rng.normal(size=n)
     rows = np.flatnonzero(rng.random(n) < 0.5)
@@ -129,7 +127,7 @@ def test_obstacles_are_frozen_at_a_point_though_rounding_parts_them_where_they_t
 
 def test_fixed_obstacles_are_found_on_both_sides():
     """Where each moves with its own z_i, and by less: z_i = ψ_i(z_i) and z_i = ψ̄_i(z_i), +inf where there is none."""
-    low = icp.Elementwise(lambda z: 0.5 * np.sin(z), lambda z: 0.5 * np.cos(z), lipschitz=0.5, c=[0.0, -np.inf, 1.0])
+    low = sine(0.5, [0.0, -np.inf, 1.0])
     top = icp.Elementwise(lambda z: 0.5 * np.tanh(z), lipschitz=0.5, c=[3.0, 1.0, np.inf])
     facts = icp.ICP(np.eye(3), np.ones(3), low, upper=top).facts
     assert facts.has_fixed_obstacle

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from known_answers import PAIR
+from known_answers import PAIR, attempt
 
 import icpmodel as icp
 
@@ -17,7 +17,7 @@ class TestAccuracy:
         assert np.abs(solution.z - scene.z_exact).max() <= accuracy
 
     def test_what_rounding_forbids_is_a_precision_limit(self):
-        solution = icp.scenes.bai_symmetric().problem.solve(accuracy=1e-17, raise_on_failure=False)
+        solution = attempt(icp.scenes.bai_symmetric().problem, accuracy=1e-17)
         assert solution.status is icp.Status.PRECISION_LIMIT
         assert "1e-17 was wanted" in solution.message
 
@@ -25,7 +25,7 @@ class TestAccuracy:
     def test_an_error_below_it_is_a_success_wherever_the_run_ends(self, steps):
         """The last word is the bound on the error of the answer."""
         problem = icp.ICP([[1.0, -0.9], [-0.9, 1.0]], [-1.0, -1.0])
-        solution = problem.solve("mnmj", accuracy=7.0, max_iter=steps, raise_on_failure=False)
+        solution = attempt(problem, "mnmj", accuracy=7.0, max_iter=steps)
         assert solution.solved == (solution.error_bound <= 7.0)
 
     @pytest.mark.parametrize("patience", [18, 20, 22, 24])
@@ -39,7 +39,7 @@ class TestAccuracy:
             return 0.3 * z[::-1]
 
         psi = icp.Function(tiring, lipschitz=[[0, 0.3], [0.3, 0]])
-        solution = icp.ICP(PAIR, [-1, 3], psi).solve(accuracy=1e-12, raise_on_failure=False)
+        solution = attempt(icp.ICP(PAIR, [-1, 3], psi), accuracy=1e-12)
         assert solution.status is icp.Status.MAP_FAILED
         assert "tired" in solution.message
         assert solution.residual < 0.2

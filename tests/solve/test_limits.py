@@ -5,6 +5,7 @@ import time
 import numpy as np
 import pytest
 from benchmarks.families import drawn, expander
+from known_answers import attempt
 
 import icpmodel as icp
 from icpmodel.methods import named, names
@@ -17,7 +18,7 @@ def test_without_time_every_method_ends_with_its_best_iterate(method):
     problem = icp.scenes.membrane(n=900).problem
     if method is not None and named(method).why_not(problem) is not None:
         pytest.skip("not for this problem")
-    solution = problem.solve(method, time_limit=0, raise_on_failure=False)
+    solution = attempt(problem, method, time_limit=0)
     assert solution.status is Status.TIME_LIMIT
     assert solution.residual == problem.residual(solution.z) <= problem.residual_at_0()
     assert "time_limit = 0 s" in solution.message
@@ -27,7 +28,7 @@ def test_without_time_every_method_ends_with_its_best_iterate(method):
 def test_what_is_foreseen_to_take_longer_than_the_limit_is_not_begun(method):
     """The bound is that of a watchdog: the factors take half a minute, the pivots minutes."""
     begin = time.perf_counter()
-    solution = expander(12_000).solve(method, time_limit=0.3, raise_on_failure=False)
+    solution = attempt(expander(12_000), method, time_limit=0.3)
     assert solution.status is Status.TIME_LIMIT
     assert " left" in solution.message
     assert solution.seconds < 2.0
@@ -73,7 +74,7 @@ def definite():
 
 @pytest.mark.parametrize(("name", "limit"), [("time_limit", 0.0), ("memory_limit", 1e3)])
 def test_the_limits_of_a_run_hold_for_its_certificate_and_its_polish(definite, name, limit):
-    solution = definite.solve("mnmgs", max_iter=1, raise_on_failure=False, **{name: limit})
+    solution = attempt(definite, "mnmgs", max_iter=1, **{name: limit})
     assert f"not decided within {name} = {limit:g}" in solution.certificate.bound.reason
     assert "not decided" in str(solution.summary())
     polished = solution.polish()
@@ -92,5 +93,5 @@ def test_a_bound_keeps_to_limits_of_its_own(definite, name):
 
 def test_a_polish_that_would_take_for_ever_is_not_begun():
     """Nobody limits it, but its factors are foreseen to take more than a minute."""
-    solution = expander(40_000).solve("mnmgs", z0=np.full(40_000, 10.0), max_iter=0, raise_on_failure=False)
+    solution = attempt(expander(40_000), "mnmgs", z0=np.full(40_000, 10.0), max_iter=0)
     assert "not polished" in solution.polish().why

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from known_answers import chain, definite
+from known_answers import chain, definite, sine
 
 import icpmodel as icp
 from icpmodel import Status
@@ -153,7 +153,7 @@ def test_obstacles_that_move_are_pivoted_too_where_they_are_affine_or_amount_to_
     maps = [
         icp.Affine(0.1 * rng.normal(size=(6, 6)), c),
         icp.Affine(np.diag(rng.uniform(-0.9, 0.9, 6)), c),
-        icp.Elementwise(lambda z: 0.8 * np.sin(z), lambda z: 0.8 * np.cos(z), lipschitz=0.8, c=c),
+        sine(0.8, c),
     ]
     A, Q = definite(rng, 6), rng.normal(size=(25, 6))
     for psi in maps:

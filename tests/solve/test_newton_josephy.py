@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from known_answers import PAIR, definite
+from known_answers import PAIR, attempt, definite
 
 import icpmodel as icp
 from icpmodel import ICP
@@ -295,19 +295,17 @@ def test_jacobi_solves_each_row_and_contracts_as_the_affine_problem_does():
 
 def test_limits_and_callback_are_those_of_the_run():
     problem = ICP.nonlinear(LITERATURE["kojima-shindo"].F, n=4)
-    limited = problem.solve(z0=np.full(4, 100.0), max_iter=2, raise_on_failure=False)
+    limited = attempt(problem, z0=np.full(4, 100.0), max_iter=2)
     assert (limited.status.name, limited.iterations) == ("ITERATION_LIMIT", 2)
-    late = problem.solve(z0=np.full(4, 100.0), time_limit=0.0, raise_on_failure=False)
+    late = attempt(problem, z0=np.full(4, 100.0), time_limit=0.0)
     assert late.status.name == "TIME_LIMIT"
-    stopped = problem.solve(
-        z0=np.full(4, 100.0), callback=lambda progress: progress.iteration == 1, raise_on_failure=False
-    )
+    stopped = attempt(problem, z0=np.full(4, 100.0), callback=lambda progress: progress.iteration == 1)
     assert (stopped.status.name, stopped.iterations) == ("STOPPED", 1)
 
 
 def test_a_problem_without_a_solution_is_never_called_solved():
     """p = z² + 1 = 0 has no real root; p = 1 − 1/z cannot start at 0."""
-    solution = ICP.nonlinear(lambda z: z**2 + 1.0, psi=[-np.inf]).solve(raise_on_failure=False)
+    solution = attempt(ICP.nonlinear(lambda z: z**2 + 1.0, psi=[-np.inf]))
     assert solution.status.name in ("STAGNATED", "DIVERGED", "CYCLED")
     with (
         np.errstate(all="ignore"),

@@ -9,7 +9,7 @@ import scipy.sparse as sp
 from exact import dot, solutions, solve_rational
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from known_answers import SEEDS, chain
+from known_answers import GENERATORS, chain
 
 import icpmodel as icp
 from icpmodel.theory.certificates import supersolution
@@ -70,10 +70,9 @@ both = pytest.mark.parametrize("prove", [definite_of, enumerated_of])
 
 
 @both
-@given(seed=SEEDS, distance=DISTANCES, steep=st.sampled_from([0, 1, 16, "bent"]))
-def test_the_bound_is_never_below_the_true_error(prove, seed, distance, steep):
+@given(rng=GENERATORS, distance=DISTANCES, steep=st.sampled_from([0, 1, 16, "bent"]))
+def test_the_bound_is_never_below_the_true_error(prove, rng, distance, steep):
     """In units of all sizes: `test_theory_scales.py`. From 65 rows on the matrices are sparse."""
-    rng = np.random.default_rng(seed)
     n = int(rng.integers(1, 6))
     A = definite_matrix(rng, n) if rng.random() < 0.7 else rng.integers(-3, 4, size=(n, n)) + 4.0 * np.eye(n)
     G = rng.integers(-4, 5, size=(n, n)) / 64 * (1 if steep == "bent" else steep)
@@ -88,9 +87,8 @@ def test_the_bound_is_never_below_the_true_error(prove, seed, distance, steep):
 
 
 @settings(max_examples=40)
-@given(seed=SEEDS)
-def test_uniqueness_is_claimed_only_where_there_is_one_solution(seed):
-    rng = np.random.default_rng(seed)
+@given(rng=GENERATORS)
+def test_uniqueness_is_claimed_only_where_there_is_one_solution(rng):
     n = int(rng.integers(1, 4))
     A, G = rng.integers(-2, 5, size=(n, n)).astype(float), rng.integers(-4, 5, size=(n, n)) / 4
     problem = icp.ICP(A, rng.integers(-4, 5, size=n), icp.Affine(G, rng.integers(-4, 5, size=n)))
@@ -108,9 +106,8 @@ def test_a_determinant_that_rounding_made_is_no_proof():
 
 
 @settings(max_examples=40)
-@given(seed=SEEDS)
-def test_a_few_unknowns_are_proved_unique_exactly_where_they_are(seed):
-    rng = np.random.default_rng(seed)
+@given(rng=GENERATORS)
+def test_a_few_unknowns_are_proved_unique_exactly_where_they_are(rng):
     n = int(rng.integers(1, 5))
     problem = icp.ICP(rng.integers(-3, 4, size=(n, n)), rng.integers(-4, 5, size=n), rng.integers(-2, 3, size=n))
     proof = enumerated_of(problem)
@@ -121,9 +118,8 @@ def test_a_few_unknowns_are_proved_unique_exactly_where_they_are(seed):
 
 
 @settings(max_examples=40)
-@given(seed=SEEDS, decades=st.sampled_from([0, 8]))
-def test_definite_matrices_are_proved_so_in_any_units(seed, decades):
-    rng = np.random.default_rng(seed)
+@given(rng=GENERATORS, decades=st.sampled_from([0, 8]))
+def test_definite_matrices_are_proved_so_in_any_units(rng, decades):
     n = int(rng.integers(1, 5))
     rows = np.ldexp(1.0, rng.integers(-decades, decades + 1, size=n))
     problem = icp.ICP(rows[:, None] * definite_matrix(rng, n) * rows, np.zeros(n))
@@ -215,10 +211,9 @@ ONE, CIRCLE = ([0], [1]), ([0, 1], [1, 0])
 
 class TestSupersolution:
     @settings(max_examples=40)
-    @given(seed=SEEDS, distance=st.sampled_from([0.0, 1e-15, 1e-6, 1e-2, 1.0, 1e6]), rows=st.sampled_from([0, 300]))
-    def test_the_bound_is_never_below_the_true_error_and_one_solution_exists(self, seed, distance, rows):
+    @given(rng=GENERATORS, distance=st.sampled_from([0.0, 1e-15, 1e-6, 1e-2, 1.0, 1e6]), rows=st.sampled_from([0, 300]))
+    def test_the_bound_is_never_below_the_true_error_and_one_solution_exists(self, rng, distance, rows):
         """And each s has p(s) ≥ m·weight and r(s) ≥ m."""
-        rng = np.random.default_rng(seed)
         A, q, jumps = impulse_problem(rng)
         units = np.ldexp(1.0, rng.integers(-rows, rows + 1, size=q.size))
         problem = icp.ICP(units[:, None] * A, units * q, icp.Intervention(jumps))
