@@ -20,11 +20,10 @@ Mask = NDArray[np.bool_]
 _SHORT = np.iinfo(np.int32).max
 #: no float is as large as this integer
 _MIN_OVERFLOWING_INTEGER = 10**309
-#: what counts as a number, whole or not, although bools and times are among them, and as a truth value
+#: what counts as a number, whole or not, although bools and times are among them
 _WHOLE = (int, np.integer)
 _REAL = (int, float, np.integer, np.floating)
 _NO_NUMBER = (bool, np.timedelta64)
-_TRUTH = (bool, np.bool_)
 #: every whole number up to this one is a float64
 _MAX_EXACT_INTEGER = 2.0**53
 #: the number of entries up to which BLAS uses one thread for an inner product
@@ -102,7 +101,7 @@ def not_finite(vector: Vector, name: str) -> str:
 
 def as_truth(value: Any, name: str) -> bool:
     """`value`, which must be True or False: the text "no" is neither. Raises InputError."""
-    if not isinstance(value, _TRUTH):
+    if not isinstance(value, bool | np.bool_):
         raise InputError(f"{name} is {described(value)}; True or False was expected")
     return bool(value)
 

@@ -131,11 +131,8 @@ def newton(n: int, nnz: int, mixed: bool) -> float:
 _PACE_OFFSET = 0.1
 #: a piece of a long loop between two readings of the clock, in nanoseconds
 _PIECE_NANOSECONDS = 2e7
-#: the free memory is not read again for fewer bytes than the first number, nor for less than this share of the value
-#: read within the last seconds
+#: for fewer bytes the free memory is not read, which takes as long as to solve a small problem
 _NEGLIGIBLE_BYTES = 2.0**24
-_NEGLIGIBLE_SHARE = 0.05
-_MEMORY_CACHE_SECONDS = 0.5
 
 
 class _Budget(NamedTuple):
@@ -275,7 +272,7 @@ def free_memory() -> float:
     left = math.inf
     if budget is not None and budget.memory < math.inf:
         left = max(budget.memory - max(_used_memory() - budget.initial_memory, 0.0), 0.0)
-    return min(left, _SYSTEM.free())
+    return min(left, _system_memory())
 
 
 def fits(memory: float) -> bool:
@@ -283,32 +280,16 @@ def fits(memory: float) -> bool:
     budget = _counted.budget
     if memory <= (_NEGLIGIBLE_BYTES if budget is None else min(budget.memory, _NEGLIGIBLE_BYTES)):
         return True
-    modest = (budget is None or budget.memory == math.inf) and memory <= _NEGLIGIBLE_SHARE * _SYSTEM.lately_free()
-    return modest or memory <= free_memory()
+    return memory <= free_memory()
 
 
-class _System:
-    """The memory that the system has free, which it takes as long to ask for as to solve a small problem."""
-
-    def __init__(self) -> None:
-        self.last_free, self.at = 0.0, -math.inf
-
-    def free(self) -> float:
-        """Now."""
-        try:
-            with open("/proc/meminfo", encoding="ascii") as lines:
-                free = 1024.0 * next(int(line.split()[1]) for line in lines if line.startswith("MemAvailable"))
-        except (OSError, StopIteration, ValueError):
-            free = 0.5 * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-        self.last_free, self.at = free, time.monotonic()
-        return free
-
-    def lately_free(self) -> float:
-        """Not long ago."""
-        return self.last_free if time.monotonic() - self.at < _MEMORY_CACHE_SECONDS else self.free()
-
-
-_SYSTEM = _System()
+def _system_memory() -> float:
+    """The bytes that the system has free, or half of all where it does not say."""
+    try:
+        with open("/proc/meminfo", encoding="ascii") as lines:
+            return 1024.0 * next(int(line.split()[1]) for line in lines if line.startswith("MemAvailable"))
+    except (OSError, StopIteration, ValueError):
+        return 0.5 * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
 
 
 def _used_memory() -> float:
