@@ -152,11 +152,9 @@ class Job:
     Parameters
     ----------
     choice : Choice
-    trial : float
-        What it may spend before it is compared with others, by default twice its estimate.
     """
 
-    def __init__(self, choice: Choice, trial: float | None = None) -> None:
+    def __init__(self, choice: Choice) -> None:
         self.choice = choice
         self.method = choice.method
         self.outcome = ""
@@ -166,11 +164,10 @@ class Job:
         self.spent = 0.0
         #: the first one is that of the start
         self.residuals: list[float] = []
-        total = 0.0 if choice.estimate is None else choice.estimate.total
-        self.remaining = total
-        self.limit = math.inf if choice.estimate is None else _MAX_OVERRUN * total
-        if trial is not None:
-            self.limit = trial
+        self.remaining = 0.0 if choice.estimate is None else choice.estimate.total
+        #: twice its estimate, and what it may spend before it is compared with others
+        self.most = math.inf if choice.estimate is None else _MAX_OVERRUN * self.remaining
+        self.limit = self.most
 
     def step(self, cost: float, residual: float, target: float) -> bool:
         """Count a step to `residual`, where `target` is asked for; return whether to compare with other methods."""
@@ -183,12 +180,6 @@ class Job:
         self.remaining = self._left(target)
         self.limit = self.spent + min(self.spent, self.remaining)
         return True
-
-    @property
-    def is_overrun(self) -> bool:
-        """Whether it has spent twice its estimate."""
-        estimate = self.choice.estimate
-        return estimate is not None and self.spent >= _MAX_OVERRUN * estimate.total
 
     def _left(self, target: float) -> float:
         """The remaining cost: from the rate over the last half of the steps, or from the cost so far."""
@@ -283,7 +274,7 @@ class Ladder:
         self.is_paused = False
         while not self.is_paused:
             if not self.rungs and self.family is None and self.problem.n <= LARGEST:
-                self.jobs = [job for job in self.jobs if not job.is_overrun]
+                self.jobs = [job for job in self.jobs if job.spent < job.most]
             least = min(self.jobs, key=lambda job: job.remaining, default=None)
             if not self.rungs or (least is not None and least.remaining <= self.floor):
                 return least
@@ -341,11 +332,13 @@ class Ladder:
         if sweeps.why_not(self.problem) is None and work.fits(8.0 * 4.0 * self.problem.n):
             step = estimate_of(sweeps, self.problem.facts, self.target_reduction).step
             self.floor = _ACCELERATED_SWEEPS * step
-            self.sweeps = [Job(Choice(sweeps, f"{_PLAIN_SWEEPS} sweeps are tried first"), _PLAIN_SWEEPS * step)]
-            self.jobs += self.sweeps
+            job = Job(Choice(sweeps, f"{_PLAIN_SWEEPS} sweeps are tried first"))
+            job.limit = _PLAIN_SWEEPS * step
+            self.sweeps = [job]
+            self.jobs.append(job)
 
     def _sweeps(self) -> None:
-        self.floor = least_cost(self.problem, self.family)
+        self.floor = least_cost(self.problem.facts, self.family)
         if jobs := self._estimated([MNMAOR(theta1=AUTO) if self.family == "paper" else self._accelerated()]):
             self.jobs = [*jobs, *(job for job in self.jobs if job not in self.sweeps)]
             self.sweeps = jobs
@@ -360,10 +353,8 @@ class Ladder:
                 least = _ACCELERATED_SWEEPS * estimate.step
                 if self.problem.matrix.coupled_radius >= 1.0 or estimate.total <= following:
                     trial = max(trial, least)
-                elif trial < 2.0 * least:
-                    trial = 0.0
                 else:
-                    trial = 0.5 * trial
+                    trial = 0.5 * trial if trial >= 2.0 * least else 0.0
             if job.spent < trial:
                 job.limit = trial
                 job.remaining = 0.0

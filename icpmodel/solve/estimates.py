@@ -24,7 +24,6 @@ from ..numerics.fill import dense_cost, factor_cost, least_factor_cost, of_band,
 from ..numerics.krylov import gcr_step_cost
 from ..numerics.linear import steps_cost
 from ..numerics.multigrid import cycle_cost, hierarchy_cost
-from ..problem.data import ProblemData
 from ..problem.facts import Facts
 
 
@@ -43,10 +42,10 @@ class Estimate(NamedTuple):
         return self.setup + self.step * self.steps
 
 
-def least_cost(problem: ProblemData, family: str | None) -> float:
+def least_cost(facts: Facts, family: str | None) -> float:
     """The least that rung 5 can cost, from n and the entries of A alone."""
-    least = least_of_others(problem.facts, family)
-    return least if family == "paper" else min(least, _multilevel_costs(problem.facts)[0])
+    least = least_of_others(facts, family)
+    return least if family == "paper" else min(least, _multilevel(facts).setup)
 
 
 def _pivots(facts: Facts) -> float:
@@ -113,30 +112,27 @@ def _newton(facts: Facts) -> Estimate:
     return Estimate(0.0, newton_cost(facts) + system, wander * _newton_steps(facts), memory)
 
 
-def _multilevel_costs(facts: Facts) -> tuple[float, float]:
-    """The set-up and a step."""
+def _multilevel(facts: Facts) -> Estimate:
     matrix = facts.matrix
     n = matrix.n
     python = 0.5 * work.COSTS.newton
     cycle = cycle_cost(n, matrix.nnz)
     step = python + SWEEPS * work.sweep(n, facts.entries)
-    hierarchy = hierarchy_cost(n, matrix.nnz)
-    if not facts.has_fixed_obstacle:
+    setup = hierarchy_cost(n, matrix.nnz)
+    if facts.has_fixed_obstacle:
+        # two steps on each level that is not small, which together have about as many entries as the finest one; a
+        # step is one Krylov step in the median of 67 problems
+        step += cycle + gcr_step_cost(n, matrix.nnz)
+        coarser = 2.0 * math.log2(max(cycle / python, 1.0))
+        setup += coarser * python + min(coarser, 2.0) * (step - python)
+    else:
         # two steps on each level
-        return hierarchy + 4.0 * math.log2(max(n / 64.0, 1.0)) * python, step + 3.0 * cycle
-    # two steps on each level that is not small, which together have about as many entries as the finest one; a step is
-    # one Krylov step in the median of 67 problems
-    step += cycle + gcr_step_cost(n, matrix.nnz)
-    coarser = 2.0 * math.log2(max(cycle / python, 1.0))
-    return hierarchy + coarser * python + min(coarser, 2.0) * (step - python), step
-
-
-def _multilevel(facts: Facts) -> Estimate:
+        step += 3.0 * cycle
+        setup += 4.0 * math.log2(max(n / 64.0, 1.0)) * python
     # for matrices with ρ ≤ 1 the median of 67 problems, n = 300 … 4000, was five steps, and three quarters took six at
     # most; of the others, for which it is not made, few end
-    radius = max(facts.matrix.coupled_radius, 1.0)
-    setup, step = _multilevel_costs(facts)
-    return Estimate(setup, step, 5.0 * radius * radius * radius * radius, 40.0 * facts.matrix.nnz)
+    radius = max(matrix.coupled_radius, 1.0)
+    return Estimate(setup, step, 5.0 * radius * radius * radius * radius, 40.0 * matrix.nnz)
 
 
 def _lemke(facts: Facts) -> Estimate:

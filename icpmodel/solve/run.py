@@ -148,25 +148,22 @@ class Run:
     def steps(self, ladder: Ladder | InTurn) -> Iterator[None]:
         """Run the loop; yield after each tested iterate but the last one of a method."""
         with progress_bar(self.progress) as self.bar:
-            job = self._next_job(ladder)
-            while job is not None:
-                self.bar.begin(job.method.name)
-                loop = self.loops.get(job) or self.loops.setdefault(job, self._run_method(job))
-                following: Job | None = job
-                while following is job:
-                    for is_due in loop:
-                        yield
-                        if is_due:
-                            break
-                    else:
-                        if self.stop_reason.status not in WORTH_ANOTHER_METHOD and not self.is_refused:
-                            self.is_over = True
-                            return
-                        ladder.end(job)
-                    following = self._next_job(ladder)
-                if following is not None and job.outcome == "":
-                    _LOG.info("n = %d: %s, then %r", self.problem.n, job, following.method)
-                job = following
+            last: Job | None = None
+            while (job := self._next_job(ladder)) is not None:
+                if job is not last:
+                    if last is not None and last.outcome == "":
+                        _LOG.info("n = %d: %s, then %r", self.problem.n, last, job.method)
+                    self.bar.begin(job.method.name)
+                    last = job
+                for is_due in self.loops.setdefault(job, self._run_method(job)):
+                    yield
+                    if is_due:
+                        break
+                else:
+                    if self.stop_reason.status not in WORTH_ANOTHER_METHOD and not self.is_refused:
+                        self.is_over = True
+                        return
+                    ladder.end(job)
         if self.refusal is not None:
             self.stop_reason = self.refusal.stop_reason
             if self.refusal.job is not None:
@@ -262,7 +259,7 @@ class Run:
                 job.residuals.append(residual)
             if self.best is None or residual < self.best.residual:
                 self.best = self.candidate(z, residual)
-            stop_reason = self._report(z, residual, seconds) or self._end_at(z, residual, job.residuals[0])
+            stop_reason = self._report(z, residual, seconds) or self._end_at(z, residual)
             if stop_reason := stop_reason or stalled.check(z, residual) or self._end_by_limit(seconds):
                 job.steps = max(count, job.steps)
                 return stop_reason
@@ -310,13 +307,13 @@ class Run:
             return StopReason(Status.STOPPED, "by the callback")
         return None
 
-    def _end_at(self, z: Vector, residual: float, first: float) -> StopReason | None:
-        """SOLVED, or DIVERGED or MAP_FAILED relative to the method's `first` residual; None if the run goes on."""
+    def _end_at(self, z: Vector, residual: float) -> StopReason | None:
+        """SOLVED, or DIVERGED or MAP_FAILED relative to the method's first residual; None if the run goes on."""
         if self.goal.reached(z, residual):
             if self.best is None or self.best.z is not z:
                 self.best = self.candidate(z, residual)
             return StopReason(Status.SOLVED, "")
-        if not residual < np.inf or residual > _DIVERGENCE * max(first, self.goal.tolerance):
+        if not residual < np.inf or residual > _DIVERGENCE * max(self.job.residuals[0], self.goal.tolerance):
             if fault := fault_of_psi(self.problem, z):
                 return StopReason(Status.MAP_FAILED, f"{fault} at iteration {self.iteration}")
             return StopReason(Status.DIVERGED, f"the iterates diverged, at iteration {self.iteration}")
