@@ -95,8 +95,8 @@ def select_method(
 
     4. Where A has a positive diagonal, sweeps. PSOR makes 12, and goes on while 20 more will do. `Accelerated` follows,
        for a quarter of what the cheapest method of rung 5 is expected to cost, and for 20 sweeps at least, which show
-       a rate. Where the Jacobi radius ρ < 1 of A foretells that it needs more than that method, it is tried for an
-       eighth, and not at all where that does not pay for 20 sweeps.
+       a rate. It is an eighth where the Jacobi radius ρ < 1 of A foretells that it needs more than that method. If
+       that is `Multilevel`, no other can cost less, and an eighth does not pay for 20 sweeps, it begins at once.
     5. Of three methods the one with the least left to do: the cheapest of `Newton`, `Multilevel` and `Lemke`;
        `Proximal`; `Interior`. Their estimates follow from ρ and the fill of the factors of A. That fill is not asked
        for before `Multilevel` has more left than the others would cost without any.
@@ -238,13 +238,14 @@ class Ladder:
         self.early: list[Job] = []
         #: for each of the three of rung 5 the ones that follow where it ends
         self.others: list[list[Job]] = []
-        self.rungs = [self._at_once, self._plain, self._sweeps, self._pause, self._levels, self._costly, self._last]
+        sweeps = [self._plain, self._levels, self._sweeps, self._pause, self._levels]
         if warm_start:
-            self.rungs.insert(1, self._levels)
+            sweeps.insert(0, self._levels)
         if family == "paper":
-            self.rungs = [self._at_once, self._sweeps, self._costly, self._last]
+            sweeps = [self._sweeps]
         if problem.psi.has_policies:
-            self.rungs = [self._at_once, self._pause, self._costly, self._last]
+            sweeps = [self._pause]
+        self.rungs = [self._at_once, *sweeps, self._costly, self._last]
         #: whether the problem is to be reduced before rung 5; and whether that is next
         self.reduces = reduces
         self.floor = 0.0
@@ -347,40 +348,45 @@ class Ladder:
     def _try_sweeps(self, following: float) -> None:
         """Let sweeps go on until their trial is over, where the next method costs `following`."""
         for job in self.sweeps:
-            trial = following
-            if following < math.inf and (estimate := job.choice.estimate):
-                trial = _TRIAL_SHARE * following
-                least = _ACCELERATED_SWEEPS * estimate.step
-                if self.problem.matrix.coupled_radius >= 1.0 or estimate.total <= following:
-                    trial = max(trial, least)
-                else:
-                    trial = 0.5 * trial if trial >= 2.0 * least else 0.0
-            if job.spent < trial:
-                job.limit = trial
-                job.remaining = 0.0
+            if estimate := job.choice.estimate:
+                hopeless = self.problem.matrix.coupled_radius < 1.0 and estimate.total > following
+                trial = (0.5 if hopeless else 1.0) * _TRIAL_SHARE * following
+                trial = max(trial, _ACCELERATED_SWEEPS * estimate.step)
+                if job.spent < trial:
+                    job.limit = trial
+                    job.remaining = 0.0
 
     def _pause(self) -> None:
         self.is_paused = self.reduces
+        self.reduces = False
 
     def _levels(self) -> None:
-        """`Multilevel` where the others of rung 5 would cost more even without fill, which an analysis would tell.
+        """`Multilevel` where the others would cost more even without fill, which an analysis would tell.
 
-        Before the sweeps it has the hierarchy that A keeps: a trial of sweeps would save no set-up.
+        Before any sweeps it has the hierarchy that A keeps: a trial of sweeps would save no set-up.
         """
         if self.early:
             return
         problem = self.problem
+        is_first = self._plain in self.rungs
         least = least_of_others(problem.facts, self.family)
+        if self._sweeps in self.rungs:
+            sweeps = estimate_of(self._accelerated(), problem.facts, self.target_reduction)
+            shortest = math.inf if is_first else 2.0 * _ACCELERATED_SWEEPS * sweeps.step / _TRIAL_SHARE
+            least = min(least, sweeps.total, shortest) if problem.matrix.coupled_radius < 1.0 else 0.0
         for job in self._estimated([Multilevel()]):
-            if self._plain in self.rungs:
+            if is_first:
                 kept = hierarchy_cost(problem.n, problem.nnz)
                 job.remaining -= kept
                 job.limit -= kept
                 job.choice = replace(job.choice, why=f"{job.choice.why}, and A keeps the hierarchy")
-                least = min([least, *(sweeps.remaining for sweeps in self._estimated([self._accelerated()]))])
             if job.remaining <= least:
+                if self._sweeps in self.rungs:
+                    self.jobs = []
                 self._try_sweeps(job.remaining)
                 self._begin(job, least)
+                if not is_first:
+                    self._pause()
 
     def _costly(self) -> None:
         self.floor = math.inf
