@@ -171,7 +171,7 @@ def factors_and_schur(matrix: sp.csr_array, last: NDArray[np.intp]) -> tuple[Fac
 def of_dense(matrix: sp.csr_array, cholesky: bool = False) -> DenseFactors | None:
     """Dense factors of a sparse matrix that stores all entries; raises OutOfTime and OutOfMemory as `factorise`."""
     n = matrix.shape[0]
-    work.check_budget(memory=16.0 * n**2)
+    work.check_budget(dense_cost(n, cholesky), 16.0 * n**2)
     return of_array(matrix.toarray(order="F"), cholesky)
 
 
