@@ -161,9 +161,9 @@ class AffineLcp:
 
     def z(self, y: Vector) -> Vector:
         """The z that belongs to y."""
-        return self.back(self.joined(y) + self.c)
+        return self.without_psi(self.joined(y) + self.c)
 
-    def back(self, x: Any) -> Any:
+    def without_psi(self, x: Any) -> Any:
         """(I − G)⁻¹x, for x of shape (n,) or for all rows of a matrix, and without the entries for rows above."""
         if self.rows is not None:
             x = x[..., : self.n]

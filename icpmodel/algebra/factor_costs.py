@@ -56,7 +56,7 @@ class FactorCosts:
         return min(factor_cost(self.fill._replace(symmetric=False)), dense_cost(self.n))
 
     @cached_property
-    def again(self) -> float:
+    def repeated(self) -> float:
         """The cost for a matrix with the pattern of A once another one has been factorised."""
         return refactor_cost(self.fill) if self.repeats else self.first
 

@@ -60,15 +60,15 @@ class ProximalSteps:
         return self.costs.analysis.exact()
 
     def step(
-        self, z: Vector, p: Vector, pattern: Pattern, centre: Vector, D: Vector, *, briefly: bool = False
+        self, z: Vector, p: Vector, pattern: Pattern, centre: Vector, D: Vector, *, reuse_factors: bool = False
     ) -> tuple[Vector, Vector] | None:
         """z and p after a step from `z`, where p is `p`; None where the equations are not solved.
 
-        With `briefly` the free rows alone are not factorised where all rows have been. Raises MapError where ψ fails.
+        With `reuse_factors` free rows are not factorised where all rows have been. Raises MapError where ψ fails.
         """
         if self.moves:
             return self._newton(z, p, pattern, centre, D)
-        return self._resting(z, pattern, centre, D, briefly)
+        return self._resting(z, pattern, centre, D, reuse_factors)
 
     def _newton(
         self, z: Vector, p: Vector, pattern: Pattern, centre: Vector, D: Vector
@@ -81,7 +81,7 @@ class ProximalSteps:
         return None if step is None else (z + step, self.problem.p(z + step))
 
     def _resting(
-        self, z: Vector, pattern: Pattern, centre: Vector, D: Vector, briefly: bool
+        self, z: Vector, pattern: Pattern, centre: Vector, D: Vector, reuse_factors: bool
     ) -> tuple[Vector, Vector] | None:
         """A step with a fixed obstacle."""
         active = pattern.active
@@ -91,13 +91,13 @@ class ProximalSteps:
             z = np.where(pattern.above, top, z)
         if not active.all():
             f = D * (centre - z) - self.problem.p(z)
-            x = self._on_free_rows(active, D, np.where(active, 0.0, f), briefly)
+            x = self._on_free_rows(active, D, np.where(active, 0.0, f), reuse_factors)
             if x is None:
                 return None
             z += x
         return z, self.problem.p(z)
 
-    def _on_free_rows(self, active: Mask, D: Vector, f: Vector, briefly: bool) -> Vector | None:
+    def _on_free_rows(self, active: Mask, D: Vector, f: Vector, reuse_factors: bool) -> Vector | None:
         """x with ((A + D)x)_i = f_i in the free rows, x_i = 0 in the others; None where it is not found."""
         matrix = self.problem.matrix
         free = int(np.count_nonzero(~active))
@@ -105,9 +105,9 @@ class ProximalSteps:
         whole = self.costs.fill
         part = whole._replace(rows=free, entries=share**2 * whole.entries, flops=share**2 * whole.flops)
         direct = min(factor_cost(part), dense_cost(free, matrix.is_symmetric))
-        if self.costs.again < direct:
+        if self.costs.repeated < direct:
             x = self._by_all_rows(active, D, f)
-            if x is not None or briefly:
+            if x is not None or reuse_factors:
                 return x
         rows = np.flatnonzero(~active)
         M = submatrix(self.problem, rows)

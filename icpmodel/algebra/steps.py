@@ -15,7 +15,7 @@ from ..problem.map import Map
 from ..problem.two_sided import ObstaclePair, obstacle_values, sides_of
 
 #: sweeps in one call at the most
-AT_ONCE = 4
+STEPS_PER_PASS = 4
 #: z⁺, and Res_D(z) or None where it does not fall out of the step
 Stepped = tuple[Vector, float | None]
 #: z ↦ (z⁺, Res_D(z))
@@ -34,9 +34,9 @@ class Sweep:
         return self.single(z)
 
 
-def repeated_steps(step: Step, z: Vector, count: int = AT_ONCE) -> list[Stepped]:
+def repeated_steps(step: Step, z: Vector, count: int = STEPS_PER_PASS) -> list[Stepped]:
     """Up to `count` ≥ 1 steps from `z`, one after the other: one step, or as many as one call makes."""
-    several = min(count, AT_ONCE)
+    several = min(count, STEPS_PER_PASS)
     return step.several(z, several) if isinstance(step, Sweep) and several > 1 else [step(z)]
 
 

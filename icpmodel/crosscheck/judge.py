@@ -27,9 +27,9 @@ OURS = 1e-8
 THEIRS = 1e-7
 #: a Solution may have been stopped at a looser tolerance, but at most at this one
 LOOSEST = 1e-4
-#: two answers agree within AGREE·max|z| + FLOOR·unit: the second counts where z is about zero
+#: two answers agree within AGREE·max|z| + AGREE_NEAR_ZERO·unit: the second counts where z is about zero
 AGREE = 1e-6
-FLOOR = 1e-9
+AGREE_NEAR_ZERO = 1e-9
 #: how many times that a certified bound may be and still count; a wide bound proves nothing
 WIDEST = 10.0
 
@@ -103,7 +103,7 @@ class AnswerUnderTest:
             rtol = min(max(OURS, solution.tolerance / scale, solution.residual / scale), LOOSEST)
         self.holds = solves(problem, self.z, rtol)
         # the unit may be far larger than z: it counts only for an answer that is known to be a solution
-        default = AGREE * float(np.abs(self.z).max()) + (FLOOR * self.unit if self.holds else 0.0)
+        default = AGREE * float(np.abs(self.z).max()) + (AGREE_NEAR_ZERO * self.unit if self.holds else 0.0)
         self.tolerance = default if atol is None else float(atol)
         self.targets = targets(scaled, self.y)
 
@@ -157,7 +157,7 @@ class AnswerUnderTest:
 
     def by_bound(self, difference: float, bound: float, unique: bool) -> tuple[Verdict, str]:
         """The verdict on a solution `difference` away, which is certified to be at most `bound`, NaN for unknown."""
-        if difference <= bound <= WIDEST * (AGREE * float(np.abs(self.z).max()) + FLOOR * self.unit):
+        if difference <= bound <= WIDEST * (AGREE * float(np.abs(self.z).max()) + AGREE_NEAR_ZERO * self.unit):
             return Verdict.AGREES, f"within the certified bound {bound:.1e}"
         if difference <= bound:
             return Verdict.INCONCLUSIVE, f"the bound {bound:.1e} is too wide to decide; solve with a smaller rtol"

@@ -396,9 +396,9 @@ class Derivative(ReadOnly, Plottable):
         if not self.certain or self.problem.psi.calls_user_code or self.solution.problem.f is not None:
             return None
         linear = ProblemData(J, -f, -np.inf)
-        for_p, for_r = linear.rounding(x)
+        rounding_p, rounding_r = linear.rounding(x)
         with suppress(OutOfTime, MemoryError), enforce_limits(self.solution.time_limit, self.solution.memory_limit):
-            return perturbation_bound(linear, x, for_p + error, for_r)
+            return perturbation_bound(linear, x, rounding_p + error, rounding_r)
         return None
 
     @cached_property
@@ -411,8 +411,8 @@ class Derivative(ReadOnly, Plottable):
         problem = self.problem
         z = self.z
         active = self.pattern.active
-        for_p, for_r = problem.rounding(z)
-        F = np.where(active, np.abs(self.pattern.r) + for_r, np.abs(problem.p(z)) + for_p)
+        rounding_p, rounding_r = problem.rounding(z)
+        F = np.where(active, np.abs(self.pattern.r) + rounding_r, np.abs(problem.p(z)) + rounding_p)
         # what the entries of F add to a step may cancel, but not with one random weight after the other
         weights = np.vstack([np.ones(z.size), np.random.default_rng(0).standard_normal((_RANDOM_WEIGHTS, z.size))])
         return 2.0 * np.linalg.norm([self._step(one * F) for one in weights], axis=0)
@@ -431,12 +431,12 @@ class Derivative(ReadOnly, Plottable):
         problem = self.problem
         z = self.z
         delta = self._delta
-        (for_p, for_r) = self.problem.rounding(self.z)
+        (rounding_p, rounding_r) = self.problem.rounding(self.z)
         moves = abs(self._jacobian) @ delta
-        candidates = self._open & (np.abs(problem.p(z)) <= for_p + problem.matrix.absolute @ delta)
+        candidates = self._open & (np.abs(problem.p(z)) <= rounding_p + problem.matrix.absolute @ delta)
         below = problem.r(z)
         above = problem.r_upper(z)
-        tied = [candidates & (np.abs(r) <= for_r + delta + moves) for r in (below, above) if r is not None]
+        tied = [candidates & (np.abs(r) <= rounding_r + delta + moves) for r in (below, above) if r is not None]
         return Ties(tied[0], tied[1] if above is not None else np.zeros_like(candidates), delta)
 
     @cached_property

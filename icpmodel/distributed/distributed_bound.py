@@ -130,7 +130,7 @@ class _Point:
     def __init__(self, problem: DistributedICP, z: Any) -> None:
         self.problem = problem
         self.p, self.below, self.above = problem.sides(z)
-        self.for_p, self.for_r = rounding(problem, z)
+        self.rounding_p, self.rounding_r = rounding(problem, z)
 
     def certificate(self, bound: ErrorBound, rows: tuple[Mask, ...] = ()) -> DistributedCertificate:
         """The certificate with this bound, and with the masks of the decided `rows`, if any. Collective."""
@@ -147,15 +147,15 @@ class _Point:
         with np.errstate(over="ignore", invalid="ignore"):
             top = None if self.above is None else self.above / beta
             F = np.abs(mid(self.p / alpha, self.below / beta, top))
-            own = float(np.max(F + np.maximum(self.for_p / alpha, self.for_r / beta), initial=0.0))
+            own = float(np.max(F + np.maximum(self.rounding_p / alpha, self.rounding_r / beta), initial=0.0))
             factor = largest(self.problem.comm, own)[0] + SMALLEST
             return np.nextafter(v * (factor * (1 + 8 * UNIT_ROUNDOFF)), np.inf)
 
     def rows(self, delta: Vector, change: Vector) -> tuple[Mask, Mask, Mask]:
         """The masks of the rows that |z − z*| ≤ `delta` proves to be active, off both obstacles, at the upper one."""
         inflate = 1 + 8 * UNIT_ROUNDOFF
-        of_p = (self.for_p + self.problem.matrix.absolute(delta)) * inflate
-        of_r = (self.for_r + delta + change) * inflate
+        of_p = (self.rounding_p + self.problem.matrix.absolute(delta)) * inflate
+        of_r = (self.rounding_r + delta + change) * inflate
         active = self.p > of_p
         inactive = self.below > of_r
         at_upper = np.zeros(delta.size, dtype=bool)
@@ -169,14 +169,14 @@ def rounding(problem: DistributedICP, z: Any) -> tuple[Vector, Vector]:
     """Bounds on the rounding errors of p(z) and r(z) in the own rows, as `ProblemData.rounding`. Collective."""
     size = np.abs(z.array_r)
     k = problem.matrix.terms + 2
-    for_p = gamma(k) * (problem.matrix.absolute(size) + np.abs(problem.q)) + k * SMALLEST
-    for_r = np.zeros(size.size)
+    rounding_p = gamma(k) * (problem.matrix.absolute(size) + np.abs(problem.q)) + k * SMALLEST
+    rounding_r = np.zeros(size.size)
     for one in problem.maps:
         value = np.abs(one.value(z))
         total = size + one.change(size) + np.where(np.isinf(value), 0.0, value)
         lost = gamma(one.terms) * total + one.terms * SMALLEST
-        for_r = np.maximum(for_r, np.where(np.isinf(value), 0.0, lost))
-    return for_p, for_r
+        rounding_r = np.maximum(rounding_r, np.where(np.isinf(value), 0.0, lost))
+    return rounding_p, rounding_r
 
 
 def moved(problem: DistributedICP, delta: Vector) -> Vector:
@@ -196,7 +196,7 @@ def _may_cross(problem: DistributedICP, here: _Point, change: Vector) -> bool:
         return False
     with np.errstate(invalid="ignore"):
         safe = np.isinf(here.below) | np.isinf(here.above)
-        safe |= here.below - here.above > (2.0 * change + 2.0 * here.for_r) * (1 + 8 * UNIT_ROUNDOFF)
+        safe |= here.below - here.above > (2.0 * change + 2.0 * here.rounding_r) * (1 + 8 * UNIT_ROUNDOFF)
     return totals(problem.comm, float((~safe).sum()))[0] > 0
 
 

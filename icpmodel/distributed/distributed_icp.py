@@ -133,7 +133,7 @@ class DistributedICP(Displayable):
     @property
     def calls_users(self) -> bool:
         """Whether an obstacle is computed by a user's function."""
-        return any(one.is_users for one in self.maps)
+        return any(one.has_function for one in self.maps)
 
     def vector(self, own: Any = None) -> Any:
         """A new vector of this layout.

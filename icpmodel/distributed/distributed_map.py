@@ -30,11 +30,11 @@ _WANTED = (
 class DistributedMap:
     """ψ(z) = f(z) + Gz: `own`, f as a map of the own rows (None where there are none), and `G`, a `Mat`, or None.
 
-    `is_users`: f is no constant on some rank, so that a user's function is called.
+    `has_function`: f is no constant on some rank, so that a user's function is called.
     """
 
-    def __init__(self, matrix: DistributedMatrix, own: Map | None, G: Any = None, is_users: bool = False) -> None:
-        self.matrix, self.own, self.G, self.is_users = matrix, own, G, is_users
+    def __init__(self, matrix: DistributedMatrix, own: Map | None, G: Any = None, has_function: bool = False) -> None:
+        self.matrix, self.own, self.G, self.has_function = matrix, own, G, has_function
 
     @classmethod
     def constant(cls, matrix: DistributedMatrix, c: Vector, G: Any = None) -> DistributedMap:
@@ -69,17 +69,17 @@ class DistributedMap:
                 raise NotApplicable(
                     f"{name} depends on z without a known bound: give an Elementwise with `lipschitz` < 1"
                 )
-        is_users = totals(matrix.comm, own is not None and not own.is_constant)[0] > 0
-        return cls(matrix, own, G, is_users)
+        has_function = totals(matrix.comm, own is not None and not own.is_constant)[0] > 0
+        return cls(matrix, own, G, has_function)
 
     @property
     def is_fixed(self) -> bool:
         """Whether it is a constant."""
-        return self.G is None and not self.is_users
+        return self.G is None and not self.has_function
 
     def value(self, z: Any) -> Vector:
         """ψ(z) in the own rows, `z` a `Vec`. Collective. Raises MapError on all ranks."""
-        if self.is_users:
+        if self.has_function:
             with together(self.matrix.comm):
                 values = self._own(z)
         else:
@@ -94,7 +94,7 @@ class DistributedMap:
     def slopes(self, z: Any) -> Vector:
         """f′ in the own rows, at the `Vec` `z`, a difference quotient where nobody gave it. Collective. Raises MapError
         on all ranks."""
-        if not self.is_users:
+        if not self.has_function:
             return np.zeros(self.matrix.high - self.matrix.low)
         with together(self.matrix.comm):
             if self.own is None or self.own.is_constant:

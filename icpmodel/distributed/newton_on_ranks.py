@@ -196,7 +196,7 @@ def simplified(problem: DistributedICP, start: bool = False) -> DistributedICP:
     """
     maps: list[Any] = []
     for one in (problem.psi, problem.upper):
-        if one is not None and one.is_users and (one.G is None or start):
+        if one is not None and one.has_function and (one.G is None or start):
             with together(problem.comm):
                 c = one.fixed()
             one = DistributedMap.constant(problem.matrix, c, one.G)

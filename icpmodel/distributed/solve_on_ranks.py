@@ -262,10 +262,10 @@ class _Run:
 
     def _rounding(self) -> tuple[float, float]:
         """Bounds on the rounding errors of Res_D and Res at the best iterate. Collective."""
-        (for_p, for_r) = rounding(self.problem, self.best)
+        (rounding_p, rounding_r) = rounding(self.problem, self.best)
         comm = self.problem.comm
-        weighted = np.maximum(self.problem.matrix.row_weights * for_p, for_r)
-        return norm(comm, weighted), norm(comm, np.maximum(for_p, for_r))
+        weighted = np.maximum(self.problem.matrix.row_weights * rounding_p, rounding_r)
+        return norm(comm, weighted), norm(comm, np.maximum(rounding_p, rounding_r))
 
     def _seen(self, z: Any, residual: float) -> None:
         if residual < self.least or not np.isfinite(self.least):

@@ -52,7 +52,7 @@ class LeastValue:
 
 
 #: the sentence for a nonlinear p
-OF_F = "p is nonlinear, and this method needs affine p: leave out the method, or solve problem.linearised(z)"
+NONLINEAR_P = "p is nonlinear, and this method needs affine p: leave out the method, or solve problem.linearised(z)"
 
 
 def _of_affine_p(own: Callable[[Any, ProblemData], str | None]) -> Callable[[Any, ProblemData], str | None]:
@@ -141,7 +141,7 @@ class Method(ReadOnly, Displayable, ABC):
         --------
         >>> icp.Newton().why_not_f(ICP([[1.0]], [1.0]))
         """
-        return None if problem.f is None else OF_F
+        return None if problem.f is None else NONLINEAR_P
 
     @abstractmethod
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:

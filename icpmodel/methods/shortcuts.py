@@ -87,14 +87,14 @@ class Lemke(Shortcut):
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         # raises SingularOperator where I − G is singular, or A in the rows without obstacle
-        from ..algebra.kernels.pivoting import NUDGED, SINGULAR, SOLVED, START, UNFINISHED  # loads numba
+        from ..algebra.kernels.pivoting import PERTURBED, SINGULAR, SOLVED, START, UNFINISHED  # loads numba
 
         yield z, None
         lcp = dense_lcp(problem)
         row = int(np.argmax(lcp.free))
         singular = SingularOperator("A is singular in the rows and columns without obstacle below", row)
         state = lcp.start()
-        for entering in (START, NUDGED):
+        for entering in (START, PERTURBED):
             seen = set[bytes]()
             ended = UNFINISHED
             while ended == UNFINISHED:

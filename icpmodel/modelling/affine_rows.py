@@ -42,7 +42,7 @@ class AffineRows(NamedTuple):
         """The sums, row by row."""
         return AffineRows(self.Z + other.Z, self.W + other.W, self.constant + other.constant)
 
-    def above(self, other: AffineRows) -> AffineRows:
+    def stacked_on(self, other: AffineRows) -> AffineRows:
         """These rows, then those of `other`."""
         Z, W = (sp.vstack(pair, format="csr") for pair in zip(self[:2], other[:2], strict=True))
         return AffineRows(Z, W, np.concatenate([self.constant, other.constant]))

@@ -37,7 +37,7 @@ class Solver(Protocol):
 _MAX_BACKWARD_ERROR = 1e-12
 #: the share of the diagonal that is added so that a singular matrix is seen in time, the least that did it in every
 #: case; and the share of the solution, or of the step before, up to which a step of refinement takes it back
-_NUDGE = 2.0**-36
+_PERTURBATION = 2.0**-36
 _MAX_CORRECTION = 0.5
 #: what is added to smaller entries of the diagonal, in units of the largest one of the column: enough for a pivot
 _PIVOT_SHIFT = 2.0**-25
@@ -95,17 +95,17 @@ def _by_factors(M: Any, analysis: SymbolicAnalysis | None) -> tuple[Solver, Expo
     """The solver by factors of the equilibrated M, and the exponents of the rows and columns."""
     exponents = row_exponents(M)
     if analysis is None:
-        return _by(of_array(np.array(in_units(M, exponents), order="F"))), exponents, 0
+        return _solver_with(of_array(np.array(in_units(M, exponents), order="F"))), exponents, 0
     if analysis.is_dense or analysis.is_band:
         # Cholesky's factor is as good in all units, and others would take the symmetry
         if analysis.is_symmetric and (factors := factorise(M, definite=True, analysis=analysis)):
-            return _by(factors), 0, 0
+            return _solver_with(factors), 0, 0
         scaled = in_units(M, exponents)
-        return _by(of_dense(scaled) if analysis.is_dense else factorise(scaled)), exponents, 0
+        return _solver_with(of_dense(scaled) if analysis.is_dense else factorise(scaled)), exponents, 0
     if analysis.signs is None:
-        return _nudged(in_units(M, exponents), analysis), exponents, 0
+        return _perturbed_factors(in_units(M, exponents), analysis), exponents, 0
     both = exponents // 2  # as large as before at the most, and as symmetric as it was
-    return _nudged(in_units(M, both, both), analysis), both, both
+    return _perturbed_factors(in_units(M, both, both), analysis), both, both
 
 
 def steps_cost(n: int, nnz: int) -> float:
@@ -137,7 +137,7 @@ def _by_steps(M: sp.csr_array, analysis: SymbolicAnalysis) -> Solver | None:
     return solve
 
 
-def _by(factors: Any) -> Solver:
+def _solver_with(factors: Any) -> Solver:
     """The solver that has the `factors`, None where M is singular."""
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
@@ -146,7 +146,7 @@ def _by(factors: Any) -> Solver:
     return solve
 
 
-def _nudged(M: sp.csr_array, analysis: SymbolicAnalysis) -> Solver:
+def _perturbed_factors(M: sp.csr_array, analysis: SymbolicAnalysis) -> Solver:
     """The solver by the factors of M + εD, with few or no exchanges of rows.
 
     Entries of the diagonal that are nearly 0 are first raised to √ε of the column, and no rows are
@@ -160,20 +160,20 @@ def _nudged(M: sp.csr_array, analysis: SymbolicAnalysis) -> Solver:
     diagonal = M.diagonal()
     units = largest_of_columns(M)
 
-    def by(more: Vector, definite: bool) -> tuple[sp.csr_array, Solver]:
+    def perturbed(more: Vector, definite: bool) -> tuple[sp.csr_array, Solver]:
         near = sp.csr_array(M + sp.diags_array(more))
-        return near, _by(factorise(near, definite=definite, analysis=analysis))
+        return near, _solver_with(factorise(near, definite=definite, analysis=analysis))
 
     @cache
     def exchanged() -> Solver:
-        return _refined(M, units, by(_NUDGE * diagonal, False)[1])
+        return _refined(M, units, perturbed(_PERTURBATION * diagonal, False)[1])
 
     shift = _PIVOT_SHIFT * units
     small = np.abs(diagonal) < shift
     # columns of different sizes hide the small entries
     if (analysis.signs is None and not small.any()) or units.min() < _PIVOT_SHIFT * units.max():
         return exchanged()
-    near, by_near = by(np.where(small, np.copysign(shift, diagonal), _NUDGE * diagonal), True)
+    near, by_near = perturbed(np.where(small, np.copysign(shift, diagonal), _PERTURBATION * diagonal), True)
     refined = _refined(M, units, by_near)
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:

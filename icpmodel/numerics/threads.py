@@ -20,7 +20,7 @@ THREADS_FROM = 1_000_000
 OfRows = Callable[[int, int], Any]
 _T = TypeVar("_T")
 #: the name of threads with steps that take too long
-LEFT = "icpmodel: out of time"
+ABANDONED = "icpmodel: out of time"
 #: how many threads ask for one thread of BLAS, and what gives BLAS its threads back
 _LIMIT = Lock()
 _limited = 0
@@ -59,7 +59,7 @@ def run_with_deadline(step: Callable[[], _T], most: float) -> _T:
         except BaseException as error:
             result.set_exception(error)
 
-    Thread(target=run, name=LEFT).start()
+    Thread(target=run, name=ABANDONED).start()
     try:
         return result.result(min(seconds_left(), TIMEOUT_MAX))
     except TimeoutError:

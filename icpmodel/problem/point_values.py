@@ -344,8 +344,8 @@ class PointValues(Displayable):
 
         Examples
         --------
-        >>> for_p, for_r = ICP([[3.0]], [-6.0]).rounding([2.0])
-        >>> bool(0 < for_p[0] < 1e-14), bool(0 < for_r[0] < 1e-14)
+        >>> rounding_p, rounding_r = ICP([[3.0]], [-6.0]).rounding([2.0])
+        >>> bool(0 < rounding_p[0] < 1e-14), bool(0 < rounding_r[0] < 1e-14)
         (True, True)
         """
         z = self.vector(z)
@@ -357,23 +357,23 @@ class PointValues(Displayable):
         terms = np.diff(self.A.indptr) + 2
         psi[free] = 0.0
         # in place: for large vectors allocation dominates the time
-        for_p = self.matrix.magnitude(z)
+        rounding_p = self.matrix.magnitude(z)
         size_of_z = np.abs(z)
-        exact = for_p == 0.0
-        for_p += np.abs(self.q)
-        for_p *= gamma(terms)
-        for_p[exact] = 0.0
+        exact = rounding_p == 0.0
+        rounding_p += np.abs(self.q)
+        rounding_p *= gamma(terms)
+        rounding_p[exact] = 0.0
         if self.f is not None:
-            for_p += self.f.rounding(self.f.value(z))
-        for_p += terms * SMALLEST
-        for_r = size_of_z + psi
+            rounding_p += self.f.rounding(self.f.value(z))
+        rounding_p += terms * SMALLEST
+        rounding_r = size_of_z + psi
         entries: Any = 3
         if self.psi.lipschitz is not None and self.psi.lipschitz.nnz:
-            for_r += self.psi.lipschitz @ size_of_z
+            rounding_r += self.psi.lipschitz @ size_of_z
             entries = np.diff(self.psi.lipschitz.indptr) + 3
-        for_r = gamma(entries) * for_r + entries * SMALLEST
-        for_r[free] = 0.0
-        return for_p, for_r
+        rounding_r = gamma(entries) * rounding_r + entries * SMALLEST
+        rounding_r[free] = 0.0
+        return rounding_p, rounding_r
 
     def rounding_of_residual(self, z: Any) -> float:
         """A bound on the rounding error of Res_D(z).
@@ -383,5 +383,5 @@ class PointValues(Displayable):
         >>> ICP([[3.0]], [-6.0]).rounding_of_residual([2.0]) < 1e-14
         True
         """
-        for_p, for_r = self.rounding(z)
-        return norm(np.maximum(self.weights_at(self.vector(z)) * for_p, for_r))
+        rounding_p, rounding_r = self.rounding(z)
+        return norm(np.maximum(self.weights_at(self.vector(z)) * rounding_p, rounding_r))

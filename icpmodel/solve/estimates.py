@@ -144,7 +144,7 @@ def _proximal(facts: Facts) -> Estimate:
     # n = 120, 500 and 2000 where there is none
     matrix = facts.matrix
     fixed = facts.has_fixed_obstacle
-    system, memory = system_cost(matrix, factor_costs(matrix).again if fixed else factor_costs(matrix).unsymmetric)
+    system, memory = system_cost(matrix, factor_costs(matrix).repeated if fixed else factor_costs(matrix).unsymmetric)
     step = (work.COSTS.newton if fixed else newton_cost(facts)) + system
     rows = max(facts.bounded, 1)
     steps = 3.0 + math.log2(rows) if matrix.has_positive_diagonal else 2.0 * math.sqrt(rows)
@@ -154,7 +154,7 @@ def _proximal(facts: Facts) -> Estimate:
 def _interior(facts: Facts) -> Estimate:
     # medians of 13, 16 and 20 steps were measured at n = 120, 500 and 2000, with four solves each
     matrix = facts.matrix
-    factors = factor_costs(matrix).again if facts.has_fixed_obstacle else factor_costs(matrix).unsymmetric
+    factors = factor_costs(matrix).repeated if facts.has_fixed_obstacle else factor_costs(matrix).unsymmetric
     step = newton_cost(facts) + factors + 4.0 * solve_cost(factor_costs(matrix).fill)
     return Estimate(step, step, 3.0 + 1.5 * math.log2(max(facts.bounded, 1)), 24.0 * factor_costs(matrix).fill.entries)
 

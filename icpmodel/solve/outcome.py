@@ -27,7 +27,7 @@ def _residual(run: Run, z: Vector) -> float:
 
 
 @public_entry
-def _is_luck(run: Run, z: Vector) -> bool:
+def _passes_by_rounding(run: Run, z: Vector) -> bool:
     """Whether only rounding makes the residual of `z`, which failed the exact test, small enough."""
     with contextlib.suppress(MapError):
         goal = run.goal
@@ -95,7 +95,7 @@ def _end(run: Run, best: BestIterate, limits: Limits) -> tuple[Status, str]:
     elif status is Status.SOLVED and limits.accuracy is None:
         status = Status.MAP_FAILED
         note = "psi or f gives different values at the same z"
-    elif status in _NO_FURTHER and _is_luck(run, best.z):
+    elif status in _NO_FURTHER and _passes_by_rounding(run, best.z):
         status = Status.PRECISION_LIMIT
         note = "the residual of this z is small enough only as rounded in float64"
     if status not in (Status.SOLVED, Status.INTERRUPTED, Status.STOPPED) and (crossed := _crossed(run.problem, best.z)):

@@ -293,14 +293,14 @@ def foreign_solvers() -> dict[str, ForeignSolver]:
     return {name: _REGISTRY[name]() for name in sorted(_REGISTRY)}
 
 
-def chosen_solvers(solvers: Iterable[str | ForeignSolver] | None, asker: str | None = None) -> list[ForeignSolver]:
+def chosen_solvers(solvers: Iterable[str | ForeignSolver] | None, used_by: str | None = None) -> list[ForeignSolver]:
     """The named solvers, each once.
 
     Parameters
     ----------
     solvers : iterable of str or ForeignSolver, optional
-        Names or objects; by default all that `asker` runs.
-    asker : {"crosscheck", "race"}, optional
+        Names or objects; by default all that `used_by` runs.
+    used_by : {"crosscheck", "race"}, optional
         The study that runs them.
 
     Returns
@@ -320,7 +320,7 @@ def chosen_solvers(solvers: Iterable[str | ForeignSolver] | None, asker: str | N
     """
     known = foreign_solvers()
     if solvers is None:
-        return [solver for solver in known.values() if asker is None or asker in solver.used_by]
+        return [solver for solver in known.values() if used_by is None or used_by in solver.used_by]
     requested = [solvers] if isinstance(solvers, str | ForeignSolver) else as_list(solvers, "solvers")
     for solver in requested:
         if isinstance(solver, str) and solver not in known:

@@ -30,8 +30,8 @@ def m_matrix(rng, n, dominance):
 def scaled_residual(problem, z):
     """The largest natural residual in units of z, beside what rounding explains."""
     p, r = problem.p(z) / problem.A.diagonal(), problem.r(z)
-    for_p, for_r = problem.rounding(z)
-    return float((np.abs(np.minimum(p, r)) - for_p / problem.A.diagonal() - for_r).max())
+    rounding_p, rounding_r = problem.rounding(z)
+    return float((np.abs(np.minimum(p, r)) - rounding_p / problem.A.diagonal() - rounding_r).max())
 
 
 @pytest.mark.parametrize("n", [2, 100_000])

@@ -178,10 +178,10 @@ def test_the_rounding_errors_of_p_and_of_both_r_are_bounded(drawn):
     known, at = ExactProblem(problem), fractions(z)
     sides = known.obstacles(at)
     p, below = known.p(at), [x - low for x, (low, _) in zip(at, sides, strict=True)]
-    for_p, for_r = problem.rounding(z)
-    found = [(p, problem.p(z), for_p), (below, problem.r(z), for_r)]
+    rounding_p, rounding_r = problem.rounding(z)
+    found = [(p, problem.p(z), rounding_p), (below, problem.r(z), rounding_r)]
     if problem.upper is not None:
-        found.append(([x - top for x, (_, top) in zip(at, sides, strict=True)], problem.r_upper(z), for_r))
+        found.append(([x - top for x, (_, top) in zip(at, sides, strict=True)], problem.r_upper(z), rounding_r))
     for exact, computed, bound in found:
         for x, y, b in zip(exact, computed, bound, strict=True):
             assert x == y if isinstance(x, float) else abs(x - Fraction(float(y))) <= Fraction(float(b))

@@ -58,9 +58,11 @@ def test_z_exact_is_complementary_to_rounding(name):
     """The median of z − ψ̄, p and r is 0 in every row, up to the rounding errors of computing them at z*."""
     scene = scenes.scene(name)
     problem, z = scene.problem, scene.z_exact
-    for_p, for_r = problem.rounding(z)
-    slack_p, slack_r = problem.p(z) / np.maximum(for_p, 1e-300), problem.r(z) / np.maximum(for_r, 1e-300)
-    above = np.full(problem.n, -np.inf) if problem.upper is None else problem.r_upper(z) / np.maximum(for_r, 1e-300)
+    rounding_p, rounding_r = problem.rounding(z)
+    slack_p, slack_r = problem.p(z) / np.maximum(rounding_p, 1e-300), problem.r(z) / np.maximum(rounding_r, 1e-300)
+    above = (
+        np.full(problem.n, -np.inf) if problem.upper is None else problem.r_upper(z) / np.maximum(rounding_r, 1e-300)
+    )
     assert (np.abs(np.median([above, slack_p, slack_r], axis=0)) <= 1.0).all()
 
 

@@ -21,8 +21,8 @@ UNFINISHED = 2
 SINGULAR = 3
 #: in place of a label that is to enter: begin, or with a q that is moved by this share of its size
 START = -1
-NUDGED = -2
-_NUDGE = 1e-8
+PERTURBED = -2
+_PERTURBATION = 1e-8
 #: in a column of the dictionary, a smaller share of its largest entry counts as zero; ratios so near are ties
 _ZERO = 1e-11
 _TIE = 1e-13
@@ -206,7 +206,7 @@ def go_on(S, f, free, units, D, labels, work, entering, limit):
     ties = labels[4 * n + 2 :]
     code = UNFINISHED
     if entering < 0:
-        code, entering = start(S, f, free, D, basic, nonbasic, place, _NUDGE if entering == NUDGED else 0.0)
+        code, entering = start(S, f, free, D, basic, nonbasic, place, _PERTURBATION if entering == PERTURBED else 0.0)
     if code == UNFINISHED:
         code, entering = pivot(D, free, basic, nonbasic, place, ties, entering, limit)
     y = np.zeros(n)

@@ -61,7 +61,7 @@ def in_order(
         owners = np.concatenate([own, np.setdiff1d(np.arange(n), own)])
         free = r.constants(n - m, np.inf)._replace(Z=sp.eye_array(n, format="csr")[owners[m:]])
         ends = equations, free, equations.constants(n - m, -np.inf), free.constants(n - m, np.inf)
-        parts = [one and one.above(end) for one, end in zip(parts, ends, strict=True)]
+        parts = [one and one.stacked_on(end) for one, end in zip(parts, ends, strict=True)]
     rows = np.argsort(owners)
     if not np.array_equal(owners, np.arange(n)):
         parts = [one and one.of(rows) for one in parts]
@@ -96,7 +96,7 @@ def _with_unknowns(
     p, r, equations = p.wider(k), r.wider(k), equations.wider(k)
     unknowns = r.constants(k, 0.0)
     unknowns = unknowns._replace(Z=sp.eye_array(k, r.Z.shape[1], k=r.Z.shape[1] - k, format="csr"))
-    equations = equations.above(unknowns.plus(r.of(rows).times(np.full(k, -1.0))))
+    equations = equations.stacked_on(unknowns.plus(r.of(rows).times(np.full(k, -1.0))))
     unchanged = np.ones(r.constant.size)
     unchanged[rows] = 0.0
     return (

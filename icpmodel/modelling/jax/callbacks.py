@@ -95,14 +95,14 @@ class MappedArrays:
             for name, several in arrays.items()
         }
         leads = [one.shape[: one.ndim - len(shape)] for several in both.values() for one, shape in several]
-        self.lead = np.broadcast_shapes(*leads)
-        self.count = prod(self.lead)
+        self.batch_shape = np.broadcast_shapes(*leads)
+        self.count = prod(self.batch_shape)
         self.arrays = {name: [self._flat(*one) for one in several] for name, several in both.items()}
 
     def _flat(self, array: Any, shape: Shape) -> Any:
         if array.size == prod(shape):  # one for all
             return array.reshape(1, *shape)
-        return np.broadcast_to(array, self.lead + shape).reshape(self.count, *shape)
+        return np.broadcast_to(array, self.batch_shape + shape).reshape(self.count, *shape)
 
     def at(self, row: int) -> Arrays:
         """The arrays of one row."""
@@ -114,7 +114,7 @@ class MappedArrays:
 
     def numbers(self, lead: Shape) -> Any:
         """The number of the row at each index of the larger `lead`."""
-        return np.broadcast_to(np.arange(self.count).reshape(self.lead), lead).reshape(-1)
+        return np.broadcast_to(np.arange(self.count).reshape(self.batch_shape), lead).reshape(-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +125,7 @@ class Callbacks:
     forms: dict[str, Argument]
     shapes: Shapes
     options: dict[str, Any]
-    loud: bool
+    raise_on_failure: bool
     last: LastDerivative
 
     @cached_property
@@ -145,15 +145,15 @@ class Callbacks:
         else:
             nothing = np.full(self.problem.n, np.nan)
             Z = np.array([nothing if one is None or one.status not in _ANSWERS else one.z for one in answers])
-        return Z.reshape(*rows.lead, self.problem.n)
+        return Z.reshape(*rows.batch_shape, self.problem.n)
 
     def answers(self, rows: MappedArrays) -> Answers:
         """The solutions of all rows; None if no problem can be made and no error is to be raised."""
         if rows.count > 1:
             try:
-                return solve_many(**self.many(rows), raise_on_failure=self.loud, **self.options)
+                return solve_many(**self.many(rows), raise_on_failure=self.raise_on_failure, **self.options)
             except IcpError:  # what is wrong with one row
-                if self.loud:
+                if self.raise_on_failure:
                     raise
         return [self.answer(rows.at(row)) for row in range(rows.count)]
 
@@ -181,9 +181,9 @@ class Callbacks:
         try:
             problem = self.stated(row)
             start = row.get("z0", (None,))[0]
-            return solve(problem, z0=start, raise_on_failure=self.loud, **self.options)
+            return solve(problem, z0=start, raise_on_failure=self.raise_on_failure, **self.options)
         except IcpError:
-            if self.loud:
+            if self.raise_on_failure:
                 raise
             return None
 
@@ -229,7 +229,7 @@ class Callbacks:
         """`act` on every derivative with its vectors, of length `size`; NaN in rows without a derivative."""
         rows = MappedArrays(residuals, self.shapes | {"z": ((self.problem.n,),)})
         directions = MappedArrays({"": (vectors,)}, {"": (np.shape(vectors)[-1:],)})
-        lead = np.broadcast_shapes(rows.lead, directions.lead)
+        lead = np.broadcast_shapes(rows.batch_shape, directions.batch_shape)
         of_rows = rows.numbers(lead)
         of_directions = directions.numbers(lead)
         results = np.full((of_rows.size, size), np.nan)
@@ -242,7 +242,7 @@ class Callbacks:
                 try:
                     results[k] = act(derivative, vector)
                 except SingularOperator:
-                    if self.loud:
+                    if self.raise_on_failure:
                         raise
         return results.reshape(*lead, size)
 

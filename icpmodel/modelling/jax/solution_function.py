@@ -91,8 +91,8 @@ def solution_of(
         if make is not None and (not callable(make) or isinstance(make, Map)):
             raise InputError(f"{name} is {described(make)}; a function of parameters that returns a map was expected")
     options = {name: getattr(limits, name) for name in ("rtol", "atol", "time_limit", "memory_limit")}
-    loud = as_truth(raise_on_failure, "raise_on_failure")
-    return SolutionFunction(as_problem(problem), {"psi": psi, "upper": upper}, options, loud)
+    raise_on_failure = as_truth(raise_on_failure, "raise_on_failure")
+    return SolutionFunction(as_problem(problem), {"psi": psi, "upper": upper}, options, raise_on_failure)
 
 
 class SolutionFunction(Displayable):
@@ -106,7 +106,7 @@ class SolutionFunction(Displayable):
         Obstacle → the function that makes it from its parameters, or None.
     options : dict
         Options of `solve`.
-    loud : bool
+    raise_on_failure : bool
         Whether a failed solve raises NotSolved.
 
     Notes
@@ -123,9 +123,9 @@ class SolutionFunction(Displayable):
     """
 
     def __init__(
-        self, problem: ProblemData, makers: dict[str, Make | None], options: dict[str, Any], loud: bool
+        self, problem: ProblemData, makers: dict[str, Make | None], options: dict[str, Any], raise_on_failure: bool
     ) -> None:
-        self.problem, self.makers, self.options, self.raise_on_failure = problem, makers, options, loud
+        self.problem, self.makers, self.options, self.raise_on_failure = problem, makers, options, raise_on_failure
         self._last = LastDerivative()
         weakref.finalize(self, self._last.forget)  # what JAX has compiled may live longer
         self._traced: dict[Any, TracedFunction] = {}

@@ -82,8 +82,8 @@ def gap(i, indptr, indices, data, c, known, z):
     left = (z[i] - (start - part)) - (c[i] + part)
     k = uint(indptr[i])
     stop = uint(indptr[i + uint(1)])
-    r, for_r = row_sum(start, left, k, stop, -1.0, indices, data, z)
-    return r, for_r + known * abs(c[i])
+    r, rounding_r = row_sum(start, left, k, stop, -1.0, indices, data, z)
+    return r, rounding_r + known * abs(c[i])
 
 
 @inlined
@@ -107,16 +107,16 @@ def unknown(value, error):
 def worst(of_p, of_r, of_s):
     # the largest |median of p, r and s <= r| that (value, bound on its error) of all three leave possible, and of r and
     # s themselves where these may cross; without an upper obstacle s is -inf, and that is |min(p, r)|
-    (p, for_p) = of_p
-    (r, for_r) = of_r
+    (p, rounding_p) = of_p
+    (r, rounding_r) = of_r
     (s, for_s) = of_s
-    if unknown(p, for_p) or unknown(r, for_r) or unknown(s, for_s):
+    if unknown(p, rounding_p) or unknown(r, rounding_r) or unknown(s, for_s):
         return np.inf
-    low = max(s - for_s, min(p - for_p, r - for_r))
-    high = max(s + for_s, min(p + for_p, r + for_r))
+    low = max(s - for_s, min(p - rounding_p, r - rounding_r))
+    high = max(s + for_s, min(p + rounding_p, r + rounding_r))
     size = max(abs(low), abs(high))
-    if s + for_s > r - for_r:
-        size = max(size, abs(r) + for_r, abs(s) + for_s)
+    if s + for_s > r - rounding_r:
+        size = max(size, abs(r) + rounding_r, abs(s) + for_s)
     return size
 
 
@@ -136,8 +136,8 @@ def raised(indptr, indices, data, weights, Q, G_indptr, G_indices, G_data, C, kn
         for i in range(uint(z.size)):
             k = uint(indptr[i])
             stop = uint(indptr[i + uint(1)])
-            p, for_p = row_sum(q[i], 0.0, k, stop, 1.0, indices, data, z)
-            of_p = weighted(weights[i], p, for_p)
+            p, rounding_p = row_sum(q[i], 0.0, k, stop, 1.0, indices, data, z)
+            of_p = weighted(weights[i], p, rounding_p)
             of_r = gap(i, G_indptr, G_indices, G_data, c, known, z)
             of_s = -np.inf, 0.0
             if upper is not None:

@@ -88,7 +88,7 @@ class AtOnce:
             if self.small:
                 A = self.problem.dense() if self.stack is None else self.stack[rows]
                 lcp = AffineLcp(A, self.Q[0] if self.stack is None else self.Q[rows], C[0], G, above)
-                Z = lcp.back(self._pivoted(lcp, *of_rows))
+                Z = lcp.without_psi(self._pivoted(lcp, *of_rows))
             else:
                 Z = self._by_thomas(*of_rows)
             yield rows, (Z, *self._judged(rows, Z, *of_rows))

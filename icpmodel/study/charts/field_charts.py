@@ -18,7 +18,7 @@ from .figures import GREY, ORANGE, PURPLE, Drawing, Panel, drawing
 from .places import Places, Slice, places_of
 
 #: the largest number of points or rows drawn one by one
-FEW = 60
+MAX_MARKED_POINTS = 60
 #: a curve of more points is written as pixels
 VECTOR = 5000
 #: the largest number of fields of a sequence that are drawn, evenly spaced
@@ -99,10 +99,10 @@ def _curves(places: Places, values: Mapping[str, Vector], axes: Any) -> list[Any
 def line_style(places: Places, colour: Any, width: float, marker: str = "o") -> dict[str, Any]:
     """Rows have nothing between them: few of them are markers, many are steps."""
     many = places.x.size
-    if places.by_row and many <= FEW:
+    if places.by_row and many <= MAX_MARKED_POINTS:
         size = 6 if marker == "o" else max(400 / max(many, 8), 8)
         return {"color": colour, "linestyle": "", "marker": marker, "markersize": size}
-    style = {"color": colour, "linewidth": width, "marker": "o" if many <= FEW else "", "markersize": 3}
+    style = {"color": colour, "linewidth": width, "marker": "o" if many <= MAX_MARKED_POINTS else "", "markersize": 3}
     return style | {"drawstyle": "steps-mid" if places.by_row else "default", "rasterized": many > VECTOR}
 
 

@@ -48,7 +48,7 @@ FORMATS = (".png", ".pdf", ".svg")
 _OURS = b"made by icpmodel"
 _DATA = b"# icpmodel"
 #: a panel on its own, in inches: on the screen of a phone its letters are still those of a small print
-ALONE = (4.9, 3.7)
+SINGLE_PANEL = (4.9, 3.7)
 
 
 def new_figure(width: float, height: float) -> Figure:
@@ -88,7 +88,7 @@ class Panel:
     draw: Callable[[Any], Sequence[Any]]
     caption: str
     alt: str
-    height: float = ALONE[1]
+    height: float = SINGLE_PANEL[1]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -151,7 +151,7 @@ class Drawing:
 
 def panel_figure(panel: Panel) -> Figure:
     """A panel on its own."""
-    return Drawing(panels=(panel,), size=ALONE, columns=1).on(new_figure(ALONE[0], panel.height))
+    return Drawing(panels=(panel,), size=SINGLE_PANEL, columns=1).on(new_figure(SINGLE_PANEL[0], panel.height))
 
 
 @singledispatch

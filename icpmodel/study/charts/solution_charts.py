@@ -18,7 +18,18 @@ from ...scenes.registry import title
 from ...solve.solution import History, Solution
 from ...solve.solutions import Solutions
 from ..sensitivity import Sensitivity
-from .field_charts import CONTACTS, FEW, VECTOR, Field, Fields, clean, evenly, in_planes, in_words, line_style
+from .field_charts import (
+    CONTACTS,
+    MAX_MARKED_POINTS,
+    VECTOR,
+    Field,
+    Fields,
+    clean,
+    evenly,
+    in_planes,
+    in_words,
+    line_style,
+)
 from .figures import BLUE, GREEN, GREY, ORANGE, PURPLE, ZERO_SHARE, Drawing, Panel, drawing
 from .places import Places, places_of
 
@@ -119,7 +130,7 @@ def _heights(places: Places, solution: Solution, masks: Mapping[str, Mask], axes
 
 
 def _forces(places: Places, p: Vector, axes: Any) -> list[Any]:
-    if places.by_row and places.x.size <= FEW:
+    if places.by_row and places.x.size <= MAX_MARKED_POINTS:
         axes.vlines(places.x, 0.0, p[places.rows], color=GREEN, linewidth=1.5)
     axes.plot(places.x, p[places.rows], label="p", **line_style(places, GREEN, 1.5))
     axes.set(xlabel=places.label, ylabel="force p")
@@ -151,7 +162,7 @@ def _residuals(history: History, ended: str, axes: Any) -> list[Any]:
     above_0 = history.residual[history.residual > 0.0]
     zero = ZERO_SHARE * above_0.min() if above_0.size else 1.0
     residuals = np.maximum(history.residual, zero)
-    style = {"marker": "o", "markersize": 4} if residuals.size <= FEW else {}
+    style = {"marker": "o", "markersize": 4} if residuals.size <= MAX_MARKED_POINTS else {}
     axes.plot(history.iteration, residuals, color=BLUE, linewidth=1.5, label="residual", **style)
     axes.plot(history.iteration[-1:], residuals[-1:], "o", color=BLUE, markersize=5, label="_")
     if history.tolerance > 0.0:

@@ -258,12 +258,12 @@ def active_set(problem: ProblemLike, z: Any, bound: ErrorBound) -> ActiveSet:
     above = problem.r_upper(z)
     if delta is None or change is None:
         return ActiveSet(nothing, nothing, None if above is None else nothing)
-    for_p, for_r = problem.rounding(z)
+    rounding_p, rounding_r = problem.rounding(z)
     inflate = 1 + 8 * UNIT_ROUNDOFF
-    error_p = (for_p + upper(problem.matrix.absolute, delta)) * inflate
+    error_p = (rounding_p + upper(problem.matrix.absolute, delta)) * inflate
     if problem.f is not None:
         error_p = (error_p + problem.f.change(z, delta)) * inflate
-    error_r = (for_r + delta + change) * inflate
+    error_r = (rounding_r + delta + change) * inflate
     p = problem.p(z)
     active = p > error_p
     inactive = below > error_r

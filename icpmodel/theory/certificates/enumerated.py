@@ -32,7 +32,7 @@ class EnumeratedProof(Proof):
 
     solution: Vector
 
-    def bound(self, problem: ProblemData, z: Vector, for_p: Vector, for_r: Vector) -> tuple[Vector, float]:
+    def bound(self, problem: ProblemData, z: Vector, rounding_p: Vector, rounding_r: Vector) -> tuple[Vector, float]:
         with np.errstate(over="ignore", invalid="ignore"):
             step = np.abs(z - self.solution) * (1 + 4 * UNIT_ROUNDOFF)
             delta = np.nextafter(step + UNIT_ROUNDOFF * np.abs(self.solution) + SMALLEST, np.inf)

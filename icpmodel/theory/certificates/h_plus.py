@@ -53,13 +53,13 @@ class HPlusProof(Proof):
     alpha: Vector
     beta: Vector
 
-    def bound(self, problem: ProblemData, z: Vector, for_p: Vector, for_r: Vector) -> tuple[Vector, float]:
+    def bound(self, problem: ProblemData, z: Vector, rounding_p: Vector, rounding_r: Vector) -> tuple[Vector, float]:
         with np.errstate(over="ignore", invalid="ignore"):
             above = problem.r_upper(z)
             top = None if above is None else above / self.beta
             F = np.abs(mid(problem.p(z) / self.alpha, problem.r(z) / self.beta, top))
             # two quotients may have underflowed
-            factor = float(np.max(F + np.maximum(for_p / self.alpha, for_r / self.beta))) + SMALLEST
+            factor = float(np.max(F + np.maximum(rounding_p / self.alpha, rounding_r / self.beta))) + SMALLEST
             delta = np.nextafter(self.v * (factor * (1 + 8 * UNIT_ROUNDOFF)), np.inf)
         return delta, norm_up(delta)
 

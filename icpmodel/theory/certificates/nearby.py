@@ -37,8 +37,8 @@ def points_near(problem: ProblemData, z: Vector, proof: HPlusProof, bound: float
 
     Raises MapError where ψ fails, OutOfTime and OutOfMemory.
     """
-    for_p, for_r = problem.rounding(z)
-    floor = float(proof.v.max() * np.maximum(for_p / proof.alpha, for_r / proof.beta).max())
+    rounding_p, rounding_r = problem.rounding(z)
+    floor = float(proof.v.max() * np.maximum(rounding_p / proof.alpha, rounding_r / proof.beta).max())
     if not (np.isfinite(z).all() and bound > _GOOD_RATIO * max(_least_error(problem, z), floor)):
         return
     fixed = with_fixed_obstacle(problem)

@@ -38,14 +38,14 @@ class Proof(ABC):
             return None
 
     @abstractmethod
-    def bound(self, problem: ProblemData, z: Vector, for_p: Vector, for_r: Vector) -> tuple[Vector, float]:
+    def bound(self, problem: ProblemData, z: Vector, rounding_p: Vector, rounding_r: Vector) -> tuple[Vector, float]:
         """(δ, ε) with |z − z*| ≤ δ and ‖z − z*‖₂ ≤ ε, infinite or NaN if there is no bound at this z.
 
         Parameters
         ----------
         problem : ProblemData
         z : array of shape (n,)
-        for_p, for_r : array of shape (n,)
+        rounding_p, rounding_r : array of shape (n,)
             Bounds on the errors of the computed p(z) and r(z).
         """
 

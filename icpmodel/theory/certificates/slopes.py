@@ -39,7 +39,7 @@ class MonotoneProof(Proof):
 
     definite: DefiniteProof
 
-    def bound(self, problem: ProblemData, z: Vector, for_p: Vector, for_r: Vector) -> tuple[Vector, float]:
+    def bound(self, problem: ProblemData, z: Vector, rounding_p: Vector, rounding_r: Vector) -> tuple[Vector, float]:
         low, high = problem.psi.value(z), np.full(z.size, np.inf)
         if problem.upper is not None:
             high = problem.upper.value(z)

@@ -61,11 +61,13 @@ class SupersolutionProof(Proof):
     # F sees the curvature of an error, divided by h² on a grid, and the bound its largest entry only
     needs_sharpening = True
 
-    def bound(self, problem: ProblemData, z: Vector, for_p: Vector, for_r: Vector) -> tuple[Vector, float]:
+    def bound(self, problem: ProblemData, z: Vector, rounding_p: Vector, rounding_r: Vector) -> tuple[Vector, float]:
         """Not finite where F(z) reaches the margin."""
         with np.errstate(over="ignore", invalid="ignore"):
             F = np.minimum(problem.p(z) / self.weight, problem.r(z))
-            error = np.maximum(for_p / self.weight, for_r) * (1 + 4 * UNIT_ROUNDOFF) + 4 * UNIT_ROUNDOFF * np.abs(F)
+            error = np.maximum(rounding_p / self.weight, rounding_r) * (
+                1 + 4 * UNIT_ROUNDOFF
+            ) + 4 * UNIT_ROUNDOFF * np.abs(F)
             error += SMALLEST  # the quotients may have underflowed
             below = max(float(np.max(error - F)), 0.0)
             above = max(float(np.max(F + error)), 0.0)
@@ -159,8 +161,8 @@ def _policy_step(problem: ProblemData, weight: Vector, m: float, s: Vector) -> V
 
 def _margin(problem: ProblemData, weight: Vector, s: Vector) -> float:
     """A lower bound of min(p(s)/a, r(s))."""
-    for_p, for_r = problem.rounding(s)
+    rounding_p, rounding_r = problem.rounding(s)
     p = problem.p(s)
     r = problem.r(s)
-    F = np.minimum((p - for_p) / weight, r - for_r)
+    F = np.minimum((p - rounding_p) / weight, r - rounding_r)
     return float((F - 4 * UNIT_ROUNDOFF * np.abs(F)).min()) - SMALLEST

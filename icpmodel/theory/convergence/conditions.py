@@ -75,7 +75,7 @@ from ...numerics.rounding import UNIT_ROUNDOFF
 from ...numerics.sparse_structure import absolute, diagonal_positions
 from ...problem.data import ProblemData, as_problem
 from ..matrices.comparison_matrix import positive_diagonal
-from .contraction import Comparison, MonotoneMap, absolute_inverse
+from .contraction import ComparisonInverse, MonotoneMap, absolute_inverse
 
 _NEARLY_1 = 1.0 - 2.0**-50  #: φ₂ ≥ φ₁D is read up to the rounding of φ₂/φ₁
 
@@ -113,7 +113,7 @@ class StepMatrices:
             #: (D − Ω)⁺, without entries where Ω ≥ D
             self.short = sp.csr_array(sp.diags_array(np.maximum(self.D - self.omega, 0.0)))
         #: below which number a theorem's is small enough: 1 where only whether it holds is asked for
-        self.enough = 0.0
+        self.target = 0.0
         #: vectors v > 0 that served one theorem and may serve the next
         self.vectors: list[Vector] = []
 
@@ -277,7 +277,7 @@ def _plain(F: sp.csr_array, diagonal: Vector, limit: float = 1.0, parts: tuple[s
     parts = (*parts, times_rows(1.0 / diagonal, F))
     one = sp.csr_array(sp.eye_array(diagonal.size))
     size = sp.csr_array(sum(parts, one))
-    return MonotoneMap(Comparison(one, size), parts, size, limit)
+    return MonotoneMap(ComparisonInverse(one, size), parts, size, limit)
 
 
 def _jacobi(step: StepMatrices, name: str, diagonal: Vector, F: sp.csr_array, limit: float = 1.0) -> MonotoneMap | str:
@@ -289,4 +289,4 @@ def _jacobi(step: StepMatrices, name: str, diagonal: Vector, F: sp.csr_array, li
     S = sp.csr_array(sp.diags_array(diagonal))
     # F is at most a few times the size, which the factor of theorem 4.3 may exceed
     size = sp.csr_array(step.size + F)
-    return MonotoneMap(Comparison(S, size), (F,), size, limit)
+    return MonotoneMap(ComparisonInverse(S, size), (F,), size, limit)

@@ -24,14 +24,14 @@ from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
 from ..matrices.comparison_matrix import comparison_matrix
 
 #: up to this n the inverse of an X that is no M-matrix is computed densely, and so is known from both sides
-DENSE = 300
+_DENSE_UP_TO = 300
 #: entries up to which a step costs a factorisation, and entries that all power steps together may read
 _MAX_FACTORISED_ENTRIES = 200_000
 _MAX_READ_ENTRIES = 400_000_000
 _MIN_GAIN = 0.01  #: a gain of this share of the distance to 1 (or to 0) is worth another step
 
 
-def absolute_inverse(X: sp.csr_array, size: sp.csr_array | None = None) -> Comparison | Dense:
+def absolute_inverse(X: sp.csr_array, size: sp.csr_array | None = None) -> ComparisonInverse | DenseInverse:
     """The best known upper bound of |X⁻¹|.
 
     For an H-matrix |X⁻¹| ≤ ⟨X⟩⁻¹, with equality for an M-matrix. For other X with n ≤ 300 there is
@@ -43,13 +43,13 @@ def absolute_inverse(X: sp.csr_array, size: sp.csr_array | None = None) -> Compa
     Berman and Plemmons (1979), chapter 6. Neumaier, Interval Methods (1990), section 3.7.
     """
     size = sp.csr_array(abs(X)) if size is None else size
-    comparison = Comparison(X, size)
-    if X.shape[0] > DENSE or (comparison.exact and np.isfinite(comparison.upper(X.diagonal())).all()):
+    comparison = ComparisonInverse(X, size)
+    if X.shape[0] > _DENSE_UP_TO or (comparison.exact and np.isfinite(comparison.upper(X.diagonal())).all()):
         return comparison
-    return Dense.of(X, size) or comparison
+    return DenseInverse.of(X, size) or comparison
 
 
-def slack(size: sp.csr_array, v: Vector) -> Vector:
+def rounding_bound(size: sp.csr_array, v: Vector) -> Vector:
     """A bound on the rounding errors of a product with `v` of a matrix of at most 2·`size`, assembly included.
 
     8k(u·`size`|v| + 2⁻¹⁰⁷⁴), k eight more than the entries of the longest row; the second term is for underflow and
@@ -60,7 +60,7 @@ def slack(size: sp.csr_array, v: Vector) -> Vector:
     return 8 * k * UNIT_ROUNDOFF * (size @ np.abs(v)) + 8 * k * SMALLEST
 
 
-class Comparison:
+class ComparisonInverse:
     """|X⁻¹| ≤ ⟨X⟩⁻¹ by substitution or one factorisation; `exact`, `lower` and `upper` meet, where X = ⟨X⟩.
 
     y ≥ ⟨X⟩⁻¹w is proved by ⟨X⟩y ≥ w > 0, y > 0, which also proves that ⟨X⟩ is an M-matrix.
@@ -80,15 +80,15 @@ class Comparison:
         unknown = np.full(w.size, np.inf)
         if self._solve is None or not np.isfinite(w).all():
             return unknown
-        more = slack(self._size, self._solve(w))
+        margin = rounding_bound(self._size, self._solve(w))
         for _ in range(3):
-            y = self._solve(w + 2 * more)
+            y = self._solve(w + 2 * margin)
             if not (np.isfinite(y).all() and (y > 0).all()):
                 break
-            if (self._C @ y - slack(self._size, y) >= w).all():
+            if (self._C @ y - rounding_bound(self._size, y) >= w).all():
                 self._proof = y
                 return y
-            more = 100 * more
+            margin = 100 * margin
         return unknown
 
     def lower(self, w: Vector) -> Vector:
@@ -97,9 +97,9 @@ class Comparison:
             return np.zeros(w.size)
         # y with ⟨X⟩y ≤ w lies below ⟨X⟩⁻¹w whatever its signs; a little of the proof brings it below where w = 0
         y = self._solve(w)
-        little = 2.0**-50 * float((y / self._proof)[w > 0].min())
-        y = self._solve(w - 2 * slack(self._size, y)) - little * self._proof
-        good = np.isfinite(y).all() and (self._C @ y + slack(self._size, y) <= w).all()
+        share = 2.0**-50 * float((y / self._proof)[w > 0].min())
+        y = self._solve(w - 2 * rounding_bound(self._size, y)) - share * self._proof
+        good = np.isfinite(y).all() and (self._C @ y + rounding_bound(self._size, y) <= w).all()
         return np.maximum(y, 0.0) if good else np.zeros(w.size)
 
     def resolvent(self, mu: float, F: sp.csr_array, v: Vector) -> Vector | None:
@@ -109,7 +109,7 @@ class Comparison:
 
 
 @dataclass(frozen=True, eq=False)
-class Dense:
+class DenseInverse:
     """`below` ≤ |X⁻¹| ≤ `above`, dense, shape (n, n)."""
 
     below: Any
@@ -117,7 +117,7 @@ class Dense:
     exact = True
 
     @classmethod
-    def of(cls, X: sp.csr_array, size: sp.csr_array) -> Dense | None:
+    def of(cls, X: sp.csr_array, size: sp.csr_array) -> DenseInverse | None:
         """The inverse of `X` (CSR, shape (n, n)) with a bound on its error, or None where it is too ill conditioned."""
         n = X.shape[0]
         work.charge(4 * dense_cost(n))
@@ -165,7 +165,7 @@ class HomogeneousMap(ABC):
         """How many entries of matrices one evaluation reads."""
 
     @property
-    def price(self) -> float:
+    def cost(self) -> float:
         """The cost of one evaluation, without solves with X and sweeps, which count themselves."""
         return 2.0 * work.product(0, self.entries)
 
@@ -178,7 +178,7 @@ class HomogeneousMap(ABC):
         """At most T(`v`), entry by entry, for `v` ≥ 0 of shape (n,); zero where nothing is known."""
 
     @abstractmethod
-    def steeper(self, mu: float, v: Vector) -> Vector | None:
+    def resolvent(self, mu: float, v: Vector) -> Vector | None:
         """(μI − T_v)⁻¹v with T_v the linear map that T is at `v`: one step of Noda's iteration, unproved."""
 
 
@@ -190,7 +190,7 @@ class MonotoneMap(HomogeneousMap):
     to a few units of roundoff. `limit`·ρ(T) < `limit` is what a theorem asks for in its own words.
     """
 
-    inverse: Comparison | Dense
+    inverse: ComparisonInverse | DenseInverse
     parts: tuple[sp.csr_array, ...]
     size: sp.csr_array
     limit: float = 1.0
@@ -200,12 +200,12 @@ class MonotoneMap(HomogeneousMap):
         return int(self.size.nnz) * (2 + len(self.parts))
 
     def upper(self, v: Vector) -> Vector:
-        return self.inverse.upper(self._largest(v) + slack(self.size, v))
+        return self.inverse.upper(self._largest(v) + rounding_bound(self.size, v))
 
     def lower(self, v: Vector) -> Vector:
-        return self.inverse.lower(np.maximum(self._largest(v) - slack(self.size, v), 0.0))
+        return self.inverse.lower(np.maximum(self._largest(v) - rounding_bound(self.size, v), 0.0))
 
-    def steeper(self, mu: float, v: Vector) -> Vector | None:
+    def resolvent(self, mu: float, v: Vector) -> Vector | None:
         choice = np.array([F @ v for F in self.parts]).argmax(axis=0)
         picked = (times_rows((choice == k).astype(float), F) for k, F in enumerate(self.parts))
         return self.inverse.resolvent(mu, reduce(operator.add, picked), v)
@@ -222,7 +222,7 @@ class Radius(NamedTuple):
     holds: bool | None = None
 
 
-def radius(T: HomogeneousMap, starts: Iterable[Vector], enough: float = 0.0) -> Radius:
+def radius(T: HomogeneousMap, starts: Iterable[Vector], target: float = 0.0) -> Radius:
     """Bounds on the spectral radius of `T` by Collatz–Wielandt quotients.
 
     Parameters
@@ -231,7 +231,7 @@ def radius(T: HomogeneousMap, starts: Iterable[Vector], enough: float = 0.0) -> 
         The monotone, homogeneous map.
     starts : iterable of arrays of shape (n,)
         Candidates for v. They are read only until one gives a quotient below 1.
-    enough : float, default 0
+    target : float, default 0
         The iteration ends below it: 1 where only `holds` is needed.
 
     Returns
@@ -261,17 +261,17 @@ def radius(T: HomogeneousMap, starts: Iterable[Vector], enough: float = 0.0) -> 
     with np.errstate(all="ignore"):
         best = Radius()
         for v in starts:
-            best = _better(T, v, best)
+            best = _improved(T, v, best)
             if best.upper < 1:
                 break
         if best.v is None:
             return best
         if T.entries <= _MAX_FACTORISED_ENTRIES:
-            best = _noda(T, best, enough)
-        best, last = _power(T, best, int(np.clip(_MAX_READ_ENTRIES // T.entries, 3, 100)), enough)
+            best = _noda(T, best, target)
+        best, last = _power(T, best, int(np.clip(_MAX_READ_ENTRIES // T.entries, 3, 100)), target)
         fails = best.upper >= 1 and (_invariant_part(T, last) or _invariant_part(T, best.v))
         if best.upper >= 1 and not fails:
-            work.check_budget(T.price)
+            work.check_budget(T.cost)
         return best._replace(holds=True if best.upper < 1 else False if fails else None)
 
 
@@ -279,12 +279,12 @@ def _quotient(T: HomogeneousMap, v: Vector) -> tuple[float, Vector]:
     """(max_i T(v)_i/v_i rounded up, T(v)); infinite for a v that is not positive."""
     if not ((v > 0).all() and np.isfinite(v).all()):
         return np.inf, v
-    work.count(T.price)
+    work.count(T.cost)
     image = T.upper(v)
     return float(np.nextafter((image / v).max(), np.inf)), image
 
 
-def _better(T: HomogeneousMap, v: Vector | None, best: Radius) -> Radius:
+def _improved(T: HomogeneousMap, v: Vector | None, best: Radius) -> Radius:
     if v is None:
         return best
     v = v / np.abs(v).max()
@@ -296,26 +296,26 @@ def _worthwhile(before: float, after: float) -> bool:
     return before - after > _MIN_GAIN * min(abs(1.0 - after), after)
 
 
-def _noda(T: HomogeneousMap, best: Radius, enough: float) -> Radius:
+def _noda(T: HomogeneousMap, best: Radius, target: float) -> Radius:
     with contextlib.suppress(OutOfTime, MemoryError):
         # where rho < 1 this start alone proves it: T(v) = v - start
-        if best.upper >= enough:
-            best = _better(T, T.steeper(1.0, best.v), best)
+        if best.upper >= target:
+            best = _improved(T, T.resolvent(1.0, best.v), best)
         for _ in range(20):
-            if best.upper < enough:
+            if best.upper < target:
                 break
             before = best
-            best = _better(T, T.steeper(best.upper, best.v), best)
+            best = _improved(T, T.resolvent(best.upper, best.v), best)
             if not _worthwhile(before.upper, best.upper):
                 break
     return best
 
 
-def _power(T: HomogeneousMap, best: Radius, steps: int, enough: float) -> tuple[Radius, Vector]:
+def _power(T: HomogeneousMap, best: Radius, steps: int, target: float) -> tuple[Radius, Vector]:
     """Power steps for as long as they gain, or until T(v) ≥ v: the best bound and the last v."""
     v = best.v
     for step in range(steps):
-        if best.upper < enough or work.nanoseconds_left() < T.price:
+        if best.upper < target or work.nanoseconds_left() < T.cost:
             break
         before = best.upper
         quotient, image = _quotient(T, v)
@@ -333,9 +333,9 @@ def _invariant_part(T: HomogeneousMap, v: Vector) -> bool:
     """Whether T(u) ≥ u on the support of some u ≤ v, u ≠ 0, that arises by dropping the entries that fail."""
     u = v.copy()
     for _ in range(50):
-        if work.nanoseconds_left() < T.price:
+        if work.nanoseconds_left() < T.cost:
             break
-        work.count(T.price)
+        work.count(T.cost)
         short = (u > 0) & ~(T.lower(u) >= u)
         if not short.any():
             return bool((u > 0).any())

@@ -19,7 +19,7 @@ from ..answers import Answer
 from ..certificates.bounds import error_bound
 from ..certificates.proof import norm_up
 from .conditions import StepMatrices, sharper
-from .contraction import HomogeneousMap, slack
+from .contraction import HomogeneousMap, rounding_bound
 from .rowwise import SweepMap
 from .theorems import Check, check_all
 
@@ -97,14 +97,14 @@ class Rate(Displayable, ABC):
             F = np.minimum(problem.p(z0), omega * r)
             if above is not None:  # where the obstacles cross as well: what the step is made of
                 F = np.maximum(F, omega * above)
-            for_p, for_r = problem.rounding(z0)
+            rounding_p, rounding_r = problem.rounding(z0)
             # either side may be the smaller one, within its error
-            for_F = np.maximum(for_p, omega * for_r) + 4 * UNIT_ROUNDOFF * np.abs(F)
-            return float(np.nan_to_num(self._distance(problem, z0, F, for_F), nan=math.inf, posinf=math.inf))
+            rounding_F = np.maximum(rounding_p, omega * rounding_r) + 4 * UNIT_ROUNDOFF * np.abs(F)
+            return float(np.nan_to_num(self._distance(problem, z0, F, rounding_F), nan=math.inf, posinf=math.inf))
 
     @abstractmethod
-    def _distance(self, problem: ProblemData, z0: Vector, F: Vector, for_F: Vector) -> float:
-        """See `distance`; F at z⁰, min(p, Ωr) or the median, known to `for_F`. NaN where nothing is known."""
+    def _distance(self, problem: ProblemData, z0: Vector, F: Vector, rounding_F: Vector) -> float:
+        """See `distance`; F at z⁰, min(p, Ωr) or the median, known to `rounding_F`. NaN where nothing is known."""
 
     def error_after(self, k: int, distance: float) -> Vector:
         """A bound on |zᵏ − z*| entry by entry: factorᵏ·distance·v.
@@ -193,11 +193,11 @@ class Contraction(Rate):
             numbers.append(Rate.steps(in_maximum_norm, problem, z0, accuracy))
         return min((number for number in numbers if number is not None), default=None)
 
-    def _distance(self, problem: ProblemData, z0: Vector, F: Vector, for_F: Vector) -> float:
+    def _distance(self, problem: ProblemData, z0: Vector, F: Vector, rounding_F: Vector) -> float:
         """With d about z⁰ − z¹ = 2X⁻¹F it is |z⁰ − z¹| ≤ |d| + |X⁻¹||Xd − 2F|."""
         step = self._step
         d = step.splitting.operator(step.A, step.phi + step.omega).solve(2.0 * F)
-        defect = np.abs(step.X @ d - 2.0 * F) + 2.0 * for_F + slack(step.size, d)
+        defect = np.abs(step.X @ d - 2.0 * F) + 2.0 * rounding_F + rounding_bound(step.size, d)
         defect = defect * (1 + 8 * UNIT_ROUNDOFF) + np.finfo(np.float64).tiny
         moved = np.abs(d) + sharper(step).inverse.upper(defect)
         return float((moved / self.v).max()) / (1.0 - self.factor) * (1 + 16 * UNIT_ROUNDOFF)
@@ -209,9 +209,9 @@ class RowwiseContraction(Contraction):
     def _map(self) -> SweepMap:
         return SweepMap(self._step)
 
-    def _distance(self, problem: ProblemData, z0: Vector, F: Vector, for_F: Vector) -> float:
+    def _distance(self, problem: ProblemData, z0: Vector, F: Vector, rounding_F: Vector) -> float:
         """|z⁰ − z¹| ≤ the d with d_i = |F_i|/Ω_i + (ω/a_ii)Σ_{j<i} |a_ij|d_j, Ω = D/ω up to rounding."""
-        own = (np.abs(F) + for_F) / self._step.omega * (1 + 16 * UNIT_ROUNDOFF) + SMALLEST
+        own = (np.abs(F) + rounding_F) / self._step.omega * (1 + 16 * UNIT_ROUNDOFF) + SMALLEST
         return float((self._map().moved(own) / self.v).max()) / (1.0 - self.factor) * (1 + 16 * UNIT_ROUNDOFF)
 
 
@@ -220,9 +220,9 @@ class PeacemanRachford(Rate):
 
     norm = "|Omega^(-1/2)(A + Omega)(z - z*)|_2"
 
-    def _distance(self, problem: ProblemData, z0: Vector, F: Vector, for_F: Vector) -> float:
+    def _distance(self, problem: ProblemData, z0: Vector, F: Vector, rounding_F: Vector) -> float:
         """(A + Ω)(z⁰ − z¹) = 2F gives one bound, |A + Ω| times an error bound of z⁰ another."""
-        by_step = norm_up(2 * (np.abs(F) + for_F) * self.v) / (1 - self.factor)
+        by_step = norm_up(2 * (np.abs(F) + rounding_F) * self.v) / (1 - self.factor)
         delta = error_bound(problem, z0, sharp=True).componentwise
         by_bound = math.inf if delta is None else norm_up(upper(abs(self._step.X), delta) * self.v)
         return min(by_step, by_bound) * (1 + 16 * UNIT_ROUNDOFF)

@@ -92,7 +92,7 @@ class SweepMap(HomogeneousMap):
         bounded(A.indptr, A.indices, A.data, self._rows.diag, scale, growth, tiny, f, v, g, out)
         return out
 
-    def steeper(self, mu: float, v: Vector) -> Vector | None:
+    def resolvent(self, mu: float, v: Vector) -> Vector | None:
         # at v each row of w is one of G or one of the sweep: Kw = Hv, and (μI − K⁻¹H)⁻¹v solves (μK − H)y = Kv
         one = sp.eye_array(v.size)
         W = sp.diags_array(self._omega / self._rows.diagonal) @ self._A

@@ -189,7 +189,7 @@ def check_all(problem: ProblemData, member: Member, limit: Allowance = UNLIMITED
 def holding(problem: ProblemData, member: Member, names: Iterable[str], printed: Iterable[str]) -> tuple[set[str], ...]:
     """Which of the theorems `names` hold, and which of `printed` as printed, without their numbers: cheaper by half."""
     step = StepMatrices(problem, member)
-    step.enough = 1.0
+    step.target = 1.0
     groups = sorted(names, key=_ORDER.index), printed
     return tuple({name for name in some if _check(name, step, some is printed).holds} for some in groups)
 
@@ -245,7 +245,7 @@ def _by_radius(name: str, make: Callable[[StepMatrices], HomogeneousMap | str]) 
         T = make(step)
         if isinstance(T, str):
             return Answer(False, T)
-        bound = radius(T, _starts(step), step.enough)
+        bound = radius(T, _starts(step), step.target)
         if bound.v is None:
             return _without_inverse(step)
         if bound.holds:

@@ -23,7 +23,7 @@ from ...numerics.rational import RATIONAL_UP_TO, as_witness, curvature, exact_su
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
 from ..answers import Answer
 from .comparison_matrix import comparison_matrix
-from .eigenvalue import above, falling, within_reach
+from .eigenvalue import negative_direction, smallest_eigenvalue_bound, within_reach
 from .h_matrix import by_row_sums, row_sum_signs
 
 _SHIFT = 2.0**-38  #: S − cI is factorised for this c, which is about what rounding needs, or for a larger one
@@ -72,7 +72,7 @@ def semidefinite_up_to_rounding(A: sp.csr_array, most: float = _MAX_ROUNDING) ->
     """
     T, _, _ = _in_own_units(A)
     if (T.diagonal() >= 0).all() and within_reach(T):
-        bound = above(T, -_rounding_of(T))
+        bound = smallest_eigenvalue_bound(T, -_rounding_of(T))
         if bound > -most:
             reason = f"semidefinite up to rounding: no eigenvalue is below {bound:.2g} of its diagonal"
             return Answer(True, reason, None, bound)
@@ -120,13 +120,13 @@ def _by_pivots(A: sp.csr_array) -> Answer:
     if not within_reach(T):
         return Answer(None, f"not diagonally dominant, and with n = {n} too large to be factorised")
     if (T.diagonal() > 0).all():
-        bound = above(T, _SHIFT)
+        bound = smallest_eigenvalue_bound(T, _SHIFT)
         if -np.inf < bound <= 0:  # rounding is larger than the shift: twice as much as rounding does if any does
-            bound = above(T, 2 * (_SHIFT - bound))
+            bound = smallest_eigenvalue_bound(T, 2 * (_SHIFT - bound))
         if bound > 0:
             return Answer(True, "all pivots are positive, less a margin for rounding")
     # the shift keeps zero pivots away
-    x = falling(sp.csr_array(T + _rounding_of(T) * sp.eye_array(n)))
+    x = negative_direction(sp.csr_array(T + _rounding_of(T) * sp.eye_array(n)))
     if x is not None and np.isfinite(x).all():
         with np.errstate(under="ignore"):
             shift = e - e[x != 0].max()

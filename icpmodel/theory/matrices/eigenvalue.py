@@ -26,7 +26,7 @@ _MAX_INVERSE_STEPS = 30  #: steps of the inverse iteration; eigenvalues next to 
 _MAX_POWER_STEPS = 40  #: steps of the power method; each makes the bound sharper, none makes it false
 
 
-def above(S: Any, c: float, slack: float = 0.0) -> float:
+def smallest_eigenvalue_bound(S: Any, c: float, slack: float = 0.0) -> float:
     """A lower bound c − ε of λ_min of a symmetric matrix by a factorisation of S − cI, −inf where a pivot is not > 0.
 
     Dense S: a Cholesky factorisation that runs to its end has RᵀR = S − cI + Δ, |Δ| ≤ γ/(1 − γ)ddᵀ
@@ -64,7 +64,7 @@ def smallest_below(M: Any, slack: float = 0.0, lu: Any = None) -> float:
     estimate = _estimate(S, lu) if np.isfinite(S.data if sp.issparse(S) else S).all() else -np.inf
     if not estimate > 0:
         return -np.inf
-    bounds = (above(S, share * estimate, slack) for share in _SHARES)
+    bounds = (smallest_eigenvalue_bound(S, share * estimate, slack) for share in _SHARES)
     return next((bound for bound in bounds if bound > 0), -np.inf)
 
 
@@ -86,7 +86,7 @@ def largest_above(N: sp.csr_array) -> float:
     return float((upper(T, v) / v).max()) * (1 + 8 * UNIT_ROUNDOFF) + T.nnz * SMALLEST / float(v.min())
 
 
-def falling(S: sp.csr_array) -> Vector | None:
+def negative_direction(S: sp.csr_array) -> Vector | None:
     """An x ≠ 0, shape (n,), about which xᵀSx < 0 is likely, None where the symmetric `S` (CSR) seems to have none."""
     if is_dense(S):
         value, x = _least_pair(S.toarray())
