@@ -72,15 +72,21 @@ class CycledEquations:
         """x with Jx = f, or Jᵀx = f. Raises NotConverged."""
         if self._alone:
             return self._in_blocks(f, partial(self._on_free, tolerance=tolerance, transposed=transposed), transposed)
-        units = np.ones(f.size) if transposed else np.where(self._active, 1.0, self._level(False).inverse)
         cycle = partial(self._cycle, transposed=transposed)
+        x, steps = self.steps(f, lambda rest: self._in_blocks(rest, cycle, transposed), transposed)
+        return steps.until(x, tolerance * norm(self._units(transposed) * f), KRYLOV_STEPS)
+
+    def steps(
+        self, f: Vector, preconditioned: Callable[[Vector], Vector], transposed: bool = False
+    ) -> tuple[Vector, GCR]:
+        """`start(f)`, and Krylov's steps from there to the x of `solve`, whose rest is in the units of z."""
+        units = self._units(transposed)
         x = self.start(f)
-        steps = GCR(
-            lambda y: units * self.product(y, transposed),
-            lambda rest: self._in_blocks(rest / units, cycle, transposed),
-            units * (f - self.product(x, transposed)),
-        )
-        return steps.until(x, tolerance * norm(units * f), KRYLOV_STEPS)
+        rest = units * (f - self.product(x, transposed))
+        return x, GCR(lambda y: units * self.product(y, transposed), lambda rest: preconditioned(rest / units), rest)
+
+    def _units(self, transposed: bool) -> Vector:
+        return np.ones(self._active.size) if transposed else np.where(self._active, 1.0, self._level(False).inverse)
 
     def _on_free(self, f: Vector, tolerance: float, transposed: bool) -> Vector:
         """x with A_FF x_F = f_F, or with its transpose, and x_I = 0."""

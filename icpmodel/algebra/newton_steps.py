@@ -64,9 +64,7 @@ def newton_steps(hierarchy: Hierarchy, problem: ProblemData, z: Vector, top: int
             last_pattern = pattern
             J = derivative(problem.psi, z, pattern.above) if moves else None
             equations = CycledEquations(hierarchy, top, pattern.active, J)
-            f = -np.where(pattern.active, pattern.r, p)
-            step = equations.start(f)
-            newton = GCR(equations.product, equations.preconditioned, f - equations.product(step))
+            step, newton = equations.steps(-np.where(pattern.active, pattern.r, p), equations.preconditioned)
             z, _ = newton.further(z + step, KRYLOV_REDUCTION * norm(newton.rest), MAX_KRYLOV_STEPS)
         else:
             z, moved = newton.further(z, KRYLOV_REDUCTION * norm(newton.rest), MAX_KRYLOV_STEPS)

@@ -19,9 +19,9 @@ SCENES = {name: icp.scenes.scene(name) for name in icp.scenes.names() if name no
 SCENES = {name: scene for name, scene in SCENES.items() if scene.problem.f is None}
 #: factors of a row of (A, q): of each its own, or all of z
 ROWS, UNITS = 10.0 ** np.array([-12, -7, 0, 4, 12]), (2.0**-40, 2.0**30, 1e-12, 1e9)
-METHODS = ("mnmgs", "psor", "newton", "proximal", "accelerated")
+METHODS = ("mnmgs", "psor", "newton", "proximal", "accelerated", "multilevel")
 #: those whose weights are not changed by symmetric changes of units, S A S, and so by those of rows alone
-OF_SYMMETRIC = ("proximal", "accelerated")
+OF_SYMMETRIC = ("proximal", "accelerated", "multilevel")
 
 
 def scaled(problem, rows, unit=1.0):
