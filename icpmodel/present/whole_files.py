@@ -6,8 +6,11 @@ A file is replaced only where it is recognised as one of icpmodel's, and a symbo
 from __future__ import annotations
 
 import os
+import platform
+import re
 import secrets
 import shutil
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -102,8 +105,13 @@ def check_suffix(path: Path, written: tuple[str, ...]) -> None:
 
 @contextmanager
 def part_of(path: Path) -> Iterator[BinaryIO]:
-    """A new, empty file in the folder of `path`, with the access rights of the existing file; removed at the end."""
-    file = path.with_name(f".icpmodel-{secrets.token_hex(8)}.part").open("x+b")
+    """A new, empty file in the folder of `path`, with the access rights of the existing file; removed at the end.
+
+    Its name has the name of the machine and the number of the process. So the next process that
+    writes there recognises the files of killed processes and removes them.
+    """
+    _remove_left_parts(path.parent)
+    file = path.with_name(f".{_machine()}-{os.getpid()}-{secrets.token_hex(4)}.part").open("x+b")
     try:
         with file:
             if path.exists():
@@ -125,3 +133,25 @@ def put_in_place(file: BinaryIO, path: Path) -> None:
             os.fsync(folder)
         finally:
             os.close(folder)
+
+
+def _machine() -> str:
+    return re.sub(r"\W", "", platform.node())
+
+
+def _remove_left_parts(folder: Path) -> None:
+    part = re.compile(rf"\.{_machine()}-(\d+)-[0-9a-f]{{8}}\.part")
+    for name in os.listdir(folder):
+        if (match := part.fullmatch(name)) and not _lives(int(match[1])):
+            (folder / name).unlink(missing_ok=True)
+
+
+def _lives(process: int) -> bool:
+    """Whether there may be such a process."""
+    if sys.platform == "win32":  # where this signal is one
+        return True
+    try:
+        os.kill(process, 0)
+    except OSError as error:
+        return not isinstance(error, ProcessLookupError)
+    return True
