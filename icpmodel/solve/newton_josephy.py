@@ -32,6 +32,8 @@ _PROXIMAL = (0.0, 1e-2, 1.0, 1e2)
 _TIGHT, _LOOSE = 1e-4, 0.1
 #: a step of length t is taken where θ ≤ (1 − σt) times the largest of the last ones, by number (Grippo and others 1986)
 _SIGMA, _MEMORY = 1e-4, 5
+#: what a second step by one tangent may leave: the share of a step of half the length
+_SECOND = 0.5
 #: the number of halvings of a step, and of steps without a reduction of the least θ by a tenth
 _HALVINGS, _PATIENCE = 20, 40
 #: the number of sweeps methods with which a ladder begins
@@ -56,11 +58,12 @@ class NewtonJosephy(Method):
     The tangent problem has A + f′(z), q + f(z) − f′(z)z and the same ψ. `solve` solves it from z to a
     share of its residual. Where rows are known to increase with their own unknowns, mean slopes take
     the place of f′ far from the solution: see `algebra.secants`. The merit function is that of
-    `Newton`, the Fischer-Burmeister θ. Where no step reduces it, a proximal term μW(z⁺ − z) is added
-    to the tangent, W its diagonal. Then a descent direction of θ is tried, and with few unknowns other
-    starts. Fixed obstacles are never crossed, so that f need not have values beyond them.
-    An iteration is one step, whatever its inner solves take. The convergence is quadratic at a strongly
-    regular solution.
+    `Newton`, the Fischer-Burmeister θ; the equations of the step must fall, too. A step that is too
+    long is followed by a second one by the same tangent, or made shorter. Where none reduces θ, a
+    proximal term μW(z⁺ − z) is added to the tangent, W its diagonal. Then a descent direction of θ is
+    tried, and with few unknowns other starts. Fixed obstacles are never crossed, so that f need not
+    have values beyond them. An iteration is one step, whatever its inner solves take. The convergence
+    is quadratic at a strongly regular solution.
 
     References
     ----------
@@ -153,9 +156,8 @@ class _Search:
         self.weight = max(self.weight - 1, 0)
         while self.weight < len(_PROXIMAL):
             W = _PROXIMAL[self.weight] * linear.matrix.weights
-            proximal = _proximal(linear, self.current.z, W)
-            z = self._solved(proximal)
-            if z is not None and (new := self._on_line(z, pattern_at(proximal, z), W)) is not None:
+            new = self._on_line(_proximal(linear, self.current.z, W), W)
+            if new is not None:
                 return new
             self.weight += 1
         return self._descent(linear)
@@ -166,11 +168,10 @@ class _Search:
             return secant_problem(self.problem, z)[0]
         return self.problem.linearised(z)
 
-    def _solved(self, linear: ProblemData) -> Vector | None:
-        """A solution of the `linear` problem to a share of the residual of z; None where there is none to be found."""
-        z = self.current.z
-        share = min(max(self.current.theta / self.path.start_theta, _TIGHT), _LOOSE)
+    def _solved(self, linear: ProblemData, z: Vector, tolerance: float) -> Vector | None:
+        """A solution of the `linear` problem to the `tolerance`, from `z`; None where there is none to be found."""
         start_residual = linear.residual(z)
+        share = min(tolerance / start_residual, _LOOSE) if start_residual > 0.0 else _LOOSE
         seconds = work.seconds_left()
         limits = Limits(rtol=share, atol=0.0, max_iter=100_000, time_limit=seconds if seconds < np.inf else None)
         run = Run(
@@ -195,17 +196,20 @@ class _Search:
             return None
         return np.clip(best.z, self.low, self.high) if self.low is not None else best.z
 
-    def _on_line(self, z: Vector, pattern: Pattern, W: Vector) -> NewtonPoint | None:
-        """The first point on the way to `z` at which θ is small enough, and the equations of the step are nearer to 0.
+    def _on_line(self, linear: ProblemData, W: Vector) -> NewtonPoint | None:
+        """The first point to which a step leads at which θ is small enough, and the equations of the step nearer to 0.
 
-        θ alone may fall although the rows that are free at z move away from p = 0, in short steps that lead nowhere.
+        θ alone may fall although the rows that are free at z⁺ move away from p = 0, in short steps that lead nowhere.
         """
-        current = self.current
-        before = self._equations(pattern, current, W)
-        for k in range(_HALVINGS):
-            t = 0.5**k
-            enough = 1.0 - _SIGMA * t
-            new = self.path.point(current.z + t * (z - current.z))
+        z = self.current.z
+        share = min(max(self.current.theta / self.path.start_theta, _TIGHT), _LOOSE)
+        tolerance = share * linear.residual(z)
+        to = self._solved(linear, z, tolerance)
+        if to is None:
+            return None
+        pattern = pattern_at(linear, to)
+        before = self._equations(pattern, self.current, W)
+        for enough, new in self._trials(linear, W, to, tolerance):
             if (
                 new is not None
                 and new.theta <= enough * max(self.recent)
@@ -213,6 +217,24 @@ class _Search:
             ):
                 return new
         return None
+
+    def _trials(
+        self, linear: ProblemData, W: Vector, z: Vector, tolerance: float
+    ) -> Iterator[tuple[float, NewtonPoint | None]]:
+        """The step to `z`, a second one by the same tangent, and shorter ones, each with the share that may be left.
+
+        Along curved equations steps are short, unless a second one, with their values at z, returns to them (Fletcher,
+        Lecture Notes in Math. 912, 1982).
+        """
+        step = z - self.current.z
+        new = self.path.point(z)
+        yield 1.0 - _SIGMA, new
+        if new is not None:
+            q = linear.q + new.p + W * step - linear.p(z)
+            again = self._solved(linear.with_q(q), z, tolerance) if np.isfinite(q).all() else None
+            yield _SECOND, None if again is None else self.path.point(again)
+        for k in range(1, _HALVINGS):
+            yield 1.0 - _SIGMA * 0.5**k, self.path.point(self.current.z + 0.5**k * step)
 
     def _equations(self, pattern: Pattern, point: NewtonPoint, W: Vector) -> float:
         """‖·‖ of r in the active rows of the `pattern`, and of p and the proximal term in its free rows, at `point`."""
