@@ -96,6 +96,9 @@ def test_nonnegative_least_squares_are_never_worse_than_those_of_scipy(rng):
 def test_what_nnls_of_scipy_got_wrong_is_right():
     """Its issue 25389."""
     assert icp.solve_nnls([[3, 2], [1, 1]], [3, 2])[0] == pytest.approx([0, 1.6])
+    # a row without residual beside one with a large one
+    B = [[2, 1, 2, 1, 2, 0, 1], [1, 2, 2, -2, 2, 2, 1]]
+    assert icp.solve_nnls(B, [-3, 3])[0] == pytest.approx([0, 0, 0, 0, 0, 1.5, 0])
 
 
 def test_entries_next_to_nothing_hide_no_error():

@@ -20,7 +20,7 @@ from ...numerics.equilibration import Exponents, in_units, symmetric_exponents
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
 from ...theory.certificates.bounds import ErrorBound
 from ...theory.matrices.eigenvalue import smallest_below
-from .program import Program, Values, matrix_of
+from .program import Program, Values, conditions_of
 
 #: rows and bounds count as tight where their slack is no more than this share of their terms
 _TIGHT_SLACK = 1e-9
@@ -43,8 +43,10 @@ def distance(program: Program, values: Values) -> ErrorBound:
         return ErrorBound.none("H is not proved to be strongly monotone")
     at_low = (x == program.low) & (values.box <= 0)
     at_high = (x == program.high) & (values.box >= 0)
+    conditions = conditions_of(program)
     z = np.concatenate([x, values.equality, values.inequality])
-    p, error = _with_error(matrix_of(program), z, np.concatenate([program.g, program.b, program.h]))
+    p = conditions.p(z)
+    error = conditions.rounding(z)[0]
     n = x.size
     moved = _to_feasible(program, values, p[n:], error[n:], ~(at_low | at_high), unit)
     if moved is None:
@@ -88,10 +90,3 @@ def _moved(C: sp.csr_array, misfit: Vector) -> float | None:
     size = abs(C)
     theta = smallest_below(sp.csr_array(C @ C.T), rounding * float((size @ size.T).sum(axis=1).max(initial=0.0)))
     return 1.01 * float(norm(np.ldexp(misfit, scale)) / np.sqrt(theta)) if theta > 0.0 else None
-
-
-def _with_error(M: sp.csr_array, x: Vector, right: Vector) -> tuple[Vector, Vector]:
-    """Mx + right, and a bound on its rounding error."""
-    size = abs(M) @ np.abs(x) + np.abs(right)
-    terms = np.diff(M.indptr) + 3
-    return M @ x + right, terms * (2.0 * UNIT_ROUNDOFF * size + SMALLEST)

@@ -17,6 +17,7 @@ import scipy.sparse as sp
 
 from ...errors import InputError, NotSolved, check_arguments
 from ...numerics.arrays import Vector, as_truth, as_vector, norm
+from ...numerics.factorisation import largest_of_columns
 from ...numerics.rounding import gamma, public_entry
 from ...numerics.threads import one_blas_thread
 from ...present.display import Displayable
@@ -176,13 +177,16 @@ def solve_lsq(
 def _wrong_slopes(
     B: sp.csr_array, c: Vector, x: Vector, low: Vector, high: Vector, tolerance: float
 ) -> tuple[Vector, bool]:
-    """The share of the gradient at `x` that no bound holds, and whether that is small enough, rounding considered."""
+    """The share of the gradient at `x` that no bound holds, and whether it is small beside ‖r‖ and the columns of B.
+
+    The rounding of r is left out. Rows where r_i = 0 at a solution are known to the rounding of the others only.
+    """
     r = B @ x - c
     gradient = B.T @ r
     at_bound = ((x >= high) & (gradient < 0)) | ((x <= low) & (gradient > 0))
     violations = np.where(at_bound, 0.0, np.abs(gradient))
     rounding = gamma(sum(B.shape) + 2) * (abs(B) @ np.abs(x) + np.abs(c))
-    return violations, bool((violations <= abs(B).T @ (tolerance * np.abs(r) + rounding)).all())
+    return violations, bool((violations <= tolerance * norm(r) * largest_of_columns(B) + abs(B).T @ rounding).all())
 
 
 def _ordered(low: Vector, high: Vector) -> tuple[Vector, Vector]:

@@ -9,13 +9,8 @@ import scipy.sparse as sp
 
 from ...errors import InputError
 from ...numerics.arrays import Vector, as_array, as_csr, as_number, as_rows, as_vector, axes
-from ...numerics.rounding import UNIT_ROUNDOFF
-from ...numerics.threads import one_blas_thread
-from ...theory.matrices.definiteness import definiteness
+from ...theory.matrices.definiteness import definiteness, semidefinite_up_to_rounding
 from .program import Program
-
-#: largest n for which Cholesky's factors of a dense P are asked first whether it is semidefinite: 128 MB
-_DENSE_UP_TO = 4000
 
 
 def read(H: Any, g: Any, G: Any, h: Any, A: Any, b: Any, lb: Any, ub: Any, names: tuple[str, str]) -> Program:
@@ -71,8 +66,6 @@ def _rows(M: Any, right: Any, n: int, names: tuple[str, str]) -> tuple[sp.csr_ar
 
 def check_convex(program: Program) -> None:
     """Raises InputError where P is not symmetric, or is proved not to be semidefinite."""
-    from scipy.linalg.lapack import dpotrf
-
     P = program.H
     if not program.is_symmetric:
         skew = sp.coo_array(P - P.T)
@@ -86,15 +79,9 @@ def check_convex(program: Program) -> None:
     if (2.0 * P.diagonal() >= abs(P).sum(axis=1)).all():
         return
     used = np.flatnonzero(np.diff(P.indptr))
-    if used.size <= _DENSE_UP_TO:
-        part = P[used][:, used]
-        diagonal = part.diagonal()
-        unit = 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-        scaled = part.toarray() * unit * unit[:, None]
-        scaled[np.diag_indices_from(scaled)] += 8.0 * (used.size + 1) * UNIT_ROUNDOFF
-        with one_blas_thread():
-            if dpotrf(scaled, lower=1, overwrite_a=1)[1] == 0:
-                return
+    part = sp.csr_array(P[used][:, used])
+    if semidefinite_up_to_rounding(part).holds:
+        return
     answer = definiteness(P)[1]
     if answer.holds is False:
         raise InputError(f"P is not positive semidefinite, so that the program is not convex: {answer.reason}")
