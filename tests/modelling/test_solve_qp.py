@@ -51,7 +51,12 @@ def test_dense_and_sparse_arguments_a_start_and_single_rows_give_the_same():
     assert again.x == pytest.approx(x, abs=1e-8)
     assert again.iterations <= 1
     assert icp.solve_qp(np.eye(2), [0, 0], A=[1, 1], b=2).x == pytest.approx([1, 1])
-    assert icp.solve_qp([[1.0]], [-3.0], G=[[1.0]], h=[np.inf]).x == pytest.approx([3])
+    without = icp.solve_qp(
+        np.eye(2), [-3.0, 1.0], G=[[1.0, 0.0], [1.0, 1.0], [2.0, 1.0]], h=[np.inf, np.inf, 2.0], ub=1
+    )
+    assert without.x == pytest.approx([1.0, -1.0])
+    assert without.conditions.residual(np.concatenate([without.x, without.z])) < 1e-12
+    assert without.error_bound.value < 1e-12
 
 
 def test_what_has_no_solution_is_proved_or_raises():

@@ -48,6 +48,7 @@ def distance(program: Program, values: Values) -> ErrorBound:
     p = conditions.p(z)
     error = conditions.rounding(z)[0]
     n = x.size
+    p[n + program.b.size :][np.isposinf(program.h)] = np.inf
     moved = _to_feasible(program, values, p[n:], error[n:], ~(at_low | at_high), unit)
     if moved is None:
         return ErrorBound.none("x is not proved to be next to a feasible point where the tight rows are independent")
@@ -69,7 +70,7 @@ def _to_feasible(
     equations = program.b.size
     C = in_units(sp.csr_array(sp.vstack([program.E, program.G])), np.zeros(slack.size, np.int64), unit)
     tight = np.arange(slack.size) < equations
-    size = np.abs(program.h) + abs(program.G) @ np.abs(x)
+    size = np.where(np.isposinf(program.h), 0.0, np.abs(program.h) + abs(program.G) @ np.abs(x))
     tight[equations:] = (values.inequality > 0) | (np.abs(slack[equations:]) <= _TIGHT_SLACK * size)
     moved = _moved(sp.csr_array(C[tight][:, free]), (np.abs(slack) + error)[tight])
     if moved is None:

@@ -61,7 +61,7 @@ class Program:
 
 
 class Presolve:
-    """A program whose rows of G with one entry are bounds, without rows with h = ∞, and the way back.
+    """A program whose rows of G with one entry are bounds, and the way back.
 
     Bounds that cross by no more than quotients and data are rounded are made to touch.
     """
@@ -69,9 +69,8 @@ class Presolve:
     def __init__(self, original: Program) -> None:
         self.original = original
         count = np.diff(original.G.indptr)
-        finite = original.h < np.inf
-        single = np.flatnonzero((count == 1) & finite)
-        self.rows = np.flatnonzero((count != 1) & finite)
+        single = np.flatnonzero(count == 1)
+        self.rows = np.flatnonzero(count != 1)
         one_entry = original.G[single]
         column = one_entry.indices
         with np.errstate(over="ignore"):
@@ -109,12 +108,13 @@ class Presolve:
 
 
 def conditions_of(program: Program, last: ICP | None = None) -> ICP:
-    """The conditions of `program` in (x, ν, λ), made from `last` where that has the same matrix."""
+    """The conditions of `program` in (x, ν, λ), made from `last` where that has the same matrix; λ_i = 0 if h_i = ∞."""
     A = matrix_of(program)
-    q = np.concatenate([program.g, program.b, program.h])
+    absent = np.isposinf(program.h)
+    q = np.concatenate([program.g, program.b, np.where(absent, 0.0, program.h)])
     free = np.full(program.b.size, np.inf)
     low = np.concatenate([program.low, -free, np.zeros(program.h.size)])
-    high = np.concatenate([program.high, free, np.full(program.h.size, np.inf)])
+    high = np.concatenate([program.high, free, np.where(absent, 0.0, np.inf)])
     reused = last if last is not None and last.A.shape == A.shape and not (last.A != A).nnz else None
     problem = ICP(A, q) if reused is None else reused.with_q(q)
     return problem.with_sides(low, None if np.isposinf(high).all() else high)

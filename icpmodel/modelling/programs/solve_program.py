@@ -151,8 +151,6 @@ class _ProgramRun:
             with enforce_limits(self.left(), None):
                 if not best.is_exact:
                     best.polish(best.z, best.pattern(best.z))
-                if not best.is_good:
-                    best.polish(solution.z, best.pattern(solution.z))
             if solution.status is Status.MEMORY_LIMIT or best.is_good:
                 break
             proof = proof or self._without_solution(best.problem, solution)
