@@ -257,10 +257,10 @@ class Ladder:
 
     @property
     def is_decided(self) -> bool:
-        """Whether a structure decides the method."""
+        """Whether one method solves the problem at once."""
         if self.rungs[0] == self._at_once:
             self.rungs.pop(0)()
-        return bool(self.jobs) or self.problem.psi.has_policies
+        return bool(self.jobs)
 
     def cost_of_iterations(self) -> float:
         """The least that methods without factors are expected to cost, in nanoseconds."""
@@ -302,8 +302,7 @@ class Ladder:
                 _LOG.debug("n = %d: %r is left out: %s", self.problem.n, method, why_not or "memory_limit")
                 continue
             products = estimate.total / self.problem.matrix.product_cost
-            steps = _counted(estimate.steps)
-            why = f"{steps} steps are expected, as much work as {products:.3g} products with A"
+            why = f"{_counted(estimate.steps)} steps are expected, as much work as {products:.3g} products with A"
             _LOG.debug("n = %d: %r: %s", self.problem.n, method, why)
             jobs.append(Job(Choice(method, why, estimate)))
         return sorted(jobs, key=lambda job: job.remaining)

@@ -54,31 +54,27 @@ def _pivots(facts: Facts) -> float:
     return 0.5 * facts.matrix.n * lcp_rows(facts) ** 2 * work.COSTS.pivot_entry + inverse
 
 
-def _sweep_steps(facts: Facts, target_reduction: float, method: Method) -> float:
-    """The sweeps that give `target_reduction`, for the radius ρ of the Jacobi matrix (Young 1971, chapter 6).
+def _sweeps(method: Method, facts: Facts, target_reduction: float) -> Estimate:
+    """Sweeps for the radius ρ of the Jacobi matrix (Young 1971, chapter 6).
 
     ρ is estimated by the Rayleigh quotient of the vector of ones, which is below ρ, most of all on fine grids. Rows in
     contact make ρ smaller: on 188 problems twenty Lanczos steps for the whole of A mostly overstated it. Anderson's
     method is expected to gain half of what Chebyshev's would.
     """
-    omega = method.of.omega if isinstance(method, Accelerated) and isinstance(method.of, PSOR) else 1.0
-    speed = sor_speed(omega, max(facts.matrix.coupled_radius, facts.coupling))
-    if isinstance(method, Accelerated):
-        root = math.sqrt(1.0 - math.exp(-speed))
-        speed = 0.5 * math.log((1.0 + root) / (1.0 - root))
-    return math.log(1.0 / target_reduction) / speed + 1.0
-
-
-def _sweeps(method: Method, facts: Facts, target_reduction: float) -> Estimate:
     n = facts.matrix.n
     costs = work.COSTS
     step = costs.iterate + work.sweep(n, facts.entries)
+    omega = method.of.omega if isinstance(method, Accelerated) and isinstance(method.of, PSOR) else 1.0
+    speed = sor_speed(omega, max(facts.matrix.coupled_radius, facts.coupling))
     vectors = 0.0
     if isinstance(method, Accelerated):
+        root = math.sqrt(1.0 - math.exp(-speed))
+        speed = 0.5 * math.log((1.0 + root) / (1.0 - root))
         # of the sweeps between two combinations each adds to the history
         vectors = 2.0 + 3.0 * (method.history_size + 1) / method.mixing_frequency
         step += 2.0 * costs.call + vectors * costs.vector * n
-    return Estimate(costs.call, step, _sweep_steps(facts, target_reduction, method), 8.0 * n * (4.0 + vectors))
+    steps = math.log(1.0 / target_reduction) / speed + 1.0
+    return Estimate(costs.call, step, steps, 8.0 * n * (4.0 + vectors))
 
 
 def _newton_steps(facts: Facts) -> float:
@@ -132,7 +128,7 @@ def _multilevel(facts: Facts) -> Estimate:
     # for matrices with ρ ≤ 1 the median of 67 problems, n = 300 … 4000, was five steps, and three quarters took six at
     # most; of the others, for which it is not made, few end
     radius = max(matrix.coupled_radius, 1.0)
-    return Estimate(setup, step, 5.0 * radius * radius * radius * radius, 40.0 * matrix.nnz)
+    return Estimate(setup, step, 5.0 * radius**4, 40.0 * matrix.nnz)
 
 
 def _lemke(facts: Facts) -> Estimate:
@@ -153,10 +149,10 @@ def _proximal(facts: Facts) -> Estimate:
 
 def _interior(facts: Facts) -> Estimate:
     # medians of 13, 16 and 20 steps were measured at n = 120, 500 and 2000, with four solves each
-    matrix = facts.matrix
-    factors = factor_costs(matrix).repeated if facts.has_fixed_obstacle else factor_costs(matrix).unsymmetric
-    step = newton_cost(facts) + factors + 4.0 * solve_cost(factor_costs(matrix).fill)
-    return Estimate(step, step, 3.0 + 1.5 * math.log2(max(facts.bounded, 1)), 24.0 * factor_costs(matrix).fill.entries)
+    costs = factor_costs(facts.matrix)
+    factors = costs.repeated if facts.has_fixed_obstacle else costs.unsymmetric
+    step = newton_cost(facts) + factors + 4.0 * solve_cost(costs.fill)
+    return Estimate(step, step, 3.0 + 1.5 * math.log2(max(facts.bounded, 1)), 24.0 * costs.fill.entries)
 
 
 def _factorised(facts: Facts, target_reduction: float) -> Estimate:
@@ -164,9 +160,10 @@ def _factorised(facts: Facts, target_reduction: float) -> Estimate:
     matrix = facts.matrix
     radius = min(matrix.coupled_radius, 1.0 - 1e-6)
     root = math.sqrt((1.0 + radius) / (1.0 - radius))
-    step = 4.0 * work.COSTS.call + solve_cost(factor_costs(matrix).fill) + matrix.product_cost
+    costs = factor_costs(matrix)
+    step = 4.0 * work.COSTS.call + solve_cost(costs.fill) + matrix.product_cost
     steps = math.log(1.0 / target_reduction) / math.log((root + 1.0) / (root - 1.0)) if root > 1.0 else 1.0
-    return Estimate(2.0 * factor_costs(matrix).first, step, 1.0 + steps, 16.0 * factor_costs(matrix).fill.entries)
+    return Estimate(2.0 * costs.first, step, 1.0 + steps, 16.0 * costs.fill.entries)
 
 
 _ESTIMATES: dict[type[Method], Callable[[Facts], Estimate]] = {

@@ -232,7 +232,6 @@ class Run:
 
     def _loop(self, job: Job) -> Generator[bool, None, StopReason]:
         """Test the iterates of one method; return its end. Yield as `_run_method` does."""
-        self.proof = ""
         start = self._starting_point()
         job.is_fresh = start is self.start and self.presolved is None
         path = job.method.iterates(self.presolved or self.problem, start)
