@@ -77,7 +77,7 @@ def test_a_bound_on_the_smallest_eigenvalue_is_one_in_fractions(rng, n, spread):
     smallest = np.linalg.eigvalsh(S)[0]
     for c in (smallest, 0.0, *(smallest + sign * np.ldexp(1.0, [-30, -45, -52, -60]) for sign in (-1, 1))):
         for shift in np.atleast_1d(c):
-            bound = eigenvalue.above(sp.csr_array(S), shift)
+            bound = eigenvalue.smallest_eigenvalue_bound(sp.csr_array(S), shift)
             if bound > -np.inf:
                 exact = [[Fraction(S[i, j]) - (i == j) * Fraction(bound) for j in range(n)] for i in range(n)]
                 assert curvature(exact)[0]
