@@ -3,7 +3,7 @@
 Every yes and no is proved, rounding included. The factorisation is that of S = (A + Aᵀ)/2 in units,
 powers of two, in which its diagonal lies between 1/2 and 2. So large rows do not hide small ones:
 congruence with a positive diagonal keeps the signs of all eigenvalues (Sylvester). The docstring of
-`eigenvalue.above` states what it proves.
+`eigenvalue.smallest_eigenvalue_bound` states what it proves.
 """
 
 from __future__ import annotations
