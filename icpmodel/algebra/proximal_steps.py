@@ -59,16 +59,14 @@ class ProximalSteps:
         """The complete symbolic analysis of all rows."""
         return self.costs.analysis.exact()
 
-    def step(
-        self, z: Vector, p: Vector, pattern: Pattern, centre: Vector, D: Vector, *, reuse_factors: bool = False
-    ) -> tuple[Vector, Vector] | None:
+    def step(self, z: Vector, p: Vector, pattern: Pattern, centre: Vector, D: Vector) -> tuple[Vector, Vector] | None:
         """z and p after a step from `z`, where p is `p`; None where the equations are not solved.
 
-        With `reuse_factors` free rows are not factorised where all rows have been. Raises MapError where ψ fails.
+        Raises MapError where ψ fails.
         """
         if self.moves:
             return self._newton(z, p, pattern, centre, D)
-        return self._resting(z, pattern, centre, D, reuse_factors)
+        return self._resting(z, pattern, centre, D)
 
     def _newton(
         self, z: Vector, p: Vector, pattern: Pattern, centre: Vector, D: Vector
@@ -80,9 +78,7 @@ class ProximalSteps:
         step = equations.solve(-np.where(pattern.active, pattern.r, pull), _MAX_RELATIVE_RESIDUAL, transposed=False)
         return None if step is None else (z + step, self.problem.p(z + step))
 
-    def _resting(
-        self, z: Vector, pattern: Pattern, centre: Vector, D: Vector, reuse_factors: bool
-    ) -> tuple[Vector, Vector] | None:
+    def _resting(self, z: Vector, pattern: Pattern, centre: Vector, D: Vector) -> tuple[Vector, Vector] | None:
         """A step with a fixed obstacle."""
         active = pattern.active
         c, top = self.obstacles
@@ -91,13 +87,13 @@ class ProximalSteps:
             z = np.where(pattern.above, top, z)
         if not active.all():
             f = D * (centre - z) - self.problem.p(z)
-            x = self._on_free_rows(active, D, np.where(active, 0.0, f), reuse_factors)
+            x = self._on_free_rows(active, D, np.where(active, 0.0, f))
             if x is None:
                 return None
             z += x
         return z, self.problem.p(z)
 
-    def _on_free_rows(self, active: Mask, D: Vector, f: Vector, reuse_factors: bool) -> Vector | None:
+    def _on_free_rows(self, active: Mask, D: Vector, f: Vector) -> Vector | None:
         """x with ((A + D)x)_i = f_i in the free rows, x_i = 0 in the others; None where it is not found."""
         matrix = self.problem.matrix
         free = int(np.count_nonzero(~active))
@@ -105,10 +101,8 @@ class ProximalSteps:
         whole = self.costs.fill
         part = whole._replace(rows=free, entries=share**2 * whole.entries, flops=share**2 * whole.flops)
         direct = min(factor_cost(part), dense_cost(free, matrix.is_symmetric))
-        if self.costs.repeated < direct:
-            x = self._by_all_rows(active, D, f)
-            if x is not None or reuse_factors:
-                return x
+        if self.costs.repeated < direct and (x := self._by_all_rows(active, D, f)) is not None:
+            return x
         rows = np.flatnonzero(~active)
         M = submatrix(self.problem, rows)
         M.data[diagonal_positions(M)] += D[rows]

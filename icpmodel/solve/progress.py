@@ -104,9 +104,7 @@ def progress_bar(enabled: bool, clock: Callable[[], float] = time.monotonic) -> 
 
 
 @contextlib.contextmanager
-def status_line(
-    enabled: bool, opening: str = "", clock: Callable[[], float] = time.monotonic
-) -> Iterator[Callable[[str], None]]:
+def status_line(enabled: bool, opening: str = "") -> Iterator[Callable[[str], None]]:
     """A function that shows a sentence on what is going on.
 
     If `enabled`, a terminal or a notebook shows the latest sentence, and a log on standard error one now and then. If
@@ -118,7 +116,7 @@ def status_line(
             outer(opening)
         yield outer
         return
-    with _display(enabled and sys.stderr is not None, clock, opening) as show:
+    with _display(enabled and sys.stderr is not None, time.monotonic, opening) as show:
 
         def say(text: str) -> None:
             show(text, None, "")

@@ -34,7 +34,7 @@ from .cases import uninterrupted
 from .charts.field_charts import Fields
 from .charts.figures import Panel, drawing, panel_figure
 from .planes import relaxation
-from .race import race
+from .race import TOLERANCES, race
 from .sensitivity import sensitivity
 from .stability_map import stability
 from .timing import machine
@@ -47,7 +47,7 @@ _MAP_UP_TO = 1000
 _MAP_STEPS = 5000
 _MAP_POINTS = 9
 #: the tolerances of the race, and the seconds that each of its runs may take
-_TOLERANCES = tuple(10.0**-k for k in range(2, 13, 2))
+_TOLERANCES = TOLERANCES[::2]
 _RACE_LIMIT = 3.0
 #: the ratio of the numbers of two iterates of a run that are pictured
 _PICTURE_RATIO = 3

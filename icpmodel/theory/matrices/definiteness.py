@@ -65,15 +65,15 @@ def definiteness(A: sp.csr_array) -> tuple[Answer, Answer]:
     return definite, semidefinite
 
 
-def semidefinite_up_to_rounding(A: sp.csr_array, most: float = _MAX_ROUNDING) -> Answer:
+def semidefinite_up_to_rounding(A: sp.csr_array) -> Answer:
     """Whether the symmetric part of `A` is semidefinite as far as floats can tell, such as a computed BᵀB; or None.
 
-    True proves that all eigenvalues, with the diagonal scaled to about 1, are at least `number`, above −`most`.
+    True proves that all eigenvalues, with the diagonal scaled to about 1, are at least `number`, above −2⁻²⁶.
     """
     T, _, _ = _in_own_units(A)
     if (T.diagonal() >= 0).all() and within_reach(T):
         bound = smallest_eigenvalue_bound(T, -_rounding_of(T))
-        if bound > -most:
+        if bound > -_MAX_ROUNDING:
             reason = f"semidefinite up to rounding: no eigenvalue is below {bound:.2g} of its diagonal"
             return Answer(True, reason, None, bound)
     return Answer(None, "not shown to be semidefinite up to rounding")
