@@ -32,8 +32,6 @@ _REFINEMENTS = 3
 _REGULARISATION = 1e-9
 #: the share of the terms of a row up to which it is tight at a start
 _TIGHT_SLACK = 1e-6
-#: the share of the largest residual from which on the judge is asked
-_JUDGED_SHARE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,8 +136,7 @@ class _ProgramRun:
             with enforce_limits(self.left(), None):
                 best.polish(z0, pattern)
             z0 = best.z if best.is_good else z0
-        has_obstacles = np.isfinite(best.low) | np.isfinite(best.high)
-        if z0 is not None or not has_obstacles.any():
+        if z0 is not None:
             methods.reverse()
         proof = None
         for method in (*methods, None):
@@ -241,7 +238,6 @@ class Incumbent:
         self.high = np.full(self.problem.n, np.inf) if upper is None else upper.value(self.low)
         self.z = np.clip(0.0, self.low, self.high)
         self.violation = np.inf, np.inf
-        self.largest = 0.0
 
     @property
     def is_good(self) -> bool:
@@ -255,9 +251,6 @@ class Incumbent:
 
     def judged(self, progress: Progress) -> bool:
         """Whether a run has come to an answer."""
-        self.largest = max(self.largest, progress.residual)
-        if progress.iteration and progress.residual > _JUDGED_SHARE * self.largest:
-            return False
         return self.takes(progress.z, self.pattern(progress.z))
 
     def pattern(self, z: Vector) -> Pattern:
