@@ -54,6 +54,15 @@ class TestRule:
             assert isinstance(following.method, icp.Multilevel) == (kind is icp.Multilevel)
             assert following.error_bound < 1e-5
 
+    def test_sweeps_are_left_out_where_the_radius_foretells_that_they_cost_more(self):
+        problem = scenes.membrane(n=300**2).problem
+        for target, name in ((1e-4, "accelerated"), (1e-12, "multilevel")):
+            ladder = Ladder(problem, target)
+            job = ladder.next()
+            assert job.method.name == "psor"
+            assert job.step(1e12, 1.0, target)
+            assert ladder.next().method.name == name
+
     @pytest.mark.parametrize("family", FAMILIES)
     def test_a_ladder_keeps_to_its_family_and_its_estimates_are_numbers(self, family):
         kinds = {"paper": {"paper"}, "modulus": {"paper", "modulus"}, None: {"paper", "modulus", "shortcut"}}[family]
@@ -61,10 +70,6 @@ class TestRule:
             for choice in chosen(problem, family):
                 assert choice.method.family in kinds, name
                 assert choice.estimate is None or all(math.isfinite(x) and x >= 0.0 for x in choice.estimate), name
-
-
-class Kind(icp.PSOR):
-    """A method that is `finite` where it says so."""
 
 
 class Ends(icp.PSOR):
@@ -91,7 +96,7 @@ def test_the_total_is_at_most_nine_times_what_the_best_one_needs_or_says(candida
     """T + 8R: see `select_method`. Looks between steps add a step each."""
     rungs = Rungs()
     for ends, said, cost, steps, falls in candidates:
-        job = Job(Choice((Ends if ends else Kind)(), "", Estimate(0.0, said, 1.0)))
+        job = Job(Choice((Ends if ends else icp.PSOR)(), "", Estimate(0.0, said, 1.0)))
         job.script = cost, steps, falls
         job.residuals.append(1.0)
         rungs.jobs.append(job)
