@@ -137,16 +137,16 @@ def solve(
     display = _display_options(callback, history, progress)
     as_truth(raise_on_failure, "raise_on_failure")
     problem = as_problem(problem, nonlinear=True)
-    plain = problem.f is method is family is z0 is None and not options
-    if plain and limits.is_default and not any(display.values()):
-        pivots = pivoted(problem, limits)
-        if pivots is not None:
-            return _logged(pivots)
+    is_default_call = problem.f is method is family is z0 is None and not options
+    if is_default_call and limits.is_default and not any(display.values()):
+        solution = pivoted(problem, limits)
+        if solution is not None:
+            return _log_and_return(solution)
     start = _starting_point(problem, z0)
     with limits.enforced():
-        named_method = _named(method, problem, options)
+        named_method = _method_of(method, problem, options)
         start_options = {"warm_start": z0 is not None, "follows_theorems": method is not None}
-        run = _run(problem, start, limits, **start_options, **display)
+        run = _new_run(problem, start, limits, **start_options, **display)
 
         def run_all() -> None:
             _run_all(run, named_method, family)
@@ -159,7 +159,7 @@ def solve(
             raise run.singular
         if run.best is None:
             raise NotApplicable(f"no method takes this problem: {why_none(problem)}")
-        solution = _logged(solution_of(run, limits))
+        solution = _log_and_return(solution_of(run, limits))
     if raise_on_failure and not solution.solved:
         raise NotSolved(solution) from (run.fault if solution.status is Status.MAP_FAILED else None)
     return solution
@@ -198,7 +198,7 @@ def _starting_point(problem: ProblemData, z0: Any) -> Vector:
     return start
 
 
-def _options() -> list[str]:
+def _option_names() -> list[str]:
     return list(inspect.signature(solve).parameters)[2:-1]
 
 
@@ -223,14 +223,14 @@ def _limits(rtol: Any, atol: Any, accuracy: Any, max_iter: Any, time_limit: Any,
     )
 
 
-def _named(method: str | Method | None, problem: ProblemData, options: dict[str, Any]) -> Method | None:
+def _method_of(method: str | Method | None, problem: ProblemData, options: dict[str, Any]) -> Method | None:
     """The method that the user names; None if one is to be chosen."""
     if method is None:
         for option in options:
-            own = _options()
-            actual = f"solve has no option {option}; it takes {', '.join(own)}"
+            option_names = _option_names()
+            actual = f"solve has no option {option}; it takes {', '.join(option_names)}"
             expected = "and the options of a method only where one is named"
-            raise InputError(f"{actual}, {expected}{did_you_mean(option, own)}")
+            raise InputError(f"{actual}, {expected}{did_you_mean(option, option_names)}")
         return None
     if isinstance(method, Method):
         if options:
@@ -241,8 +241,10 @@ def _named(method: str | Method | None, problem: ProblemData, options: dict[str,
         except InputError as error:
             more = ""
             if "has no option" in str(error):
-                own = _options()
-                more = f"; solve itself takes {', '.join(own)}" + "".join(did_you_mean(one, own) for one in options)
+                option_names = _option_names()
+                more = f"; solve itself takes {', '.join(option_names)}" + "".join(
+                    did_you_mean(one, option_names) for one in options
+                )
             raise InputError(f"{error}{more}") from None
     why_not = method.why_not(problem)
     if why_not is not None:
@@ -250,24 +252,24 @@ def _named(method: str | Method | None, problem: ProblemData, options: dict[str,
     return method
 
 
-def _run(problem: ProblemData, start: Vector, limits: Limits, **display: Any) -> Run:
+def _new_run(problem: ProblemData, start: Vector, limits: Limits, **display: Any) -> Run:
     """Set up the run from `start`. Raises MapError if ψ has no value there."""
     start_time = work.clock()
     start_cost = work.counter()
     is_nonzero = bool(np.count_nonzero(start))
-    start_residual = at_0 = problem.residual(start) if is_nonzero else problem.residual_at_0()
+    start_residual = residual_at_0 = problem.residual(start) if is_nonzero else problem.residual_at_0()
     if not math.isfinite(start_residual) and (fault := fault_of_psi(problem, start)):
-        besides = "" if fault.startswith("f(") else ", -inf in psi or inf in upper"
-        raise MapError(f"{fault} at the start; a finite number{besides} was expected: give another z0")
+        other_causes = "" if fault.startswith("f(") else ", -inf in psi or inf in upper"
+        raise MapError(f"{fault} at the start; a finite number{other_causes} was expected: give another z0")
     # after a failure the next method starts from 0, unless psi has no value there
     restart = start
     if is_nonzero:
-        at_0 = math.nan
+        residual_at_0 = math.nan
         with contextlib.suppress(MapError):
-            at_0 = problem.residual_at_0()
-        if math.isfinite(at_0):
+            residual_at_0 = problem.residual_at_0()
+        if math.isfinite(residual_at_0):
             restart = np.zeros(problem.n)
-    scale = problem.residual_scale(at_0)
+    scale = problem.residual_scale(residual_at_0)
     goal = Goal(float(limits.tolerance(scale)), problem, limits.atol)
     if limits.accuracy is not None:
         goal = Goal(math.inf)
@@ -296,10 +298,10 @@ def _target_reduction(problem: ProblemData, limits: Limits) -> float:
         return RTOL  # a certified error falls about as a residual does
     if not limits.atol:
         return limits.rtol
-    at_0 = math.nan
+    residual_at_0 = math.nan
     with contextlib.suppress(MapError):
-        at_0 = problem.paper_residual(np.zeros(problem.n))
-    return max(limits.rtol, limits.atol / at_0 if 0.0 < at_0 < math.inf else 0.0)
+        residual_at_0 = problem.paper_residual(np.zeros(problem.n))
+    return max(limits.rtol, limits.atol / residual_at_0 if 0.0 < residual_at_0 < math.inf else 0.0)
 
 
 @np.errstate(over="ignore", invalid="ignore")
@@ -322,7 +324,7 @@ def run_methods(run: Run, steps: Iterator[None]) -> None:
         run.best = run.candidate(run.start, run.start_residual)
 
 
-def _logged(solution: Solution) -> Solution:
+def _log_and_return(solution: Solution) -> Solution:
     """Log the `solution` and return it."""
     if _LOG.isEnabledFor(logging.INFO):
         values = solution.status.value, solution.method, solution.iterations, solution.seconds, solution.residual
