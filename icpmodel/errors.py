@@ -52,7 +52,9 @@ def check_arguments(function: Call) -> Call:
             if error.__traceback__ is None or error.__traceback__.tb_next is not None:
                 raise  # it comes from inside
         name = type(args[0]).__name__ if function.__name__ == "__init__" else function.__qualname__
-        takes = f"it takes {', '.join(one for one in names if one != 'self')}"
+        if names[0] == "cls":
+            name = f"{args[0].__name__}.{function.__name__}"
+        takes = f"it takes {', '.join(one for one in names if one not in ('self', 'cls'))}"
         if unknown := [one for one in kwargs if one not in names]:
             raise InputError(f"{name} has no argument {unknown[0]}; {takes}{did_you_mean(unknown[0], names) or hint}")
         needed = names[len(args) : code.co_argcount - len(function.__defaults__ or ())]

@@ -138,6 +138,7 @@ class ProblemData(PointValues):
         return problem.with_psi(vertical_map(B, d, problem.n))
 
     @classmethod
+    @check_arguments
     def nonlinear(
         cls,
         F: Callable[[Vector], Any],
@@ -184,6 +185,8 @@ class ProblemData(PointValues):
         (array([2., 0.]), array([0., 1.]))
         """
         as_function(F, "F")
+        if jacobian is not None:
+            as_function(jacobian, "jacobian")
         known = [np.shape(side)[0] for side in (psi, upper, sparsity) if np.ndim(side)]
         if n is None and not known:
             raise InputError("n is not known, as psi and upper are no vectors; give n, the number of unknowns")

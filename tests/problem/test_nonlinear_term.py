@@ -87,6 +87,8 @@ def test_a_slope_without_bound_hides_no_p():
         (lambda: ICP(A, Q, f=lambda z: 1 / 0).p(Z), icp.MapError, r"f\(z\) raised"),
         (lambda: icp.save_problem(ICP(A, Q, f=cubes), "never.npz"), icp.InputError, "f is"),
         (lambda: ICP.nonlinear(cubes), icp.InputError, "n is not known"),
+        (lambda: ICP.nonlinear(cubes, [0, 0, 0]), icp.InputError, "jacobian is a list"),
+        (lambda: ICP.nonlinear(cubes, lower=0), icp.InputError, "ICP.nonlinear has no argument lower; it takes F, jac"),
         (lambda: ICP.nonlinear(cubes, sparsity=np.eye(2), n=3), icp.InputError, "f.sparsity"),
         (lambda: ICP.nonlinear(np.log, n=1).linearised([0.0]), icp.MapError, "f"),
         (lambda: ICP(sp.eye_array(2000), np.ones(2000), f=np.exp), icp.InputError, "f has no derivative"),
