@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -13,13 +12,12 @@ import scipy.sparse as sp
 
 from ..algebra.affine_lcp import dense_matrix
 from ..algebra.equations import solve_on
-from ..algebra.linear_rows import Dense, LinearRows
+from ..algebra.linear_rows import LinearRows
 from ..errors import MapError, OutOfTime, SingularOperator
 from ..numerics import work
 from ..numerics.arrays import Mask, Vector
 from ..problem.data import ProblemData
-from ..theory.answers import Answer
-from .contract import Infeasible, Iterate, Method
+from .contract import Iterate, Method
 from .enumeration import MAX_LINEARISATIONS
 
 #: problems with more unknowns are refused
@@ -27,10 +25,6 @@ LARGEST = 150
 #: bounds on p and r that are tried in turn, in units of the largest entry of q, c and d; beyond the second one the
 #: tolerance of HiGHS, 1e-6 for y, leaves p and r too much room
 BOUNDS = (1e2, 1e4)
-#: what is added to a bound that a linear program gives, relative and absolute, for its tolerance of 1e-7
-_MARGIN = 0.01
-#: HiGHS takes entries of a matrix up to this size for 0 (its option `small_matrix_value`)
-_SMALLEST_ENTRY = 1e-9
 #: the first active set ends the search, whatever the objective could be
 _MIP_GAP = 1e9
 #: active sets that are excluded because their solution does not hold
@@ -45,27 +39,14 @@ class ActiveRows(NamedTuple):
     binaries: Vector
 
 
-class ValueBounds(NamedTuple):
-    """Bounds on p, −p, r and s, shape (4, n), and whether every solution keeps them."""
-
-    limits: Dense
-    certain: bool
-
-
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class MixedInteger(Method):
     """p_i ≤ M(1 − y_i) and r_i ≤ M y_i with y_i ∈ {0, 1}: HiGHS finds an active set, whose linear system gives z.
 
-    Raises
-    ------
-    Infeasible
-        Where HiGHS finds no active set within bounds M that are certain.
-
     Notes
     -----
-    Up to 150 unknowns are taken. M is a guess first, 100 times the largest entry of q, c and d. If that gives no active
-    set, and the z with p ≥ 0 and r ≥ 0 are bounded, linear programs give an M for each row. This M is certain where
-    HiGHS ignores no small entry. Elsewhere M is 10⁴ times the largest entry. Without an active set that proves nothing.
+    Up to 150 unknowns are taken. M is 100, and then 10⁴, times the largest entry of q, c and d. That HiGHS finds no
+    active set proves nothing.
 
     The objective, the sum of p and r, leads the search; the first active set ends it. With an upper obstacle
     p_i ≥ −M(1 − y'_i) and s_i ≤ M y'_i, s = ψ̄ − z. An active set whose z does not solve the problem is excluded by a
@@ -109,69 +90,22 @@ class MixedInteger(Method):
 def _solutions(problem: ProblemData, z: Vector) -> Iterator[Vector]:
     """Solutions of the linear systems of active sets that HiGHS finds, obstacles being linearised at `z`.
 
-    Raises Infeasible where there are none and that is proved, and OutOfTime.
+    Raises OutOfTime.
     """
     rows = LinearRows.of(problem, z)
     rows = rows.in_units(rows.scale)
     if not np.isfinite(rows.q).all():  # no float in units in which the entries of A are about 1
         return
-    for limits in limits_in_turn(rows):
+    for bound in BOUNDS:
         cuts: list[Vector] = []
-        while len(cuts) < _MAX_CUTS and (choice := active_set(rows, limits, cuts)) is not None:
+        while len(cuts) < _MAX_CUTS and (choice := active_set(rows, bound, cuts)) is not None:
             with suppress(SingularOperator, MapError):
                 yield solve_on(problem, z, choice.active, choice.above if problem.upper is not None else None)
             cuts.append(choice.binaries)
-        if limits.certain and not cuts and problem.psi.linear is not None:
-            reason = "HiGHS finds no choice of active rows, with bounds on p and r that all z with the right signs keep"
-            raise Infeasible(Answer(True, f"no z solves the problem: {reason}"))
 
 
-def limits_in_turn(rows: LinearRows) -> Iterator[ValueBounds]:
-    """A guess, and then bounds that are proved, or guessed where nothing is proved. Raises OutOfTime."""
-    first, last = (np.full((4, rows.n), bound) for bound in BOUNDS)
-    yield ValueBounds(first, False)
-    proved = proved_limits(rows)
-    entries = np.abs([rows.A, rows.R, rows.S])
-    complete = not ((entries > 0.0) & (entries <= _SMALLEST_ENTRY)).any()
-    yield ValueBounds(np.minimum(proved, last), complete and bool((proved <= last).all()))
-
-
-def proved_limits(rows: LinearRows) -> Dense:
-    """The largest p, −p, r and s of all z with the right signs, shape (4, n), 0 where none is asked for.
-
-    All are ∞ where some z with the right signs go to infinity. Raises OutOfTime.
-    """
-    n = rows.n
-    (below, above) = (np.isfinite(rows.c), np.isfinite(rows.d))
-    M = np.stack([rows.A, -rows.A, rows.R, -rows.S])
-    v = np.stack([rows.q, -rows.q, np.where(below, -rows.c, 0.0), np.where(above, rows.d, 0.0)])
-    # p ≥ 0 where there is no upper obstacle, p ≤ 0 where there is no lower one
-    signs = np.stack([~above, ~below, below, above])
-    G = M[signs]
-    g = v[signs]
-    work.check_budget()
-    if (most := _largest(G.sum(axis=0), G, np.zeros(len(g)), 1.0)) is None or most > _MARGIN:
-        return np.full((4, n), np.inf)
-    limits = np.zeros((4, n))
-    for k, i in np.argwhere(np.stack([below, above, below, above])):
-        work.check_budget()
-        most = _largest(M[k, i], G, g, np.inf)
-        limits[k, i] = np.inf if most is None else most + v[k, i]
-    return np.maximum(limits, 0.0) * (1.0 + _MARGIN) + _MARGIN
-
-
-def _largest(objective: Vector, G: Dense, g: Vector, box: float) -> float | None:
-    """The largest objective · z for Gz + g ≥ 0 and |z_i| ≤ box, −∞ where there is no z, None where it is unknown."""
-    from scipy.optimize import linprog
-
-    result = linprog(-objective, -G, g, bounds=(-box, box))
-    if result.status == 0:
-        return -float(result.fun)
-    return -math.inf if result.status == 2 else None
-
-
-def active_set(rows: LinearRows, most: ValueBounds, cuts: list[Vector]) -> ActiveRows | None:
-    """An active set with p and r at most as large as in `most`, and none of the `cuts`; None where there is none.
+def active_set(rows: LinearRows, bound: float, cuts: list[Vector]) -> ActiveRows | None:
+    """An active set with |p_i|, r_i ≤ `bound`, and none of the `cuts`; None where HiGHS finds none.
 
     Raises OutOfTime where HiGHS had no time to tell.
     """
@@ -180,7 +114,7 @@ def active_set(rows: LinearRows, most: ValueBounds, cuts: list[Vector]) -> Activ
     n = rows.n
     below = np.isfinite(rows.c)
     above = np.isfinite(rows.d)
-    constraints = _constraints(rows, most)
+    constraints = _constraints(rows, bound)
     for cut in cuts:
         sign = np.where(cut > 0.5, 1.0, -1.0)
         constraints.append((np.append(np.zeros(n), sign)[None, :], -np.inf, sign[cut > 0.5].sum() - 1.0))
@@ -206,7 +140,7 @@ def active_set(rows: LinearRows, most: ValueBounds, cuts: list[Vector]) -> Activ
     return ActiveRows(lower | upper, upper & ~lower, np.round(result.x[n:]))
 
 
-def _constraints(rows: LinearRows, most: ValueBounds) -> list[tuple[Any, Any, Any]]:
+def _constraints(rows: LinearRows, bound: float) -> list[tuple[Any, Any, Any]]:
     """(M, lower, upper) with lower ≤ M(z, y, y') ≤ upper.
 
     y_i = 1: above the lower obstacle, so p_i ≤ 0; y'_i = 1: below the upper one, so p_i ≥ 0.
@@ -214,13 +148,13 @@ def _constraints(rows: LinearRows, most: ValueBounds) -> list[tuple[Any, Any, An
     n = rows.n
     (below, above) = (np.isfinite(rows.c), np.isfinite(rows.d))
     nothing = sp.csr_array((n, n))
-    p, minus_p, r, s = (sp.diags_array(limit) for limit in most.limits)
+    most = bound * sp.eye_array(n)
     return [
-        (sp.hstack([rows.A, p, nothing]), -np.inf, most.limits[0] - rows.q),
-        (sp.hstack([rows.A, nothing, -minus_p]), -most.limits[1] - rows.q, np.inf),
-        (sp.hstack([rows.R, -r, nothing]).tocsr()[below], -np.inf, rows.c[below]),
+        (sp.hstack([rows.A, most, nothing]), -np.inf, bound - rows.q),
+        (sp.hstack([rows.A, nothing, -most]), -bound - rows.q, np.inf),
+        (sp.hstack([rows.R, -most, nothing]).tocsr()[below], -np.inf, rows.c[below]),
         (rows_beside(rows.R, n)[below], rows.c[below], np.inf),
-        (sp.hstack([-rows.S, nothing, -s]).tocsr()[above], -np.inf, -rows.d[above]),
+        (sp.hstack([-rows.S, nothing, -most]).tocsr()[above], -np.inf, -rows.d[above]),
         (rows_beside(rows.S, n)[above], -np.inf, rows.d[above]),
     ]
 

@@ -12,7 +12,7 @@ import numpy as np
 from ..algebra.equations import solve_on
 from ..algebra.linear_rows import LinearRows
 from ..errors import OutOfTime, SingularOperator
-from ..methods.milp import active_set, limits_in_turn
+from ..methods.milp import BOUNDS, active_set
 from ..numerics import work
 from .foreign import Claim, ForeignSolver
 from .formulations import Target
@@ -45,14 +45,10 @@ class HighsMilp(ForeignSolver):
         problem, rows, time_limit = model
         with work.work_limit(time_limit):
             try:
-                limits = None
-                choice = None
-                for limits in limits_in_turn(rows):
-                    if (choice := active_set(rows, limits, [])) is not None:
-                        break
+                choices = (active_set(rows, bound, []) for bound in BOUNDS)
+                choice = next((one for one in choices if one is not None), None)
                 if choice is None:
-                    proved = "" if limits is not None and limits.certain else " within bounds that are guessed"
-                    return Claim(None, f"there is no choice of active rows{proved}", False)
+                    return Claim(None, "there is no choice of active rows within bounds that are guessed", False)
                 above = choice.above if problem.upper is not None else None
                 return Claim(solve_on(problem, np.zeros(problem.n), choice.active, above), "optimal", True)
             except (OutOfTime, SingularOperator) as error:

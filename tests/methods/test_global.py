@@ -46,7 +46,7 @@ def test_each_takes_every_kind_of_obstacle(method, psi, upper):
     assert problem.solve(method).solved
 
 
-@pytest.mark.parametrize("method", [None, "enumerate", "milp"])
+@pytest.mark.parametrize("method", [None, "enumerate"])
 def test_that_no_choice_of_rows_holds_a_solution_is_a_proof(method):
     """z = (1/2, 0, 0) has p = (1/2, 0, 0), so that no combination of rows proves it; but pᵀz = 0 fails everywhere."""
     problem = icp.ICP([[-1, -3, 0], [-2, 2, 0], [2, -3, -2]], [1, 1, -1])
@@ -55,10 +55,16 @@ def test_that_no_choice_of_rows_holds_a_solution_is_a_proof(method):
     assert solution.infeasible.holds
 
 
-def test_a_bound_that_is_a_guess_proves_nothing():
-    """The z with p ≥ 0 and r ≥ 0 go to infinity."""
-    problem = icp.ICP([[-1, 1], [-1, 1]], [-1, 0])
-    assert attempt(problem, "milp").status is icp.Status.STAGNATED
+@pytest.mark.parametrize(
+    "problem",
+    [
+        icp.ICP([[-1, 1], [-1, 1]], [-1, 0]),  # has no solution
+        icp.ICP([[2.0, -1e-10], [1.0, 0.0]], [-1.0, -1.0], -np.inf),  # z = (1, 1e10)
+        icp.ICP([[-1e-319, -1e-318], [-1.0, -2.0]], [2e150, -1.0]),  # no floats in units of its rows
+    ],
+)
+def test_what_highs_does_not_find_proves_nothing(problem):
+    assert attempt(problem, "milp").status is not icp.Status.INFEASIBLE
 
 
 def test_the_same_seed_gives_the_same_answer():
@@ -77,13 +83,3 @@ def test_a_failure_carries_the_best_iterate():
 def test_crosscheck_asks_the_mixed_integer_form_of_an_indefinite_problem():
     (row,) = icp.crosscheck(planted(4, 8), solvers=["highs-milp"]).rows
     assert row.verdict.value in ("agrees", "other solution")
-
-
-def test_a_search_without_the_small_entries_that_highs_ignores_proves_nothing():
-    problem = icp.ICP([[2.0, -1e-10], [1.0, 0.0]], [-1.0, -1.0], -np.inf)  # z = (1, 1e10)
-    assert attempt(problem, "milp").status is not icp.Status.INFEASIBLE
-
-
-def test_rows_that_are_no_floats_in_their_own_units_are_not_searched():
-    problem = icp.ICP([[-1e-319, -1e-318], [-1.0, -2.0]], [2e150, -1.0])
-    assert attempt(problem, "milp").status is icp.Status.STAGNATED
