@@ -52,14 +52,20 @@ def distance(program: Program, values: Values) -> ErrorBound:
     moved = _to_feasible(program, values, p[n:], error[n:], ~(at_low | at_high), unit)
     if moved is None:
         return ErrorBound.none("x is not proved to be next to a feasible point where the tight rows are independent")
-    rest = np.where(at_low, np.minimum(p[:n], 0.0), p[:n])
-    rest = np.abs(np.where(at_high, np.maximum(rest, 0.0), rest)) + error[:n]
-    norm_of_H = np.sqrt(float(abs(H).sum(axis=0).max()) * float(abs(H).sum(axis=1).max()))
-    far = 1.01 * ((norm(np.ldexp(rest, unit)) + norm_of_H * moved) / mu + moved) + SMALLEST
+    p = np.where(at_low, np.minimum(p[:n], 0.0), p[:n])
+    p = np.where(at_high, np.maximum(p, 0.0), p)
+    misfit = norm(np.ldexp(np.abs(p) + error[:n], unit)) + _norm_bound(H) * moved
+    far = 1.01 * (misfit / mu + moved) + SMALLEST
     delta = np.nextafter(np.ldexp(np.full(x.size, far), unit), np.inf)
     proof = f"{_STRONG}, its eigenvalues being at least {mu:.3g} in units in which its diagonal is about 1"
     largest = float(delta.max())
     return ErrorBound(largest, delta, largest, proof, "")
+
+
+def _norm_bound(H: sp.csr_array) -> float:
+    """√(‖H‖₁‖H‖_∞) ≥ ‖H‖₂."""
+    size = abs(H)
+    return float(np.sqrt(float(size.sum(axis=0).max()) * float(size.sum(axis=1).max())))
 
 
 def _to_feasible(

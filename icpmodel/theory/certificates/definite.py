@@ -183,15 +183,29 @@ def prove(matrix: Matrix, psi: Map) -> DefiniteProof | str:
     if any(X is None for X in scaled):
         return "A is not tested for definiteness: scaled to a diagonal of 1, its entries or those of psi underflow"
     A, B, L = scaled
+    return _proof(A, B, L, exponent, exponent_r, matrix.is_symmetric, coupled)
+
+
+def _proof(
+    A: Any,
+    B: sp.csr_array,
+    L: sp.csr_array,
+    exponent: np.ndarray,
+    exponent_r: np.ndarray,
+    is_symmetric: bool,
+    coupled: bool,
+) -> DefiniteProof | str:
+    """The proof for scaled matrices, or why there is none."""
+    n = L.shape[0]
     At = sp.csr_array(A.T) if sp.issparse(A) else A.T
     gamma = 2 * (int(np.max(terms_of(At))) + 4) * UNIT_ROUNDOFF
     name = "A'(I - G)" if coupled else "A"
-    if matrix.is_symmetric and not coupled:
+    if is_symmetric and not coupled:
         At = H = A
         slack = 0.0
     else:
         H, slack = _symmetric_part(At, B if coupled else None, gamma)
-    if not fits and not within_reach(H):
+    if sp.issparse(H) and not within_reach(H):
         return f"{name} is not tested for definiteness: with n = {n} it is too large to be factorised"
     factors = definite_factors(H)
     smallest = -np.inf if factors is None else smallest_below(H, slack, factors)
