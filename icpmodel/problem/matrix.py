@@ -10,7 +10,7 @@ import scipy.sparse as sp
 
 from ..numerics import work
 from ..numerics.arrays import ReadOnly, Vector, as_csr, as_square, freeze, locked
-from ..numerics.equilibration import balanced
+from ..numerics.equilibration import balanced, in_units, row_exponents
 from ..numerics.krylov import SMALL_RADIUS, couplings, radius_of
 from ..numerics.sparse_input import checked_sparse
 from ..numerics.sparse_structure import SYMMETRY_RTOL, absolute, is_symmetric
@@ -267,8 +267,14 @@ class Matrix(ReadOnly):
 
     @cached_property
     def proximal_weights(self) -> Vector:
-        """W with p/W in the units of z, entries being about 1 beside it: D where A is symmetric, else `balanced`."""
-        return self.weights if self.is_nearly_symmetric else balanced(self.sparse)
+        """W with p/W in the units of z, entries being about 1 beside it: D where A is symmetric, else `balanced`.
+
+        Rows with entries of about 1 are balanced, so that W has their units.
+        """
+        if self.is_nearly_symmetric:
+            return self.weights
+        units = row_exponents(self.sparse)
+        return np.ldexp(balanced(in_units(self.sparse, units)), -units)
 
     @cached_property
     def weights(self) -> Vector:

@@ -116,6 +116,14 @@ def test_rows_in_other_units_are_pivoted_alike():
         assert len({(one.iterations, *one.z) for one in answers}) == 1
 
 
+def test_rows_are_weighed_in_their_own_units():
+    """Of an A that is nearly singular, not symmetric, and has a row of zeros."""
+    A = np.array([[1, 0, -2, 4], [0, 16, -12, 8], [4, 8, -14, 20], [0, 0, 0, 0]])
+    A = A + 1e-13 * np.array([[1, 0, 4, 16], [0, 64, 36, 16], [16, 16, 42, 0], [0, 0, 0, 0]])
+    for rows, unit in ((np.ones(4), 1.0), (2.0 ** np.array([-17, -40, -40, -40]), 2.0**-40)):
+        assert scaled(icp.ICP(A, [3, 0, 0, 0], [-2, -4, 0, 0]), rows, unit).solve().solved
+
+
 def test_a_tiny_entry_on_the_diagonal_makes_no_residual_small():
     """d_i = a_ii would: D⁻¹q would be 1e12 in row 0, beside which nothing in row 1 is large."""
     problem = icp.ICP([[1e-12, 1.0], [-1.0, 1.0]], [-1.0, -1.0])
