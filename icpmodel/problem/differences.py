@@ -15,6 +15,10 @@ from ..numerics.rounding import UNIT_ROUNDOFF
 DIFFERENCE_STEP = (2.0 * UNIT_ROUNDOFF) ** 0.5
 
 
+#: a change that differs by this share of all terms from what a derivative says is not explained by rounding
+_MISFIT = 1e-3
+
+
 def steps(z: Vector) -> Vector:
     """The differences h_j, shape (n,), with z_j + h_j exact: a share of |z_j|, of 1 where z_j is small.
 
@@ -81,3 +85,23 @@ def jacobian_by_differences(
                 moved, change = -moved, here - value(z - moved)
             entries[chosen] = change[rows[chosen]] / np.abs(moved)[pattern.indices[chosen]]
     return sp.csr_array((entries, pattern.indices, pattern.indptr), shape=pattern.shape)
+
+
+def misfit_of_derivative(value: Callable[[Vector], Vector], J: sp.csr_array, z: Vector) -> int | None:
+    """A row whose change to neither side of `z` is what the derivative `J` says; None where there is none.
+
+    Examples
+    --------
+    >>> J = sp.csr_array([[2.0, 0.0], [0.0, 3.0]])
+    >>> misfit_of_derivative(lambda z: np.array([2.0, 4.0]) * z, J, np.ones(2))
+    1
+    """
+    h = steps(z) * np.where(np.arange(z.size) % 2, -1.0, 1.0)
+    with np.errstate(all="ignore"):
+        here = value(z)
+        changes = np.stack([value(z + h) - here, here - value(z - h)])
+        rounding = 8.0 * UNIT_ROUNDOFF * np.abs(here)
+        allowed = _MISFIT * (abs(J) @ np.abs(h) + np.abs(changes).max(axis=0)) + rounding
+        expected = J @ h
+        outside = np.maximum(changes.min(axis=0) - expected, expected - changes.max(axis=0)) > allowed
+    return int(np.argmax(outside)) if outside.any() else None

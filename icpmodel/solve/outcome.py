@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +13,8 @@ from ..numerics import work
 from ..numerics.arrays import Vector
 from ..numerics.rounding import public_entry
 from ..problem.data import ProblemData
+from ..problem.differences import misfit_of_derivative
+from ..problem.two_sided import sides_of
 from ..theory.certificates.contradiction import contradiction
 from .goal import Limits
 from .run import BestIterate, Run
@@ -104,10 +107,22 @@ def _end(run: Run, best: BestIterate, limits: Limits) -> tuple[Status, str]:
     may_contradict = run.problem.f is None and status in (*_NO_FURTHER, Status.INFEASIBLE)
     conflict = contradiction(run.problem) if may_contradict else None
     if conflict is None:
-        return status, note
+        return status, note + (_derivative_note(run.problem, best.z) if status in _NO_FURTHER else "")
     proof = run.infeasible if status is Status.INFEASIBLE and run.infeasible is not None else conflict.proof
     run.infeasible = replace(proof, reason=f"{proof.reason}; {conflict}")
     return Status.INFEASIBLE, run.infeasible.reason
+
+
+def _derivative_note(problem: ProblemData, z: Vector) -> str:
+    """Which of ψ, ψ̄ and f does not change as its derivative says at `z`; empty where all do."""
+    maps: list[tuple[str, Any]] = list(zip(("psi", "upper"), sides_of(problem.psi), strict=False))
+    maps += [] if problem.f is None else [("f", problem.f)]
+    for name, one in maps:
+        with contextlib.suppress(MapError):
+            J = one.jacobian(z)
+            if J is not None and (row := misfit_of_derivative(one.value, J, z)) is not None:
+                return f"; at this z {name}[{row}] does not change as its derivative says: check the derivative"
+    return ""
 
 
 def _message(run: Run, best: BestIterate, status: Status, note: str) -> str:

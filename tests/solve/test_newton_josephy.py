@@ -327,6 +327,19 @@ def test_a_problem_without_a_solution_is_never_called_solved():
         ICP.nonlinear(lambda z: 1.0 - 1.0 / z, n=1).solve()
 
 
+@pytest.mark.parametrize(
+    ("problem", "where"),
+    [
+        (ICP.nonlinear(lambda z: z**3 - 2.0, n=2, jacobian=lambda z: np.zeros((2, 2))), "f[0]"),
+        (ICP(PAIR, [1.0, 1.0], icp.Function(lambda z: 1.0 - 3.0 * z, lambda z: 3.0 * np.eye(2))), "psi[0]"),
+    ],
+)
+def test_a_failure_says_which_derivative_does_not_fit_its_map(problem, where):
+    solution = attempt(problem, None if problem.f is not None else "newton")
+    assert not solution.solved
+    assert f"at this z {where} does not change as its derivative says" in solution.message
+
+
 def test_the_derivative_and_the_polish_have_the_slopes_of_f():
     problem = radiating()
     solution = problem.solve(rtol=1e-12)
