@@ -128,7 +128,8 @@ def _multilevel(facts: Facts) -> Estimate:
     # for matrices with ρ ≤ 1 the median of 67 problems, n = 300 … 4000, was five steps, and three quarters took six at
     # most; of the others, for which it is not made, few end
     radius = max(matrix.coupled_radius, 1.0)
-    return Estimate(setup, step, 5.0 * radius**4, 40.0 * matrix.nnz)
+    squared = radius * radius  # overflows to infinity, where a power would raise
+    return Estimate(setup, step, 5.0 * squared * squared, 40.0 * matrix.nnz)
 
 
 def _lemke(facts: Facts) -> Estimate:

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from benchmarks.families import drawn, family_names
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -129,6 +130,11 @@ class TestTheSameWay:
         first = count()
         assert first > 0.0
         assert count() == pytest.approx(first, rel=1e-12)
+
+
+def test_estimates_beyond_the_floats_end_no_run():
+    A = sp.block_diag([np.eye(2), [[1e307, -1e300, 1e300], [-1e300, 2.0, -1.0], [1e300, -1.0, 2.0]]])
+    assert icp.ICP(A, np.zeros(5), [0.0, 0.0, 0.0, 1.0, 0.0]).solve().solved
 
 
 @pytest.mark.parametrize("share", range(8))
