@@ -100,6 +100,12 @@ def test_a_run_that_stagnates_on_a_contradiction_ends_with_its_proof():
     assert replace(solution).contradiction.by == pytest.approx(5e-6)
 
 
+def test_an_entry_that_underflows_in_the_units_of_a_proof_still_counts():
+    """z = (1e450, 1) is a solution, though no float is."""
+    problem = icp.ICP([[1e-150, -1e300], [0.0, 1e300]], [0.0, 0.0], [0.0, 1.0])
+    assert not problem.solve(max_iter=100, raise_on_failure=False).infeasible
+
+
 def test_conditions_have_the_labels_of_pandas_objects_and_no_other_ones():
     pandas = pytest.importorskip("pandas")
     A, q, names = np.zeros((2, 2)), np.array([1.0, -2.0]), ["demand", "supply"]

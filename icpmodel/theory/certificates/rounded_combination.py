@@ -25,15 +25,18 @@ def rounded_combination(rows: CombinationRows, y: Vector, exponents: Exponents) 
     used = np.flatnonzero(y)
     y = y[used]
     scale = np.ldexp(1.0, exponents[used])
-    K = times_rows(scale, rows.matrix[used])
+    chosen = rows.matrix[used]
+    K = times_rows(scale, chosen)
     right = scale * rows.offset[used]
     size = abs(K)
     # four more than the operations of a sum, twice, as for all sums here
     loss = 2.0 * (K.shape[0] + K.shape[1] + 6) * UNIT_ROUNDOFF
-    tiny = 2.0 * sum(K.shape) * SMALLEST
+    # an entry that underflows is wrong by SMALLEST at most, and so many times that in a product with y
+    tiny = 2.0 * sum(K.shape) * SMALLEST * max(1.0, float(np.abs(y).max(initial=0.0)))
     columns = K.T @ y
     off = loss * (size.T @ np.abs(y)) + tiny
-    empty = size.sum(axis=0) == 0
+    # entries that are 0 as scaled only are not
+    empty = np.bincount(chosen.indices[chosen.data != 0.0], minlength=chosen.shape[1]) == 0
     # columns whose sign is not the one that is needed
     is_open = ~(_bounded(rows, columns, off) | empty)
     moved = np.zeros(y.size)
