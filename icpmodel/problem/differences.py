@@ -96,12 +96,13 @@ def misfit_of_derivative(value: Callable[[Vector], Vector], J: sp.csr_array, z: 
     >>> misfit_of_derivative(lambda z: np.array([2.0, 4.0]) * z, J, np.ones(2))
     1
     """
-    h = steps(z) * np.where(np.arange(z.size) % 2, -1.0, 1.0)
     with np.errstate(all="ignore"):
+        h = steps(z) * np.where(np.arange(z.size) % 2, -1.0, 1.0)
         here = value(z)
         changes = np.stack([value(z + h) - here, here - value(z - h)])
         rounding = 8.0 * UNIT_ROUNDOFF * np.abs(here)
         allowed = _MISFIT * (abs(J) @ np.abs(h) + np.abs(changes).max(axis=0)) + rounding
         expected = J @ h
-        outside = np.maximum(changes.min(axis=0) - expected, expected - changes.max(axis=0)) > allowed
+        excess = np.maximum(changes.min(axis=0) - expected, expected - changes.max(axis=0))
+        outside = np.isfinite(excess) & (excess > allowed)
     return int(np.argmax(outside)) if outside.any() else None

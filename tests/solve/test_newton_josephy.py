@@ -7,11 +7,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from known_answers import PAIR, attempt, definite
 
 import icpmodel as icp
 from icpmodel import ICP
 from icpmodel.algebra.factor_costs import FactorCosts, factor_costs
+from icpmodel.problem.differences import misfit_of_derivative
 from icpmodel.scenes.grid import five_point
 from icpmodel.solve.choice import Ladder
 
@@ -338,6 +340,12 @@ def test_a_failure_says_which_derivative_does_not_fit_its_map(problem, where):
     solution = attempt(problem, None if problem.f is not None else "newton")
     assert not solution.solved
     assert f"at this z {where} does not change as its derivative says" in solution.message
+
+
+def test_no_derivative_is_blamed_for_what_is_beyond_the_floats():
+    z = np.array([np.finfo(float).max, 1.0])
+    with np.errstate(all="raise"):
+        assert misfit_of_derivative(lambda z: 2.0 * z, sp.csr_array(2.0 * np.eye(2)), z) is None
 
 
 def test_the_derivative_and_the_polish_have_the_slopes_of_f():
