@@ -24,6 +24,7 @@ from ..methods.shortcuts import Josephy, Lemke, Tridiagonal
 from ..numerics import work
 from ..numerics.arrays import as_truth
 from ..numerics.multigrid import hierarchy_cost
+from ..numerics.rounding import SMALLEST
 from ..present.display import Displayable
 from ..problem.data import ProblemData, ProblemLike, as_problem
 from .estimates import Estimate, least_cost, least_of_others
@@ -186,8 +187,9 @@ class Job:
         if self.method.finite:
             return self.spent
         half = self.steps // 2
-        least = min(self.residuals)
-        gained = math.log(min(self.residuals[: half + 1])) - math.log(least)
+        # a residual may be 0 as rounded, and no solution
+        least = max(min(self.residuals), SMALLEST)
+        gained = math.log(max(min(self.residuals[: half + 1]), SMALLEST)) - math.log(least)
         if not gained > 0.0:
             return _MAX_REMAINING_FACTOR * self.spent
         steps = (math.log(least) - math.log(target)) * (self.steps - half) / gained

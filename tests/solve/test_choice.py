@@ -132,6 +132,13 @@ class TestTheSameWay:
         assert count() == pytest.approx(first, rel=1e-12)
 
 
+def test_a_residual_that_is_rounded_to_0_ends_no_comparison():
+    job = Job(Choice(icp.PSOR(), "", Estimate(0.0, 1.0, 1.0)))
+    job.residuals.append(1.0)
+    assert [job.step(1.0, residual, 1e-8) for residual in (0.5, 0.0)] == [False, True]
+    assert math.isfinite(job.remaining)
+
+
 def test_estimates_beyond_the_floats_end_no_run():
     A = sp.block_diag([np.eye(2), [[1e307, -1e300, 1e300], [-1e300, 2.0, -1.0], [1e300, -1.0, 2.0]]])
     assert icp.ICP(A, np.zeros(5), [0.0, 0.0, 0.0, 1.0, 0.0]).solve().solved
