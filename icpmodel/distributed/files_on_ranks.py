@@ -78,22 +78,28 @@ def load_problem(
     DistributedICP(n=3, ranks=1)
     """
     comm = world(comm)
+    problem = None
     with together(comm):
         place = as_path(path)
-        problem = None
-        if not _is_parted(place) and comm.rank == 0:
-            problem = load_whole(path, q, psi, upper)
-        elif _is_parted(place) and q is None:
+        parted = _is_parted(place)
+        if parted and q is None:
             raise FileError(f"{place}: holds A alone; the problem needs q too, in another file")
-    if not _is_parted(place):
+        if not parted and comm.rank == 0:
+            problem = load_whole(path, q, psi, upper)
+    if not parted:
         return distribute(problem, comm)
     A = _matrix_in(place, comm)
-    vectors = [
-        source if source is None or isinstance(source, int | float) else vector_in(source, A, name)
-        for name, source in (("q", q), ("psi", psi), ("upper", upper))
-    ]
+    assert q is not None
+    own_q = vector_in(q, A, "q")
+    sides = [_side_in(psi, A, "psi"), _side_in(upper, A, "upper")]
     with content_errors(place):  # the same one on all ranks
-        return DistributedICP(A, vectors[0], 0.0 if vectors[1] is None else vectors[1], vectors[2])
+        return DistributedICP(A, own_q, 0.0 if sides[0] is None else sides[0], sides[1])
+
+
+def _side_in(source: Any, mat: Any, name: str) -> Any:
+    """An obstacle: a number or None as it is, or the own entries of a file. Collective. Raises FileError."""
+    is_number = isinstance(source, int | float) and not isinstance(source, bool)
+    return source if source is None or is_number else vector_in(source, mat, name)
 
 
 def _is_parted(path: Path) -> bool:
@@ -143,17 +149,22 @@ def vector_in(source: Source, mat: Any, name: str) -> Vector:
     ends = comm.gather(high)
     with together(comm):
         path = as_path(source, name)
+        parted = _is_parted(path)
         own = np.empty(0)
-        if _is_parted(path):
+        if parted:
             file = PetscFile(path, comm.size)
             if file.is_matrix or file.rows != n:
                 actual = f"a matrix with {file.rows} rows" if file.is_matrix else f"a vector of {file.rows} numbers"
                 raise FileError(f"{path}: holds {actual}; a vector of {n} numbers was expected")
             own = file.vector(low, high)
+            finite = np.isfinite(own) | (own == _INFINITE.get(name, 0.0))
+            if not finite.all():
+                i = int(np.argmin(finite))
+                raise FileError(f"{path}: {name}[{low + i}] is {own[i]}; a finite number was expected")
         elif comm.rank == 0:
             with content_errors(path):
                 own = as_vector(read_values(path, name, n), n, name, infinite=_INFINITE.get(name))
-    return own if _is_parted(path) else comm.scatter(np.split(own, ends[:-1]) if comm.rank == 0 else None)
+    return own if parted else comm.scatter(np.split(own, ends[:-1]) if comm.rank == 0 else None)
 
 
 def save_solution(solution: DistributedSolution, path: Source) -> None:
