@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 
 from ..numerics.arrays import Vector
 from ..numerics.rounding import UNIT_ROUNDOFF
+from .user_code import USER_ULPS
 
 #: the share of |z_j| that balances rounding and curvature where both are of order 1 (Gill, Murray and Wright 1981, 8.6)
 DIFFERENCE_STEP = (2.0 * UNIT_ROUNDOFF) ** 0.5
-
-
 #: a change that differs by this share of all terms from what a derivative says is not explained by rounding
 _MISFIT = 1e-3
 
@@ -100,7 +99,7 @@ def misfit_of_derivative(value: Callable[[Vector], Vector], J: sp.csr_array, z: 
         h = steps(z) * np.where(np.arange(z.size) % 2, -1.0, 1.0)
         here = value(z)
         changes = np.stack([value(z + h) - here, here - value(z - h)])
-        rounding = 8.0 * UNIT_ROUNDOFF * np.abs(here)
+        rounding = USER_ULPS * UNIT_ROUNDOFF * np.abs(here)
         allowed = _MISFIT * (abs(J) @ np.abs(h) + np.abs(changes).max(axis=0)) + rounding
         expected = J @ h
         excess = np.maximum(changes.min(axis=0) - expected, expected - changes.max(axis=0))

@@ -20,11 +20,10 @@ from .elementwise import Elementwise
 from .function import Function
 from .map import Map
 from .matrix import Matrix, weights_of
+from .user_code import USER_ULPS
 
 #: the largest n for which a dense Jacobian is made of n + 1 values of f without the consent of the user
 DENSE_UP_TO = 1000
-#: units in the last place to which f is taken as exact
-ULPS = 8.0
 
 
 @contextmanager
@@ -125,7 +124,7 @@ class NonlinearTerm(Displayable):
 
     def rounding(self, value: Vector) -> Vector:
         """What rounding may make of a `value` of f, which is taken as exact to some units in the last place."""
-        return ULPS * UNIT_ROUNDOFF * np.abs(value)
+        return USER_ULPS * UNIT_ROUNDOFF * np.abs(value)
 
     @cached_property
     def slope_range(self) -> tuple[Vector, Vector] | None:

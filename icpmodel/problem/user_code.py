@@ -32,6 +32,10 @@ def diagonal_lipschitz(value: Any, n: int) -> sp.csr_array:
     return freeze(sp.csr_array((vector, np.arange(n), np.arange(n + 1)), shape=(n, n)))
 
 
+#: units in the last place to which the values of a user's function are taken as exact
+USER_ULPS = 8.0
+
+
 def as_function(f: Any, name: str, argument: str = "z") -> Callable[..., Any]:
     """`f`, which must be callable with one `argument`. Raises InputError."""
     if not callable(f):

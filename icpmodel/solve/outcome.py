@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -14,6 +13,8 @@ from ..numerics.arrays import Vector
 from ..numerics.rounding import public_entry
 from ..problem.data import ProblemData
 from ..problem.differences import misfit_of_derivative
+from ..problem.elementwise import Elementwise
+from ..problem.function import Function
 from ..problem.two_sided import sides_of
 from ..theory.certificates.contradiction import contradiction
 from .goal import Limits
@@ -114,10 +115,12 @@ def _end(run: Run, best: BestIterate, limits: Limits) -> tuple[Status, str]:
 
 
 def _derivative_note(problem: ProblemData, z: Vector) -> str:
-    """Which of ψ, ψ̄ and f does not change as its derivative says at `z`; empty where all do."""
-    maps: list[tuple[str, Any]] = list(zip(("psi", "upper"), sides_of(problem.psi), strict=False))
-    maps += [] if problem.f is None else [("f", problem.f)]
+    """Which of ψ, ψ̄ and f does not change at `z` as the user's derivative says; empty where all do."""
+    maps = list(zip(("psi", "upper"), sides_of(problem.psi), strict=False))
+    maps += [] if problem.f is None else [("f", problem.f.map)]
     for name, one in maps:
+        if not isinstance(one, Elementwise | Function) or one.derivative is None:
+            continue  # it is ours
         with contextlib.suppress(MapError):
             J = one.jacobian(z)
             if J is not None and (row := misfit_of_derivative(one.value, J, z)) is not None:

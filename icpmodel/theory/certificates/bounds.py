@@ -29,6 +29,7 @@ from ...problem.facts import Facts
 from ...problem.map import Map
 from ...problem.matrix import Matrix
 from ...problem.two_sided import TwoSidedObstacle
+from ...problem.user_code import USER_ULPS
 from ..answers import UNDECIDED
 from ..matrices.classes import MatrixClasses
 from .definite import prove as prove_definite
@@ -50,8 +51,6 @@ DEFAULT_WORK = 60e9
 USERS_WORD = ", given that psi is what the user says"
 #: added where it relies on a user's slopes of f
 _USERS_WORD_ON_F = ", given that f has the slopes that the user says"
-#: the values of a user's function are taken as exact up to so many units in the last place
-_USER_ULPS = 8.0
 #: the largest number of points ẑ
 _MAX_POINTS = 8
 
@@ -296,7 +295,7 @@ def lipschitz_violation(problem: ProblemData, z: Vector) -> str:
             psi_z = one.value(z)
             psi_0 = one.value(np.zeros(z.size))
             moved = np.abs(psi_z - psi_0)
-            excess = moved - allowed - _USER_ULPS * UNIT_ROUNDOFF * (np.abs(psi_z) + np.abs(psi_0))
+            excess = moved - allowed - USER_ULPS * UNIT_ROUNDOFF * (np.abs(psi_z) + np.abs(psi_0))
             if (excess > 0.0).any():
                 i = int(np.nanargmax(excess))
                 actual = f"{name}_{i} differs by {moved[i]:.6g} between z and 0, and it allows {allowed[i]:.6g}"
