@@ -14,7 +14,6 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from ...errors import OutOfTime
 from ...numerics.arrays import Mask, Vector, norm
 from ...numerics.equilibration import Exponents, in_units, symmetric_exponents
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
@@ -29,16 +28,16 @@ _STRONG = "H is strongly monotone"
 
 @np.errstate(all="ignore")
 def distance(program: Program, values: Values) -> ErrorBound:
-    """|x − x*| ≤ δ in every entry, if H is proved to be strongly monotone, and x to be next to a point of C."""
+    """|x − x*| ≤ δ in every entry, if H is proved to be strongly monotone, and x to be next to a point of C.
+
+    Raises OutOfTime, MemoryError.
+    """
     x = values.x
     if not np.isfinite(x).all():
         return ErrorBound.none("there is no x")
     unit = symmetric_exponents(program.H.diagonal())
     H = in_units(program.H, unit, unit)
-    try:
-        mu = smallest_below(H)
-    except (OutOfTime, MemoryError) as reason:
-        return ErrorBound.none(str(reason))
+    mu = smallest_below(H)
     if not mu > 0.0:
         return ErrorBound.none("H is not proved to be strongly monotone")
     at_low = (x == program.low) & (values.box <= 0)
