@@ -18,6 +18,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from difflib import get_close_matches
 from functools import wraps
+from inspect import Parameter, signature, unwrap
+from traceback import walk_tb
 from typing import Any, TypeVar, cast
 
 Call = TypeVar("Call", bound=Callable[..., Any])
@@ -38,27 +40,39 @@ def did_you_mean(name: Any, known: Iterable[str]) -> str:
     return f"; did you mean {near[0]}?" if near else ""
 
 
-def check_arguments(function: Call) -> Call:
-    """Decorator: turn the TypeError for unknown or missing arguments into an InputError with the accepted names."""
-    code = function.__code__
+def check_arguments(target: Call) -> Call:
+    """Decorator: turn the TypeError for unknown or missing arguments into an InputError with the accepted names.
+
+    Parameters
+    ----------
+    target : function or class
+        What users call; of a class its `__init__` is decorated.
+    """
+    if isinstance(target, type):
+        constructor = "__new__" if issubclass(target, tuple) else "__init__"
+        setattr(target, constructor, check_arguments(getattr(target, constructor)))
+        return target
+    code = unwrap(target).__code__
     names = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
     hint = _OBSTACLES if {"psi", "upper"} <= set(names) else HOW_TO_BUILD if "problem" in names else ""
 
-    @wraps(function)
+    @wraps(target)
     def checked(*args: Any, **kwargs: Any) -> Any:
         try:
-            return function(*args, **kwargs)
+            return target(*args, **kwargs)
         except TypeError as error:
-            if error.__traceback__ is None or error.__traceback__.tb_next is not None:
+            if any(frame.f_code is code for frame, _ in walk_tb(error.__traceback__)):
                 raise  # it comes from inside
-        name = type(args[0]).__name__ if function.__name__ == "__init__" else function.__qualname__
-        if names[0] == "cls":
-            name = f"{args[0].__name__}.{function.__name__}"
-        takes = f"it takes {', '.join(one for one in names if one not in ('self', 'cls'))}"
+        name = target.__qualname__
+        if target.__name__ in ("__init__", "__new__") or names[:1] == ("cls",):
+            owner = getattr(args[0], "__name__", type(args[0]).__name__)
+            name = f"{owner}.{target.__name__}".removesuffix(".__init__").removesuffix(".__new__")
+        takes = f"it takes {', '.join(one for one in names if one not in ('self', 'cls', '_cls')) or 'none'}"
         if unknown := [one for one in kwargs if one not in names]:
             raise InputError(f"{name} has no argument {unknown[0]}; {takes}{did_you_mean(unknown[0], names) or hint}")
-        needed = names[len(args) : code.co_argcount - len(function.__defaults__ or ())]
-        if lacks := [one for one in needed if one not in kwargs]:
+        parameters = signature(target).parameters
+        rest = [one for one in names[len(args) :] if one not in kwargs]
+        if lacks := [one for one in rest if parameters[one].default is Parameter.empty]:
             raise InputError(f"{name} was not given {' and '.join(lacks)}; {takes}{hint}")
         raise InputError(f"{name} was given an argument twice, or too many without a name; {takes}{hint}")
 

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 import scipy.sparse as sp
 
-from ..errors import InputError
+from ..errors import InputError, check_arguments
 from ..numerics.arrays import Vector, as_csr, as_number
 from ..numerics.sparse_structure import is_diagonal
 from ..present.display import Displayable
@@ -71,6 +71,7 @@ class Member(Protocol):
         """The diagonal of Ω, shape (n,)."""
 
 
+@check_arguments
 @dataclass(frozen=True)
 class AOR(Splitting):
     """Accelerated overrelaxation: M₁ = (D − θ₂L)/θ₁.

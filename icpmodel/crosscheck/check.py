@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, Interrupted, OutOfTime, check_arguments
+from ..errors import InputError, Interrupted, OutOfTime
 from ..numerics.arrays import as_number
 from ..numerics.rounding import public_entry
 from ..problem.data import ProblemData, ProblemLike, as_problem
@@ -29,7 +29,6 @@ _Item = tuple[float, float | None, str] | str | Row
 
 
 @public_entry
-@check_arguments
 def crosscheck(
     problem: ProblemLike,
     solution: Any = None,

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from ..algebra.active_equations import ActiveEquations
 from ..algebra.equations import derivative, equations_on, pattern_at
-from ..errors import InputError, MapError, NotApplicable, OutOfTime, SingularOperator
+from ..errors import InputError, MapError, NotApplicable, OutOfTime, SingularOperator, check_arguments
 from ..numerics.arrays import Mask, ReadOnly, Vector, described, norm
 from ..numerics.rounding import SMALLEST, UNIT_ROUNDOFF, public_entry
 from ..present.card import Card
@@ -79,6 +79,7 @@ class OneSided(ReadOnly, Displayable):
         return iter((self.right, self.left))
 
 
+@check_arguments
 class Derivative(ReadOnly, Plottable):
     """The derivative of z* in A, q and ψ at a solution, forward and adjoint.
 

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import check_arguments
 from ..numerics.arrays import Mask, Vector
 from ..numerics.rounding import SMALLEST, UNIT_ROUNDOFF, gamma
 from ..present.card import Card
@@ -76,6 +77,7 @@ class DistributedCertificate(Displayable):
         return str(Card({"residual": f"{self.residual:.3g}", "error": str(self.bound), "rows": self.rows}))
 
 
+@check_arguments
 def certify(problem: DistributedICP, z: Any, levels: DistributedLevels | None = None) -> DistributedCertificate:
     """State what is certain of `z`: the residual, the error bound, the rows that it decides.
 

@@ -221,6 +221,7 @@ def _own_entries(value: Any, low: int, high: int) -> Vector:
     return array.copy()
 
 
+@check_arguments
 def by_rows(problem: Any, comm: Any = None) -> DistributedICP:
     """The problem, each rank assembling its own rows; no rank holds all.
 
@@ -266,6 +267,7 @@ def by_rows(problem: Any, comm: Any = None) -> DistributedICP:
     return DistributedICP(from_rows(A, comm), q, psi, upper)
 
 
+@check_arguments
 def distribute(problem: Any, comm: Any = None) -> DistributedICP:
     """Spread the `problem` of rank 0, or of all ranks, over the ranks of `comm`.
 

@@ -10,7 +10,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from ..errors import FileError, IcpError, InputError, NotApplicable
+from ..errors import FileError, IcpError, InputError, NotApplicable, check_arguments
 from ..modelling.archive import content_errors
 from ..modelling.files import load_problem as load_whole
 from ..modelling.formats import read_values
@@ -31,6 +31,7 @@ _INFINITE = {"psi": -np.inf, "upper": np.inf}
 _MAX_HEADER_BYTES = 1 << 16
 
 
+@check_arguments
 def load_problem(
     path: Source,
     q: Source | None = None,
@@ -167,6 +168,7 @@ def vector_in(source: Source, mat: Any, name: str) -> Vector:
     return own if parted else comm.scatter(np.split(own, ends[:-1]) if comm.rank == 0 else None)
 
 
+@check_arguments
 def save_solution(solution: DistributedSolution, path: Source) -> None:
     """Write the answer to the file `path`, which all ranks see; each rank writes its rows.
 

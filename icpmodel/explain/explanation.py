@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, MapError, NotApplicable, OutOfTime, check_arguments
+from ..errors import InputError, MapError, NotApplicable, OutOfTime
 from ..methods.contract import Method, named
 from ..methods.modulus import ModulusMember
 from ..numerics.arrays import as_number, as_truth, described
@@ -248,7 +248,6 @@ class Explanation(Displayable):
 
 
 @public_entry
-@check_arguments
 def explain(
     problem: ProblemLike,
     method: str | Method | None = None,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -15,7 +14,7 @@ from ..numerics import work
 from ..numerics.arrays import Vector, as_number, described
 from ..problem.data import ProblemData
 from .aor import MNMAOR
-from .contract import SAFE_HINT, FixedPoint, Iterate, Method, named
+from .contract import SAFE_HINT, FixedPoint, Iterate, Method, named, with_options
 from .psor import PSOR
 
 #: an accelerated iterate may have this many times the least residual so far
@@ -31,7 +30,7 @@ _CALLS_PER_STEP = 2.0
 _MIN_INDEPENDENCE = 1e-10
 
 
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+@with_options
 class Accelerated(Method):
     """Anderson acceleration (type II) of the fixed-point method `of`.
 

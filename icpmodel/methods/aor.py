@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from ..algebra.relaxation import RELAXED, AdaptedOmega, a_number, is_auto, leave_out, relaxation, sor
@@ -12,11 +11,11 @@ from ..algebra.splittings import AOR, Splitting
 from ..algebra.steps import Stepped, repeated_steps
 from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
-from .contract import Iterate, Method
+from .contract import Iterate, Method, with_options
 from .modulus import FreeOmega
 
 
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+@with_options
 class _AdaptiveRelaxation(FreeOmega):
     """Members whose θ₁ may be "auto": ω starts where `_adapted` says, and adapts during the run."""
 
@@ -63,7 +62,7 @@ class _AdaptedPath(Iterator[Iterate]):
         self.step, self.ahead = self.adapted_method.step_of(self.problem), []
 
 
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+@with_options
 class MNMAOR(_AdaptiveRelaxation):
     """Accelerated overrelaxation: M₁ = (D − θ₂L)/θ₁.
 
@@ -131,7 +130,7 @@ class MNMAOR(_AdaptiveRelaxation):
         return AOR(a_number(self.theta1), self.theta2)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+@with_options
 class MNMSOR(_AdaptiveRelaxation):
     """Successive overrelaxation: MNMAOR with θ₂ = θ₁.
 
@@ -190,7 +189,7 @@ class MNMSOR(_AdaptiveRelaxation):
         return AOR(theta1, theta1)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+@with_options
 class MNMGS(FreeOmega):
     """Gauss–Seidel: MNMAOR with θ₁ = θ₂ = 1.
 
@@ -212,7 +211,7 @@ class MNMGS(FreeOmega):
         return AOR(1.0, 1.0)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+@with_options
 class MNMJ(FreeOmega):
     """Jacobi: MNMAOR with θ₁ = 1, θ₂ = 0; projected Jacobi with the default Ω = D and φ = 0.
 

@@ -11,12 +11,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
 from functools import wraps
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar, dataclass_transform
 
 import numpy as np
 
 from ..algebra.steps import Step, repeated_steps
-from ..errors import InputError, did_you_mean
+from ..errors import InputError, check_arguments, did_you_mean
 from ..numerics.arrays import ReadOnly, Vector, described
 from ..numerics.plugins import load_plugins
 from ..present.display import Displayable
@@ -24,6 +24,7 @@ from ..problem.data import ProblemData
 from ..theory.answers import Answer
 
 _REGISTRY: dict[str, type[Method]] = {}
+Class = TypeVar("Class", bound=type[Any])
 
 #: outside this range the squares that a sweep sums for its hint over- or underflow; `ICP.residual` does not
 SAFE_HINT = (1e-140, 1e140)
@@ -73,7 +74,14 @@ class Infeasible(Exception):
         self.answer = answer
 
 
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+@dataclass_transform(kw_only_default=True, frozen_default=True, eq_default=False)
+def with_options(cls: Class) -> Class:
+    """Decorator: make a method a frozen keyword-only dataclass, its fields the options."""
+    dataclass(frozen=True, kw_only=True, eq=False, repr=False)(cls)
+    return check_arguments(cls)
+
+
+@with_options
 class Method(ReadOnly, Displayable, ABC):
     """An iterative method; subclasses with options are frozen keyword-only dataclasses that check them.
 
@@ -217,6 +225,7 @@ class FixedPoint(Method):
                 z = following
 
 
+@check_arguments
 def names() -> list[str]:
     """The names of all methods, sorted.
 
@@ -234,6 +243,7 @@ def names() -> list[str]:
     return sorted(_REGISTRY)
 
 
+@check_arguments
 def named(name: str, /, **options: Any) -> Method:
     """The method with a name.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -15,7 +14,7 @@ from ..numerics.work import check_budget
 from ..problem.data import ProblemData
 from ..theory.answers import Answer
 from ..theory.solution_set import ExactRows
-from .contract import Infeasible, Iterate, Method
+from .contract import Infeasible, Iterate, Method, with_options
 
 #: problems with more choices are refused: n = 14 with one obstacle in every row
 MOST_CHOICES = 2**14
@@ -23,7 +22,7 @@ MOST_CHOICES = 2**14
 MAX_LINEARISATIONS = 20
 
 
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+@with_options
 class Enumerate(Method):
     """Every choice of p_i = 0, z_i = ψ_i(z) or z_i = ψ̄_i(z): each leaves a linear system, whose signs are checked.
 

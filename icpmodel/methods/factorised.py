@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -11,10 +10,11 @@ from ..algebra.relaxation import a_number, check_diagonal, is_auto, scale_of
 from ..algebra.splittings import FullSplitting, Splitting
 from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
+from .contract import with_options
 from .modulus import ModulusMember
 
 
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+@with_options
 class MNMOD(ModulusMember):
     """Modified new modulus method: M₁ = A, Ω = I.
 
@@ -54,7 +54,7 @@ class MNMOD(ModulusMember):
         return np.ones(problem.n)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+@with_options
 class MNMMOD(MNMOD):
     """Modified new modified modulus method: M₁ = A, Ω = θ₁I.
 

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -35,7 +34,7 @@ from ..numerics.symmetric_factors import Symmetric
 from ..problem.data import ProblemData
 from ..problem.two_sided import mid
 from ..theory.certificates.recession import Recession
-from .contract import Infeasible, Iterate, LeastValue
+from .contract import Infeasible, Iterate, LeastValue, with_options
 from .proximal import Regularised
 
 #: the largest number of steps that reduce neither the residual nor the infeasibility of r and s
@@ -60,7 +59,7 @@ _SHIFT = 1.5
 _MAX_ERROR_GROWTH = 1e4
 
 
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+@with_options
 class Interior(Regularised):
     """Newton's steps with √(x² + 4ε²) for |x|, ε falling: all rows count, and no signs are sought.
 

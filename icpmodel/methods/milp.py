@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -17,7 +16,7 @@ from ..errors import MapError, OutOfTime, SingularOperator
 from ..numerics import work
 from ..numerics.arrays import Mask, Vector
 from ..problem.data import ProblemData
-from .contract import Iterate, Method
+from .contract import Iterate, Method, with_options
 from .enumeration import MAX_LINEARISATIONS
 
 #: problems with more unknowns are refused
@@ -39,7 +38,7 @@ class ActiveRows(NamedTuple):
     binaries: Vector
 
 
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+@with_options
 class MixedInteger(Method):
     """p_i ≤ M(1 − y_i) and r_i ≤ M y_i with y_i ∈ {0, 1}: HiGHS finds an active set, whose linear system gives z.
 

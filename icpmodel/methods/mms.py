@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -14,10 +13,10 @@ from ..algebra.splittings import as_splitting
 from ..errors import MapError
 from ..numerics.arrays import Vector, as_number, as_vector
 from ..problem.data import ProblemData
-from .contract import Iterate, Method, positive_diagonal
+from .contract import Iterate, Method, positive_diagonal, with_options
 
 
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+@with_options
 class MMS(Method):
     """The modulus-based matrix splitting method of Hong and Li, with inner and outer steps.
 

@@ -24,7 +24,6 @@ theta1="auto" leaves θ₁ and Ω to `algebra.relaxation`.
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -35,7 +34,7 @@ from ..algebra.splittings import AOR, FullSplitting, Splitting, as_splitting
 from ..algebra.steps import Step
 from ..numerics.arrays import Vector, as_number
 from ..problem.data import ProblemData
-from .contract import FixedPoint, positive_diagonal
+from .contract import FixedPoint, positive_diagonal, with_options
 
 
 class ModulusMember(FixedPoint):
@@ -98,7 +97,7 @@ class ModulusMember(FixedPoint):
         return self.splitting_of().operator(A, shift).step(problem, omega)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+@with_options
 class FreeOmega(ModulusMember):
     """Members whose Ω is free: φ₁ and φ₂ as numbers or vectors, by default φ₁ = I and φ₂ = φ₁D, that is Ω = D."""
 
@@ -123,7 +122,7 @@ class FreeOmega(ModulusMember):
         return positive_diagonal(problem, "Omega = D must be positive") if self.phi2 is None else None
 
 
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+@with_options
 class Modulus(FreeOmega):
     """Method 3.1 in general: any M₁, φ, φ₁, φ₂.
 
@@ -164,7 +163,7 @@ class Modulus(FreeOmega):
         object.__setattr__(self, "splitting", as_splitting(self.splitting))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+@with_options
 class NMMS(ModulusMember):
     """New modulus-based matrix splitting (2022): the member φ = 0, φ₁ = I, Ω = φ₂.
 
@@ -203,7 +202,7 @@ class NMMS(ModulusMember):
         return positive_diagonal(problem, "Omega = D must be positive") if self.omega is None else None
 
 
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+@with_options
 class ProjectionFixedPoint(ModulusMember):
     """Projection fixed point: z⁺ = max(ψ(z), z − ωD⁻¹(Az + q)).
 

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Generator, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from itertools import islice, pairwise
 from typing import ClassVar
 
@@ -28,7 +27,7 @@ from ..numerics import work
 from ..numerics.arrays import Vector
 from ..numerics.multigrid import cycle_cost
 from ..problem.data import ProblemData
-from .contract import Iterate, Method, positive_diagonal
+from .contract import Iterate, Method, positive_diagonal, with_options
 from .newton import Newton
 
 #: a start from z begins on the finest level of which a cycle costs less than this share of a Newton step, which is
@@ -50,7 +49,7 @@ _PATIENCE = 12
 _SHORT_PATIENCE = 5
 
 
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+@with_options
 class Multilevel(Method):
     """Newton's method on the modulus equation with algebraic multigrid, at the cost of about one linear solve with A.
 

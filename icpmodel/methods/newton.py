@@ -28,7 +28,6 @@ to 0, or the method ends.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
 
@@ -43,7 +42,7 @@ from ..numerics import work
 from ..numerics.arrays import Mask, Vector, norm
 from ..numerics.linear import solver_of
 from ..problem.data import ProblemData
-from .contract import REDUCTION, Iterate, Method
+from .contract import REDUCTION, Iterate, Method, with_options
 
 #: the number of active-set steps without enough reduction of θ that are allowed; each descent step halves it
 _ALLOWED_STEPS = 8
@@ -63,7 +62,7 @@ _LOOSE_RTOL = 1e-3
 _TIGHT_RTOL = 1e-8
 
 
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+@with_options
 class Newton(Method):
     """Solve z_i = ψ_i(z), linearised, where r_i < p_i/Ω_i and (Az + q)_i = 0 elsewhere, repeatedly; Ω = |D|.
 

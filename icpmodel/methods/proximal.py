@@ -20,7 +20,6 @@ Where zᵏ⁺¹ = zᵏ that is a solution of the ICP. That zᵏ converges is not
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -35,7 +34,7 @@ from ..numerics.arrays import Vector, norm
 from ..problem.data import ProblemData
 from ..problem.two_sided import mid
 from ..theory.certificates.recession import Recession
-from .contract import Infeasible, Iterate, LeastValue, Method
+from .contract import Infeasible, Iterate, LeastValue, Method, with_options
 
 #: the first μ, in units of W; its factor after a subproblem of at most `_QUICK_STEPS` steps, and after a slower one
 _FIRST_SHIFT = 0.1
@@ -67,7 +66,7 @@ class Regularised(Method):
         return None if problem.facts.has_fixed_obstacle else problem.psi.no_derivative()
 
 
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+@with_options
 class Proximal(Regularised):
     """The proximal-point method: z⁺ solves the LCP(A + μW, q − μWz) by Newton's method, an iterate per step.
 

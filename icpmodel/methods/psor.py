@@ -16,7 +16,6 @@ M₁ = D/ω no newest value is used, and with Ω = D/ω the two are one method. 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 from ..algebra.secants import secant_step
@@ -24,11 +23,11 @@ from ..algebra.splittings import AOR, Splitting
 from ..algebra.steps import Step, projected_sweep
 from ..numerics.arrays import Vector, as_number
 from ..problem.data import ProblemData
-from .contract import positive_diagonal
+from .contract import positive_diagonal, with_options
 from .modulus import ModulusMember
 
 
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+@with_options
 class PSOR(ModulusMember):
     """Projected successive overrelaxation, the row-wise modulus method.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from itertools import islice
 from typing import ClassVar
 
@@ -15,7 +14,7 @@ from ..algebra.equations import solve_on
 from ..errors import MapError, SingularOperator
 from ..numerics.arrays import Vector, as_number
 from ..problem.data import ProblemData
-from .contract import Iterate, Method
+from .contract import Iterate, Method, with_options
 from .newton import Newton
 from .shortcuts import Lemke
 
@@ -27,7 +26,7 @@ _TRIES_WITH_PIVOTS = 100
 _TRIES_WITHOUT_PIVOTS = 20
 
 
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+@with_options
 class Restarts(Method):
     """Lemke's pivots with random covering vectors, and Newton's method from z⁰ and from random starts, in turn.
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -25,7 +24,7 @@ from ..problem.data import ProblemData
 from ..problem.map import Map
 from ..theory.certificates.contradiction import multipliers
 from ..theory.certificates.infeasible import infeasible
-from .contract import Infeasible, Iterate, Method, positive_diagonal
+from .contract import Infeasible, Iterate, Method, positive_diagonal, with_options
 
 #: the largest number of unknowns that are split into differences; tested for 20 to 200
 _SPLIT_UP_TO = 200
@@ -46,7 +45,7 @@ class Shortcut(Method):
     finite: ClassVar[bool] = True
 
 
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+@with_options
 class Lemke(Shortcut):
     """Lemke's method: pivots between bases of w = q + My + d·t, wᵀy = 0, until t is 0.
 
@@ -125,7 +124,7 @@ class Lemke(Shortcut):
             raise singular
 
 
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+@with_options
 class Josephy(Shortcut):
     """zᵏ⁺¹ solves the ICP with ψ(zᵏ) + ψ′(zᵏ)(z − zᵏ) in place of ψ, by the pivots of `Lemke`.
 
@@ -170,7 +169,7 @@ class Josephy(Shortcut):
                 yield z, best
 
 
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+@with_options
 class Tridiagonal(Shortcut):
     """One pass over the rows says which of them leave the obstacle, and one tridiagonal system gives z.
 

@@ -10,7 +10,6 @@ import json
 import math
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import FileError, InputError, NotApplicable, check_arguments
-from ..methods.contract import Iterate, Method
+from ..methods.contract import Iterate, Method, with_options
 from ..numerics.arrays import Vector, as_vector, described
 from ..present.whole_files import as_path, check_ours, check_suffix, file_errors, write_whole
 from ..problem.data import ProblemData, ProblemLike, as_problem
@@ -35,7 +34,7 @@ _HEADS = "z,p,r"
 WRITTEN = (".npz", ".csv")
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@with_options
 class FromFile(Method):
     """The method of an answer that was read from the file `path`."""
 

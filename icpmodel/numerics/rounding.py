@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable
 from decimal import ROUND_CEILING, Context, Decimal
 from functools import wraps
-from typing import Any, TypeVar, cast
+from typing import Any, cast
 
 import numpy as np
 import scipy.sparse as sp
 
+from ..errors import Call, check_arguments
 from .arrays import Vector
 from .sparse_structure import absolute
-
-Verb = TypeVar("Verb", bound=Callable[..., Any])
 
 #: unit roundoff of float64
 UNIT_ROUNDOFF = 2.0**-53
@@ -31,25 +29,28 @@ _FLUSHED = (
 CTRL_C = SystemError, ImportError
 
 
-def public_entry(verb: Verb) -> Verb:
-    """A verb of the package: it computes as NumPy does by default, whatever its user has asked of NumPy for himself,
-    and Ctrl-C stays a KeyboardInterrupt in compiled code, too. Warns where the processor flushes to zero what is
-    smaller than 2.2e-308, as some libraries make it do: proofs count on gradual underflow.
-    """
+def public_entry(function: Call) -> Call:
+    """Decorator of what users call: `check_arguments`, NumPy's default handling of floating-point errors, and a
+    KeyboardInterrupt for Ctrl-C in compiled code.
 
-    @wraps(verb)
+    It warns where the processor flushes to zero what is smaller than 2.2e-308, as some libraries make it do. Proofs
+    count on gradual underflow.
+    """
+    function = check_arguments(function)
+
+    @wraps(function)
     @np.errstate(divide="warn", over="warn", under="ignore", invalid="warn")
     def inner(*args: Any, **options: Any) -> Any:
         if SMALLEST * 1.0 == 0.0:
             warnings.warn(_FLUSHED, RuntimeWarning, stacklevel=2)
         try:
-            return verb(*args, **options)
+            return function(*args, **options)
         except CTRL_C as error:
             if is_ctrl_c(error):
                 raise KeyboardInterrupt from error
             raise
 
-    return cast(Verb, inner)
+    return cast(Call, inner)
 
 
 def is_ctrl_c(error: BaseException | None) -> bool:

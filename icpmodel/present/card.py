@@ -5,6 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterator, Mapping
 
+from ..errors import check_arguments
 from .display import Displayable, brief
 from .rendering import render
 from .table import width
@@ -15,6 +16,7 @@ _NAME_COLUMNS = 9
 _MAX_PAGE_WIDTH = 116
 
 
+@check_arguments
 class Card(Displayable, Mapping[str, str]):
     """Names with texts, which may have several lines.
 

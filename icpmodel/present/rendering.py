@@ -5,7 +5,10 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Any
 
+from ..errors import check_arguments
 
+
+@check_arguments
 def render(template: str, **values: Any) -> str:
     """Fill in a template of the folder `templates`.
 

@@ -12,7 +12,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any
 
-from ..errors import NotApplicable
+from ..errors import NotApplicable, check_arguments
 from ..numerics.plugins import in_notebook
 from .display import Displayable
 from .latex import as_latex
@@ -28,6 +28,7 @@ _COLUMN_GAP = 2
 _NOTEBOOK_WIDTH = 115
 
 
+@check_arguments
 @dataclass(frozen=True, repr=False)
 class Table(Displayable):
     """A table of numbers and texts.

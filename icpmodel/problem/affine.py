@@ -13,6 +13,7 @@ from ..numerics.arrays import Vector, as_csr, as_vector, axes, freeze, locked, r
 from .map import Map
 
 
+@check_arguments
 class Constant(Map):
     """ψ(z) = c: an obstacle that does not move.
 

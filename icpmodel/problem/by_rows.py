@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from ..errors import InputError
+from ..errors import InputError, check_arguments
 from ..numerics.arrays import Vector, as_number, as_rows, as_vector, described
 from ..present.display import Displayable
 
@@ -22,6 +22,7 @@ class _Four(NamedTuple):
     upper: Vector | None = None
 
 
+@check_arguments
 class LocalRows(Displayable, _Four):
     """The rows lo ≤ i < hi of a problem with n unknowns, in the order of the arguments of `ICP`.
 
@@ -49,6 +50,7 @@ class LocalRows(Displayable, _Four):
         return f"LocalRows(A with shape {self.A.shape}, {self.A.nnz} entries)"
 
 
+@check_arguments
 @dataclass(frozen=True, repr=False)
 class ByRows(Displayable):
     """A problem that is assembled a range of rows at a time: processes that share it make each its own rows.

@@ -92,6 +92,7 @@ class ProblemData(PointValues):
         return new
 
     @classmethod
+    @check_arguments
     def vertical(cls, A: Any, q: Any, B: Any, d: Any) -> Self:
         """The vertical linear complementarity problem of two matrices: min(Az + q, Bz + d) = 0, entry by entry.
 
@@ -194,6 +195,7 @@ class ProblemData(PointValues):
         return cls(sp.csr_array((size, size)), np.zeros(size), psi, upper, f=Function(F, jacobian, sparsity=sparsity))
 
     @classmethod
+    @check_arguments
     def from_friction_index(cls, A: Any, b: Any, lo: Any, hi: Any, findex: Any) -> Self:
         """The contact problem of a physics engine: w = Az − b, with bounds on z that depend on the normal impulses.
 

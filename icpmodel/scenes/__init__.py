@@ -12,7 +12,7 @@ import json
 import pkgutil
 from typing import Any
 
-from ..errors import InputError, did_you_mean
+from ..errors import InputError, check_arguments, did_you_mean
 from ..problem.by_rows import ByRows
 from .registry import (
     ASSEMBLIES,
@@ -33,6 +33,7 @@ for _module in pkgutil.iter_modules(__path__):
     importlib.import_module(f"{__name__}.{_module.name}")
 
 
+@check_arguments
 def scene(name: str, /, n: int | None = None, **parameters: Any) -> Scene:
     """The scene called `name`, at its default size or with about `n` unknowns.
 
@@ -75,6 +76,7 @@ def scene(name: str, /, n: int | None = None, **parameters: Any) -> Scene:
     return built
 
 
+@check_arguments
 def by_rows(name: str, /, n: int | None = None, **parameters: Any) -> ByRows:
     """The scene called `name` as an assembly of any range of its rows; nothing of size n is formed.
 
@@ -124,6 +126,7 @@ def _split_name(name: str, n: int | None, parameters: dict[str, Any]) -> tuple[s
     return name, n, parameters
 
 
+@check_arguments
 def names() -> list[str]:
     """The names of all scenes, in alphabetical order.
 
@@ -140,6 +143,7 @@ def names() -> list[str]:
     return sorted(builders())
 
 
+@check_arguments
 def titles() -> dict[str, str]:
     """Name → title of each scene; no scene is built.
 
@@ -156,6 +160,7 @@ def titles() -> dict[str, str]:
     return {name: title_of(build) for name, build in sorted(builders().items())}
 
 
+@check_arguments
 def parameters(name: str) -> dict[str, Any]:
     """Map each parameter of the scene `name` to its default value.
 

@@ -12,7 +12,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from ..errors import InputError, did_you_mean
+from ..errors import InputError, check_arguments, did_you_mean
 from ..icp import ICP
 from ..numerics.arrays import ReadOnly, Vector, as_number, locked
 from ..numerics.plugins import load_plugins
@@ -23,6 +23,7 @@ from ..problem.matrix import Matrix
 from ..solve.solution import Solution
 
 
+@check_arguments
 @dataclass(frozen=True, repr=False)
 class Quantity(Displayable):
     """A number of a solution whose value in the continuous problem is known.
@@ -73,6 +74,7 @@ def farthest(exact: Vector, z: Vector) -> float:
     return float(np.abs(z - exact).max())
 
 
+@check_arguments
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Scene(ReadOnly, Plottable):
     """A problem of the gallery with what is known of its answer.
@@ -225,6 +227,7 @@ def builders() -> dict[str, Builder]:
     return _BUILDERS
 
 
+@check_arguments
 def register(build: Callable[Arguments, Scene]) -> Callable[Arguments, Scene]:
     """Decorator: make the function a scene.
 

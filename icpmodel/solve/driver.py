@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, MapError, NotApplicable, NotSolved, check_arguments, did_you_mean
+from ..errors import InputError, MapError, NotApplicable, NotSolved, did_you_mean
 from ..methods.aor import MNMGS
 from ..methods.contract import Method, named
 from ..numerics import work
@@ -37,7 +37,6 @@ _LOG = logging.getLogger("icpmodel")
 
 
 @public_entry
-@check_arguments
 def solve(
     problem: ProblemLike,
     method: str | Method | None = None,

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -14,7 +13,7 @@ import scipy.sparse as sp
 from ..algebra.equations import Pattern, pattern_at
 from ..algebra.secants import secant_problem, why_not_rows
 from ..errors import MapError
-from ..methods.contract import Iterate, LeastValue, Method
+from ..methods.contract import Iterate, LeastValue, Method, with_options
 from ..methods.milp import LARGEST
 from ..methods.newton import NewtonPath, NewtonPoint
 from ..methods.restarts import scale_of_starts, start_above
@@ -44,7 +43,7 @@ _MAX_RESTARTS = 20
 _SMALLEST, _LARGEST = -1.0, 2.0
 
 
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+@with_options
 class NewtonJosephy(Method):
     """Linearise p at z, solve the ICP that this makes, and search on the line to its solution.
 

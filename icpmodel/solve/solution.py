@@ -112,6 +112,7 @@ _PRINT_SECONDS = 0.02
 _PRINT_COST = 2e6
 
 
+@check_arguments
 @dataclass(frozen=True, repr=False)
 class History(ReadOnly, Plottable, Tabular):
     """The path of a run, one entry per tested iterate.
@@ -314,7 +315,6 @@ class Solution(ReadOnly, Plottable):
         return active_set(self.problem, self.z, self.certificate.bound)
 
     @public_entry
-    @check_arguments
     def polish(self) -> Solution:
         """Improve the answer to rounding accuracy: one linear solve on the active set.
 

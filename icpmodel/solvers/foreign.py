@@ -24,7 +24,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..errors import InputError, did_you_mean
+from ..errors import InputError, check_arguments, did_you_mean
 from ..numerics.arrays import as_list, described
 from ..numerics.plugins import load_plugins
 from ..numerics.rounding import is_ctrl_c
@@ -34,6 +34,7 @@ from .formulations import QP, Target
 _REGISTRY: dict[str, type[ForeignSolver]] = {}
 
 
+@check_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Claim(Displayable):
     """The answer of a foreign solver and what it claims; the claim is recorded, the answer is judged.
@@ -274,6 +275,7 @@ def missing(module: str, extra: str | None = None) -> str | None:
     return None
 
 
+@check_arguments
 def foreign_solvers() -> dict[str, ForeignSolver]:
     """Every foreign solver by name: those of this package, of plug-ins, and others defined by now.
 
@@ -293,6 +295,7 @@ def foreign_solvers() -> dict[str, ForeignSolver]:
     return {name: _REGISTRY[name]() for name in sorted(_REGISTRY)}
 
 
+@check_arguments
 def chosen_solvers(solvers: Iterable[str | ForeignSolver] | None, used_by: str | None = None) -> list[ForeignSolver]:
     """The named solvers, each once.
 
@@ -332,6 +335,7 @@ def chosen_solvers(solvers: Iterable[str | ForeignSolver] | None, used_by: str |
     return list({solver.name: solver for solver in chosen}.values())
 
 
+@check_arguments
 def ask(solver: ForeignSolver, target: Target, tolerance: float, time_limit: float) -> Claim:
     """Run `solver` on `target` silently; an exception becomes the words of its claim.
 

@@ -33,7 +33,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from ..errors import InputError, MapError
+from ..errors import InputError, MapError, check_arguments
 from ..numerics.arrays import Vector
 from ..numerics.equilibration import in_units
 from ..numerics.rounding import UNIT_ROUNDOFF
@@ -94,6 +94,7 @@ class QP(Displayable):
         return sp.csc_matrix(M), b, int(equal.sum())
 
 
+@check_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Target(Displayable):
     """One problem for foreign solvers, with the data that they share computed once.

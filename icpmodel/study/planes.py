@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, check_arguments
 from ..icp import ICP
 from ..methods.aor import MNMAOR, MNMGS
 from ..methods.contract import Method, named
@@ -23,6 +23,7 @@ from ..scenes.manufactured import complementary
 from ..scenes.registry import title
 
 
+@check_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Axis(Displayable):
     """One parameter of a plane.
@@ -50,6 +51,7 @@ class Axis(Displayable):
     log: bool = False
 
 
+@check_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Plane(Displayable):
     """Two parameters, and the problem and method that belong to each pair of values.

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, Interrupted, OutOfTime, check_arguments
+from ..errors import InputError, Interrupted, OutOfTime
 from ..methods.contract import Method, named
 from ..numerics.arrays import as_list, as_number
 from ..numerics.rounding import public_entry
@@ -179,7 +179,6 @@ class Race(Plottable, Tabular):
 
 
 @public_entry
-@check_arguments
 def race(
     problem: ProblemLike,
     methods: Sequence[str | Method] | None = None,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..derivatives.derivative import Derivative
-from ..errors import InputError, SingularOperator
+from ..errors import InputError, SingularOperator, check_arguments
 from ..numerics.arrays import Vector
 from ..numerics.rounding import at_most
 from ..present.card import Card
@@ -26,6 +26,7 @@ _RELATIVE_CHANGE = 1e-6
 _RTOL = 1e-6
 
 
+@check_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Sensitivity(Plottable):
     """κ with max|δz| ≤ κ·ε·max|z| where A, q and ψ change by at most ε of themselves, entry by entry.
@@ -74,6 +75,7 @@ class Sensitivity(Plottable):
         return str(Card(rows))
 
 
+@check_arguments
 def sensitivity(solution: Solution) -> Sensitivity:
     """How much z moves when A, q and ψ move by a small share ε of themselves, entry by entry.
 

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import IcpError, InputError, Interrupted, MapError, check_arguments, did_you_mean
+from ..errors import IcpError, InputError, Interrupted, MapError, did_you_mean
 from ..methods.contract import Method
 from ..methods.modulus import ModulusMember
 from ..numerics.arrays import Mask, Vector, as_number, described
@@ -147,7 +147,6 @@ class StabilityMap(Plottable, Tabular):
 
 
 @public_entry
-@check_arguments
 def stability(
     plane: str | Plane = "relaxation",
     problem: ProblemLike | None = None,

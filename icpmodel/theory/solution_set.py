@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..algebra.linear_rows import FREE, LOWER, UPPER, LinearRows, piece_count
-from ..errors import NotApplicable, OutOfTime, check_arguments
+from ..errors import NotApplicable, OutOfTime
 from ..numerics import work
 from ..numerics.arrays import ReadOnly, Vector, as_number
 from ..numerics.exact_polyhedron import null_space, relative_interior, row_reduce
@@ -219,7 +219,6 @@ def _sum(start: Rational, span: list[Rational], t: Rational) -> Rational:
 
 @public_entry
 @np.errstate(all="ignore")  # what overflows proves nothing
-@check_arguments
 def all_solutions(problem: ProblemLike, *, time_limit: float | None = None) -> SolutionSet:
     """Find all solutions of a small problem with constant or affine obstacles.
 

@@ -14,7 +14,7 @@ from cvxpy.reductions.solution import failure_solution
 from cvxpy.reductions.solvers import utilities
 from cvxpy.reductions.solvers.qp_solvers.qp_solver import QpSolver
 
-from ...errors import InputError
+from ...errors import InputError, check_arguments
 from ...numerics.arrays import as_number
 from ..programs.program import Program
 from ..programs.solve_program import Outcome, solve_program
@@ -68,6 +68,7 @@ class IcpSolver(QpSolver):
 
 
 @cache
+@check_arguments
 def cvxpy_solver() -> IcpSolver:
     """icpmodel as a solver for CVXPY's `Problem.solve(solver=…)`: convex quadratic and linear programs.
 

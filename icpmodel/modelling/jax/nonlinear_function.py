@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ...errors import InputError
+from ...errors import InputError, check_arguments
 from ...icp import ICP
 from ...numerics.arrays import Vector, as_csr, as_number, as_vector, described, row_of
 from ...numerics.factorisation import factorise
@@ -19,6 +19,7 @@ from .argument_forms import check_float64, the_package
 from .callbacks import in_worker_thread, worker_threads
 
 
+@check_arguments
 def nonlinear_solution_of(
     F: Callable[[Any, Any], Any],
     n: int,

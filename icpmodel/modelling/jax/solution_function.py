@@ -13,7 +13,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from ...errors import InputError, NotApplicable
+from ...errors import InputError, NotApplicable, check_arguments
 from ...numerics.arrays import as_truth, described
 from ...present.display import Displayable
 from ...problem.data import ProblemData, ProblemLike, as_problem
@@ -25,6 +25,7 @@ from .callbacks import Arrays, Callbacks, LastDerivative, in_worker_thread, work
 Make: TypeAlias = Callable[[Any], Any]
 
 
+@check_arguments
 def solution_of(
     problem: ProblemLike,
     *,
@@ -95,6 +96,7 @@ def solution_of(
     return SolutionFunction(as_problem(problem), {"psi": psi, "upper": upper}, options, raise_on_failure)
 
 
+@check_arguments
 class SolutionFunction(Displayable):
     """The answer of a problem as a function of its arrays; `solution_of` makes it.
 

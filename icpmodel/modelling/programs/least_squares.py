@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ...errors import InputError, NotSolved, check_arguments
+from ...errors import InputError, NotSolved
 from ...numerics.arrays import Vector, as_truth, as_vector, norm
 from ...numerics.factorisation import largest_of_columns
 from ...numerics.rounding import gamma, public_entry
@@ -85,7 +85,6 @@ class LeastSquares(Displayable):
 
 
 @public_entry
-@check_arguments
 def solve_lsq(
     B: Any,
     c: Any,
@@ -208,7 +207,6 @@ def _conditions(B: sp.csr_array, c: Vector, low: Vector, high: Vector) -> Progra
 
 
 @public_entry
-@check_arguments
 def solve_nnls(B: Any, c: Any, *, tolerance: float = 1e-9, time_limit: float | None = None) -> tuple[Vector, float]:
     """Minimise ‖Bx − c‖₂ subject to x ≥ 0, without forming BᵀB; in the words of `scipy.optimize.nnls`.
 

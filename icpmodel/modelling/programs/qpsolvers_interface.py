@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from ...errors import InputError, NotApplicable
+from ...errors import InputError, NotApplicable, check_arguments
 from .solve_qp import solve_qp
 
 NAME = "icpmodel"
 
 
+@check_arguments
 def qpsolvers_solver() -> str:
     """Register icpmodel with qpsolvers: `qpsolvers.solve_qp(…, solver=icp.qpsolvers_solver())`.
 

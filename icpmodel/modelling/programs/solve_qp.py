@@ -11,7 +11,7 @@ import numpy as np
 
 from ...crosscheck import crosscheck
 from ...crosscheck.report import Report
-from ...errors import NotSolved, OutOfTime, check_arguments
+from ...errors import NotSolved, OutOfTime
 from ...icp import ICP
 from ...numerics.arrays import Vector, as_truth, as_vector
 from ...numerics.rounding import public_entry
@@ -143,7 +143,6 @@ class ProgramSolution(Displayable):
 
 
 @public_entry
-@check_arguments
 def solve_qp(
     P: Any,
     q: Any,
@@ -222,7 +221,6 @@ def solve_qp(
 
 
 @public_entry
-@check_arguments
 def solve_avi(
     H: Any,
     g: Any,

@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from pyomo.core.base.block import BlockData
 
-from ...errors import InputError
+from ...errors import InputError, check_arguments
 from ...icp import ICP
 from ...numerics.arrays import Vector, described
 from ...problem.function import Function
@@ -117,6 +117,7 @@ class PyomoReading:
         return checked(solution, Z, constant, lambda row: f"{names[row][0].name}{names[row][1]}") if names else solution
 
 
+@check_arguments
 def read_pyomo(model: Any) -> PyomoReading:
     """Read a Pyomo model, or block, as an ICP.
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import InputError, NotSolved, check_arguments
+from ...errors import InputError, NotSolved
 from ...numerics import work
 from ...numerics.arrays import described
 from ...numerics.rounding import public_entry
@@ -33,7 +33,6 @@ _INTERRUPTED: set[float] = set()
 
 
 @public_entry
-@check_arguments
 def solve_many(
     A: Any,
     Q: Any,

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...errors import InputError
+from ...errors import InputError, check_arguments
 from ...numerics.arrays import Mask, Vector
 from ...present.display import Plottable
 from ...problem.data import ProblemData
@@ -27,6 +27,7 @@ _MAX_FIELDS = 6
 CONTACTS = {"contact set": (GREY, "white"), "contact below": (GREY, "white"), "contact above": (PURPLE, ORANGE)}
 
 
+@check_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Fields(Plottable):
     """Vectors over the unknowns of a problem, to be drawn: curves in one panel, or one field each.

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from ...errors import InputError
+from ...errors import InputError, check_arguments
 from ...numerics.arrays import described
 from ...numerics.plugins import in_notebook
 from ...numerics.rounding import public_entry
@@ -166,6 +166,7 @@ def drawing(what: Any, points: Any = None, shape: Any = None) -> Drawing:
     raise InputError(f"{described(what)} has no picture; {_DRAWN} was expected")
 
 
+@check_arguments
 def figure(what: Any, points: Any = None, shape: Any = None) -> Figure:
     """Draw a picture as a matplotlib figure that belongs to no window.
 
@@ -277,7 +278,7 @@ def _has_windows(backend: str) -> bool:
     if backend.lower() not in map(str.lower, backend_registry.list_builtin(BackendFilter.NON_INTERACTIVE)):
         return True
     advice = 'plot("picture.png") writes the picture, plot(ax=...) draws it into axes of yours'
-    warnings.warn(f"nothing is shown, as matplotlib's backend {backend} has no windows: {advice}", stacklevel=6)
+    warnings.warn(f"nothing is shown, as matplotlib's backend {backend} has no windows: {advice}", stacklevel=7)
     return False
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ...algebra.equations import Pattern
-from ...errors import InputError, check_arguments
+from ...errors import InputError
 from ...numerics.arrays import Mask, ReadOnly, as_truth, described
 from ...numerics.rounding import UNIT_ROUNDOFF, public_entry, upper
 from ...present.card import Card
@@ -86,7 +86,6 @@ class Certificate(Displayable):
 
 @public_entry
 @np.errstate(all="ignore")  # what overflows proves nothing
-@check_arguments
 def certify(
     problem: ProblemLike,
     z: Any,

@@ -18,7 +18,6 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ...errors import check_arguments
 from ...numerics import work
 from ...numerics.arrays import Mask, ReadOnly, Vector
 from ...numerics.equilibration import times_rows
@@ -103,7 +102,6 @@ class Contradiction(ReadOnly, Displayable):
 
 @public_entry
 @np.errstate(all="ignore")  # what overflows proves nothing
-@check_arguments
 def contradiction(problem: ProblemLike) -> Contradiction | None:
     """Find a minimal set of contradictory conditions among p ≥ 0 and r ≥ 0, and the nearest q without one.
 

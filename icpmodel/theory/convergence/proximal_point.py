@@ -21,11 +21,13 @@ rate.
 
 from __future__ import annotations
 
+from ...errors import check_arguments
 from ...problem.data import ProblemData
 from ..answers import Answer
 from ..certificates.bounds import shared_proofs
 
 
+@check_arguments
 def proximal_point(problem: ProblemData) -> Answer:
     """Whether `Proximal` is proved to converge on `problem`, if there is a solution: A monotone, the obstacle fixed.
 

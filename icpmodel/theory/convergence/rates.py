@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...algebra.splittings import Member
-from ...errors import InputError
+from ...errors import InputError, check_arguments
 from ...numerics.arrays import Vector, as_number, as_vector, described
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, at_most, upper
 from ...present.display import Displayable
@@ -228,6 +228,7 @@ class PeacemanRachford(Rate):
         return min(by_step, by_bound) * (1 + 16 * UNIT_ROUNDOFF)
 
 
+@check_arguments
 def predicted_rate(problem: ProblemData, member: Member, checks: dict[str, Check] | None = None) -> Rate | Answer:
     """The contraction factor of `member` on `problem`, or an `Answer` that says why there is none.
 

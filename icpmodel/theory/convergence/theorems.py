@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...algebra.splittings import Member
-from ...errors import InputError, OutOfTime, SingularOperator
+from ...errors import InputError, OutOfTime, SingularOperator, check_arguments
 from ...numerics import work
 from ...numerics.arrays import Vector, described
 from ...numerics.rounding import UNIT_ROUNDOFF, at_least, at_most
@@ -81,6 +81,7 @@ class _Theorem:
     newest: bool | None = False
 
 
+@check_arguments
 def theorems() -> dict[str, str]:
     """Every theorem in one sentence, as corrected.
 
@@ -97,6 +98,7 @@ def theorems() -> dict[str, str]:
     return {name: theorem.sentence for name, theorem in _THEOREMS.items()}
 
 
+@check_arguments
 def check(theorem: str, problem: ProblemData, member: Member, as_printed: bool = False) -> Check:
     """Whether `member` meets the hypotheses of `theorem` on `problem`, rounding included.
 
@@ -136,6 +138,7 @@ def check(theorem: str, problem: ProblemData, member: Member, as_printed: bool =
     return _check(theorem, StepMatrices(problem, member), as_printed)
 
 
+@check_arguments
 def check_all(problem: ProblemData, member: Member, limit: Allowance = UNLIMITED) -> dict[str, Check]:
     """Check every theorem, as corrected.
 

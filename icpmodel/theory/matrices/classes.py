@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ...errors import OutOfTime
+from ...errors import OutOfTime, check_arguments
 from ...numerics import work
 from ...numerics.arrays import ReadOnly, as_csr
 from ...numerics.sparse_structure import bandwidths
@@ -38,6 +38,7 @@ NAMES = {
 _BASIC_FIRST = sorted(NAMES, key=lambda name: name in ("m", "definite", "semidefinite", "p"))
 
 
+@check_arguments
 def classify(A: Any) -> MatrixClasses:
     """The classes of a matrix.
 
@@ -69,6 +70,7 @@ def classify(A: Any) -> MatrixClasses:
     return MatrixClasses(as_csr(A, "A", keep_diagonal=True))
 
 
+@check_arguments
 def p_matrix(A: Any) -> Answer:
     """Whether `A` is a P-matrix.
 
@@ -105,6 +107,7 @@ def p_matrix(A: Any) -> Answer:
     return classify(A).p
 
 
+@check_arguments
 class MatrixClasses(ReadOnly, Displayable):
     """Three-valued answers about a matrix; see `classify`.
 
