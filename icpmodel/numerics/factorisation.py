@@ -172,7 +172,7 @@ def of_dense(matrix: sp.csr_array, cholesky: bool = False) -> DenseFactors | Non
     """Dense factors of a sparse matrix that stores all entries; raises OutOfTime and OutOfMemory as `factorise`."""
     n = matrix.shape[0]
     work.check_budget(dense_cost(n, cholesky), 16.0 * n**2)
-    return of_array(matrix.toarray(order="F"), cholesky)
+    return of_array(np.asfortranarray(matrix.toarray()), cholesky)  # SciPy goes the long way over CSC
 
 
 def of_array(M: NDArray[np.float64], cholesky: bool = False) -> DenseFactors | None:
