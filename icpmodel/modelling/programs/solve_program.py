@@ -129,7 +129,7 @@ class _ProgramRun:
     def outcome(self, before: Outcome | None, start: Vector | None) -> Outcome:
         last = None if before is None else before.incumbent
         best = Incumbent(self.program, self.tolerance, last)
-        methods = ["interior", "newton"]
+        methods = [] if best.has_solution else ["interior", "newton"]
         z0 = last.z if last is not None and last.z.size == best.z.size else None
         if start is not None:
             z0, pattern = best.near(start)
@@ -249,6 +249,12 @@ class Incumbent:
         """Whether the same holds without regard to rounding."""
         return self.violation[1] <= self.tolerance
 
+    @property
+    def has_solution(self) -> bool:
+        """Whether there certainly is one, in a bounded box or by dominant diagonals, so that no proof is needed."""
+        in_box = np.isfinite(self.low).all() and np.isfinite(self.high).all()
+        return bool(in_box) or self.problem.matrix.jacobi_radius < 1.0
+
     def judged(self, progress: Progress) -> bool:
         """Whether a run has come to an answer."""
         return self.takes(progress.z, self.pattern(progress.z))
@@ -263,14 +269,15 @@ class Incumbent:
         if pattern.above is not None:
             z = np.where(pattern.above, self.high, z)
         enough = 0.5 * self.violation[1] if self.is_good else self.tolerance
-        cleaned = np.clip(self.judge.without_noise(z), self.low, self.high)
-        for one in (z,) if np.array_equal(z, cleaned) else (z, cleaned):
+        for one in (z, np.clip(self.judge.without_noise(z), self.low, self.high)):
             violation = self.judge.violation(self.problem, one)
             if self._order(violation) <= self._order(self.violation):
                 self.violation = violation
                 self.z = one
             if self.is_exact:
                 return True
+            if violation[0] > self.tolerance:  # that is more than rounding
+                break
         return self.violation[1] > enough > self.tolerance
 
     def _order(self, violation: tuple[float, float]) -> tuple[float, float]:
