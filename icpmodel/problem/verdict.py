@@ -26,14 +26,26 @@ def certain(problem: ProblemData, z: Vector, residual: float, tolerance: float, 
     count(problem.matrix.product_cost)
     weights = problem.weights_at(z) if weights is None else weights
     residuals = np.array([residual])
-    rows = problem.offset(z)[None], _offset(problem.psi, z), z[None], residuals, np.array([tolerance])
-    certain_rows(problem.matrix, problem.psi, *rows, _above(problem.psi, z), weights)
+    q, left = _constant_part(problem, z)
+    rows = q[None], _offset(problem.psi, z), z[None], residuals, np.array([tolerance])
+    certain_rows(problem.matrix, problem.psi, *rows, _above(problem.psi, z), weights, left)
     return float(residuals[0])
 
 
 def satisfies_paper(problem: ProblemData, z: Vector, atol: float) -> bool:
     """Whether the exact Res(z) of the paper is at most `atol`."""
     return certain(problem, z, problem.paper_residual(z), atol, np.ones(problem.n)) <= atol
+
+
+@np.errstate(over="ignore", invalid="ignore")
+def _constant_part(problem: ProblemData, z: Vector) -> tuple[Vector, Rows | None]:
+    """q + f(z), and as the only row what its rounding leaves; None where there is no f."""
+    if problem.f is None:
+        return problem.q, None
+    value = problem.f.value(z)
+    total = problem.q + value
+    part = total - problem.q
+    return total, ((problem.q - (total - part)) + (value - part))[None]
 
 
 def _offset(psi: Map, z: Vector) -> Rows:
@@ -56,18 +68,20 @@ def certain_rows(
     tolerances: Vector,
     above: Rows | None = None,
     weights: Vector | None = None,
+    left: Rows | None = None,
 ) -> None:
     """Where `residuals`[i] ≤ `tolerances`[i], but Res_D(Z[i]) without rounding might not be, it becomes a bound of
     that.
 
     Row i has `Q`[i], and ψ(z) = Gz + `C`[i] where `psi` is linear, else `C`[i] = ψ(Z[i]), taken as exact to an ulp; the
     same of what is `above`. `weights`, shape (n,), take the place of those of Res_D: with ones it is Res of the paper.
+    `left`[i] is added to `Q`[i], whose rounding error it is.
     """
     from .kernels.residual import raised  # loads numba
 
     upper = None if psi.upper is None or above is None else _side(psi.upper, above)
     weights = read_only(matrix.row_weights if weights is None else weights)
-    raised(*_entries(matrix), weights, read_only(Q), *_side(psi, C), read_only(Z), tolerances, residuals, upper)
+    raised(*_entries(matrix), weights, read_only(Q), *_side(psi, C), read_only(Z), tolerances, residuals, upper, left)
 
 
 def certain_rows_of_each(

@@ -53,3 +53,12 @@ def test_nothing_is_solved_whose_exact_residual_is_above_the_tolerance(rng):
     for z, b, status, tolerance in zip(many.Z, (q, -q), many.statuses, many.tolerances, strict=True):
         solved = status is icp.Status.SOLVED
         assert not solved or ExactProblem(problem.with_q(b)).residual(z) <= Fraction(float(tolerance)) ** 2
+
+
+def test_what_rounds_where_f_cancels_q_counts():
+    """p = (z - 1)³ exactly, of which q + f(z) leaves nothing; the slope of p is as small."""
+    f = icp.Function(lambda z: (z - 1) ** 3 - (z - 1), lambda z: np.diag(3 * (z - 1) ** 2 - 1 + 1e-12))
+    problem = icp.ICP([[1.0]], [-1.0], -np.inf, f=f)
+    z = np.array([1.0 + 2.0**-21])
+    assert problem.residual(z) == 0.0
+    assert certain(problem, z, 0.0, 1e-8) > 1e-8

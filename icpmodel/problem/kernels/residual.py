@@ -121,10 +121,12 @@ def worst(of_p, of_r, of_s):
 
 
 @partial(compiled, exact=True)
-def raised(indptr, indices, data, weights, Q, G_indptr, G_indices, G_data, C, known, Z, tolerances, residuals, upper):
+def raised(
+    indptr, indices, data, weights, Q, G_indptr, G_indices, G_data, C, known, Z, tolerances, residuals, upper, left
+):
     # residuals within their tolerances become bounds of the exact ones where rounding could lift these above them. Row
-    # by row p = weight (Az + q) and r = z - c - Gz, where c is off by up to `known` times itself; `upper` is None or
-    # (indptr, indices, data, C, known) of the upper obstacle
+    # by row p = weight (Az + q + left) and r = z - c - Gz, where c is off by up to `known` times itself; `left` is None
+    # for 0, `upper` is None or (indptr, indices, data, C, known) of the upper obstacle
     for row in range(Z.shape[0]):
         q = Q[row]
         c = C[row]
@@ -136,7 +138,7 @@ def raised(indptr, indices, data, weights, Q, G_indptr, G_indices, G_data, C, kn
         for i in range(uint(z.size)):
             k = uint(indptr[i])
             stop = uint(indptr[i + uint(1)])
-            p, rounding_p = row_sum(q[i], 0.0, k, stop, 1.0, indices, data, z)
+            p, rounding_p = row_sum(q[i], 0.0 if left is None else left[row, i], k, stop, 1.0, indices, data, z)
             of_p = weighted(weights[i], p, rounding_p)
             of_r = gap(i, G_indptr, G_indices, G_data, c, known, z)
             of_s = -np.inf, 0.0
@@ -161,7 +163,7 @@ def raised_each(indptr, indices, A, weights, Q, G_indptr, G_indices, G_data, C, 
         one = slice(k, k + 1)
         of_row = Q[one], G_indptr, G_indices, G_data, C[one], known, Z[one], tolerances[one], residuals[one]
         if upper is None:
-            raised(indptr, indices, A[k], weights[k], *of_row, None)
+            raised(indptr, indices, A[k], weights[k], *of_row, None, None)
         else:
             above = upper[0], upper[1], upper[2], upper[3][one], upper[4]
-            raised(indptr, indices, A[k], weights[k], *of_row, above)
+            raised(indptr, indices, A[k], weights[k], *of_row, above, None)

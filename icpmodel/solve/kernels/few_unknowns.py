@@ -66,5 +66,5 @@ def solve_few(M, q, c, rtol, limit):
     for k in range(n * n):
         indices[k] = k % n
     none = np.zeros(n + 1, np.int32), np.empty(0, np.int32), np.empty(0)
-    raised(indptr, indices, M.reshape(-1), weights, Q, *none, C, 0.0, Z, tolerance, residual, None)
+    raised(indptr, indices, M.reshape(-1), weights, Q, *none, C, 0.0, Z, tolerance, residual, None, None)
     return z, residual[0], tolerance[0]
