@@ -96,14 +96,14 @@ class Newton(Method):
 
 
 class NewtonPoint:
-    """z and what is evaluated there: p, r of the nearer obstacle, φ, θ = ‖φ‖, the residual, on request ψ′."""
+    """z and what is evaluated there: p, r of the nearer obstacle, φ, θ = ‖φ‖, on request the residual and ψ′."""
 
     def __init__(self, problem: ProblemData, omega: Vector, z: Vector) -> None:
         self.problem, self.omega, self.z = problem, omega, z
         self.p = problem.p(z)
         below = problem.r(z)
         above = problem.r_upper(z)
-        self.residual = problem.residual_of(self.p, below, above)
+        self.sides = below, above
         a = self.p / omega
         pattern = Pattern.of(below, above, a if above is None else _clipped_multipliers(problem, a, below - above))
         self.r, self.active, self.above = pattern
@@ -111,6 +111,12 @@ class NewtonPoint:
         self.outer = _FischerBurmeister(a if self.inner is None else -self.inner.phi, below)
         self.phi = self.outer.phi
         self.theta = norm(self.phi)
+
+    @cached_property
+    @np.errstate(all="ignore")
+    def residual(self) -> float:
+        """Res_D(z)."""
+        return self.problem.residual_of(self.p, *self.sides, self.problem.weights_at(self.z))
 
     @cached_property
     def jacobian(self) -> sp.csr_array:
