@@ -245,7 +245,9 @@ class _Search:
         return norm(np.where(pattern.active, r, p / self.path.omega))
 
     def _descent(self, linear: ProblemData) -> NewtonPoint | None:
-        """A point at which θ is smaller, in a direction in which it falls."""
+        """A point at which θ is smaller, in a direction in which it falls; None without a derivative of ψ."""
+        if linear.psi.no_derivative() is not None:
+            return None
         point = NewtonPoint(linear, self.path.omega, self.current.z)
         V, total = point.derivative()
         phi = point.phi / point.theta

@@ -5,7 +5,7 @@ from collections import Counter
 from fractions import Fraction
 
 import numpy as np
-from exact import LEAST, ExactProblem, dot, fractions, objective, optimum, rational, root
+from exact import LEAST, dot, fractions, objective, optimum, rational, root
 
 import icpmodel as icp
 
@@ -27,13 +27,14 @@ def near(x):
         return math.inf
 
 
-def false_claims(drawn, problem, answer, options, start=None):
-    """What is false of a `Solution`: of "solved", "infeasible", "crossed", uniqueness and bounds."""
-    exact = ExactProblem(problem)
+def false_claims(drawn, exact, problem, answer, options):
+    """What is false of a `Solution`: of "solved", "infeasible", "crossed", uniqueness, bounds and iterations."""
     yield from false_status(drawn, exact, problem, answer.status, answer.z, options)
     if not np.isfinite(answer.z).all():
         yield "lost iterate", f"z = {answer.z}"
         return
+    if answer.iterations > options.get("max_iter", math.inf):
+        yield "late", f"{answer.iterations} iterations, max_iter = {options['max_iter']}"
     if answer.solved and "accuracy" in options:
         yield from false_bound(exact, answer.z, answer.certificate.bound, options["accuracy"])
 

@@ -16,6 +16,7 @@ from exact import ExactProblem
 from hypothesis import HealthCheck, given, note, settings
 from hypothesis import strategies as st
 from judge import COUNTS, false_bound, false_claims, false_model, false_program, false_status, worse_than_seen
+from nonlinear import ExactNonlinear, false_proof, nonlinear
 from pyomo.mpec import Complementarity, complements
 from strategies import PROVED, Data, data, options, planted, programs, scales
 
@@ -41,7 +42,7 @@ def check(law, drawn, lies, solved):
     """Count, and fail with the code of the problem."""
     lies = list(lies)
     COUNTS.update([(law, "examples"), *[(law, "solved")] * bool(solved), *{(law, kind) for kind, _ in lies}])
-    note(drawn.code() if isinstance(drawn, Data) else repr(drawn))
+    note(drawn.code() if hasattr(drawn, "code") else repr(drawn))
     assert lies == []
 
 
@@ -57,12 +58,11 @@ def lateness(limit, begin):
     return [("late", f"{seconds:.2g} s, time_limit = {limit:g}")] if seconds > 1.1 * limit + 0.2 else []
 
 
-@law
-@given(drawn=st.one_of(data(), planted(), data(largest=13, kinds=AFFINE)), asked=options(), seen=st.booleans())
-def test_no_answer_of_solve_claims_what_is_false(drawn, asked, seen):
+def solved_and_judged(drawn, asked, seen, exact_of):
+    """(exact problem, answer, what is false of it); None where the data or the options are refused."""
     problem, (method, chosen), path = problem_of(drawn), asked, []
     if problem is None:
-        return
+        return None
     callback = {"callback": lambda state: path.append(state.z.copy())} if seen else {}
 
     def solved():
@@ -75,11 +75,33 @@ def test_no_answer_of_solve_claims_what_is_false(drawn, asked, seen):
         if late:  # again, now that all loops are compiled
             answer, late = solved()
     except icp.IcpError:
-        return
-    lies = [*late, *false_claims(drawn, problem, answer, chosen)]
+        return None
+    exact = exact_of(problem)
+    lies = [*late, *false_claims(drawn, exact, problem, answer, chosen)]
     if seen:
-        lies += worse_than_seen(ExactProblem(problem), problem, answer.z, path)
-    check("solve", drawn, lies, answer.solved)
+        lies += worse_than_seen(exact, problem, answer.z, path)
+    return exact, answer, lies
+
+
+@law
+@given(drawn=st.one_of(data(), planted(), data(largest=13, kinds=AFFINE)), asked=options(), seen=st.booleans())
+def test_no_answer_of_solve_claims_what_is_false(drawn, asked, seen):
+    if (found := solved_and_judged(drawn, asked, seen, ExactProblem)) is not None:
+        _, answer, lies = found
+        check("solve", drawn, lies, answer.solved)
+
+
+@law
+@given(drawn=nonlinear(), asked=options(), seen=st.booleans(), start=st.booleans(), off=st.sampled_from(OFF))
+def test_no_answer_claims_what_is_false_where_p_is_nonlinear(drawn, asked, seen, start, off):
+    method, chosen = asked
+    chosen |= {"z0": np.array(drawn.b) + 1.5 * np.cos(np.arange(len(drawn.b)))} if start else {}
+    if (found := solved_and_judged(drawn, (method, chosen), seen, ExactNonlinear)) is not None:
+        exact, answer, lies = found
+        z = answer.z + off * np.cos(3 * np.arange(exact.n))
+        with suppress(icp.MapError):
+            lies += false_proof(drawn, exact, z, icp.error_bound(exact.problem, z))
+        check("nonlinear", drawn, lies, answer.solved)
 
 
 @law
