@@ -40,7 +40,7 @@ def lcp_rows(facts: Facts) -> int:
 def too_large(facts: Facts) -> str | None:
     """Why the rows are not pivoted: the dense arrays do not fit into memory. None if they fit."""
     n = lcp_rows(facts)
-    if work.fits(_WORK_ARRAYS * 8.0 * n**2):
+    if work.memory_suffices(_WORK_ARRAYS * 8.0 * n**2):
         return None
     return f"pivoting works on all n x n entries: with n = {n} they need {_WORK_ARRAYS * 8e-6 * n**2:.3g} MB"
 
@@ -198,7 +198,7 @@ def some_pivots(state: Any, entering: int, most: int) -> Any:
 
     n = len(state[0])
     price = work.COSTS.pivot_entry * n**2
-    piece = work.pieces(price)
+    piece = work.steps_per_piece(price)
     if entering < 0:  # the rows without obstacle leave in one piece
         work.charge(np.count_nonzero(state[2]) * price)
     while True:

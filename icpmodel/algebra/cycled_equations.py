@@ -74,7 +74,7 @@ class CycledEquations:
             return self._in_blocks(f, partial(self._on_free, tolerance=tolerance, transposed=transposed), transposed)
         cycle = partial(self._cycle, transposed=transposed)
         x, steps = self.steps(f, lambda rest: self._in_blocks(rest, cycle, transposed), transposed)
-        return steps.until(x, tolerance * norm(self._units(transposed) * f), KRYLOV_STEPS)
+        return steps.solve(x, tolerance * norm(self._units(transposed) * f), KRYLOV_STEPS)
 
     def steps(
         self, f: Vector, preconditioned: Callable[[Vector], Vector], transposed: bool = False
@@ -99,7 +99,7 @@ class CycledEquations:
 
         units = np.ones(f.size) if transposed else level.inverse
         steps = GCR(lambda y: units * product(y), lambda rest: cycle(rest / units), units * f)
-        return steps.until(np.zeros(f.size), tolerance * norm(steps.rest), KRYLOV_STEPS)
+        return steps.solve(np.zeros(f.size), tolerance * norm(steps.residual), KRYLOV_STEPS)
 
     def _in_blocks(self, f: Vector, on_free: Callable[[Vector], Vector], transposed: bool) -> Vector:
         """J⁻¹f or J⁻ᵀf, with `on_free` in place of A_FF⁻¹; an approximation if ψ′ is not diagonal."""

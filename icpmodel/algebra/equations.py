@@ -37,10 +37,10 @@ def equations_on(problem: ProblemData, active: Mask, jacobian: sp.csr_array) -> 
 
 def submatrix(problem: ProblemData, rows: NDArray[np.intp]) -> sp.csr_array:
     """A in these `rows`, ascending, and the same columns."""
-    from ..numerics.kernels.graph import cut  # loads numba
+    from ..numerics.kernels.graph import restricted_data  # loads numba
 
     A = problem.A
-    starts, columns, values, _ = cut(A.indptr, A.indices, A.data, problem.q, rows, problem.q)
+    starts, columns, values, _ = restricted_data(A.indptr, A.indices, A.data, problem.q, rows, problem.q)
     return sp.csr_array((values, columns, starts), shape=(rows.size, rows.size))
 
 

@@ -41,7 +41,7 @@ class FactorCosts:
 
     @cached_property
     def repeats(self) -> bool:
-        """Whether `Symmetric` is for matrices with the pattern of A, and costs less than dense factors."""
+        """Whether `SymmetricFactors` is for matrices with the pattern of A, and costs less than dense factors."""
         fill = self.fill
         return fill.is_exact and fill.symmetric and refactor_cost(fill) < self.dense
 
@@ -84,7 +84,7 @@ def system_cost(matrix: Matrix, factors: float) -> tuple[float, float]:
     the nanoseconds of a factorisation."""
     memory = _FACTOR_BYTES * factor_costs(matrix).fill.entries
     steps = steps_cost(matrix.n, matrix.nnz) if matrix.has_positive_diagonal else np.inf
-    if steps < factors or (steps < np.inf and not work.fits(memory)):
+    if steps < factors or (steps < np.inf and not work.memory_suffices(memory)):
         return steps, _ENTRY_BYTES * matrix.nnz + _WORK_VECTORS * 8.0 * matrix.n
     return factors, memory
 

@@ -65,9 +65,9 @@ def newton_steps(hierarchy: Hierarchy, problem: ProblemData, z: Vector, top: int
             J = derivative(problem.psi, z, pattern.above) if moves else None
             equations = CycledEquations(hierarchy, top, pattern.active, J)
             step, newton = equations.steps(-np.where(pattern.active, pattern.r, p), equations.preconditioned)
-            z, _ = newton.further(z + step, KRYLOV_REDUCTION * norm(newton.rest), MAX_KRYLOV_STEPS)
+            z, _ = newton.iterate(z + step, KRYLOV_REDUCTION * norm(newton.residual), MAX_KRYLOV_STEPS)
         else:
-            z, moved = newton.further(z, KRYLOV_REDUCTION * norm(newton.rest), MAX_KRYLOV_STEPS)
+            z, moved = newton.iterate(z, KRYLOV_REDUCTION * norm(newton.residual), MAX_KRYLOV_STEPS)
             if not moved:
                 return
 

@@ -12,7 +12,7 @@ from ..numerics.factorisation import factorise
 from ..numerics.fill import SymbolicAnalysis, dense_cost, factor_cost
 from ..numerics.linear import solver_of
 from ..numerics.sparse_structure import diagonal_positions
-from ..numerics.symmetric_factors import Symmetric
+from ..numerics.symmetric_factors import SymmetricFactors
 from ..problem.data import ProblemData
 from .active_equations import Elimination
 from .equations import Pattern, derivative, submatrix
@@ -46,13 +46,13 @@ class ProximalSteps:
         return self.problem.psi.value(self.start), None if upper is None else upper.value(self.start)
 
     @cached_property
-    def repeated(self) -> Symmetric | None:
+    def repeated(self) -> SymmetricFactors | None:
         """The factorisation of all rows that keeps its order, if that costs less than a new order each time."""
         costs = self.costs
         signs = costs.analysis.signs
         if not costs.repeats or signs is None:
             return None
-        return Symmetric(self.problem.A, costs.fill, signs)
+        return SymmetricFactors(self.problem.A, costs.fill, signs)
 
     @cached_property
     def analysis(self) -> SymbolicAnalysis:

@@ -37,11 +37,11 @@ def with_fixed_obstacle(problem: ProblemData) -> ProblemData:
 
 def restricted(problem: ProblemData, rows: Rows, z: Vector) -> ProblemData:
     """The ICP in the unknowns `rows`, ascending, with the values of `z`, shape (n,), for all others."""
-    from ..numerics.kernels.graph import cut  # loads numba
+    from ..numerics.kernels.graph import restricted_data  # loads numba
 
     A = problem.A
     psi = problem.psi
-    starts, columns, values, q = cut(A.indptr, A.indices, A.data, problem.q, rows, z)
+    starts, columns, values, q = restricted_data(A.indptr, A.indices, A.data, problem.q, rows, z)
     part = sp.csr_array((values, columns, starts), shape=(rows.size, rows.size))
     return ProblemData.of_checked(part, q, psi.restricted(rows, z), problem.matrix.row_weights[rows])
 
@@ -148,9 +148,9 @@ def blocks(problem: ProblemData, core: Mask | None = None) -> Blocks | None:
         heavy[part[core]] = True
     rows = np.argsort(part, kind="stable")
     starts = np.concatenate([[0], np.cumsum(sizes)])
-    from ..numerics.kernels.graph import around  # loads numba
+    from ..numerics.kernels.graph import dependence  # loads numba
 
-    follows, needed = around(graph.indptr, graph.indices, part, rows, starts, heavy)
+    follows, needed = dependence(graph.indptr, graph.indices, part, rows, starts, heavy)
     parts = _parts(graph, np.flatnonzero((follows & needed)[part]))
     return Blocks(fixed, rows, starts, ~follows, follows & ~needed, parts)
 

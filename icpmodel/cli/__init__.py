@@ -21,7 +21,7 @@ import click
 from ..errors import IcpError, did_you_mean
 from ..numerics.plugins import load_plugins
 from ..numerics.rounding import CTRL_C, is_ctrl_c
-from ..numerics.threads import ABANDONED
+from ..numerics.threads import ABANDONED_THREAD
 from .output import compilation_announced, complain
 
 __all__ = ["main"]
@@ -126,7 +126,7 @@ def main(arguments: list[str] | None = None) -> None:
     if any(name in os.environ for name in _RANKS):
         signal.signal(signal.SIGTERM, _leave)
     code = _run(sys.argv[1:])
-    if any(thread.name == ABANDONED for thread in threading.enumerate()):
+    if any(thread.name == ABANDONED_THREAD for thread in threading.enumerate()):
         for stream in filter(None, (sys.stdout, sys.stderr)):
             stream.flush()
         os._exit(code)

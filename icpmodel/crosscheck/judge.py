@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..numerics.arrays import Vector, norm
-from ..numerics.rounding import share_of
+from ..numerics.rounding import rounded_share
 from ..problem.data import ProblemData
 from ..problem.verdict import certain
 from ..solve.solution import Solution
@@ -173,7 +173,7 @@ def solves(problem: ProblemData, y: Vector, rtol: float) -> bool:
     explains what float64 makes of it; false for NaN and infinities."""
     scale = problem.residual_scale() or norm(y)
     residual = problem.residual(y)
-    tolerance = float(share_of(scale, rtol))
+    tolerance = float(rounded_share(scale, rtol))
     if certain(problem, y, residual, tolerance) <= tolerance:
         return True
     return residual <= 4 * problem.rounding_of_residual(y) <= LOOSEST * scale

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from ..numerics.rounding import at_most
+from ..numerics.rounding import rounded_up
 from ..present.card import Card
 from ..present.display import Displayable
 from ..present.rendering import render
@@ -104,7 +104,7 @@ class Report(Displayable, Tabular):
         elif self.error_bound is None:
             answer = f"Solved{ended}; no error bound is known"
         else:
-            answer = f"Solved{ended}; no entry off by more than {at_most(self.error_bound)}"
+            answer = f"Solved{ended}; no entry off by more than {rounded_up(self.error_bound)}"
         names = {verdict: {row.solver for row in self.rows if row.verdict is verdict} for verdict in Verdict}
         agreeing = names.pop(Verdict.AGREES) - names[Verdict.DISAGREES]
         skipped = names.pop(Verdict.SKIPPED)
@@ -161,7 +161,9 @@ class Report(Displayable, Tabular):
         Card
             The card.
         """
-        bound = "no certified error bound" if self.error_bound is None else f"|z - z*| <= {at_most(self.error_bound)}"
+        bound = (
+            "no certified error bound" if self.error_bound is None else f"|z - z*| <= {rounded_up(self.error_bound)}"
+        )
         residual, tolerance = ("-" if number is None else f"{number:.3g}" for number in (self.residual, self.tolerance))
         answer = f"{self.answer}; residual {residual}, {bound}"
         compared = f"|z_foreign - z| <= {tolerance} in every entry"

@@ -13,7 +13,7 @@ from ..errors import InputError, MapError, NotApplicable, OutOfTime
 from ..methods.contract import Method, named
 from ..methods.modulus import ModulusMember
 from ..numerics.arrays import as_number, as_truth, described
-from ..numerics.rounding import UNIT_ROUNDOFF, at_most, public_entry
+from ..numerics.rounding import UNIT_ROUNDOFF, public_entry, rounded_up
 from ..numerics.threads import one_blas_thread
 from ..present.card import Sections, inner_width
 from ..present.display import Displayable
@@ -203,7 +203,7 @@ class Explanation(Displayable):
         if largest is not None and self.accuracy < UNIT_ROUNDOFF * largest:
             yield (
                 f"the accuracy {self.accuracy:g} may be out of reach: entries of z can be as large as "
-                f"{at_most(largest)}, and float64 rounds such numbers by up to {at_most(UNIT_ROUNDOFF * largest)}"
+                f"{rounded_up(largest)}, and float64 rounds such numbers by up to {rounded_up(UNIT_ROUNDOFF * largest)}"
             )
 
     def _best_proved(self) -> Iterator[str]:

@@ -15,7 +15,7 @@ from ..methods.contract import Method
 from ..methods.factorised import MNMMOD, MNMOD
 from ..methods.modulus import ModulusMember
 from ..methods.psor import PSOR
-from ..numerics.rounding import at_most
+from ..numerics.rounding import rounded_up
 from ..present.display import Displayable
 from ..problem.data import ProblemData
 from ..theory.answers import UNDECIDED, Allowance, Answer
@@ -147,4 +147,4 @@ def tie(one: float, other: float) -> bool:
 
 def factor_text(factor: float) -> str:
     """A proved factor per step as text, rounded upwards, but below 1."""
-    return at_most(factor, 6, below=1.0)
+    return rounded_up(factor, 6, below=1.0)

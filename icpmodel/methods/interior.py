@@ -30,7 +30,7 @@ from ..numerics import work
 from ..numerics.arrays import Vector, inner, norm, row_of
 from ..numerics.factorisation import factorise
 from ..numerics.fill import SymbolicAnalysis
-from ..numerics.symmetric_factors import Symmetric
+from ..numerics.symmetric_factors import SymmetricFactors
 from ..problem.data import ProblemData
 from ..problem.two_sided import mid
 from ..theory.certificates.recession import Recession
@@ -124,7 +124,7 @@ class InteriorPath:
         self.weights = problem.matrix.proximal_weights
         self.diagonal = problem.matrix.rows.diag
         self.moves = self.steps.moves
-        self.pattern: Symmetric | SymbolicAnalysis | None = None
+        self.pattern: SymmetricFactors | SymbolicAnalysis | None = None
         if not self.moves:
             self.pattern = self.steps.repeated or self.steps.analysis
         self.regularisation = self.first_regularisation = (
@@ -287,7 +287,7 @@ class InteriorPath:
         unit = 1.0 / np.sqrt(np.abs(M.diagonal() if self.moves else M.data[self.diagonal]))
         M.data *= unit[row]
         M.data *= unit[M.indices]
-        if isinstance(self.pattern, Symmetric):
+        if isinstance(self.pattern, SymmetricFactors):
             factors = self.pattern.factors(M.data)
         else:  # symmetric at most by chance
             factors = factorise(M, definite=True, analysis=self.pattern or SymbolicAnalysis(M, lambda: False))

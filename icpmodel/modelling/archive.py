@@ -55,7 +55,7 @@ def content_errors(path: Path | None) -> Iterator[None]:
 
 def check_room(what: str, size: float) -> None:
     """Raise FileError where the size of `what` in bytes exceeds the free memory."""
-    if not work.fits(size):
+    if not work.memory_suffices(size):
         raise FileError(f"{what} takes {1e-9 * size:.3g} GB of memory, more than is free")
 
 

@@ -24,7 +24,7 @@ from .fill import (
     signs_of_symmetry,
     solve_cost,
 )
-from .symmetric_factors import Symmetric
+from .symmetric_factors import SymmetricFactors
 from .threads import one_blas_thread, run_with_deadline
 
 #: a row is exchanged for another one where its pivot is smaller than this share of the largest entry of the column: √ε,
@@ -111,7 +111,7 @@ def factorise(
     definite : bool, default False
         Whether it is expected to be definite, symmetric or not. Then the result is None also where
         a matrix that is symmetric, up to the signs of its rows, proves not to be definite, and
-        where SuperLU exchanged rows. It may be `Symmetric`, which solves for f of shape (n,) alone.
+        where SuperLU exchanged rows. It may be `SymmetricFactors`, which solves for f of shape (n,) alone.
     triangles : bool, default False
         Whether L and U by SuperLU are needed.
     analysis : SymbolicAnalysis, optional
@@ -145,7 +145,7 @@ def factorise(
     signs = analysis.signs if analysis.matrix is matrix else signs_of_symmetry(matrix)
     if signs is None or not (fill := _fill_of(analysis, symmetric=True)).symmetric:
         return _by_superlu(matrix, analysis, definite)
-    factors = Symmetric(matrix, fill, signs).factors(matrix.data)
+    factors = SymmetricFactors(matrix, fill, signs).factors(matrix.data)
     return factors if factors is not None and factors.pivots.min() > 0.0 else None
 
 
@@ -198,7 +198,7 @@ def of_array(M: NDArray[np.float64], cholesky: bool = False) -> DenseFactors | N
 def _of_band(matrix: sp.csr_array, analysis: SymbolicAnalysis, definite: bool) -> DenseFactors | None:
     from scipy.linalg.lapack import dgbtrf, dgbtrs, dpbtrf, dpbtrs
 
-    from .kernels.graph import diagonals
+    from .kernels.graph import fill_band
 
     n = matrix.shape[0]
     below, above = analysis.reach
@@ -208,14 +208,14 @@ def _of_band(matrix: sp.csr_array, analysis: SymbolicAnalysis, definite: bool) -
     with one_blas_thread() if max(below, above) > _UNBLOCKED_BAND else nullcontext():
         if below == above and analysis.is_symmetric:
             half = np.zeros((n, below + 1))
-            diagonals(*of, 0, half)
+            fill_band(*of, 0, half)
             factor, failed = dpbtrf(half.T, lower=1, overwrite_ab=1)
             if not failed and np.isfinite(factor[0]).all():
                 return DenseFactors(lambda f, transposed: dpbtrs(factor, f, lower=1), factor[0] ** 2, half.size)
             if definite:
                 return None
         band = np.zeros((n, 2 * below + above + 1))
-        diagonals(*of, below + above, band)
+        fill_band(*of, below + above, band)
         factors, rows, failed = dgbtrf(band.T, below, above, overwrite_ab=1)
     pivots = factors[below + above]
     if failed or not np.isfinite(pivots).all():

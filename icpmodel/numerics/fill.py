@@ -182,7 +182,7 @@ class SymbolicAnalysis:
     def is_dense(self) -> bool:
         """Whether a dense factorisation costs less than any other, and fits into memory."""
         n = self.matrix.shape[0]
-        return self.costs_more(dense_cost(n, self.is_symmetric)) and work.fits(16.0 * n**2)
+        return self.costs_more(dense_cost(n, self.is_symmetric)) and work.memory_suffices(16.0 * n**2)
 
     @cached_property
     def is_band(self) -> bool:
@@ -242,12 +242,12 @@ class SymbolicAnalysis:
         n = A.shape[0]
         if n <= _SMALL_GRAPH or A.nnz <= _THIN_DEGREE * n:
             return None
-        from .kernels.graph import layers  # loads numba
+        from .kernels.graph import breadth_first_layers  # loads numba
 
         work.charge(4.0 * work.product(n, A.nnz))
         last = 0
         for _ in range(2):  # the second time from the far end
-            layer, order = layers(*read_only((A.indptr, A.indices, np.ones(A.nnz))), np.arange(n) == last)
+            layer, order = breadth_first_layers(*read_only((A.indptr, A.indices, np.ones(A.nnz))), np.arange(n) == last)
             last = order[-1]
         widest = float(np.bincount(layer[order]).max())
         rough = Fill(n, widest**2, widest**3 / 3.0, False, symmetric=self.signs is not None)
@@ -259,7 +259,11 @@ def signs_of_symmetry(A: sp.csr_array) -> Vector | None:
 
     None where there are no such signs, or where one of the two entries is not stored.
     """
-    from .kernels.graph import signs  # loads numba
+    from .kernels.graph import symmetrising_signs  # loads numba
 
-    sigma = signs(*read_only((A.indptr, A.indices, A.data)), SYMMETRY_RTOL) if A.has_canonical_format else np.empty(0)
+    sigma = (
+        symmetrising_signs(*read_only((A.indptr, A.indices, A.data)), SYMMETRY_RTOL)
+        if A.has_canonical_format
+        else np.empty(0)
+    )
     return sigma if sigma.size else None

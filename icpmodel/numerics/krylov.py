@@ -41,11 +41,11 @@ def couplings(A: sp.csr_array) -> sp.csr_array:
     ----------
     Young, Iterative Solution of Large Linear Systems (1971), chapter 6.
     """
-    from .kernels.products import couple  # loads numba
+    from .kernels.products import coupling_entries  # loads numba
 
     work.check_budget(_COUPLING_COST * A.nnz)
     weight = 1.0 / np.sqrt(np.abs(A.diagonal()))
-    return sp.csr_array((couple(A.indptr, A.indices, A.data, weight), A.indices, A.indptr), shape=A.shape)
+    return sp.csr_array((coupling_entries(A.indptr, A.indices, A.data, weight), A.indices, A.indptr), shape=A.shape)
 
 
 def radius_of(S: sp.csr_array, share: float = _RADIUS_AGREEMENT) -> float:
@@ -65,25 +65,25 @@ def radius_of(S: sp.csr_array, share: float = _RADIUS_AGREEMENT) -> float:
     before = np.zeros(n)
     v = np.full(n, 1.0 / np.sqrt(n))
     radius = float(sums.mean())
-    own: list[float] = []
-    next_to: list[float] = []
+    diagonal: list[float] = []
+    off_diagonal: list[float] = []
     w = sums / np.sqrt(n)
     last = min(_MAX_LANCZOS_STEPS, n)
     for step in range(1, last + 1):
-        own.append(inner(v, w))
-        w -= own[-1] * v
+        diagonal.append(inner(v, w))
+        w -= diagonal[-1] * v
         size = norm(w)
         invariant = size <= 1e-12 * bound
         if invariant or step == last or step % _CHECK_EVERY == 0:
             # eigvalsh reads the lower triangle
             try:
                 known = radius
-                radius = float(np.linalg.eigvalsh(np.diag(own) + np.diag(next_to, -1))[-1])
+                radius = float(np.linalg.eigvalsh(np.diag(diagonal) + np.diag(off_diagonal, -1))[-1])
             except np.linalg.LinAlgError:  # what overflowed
                 return np.inf
             if invariant or radius - known <= share * abs(1.0 - radius):
                 break
-        next_to.append(size)
+        off_diagonal.append(size)
         before = v
         v = w / size
         work.charge(price)
@@ -91,10 +91,10 @@ def radius_of(S: sp.csr_array, share: float = _RADIUS_AGREEMENT) -> float:
     return radius
 
 
-def conjugate_residuals(M: sp.csr_array, f: Vector, most: int, tolerance: float) -> Vector | None:
+def conjugate_residuals(M: sp.csr_array, f: Vector, max_steps: int, tolerance: float) -> Vector | None:
     """Solve Mx = f to the relative `tolerance` by `GCR`, for M with a positive diagonal.
 
-    M need not be symmetric. Returns None as soon as the observed rate predicts more than `most`
+    M need not be symmetric. Returns None as soon as the observed rate predicts more than `max_steps`
     steps.
     """
     unit = 1.0 / np.sqrt(M.diagonal())
@@ -107,15 +107,15 @@ def conjugate_residuals(M: sp.csr_array, f: Vector, most: int, tolerance: float)
     steps = GCR(product, np.copy, unit * f)
     x = np.zeros(f.size)
     count = 0
-    first = norm(steps.rest)
-    while count < most and first < np.inf:
-        further = min(max(count, _TRIAL_STEPS), most - count)
-        x, _ = steps.further(x, tolerance * first, further)
-        count = count + further
-        left = norm(steps.rest)
+    first = norm(steps.residual)
+    while count < max_steps and first < np.inf:
+        iterate = min(max(count, _TRIAL_STEPS), max_steps - count)
+        x, _ = steps.iterate(x, tolerance * first, iterate)
+        count = count + iterate
+        left = norm(steps.residual)
         if left <= tolerance * first:
             return unit * x
-        if not count * np.log(1.0 / max(tolerance, UNIT_ROUNDOFF)) <= most * np.log(first / left):
+        if not count * np.log(1.0 / max(tolerance, UNIT_ROUNDOFF)) <= max_steps * np.log(first / left):
             break
     return None
 
@@ -126,28 +126,28 @@ def gcr_step_cost(n: int, nnz: int) -> float:
 
 
 class GCR:
-    """Generalised conjugate residuals: steps that each reduce the 2-norm of the rest as the last directions allow.
+    """Generalised conjugate residuals: steps that each reduce the 2-norm of the residual as the last directions allow.
 
-    Parameters: the `product` with M and a preconditioner for it; `rest` = f − Mx where they begin, which is written on.
+    Parameters: the `product` with M, a preconditioner for it, and `residual` = f − Mx at the start. It is overwritten.
     """
 
     def __init__(
-        self, product: Callable[[Vector], Vector], preconditioned: Callable[[Vector], Vector], rest: Vector
+        self, product: Callable[[Vector], Vector], preconditioned: Callable[[Vector], Vector], residual: Vector
     ) -> None:
-        self._product, self._preconditioned, self.rest = product, preconditioned, rest
+        self._product, self._preconditioned, self.residual = product, preconditioned, residual
         self._directions: list[tuple[Vector, Vector]] = []
         #: the least |y|/|My| so far
-        self._shortest = np.inf
+        self._min_length = np.inf
 
-    def further(self, x: Vector, tolerance: float, most: int) -> tuple[Vector, bool]:
-        """`x` after at most `most` steps, until the rest is as small as `tolerance`, and whether any was made."""
+    def iterate(self, x: Vector, tolerance: float, max_steps: int) -> tuple[Vector, bool]:
+        """`x` after at most `max_steps` steps, fewer where `tolerance` is met, and whether any was made."""
         from .kernels.vcycle import add_both  # loads numba
 
         # in place: to touch memory that is new costs more than these sums
         x = x.copy()
         moved = False
-        for _ in range(most):
-            y = self._preconditioned(self.rest)
+        for _ in range(max_steps):
+            y = self._preconditioned(self.residual)
             w = self._product(y)
             largest = 0.0
             for direction, image in self._directions:
@@ -158,24 +158,24 @@ class GCR:
             length = norm(y)
             if not (0 < size < np.inf and length > 0):  # which may underflow
                 break
-            self._shortest = min(self._shortest, length / size)
+            self._min_length = min(self._min_length, length / size)
             # where M is singular, w is what rounding left of My, or of what was taken from it
-            if not _MAX_DIRECTIONS * UNIT_ROUNDOFF * max(largest, length / self._shortest) <= size:
+            if not _MAX_DIRECTIONS * UNIT_ROUNDOFF * max(largest, length / self._min_length) <= size:
                 break
             y /= size
             w /= size
             self._directions = [*self._directions[1 - _MAX_DIRECTIONS :], (y, w)]
-            share = inner(self.rest, w)
-            add_both(x, y, share, self.rest, w, -share)
+            share = inner(self.residual, w)
+            add_both(x, y, share, self.residual, w, -share)
             moved = True
-            if norm(self.rest) <= tolerance:
+            if norm(self.residual) <= tolerance:
                 break
         return x, moved
 
-    def until(self, x: Vector, tolerance: float, most: int) -> Vector:
-        """`x` after at most `most` steps, where the rest is as small as `tolerance`. Raises NotConverged."""
-        if norm(self.rest) > tolerance:
-            x, _ = self.further(x, tolerance, most)
-        if not norm(self.rest) <= tolerance < np.inf:
+    def solve(self, x: Vector, tolerance: float, max_steps: int) -> Vector:
+        """`x` after at most `max_steps` steps, where its residual is as small as `tolerance`. Raises NotConverged."""
+        if norm(self.residual) > tolerance:
+            x, _ = self.iterate(x, tolerance, max_steps)
+        if not norm(self.residual) <= tolerance < np.inf:
             raise NotConverged
         return x

@@ -70,7 +70,7 @@ def terms_of(matrix: Any) -> Any:
     return np.diff(matrix.indptr) if sp.issparse(matrix) else matrix.shape[1]
 
 
-def lower(matrix: sp.csr_array, v: Vector, size: Vector | None = None) -> Vector:
+def product_lower_bound(matrix: sp.csr_array, v: Vector, size: Vector | None = None) -> Vector:
     """A lower bound of `matrix` @ `v`, entry by entry, whatever the order of summation; NaN or −inf where it overflows.
 
     The computed product minus γ_k|matrix||v| and k times the smallest float, k two more than the entries of the row;
@@ -83,17 +83,17 @@ def lower(matrix: sp.csr_array, v: Vector, size: Vector | None = None) -> Vector
         return np.asarray(matrix @ v - 2 * k * UNIT_ROUNDOFF * size - k * SMALLEST)
 
 
-def upper(matrix: sp.csr_array, v: Vector) -> Vector:
-    """An upper bound of `matrix` @ `v`, entry by entry, shape (n,): the mirror image of `lower`."""
-    return -lower(matrix, -v)
+def product_upper_bound(matrix: sp.csr_array, v: Vector) -> Vector:
+    """An upper bound of `matrix` @ `v`, entry by entry, shape (n,): the mirror image of `product_lower_bound`."""
+    return -product_lower_bound(matrix, -v)
 
 
-def share_of(x: Any, share: float) -> Any:
+def rounded_share(x: Any, share: float) -> Any:
     """`share`·x ≥ 0, rounded down on underflow: a limit of exact residuals. x is a number or an array."""
     return np.maximum(share * x - SMALLEST, 0.0)
 
 
-def at_most(x: float, digits: int = 3, below: float = math.inf) -> str:
+def rounded_up(x: float, digits: int = 3, below: float = math.inf) -> str:
     """`x` as text, rounded upwards to `digits` digits, or more where those would reach `below`, which `x` does not."""
     if not math.isfinite(x):
         return f"{x:g}"
@@ -101,10 +101,10 @@ def at_most(x: float, digits: int = 3, below: float = math.inf) -> str:
     text = f"{float(exact):.{digits}g}"
     if Decimal(text) != exact:  # the float next to it says something else: near underflow, or with all its digits
         text = str(exact).lower()
-    return at_most(x, digits + 1, below) if float(text) >= below > x else text
+    return rounded_up(x, digits + 1, below) if float(text) >= below > x else text
 
 
-def at_least(x: float, digits: int = 3) -> str:
-    """`x` as text that is never above it: the mirror image of `at_most`."""
-    text = at_most(-x, digits)
+def rounded_down(x: float, digits: int = 3) -> str:
+    """`x` as text that is never above it: the mirror image of `rounded_up`."""
+    text = rounded_up(-x, digits)
     return text[1:] if text.startswith("-") else text if float(text) == 0 else f"-{text}"

@@ -29,11 +29,11 @@ def is_diagonal(matrix: sp.csr_array) -> bool:
 
 def is_symmetric(matrix: sp.csr_array) -> bool:
     """Whether a sparse matrix equals its transpose, entry by entry."""
-    from .kernels.graph import signs  # loads numba
+    from .kernels.graph import symmetrising_signs  # loads numba
 
     matrix = sp.csr_array(matrix)
     if matrix.has_canonical_format and matrix.data.all():
-        sigma = signs(*read_only((matrix.indptr, matrix.indices, matrix.data)), 0.0)
+        sigma = symmetrising_signs(*read_only((matrix.indptr, matrix.indices, matrix.data)), 0.0)
         return sigma.size == matrix.shape[0] and bool((sigma > 0.0).all())
     return (matrix != sp.csr_array(matrix.T)).nnz == 0  # zeros may be stored on one side only
 

@@ -16,7 +16,7 @@ from .threads import run_with_deadline
 _ENTRY_BYTES = 8
 
 
-class Symmetric:
+class SymmetricFactors:
     """LDLᵀ of one matrix after another with the pattern of `A`, symmetric up to the signs of its rows, by QDLDL.
 
     Parameters
@@ -57,7 +57,7 @@ class Symmetric:
         _, pivots, order = self._ldl.factors()
         return np.asarray(self._signs[order] * pivots)
 
-    def factors(self, data: Vector, free: Mask | None = None) -> Symmetric | None:
+    def factors(self, data: Vector, free: Mask | None = None) -> SymmetricFactors | None:
         """This object with the factors of the matrix with these entries, or None where they fail.
 
         With `free`, rows and columns that are not free are 0 but for the diagonal. The factors

@@ -17,14 +17,14 @@ from .work import nanoseconds_left, seconds_left
 #: the least number of entries of a loop for which threads pay
 THREADS_FROM = 1_000_000
 #: what makes rows low <= i < high
-OfRows = Callable[[int, int], Any]
+RowTask = Callable[[int, int], Any]
 _T = TypeVar("_T")
 #: the name of threads with steps that take too long
-ABANDONED = "icpmodel: out of time"
+ABANDONED_THREAD = "icpmodel: out of time"
 #: how many threads ask for one thread of BLAS, and what gives BLAS its threads back
-_LIMIT = Lock()
-_limited = 0
-_limiter = None
+_BLAS_LOCK = Lock()
+_blas_users = 0
+_blas_limiter = None
 
 
 def cores() -> int:
@@ -32,7 +32,7 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def run_in_threads(size: int, parts: int, work: OfRows) -> list[Any]:
+def run_in_threads(size: int, parts: int, work: RowTask) -> list[Any]:
     """The results of `work(low, high)` for `parts` pieces of range(`size`): the first here, the others in threads."""
     cuts = [size * i // parts for i in range(parts + 1)]
     if parts == 1:
@@ -59,7 +59,7 @@ def run_with_deadline(step: Callable[[], _T], most: float) -> _T:
         except BaseException as error:
             result.set_exception(error)
 
-    Thread(target=run, name=ABANDONED).start()
+    Thread(target=run, name=ABANDONED_THREAD).start()
     try:
         return result.result(min(seconds_left(), TIMEOUT_MAX))
     except TimeoutError:
@@ -79,18 +79,18 @@ def one_blas_thread() -> Iterator[None]:
     times slower, as BLAS spins while it waits. To set the limit takes 12 μs. The limit is the
     process's: the first of several threads sets it, the last one lifts it.
     """
-    global _limited, _limiter
-    with _LIMIT:
-        if not _limited:
-            _limiter = pools("blas").limit(limits=1)
-        _limited += 1
+    global _blas_users, _blas_limiter
+    with _BLAS_LOCK:
+        if not _blas_users:
+            _blas_limiter = pools("blas").limit(limits=1)
+        _blas_users += 1
     try:
         yield
     finally:
-        with _LIMIT:
-            _limited -= 1
-            if not _limited:
-                _limiter.restore_original_limits()
+        with _BLAS_LOCK:
+            _blas_users -= 1
+            if not _blas_users:
+                _blas_limiter.restore_original_limits()
 
 
 @cache

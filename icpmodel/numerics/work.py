@@ -42,8 +42,8 @@ class Costs(NamedTuple):
     mixed: float = 550_000.0
     mixed_entry: float = 12.0
     #: a sparse matrix made of others, entry by entry; per entry: eight times what a product costs
-    built: float = 60_000.0
-    built_entry: float = 8.0
+    assembly: float = 60_000.0
+    assembly_entry: float = 8.0
     #: A @ z, per stored entry and per row
     entry: float = 0.6
     row: float = 1.2
@@ -113,7 +113,7 @@ def entries(n: int, nnz: int) -> float:
 
 def charge_matrices(nnz: int, matrices: int = 1) -> None:
     """Count the cost of sparse matrices made of others, such as sums; raises as `check_budget` does."""
-    charge(matrices * (COSTS.built + COSTS.built_entry * nnz))
+    charge(matrices * (COSTS.assembly + COSTS.assembly_entry * nnz))
 
 
 def sweep(n: int, nnz: int) -> float:
@@ -153,13 +153,13 @@ class _Compiler:
     def __init__(self) -> None:
         self._lock, self._busy, self._since, self._total = threading.Lock(), 0, 0.0, 0.0
 
-    def begins(self) -> None:
+    def begin(self) -> None:
         with self._lock:
             if self._busy == 0:
                 self._since = time.perf_counter()
             self._busy += 1
 
-    def ends(self) -> None:
+    def end(self) -> None:
         with self._lock:
             self._busy -= 1
             if self._busy == 0:
@@ -168,11 +168,11 @@ class _Compiler:
     @contextmanager
     def busy(self) -> Iterator[None]:
         """A block that loads code."""
-        self.begins()
+        self.begin()
         try:
             yield
         finally:
-            self.ends()
+            self.end()
 
     def clock(self) -> float:
         with self._lock:
@@ -228,7 +228,7 @@ def work_limit(
 
 def check_budget(nanoseconds: float = 0.0, memory: float = 0.0) -> None:
     """Raise OutOfTime or OutOfMemory if a step needs more counted nanoseconds, or bytes, than are left."""
-    if not fits(memory):
+    if not memory_suffices(memory):
         raise OutOfMemory(f"a step needs about {1e-6 * memory:.3g} MB, which is more than the memory limit leaves")
     if not nanoseconds <= nanoseconds_left() > 0.0:
         raise OutOfTime(f"a step of about {1e-9 * nanoseconds:.2g} s does not fit into the time that is left")
@@ -259,7 +259,7 @@ def seconds_left() -> float:
     return math.inf if budget is None else max(budget.end - clock(), 0.0)
 
 
-def pieces(nanoseconds: float) -> int:
+def steps_per_piece(nanoseconds: float) -> int:
     """How many steps of this cost, one at least, are a piece of a loop that asks `check_budget`, and may be
     interrupted, between its pieces."""
     return max(int(_PIECE_NANOSECONDS / nanoseconds), 1)
@@ -275,7 +275,7 @@ def free_memory() -> float:
     return min(left, _system_memory())
 
 
-def fits(memory: float) -> bool:
+def memory_suffices(memory: float) -> bool:
     """Whether an allocation of `memory` bytes is within the limits."""
     budget = _counted.budget
     if memory <= (_NEGLIGIBLE_BYTES if budget is None else min(budget.memory, _NEGLIGIBLE_BYTES)):

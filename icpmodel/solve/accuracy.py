@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import MapError, NotApplicable, OutOfTime
 from ..numerics.arrays import Vector
-from ..numerics.rounding import at_most
+from ..numerics.rounding import rounded_up
 from ..problem.data import ProblemData
 from ..theory.certificates.bounds import error_bound
 from .run import Run
@@ -57,7 +57,7 @@ def solve_to_accuracy(run: Run, accuracy: float, run_methods: Callable[[], None]
     if bound is not None and bound <= accuracy:
         run.stop_reason = StopReason(Status.SOLVED, "")
     else:
-        known = "nothing is certain of its error" if bound is None else f"its error is at most {at_most(bound)}"
+        known = "nothing is certain of its error" if bound is None else f"its error is at most {rounded_up(bound)}"
         status = Status.PRECISION_LIMIT if run.stop_reason.status is Status.SOLVED else run.stop_reason.status
         run.stop_reason = StopReason(
             status, f"{run.stop_reason.note}; {known}; {accuracy:.3g} was wanted".removeprefix("; ")

@@ -300,7 +300,7 @@ class Ladder:
                 continue
             why_not = method.why_not(self.problem)
             estimate = None if why_not else estimate_of(method, self.problem.facts, self.target_reduction)
-            if estimate is None or not work.fits(estimate.memory):
+            if estimate is None or not work.memory_suffices(estimate.memory):
                 _LOG.debug("n = %d: %r is left out: %s", self.problem.n, method, why_not or "memory_limit")
                 continue
             products = estimate.total / self.problem.matrix.product_cost
@@ -331,7 +331,7 @@ class Ladder:
 
     def _plain(self) -> None:
         sweeps = PSOR()
-        if sweeps.why_not(self.problem) is None and work.fits(8.0 * 4.0 * self.problem.n):
+        if sweeps.why_not(self.problem) is None and work.memory_suffices(8.0 * 4.0 * self.problem.n):
             step = estimate_of(sweeps, self.problem.facts, self.target_reduction).step
             self.floor = _ACCELERATED_SWEEPS * step
             job = Job(Choice(sweeps, f"{_PLAIN_SWEEPS} sweeps are tried first"))

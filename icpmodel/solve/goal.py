@@ -10,7 +10,7 @@ from typing import Any
 from ..errors import InputError
 from ..numerics import work
 from ..numerics.arrays import Vector, as_number, described, norm
-from ..numerics.rounding import share_of
+from ..numerics.rounding import rounded_share
 from ..problem.data import ProblemData
 from ..problem.verdict import certain, satisfies_paper
 
@@ -57,7 +57,7 @@ class Limits:
 
     def tolerance(self, scale: Any) -> Any:
         """`rtol`·`scale`, a number or an array of them."""
-        return share_of(scale, self.rtol)
+        return rounded_share(scale, self.rtol)
 
     def enforced(self, begun: float | None = None) -> AbstractContextManager[None]:
         """Enforce the limits of time, counted from `begun` or now, and memory in a block: see `work_limit`."""
@@ -92,7 +92,7 @@ class Goal:
         """The Res_D that `z` may have."""
         if not self.of_z:
             return self.tolerance
-        of_z = float(share_of(min(norm(z), self.size), self.of_z))
+        of_z = float(rounded_share(min(norm(z), self.size), self.of_z))
         return min(self.tolerance, of_z) if self.tolerance else of_z
 
     def judged(self, z: Vector, residual: float) -> float:

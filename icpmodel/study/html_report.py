@@ -20,7 +20,7 @@ from ..errors import IcpError, InputError, check_arguments
 from ..explain.explanation import explain
 from ..methods.aor import MNMGS
 from ..numerics.arrays import Vector, as_number
-from ..numerics.rounding import at_most
+from ..numerics.rounding import rounded_up
 from ..present.card import Card
 from ..present.rendering import render
 from ..present.whole_files import place_of, write_ours
@@ -276,7 +276,7 @@ def _certain(solution: Solution) -> Section:
     bound = solution.certificate.bound
     short = f"It is not proved: {bound.reason}."
     if bound.value is not None:
-        size = at_most(bound.value)
+        size = rounded_up(bound.value)
         short = f"It is proved that no entry of z is off by more than {size}, and that there is no other solution."
     elif bound.unique:
         short = (

@@ -9,7 +9,7 @@ import numpy as np
 from ..derivatives.derivative import Derivative
 from ..errors import InputError, SingularOperator, check_arguments
 from ..numerics.arrays import Vector
-from ..numerics.rounding import at_most
+from ..numerics.rounding import rounded_up
 from ..present.card import Card
 from ..present.display import Plottable
 from ..problem.data import ProblemData
@@ -67,7 +67,9 @@ class Sensitivity(Plottable):
         local = "not known: the equations of the active set are singular" if self.local is None else f"{self.local:.3g}"
         rows = {
             "condition number, to first order" + ("" if self.exact else " (estimated)"): local,
-            "the same from the certificate": "no proof" if self.certified is None else f"<= {at_most(self.certified)}",
+            "the same from the certificate": "no proof"
+            if self.certified is None
+            else f"<= {rounded_up(self.certified)}",
             "undecided rows": str(self.undecided),
         }
         if self.local:

@@ -54,5 +54,5 @@ def tasks(n):
         units = {"call": TOGETHER, "sweep_row": TOGETHER * n, "sweep_entry": TOGETHER * A.nnz}
         yield units, lambda path=path: [z for z, _ in islice(path, TOGETHER)][-1]
         yield {"vector": n}, partial(np.minimum, z, z, out=np.empty(n))
-        yield {"built": 1, "built_entry": A.nnz}, partial(A.__add__, A)
+        yield {"assembly": 1, "assembly_entry": A.nnz}, partial(A.__add__, A)
     yield {"hierarchy": 1, "hierarchy_entry": grid.nnz}, partial(pyamg.ruge_stuben_solver, sp.csr_matrix(grid))

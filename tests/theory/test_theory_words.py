@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from known_answers import PAIR
 
 import icpmodel as icp
-from icpmodel.numerics.rounding import at_least, at_most
+from icpmodel.numerics.rounding import rounded_down, rounded_up
 from icpmodel.theory import check, error_bound
 
 P = icp.ICP(PAIR, [1, -2])
@@ -25,8 +25,8 @@ FLOATS = st.floats(allow_nan=False, allow_infinity=False)
 @example(-0.0, 3)
 @example(1.1919817078931344e207, 17)  # 17 digits say more than the float that they are read as
 def test_at_most_is_never_below_and_at_least_never_above(x, digits):
-    assert Decimal(at_least(x, digits)) <= Decimal(x) <= Decimal(at_most(x, digits))
-    for text in (at_least(x, digits), at_most(x, digits)):
+    assert Decimal(rounded_down(x, digits)) <= Decimal(x) <= Decimal(rounded_up(x, digits))
+    for text in (rounded_down(x, digits), rounded_up(x, digits)):
         if digits > 2 and 1e-300 < abs(x) < 1e300:
             assert abs(Decimal(text) - Decimal(x)) <= abs(Decimal(x)) * Decimal(10) ** (1 - digits)
             assert len(re.sub("e.*|[-.]", "", text).strip("0")) <= digits
@@ -35,12 +35,12 @@ def test_at_most_is_never_below_and_at_least_never_above(x, digits):
 @given(st.floats(0.9, 1, exclude_max=True))
 @example(float(np.nextafter(1.0, 0.0)))
 def test_what_is_below_one_is_shown_below_one(x):
-    assert x <= float(at_most(x, 3, below=1.0)) < 1
-    assert Decimal(x) <= Decimal(at_most(x, 3, below=1.0))
+    assert x <= float(rounded_up(x, 3, below=1.0)) < 1
+    assert Decimal(x) <= Decimal(rounded_up(x, 3, below=1.0))
 
 
 def test_a_number_that_is_not_finite_has_its_name():
-    assert (at_most(np.inf), at_least(-np.inf), at_most(np.nan)) == ("inf", "-inf", "nan")
+    assert (rounded_up(np.inf), rounded_down(-np.inf), rounded_up(np.nan)) == ("inf", "-inf", "nan")
 
 
 @pytest.mark.parametrize("seed", range(20))

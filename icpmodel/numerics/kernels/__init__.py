@@ -37,7 +37,7 @@ uint = np.uint64
 _OPTIONS: dict[str, Any] = {"fastmath": {"contract"}, "error_model": "numpy", "nogil": True}
 _SUMS: dict[str, Any] = _OPTIONS | {"fastmath": {"contract", "reassoc"}}
 #: the least number of adjacent entries that vector instructions sum: there they take two fifths of the time of a loop
-_LONG = uint(16)
+_MIN_VECTOR_LENGTH = uint(16)
 
 #: a function that becomes part of the compiled ones that call it
 inlined = numba.njit(forceinline=True, **_OPTIONS)
@@ -46,7 +46,7 @@ called = numba.njit(**_OPTIONS)
 sums = numba.njit(**_SUMS)
 
 
-class _Files(IndexDataCacheFile):
+class _CacheFiles(IndexDataCacheFile):
     """numba's cache files of a function, safe against processes that compile at the same time.
 
     numba numbers the files, and such processes may choose the same number. The index then leads a third process to code
@@ -67,7 +67,7 @@ class Cache(FunctionCache):
     def __init__(self, function: Any) -> None:
         super().__init__(function)
         locator = self._impl.locator
-        self._cache_file = _Files(self._cache_path, self._impl.filename_base, locator.get_source_stamp())
+        self._cache_file = _CacheFiles(self._cache_path, self._impl.filename_base, locator.get_source_stamp())
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """None where there is nothing that can be read."""
@@ -85,35 +85,35 @@ class Cache(FunctionCache):
             warnings.warn(f"compiled code cannot be kept in {self.cache_path} ({error}): {advice}", stacklevel=2)
 
 
-def _tell(what: str) -> None:
+def _announce(what: str) -> None:
     if sys.stderr is not None and (in_notebook() or sys.stderr.isatty()):
         print(f"icpmodel {what}", file=sys.stderr)
     else:  # a file may be meant for something else: its owner, or a command, asks for it
         _LOG.info(what)
 
 
-class _Watch(Listener):
+class _CompilerListener(Listener):
     """A listener to numba: it stops the clock of runs while numba compiles, and announces that on standard error."""
 
     announced = False
 
     def on_start(self, event: Any) -> None:
         if event.kind == _LOCK:
-            COMPILER.begins()
-        elif not _Watch.announced and event.data["dispatcher"].py_func.__module__.startswith("icpmodel."):
-            _Watch.announced = True
-            _tell("compiles its loops, once per installation")
+            COMPILER.begin()
+        elif not _CompilerListener.announced and event.data["dispatcher"].py_func.__module__.startswith("icpmodel."):
+            _CompilerListener.announced = True
+            _announce("compiles its loops, once per installation")
 
     def on_end(self, event: Any) -> None:
         if event.kind == _LOCK:
-            COMPILER.ends()
+            COMPILER.end()
 
 
 _LOCK = "numba:compiler_lock"
 _COMPILE = "numba:compile"
-_watch = _Watch()
-register(_LOCK, _watch)
-register(_COMPILE, _watch)
+_listener = _CompilerListener()
+register(_LOCK, _listener)
+register(_COMPILE, _listener)
 
 
 def _one(typing_context: Any) -> Any:
@@ -133,7 +133,7 @@ def run_end(k, stop, indices):
     # stop where the entries k <= e < stop of a row, whose indices rise, are many and stand side by side, else k. (A
     # call of what is not inlined must stand in an `if` of its own: a return from within one costs 50 ns.)
     end = k
-    if stop >= k + _LONG:
+    if stop >= k + _MIN_VECTOR_LENGTH:
         last = stop - uint(1)
         if uint(indices[last]) - uint(indices[k]) == last - k:
             end = stop

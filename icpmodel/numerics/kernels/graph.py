@@ -8,7 +8,7 @@ from . import compiled, inlined, one, uint
 
 
 @compiled
-def around(indptr, indices, part, rows, starts, core):
+def dependence(indptr, indices, part, rows, starts, core):
     # part k = rows[starts[k] : starts[k + 1]] depends on parts of smaller number only. Returns which parts depend on
     # one of the `core`, and which ones the core depends on, itself included in both
     follows = core.copy()
@@ -26,7 +26,7 @@ def around(indptr, indices, part, rows, starts, core):
 
 
 @compiled
-def cut(indptr, indices, data, q, rows, z):
+def restricted_data(indptr, indices, data, q, rows, z):
     # A and q in the unknowns `rows` alone, these ascending, all others being what they are in z
     m = rows.size
     place = np.empty(z.size, indices.dtype)
@@ -72,7 +72,7 @@ def _root(i, into, sign):
 
 
 @compiled
-def signs(indptr, indices, data, same):
+def symmetrising_signs(indptr, indices, data, same):
     # signs of the rows that make a matrix symmetric up to this share of its entries; none where there are none, or
     # where entries are not opposite to one another. Rows are sorted
     n = indptr.size - 1
@@ -115,7 +115,7 @@ def signs(indptr, indices, data, same):
 
 
 @compiled
-def diagonals(indptr, indices, data, top, band):
+def fill_band(indptr, indices, data, top, band):
     # band[j, top + i - j] = a_ij, where that is in it: the columns of LAPACK's bands are the rows of `band`
     for i in range(indptr.size - 1):
         for k in range(uint(indptr[i]), uint(indptr[i + 1])):
@@ -125,7 +125,7 @@ def diagonals(indptr, indices, data, top, band):
 
 
 @compiled
-def layers(indptr, indices, data, first):
+def breadth_first_layers(indptr, indices, data, first):
     # breadth-first layers along the stored nonzeros j -> indices of row j; layer -1: not reached
     n = first.size
     layer = np.empty(n, np.int64)

@@ -63,7 +63,7 @@ def magnitude(indptr, indices, data, z, low, high, out):
 
 
 @compiled
-def couple(indptr, indices, data, weight):
+def coupling_entries(indptr, indices, data, weight):
     # sqrt|a_ij a_ji| weight_i weight_j off the diagonal, 0 on it. Rows are sorted, and i rises: what row j > i is asked
     # for is at or behind what it was asked for last, so that `at` only ever moves on
     n = indptr.size - 1

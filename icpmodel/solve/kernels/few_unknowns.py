@@ -59,7 +59,7 @@ def solve_few(M, q, c, rtol, limit):
     if not _MIN_SAFE_SQUARE < squares_0 < 1.0 / _MIN_SAFE_SQUARE or not squares < 1.0 / _MIN_SAFE_SQUARE:
         return z, np.nan, np.nan
     residual = np.full(1, math.sqrt(squares))
-    # as `share_of` rounds it
+    # as `rounded_share` rounds it
     tolerance = np.full(1, max(rtol * math.sqrt(squares_0) - SMALLEST, 0.0))
     indptr = np.arange(0, n * n + 1, n).astype(np.int32)
     indices = np.empty(n * n, np.int32)

@@ -79,7 +79,7 @@ class AtOnce:
         C, G = self._affine(psi, self.obstacles)
         D, H = (None, None) if psi.upper is None else self._affine(psi.upper, self.above)
         above = None if D is None else (D[0], H)
-        piece = work.pieces(price)
+        piece = work.steps_per_piece(price)
         for low in range(0, len(C), piece):
             rows = slice(low, low + piece)
             work.check_budget(price)

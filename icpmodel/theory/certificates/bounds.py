@@ -22,7 +22,7 @@ from ...algebra.linear_rows import has_linear_pieces
 from ...errors import MapError, OutOfTime
 from ...numerics import work
 from ...numerics.arrays import ReadOnly, Vector, as_number, as_truth, not_finite
-from ...numerics.rounding import UNIT_ROUNDOFF, at_most, public_entry
+from ...numerics.rounding import UNIT_ROUNDOFF, public_entry, rounded_up
 from ...present.display import Displayable
 from ...problem.data import ProblemData, ProblemLike, as_problem
 from ...problem.facts import Facts
@@ -125,7 +125,7 @@ class ErrorBound(ReadOnly, Displayable):
         assumption = "".join(word for word in (USERS_WORD, _USERS_WORD_ON_F) if word in self.proof)
         if self.value is not None:
             goal = "" if accuracy is None else f" ({accuracy:g} was asked for)"
-            size = at_most(self.value, below=math.inf if accuracy is None else accuracy)
+            size = rounded_up(self.value, below=math.inf if accuracy is None else accuracy)
             return f"|z - z*| <= {size} in every entry{goal}; z* is the only solution{assumption}"
         if self.unique:
             return f"no bound: {self.reason}; z* exists and is the only solution{assumption}"
@@ -268,7 +268,7 @@ def _bound(problem: ProblemData, z: Vector, sharp: bool | None) -> ErrorBound:
         sentence += _USERS_WORD_ON_F if problem.f is not None else ""
         if (row := possible_crossing(problem, z, delta)) is not None:
             reason = (
-                f"psi <= upper is not proved within {at_most(float(delta.max()))} of z, where z* would be: row {row}"
+                f"psi <= upper is not proved within {rounded_up(float(delta.max()))} of z, where z* would be: row {row}"
             )
             return ErrorBound.none(reason)
         if np.isfinite(delta).all():

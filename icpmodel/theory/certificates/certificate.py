@@ -15,7 +15,7 @@ import numpy as np
 from ...algebra.equations import Pattern
 from ...errors import InputError
 from ...numerics.arrays import Mask, ReadOnly, as_truth, described
-from ...numerics.rounding import UNIT_ROUNDOFF, public_entry, upper
+from ...numerics.rounding import UNIT_ROUNDOFF, product_upper_bound, public_entry
 from ...present.card import Card
 from ...present.display import Displayable
 from ...problem.data import ProblemLike, as_problem
@@ -259,7 +259,7 @@ def active_set(problem: ProblemLike, z: Any, bound: ErrorBound) -> ActiveSet:
         return ActiveSet(nothing, nothing, None if above is None else nothing)
     rounding_p, rounding_r = problem.rounding(z)
     inflate = 1 + 8 * UNIT_ROUNDOFF
-    error_p = (rounding_p + upper(problem.matrix.absolute, delta)) * inflate
+    error_p = (rounding_p + product_upper_bound(problem.matrix.absolute, delta)) * inflate
     if problem.f is not None:
         error_p = (error_p + problem.f.change(z, delta)) * inflate
     error_r = (rounding_r + delta + change) * inflate

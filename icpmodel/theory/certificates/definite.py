@@ -50,7 +50,7 @@ import scipy.sparse as sp
 from ...numerics import work
 from ...numerics.arrays import Vector
 from ...numerics.equilibration import in_units_exactly, row_exponents, symmetric_exponents
-from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, at_least, at_most, terms_of, upper
+from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, product_upper_bound, rounded_down, rounded_up, terms_of
 from ...numerics.threads import one_blas_thread
 from ...problem.data import ProblemData
 from ...problem.map import Map
@@ -138,7 +138,7 @@ class DefiniteProof(Proof):
         error = (1 + rounding) * (of_B @ for_u + of_A @ for_w) + rounding * (of_B @ U + of_A @ W) + 4 * terms * SMALLEST
         b = self._dual(self.B @ u + self.A @ w) + norm_up(error)
         if self.L.nnz:
-            b += norm_up(upper(self.L, U))
+            b += norm_up(product_upper_bound(self.L, U))
         errors = float(np.sum(U * for_w + W * for_u)) + (u.size + 4) * UNIT_ROUNDOFF * float(np.sum(U * W))
         product = float(u @ w) - 2 * errors - 4 * u.size * SMALLEST
         square = b * b
@@ -214,9 +214,13 @@ def _proof(
     kappa = _kappa(At, L, gamma)
     gap = float(np.nextafter(smallest - kappa, -np.inf))
     if not gap > 0:
-        reach = f"the eigenvalues of |A|'G are at most {at_most(kappa)}, those of A at least {at_least(smallest)}"
+        reach = (
+            f"the eigenvalues of |A|'G are at most {rounded_up(kappa)}, those of A at least {rounded_down(smallest)}"
+        )
         return f"psi is too steep: {reach}"
-    sentence = f"{name} is positive definite (the symmetric part, its diagonal scaled to 1, is >= {at_least(smallest)})"
+    sentence = (
+        f"{name} is positive definite (the symmetric part, its diagonal scaled to 1, is >= {rounded_down(smallest)})"
+    )
     Bt = sp.csr_array(B.T)
     Lt = sp.csr_array(L.T)
     of_A = abs(At)

@@ -33,7 +33,7 @@ from ...numerics import work
 from ...numerics.arrays import Vector
 from ...numerics.equilibration import in_units, natural_exponents, times_rows
 from ...numerics.factorisation import factorise
-from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, lower, upper
+from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, product_lower_bound, product_upper_bound
 from ...problem.data import ProblemData
 from ...problem.map import Map
 from ...problem.matrix import Matrix
@@ -82,7 +82,7 @@ def prove(matrix: Matrix, psi: Map) -> HPlusProof | str:
     for name, v, alpha in _dominated(matrix, G):
         dominated = True
         # a row of psi without obstacle would need no beta, but which rows those are may change with z
-        beta = v - upper(G, v) - 2 * UNIT_ROUNDOFF * v
+        beta = v - product_upper_bound(G, v) - 2 * UNIT_ROUNDOFF * v
         if (beta > 0).all():
             return HPlusProof(f"A is an H+-matrix ({name})", v, alpha, beta)
     if dominated:
@@ -111,7 +111,9 @@ def _dominated(matrix: Matrix, G: sp.csr_array) -> Iterator[tuple[str, Vector, V
     for name, v in _candidates(comparison, G):
         work.charge(4.0 * matrix.product_cost)
         # a lower bound costs three times as much
-        if (comparison @ v > 0).all() and ((alpha := lower(comparison, v, matrix.magnitude(v))) > 0).all():
+        if (comparison @ v > 0).all() and (
+            (alpha := product_lower_bound(comparison, v, matrix.magnitude(v))) > 0
+        ).all():
             yield name, v, alpha
 
 

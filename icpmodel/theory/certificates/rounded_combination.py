@@ -85,7 +85,7 @@ def _moves(columns: sp.csr_array, y: Vector, signed: Mask, misfit: Vector, loss:
 
     m, k = columns.shape
     cost = _FACTORISATION_COST * float(k) * k * m
-    if k > m or cost > min(_MAX_COST, work.nanoseconds_left()) or not work.fits(24.0 * k * m):
+    if k > m or cost > min(_MAX_COST, work.nanoseconds_left()) or not work.memory_suffices(24.0 * k * m):
         return None
     work.count(cost)
     weights = np.where(signed, np.abs(y) / np.abs(y).max(), 1.0)

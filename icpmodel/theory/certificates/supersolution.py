@@ -38,7 +38,7 @@ from ...errors import MapError
 from ...numerics.arrays import Vector
 from ...numerics.factorisation import factorise
 from ...numerics.rational import exact_sum, nearest
-from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, at_least, lower
+from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, product_lower_bound, rounded_down
 from ...problem.data import ProblemData
 from ...problem.intervention import Intervention
 from ..matrices.comparison_matrix import positive_diagonal, z_matrix
@@ -103,7 +103,7 @@ def prove(problem: ProblemData) -> SupersolutionProof | str:
     ones = np.ones(problem.n)
     lu = factorise(unit)
     v = None if lu is None else lu.solve(ones)
-    if v is None or not (v > 0).all() or not (lower(A, v) > 0).all():
+    if v is None or not (v > 0).all() or not (product_lower_bound(A, v) > 0).all():
         return "A is not proved to be a nonsingular M-matrix: no v > 0 with Av > 0 was found"
     # a in the units of p, with A^-1 a about 1: the row sums where they are not small
     weight = np.maximum(unit @ ones, 1.0 / v.max())
@@ -115,7 +115,7 @@ def prove(problem: ProblemData) -> SupersolutionProof | str:
     if strict is None:
         return "no strict supersolution was found by policy iteration"
     m, s = strict
-    margin = f"margin {at_least(m)}"
+    margin = f"margin {rounded_down(m)}"
     sentence = f"A is an M-matrix with A1 >= 0, psi a best jump, and a strict supersolution exists ({margin})"
     return SupersolutionProof(sentence, weight, m, s)
 

@@ -12,7 +12,7 @@ import numpy as np
 from ...algebra.splittings import Member
 from ...errors import InputError, check_arguments
 from ...numerics.arrays import Vector, as_number, as_vector, described
-from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, at_most, upper
+from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, product_upper_bound, rounded_up
 from ...present.display import Displayable
 from ...problem.data import ProblemData, as_problem
 from ..answers import Answer
@@ -60,7 +60,7 @@ class Rate(Displayable, ABC):
     norm: ClassVar[str]
 
     def __str__(self) -> str:
-        return f"each step leaves at most {at_most(self.factor, 6, below=1.0)} of {self.norm}\n{self.sentence}"
+        return f"each step leaves at most {rounded_up(self.factor, 6, below=1.0)} of {self.norm}\n{self.sentence}"
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}(factor={self.factor:.6g}, n={self.v.size})"
@@ -224,7 +224,7 @@ class PeacemanRachford(Rate):
         """(A + Ω)(z⁰ − z¹) = 2F gives one bound, |A + Ω| times an error bound of z⁰ another."""
         by_step = norm_up(2 * (np.abs(F) + rounding_F) * self.v) / (1 - self.factor)
         delta = error_bound(problem, z0, sharp=True).componentwise
-        by_bound = math.inf if delta is None else norm_up(upper(abs(self._step.X), delta) * self.v)
+        by_bound = math.inf if delta is None else norm_up(product_upper_bound(abs(self._step.X), delta) * self.v)
         return min(by_step, by_bound) * (1 + 16 * UNIT_ROUNDOFF)
 
 

@@ -47,7 +47,7 @@ import scipy.sparse as sp
 
 from ...numerics.arrays import Vector
 from ...numerics.factorisation import factorise
-from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, lower, upper
+from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, product_lower_bound, product_upper_bound
 from ..matrices.comparison_matrix import positive_diagonal
 from .conditions import StepMatrices
 from .contraction import HomogeneousMap
@@ -68,10 +68,10 @@ class SweepMap(HomogeneousMap):
         return int(self._A.nnz + self._G.nnz)
 
     def upper(self, v: Vector) -> Vector:
-        return self._swept(abs(1.0 - self._omega) * v, v, upper(self._G, v), 1.0)
+        return self._swept(abs(1.0 - self._omega) * v, v, product_upper_bound(self._G, v), 1.0)
 
     def lower(self, v: Vector) -> Vector:
-        g = np.maximum(lower(self._G, v), 0.0)
+        g = np.maximum(product_lower_bound(self._G, v), 0.0)
         return np.maximum(self._swept(abs(1.0 - self._omega) * v, v, g, -1.0), 0.0)
 
     def moved(self, b: Vector) -> Vector:
@@ -96,7 +96,7 @@ class SweepMap(HomogeneousMap):
         # at v each row of w is one of G or one of the sweep: Kw = Hv, and (μI − K⁻¹H)⁻¹v solves (μK − H)y = Kv
         one = sp.eye_array(v.size)
         W = sp.diags_array(self._omega / self._rows.diagonal) @ self._A
-        sweeps = sp.diags_array((self.upper(v) > upper(self._G, v)).astype(np.float64))
+        sweeps = sp.diags_array((self.upper(v) > product_upper_bound(self._G, v)).astype(np.float64))
         K = one - sweeps @ sp.tril(W, -1)
         H = (one - sweeps) @ self._G + sweeps @ (abs(1.0 - self._omega) * one + sp.triu(W, 1))
         lu = factorise(sp.csr_array(mu * K - H))

@@ -45,7 +45,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...numerics.arrays import row_of
-from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, at_most
+from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, rounded_up
 from ...numerics.sparse_structure import is_symmetric
 from ..answers import Answer
 from ..certificates.bounds import shared_proofs
@@ -116,7 +116,7 @@ def definite(step: StepMatrices) -> Answer:
     sigma = contraction_factor(step)
     if sigma is not None:
         v = (1 + 4 * UNIT_ROUNDOFF) / np.sqrt(step.omega)
-        return Answer(True, f"A is positive definite and sigma is at most {at_most(sigma, 6, below=1.0)}", v, sigma)
+        return Answer(True, f"A is positive definite and sigma is at most {rounded_up(sigma, 6, below=1.0)}", v, sigma)
     answer = shared_proofs(step.problem).classes.definite
     known = {True: "is", False: "is not", None: "is not known to be"}[answer.holds]
     # the witness of a theorem that holds is a vector v

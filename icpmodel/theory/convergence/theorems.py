@@ -11,7 +11,7 @@ from ...algebra.splittings import Member
 from ...errors import InputError, OutOfTime, SingularOperator, check_arguments
 from ...numerics import work
 from ...numerics.arrays import Vector, described
-from ...numerics.rounding import UNIT_ROUNDOFF, at_least, at_most
+from ...numerics.rounding import UNIT_ROUNDOFF, rounded_down, rounded_up
 from ...problem.data import ProblemData
 from ..answers import UNLIMITED, Allowance, Answer
 from ..certificates.bounds import shared_proofs
@@ -257,11 +257,11 @@ def _by_radius(name: str, make: Callable[[StepMatrices], HomogeneousMap | str]) 
         limit = f"{T.limit:.6g}"
         if float(limit) <= number < T.limit:  # more digits, so that a proved inequality does not look false
             limit = repr(T.limit)
-        size = at_most(number, 6, below=float(limit))
+        size = rounded_up(number, 6, below=float(limit))
         reasons = {
             None: f"{name} < {limit} is needed, but no more than {name} <= {size} is known",
             True: f"{name} is at most {size}, below {limit}",
-            False: f"{name} is at least {at_least(T.limit, 6)}, and at most {size}",
+            False: f"{name} is at least {rounded_down(T.limit, 6)}, and at most {size}",
         }
         return Answer(bound.holds, reasons[bound.holds], bound.v if bound.holds else None, number)
 

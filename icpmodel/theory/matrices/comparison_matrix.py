@@ -126,7 +126,7 @@ def layered(comparison: sp.csr_array) -> Vector | None:
     of ⟨A⟩v/a_ii is above 4. It is None as well where a row is not weakly dominant, or not joined to
     a strictly dominant one.
     """
-    from ...numerics.kernels.graph import layer_increments, layers
+    from ...numerics.kernels.graph import breadth_first_layers, layer_increments
 
     work.charge_matrices(comparison.nnz, 4)
     diagonal = comparison.diagonal()
@@ -137,7 +137,7 @@ def layered(comparison: sp.csr_array) -> Vector | None:
     if not (surplus >= 0).all() or not (surplus > 0).any():
         return None
     T = comparison if is_symmetric(comparison) else comparison.T.tocsr()
-    layer, order = layers(T.indptr, T.indices, T.data, surplus > 0)
+    layer, order = breadth_first_layers(T.indptr, T.indices, T.data, surplus > 0)
     if order.size < surplus.size:
         return None
     with np.errstate(over="ignore", invalid="ignore"):

@@ -12,7 +12,7 @@ from ...numerics import work
 from ...numerics.arrays import Vector, norm
 from ...numerics.factorisation import factorise, of_array
 from ...numerics.fill import SymbolicAnalysis, dense_cost
-from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, upper
+from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, product_upper_bound
 from ...numerics.sparse_structure import is_symmetric
 from ...numerics.threads import one_blas_thread
 
@@ -83,7 +83,7 @@ def largest_above(N: sp.csr_array) -> float:
             break
         # half of the old v keeps a bipartite T from swinging, the floor every entry positive
         v = np.maximum(0.5 * (v + w / largest), 1e-6)
-    return float((upper(T, v) / v).max()) * (1 + 8 * UNIT_ROUNDOFF) + T.nnz * SMALLEST / float(v.min())
+    return float((product_upper_bound(T, v) / v).max()) * (1 + 8 * UNIT_ROUNDOFF) + T.nnz * SMALLEST / float(v.min())
 
 
 def negative_direction(S: sp.csr_array) -> Vector | None:
@@ -183,4 +183,4 @@ def _distance_from_definite(S: sp.csr_array, c: float) -> float:
     size = abs(U) @ ones + abs(exact) @ ones
     terms = int(np.diff(L.indptr).max()) + 8
     defect = abs(sp.csr_array(U - exact)) @ ones + 2 * terms * UNIT_ROUNDOFF * size
-    return float(upper(abs(L), defect).max())
+    return float(product_upper_bound(abs(L), defect).max())

@@ -31,7 +31,7 @@ from ...numerics import work
 from ...numerics.arrays import Mask, Vector, row_of
 from ...numerics.equilibration import in_units, natural_exponents
 from ...numerics.rational import Rationals, as_witness, exact_sum, m_matrix, rationals
-from ...numerics.rounding import SMALLEST, lower, upper
+from ...numerics.rounding import SMALLEST, product_lower_bound, product_upper_bound
 from ..answers import Answer
 from .comparison_matrix import comparison_matrix, solve_for_diagonal
 
@@ -185,10 +185,10 @@ def _proves(S: sp.csr_array, y: Vector) -> bool | None:
     Entries of S may be off by the smallest float, and max(y) ≤ 1.
     """
     slack = np.diff(S.indptr) * SMALLEST
-    if (y > 0).all() and (lower(S, y) - slack > 0).all():
+    if (y > 0).all() and (product_lower_bound(S, y) - slack > 0).all():
         return True
     # where y_i = 0, row i has entries off the diagonal only
-    if (y >= 0).all() and y.any() and (np.where(y > 0, upper(S, y) + slack, 0.0) <= 0).all():
+    if (y >= 0).all() and y.any() and (np.where(y > 0, product_upper_bound(S, y) + slack, 0.0) <= 0).all():
         return False
     return None
 
