@@ -40,7 +40,7 @@ from ..problem.two_sided import sides_of
 from ..solve.driver import solve
 from ..solve.goal import RTOL
 from ..solve.solution import Solution, Status
-from ..theory.certificates.bounds import USERS_WORD, enforce_limits, perturbation_bound
+from ..theory.certificates.bounds import ASSUMED_PSI, enforce_limits, perturbation_bound
 from .direction import Direction
 from .gradient import Gradient
 from .tangent import Ties, tangent_problem
@@ -513,7 +513,7 @@ class Derivative(ReadOnly, Plottable):
         if self._tied_jumps.any():
             return f"two equally good jumps cannot be excluded in {_named(self._tied_jumps)}: {element}"
         smooth = " and continuously differentiable where z* may be"
-        word = USERS_WORD + smooth if self.problem.psi.calls_user_code else ""
+        word = ASSUMED_PSI + smooth if self.problem.psi.calls_user_code else ""
         return f"every row is proved to be at an obstacle or off it{word}"
 
     def __str__(self) -> str:

@@ -20,7 +20,7 @@ from ..numerics.rounding import SMALLEST, UNIT_ROUNDOFF, gamma
 from ..present.card import Card
 from ..present.display import Displayable
 from ..problem.two_sided import mid
-from ..theory.certificates.bounds import USERS_WORD, ErrorBound
+from ..theory.certificates.bounds import ASSUMED_PSI, ErrorBound
 from .distributed_icp import DistributedICP
 from .distributed_levels import DistributedLevels
 from .distributed_matrix import DistributedMatrix
@@ -115,7 +115,7 @@ def certify(problem: DistributedICP, z: Any, levels: DistributedLevels | None = 
     delta = here.bound(proof)
     value = largest(problem.comm, float(delta.max(initial=0.0)))[0]
     change = moved(problem, delta)
-    sentence = f"A is an H+-matrix ({proof[0]})" + (USERS_WORD if problem.calls_users else "")
+    sentence = f"A is an H+-matrix ({proof[0]})" + (ASSUMED_PSI if problem.calls_users else "")
     if _may_cross(problem, here, change):
         return here.certificate(ErrorBound.none("psi <= upper is not proved near z, where z* would be"))
     if not np.isfinite(value):

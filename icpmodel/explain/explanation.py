@@ -24,10 +24,10 @@ from ..solve.newton_josephy import NewtonJosephy
 from ..solve.outcome import why_none
 from ..solve.reduction import presolve
 from ..theory.answers import Allowance, Answer
-from ..theory.certificates.bounds import ErrorBound, bullet_list, error_bound, never_cross, shared_proofs
+from ..theory.certificates.bounds import ErrorBound, bullet_list, error_bound, obstacles_never_cross, shared_proofs
 from ..theory.convergence.proximal_point import proximal_point
-from ..theory.matrices.classes import NAMES, MatrixClasses
-from ..theory.nonuniqueness import known_of_solutions
+from ..theory.matrices.classes import CLASS_NAMES, MatrixClasses
+from ..theory.nonuniqueness import solution_facts
 from .advice import is_boxed, methods_for_f, what_to_do, what_to_do_about_f
 from .forecasts import Forecast, factor_text, forecasts_of, members, tie
 
@@ -106,7 +106,7 @@ class Explanation(Displayable):
         if self.bound.unique:
             solution = f"exists, and is the only one: {self.bound.proof}"
         else:
-            solution = "\n".join([solution, *known_of_solutions(self.problem, self.classes)])
+            solution = "\n".join([solution, *solution_facts(self.problem, self.classes)])
         f = self.problem.f
         return {
             "what to do": "\n".join(self._to_do()),
@@ -129,7 +129,7 @@ class Explanation(Displayable):
         """
         return {title.replace(" ", "_"): text.splitlines() for title, text in self.sections().items()} | {
             "n": self.problem.n,
-            "classes": {name: _plain(getattr(self.classes, name)) for name in NAMES},
+            "classes": {name: _plain(getattr(self.classes, name)) for name in CLASS_NAMES},
             "unique": self.bound.unique or None,
             "accuracy": self.accuracy,
             "methods": [
@@ -171,7 +171,7 @@ class Explanation(Displayable):
             )
             yield f"steps: in exact arithmetic, from z = 0 until no entry of z is off by more than {self.accuracy:g}"
         proved = any(one.proved_by for one in self.forecasts)
-        if proved and not self.bound.unique and not never_cross(self.problem.psi):
+        if proved and not self.bound.unique and not obstacles_never_cross(self.problem.psi):
             yield (
                 "the obstacles may cross for some z: the point that a method is proved to converge to is the solution "
                 "if psi <= upper there, and else there is none"

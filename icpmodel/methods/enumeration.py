@@ -17,7 +17,7 @@ from ..theory.solution_set import ExactRows
 from .contract import Infeasible, Iterate, Method, with_options
 
 #: problems with more choices are refused: n = 14 with one obstacle in every row
-MOST_CHOICES = 2**14
+MAX_CHOICES = 2**14
 #: how often an obstacle that is not affine is linearised anew
 MAX_LINEARISATIONS = 20
 
@@ -53,7 +53,7 @@ class Enumerate(Method):
         if (reason := problem.psi.no_derivative()) is not None:
             return reason
         count = piece_count(problem)
-        return f"there are {count:.3g} choices; at most {MOST_CHOICES} are tried" if count > MOST_CHOICES else None
+        return f"there are {count:.3g} choices; at most {MAX_CHOICES} are tried" if count > MAX_CHOICES else None
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         yield z, None

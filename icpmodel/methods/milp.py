@@ -20,7 +20,7 @@ from .contract import Iterate, Method, with_options
 from .enumeration import MAX_LINEARISATIONS
 
 #: problems with more unknowns are refused
-LARGEST = 150
+MAX_UNKNOWNS = 150
 #: bounds on p and r that are tried in turn, in units of the largest entry of q, c and d; beyond the second one the
 #: tolerance of HiGHS, 1e-6 for y, leaves p and r too much room
 BOUNDS = (1e2, 1e4)
@@ -68,8 +68,8 @@ class MixedInteger(Method):
     def why_not(self, problem: ProblemData) -> str | None:
         if (reason := problem.psi.no_derivative()) is not None:
             return reason
-        if problem.n > LARGEST:
-            return f"branch and bound may take minutes beyond n = {LARGEST}; this n is {problem.n}"
+        if problem.n > MAX_UNKNOWNS:
+            return f"branch and bound may take minutes beyond n = {MAX_UNKNOWNS}; this n is {problem.n}"
         return None
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:

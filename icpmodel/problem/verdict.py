@@ -77,11 +77,13 @@ def certain_rows(
     same of what is `above`. `weights`, shape (n,), take the place of those of Res_D: with ones it is Res of the paper.
     `left`[i] is added to `Q`[i], whose rounding error it is.
     """
-    from .kernels.residual import raised  # loads numba
+    from .kernels.residual import raise_to_bounds  # loads numba
 
     upper = None if psi.upper is None or above is None else _side(psi.upper, above)
     weights = read_only(matrix.row_weights if weights is None else weights)
-    raised(*_entries(matrix), weights, read_only(Q), *_side(psi, C), read_only(Z), tolerances, residuals, upper, left)
+    raise_to_bounds(
+        *_entries(matrix), weights, read_only(Q), *_side(psi, C), read_only(Z), tolerances, residuals, upper, left
+    )
 
 
 def certain_rows_of_each(
@@ -96,12 +98,12 @@ def certain_rows_of_each(
     above: Rows | None = None,
 ) -> None:
     """`certain_rows` for rows with a matrix `A`[i] and `weights`[i] each."""
-    from .kernels.residual import raised_each  # loads numba
+    from .kernels.residual import raise_each_to_bounds  # loads numba
 
     k, n = Q.shape
     data, weights, Q = read_only((A.reshape(k, n * n), weights, Q))
     upper = None if psi.upper is None or above is None else _side(psi.upper, above)
-    raised_each(*_full(n), data, weights, Q, *_side(psi, C), read_only(Z), tolerances, residuals, upper)
+    raise_each_to_bounds(*_full(n), data, weights, Q, *_side(psi, C), read_only(Z), tolerances, residuals, upper)
 
 
 def _entries(matrix: Matrix) -> tuple[Any, Any, Any]:

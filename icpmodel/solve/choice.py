@@ -15,7 +15,7 @@ from ..methods.aor import MNMAOR, MNMGS
 from ..methods.contract import Method
 from ..methods.factorised import MNMMOD
 from ..methods.interior import Interior
-from ..methods.milp import LARGEST
+from ..methods.milp import MAX_UNKNOWNS
 from ..methods.multilevel import Multilevel
 from ..methods.newton import Newton
 from ..methods.proximal import Proximal
@@ -276,7 +276,7 @@ class Ladder:
         """The method that runs next; None if none is left or the ladder is paused."""
         self.is_paused = False
         while not self.is_paused:
-            if not self.rungs and self.family is None and self.problem.n <= LARGEST:
+            if not self.rungs and self.family is None and self.problem.n <= MAX_UNKNOWNS:
                 self.jobs = [job for job in self.jobs if job.spent < job.most]
             least = min(self.jobs, key=lambda job: job.remaining, default=None)
             if not self.rungs or (least is not None and least.remaining <= self.floor):

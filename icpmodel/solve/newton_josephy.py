@@ -14,7 +14,7 @@ from ..algebra.equations import Pattern, pattern_at
 from ..algebra.secants import secant_problem, why_not_rows
 from ..errors import MapError
 from ..methods.contract import Iterate, LeastValue, Method, with_options
-from ..methods.milp import LARGEST
+from ..methods.milp import MAX_UNKNOWNS
 from ..methods.newton import NewtonPath, NewtonPoint
 from ..methods.restarts import scale_of_starts, start_above
 from ..numerics import work
@@ -94,7 +94,7 @@ class NewtonJosephy(Method):
             point = NewtonPoint(problem, problem.matrix.weights, z)
         yield z, point.residual
         search = _Search(problem, z, self.inner_family)
-        tries = _MAX_RESTARTS if problem.n <= LARGEST else 0
+        tries = _MAX_RESTARTS if problem.n <= MAX_UNKNOWNS else 0
         for left in range(tries, -1, -1):
             for point in search.steps():
                 yield point.z, point.residual

@@ -25,7 +25,7 @@ from ..theory.answers import Answer
 from ..theory.certificates.bounds import ErrorBound, enforce_limits, error_bound, shared_proofs
 from ..theory.certificates.certificate import NOT_COMPUTED, ActiveSet, Certificate, active_set, certify
 from ..theory.certificates.contradiction import Contradiction, contradiction
-from ..theory.nonuniqueness import known_of_solutions
+from ..theory.nonuniqueness import solution_facts
 from .goal import Goal
 
 
@@ -463,7 +463,7 @@ class Solution(ReadOnly, Plottable):
             rows["rows"] = rows_known
         if self.solved and not bound.unique:
             with suppress(IcpError, MemoryError), enforce_limits(self.time_limit, self.memory_limit):
-                if known := list(known_of_solutions(self.problem, shared_proofs(self.problem).classes, self.z)):
+                if known := list(solution_facts(self.problem, shared_proofs(self.problem).classes, self.z)):
                     rows["solutions"] = "\n".join(known)
         if not self.solved:
             rows["message"] = self.message

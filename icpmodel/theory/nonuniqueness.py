@@ -32,7 +32,7 @@ _MAX_PIECES = 2**9
 _MAX_UNKNOWNS = 20
 
 
-def known_of_solutions(problem: ProblemData, classes: MatrixClasses, z: Vector | None = None) -> Iterator[str]:
+def solution_facts(problem: ProblemData, classes: MatrixClasses, z: Vector | None = None) -> Iterator[str]:
     """Sentences on all solutions of `problem`, and on those next to the solution `z`, where it is given.
 
     Parameters
@@ -52,9 +52,7 @@ def known_of_solutions(problem: ProblemData, classes: MatrixClasses, z: Vector |
     Examples
     --------
     >>> problem = ICP([[1, 1], [1, 1]], [-2, -2])
-    >>> for sentence in known_of_solutions(
-    ...     problem, icp.theory.classify(problem.A), np.ones(2)
-    ... ):
+    >>> for sentence in solution_facts(problem, icp.theory.classify(problem.A), np.ones(2)):
     ...     print(sentence)
     p = Az + q is the same in all solutions: A is symmetric and positive semidefinite
     z may move along (-1, 1) without leaving the solutions, as far as no sign changes

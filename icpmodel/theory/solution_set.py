@@ -24,7 +24,7 @@ from ..present.display import Displayable
 from ..problem.data import ProblemData, ProblemLike, as_problem
 
 #: problems with more pieces are refused: 2¹⁸ take half a minute
-MOST_PIECES = 2**18
+MAX_PIECES = 2**18
 
 Rational = list[Fraction]
 
@@ -259,9 +259,9 @@ def all_solutions(problem: ProblemLike, *, time_limit: float | None = None) -> S
         as_number(time_limit, "time_limit", least=0)
     exact = ExactRows(problem)
     count = piece_count(problem)
-    if count > MOST_PIECES:
+    if count > MAX_PIECES:
         raise NotApplicable(
-            f"problem has {count:.3g} linear pieces; at most {MOST_PIECES} are examined: solve() finds one solution"
+            f"problem has {count:.3g} linear pieces; at most {MAX_PIECES} are examined: solve() finds one solution"
         )
     rows = LinearRows.of(problem, np.zeros(problem.n))
     candidates: list[tuple[Any, _ExactSolutions]] = []

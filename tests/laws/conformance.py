@@ -6,7 +6,7 @@ To check a method of your own, add it to METHODS.
 import icpmodel as icp
 from icpmodel import scenes
 from icpmodel.algebra.linear_rows import piece_count
-from icpmodel.methods.enumeration import MOST_CHOICES
+from icpmodel.methods.enumeration import MAX_CHOICES
 from icpmodel.methods.shortcuts import Lemke
 
 #: a method that is a special case of another by default is given options of its own
@@ -52,7 +52,7 @@ NONLINEAR = [name for name, scene in SCENES.items() if scene.problem.f is not No
 WITH_Z = [name for name, scene in SCENES.items() if name not in NONLINEAR and scene.z_exact is not None]
 
 #: scenes of more linear pieces than are enumerated
-MANY_PIECES = [name for name, scene in SCENES.items() if piece_count(scene.problem) > MOST_CHOICES]
+MANY_PIECES = [name for name, scene in SCENES.items() if piece_count(scene.problem) > MAX_CHOICES]
 
 _CYCLIC = "P but not H+: overrelaxed or not, the sweeps turn in a circle (theory of the 3 x 3 cyclic P-matrix)"
 _COUPLED = "rho(D^-1|B| + G) = 1.8: splittings that add both couplings fail, those that take their maximum do not"

@@ -80,7 +80,7 @@ def test_units_of_rows_hide_no_proof_that_there_is_no_solution():
     for unit in 2.0 ** np.array([-80, 0, 80]):  # of a row of zeros, beside which the others are all, or nothing
         by_zeros = icp.ICP([[0, 0], [-4, -4]], [-4 * unit, 0], [-4, 0])
         assert by_zeros.solve("josephy", raise_on_failure=False).status is icp.Status.INFEASIBLE
-        assert icp.contradiction(icp.ICP([[0, 0], [0, -1]], [unit, -1])).by == 1.0
+        assert icp.contradiction(icp.ICP([[0, 0], [0, -1]], [unit, -1])).violation == 1.0
 
 
 def test_where_all_methods_creep_the_search_begins_in_all_units():

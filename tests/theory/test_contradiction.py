@@ -63,7 +63,7 @@ def test_the_set_contradicts_itself_and_no_part_of_it_does(problem):
     if found.change is not None:
         largest = np.abs(problem.dense()).max(axis=1)
         units = np.abs(found.change) / np.where(largest > 0, largest, 1.0)
-        assert units.max() == pytest.approx(found.by)
+        assert units.max() == pytest.approx(found.violation)
         nearer = inequalities(problem.with_q(problem.q + found.change))
         assert can_be_met([(row, side - 1e-9) for row, side in nearer.values()])
 
@@ -97,7 +97,7 @@ def test_a_run_that_stagnates_on_a_contradiction_ends_with_its_proof():
     solution = attempt(problem, "newton", max_iter=50)
     assert solution.status is icp.Status.INFEASIBLE
     assert solution.infeasible.holds
-    assert replace(solution).contradiction.by == pytest.approx(5e-6)
+    assert replace(solution).contradiction.violation == pytest.approx(5e-6)
 
 
 def test_an_entry_that_underflows_in_the_units_of_a_proof_still_counts():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import icpmodel as icp
-from icpmodel.theory.nonuniqueness import face_at, known_of_solutions
+from icpmodel.theory.nonuniqueness import face_at, solution_facts
 
 SEGMENT = icp.ICP([[1.0, 1.0], [1.0, 1.0]], [-2.0, -2.0])
 SKEW = icp.ICP([[0.0, 1.0], [-1.0, 0.0]], [0.0, 0.0])
@@ -47,7 +47,7 @@ def test_it_holds_for_all_solutions(seed):
     found = icp.all_solutions(problem)
     classes = icp.theory.classify(A)
     ends = [*found.points, *(one.point for one in found.faces), point]
-    (first, *_) = known_of_solutions(problem, classes)
+    (first, *_) = solution_facts(problem, classes)
     same = A if first.startswith("p =") else A + A.T
     assert np.ptp([same @ end for end in ends], axis=0).max() < 1e-12
     face = face_at(problem, point.astype(float))

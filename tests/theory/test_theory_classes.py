@@ -165,7 +165,7 @@ class TestAgainstBruteForce:
         rng = np.random.default_rng(4)
         K = rng.normal(size=(14, 14))
         assert p_matrix((np.eye(14) + K - K.T) @ np.diag(rng.random(14) + 0.1)).holds is True
-        for n in (6, 13, pmatrix.LIMIT - 6):
+        for n in (6, 13, pmatrix.MAX_BLOCK_SIZE - 6):
             A = np.eye(n) + (-1) ** n * 1.001 * np.roll(np.eye(n), 1, axis=1)
             assert p_matrix(A).witness.tolist() == list(range(n))
             A[0, 1] *= -1
@@ -188,7 +188,7 @@ class TestInvariance:
                 assert minor(scaled, b.p.witness) <= 0
 
     def test_block_triangular_matrices_are_decided_block_by_block(self):
-        """Beyond LIMIT rows, with huge entries between the blocks, in a random order."""
+        """Beyond MAX_BLOCK_SIZE rows, with huge entries between the blocks, in a random order."""
         rng = np.random.default_rng(7)
         n = 3 * 15
         A = np.kron(np.eye(15), np.array(CYCLE, dtype=float)) + np.triu(1e9 * rng.random((n, n)), 3) * (
@@ -233,7 +233,7 @@ class TestSoundness:
             check(A, complete=False)
 
     def test_beyond_the_exact_test_the_answer_is_unknown_and_says_so(self):
-        n = pmatrix.LIMIT + 5
+        n = pmatrix.MAX_BLOCK_SIZE + 5
         rng = np.random.default_rng(10)
         K = rng.normal(size=(n, n))
         # D1 (I + K) D2 is P, neither H+ nor definite

@@ -98,30 +98,30 @@ def weighted(weight, value, error):
 
 
 @inlined
-def unknown(value, error):
+def is_undefined(value, error):
     # what overflowed on the way is infinite, and so is the bound on its error: their difference is no number
     return math.isnan(value - error) or math.isnan(value + error)
 
 
 @inlined
-def worst(of_p, of_r, of_s):
+def largest_median(of_p, of_r, of_s):
     # the largest |median of p, r and s <= r| that (value, bound on its error) of all three leave possible, and of r and
     # s themselves where these may cross; without an upper obstacle s is -inf, and that is |min(p, r)|
     (p, rounding_p) = of_p
     (r, rounding_r) = of_r
-    (s, for_s) = of_s
-    if unknown(p, rounding_p) or unknown(r, rounding_r) or unknown(s, for_s):
+    (s, rounding_s) = of_s
+    if is_undefined(p, rounding_p) or is_undefined(r, rounding_r) or is_undefined(s, rounding_s):
         return np.inf
-    low = max(s - for_s, min(p - rounding_p, r - rounding_r))
-    high = max(s + for_s, min(p + rounding_p, r + rounding_r))
+    low = max(s - rounding_s, min(p - rounding_p, r - rounding_r))
+    high = max(s + rounding_s, min(p + rounding_p, r + rounding_r))
     size = max(abs(low), abs(high))
-    if s + for_s > r - rounding_r:
-        size = max(size, abs(r) + rounding_r, abs(s) + for_s)
+    if s + rounding_s > r - rounding_r:
+        size = max(size, abs(r) + rounding_r, abs(s) + rounding_s)
     return size
 
 
 @partial(compiled, exact=True)
-def raised(
+def raise_to_bounds(
     indptr, indices, data, weights, Q, G_indptr, G_indices, G_data, C, known, Z, tolerances, residuals, upper, left
 ):
     # residuals within their tolerances become bounds of the exact ones where rounding could lift these above them. Row
@@ -144,7 +144,7 @@ def raised(
             of_s = -np.inf, 0.0
             if upper is not None:
                 of_s = gap(i, upper[0], upper[1], upper[2], upper[3][row], upper[4], z)
-            size = worst(of_p, of_r, of_s)
+            size = largest_median(of_p, of_r, of_s)
             if size > scale:
                 squares = 1.0 + squares * (scale / size) ** 2
                 scale = size
@@ -157,13 +157,15 @@ def raised(
 
 
 @partial(compiled, exact=True)
-def raised_each(indptr, indices, A, weights, Q, G_indptr, G_indices, G_data, C, known, Z, tolerances, residuals, upper):
+def raise_each_to_bounds(
+    indptr, indices, A, weights, Q, G_indptr, G_indices, G_data, C, known, Z, tolerances, residuals, upper
+):
     # the same where each row has a dense matrix of its own
     for k in range(Q.shape[0]):
         one = slice(k, k + 1)
         of_row = Q[one], G_indptr, G_indices, G_data, C[one], known, Z[one], tolerances[one], residuals[one]
         if upper is None:
-            raised(indptr, indices, A[k], weights[k], *of_row, None, None)
+            raise_to_bounds(indptr, indices, A[k], weights[k], *of_row, None, None)
         else:
             above = upper[0], upper[1], upper[2], upper[3][one], upper[4]
-            raised(indptr, indices, A[k], weights[k], *of_row, above, None)
+            raise_to_bounds(indptr, indices, A[k], weights[k], *of_row, above, None)

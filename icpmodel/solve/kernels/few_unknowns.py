@@ -11,7 +11,7 @@ from ...algebra.kernels.balancing import scale
 from ...algebra.kernels.batched_lcps import many
 from ...numerics.kernels import compiled
 from ...numerics.rounding import SMALLEST
-from ...problem.kernels.residual import raised
+from ...problem.kernels.residual import raise_to_bounds
 
 #: squares of norms from here to its reciprocal do not over- or underflow; smaller rows count as empty
 _MIN_SAFE_SQUARE = 1e-280
@@ -66,5 +66,5 @@ def solve_few(M, q, c, rtol, limit):
     for k in range(n * n):
         indices[k] = k % n
     none = np.zeros(n + 1, np.int32), np.empty(0, np.int32), np.empty(0)
-    raised(indptr, indices, M.reshape(-1), weights, Q, *none, C, 0.0, Z, tolerance, residual, None, None)
+    raise_to_bounds(indptr, indices, M.reshape(-1), weights, Q, *none, C, 0.0, Z, tolerance, residual, None, None)
     return z, residual[0], tolerance[0]

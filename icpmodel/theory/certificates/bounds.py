@@ -41,16 +41,16 @@ from .proof import Proof, norm_up
 from .slopes import proofs_by_slopes
 from .supersolution import prove as prove_supersolution
 
-#: bounds for matrices with up to so many entries are always sharpened: that takes a few milliseconds
+#: the largest number of entries of a matrix whose bounds are always sharpened: that takes a few milliseconds
 _SHARPEN_MAX_NNZ = 10_000
 #: no further point ẑ is tried once δ(ẑ) is this share of |z − ẑ|: the bound is then good to 2 per cent
 _NEGLIGIBLE = 0.02
 #: the default work limit of a bound, in counted nanoseconds
 DEFAULT_WORK = 60e9
 #: added to the sentence of a proof that relies on a user's Lipschitz constants of ψ
-USERS_WORD = ", given that psi is what the user says"
+ASSUMED_PSI = ", given that psi is what the user says"
 #: added where it relies on a user's slopes of f
-_USERS_WORD_ON_F = ", given that f has the slopes that the user says"
+_ASSUMED_F = ", given that f has the slopes that the user says"
 #: the largest number of points ẑ
 _MAX_POINTS = 8
 
@@ -122,7 +122,7 @@ class ErrorBound(ReadOnly, Displayable):
         str
             One line, or one for each reason where there is no bound.
         """
-        assumption = "".join(word for word in (USERS_WORD, _USERS_WORD_ON_F) if word in self.proof)
+        assumption = "".join(word for word in (ASSUMED_PSI, _ASSUMED_F) if word in self.proof)
         if self.value is not None:
             goal = "" if accuracy is None else f" ({accuracy:g} was asked for)"
             size = rounded_up(self.value, below=math.inf if accuracy is None else accuracy)
@@ -264,8 +264,8 @@ def _bound(problem: ProblemData, z: Vector, sharp: bool | None) -> ErrorBound:
         elif sharp is None and isinstance(proof, HPlusProof):
             points = points_near(problem, z, proof, float(delta.max()))
         delta, euclidean = sharpened(problem, z, proof, points, delta, euclidean)
-        sentence = proof.sentence + (USERS_WORD if problem.psi.calls_user_code else "")
-        sentence += _USERS_WORD_ON_F if problem.f is not None else ""
+        sentence = proof.sentence + (ASSUMED_PSI if problem.psi.calls_user_code else "")
+        sentence += _ASSUMED_F if problem.f is not None else ""
         if (row := possible_crossing(problem, z, delta)) is not None:
             reason = (
                 f"psi <= upper is not proved within {rounded_up(float(delta.max()))} of z, where z* would be: row {row}"
@@ -303,7 +303,7 @@ def lipschitz_violation(problem: ProblemData, z: Vector) -> str:
     return ""
 
 
-def never_cross(psi: Map) -> bool:
+def obstacles_never_cross(psi: Map) -> bool:
     """Whether ψ ≤ ψ̄ at every z: there is no ψ̄, or the two obstacles differ by a constant."""
     return not isinstance(psi, TwoSidedObstacle) or psi.parallel
 
@@ -315,23 +315,23 @@ def possible_crossing(problem: ProblemData, z: Vector, delta: Vector) -> int | N
     """
     psi = problem.psi
     above = problem.r_upper(z)
-    if above is None or never_cross(psi):
+    if above is None or obstacles_never_cross(psi):
         return None
     below = problem.r(z)
     change = psi.change(delta)
-    for_r = problem.rounding(z)[1]
+    rounding_r = problem.rounding(z)[1]
     with np.errstate(over="ignore", invalid="ignore"):
         safe = np.isinf(below) | np.isinf(above)
         if change is not None:
-            safe |= below - above > (2.0 * change + 2.0 * for_r) * (1 + 8 * UNIT_ROUNDOFF)
+            safe |= below - above > (2.0 * change + 2.0 * rounding_r) * (1 + 8 * UNIT_ROUNDOFF)
     return None if safe.all() else int(np.argmin(safe))
 
 
-def perturbation_bound(problem: ProblemData, z: Vector, for_p: Vector, for_r: Vector) -> float | None:
-    """A bound on max|z − z*| if p(z) and r(z) are known up to `for_p` and `for_r`; None if there is no proof."""
+def perturbation_bound(problem: ProblemData, z: Vector, rounding_p: Vector, rounding_r: Vector) -> float | None:
+    """A bound on max|z − z*| if p(z) and r(z) are wrong by at most the other two; None if there is no proof."""
     for proof in shared_proofs(problem).candidates(problem):
         if not isinstance(proof, str):
-            largest = float(proof.bound(problem, z, for_p, for_r)[0].max())
+            largest = float(proof.bound(problem, z, rounding_p, rounding_r)[0].max())
             return largest if np.isfinite(largest) else None
     return None
 

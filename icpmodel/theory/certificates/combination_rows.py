@@ -15,9 +15,9 @@ from ...problem.data import ProblemData
 
 #: what is smaller than this share of the largest entry of a computed y counts as zero
 ZERO = 1e-9
-#: a direction is tried as a proof if what is wrong with it is so small a share of what it shows, and a tenth each time;
-#: and so far from it a proof may be, as a share of its largest entry
-SHOWN = 1e-5
+#: the largest misfit of a direction that is tried as a proof, as a share of its value, and a tenth each time; and the
+#: largest distance of a proof from it, as a share of its largest entry
+MAX_MISFIT = 1e-5
 
 
 @dataclass(frozen=True, eq=False)

@@ -51,8 +51,8 @@ class Contradiction(ReadOnly, Displayable):
     conditions : tuple of str
         Each of them in words, in the same order.
     weights : ndarray, shape (k,)
-        Positive weights; the weighted sum of the conditions says 0 ≥ `by`.
-    by : float
+        Positive weights; the weighted sum of the conditions says 0 ≥ `violation`.
+    violation : float
         The least s such that |dq_i|/d_i ≤ s for some q + dq with p ≥ 0 and r ≥ 0 at some z. d is as in
         `ICP.residual`, and 1 where row i of A is 0. It is inf where the obstacles alone contradict each other.
     change : ndarray or None, shape (n,)
@@ -69,12 +69,12 @@ class Contradiction(ReadOnly, Displayable):
     rows: NDArray[np.intp]
     conditions: tuple[str, ...]
     weights: Vector
-    by: float
+    violation: float
     change: Vector | None
     proof: Answer = field(repr=False)
 
     def __str__(self) -> str:
-        how = "infeasible by its obstacles alone" if self.by == np.inf else f"infeasible by {self.by:.3g}"
+        how = "infeasible by its obstacles alone" if self.violation == np.inf else f"infeasible by {self.violation:.3g}"
         return f"{how}: {', '.join(self.conditions)}"
 
     def named(self, name: Callable[[int], str]) -> Contradiction:
@@ -130,7 +130,7 @@ def contradiction(problem: ProblemLike) -> Contradiction | None:
     Examples
     --------
     >>> conflict = icp.contradiction(ICP([[0, -1], [1, 0]], [1, -1.5], upper=[1, np.inf]))
-    >>> conflict.rows, conflict.by, conflict.change
+    >>> conflict.rows, conflict.violation, conflict.change
     (array([1, 0]), 0.5, array([0. , 0.5]))
     """
     problem = as_problem(problem)
@@ -148,15 +148,15 @@ def contradiction(problem: ProblemLike) -> Contradiction | None:
     conditions = {_condition(i // n, i % n, weight > 0): weight for i, weight in exact.items()}
     conditions |= {_condition(1, j, entry < 0): entry for j, entry in columns.items()}
     change = None
-    by = np.inf
+    violation = np.inf
     if sizes := [abs(weight) / Fraction(float(minimum.conditions.units[i])) for i, weight in exact.items() if i < n]:
-        by = nearest(-total / sum(sizes))
+        violation = nearest(-total / sum(sizes))
         change = minimum.change(problem)
     contradictory = Contradiction(
         rows=np.array([*(i % n for i in exact), *columns], dtype=np.intp),
         conditions=tuple(conditions),
         weights=np.array([nearest(abs(weight)) for weight in conditions.values()]),
-        by=by,
+        violation=violation,
         change=change,
         proof=answer_of(rows, exact, total),
     )
@@ -230,7 +230,7 @@ class _Conditions(NamedTuple):
         y = self._multipliers(scale, -result.ineqlin.marginals)
         return _Minimum(self, unit * result.x[:n], y, unit * float(result.fun))
 
-    def broken_by_zeros(self, q: Vector) -> _Minimum | None:
+    def violation_of_empty_rows(self, q: Vector) -> _Minimum | None:
         """The largest violation by `q` in the rows of A that are 0; None where there is none.
 
         The linear program is without them: in the units of q_i the ends of z may be as good as 0, or q_i beside them.
@@ -301,7 +301,7 @@ def _least_violation(problem: ProblemData, margin: float = 0.0) -> _Minimum | No
     if minimum is None and units.size > n:
         minimum = _Conditions.of(rows, units, ~of_p).minimise(~of_p)
     else:
-        of_zeros = conditions.broken_by_zeros(np.where(empty, problem.q, 0.0))
+        of_zeros = conditions.violation_of_empty_rows(np.where(empty, problem.q, 0.0))
         if of_zeros and (margin or minimum is None or of_zeros.value > minimum.value):
             minimum = of_zeros
     return minimum if minimum is not None and (margin or minimum.value > 0.0) else None

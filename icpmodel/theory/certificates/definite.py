@@ -61,10 +61,10 @@ from ..matrices.eigenvalue import definite_factors, in_storage, is_dense, larges
 from .proof import Proof, no_lipschitz, norm_up
 
 #: up to here the factorisations take a second on a two-dimensional grid, but half a minute on a three-dimensional one
-LARGEST = 50_000
+MAX_UNKNOWNS = 50_000
 _MAX_PRODUCTS = 2_000_000  #: products in AᵀB where B is not I; it has no more entries
 #: the row takes u = p where p < θr, in scaled units
-_SPLITS = (0.25, 1.0)
+_SPLIT_RATIOS = (0.25, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,18 +90,25 @@ class DefiniteProof(Proof):
 
     needs_sharpening = True  # δ knows the Euclidean norm of the error only
 
-    def bound(self, problem: ProblemData, z: Vector, for_p: Vector, for_r: Vector) -> tuple[Vector, float]:
+    def bound(self, problem: ProblemData, z: Vector, rounding_p: Vector, rounding_r: Vector) -> tuple[Vector, float]:
         with np.errstate(over="ignore", invalid="ignore", under="ignore"), one_blas_thread():
             p, r, sign, room = _reflected(problem, z)
             scaled = np.ldexp(p, self.exponent), np.ldexp(r, self.exponent_r)
-            arguments = p, r, sign, for_p, for_r, room >= for_r
-            roots = (self._root(*arguments, scaled[0] < theta * scaled[1]) for theta in _SPLITS)
+            arguments = p, r, sign, rounding_p, rounding_r, room >= rounding_r
+            roots = (self._root(*arguments, scaled[0] < theta * scaled[1]) for theta in _SPLIT_RATIOS)
             deltas = [np.nextafter(np.ldexp(np.full(z.size, t), self.exponent + size), np.inf) for t, size in roots]
             delta = min(deltas, key=lambda delta: float(np.nan_to_num(delta.max(), nan=np.inf)))
         return delta, float(delta.max())
 
     def _root(
-        self, p: Vector, r: Vector, sign: Any, for_p: Vector, for_r: Vector, holds: np.ndarray, balance: np.ndarray
+        self,
+        p: Vector,
+        r: Vector,
+        sign: Any,
+        rounding_p: Vector,
+        rounding_r: Vector,
+        holds: np.ndarray,
+        balance: np.ndarray,
     ) -> tuple[float, int]:
         """t and an exponent e: 2^e·t is the larger root of the quadratic, rounded up.
 
@@ -112,34 +119,38 @@ class DefiniteProof(Proof):
         u = sign * np.where(balance, p, np.minimum(p, 0.0))
         w = sign * np.where(balance, np.minimum(r, 0.0), r)
         # min(x, 0) = 0 for certain where x exceeds its error
-        for_u = np.where(~balance & (p > for_p), 0.0, for_p)
-        for_w = np.where(balance & holds, 0.0, for_r)
+        error_u = np.where(~balance & (p > rounding_p), 0.0, rounding_p)
+        error_w = np.where(balance & holds, 0.0, rounding_r)
         u = np.ldexp(u, self.exponent)
-        for_u = np.ldexp(for_u, self.exponent) + SMALLEST
+        error_u = np.ldexp(error_u, self.exponent) + SMALLEST
         w = np.ldexp(w, self.exponent_r)
-        for_w = np.ldexp(for_w, self.exponent_r) + SMALLEST
-        size = int(np.frexp(max((np.abs(u) + for_u).max(), (np.abs(w) + for_w).max()))[1])
-        u, for_u, w, for_w = (np.ldexp(x, -size) for x in (u, for_u, w, for_w))
-        for_u += 2 * SMALLEST
-        for_w += 2 * SMALLEST
-        return self._larger_root(u, for_u, w, for_w), size
+        error_w = np.ldexp(error_w, self.exponent_r) + SMALLEST
+        size = int(np.frexp(max((np.abs(u) + error_u).max(), (np.abs(w) + error_w).max()))[1])
+        u, error_u, w, error_w = (np.ldexp(x, -size) for x in (u, error_u, w, error_w))
+        error_u += 2 * SMALLEST
+        error_w += 2 * SMALLEST
+        return self._larger_root(u, error_u, w, error_w), size
 
-    def _larger_root(self, u: Vector, for_u: Vector, w: Vector, for_w: Vector) -> float:
-        """The larger root of the quadratic, rounded up, with u and w known to `for_u` and `for_w`.
+    def _larger_root(self, u: Vector, error_u: Vector, w: Vector, error_w: Vector) -> float:
+        """The larger root of the quadratic, rounded up, with u and w known to `error_u` and `error_w`.
 
         Bᵀu + Aᵀw of k terms is wrong by at most |B|ᵀδu + |A|ᵀδw + γ_k(|B|ᵀ|u| + |A|ᵀ|w|), and a sum of k numbers ≥ 0
         is at most 1 + γ_k times what is computed (Higham, 2002, section 3.1).
         """
-        U = np.abs(u) + for_u
-        W = np.abs(w) + for_w
-        of_A, of_B, _ = self.sizes
+        U = np.abs(u) + error_u
+        W = np.abs(w) + error_w
+        abs_A, abs_B, _ = self.sizes
         terms = terms_of(self.A) + terms_of(self.B) + 4
         rounding = 2 * UNIT_ROUNDOFF * terms
-        error = (1 + rounding) * (of_B @ for_u + of_A @ for_w) + rounding * (of_B @ U + of_A @ W) + 4 * terms * SMALLEST
+        error = (
+            (1 + rounding) * (abs_B @ error_u + abs_A @ error_w)
+            + rounding * (abs_B @ U + abs_A @ W)
+            + 4 * terms * SMALLEST
+        )
         b = self._dual(self.B @ u + self.A @ w) + norm_up(error)
         if self.L.nnz:
             b += norm_up(product_upper_bound(self.L, U))
-        errors = float(np.sum(U * for_w + W * for_u)) + (u.size + 4) * UNIT_ROUNDOFF * float(np.sum(U * W))
+        errors = float(np.sum(U * error_w + W * error_u)) + (u.size + 4) * UNIT_ROUNDOFF * float(np.sum(U * W))
         product = float(u @ w) - 2 * errors - 4 * u.size * SMALLEST
         square = b * b
         rest = 4 * self.gap * product
@@ -166,7 +177,7 @@ def prove(matrix: Matrix, psi: Map) -> DefiniteProof | str:
     """λ by factorisations of the symmetric part of AᵀB, κ by the power method; both are proved bounds."""
     A = matrix.sparse
     n = matrix.n
-    fits = is_dense(A)
+    is_full = is_dense(A)
     if not (positive := positive_diagonal(A)).holds:
         return f"A is not positive definite: {positive.reason}"
     if psi.lipschitz is None:
@@ -174,7 +185,7 @@ def prove(matrix: Matrix, psi: Map) -> DefiniteProof | str:
     B, L = _slopes(psi, n)
     products = int(np.diff(A.indptr) @ (np.diff(B.indptr) + np.diff(L.indptr)))
     coupled = (sp.eye_array(n) != B).nnz > 0
-    if (n > LARGEST and not fits) or (products > _MAX_PRODUCTS and (coupled or L.nnz)):
+    if (n > MAX_UNKNOWNS and not is_full) or (products > _MAX_PRODUCTS and (coupled or L.nnz)):
         return f"A is not tested for definiteness: with n = {n} and {A.nnz} entries it is too large to be factorised"
     work.charge_matrices(products, 12)
     A = in_storage(A)
@@ -223,8 +234,8 @@ def _proof(
     )
     Bt = sp.csr_array(B.T)
     Lt = sp.csr_array(L.T)
-    of_A = abs(At)
-    sizes = of_A, abs(Bt), of_A if At is H else abs(H)
+    abs_A = abs(At)
+    sizes = abs_A, abs(Bt), abs_A if At is H else abs(H)
     return DefiniteProof(sentence, smallest, gap, exponent, exponent_r, At, Bt, Lt, H, slack, factors, sizes)
 
 

@@ -21,7 +21,7 @@ from ..solution_set import ExactRows, listed, plausible
 from .proof import Proof, norm_up
 
 #: linear pieces up to which all are examined, in floats first: 2¹² take a tenth of a second
-LARGEST = 2**12
+MAX_PIECES = 2**12
 #: pieces that are solved in fractions, a few milliseconds each
 _MAX_EXACT_PIECES = 200
 
@@ -43,8 +43,8 @@ class EnumeratedProof(Proof):
 def prove(problem: ProblemData) -> EnumeratedProof | str:
     """All pieces are examined; it depends on q as well."""
     count = piece_count(problem)
-    if count > LARGEST:
-        return f"there are {count:.3g} linear pieces, which are examined up to {LARGEST}"
+    if count > MAX_PIECES:
+        return f"there are {count:.3g} linear pieces, which are examined up to {MAX_PIECES}"
     exact = ExactRows(problem)
     point = None
     for k, sides in enumerate(plausible(LinearRows.of(problem, np.zeros(problem.n)))):

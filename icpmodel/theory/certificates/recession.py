@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from ...numerics.arrays import Mask, Vector, inner
 from ...problem.data import ProblemData
 from ..answers import Answer
-from .combination_rows import SHOWN, ZERO, CombinationRows
+from .combination_rows import MAX_MISFIT, ZERO, CombinationRows
 from .infeasible import infeasible
 
 
@@ -30,7 +30,7 @@ class Recession:
 
     def __init__(self, problem: ProblemData) -> None:
         self.problem = problem
-        self.share = SHOWN
+        self.share = MAX_MISFIT
 
     def proof(self, y: Vector) -> Answer:
         """The proof, if any, by the direction `y`, shape (n,)."""

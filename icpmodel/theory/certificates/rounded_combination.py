@@ -11,7 +11,7 @@ from ...numerics import work
 from ...numerics.arrays import Mask, Vector
 from ...numerics.equilibration import Exponents, times_rows
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
-from .combination_rows import SHOWN, CombinationRows
+from .combination_rows import MAX_MISFIT, CombinationRows
 
 #: nanoseconds for k²m of a factorisation with pivoting of an m × k matrix, 7 s at m = 2600 and k = 1700 were measured;
 #: and how many are too many
@@ -31,7 +31,7 @@ def rounded_combination(rows: CombinationRows, y: Vector, exponents: Exponents) 
     size = abs(K)
     # four more than the operations of a sum, twice, as for all sums here
     loss = 2.0 * (K.shape[0] + K.shape[1] + 6) * UNIT_ROUNDOFF
-    # an entry that underflows is wrong by SMALLEST at most, and so many times that in a product with y
+    # an entry that underflows is wrong by at most SMALLEST, a product of it with y_i by |y_i| times as much
     tiny = 2.0 * sum(K.shape) * SMALLEST * max(1.0, float(np.abs(y).max(initial=0.0)))
     columns = K.T @ y
     off = loss * (size.T @ np.abs(y)) + tiny
@@ -42,7 +42,7 @@ def rounded_combination(rows: CombinationRows, y: Vector, exponents: Exponents) 
     moved = np.zeros(y.size)
     if is_open.any():
         signed = ~(rows.rises & rows.falls)[used]
-        moves = _moves(K[:, is_open], y, signed, (np.abs(columns) + off)[is_open], loss)
+        moves = _entry_moves(K[:, is_open], y, signed, (np.abs(columns) + off)[is_open], loss)
         if moves is None:
             return None
         moved = moves
@@ -51,14 +51,14 @@ def rounded_combination(rows: CombinationRows, y: Vector, exponents: Exponents) 
             return None
         columns[is_open] = 0.0
         off[is_open] = 0.0
-    most, terms = _highest(rows, columns, off)
+    most, terms = _highest_value(rows, columns, off)
     most = most + float(right @ y) + float(np.abs(right) @ moved)
     terms += float(np.abs(right) @ (np.abs(y) + moved))
     most += 4.0 * loss * terms + tiny
     return most if most < 0.0 else None
 
 
-def _highest(rows: CombinationRows, columns: Vector, off: Vector) -> tuple[float, float]:
+def _highest_value(rows: CombinationRows, columns: Vector, off: Vector) -> tuple[float, float]:
     """The most that wᵀz can be, w anywhere within `off` of `columns`, and the sum of its terms in absolute value."""
     low = np.where(np.isfinite(rows.low), rows.low, 0.0)
     high = np.where(np.isfinite(rows.high), rows.high, 0.0)
@@ -74,7 +74,7 @@ def _bounded(rows: CombinationRows, columns: Vector, off: Vector) -> Mask:
     return (columns - off >= 0) & has_high | (columns + off <= 0) & has_low | has_low & has_high
 
 
-def _moves(columns: sp.csr_array, y: Vector, signed: Mask, misfit: Vector, loss: float) -> Vector | None:
+def _entry_moves(columns: sp.csr_array, y: Vector, signed: Mask, misfit: Vector, loss: float) -> Vector | None:
     """Bounds on |x − y|, entry by entry, for an x with Nx = 0, where |Ny| ≤ `misfit`.
 
     `columns` is Nᵀ, dense only where the work and memory limits allow it.
@@ -104,7 +104,7 @@ def _moves(columns: sp.csr_array, y: Vector, signed: Mask, misfit: Vector, loss:
         return None
     by = float(1.01 * np.abs(R).sum(axis=1).max() * misfit.max() / (1.0 - alpha))
     # farther away y would not be a witness
-    if not by <= SHOWN * np.abs(y).max() or (signed[basis] & (np.abs(y[basis]) < by)).any():
+    if not by <= MAX_MISFIT * np.abs(y).max() or (signed[basis] & (np.abs(y[basis]) < by)).any():
         return None
     moved = np.zeros(m)
     moved[basis] = by

@@ -46,7 +46,7 @@ from ..matrices.h_matrix import row_sum_signs
 from .proof import Proof, norm_up
 
 #: the margins m that are tried, as shares of the size of the data: large ones bound the error of a bad z
-_SHARES = tuple(4.0**-k for k in range(1, 12))
+_MARGINS = tuple(4.0**-k for k in range(1, 12))
 _MAX_POLICY_STEPS = 100  #: steps of policy iteration for one margin
 
 
@@ -124,7 +124,7 @@ def _supersolution(problem: ProblemData, weight: Vector, start: Vector) -> tuple
     """A margin m and an s with min(p/a, r) ≥ m, by policy iteration for one margin after the other."""
     r = problem.r(start)
     size = max(float(np.abs(start).max()), float(np.abs(r[np.isfinite(r)]).max(initial=0.0))) or 1.0
-    for target in (size * share for share in _SHARES):
+    for target in (size * share for share in _MARGINS):
         s = start
         for _ in range(_MAX_POLICY_STEPS):
             new = _policy_step(problem, weight, target, s)

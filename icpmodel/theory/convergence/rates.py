@@ -269,9 +269,9 @@ def predicted_rate(problem: ProblemData, member: Member, checks: dict[str, Check
     no: the contraction factor is at least 1, and at most 2.00001
     """
     checks = check_all(problem, member) if checks is None else checks
-    if not (isinstance(checks, dict) and set(_KINDS) <= checks.keys()):
+    if not (isinstance(checks, dict) and set(_RATE_CLASSES) <= checks.keys()):
         raise InputError(f"checks is {described(checks)}; what check_all(problem, member) returns was expected")
-    for name, kind in _KINDS.items():
+    for name, kind in _RATE_CLASSES.items():
         check = checks[name]
         if check.holds and check.number is not None and check.vector is not None:
             return kind(check.number, check.vector, f"theorem {name}: {check.sentence}", StepMatrices(problem, member))
@@ -279,4 +279,8 @@ def predicted_rate(problem: ProblemData, member: Member, checks: dict[str, Check
 
 
 #: the theorems that tell a factor, and the norm it holds in
-_KINDS: dict[str, type[Rate]] = {"sharper": Contraction, "rowwise": RowwiseContraction, "definite": PeacemanRachford}
+_RATE_CLASSES: dict[str, type[Rate]] = {
+    "sharper": Contraction,
+    "rowwise": RowwiseContraction,
+    "definite": PeacemanRachford,
+}

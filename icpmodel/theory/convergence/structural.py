@@ -49,7 +49,7 @@ from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, rounded_up
 from ...numerics.sparse_structure import is_symmetric
 from ..answers import Answer
 from ..certificates.bounds import shared_proofs
-from ..certificates.definite import LARGEST
+from ..certificates.definite import MAX_UNKNOWNS
 from ..matrices.comparison_matrix import positive_diagonal, z_matrix
 from ..matrices.eigenvalue import largest_above, smallest_below, within_reach
 from .conditions import StepMatrices
@@ -126,7 +126,7 @@ def definite(step: StepMatrices) -> Answer:
 
 def contraction_factor(step: StepMatrices) -> float | None:
     """An upper bound of ‖(A' − I)(A' + I)⁻¹‖₂, rounding included, or None where none below 1 was found."""
-    if step.n > LARGEST:
+    if step.n > MAX_UNKNOWNS:
         return None
     half = sp.diags_array(1.0 / np.sqrt(step.omega))
     A = sp.csr_array(half @ step.A @ half)

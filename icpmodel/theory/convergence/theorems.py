@@ -182,7 +182,7 @@ def check_all(problem: ProblemData, member: Member, limit: Allowance = UNLIMITED
                 checks[name] = _check(name, step, False)
         except (OutOfTime, MemoryError) as error:
             checks[name] = _of(name, Answer(None, limit.undecided(error)))
-            for stronger in _FOLLOWS.get(name, ()):
+            for stronger in _STRONGER_THEOREMS.get(name, ()):
                 if stronger in checks and checks[stronger].holds:
                     reason = f"it follows from theorem {stronger}, with the same v"
                     checks[name] = _of(name, Answer(True, reason, checks[stronger].vector))
@@ -342,4 +342,4 @@ _THEOREMS = {
 #: the cheap one whose v serves most others, then those that tell most
 _ORDER = ("4.3", "sharper", "4.4", "4.2", "4.1", "rowwise", "monotone", "definite")
 #: from which others a theorem follows, with the same v: see `conditions`
-_FOLLOWS = {"4.2": ("4.3",), "4.1": ("4.2", "4.3", "4.4"), "sharper": ("4.1", "4.2", "4.3", "4.4")}
+_STRONGER_THEOREMS = {"4.2": ("4.3",), "4.1": ("4.2", "4.3", "4.4"), "sharper": ("4.1", "4.2", "4.3", "4.4")}

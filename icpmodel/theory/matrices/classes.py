@@ -17,10 +17,10 @@ from ..answers import Allowance, Answer
 from .comparison_matrix import comparison_matrix, positive_diagonal, z_matrix
 from .definiteness import definiteness, semidefinite_up_to_rounding
 from .h_matrix import decide, h_matrix, irreducible_blocks, row_sum_signs, without_zeros
-from .p_matrix import LIMIT, by_pivots, minor_of_order_two, open_blocks
+from .p_matrix import MAX_BLOCK_SIZE, by_pivots, minor_of_order_two, open_blocks
 
 #: the classes in the order of the table, with their names
-NAMES = {
+CLASS_NAMES = {
     "symmetric": "symmetric",
     "triangular": "triangular",
     "banded": "banded",
@@ -35,7 +35,7 @@ NAMES = {
 }
 
 #: those first on which others rest
-_BASIC_FIRST = sorted(NAMES, key=lambda name: name in ("m", "definite", "semidefinite", "p"))
+_BASIC_FIRST = sorted(CLASS_NAMES, key=lambda name: name in ("m", "definite", "semidefinite", "p"))
 
 
 @check_arguments
@@ -160,7 +160,7 @@ class MatrixClasses(ReadOnly, Displayable):
         return classes
 
     def __str__(self) -> str:
-        return "\n".join(f"{title:<29} {getattr(self, name)}" for name, title in NAMES.items())
+        return "\n".join(f"{title:<29} {getattr(self, name)}" for name, title in CLASS_NAMES.items())
 
     def __repr__(self) -> str:
         return f"MatrixClasses(A with shape {self.A.shape}, nnz={self.A.nnz})"
@@ -259,10 +259,10 @@ class MatrixClasses(ReadOnly, Displayable):
         proved = "every irreducible diagonal block is a P-matrix"
         for rows, part in open_blocks(self.A):
             is_irreducible = rows.size == self.A.shape[0]
-            small = rows.size <= LIMIT
+            small = rows.size <= MAX_BLOCK_SIZE
             minors += 2**rows.size if small else 0
-            if small and minors > 2 ** (LIMIT + 2):
-                return Answer(None, f"too many irreducible blocks of up to {LIMIT} rows to compute all of their minors")
+            if small and minors > 2 ** (MAX_BLOCK_SIZE + 2):
+                return Answer(None, f"too many blocks of up to {MAX_BLOCK_SIZE} rows to compute all of their minors")
             answer = by_pivots(part) if small else (self if is_irreducible else MatrixClasses(part))._p_by_theorems()
             reason = answer.reason if is_irreducible else f"{answer.reason} (irreducible block of {rows.size} rows)"
             if answer.holds is False:
@@ -273,7 +273,7 @@ class MatrixClasses(ReadOnly, Displayable):
         return Answer(True, proved) if unknown is None else Answer(None, unknown)
 
     def _p_by_theorems(self) -> Answer:
-        """The answer for blocks beyond LIMIT, by theorems."""
+        """The answer for blocks beyond MAX_BLOCK_SIZE, by theorems."""
         if self.h_plus.holds:
             return Answer(True, "H+-matrix")
         if self.definite.holds:
@@ -283,7 +283,7 @@ class MatrixClasses(ReadOnly, Displayable):
         if self.symmetric.holds and self.definite.holds is False:
             return Answer(False, "symmetric and not positive definite")
         unproved = "neither an H+-matrix nor a positive definite symmetric part was proved"
-        return Answer(None, f"n = {self.A.shape[0]} is beyond the exact test (n <= {LIMIT}); {unproved}")
+        return Answer(None, f"n = {self.A.shape[0]} is beyond the exact test (n <= {MAX_BLOCK_SIZE}); {unproved}")
 
     @cached_property
     def triangular(self) -> Answer:

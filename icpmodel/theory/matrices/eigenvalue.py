@@ -17,7 +17,7 @@ from ...numerics.sparse_structure import is_symmetric
 from ...numerics.threads import one_blas_thread
 
 #: shares of the estimated eigenvalue that are tried as a bound; the first one does unless rounding is felt
-_SHARES = (0.99, 0.9, 0.5)
+_TRIED_SHARES = (0.99, 0.9, 0.5)
 #: the number of rows up to which dense factorisations are quicker, whatever the pattern
 _DENSE_UP_TO = 64
 _MAX_FACTORISATION_COST = 5e9  #: what a factorisation may cost, in nanoseconds as they are counted
@@ -64,7 +64,7 @@ def smallest_below(M: Any, slack: float = 0.0, lu: Any = None) -> float:
     estimate = _estimate(S, lu) if np.isfinite(S.data if sp.issparse(S) else S).all() else -np.inf
     if not estimate > 0:
         return -np.inf
-    bounds = (smallest_eigenvalue_bound(S, share * estimate, slack) for share in _SHARES)
+    bounds = (smallest_eigenvalue_bound(S, share * estimate, slack) for share in _TRIED_SHARES)
     return next((bound for bound in bounds if bound > 0), -np.inf)
 
 

@@ -5,7 +5,7 @@ irreducible diagonal block:
 
 - Sufficient: H₊; a positive definite symmetric part. For Z-matrices H₊ is necessary, for symmetric
   ones definiteness.
-- Up to `LIMIT` rows: the signs of all pivots, in about 6·2ⁿ operations with bounds on their
+- Up to `MAX_BLOCK_SIZE` rows: the signs of all pivots, in about 6·2ⁿ operations with bounds on their
   rounding. A is P if and only if a₁₁ > 0 and two matrices are P: A without row and column 1, and
   the Schur complement A/a₁₁. Where a bound leaves the sign of a minor open, it is computed in
   rational arithmetic. "Yes" and "no" are proofs.
@@ -34,7 +34,7 @@ from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
 from ..answers import Answer
 from .h_matrix import by_row_sums, irreducible_blocks
 
-LIMIT = 26  #: irreducible blocks up to this size are decided by all of their minors: a second or two
+MAX_BLOCK_SIZE = 26  #: irreducible blocks up to this size are decided by all of their minors: a second or two
 _RATIONAL_UP_TO = 10  #: rows up to which all minors are computed in rational arithmetic: a tenth of a second
 _MINOR_COST = 15.0  #: nanoseconds that a minor takes
 _MAX_EXACT_PAIRS = 1000  #: the largest number of nearly singular pairs checked in rational arithmetic
