@@ -156,7 +156,7 @@ class GCR:
                 largest = max(largest, abs(share))
             size = norm(w)
             length = norm(y)
-            if not (0 < size < np.inf and length > 0):  # which may underflow
+            if not (0 < size < np.inf and length / size > 0):  # which may underflow
                 break
             self._min_length = min(self._min_length, length / size)
             # where M is singular, w is what rounding left of My, or of what was taken from it

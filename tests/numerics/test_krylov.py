@@ -10,7 +10,7 @@ from known_answers import SEEDS
 import icpmodel as icp
 from icpmodel.numerics import work
 from icpmodel.numerics.fill import SymbolicAnalysis, factor_cost
-from icpmodel.numerics.krylov import conjugate_residuals, couplings, radius_of
+from icpmodel.numerics.krylov import GCR, conjugate_residuals, couplings, radius_of
 from icpmodel.numerics.linear import solver_of
 from icpmodel.problem.matrix import Matrix
 
@@ -53,3 +53,9 @@ def test_what_fills_up_is_solved_by_steps_that_cost_less_than_factors(transposed
     x = solver_of(M)(f, 1e-9, transposed)
     assert np.linalg.norm((M.T if transposed else M) @ x - f) <= 1e-8 * np.linalg.norm(f)
     assert work.counter() - before < 0.3 * factor_cost(SymbolicAnalysis(M).exact().fill)
+
+
+def test_residuals_whose_ratio_to_their_images_underflows_end_without_a_step():
+    x, moved = GCR(lambda y: 1e300 * y * 1e100, np.copy, np.full(2, 1e-200)).iterate(np.zeros(2), 0.0, 3)
+    assert not moved
+    assert not x.any()
