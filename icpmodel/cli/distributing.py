@@ -12,7 +12,7 @@ from typing import Any
 import click
 
 from ..distributed import DistributedSolution, by_rows, load_problem, save_solution, solve
-from ..distributed.files_on_ranks import WRITTEN_IN_PARTS, check_place_on_ranks, vector_in
+from ..distributed.files_on_ranks import WRITABLE_SUFFIXES, check_place_on_ranks, vector_in
 from ..distributed.ranks import FailedOnRank, together, world
 from ..errors import IcpError
 from ..present.card import Card
@@ -50,7 +50,7 @@ rank 0 all other files.""",
 @options(*from_signature(solve, *_LIMITS))
 @click.option("--bound/--no-bound", default=True, help="Compute the error bound, which costs about a linear solve.")
 @click.option(
-    "-o", "--output", type=click.Path(), help=f"Write the answer to this file, {' or '.join(WRITTEN_IN_PARTS)}."
+    "-o", "--output", type=click.Path(), help=f"Write the answer to this file, {' or '.join(WRITABLE_SUFFIXES)}."
 )
 @AS_JSON
 def distributed(as_json: bool, **arguments: Any) -> int:

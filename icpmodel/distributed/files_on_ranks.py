@@ -24,7 +24,7 @@ from .ranks import petsc, together, world
 
 Source = str | PathLike[str]
 #: in what an answer can be written: PETSc's own form, and HDF5
-WRITTEN_IN_PARTS = (".bin", ".h5")
+WRITABLE_SUFFIXES = (".bin", ".h5")
 #: the number that stands for no obstacle
 _INFINITE = {"psi": -np.inf, "upper": np.inf}
 #: beyond the numbers themselves, what a file may have
@@ -231,7 +231,7 @@ def check_place_on_ranks(path: Source, comm: Any) -> None:
     there. Collective."""
     with together(comm):
         place = as_path(path)
-        check_suffix(place, WRITTEN_IN_PARTS)
+        check_suffix(place, WRITABLE_SUFFIXES)
         if place.suffix.lower() == ".h5" and not petsc().Sys.hasExternalPackage("hdf5"):
             raise NotApplicable(f"{place}: this PETSc was built without HDF5; a name that ends in .bin is written")
         if comm.rank == 0:

@@ -96,15 +96,15 @@ class SumOfTerms:
 
 
 def obstacle(
-    r: AffineRows, bound: AffineRows | None, bent: Callable[[sp.csr_array, Vector, sp.csr_array], Function]
+    r: AffineRows, bound: AffineRows | None, nonlinear_map: Callable[[sp.csr_array, Vector, sp.csr_array], Function]
 ) -> Vector | Affine | Function:
-    """z − (r − `bound`)/ρ = Gz + c + Vw, the bound being 0 where it is None; what is not affine by `bent`(G, c, V).
+    """z − (r − `bound`)/ρ = Gz + c + Vw, `bound` being 0 for None; `nonlinear_map`(G, c, V) where V is not 0.
 
     ρ_i is the coefficient of z_i in r_i, or 1 where that is 0.
     """
     G, c, V = _obstacle_terms(r, bound)
     if V.nnz:
-        return bent(G, c, V)
+        return nonlinear_map(G, c, V)
     return Affine(G, c) if G.nnz else c
 
 

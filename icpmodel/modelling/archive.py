@@ -20,7 +20,7 @@ from ..numerics.sparse_input import is_compressed
 from ..present.whole_files import check_replaceable, check_suffix, file_errors, write_whole
 
 #: NumPy's letters for the kinds of real numbers
-REAL = "biuf"
+REAL_KINDS = "biuf"
 #: the bytes of the last record of an archive, which has the number of its entries; more where there is a comment
 _MIN_DIRECTORY_BYTES = 22
 #: the fields of a sparse matrix, beside its name
@@ -66,7 +66,7 @@ def array_of(content: bytes, name: str) -> np.ndarray:
         array: np.ndarray = np.lib.format.read_array(file, allow_pickle=False)
     except (ValueError, EOFError, MemoryError, UnicodeError) as error:
         raise FileError(f"{name} is no array by NumPy, or truncated: {error}") from error
-    if array.dtype.kind not in REAL + "SU" or file.read(1):
+    if array.dtype.kind not in REAL_KINDS + "SU" or file.read(1):
         raise FileError(f"{name} has shape {array.shape}, dtype {array.dtype}; numbers, or a text, were expected")
     return array
 
@@ -110,7 +110,7 @@ def _matrix(path: Path, name: str, fields: dict[str, Any]) -> sp.csr_array:
     parts = [fields.pop(f"{name}_{part}", np.empty((0, 0))) for part in _CSR]
     data, indices, indptr = parts
     n = indptr.size - 1
-    whole = all(one.ndim == 1 for one in parts) and data.size == indices.size and data.dtype.kind in REAL
+    whole = all(one.ndim == 1 for one in parts) and data.size == indices.size and data.dtype.kind in REAL_KINDS
     whole = whole and indices.dtype.kind in "iu" and indptr.dtype.kind in "iu"
     if not whole or not is_compressed(indptr, indices, n, n):
         raise FileError(f"{path}: fields {name}_* are not a square CSR matrix")

@@ -30,7 +30,7 @@ Source = str | PathLike[str]
 
 _PROBLEM = "icpmodel problem 3"
 #: obstacle → what the names of its parts begin with
-SIDES = {"psi": "", "upper": "upper_"}
+OBSTACLE_PREFIXES = {"psi": "", "upper": "upper_"}
 #: the parts of a problem in a file
 _PARTS = ("A", "q", "c", "G", "upper_c", "upper_G")
 #: names of variables in files of other programs → the parts that they are
@@ -123,7 +123,7 @@ def load_problem(
             continue
         if part in parts:
             raise FileError(f"{path}: holds its own {name}; drop {name}")
-        if name in SIDES and isinstance(source, Real) and not isinstance(source, bool):
+        if name in OBSTACLE_PREFIXES and isinstance(source, Real) and not isinstance(source, bool):
             parts[part] = float(source)
         else:
             sources[part] = as_path(source, name)
@@ -143,7 +143,7 @@ def problem_of(parts: dict[str, Any], sources: dict[str, Path]) -> ICP:
         problem = ICP(A, np.zeros(A.shape[0] if A.ndim else 1))
     with content_errors(sources["q"]):
         problem = problem.with_q(np.atleast_1d(as_values(sources["q"], parts["q"], problem.n)))
-    for side, prefix in SIDES.items():
+    for side, prefix in OBSTACLE_PREFIXES.items():
         part = f"{prefix}c"
         if part not in parts:
             if f"{prefix}G" in parts:
@@ -167,9 +167,9 @@ def problem_parts(problem: ProblemLike) -> dict[str, Any]:
     for side, one in sides.items():
         if one.linear is None:
             raise InputError(f"{side} is {one!r}; only zero, constant and affine maps can be written to a file")
-        G, parts[f"{SIDES[side]}c"] = one.linear
+        G, parts[f"{OBSTACLE_PREFIXES[side]}c"] = one.linear
         if not one.is_constant:
-            parts[f"{SIDES[side]}G"] = G
+            parts[f"{OBSTACLE_PREFIXES[side]}G"] = G
     return parts
 
 

@@ -22,14 +22,14 @@ import scipy.sparse as sp
 from ..errors import FileError
 from ..numerics.sparse_input import checked_sparse
 from ..present.whole_files import file_errors
-from .archive import REAL, array_of, check_room, opened, read_arrays, table_of
+from .archive import REAL_KINDS, array_of, check_room, opened, read_arrays, table_of
 from .matlab import read_variables
 from .matrix_market import check_end, read_matrix
 from .petsc_binary import read_petsc
 
 #: the end of the name → what is between two numbers in a line, None for any spaces
-_TEXTS = {".csv": ",", ".txt": None}
-SUFFIXES = (".npy", ".npz", ".mat", ".mtx", ".bin", *_TEXTS)
+_SEPARATORS = {".csv": ",", ".txt": None}
+SUFFIXES = (".npy", ".npz", ".mat", ".mtx", ".bin", *_SEPARATORS)
 
 
 def read_named(path: Path) -> dict[str, Any]:
@@ -51,7 +51,7 @@ def read_named(path: Path) -> dict[str, Any]:
         return {"": read_matrix(path)}
     if suffix == ".bin":
         return {"": read_petsc(path)}
-    if suffix in _TEXTS:
+    if suffix in _SEPARATORS:
         return {"": read_text(path)}
     raise FileError(f"{path}: a file name that ends in one of {', '.join(SUFFIXES)} was expected")
 
@@ -71,7 +71,7 @@ def _of_npz(path: Path) -> dict[str, Any]:
 
 def checked_numbers(path: Path, name: str, value: Any) -> Any:
     """`value`, where it is a matrix, a vector or a number. Raises FileError."""
-    if sp.issparse(value) or (value.ndim <= 2 and value.dtype.kind in REAL):
+    if sp.issparse(value) or (value.ndim <= 2 and value.dtype.kind in REAL_KINDS):
         return value
     raise FileError(f"{path}: {name} has shape {value.shape}, dtype {value.dtype}; an array of real numbers expected")
 
@@ -102,7 +102,7 @@ def _has_names(line: str, between: str | None) -> bool:
 
 def read_text(path: Path, heads: str = "") -> np.ndarray:
     """The table of numbers in a text file, of two axes, below `heads`, or a line of names, where there is one."""
-    between = _TEXTS[path.suffix.lower()]
+    between = _SEPARATORS[path.suffix.lower()]
     with opened(path) as (raw, size):
         check_room(str(path), 8.0 * size / 2)  # a number has a digit and what ends it
         check_end(path, raw, size)

@@ -22,7 +22,7 @@ from ..errors import FileError
 from ..numerics.processes import CAN_FORK, in_a_process
 from ..numerics.sparse_input import checked_sparse
 from ..present.whole_files import file_errors
-from .archive import REAL, check_room, content_errors, opened
+from .archive import REAL_KINDS, check_room, content_errors, opened
 
 #: the bytes before the first variable; the last two of them tell the byte order
 _HEADER_BYTES = 128
@@ -76,7 +76,7 @@ def _names(content: bytes) -> Iterator[list[str]]:
 
 def _numbers(path: Path, name: str, value: Any) -> Any:
     """The variable; one of shape (1, 1) is a number, as MATLAB has no others."""
-    if value.dtype.kind not in REAL:
+    if value.dtype.kind not in REAL_KINDS:
         actual = "complex" if value.dtype.kind == "c" else f"of dtype {value.dtype}"
         raise FileError(f"{path}: the variable {name} is {actual}; real numbers were expected")
     if not sp.issparse(value):

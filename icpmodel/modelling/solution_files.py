@@ -31,7 +31,7 @@ from .formats import read_text, read_values
 _SOLUTION = "icpmodel solution 3"
 #: the first line of a solution as text
 _HEADS = "z,p,r"
-WRITTEN = (".npz", ".csv")
+WRITABLE_SUFFIXES = (".npz", ".csv")
 
 
 @with_options
@@ -78,7 +78,7 @@ def save_solution(solution: Solution, path: str | PathLike[str]) -> None:
     if not isinstance(solution, Solution):
         raise InputError(f"solution is {described(solution)}; what solve returns was expected")
     path = as_path(path)
-    check_suffix(path, WRITTEN)
+    check_suffix(path, WRITABLE_SUFFIXES)
     parts: dict[str, Any] = {"z": solution.z, "p": solution.p, "r": solution.r}
     if path.suffix.lower() == ".csv":
         rows = np.array(list(parts.values())).T
@@ -98,7 +98,7 @@ def save_solution(solution: Solution, path: str | PathLike[str]) -> None:
 def check_place(path: str) -> None:
     """Raise FileError now where `save_solution` would later: a name that ends otherwise, or another file there."""
     place = as_path(path)
-    check_suffix(place, WRITTEN)
+    check_suffix(place, WRITABLE_SUFFIXES)
     with file_errors(place, "written"):
         if place.suffix.lower() == ".npz":
             check_free(place, _SOLUTION)

@@ -14,7 +14,7 @@ from ...present.display import Displayable, cut
 from .atoms import named
 
 #: the attributes that a variable of CVXPY's may have here
-BOUNDING = ("nonneg", "nonpos", "bounds")
+BOUND_ATTRIBUTES = ("nonneg", "nonpos", "bounds")
 
 
 class Complementarity(Displayable, cp.Constraint):

@@ -64,7 +64,7 @@ class CvxpyReading:
         self._values: list[Any] = []
         self._checked: AffineRows
         #: of each row of a condition the entry of z that it owns, and −1 where it was turned round; ρ by entry of z
-        self._own: np.ndarray
+        self._owned_columns: np.ndarray
         self._sign: Vector
         self._scale: Vector
         #: the rows of r for which the last entries of z stand
@@ -115,10 +115,10 @@ class CvxpyReading:
         return list(zip(self.variables, unstacked(z, self.variables), strict=True))
 
     def multipliers(self, z: Vector) -> list[tuple[Any, Any]]:
-        return self._by_condition(self._sign * self.problem.p(z)[self._own])
+        return self._by_condition(self._sign * self.problem.p(z)[self._owned_columns])
 
     def row_name(self, row: int) -> str:
-        position = np.flatnonzero(self._own == row)
+        position = np.flatnonzero(self._owned_columns == row)
         if not position.size:
             return named(self._equations[0]) if len(self._equations) == 1 else "one of the equations"
         number, place = at([p for p, _ in self._pairs], int(position[0]))
@@ -129,8 +129,8 @@ class CvxpyReading:
         r = self.problem.r(z)
         above = self.problem.r_upper(z)
         if above is not None:
-            r[self._own] = np.where(self._sign < 0, -above[self._own], r[self._own])
-        distances = self._by_condition((r * self._scale)[self._own])
+            r[self._owned_columns] = np.where(self._sign < 0, -above[self._owned_columns], r[self._owned_columns])
+        distances = self._by_condition((r * self._scale)[self._owned_columns])
         return [(one, value) for one, value in distances if not one.is_bounded]
 
     def checked(self, solution: Solution) -> Solution:
@@ -156,7 +156,7 @@ class CvxpyReading:
         self._check_crossing(*now)
         self._obstacles = now
         if p.W.nnz:
-            return ICP(p.Z, p.constant, *now, f=self._bent(sp.csr_array((n, n)), np.zeros(n), p.W, "f"))
+            return ICP(p.Z, p.constant, *now, f=self._nonlinear_map(sp.csr_array((n, n)), np.zeros(n), p.W, "f"))
         if last is None or last.n != n or last.f is not None or (last.A != p.Z).nnz:
             return ICP(p.Z, p.constant, *now)
         unchanged = all(map(is_same, before, now))
@@ -164,9 +164,9 @@ class CvxpyReading:
 
     def _obstacle(self, r: AffineRows, bound: AffineRows | None, name: str) -> Any:
         """z − (r − `bound`)/ρ, the bound being 0 where it is None."""
-        return obstacle(r, bound, lambda G, c, V: self._bent(G, c, V, name))
+        return obstacle(r, bound, lambda G, c, V: self._nonlinear_map(G, c, V, name))
 
-    def _bent(self, G: sp.csr_array, c: Vector, V: sp.csr_array, name: str) -> Function:
+    def _nonlinear_map(self, G: sp.csr_array, c: Vector, V: sp.csr_array, name: str) -> Function:
         """A function with atoms; with a derivative only if CVXPY's gradients were right at the first start."""
         function = self._function(G, c, V, name)
         if self._gradient_holds is None:
@@ -180,7 +180,7 @@ class CvxpyReading:
     def _in_order(self, *parts: Any) -> OrderedRows:
         ordered = in_order(*parts)
         self._sign = ordered.sign
-        self._own = ordered.own
+        self._owned_columns = ordered.owned_columns
         self._replaced = ordered.replaced
         return ordered
 

@@ -38,7 +38,7 @@ class OrderedRows(NamedTuple):
     r: AffineRows
     lower: AffineRows | None
     upper: AffineRows | None
-    own: NDArray[np.intp]
+    owned_columns: NDArray[np.intp]
     sign: Vector
     replaced: AffineRows
 
@@ -53,12 +53,12 @@ def in_order(
         p = p.times(sign)
         r = r.times(sign)
         lower, upper = _turned(lower or r.constants(m, 0.0), upper or r.constants(m, np.inf), sign)
-    own, replaced, (p, r, equations, *bounds) = _owned(p, r, equations, lower, upper)
+    owned_columns, replaced, (p, r, equations, *bounds) = _owned(p, r, equations, lower, upper)
     parts: list[Any] = [p, r, *bounds]
-    owners = own
+    owners = owned_columns
     n = r.Z.shape[1]
     if n > m:
-        owners = np.concatenate([own, np.setdiff1d(np.arange(n), own)])
+        owners = np.concatenate([owned_columns, np.setdiff1d(np.arange(n), owned_columns)])
         free = r.constants(n - m, np.inf)._replace(Z=sp.eye_array(n, format="csr")[owners[m:]])
         ends = equations, free, equations.constants(n - m, -np.inf), free.constants(n - m, np.inf)
         parts = [one and one.stacked_on(end) for one, end in zip(parts, ends, strict=True)]
@@ -69,7 +69,7 @@ def in_order(
         places, factor = arranged(parts[0].Z, rows >= m)
         parts[0] = parts[0].of(places).times(factor)
     p, r, lower, upper = parts
-    return OrderedRows(p, r, lower, upper, own, sign, replaced)
+    return OrderedRows(p, r, lower, upper, owned_columns, sign, replaced)
 
 
 def _owned(
@@ -77,15 +77,15 @@ def _owned(
 ) -> tuple[NDArray[np.intp], AffineRows, tuple[Any, ...]]:
     """The entry of z that each row of r owns, the rows of r that own none, and all rows with unknowns for these."""
     parts: tuple[Any, ...] = (p, r, equations, *bounds)
-    own = own_entries(r.Z)
-    if own is not None:
-        return own, r.of(slice(0)), parts
+    owned_columns = own_entries(r.Z)
+    if owned_columns is not None:
+        return owned_columns, r.of(slice(0)), parts
     positive = r.Z.data > 0
     rows = left_over(row_of(r.Z)[positive], r.Z.indices[positive], r.Z.shape)[0]
     parts = _with_unknowns(rows, *parts)
-    own = own_entries(parts[1].Z)
-    assert own is not None, "each row that had no entry of z has an unknown for itself now"
-    return own, r.of(rows), parts
+    owned_columns = own_entries(parts[1].Z)
+    assert owned_columns is not None, "each row that had no entry of z has an unknown for itself now"
+    return owned_columns, r.of(rows), parts
 
 
 def _with_unknowns(

@@ -9,7 +9,7 @@ import cvxpy as cp
 
 from ...errors import InputError
 from .atoms import named
-from .complementarity import BOUNDING, own_bounds
+from .complementarity import BOUND_ATTRIBUTES, own_bounds
 
 
 def pair(condition: Any) -> tuple[cp.Expression, cp.Expression]:
@@ -39,10 +39,10 @@ def check_constraints(equations: Sequence[cp.Constraint], inequalities: Sequence
 
 def check_variables(variables: list[cp.Variable], rows: int, inequalities: bool) -> None:
     for x in variables:
-        attributes = [name for name, value in x.attributes.items() if value and name not in BOUNDING]
+        attributes = [name for name, value in x.attributes.items() if value and name not in BOUND_ATTRIBUTES]
         if attributes:
             actual = f"the variable {x.name()} has the attribute {attributes[0]}"
-            raise InputError(f"{actual}; a variable of an ICP may have these attributes alone: {', '.join(BOUNDING)}")
+            raise InputError(f"{actual}; a variable of an ICP may have these alone: {', '.join(BOUND_ATTRIBUTES)}")
     unknowns = sum(x.size for x in variables)
     if rows != unknowns or not rows:
         entries = ", ".join(f"{x.name()} with {x.size}" for x in variables) or "no variables"

@@ -84,7 +84,7 @@ class LastDerivative:
 
 
 class MappedArrays:
-    """The arrays of a callback, over which JAX may have mapped: one problem, or direction, for each index of `lead`.
+    """The arrays of a callback, over which JAX may have mapped: one problem or direction an index of `batch_shape`.
 
     `shapes` are those of a single one.
     """
@@ -94,8 +94,8 @@ class MappedArrays:
             name: [(np.asarray(one), shape) for one, shape in zip(several, shapes[name], strict=True)]
             for name, several in arrays.items()
         }
-        leads = [one.shape[: one.ndim - len(shape)] for several in both.values() for one, shape in several]
-        self.batch_shape = np.broadcast_shapes(*leads)
+        batch_shapes = [one.shape[: one.ndim - len(shape)] for several in both.values() for one, shape in several]
+        self.batch_shape = np.broadcast_shapes(*batch_shapes)
         self.count = prod(self.batch_shape)
         self.arrays = {name: [self._flat(*one) for one in several] for name, several in both.items()}
 
@@ -112,9 +112,9 @@ class MappedArrays:
         """Whether each row has an argument of its own."""
         return any(len(one) > 1 for one in self.arrays[name])
 
-    def numbers(self, lead: Shape) -> Any:
-        """The number of the row at each index of the larger `lead`."""
-        return np.broadcast_to(np.arange(self.count).reshape(self.batch_shape), lead).reshape(-1)
+    def row_numbers(self, batch_shape: Shape) -> Any:
+        """The number of the row at each index of a larger `batch_shape`."""
+        return np.broadcast_to(np.arange(self.count).reshape(self.batch_shape), batch_shape).reshape(-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,9 +229,9 @@ class Callbacks:
         """`act` on every derivative with its vectors, of length `size`; NaN in rows without a derivative."""
         rows = MappedArrays(residuals, self.shapes | {"z": ((self.problem.n,),)})
         directions = MappedArrays({"": (vectors,)}, {"": (np.shape(vectors)[-1:],)})
-        lead = np.broadcast_shapes(rows.batch_shape, directions.batch_shape)
-        of_rows = rows.numbers(lead)
-        of_directions = directions.numbers(lead)
+        batch_shape = np.broadcast_shapes(rows.batch_shape, directions.batch_shape)
+        of_rows = rows.row_numbers(batch_shape)
+        of_directions = directions.row_numbers(batch_shape)
         results = np.full((of_rows.size, size), np.nan)
         with self.last.lock, one_blas_thread():
             for k in np.argsort(of_rows, kind="stable"):  # one derivative after the other
@@ -244,7 +244,7 @@ class Callbacks:
                 except SingularOperator:
                     if self.raise_on_failure:
                         raise
-        return results.reshape(*lead, size)
+        return results.reshape(*batch_shape, size)
 
     def derivative(self, row: Arrays) -> Derivative | None:
         """The derivative at the z of one row, if a solve from there ends at once; else None."""

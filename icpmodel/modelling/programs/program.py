@@ -83,15 +83,15 @@ class Presolve:
             bound = sign * own
             np.minimum.at(bound, column[on_side], sign * value[on_side])
             bound *= sign
-            gives = on_side & (value == bound[column]) & (value != own[column])
+            defines_bound = on_side & (value == bound[column]) & (value != own[column])
             origin = np.full(own.size, -1)
-            origin[column[gives]] = single[gives]
+            origin[column[defines_bound]] = single[defines_bound]
             bounds.append(bound)
             self.origins.append(origin)
         high, low = bounds
         with np.errstate(invalid="ignore"):
-            touch = (low > high) & (low - high <= MAX_CROSSING * (np.abs(low) + np.abs(high)))
-        low = np.where(touch, high, low)
+            nearly_cross = (low > high) & (low - high <= MAX_CROSSING * (np.abs(low) + np.abs(high)))
+        low = np.where(nearly_cross, high, low)
         self.crossed = bool((low > high).any())
         self.program = replace(original, G=original.G[self.rows], h=original.h[self.rows], low=low, high=high)
 

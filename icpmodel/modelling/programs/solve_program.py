@@ -122,7 +122,7 @@ class _ProgramRun:
         self.end = None if time_limit is None else begin + time_limit
         self.iterations = 0
 
-    def left(self) -> float | None:
+    def seconds_left(self) -> float | None:
         """The seconds that are left, None for no limit."""
         return None if self.end is None else max(self.end - time.perf_counter(), 0.0)
 
@@ -132,8 +132,8 @@ class _ProgramRun:
         methods = [] if best.has_solution else ["interior", "newton"]
         z0 = last.z if last is not None and last.z.size == best.z.size else None
         if start is not None:
-            z0, pattern = best.near(start)
-            with enforce_limits(self.left(), None):
+            z0, pattern = best.start_near(start)
+            with enforce_limits(self.seconds_left(), None):
                 best.polish(z0, pattern)
             z0 = best.z if best.is_good else z0
         if z0 is not None:
@@ -142,10 +142,10 @@ class _ProgramRun:
         for method in (*methods, None):
             if method is None and proof is not None:
                 break
-            solution = self._solved(best.problem, method, z0, best.judged)
-            if self.left() == 0.0:
+            solution = self._solved(best.problem, method, z0, best.is_finished)
+            if self.seconds_left() == 0.0:
                 break
-            with enforce_limits(self.left(), None):
+            with enforce_limits(self.seconds_left(), None):
                 if not best.is_exact:
                     best.polish(best.z, best.pattern(best.z))
             if solution.status is Status.MEMORY_LIMIT or best.is_good:
@@ -161,15 +161,15 @@ class _ProgramRun:
         if not best.is_good:
             message = f"rows or multipliers are wrong by {error:.3g} of their terms; {solution.message}"
             status = "optimal_inaccurate" if error <= _MAX_INACCURATE_VIOLATION else "solver_error"
-            if solution.status is Status.MEMORY_LIMIT or self.left() == 0.0:
+            if solution.status is Status.MEMORY_LIMIT or self.seconds_left() == 0.0:
                 status = "user_limit"
         return Outcome(status, message, best.values(), violation=error, iterations=self.iterations, incumbent=best)
 
     def _solved(
-        self, problem: ICP, method: str | None = None, z0: Vector | None = None, judged: Any = None, rtol: float = 0.0
+        self, problem: ICP, method: str | None = None, z0: Vector | None = None, callback: Any = None, rtol: float = 0.0
     ) -> Solution:
         solution = problem.solve(
-            method, z0=z0, rtol=rtol, callback=judged, time_limit=self.left(), raise_on_failure=False
+            method, z0=z0, rtol=rtol, callback=callback, time_limit=self.seconds_left(), raise_on_failure=False
         )
         if solution.status is Status.INTERRUPTED:
             raise KeyboardInterrupt
@@ -191,26 +191,26 @@ class _ProgramRun:
                 continue
             answer = infeasible(problem, direction)
             inaccurate = "" if answer.holds else "_inaccurate"
-            how = "up to rounding" if inaccurate else answer.reason
+            reason = "up to rounding" if inaccurate else answer.reason
             if primal:
-                return Outcome(f"infeasible{inaccurate}", f"a combination of the constraints says 0 < 0: {how}")
-            return self._falls(inaccurate, how)
+                return Outcome(f"infeasible{inaccurate}", f"a combination of the constraints says 0 < 0: {reason}")
+            return self._without_multipliers(inaccurate, reason)
         return None
 
-    def _falls(self, inaccurate: str, how: str) -> Outcome:
+    def _without_multipliers(self, inaccurate: str, reason: str) -> Outcome:
         """The outcome where no multipliers exist: "unbounded" only if a feasible point is computed."""
         if not self.program.is_symmetric:
-            return Outcome(f"infeasible{inaccurate}", f"no x and multipliers meet the conditions: {how}")
+            return Outcome(f"infeasible{inaccurate}", f"no x and multipliers meet the conditions: {reason}")
         n = self.program.g.size
         nearest = replace(self.program, H=sp.eye_array(n, format="csr"), g=np.zeros(n))
-        feasible = _ProgramRun(nearest, self.tolerance, self.left(), time.perf_counter()).outcome(None, None)
+        feasible = _ProgramRun(nearest, self.tolerance, self.seconds_left(), time.perf_counter()).outcome(None, None)
         self.iterations += feasible.iterations
         if feasible.status == "optimal":
-            reason = "there is a feasible point, and a direction along which the objective falls for ever"
-            return Outcome(f"unbounded{inaccurate}", f"{reason}: {how}")
+            message = "there is a feasible point, and a direction along which the objective falls for ever"
+            return Outcome(f"unbounded{inaccurate}", f"{message}: {reason}")
         if feasible.status.startswith("infeasible"):
             return feasible
-        return Outcome("infeasible_or_unbounded", f"no multipliers exist: {how}; no feasible point was computed")
+        return Outcome("infeasible_or_unbounded", f"no multipliers exist: {reason}; no feasible point was computed")
 
 
 class Incumbent:
@@ -255,15 +255,15 @@ class Incumbent:
         in_box = np.isfinite(self.low).all() and np.isfinite(self.high).all()
         return bool(in_box) or self.problem.matrix.jacobi_radius < 1.0
 
-    def judged(self, progress: Progress) -> bool:
+    def is_finished(self, progress: Progress) -> bool:
         """Whether a run has come to an answer."""
-        return self.takes(progress.z, self.pattern(progress.z))
+        return self.improve(progress.z, self.pattern(progress.z))
 
     def pattern(self, z: Vector) -> Pattern:
         """The active set at `z`."""
         return Pattern.at(self.problem, z, self.problem.p(z), self.problem.matrix.proximal_weights)
 
-    def takes(self, z: Vector, pattern: Pattern) -> bool:
+    def improve(self, z: Vector, pattern: Pattern) -> bool:
         """Whether `z`, with its active rows on their obstacles, is strictly good, or no better than a good iterate."""
         z = np.where(pattern.active, self.low, np.clip(z, self.low, self.high))
         if pattern.above is not None:
@@ -271,7 +271,7 @@ class Incumbent:
         enough = 0.5 * self.violation[1] if self.is_good else self.tolerance
         for one in (z, np.clip(self.judge.without_noise(z), self.low, self.high)):
             violation = self.judge.violation(self.problem, one)
-            if self._order(violation) <= self._order(self.violation):
+            if self._rank(violation) <= self._rank(self.violation):
                 self.violation = violation
                 self.z = one
             if self.is_exact:
@@ -280,10 +280,10 @@ class Incumbent:
                 break
         return self.violation[1] > enough > self.tolerance
 
-    def _order(self, violation: tuple[float, float]) -> tuple[float, float]:
+    def _rank(self, violation: tuple[float, float]) -> tuple[float, float]:
         return max(violation[0], self.tolerance), violation[1]
 
-    def near(self, x: Vector) -> tuple[Vector, Pattern]:
+    def start_near(self, x: Vector) -> tuple[Vector, Pattern]:
         """The iterate with `x` and multipliers 0, and the active set of the rows and bounds that are tight at `x`."""
         z = np.concatenate([x, np.zeros(self.z.size - x.size)])
         terms = abs(self.problem.A) @ np.abs(z) + np.abs(self.problem.q)
@@ -301,7 +301,7 @@ class Incumbent:
                 if refined is None or not np.isfinite(refined[0]).all():
                     break
                 z = refined[0]
-                if self.takes(z, self.pattern(z)):
+                if self.improve(z, self.pattern(z)):
                     break
 
     def values(self) -> Values:

@@ -186,8 +186,8 @@ class ConditionRows:
 
     def _add(self, owner: Any, first: Terms, second: Terms) -> None:
         sides = [self._read(terms, owner) for terms in (first, second)]
-        bent = [nonlinear is not None for _, _, nonlinear in sides]
-        if not any(bent) and not any(linear for _, linear, _ in sides):
+        is_nonlinear = [nonlinear is not None for _, _, nonlinear in sides]
+        if not any(is_nonlinear) and not any(linear for _, linear, _ in sides):
             constants = [constant for constant, _, _ in sides]
             if not abs(min(map(self._share, constants, (first, second)))) <= _MAX_VIOLATION:
                 actual = f"{constants[0]:g} and {constants[1]:g}; the smaller should be 0"

@@ -25,13 +25,13 @@ from pyomo.opt.results.solver import SolverStatus
 from ...errors import FileError, InputError
 from .solver_interface import PyomoSolver
 
-_FILES = "icpmodel runs in this process and writes no files; icpmodel.save_problem(read_pyomo(model), file) does"
+_NO_FILES = "icpmodel runs in this process and writes no files; icpmodel.save_problem(read_pyomo(model), file) does"
 #: what Pyomo's solvers take and this one has no use for
-_NO_USE = {
-    "keepfiles": _FILES,
-    "solnfile": _FILES,
+_IGNORED_OPTIONS = {
+    "keepfiles": _NO_FILES,
+    "solnfile": _NO_FILES,
     "solver_io": "icpmodel runs in this process",
-    "writer_config": _FILES,
+    "writer_config": _NO_FILES,
     "suffixes": "declare them on the model, model.dual = pyo.Suffix(direction=pyo.Suffix.IMPORT), and rc likewise",
 }
 
@@ -46,7 +46,7 @@ class LegacyPyomoSolver(LegacySolverWrapper, PyomoSolver):
     ) -> SolverResults:
         """Solve `model` as `PyomoSolver.solve` does. What a failed run has found is in the results of
         `load_solutions=False` alone; `logfile` gets what `tee` shows."""
-        for name, reason in _NO_USE.items():
+        for name, reason in _IGNORED_OPTIONS.items():
             if kwds.pop(name, None):
                 raise InputError(f"{name}: {reason}")
         if not warmstart:

@@ -165,7 +165,7 @@ def _reading(rows: ConditionRows, owned: Ownership) -> PyomoReading:
     with_obstacle = np.flatnonzero(~free)
     r = r.of(with_obstacle).spread(with_obstacle, free.size, np.inf)
 
-    def bent(G: sp.csr_array, c: Vector, V: sp.csr_array) -> Function:
+    def nonlinear_map(G: sp.csr_array, c: Vector, V: sp.csr_array) -> Function:
         used = np.unique(V.indices)
         w = NonlinearRows([owned.flat[k] for k in used], owned.row_of, owned.signs)
         psi = SumOfTerms(G, c, sp.csr_array(V[:, used]), w, "psi of Pyomo")
@@ -174,12 +174,12 @@ def _reading(rows: ConditionRows, owned: Ownership) -> PyomoReading:
     upper = None
     if rows.widths:
         width = owned.in_z(list(rows.widths.values()))
-        upper = obstacle(r, width.spread(np.array(list(rows.widths)), free.size, np.inf), bent)
-    f = bent(0.0 * p.Z, np.zeros(free.size), p.W) if p.W.nnz else None
+        upper = obstacle(r, width.spread(np.array(list(rows.widths)), free.size, np.inf), nonlinear_map)
+    f = nonlinear_map(0.0 * p.Z, np.zeros(free.size), p.W) if p.W.nnz else None
     own = r.Z.diagonal()
     return PyomoReading(
-        problem=ICP(p.Z, p.constant, obstacle(r, None, bent), upper, f),
-        variables=tuple(owned.variables[j] for j in owned.own),
+        problem=ICP(p.Z, p.constant, obstacle(r, None, nonlinear_map), upper, f),
+        variables=tuple(owned.variables[j] for j in owned.owned_columns),
         signs=owned.signs,
         owners=tuple(rows.owners),
         equation=np.array(rows.equation),
@@ -201,7 +201,7 @@ def _inequalities(rows: ConditionRows, owned: Ownership) -> tuple[list[NamedIneq
             raise InputError(f"{actual}: each variable needs a condition or an equation of its own")
         names.append((constraint, ""))
         sides.append((constant, linear, None))
-    for j in owned.own.tolist():
+    for j in owned.owned_columns.tolist():
         variable = owned.variables[j]
         if not variable.is_continuous():
             raise InputError(f"{variable.name} is in {variable.domain.name}; a continuous variable was expected")

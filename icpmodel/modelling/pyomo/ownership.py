@@ -48,15 +48,15 @@ class Ownership:
         self.flat = rows.nonlinear()
         self._column = {id(variable): k for k, variable in enumerate(self.variables)}
         both = self._stacked([*rows.sides[0], *rows.sides[1]])
-        self._bent = (np.diff(both.W.indptr) > 0).reshape(2, -1)
+        self._nonlinear = (np.diff(both.W.indptr) > 0).reshape(2, -1)
         # a nonlinear equation has an obstacle, and p = 1
-        self.free = np.array(rows.equation, dtype=bool) & ~self._bent[1]
+        self.free = np.array(rows.equation, dtype=bool) & ~self._nonlinear[1]
         every = np.arange(self.free.size)
         #: the rows with two bounds; their side 0 is r
         self._ranges = np.isin(every, list(rows.widths))
-        self.own = self._own_variables(rows.owners, both)
-        self.row_of = {id(self.variables[j]): row for row, j in enumerate(self.own.tolist())}
-        both = both._replace(Z=both.Z[:, self.own])
+        self.owned_columns = self._own_variables(rows.owners, both)
+        self.row_of = {id(self.variables[j]): row for row, j in enumerate(self.owned_columns.tolist())}
+        both = both._replace(Z=both.Z[:, self.owned_columns])
         self.which_r = self._which_side_is_r(both)
         p, r = (both.of(every + every.size * side) for side in (1 - self.which_r, self.which_r))
         in_r = r.Z.diagonal()
@@ -68,7 +68,7 @@ class Ownership:
     def in_z(self, sides: Sequence[Side]) -> AffineRows:
         """The affine parts of `sides` in z."""
         rows = self._stacked(sides)
-        return self._signed(rows._replace(Z=rows.Z[:, self.own]))
+        return self._signed(rows._replace(Z=rows.Z[:, self.owned_columns]))
 
     def _signed(self, rows: AffineRows) -> AffineRows:
         return rows._replace(Z=sp.csr_array(rows.Z @ sp.diags_array(self.signs)))
@@ -80,8 +80,8 @@ class Ownership:
         data = np.array([value for _, linear, _ in sides for value in linear.values()], dtype=np.float64)
         place = np.repeat(np.arange(len(sides)), counts), np.array(columns, dtype=np.int64)
         Z = sp.csr_array(sp.coo_array((data, place), shape=(len(sides), len(self.variables))))
-        bent = np.flatnonzero([rest is not None for _, _, rest in sides])
-        ones = np.ones(bent.size), (bent, np.arange(bent.size))
+        nonlinear = np.flatnonzero([rest is not None for _, _, rest in sides])
+        ones = np.ones(nonlinear.size), (nonlinear, np.arange(nonlinear.size))
         W = sp.csr_array(sp.coo_array(ones, shape=(len(sides), len(self.flat))))
         return AffineRows(Z, W, np.array([constant for constant, _, _ in sides]))
 
@@ -106,8 +106,8 @@ class Ownership:
         opposite = np.sign(coefficient).prod(axis=0) < 0
         missing = (coefficient == 0).sum(axis=0)
         cost = _NOT_IN_R_COST * ~in_r + _MISSING_COST * missing + _OPPOSITE_SIGN_COST * opposite - size
-        own = cheapest(row, col, cost, m, m) if m == n else None
-        if own is None:
+        owned_columns = cheapest(row, col, cost, m, m) if m == n else None
+        if owned_columns is None:
             conditions, unowned = left_over(row, col, (m, n))
             left = ("condition", self.variables, unowned), ("free variable", owners, conditions)
             parts = [
@@ -115,14 +115,14 @@ class Ownership:
             ]
             actual = f"{m} conditions for {n} variables that are not fixed: {', and '.join(parts)}"
             raise InputError(f"{actual}; every condition needs a variable of its own, so fix or deactivate the surplus")
-        return own
+        return owned_columns
 
     def _should_be_r(self, both: AffineRows) -> np.ndarray:
         """Shape (2, m): the nonlinear sides, or else those with fewer variables, so that a bound on one variable
         becomes a fixed obstacle."""
         count = np.diff(both.Z.indptr).reshape(2, -1)
         count = np.where(count == 0, np.inf, count)
-        preferred = self._bent | (~self._bent.any(axis=0) & (count == count.min(axis=0)))
+        preferred = self._nonlinear | (~self._nonlinear.any(axis=0) & (count == count.min(axis=0)))
         preferred[:, self._ranges] = [[True], [False]]
         return preferred
 
@@ -139,8 +139,8 @@ class Ownership:
         with np.errstate(all="ignore"):
             ranks = constant / mine, np.abs(np.log2(mine)), (weight - mine) / mine, count, mine == 0
         which: np.ndarray = np.lexsort(ranks, axis=0)[0]  # the last rank decides first
-        which[self._bent[0] | self._ranges] = 0
-        which[self._bent[1] | self.free] = 1
+        which[self._nonlinear[0] | self._ranges] = 0
+        which[self._nonlinear[1] | self.free] = 1
         return which
 
 

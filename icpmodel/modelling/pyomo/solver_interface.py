@@ -27,7 +27,7 @@ from .models import PyomoReading, read_pyomo
 
 _VERSION = version("icpmodel")
 #: what Pyomo calls each end of a run, and the point that it leaves; SOLVED alone is a success
-ENDS = {
+TERMINATIONS = {
     Status.SOLVED: (TerminationCondition.convergenceCriteriaSatisfied, SolutionStatus.optimal),
     Status.PRECISION_LIMIT: (TerminationCondition.unknown, SolutionStatus.unknown),
     Status.STAGNATED: (TerminationCondition.minStepLength, SolutionStatus.infeasible),
@@ -44,12 +44,12 @@ ENDS = {
     Status.WORKER_LOST: (TerminationCondition.error, SolutionStatus.infeasible),
 }
 #: what all of Pyomo's new solvers take and this one has no use for
-_NO_USE = {
+_IGNORED_OPTIONS = {
     "threads": "icpmodel takes the cores that the process may run on, see os.sched_setaffinity",
     "working_dir": "icpmodel runs in this process and writes no files",
 }
 #: options of `icpmodel.solve` that Pyomo has under names of its own
-_PYOMOS = {
+_PYOMO_NAMES = {
     **dict.fromkeys(("time_limit", "timelimit"), "the keyword timelimit (legacy) or time_limit"),
     "raise_on_failure": "raise_exception_on_nonoptimal_result",
     "z0": "the values of the variables",
@@ -150,10 +150,10 @@ class PyomoSolver(SolverBase):
         results.solver_name, results.solver_version = self.name, self.version()
         config = results.solver_config = self.config(value=kwds, preserve_implicit=True)
         options = config.solver_options.value()
-        for name, pyomos in _PYOMOS.items():
+        for name, pyomos in _PYOMO_NAMES.items():
             if name in options:
                 raise InputError(f"the option {name} is given to Pyomo by {pyomos}")
-        for name, reason in _NO_USE.items():
+        for name, reason in _IGNORED_OPTIONS.items():
             if config[name] is not None:
                 raise InputError(f"{name} = {config[name]!s}: {reason}")
         timer = results.timing_info.timer = config.timer or HierarchicalTimer()
@@ -198,7 +198,7 @@ class PyomoSolver(SolverBase):
         checked = solution
         if solution.status in (Status.SOLVED, Status.PRECISION_LIMIT):
             checked = reading.checked(solution)
-        results.termination_condition, results.solution_status = ENDS[checked.status]
+        results.termination_condition, results.solution_status = TERMINATIONS[checked.status]
         results.solver_log = checked.message
         if checked.status is Status.STAGNATED and checked is not solution:
             results.termination_condition = TerminationCondition.unknown
