@@ -23,15 +23,15 @@ from ..theory.certificates.bounds import error_bound
 
 #: how small Res_D(z) must be, as a share of `residual_scale`, for an answer under test, and for a foreign one, to count
 #: as a solution
-OURS = 1e-8
-THEIRS = 1e-7
+OWN_RTOL = 1e-8
+FOREIGN_RTOL = 1e-7
 #: a Solution may have been stopped at a looser tolerance, but at most at this one
-LOOSEST = 1e-4
+MAX_RTOL = 1e-4
 #: two answers agree within AGREE·max|z| + AGREE_NEAR_ZERO·unit: the second counts where z is about zero
 AGREE = 1e-6
 AGREE_NEAR_ZERO = 1e-9
 #: how many times that a certified bound may be and still count; a wide bound proves nothing
-WIDEST = 10.0
+MAX_BOUND_FACTOR = 10.0
 
 
 class Verdict(Enum):
@@ -95,12 +95,12 @@ class AnswerUnderTest:
     ) -> None:
         self.problem, self.z = problem, problem.vector(solution, "solution")
         scaled, self.unit = in_typical_units(problem)
-        rtol = OURS
+        rtol = OWN_RTOL
         scale = problem.residual_scale() or norm(self.z)
         self.y = self.z / self.unit
         is_own = isinstance(solution, Solution) and (solution.problem is problem or solution.problem is original)
         if is_own and solution.solved and scale > 0:
-            rtol = min(max(OURS, solution.tolerance / scale, solution.residual / scale), LOOSEST)
+            rtol = min(max(OWN_RTOL, solution.tolerance / scale, solution.residual / scale), MAX_RTOL)
         self.holds = solves(problem, self.z, rtol)
         # the unit may be far larger than z: it counts only for an answer that is known to be a solution
         default = AGREE * float(np.abs(self.z).max()) + (AGREE_NEAR_ZERO * self.unit if self.holds else 0.0)
@@ -130,7 +130,7 @@ class AnswerUnderTest:
 
     def _compare(self, target: Target, x: Vector, claim: Claim, difference: float) -> tuple[Verdict, str]:
         """The verdict on a finite x, in the units of `target`. Every comparison is false for NaN."""
-        theirs = solves(target.problem, x, THEIRS)
+        theirs = solves(target.problem, x, FOREIGN_RTOL)
         if not claim.solved:
             right = f"it ended with: {claim.words}; its z solves the problem all the same"
             return Verdict.FAILED, right if theirs else self._ended(claim)
@@ -147,7 +147,7 @@ class AnswerUnderTest:
         """The accuracy asked for, by the solver's criterion, and that of its answer by ours."""
         share = problem.residual(x) / (problem.residual_scale() or norm(x) or 1.0)
         request = "" if claim.tolerance is None else f"asked for {claim.tolerance:g} in its own measure, "
-        return f"claims {claim.words!r}: {request}{share:.1e} in ours, where {THEIRS:g} was expected"
+        return f"claims {claim.words!r}: {request}{share:.1e} in ours, where {FOREIGN_RTOL:g} was expected"
 
     def _ended(self, claim: Claim) -> str:
         """How it ended without success. "infeasible" and "unbounded" are rays that nobody has checked, and false where
@@ -157,7 +157,8 @@ class AnswerUnderTest:
 
     def by_bound(self, difference: float, bound: float, unique: bool) -> tuple[Verdict, str]:
         """The verdict on a solution `difference` away, which is certified to be at most `bound`, NaN for unknown."""
-        if difference <= bound <= WIDEST * (AGREE * float(np.abs(self.z).max()) + AGREE_NEAR_ZERO * self.unit):
+        agreement = AGREE * float(np.abs(self.z).max()) + AGREE_NEAR_ZERO * self.unit
+        if difference <= bound <= MAX_BOUND_FACTOR * agreement:
             return Verdict.AGREES, f"within the certified bound {bound:.1e}"
         if difference <= bound:
             return Verdict.INCONCLUSIVE, f"the bound {bound:.1e} is too wide to decide; solve with a smaller rtol"
@@ -176,7 +177,7 @@ def solves(problem: ProblemData, y: Vector, rtol: float) -> bool:
     tolerance = float(rounded_share(scale, rtol))
     if certain(problem, y, residual, tolerance) <= tolerance:
         return True
-    return residual <= 4 * problem.rounding_of_residual(y) <= LOOSEST * scale
+    return residual <= 4 * problem.rounding_of_residual(y) <= MAX_RTOL * scale
 
 
 def finite(value: float) -> float | None:

@@ -20,7 +20,7 @@ from .judge import Row, Verdict
 #: columns of a report that goes to no terminal
 _FILE_COLUMNS = 118
 #: the columns that are printed
-_SHOWN = ("solver", "formulation", "verdict", "residual", "difference", "seconds", "note")
+_PRINTED_COLUMNS = ("solver", "formulation", "verdict", "residual", "difference", "seconds", "note")
 #: the first line of a report in CSV
 HEADS = ",".join(Row.__annotations__).encode()
 
@@ -182,7 +182,7 @@ class Report(Displayable, Tabular):
     def _tables(self) -> list[Table]:
         """The solvers that ran, and those that did not, where there are any."""
         skipped = tuple((row.solver, row.note) for row in self.rows if row.verdict is Verdict.SKIPPED)
-        tables = [_table(self.attempts, _SHOWN), Table("", ("not run", "why"), skipped)]
+        tables = [_table(self.attempts, _PRINTED_COLUMNS), Table("", ("not run", "why"), skipped)]
         return [table for table in tables if table.rows]
 
     def __str__(self) -> str:

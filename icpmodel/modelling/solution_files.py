@@ -205,7 +205,7 @@ def _judged(
         expected = ", ".join(one.value for one in Status)
         raise FileError(f"{path}: field about has status = {about.get('status')!r}; one of {expected}") from None
     scale = problem.residual_scale()
-    goal = Goal(limits.tolerance(scale), problem, limits.atol, of_z=0.0 if scale else limits.rtol)
+    goal = Goal(limits.tolerance(scale), problem, limits.atol, rtol_of_z=0.0 if scale else limits.rtol)
     residual = problem.residual(z)
     if status is Status.SOLVED and limits.accuracy is None:
         residual = goal.judged(z, residual)

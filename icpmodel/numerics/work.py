@@ -32,7 +32,7 @@ class Costs(NamedTuple):
 
     #: a step in Python around one compiled loop or one SciPy product, whatever its size
     call: float = 3_000.0
-    #: an iterate in Python: its residual, tests, and who has the next turn
+    #: an iterate in Python: its residual, the tests, and the choice of the method that goes on
     iterate: float = 5_000.0
     #: a Newton step in Python: the active set, slices of sparse matrices, a solver; per step, row and entry of A
     newton: float = 400_000.0

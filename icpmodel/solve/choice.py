@@ -114,7 +114,7 @@ def select_method(
     go on later.
 
     **Bound.** The best method needs T, and its remaining cost is never more than R ≥ T. Another one runs only where its
-    remaining cost is at most R. Its first turn costs at most 2R. When a later turn begins it has spent at most R, as
+    remaining cost is at most R. At first it spends at most 2R. When it goes on later it has spent at most R, as
     its remaining cost is at least that. It pauses when this has doubled, at 2R in all. Sweeps, an early `Multilevel`
     and three methods need T + 8R: 9T where the best method's estimates are right. Each that ends adds 2R for the next.
 
@@ -162,38 +162,38 @@ class Job:
         #: whether it began at the start of the run with its own problem
         self.is_fresh = False
         self.steps = 0
-        self.spent = 0.0
+        self.work_done = 0.0
         #: the first one is that of the start
         self.residuals: list[float] = []
         self.remaining = 0.0 if choice.estimate is None else choice.estimate.total
         #: twice its estimate, and what it may spend before it is compared with others
-        self.most = math.inf if choice.estimate is None else _MAX_OVERRUN * self.remaining
-        self.limit = self.most
+        self.max_cost = math.inf if choice.estimate is None else _MAX_OVERRUN * self.remaining
+        self.limit = self.max_cost
 
     def step(self, cost: float, residual: float, target: float) -> bool:
         """Count a step to `residual`, where `target` is asked for; return whether to compare with other methods."""
         self.steps += 1
-        self.spent += cost
+        self.work_done += cost
         self.residuals.append(residual)
         self.remaining = max(self.remaining - cost, 0.0)
-        if self.spent < self.limit:
+        if self.work_done < self.limit:
             return False
-        self.remaining = self._left(target)
-        self.limit = self.spent + min(self.spent, self.remaining)
+        self.remaining = self._remaining_cost(target)
+        self.limit = self.work_done + min(self.work_done, self.remaining)
         return True
 
-    def _left(self, target: float) -> float:
+    def _remaining_cost(self, target: float) -> float:
         """The remaining cost: from the rate over the last half of the steps, or from the cost so far."""
         if self.method.finite:
-            return self.spent
+            return self.work_done
         half = self.steps // 2
         # a residual may be 0 as rounded, and no solution
         least = max(min(self.residuals), SMALLEST)
         gained = math.log(max(min(self.residuals[: half + 1]), SMALLEST)) - math.log(least)
         if not gained > 0.0:
-            return _MAX_REMAINING_FACTOR * self.spent
+            return _MAX_REMAINING_FACTOR * self.work_done
         steps = (math.log(least) - math.log(target)) * (self.steps - half) / gained
-        return min(max(steps * self.spent / self.steps, self.spent), _MAX_REMAINING_FACTOR * self.spent)
+        return min(max(steps * self.work_done / self.steps, self.work_done), _MAX_REMAINING_FACTOR * self.work_done)
 
     def __str__(self) -> str:
         """The method and its progress: 40 of an expected 300 steps."""
@@ -240,14 +240,14 @@ class Ladder:
         self.early: list[Job] = []
         #: for each of the three of rung 5 the ones that follow where it ends
         self.others: list[list[Job]] = []
-        sweeps = [self._plain, self._levels, self._sweeps, self._pause, self._levels]
+        sweeps = [self._add_psor, self._add_multilevel, self._add_accelerated, self._pause, self._add_multilevel]
         if warm_start:
-            sweeps.insert(0, self._levels)
+            sweeps.insert(0, self._add_multilevel)
         if family == "paper":
-            sweeps = [self._sweeps]
+            sweeps = [self._add_accelerated]
         if problem.psi.has_policies:
             sweeps = [self._pause]
-        self.rungs = [self._at_once, *sweeps, self._costly, self._last]
+        self.rungs = [self._add_direct, *sweeps, self._add_newton, self._add_remaining]
         #: whether the problem is to be reduced before rung 5; and whether that is next
         self.reduces = reduces
         self.floor = 0.0
@@ -255,12 +255,12 @@ class Ladder:
         if first is not None:
             self.rungs.pop(0)
             for job in self._estimated([first]):
-                self._begin(job, job.remaining)
+                self._begin_early(job, job.remaining)
 
     @property
     def is_decided(self) -> bool:
         """Whether one method solves the problem at once."""
-        if self.rungs[0] == self._at_once:
+        if self.rungs[0] == self._add_direct:
             self.rungs.pop(0)()
         return bool(self.jobs)
 
@@ -277,7 +277,7 @@ class Ladder:
         self.is_paused = False
         while not self.is_paused:
             if not self.rungs and self.family is None and self.problem.n <= MAX_UNKNOWNS:
-                self.jobs = [job for job in self.jobs if job.spent < job.most]
+                self.jobs = [job for job in self.jobs if job.work_done < job.max_cost]
             least = min(self.jobs, key=lambda job: job.remaining, default=None)
             if not self.rungs or (least is not None and least.remaining <= self.floor):
                 return least
@@ -309,7 +309,7 @@ class Ladder:
             jobs.append(Job(Choice(method, why, estimate)))
         return sorted(jobs, key=lambda job: job.remaining)
 
-    def _at_once(self) -> None:
+    def _add_direct(self) -> None:
         problem = self.problem
         self.floor = math.inf
         few = f"{problem.n} unknowns are few"
@@ -323,13 +323,13 @@ class Ladder:
                 break
             _LOG.debug("n = %d: %r is left out: %s", problem.n, method, why_not)
 
-    def _begin(self, job: Job, floor: float) -> None:
+    def _begin_early(self, job: Job, floor: float) -> None:
         """Run `job` before the others of rung 5 are estimated, until it has more than `floor` left."""
         self.early = [job]
         self.jobs.append(job)
         self.floor = floor
 
-    def _plain(self) -> None:
+    def _add_psor(self) -> None:
         sweeps = PSOR()
         if sweeps.why_not(self.problem) is None and work.memory_suffices(8.0 * 4.0 * self.problem.n):
             step = estimate_of(sweeps, self.problem.facts, self.target_reduction).step
@@ -339,7 +339,7 @@ class Ladder:
             self.sweeps = [job]
             self.jobs.append(job)
 
-    def _sweeps(self) -> None:
+    def _add_accelerated(self) -> None:
         self.floor = least_cost(self.problem.facts, self.family)
         if jobs := self._estimated([MNMAOR(theta1=AUTO) if self.family == "paper" else self._accelerated()]):
             self.jobs = [*jobs, *(job for job in self.jobs if job not in self.sweeps)]
@@ -353,7 +353,7 @@ class Ladder:
                 hopeless = self.problem.matrix.coupled_radius < 1.0 and estimate.total > following
                 trial = (0.5 if hopeless else 1.0) * _TRIAL_SHARE * following
                 trial = max(trial, _ACCELERATED_SWEEPS * estimate.step)
-                if job.spent < trial:
+                if job.work_done < trial:
                     job.limit = trial
                     job.remaining = 0.0
 
@@ -361,7 +361,7 @@ class Ladder:
         self.is_paused = self.reduces
         self.reduces = False
 
-    def _levels(self) -> None:
+    def _add_multilevel(self) -> None:
         """`Multilevel` where the others would cost more even without fill, which an analysis would tell.
 
         Before any sweeps it has the hierarchy that A keeps: a trial of sweeps would save no set-up.
@@ -369,9 +369,9 @@ class Ladder:
         if self.early:
             return
         problem = self.problem
-        is_first = self._plain in self.rungs
+        is_first = self._add_psor in self.rungs
         least = least_of_others(problem.facts, self.family)
-        if self._sweeps in self.rungs:
+        if self._add_accelerated in self.rungs:
             sweeps = estimate_of(self._accelerated(), problem.facts, self.target_reduction)
             shortest = math.inf if is_first else 2.0 * _ACCELERATED_SWEEPS * sweeps.step / _TRIAL_SHARE
             least = min(least, sweeps.total, shortest) if problem.matrix.coupled_radius < 1.0 else 0.0
@@ -382,14 +382,14 @@ class Ladder:
                 job.limit -= kept
                 job.choice = replace(job.choice, why=f"{job.choice.why}, and A keeps the hierarchy")
             if job.remaining <= least:
-                if self._sweeps in self.rungs:
+                if self._add_accelerated in self.rungs:
                     self.jobs = []
                 self._try_sweeps(job.remaining)
-                self._begin(job, least)
+                self._begin_early(job, least)
                 if not is_first:
                     self._pause()
 
-    def _costly(self) -> None:
+    def _add_newton(self) -> None:
         self.floor = math.inf
         newton: list[Method] = [MNMMOD(theta1=AUTO)]
         proximal: list[Method] = []
@@ -403,11 +403,11 @@ class Ladder:
         self.jobs += began
         self._try_sweeps(min((job.remaining for job in began), default=math.inf))
 
-    def _last(self) -> None:
+    def _add_remaining(self) -> None:
         self.jobs += self._estimated([MNMGS()] if self.family == "paper" else [MNMGS(), MNMMOD(theta1=AUTO)])
 
 
-class InTurn:
+class MethodSequence:
     """Methods, each begun when the one before has ended; it offers what `Ladder` offers.
 
     Parameters

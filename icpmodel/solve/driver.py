@@ -21,7 +21,7 @@ from ..numerics.rounding import CTRL_C, is_ctrl_c, public_entry
 from ..problem.data import ProblemData, ProblemLike, as_problem
 from ..problem.user_code import as_function
 from .accuracy import solve_to_accuracy
-from .choice import Choice, InTurn, Job
+from .choice import Choice, Job, MethodSequence
 from .goal import RTOL, Goal, Limits, check_family
 from .last_resort import search
 from .newton_josephy import NewtonJosephy
@@ -170,10 +170,10 @@ def _run_all(run: Run, method: Method | None, family: str | None) -> None:
     The second attempt is needed because presolving relies on the user's Lipschitz constants.
     """
     if method is not None:
-        run_methods(run, run.steps(InTurn(method)))
+        run_methods(run, run.steps(MethodSequence(method)))
         return
     if run.problem.f is not None:
-        run_methods(run, run.steps(InTurn(NewtonJosephy(inner_family=family), why="p is nonlinear")))
+        run_methods(run, run.steps(MethodSequence(NewtonJosephy(inner_family=family), why="p is nonlinear")))
         return
     other = presolve(run.problem)
     if other is not run.problem:
@@ -273,9 +273,9 @@ def _new_run(problem: ProblemData, start: Vector, limits: Limits, **display: Any
     if limits.accuracy is not None:
         goal = Goal(math.inf)
     elif not scale:
-        goal = replace(goal, of_z=limits.rtol, size=norm(start))
+        goal = replace(goal, rtol_of_z=limits.rtol, start_norm=norm(start))
     elif problem.f is not None:
-        goal = replace(goal, of_z=limits.rtol)
+        goal = replace(goal, rtol_of_z=limits.rtol)
     return Run(
         problem,
         start,

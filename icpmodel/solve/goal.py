@@ -77,23 +77,23 @@ def check_family(family: Any) -> None:
 class Goal:
     """The test for convergence: Res_D(z) ≤ `tolerance` or Res(z) ≤ `atol`; exact residuals if `problem` is given.
 
-    With `of_z` the tolerance is `of_z`·min(‖z‖, `size`), `size` the norm of the start. That is for problems in which
-    all data are 0 at z = 0. The minimum prevents that diverging iterates meet the test. Where p is nonlinear, Res_D(0)
-    need not be of the size of z. So the smaller of `tolerance` and `of_z`·‖z‖ applies.
+    With `rtol_of_z` the tolerance is `rtol_of_z`·min(‖z‖, ‖z⁰‖). That is for problems in which all data are
+    0 at z = 0. The minimum prevents that diverging iterates meet the test. Where p is nonlinear, Res_D(0) need not be
+    of the size of z. So the smaller of `tolerance` and `rtol_of_z`·‖z‖ applies.
     """
 
     tolerance: float
     problem: ProblemData | None = None
     atol: float = 0.0
-    of_z: float = 0.0
-    size: float = math.inf
+    rtol_of_z: float = 0.0
+    start_norm: float = math.inf
 
     def tolerance_at(self, z: Vector) -> float:
         """The Res_D that `z` may have."""
-        if not self.of_z:
+        if not self.rtol_of_z:
             return self.tolerance
-        of_z = float(rounded_share(min(norm(z), self.size), self.of_z))
-        return min(self.tolerance, of_z) if self.tolerance else of_z
+        rtol_of_z = float(rounded_share(min(norm(z), self.start_norm), self.rtol_of_z))
+        return min(self.tolerance, rtol_of_z) if self.tolerance else rtol_of_z
 
     def judged(self, z: Vector, residual: float) -> float:
         """The residual by which `z` is judged, from the float64 value `residual` of Res_D(z)."""

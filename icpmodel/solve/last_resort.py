@@ -9,16 +9,16 @@ from ..methods.enumeration import Enumerate
 from ..methods.milp import MAX_UNKNOWNS, MixedInteger
 from ..methods.restarts import Restarts
 from ..numerics import work
-from .choice import InTurn
+from .choice import MethodSequence
 from .run import Run
 from .solution import Status
 from .stopping import StopReason
 
 _LOG = logging.getLogger("icpmodel")
 #: seconds for all of it where no time limit was given
-SECONDS = 10.0
+DEFAULT_SECONDS = 10.0
 #: they fail where no global search helps
-_FAILED = (Status.STAGNATED, Status.CYCLED, Status.DIVERGED)
+_FAILED_STATUSES = (Status.STAGNATED, Status.CYCLED, Status.DIVERGED)
 
 
 def search(run: Run, run_methods: Callable[[Run, Iterator[None]], None]) -> None:
@@ -29,11 +29,11 @@ def search(run: Run, run_methods: Callable[[Run, Iterator[None]], None]) -> None
     before, and its note says what was tried.
     """
     before = run.stop_reason
-    if run.best is None or before.status not in _FAILED or run.problem.n > MAX_UNKNOWNS:
+    if run.best is None or before.status not in _FAILED_STATUSES or run.problem.n > MAX_UNKNOWNS:
         return
     job = run.job
     limited = run.limits.time_limit is not None
-    seconds = work.seconds_left() if limited else SECONDS
+    seconds = work.seconds_left() if limited else DEFAULT_SECONDS
     limit = f"a search of at most {seconds:.3g} s" + ("" if limited else " (no time_limit was given)")
     why = f"the methods before it {before.status.value}; {limit}"
     restarted = [one.method for one in run.tried if not one.is_fresh]
@@ -41,8 +41,8 @@ def search(run: Run, run_methods: Callable[[Run, Iterator[None]], None]) -> None
     _LOG.info("n = %d: %s begins: %s", run.problem.n, limit, ", ".join(map(repr, methods)))
     run.restart = run.start
     with work.work_limit(seconds):
-        run_methods(run, run.steps(InTurn(*methods, why=why)))
-    if run.stop_reason.status in _FAILED or (run.stop_reason.status is Status.TIME_LIMIT and not limited):
+        run_methods(run, run.steps(MethodSequence(*methods, why=why)))
+    if run.stop_reason.status in _FAILED_STATUSES or (run.stop_reason.status is Status.TIME_LIMIT and not limited):
         tried = ", ".join(one.name for one in methods)
         run.stop_reason = StopReason(before.status, f"{before.note}; {limit} found no solution ({tried})")
         run.job = job

@@ -26,21 +26,21 @@ from .run import Run
 from .solution import Status
 
 #: the weights μ of the proximal term beside A + f′ in the units of its diagonal, the next one where a step fails
-_PROXIMAL = (0.0, 1e-2, 1.0, 1e2)
+_PROXIMAL_WEIGHTS = (0.0, 1e-2, 1.0, 1e2)
 #: a linearised problem is solved to the share θ/θ⁰ of its residual, kept within these (Eisenstat and Walker 1996)
-_TIGHT, _LOOSE = 1e-4, 0.1
+_MIN_FORCING, _MAX_FORCING = 1e-4, 0.1
 #: a step of length t is taken where θ ≤ (1 − σt) times the largest of the last ones, by number (Grippo and others 1986)
-_SIGMA, _MEMORY = 1e-4, 5
+_ARMIJO, _NONMONOTONE_STEPS = 1e-4, 5
 #: what a second step by one tangent may leave: the share of a step of half the length
-_SECOND = 0.5
+_SECOND_STEP_SHARE = 0.5
 #: the number of halvings of a step, and of steps without a reduction of the least θ by a tenth
-_HALVINGS, _PATIENCE = 20, 40
+_MAX_HALVINGS, _PATIENCE = 20, 40
 #: the number of sweeps methods with which a ladder begins
-_SWEEPS = 2
+_SWEEP_METHODS = 2
 #: random starts after the last step that helps, for problems small enough for a search
 _MAX_RESTARTS = 20
 #: their size, in powers of ten of the largest entry of D⁻¹p(0), ψ and z⁰, or of 1 where all are smaller
-_SMALLEST, _LARGEST = -1.0, 2.0
+_MIN_START_EXPONENT, _MAX_START_EXPONENT = -1.0, 2.0
 
 
 @with_options
@@ -100,7 +100,7 @@ class NewtonJosephy(Method):
                 yield point.z, point.residual
             if point.residual <= 2.0 * problem.rounding_of_residual(point.z) or not left:
                 break
-            size = max(scale_of_starts(problem, z), 1.0) * 10.0 ** rng.uniform(_SMALLEST, _LARGEST)
+            size = max(scale_of_starts(problem, z), 1.0) * 10.0 ** rng.uniform(_MIN_START_EXPONENT, _MAX_START_EXPONENT)
             with suppress(MapError):
                 search = _Search(problem, start_above(problem, z, size, rng), self.inner_family)
                 if np.isfinite(search.current.theta):
@@ -125,7 +125,7 @@ class _Search:
         with np.errstate(all="ignore"):
             self.path = NewtonPath(problem, z)
         self.current = self.path.current
-        self.recent = deque([self.current.theta], _MEMORY)
+        self.recent = deque([self.current.theta], _NONMONOTONE_STEPS)
         self.least = LeastValue()
         self.weight = 0
         #: what solved a linear problem on which plain and accelerated sweeps were tried before
@@ -153,8 +153,8 @@ class _Search:
     def _next(self) -> NewtonPoint | None:
         linear = self._affine()
         self.weight = max(self.weight - 1, 0)
-        while self.weight < len(_PROXIMAL):
-            W = _PROXIMAL[self.weight] * linear.matrix.weights
+        while self.weight < len(_PROXIMAL_WEIGHTS):
+            W = _PROXIMAL_WEIGHTS[self.weight] * linear.matrix.weights
             new = self._on_line(_proximal(linear, self.current.z, W), W)
             if new is not None:
                 return new
@@ -170,7 +170,7 @@ class _Search:
     def _solved(self, linear: ProblemData, z: Vector, tolerance: float) -> Vector | None:
         """A solution of the `linear` problem to the `tolerance`, from `z`; None where there is none to be found."""
         start_residual = linear.residual(z)
-        share = min(tolerance / start_residual, _LOOSE) if start_residual > 0.0 else _LOOSE
+        share = min(tolerance / start_residual, _MAX_FORCING) if start_residual > 0.0 else _MAX_FORCING
         seconds = work.seconds_left()
         limits = Limits(rtol=share, atol=0.0, max_iter=100_000, time_limit=seconds if seconds < np.inf else None)
         run = Run(
@@ -186,7 +186,7 @@ class _Search:
         run.presolved = None if fixed is linear else fixed
         for _ in ladder_steps(run, fixed, self.family, self.first):
             pass
-        if run.stop_reason.status is Status.SOLVED and len(run.tried) > _SWEEPS:
+        if run.stop_reason.status is Status.SOLVED and len(run.tried) > _SWEEP_METHODS:
             self.first = run.tried[-1].method
         if run.is_refused and run.refusal is not None:
             raise run.refusal.error
@@ -201,7 +201,7 @@ class _Search:
         θ alone may fall although the rows that are free at z⁺ move away from p = 0, in short steps that lead nowhere.
         """
         z = self.current.z
-        share = min(max(self.current.theta / self.path.start_theta, _TIGHT), _LOOSE)
+        share = min(max(self.current.theta / self.path.start_theta, _MIN_FORCING), _MAX_FORCING)
         tolerance = share * linear.residual(z)
         to = self._solved(linear, z, tolerance)
         if to is None:
@@ -227,13 +227,13 @@ class _Search:
         """
         step = z - self.current.z
         new = self.path.point(z)
-        yield 1.0 - _SIGMA, new
+        yield 1.0 - _ARMIJO, new
         if new is not None:
             q = linear.q + new.p + W * step - linear.p(z)
             again = self._solved(linear.with_q(q), z, tolerance) if np.isfinite(q).all() else None
-            yield _SECOND, None if again is None else self.path.point(again)
-        for k in range(1, _HALVINGS):
-            yield 1.0 - _SIGMA * 0.5**k, self.path.point(self.current.z + 0.5**k * step)
+            yield _SECOND_STEP_SHARE, None if again is None else self.path.point(again)
+        for k in range(1, _MAX_HALVINGS):
+            yield 1.0 - _ARMIJO * 0.5**k, self.path.point(self.current.z + 0.5**k * step)
 
     def _equations(self, pattern: Pattern, point: NewtonPoint, W: Vector) -> float:
         """‖·‖ of r in the active rows of the `pattern`, and of p and the proximal term in its free rows, at `point`."""
@@ -254,7 +254,7 @@ class _Search:
         for direction in self.path.directions(V, phi, total):
             slope = float(phi @ (V @ direction))
             if (
-                slope < -_SIGMA
+                slope < -_ARMIJO
                 and (new := self.path.line_search(self.current, self.current.theta * direction, slope)) is not None
             ):
                 return new

@@ -23,7 +23,7 @@ _DRAW_INTERVAL = 0.1
 _MAX_LOG_INTERVAL = 60.0
 _LOG = logging.getLogger("icpmodel")
 #: what the status line shows that is open
-_OPEN: ContextVar[Callable[[str], None] | None] = ContextVar("status line", default=None)
+_open_line: ContextVar[Callable[[str], None] | None] = ContextVar("status line", default=None)
 
 
 @dataclass(frozen=True, repr=False)
@@ -56,7 +56,7 @@ class Progress(Displayable):
 
 
 #: what shows a title, the share of the way, None for none, and a text
-_Show = Callable[[str, float | None, str], None]
+_Display = Callable[[str, float | None, str], None]
 
 
 class Bar:
@@ -70,9 +70,9 @@ class Bar:
 
 
 class _VisibleBar(Bar):
-    """The share of the way, on a logarithmic scale, from the first residual of a turn to the tolerance."""
+    """The share of the way, on a logarithmic scale, from the first residual of a method to the tolerance."""
 
-    def __init__(self, show: _Show, clock: Callable[[], float]) -> None:
+    def __init__(self, show: _Display, clock: Callable[[], float]) -> None:
         self.show, self.clock, self.next, self.title, self.first = show, clock, -math.inf, "", 0.0
 
     def begin(self, title: str) -> None:
@@ -111,7 +111,7 @@ def status_line(enabled: bool, opening: str = "") -> Iterator[Callable[[str], No
     not, the logger "icpmodel" gets one now and then, at INFO. Every log gets the `opening`, which says how long it may
     take. Within another status line the function of that one is returned.
     """
-    if (outer := _OPEN.get()) is not None:
+    if (outer := _open_line.get()) is not None:
         if opening:
             outer(opening)
         yield outer
@@ -121,15 +121,15 @@ def status_line(enabled: bool, opening: str = "") -> Iterator[Callable[[str], No
         def say(text: str) -> None:
             show(text, None, "")
 
-        token = _OPEN.set(say)
+        token = _open_line.set(say)
         try:
             yield say
         finally:
-            _OPEN.reset(token)
+            _open_line.reset(token)
 
 
 @contextlib.contextmanager
-def _display(enabled: bool, clock: Callable[[], float], opening: str = "") -> Iterator[_Show]:
+def _display(enabled: bool, clock: Callable[[], float], opening: str = "") -> Iterator[_Display]:
     """The cell of a notebook, a terminal, or a log that gets the `opening`, and more after 1, 2, 4, … seconds."""
     if enabled and in_notebook():
         from IPython.display import HTML, display

@@ -48,10 +48,10 @@ _MAX_PART = 0.6
 _TOLERANCE_SHARE = 0.5
 _EARLIER_SHARE = 1e-3
 #: ends of a part that end the whole
-_FINAL = (Status.ITERATION_LIMIT, Status.TIME_LIMIT, Status.STOPPED)
+_FINAL_STATUSES = (Status.ITERATION_LIMIT, Status.TIME_LIMIT, Status.STOPPED)
 
 #: steps, which return the blocks that are still to be solved, or None
-Path = Generator[None, None, Blocks | None]
+PartSteps = Generator[None, None, Blocks | None]
 
 
 def presolve(problem: ProblemData) -> ProblemData:
@@ -161,7 +161,7 @@ class _Parts:
             run.is_over = True
         _LOG.info("n = %d: %s: residual %.3g", run.problem.n, self.job.choice.why, residual)
 
-    def _in_blocks(self, partition: Blocks) -> Path:
+    def _in_blocks(self, partition: Blocks) -> PartSteps:
         """The small blocks before the core, its parts, and the small blocks after it."""
         self.z, solved = partition.forward(self.z, partition.before)
         if (unsolved := partition.before & ~solved).any():
@@ -237,7 +237,7 @@ class _Parts:
                     self.job = part.best.job
         if part.infeasible is not None:
             self._raise_infeasible(part, rows)
-        if part.stop_reason.status in _FINAL:
+        if part.stop_reason.status in _FINAL_STATUSES:
             self.run.stop_reason = part.stop_reason
             self.run.is_over = True
 

@@ -19,7 +19,7 @@ from ..numerics import work
 from ..numerics.arrays import Vector, locked, norm
 from ..problem.data import ProblemData
 from ..theory.answers import Answer
-from .choice import InTurn, Job, Ladder
+from .choice import Job, Ladder, MethodSequence
 from .goal import Goal, Limits
 from .progress import Bar, Progress, progress_bar
 from .proved_convergence import proved_convergence
@@ -145,7 +145,7 @@ class Run:
         self.target_reduction = min(max(self.target_reduction, _LEAST_REDUCTION), _MOST_REDUCTION)
         self.target = self.target_reduction * (self.scale or self.start_residual) or _LEAST_REDUCTION
 
-    def steps(self, ladder: Ladder | InTurn) -> Iterator[None]:
+    def steps(self, ladder: Ladder | MethodSequence) -> Iterator[None]:
         """Run the loop; yield after each tested iterate but the last one of a method."""
         with progress_bar(self.progress) as self.bar:
             last: Job | None = None
@@ -169,7 +169,7 @@ class Run:
             if self.refusal.job is not None:
                 self.job = self.refusal.job
 
-    def _next_job(self, ladder: Ladder | InTurn) -> Job | None:
+    def _next_job(self, ladder: Ladder | MethodSequence) -> Job | None:
         """The next job; None if none is left, or if choosing one would exceed the limits."""
         try:
             return ladder.next()

@@ -14,7 +14,7 @@ from .solution import Status
 
 #: the number of steps that reduce the residual by less than a thousandth before its rounding error is computed
 _PRECISION_CHECK = 50
-_NOTHING: Vector = np.zeros(0)
+_NO_ITERATE: Vector = np.zeros(0)
 
 
 class StopReason(NamedTuple):
@@ -57,7 +57,7 @@ class StagnationTest:
     ) -> None:
         self.memoryless, self.patience, self.at_floor, self.is_proved = memoryless, patience, at_floor, is_proved
         self.step = self.milestone = 0
-        self.milestone_residual, self.milestone_z = np.nan, _NOTHING
+        self.milestone_residual, self.milestone_z = np.nan, _NO_ITERATE
         self.progress_at, self.progress_residual = 0, np.inf
         self.better_at, self.better_residual = 0, np.inf
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 import icpmodel as icp
 from icpmodel import scenes
 from icpmodel.numerics import work
-from icpmodel.solve.choice import Choice, InTurn, Job, Ladder
+from icpmodel.solve.choice import Choice, Job, Ladder, MethodSequence
 from icpmodel.solve.estimates import Estimate
 from icpmodel.solve.goal import FAMILIES
 
@@ -84,7 +84,7 @@ def scripts(draw):
     return draw(st.booleans()), draw(st.floats(0.1, 1e3)), draw(st.floats(0.01, 10.0)), draw(st.integers(1, 300)), falls
 
 
-class Rungs(InTurn):
+class Rungs(MethodSequence):
     """Jobs, of which the one with the least left to do runs."""
 
     def next(self):

@@ -18,7 +18,7 @@ from runs import ended, run_on
 import icpmodel as icp
 from icpmodel import Status
 from icpmodel.methods.contract import Method
-from icpmodel.solve.choice import InTurn
+from icpmodel.solve.choice import MethodSequence
 
 
 @pytest.fixture(autouse=True)
@@ -262,7 +262,7 @@ def test_wrong_options_are_named(options, words):
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, MemoryError])
 def test_what_happens_while_the_next_method_is_chosen_loses_nothing(error):
-    class Raises(InTurn):
+    class Raises(MethodSequence):
         def next(self):
             if not self.jobs:
                 raise error
@@ -285,7 +285,7 @@ class Greedy(icp.MNMGS):
 
 def test_a_method_that_needs_too_much_memory_gives_way_to_the_next():
     run = run_on(CYCLIC)
-    assert ended(run, run.steps(InTurn(Greedy(), icp.Newton()))).z == pytest.approx(np.full(3, 1 / 3))
+    assert ended(run, run.steps(MethodSequence(Greedy(), icp.Newton()))).z == pytest.approx(np.full(3, 1 / 3))
     solution = attempt(CYCLIC, Greedy())
     assert solution.status is Status.MEMORY_LIMIT
 
@@ -293,7 +293,7 @@ def test_a_method_that_needs_too_much_memory_gives_way_to_the_next():
 def test_an_operator_that_is_singular_is_passed_over_or_raised():
     singular = icp.MNMJ(phi=[-2.0, 0.0, 0.0])
     run = run_on(CYCLIC)
-    ended(run, run.steps(InTurn(singular, icp.Newton())))
+    ended(run, run.steps(MethodSequence(singular, icp.Newton())))
     assert [repr(one.method) for one in run.tried] == ["Newton()"]
     with pytest.raises(icp.SingularOperator):
         CYCLIC.solve(singular)

@@ -18,16 +18,16 @@ from ...numerics.rounding import public_entry
 from ..goal import RTOL, Limits
 from ..solution import Status
 from ..solutions import Solutions
-from .batch import CHAIN, SHARE, Batch
+from .batch import ROWS_PER_CHAIN, SHARE_COST, Batch
 
 #: the rows low ≤ i < high, several of these, and what comes back of each
-Shares = list[tuple[int, int]]
-Ends = dict[tuple[int, int], Future[Any]]
+RowRanges = list[tuple[int, int]]
+Futures = dict[tuple[int, int], Future[Any]]
 #: a share without rows, which is sent first: whether anything can be
-_NOTHING = (0, 0)
+_EMPTY_RANGE = (0, 0)
 #: what is found for a share: by row, and else
-_BY_ROW = ("Z", "residuals", "tolerances", "solved")
-_ELSE = ("failures", "alone", "compiled")
+_ROW_FIELDS = ("Z", "residuals", "tolerances", "solved")
+_OTHER_FIELDS = ("failures", "alone", "compiled")
 #: what this worker has no more to do, as Ctrl-C came: by when it began
 _INTERRUPTED: set[float] = set()
 
@@ -118,14 +118,14 @@ def solve_many(
 
 
 @public_entry
-def _done(batch: Batch, begun: float) -> dict[str, Any]:
+def _solve_share(batch: Batch, begun: float) -> dict[str, Any]:
     """A worker's results for a share; `begun` is the wall-clock time of the start of all shares."""
     batch.start_time = work.clock() - max(time.time() - begun, 0.0)
     if len(batch.Z) and begun not in _INTERRUPTED:
         batch.run()
     if batch.interrupted:
         _INTERRUPTED.add(begun)
-    return {name: getattr(batch, name) for name in (*_BY_ROW, *_ELSE)}
+    return {name: getattr(batch, name) for name in (*_ROW_FIELDS, *_OTHER_FIELDS)}
 
 
 def _by_workers(batch: Batch, make: Any) -> None:
@@ -141,11 +141,11 @@ def _by_workers(batch: Batch, make: Any) -> None:
     k = len(batch.Z)
     price = batch.price()
     limit = batch.limits.time_limit
-    size = CHAIN if price is None else CHAIN * int(np.ceil(SHARE / price / CHAIN))
-    groups = [[(low, min(low + size, k)) for low in range(0, k, size)], [_NOTHING]]
+    size = ROWS_PER_CHAIN if price is None else ROWS_PER_CHAIN * int(np.ceil(SHARE_COST / price / ROWS_PER_CHAIN))
+    groups = [[(low, min(low + size, k)) for low in range(0, k, size)], [_EMPTY_RANGE]]
     begun = time.time() - batch.elapsed()
     pool = None
-    ends: Ends = {}
+    futures: Futures = {}
     tried: set[tuple[int, int]] = set()
     try:
         while groups:
@@ -153,29 +153,31 @@ def _by_workers(batch: Batch, make: Any) -> None:
             pool = pool or make()
             with suppress(BrokenExecutor):
                 for share in group:
-                    ends[share] = pool.submit(_done, _part(batch, *share), begun)
+                    futures[share] = pool.submit(_solve_share, _rows_of(batch, *share), begun)
             # as late as `time_limit` is kept to
             left = None if limit is None else max(1.1 * limit + 0.2 - batch.elapsed(), 0.0)
-            if wait(ends.values(), timeout=left).not_done:
+            if wait(futures.values(), timeout=left).not_done:
                 break
-            failed = _failed(batch, group, ends)
-            ends = {}
+            failed = _store_results(batch, group, futures)
+            futures = {}
             if failed:
                 pool = pool.shutdown()
-                groups += _again(failed, tried)
+                groups += _shares_to_repeat(failed, tried)
     except KeyboardInterrupt:
         batch.interrupted = True
     finally:
-        running = [end for end in ends.values() if not end.done() and not end.cancel()]
+        running = [future for future in futures.values() if not future.done() and not future.cancel()]
         if pool is not None:
             pool.shutdown(wait=not running)
-    _failed(batch, [share for share, end in ends.items() if end.done() and not end.cancelled()], ends)
+    _store_results(
+        batch, [share for share, future in futures.items() if future.done() and not future.cancelled()], futures
+    )
     why = "Ctrl-C came" if batch.interrupted else f"time_limit = {limit} s was over"
     failure = Status.INTERRUPTED if batch.interrupted else Status.TIME_LIMIT, f"{why} before its worker had sent it"
     batch.failures |= {int(row): failure for row in np.flatnonzero(~batch.solved) if row not in batch.failures}
 
 
-def _again(failed: Shares, tried: set[tuple[int, int]]) -> list[Shares]:
+def _shares_to_repeat(failed: RowRanges, tried: set[tuple[int, int]]) -> list[RowRanges]:
     """The shares to repeat after some `failed`: halves of them, then one share alone, then its rows."""
     half = len(failed) // 2
     if half:
@@ -187,14 +189,14 @@ def _again(failed: Shares, tried: set[tuple[int, int]]) -> list[Shares]:
     return [[(row, row + 1) for row in range(low, high)]] if high - low > 1 else []
 
 
-def _failed(batch: Batch, shares: Shares, ends: Ends) -> Shares:
+def _store_results(batch: Batch, shares: RowRanges, futures: Futures) -> RowRanges:
     """The `shares` that failed; the results of the others are stored."""
     failed = []
     for low, high in shares:
-        end = ends.get((low, high))
-        error = BrokenExecutor("another share's worker broke it") if end is None else end.exception()
+        future = futures.get((low, high))
+        error = BrokenExecutor("another share's worker broke it") if future is None else future.exception()
         if error is None:
-            _take(batch, low, high, ends[low, high].result())
+            _store(batch, low, high, futures[low, high].result())
         elif isinstance(error, KeyboardInterrupt):
             batch.interrupted = True
         else:
@@ -208,7 +210,7 @@ def _failed(batch: Batch, shares: Shares, ends: Ends) -> Shares:
     return failed
 
 
-def _part(batch: Batch, low: int, high: int) -> Batch:
+def _rows_of(batch: Batch, low: int, high: int) -> Batch:
     """The rows low ≤ i < high as a batch of their own, which takes the same way."""
 
     def cut(rows: Any) -> Any:
@@ -218,7 +220,7 @@ def _part(batch: Batch, low: int, high: int) -> Batch:
     stated = batch.stated
     for name in ("maps", "obstacles", "uppers", "above", "starts"):
         setattr(part, name, cut(getattr(batch, name)))
-    for name in _BY_ROW:
+    for name in _ROW_FIELDS:
         setattr(part, name, getattr(batch, name)[low:high])
     sides = [(one if maps is None else None, cut(maps)) for one, maps in (stated.below, stated.above)]
     part.stated = replace(stated, problems=cut(stated.problems), Q=stated.Q[low:high], below=sides[0], above=sides[1])
@@ -226,9 +228,9 @@ def _part(batch: Batch, low: int, high: int) -> Batch:
     return part
 
 
-def _take(batch: Batch, low: int, high: int, part: dict[str, Any]) -> None:
+def _store(batch: Batch, low: int, high: int, part: dict[str, Any]) -> None:
     """Store the results of a part in place of earlier ones."""
-    for name in _BY_ROW:
+    for name in _ROW_FIELDS:
         getattr(batch, name)[low:high] = part[name]
     batch.failures = {row: failure for row, failure in batch.failures.items() if not low <= row < high}
     batch.failures |= {low + row: failure for row, failure in part["failures"].items()}

@@ -32,9 +32,9 @@ Matrix = NDArray[np.float64]
 
 #: the number of rows in a chain, each of which starts from the answer of the one before; the next one begins anew, so
 #: that a share of the rows in another process has the same answers: measured, a cold row costs .7 to 2 times as much
-CHAIN = 16
+ROWS_PER_CHAIN = 16
 #: the cost of a share of rows in compiled code, in nanoseconds: some hundred times the cost of sending it
-SHARE = 1e8
+SHARE_COST = 1e8
 
 
 def _rows(value: Any, name: str, infinite: float) -> Matrix:
@@ -242,7 +242,7 @@ class Batch:
         with suppress(MapError):  # ψ need not have a value at 0
             if problem.residual_at_0() == 0.0:
                 return None
-        return self.Z[row - 1] if row % CHAIN and self.solved[row - 1] else None
+        return self.Z[row - 1] if row % ROWS_PER_CHAIN and self.solved[row - 1] else None
 
     def run(self) -> None:
         """Solve all rows, at once where possible, the others one by one."""
