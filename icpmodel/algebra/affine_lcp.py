@@ -130,7 +130,7 @@ class AffineLcp:
         return active | above, above
 
     def start(self, covering: Vector | None = None) -> Any:
-        """The first dictionary, as `kernels.pivoting.go_on` takes it.
+        """The first dictionary, as `kernels.pivoting.continue_pivots` takes it.
 
         `covering` is the vector d > 0 in w = q + My + d·t, in the units of the rows; by default its entries are 1.
         """
@@ -139,8 +139,8 @@ class AffineLcp:
         S, *units = balancing.scale(read_only(self.M))
         free = np.zeros(len(self.q), dtype=bool) if self.is_split else self.free
         if covering is None:
-            return pivoting.begin(S, *units, self.q, free)
-        return pivoting.begin(S / covering[:, None], *units, self.q / covering, free)
+            return pivoting.first_tableau(S, *units, self.q, free)
+        return pivoting.first_tableau(S / covering[:, None], *units, self.q / covering, free)
 
     def split(self) -> AffineLcp:
         """The LCP with y⁺ − y⁻, both ≥ 0, in place of y in the `free` rows, if these cannot be eliminated."""
@@ -193,8 +193,8 @@ def dense_lcp(problem: ProblemData) -> AffineLcp:
 
 
 def some_pivots(state: Any, entering: int, most: int) -> Any:
-    """Up to `most` pivots as `kernels.pivoting.go_on` makes and returns them, in pieces. Raises OutOfTime."""
-    from .kernels.pivoting import UNFINISHED, go_on  # loads numba
+    """Up to `most` pivots as `kernels.pivoting.continue_pivots` makes and returns them, in pieces. Raises OutOfTime."""
+    from .kernels.pivoting import UNFINISHED, continue_pivots  # loads numba
 
     n = len(state[0])
     price = work.COSTS.pivot_entry * n**2
@@ -204,7 +204,7 @@ def some_pivots(state: Any, entering: int, most: int) -> Any:
     while True:
         count = min(piece, most)
         work.check_budget(min(count, n) * price)
-        result = go_on(*state, entering, count)
+        result = continue_pivots(*state, entering, count)
         # as many pivots as were asked for, or at the end one at least for each entry of y
         work.count(price * (count if result[0] == UNFINISHED else np.count_nonzero(result[2]) + 1))
         most = most - count

@@ -44,11 +44,11 @@ class CycledEquations:
     def __init__(self, hierarchy: Hierarchy, top: int, active: Mask, jacobian: sp.csr_array | None) -> None:
         self._hierarchy, self._top, self._active, self._J = hierarchy, top, active, jacobian
         hierarchy.restrict(~active, top)
-        own = 0.0 if jacobian is None else jacobian.diagonal()
-        self._slope = np.maximum(1.0 - own, LEAST_SLOPE)
+        psi_diagonal = 0.0 if jacobian is None else jacobian.diagonal()
+        self._slope = np.maximum(1.0 - psi_diagonal, LEAST_SLOPE)
         self._coupled = jacobian is not None and not is_diagonal(jacobian)
         #: whether x_I follows from the own rows of I
-        self._alone = not self._coupled and bool(np.all((self._slope == 1.0 - own) | ~active))
+        self._is_decoupled = not self._coupled and bool(np.all((self._slope == 1.0 - psi_diagonal) | ~active))
 
     def start(self, f: Vector) -> Vector:
         """x_I = S⁻¹f_I, x_F = 0."""
@@ -70,10 +70,10 @@ class CycledEquations:
 
     def solve(self, f: Vector, tolerance: float, transposed: bool = False) -> Vector:
         """x with Jx = f, or Jᵀx = f. Raises NotConverged."""
-        if self._alone:
+        if self._is_decoupled:
             return self._in_blocks(f, partial(self._on_free, tolerance=tolerance, transposed=transposed), transposed)
         cycle = partial(self._cycle, transposed=transposed)
-        x, steps = self.steps(f, lambda rest: self._in_blocks(rest, cycle, transposed), transposed)
+        x, steps = self.steps(f, lambda residual: self._in_blocks(residual, cycle, transposed), transposed)
         return steps.solve(x, tolerance * norm(self._units(transposed) * f), KRYLOV_STEPS)
 
     def steps(
@@ -82,8 +82,10 @@ class CycledEquations:
         """`start(f)`, and Krylov's steps from there to the x of `solve`, whose rest is in the units of z."""
         units = self._units(transposed)
         x = self.start(f)
-        rest = units * (f - self.product(x, transposed))
-        return x, GCR(lambda y: units * self.product(y, transposed), lambda rest: preconditioned(rest / units), rest)
+        residual = units * (f - self.product(x, transposed))
+        return x, GCR(
+            lambda y: units * self.product(y, transposed), lambda residual: preconditioned(residual / units), residual
+        )
 
     def _units(self, transposed: bool) -> Vector:
         return np.ones(self._active.size) if transposed else np.where(self._active, 1.0, self._level(False).inverse)
@@ -98,7 +100,7 @@ class CycledEquations:
             return np.where(self._active, 0.0, level.problem.product(y))
 
         units = np.ones(f.size) if transposed else level.inverse
-        steps = GCR(lambda y: units * product(y), lambda rest: cycle(rest / units), units * f)
+        steps = GCR(lambda y: units * product(y), lambda residual: cycle(residual / units), units * f)
         return steps.solve(np.zeros(f.size), tolerance * norm(steps.residual), KRYLOV_STEPS)
 
     def _in_blocks(self, f: Vector, on_free: Callable[[Vector], Vector], transposed: bool) -> Vector:
@@ -110,10 +112,10 @@ class CycledEquations:
         return step + on_free(f - self._level(False).problem.product(step))
 
     def _cycle(self, f: Vector, transposed: bool = False) -> Vector:
-        return self._way(transposed).cycle(f, self._top)
+        return self._hierarchy_for(transposed).cycle(f, self._top)
 
     def _level(self, transposed: bool) -> Level:
-        return self._way(transposed).levels[self._top]
+        return self._hierarchy_for(transposed).levels[self._top]
 
-    def _way(self, transposed: bool) -> Hierarchy:
+    def _hierarchy_for(self, transposed: bool) -> Hierarchy:
         return self._hierarchy.transposed if transposed else self._hierarchy

@@ -92,12 +92,12 @@ class Hierarchy:
         # whether the levels are still there makes no difference to what is counted
         price = hierarchy_cost(problem.n, problem.nnz)
         finest = Level(problem)
-        cached = _LAST.get(problem.matrix)
+        cached = _CACHE.get(problem.matrix)
         if cached is None:
             work.check_budget(price, HIERARCHY_BYTES * problem.nnz)
-            _LAST.clear()
+            _CACHE.clear()
             counted = work.counter()
-            cached = _LAST[problem.matrix] = _coarser(finest)
+            cached = _CACHE[problem.matrix] = _coarser(finest)
             work.count(counted - work.counter())
         if isinstance(cached, NoHierarchy):
             raise NoHierarchy
@@ -197,7 +197,7 @@ def _inverse_of(A: NDArray[np.float64]) -> NDArray[np.float64]:
 
 #: of the last matrix: P and `coarse_points` of the finest level and the levels below it, or why there are none.
 #: Those of all matrices would need three times as much memory as the matrices themselves
-_LAST: WeakKeyDictionary[Matrix, tuple[Any, Any, list[Level]] | NoHierarchy] = WeakKeyDictionary()
+_CACHE: WeakKeyDictionary[Matrix, tuple[Any, Any, list[Level]] | NoHierarchy] = WeakKeyDictionary()
 
 
 def _coarser(finest: Level) -> tuple[Any, Any, list[Level]] | NoHierarchy:

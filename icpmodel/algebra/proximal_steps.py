@@ -36,7 +36,7 @@ class ProximalSteps:
     def __init__(self, problem: ProblemData, start: Vector) -> None:
         self.problem = problem
         self.start = start
-        self.moves = not problem.facts.has_fixed_obstacle
+        self.has_moving_obstacle = not problem.facts.has_fixed_obstacle
         self.costs = factor_costs(problem.matrix)
 
     @cached_property
@@ -46,7 +46,7 @@ class ProximalSteps:
         return self.problem.psi.value(self.start), None if upper is None else upper.value(self.start)
 
     @cached_property
-    def repeated(self) -> SymmetricFactors | None:
+    def fixed_order_factors(self) -> SymmetricFactors | None:
         """The factorisation of all rows that keeps its order, if that costs less than a new order each time."""
         costs = self.costs
         signs = costs.analysis.signs
@@ -64,21 +64,25 @@ class ProximalSteps:
 
         Raises MapError where ψ fails.
         """
-        if self.moves:
-            return self._newton(z, p, pattern, centre, D)
-        return self._resting(z, pattern, centre, D)
+        if self.has_moving_obstacle:
+            return self._moving_obstacle_step(z, p, pattern, centre, D)
+        return self._fixed_obstacle_step(z, pattern, centre, D)
 
-    def _newton(
+    def _moving_obstacle_step(
         self, z: Vector, p: Vector, pattern: Pattern, centre: Vector, D: Vector
     ) -> tuple[Vector, Vector] | None:
         """A step that follows the obstacle by its derivative."""
         J = derivative(self.problem.psi, z, pattern.above)
         equations = Elimination(self.problem, pattern.active, J, D)
-        pull = p + D * (z - centre)
-        step = equations.solve(-np.where(pattern.active, pattern.r, pull), _MAX_RELATIVE_RESIDUAL, transposed=False)
+        shifted_p = p + D * (z - centre)
+        step = equations.solve(
+            -np.where(pattern.active, pattern.r, shifted_p), _MAX_RELATIVE_RESIDUAL, transposed=False
+        )
         return None if step is None else (z + step, self.problem.p(z + step))
 
-    def _resting(self, z: Vector, pattern: Pattern, centre: Vector, D: Vector) -> tuple[Vector, Vector] | None:
+    def _fixed_obstacle_step(
+        self, z: Vector, pattern: Pattern, centre: Vector, D: Vector
+    ) -> tuple[Vector, Vector] | None:
         """A step with a fixed obstacle."""
         active = pattern.active
         c, top = self.obstacles
@@ -117,15 +121,15 @@ class ProximalSteps:
         problem = self.problem
         data = problem.A.data.copy()
         data[problem.matrix.rows.diag] += D
-        factors = self.repeated.factors(data, ~active) if self.repeated else None
+        factors = self.fixed_order_factors.factors(data, ~active) if self.fixed_order_factors else None
         if factors is None:
             return None
         x = np.zeros(f.size)
-        rest = f
+        residual = f
         for _ in range(2):  # without exchanges of rows digits may be lost
-            x = x + factors.solve(rest)
-            rest = np.where(active, 0.0, f - D * x - problem.product(x))
-            if norm(rest) <= _MAX_RELATIVE_RESIDUAL * norm(f):
+            x = x + factors.solve(residual)
+            residual = np.where(active, 0.0, f - D * x - problem.product(x))
+            if norm(residual) <= _MAX_RELATIVE_RESIDUAL * norm(f):
                 return x
         return None
 

@@ -30,7 +30,7 @@ from .steps import Step
 #: what theta1 may be instead of a number
 AUTO = "auto"
 #: steps between two changes of ω, which wait until two factors agree to this share of their gap to 1
-SETTLE = 12
+STEPS_PER_CHANGE = 12
 _FACTOR_AGREEMENT = 0.05
 #: from the rate follows an ω that is multiplied by this, as too large a one costs more than too small a one …
 _CAUTION = 0.98
@@ -43,7 +43,7 @@ _MAX_RADIUS = 1.0 - 1e-6
 #: largest ω of a run that does not adapt it
 _MAX_FIXED_OMEGA = 1.4
 #: below this ω there is nothing to adapt, and no rate leads beyond this one
-RELAXED = 1.2
+MIN_ADAPTED_OMEGA = 1.2
 _MAX_OMEGA = 1.995
 #: the least patience in steps, what multiplies the steps that halve the error at the observed rate and at the one for
 #: which ω is best, and the growth that is a reason to step back at once
@@ -182,7 +182,7 @@ def jacobi_step(problem: ProblemData, phi: Any = 0.0) -> Step | None:
 
 
 class AdaptedOmega:
-    """An ω that follows the rate: from `value` up to `most`, and back where the residual grows or hardly falls.
+    """An ω that follows the rate: from `value` up to `max_value`, and back where the residual grows or hardly falls.
 
     Every step back halves ω − 1, sets ω = 1 where ω ≤ 1.2, and is final. Where ω = 1 does no
     better, the run is `plain` from then on, with MNMGS. MNMGS solves every problem with an
@@ -191,8 +191,8 @@ class AdaptedOmega:
     is best.
     """
 
-    def __init__(self, value: float, most: float = _MAX_OMEGA) -> None:
-        self.value, self.most, self.plain = value, most, False
+    def __init__(self, value: float, max_value: float = _MAX_OMEGA) -> None:
+        self.value, self.max_value, self.plain = value, max_value, False
         self._last = self._factor = math.nan
         self._steps = self._since = 0
         self._least = self._milestone = math.inf
@@ -211,12 +211,12 @@ class AdaptedOmega:
             return False
         if self._since > self._patience(factor) or not residual <= _MAX_GROWTH * self._least:
             self.plain = self.value == 1.0
-            self.most = 1.0 + 0.5 * (self.value - 1.0) if self.value > RELAXED else 1.0
-            self._change(self.most)
+            self.max_value = 1.0 + 0.5 * (self.value - 1.0) if self.value > MIN_ADAPTED_OMEGA else 1.0
+            self._change(self.max_value)
             return True
         agree = abs(factor - before) < _FACTOR_AGREEMENT * (1.0 - factor)
-        if self.value < self.most and self._steps >= SETTLE and agree:
-            omega = min(_CAUTION * self._best(factor), self.most)
+        if self.value < self.max_value and self._steps >= STEPS_PER_CHANGE and agree:
+            omega = min(_CAUTION * self._best(factor), self.max_value)
             if omega > self.value + _MIN_GAIN * (2.0 - self.value):
                 self._change(omega)
                 return True

@@ -115,10 +115,10 @@ def elimination(problem: ProblemData, most: Callable[[], float]) -> SchurComplem
     if costs.analysis.costs_more(limit) or not costs.fill.is_exact or costs.unsymmetric > limit:
         return None
     key = rows.tobytes()
-    known = _LAST.get(matrix)
+    known = _CACHE.get(matrix)
     if known is None or known[0] != key:
-        _LAST.clear()
-        known = _LAST[matrix] = key, _made(matrix, rows)
+        _CACHE.clear()
+        known = _CACHE[matrix] = key, _made(matrix, rows)
     return known[1]
 
 
@@ -138,4 +138,4 @@ def _linked(A: sp.csr_array, rows: NDArray[np.intp], shift: Vector) -> sp.csr_ar
 
 
 #: the last one; factors may be large
-_LAST: WeakKeyDictionary[Matrix, tuple[bytes, SchurComplement | None]] = WeakKeyDictionary()
+_CACHE: WeakKeyDictionary[Matrix, tuple[bytes, SchurComplement | None]] = WeakKeyDictionary()

@@ -46,7 +46,7 @@ def compiled_step(problem: ProblemData, parameters: tuple[Any, ...], forward: bo
     An affine ψ is evaluated inside the sweep, and several sweeps are then made in one call; any other
     is called once for each.
     """
-    from .kernels.sweeps import in_order, some_in_order
+    from .kernels.sweeps import several_sweeps, sweep_rows
 
     psi = problem.psi
     A = problem.A
@@ -59,7 +59,7 @@ def compiled_step(problem: ProblemData, parameters: tuple[Any, ...], forward: bo
         work.count(price)
         out = np.empty(z.size)
         obstacle = read_only(obstacle_values(psi, z)) if inside is None else inside
-        squares = in_order(*before, obstacle, parameters, forward, z, out)
+        squares = sweep_rows(*before, obstacle, parameters, forward, z, out)
         return out, float(np.sqrt(squares))
 
     if inside is None:
@@ -70,7 +70,7 @@ def compiled_step(problem: ProblemData, parameters: tuple[Any, ...], forward: bo
         Z = np.empty((count + 1, z.size))
         squares = np.empty(count)
         Z[0] = z
-        some_in_order(*before, inside, parameters, forward, Z, squares)
+        several_sweeps(*before, inside, parameters, forward, Z, squares)
         return list(zip(Z[1:], np.sqrt(squares).tolist(), strict=True))
 
     return Sweep(step, several)

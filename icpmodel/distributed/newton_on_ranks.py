@@ -55,7 +55,7 @@ class Evaluation:
 
         Ranks exchange their values between two sweeps; the obstacles stay as they were.
         """
-        from ..algebra.kernels.sweeps import in_order  # loads numba
+        from ..algebra.kernels.sweeps import sweep_rows  # loads numba
 
         problem = self.problem
         matrix = self.problem.matrix
@@ -70,7 +70,7 @@ class Evaluation:
         for k in range(count):
             q = matrix.with_others(problem.q, at)
             if z.size:
-                in_order(*rows, q, psi, (1.0,), k % 2 == 0, z, out)
+                sweep_rows(*rows, q, psi, (1.0,), k % 2 == 0, z, out)
                 z, out = out, z
             at.setArray(z)
         return at

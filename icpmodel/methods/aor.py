@@ -6,7 +6,7 @@ from abc import abstractmethod
 from collections.abc import Iterator
 from typing import Any, ClassVar
 
-from ..algebra.relaxation import RELAXED, AdaptedOmega, a_number, is_auto, leave_out, relaxation, sor
+from ..algebra.relaxation import MIN_ADAPTED_OMEGA, AdaptedOmega, a_number, is_auto, leave_out, relaxation, sor
 from ..algebra.splittings import AOR, Splitting
 from ..algebra.steps import Stepped, repeated_steps
 from ..numerics.arrays import Vector
@@ -121,7 +121,7 @@ class MNMAOR(_AdaptiveRelaxation):
 
     def _adapted(self, problem: ProblemData) -> AdaptedOmega:
         omega = relaxation(problem)
-        return AdaptedOmega(omega, most=omega) if 1.0 < omega < RELAXED else AdaptedOmega(1.0)
+        return AdaptedOmega(omega, max_value=omega) if 1.0 < omega < MIN_ADAPTED_OMEGA else AdaptedOmega(1.0)
 
     def _relaxed(self, problem: ProblemData, omega: float) -> MNMAOR:
         return overrelaxed(problem, omega, self.phi)
@@ -178,7 +178,7 @@ class MNMSOR(_AdaptiveRelaxation):
 
     def _adapted(self, problem: ProblemData) -> AdaptedOmega:
         omega = relaxation(problem)
-        return AdaptedOmega(omega, most=omega)
+        return AdaptedOmega(omega, max_value=omega)
 
     def _relaxed(self, problem: ProblemData, omega: float) -> MNMSOR:
         theta1, phi2 = sor(problem, omega)

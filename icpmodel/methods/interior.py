@@ -93,9 +93,9 @@ class Interior(Regularised):
             yield path.z, None
             if not path.makes_progress():
                 return
-            if path.infeasibilities.waited and (answer := recession.proof(path.z - path.at_rest)).holds:
+            if path.infeasibilities.waited and (answer := recession.proof(path.z - path.base_point)).holds:
                 raise Infeasible(answer)
-            if path.signs_repeat() and (solution := path.by_signs()) is not None:
+            if path.signs_repeat() and (solution := path.step_by_signs()) is not None:
                 yield solution, None
             if not path.advance():
                 return
@@ -123,10 +123,10 @@ class InteriorPath:
         self.steps = ProximalSteps(problem, start)
         self.weights = problem.matrix.proximal_weights
         self.diagonal = problem.matrix.rows.diag
-        self.moves = self.steps.moves
+        self.has_moving_obstacle = self.steps.has_moving_obstacle
         self.pattern: SymmetricFactors | SymbolicAnalysis | None = None
-        if not self.moves:
-            self.pattern = self.steps.repeated or self.steps.analysis
+        if not self.has_moving_obstacle:
+            self.pattern = self.steps.fixed_order_factors or self.steps.analysis
         self.regularisation = self.first_regularisation = (
             _FIRST_REGULARISATION if problem.matrix.is_nearly_symmetric else _FIRST_REGULARISATION_SKEW
         )
@@ -142,7 +142,7 @@ class InteriorPath:
         below, top = self.steps.obstacles
         c = np.where(np.isneginf(below), 0.0 if top is None else np.minimum(top, 0.0), below)
         #: c with 0, or what is nearest to it and not above, for the rows without obstacle below
-        self.at_rest = c
+        self.base_point = c
         #: the rows of r and s, for one obstacle and the other
         self.sides = [np.flatnonzero(np.isfinite(side)) for side in (below, top) if side is not None]
         self.rows = np.concatenate(self.sides)
@@ -155,16 +155,16 @@ class InteriorPath:
         self.r = np.ones(weights.size)
         self.s = weights
         self._move_to(z)
-        room = self._room()
-        z = z + self._solver()(-self.point[1] - self._in_rows(self.sign * weights * room))
-        v = np.sqrt(weights) * (room + self._change(z - self.at_rest))
+        distances = self._distances()
+        z = z + self._solver()(-self.point[1] - self._in_rows(self.sign * weights * distances))
+        v = np.sqrt(weights) * (distances + self._change(z - self.base_point))
         r = v + _SHIFT * np.max(-v, initial=0.0)
         s = _SHIFT * np.max(v, initial=0.0) - v
         product = 0.5 * inner(r, s)
         self.r = (r + (product / s.sum() if product else 1.0)) / np.sqrt(weights)
         self.s = (s + (product / r.sum() if product else 1.0)) * np.sqrt(weights)
         self._move_to(z)
-        self.gap = self._room() - self.r
+        self.gap = self._distances() - self.r
 
     @property
     def z(self) -> Vector:
@@ -180,18 +180,18 @@ class InteriorPath:
         """The sum of `x` over the obstacles of each row."""
         return np.asarray(np.bincount(self.rows, x, self.problem.n), dtype=np.float64)
 
-    def _room(self) -> Vector:
+    def _distances(self) -> Vector:
         """z − ψ(z), and ψ̄(z) − z."""
         _, _, below, above = self.point
-        room = below[self.sides[0]]
-        return room if above is None else np.concatenate([room, -above[self.sides[1]]])
+        distances = below[self.sides[0]]
+        return distances if above is None else np.concatenate([distances, -above[self.sides[1]]])
 
     def _change(self, dz: Vector) -> Vector:
         """How much the room changes along `dz`."""
-        if not self.moves:
+        if not self.has_moving_obstacle:
             return self.sign * dz[self.rows]
-        ways = zip(self.slopes, self.sides, strict=True)
-        return self.sign * np.concatenate([(dz - J @ dz)[rows] for J, rows in ways])
+        pairs = zip(self.slopes, self.sides, strict=True)
+        return self.sign * np.concatenate([(dz - J @ dz)[rows] for J, rows in pairs])
 
     @np.errstate(all="ignore")
     def makes_progress(self) -> bool:
@@ -211,7 +211,7 @@ class InteriorPath:
         return self.repetitions > 0 and not self.repetitions & (self.repetitions + 1)
 
     @np.errstate(all="ignore")
-    def by_signs(self) -> Vector | None:
+    def step_by_signs(self) -> Vector | None:
         """z after a step with the signs of the modulus at z, None where its equations are not solved."""
         z, p, below, above = self.point
         pattern = Pattern.of(below, above, p / self.weights)
@@ -249,8 +249,8 @@ class InteriorPath:
         self.gap = (1.0 - t) * self.gap
         try:
             self._move_to(self.z + t * dz)
-            if self.moves:
-                self.gap = self._room() - self.r
+            if self.has_moving_obstacle:
+                self.gap = self._distances() - self.r
         except MapError:
             return False
         return bool(np.isfinite(self.point[1]).all() and np.isfinite(self.gap).all())
@@ -268,7 +268,7 @@ class InteriorPath:
         """z with p, z − ψ(z) and z − ψ̄(z), and the derivatives of obstacles that move."""
         problem = self.problem
         self.point = z, problem.p(z), problem.r(z), problem.r_upper(z)
-        if self.moves:
+        if self.has_moving_obstacle:
             self.slopes = [derivative(psi, z) for psi in (problem.psi, problem.upper) if psi is not None]
 
     def _solver(self) -> Callable[[Vector], Vector]:
@@ -277,14 +277,14 @@ class InteriorPath:
         slopes = self.s / self.r
         M.data[self.diagonal] += self._in_rows(slopes) + self.regularisation * self.weights
         row = self.row
-        if self.moves:
+        if self.has_moving_obstacle:
             slope = np.split(slopes, [self.sides[0].size])
             for J, rows, values in zip(self.slopes, self.sides, slope, strict=False):
                 of_rows = np.zeros(self.problem.n)
                 of_rows[rows] = values
                 M = sp.csr_array(M - sp.diags_array(of_rows) @ J)
             row = row_of(M)
-        unit = 1.0 / np.sqrt(np.abs(M.diagonal() if self.moves else M.data[self.diagonal]))
+        unit = 1.0 / np.sqrt(np.abs(M.diagonal() if self.has_moving_obstacle else M.data[self.diagonal]))
         M.data *= unit[row]
         M.data *= unit[M.indices]
         if isinstance(self.pattern, SymmetricFactors):

@@ -130,7 +130,7 @@ class ProximalPath:
         # the residuals of the LCP, and of the subproblem
         self.residuals = LeastValue()
         self.inner_residuals = LeastValue()
-        self.step_cost = newton_cost(problem.facts) if self.steps.moves else work.COSTS.newton
+        self.step_cost = newton_cost(problem.facts) if self.steps.has_moving_obstacle else work.COSTS.newton
 
     @property
     @np.errstate(all="ignore")

@@ -104,7 +104,7 @@ def test_the_adapted_run_is_about_as_short_as_the_best_omega_allows(problem, sla
 
 @pytest.mark.parametrize(("residuals", "steps"), [(lambda k: 1.0, 4000), (lambda k: 1.02 ** (k % 40), 4000)])
 def test_omega_goes_back_to_plain_sweeps_where_nothing_gets_better(residuals, steps):
-    omega = AdaptedOmega(1.9, most=1.9)
+    omega = AdaptedOmega(1.9, max_value=1.9)
     seen = [omega.value for k in range(steps) if omega.changes(residuals(k))]
     assert omega.plain
     assert seen == sorted(seen, reverse=True)
@@ -114,14 +114,14 @@ def test_omega_goes_back_to_plain_sweeps_where_nothing_gets_better(residuals, st
 
 def test_a_slow_steady_fall_is_no_reason_to_step_back():
     """What halves the residual every 70 000 steps may be all there is; what stands still for as long is given up."""
-    omega = AdaptedOmega(1.9, most=1.9)
+    omega = AdaptedOmega(1.9, max_value=1.9)
     assert not any(omega.changes((1 - 1e-5) ** k) for k in range(100_000))
     assert any(omega.changes(0.3) for _ in range(1000))
 
 
 def test_growth_and_nan_are_a_reason_to_step_back_at_once():
     for bad in (1e4, np.nan, np.inf):
-        omega = AdaptedOmega(1.9, most=1.9)
+        omega = AdaptedOmega(1.9, max_value=1.9)
         assert not omega.changes(1.0)
         assert omega.changes(bad)
         assert omega.value == pytest.approx(1.45)

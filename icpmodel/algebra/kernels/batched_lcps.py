@@ -6,7 +6,7 @@ import numpy as np
 
 from ...numerics.kernels import compiled
 from .balancing import scale
-from .pivoting import SINGULAR, START, begin, go_on, right
+from .pivoting import SINGULAR, START, continue_pivots, first_tableau, right
 
 
 @compiled
@@ -36,8 +36,8 @@ def _by_differences(M, q, free, limit, y):
     # y where the rows that are `free` cannot be eliminated
     whole, f = split(M, q, free)
     S, r, c = scale(whole)
-    S, f, none, units, D, labels, work = begin(S, r, c, f, np.zeros(f.size, np.bool_))
-    solution = go_on(S, f, none, units, D, labels, work, np.int64(START), limit)[2]
+    S, f, none, units, D, labels, work = first_tableau(S, r, c, f, np.zeros(f.size, np.bool_))
+    solution = continue_pivots(S, f, none, units, D, labels, work, np.int64(START), limit)[2]
     second = y.size
     for i in range(y.size):
         y[i] = solution[i]
@@ -67,7 +67,7 @@ def many(S, r, c, M, Q, C, limit, Z):
             for j in range(n):
                 q[i] += M[i, j] * Z[k, j]
         right(q, r, c, f, units)
-        code, _, y, _ = go_on(S, f, free, units, D, labels, work, np.int64(START), limit)
+        code, _, y, _ = continue_pivots(S, f, free, units, D, labels, work, np.int64(START), limit)
         if code == SINGULAR:
             _by_differences(M, q, free, limit, y)
         for i in range(n):

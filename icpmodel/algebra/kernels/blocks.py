@@ -8,7 +8,7 @@ import numpy as np
 
 from ...numerics.kernels import compiled
 from .balancing import scale
-from .pivoting import SOLVED, START, begin, go_on
+from .pivoting import SOLVED, START, continue_pivots, first_tableau
 
 
 @compiled
@@ -79,7 +79,7 @@ def solve_blocks(indptr, indices, data, q, c, slopes, above, rows, starts, selec
         for at in range(b):
             finite = finite and math.isfinite(f[at])
         if finite:
-            code, _, y, _ = go_on(*begin(*scale(M), f, free), np.int64(START), pivots * (b + 1))
+            code, _, y, _ = continue_pivots(*first_tableau(*scale(M), f, free), np.int64(START), pivots * (b + 1))
             solved[k] = code == SOLVED
             for at in range(b):
                 z[block[at]] += y[at]

@@ -196,7 +196,7 @@ def _refine(S, f, D, basic, nonbasic, y, work):
 
 
 @compiled
-def go_on(S, f, free, units, D, labels, work, entering, limit):
+def continue_pivots(S, f, free, units, D, labels, work, entering, limit):
     # a start, where nothing enters yet, and up to `limit` pivots: how they ended, what is to enter, y, and of a ray
     # its direction
     n = S.shape[0]
@@ -239,8 +239,8 @@ def right(q, r, c, f, units):
 
 
 @compiled
-def begin(S, r, c, q, free):
-    # all that `go_on` takes but for the last two arguments
+def first_tableau(S, r, c, q, free):
+    # all that `continue_pivots` takes but for the last two arguments
     n = S.shape[0]
     f = np.empty(n)
     units = np.empty(n, np.int64)

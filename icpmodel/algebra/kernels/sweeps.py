@@ -12,7 +12,7 @@ from __future__ import annotations
 from numba import types
 from numba.extending import overload
 
-from ...numerics.kernels import called, compiled, inlined, one, row_sum, run_end, two_run_sums, uint
+from ...numerics.kernels import compiled, compiled_helper, inlined, one, row_sum, run_end, two_run_sums, uint
 from ...problem.kernels.residual import larger, median
 
 
@@ -42,25 +42,25 @@ def _upper_entry(psi, i, z):
     return lambda psi, i, z: None
 
 
-@called
-def lifted(least, zi, low, top, weight):
+@compiled_helper
+def median_residual(least, zi, low, top, weight):
     # mid(weight (z_i - top), p, weight (z_i - low)), `least` = min(p, weight (z_i - low)); that where top is None
     if top is None:
         return least
     return median(least, weight * (zi - low), weight * (zi - top))
 
 
-@called
-def pressed(least, zi, top, weight):
+@compiled_helper
+def step_residual(least, zi, top, weight):
     # max(weight (z_i - top), `least`), the median of a step; where the obstacles cross it moves z_i to the upper one,
-    # and, unlike `lifted`, nothing jumps
+    # and, unlike `median_residual`, nothing jumps
     if top is None:
         return least
     return larger(least, weight * (zi - top))
 
 
-@called
-def capped(value, top):
+@compiled_helper
+def clip_above(value, top):
     # min(value, top); `value` where top is None
     if top is None:
         return value
@@ -72,8 +72,8 @@ def _smaller(p, r):
     return p if p < r else r
 
 
-@called
-def _moved(par, i, zi, own, obstacle, top, p, rest, old, new):
+@compiled_helper
+def _next_entry(par, i, zi, own, obstacle, top, p, rest, old, new):
     # out_i. `par` tells which sweep it is, and numba drops the other branch when it compiles. (What a function of the
     # row makes would be compiled anew by every process: numba takes what it closes over for a part of its name, and
     # that is never the same.)
@@ -82,7 +82,7 @@ def _moved(par, i, zi, own, obstacle, top, p, rest, old, new):
         # out_i = z_i - inverse_i (2 F_i + tau * sum_{j<i} a_ij (out_j - z_j))
         omega, inverse, tau = par
         x = inverse[i]
-        F = pressed(_smaller(p, omega[i] * (zi - obstacle)), zi, top, omega[i])
+        F = step_residual(_smaller(p, omega[i] * (zi - obstacle)), zi, top, omega[i])
         if tau == 0.0:  # the sums may not be finite
             return zi - (2.0 * x) * F
         return (zi + x * (tau * old - 2.0 * F)) - (x * tau) * new
@@ -90,7 +90,7 @@ def _moved(par, i, zi, own, obstacle, top, p, rest, old, new):
     # a division costs less than one more number per row from memory
     scale = par[0] / own
     moved = (zi - scale * rest) - scale * new
-    return capped(obstacle if moved < obstacle else moved, top)
+    return clip_above(obstacle if moved < obstacle else moved, top)
 
 
 @inlined
@@ -127,13 +127,13 @@ def _row(i, forward, indptr, indices, data, diag, weights, q, psi, par, z, out):
     p = rest + old
     obstacle = psi_entry(psi, i, z)
     top = upper_entry(psi, i, z)
-    natural = lifted(_smaller(weights[i] * p, zi - obstacle), zi, obstacle, top, 1.0)
-    out[i] = _moved(par, i, zi, own, obstacle, top, p, rest, old, new)
+    natural = median_residual(_smaller(weights[i] * p, zi - obstacle), zi, obstacle, top, 1.0)
+    out[i] = _next_entry(par, i, zi, own, obstacle, top, p, rest, old, new)
     return natural * natural
 
 
 @compiled
-def in_order(indptr, indices, data, diag, weights, q, psi, par, forward, z, out):
+def sweep_rows(indptr, indices, data, diag, weights, q, psi, par, forward, z, out):
     # one sweep, z -> out; `par` is (Ω, the inverse diagonal of X, tau), or (ω,) for the projected one
     squares = 0.0
     n = z.size
@@ -144,10 +144,10 @@ def in_order(indptr, indices, data, diag, weights, q, psi, par, forward, z, out)
 
 
 @compiled
-def some_in_order(indptr, indices, data, diag, weights, q, psi, par, forward, Z, squares):
+def several_sweeps(indptr, indices, data, diag, weights, q, psi, par, forward, Z, squares):
     # sweeps one after the other, Z[0] -> Z[1] -> ...
     for k in range(squares.size):
-        squares[k] = in_order(indptr, indices, data, diag, weights, q, psi, par, forward, Z[k], Z[k + 1])
+        squares[k] = sweep_rows(indptr, indices, data, diag, weights, q, psi, par, forward, Z[k], Z[k + 1])
 
 
 @compiled

@@ -42,8 +42,8 @@ _MIN_VECTOR_LENGTH = uint(16)
 #: a function that becomes part of the compiled ones that call it
 inlined = numba.njit(forceinline=True, **_OPTIONS)
 #: one that these call, and one in which sums may be added up in another order
-called = numba.njit(**_OPTIONS)
-sums = numba.njit(**_SUMS)
+compiled_helper = numba.njit(**_OPTIONS)
+reassociated_helper = numba.njit(**_SUMS)
 
 
 class _CacheFiles(IndexDataCacheFile):
@@ -140,14 +140,14 @@ def run_end(k, stop, indices):
     return end
 
 
-@sums
+@reassociated_helper
 def _run_sum(total, k, stop, j, data, z):
     for e in range(stop - k):
         total += data[k + e] * z[j + e]
     return total
 
 
-@sums
+@reassociated_helper
 def two_run_sums(k, stop, j, data, z, y):
     # the sums of data_e z_e and of data_e y_e over a run that begins with column j
     first = 0.0
