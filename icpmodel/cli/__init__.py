@@ -34,9 +34,9 @@ _NO_ASL = (
 )
 
 #: where what starts several processes at once gives each of them its number
-_RANKS = ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "SLURM_PROCID")
+_RANK_VARIABLES = ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "SLURM_PROCID")
 #: command → the file that it is in, which is imported when the command is asked for; ordered by use
-_FILES = {
+_COMMAND_MODULES = {
     "scenes": "solving",
     "solve": "solving",
     "crosscheck": "solving",
@@ -69,7 +69,7 @@ class _Commands(click.Group):
         super().format_epilog(ctx, formatter)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(_FILES)
+        return list(_COMMAND_MODULES)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Each command with its first sentence, whole."""
@@ -78,11 +78,11 @@ class _Commands(click.Group):
             formatter.write_dl([(name, one.get_short_help_str(limit=500)) for name, one in commands.items() if one])
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        if cmd_name in _FILES:
-            command: click.Command = getattr(import_module(f".{_FILES[cmd_name]}", __package__), cmd_name)
+        if cmd_name in _COMMAND_MODULES:
+            command: click.Command = getattr(import_module(f".{_COMMAND_MODULES[cmd_name]}", __package__), cmd_name)
             return command
         if not (ctx.resilient_parsing or cmd_name.startswith("-")):
-            hint = did_you_mean(cmd_name, _FILES) or f"; one of {', '.join(_FILES)} was expected"
+            hint = did_you_mean(cmd_name, _COMMAND_MODULES) or f"; one of {', '.join(_COMMAND_MODULES)} was expected"
             raise click.UsageError(f"there is no command {cmd_name!r}{hint}")
         return None
 
@@ -123,7 +123,7 @@ def main(arguments: list[str] | None = None) -> None:
     """
     if arguments is not None:
         sys.exit(_run(arguments))
-    if any(name in os.environ for name in _RANKS):
+    if any(name in os.environ for name in _RANK_VARIABLES):
         signal.signal(signal.SIGTERM, _leave)
     code = _run(sys.argv[1:])
     if any(thread.name == ABANDONED_THREAD for thread in threading.enumerate()):
@@ -135,7 +135,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 def _leave(signum: int, frame: FrameType | None) -> None:
     """End at once: mpiexec turns Ctrl-C into SIGTERM for all ranks; the first rank reports it."""
-    if all(os.environ.get(name, "0") == "0" for name in _RANKS):
+    if all(os.environ.get(name, "0") == "0" for name in _RANK_VARIABLES):
         os.write(2, b"icpmodel: interrupted\n")
     os._exit(130)
 

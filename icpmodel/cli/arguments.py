@@ -30,7 +30,7 @@ in {", ".join(SUFFIXES[:-1])} or {SUFFIXES[-1]}; in .csv and .txt the first line
 
 Decorator = Callable[[Any], Any]
 
-_PAIR: dict[str, Any] = {"multiple": True, "metavar": "NAME=VALUE"}
+_NAME_VALUE: dict[str, Any] = {"multiple": True, "metavar": "NAME=VALUE"}
 
 
 class _Whole(click.ParamType):
@@ -71,15 +71,15 @@ def completing(listed: Callable[[], Iterable[str]]) -> Callable[..., list[Comple
 
 
 #: what a file holds of a problem → the argument
-_PARTS = {"A": "a_file", "q": "q_file", "psi": "psi", "upper": "upper"}
+_FILE_OPTIONS = {"A": "a_file", "q": "q_file", "psi": "psi", "upper": "upper"}
 
 #: how what comes from standard input begins, and the suffix that it gets; else it is CSV
-_BEGINS = {b"PK": ".npz", b"\x93NUMPY": ".npy", b"%%MatrixMarket": ".mtx"}
+_SUFFIX_OF_PREFIX = {b"PK": ".npz", b"\x93NUMPY": ".npy", b"%%MatrixMarket": ".mtx"}
 #: by which the problem is named
 SOURCE_OPTIONS = (
     click.argument("source", required=False, shell_complete=completing(scene_names)),
     click.option("--n", type=_WHOLE, help="Number of unknowns of a scene; the nearest possible number is used."),
-    click.option("--set", "parameters", **_PAIR, help="A parameter of the scene; repeatable."),
+    click.option("--set", "parameters", **_NAME_VALUE, help="A parameter of the scene; repeatable."),
     click.option("--A", "a_file", type=click.Path(), help="A file of A, in place of SOURCE."),
     click.option("--q", "q_file", type=click.Path(), help="A file of q."),
     click.option("--psi", type=click.Path(), help="A number, or a file of the obstacle below z.  [default: 0]"),
@@ -90,7 +90,7 @@ METHOD_OPTIONS = (
     click.option(
         "--method", shell_complete=completing(names), help=f"One of {', '.join(names())}; default: automatic."
     ),
-    click.option("--option", "options", **_PAIR, help="An option of the method, such as theta1=1.2; repeatable."),
+    click.option("--option", "options", **_NAME_VALUE, help="An option of the method, such as theta1=1.2; repeatable."),
 )
 
 
@@ -142,14 +142,14 @@ class NamedProblem(NamedTuple):
 
 def named_source(arguments: dict[str, Any]) -> NamedProblem:
     """The scene or the files that the arguments name. Raises InputError, FileError."""
-    if [arguments[key] for key in ("source", *_PARTS.values())].count("-") > 1:
+    if [arguments[key] for key in ("source", *_FILE_OPTIONS.values())].count("-") > 1:
         raise InputError("more than one file is -, standard input, which holds one; give the others by name")
-    arguments = arguments | {key: _input(arguments[key]) for key in ("source", *_PARTS.values())}
+    arguments = arguments | {key: _input(arguments[key]) for key in ("source", *_FILE_OPTIONS.values())}
     source = arguments["source"]
     file = arguments["a_file"]
     n = arguments["n"]
     parameters = pairs(arguments["parameters"], "--set")
-    files = {f"--{name}": arguments[key] for name, key in _PARTS.items() if arguments[key] is not None}
+    files = {f"--{name}": arguments[key] for name, key in _FILE_OPTIONS.items() if arguments[key] is not None}
     if (source is None) == (file is None):
         actual = f"both are given, {source} and {file}; drop one" if source is not None else "neither is given"
         raise InputError(f"SOURCE or --A names the problem; {actual}")
@@ -191,7 +191,7 @@ def _input(name: str | None) -> str | None:
     if name != "-":
         return name
     data = sys.stdin.buffer.read()
-    suffix = next((suffix for begin, suffix in _BEGINS.items() if data.startswith(begin)), ".csv")
+    suffix = next((suffix for begin, suffix in _SUFFIX_OF_PREFIX.items() if data.startswith(begin)), ".csv")
     with NamedTemporaryFile(prefix="standard-input-", suffix=suffix, delete=False) as file:
         file.write(data)
     click.get_current_context().call_on_close(lambda: os.unlink(file.name))

@@ -23,8 +23,8 @@ from .arguments import METHOD_OPTIONS, SOURCE_OPTIONS, command, completing, from
 from .output import FORMS, TO_FIGURE, command_line, exit_code, measured, print_table, wrote
 from .solving import unsolved
 
-_RUNS = ("points", "starts", "max_iter", "rtol")
-_TIMINGS = ("repeats", "time_limit")
+_STABILITY_OPTIONS = ("points", "starts", "max_iter", "rtol")
+_RACE_OPTIONS = ("repeats", "time_limit")
 
 
 @command(
@@ -34,7 +34,7 @@ _TIMINGS = ("repeats", "time_limit")
     click.option(
         "--method", shell_complete=completing(names), help="For the planes that vary the problem.  [default: mnmgs]"
     ),
-    *from_signature(map_stability, *_RUNS),
+    *from_signature(map_stability, *_STABILITY_OPTIONS),
     TO_FIGURE,
     *FORMS,
 )
@@ -46,7 +46,7 @@ def stability(plane: str, output: str | None, form: str | None, **arguments: Any
     (skewness x mu) or units (units x norm of G).
     """
     check_picture(output)
-    options = {name: arguments[name] for name in ("method", *_RUNS)}
+    options = {name: arguments[name] for name in ("method", *_STABILITY_OPTIONS)}
     problem = None
     if arguments["source"] is not None or arguments["a_file"] is not None:
         problem, _ = named_problem(arguments)
@@ -55,7 +55,7 @@ def stability(plane: str, output: str | None, form: str | None, **arguments: Any
     elif arguments["n"] is not None:
         options["n"] = arguments["n"]
     run = partial(map_stability, plane, problem, **options, progress=True, command=command_line())
-    return _show(run, output, form, "the other points are not run")
+    return _print_and_draw(run, output, form, "the other points are not run")
 
 
 @command(
@@ -74,7 +74,7 @@ def stability(plane: str, output: str | None, form: str | None, **arguments: Any
         shell_complete=completing(foreign_solvers),
         help="An independent solver; repeatable; default: all that can take the problem.",
     ),
-    *from_signature(run_race, *_TIMINGS),
+    *from_signature(run_race, *_RACE_OPTIONS),
     TO_FIGURE,
     *FORMS,
 )
@@ -84,10 +84,10 @@ def race(
     """Measure time against error on SOURCE, for this package's methods and independent solvers."""
     check_picture(output)
     problem, scene = named_problem(arguments)
-    options = {name: arguments[name] for name in _TIMINGS}
+    options = {name: arguments[name] for name in _RACE_OPTIONS}
     options |= {"progress": True, "command": command_line()}
     run = partial(run_race, scene or problem, methods or None, solvers or None, **options)
-    return _show(run, output, form, "this is what was measured before")
+    return _print_and_draw(run, output, form, "this is what was measured before")
 
 
 def check_picture(path: str | None) -> None:
@@ -96,15 +96,15 @@ def check_picture(path: str | None) -> None:
         data_file(picture_file(path))
 
 
-def _show(run: Callable[[], Any], output: str | None, form: str | None, partly: str) -> int:
-    """Measure, print and draw; after Ctrl-C the results so far, with the sentence `partly`."""
+def _print_and_draw(run: Callable[[], Any], output: str | None, form: str | None, if_interrupted: str) -> int:
+    """Measure, print and draw; after Ctrl-C the results so far, with the sentence `if_interrupted`."""
 
     def show(result: Any) -> None:
         print_table(result, result.table(), form)
         for path in [] if output is None else save(figure(result), output, result.table(), command_line()):
             wrote(path)
 
-    return measured(run, show, partly)
+    return measured(run, show, if_interrupted)
 
 
 @command(

@@ -74,14 +74,14 @@ def exit_code(success: bool, complaint: str) -> int:
     return 0 if success else complain(complaint, 1)
 
 
-def measured(measure: Callable[[], Any], show: Callable[[Any], None], partly: str) -> int:
-    """Measure and show; after Ctrl-C show the results so far, with the sentence `partly`. Returns 0 or 130."""
+def measured(measure: Callable[[], Any], show: Callable[[Any], None], if_interrupted: str) -> int:
+    """Measure and show; after Ctrl-C show the results so far, with the sentence `if_interrupted`. Returns 0 or 130."""
     try:
         result = measure()
         code = 0
     except Interrupted as stopped:
         result = stopped.report
-        code = complain(f"interrupted: {partly}", 130)
+        code = complain(f"interrupted: {if_interrupted}", 130)
     show(result)
     return code
 

@@ -21,7 +21,7 @@ from ..problem.two_sided import as_map
 from .distributed_matrix import DistributedMatrix, with_entries
 from .ranks import largest, petsc, together, totals
 
-_WANTED = (
+_EXPECTED = (
     "a number, a Vec, the entries of the own rows, an Elementwise map of them, "
     "or a pair (Mat, one of these) for Gz + f(z) was expected"
 )
@@ -50,7 +50,7 @@ class DistributedMap:
         with together(matrix.comm):
             if isinstance(value, tuple):
                 if len(value) != 2 or not isinstance(value[0], PETSc.Mat):
-                    raise InputError(f"{name} is {described(value)}; {_WANTED}")
+                    raise InputError(f"{name} is {described(value)}; {_EXPECTED}")
                 G, value = value
                 if G.getSizes() != matrix.mat.getSizes():
                     actual = G.getSizes()
@@ -59,7 +59,7 @@ class DistributedMap:
             if isinstance(value, PETSc.Vec):
                 value = value.array.copy()
             elif isinstance(value, Map) and not isinstance(value, Constant | Elementwise):
-                raise InputError(f"{name} is {value!r}; {_WANTED}")
+                raise InputError(f"{name} is {value!r}; {_EXPECTED}")
             if np.ndim(value) and np.shape(value) != (size,):
                 raise InputError(f"{name} has shape {np.shape(value)} on this rank; ({size},) was expected")
             own = None

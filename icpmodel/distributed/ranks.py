@@ -20,8 +20,8 @@ _MISSING = (
 )
 
 #: errors that are the same on all ranks, first those of the package
-_OURS = (InputError, FileError, MapError, NotApplicable)
-_PASSED = (*_OURS, OSError, MemoryError)
+_OWN_ERRORS = (InputError, FileError, MapError, NotApplicable)
+_SENT_ERRORS = (*_OWN_ERRORS, OSError, MemoryError)
 
 
 class FailedOnRank(RuntimeError):
@@ -89,7 +89,9 @@ def together(comm: Any) -> Iterator[None]:
     first = comm.allreduce(comm.rank if fault is not None else comm.size, op=MPI.MIN)
     if first == comm.size:
         return
-    report = None if comm.rank != first else (type(fault) if isinstance(fault, _PASSED) else None, _in_words(fault))
+    report = (
+        None if comm.rank != first else (type(fault) if isinstance(fault, _SENT_ERRORS) else None, _in_words(fault))
+    )
     kind, text = comm.bcast(report, root=first)
     text = f"{text} (rank {first} of {comm.size})" if first else text
     raise (kind or FailedOnRank)(text) from fault
@@ -97,7 +99,7 @@ def together(comm: Any) -> Iterator[None]:
 
 def _in_words(fault: BaseException | None) -> str:
     """The error in words; with its name where it is none of the package's."""
-    return str(fault) if isinstance(fault, _OURS) else f"{type(fault).__name__}: {fault}"
+    return str(fault) if isinstance(fault, _OWN_ERRORS) else f"{type(fault).__name__}: {fault}"
 
 
 def totals(comm: Any, *numbers: float) -> list[float]:

@@ -131,9 +131,9 @@ class Scene(ReadOnly, Plottable):
     def __post_init__(self) -> None:
         locked((self.z_exact, self.z0, self.points))
         if self.points is not None:
-            _PLACES[self.problem.matrix] = Placement(self.points, self.axes, self.unknown)
+            _PLACEMENTS[self.problem.matrix] = Placement(self.points, self.axes, self.unknown)
         if self.name:
-            _CALLED[self.problem] = self.name
+            _NAMES[self.problem] = self.name
 
     def errors(self, z: Any) -> dict[str, float]:
         """Distance of `z` to each reference.
@@ -194,27 +194,27 @@ class Placement:
 
 
 #: the placement of a scene's A, as long as that A exists: a plot of a solution need not know its scene
-_PLACES: WeakKeyDictionary[Matrix, Placement] = WeakKeyDictionary()
+_PLACEMENTS: WeakKeyDictionary[Matrix, Placement] = WeakKeyDictionary()
 
 
 def placement_of(problem: ProblemData) -> Placement | None:
     """Where the unknowns of `problem` are if its A is that of a scene, else None."""
-    return _PLACES.get(problem.matrix)
+    return _PLACEMENTS.get(problem.matrix)
 
 
 #: the scene that a problem is
-_CALLED: WeakKeyDictionary[ProblemData, str] = WeakKeyDictionary()
+_NAMES: WeakKeyDictionary[ProblemData, str] = WeakKeyDictionary()
 
 
 def title(problem: ProblemData) -> str:
     """A title of the `problem`, such as "membrane, 900 unknowns"; without a name if it is no scene."""
     unknowns = f"{problem.n:_} unknown{'' if problem.n == 1 else 's'}".replace("_", " ")
-    return f"{_CALLED[problem]}, {unknowns}" if problem in _CALLED else unknowns
+    return f"{_NAMES[problem]}, {unknowns}" if problem in _NAMES else unknowns
 
 
 #: beyond this the matrix alone would need tens of gigabytes, and the side of a grid would not be exact in float64
-LARGEST = 10**8
-LARGEST_BY_ROWS = 2**52
+MAX_UNKNOWNS = 10**8
+MAX_UNKNOWNS_BY_ROWS = 2**52
 
 _BUILDERS: dict[str, Builder] = {}
 #: what assembles the rows of a scene, by its name
@@ -273,7 +273,7 @@ def register(build: Callable[Arguments, Scene]) -> Callable[Arguments, Scene]:
         check_parameters(name, kwargs, signature.parameters)
         bound = signature.bind(*args, **kwargs)
         if "n" in bound.arguments:
-            bound.arguments["n"] = size(bound.arguments["n"], most=LARGEST)
+            bound.arguments["n"] = size(bound.arguments["n"], most=MAX_UNKNOWNS)
         return replace(build(*bound.args, **bound.kwargs), name=name, title=title_of(build))
 
     _BUILDERS[name] = checked
@@ -299,6 +299,6 @@ def title_of(build: Builder) -> str:
     return (build.__doc__ or build.__name__.replace("_", " ")).strip().splitlines()[0].rstrip(".")
 
 
-def size(n: Any, least: int = 1, most: int = LARGEST_BY_ROWS) -> int:
+def size(n: Any, least: int = 1, most: int = MAX_UNKNOWNS_BY_ROWS) -> int:
     """`n`, a number of unknowns that a scene can have. Raises InputError."""
     return int(as_number(n, "the number of unknowns n", least=least, most=most, whole=True))

@@ -34,7 +34,7 @@ from .cases import uninterrupted
 from .charts.field_charts import Fields
 from .charts.figures import Panel, drawing, panel_figure
 from .planes import relaxation
-from .race import TOLERANCES, race
+from .race import DEFAULT_TOLERANCES, race
 from .sensitivity import sensitivity
 from .stability_map import stability
 from .timing import machine
@@ -47,7 +47,7 @@ _MAP_UP_TO = 1000
 _MAP_STEPS = 5000
 _MAP_POINTS = 9
 #: the tolerances of the race, and the seconds that each of its runs may take
-_TOLERANCES = TOLERANCES[::2]
+_TOLERANCES = DEFAULT_TOLERANCES[::2]
 _RACE_LIMIT = 3.0
 #: the ratio of the numbers of two iterates of a run that are pictured
 _PICTURE_RATIO = 3
@@ -70,7 +70,7 @@ class Section:
     ----------
     short : str
         The answer to the question of the section.
-    lead : str
+    introduction : str
         A sentence or two.
     panels : sequence of Panel
         The pictures.
@@ -81,7 +81,7 @@ class Section:
     """
 
     short: str = ""
-    lead: str = ""
+    introduction: str = ""
     panels: Sequence[Panel] = ()
     folded: list[tuple[str, str]] = field(default_factory=list)
     missing: str = ""
@@ -249,7 +249,7 @@ def _answer(solution: Solution, start: Vector | None, points: Vector | None, tim
         panels += drawing(_on_the_way(solution, start, min(_RACE_LIMIT, time_limit)), points=points).panels
     return Section(
         short=short,
-        lead="Last, a run of the paper's sweeps: z as the contact closes in.",
+        introduction="Last, a run of the paper's sweeps: z as the contact closes in.",
         panels=panels,
         folded=[("The solve in detail", Card(solution.summary()).to_html())],
     )
@@ -282,15 +282,15 @@ def _certain(solution: Solution) -> Section:
         short = (
             f"It is proved that there is one solution and no other; how far z is from it is not known: {bound.reason}."
         )
-    lead = "What is said here was computed again from A, q, ψ and z, whatever solver made z."
+    introduction = "What is said here was computed again from A, q, ψ and z, whatever solver made z."
     folded = [("The certificate", render("folded.html", text=str(solution.certificate)))]
-    return Section(short, lead, folded=folded)
+    return Section(short, introduction, folded=folded)
 
 
 def _checked(solution: Solution, time_limit: float) -> Section:
     checks = crosscheck(solution.problem, solution, time_limit=time_limit)
-    lead = "Other solvers got the same problem, without the answer, and one criterion judges all of them."
-    return Section(checks.conclusion(), lead, folded=[("Every check", checks._repr_html_())])
+    introduction = "Other solvers got the same problem, without the answer, and one criterion judges all of them."
+    return Section(checks.conclusion(), introduction, folded=[("Every check", checks._repr_html_())])
 
 
 def _moved(solution: Solution) -> Section:
@@ -300,9 +300,9 @@ def _moved(solution: Solution) -> Section:
     section.folded = [("The derivative", render("folded.html", text=str(derivative)))]
     try:
         section.folded.insert(0, ("The condition number", render("folded.html", text=str(sensitivity(solution)))))
-        section.lead = "How much z moves when A, q and ψ change by a small share of themselves, entry by entry."
+        section.introduction = "How much z moves when A, q and ψ change by a small share of themselves, entry by entry."
     except IcpError as error:
-        section.lead = f"How much z moves with the data is not known: {error}."
+        section.introduction = f"How much z moves with the data is not known: {error}."
     return section
 
 
@@ -310,7 +310,7 @@ def _explained(problem: ProblemData) -> Section:
     page = explain(problem)
     first, *_ = next(iter(page.sections().values())).splitlines()
     return Section(
-        lead=f"To do: {first}.", folded=[("What is known of A and ψ, and what is proved", page._repr_html_())]
+        introduction=f"To do: {first}.", folded=[("What is known of A and ψ, and what is proved", page._repr_html_())]
     )
 
 
@@ -322,7 +322,7 @@ def _race(problem: ProblemData, z_exact: Vector | None, time_limit: float) -> Se
         folded.append(("Solvers that did not take part", render("folded.html", text="\n".join(left))))
     return Section(
         short=outcome.in_words("To {goal:g} of the residual at z = 0"),
-        lead="Each run was made once; times on other machines, and of problems of another size, differ.",
+        introduction="Each run was made once; times on other machines, and of problems of another size, differ.",
         panels=drawing(outcome).panels,
         folded=folded,
     )
@@ -333,7 +333,7 @@ def _map(problem: ProblemData) -> Section:
         raise InputError(f"a map solves the problem {_MAP_POINTS**2} times, which is done up to n = {_MAP_UP_TO}")
     result = stability(relaxation(_MAP_POINTS, problem), starts=1, max_iter=_MAP_STEPS)
     return Section(
-        lead=f"What relaxation does to the paper's method: at each point {result.plane.title} is solved.",
+        introduction=f"What relaxation does to the paper's method: at each point {result.plane.title} is solved.",
         panels=drawing(result).panels,
         folded=[("Counted", result._repr_html_())],
     )

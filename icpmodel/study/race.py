@@ -32,9 +32,9 @@ from .limited_runs import first_runs, linear_solve, timed_run
 from .timing import clocked, interleaved, machine
 
 #: the tolerances that each competitor is asked for
-TOLERANCES = tuple(10.0**-k for k in range(2, 13))
+DEFAULT_TOLERANCES = tuple(10.0**-k for k in range(2, 13))
 #: own methods in the chart if none are named
-METHODS = ("mnmgs", "mnmaor, tuned", "psor, tuned", "newton", "multilevel")
+DEFAULT_METHODS = ("mnmgs", "mnmaor, tuned", "psor, tuned", "newton", "multilevel")
 #: a claim of success is loose where the residual, relative to Res_D(0), exceeds this multiple of what was asked for
 _LOOSE_FACTOR = 10.0
 #: a run that takes more seconds than this is timed once
@@ -185,7 +185,7 @@ def race(
     solvers: Sequence[str | ForeignSolver] | None = None,
     *,
     z_exact: Any = None,
-    tolerances: Sequence[float] = TOLERANCES,
+    tolerances: Sequence[float] = DEFAULT_TOLERANCES,
     repeats: int = 3,
     time_limit: float = 10.0,
     progress: bool = False,
@@ -284,7 +284,7 @@ def _own(methods: Sequence[str | Method] | None) -> list[Competitor]:
     known = {one.name: one for one in own_methods()}
     return [
         Own(repr(one), one) if isinstance(one, Method) else known.get(one) or Own(one, named(one))
-        for one in (METHODS if methods is None else as_list(methods, "methods"))
+        for one in (DEFAULT_METHODS if methods is None else as_list(methods, "methods"))
     ]
 
 

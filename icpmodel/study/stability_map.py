@@ -29,15 +29,15 @@ from .planes import PLANES, Plane
 from .planes import plane as plane_named
 
 #: a proof is contradicted by these; "slow" and "precision limit" are what a factor near 1 and rounding do to it
-_AGAINST = ("stagnated", "cycled", "diverged", "overflowed")
+_CONTRADICTING_ENDS = ("stagnated", "cycled", "diverged", "overflowed")
 #: and these do not contradict it: where the obstacles cross the point that is reached need not be a solution
-_EXCUSED = ("slow", "precision limit", "map failed", "obstacles cross", "infeasible")
+_UNDECIDING_ENDS = ("slow", "precision limit", "map failed", "obstacles cross", "infeasible")
 #: how a run can end, from the best to the worst; the status "diverged" is split by whether the residual stayed finite
-ENDS = ("solved", *_EXCUSED, *_AGAINST, "refused", "not run")
+RUN_ENDS = ("solved", *_UNDECIDING_ENDS, *_CONTRADICTING_ENDS, "refused", "not run")
 #: the theorems that prove convergence from every start; "monotone" needs a special one
-GLOBAL = tuple(name for name in theorems() if name != "monotone")
+GLOBAL_THEOREMS = tuple(name for name in theorems() if name != "monotone")
 #: those that the paper prints otherwise
-PRINTED = ("4.2", "4.3", "4.4")
+MISPRINTED_THEOREMS = ("4.2", "4.3", "4.4")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -49,7 +49,7 @@ class StabilityMap(Plottable, Tabular):
     plane : Plane
         The plane, with its axes x and y.
     ends : array of str, shape (len(y), len(x))
-        One of `ENDS` per point, the worst of several starts.
+        One of `RUN_ENDS` per point, the worst of several starts.
     steps : array of int
         The steps that a solved point took, 0 elsewhere.
     proved : dict of str to array of bool
@@ -82,7 +82,7 @@ class StabilityMap(Plottable, Tabular):
     @property
     def failed(self) -> Mask:
         """The points where a run cycled, stagnated, diverged or overflowed."""
-        return np.isin(self.ends, _AGAINST)
+        return np.isin(self.ends, _CONTRADICTING_ENDS)
 
     @property
     def any_proved(self) -> Mask:
@@ -129,21 +129,21 @@ class StabilityMap(Plottable, Tabular):
             The table.
         """
         rows = []
-        for end in ENDS:
+        for end in RUN_ENDS:
             selected = self.ends == end
             if selected.any():
                 groups = selected, selected & self.any_proved, selected & self.any_printed
                 rows.append((end, *(int(group.sum()) for group in groups)))
         return Table(self.plane.title, ("end", "points", "proved", "proved as printed"), tuple(rows))
 
-    def _against(self) -> str:
+    def _contradiction_note(self) -> str:
         return f"proved, and yet failed: {self.contradictions}; as printed: {self.printed_contradictions}"
 
     def __str__(self) -> str:
-        return f"{self.summary()}\n{self._against()}"
+        return f"{self.summary()}\n{self._contradiction_note()}"
 
     def _repr_html_(self) -> str:
-        return self.summary().to_html() + render("folded.html", text=self._against())
+        return self.summary().to_html() + render("folded.html", text=self._contradiction_note())
 
 
 @public_entry
@@ -220,10 +220,10 @@ def stability(
     shape = (len(plane.y.values), len(plane.x.values))
     result = StabilityMap(
         plane=plane,
-        ends=np.full(shape, "not run", dtype=f"<U{max(map(len, ENDS))}"),
+        ends=np.full(shape, "not run", dtype=f"<U{max(map(len, RUN_ENDS))}"),
         steps=np.zeros(shape, dtype=np.int64),
-        proved={name: np.zeros(shape, dtype=bool) for name in GLOBAL},
-        printed={name: np.zeros(shape, dtype=bool) for name in PRINTED},
+        proved={name: np.zeros(shape, dtype=bool) for name in GLOBAL_THEOREMS},
+        printed={name: np.zeros(shape, dtype=bool) for name in MISPRINTED_THEOREMS},
         max_iter=limits.max_iter,
         rtol=limits.rtol,
         command=command,
@@ -245,7 +245,7 @@ def _fill(result: StabilityMap, starts: int, progress: bool) -> None:
             say(f"point {k + 1} of {total}{time_left(begin, k, total)}")
             one, member = plane.at(float(plane.x.values[i]), float(plane.y.values[j]))
             runs = [_run(one, member, k, result.max_iter, result.rtol) for k in range(starts)]
-            worst = max((end for end, _ in runs), key=ENDS.index)
+            worst = max((end for end, _ in runs), key=RUN_ENDS.index)
             if isinstance(member, ModulusMember) and member.why_not(one) is None:
                 masks = result.proved, result.printed
                 for of, names in zip(masks, holding(one, member, *masks), strict=True):

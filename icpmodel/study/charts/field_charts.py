@@ -20,11 +20,11 @@ from .places import Places, Slice, places_of
 #: the largest number of points or rows drawn one by one
 MAX_MARKED_POINTS = 60
 #: a curve of more points is written as pixels
-VECTOR = 5000
+MAX_VECTOR_POINTS = 5000
 #: the largest number of fields of a sequence that are drawn, evenly spaced
 _MAX_FIELDS = 6
 #: contact with an obstacle → its colour on a line and in the plane
-CONTACTS = {"contact set": (GREY, "white"), "contact below": (GREY, "white"), "contact above": (PURPLE, ORANGE)}
+CONTACT_STYLES = {"contact set": (GREY, "white"), "contact below": (GREY, "white"), "contact above": (PURPLE, ORANGE)}
 
 
 @check_arguments
@@ -104,7 +104,7 @@ def line_style(places: Places, colour: Any, width: float, marker: str = "o") -> 
         size = 6 if marker == "o" else max(400 / max(many, 8), 8)
         return {"color": colour, "linestyle": "", "marker": marker, "markersize": size}
     style = {"color": colour, "linewidth": width, "marker": "o" if many <= MAX_MARKED_POINTS else "", "markersize": 3}
-    return style | {"drawstyle": "steps-mid" if places.by_row else "default", "rasterized": many > VECTOR}
+    return style | {"drawstyle": "steps-mid" if places.by_row else "default", "rasterized": many > MAX_VECTOR_POINTS}
 
 
 def clean(axes: Any, whole: bool) -> list[Any]:
@@ -162,7 +162,7 @@ def _field(plane: Slice, field: Field, axes: Any) -> list[Any]:
     axes.set(aspect="equal", xlabel=plane.labels[0], ylabel=plane.labels[1])
     for contact, mask in field.masks.items():
         style = {"linewidth": 1.5} if plane.is_grid else {"linestyle": "", "marker": ".", "markersize": 3}
-        axes.plot(*plane.marked(mask), color=CONTACTS[contact][1], **style)
+        axes.plot(*plane.marked(mask), color=CONTACT_STYLES[contact][1], **style)
     return []
 
 

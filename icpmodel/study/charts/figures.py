@@ -39,14 +39,14 @@ GREY = "0.45"
 #: what stands on an axis of errors, which is turned round
 ACCURATE = "more accurate →"
 #: what has a picture
-_DRAWN = "a Solution, a list of them, Solutions, Fields, a Derivative, Sensitivity, History, Scene, Race or map"
+_DRAWABLE = "a Solution, a list of them, Solutions, Fields, a Derivative, Sensitivity, History, Scene, Race or map"
 #: what is 0 on a logarithmic axis is drawn at, as a share of the smallest value above 0
 ZERO_SHARE = 0.1
 #: what a picture is written as
 FORMATS = (".png", ".pdf", ".svg")
 #: what a picture of ours says of its origin, and with what the data beside it begin
-_OURS = b"made by icpmodel"
-_DATA = b"# icpmodel"
+_PICTURE_MARK = b"made by icpmodel"
+_TABLE_MARK = b"# icpmodel"
 #: a panel on its own, in inches: on the screen of a phone its letters are still those of a small print
 SINGLE_PANEL = (4.9, 3.7)
 
@@ -163,7 +163,7 @@ def drawing(what: Any, points: Any = None, shape: Any = None) -> Drawing:
     InputError
         Where it has no picture.
     """
-    raise InputError(f"{described(what)} has no picture; {_DRAWN} was expected")
+    raise InputError(f"{described(what)} has no picture; {_DRAWABLE} was expected")
 
 
 @check_arguments
@@ -284,23 +284,25 @@ def _has_windows(backend: str) -> bool:
 
 def picture_file(path: Any) -> Path:
     """`path`, where a picture can be written. Raises InputError and FileError."""
-    return place_of(path, FORMATS, holds=_OURS)
+    return place_of(path, FORMATS, holds=_PICTURE_MARK)
 
 
 def write(figure: Figure, path: Path, command: str = "") -> Figure:
     """The `figure`, written to `path` with the `command` that makes it again in it. Raises FileError."""
     form = path.suffix[1:].lower()
     picture = io.BytesIO()
-    metadata = {"Software" if form == "png" else "Creator": _OURS.decode()} | ({"Title": command} if command else {})
+    metadata = {"Software" if form == "png" else "Creator": _PICTURE_MARK.decode()} | (
+        {"Title": command} if command else {}
+    )
     figure.savefig(picture, format=form, dpi=100, metadata=metadata)
-    write_ours(path, picture.getvalue(), holds=_OURS)
+    write_ours(path, picture.getvalue(), holds=_PICTURE_MARK)
     return figure
 
 
 def data_file(picture: Path) -> Path:
     """The .csv beside the `picture`. Raises FileError where another one is there than `save` writes."""
     data = picture.with_suffix(".csv")
-    check_ours(data, begins=_DATA)
+    check_ours(data, begins=_TABLE_MARK)
     return data
 
 
@@ -309,5 +311,5 @@ def save(figure: Figure, path: Any, table: Table, command: str) -> list[Path]:
     path = picture_file(path)
     data = data_file(path)
     write(figure, path, command)
-    write_ours(data, f"# {command}\n{table.to_csv()}".encode(), begins=_DATA)
+    write_ours(data, f"# {command}\n{table.to_csv()}".encode(), begins=_TABLE_MARK)
     return [path, data]

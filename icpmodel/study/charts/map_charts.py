@@ -14,7 +14,7 @@ from .figures import SKY, Drawing, Panel, drawing
 from .places import edges, outline
 
 #: how a run ended → the sign for it and its words; solved points have colours
-SIGNS = {
+END_SIGNS = {
     "slow": (".", "not there after {max_iter} steps"),
     "precision limit": ("$+$", "as far as rounding allows"),
     "map failed": ("$?$", "ψ or f failed"),
@@ -57,7 +57,7 @@ def _map(result: StabilityMap, axes: Any) -> list[Any]:
     _steps(result, axes)
     handles = []
     X, Y = np.meshgrid(x.values, y.values)
-    for end, (sign, words) in SIGNS.items():
+    for end, (sign, words) in END_SIGNS.items():
         selected = result.ends == end
         if selected.any():
             signs = {"linestyle": "", "marker": sign, "label": words.format(max_iter=result.max_iter)}

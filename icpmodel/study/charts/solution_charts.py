@@ -19,9 +19,9 @@ from ...solve.solution import History, Solution
 from ...solve.solutions import Solutions
 from ..sensitivity import Sensitivity
 from .field_charts import (
-    CONTACTS,
+    CONTACT_STYLES,
     MAX_MARKED_POINTS,
-    VECTOR,
+    MAX_VECTOR_POINTS,
     Field,
     Fields,
     clean,
@@ -120,7 +120,7 @@ def _heights(places: Places, solution: Solution, masks: Mapping[str, Mask], axes
         contact = mask[places.rows]
         if contact.any():
             ring = {"linestyle": "", "marker": "o", "markersize": 9, "alpha": 0.3, "zorder": 0}
-            ring |= {"label": name, "color": CONTACTS[name][0], "rasterized": z.size > VECTOR}
+            ring |= {"label": name, "color": CONTACT_STYLES[name][0], "rasterized": z.size > MAX_VECTOR_POINTS}
             axes.plot(places.x[contact], z[contact], **ring)
     for handle in axes.legend(loc="best", frameon=False, fontsize=9).legend_handles:
         if handle.get_linestyle() == "None":
