@@ -39,7 +39,7 @@ _RACE_OPTIONS = ("repeats", "time_limit")
     *FORMS,
 )
 def stability(plane: str, output: str | None, form: str | None, **arguments: Any) -> int:
-    """Map where a method converges, how fast, how it fails elsewhere, and where the theorems prove what.
+    """Map where a method converges, how fast, how it fails elsewhere, and what the theorems prove.
 
     PLANE is what varies. On SOURCE, or on a built-in problem, a method varies: relaxation (theta1 x theta2, the
     default) or shift (phi x Omega). On the other planes the problem varies: coupling (mu x norm of G), transport

@@ -213,10 +213,10 @@ class Explanation(Displayable):
         best = self.recommended
         proved = next((one for one in self.forecasts if one.proved_by), None)
         if best is not None and best.factor is not None:
-            cost = "one sweep over A a step"
+            cost = "one sweep over A per step"
             if best.factorises:
-                cost = "one solve with X = M1 + phi + Omega a step, factorised once"
-            enough = "" if best.steps is None else f", so that {best.steps} will do"
+                cost = "one solve with X = M1 + phi + Omega per step, factorised once"
+            enough = "" if best.steps is None else f", {best.steps} steps suffice"
             yield f"{best.title}: each step leaves at most {factor_text(best.factor)} of the error{enough}; {cost}"
             if self.picked is not None and not _same(best.method, self.picked):
                 yield "solve() chooses by expected cost, not by proved rates alone"

@@ -63,7 +63,7 @@ class Choice(Displayable):
     Examples
     --------
     >>> icp.select_method(ICP([[2.0, 1.0], [1.0, 2.0]], [-1.0, 3.0], [0.0, 1.0])).why
-    '2 unknowns are few'
+    'n = 2 is small'
     """
 
     method: Method
@@ -196,11 +196,10 @@ class Job:
         return min(max(steps * self.work_done / self.steps, self.work_done), _MAX_REMAINING_FACTOR * self.work_done)
 
     def __str__(self) -> str:
-        """The method and its progress: 40 of an expected 300 steps."""
+        """The method and its progress: 40 steps (300 expected)."""
         estimate = self.choice.estimate
-        if estimate is None:
-            return f"{self.method!r}, {self.steps} step{'' if self.steps == 1 else 's'}"
-        return f"{self.method!r}, {self.steps} of an expected {_counted(estimate.steps)} steps"
+        expected = "" if estimate is None else f" ({_counted(estimate.steps)} expected)"
+        return f"{self.method!r}, {self.steps} step{'' if self.steps == 1 else 's'}{expected}"
 
 
 class Ladder:
@@ -312,8 +311,8 @@ class Ladder:
     def _add_direct(self) -> None:
         problem = self.problem
         self.floor = math.inf
-        few = f"{problem.n} unknowns are few"
-        rules: list[tuple[Method, str]] = [(Lemke(), few), (Josephy(), few), (Tridiagonal(), "A is tridiagonal")]
+        small = f"n = {problem.n} is small"
+        rules: list[tuple[Method, str]] = [(Lemke(), small), (Josephy(), small), (Tridiagonal(), "A is tridiagonal")]
         if problem.n > PIVOT_UP_TO:
             rules = rules[2:]
         for method, why in rules if self.family is None else ():
@@ -334,7 +333,7 @@ class Ladder:
         if sweeps.why_not(self.problem) is None and work.memory_suffices(8.0 * 4.0 * self.problem.n):
             step = estimate_of(sweeps, self.problem.facts, self.target_reduction).step
             self.floor = _ACCELERATED_SWEEPS * step
-            job = Job(Choice(sweeps, f"{_PLAIN_SWEEPS} sweeps are tried first"))
+            job = Job(Choice(sweeps, f"a trial of {_PLAIN_SWEEPS} sweeps"))
             job.limit = _PLAIN_SWEEPS * step
             self.sweeps = [job]
             self.jobs.append(job)

@@ -38,7 +38,7 @@ def pivoted(problem: ProblemData, limits: Limits) -> Solution | None:
         method=_LEMKE,
         adapted_method=_LEMKE,
         last_method=_LEMKE,
-        why=f"{n} unknowns are few",
+        why=f"n = {n} is small",
         residual=residual,
         tolerance=tolerance,
         atol=limits.atol,

@@ -62,7 +62,7 @@ def test_the_logger_says_who_begins_and_why_how_he_ends_and_at_debug_who_else_wa
         solution = icp.scenes.membrane(n=100).problem.solve()
     info = [one.getMessage() for one in caplog.records if one.levelno == logging.INFO]
     debug = [one.getMessage() for one in caplog.records if one.levelno == logging.DEBUG]
-    assert any("begins: 12 sweeps are tried" in text for text in info)
+    assert any("begins: a trial of 12 sweeps" in text for text in info)
     assert info[-1].startswith(f"n = 100: solved, z is from {solution.method!r}; {solution.iterations} iterations")
     assert any("steps are expected" in text for text in debug)
     assert any("Tridiagonal() is left out: A is not tridiagonal" in text for text in debug)
