@@ -79,7 +79,7 @@ class CycledEquations:
     def steps(
         self, f: Vector, preconditioned: Callable[[Vector], Vector], transposed: bool = False
     ) -> tuple[Vector, GCR]:
-        """`start(f)`, and Krylov's steps from there to the x of `solve`, whose rest is in the units of z."""
+        """`start(f)`, and Krylov's steps from there to the x of `solve`, with the residual in the units of z."""
         units = self._units(transposed)
         x = self.start(f)
         residual = units * (f - self.product(x, transposed))

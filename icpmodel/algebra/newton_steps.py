@@ -54,7 +54,7 @@ def newton_steps(hierarchy: Hierarchy, problem: ProblemData, z: Vector, top: int
         pattern = Pattern.at(problem, z, p, omega)
         work.count(0.5 * work.COSTS.newton)
         if last_pattern is not None and not pattern.same_sides(last_pattern):
-            # whose rest is that of the z before, if the pattern comes back
+            # whose residual is that of the z before, if the pattern comes back
             z = swept(sweep, z, SWEEPS)
             newton = None
             p = problem.p(z)

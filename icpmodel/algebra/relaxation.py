@@ -32,11 +32,11 @@ AUTO = "auto"
 #: steps between two changes of ω, which wait until two factors agree to this share of their gap to 1
 STEPS_PER_CHANGE = 12
 _FACTOR_AGREEMENT = 0.05
-#: from the rate follows an ω that is multiplied by this, as too large a one costs more than too small a one …
+#: the factor of the ω that follows from the rate, as too large a one costs more than too small a one; and the least
+#: share by which a new ω must come nearer to 2
 _CAUTION = 0.98
-#: … and it is taken where it comes nearer to 2 by this share
 _MIN_GAIN = 0.05
-#: rounding and what is not normal leave sweeps so much of the error at the least
+#: the least factor by which sweeps reduce the error, because of rounding and of matrices that are not normal
 _MIN_ERROR_FACTOR = 1e-4
 #: a radius counts as at most this one
 _MAX_RADIUS = 1.0 - 1e-6
@@ -45,13 +45,13 @@ _MAX_FIXED_OMEGA = 1.4
 #: below this ω there is nothing to adapt, and no rate leads beyond this one
 MIN_ADAPTED_OMEGA = 1.2
 _MAX_OMEGA = 1.995
-#: the least patience in steps, what multiplies the steps that halve the error at the observed rate and at the one for
-#: which ω is best, and the growth that is a reason to step back at once
+#: the least patience in steps; the multiple of the steps that halve the error, by the observed rate or by the one for
+#: which ω is best; and the growth that reduces ω at once
 _PATIENCE = 100
 _HALVINGS_OF_PATIENCE = 3.0
 _MAX_GROWTH = 1e3
-#: the largest number of steps to halve the error that is assumed without a rate: the patience is 724 then,
-#: in which SOR with the best ω = 1.999 halves the error, and what turns in a circle is found before a run gives up
+#: the largest number of steps to halve the error that is assumed without a rate. The patience is 724 then: SOR with
+#: the best ω = 1.999 halves the error in that time, and a cycle is found before the run stagnates
 _MAX_HALVING_STEPS = 300.0
 
 

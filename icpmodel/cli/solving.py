@@ -89,7 +89,7 @@ def _solved(problem: ICP, scene: Scene | None, arguments: dict[str, Any]) -> Sol
     z0 = read_start(as_path(z0_file), problem.n) if z0_file is not None else scene and scene.z0
     limits = {name: arguments[name] for name in _LIMITS}
     solution = problem.solve(method, z0=z0, progress=True, raise_on_failure=False, **limits)
-    if not arguments["bound"] or solution.status is Status.INTERRUPTED:  # who stops it does not wait for a bound
+    if not arguments["bound"] or solution.status is Status.INTERRUPTED:  # after Ctrl-C nobody waits for a bound
         return solution.without_bound()
     try:
         with status_line(True) as say:

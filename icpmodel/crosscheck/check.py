@@ -47,8 +47,8 @@ def crosscheck(
     solution : Solution or array_like of shape (n,), optional
         The answer under test; by default `problem` is solved first.
     solvers : iterable of str or ForeignSolver, optional
-        Names (see `icpmodel.solvers.foreign_solvers`) or objects; by default every solver that is
-        run unless named otherwise.
+        Names (see `icpmodel.solvers.foreign_solvers`) or objects; by default all but those that run
+        only when they are named.
     atol : float, optional
         Largest difference of two answers in an entry, in the units of z; by default 1e-6 max|z|.
     time_limit : float, default 60
@@ -94,7 +94,7 @@ def crosscheck(
     end = time.perf_counter() + as_number(time_limit, "time_limit", above=0)
     if solution is None:
         solution = solve(problem, raise_on_failure=False, time_limit=time_limit)
-    # an answer may hold anything, infinities too: the judge sees what comes of them, the user need not be warned
+    # an answer may be infinite: the verdicts allow for that, and a warning would tell the user nothing
     with np.errstate(over="ignore", invalid="ignore"):
         problem = original.linearised(original.vector(solution, "solution"))
         checked = AnswerUnderTest(problem, solution, atol, original)
@@ -162,14 +162,16 @@ def _report(
 def _items(
     checked: AnswerUnderTest, original: ProblemData, chosen: list[ForeignSolver], solution: Any, end: float
 ) -> Iterator[_Item]:
-    """What is certain of the answer to the `original` problem, of which `checked` may have the tangent; then, solver by
-    solver, its name as it begins, and its rows."""
+    """The certified facts of the answer to the `original` problem; then the name and the rows of each solver.
+
+    `checked` has the tangent of `original` where p is nonlinear.
+    """
     known = isinstance(solution, Solution) and solution.problem is original
     certificate = solution.certificate if known else certify(original, checked.z)
     yield certificate.residual, certificate.error_bound, certificate.bound.reason
     reasons = {solver.name: _why_not(solver, checked) for solver in chosen}
-    for name, because in reasons.items():
-        yield from (Row(name, "", Verdict.SKIPPED, note=reason) for reason in because)
+    for name, why in reasons.items():
+        yield from (Row(name, "", Verdict.SKIPPED, note=reason) for reason in why)
     applicable = [solver for solver in chosen if not reasons[solver.name]]
     for k, solver in enumerate(applicable):
         if time.perf_counter() >= end:

@@ -150,7 +150,7 @@ class AnswerUnderTest:
         return f"claims {claim.words!r}: {request}{share:.1e} in ours, where {FOREIGN_RTOL:g} was expected"
 
     def _ended(self, claim: Claim) -> str:
-        """How it ended without success. "infeasible" and "unbounded" are rays that nobody has checked, and false where
+        """How it ended without success. "infeasible" and "unbounded" are rays without a check, and false where
         the answer under test is a solution."""
         known = ", and the answer under test is a solution" if self.holds else ", which is not checked"
         return f"it ended with: {claim.words}{known}"

@@ -91,7 +91,7 @@ class Report(Displayable, Tabular):
         return sum(row.verdict is verdict for row in self.rows)
 
     def conclusion(self) -> str:
-        """The verdict in one sentence: whether the problem is solved, the error bound, and who agrees.
+        """The verdict in one sentence: whether the problem is solved, the error bound, and which solvers agree.
 
         Returns
         -------

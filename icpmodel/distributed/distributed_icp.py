@@ -1,4 +1,4 @@
-"""The problem on ranks: A and q are PETSc's, every rank holds the rows that PETSc gives it, and nobody holds all."""
+"""The problem on ranks: A and q are PETSc's, each rank holds the rows that PETSc gives it, and none holds all."""
 
 from __future__ import annotations
 

@@ -92,7 +92,7 @@ class DistributedMap:
         return np.zeros(0) if self.own is None else self.own.value(z.array_r)
 
     def slopes(self, z: Any) -> Vector:
-        """f′ in the own rows, at the `Vec` `z`, a difference quotient where nobody gave it. Collective. Raises MapError
+        """f′ in the own rows, at the `Vec` `z`, or a difference quotient. Collective. Raises MapError
         on all ranks."""
         if not self.has_function:
             return np.zeros(self.matrix.high - self.matrix.low)

@@ -223,7 +223,7 @@ def save_solution(solution: DistributedSolution, path: Source) -> None:
     except IcpError:  # which all ranks raise
         problem.comm.barrier()
         raise
-    problem.comm.barrier()  # who goes on finds nothing of what rank 0 removes at the end
+    problem.comm.barrier()  # no rank goes on before rank 0 has removed its temporary files
 
 
 def check_place_on_ranks(path: Source, comm: Any) -> None:

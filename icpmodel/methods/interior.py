@@ -61,7 +61,7 @@ _MAX_ERROR_GROWTH = 1e4
 
 @with_options
 class Interior(Regularised):
-    """Newton's steps with √(x² + 4ε²) for |x|, ε falling: all rows count, and no signs are sought.
+    """Newton's steps with √(x² + 4ε²) for |x|, ε falling, without an active set.
 
     For the problems of `Proximal` whose active set changes often or row by row: redundant contacts in two and three
     dimensions, plates, programs and equilibria. The number of steps, 10 to 40 as a rule, hardly depends on n. Where A
@@ -227,8 +227,8 @@ class InteriorPath:
         work.count(newton_cost(self.problem.facts))
         r = self.r
         s = self.s
-        both = max(r.size, 1)
-        size = inner(r, s) / both
+        count = max(r.size, 1)
+        mean_product = inner(r, s) / count
         while True:
             solve = self._solver()
             _, dr, ds, longest = self._direction(solve, r * s)
@@ -240,8 +240,8 @@ class InteriorPath:
         if self.solve_error <= _ACCURATE_SOLVE:
             self.regularisation = max(_REGULARISATION_DECREASE * self.regularisation, self.least_regularisation)
         t = 1.0 / max(longest, 1.0)
-        after = inner(r + t * dr, s + t * ds) / both
-        target = r * s + dr * ds - ((after / size) ** 3 * size if size else 0.0)
+        mean_after = inner(r + t * dr, s + t * ds) / count
+        target = r * s + dr * ds - ((mean_after / mean_product) ** 3 * mean_product if mean_product else 0.0)
         dz, dr, ds, longest = self._direction(solve, target)
         t = 1.0 / max(longest / _BOUNDARY_SHARE, 1.0)
         self.r = r + t * dr
@@ -298,10 +298,10 @@ class InteriorPath:
                 return np.full(f.size, np.nan)
             f = unit * f
             x = factors.solve(f)
-            rest = f - M @ x
-            self.solve_error = norm(rest) / (norm(f) or 1.0)
+            residual = f - M @ x
+            self.solve_error = norm(residual) / (norm(f) or 1.0)
             if self.solve_error > _ACCURATE_SOLVE:
-                x += factors.solve(rest)  # without exchanges of rows digits may be lost
+                x += factors.solve(residual)  # without exchanges of rows digits may be lost
             return np.asarray(unit * x)
 
         return solve

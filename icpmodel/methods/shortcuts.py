@@ -34,7 +34,7 @@ _MIN_REDUCTION = 0.1
 #: rounds of Newton's steps, and steps in a round; where A is an M-matrix one step is the rule
 _MAX_ROUNDS = 5
 _STEPS_PER_ROUND = 10
-#: steps of iterative refinement, for those who ask for the last digit
+#: steps of iterative refinement, for the last digit
 _REFINEMENTS = 2
 
 

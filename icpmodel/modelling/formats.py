@@ -57,7 +57,7 @@ def read_named(path: Path) -> dict[str, Any]:
 
 
 def _of_npz(path: Path) -> dict[str, Any]:
-    """The matrix by scipy.sparse.save_npz, or all arrays; format is the field in which files of ours say what it is."""
+    """The matrix by scipy.sparse.save_npz, or all arrays; `format` is the kind of a file of this package."""
     fields = read_arrays(path)
     if "data" not in fields or "format" not in fields:
         return {name: one if name == "format" else checked_numbers(path, name, one) for name, one in fields.items()}

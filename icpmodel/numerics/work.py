@@ -72,8 +72,8 @@ class Costs(NamedTuple):
     dense_entry: float = 6.0
     dense_flop: float = 0.045
     pivot_entry: float = 0.5
-    #: an algebraic multigrid hierarchy, whatever its size and per entry of A, a V-cycle on it in one compiled loop a
-    #: level, and a step of a Krylov method with a cycle by PyAMG, which makes several loops of each level
+    #: an algebraic multigrid hierarchy, in all and per entry of A; a V-cycle on it, one compiled loop a level; and a
+    #: step of a Krylov method with a cycle by PyAMG, several loops a level
     hierarchy: float = 1_200_000.0
     hierarchy_entry: float = 170.0
     cycle: float = 8_000.0
@@ -179,7 +179,7 @@ class _Compiler:
             return (self._since if self._busy else time.perf_counter()) - self._total
 
 
-#: who compiles says so here
+#: the clock of compilation, which the listener to numba starts and stops
 COMPILER = _Compiler()
 
 

@@ -1,4 +1,4 @@
-"""Problems that nobody stores whole: a range of rows is assembled on request."""
+"""Problems that no process stores whole: a range of rows is assembled on request."""
 
 from __future__ import annotations
 

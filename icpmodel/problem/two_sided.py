@@ -159,7 +159,7 @@ class Rowwise(Map):
             return known[0]
         parts = (sp.diags_array((self.which == k).astype(np.float64)) @ matrix for k, matrix in enumerate(known))
         matrix = sp.csr_array(sum(parts, start=sp.csr_array(known[0].shape)))
-        matrix.sort_indices()  # which nobody can once it is read-only
+        matrix.sort_indices()  # impossible once it is read-only
         return matrix
 
 

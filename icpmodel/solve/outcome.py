@@ -1,4 +1,4 @@
-"""From what a run found to the solution: the judge's word, the status, and the message."""
+"""Make the `Solution` of a run: the exact residual, the status and the message."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from .goal import Limits
 from .run import BestIterate, Run
 from .solution import History, Solution, Status
 
-#: ends for which rounding is a better reason, where there is one
-_NO_FURTHER = (Status.STAGNATED, Status.CYCLED, Status.DIVERGED)
+#: the statuses that become PRECISION_LIMIT where rounding explains them
+_STALLED = (Status.STAGNATED, Status.CYCLED, Status.DIVERGED)
 
 
 @public_entry
@@ -42,11 +42,11 @@ def _passes_by_rounding(run: Run, z: Vector) -> bool:
 
 
 def judged(run: Run) -> BestIterate:
-    """The best iterate, judged exactly: it was chosen by hints, and the last iterate may be better."""
+    """The better one of the best and the last iterate, by exact residuals; the run compared estimates."""
     problem = run.problem
     best = run.best
     assert best is not None
-    # of a z that solved the judge has just spoken
+    # the residual of a z that solved is exact already
     judged = [] if run.stop_reason.status is Status.SOLVED and not problem.psi.calls_user_code else [best]
     if run.current is not best.z:
         judged.append(run.candidate(run.current, np.inf))
@@ -62,7 +62,7 @@ def judged(run: Run) -> BestIterate:
 def solution_of(run: Run, limits: Limits) -> Solution:
     """The solution of a run."""
     best = judged(run)
-    status, note = _end(run, best, limits)
+    status, note = _status_and_note(run, best, limits)
     last = best.job if status is Status.SOLVED else run.job
     why = [best.job.choice.why] if best.job.choice.why else []
     if len(run.tried) > 1:
@@ -90,7 +90,7 @@ def solution_of(run: Run, limits: Limits) -> Solution:
     )
 
 
-def _end(run: Run, best: BestIterate, limits: Limits) -> tuple[Status, str]:
+def _status_and_note(run: Run, best: BestIterate, limits: Limits) -> tuple[Status, str]:
     """The status and its message; a contradiction becomes the proof of the run."""
     status = run.stop_reason.status
     note = run.stop_reason.note
@@ -99,16 +99,16 @@ def _end(run: Run, best: BestIterate, limits: Limits) -> tuple[Status, str]:
     elif status is Status.SOLVED and limits.accuracy is None:
         status = Status.MAP_FAILED
         note = "psi or f gives different values at the same z"
-    elif status in _NO_FURTHER and _passes_by_rounding(run, best.z):
+    elif status in _STALLED and _passes_by_rounding(run, best.z):
         status = Status.PRECISION_LIMIT
         note = "the residual of this z is small enough only as rounded in float64"
     if status not in (Status.SOLVED, Status.INTERRUPTED, Status.STOPPED) and (crossed := _crossed(run.problem, best.z)):
         status = Status.CROSSED
         note = crossed
-    may_contradict = run.problem.f is None and status in (*_NO_FURTHER, Status.INFEASIBLE)
+    may_contradict = run.problem.f is None and status in (*_STALLED, Status.INFEASIBLE)
     conflict = contradiction(run.problem) if may_contradict else None
     if conflict is None:
-        return status, note + (_derivative_note(run.problem, best.z) if status in _NO_FURTHER else "")
+        return status, note + (_derivative_note(run.problem, best.z) if status in _STALLED else "")
     proof = run.infeasible if status is Status.INFEASIBLE and run.infeasible is not None else conflict.proof
     run.infeasible = replace(proof, reason=f"{proof.reason}; {conflict}")
     return Status.INFEASIBLE, run.infeasible.reason
@@ -120,7 +120,7 @@ def _derivative_note(problem: ProblemData, z: Vector) -> str:
     maps += [] if problem.f is None else [("f", problem.f.map)]
     for name, one in maps:
         if not isinstance(one, Elementwise | Function) or one.derivative is None:
-            continue  # it is ours
+            continue  # the derivative is the package's own
         with contextlib.suppress(MapError):
             J = one.jacobian(z)
             if J is not None and (row := misfit_of_derivative(one.value, J, z)) is not None:

@@ -1,4 +1,4 @@
-"""Who takes part in a comparison, and one run of one of them, on the clock."""
+"""The competitors of a comparison, and a timed run of one of them."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Competitor(ABC):
 
     kind: str
     name: str
-    #: what may be raised and is then its claim; anything else is an error of ours
+    #: exceptions that count as its claim; any other is an error of this package
     raises: tuple[type[Exception], ...] = (IcpError, MemoryError)
     #: whether it keeps to the time limit by itself
     stops = False
@@ -90,7 +90,7 @@ class Competitor(ABC):
         """`run`, where an exception becomes the claim."""
 
 
-class Own(Competitor):
+class OwnMethod(Competitor):
     """A `method` of this package, without one `solve()` itself; with `tune` it is tune(problem), part of its time."""
 
     stops = True
@@ -119,7 +119,7 @@ class Own(Competitor):
         return Claim(solution.z, words, solution.solved, seconds, setup)
 
 
-class Foreign(Competitor):
+class ForeignCompetitor(Competitor):
     """A foreign `solver`. Its QP is made before the clock starts, turning that into its own format is its own time."""
 
     kind = "peer"
@@ -144,7 +144,7 @@ class Foreign(Competitor):
         return claim if claim.z is None else replace(claim, z=np.asarray(claim.z, dtype=np.float64) * unit)
 
 
-class Limit(Competitor):
+class LinearSolve(Competitor):
     """One linear solve with A by PyAMG, to ‖Ax − b‖ ≤ 1e-8‖b‖ or as rounding allows: what bounds every method."""
 
     name = "PyAMG, one solve"
@@ -171,7 +171,7 @@ def own_methods() -> list[Competitor]:
         return best_omega(problem.matrix.jacobi_radius)
 
     return [
-        *(Own(name, named(name)) for name in method_names()),
-        Own("psor, tuned", named("psor"), lambda problem: named("psor", omega=omega(problem))),
-        Own("mnmaor, tuned", named("mnmaor"), lambda problem: overrelaxed(problem, omega(problem))),
+        *(OwnMethod(name, named(name)) for name in method_names()),
+        OwnMethod("psor, tuned", named("psor"), lambda problem: named("psor", omega=omega(problem))),
+        OwnMethod("mnmaor, tuned", named("mnmaor"), lambda problem: overrelaxed(problem, omega(problem))),
     ]

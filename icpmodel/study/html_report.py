@@ -39,7 +39,7 @@ from .sensitivity import sensitivity
 from .stability_map import stability
 from .timing import machine
 
-#: by this element a page is known to be ours
+#: the element that marks a page as one of this package
 GENERATOR = b'<meta name="generator" content="icpmodel">'
 #: a map solves the problem some hundreds of times
 _MAP_UP_TO = 1000
@@ -114,7 +114,7 @@ def report(
 ) -> Page:
     """Make one page that opens offline: the answer, what is certain, second opinions, a race and a map.
 
-    It begins in short: whether the problem is solved, how sure that is, who agrees, who is quickest,
+    It begins in short: whether the problem is solved, how sure that is, which solvers agree, which is quickest,
     and whether the answer has a derivative. What cannot be done, such as a cross-check of a problem
     that is too large, is said in its place. The page is dark where the reader's screen is.
 

@@ -13,7 +13,7 @@ from ..solve.goal import RTOL
 from ..solvers.foreign import Claim
 from ..solvers.in_time import in_time
 from .cases import Case
-from .competitors import Competitor, Limit
+from .competitors import Competitor, LinearSolve
 from .timing import timed
 
 
@@ -75,8 +75,8 @@ def timed_run(case: Case, one: Competitor, tolerance: float, limit: float) -> Cl
 
 
 def linear_solve(case: Case, repeats: int, limit: float) -> float | None:
-    """The median time of `Limit`, None where it fails or takes too long."""
-    one = Limit()
+    """The median time of `LinearSolve`, None where it fails or takes too long."""
+    one = LinearSolve()
     if _first_run(case, one, RTOL, limit) is not None or not one.run(case, RTOL, limit).solved:
         return None
     seconds = timed({"solve": lambda: one.run(case, RTOL, limit).seconds}, repeats, warm=False)["solve"]

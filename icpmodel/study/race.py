@@ -27,7 +27,7 @@ from ..solve.goal import RTOL, Limits
 from ..solve.progress import status_line, time_left
 from ..solvers.foreign import Claim, ForeignSolver, chosen_solvers
 from .cases import Case, uninterrupted
-from .competitors import Competitor, Entry, Foreign, Limit, Own, own_methods
+from .competitors import Competitor, Entry, ForeignCompetitor, LinearSolve, OwnMethod, own_methods
 from .limited_runs import first_runs, linear_solve, timed_run
 from .timing import clocked, interleaved, machine
 
@@ -59,9 +59,9 @@ class Race(Plottable, Tabular):
     limit : float or None
         The seconds of one linear solve with A, None where PyAMG could not do it.
     skipped : tuple of (str, str)
-        Who did not take part, and why.
+        The competitors that were left out, and why.
     command : str
-        What makes the race again.
+        The command that repeats the race.
 
     Examples
     --------
@@ -95,11 +95,11 @@ class Race(Plottable, Tabular):
             outcome = (one.error, one.residual, one.claim, one.note)
             rows.append((one.name, one.kind, one.tolerance, *times, *outcome))
         if self.limit is not None:
-            rows.append((Limit.name, Limit.kind, RTOL, *[self.limit] * 3, *[None] * 4, "", ""))
+            rows.append((LinearSolve.name, LinearSolve.kind, RTOL, *[self.limit] * 3, *[None] * 4, "", ""))
         return Table(self.title, (*heads, self.measure, "Res_D(z) / Res_D(0)", "claim", "note"), tuple(rows))
 
     def left_out(self) -> list[str]:
-        """Who did not take part, and why.
+        """The competitors that were left out, and why.
 
         Returns
         -------
@@ -119,7 +119,7 @@ class Race(Plottable, Tabular):
     def winner(self) -> str:
         """The first competitor to reach Res_D(z) ≤ 1e-8·Res_D(0), in one sentence.
 
-        Where nobody did, the goal is the smallest tolerance that somebody reached. Competitors whose times
+        Where none did, the goal is the smallest tolerance that one reached. Competitors whose times
         overlap with those of the first are named as level with it.
 
         Examples
@@ -167,7 +167,7 @@ class Race(Plottable, Tabular):
             if best:
                 break
         else:
-            return "Nobody reached any of the tolerances."
+            return "No competitor reached any of the tolerances."
         first, *others = best.values()
         level = [one.name for one in others if min(one.seconds) <= max(first.seconds)]
         once = "" if first.seconds[1:] else ", timed once"
@@ -175,7 +175,7 @@ class Race(Plottable, Tabular):
         if level:
             return f"{sentence}; level with it, as the times overlap: {', '.join(level)}."
         after = others and f"; next {others[0].name}, {others[0].median / first.median:.3g} times as long"
-        return f"{sentence}{after or ', and nobody else'}."
+        return f"{sentence}{after or ', and no other competitor'}."
 
 
 @public_entry
@@ -205,7 +205,7 @@ def race(
     z_exact : array_like of shape (n,), optional
         The solution where it is known; by default that of the scene.
     tolerances : sequence of float, default 1e-2, 1e-3, ... 1e-12
-        What each competitor is asked for, in its own sense.
+        The tolerances for each competitor, in its own measure.
     repeats : int, default 3
         Rounds of timings; a run of a second or more is timed once.
     time_limit : float, default 10
@@ -250,7 +250,7 @@ def race(
     repeats = int(as_number(repeats, "repeats", least=1, whole=True))
     limit = as_number(time_limit, "time_limit", above=0.0)
     goals = _goals(tolerances)
-    named = [Own(), *_own(methods), *map(Foreign, chosen_solvers(solvers, "race"))]
+    named = [OwnMethod(), *_own(methods), *map(ForeignCompetitor, chosen_solvers(solvers, "race"))]
     result = Race(title=f"{scene_title(problem)} ({machine()})", measure="", entries=(), command=command)
     entries: dict[tuple[str, float], Entry] = {}
     runs = len(named) * (2 + len(goals) * repeats)
@@ -283,7 +283,7 @@ def _own(methods: Sequence[str | Method] | None) -> list[Competitor]:
     """The own methods that take part; what was asked for by name must be known."""
     known = {one.name: one for one in own_methods()}
     return [
-        Own(repr(one), one) if isinstance(one, Method) else known.get(one) or Own(one, named(one))
+        OwnMethod(repr(one), one) if isinstance(one, Method) else known.get(one) or OwnMethod(one, named(one))
         for one in (DEFAULT_METHODS if methods is None else as_list(methods, "methods"))
     ]
 

@@ -59,7 +59,7 @@ class StabilityMap(Plottable, Tabular):
     max_iter, rtol : int, float
         Of the runs.
     command : str
-        What makes the map again.
+        The command that repeats the map.
 
     Examples
     --------

@@ -11,8 +11,8 @@ from .pivoting import SINGULAR, START, continue_pivots, first_tableau, right
 
 @compiled
 def split(M, q, free):
-    # the LCP in which the unknowns of the rows that are `free` are differences of two that are not negative, the second
-    # ones behind all others, where those rows hold with the other sign
+    # the LCP in which each unknown of a `free` row is the difference of two that are >= 0. The second ones are the last
+    # unknowns; their rows are the free rows with the other sign
     n = q.size
     size = n
     rows = np.empty(2 * n, np.int64)

@@ -36,7 +36,7 @@ _ANSWERS = (Status.SOLVED, Status.PRECISION_LIMIT)
 
 @lru_cache(maxsize=1)
 def worker_threads() -> tuple[ThreadPoolExecutor, ThreadPoolExecutor]:
-    """Two pools of threads that round as the thread of the user, who asks first.
+    """Two pools of threads that round as the user's thread does, which makes them.
 
     Threads of JAX flush subnormal numbers to zero, and so do threads that these begin. So the one thread of the first
     pool begins those of the second, as many as are waited for at once: a map of the user's may call another layer.

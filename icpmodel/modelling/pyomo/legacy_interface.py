@@ -144,7 +144,7 @@ def pyomo_solver(**options: Any) -> LegacyPyomoSolver:
     -------
     LegacyPyomoSolver
         `solver.solve(model)` starts from the values of the variables, loads the solution into the model and returns
-        Pyomo's results. In these `results.extra_info["solution"]` is ours.
+        Pyomo's results. `results.extra_info["solution"]` is the `Solution` of this package.
 
     Notes
     -----

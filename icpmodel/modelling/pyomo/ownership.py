@@ -13,8 +13,8 @@ from ..affine_rows import AffineRows
 from ..matching import cheapest, left_over
 from .condition_rows import ConditionRows, Side
 
-#: what it costs a row to own a variable that is not on the side that should become r, that is missing on one side, or
-#: that has different signs on the two, in powers of two of the coefficients, which count only among equals
+#: the cost of a row's own variable that is not on the side for r, is missing on one side, or has different signs on
+#: the two. Below these costs the powers of two of the coefficients decide
 _NOT_IN_R_COST = 2e7
 _MISSING_COST = 1e7
 _OPPOSITE_SIGN_COST = 1e5

@@ -18,8 +18,8 @@ _BLOCK = 512
 @partial(compiled, reassociate=True)
 def combine(F, G, known, newest, weight, least, out):
     # rows 0 ... known - 1 of F and G are values of f and g, and out = G[newest] - gamma dG with gamma as in
-    # `methods.accelerated`, the differences those of the other rows to the newest; False where a product is not
-    # finite, and then `out` is nothing
+    # `methods.accelerated`. dG and dF are differences of the other rows to the newest. Returns False, with a
+    # meaningless `out`, where a product is not finite
     n = weight.size
     last = known - 1
     # `newest` is the row that the last one takes the place of

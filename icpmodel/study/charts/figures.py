@@ -44,7 +44,7 @@ _DRAWABLE = "a Solution, a list of them, Solutions, Fields, a Derivative, Sensit
 ZERO_SHARE = 0.1
 #: what a picture is written as
 FORMATS = (".png", ".pdf", ".svg")
-#: what a picture of ours says of its origin, and with what the data beside it begin
+#: the metadata of a picture of this package, and the first characters of the data beside it
 _PICTURE_MARK = b"made by icpmodel"
 _TABLE_MARK = b"# icpmodel"
 #: a panel on its own, in inches: on the screen of a phone its letters are still those of a small print
@@ -132,7 +132,7 @@ class Drawing:
         return figure
 
     def into(self, ax: Any) -> Figure:
-        """The panels in somebody's axes, or the first one where `ax` is one. Returns the figure that these are in."""
+        """Draw the panels into given axes, the first one if `ax` is one. Returns the figure of the axes."""
         from matplotlib.axes import Axes
 
         axes = [ax] if isinstance(ax, Axes) else list(np.ravel(np.array(ax, dtype=object)))

@@ -150,7 +150,7 @@ def _quickest(first: Mapping[str, Entry], style_of: Mapping[str, Style], axes: A
     axes.set_xlabel(f"time to Res_D(z) ≤ {RTOL:g} Res_D(0), s\n(in brackets the share before the first step)")
     axes.grid(axis="x", alpha=0.3)
     if not first:
-        axes.text(0.5, 0.5, "nobody got there", ha="center", transform=axes.transAxes)
+        axes.text(0.5, 0.5, "no run got there", ha="center", transform=axes.transAxes)
     return []
 
 

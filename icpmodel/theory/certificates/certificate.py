@@ -22,7 +22,7 @@ from ...problem.data import ProblemLike, as_problem
 from ...problem.two_sided import mid
 from .bounds import ErrorBound, error_bound
 
-NOT_COMPUTED = "it was not computed"  #: the reason of a certificate without a bound that nobody asked for
+NOT_COMPUTED = "it was not computed"  #: the reason of a certificate whose bound was not asked for
 
 
 @dataclass(frozen=True, repr=False)

@@ -134,8 +134,8 @@ class DefiniteProof(Proof):
     def _larger_root(self, u: Vector, error_u: Vector, w: Vector, error_w: Vector) -> float:
         """The larger root of the quadratic, rounded up, with u and w known to `error_u` and `error_w`.
 
-        Bᵀu + Aᵀw of k terms is wrong by at most |B|ᵀδu + |A|ᵀδw + γ_k(|B|ᵀ|u| + |A|ᵀ|w|), and a sum of k numbers ≥ 0
-        is at most 1 + γ_k times what is computed (Higham, 2002, section 3.1).
+        Bᵀu + Aᵀw of k terms is wrong by at most |B|ᵀδu + |A|ᵀδw + γ_k(|B|ᵀ|u| + |A|ᵀ|w|). A sum of k numbers ≥ 0 is at
+        most 1 + γ_k times its computed value (Higham, 2002, section 3.1).
         """
         U = np.abs(u) + error_u
         W = np.abs(w) + error_w

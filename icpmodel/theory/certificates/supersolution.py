@@ -88,7 +88,7 @@ def prove(problem: ProblemData) -> SupersolutionProof | str:
     A = problem.A
     psi = problem.psi
     if not isinstance(psi, Intervention) or psi.best != "max":
-        return 'psi is no best jump (an Intervention with best="max"), for which supersolutions are sought'
+        return 'psi is no best jump: an Intervention with best="max" is needed for a proof by a supersolution'
     if not (answer := z_matrix(A)).holds:
         return f"A is no Z-matrix: {answer.reason}"
     if not (positive := positive_diagonal(A)).holds:
