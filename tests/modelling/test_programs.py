@@ -60,6 +60,26 @@ def test_inequalities_without_solution_are_proved():
     assert falls.error_bound.value is None
 
 
+def test_a_solution_0_beside_rounded_multipliers_is_found():
+    """x = 0 with multipliers (−4, 1, 3): what rounding leaves in their place is nothing beside g."""
+    H = [[8, 0, -3, 10, -7], [4, 5, -2, 1, -2], [-5, 0, 6, -4, 3], [6, 3, 0, 9, -8], [-9, -2, 1, -10, 9]]
+    rows = {"G": [[1, 0, 1, 1, -2]], "h": [0], "A": [[2, -1, 1, -2, -2], [2, -2, 1, 0, 1]], "b": [0, 0]}
+    found = icp.solve_avi(H, [3, -2, 0, -2, 1], **rows, lb=[-np.inf, -2, -2, 0, 0], ub=[np.inf, np.inf, 2, 0, 2])
+    assert not found.x.any()
+    assert np.r_[found.y, found.z] == pytest.approx([-4, 1, 3])
+
+
+@pytest.mark.parametrize("n", [10, 300])
+def test_programs_in_a_box_are_solved_like_their_conditions(n):
+    rng = np.random.default_rng(n)
+    B = rng.normal(size=(n, n)) / np.sqrt(n)
+    P, q = B @ B.T, rng.normal(size=n)
+    found = icp.solve_qp(P, q, lb=0, ub=1)
+    assert found.violation <= 1e-9
+    assert found.conditions.residual(found.x) <= 1e-8 * found.conditions.residual_at_0()
+    assert found.objective <= 0.5 * (z := icp.ICP(P, q, 0, upper=1).solve().z) @ P @ z + q @ z + 1e-7
+
+
 def hilbert(m, n):
     return 1.0 / (np.arange(m)[:, None] + np.arange(n) + 1.0)
 

@@ -9,7 +9,7 @@ from ...numerics.arrays import Mask, Vector, row_of
 from ...numerics.rounding import gamma
 from ...problem.data import ProblemData
 
-#: the share of the largest unknown up to which one may be rounding
+#: the share of the largest unknown, or of q, up to which an unknown may be rounding
 _NOISE_OF_X = 1e-13
 #: the share of the largest entry of g up to which what is wrong with the gradient may be rounding
 _NOISE_OF_GRADIENT = 1e-3
@@ -78,9 +78,10 @@ class Judge:
         """The largest |entry| of x or of the multipliers, in units in which they are alike."""
         return float((np.abs(z) * self.unit)[part].max(initial=0.0))
 
-    def without_noise(self, z: Vector) -> Vector:
-        """z with 0 for what may be rounding."""
+    def without_noise(self, problem: ProblemData, z: Vector) -> Vector:
+        """z with 0 for what may be rounding, beside the largest of its part or, where all are 0, beside q."""
         largest = np.where(self.is_x, *(self.largest(z, part) for part, _ in self.parts))
+        largest = np.maximum(largest, np.abs(problem.q / self.unit).max())
         return np.where(np.abs(z) * self.unit <= _NOISE_OF_X * largest, 0.0, z)
 
 

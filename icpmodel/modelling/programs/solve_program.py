@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
+from ...algebra.affine_lcp import PIVOT_UP_TO
 from ...algebra.equations import Pattern
 from ...algebra.proximal_steps import ProximalSteps
-from ...errors import IcpError
+from ...errors import IcpError, SingularOperator
 from ...icp import ICP
 from ...numerics.arrays import Vector
 from ...numerics.threads import one_blas_thread
@@ -138,11 +139,16 @@ class _ProgramRun:
             z0 = best.z if best.is_good else z0
         if z0 is not None:
             methods.reverse()
+        if best.problem.n <= PIVOT_UP_TO:
+            methods.insert(0, "lemke")
         proof = None
         for method in (*methods, None):
             if method is None and proof is not None:
                 break
-            solution = self._solved(best.problem, method, z0, best.is_finished)
+            try:
+                solution = self._solved(best.problem, method, z0, best.is_finished)
+            except SingularOperator:
+                continue
             if self.seconds_left() == 0.0:
                 break
             with enforce_limits(self.seconds_left(), None):
@@ -261,7 +267,7 @@ class Incumbent:
 
     def pattern(self, z: Vector) -> Pattern:
         """The active set at `z`."""
-        return Pattern.at(self.problem, z, self.problem.p(z), self.problem.matrix.proximal_weights)
+        return Pattern.at(self.problem, z, self.problem.p(z), self.judge.unit**2)
 
     def improve(self, z: Vector, pattern: Pattern) -> bool:
         """Whether `z`, with its active rows on their obstacles, is strictly good, or no better than a good iterate."""
@@ -269,15 +275,14 @@ class Incumbent:
         if pattern.above is not None:
             z = np.where(pattern.above, self.high, z)
         enough = 0.5 * self.violation[1] if self.is_good else self.tolerance
-        for one in (z, np.clip(self.judge.without_noise(z), self.low, self.high)):
+        cleaned = np.clip(self.judge.without_noise(self.problem, z), self.low, self.high)
+        for one in (z,) if np.array_equal(z, cleaned) else (z, cleaned):
             violation = self.judge.violation(self.problem, one)
             if self._rank(violation) <= self._rank(self.violation):
                 self.violation = violation
                 self.z = one
             if self.is_exact:
                 return True
-            if violation[0] > self.tolerance:  # that is more than rounding
-                break
         return self.violation[1] > enough > self.tolerance
 
     def _rank(self, violation: tuple[float, float]) -> tuple[float, float]:
