@@ -109,6 +109,8 @@ def _mean_slopes(problem: ProblemData, f: NonlinearTerm, z: Vector, here: Vector
         first = np.where(before, t, first)
         last = np.where(before, last, t)
         t = np.where(rough, 0.5 * (first + last), t)
+    if not coarse.any():
+        return slopes
     with np.errstate(all="ignore"):
         mean = (f.value(t) - here) / (t - z)
     return np.where(coarse & np.isfinite(mean), mean, slopes)
