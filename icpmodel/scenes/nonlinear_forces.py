@@ -72,11 +72,11 @@ def radiating_membrane(n: int = 900, kappa: float = 10.0) -> Scene:
 
 
 def _radiated(strength: float, z: Vector) -> Vector:
-    return strength * np.abs(z) * z**3
+    return strength * np.abs(z) * z * (z * z)
 
 
 def _radiated_slope(strength: float, z: Vector) -> Vector:
-    return 4.0 * strength * np.abs(z) ** 3
+    return 4.0 * strength * np.abs(z) * (z * z)
 
 
 @register
