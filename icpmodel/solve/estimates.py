@@ -26,6 +26,9 @@ from ..numerics.linear import steps_cost
 from ..numerics.multigrid import cycle_cost, hierarchy_cost
 from ..problem.facts import Facts
 
+#: the reduction of the residual for which the steps of `Multilevel` were counted
+_MEASURED_AT = 1e-8
+
 
 class Estimate(NamedTuple):
     """What a method is expected to cost: `setup`, then `steps` of `step` each, in nanoseconds as `work` counts them;
@@ -108,7 +111,7 @@ def _newton(facts: Facts) -> Estimate:
     return Estimate(0.0, newton_cost(facts) + system, wander * _newton_steps(facts), memory)
 
 
-def _multilevel(facts: Facts) -> Estimate:
+def _multilevel(facts: Facts, target_reduction: float = _MEASURED_AT) -> Estimate:
     matrix = facts.matrix
     n = matrix.n
     python = 0.5 * work.COSTS.newton
@@ -129,7 +132,9 @@ def _multilevel(facts: Facts) -> Estimate:
     # most; of the others, for which it is not made, few end
     radius = max(matrix.coupled_radius, 1.0)
     squared = radius * radius  # overflows to infinity, where a power would raise
-    return Estimate(setup, step, 5.0 * squared * squared, 40.0 * matrix.nnz)
+    # fewer for a larger residual, as each reduces it by about the same factor
+    steps = min(max(5.0 * math.log(target_reduction) / math.log(_MEASURED_AT), 1.0), 5.0)
+    return Estimate(setup, step, steps * squared * squared, 40.0 * matrix.nnz)
 
 
 def _lemke(facts: Facts) -> Estimate:
@@ -169,7 +174,6 @@ def _factorised(facts: Facts, target_reduction: float) -> Estimate:
 
 _ESTIMATES: dict[type[Method], Callable[[Facts], Estimate]] = {
     Newton: _newton,
-    Multilevel: _multilevel,
     Lemke: _lemke,
     Proximal: _proximal,
     Interior: _interior,
@@ -180,5 +184,7 @@ def estimate(method: Method, facts: Facts, target_reduction: float) -> Estimate:
     """What `method` is expected to cost until the residual is the share `target_reduction` of the first one."""
     if isinstance(method, MNMMOD):
         return _factorised(facts, target_reduction)
+    if isinstance(method, Multilevel):
+        return _multilevel(facts, target_reduction)
     known = _ESTIMATES.get(type(method))
     return _sweeps(method, facts, target_reduction) if known is None else known(facts)
