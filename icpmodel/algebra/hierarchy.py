@@ -79,6 +79,9 @@ class Hierarchy:
 
     Notes
     -----
+    A matrix that differs from its `origin` by a diagonal D has the interpolation of that one, and the diagonal matrix
+    of Pᵀd in place of PᵀDP: its row sums, as those of P are 1 or less. For smooth errors the two are alike.
+
     On every level the points whose own row is not free keep the value 0. That truncates the
     interpolation without another Galerkin product. The neglected terms are next to the border of F.
 
@@ -89,21 +92,7 @@ class Hierarchy:
     """
 
     def __init__(self, problem: ProblemData) -> None:
-        # whether the levels are still there makes no difference to what is counted
-        price = hierarchy_cost(problem.n, problem.nnz)
-        finest = Level(problem)
-        cached = _CACHE.get(problem.matrix)
-        if cached is None:
-            work.check_budget(price, HIERARCHY_BYTES * problem.nnz)
-            _CACHE.clear()
-            counted = work.counter()
-            cached = _CACHE[problem.matrix] = _coarser(finest)
-            work.count(counted - work.counter())
-        if isinstance(cached, NoHierarchy):
-            raise NoHierarchy
-        finest.P, finest.coarse_points, coarser = cached
-        work.count(price)
-        self.levels = [finest, *coarser]
+        self.levels = _shifted(problem) or _levels(problem)
         self._dense = self.levels[-1].A.toarray()
         self.restrict(np.ones(problem.n, dtype=np.bool_))
 
@@ -198,6 +187,54 @@ def _inverse_of(A: NDArray[np.float64]) -> NDArray[np.float64]:
 #: of the last matrix: P and `coarse_points` of the finest level and the levels below it, or why there are none.
 #: Those of all matrices would need three times as much memory as the matrices themselves
 _CACHE: WeakKeyDictionary[Matrix, tuple[Any, Any, list[Level]] | NoHierarchy] = WeakKeyDictionary()
+
+
+def _levels(problem: ProblemData) -> list[Level]:
+    """The levels of A. Raises NoHierarchy."""
+    # whether the levels are still there makes no difference to what is counted
+    price = hierarchy_cost(problem.n, problem.nnz)
+    finest = Level(problem)
+    cached = _CACHE.get(problem.matrix)
+    if cached is None:
+        work.check_budget(price, HIERARCHY_BYTES * problem.nnz)
+        _CACHE.clear()
+        counted = work.counter()
+        cached = _CACHE[problem.matrix] = _coarser(finest)
+        work.count(counted - work.counter())
+    if isinstance(cached, NoHierarchy):
+        raise NoHierarchy
+    finest.P, finest.coarse_points, coarser = cached
+    work.count(price)
+    return [finest, *coarser]
+
+
+def _shifted(problem: ProblemData) -> list[Level] | None:
+    """The levels of A by those of its `origin`; None where there is none, or where it has no levels."""
+    origin = problem.matrix.origin
+    if origin is None:
+        return None
+    d = problem.matrix.rows.diagonal - origin.rows.diagonal
+    with suppress(NoHierarchy):
+        finer, *coarser = _levels(problem.with_matrix(origin, problem.q))
+        levels = [_like(finer, problem)]
+        for level in coarser:
+            d = levels[-1].R @ d
+            matrix = level.problem.matrix.plus_diagonal(d)
+            levels.append(_like(level, level.problem.with_matrix(matrix, level.problem.q)))
+        return levels if np.isfinite(d).all() else None
+    return None
+
+
+def _like(level: Level, problem: ProblemData) -> Level:
+    """The level of `problem` with the interpolation of `level`, where each row solves its own equation."""
+    new = Level(problem)
+    if level.P is not None:
+        share = level.diagonal * new.inverse
+        share[level.coarse_points] = 1.0
+        P = level.P
+        data = P.data * np.repeat(share, np.diff(P.indptr))
+        new.P, new.coarse_points = sp.csr_array((data, P.indices, P.indptr), shape=P.shape), level.coarse_points
+    return new
 
 
 def _coarser(finest: Level) -> tuple[Any, Any, list[Level]] | NoHierarchy:

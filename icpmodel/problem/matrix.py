@@ -236,7 +236,7 @@ class Matrix(ReadOnly):
     @cached_property
     def is_symmetric(self) -> bool:
         """Whether A = Aᵀ, to the last digit."""
-        return is_symmetric(self.sparse)
+        return is_symmetric(self.sparse) if self.origin is None else self.origin.is_symmetric
 
     @cached_property
     def is_nearly_symmetric(self) -> bool:

@@ -181,6 +181,7 @@ class _Search:
             limits=limits,
             target_reduction=share,
             scale=start_residual,
+            warm_start=linear.matrix.origin is not None,
         )
         fixed = presolve(linear)
         run.presolved = None if fixed is linear else fixed

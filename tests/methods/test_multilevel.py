@@ -38,6 +38,29 @@ class TestVCycle:
             assert not x[~free].any()
             assert errors[-1] < 0.5**8 * np.linalg.norm(exact)
 
+    @pytest.mark.parametrize("shift", [-10.0, 100.0, 1e9])
+    def test_the_levels_of_a_matrix_serve_for_another_diagonal(self, shift):
+        """−Δ + d with the interpolation of −Δ: d smooth or with jumps, less negative than the least eigenvalue, 2π²."""
+        for n in (20**2, 80**2):
+            problem = membrane(n)
+            h2 = 1.0 / (n**0.5 + 1.0) ** 2
+            for where in (np.ones(n), disc(n, 0.3)):
+                d = shift * h2 * where
+                matrix = problem.matrix.plus_diagonal(d)
+                hierarchy = Hierarchy(problem.with_matrix(matrix, problem.q))
+                own = Hierarchy(icp.ICP(matrix.sparse, problem.q))
+                assert [level.A.shape for level in hierarchy.levels[:2]] == [level.A.shape for level in own.levels[:2]]
+                x = np.random.default_rng(0).normal(size=n)
+                first = np.linalg.norm(x)
+                for _ in range(8):
+                    x -= hierarchy.cycle(matrix.sparse @ x)
+                assert np.linalg.norm(x) < 0.5**8 * first
+
+    def test_a_matrix_whose_origin_has_no_levels_has_its_own(self):
+        problem = icp.ICP(membrane(900).A - sp.diags_array(np.full(900, 4.0)), np.zeros(900))
+        matrix = problem.matrix.plus_diagonal(np.full(900, 4.0))
+        assert len(Hierarchy(problem.with_matrix(matrix, problem.q)).levels) > 1
+
 
 class TestImpulseControl:
     def test_the_start_from_the_coarser_levels_needs_few_steps_at_any_size(self):
