@@ -180,7 +180,7 @@ class _Search:
             Goal(share * start_residual),
             limits=limits,
             target_reduction=share,
-            scale=start_residual,
+            scale=0.0,
             warm_start=linear.matrix.origin is not None,
         )
         fixed = presolve(linear)

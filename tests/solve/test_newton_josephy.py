@@ -233,17 +233,22 @@ def test_an_obstacle_adds_at_most_three_linear_problems_to_those_of_newtons_meth
     assert touching > 10
 
 
-def test_an_equation_that_bends_costs_no_short_steps():
-    """z free, s = e^z − 1 ≥ 0 ⟂ Kz − h: the solution is that of Kz − h ⟂ z ≥ 0, from which s alone is far at first."""
+@pytest.mark.parametrize(("top", "steps", "status"), [(10.0, 4, "SOLVED"), (30.0, 100, "PRECISION_LIMIT")])
+def test_an_equation_that_bends_costs_no_short_steps(top, steps, status):
+    """z free, s = e^z − 1 ≥ 0 ⟂ Kz − h: the solution is that of Kz − h ⟂ z ≥ 0, from which s alone is far at first.
+
+    Of e³⁰ rounding leaves more than the tolerance, and the search ends there.
+    """
     K = STIFF[:30, :30]
     h = np.cos(9 * np.linspace(0, 1, 30))
-    h *= 10.0 / ICP(K, -h).solve().z.max()
+    h *= top / ICP(K, -h).solve().z.max()
     pairs = ICP.nonlinear(
         lambda x: np.append(x[30:] - np.expm1(x[:30]), K @ x[:30] - h), psi=np.repeat([-np.inf, 0.0], 30)
     )
-    solution = pairs.solve()
+    solution = pairs.solve(raise_on_failure=False)
     assert solution.z[:30] == pytest.approx(ICP(K, -h).solve().z, abs=1e-8)
-    assert solution.iterations <= 4
+    assert solution.status.name == status
+    assert solution.iterations <= steps
 
 
 def test_what_one_linear_problem_taught_serves_for_the_next():
