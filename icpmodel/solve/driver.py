@@ -255,14 +255,15 @@ def _new_run(problem: ProblemData, start: Vector, limits: Limits, **display: Any
     """Set up the run from `start`. Raises MapError if ψ has no value there."""
     start_time = work.clock()
     start_cost = work.counter()
-    is_nonzero = bool(np.count_nonzero(start))
-    start_residual = residual_at_0 = problem.residual(start) if is_nonzero else problem.residual_at_0()
+    # with an f Res_D(0) may be more than what scales the tolerance
+    is_at_0 = problem.f is None and not np.count_nonzero(start)
+    start_residual = residual_at_0 = problem.residual_at_0() if is_at_0 else problem.residual(start)
     if not math.isfinite(start_residual) and (fault := fault_of_psi(problem, start)):
         other_causes = "" if fault.startswith("f(") else ", -inf in psi or inf in upper"
         raise MapError(f"{fault} at the start; a finite number{other_causes} was expected: give another z0")
     # after a failure the next method starts from 0, unless psi has no value there
     restart = start
-    if is_nonzero:
+    if not is_at_0:
         residual_at_0 = math.nan
         with contextlib.suppress(MapError):
             residual_at_0 = problem.residual_at_0()

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from exact import ExactProblem, fractions, root
+from exact import LEAST, ExactProblem, fractions, root
 from hypothesis import strategies as st
 from strategies import Data, data, integers, planted, scales, square, tuples
 
@@ -91,9 +91,9 @@ class ExactNonlinear(ExactProblem):
         return super().residual(z, weights or fractions(self.problem.weights_at(np.array([float(x) for x in z]))))
 
     def scale(self, z, start):
-        """The smaller of Res_D(0) and the size of z."""
-        at_0, size = self.residual([0.0] * self.n), sum(x * x for x in fractions(z))
-        return root(min(at_0 or size, size))
+        """The smaller of Res_D(0), unless that is next to 0, and the size of z."""
+        at_0, size = self.residual([0.0] * self.n) or 0, sum(x * x for x in fractions(z))
+        return root(min(at_0, size) if at_0 > (self.n * LEAST) ** 2 else size)
 
     def known(self, b):
         """The solutions within one of b, as far as they are whole numbers."""
