@@ -79,8 +79,9 @@ class Hierarchy:
 
     Notes
     -----
-    A matrix that differs from its `origin` by a diagonal D has the interpolation of that one, and the diagonal matrix
-    of Pᵀd in place of PᵀDP: its row sums, as those of P are 1 or less. For smooth errors the two are alike.
+    A matrix with an `origin`, from which it differs by a diagonal D, has the levels of that one: the
+    rows of P are scaled to solve their own equations, and PᵀDP is lumped. The diagonal matrix of Pᵀd
+    replaces it, which does the same to a constant where the rows of P have the sum 1.
 
     On every level the points whose own row is not free keep the value 0. That truncates the
     interpolation without another Galerkin product. The neglected terms are next to the border of F.
