@@ -40,7 +40,7 @@ class FactorCosts:
         return dense_cost(self.n, self._is_symmetric())
 
     @cached_property
-    def repeats(self) -> bool:
+    def reuses_order(self) -> bool:
         """Whether `SymmetricFactors` is for matrices with the pattern of A, and costs less than dense factors."""
         fill = self.fill
         return fill.is_exact and fill.symmetric and refactor_cost(fill) < self.dense
@@ -58,7 +58,7 @@ class FactorCosts:
     @cached_property
     def repeated(self) -> float:
         """The cost for a matrix with the pattern of A once another one has been factorised."""
-        return refactor_cost(self.fill) if self.repeats else self.first
+        return refactor_cost(self.fill) if self.reuses_order else self.first
 
 
 _COSTS: WeakKeyDictionary[Matrix, FactorCosts] = WeakKeyDictionary()

@@ -50,7 +50,7 @@ class ProximalSteps:
         """The factorisation of all rows that keeps its order, if that costs less than a new order each time."""
         costs = self.costs
         signs = costs.analysis.signs
-        if not costs.repeats or signs is None:
+        if not costs.reuses_order or signs is None:
             return None
         return SymmetricFactors(self.problem.A, costs.fill, signs)
 

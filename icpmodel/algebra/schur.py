@@ -118,11 +118,11 @@ def elimination(problem: ProblemData, most: Callable[[], float]) -> SchurComplem
     known = _CACHE.get(matrix)
     if known is None or known[0] != key:
         _CACHE.clear()
-        known = _CACHE[matrix] = key, _made(matrix, rows)
+        known = _CACHE[matrix] = key, _schur_complement(matrix, rows)
     return known[1]
 
 
-def _made(matrix: Matrix, rows: NDArray[np.intp]) -> SchurComplement | None:
+def _schur_complement(matrix: Matrix, rows: NDArray[np.intp]) -> SchurComplement | None:
     shift = 1.0 / matrix.row_weights[rows]
     A = _linked(matrix.sparse, rows, shift)
     factors = factors_and_schur(A, rows)

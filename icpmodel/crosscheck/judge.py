@@ -15,7 +15,7 @@ from ..errors import InputError
 from ..numerics.arrays import Vector, norm
 from ..numerics.rounding import rounded_share
 from ..problem.data import ProblemData
-from ..problem.verdict import certain
+from ..problem.verdict import certified_residual
 from ..solve.solution import Solution
 from ..solvers.foreign import Claim
 from ..solvers.formulations import Target, in_typical_units, targets
@@ -175,7 +175,7 @@ def solves(problem: ProblemData, y: Vector, rtol: float) -> bool:
     scale = problem.residual_scale() or norm(y)
     residual = problem.residual(y)
     tolerance = float(rounded_share(scale, rtol))
-    if certain(problem, y, residual, tolerance) <= tolerance:
+    if certified_residual(problem, y, residual, tolerance) <= tolerance:
         return True
     return residual <= 4 * problem.rounding_of_residual(y) <= MAX_RTOL * scale
 

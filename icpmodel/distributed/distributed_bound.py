@@ -114,7 +114,7 @@ def certify(problem: DistributedICP, z: Any, levels: DistributedLevels | None = 
         return here.certificate(ErrorBound.none(proof))
     delta = here.bound(proof)
     value = largest(problem.comm, float(delta.max(initial=0.0)))[0]
-    change = moved(problem, delta)
+    change = obstacle_change(problem, delta)
     sentence = f"A is an H+-matrix ({proof[0]})" + (ASSUMED_PSI if problem.calls_users else "")
     if _may_cross(problem, here, change):
         return here.certificate(ErrorBound.none("psi <= upper is not proved near z, where z* would be"))
@@ -181,7 +181,7 @@ def rounding(problem: DistributedICP, z: Any) -> tuple[Vector, Vector]:
     return rounding_p, rounding_r
 
 
-def moved(problem: DistributedICP, delta: Vector) -> Vector:
+def obstacle_change(problem: DistributedICP, delta: Vector) -> Vector:
     """A bound on |ψ(x) − ψ(y)|, and on that of ψ̄, for |x − y| ≤ `delta`, in the own rows. Collective."""
     most = np.zeros(delta.size)
     for one in problem.maps:
@@ -214,7 +214,7 @@ def _proof(problem: DistributedICP, levels: DistributedLevels | None) -> HPlusVe
         size = matrix.absolute(v)
         k = matrix.terms + 2
         alpha = image - 2.0 * gamma(k) * size - k * SMALLEST
-        beta = v - moved(problem, v) - 2.0 * UNIT_ROUNDOFF * v
+        beta = v - obstacle_change(problem, v) - 2.0 * UNIT_ROUNDOFF * v
         bad = (float((~(one > 0)).any()) for one in (alpha, beta))
         not_alpha, not_beta = largest(comm, *bad)
         if not (not_alpha or not_beta):

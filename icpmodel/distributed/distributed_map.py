@@ -28,13 +28,15 @@ _EXPECTED = (
 
 
 class DistributedMap:
-    """ψ(z) = f(z) + Gz: `own`, f as a map of the own rows (None where there are none), and `G`, a `Mat`, or None.
+    """ψ(z) = f(z) + Gz: `local_map`, f as a map of the own rows (None where there are none), and `G`, a `Mat`, or None.
 
     `has_function`: f is no constant on some rank, so that a user's function is called.
     """
 
-    def __init__(self, matrix: DistributedMatrix, own: Map | None, G: Any = None, has_function: bool = False) -> None:
-        self.matrix, self.own, self.G, self.has_function = matrix, own, G, has_function
+    def __init__(
+        self, matrix: DistributedMatrix, local_map: Map | None, G: Any = None, has_function: bool = False
+    ) -> None:
+        self.matrix, self.local_map, self.G, self.has_function = matrix, local_map, G, has_function
 
     @classmethod
     def constant(cls, matrix: DistributedMatrix, c: Vector, G: Any = None) -> DistributedMap:
@@ -62,15 +64,15 @@ class DistributedMap:
                 raise InputError(f"{name} is {value!r}; {_EXPECTED}")
             if np.ndim(value) and np.shape(value) != (size,):
                 raise InputError(f"{name} has shape {np.shape(value)} on this rank; ({size},) was expected")
-            own = None
+            local_map = None
             if size:
-                own = as_map(value, size) if name == "psi" else as_map(-np.inf, size, value).upper
-            if own is not None and not isinstance(own, Constant) and own.lipschitz is None:
+                local_map = as_map(value, size) if name == "psi" else as_map(-np.inf, size, value).upper
+            if local_map is not None and not isinstance(local_map, Constant) and local_map.lipschitz is None:
                 raise NotApplicable(
                     f"{name} depends on z without a known bound: give an Elementwise with `lipschitz` < 1"
                 )
-        has_function = totals(matrix.comm, own is not None and not own.is_constant)[0] > 0
-        return cls(matrix, own, G, has_function)
+        has_function = totals(matrix.comm, local_map is not None and not local_map.is_constant)[0] > 0
+        return cls(matrix, local_map, G, has_function)
 
     @property
     def is_fixed(self) -> bool:
@@ -81,15 +83,15 @@ class DistributedMap:
         """ψ(z) in the own rows, `z` a `Vec`. Collective. Raises MapError on all ranks."""
         if self.has_function:
             with together(self.matrix.comm):
-                values = self._own(z)
+                values = self._local_values(z)
         else:
-            values = self._own(z)
+            values = self._local_values(z)
         if self.G is not None:
             values = values + self.matrix.image(self.G, z).array_r
         return values
 
-    def _own(self, z: Any) -> Vector:
-        return np.zeros(0) if self.own is None else self.own.value(z.array_r)
+    def _local_values(self, z: Any) -> Vector:
+        return np.zeros(0) if self.local_map is None else self.local_map.value(z.array_r)
 
     def slopes(self, z: Any) -> Vector:
         """f′ in the own rows, at the `Vec` `z`, or a difference quotient. Collective. Raises MapError
@@ -97,21 +99,21 @@ class DistributedMap:
         if not self.has_function:
             return np.zeros(self.matrix.high - self.matrix.low)
         with together(self.matrix.comm):
-            if self.own is None or self.own.is_constant:
+            if self.local_map is None or self.local_map.is_constant:
                 return np.zeros(self.matrix.high - self.matrix.low)
             at = z.array_r
-            J = self.own.jacobian(at)
+            J = self.local_map.jacobian(at)
             if J is not None:
                 return J.diagonal()
             step = DIFFERENCE_STEP * (1.0 + np.abs(at))
-            return (self.own.value(at + step) - self.own.value(at)) / ((at + step) - at)
+            return (self.local_map.value(at + step) - self.local_map.value(at)) / ((at + step) - at)
 
     def fixed(self) -> Vector:
         """c with c_i = f_i(c_i) in the own rows, which serves in place of f, see `Facts.obstacle`. Local. Raises
         MapError, and NotApplicable where f is not known to move by less than z."""
-        if self.own is None:
+        if self.local_map is None:
             return np.zeros(0)
-        facts = Facts(Matrix.of_checked(sp.csr_array(sp.eye_array(self.matrix.high - self.matrix.low))), self.own)
+        facts = Facts(Matrix.of_checked(sp.csr_array(sp.eye_array(self.matrix.high - self.matrix.low))), self.local_map)
         if not facts.has_fixed_obstacle:
             raise NotApplicable("an obstacle may move as far as its own unknown: `lipschitz` < 1 was expected")
         return facts.obstacle
@@ -124,10 +126,10 @@ class DistributedMap:
     @cached_property
     def _lipschitz(self) -> tuple[Vector, Any]:
         """ℓ in the own rows and |G|, or None, with |ψ(x) − ψ(y)| ≤ ℓ|x − y| + |G||x − y|. Collective."""
-        own = np.zeros(self.matrix.high - self.matrix.low)
-        if self.own is not None and self.own.lipschitz is not None:
-            own = self.own.lipschitz.diagonal()
-        return own, None if self.G is None else with_entries(self.G, np.abs)
+        local_map = np.zeros(self.matrix.high - self.matrix.low)
+        if self.local_map is not None and self.local_map.lipschitz is not None:
+            local_map = self.local_map.lipschitz.diagonal()
+        return local_map, None if self.G is None else with_entries(self.G, np.abs)
 
     @cached_property
     def terms(self) -> int:
@@ -139,7 +141,7 @@ class DistributedMap:
 
     def change(self, delta: Vector) -> Vector:
         """ℓδ + |G|δ in the own rows, without its rounding. Collective."""
-        own, G = self._lipschitz
+        local_map, G = self._lipschitz
         with np.errstate(over="ignore", invalid="ignore"):
-            total: Vector = own * delta
+            total: Vector = local_map * delta
             return total if G is None else total + self.matrix.image(G, self.matrix.vector(delta)).array

@@ -35,7 +35,7 @@ _COARSE_REDUCTION = 0.02
 class Evaluation:
     """p, z − ψ `below`, z − ψ̄ `above`, the active set and the residual at z; one product and one reduction.
 
-    `moved` says whether the active set differs from `last_pattern` on any rank.
+    `pattern_changed` says whether the active set differs from `last_pattern` on any rank.
     """
 
     def __init__(self, problem: DistributedICP, z: Any, last_pattern: Pattern | None) -> None:
@@ -46,9 +46,9 @@ class Evaluation:
             a = self.p / problem.matrix.diagonal * problem.psi.own_slope
             self.pattern = Pattern.of(self.below, self.above, a)
             squares = float(np.sum(mid(problem.matrix.row_weights * self.p, self.below, self.above) ** 2))
-        moved = last_pattern is None or not self.pattern.same_sides(last_pattern)
-        total, changes = totals(problem.comm, squares, float(moved))
-        self.residual, self.moved = float(np.sqrt(total)), changes > 0
+        pattern_changed = last_pattern is None or not self.pattern.same_sides(last_pattern)
+        total, changes = totals(problem.comm, squares, float(pattern_changed))
+        self.residual, self.pattern_changed = float(np.sqrt(total)), changes > 0
 
     def swept(self, count: int) -> Any:
         """z after `count` sweeps of projected Gauss–Seidel in the rows of each rank. Collective.
@@ -89,13 +89,13 @@ def newton_steps(
         at = Evaluation(problem, z, last_pattern)
         enough = target or 0.0
         for most in (np.inf, _SWEEP_RANGE * enough):
-            if at.moved and enough < at.residual <= most:
+            if at.pattern_changed and enough < at.residual <= most:
                 at = Evaluation(problem, at.swept(SWEEPS), last_pattern)
         target = yield at
-        if at.moved:
+        if at.pattern_changed:
             last_pattern = at.pattern
             levels.restrict(np.where(last_pattern.active, 0.0, 1.0), top)
-        settled = not at.moved or at.residual <= _SETTLED_REDUCTION * before < np.inf
+        settled = not at.pattern_changed or at.residual <= _SETTLED_REDUCTION * before < np.inf
         z = _stepped(levels, at, top, target if settled else None)
         before = at.residual
         release(problem.comm)

@@ -38,7 +38,7 @@ _PATIENCE = 5
 _MAX_ROUNDS = 100
 _SWEEPS_PER_ROUND = 8
 #: how often sweeps take over
-_MAX_RESCUES = 10
+_MAX_EXTRA_SWEEPS = 10
 
 
 @public_entry
@@ -181,13 +181,13 @@ class _Run:
             _check_maps(problem, z, "at the start")
             raise MapError("the residual at the start is not finite")
         if not scale:  # Res(0) = 0: no start is nearer
-            self._seen(problem.vector(), 0.0)
+            self._keep_best(problem.vector(), 0.0)
             return Status.SOLVED, ""
         self.scale = scale
         self.tolerance = self.target = float(self.limits.tolerance(self.scale))
         if self.limits.atol and (paper := problem.paper_residual(z)) > 0:
             self.target = max(self.target, self.limits.atol * first / paper)  # about what Res ≤ atol takes
-        self._seen(z, first)
+        self._keep_best(z, first)
         if self._reached(z, first):
             return Status.SOLVED, ""
         fixed = simplified(problem) if problem.calls_users else problem
@@ -207,12 +207,12 @@ class _Run:
         assert self.levels is not None
         milestone = np.inf
         since = 0
-        rescues = 0
+        extra_sweeps = 0
         path = newton_steps(self.levels, fixed, z, 0, self.target)
         at = next(path)
         while True:
             residual = at.residual if fixed is self.problem else self.problem.residual(at.z)
-            self._seen(at.z, residual)
+            self._keep_best(at.z, residual)
             self.say(f"iteration {self.iterations}, residual {residual:.2e} -> {self.tolerance:.2e}")
             if self._reached(at.z, residual):
                 return Status.SOLVED, ""
@@ -229,11 +229,11 @@ class _Run:
             if since > _PATIENCE or not np.isfinite(residual):
                 if self.least <= 2.0 * (noise := self._rounding()[0]) < MAX_ROUNDING * self.scale:
                     return Status.PRECISION_LIMIT, f"rounding leaves a residual of up to about {noise:.2g} at this z"
-                rescues += 1
-                rescued = self._swept(fixed) if rescues <= _MAX_RESCUES else None
-                if rescued is None:
+                extra_sweeps += 1
+                swept = self._swept(fixed) if extra_sweeps <= _MAX_EXTRA_SWEEPS else None
+                if swept is None:
                     return Status.STAGNATED, "neither Newton's steps nor sweeps reduce the residual any more"
-                path = newton_steps(self.levels, fixed, rescued, 0, self.target)
+                path = newton_steps(self.levels, fixed, swept, 0, self.target)
                 at = next(path)
                 since = 0
             else:
@@ -267,7 +267,7 @@ class _Run:
         weighted = np.maximum(self.problem.matrix.row_weights * rounding_p, rounding_r)
         return norm(comm, weighted), norm(comm, np.maximum(rounding_p, rounding_r))
 
-    def _seen(self, z: Any, residual: float) -> None:
+    def _keep_best(self, z: Any, residual: float) -> None:
         if residual < self.least or not np.isfinite(self.least):
             self.best, self.least = z.copy(), residual
 
@@ -276,12 +276,14 @@ class _Run:
         problem = self.problem
         residual = self.least
         if status is Status.SOLVED:
-            luck, of_paper = self._rounding()
+            error, paper_error = self._rounding()
             atol = self.limits.atol
-            sure = residual + luck <= self.tolerance or (atol and problem.paper_residual(self.best) + of_paper <= atol)
-            if not sure and max(self.tolerance, atol) > 0:
+            is_certain = residual + error <= self.tolerance
+            if atol and not is_certain:
+                is_certain = problem.paper_residual(self.best) + paper_error <= atol
+            if not is_certain and max(self.tolerance, atol) > 0:
                 status = Status.PRECISION_LIMIT
-                note = f"rounding may account for {luck:.3g} of it"
+                note = f"rounding may account for {error:.3g} of it"
         message = "solved"
         if status is not Status.SOLVED:
             message = (

@@ -208,12 +208,12 @@ class Differences:
         self.forget()
 
     def forget(self) -> None:
-        self.known = self.newest = 0
+        self.count = self.newest = 0
 
     def add(self, z: Vector, image: Vector) -> None:
         """Keep f(z) and `image` = g(z) in place of the oldest."""
-        self.newest = (self.newest + 1) % len(self.F) if self.known else 0
-        self.known = max(self.known, self.newest + 1)
+        self.newest = (self.newest + 1) % len(self.F) if self.count else 0
+        self.count = max(self.count, self.newest + 1)
         np.subtract(image, z, out=self.F[self.newest])
         work.count(_CALLS_PER_STEP * work.COSTS.call + 2.0 * work.COSTS.vector * z.size)
         self.G[self.newest] = image
@@ -223,8 +223,8 @@ class Differences:
         from ..numerics.kernels.anderson import combine
 
         out = np.empty(self.weight.size)
-        work.count(3.0 * self.known * work.COSTS.vector * out.size)
-        if self.known > 1 and combine(self.F, self.G, self.known, self.newest, self.weight, _MIN_INDEPENDENCE, out):
+        work.count(3.0 * self.count * work.COSTS.vector * out.size)
+        if self.count > 1 and combine(self.F, self.G, self.count, self.newest, self.weight, _MIN_INDEPENDENCE, out):
             return out
         return None
 

@@ -28,7 +28,7 @@ _CSR = ("data", "indices", "indptr")
 
 
 @contextmanager
-def opened(path: Path, shares: int = 1) -> Iterator[tuple[BinaryIO, int]]:
+def open_to_read(path: Path, shares: int = 1) -> Iterator[tuple[BinaryIO, int]]:
     """Open the file `path`, to read one of its `shares` equal parts; yields it and its size in bytes.
 
     Raises FileError, for pipes and folders, too.
@@ -87,7 +87,7 @@ def read_arrays(path: Path) -> dict[str, Any]:
     """The arrays and CSR matrices of an `.npz` file by name. Raises FileError."""
     if path.suffix.lower() != ".npz":
         raise FileError(f"{path}: a file name that ends in .npz was expected")
-    with opened(path) as (file, size), zipfile.ZipFile(file) as archive:
+    with open_to_read(path) as (file, size), zipfile.ZipFile(file) as archive:
         entries = archive.infolist()
         check_room(str(path), sum(one.file_size for one in entries))
         file.seek(size - _MIN_DIRECTORY_BYTES)

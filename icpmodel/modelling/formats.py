@@ -22,7 +22,7 @@ import scipy.sparse as sp
 from ..errors import FileError
 from ..numerics.sparse_input import checked_sparse
 from ..present.whole_files import file_errors
-from .archive import REAL_KINDS, array_of, check_room, opened, read_arrays, table_of
+from .archive import REAL_KINDS, array_of, check_room, open_to_read, read_arrays, table_of
 from .matlab import read_variables
 from .matrix_market import check_end, read_matrix
 from .petsc_binary import read_petsc
@@ -45,7 +45,7 @@ def read_named(path: Path) -> dict[str, Any]:
     if suffix == ".mat":
         return read_variables(path)
     if suffix == ".npy":
-        with opened(path) as (file, _):
+        with open_to_read(path) as (file, _):
             return {"": checked_numbers(path, "it", array_of(file.read(), f"{path}: it"))}
     if suffix == ".mtx":
         return {"": read_matrix(path)}
@@ -103,7 +103,7 @@ def _has_names(line: str, between: str | None) -> bool:
 def read_text(path: Path, heads: str = "") -> np.ndarray:
     """The table of numbers in a text file, of two axes, below `heads`, or a line of names, where there is one."""
     between = _SEPARATORS[path.suffix.lower()]
-    with opened(path) as (raw, size):
+    with open_to_read(path) as (raw, size):
         check_room(str(path), 8.0 * size / 2)  # a number has a digit and what ends it
         check_end(path, raw, size)
         if not size:

@@ -22,7 +22,7 @@ from ..errors import FileError
 from ..numerics.processes import CAN_FORK, in_a_process
 from ..numerics.sparse_input import checked_sparse
 from ..present.whole_files import file_errors
-from .archive import REAL_KINDS, check_room, content_errors, opened
+from .archive import REAL_KINDS, check_room, content_errors, open_to_read
 
 #: the bytes before the first variable; the last two of them tell the byte order
 _HEADER_BYTES = 128
@@ -34,7 +34,7 @@ _PIECE_BYTES = 1 << 24
 
 def read_variables(path: Path) -> dict[str, Any]:
     """Name → array of real numbers or sparse matrix. Raises FileError, for what is no number, too."""
-    with opened(path) as (file, _), file_errors(path, "read"):
+    with open_to_read(path) as (file, _), file_errors(path, "read"):
         content = file.read()
         order = _ORDERS.get(content[126:_HEADER_BYTES])
         if order is None or content[:6] != b"MATLAB":

@@ -16,7 +16,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..errors import FileError
-from .archive import opened, table_of
+from .archive import open_to_read, table_of
 
 _INDICES: list[tuple[str, Any]] = [("i", np.int64), ("j", np.int64)]
 #: what the entries are, the first one in coordinates only
@@ -29,7 +29,7 @@ def read_matrix(path: Path) -> Any:
     """The matrix in a Matrix Market file, sparse if it is in coordinates, else dense. Raises FileError."""
     from scipy.io import mminfo
 
-    with opened(path) as (file, size):
+    with open_to_read(path) as (file, size):
         check_end(path, file, size)
         try:
             rows, columns, count, layout, field, symmetry = mminfo(path)

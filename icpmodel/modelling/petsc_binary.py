@@ -17,7 +17,7 @@ import scipy.sparse as sp
 
 from ..errors import FileError
 from ..numerics.arrays import Vector
-from .archive import opened
+from .archive import open_to_read
 
 #: how PETSc marks a matrix and a vector, and the integers in their heads
 _MATRIX = 1211216
@@ -43,7 +43,7 @@ class PetscFile:
     """
 
     def __init__(self, path: Path, shares: int = 1) -> None:
-        with opened(path, shares) as (file, self.size):
+        with open_to_read(path, shares) as (file, self.size):
             content: Any = np.memmap(file, np.uint8, "r") if self.size else np.empty(0, np.uint8)
         # of 64 bits, the first four bytes of the mark are 0
         integer = np.dtype(">i4" if content[:4].any() else ">i8")

@@ -19,8 +19,10 @@ from .matrix import Matrix
 Rows = NDArray[np.float64]
 
 
-def certain(problem: ProblemData, z: Vector, residual: float, tolerance: float, weights: Vector | None = None) -> float:
-    """The Res_D(z) by which z is judged, from its float64 value `residual`; see `certain_rows`."""
+def certified_residual(
+    problem: ProblemData, z: Vector, residual: float, tolerance: float, weights: Vector | None = None
+) -> float:
+    """The Res_D(z) by which z is judged, from its float64 value `residual`; see `certify_rows`."""
     if not residual <= tolerance:
         return residual
     count(problem.matrix.product_cost)
@@ -28,13 +30,13 @@ def certain(problem: ProblemData, z: Vector, residual: float, tolerance: float, 
     residuals = np.array([residual])
     q, left = _constant_part(problem, z)
     rows = q[None], _offset(problem.psi, z), z[None], residuals, np.array([tolerance])
-    certain_rows(problem.matrix, problem.psi, *rows, _above(problem.psi, z), weights, left)
+    certify_rows(problem.matrix, problem.psi, *rows, _above(problem.psi, z), weights, left)
     return float(residuals[0])
 
 
 def satisfies_paper(problem: ProblemData, z: Vector, atol: float) -> bool:
     """Whether the exact Res(z) of the paper is at most `atol`."""
-    return certain(problem, z, problem.paper_residual(z), atol, np.ones(problem.n)) <= atol
+    return certified_residual(problem, z, problem.paper_residual(z), atol, np.ones(problem.n)) <= atol
 
 
 @np.errstate(over="ignore", invalid="ignore")
@@ -58,7 +60,7 @@ def _above(psi: Map, z: Vector) -> Any:
     return None if psi.upper is None else _offset(psi.upper, z)
 
 
-def certain_rows(
+def certify_rows(
     matrix: Matrix,
     psi: Map,
     Q: Rows,
@@ -86,7 +88,7 @@ def certain_rows(
     )
 
 
-def certain_rows_of_each(
+def certify_rows_of_each(
     psi: Map,
     A: NDArray[np.float64],
     weights: Rows,
@@ -97,7 +99,7 @@ def certain_rows_of_each(
     tolerances: Vector,
     above: Rows | None = None,
 ) -> None:
-    """`certain_rows` for rows with a matrix `A`[i] and `weights`[i] each."""
+    """`certify_rows` for rows with a matrix `A`[i] and `weights`[i] each."""
     from .kernels.residual import raise_each_to_bounds  # loads numba
 
     k, n = Q.shape

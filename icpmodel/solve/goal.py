@@ -12,7 +12,7 @@ from ..numerics import work
 from ..numerics.arrays import Vector, as_number, described, norm
 from ..numerics.rounding import rounded_share
 from ..problem.data import ProblemData
-from ..problem.verdict import certain, satisfies_paper
+from ..problem.verdict import certified_residual, satisfies_paper
 
 #: the default relative tolerance
 RTOL = 1e-8
@@ -97,7 +97,7 @@ class Goal:
 
     def judged(self, z: Vector, residual: float) -> float:
         """The residual by which `z` is judged, from the float64 value `residual` of Res_D(z)."""
-        return residual if self.problem is None else certain(self.problem, z, residual, self.tolerance_at(z))
+        return residual if self.problem is None else certified_residual(self.problem, z, residual, self.tolerance_at(z))
 
     def is_near(self, z: Vector, residual: float) -> bool:
         """Whether `z`, with about this Res_D(z), may meet the test: Res(z) ≥ min(1, d_i) Res_D(z)."""

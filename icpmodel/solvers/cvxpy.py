@@ -119,7 +119,7 @@ def _conditions(target: Target, z: Any) -> tuple[list[Any], list[Any]]:
     import cvxpy as cp
 
     has_obstacle = target.has_obstacle
-    both = target.both
+    two_sided = target.two_sided
     p = target.problem.A @ z + target.problem.q
     r = target.I_minus_G[has_obstacle] @ z - target.near[has_obstacle]
     free = p[~has_obstacle] == 0
@@ -129,10 +129,13 @@ def _conditions(target: Target, z: Any) -> tuple[list[Any], list[Any]]:
         p = cp.multiply(sign, p)
         r = cp.multiply(sign, r)
     pairs = [(p, r, has_obstacle)]
-    if target.d is not None and both.any():
-        v = cp.Variable(int(both.sum()), name="v")
-        s = target.d[both] - target.I_minus_H @ z
-        pairs = [(p + sp.eye_array(both.size).tocsc()[:, both][has_obstacle] @ v, r, has_obstacle), (v, s, both)]
+    if target.d is not None and two_sided.any():
+        v = cp.Variable(int(two_sided.sum()), name="v")
+        s = target.d[two_sided] - target.I_minus_H @ z
+        pairs = [
+            (p + sp.eye_array(two_sided.size).tocsc()[:, two_sided][has_obstacle] @ v, r, has_obstacle),
+            (v, s, two_sided),
+        ]
     return pairs, [*(p >= 0 for p, _, _ in pairs), free, *(r >= 0 for _, r, _ in pairs)]
 
 

@@ -147,7 +147,7 @@ class Target(Displayable):
         return np.zeros(self.problem.n, dtype=bool) if self.d is None else np.isneginf(self.c) & self.has_obstacle
 
     @cached_property
-    def both(self) -> np.ndarray:
+    def two_sided(self) -> np.ndarray:
         """The rows with an obstacle on either side, shape (n,), bool."""
         return np.zeros(self.problem.n, dtype=bool) if self.d is None else np.isfinite(self.c) & np.isfinite(self.d)
 
@@ -165,7 +165,7 @@ class Target(Displayable):
     @cached_property
     def I_minus_H(self) -> sp.csr_array:
         """I − H of the rows with two obstacles, shape (k, n), for the distance s = d − (I − H)z from the second."""
-        return sp.csr_array((sp.eye_array(self.problem.n) - self._sides[1])[self.both])
+        return sp.csr_array((sp.eye_array(self.problem.n) - self._sides[1])[self.two_sided])
 
     @cached_property
     def _sides(self) -> tuple[sp.csr_array, sp.csr_array]:
@@ -179,7 +179,7 @@ class Target(Displayable):
     @cached_property
     def parallel(self) -> bool:
         """Whether the obstacles of every row with two of them move alike."""
-        return not self.both.any() or abs(self.I_minus_G[self.both] - self.I_minus_H).sum() == 0.0
+        return not self.two_sided.any() or abs(self.I_minus_G[self.two_sided] - self.I_minus_H).sum() == 0.0
 
     @cached_property
     def curvature(self) -> MatrixClasses:
@@ -204,16 +204,16 @@ class Target(Displayable):
         z_max = self.at_zero.componentwise
         larger = 1 + 1e-9
         if z_max is None:
-            if self.d is None or not (self.problem.psi.is_constant and self.both.all()):
+            if self.d is None or not (self.problem.psi.is_constant and self.two_sided.all()):
                 return None
             z_max = np.maximum(np.abs(self.c), np.abs(self.d))
         z_max = z_max * larger
         p_max = (np.abs(self.problem.q) + self.problem.matrix.absolute @ z_max) * larger
         r_max = abs(self.I_minus_G) @ z_max + np.abs(self.near)
-        if self.both.any():
+        if self.two_sided.any():
             assert self.d is not None
-            s_max = abs(self.I_minus_H) @ z_max + np.abs(self.d[self.both])
-            r_max[self.both] = np.maximum(r_max[self.both], s_max)
+            s_max = abs(self.I_minus_H) @ z_max + np.abs(self.d[self.two_sided])
+            r_max[self.two_sided] = np.maximum(r_max[self.two_sided], s_max)
         return z_max, p_max, r_max * larger
 
     @cached_property
@@ -294,12 +294,12 @@ class Target(Displayable):
         most = np.where(has_obstacle & ~self.capped, np.inf, -q)
         K = sp.csc_array(sp.vstack([A, self.I_minus_G[has_obstacle]]))
         P = sp.csc_array(self.curvature.A)
-        if not (k := int(self.both.sum())):
+        if not (k := int(self.two_sided.sum())):
             return QP(P, linear, K, np.append(least, lower), np.append(most, upper))
         # p + v ≥ 0, r, and v ≥ 0
-        v = sp.eye_array(self.problem.n).tocsc()[:, self.both]
+        v = sp.eye_array(self.problem.n).tocsc()[:, self.two_sided]
         K = sp.csc_array(sp.block_array([[A, v], [self.I_minus_G[has_obstacle], None], [None, sp.eye_array(k)]]))
-        width = (self._range[1] - self.c)[self.both]
+        width = (self._range[1] - self.c)[self.two_sided]
         lower = np.append(lower, np.zeros(k))
         upper = np.append(upper, np.full(k, np.inf))
         P = sp.csc_array(sp.block_diag([P, sp.csc_array((k, k))]))

@@ -41,21 +41,24 @@ class Ipopt(ForeignSolver):
 
         n = target.problem.n
         with_obstacle = np.flatnonzero(target.has_obstacle)
-        both = np.flatnonzero(target.both)
+        two_sided = np.flatnonzero(target.two_sided)
         unit = sp.eye_array(n, format="csr")
         sign = np.where(target.capped, -1.0, 1.0)
-        sizes = (n, n, with_obstacle.size, both.size, both.size)
+        sizes = (n, n, with_obstacle.size, two_sided.size, two_sided.size)
         z, u, r, v, s = parts = [ca.MX.sym(name, size) for name, size in zip("zurvs", sizes, strict=True)]
 
         def times(matrix: Any, x: Any) -> Any:
             return ca.mtimes(ca.DM(sp.csc_matrix(matrix)), x)
 
         zero = [
-            times(target.problem.A, z) + target.problem.q - times(sp.diags_array(sign), u) + times(unit[:, both], v),
+            times(target.problem.A, z)
+            + target.problem.q
+            - times(sp.diags_array(sign), u)
+            + times(unit[:, two_sided], v),
             times(target.I_minus_G[with_obstacle], z) - target.near[with_obstacle] - sign[with_obstacle] * r,
         ]
         if target.d is not None:
-            zero.append(target.d[both] - times(target.I_minus_H, z) - s)
+            zero.append(target.d[two_sided] - times(target.I_minus_H, z) - s)
         options = {
             "tol": tolerance,
             "max_wall_time": float(time_limit),
@@ -87,12 +90,12 @@ def _bounds(target: Target) -> dict[str, Any]:
     """
     n = target.problem.n
     has_obstacle = target.has_obstacle
-    both = target.both
-    pinned = both & (target.near == target.d) & target.parallel
+    two_sided = target.two_sided
+    pinned = two_sided & (target.near == target.d) & target.parallel
     below = np.where(pinned, -np.inf, 0.0)
     room = np.where(pinned, 0.0, np.inf)
-    count = int(both.sum())
-    least = (np.full(n, -np.inf), below, np.zeros(int(has_obstacle.sum())), np.zeros(count), below[both])
+    count = int(two_sided.sum())
+    least = (np.full(n, -np.inf), below, np.zeros(int(has_obstacle.sum())), np.zeros(count), below[two_sided])
     of_p = np.where(has_obstacle, np.inf, 0.0)
-    most = (np.full(n, np.inf), of_p, room[has_obstacle], room[both], np.full(count, np.inf))
+    most = (np.full(n, np.inf), of_p, room[has_obstacle], room[two_sided], np.full(count, np.inf))
     return {"lbx": np.concatenate(least), "ubx": np.concatenate(most), "lbg": 0.0, "ubg": 0.0}

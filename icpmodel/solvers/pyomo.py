@@ -73,7 +73,7 @@ def to_pyomo(problem: ProblemLike) -> Any:
     problem = as_problem(problem)
     model = pyo.ConcreteModel()
     z = model.z = pyo.Var(range(problem.n))
-    p = _moved(problem.A, problem.q, z)
+    p = _affine_rows(problem.A, problem.q, z)
     below, has_below = _side(problem, sides_of(problem.psi)[0], z)
     above, has_above = _side(problem, problem.upper, z)
     two = [i for i in z if has_below[i] and has_above[i]]
@@ -108,11 +108,13 @@ def _obstacle(psi: Map, z: Any) -> list[Any]:
     """ψ_i(z) as Pyomo expressions of the variables `z`; numbers where they do not move, ±inf in rows without."""
     variables = list(z.values())
     if psi.linear is not None:
-        return _moved(*psi.linear, z)
+        return _affine_rows(*psi.linear, z)
     code: Any = psi.fun if isinstance(psi, Function) else None
     terms: Any = getattr(code, "w", None)
     if hasattr(terms, "expressions"):  # read from a Pyomo model: Gz + c + Vw
-        return _moved(sp.hstack([code.G, code.V], format="csr"), code.c, [*variables, *terms.expressions(variables)])
+        return _affine_rows(
+            sp.hstack([code.G, code.V], format="csr"), code.c, [*variables, *terms.expressions(variables)]
+        )
     symbols = np.array([_Symbol(variable) for variable in variables], dtype=object)
     try:
         if isinstance(psi, Elementwise):
@@ -133,7 +135,7 @@ def _obstacle(psi: Map, z: Any) -> list[Any]:
     return expressions
 
 
-def _moved(G: Any, c: Any, z: Any) -> list[Any]:
+def _affine_rows(G: Any, c: Any, z: Any) -> list[Any]:
     """Gz + c, row by row, as Pyomo expressions: `G` CSR, shape (n, n), `z` Pyomo variables by number."""
     start = G.indptr.tolist()
     data = G.data.tolist()

@@ -217,11 +217,11 @@ def _contents(
     problem = solution.problem
     return [
         ("The answer", "Is it solved?", lambda: _answer(solution, start, points, time_limit)),
-        ("Certainty", "How certain is it?", lambda: _certain(solution)),
-        ("Second opinions", "Which solvers agree?", lambda: _checked(solution, time_limit)),
+        ("Certainty", "How certain is it?", lambda: _certificate(solution)),
+        ("Second opinions", "Which solvers agree?", lambda: _crosscheck(solution, time_limit)),
         ("Time against accuracy", "Which is the fastest?", lambda: _race(problem, z_exact, time_limit)),
-        ("When the data change", "Does it have a derivative?", lambda: _moved(solution)),
-        ("Before the solve", "", lambda: _explained(problem)),
+        ("When the data change", "Does it have a derivative?", lambda: _sensitivity(solution)),
+        ("Before the solve", "", lambda: _explanation(problem)),
         ("Where relaxation works", "", lambda: _map(problem)),
     ]
 
@@ -272,7 +272,7 @@ def _on_the_way(solution: Solution, start: Vector | None, time_limit: float) -> 
     return Fields(problem, iterates)
 
 
-def _certain(solution: Solution) -> Section:
+def _certificate(solution: Solution) -> Section:
     bound = solution.certificate.bound
     short = f"It is not proved: {bound.reason}."
     if bound.value is not None:
@@ -287,13 +287,13 @@ def _certain(solution: Solution) -> Section:
     return Section(short, introduction, folded=folded)
 
 
-def _checked(solution: Solution, time_limit: float) -> Section:
+def _crosscheck(solution: Solution, time_limit: float) -> Section:
     checks = crosscheck(solution.problem, solution, time_limit=time_limit)
     introduction = "Other solvers got the same problem, without the answer, and one criterion judges all of them."
     return Section(checks.conclusion(), introduction, folded=[("Every check", checks._repr_html_())])
 
 
-def _moved(solution: Solution) -> Section:
+def _sensitivity(solution: Solution) -> Section:
     derivative = Derivative(solution)
     sure = "Yes, and this is proved" if derivative.certain else "Not for certain"
     section = Section(f"{sure}: {derivative.reason}.")
@@ -306,7 +306,7 @@ def _moved(solution: Solution) -> Section:
     return section
 
 
-def _explained(problem: ProblemData) -> Section:
+def _explanation(problem: ProblemData) -> Section:
     page = explain(problem)
     first, *_ = next(iter(page.sections().values())).splitlines()
     return Section(

@@ -250,7 +250,7 @@ def race(
     repeats = int(as_number(repeats, "repeats", least=1, whole=True))
     limit = as_number(time_limit, "time_limit", above=0.0)
     goals = _goals(tolerances)
-    named = [OwnMethod(), *_own(methods), *map(ForeignCompetitor, chosen_solvers(solvers, "race"))]
+    named = [OwnMethod(), *_own_competitors(methods), *map(ForeignCompetitor, chosen_solvers(solvers, "race"))]
     result = Race(title=f"{scene_title(problem)} ({machine()})", measure="", entries=(), command=command)
     entries: dict[tuple[str, float], Entry] = {}
     runs = len(named) * (2 + len(goals) * repeats)
@@ -279,7 +279,7 @@ def _goals(tolerances: Sequence[float]) -> list[float]:
     return sorted(goals, reverse=True)
 
 
-def _own(methods: Sequence[str | Method] | None) -> list[Competitor]:
+def _own_competitors(methods: Sequence[str | Method] | None) -> list[Competitor]:
     """The own methods that take part; what was asked for by name must be known."""
     known = {one.name: one for one in own_methods()}
     return [

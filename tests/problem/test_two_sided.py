@@ -14,7 +14,7 @@ from known_answers import GENERATORS, sine
 
 import icpmodel as icp
 from icpmodel.problem.two_sided import TwoSidedObstacle, mid
-from icpmodel.problem.verdict import certain
+from icpmodel.problem.verdict import certified_residual
 
 
 def maps(rng, n):
@@ -168,8 +168,8 @@ def test_a_certain_residual_is_never_below_the_exact_one_and_tight(drawn):
     problem, z = drawn
     exact = ExactProblem(problem).residual(z)
     root = float(Fraction(math.isqrt(int(exact * 4**1200)), 2**1200))
-    assert certain(problem, z, 0.0, root * (1 + 1e-12) + 1e-300) <= root * (1 + 1e-12) + 1e-300
-    assert root == 0.0 or Fraction(certain(problem, z, 0.0, root / 2)) ** 2 >= exact
+    assert certified_residual(problem, z, 0.0, root * (1 + 1e-12) + 1e-300) <= root * (1 + 1e-12) + 1e-300
+    assert root == 0.0 or Fraction(certified_residual(problem, z, 0.0, root / 2)) ** 2 >= exact
 
 
 @given(given_problems())

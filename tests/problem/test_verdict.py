@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from known_answers import GENERATORS
 
 import icpmodel as icp
-from icpmodel.problem.verdict import certain
+from icpmodel.problem.verdict import certified_residual
 
 
 @pytest.mark.parametrize(("kind", "upper"), [(np.array, None), (sp.csr_array, None), (sp.csr_array, 1e300)])
@@ -20,7 +20,7 @@ def test_a_row_that_overflows_is_not_certain(kind, upper):
     problem = icp.ICP(A, [0.0, -1.0], icp.Affine([[0.0, 0.1], [0.0, 0.0]]), upper)
     with np.errstate(over="ignore"):
         assert problem.residual(z) == 0.0
-    assert certain(problem, z, 0.0, 1e-8) == np.inf
+    assert certified_residual(problem, z, 0.0, 1e-8) == np.inf
     assert not problem.solve(raise_on_failure=False, max_iter=100).solved
     if upper is None:
         many = icp.solve_many(A, [[0.0, -1.0]], problem.psi, raise_on_failure=False)
@@ -61,4 +61,4 @@ def test_what_rounds_where_f_cancels_q_counts():
     problem = icp.ICP([[1.0]], [-1.0], -np.inf, f=f)
     z = np.array([1.0 + 2.0**-21])
     assert problem.residual(z) == 0.0
-    assert certain(problem, z, 0.0, 1e-8) > 1e-8
+    assert certified_residual(problem, z, 0.0, 1e-8) > 1e-8

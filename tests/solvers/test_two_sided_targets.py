@@ -50,7 +50,7 @@ def test_the_gap_is_zero_at_the_solution_and_nowhere_below_zero_on_its_constrain
     """With v = (−p)⁺ at z*; at any (z, v) of the constraints it is uᵀr + vᵀs ≥ 0."""
     problem, z = box(seed, kind=kind)
     target = Target(problem)
-    qp, both = target.qp("gap"), target.both
+    qp, both = target.qp("gap"), target.two_sided
     c = problem.psi.linear[1]
     constant = problem.q @ np.where(target.has_obstacle, target.near, 0.0)
     y = np.append(z, np.maximum(-problem.p(z), 0.0)[both])
@@ -114,7 +114,7 @@ def test_the_bounds_hold_for_p_and_both_distances():
         assert (np.abs(z) <= z_max).all()
         assert (np.abs(problem.p(z)) <= p_max).all()
         for distance in (problem.r(z), -problem.r_upper(z)):
-            of_both = target.both & np.isfinite(distance)
+            of_both = target.two_sided & np.isfinite(distance)
             assert (distance[of_both] <= r_max[of_both]).all()
 
 

@@ -57,7 +57,7 @@ class ParameterDerivative:
 
     def derivative(self) -> None:
         """How z moves in the direction of the parameters' `delta`, by default 0, into each variable's `delta`."""
-        parts = [_own(one, _filled(one, "delta", 0.0)) for one in self._parameters]
+        parts = [_free_entries(one, _filled(one, "delta", 0.0)) for one in self._parameters]
         delta = np.concatenate([np.zeros(0), *parts])
         upper = None if self._upper is None else self._upper @ delta
         dz = self._derivative.forward(dq=self._p @ delta, dpsi=self._psi @ delta, dupper=upper)
@@ -81,7 +81,9 @@ class ParameterDerivative:
             for parameter, entries in self._entries.items():
                 if any(parameter is x for x in one.parameters()):
                     copies = constants | {id(parameter): build_dim_reduced_expression(parameter, entries)}
-                    parts.append(_gradient(one, parameter, copies, entries, _own(parameter, value_of(parameter))))
+                    parts.append(
+                        _gradient(one, parameter, copies, entries, _free_entries(parameter, value_of(parameter)))
+                    )
                 else:
                     parts.append(sp.csr_array((one.size, entries.size)))
             blocks.append(sp.hstack(parts))
@@ -94,7 +96,7 @@ def _gradient(
     """∂one/∂leaf where the `entries` that make its copy are `at`. Raises InputError where CVXPY has none."""
     kind = "parameter" if isinstance(leaf, cp.Parameter) else "variable"
     without = f"CVXPY has no gradient of {named(one)} in the {kind} {leaf.name()}"
-    if any(leaf is x for x in _beside(one)):
+    if any(leaf is x for x in _data_parameters(one)):
         raise InputError(f"{without}, which is none of its arguments; x**a is exp(a*log(x)) where x > 0")
     at = np.where(np.isfinite(at), at, 0.0)  # a bound that is none has no part in it
     try:
@@ -106,10 +108,10 @@ def _gradient(
     raise InputError(f"{without}, or a wrong one; requires_grad=True needs it: write it in other atoms")
 
 
-def _beside(expression: Any) -> Iterator[cp.Parameter]:
+def _data_parameters(expression: Any) -> Iterator[cp.Parameter]:
     """The parameters of `expression` that are not among its arguments, such as an exponent."""
     for argument in expression.args:
-        yield from _beside(argument)
+        yield from _data_parameters(argument)
     for x in (expression.get_data() or []) if expression.args else []:
         if isinstance(x, cp.Expression):
             yield from x.parameters()
@@ -129,6 +131,6 @@ def _filled(leaf: cp.Variable | cp.Parameter, name: str, default: float) -> np.n
     return np.array(np.broadcast_to(array if array.shape == leaf.shape else array.item(), leaf.shape), dtype=np.float64)
 
 
-def _own(parameter: cp.Parameter, value: np.ndarray) -> Vector:
+def _free_entries(parameter: cp.Parameter, value: np.ndarray) -> Vector:
     """Those entries of `value` that determine it, as CVXPY takes them: of a symmetric one half, of a diagonal one n."""
     return np.ravel(lower_value(parameter, value), order="F")

@@ -77,7 +77,7 @@ def _to_feasible(
     tight = np.arange(slack.size) < equations
     size = np.where(np.isposinf(program.h), 0.0, np.abs(program.h) + abs(program.G) @ np.abs(x))
     tight[equations:] = (values.inequality > 0) | (np.abs(slack[equations:]) <= _TIGHT_SLACK * size)
-    moved = _moved(sp.csr_array(C[tight][:, free]), (np.abs(slack) + error)[tight])
+    moved = _distance_bound(sp.csr_array(C[tight][:, free]), (np.abs(slack) + error)[tight])
     if moved is None:
         return None
     room = slack - error - moved * np.sqrt((C * C).sum(axis=1))
@@ -86,7 +86,7 @@ def _to_feasible(
     return moved if holds else None
 
 
-def _moved(C: sp.csr_array, misfit: Vector) -> float | None:
+def _distance_bound(C: sp.csr_array, misfit: Vector) -> float | None:
     """A bound on the distance to the points with Cx = d, if |Cx − d| ≤ `misfit`; None if there is none."""
     if not misfit.any():
         return 0.0

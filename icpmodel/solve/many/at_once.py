@@ -18,7 +18,7 @@ from ...numerics.threads import cores, run_in_threads
 from ...problem.map import Map
 from ...problem.matrix import weights_of
 from ...problem.two_sided import mid
-from ...problem.verdict import certain_rows, certain_rows_of_each
+from ...problem.verdict import certify_rows, certify_rows_of_each
 from ..goal import Limits
 from ..solutions import BatchData
 
@@ -156,10 +156,10 @@ class AtOnce:
         Q, C, Z, *above = known
         psi = self.problem.psi
         if self.stack is None:
-            judge = partial(certain_rows, self.problem.matrix, psi, weights=weights)
+            judge = partial(certify_rows, self.problem.matrix, psi, weights=weights)
             of_rows = [Q, C, Z, residuals, tolerances, *above]
         else:
-            judge = partial(certain_rows_of_each, psi)
+            judge = partial(certify_rows_of_each, psi)
             of_rows = [self.stack[rows], weights, Q, C, Z, residuals, tolerances, *above]
         self._on_threads(lambda low, high: judge(*(X[low:high] for X in of_rows)), len(Q))
 

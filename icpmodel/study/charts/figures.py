@@ -131,7 +131,7 @@ class Drawing:
             figure.legend(handles=handles, loc="outside lower center", ncols=self.columns, frameon=False, fontsize=8)
         return figure
 
-    def into(self, ax: Any) -> Figure:
+    def draw_into(self, ax: Any) -> Figure:
         """Draw the panels into given axes, the first one if `ax` is one. Returns the figure of the axes."""
         from matplotlib.axes import Axes
 
@@ -254,7 +254,7 @@ def plot(what: Any, path: Any = None, *, ax: Any = None, points: Any = None, sha
     place = None if path is None else picture_file(path)
     description = _drawing(what, points, shape)
     if ax is not None:
-        return description.into(ax)
+        return description.draw_into(ax)
     if place is not None:
         return write(description.on(new_figure(*description.size)), place)
     from matplotlib import pyplot

@@ -111,7 +111,7 @@ class StepMatrices:
             self.N = sp.csr_array(self.M - self.A)
             self.X = _shifted(self.M, diagonal, self.omega)
             #: (D − Ω)⁺, without entries where Ω ≥ D
-            self.short = sp.csr_array(sp.diags_array(np.maximum(self.D - self.omega, 0.0)))
+            self.omega_deficit = sp.csr_array(sp.diags_array(np.maximum(self.D - self.omega, 0.0)))
         #: below which number a theorem's is small enough: 1 where only whether it holds is asked for
         self.target = 0.0
         #: vectors v > 0 that served one theorem and may serve the next
@@ -175,7 +175,7 @@ def theorem_42(step: StepMatrices) -> MonotoneMap | str:
     """v ↦ min(m̂, D)⁻¹(½off(|M̂| + |N̂| + |A|) + ΩG + (D − Ω)⁺)v, or why min(m̂, D) is not positive."""
     half = 0.5 * (off_diagonal(step.M) + off_diagonal(step.N) + off_diagonal(step.A))
     diagonal = np.minimum(step.M.diagonal(), step.D)
-    return _jacobi(step, "min(m, a)", diagonal, total(half, step.omega_G, step.short))
+    return _jacobi(step, "min(m, a)", diagonal, total(half, step.omega_G, step.omega_deficit))
 
 
 def theorem_43(step: StepMatrices, *, as_printed: bool = False) -> MonotoneMap | str:
@@ -194,14 +194,14 @@ def theorem_43(step: StepMatrices, *, as_printed: bool = False) -> MonotoneMap |
         return f"phi has the negative entry {step.phi.min():g}"
     if theta.theta2 < 0:
         return f"theta2 = {theta.theta2:g} is negative"
-    return _jacobi(step, "D", step.D, factor * total(B, step.omega_G, step.short), 1.0 / factor)
+    return _jacobi(step, "D", step.D, factor * total(B, step.omega_G, step.omega_deficit), 1.0 / factor)
 
 
 def theorem_44(step: StepMatrices) -> MonotoneMap | str:
     """v ↦ m̂⁻¹(off(|M̂|) + |N̂| + (D − Ω)⁺ + ΩG)v, or which diagonal is not positive."""
     if not (positive := positive_diagonal(step.A)).holds:
         return positive.reason
-    F = total(off_diagonal(step.M), absolute(step.N), step.short, step.omega_G)
+    F = total(off_diagonal(step.M), absolute(step.N), step.omega_deficit, step.omega_G)
     return _jacobi(step, "the diagonal of M1 + phi", step.M.diagonal(), F)
 
 
@@ -241,7 +241,7 @@ def printed_44(step: StepMatrices) -> MonotoneMap | str:
     phi = sp.diags_array(step.phi)
     M, N = (sp.csr_array(times_rows(step.phi1, part) + phi) for part in (step.M1, step.M1 - step.A))
     F = off_diagonal(M) + abs(N) + times_rows(step.phi1, step.omega_G)
-    F = F if above.all() else F + times_rows(step.phi1, sp.csr_array(step.short))
+    F = F if above.all() else F + times_rows(step.phi1, sp.csr_array(step.omega_deficit))
     diagonal = np.abs(M.diagonal())
     if not (diagonal > 0).all():
         return "phi1 m + phi has a zero on its diagonal"

@@ -212,7 +212,7 @@ class RowwiseContraction(Contraction):
     def _distance(self, problem: ProblemData, z0: Vector, F: Vector, rounding_F: Vector) -> float:
         """|z⁰ − z¹| ≤ the d with d_i = |F_i|/Ω_i + (ω/a_ii)Σ_{j<i} |a_ij|d_j, Ω = D/ω up to rounding."""
         own = (np.abs(F) + rounding_F) / self._step.omega * (1 + 16 * UNIT_ROUNDOFF) + SMALLEST
-        return float((self._map().moved(own) / self.v).max()) / (1.0 - self.factor) * (1 + 16 * UNIT_ROUNDOFF)
+        return float((self._map().solve_lower(own) / self.v).max()) / (1.0 - self.factor) * (1 + 16 * UNIT_ROUNDOFF)
 
 
 class PeacemanRachford(Rate):

@@ -74,7 +74,7 @@ class SweepMap(HomogeneousMap):
         g = np.maximum(product_lower_bound(self._G, v), 0.0)
         return np.maximum(self._swept(abs(1.0 - self._omega) * v, v, g, -1.0), 0.0)
 
-    def moved(self, b: Vector) -> Vector:
+    def solve_lower(self, b: Vector) -> Vector:
         """At least the d with d_i = b_i + (ω/a_ii)Σ_{j<i} |a_ij|d_j, `b` ≥ 0 of shape (n,)."""
         none = np.zeros(b.size)
         return self._swept(b, none, none, 1.0)
