@@ -27,7 +27,7 @@ from ..problem.data import ProblemData
 from .operators import AOROperator, inverse_diagonal
 from .steps import Step
 
-#: what theta1 may be instead of a number
+#: the value of theta1 that is no number
 AUTO = "auto"
 #: steps between two changes of ω, which wait until two factors agree to this share of their gap to 1
 STEPS_PER_CHANGE = 12

@@ -70,10 +70,10 @@ def completing(listed: Callable[[], Iterable[str]]) -> Callable[..., list[Comple
     return complete
 
 
-#: what a file holds of a problem → the argument
+#: part of a problem in a file → the argument
 _FILE_OPTIONS = {"A": "a_file", "q": "q_file", "psi": "psi", "upper": "upper"}
 
-#: how what comes from standard input begins, and the suffix that it gets; else it is CSV
+#: first bytes of standard input → the suffix of its format; else it is CSV
 _SUFFIX_OF_PREFIX = {b"PK": ".npz", b"\x93NUMPY": ".npy", b"%%MatrixMarket": ".mtx"}
 #: by which the problem is named
 SOURCE_OPTIONS = (

@@ -24,7 +24,7 @@ from ..solvers.in_time import in_time
 from .judge import AnswerUnderTest, Row, Verdict, finite
 from .report import Report
 
-#: what is certain of the answer (Res_D(z), the error bound or None, why there is none), a solver that begins, or a row
+#: the facts of the answer (Res_D(z), the error bound or None, why there is none), a solver that begins, or a row
 _Item = tuple[float, float | None, str] | str | Row
 
 

@@ -21,8 +21,7 @@ from ..solvers.foreign import Claim
 from ..solvers.formulations import Target, in_typical_units, targets
 from ..theory.certificates.bounds import error_bound
 
-#: how small Res_D(z) must be, as a share of `residual_scale`, for an answer under test, and for a foreign one, to count
-#: as a solution
+#: the largest Res_D(z) of a solution, as a share of `residual_scale`, for an answer under test and for a foreign one
 OWN_RTOL = 1e-8
 FOREIGN_RTOL = 1e-7
 #: a Solution may have been stopped at a looser tolerance, but at most at this one
@@ -30,7 +29,7 @@ MAX_RTOL = 1e-4
 #: two answers agree within AGREE·max|z| + AGREE_NEAR_ZERO·unit: the second counts where z is about zero
 AGREE = 1e-6
 AGREE_NEAR_ZERO = 1e-9
-#: how many times that a certified bound may be and still count; a wide bound proves nothing
+#: the largest certified bound that counts, as a multiple of that; a wide bound proves nothing
 MAX_BOUND_FACTOR = 10.0
 
 

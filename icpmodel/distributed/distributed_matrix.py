@@ -17,7 +17,7 @@ from ..numerics.sparse_structure import diagonal_positions
 from ..problem.matrix import weights_of
 from .ranks import largest, petsc, together, totals
 
-#: what rounding may make of Au − Aᵀu, as a share of ‖Au‖
+#: the largest Au − Aᵀu that counts as rounding, as a share of ‖Au‖
 _SYMMETRY_RTOL = 1e-10
 
 

@@ -23,7 +23,7 @@ from .distributed_solution import DistributedSolution
 from .ranks import petsc, together, world
 
 Source = str | PathLike[str]
-#: in what an answer can be written: PETSc's own form, and HDF5
+#: the formats of an answer: PETSc's own, and HDF5
 WRITABLE_SUFFIXES = (".bin", ".h5")
 #: the number that stands for no obstacle
 _INFINITE = {"psi": -np.inf, "upper": np.inf}
@@ -262,7 +262,7 @@ def _written(path: Path, vectors: dict[str, Any], comm: Any) -> None:
         fault = _viewed(beside, hdf5, "w", vectors, comm)
         copies = {name: vector.duplicate() for name, vector in vectors.items()}
         fault = fault or _viewed(beside, hdf5, "r", copies, comm)
-        # what MPI has written is not what it says it has: on a full disk it says nothing
+        # MPI reports no error when a disk is full
         same = all(np.array_equal(copies[name].array_r, one.array_r, equal_nan=True) for name, one in vectors.items())
         with together(comm):
             if fault or not same:

@@ -37,7 +37,7 @@ _PATIENCE = 5
 #: rounds of sweeps that may take over, and how many sweeps a round has
 _MAX_ROUNDS = 100
 _SWEEPS_PER_ROUND = 8
-#: how often sweeps take over
+#: the largest number of times that sweeps take over
 _MAX_EXTRA_SWEEPS = 10
 
 

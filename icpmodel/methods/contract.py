@@ -29,7 +29,7 @@ Class = TypeVar("Class", bound=type[Any])
 #: outside this range the squares that a sweep sums for its hint over- or underflow; `ICP.residual` does not
 SAFE_HINT = (1e-140, 1e140)
 
-#: what is less than this share of the least one so far counts as reduced
+#: a value below this share of the least one so far counts as reduced
 REDUCTION = 0.9
 
 #: z with Res_D(z), or None where that does not fall out of the step for free

@@ -18,7 +18,7 @@ from .contract import Infeasible, Iterate, Method, with_options
 
 #: problems with more choices are refused: n = 14 with one obstacle in every row
 MAX_CHOICES = 2**14
-#: how often an obstacle that is not affine is linearised anew
+#: the largest number of linearisations of an obstacle that is not affine
 MAX_LINEARISATIONS = 20
 
 

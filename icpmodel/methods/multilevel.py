@@ -32,7 +32,7 @@ from .newton import Newton
 
 #: a start from z begins on the finest level of which a cycle costs less than this share of a Newton step, which is
 #: about what Python costs around it: further levels cost as much, and bring less. Of 67 problems of 33 families, after
-#: twelve sweeps, one in 1D was lost so, which the coarsest levels solve; the others took .7 times as long (median)
+#: twelve sweeps, one in 1D fails so, and the coarsest levels solve it; the others took .7 times as long (median)
 _MAX_CYCLE_SHARE = 0.5
 #: a coarser level ends at this share of its first residual: below the error of interpolation to the next level, as in
 #: full multigrid. It ends at the second share of its Res_D(0) at the latest, and after the number of steps
@@ -53,7 +53,7 @@ _SHORT_PATIENCE = 5
 class Multilevel(Method):
     """Newton's method on the modulus equation with algebraic multigrid, at the cost of about one linear solve with A.
 
-    For matrices that multigrid is made for: a positive diagonal and little that is positive off it. It ends where its
+    For a positive diagonal and few positive entries off it, as multigrid needs. It ends where its
     steps no longer reduce the residual. For impulse control it is policy iteration, `Newton`, with a start from the
     coarser levels.
 
@@ -175,7 +175,7 @@ def _while_residual_falls(
 
 
 def coarse_problem(problem: ProblemData, level: Level, coarser: Level) -> tuple[ProblemData, Vector]:
-    """The problem on the level below `level`, and the shift s: Pz + s is what its answer z is worth on `level`.
+    """The problem on the level below `level`, and the shift s: on `level` its answer z is Pz + s.
 
     Points that are not kept solve their own equation: s = −q/D there, so that rows without a coarse neighbour and those
     at a boundary do not lose their q.

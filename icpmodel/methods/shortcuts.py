@@ -28,7 +28,7 @@ from .contract import Infeasible, Iterate, Method, positive_diagonal, with_optio
 
 #: the largest number of unknowns that are split into differences; tested for 20 to 200
 _SPLIT_UP_TO = 200
-#: how often a step of Josephy's is halved, and the share of its length by which it has to reduce Res
+#: the largest number of halvings of a step of Josephy's, and the least reduction of Res as a share of its length
 _MAX_HALVINGS = 6
 _MIN_REDUCTION = 0.1
 #: rounds of Newton's steps, and steps in a round; where A is an M-matrix one step is the rule

@@ -19,7 +19,7 @@ from ..errors import FileError
 from .archive import open_to_read, table_of
 
 _INDICES: list[tuple[str, Any]] = [("i", np.int64), ("j", np.int64)]
-#: what the entries are, the first one in coordinates only
+#: the kinds of entries, the first one in coordinates only
 _FIELDS = ("pattern", "real", "integer", "unsigned-integer")
 #: a_ji of the a_ij that a file holds, i > j, as a multiple of it
 _MIRRORED = {"general": 0, "symmetric": 1, "skew-symmetric": -1}

@@ -19,7 +19,7 @@ from ..errors import FileError
 from ..numerics.arrays import Vector
 from .archive import open_to_read
 
-#: how PETSc marks a matrix and a vector, and the integers in their heads
+#: PETSc's mark of a matrix and of a vector, and the integers in their headers
 _MATRIX = 1211216
 _HEADS = {_MATRIX: 4, 1211214: 2}
 _NUMBER = np.dtype(">f8")
@@ -45,7 +45,7 @@ class PetscFile:
     def __init__(self, path: Path, shares: int = 1) -> None:
         with open_to_read(path, shares) as (file, self.size):
             content: Any = np.memmap(file, np.uint8, "r") if self.size else np.empty(0, np.uint8)
-        # of 64 bits, the first four bytes of the mark are 0
+        # integers of 64 bits: the first four bytes of the mark are 0
         integer = np.dtype(">i4" if content[:4].any() else ">i8")
         head = content[: 4 * integer.itemsize].copy()
         numbers = head[: head.size // integer.itemsize * integer.itemsize].view(integer).tolist()
@@ -67,7 +67,7 @@ class PetscFile:
             self.lengths = content[begin:after].view(integer)
             self._check_lengths()
             total = int(self.lengths.sum(dtype=np.int64))
-            # of more entries than its integers can count PETSc writes the largest of them
+            # where its integers cannot count the entries PETSc writes the largest integer
             if min(total, np.iinfo(integer).max) != entries:
                 raise FileError(f"{path}: has rows with {total} entries, and says that there are {entries}")
             entries = total

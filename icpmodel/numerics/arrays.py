@@ -20,7 +20,7 @@ Mask = NDArray[np.bool_]
 _SHORT = np.iinfo(np.int32).max
 #: no float is as large as this integer
 _MIN_OVERFLOWING_INTEGER = 10**309
-#: what counts as a number, whole or not, although bools and times are among them
+#: the types of numbers, whole or not, although bools and times are among them
 _WHOLE = (int, np.integer)
 _REAL = (int, float, np.integer, np.floating)
 _NO_NUMBER = (bool, np.timedelta64)

@@ -39,7 +39,7 @@ _MAX_BACKWARD_ERROR = 1e-12
 #: case; and the share of the solution, or of the step before, up to which a step of refinement takes it back
 _PERTURBATION = 2.0**-36
 _MAX_CORRECTION = 0.5
-#: what is added to smaller entries of the diagonal, in units of the largest one of the column: enough for a pivot
+#: the shift of smaller entries of the diagonal, in units of the largest one of the column: enough for a pivot
 _PIVOT_SHIFT = 2.0**-25
 #: the residual, as a share of the solution, of good factors
 _INEXACT = 1e-4

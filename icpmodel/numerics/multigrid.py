@@ -22,7 +22,7 @@ MAX_COARSEST_IF_STALLED = 512
 KRYLOV_STEPS = 30
 #: the largest number of steps if no other solver is left
 _LAST_RESORT_STEPS = 100
-#: what SciPy's direct solvers, on the coarsest level, make of a matrix that is singular, or not finite
+#: the errors of SciPy's direct solvers, on the coarsest level, for a matrix that is singular or not finite
 _FAILURES = (RuntimeError, ValueError, ArithmeticError)
 #: bytes that a hierarchy takes per entry of A: its levels, with what interpolates between them, hold about three times
 #: as many entries

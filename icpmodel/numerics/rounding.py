@@ -25,7 +25,7 @@ _FLUSHED = (
 )
 
 
-#: what Ctrl-C becomes in code compiled by numba, and in compiled modules while they are imported
+#: the errors that Ctrl-C causes in code compiled by numba, and in compiled modules while they are imported
 CTRL_C = SystemError, ImportError
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from .arrays import read_only, row_of
 
-#: what differs by a smaller share is the same up to rounding
+#: entries that differ by a smaller share are the same up to rounding
 SYMMETRY_RTOL = 1e-13
 
 

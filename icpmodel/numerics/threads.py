@@ -16,12 +16,12 @@ from .work import nanoseconds_left, seconds_left
 
 #: the least number of entries of a loop for which threads pay
 THREADS_FROM = 1_000_000
-#: what makes rows low <= i < high
+#: a function of low and high that computes the rows low <= i < high
 RowTask = Callable[[int, int], Any]
 _T = TypeVar("_T")
 #: the name of threads with steps that take too long
 ABANDONED_THREAD = "icpmodel: out of time"
-#: how many threads ask for one thread of BLAS, and what gives BLAS its threads back
+#: the lock and the number of the threads that ask for one thread of BLAS, and the limiter that restores BLAS's
 _BLAS_LOCK = Lock()
 _blas_users = 0
 _blas_limiter = None

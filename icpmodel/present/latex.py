@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-#: what LaTeX takes for something else, after the end of a line too, or has no letter for in its old fonts
+#: characters with a meaning in LaTeX, after the end of a line too, or without a letter in its old fonts
 _ESCAPED = str.maketrans(
     {
         **{letter: f"\\{letter}" for letter in "&%$#_{}"},

@@ -15,7 +15,7 @@ from .matrix import Matrix
 
 #: evaluations of ψ at the most; with a derivative five are the rule
 _MAX_EVALUATIONS = 100
-#: what rounding may add to a fixed obstacle, as a share
+#: the largest rounding error of a fixed obstacle, as a share
 _MAX_CROSSING = 1e-12
 
 

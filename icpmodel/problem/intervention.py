@@ -126,7 +126,7 @@ class Intervention(Map):
 
     def nonsmooth_rows(self, z: Vector, delta: Vector) -> Mask:
         value, target = self.best_jump(z)
-        if self.jumps is None:  # of a function it is not known what is second best
+        if self.jumps is None:  # a function does not say which jump is second best
             return target >= 0
         return np.bincount(row_of(self.jumps)[self._tied(value, z, delta)], minlength=z.size) > 1
 

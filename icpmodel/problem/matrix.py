@@ -18,7 +18,7 @@ from ..numerics.threads import THREADS_FROM, run_in_threads, threads_for
 
 #: the largest number of rows of a dense A that stays dense until its sparse form is needed
 _DENSE_UP_TO = 64
-#: what a row without entries counts as, and the least that 1/d_i is made of
+#: the size of a row without entries, and the least d_i of which 1/d_i is made
 _EMPTY_ROW_SIZE = 2.0**-520
 _MIN_DIAGONAL = 2.0**-1000
 
@@ -144,7 +144,7 @@ class Matrix(ReadOnly):
 
     def _measure(self, A: Any) -> None:
         self.n: int = A.shape[0]
-        #: what a product with A costs, in nanoseconds: the unit of all estimates
+        #: the cost of a product with A in nanoseconds: the unit of all estimates
         self.product_cost = work.product(self.n, A.size)
 
     @cached_property

@@ -15,7 +15,7 @@ from ..numerics.arrays import Vector, as_array, as_rows, as_vector, axes, descri
 from ..numerics.rounding import is_ctrl_c
 from .map import Map
 
-#: what is mostly wrong with a function that does not take z
+#: the usual error of a function that does not take z
 _WHOLE = "z is an array of all unknowns: use np.sin, not math.sin, and np.where, not if"
 
 

@@ -20,7 +20,7 @@ VOLATILITY = 0.3
 DISCOUNT = 0.2
 TAX = 0.2
 COST = 0.05
-#: what one unit paid out is worth
+#: the value of one unit paid out
 WORTH = 1.0 / (1.0 + TAX)
 #: the interval [0, LENGTH] reaches beyond the free boundary; there V is a straight line and the length has no influence
 LENGTH = 1.5

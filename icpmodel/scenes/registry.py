@@ -217,7 +217,7 @@ MAX_UNKNOWNS = 10**8
 MAX_UNKNOWNS_BY_ROWS = 2**52
 
 _BUILDERS: dict[str, Builder] = {}
-#: what assembles the rows of a scene, by its name
+#: name of a scene → the function that assembles its rows
 ASSEMBLIES: dict[str, Callable[..., ByRows]] = {}
 
 

@@ -17,7 +17,7 @@ from .stopping import StopReason
 _LOG = logging.getLogger("icpmodel")
 #: seconds for all of it where no time limit was given
 DEFAULT_SECONDS = 10.0
-#: they fail where no global search helps
+#: the statuses after which a global search may help
 _FAILED_STATUSES = (Status.STAGNATED, Status.CYCLED, Status.DIVERGED)
 
 

@@ -31,8 +31,8 @@ _PROXIMAL_WEIGHTS = (0.0, 1e-2, 1.0, 1e2)
 _MIN_FORCING, _MAX_FORCING = 1e-4, 0.1
 #: a step of length t is taken where θ ≤ (1 − σt) times the largest of the last ones, by number (Grippo and others 1986)
 _ARMIJO, _NONMONOTONE_STEPS = 1e-4, 5
-#: what a second step by one tangent may leave: the share of a step of half the length
-_SECOND_STEP_SHARE = 0.5
+#: the length t in the test above for a second step by one tangent
+_SECOND_STEP_LENGTH = 0.5
 #: the number of halvings of a step, and of steps without a reduction of the least θ by a tenth
 _MAX_HALVINGS, _PATIENCE = 20, 40
 #: the number of sweeps methods with which a ladder begins
@@ -232,7 +232,7 @@ class _Search:
         if new is not None:
             q = linear.q + new.p + W * step - linear.p(z)
             again = self._solved(linear.with_q(q), z, tolerance) if np.isfinite(q).all() else None
-            yield _SECOND_STEP_SHARE, None if again is None else self.path.point(again)
+            yield _SECOND_STEP_LENGTH, None if again is None else self.path.point(again)
         for k in range(1, _MAX_HALVINGS):
             yield 1.0 - _ARMIJO * 0.5**k, self.path.point(self.current.z + 0.5**k * step)
 

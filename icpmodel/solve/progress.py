@@ -17,12 +17,11 @@ from ..numerics.plugins import in_notebook
 from ..present.display import Displayable
 from ..present.rendering import render
 
-#: how often a bar is drawn, in seconds; and how far the lines of a log, which come after 1, 2, 4, … seconds, are apart
-#: at the most
+#: seconds between two drawings of a bar; and the largest interval of the lines of a log, after 1, 2, 4, … seconds
 _DRAW_INTERVAL = 0.1
 _MAX_LOG_INTERVAL = 60.0
 _LOG = logging.getLogger("icpmodel")
-#: what the status line shows that is open
+#: the function of the open status line
 _open_line: ContextVar[Callable[[str], None] | None] = ContextVar("status line", default=None)
 
 
@@ -55,7 +54,7 @@ class Progress(Displayable):
     seconds: float
 
 
-#: what shows a title, the share of the way, None for none, and a text
+#: a function of a title, the share that is done, None for none, and a text
 _Display = Callable[[str, float | None, str], None]
 
 

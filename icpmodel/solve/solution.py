@@ -107,7 +107,7 @@ _ADVICE = {
 _IMPROVEMENT = 0.99
 #: the bound of a printed solution may cost this share of what the solve did; the products that end it make up the rest
 _PRINT_SHARE = 0.9
-#: what it may cost though the solve cost less, in seconds and in counted nanoseconds
+#: the cost that is allowed in any case, in seconds and in counted nanoseconds
 _PRINT_SECONDS = 0.02
 _PRINT_COST = 2e6
 

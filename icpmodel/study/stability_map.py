@@ -32,11 +32,11 @@ from .planes import plane as plane_named
 _CONTRADICTING_ENDS = ("stagnated", "cycled", "diverged", "overflowed")
 #: and these do not contradict it: where the obstacles cross the point that is reached need not be a solution
 _UNDECIDING_ENDS = ("slow", "precision limit", "map failed", "obstacles cross", "infeasible")
-#: how a run can end, from the best to the worst; the status "diverged" is split by whether the residual stayed finite
+#: the ends of a run, from the best to the worst; the status "diverged" is split by whether the residual stayed finite
 RUN_ENDS = ("solved", *_UNDECIDING_ENDS, *_CONTRADICTING_ENDS, "refused", "not run")
 #: the theorems that prove convergence from every start; "monotone" needs a special one
 GLOBAL_THEOREMS = tuple(name for name in theorems() if name != "monotone")
-#: those that the paper prints otherwise
+#: the theorems that the paper prints otherwise
 MISPRINTED_THEOREMS = ("4.2", "4.3", "4.4")
 
 

@@ -11,7 +11,7 @@ from ..numerics import work
 from ..numerics.arrays import ReadOnly
 from ..present.display import Displayable
 
-UNDECIDED = "not decided"  #: how the reason begins where a limit left a question open
+UNDECIDED = "not decided"  #: the beginning of the reason where a limit left a question open
 
 
 @dataclass(frozen=True, repr=False)

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...numerics.kernels import compiled
 
-#: how a run of pivots ended
+#: the ends of a run of pivots
 SOLVED = 0
 RAY = 1
 UNFINISHED = 2

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...numerics.kernels import compiled
 
-#: how Newton's steps ended: there is nothing left to change, too many were needed, or a pivot is not positive
+#: the ends of Newton's steps: the signs no longer change, too many are needed, or a pivot is not positive
 SETTLED = 0
 UNSETTLED = 1
 NO_PIVOT = 2

@@ -19,7 +19,7 @@ from ...numerics.arrays import Vector
 
 #: constants with more entries than this are not printed
 _MAX_PRINTED_ENTRIES = 20
-#: how far a difference quotient may lie from the gradient
+#: the largest distance of a difference quotient from the gradient
 _GRADIENT_TOLERANCE = 1e-4
 #: the class of x**k, which CVXPY 1.6 calls power
 _POWER: Any = getattr(cp, "Power", cp.power)

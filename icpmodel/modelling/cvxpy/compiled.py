@@ -52,7 +52,7 @@ class CompiledExpressions:
 
     def rows(self) -> AffineRows:
         """They, at the present values of the parameters, without stored zeros."""
-        # of CVXPY's compilers the one in SciPy is the quickest for large matrices; with parameters it knows better
+        # the SciPy backend of CVXPY is the quickest for large matrices; with parameters CVXPY chooses better
         backend = None if self.parameters else cp.SCIPY_CANON_BACKEND
         solver = cvxpy_solver()
         ignore = not self.is_dpp

@@ -31,7 +31,7 @@ from .parameter_derivative import ParameterDerivative
 
 _EQUATIONS = (Equality, Zero)
 _INEQUALITIES = (Inequality, cp.NonNeg, cp.NonPos)
-#: what CVXPY calls each end of a run
+#: status → CVXPY's name of it
 STATUSES = {
     Status.SOLVED: s.OPTIMAL,
     Status.PRECISION_LIMIT: s.OPTIMAL_INACCURATE,

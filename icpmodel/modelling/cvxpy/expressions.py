@@ -30,7 +30,7 @@ from .compiled import CompiledExpressions
 from .row_order import OrderedRows, in_order, is_same, p_before_r
 from .statement_checks import bounds_of, check_constraints, check_variables, pair
 
-#: what the bounds of r are called, and the number that means none
+#: the names of the bounds of r, and the number that means none
 _BOUNDS = (("lower", -np.inf), ("upper", np.inf))
 
 

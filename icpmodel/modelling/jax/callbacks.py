@@ -30,7 +30,7 @@ from .argument_forms import Argument, Shape, obstacles, the_package
 Arrays: TypeAlias = dict[str, tuple[Any, ...]]
 Shapes: TypeAlias = dict[str, tuple[Shape, ...]]
 Answers: TypeAlias = Sequence[Solution | None] | Solutions
-#: what says that z is an answer, as well as float64 can hold it
+#: the statuses of an answer, as accurate as float64 allows
 _ANSWERS = (Status.SOLVED, Status.PRECISION_LIMIT)
 
 

@@ -26,7 +26,7 @@ from .program import Presolve, Program, Values, conditions_of
 from .program_arguments import check_limits
 from .program_judge import Judge, room_of
 
-#: what may be wrong for an answer to be called inaccurate and not an error
+#: the largest violation of an answer that is called inaccurate rather than an error
 _MAX_INACCURATE_VIOLATION = 1e-4
 #: steps of the refinement, and what of W is added to A in them
 _REFINEMENTS = 3

@@ -36,7 +36,7 @@ from .bounded_arguments import BoundedArgument, Terms, bounded_argument
 from .nonlinear import Flat, flattened
 from .sums import size_of_terms
 
-#: how far a condition without variables may be from holding, as a share of its terms: they are the user's own sums
+#: the largest violation of a condition without variables, as a share of its terms: the user's own sums are rounded
 _MAX_VIOLATION = 1e-9
 #: one side of a row: a constant, coefficients by the variable's id, what is nonlinear or None
 Side = tuple[float, dict[int, float], Any]

@@ -26,7 +26,7 @@ from ...errors import FileError, InputError
 from .solver_interface import PyomoSolver
 
 _NO_FILES = "icpmodel runs in this process and writes no files; icpmodel.save_problem(read_pyomo(model), file) does"
-#: what Pyomo's solvers take and this one has no use for
+#: options of Pyomo's solvers that do not apply to this one
 _IGNORED_OPTIONS = {
     "keepfiles": _NO_FILES,
     "solnfile": _NO_FILES,

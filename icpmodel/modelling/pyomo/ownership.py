@@ -18,7 +18,7 @@ from .condition_rows import ConditionRows, Side
 _NOT_IN_R_COST = 2e7
 _MISSING_COST = 1e7
 _OPPOSITE_SIGN_COST = 1e5
-#: how many names a message lists
+#: the number of names in a message
 _MAX_LISTED = 5
 
 

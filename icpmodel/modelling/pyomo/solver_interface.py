@@ -26,7 +26,7 @@ from ..running_log import printed_on
 from .models import PyomoReading, read_pyomo
 
 _VERSION = version("icpmodel")
-#: what Pyomo calls each end of a run, and the point that it leaves; SOLVED alone is a success
+#: status → Pyomo's name of the end of a run and of the point at its end; SOLVED alone is a success
 TERMINATIONS = {
     Status.SOLVED: (TerminationCondition.convergenceCriteriaSatisfied, SolutionStatus.optimal),
     Status.PRECISION_LIMIT: (TerminationCondition.unknown, SolutionStatus.unknown),
@@ -43,7 +43,7 @@ TERMINATIONS = {
     Status.CROSSED: (TerminationCondition.error, SolutionStatus.infeasible),
     Status.WORKER_LOST: (TerminationCondition.error, SolutionStatus.infeasible),
 }
-#: what all of Pyomo's new solvers take and this one has no use for
+#: options of Pyomo's new solvers that do not apply to this one
 _IGNORED_OPTIONS = {
     "threads": "icpmodel takes the cores that the process may run on, see os.sched_setaffinity",
     "working_dir": "icpmodel runs in this process and writes no files",
@@ -110,7 +110,7 @@ class PyomoSolver(SolverBase):
     """
 
     CONFIG = SolverConfig()
-    #: what loads the best iterate of a failed run
+    #: the code that loads the best iterate of a failed run
     _best = "results.solution_loader.load_vars()"
 
     def available(self) -> Availability:

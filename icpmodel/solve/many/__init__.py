@@ -25,10 +25,10 @@ RowRanges = list[tuple[int, int]]
 Futures = dict[tuple[int, int], Future[Any]]
 #: a share without rows, which is sent first: whether anything can be
 _EMPTY_RANGE = (0, 0)
-#: what is found for a share: by row, and else
+#: the results of a share: by row, and others
 _ROW_FIELDS = ("Z", "residuals", "tolerances", "solved")
 _OTHER_FIELDS = ("failures", "alone", "compiled")
-#: what this worker has no more to do, as Ctrl-C came: by when it began
+#: the starts of the batches that this worker drops after Ctrl-C
 _INTERRUPTED: set[float] = set()
 
 

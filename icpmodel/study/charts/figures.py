@@ -34,15 +34,15 @@ YELLOW = "#E69F00"
 SKY = "#56B4E9"
 COLOURS = (BLUE, ORANGE, GREEN, PURPLE, YELLOW, SKY)
 MARKERS = ("s", "^", "D", "v", "P", "X")
-#: what is no series, and small words: 4.7 : 1 on white
+#: the colour of small words and of all but the series: 4.7 : 1 on white
 GREY = "0.45"
-#: what stands on an axis of errors, which is turned round
+#: the label of an axis of errors, which is inverted
 ACCURATE = "more accurate →"
-#: what has a picture
+#: the objects with a picture, in words
 _DRAWABLE = "a Solution, a list of them, Solutions, Fields, a Derivative, Sensitivity, History, Scene, Race or map"
-#: what is 0 on a logarithmic axis is drawn at, as a share of the smallest value above 0
+#: the place of 0 on a logarithmic axis, as a share of the smallest value above 0
 ZERO_SHARE = 0.1
-#: what a picture is written as
+#: the formats of a picture
 FORMATS = (".png", ".pdf", ".svg")
 #: the metadata of a picture of this package, and the first characters of the data beside it
 _PICTURE_MARK = b"made by icpmodel"

@@ -13,7 +13,7 @@ from ..stability_map import StabilityMap
 from .figures import SKY, Drawing, Panel, drawing
 from .places import edges, outline
 
-#: how a run ended → the sign for it and its words; solved points have colours
+#: end of a run → its sign and its words; solved points have colours
 END_SIGNS = {
     "slow": (".", "not there after {max_iter} steps"),
     "precision limit": ("$+$", "as far as rounding allows"),

@@ -17,7 +17,7 @@ from .figures import ACCURATE, GREY, ZERO_SHARE, Drawing, Panel, drawing, styles
 
 #: the largest number of competitors beside solve() in one panel, each in its own colour
 _MAX_SERIES = 6
-#: what a panel on its own needs for a line of times, in inches, and for the axes around them
+#: the height of a line of times in a panel on its own, in inches, and of the axes around them
 _LINE_HEIGHT = 0.24
 _AXES_HEIGHT = 1.0
 #: room for the numbers beside the times, as a factor

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ...numerics.arrays import Mask, Vector
 from ...problem.data import ProblemData
 
-#: what is smaller than this share of the largest entry of a computed y counts as zero
+#: an entry of a computed y below this share of the largest one counts as zero
 ZERO = 1e-9
 #: the largest misfit of a direction that is tried as a proof, as a share of its value, and a tenth each time; and the
 #: largest distance of a proof from it, as a share of its largest entry

@@ -339,7 +339,7 @@ _THEOREMS = {
     "monotone": _Theorem(MONOTONE, monotone, newest=None),
     "definite": _Theorem(DEFINITE, definite),
 }
-#: the cheap one whose v serves most others, then those that tell most
+#: the cheap one whose v serves most others, then the strongest
 _ORDER = ("4.3", "sharper", "4.4", "4.2", "4.1", "rowwise", "monotone", "definite")
-#: from which others a theorem follows, with the same v: see `conditions`
+#: theorem → those that imply it, with the same v: see `conditions`
 _STRONGER_THEOREMS = {"4.2": ("4.3",), "4.1": ("4.2", "4.3", "4.4"), "sharper": ("4.1", "4.2", "4.3", "4.4")}

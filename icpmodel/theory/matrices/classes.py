@@ -34,7 +34,7 @@ CLASS_NAMES = {
     "p": "P-matrix",
 }
 
-#: those first on which others rest
+#: in the order of their dependence
 _BASIC_FIRST = sorted(CLASS_NAMES, key=lambda name: name in ("m", "definite", "semidefinite", "p"))
 
 

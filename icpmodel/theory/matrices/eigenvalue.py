@@ -20,7 +20,7 @@ from ...numerics.threads import one_blas_thread
 _TRIED_SHARES = (0.99, 0.9, 0.5)
 #: the number of rows up to which dense factorisations are quicker, whatever the pattern
 _DENSE_UP_TO = 64
-_MAX_FACTORISATION_COST = 5e9  #: what a factorisation may cost, in nanoseconds as they are counted
+_MAX_FACTORISATION_COST = 5e9  #: in counted nanoseconds
 _TRIDIAGONALISATION_COST = 4  #: the time to make a dense matrix tridiagonal, in factorisations
 _MAX_INVERSE_STEPS = 30  #: steps of the inverse iteration; eigenvalues next to the smallest one serve as well
 _MAX_POWER_STEPS = 40  #: steps of the power method; each makes the bound sharper, none makes it false
