@@ -192,8 +192,8 @@ def dense_lcp(problem: ProblemData) -> AffineLcp:
     return AffineLcp(A, problem.q, c, G.toarray() if moves else None, of_upper)
 
 
-def some_pivots(state: Any, entering: int, most: int) -> Any:
-    """Up to `most` pivots as `kernels.pivoting.continue_pivots` makes and returns them, in pieces. Raises OutOfTime."""
+def some_pivots(state: Any, entering: int, max_pivots: int) -> Any:
+    """Up to `max_pivots` pivots, as `kernels.pivoting.continue_pivots` returns them, in pieces. Raises OutOfTime."""
     from .kernels.pivoting import UNFINISHED, continue_pivots  # loads numba
 
     n = len(state[0])
@@ -202,14 +202,14 @@ def some_pivots(state: Any, entering: int, most: int) -> Any:
     if entering < 0:  # the rows without obstacle leave in one piece
         work.charge(np.count_nonzero(state[2]) * price)
     while True:
-        count = min(piece, most)
+        count = min(piece, max_pivots)
         work.check_budget(min(count, n) * price)
         result = continue_pivots(*state, entering, count)
         # as many pivots as were asked for, or at the end one at least for each entry of y
         work.count(price * (count if result[0] == UNFINISHED else np.count_nonzero(result[2]) + 1))
-        most = most - count
+        max_pivots = max_pivots - count
         entering = result[1]
-        if result[0] != UNFINISHED or most == 0:
+        if result[0] != UNFINISHED or max_pivots == 0:
             return result
 
 

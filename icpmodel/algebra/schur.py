@@ -84,14 +84,14 @@ class SchurComplement:
         return x
 
 
-def elimination(problem: ProblemData, most: Callable[[], float]) -> SchurComplement | None:
+def elimination(problem: ProblemData, max_cost: Callable[[], float]) -> SchurComplement | None:
     """The elimination of the equations of `problem`; None if they are few or a factorisation does not pay.
 
     Parameters
     ----------
     problem : ProblemData
         The problem, with constant obstacles.
-    most : callable
+    max_cost : callable
         Returns what a factorisation of A may cost, in nanoseconds.
 
     Raises
@@ -110,7 +110,7 @@ def elimination(problem: ProblemData, most: Callable[[], float]) -> SchurComplem
     rows = np.flatnonzero(bounded)
     if not 0 < rows.size < problem.n or rows.size**2 > matrix.nnz:
         return None
-    limit = most()
+    limit = max_cost()
     costs = factor_costs(matrix)
     if costs.analysis.costs_more(limit) or not costs.fill.is_exact or costs.unsymmetric > limit:
         return None

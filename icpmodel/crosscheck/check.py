@@ -90,7 +90,7 @@ def crosscheck(
         raise InputError(f"solution is {list(solution)!r}; names of solvers go into solvers=")
     chosen = chosen_solvers(solvers, "crosscheck")
     if atol is not None:
-        as_number(atol, "atol", least=0)
+        as_number(atol, "atol", minimum=0)
     end = time.perf_counter() + as_number(time_limit, "time_limit", above=0)
     if solution is None:
         solution = solve(problem, raise_on_failure=False, time_limit=time_limit)

@@ -97,8 +97,8 @@ class Accelerated(Method):
     mixing_frequency: int = 3
 
     def __post_init__(self) -> None:
-        as_number(self.history_size, "history_size", least=1, whole=True)
-        as_number(self.mixing_frequency, "mixing_frequency", least=1, whole=True)
+        as_number(self.history_size, "history_size", minimum=1, whole=True)
+        as_number(self.mixing_frequency, "mixing_frequency", minimum=1, whole=True)
         if self.of is None:
             return
         method = named(self.of) if isinstance(self.of, str) else self.of

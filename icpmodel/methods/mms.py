@@ -63,7 +63,7 @@ class MMS(Method):
         object.__setattr__(self, "splitting", as_splitting(self.splitting))
         if self.omega is not None:
             check_diagonal(self, "omega")
-        as_number(self.inner, "inner", least=1, whole=True)
+        as_number(self.inner, "inner", minimum=1, whole=True)
 
     def why_not(self, problem: ProblemData) -> str | None:
         # x has no value where ψ_i = −∞; a ψ without a value at 0 is asked where the run begins

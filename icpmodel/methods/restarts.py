@@ -63,8 +63,8 @@ class Restarts(Method):
     seed: int = 0
 
     def __post_init__(self) -> None:
-        as_number(self.tries, "tries", least=1, whole=True)
-        as_number(self.seed, "seed", least=0, whole=True)
+        as_number(self.tries, "tries", minimum=1, whole=True)
+        as_number(self.seed, "seed", minimum=0, whole=True)
 
     def why_not(self, problem: ProblemData) -> str | None:
         return Newton().why_not(problem) and Lemke().why_not(problem)

@@ -118,16 +118,16 @@ def as_number(
     name: str,
     *,
     above: float = -np.inf,
-    least: float = -np.inf,
-    most: float = np.inf,
+    minimum: float = -np.inf,
+    maximum: float = np.inf,
     below: float = np.inf,
     whole: bool = False,
 ) -> float:
     """`value` as a finite float (an int if `whole`), no truth value, within these bounds. Raises InputError."""
     right = isinstance(value, _WHOLE if whole else _REAL) and not isinstance(value, _NO_NUMBER)
     right = right and not (isinstance(value, int) and abs(value) >= _MIN_OVERFLOWING_INTEGER)
-    if not (right and math.isfinite(value) and above < value < below and least <= value <= most):
-        bounds = ((">", above), (">=", least), ("<=", most), ("<", below))
+    if not (right and math.isfinite(value) and above < value < below and minimum <= value <= maximum):
+        bounds = ((">", above), (">=", minimum), ("<=", maximum), ("<", below))
         condition = "".join(f" and {sign} {bound:g}" for sign, bound in bounds if np.isfinite(bound))[4:]
         kind = "whole" if whole else "finite"
         raise InputError(f"{name} is {described(value)}; a {kind} number{condition} was expected")

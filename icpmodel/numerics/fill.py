@@ -216,25 +216,25 @@ class SymbolicAnalysis:
         analysis._sparse = self.complete
         return analysis
 
-    def band_costs_more(self, most: float) -> bool:
-        """Whether factors of the band cost more than `most` nanoseconds."""
+    def band_costs_more(self, limit: float) -> bool:
+        """Whether factors of the band cost more than `limit` nanoseconds."""
         below, above = self.reach
-        if factor_cost(of_band(self.matrix.shape[0], below, above, below == above)) > most:
+        if factor_cost(of_band(self.matrix.shape[0], below, above, below == above)) > limit:
             return True  # to ask whether A is symmetric takes as long as some products
-        return factor_cost(self.band) > most
+        return factor_cost(self.band) > limit
 
-    def costs_more(self, most: float) -> bool:
-        """Whether factors of A are expected to cost more than `most` nanoseconds."""
-        return self.band_costs_more(most) and self._sparse_costs_more(most)
+    def costs_more(self, limit: float) -> bool:
+        """Whether factors of A are expected to cost more than `limit` nanoseconds."""
+        return self.band_costs_more(limit) and self._sparse_costs_more(limit)
 
-    def _sparse_costs_more(self, most: float) -> bool:
+    def _sparse_costs_more(self, limit: float) -> bool:
         if self._is_full:
-            return factor_cost(self.fill) > most
-        if self._least + _analysis_cost(self.matrix) > most:
+            return factor_cost(self.fill) > limit
+        if self._least + _analysis_cost(self.matrix) > limit:
             return True
         if self._sparse is None:
             self._sparse = self._without_geometry() or predicted_fill(self.matrix, self.signs is not None)
-        return factor_cost(self._sparse) > most
+        return factor_cost(self._sparse) > limit
 
     def _without_geometry(self) -> Fill | None:
         """An estimated fill if one breadth-first layer has many of the rows, as in an expander; else None."""

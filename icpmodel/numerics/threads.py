@@ -42,14 +42,14 @@ def run_in_threads(size: int, parts: int, work: RowTask) -> list[Any]:
         return [work(0, cuts[1]), *later]
 
 
-def run_with_deadline(step: Callable[[], _T], most: float) -> _T:
+def run_with_deadline(step: Callable[[], _T], estimate: float) -> _T:
     """Run a `step` in one piece, and raise OutOfTime where it has not ended when the time is over.
 
-    By the table of costs it takes `most` nanoseconds at the worst. A late step goes on in a thread
+    By the table of costs it takes `estimate` nanoseconds at the worst. A late step goes on in a thread
     of its own, for want of a way to stop it. Python waits for that at its end, as SuperLU does not
     bear to be ended with it; commands do not.
     """
-    if most <= nanoseconds_left():
+    if estimate <= nanoseconds_left():
         return step()
     result: Future[_T] = Future()
 

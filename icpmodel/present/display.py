@@ -90,6 +90,6 @@ def brief(value: Any) -> str:
     return cut(" ".join(text.split()), _MAX_FIELD_LENGTH)
 
 
-def cut(text: str, most: int) -> str:
-    """`text`, or its beginning and dots where it is longer than `most` characters."""
-    return text if len(text) <= most else f"{text[: most - 3]}..."
+def cut(text: str, max_length: int) -> str:
+    """`text`, or its beginning and dots where it is longer than `max_length` characters."""
+    return text if len(text) <= max_length else f"{text[: max_length - 3]}..."

@@ -85,7 +85,7 @@ class ByRows(Displayable):
         if not isinstance(self.shape, tuple) or not self.shape:
             raise InputError(f"shape is {described(self.shape)}; a tuple such as (n,) was expected")
         for m in self.shape:
-            as_number(m, "a length in shape", least=1, whole=True)
+            as_number(m, "a length in shape", minimum=1, whole=True)
 
     @property
     def n(self) -> int:
@@ -117,8 +117,8 @@ class ByRows(Displayable):
         Traceback (most recent call last):
         icpmodel.errors.InputError: rows(0, 3) is a tuple of 2; LocalRows, or A, q, psi and perhaps upper, were expected
         """
-        lo = int(as_number(lo, "lo", least=0, most=self.n, whole=True))
-        hi = int(as_number(hi, "hi", least=lo, most=self.n, whole=True))
+        lo = int(as_number(lo, "lo", minimum=0, maximum=self.n, whole=True))
+        hi = int(as_number(hi, "hi", minimum=lo, maximum=self.n, whole=True))
         block = self.rows(lo, hi)
         place = f"of rows({lo}, {hi})"
         if not isinstance(block, tuple) or len(block) not in (3, 4):

@@ -191,7 +191,7 @@ class ProblemData(PointValues):
         known = [np.shape(side)[0] for side in (psi, upper, sparsity) if np.ndim(side)]
         if n is None and not known:
             raise InputError("n is not known, as psi and upper are no vectors; give n, the number of unknowns")
-        size = int(as_number(known[0] if n is None else n, "n", least=1, whole=True))
+        size = int(as_number(known[0] if n is None else n, "n", minimum=1, whole=True))
         return cls(sp.csr_array((size, size)), np.zeros(size), psi, upper, f=Function(F, jacobian, sparsity=sparsity))
 
     @classmethod

@@ -71,7 +71,7 @@ def scene(name: str, /, n: int | None = None, **parameters: Any) -> Scene:
     if n is not None and "n" in inspect.signature(build).parameters:
         return build(n=n, **parameters)
     built = build(**parameters)
-    if n is not None and size(n, most=MAX_UNKNOWNS) != built.problem.n:
+    if n is not None and size(n, maximum=MAX_UNKNOWNS) != built.problem.n:
         raise InputError(f"n is {n!r}; {name} has one size only, n = {built.problem.n}")
     return built
 

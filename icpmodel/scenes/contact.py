@@ -30,8 +30,8 @@ _AXES = ("x, radii", "y, radii")
 @assembles("membrane")
 def _membrane(n: int, mu: float, skew: float) -> ByRows:
     m = side(n)
-    mu = as_number(mu, "mu", least=0)
-    skew = as_number(skew, "skew", least=-1, most=1)
+    mu = as_number(mu, "mu", minimum=0)
+    skew = as_number(skew, "skew", minimum=-1, maximum=1)
     return ByRows((m, m), partial(rows_on_grid, (m, m), 0.0, 1.0, _paraboloid, None, (4.0 + mu, skew)))
 
 
@@ -219,8 +219,8 @@ def coulomb(alpha: float = 30.0, mu: float = 0.3, mass: float = 1.0, g: float = 
     ----------
     Acary and Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008).
     """
-    slope = np.deg2rad(as_number(alpha, "alpha", least=0, most=89))
-    mu = as_number(mu, "mu", least=0)
+    slope = np.deg2rad(as_number(alpha, "alpha", minimum=0, maximum=89))
+    mu = as_number(mu, "mu", minimum=0)
     mass = as_number(mass, "mass", above=0)
     push = as_number(g, "g", above=0) * as_number(dt, "dt", above=0)
     sine = float(np.sin(slope))

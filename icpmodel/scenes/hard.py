@@ -130,8 +130,8 @@ def hard_semidefinite(n: int = 40, seed: int = 0) -> Scene:
     ----------
     Cottle, Pang and Stone, The Linear Complementarity Problem (1992).
     """
-    m = max(round(size(n, most=5000) / 2), 1)
-    random = np.random.default_rng(int(as_number(seed, "seed", least=0, whole=True)))
+    m = max(round(size(n, maximum=5000) / 2), 1)
+    random = np.random.default_rng(int(as_number(seed, "seed", minimum=0, whole=True)))
     B = random.standard_normal((m, m))
     amount = random.uniform(0.5, 1.5, 2 * m)
     basic = np.concatenate([random.permutation(m) < (m + 1) // 2 for _ in range(2)])
@@ -197,7 +197,7 @@ def hard_scaled(n: int = 100, decades: float = 75.0, seed: int = 0) -> Scene:
     """
     n = size(n, 2)
     z, p, r = complementary(n, seed)
-    most = as_number(decades, "decades", least=0, most=75)
+    most = as_number(decades, "decades", minimum=0, maximum=75)
     S = 10.0 ** np.random.default_rng(seed).uniform(-most, most, n)
     A = tridiagonal(-S[1:] * S[:-1], 4.0 * S * S, -S[1:] * S[:-1])
     return manufactured(A, z / S, S * p, z / S - r / S, "A row of springs, each measured in units of its own.")

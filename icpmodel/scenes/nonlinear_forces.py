@@ -54,7 +54,7 @@ def radiating_membrane(n: int = 900, kappa: float = 10.0) -> Scene:
     """
     m = side(n)
     h2 = (m + 1.0) ** -2
-    strength = as_number(kappa, "kappa", least=0) * h2
+    strength = as_number(kappa, "kappa", minimum=0) * h2
     xy = square_points(0.0, 1.0, m)
     u = 1.0 + np.sin(np.pi * xy).prod(axis=1)
     beyond = ((xy - 0.5) ** 2).sum(axis=1) - 1.0 / 16.0
@@ -175,7 +175,7 @@ def soft_contact(mu: float = 0.5) -> Scene:
     ----------
     Johnson, Contact Mechanics (1985), chapter 4.
     """
-    mu = as_number(mu, "mu", least=0)
+    mu = as_number(mu, "mu", minimum=0)
     f = Function(_hertz, _hertz_slope)
     low, high = (Function(partial(_friction, side), partial(_friction_slope, side)) for side in (-mu, mu))
     problem = ICP(np.diag([0.0, 1.0]), [-1.0, -0.7], low, high, f=f)

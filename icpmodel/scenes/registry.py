@@ -273,7 +273,7 @@ def register(build: Callable[Arguments, Scene]) -> Callable[Arguments, Scene]:
         check_parameters(name, kwargs, signature.parameters)
         bound = signature.bind(*args, **kwargs)
         if "n" in bound.arguments:
-            bound.arguments["n"] = size(bound.arguments["n"], most=MAX_UNKNOWNS)
+            bound.arguments["n"] = size(bound.arguments["n"], maximum=MAX_UNKNOWNS)
         return replace(build(*bound.args, **bound.kwargs), name=name, title=title_of(build))
 
     _BUILDERS[name] = checked
@@ -299,6 +299,6 @@ def title_of(build: Builder) -> str:
     return (build.__doc__ or build.__name__.replace("_", " ")).strip().splitlines()[0].rstrip(".")
 
 
-def size(n: Any, least: int = 1, most: int = MAX_UNKNOWNS_BY_ROWS) -> int:
+def size(n: Any, minimum: int = 1, maximum: int = MAX_UNKNOWNS_BY_ROWS) -> int:
     """`n`, a number of unknowns that a scene can have. Raises InputError."""
-    return int(as_number(n, "the number of unknowns n", least=least, most=most, whole=True))
+    return int(as_number(n, "the number of unknowns n", minimum=minimum, maximum=maximum, whole=True))

@@ -40,13 +40,13 @@ class Limits:
     memory_limit: float | None = None
 
     def __post_init__(self) -> None:
-        as_number(self.rtol, "rtol", least=0, below=1)  # from 1 on, z = 0 would do
-        as_number(self.atol, "atol", least=0)
-        as_number(self.max_iter, "max_iter", least=0, whole=True)
+        as_number(self.rtol, "rtol", minimum=0, below=1)  # from 1 on, z = 0 would do
+        as_number(self.atol, "atol", minimum=0)
+        as_number(self.max_iter, "max_iter", minimum=0, whole=True)
         if self.time_limit is not None:
-            as_number(self.time_limit, "time_limit", least=0)
+            as_number(self.time_limit, "time_limit", minimum=0)
         if self.memory_limit is not None:
-            as_number(self.memory_limit, "memory_limit", least=0)
+            as_number(self.memory_limit, "memory_limit", minimum=0)
         if self.accuracy is not None:
             as_number(self.accuracy, "accuracy", above=0)
 

@@ -85,10 +85,10 @@ def ladder_steps(run: Run, problem: ProblemData, family: str | None, first: Meth
             yield from run.steps(ladder)
 
 
-def solve_parts(run: Run, problem: ProblemData, family: str | None = None, most: float = _MAX_PART) -> Iterator[None]:
-    """The steps of the parts of `problem`, and their joined answer in `run`; none where a part has more than the share
-    `most` of the rows."""
-    partition = structure(problem, most * problem.n)
+def solve_parts(run: Run, problem: ProblemData, family: str | None = None, share: float = _MAX_PART) -> Iterator[None]:
+    """The steps of the parts of `problem`, and their joined answer in `run`; none where a part has more than this
+    `share` of the rows."""
+    partition = structure(problem, share * problem.n)
     if partition is not None and not (family is not None and partition.is_pivoted):
         yield from _Parts(run, problem, family).steps(partition)
 
@@ -279,10 +279,10 @@ def proved_of_earlier(problem: ProblemData, rows: Rows, z: Vector) -> ProvedBoun
     return ProvedBounds(low, high, bound.proof)
 
 
-def structure(problem: ProblemData, most: float) -> Blocks | None:
-    """The blocks of `problem`, None if a part that they leave has more than `most` rows."""
+def structure(problem: ProblemData, max_rows: float) -> Blocks | None:
+    """The blocks of `problem`, None if a part that they leave has more than `max_rows` rows."""
     with suppress(MapError), np.errstate(over="ignore", invalid="ignore"):
         partition = blocks(problem)
-        if partition is not None and max((part.size for part in partition.parts), default=0) <= most:
+        if partition is not None and max((part.size for part in partition.parts), default=0) <= max_rows:
             return partition
     return None

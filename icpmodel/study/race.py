@@ -247,7 +247,7 @@ def race(
         z_exact = problem.z_exact
     problem = as_problem(problem)
     case = Case(problem)
-    repeats = int(as_number(repeats, "repeats", least=1, whole=True))
+    repeats = int(as_number(repeats, "repeats", minimum=1, whole=True))
     limit = as_number(time_limit, "time_limit", above=0.0)
     goals = _goals(tolerances)
     named = [OwnMethod(), *_own_competitors(methods), *map(ForeignCompetitor, chosen_solvers(solvers, "race"))]

@@ -208,15 +208,15 @@ def stability(
             raise InputError(
                 f"plane is {plane!r}; one of {', '.join(PLANES)} was expected{did_you_mean(plane, PLANES)}"
             )
-        points = int(as_number(points, "points", least=2, whole=True))
-        n = int(as_number(n, "n", least=1, whole=True))
+        points = int(as_number(points, "points", minimum=2, whole=True))
+        n = int(as_number(n, "n", minimum=1, whole=True))
         plane = plane_named(plane, points, n, None if problem is None else as_problem(problem), method)
     elif not isinstance(plane, Plane):
         raise InputError(f"plane is {described(plane)}; one of {', '.join(PLANES)} or a Plane was expected")
     elif problem is not None or method is not None:
         raise InputError("a Plane has its own problems and methods: leave problem and method out")
     limits = Limits(rtol=rtol, atol=0.0, max_iter=max_iter, time_limit=None)
-    starts = int(as_number(starts, "starts", least=1, whole=True))
+    starts = int(as_number(starts, "starts", minimum=1, whole=True))
     shape = (len(plane.y.values), len(plane.x.values))
     result = StabilityMap(
         plane=plane,

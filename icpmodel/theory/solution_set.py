@@ -256,7 +256,7 @@ def all_solutions(problem: ProblemLike, *, time_limit: float | None = None) -> S
     """
     problem = as_problem(problem)
     if time_limit is not None:
-        as_number(time_limit, "time_limit", least=0)
+        as_number(time_limit, "time_limit", minimum=0)
     exact = ExactRows(problem)
     count = piece_count(problem)
     if count > MAX_PIECES:

@@ -47,7 +47,7 @@ def plain(problem):
 def solve_in_parts(problem, rtol=1e-11, **shown):
     """What the parts alone make of the problem."""
     run = run_on(problem, rtol, **shown)
-    return ended(run, solve_parts(run, problem, most=1.0))
+    return ended(run, solve_parts(run, problem, share=1.0))
 
 
 class TestBlocks:

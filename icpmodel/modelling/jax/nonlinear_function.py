@@ -90,7 +90,7 @@ def nonlinear_solution_of(
     worker_threads()
     if not callable(F):
         raise InputError(f"F is {described(F)}; a function of z and theta was expected")
-    size = int(as_number(n, "n", least=1, whole=True))
+    size = int(as_number(n, "n", minimum=1, whole=True))
     jacobian = _Jacobian(jax, F, as_csr(np.ones((size, size)) if sparsity is None else sparsity, "sparsity", size))
     low = as_vector(psi, size, "psi", infinite=np.inf)
     high = as_vector(np.inf if upper is None else upper, size, "upper", infinite=np.inf)

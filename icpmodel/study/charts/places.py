@@ -144,7 +144,7 @@ def places_of(problem: ProblemData, points: Any = None, shape: Any = None) -> Pl
 
 
 def _grid_points(n: int, shape: Any) -> Vector:
-    sizes = [int(as_number(size, "shape", least=1, whole=True)) for size in as_list(shape, "shape")]
+    sizes = [int(as_number(size, "shape", minimum=1, whole=True)) for size in as_list(shape, "shape")]
     if len(sizes) not in (2, 3) or prod(sizes) != n:
         raise InputError(f"shape is {described(shape)}; (ny, nx) or (nz, ny, nx) with the product {n} was expected")
     return np.indices(sizes).reshape(len(sizes), n)[::-1].T.astype(np.float64)

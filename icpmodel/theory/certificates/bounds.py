@@ -232,7 +232,7 @@ def error_bound(
         return ErrorBound.none("psi or f is computed by a user's function, whose rounding errors are not known")
     for name, limit in (("time_limit", time_limit), ("memory_limit", memory_limit)):
         if limit is not None:
-            as_number(limit, name, least=0)
+            as_number(limit, name, minimum=0)
     if work.nanoseconds_left() < math.inf and time_limit is memory_limit is None:  # the outer limit raises
         return _bound(problem, z, sharp)
     try:

@@ -64,20 +64,20 @@ def infeasible(problem: ProblemData, y: Vector, known: ProvedBounds | None = Non
     for exact in candidates_near(rows, shares, exponents - top):
         if (highest := highest_value(rows, exact)) is not None:
             return answer_of(rows, exact, highest[0], known)
-    most = rounded_combination(rows, shares, exponents) if bounded else None
-    if most is None:
+    value = rounded_combination(rows, shares, exponents) if bounded else None
+    if value is None:
         return unknown
-    number = float(np.ldexp(most, -top))
+    number = float(np.ldexp(value, -top))
     y = np.ldexp(shares, exponents - top)
     nearby = f"{_weighted(rows, y)}, or a combination next to that, is at most {number:.3g}"
     return Answer(True, f"no z is a solution: {nearby}, every rounding error being bounded", y, number)
 
 
-def answer_of(rows: CombinationRows, exact: Combination, most: Fraction, known: ProvedBounds | None = None) -> Answer:
-    """The answer by an `exact` combination whose value is `most` < 0."""
+def answer_of(rows: CombinationRows, exact: Combination, value: Fraction, known: ProvedBounds | None = None) -> Answer:
+    """The answer by an `exact` combination whose value is `value` < 0."""
     weights = [exact.get(i, Fraction(0)) for i in range(rows.offset.size)]
     witness = as_witness(weights, lambda x: highest_value(rows, dict(enumerate(x))) is not None)
-    number = nearest(most)
+    number = nearest(value)
     return Answer(True, _reason(rows, known, weights, number), witness, number)
 
 

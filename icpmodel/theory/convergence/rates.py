@@ -121,7 +121,7 @@ class Rate(Displayable, ABC):
         array of shape (n,)
             The bound.
         """
-        k = int(as_number(k, "k", least=0, whole=True))
+        k = int(as_number(k, "k", minimum=0, whole=True))
         with np.errstate(over="ignore"):
             size = max(self.factor**k, SMALLEST) * distance * (1 + 16 * UNIT_ROUNDOFF)
             return np.nextafter(size * self.v, np.inf)

@@ -99,7 +99,7 @@ def by_pivots(A: sp.csr_array) -> Answer:
     return Answer(True, "all principal minors are positive, rounding considered")
 
 
-def search_minors(mid: Any, rad: Any, most: int) -> tuple[int, NDArray[np.int64]]:
+def search_minors(mid: Any, rad: Any, max_undecided: int) -> tuple[int, NDArray[np.int64]]:
     """The compiled search on one matrix of size m: the index set found, as bits, or 0, and the undecided ones."""
     from ...numerics.kernels.principal_minors import search_pivots  # loads numba
 
@@ -109,7 +109,7 @@ def search_minors(mid: Any, rad: Any, most: int) -> tuple[int, NDArray[np.int64]
     mids[0] = mid
     rads[0] = rad
     levels = np.empty(m + 1, dtype=np.int64)
-    undecided = np.empty(most, dtype=np.int64)
+    undecided = np.empty(max_undecided, dtype=np.int64)
     index_set, count = search_pivots(mids, rads, levels, undecided)
     return index_set, undecided[:count]
 
