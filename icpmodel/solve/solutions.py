@@ -38,7 +38,7 @@ class RunRecord(NamedTuple):
         return cls(*(getattr(solution, name) for name in cls._fields))
 
     @classmethod
-    def at_once(cls, method: Method, rows: int, seconds: float) -> RunRecord:
+    def of_compiled(cls, method: Method, rows: int, seconds: float) -> RunRecord:
         """The record of `rows` rows solved in one compiled call."""
         why = f"{rows} problems were solved in compiled code at once; the seconds are their mean"
         return cls(method, method, method, why, 1, seconds / max(rows, 1))
@@ -50,7 +50,7 @@ NOT_BEGUN = RunRecord(MNMGS(), MNMGS(), MNMGS(), "no method was tried", 0, 0.0)
 
 @dataclass(frozen=True, eq=False)
 class BatchData:
-    """The problems as they were stated.
+    """The data of the problems, as the user gave them.
 
     `problems` has one problem for all rows, or one for each. `below` and `above` are pairs: the obstacle as the user
     stated it, and the list of obstacles, None where one holds for all rows. The limits are those of all rows together.
@@ -115,8 +115,8 @@ class Solutions(ReadOnly, Plottable, Tabular):
     seconds: float
     messages: dict[int, str]
     _data: BatchData
-    _at_once: RunRecord
-    _alone: dict[int, RunRecord]
+    _compiled_record: RunRecord
+    _records: dict[int, RunRecord]
 
     def __len__(self) -> int:
         return len(self.Z)
@@ -132,7 +132,7 @@ class Solutions(ReadOnly, Plottable, Tabular):
         if not -len(self) <= k < len(self):
             raise IndexError(f"there is no row {k}; there are {len(self)}")
         k %= len(self)
-        outcome = self._alone.get(k) or (NOT_BEGUN if k in self.messages else self._at_once)
+        outcome = self._records.get(k) or (NOT_BEGUN if k in self.messages else self._compiled_record)
         return Solution(
             problem=self._data.problem(k),
             z=self.Z[k],

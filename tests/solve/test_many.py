@@ -8,7 +8,7 @@ from known_answers import chain, definite, sine
 import icpmodel as icp
 from icpmodel import Status
 from icpmodel.solve.many import solve_many
-from icpmodel.solve.many.at_once import ROWS_A_THREAD, UNKNOWNS_A_THREAD
+from icpmodel.solve.many.compiled_solver import ROWS_A_THREAD, UNKNOWNS_A_THREAD
 
 SMALL = [[2.0, -1.0], [-1.0, 2.0]]
 TRIDIAGONAL = chain(100)

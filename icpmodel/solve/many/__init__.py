@@ -27,7 +27,7 @@ Futures = dict[tuple[int, int], Future[Any]]
 _EMPTY_RANGE = (0, 0)
 #: the results of a share: by row, and others
 _ROW_FIELDS = ("Z", "residuals", "tolerances", "solved")
-_OTHER_FIELDS = ("failures", "alone", "compiled")
+_OTHER_FIELDS = ("failures", "records", "compiled")
 #: the starts of the batches that this worker drops after Ctrl-C
 _INTERRUPTED: set[float] = set()
 
@@ -139,9 +139,9 @@ def _by_workers(batch: Batch, make: Any) -> None:
         advice = "such as ProcessPoolExecutor or Dask's client.get_executor"
         raise InputError(f"executor is {described(make)}; {expected}, {advice}")
     k = len(batch.Z)
-    price = batch.price()
+    row_cost = batch.row_cost()
     limit = batch.limits.time_limit
-    size = ROWS_PER_CHAIN if price is None else ROWS_PER_CHAIN * int(np.ceil(SHARE_COST / price / ROWS_PER_CHAIN))
+    size = ROWS_PER_CHAIN if row_cost is None else ROWS_PER_CHAIN * int(np.ceil(SHARE_COST / row_cost / ROWS_PER_CHAIN))
     groups = [[(low, min(low + size, k)) for low in range(0, k, size)], [_EMPTY_RANGE]]
     begun = time.time() - batch.elapsed()
     pool = None
@@ -217,14 +217,14 @@ def _rows_of(batch: Batch, low: int, high: int) -> Batch:
         return rows if rows is None or len(rows) == 1 else rows[low:high]
 
     part = copy.copy(batch)
-    stated = batch.stated
+    data = batch.data
     for name in ("maps", "obstacles", "uppers", "above", "starts"):
         setattr(part, name, cut(getattr(batch, name)))
     for name in _ROW_FIELDS:
         setattr(part, name, getattr(batch, name)[low:high])
-    sides = [(one if maps is None else None, cut(maps)) for one, maps in (stated.below, stated.above)]
-    part.stated = replace(stated, problems=cut(stated.problems), Q=stated.Q[low:high], below=sides[0], above=sides[1])
-    part.failures, part.alone, part.compiled = {}, {}, np.zeros(2)
+    sides = [(one if maps is None else None, cut(maps)) for one, maps in (data.below, data.above)]
+    part.data = replace(data, problems=cut(data.problems), Q=data.Q[low:high], below=sides[0], above=sides[1])
+    part.failures, part.records, part.compiled = {}, {}, np.zeros(2)
     return part
 
 
@@ -234,5 +234,5 @@ def _store(batch: Batch, low: int, high: int, part: dict[str, Any]) -> None:
         getattr(batch, name)[low:high] = part[name]
     batch.failures = {row: failure for row, failure in batch.failures.items() if not low <= row < high}
     batch.failures |= {low + row: failure for row, failure in part["failures"].items()}
-    batch.alone |= {low + row: failure for row, failure in part["alone"].items()}
+    batch.records |= {low + row: failure for row, failure in part["records"].items()}
     batch.compiled += part["compiled"]

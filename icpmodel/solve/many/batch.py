@@ -24,7 +24,7 @@ from ..driver import solve
 from ..goal import Limits
 from ..solution import Status
 from ..solutions import BatchData, RunRecord, Solutions
-from .at_once import AtOnce
+from .compiled_solver import CompiledSolver
 
 _LOG = logging.getLogger("icpmodel")
 
@@ -119,18 +119,18 @@ class Batch:
         below = (psi, self.maps)
         above = (upper, self.uppers)
         Q = np.broadcast_to(Q, (k, Q.shape[1]))
-        self.stated = BatchData([], Q, below, above, limits.atol, limits.time_limit, limits.memory_limit)
-        first = self.stated.sides(0)
+        self.data = BatchData([], Q, below, above, limits.atol, limits.time_limit, limits.memory_limit)
+        first = self.data.sides(0)
         make = partial(ProblemData, q=Q[0], psi=first[0], upper=first[1])
         problems: Any = Stack.of(matrices, make) or [make(one) for one in (matrices or [A])]
-        self.stated = replace(self.stated, problems=problems)
+        self.data = replace(self.data, problems=problems)
         self.problem = problems[0]
         self._check(k)
         self._begin()
 
     def _begin(self) -> None:
         """Make empty results."""
-        self.Z = np.zeros(self.stated.Q.shape)
+        self.Z = np.zeros(self.data.Q.shape)
         k = len(self.Z)
         if self.starts is not None:
             self.Z[:] = self.starts
@@ -138,7 +138,7 @@ class Batch:
         self.tolerances = np.zeros(k)
         self.solved = np.zeros(k, dtype=bool)
         self.failures: dict[int, tuple[Status, str]] = {}
-        self.alone: dict[int, RunRecord] = {}
+        self.records: dict[int, RunRecord] = {}
         self.interrupted = False
         #: the rows that compiled code has solved, and the seconds that it took
         self.compiled = np.zeros(2)
@@ -152,13 +152,13 @@ class Batch:
             self.maps[:] = [as_map(one, self.problem.n) for one in self.maps]
         elif self.uppers is not None:
             for row in range(k):
-                self.problem.with_sides(*self.stated.sides(row))
+                self.problem.with_sides(*self.data.sides(row))
 
     @property
-    def together(self) -> bool:
+    def fits_compiled_code(self) -> bool:
         """Whether compiled code may take the rows together: the kind of ψ, and which rows have an upper obstacle, are
         the same, and A is as well, or small."""
-        problems = self.stated.problems
+        problems = self.data.problems
         if (self.maps is not None and self.obstacles is None) or (
             len(problems) > 1 and not isinstance(problems, Stack)
         ):
@@ -172,24 +172,24 @@ class Batch:
         return work.clock() - self.start_time
 
     @property
-    def compiler(self) -> AtOnce:
+    def compiled_solver(self) -> CompiledSolver:
         """The solver of the rows in compiled code."""
-        return AtOnce(self.stated, self.obstacles, self.above, self.limits)
+        return CompiledSolver(self.data, self.obstacles, self.above, self.limits)
 
-    def price(self) -> float | None:
+    def row_cost(self) -> float | None:
         """The cost of a row in compiled code, in nanoseconds; None if it does not apply."""
-        return self.compiler.price() if self.together else None
+        return self.compiled_solver.row_cost() if self.fits_compiled_code else None
 
-    def at_once(self) -> None:
+    def solve_compiled(self) -> None:
         """Solve rows in compiled code, if it applies and as the limits allow; their residuals say which are solved."""
-        price = self.price()
-        if price is None:
+        row_cost = self.row_cost()
+        if row_cost is None:
             return
         with (
             np.errstate(over="ignore", invalid="ignore"),
             suppress(MapError, SingularOperator, OutOfTime, MemoryError),  # then it is seen row by row what remains
         ):
-            for rows, (*results, good) in self.compiler.pieces(price):
+            for rows, (*results, good) in self.compiled_solver.pieces(row_cost):
                 self.solved[rows] = good
                 for stored, new in zip((self.Z, self.residuals, self.tolerances), results, strict=True):
                     stored[rows][good] = new[good]
@@ -209,7 +209,7 @@ class Batch:
         free = None if limits.memory_limit is None else work.free_memory()
         options: Any = {"rtol": limits.rtol, "atol": limits.atol, "time_limit": left, "memory_limit": free}
         try:
-            problem = self.stated.problem(row)
+            problem = self.data.problem(row)
             start = self.start(row, problem)
             try:
                 solution = solve(problem, z0=start, raise_on_failure=False, **options)
@@ -230,7 +230,7 @@ class Batch:
             self.interrupted = True
         else:
             self.Z[row], self.residuals[row], self.tolerances[row] = solution.z, solution.residual, solution.tolerance
-            self.solved[row], self.alone[row] = solution.solved, RunRecord.of(solution)
+            self.solved[row], self.records[row] = solution.solved, RunRecord.of(solution)
             if not solution.solved:
                 self.failures[row] = solution.status, solution.message
             self.interrupted = solution.status is Status.INTERRUPTED
@@ -249,14 +249,14 @@ class Batch:
         with self.limits.enforced(self.start_time):
             began = work.clock()
             try:
-                self.at_once()
+                self.solve_compiled()
             except (KeyboardInterrupt, SystemError) as error:
                 if not is_ctrl_c(error):
                     raise
                 self.interrupted = True
             self.compiled[:] = self.solved.sum(), work.clock() - began
             if _LOG.isEnabledFor(logging.INFO):
-                values = *self.Z.shape, int(self.compiled[0]), self.compiler.method
+                values = *self.Z.shape, int(self.compiled[0]), self.compiled_solver.method
                 _LOG.info("%d rows, n = %d: %d are solved at once by %r, the others one by one", *values)
             for left_open in np.flatnonzero(~self.solved):
                 self.solve(int(left_open))
@@ -264,8 +264,8 @@ class Batch:
     def solutions(self) -> Solutions:
         """The results."""
         self.Z.flags.writeable = False
-        at_once = RunRecord.at_once(self.compiler.method, int(self.compiled[0]), self.compiled[1])
+        compiled_record = RunRecord.of_compiled(self.compiled_solver.method, int(self.compiled[0]), self.compiled[1])
         statuses = [self.failures.get(row, (Status.SOLVED,))[0] for row in range(len(self.Z))]
         messages = {row: self.failures[row][1] for row in sorted(self.failures)}
         arrays = self.Z, tuple(statuses), self.residuals, self.tolerances, self.elapsed(), messages
-        return Solutions(*arrays, self.stated, at_once, self.alone)
+        return Solutions(*arrays, self.data, compiled_record, self.records)

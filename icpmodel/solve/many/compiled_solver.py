@@ -33,12 +33,12 @@ ROWS_A_THREAD = 200
 UNKNOWNS_A_THREAD = 20_000
 
 
-class AtOnce:
+class CompiledSolver:
     """The rows in compiled code, with fixed or affine obstacles: of one A, or small ones each with its own.
 
     Parameters
     ----------
-    stated : BatchData
+    data : BatchData
         The problems.
     obstacles, above : array of shape (k, n), optional
         The obstacles of each row, where they are numbers.
@@ -46,21 +46,21 @@ class AtOnce:
         The tolerances.
     """
 
-    def __init__(self, stated: BatchData, obstacles: Matrix | None, above: Matrix | None, limits: Limits) -> None:
-        self.stated = stated
-        self.problem = stated.problems[0]
+    def __init__(self, data: BatchData, obstacles: Matrix | None, above: Matrix | None, limits: Limits) -> None:
+        self.data = data
+        self.problem = data.problems[0]
         self.obstacles = obstacles
         self.above = above
         self.limits = limits
-        self.Q = stated.Q
+        self.Q = data.Q
         #: the matrices, shape (k, n, n), where each row has its own
-        self.stack: Matrix | None = getattr(stated.problems, "matrices", None)
+        self.stack: Matrix | None = getattr(data.problems, "matrices", None)
         self.small = self.problem.n <= PIVOT_UP_TO
         psi = self.problem.psi
         self.affine = psi.linear is not None and not psi.is_constant
         self.method: Method = Lemke() if self.small else Tridiagonal()
 
-    def price(self) -> float | None:
+    def row_cost(self) -> float | None:
         """The cost of a row, in nanoseconds; None if compiled code does not apply."""
         problem = self.problem
         if not (self.affine or problem.facts.has_fixed_obstacle):
@@ -69,7 +69,7 @@ class AtOnce:
             return work.COSTS.pivot_entry * problem.n**3 / 3.0
         return None if self.affine or self.method.why_not(problem) else work.COSTS.band_entry * 3.0 * problem.n
 
-    def pieces(self, price: float) -> Iterator[tuple[slice, tuple[Matrix, Vector, Vector, Any]]]:
+    def pieces(self, row_cost: float) -> Iterator[tuple[slice, tuple[Matrix, Vector, Vector, Any]]]:
         """Yield batches of rows with their z, residuals, tolerances, and a mask of the solved ones.
 
         Raises MapError, SingularOperator, OutOfTime and MemoryError.
@@ -79,11 +79,11 @@ class AtOnce:
         C, G = self._affine(psi, self.obstacles)
         D, H = (None, None) if psi.upper is None else self._affine(psi.upper, self.above)
         above = None if D is None else (D[0], H)
-        piece = work.steps_per_piece(price)
+        piece = work.steps_per_piece(row_cost)
         for low in range(0, len(C), piece):
             rows = slice(low, low + piece)
-            work.check_budget(price)
-            work.count(price * len(C[rows]))
+            work.check_budget(row_cost)
+            work.count(row_cost * len(C[rows]))
             of_rows = self.Q[rows], C[rows], None if D is None else D[rows]
             if self.small:
                 A = self.problem.dense() if self.stack is None else self.stack[rows]
@@ -141,7 +141,7 @@ class AtOnce:
         residuals = row_norms(mid(weights * p, Z - here, top))
         at_0 = row_norms(mid(weights * Q, below_0, top_0))
         for row in np.flatnonzero(~((at_0 > 0.0) & (at_0 < np.inf))):
-            at_0[row] = self.stated.problem(rows.start + int(row)).residual_scale()
+            at_0[row] = self.data.problem(rows.start + int(row)).residual_scale()
         tolerances = self.limits.tolerance(at_0)
         self._raise(rows, known, residuals, tolerances, weights)
         solved = residuals <= tolerances
