@@ -197,16 +197,16 @@ def some_pivots(state: Any, entering: int, max_pivots: int) -> Any:
     from .kernels.pivoting import UNFINISHED, continue_pivots  # loads numba
 
     n = len(state[0])
-    price = work.COSTS.pivot_entry * n**2
-    piece = work.steps_per_piece(price)
+    pivot_cost = work.COSTS.pivot_entry * n**2
+    piece = work.steps_per_piece(pivot_cost)
     if entering < 0:  # the rows without obstacle leave in one piece
-        work.charge(np.count_nonzero(state[2]) * price)
+        work.charge(np.count_nonzero(state[2]) * pivot_cost)
     while True:
         count = min(piece, max_pivots)
-        work.check_budget(min(count, n) * price)
+        work.check_budget(min(count, n) * pivot_cost)
         result = continue_pivots(*state, entering, count)
         # as many pivots as were asked for, or at the end one at least for each entry of y
-        work.count(price * (count if result[0] == UNFINISHED else np.count_nonzero(result[2]) + 1))
+        work.count(pivot_cost * (count if result[0] == UNFINISHED else np.count_nonzero(result[2]) + 1))
         max_pivots = max_pivots - count
         entering = result[1]
         if result[0] != UNFINISHED or max_pivots == 0:

@@ -193,11 +193,11 @@ _CACHE: WeakKeyDictionary[Matrix, tuple[Any, Any, list[Level]] | NoHierarchy] = 
 def _levels(problem: ProblemData) -> list[Level]:
     """The levels of A. Raises NoHierarchy."""
     # whether the levels are still there makes no difference to what is counted
-    price = hierarchy_cost(problem.n, problem.nnz)
+    setup_cost = hierarchy_cost(problem.n, problem.nnz)
     finest = Level(problem)
     cached = _CACHE.get(problem.matrix)
     if cached is None:
-        work.check_budget(price, HIERARCHY_BYTES * problem.nnz)
+        work.check_budget(setup_cost, HIERARCHY_BYTES * problem.nnz)
         _CACHE.clear()
         counted = work.counter()
         cached = _CACHE[problem.matrix] = _coarser(finest)
@@ -205,7 +205,7 @@ def _levels(problem: ProblemData) -> list[Level]:
     if isinstance(cached, NoHierarchy):
         raise NoHierarchy
     finest.P, finest.coarse_points, coarser = cached
-    work.count(price)
+    work.count(setup_cost)
     return [finest, *coarser]
 
 

@@ -53,10 +53,10 @@ def compiled_step(problem: ProblemData, parameters: tuple[Any, ...], forward: bo
     inside = read_only(_compiled_obstacle(psi))
     before = read_only((A.indptr, A.indices, A.data, problem.matrix.rows.diag, problem.matrix.row_weights, problem.q))
     parameters = read_only(parameters)
-    price = work.sweep(problem.n, problem.facts.entries)
+    sweep_cost = work.sweep(problem.n, problem.facts.entries)
 
     def step(z: Vector) -> tuple[Vector, float]:
-        work.count(price)
+        work.count(sweep_cost)
         out = np.empty(z.size)
         obstacle = read_only(obstacle_values(psi, z)) if inside is None else inside
         squares = sweep_rows(*before, obstacle, parameters, forward, z, out)
@@ -66,7 +66,7 @@ def compiled_step(problem: ProblemData, parameters: tuple[Any, ...], forward: bo
         return step
 
     def several(z: Vector, count: int) -> list[Stepped]:
-        work.count(price * count)
+        work.count(sweep_cost * count)
         Z = np.empty((count + 1, z.size))
         squares = np.empty(count)
         Z[0] = z

@@ -46,14 +46,14 @@ _PREFIX = "icpmodel_"
 class DistributedLevel:
     """One level: its `matrix`, and where there is a `coarser` one the interpolation `P` from it.
 
-    `chosen` is the representative of each own coarse unknown: a fine unknown, counted from the
+    `coarse_points` is the representative of each own coarse unknown: a fine unknown, counted from the
     first own one. `weight` is its weight in P.
     """
 
     def __init__(self, matrix: DistributedMatrix, coarser: Any, P: Any) -> None:
         self.matrix, self.coarser, self.P = matrix, coarser, P
         if P is not None:
-            self.chosen, self.weight, self._are_own = _representatives(P, matrix)
+            self.coarse_points, self.weight, self._points_are_local = _representatives(P, matrix)
 
     @cached_property
     def J(self) -> Any:
@@ -61,28 +61,28 @@ class DistributedLevel:
         return self.matrix.mat.duplicate(copy=True)
 
     def injected(self, fine: Any) -> Vector:
-        """The values of the chosen unknowns, in the own rows of the coarser level, from those of all. Collective."""
-        if self._are_own:
-            return np.asarray(fine.array_r[self.chosen])
-        return self.coarser.image(self.choosing, fine).array.copy()
+        """The values at the coarse points, in the own rows of the coarser level, from those of all. Collective."""
+        if self._points_are_local:
+            return np.asarray(fine.array_r[self.coarse_points])
+        return self.coarser.image(self.injection, fine).array.copy()
 
-    def is_chosen(self) -> Mask:
-        """The own unknowns that are among the chosen. Collective."""
-        if self._are_own:
+    def coarse_mask(self) -> Mask:
+        """The own unknowns that are coarse points. Collective."""
+        if self._points_are_local:
             mask = np.zeros(self.matrix.high - self.matrix.low, dtype=bool)
-            mask[self.chosen] = True
+            mask[self.coarse_points] = True
             return mask
         fine = self.matrix.vector()
         ones = self.coarser.vector()
         ones.set(1.0)
-        self.choosing.multTranspose(ones, fine)
+        self.injection.multTranspose(ones, fine)
         return np.asarray(fine.array_r > 0)
 
     @cached_property
-    def choosing(self) -> Any:
-        """What takes the chosen out of all, a `Mat` with one 1 in each row. (For a part of a matrix PETSc wants no row
-        twice, and one unknown may be chosen for two.) Collective, the first time."""
-        columns = (self.matrix.low + self.chosen).astype(petsc().IntType)
+    def injection(self) -> Any:
+        """Injection to the coarser level, a `Mat` with one 1 in each row. (For a part of a matrix PETSc wants no row
+        twice, and a point may represent two.) Collective, the first time."""
+        columns = (self.matrix.low + self.coarse_points).astype(petsc().IntType)
         (fine, coarse) = self.P.getSizes()
         places = np.arange(columns.size + 1, dtype=columns.dtype)
         mat = petsc().Mat().createAIJ((coarse, fine), csr=(places, columns, np.ones(columns.size)), comm=self.P.comm)
@@ -244,10 +244,10 @@ def _representatives(P: Any, matrix: DistributedMatrix) -> tuple[NDArray[np.inte
     PETSc = petsc()
     coarse = P.getLocalSize()[1]
     indptr, indices, data = P.getDiagonalBlock().getValuesCSR()
-    places, chosen = largest_of(indptr, indices, data, coarse)
-    are_own = not totals(matrix.comm, float((places < 0).any()))[0]
-    if not are_own:  # GAMG leaves coarser levels to fewer ranks
+    places, coarse_points = largest_of(indptr, indices, data, coarse)
+    points_are_local = not totals(matrix.comm, float((places < 0).any()))[0]
+    if not points_are_local:  # GAMG leaves coarser levels to fewer ranks
         indptr, columns, data = P.transpose(PETSc.Mat()).getValuesCSR()
         places, _ = largest_of(indptr[[0, -1]], np.repeat(np.arange(coarse), np.diff(indptr)), data, coarse)
-        chosen = np.where(places < 0, 0, columns[places] if data.size else 0) - matrix.low
-    return chosen, np.where(places < 0, 1.0, data[places] if data.size else 1.0), are_own
+        coarse_points = np.where(places < 0, 0, columns[places] if data.size else 0) - matrix.low
+    return coarse_points, np.where(places < 0, 1.0, data[places] if data.size else 1.0), points_are_local

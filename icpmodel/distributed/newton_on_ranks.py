@@ -168,7 +168,7 @@ def _coarse(
     problem: DistributedICP, level: DistributedLevel, coarser: DistributedLevel
 ) -> tuple[DistributedICP, Vector]:
     """The problem on the level below `level`, and the shift s: Pz + s is what its answer z is worth on `level`."""
-    shift = np.where(level.is_chosen(), 0.0, -problem.q / problem.matrix.diagonal)
+    shift = np.where(level.coarse_mask(), 0.0, -problem.q / problem.matrix.diagonal)
     at_shift = problem.vector(shift)
     p = problem.matrix.product(at_shift)
     p.array = p.array_r + problem.q
@@ -182,7 +182,7 @@ def _coarse(
             c = np.where(level.weight > 0, c / level.weight, none)
         G = None
         if one.G is not None:
-            G = level.choosing.matMult(one.G).matMult(level.P)
+            G = level.injection.matMult(one.G).matMult(level.P)
             G.diagonalScale(coarser.matrix.vector(np.where(level.weight > 0, 1.0 / level.weight, 0.0)))
         maps.append(DistributedMap.constant(coarser.matrix, c, G))
     return DistributedICP.of_checked(coarser.matrix, level.restricted(p), *maps), shift

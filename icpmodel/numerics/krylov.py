@@ -55,8 +55,8 @@ def radius_of(S: sp.csr_array, share: float = _RADIUS_AGREEMENT) -> float:
     be made. Reference: Saad, Numerical Methods for Large Eigenvalue Problems (2011), chapter 6.
     """
     n = S.shape[0]
-    price = work.product(n, S.nnz) + 6 * work.COSTS.vector * n
-    work.charge(price)
+    step_cost = work.product(n, S.nnz) + 6 * work.COSTS.vector * n
+    work.charge(step_cost)
     sums = S @ np.ones(n)
     bound = float(sums.max())
     if not SMALL_RADIUS < bound < np.inf:
@@ -86,7 +86,7 @@ def radius_of(S: sp.csr_array, share: float = _RADIUS_AGREEMENT) -> float:
         off_diagonal.append(size)
         before = v
         v = w / size
-        work.charge(price)
+        work.charge(step_cost)
         w = S @ v - size * before
     return radius
 
@@ -98,10 +98,10 @@ def conjugate_residuals(M: sp.csr_array, f: Vector, max_steps: int, tolerance: f
     steps.
     """
     unit = 1.0 / np.sqrt(M.diagonal())
-    price = gcr_step_cost(M.shape[0], M.nnz)
+    step_cost = gcr_step_cost(M.shape[0], M.nnz)
 
     def product(y: Vector) -> Vector:
-        work.charge(price)
+        work.charge(step_cost)
         return unit * (M @ (unit * y))
 
     steps = GCR(product, np.copy, unit * f)

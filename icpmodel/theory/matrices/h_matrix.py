@@ -148,10 +148,10 @@ def _candidates(S: sp.csr_array, block: NDArray[np.int32], count: int) -> Iterat
     """Vectors that may prove or disprove, by rising cost."""
     diagonal = S.diagonal()
     x = np.ones(S.shape[0])
-    price = 3 * work.product(x.size, S.nnz)
+    step_cost = 3 * work.product(x.size, S.nnz)
 
     def image(x: Vector) -> Vector:
-        work.charge(price)
+        work.charge(step_cost)
         return x - (S @ x) / diagonal  # Jx
 
     with np.errstate(all="ignore"):  # beside a diagonal next to nothing J overflows, and NaN proves nothing
