@@ -189,15 +189,15 @@ def _make_cycle(pc: Any, levels: list[DistributedLevel]) -> None:
     for k, level in enumerate(reversed(levels[:-1]), 1):
         pc.setMGInterpolation(k, level.P)
         # the first sweep begins with 0, where a single one needs no work space
-        ways = (pc.getMGSmootherDown(k), "forward", "preonly"), (pc.getMGSmootherUp(k), "backward", "richardson")
-        for smoother, way, kind in ways:
+        directions = (pc.getMGSmootherDown(k), "forward", "preonly"), (pc.getMGSmootherUp(k), "backward", "richardson")
+        for smoother, direction, kind in directions:
             smoother.setType(kind)
             smoother.setTolerances(max_it=1)
             smoother.setOperators(level.J, level.J)
             sor = smoother.getPC()
             sor.setType("sor")
-            sor.setOptionsPrefix(f"{_PREFIX}{way}_")
-            options[f"{_PREFIX}{way}_pc_sor_local_{way}"] = None
+            sor.setOptionsPrefix(f"{_PREFIX}{direction}_")
+            options[f"{_PREFIX}{direction}_pc_sor_local_{direction}"] = None
             sor.setFromOptions()
 
 

@@ -280,9 +280,9 @@ class InteriorPath:
         if self.has_moving_obstacle:
             slope = np.split(slopes, [self.sides[0].size])
             for J, rows, values in zip(self.slopes, self.sides, slope, strict=False):
-                of_rows = np.zeros(self.problem.n)
-                of_rows[rows] = values
-                M = sp.csr_array(M - sp.diags_array(of_rows) @ J)
+                row_slopes = np.zeros(self.problem.n)
+                row_slopes[rows] = values
+                M = sp.csr_array(M - sp.diags_array(row_slopes) @ J)
             row = row_of(M)
         unit = 1.0 / np.sqrt(np.abs(M.diagonal() if self.has_moving_obstacle else M.data[self.diagonal]))
         M.data *= unit[row]

@@ -91,8 +91,8 @@ def _whole(positions: Any) -> np.ndarray:
 
 def _check_within(positions: np.ndarray, low: int, high: int, name: str) -> None:
     if positions.size and not low <= positions.min() <= positions.max() < high:
-        wrong = positions[np.argmax((positions < low) | (positions >= high))]
-        raise ValueError(f"{name} {wrong} is not one of {low} to {high - 1}")
+        invalid = positions[np.argmax((positions < low) | (positions >= high))]
+        raise ValueError(f"{name} {invalid} is not one of {low} to {high - 1}")
 
 
 def _check_compressed(indptr: np.ndarray, indices: np.ndarray, stored: int, major: int, minor: int) -> None:
@@ -101,6 +101,6 @@ def _check_compressed(indptr: np.ndarray, indices: np.ndarray, stored: int, majo
         raise ValueError(
             f"{actual}; {major + 1} from 0 to the {stored} numbers and {indices.size} indices were expected"
         )
-    if (fallen := indptr[1:] < indptr[:-1]).any():
-        raise ValueError(f"indptr falls at {np.argmax(fallen) + 1}; it may only rise")
+    if (decreasing := indptr[1:] < indptr[:-1]).any():
+        raise ValueError(f"indptr falls at {np.argmax(decreasing) + 1}; it may only rise")
     _check_within(indices, 0, minor, "the index")

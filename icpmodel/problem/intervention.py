@@ -227,8 +227,8 @@ class Intervention(Map):
         if ((target < -1) | (target >= z.size)).any():
             raise MapError(f"psi(z): target has an entry outside -1 ... {z.size - 1}")
         value = call_user(lambda: pair[0], z.shape, "psi")
-        if (wrong := (target < 0) & (value != self.none) & ~np.isnan(value)).any():
-            i = int(np.argmax(wrong))
+        if (invalid := (target < 0) & (value != self.none) & ~np.isnan(value)).any():
+            i = int(np.argmax(invalid))
             actual = f"psi(z): row {i} has the value {value[i]:g} and the target -1, which stands for no jump"
             raise MapError(f"{actual}; the value {self.none}, or a target from 0 to {z.size - 1}, was expected")
         return value, target

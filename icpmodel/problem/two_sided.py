@@ -268,8 +268,8 @@ def _one_side(value: Any, n: int, name: str, none: float) -> Map:
 
 def _checked(bound: Map, c: Vector, name: str, none: float) -> Map:
     """`bound`, whose `c` may be infinite as `none` is."""
-    if (wrong := c == -none).any():
-        i = int(np.argmax(wrong))
+    if (invalid := c == -none).any():
+        i = int(np.argmax(invalid))
         raise InputError(f"{name}[{i}] is {c[i]}; a finite number or {none} was expected")
     return bound
 

@@ -376,9 +376,9 @@ class Ladder:
             least = min(least, sweeps.total, shortest) if problem.matrix.coupled_radius < 1.0 else 0.0
         for job in self._estimated([Multilevel()]):
             if is_first:
-                kept = hierarchy_cost(problem.n, problem.nnz)
-                job.remaining -= kept
-                job.limit -= kept
+                saved_cost = hierarchy_cost(problem.n, problem.nnz)
+                job.remaining -= saved_cost
+                job.limit -= saved_cost
                 job.choice = replace(job.choice, why=f"{job.choice.why}, and A keeps the hierarchy")
             if job.remaining <= least:
                 if self._add_accelerated in self.rungs:

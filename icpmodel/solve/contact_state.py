@@ -96,8 +96,8 @@ def contact_state(solution: Solution) -> ContactState:
     rounding = problem.rounding(solution.z)[0]
     moving = weights * np.abs(solution.p) > tolerance + weights * rounding
     friction = psi.friction
-    apart = moving & ~friction & (psi.low == 0.0) & np.isposinf(psi.high)
-    separating = apart | (friction & apart[psi.findex])
+    opening = moving & ~friction & (psi.low == 0.0) & np.isposinf(psi.high)
+    separating = opening | (friction & opening[psi.findex])
     touching = friction & ~separating
     return ContactState(
         impulses=solution.z,

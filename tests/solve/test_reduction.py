@@ -215,7 +215,7 @@ class TestInfeasible:
             assert solution.status is not icp.Status.INFEASIBLE
             return
         assert solution.status is icp.Status.INFEASIBLE
-        assert "1 unknowns are proved to be what they are" in solution.infeasible.reason
+        assert "with the proved values of other unknowns" in solution.infeasible.reason
         low, high = np.zeros(n), np.full(n, np.inf)
         low[0] = high[0] = 0.5
         assert exact_value(problem, solution.infeasible.witness, low, high) < 0

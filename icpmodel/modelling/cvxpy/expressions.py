@@ -194,8 +194,8 @@ class CvxpyReading:
             rows = rows.of(self._order)
         parts = map(slice, [0, *self._ends[:-1]], self._ends)
         p, r, equations, self._checked, *bounds = map(rows.of, parts)
-        if (wrong := np.isnan(self._checked.constant)).any():
-            raise InputError(f"{self._inequality(int(np.argmax(wrong)))} has NaN; numbers were expected")
+        if (invalid := np.isnan(self._checked.constant)).any():
+            raise InputError(f"{self._inequality(int(np.argmax(invalid)))} has NaN; numbers were expected")
         return p, r, equations, *(self._spread(k, bound) for k, bound in enumerate(bounds))
 
     def _spread(self, k: int, bound: AffineRows) -> AffineRows | None:
@@ -204,9 +204,9 @@ class CvxpyReading:
         bounded = [one for one in self._conditions if one.bounds[k] is not None]
         if not bounded:
             return None
-        wrong = np.isnan(bound.constant) | (bound.constant == -none)
-        if wrong.any():
-            row = int(np.argmax(wrong))
+        invalid = np.isnan(bound.constant) | (bound.constant == -none)
+        if invalid.any():
+            row = int(np.argmax(invalid))
             number, place = at([one.bounds[k] for one in bounded], row)
             actual = f"{name}{place} of {bounded[number]} is {bound.constant[row]}"
             raise InputError(f"{actual}; a number was expected, or {none} for none")

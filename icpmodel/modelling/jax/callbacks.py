@@ -230,12 +230,12 @@ class Callbacks:
         rows = MappedArrays(residuals, self.shapes | {"z": ((self.problem.n,),)})
         directions = MappedArrays({"": (vectors,)}, {"": (np.shape(vectors)[-1:],)})
         batch_shape = np.broadcast_shapes(rows.batch_shape, directions.batch_shape)
-        of_rows = rows.row_numbers(batch_shape)
+        row_numbers = rows.row_numbers(batch_shape)
         of_directions = directions.row_numbers(batch_shape)
-        results = np.full((of_rows.size, size), np.nan)
+        results = np.full((row_numbers.size, size), np.nan)
         with self.last.lock, one_blas_thread():
-            for k in np.argsort(of_rows, kind="stable"):  # one derivative after the other
-                derivative = self.derivative(rows.at(of_rows[k]))
+            for k in np.argsort(row_numbers, kind="stable"):  # one derivative after the other
+                derivative = self.derivative(rows.at(row_numbers[k]))
                 (vector,) = directions.at(of_directions[k])[""]
                 if derivative is None or not np.isfinite(vector).all():
                     continue

@@ -205,9 +205,9 @@ def _inequalities(rows: ConditionRows, owned: Ownership) -> tuple[list[NamedIneq
         variable = owned.variables[j]
         if not variable.is_continuous():
             raise InputError(f"{variable.name} is in {variable.domain.name}; a continuous variable was expected")
-        for sign, mark, end in zip((-1.0, 1.0), (">=", "<="), variable.bounds, strict=True):
+        for sign, relation, end in zip((-1.0, 1.0), (">=", "<="), variable.bounds, strict=True):
             if end is not None and np.isfinite(end):
-                names.append((variable, f" {mark} {end:g}"))
+                names.append((variable, f" {relation} {end:g}"))
                 sides.append((-sign * float(end), {id(variable): sign}, None))
     checked = owned.in_z(sides)
     return names, checked.Z, checked.constant

@@ -90,14 +90,14 @@ def symmetrising_signs(indptr, indices, data, same):
                 return none
             ahead[j] += 1
             least = same * max(abs(data[k]), abs(data[e]))
-            alike = abs(data[k] - data[e]) <= least
+            equal = abs(data[k] - data[e]) <= least
             opposite = abs(data[k] + data[e]) <= least
-            if not (alike or opposite):
+            if not (equal or opposite):
                 return none
-            if alike != opposite:
+            if equal != opposite:
                 (a, of_i) = _root(i, into, sign)
                 (b, of_j) = _root(j, into, sign)
-                relative = of_i * of_j if alike else -of_i * of_j
+                relative = of_i * of_j if equal else -of_i * of_j
                 if a != b:
                     into[a] = b
                     sign[a] = relative

@@ -173,11 +173,11 @@ def multipliers(problem: ProblemData) -> Vector | None:
     return None if minimum is None else minimum.y
 
 
-def _condition(side: int, i: int, from_below: bool) -> str:
+def _condition(side: int, i: int, is_lower: bool) -> str:
     """A condition on row i of p, or of z − ψ and z − ψ̄, in words."""
     if side:
-        return f"z[{i}] >= psi[{i}]" if from_below else f"z[{i}] <= upper[{i}]"
-    return f"p[{i}] >= 0" if from_below else f"p[{i}] <= 0"
+        return f"z[{i}] >= psi[{i}]" if is_lower else f"z[{i}] <= upper[{i}]"
+    return f"p[{i}] >= 0" if is_lower else f"p[{i}] <= 0"
 
 
 class _Conditions(NamedTuple):
@@ -189,10 +189,10 @@ class _Conditions(NamedTuple):
     sign: Vector
 
     @classmethod
-    def of(cls, rows: CombinationRows, units: Vector, taken: Mask) -> _Conditions:
-        """Those on the rows that are `taken`."""
-        rising = np.flatnonzero(rows.rises & taken)
-        falling = np.flatnonzero(rows.falls & taken)
+    def of(cls, rows: CombinationRows, units: Vector, selected: Mask) -> _Conditions:
+        """Those on the rows that are `selected`."""
+        rising = np.flatnonzero(rows.rises & selected)
+        falling = np.flatnonzero(rows.falls & selected)
         return cls(rows, units, np.append(rising, falling), np.repeat([1.0, -1.0], [rising.size, falling.size]))
 
     def minimise(
@@ -295,8 +295,8 @@ def _least_violation(problem: ProblemData, margin: float = 0.0) -> _Minimum | No
     units = np.ones(rows.offset.size)
     units[:n] = np.where(empty, 1.0, problem.matrix.row_weights)
     of_p = np.arange(units.size) < n
-    taken = np.append(~empty, np.ones(units.size - n, dtype=bool))
-    conditions = _Conditions.of(rows, units, taken)
+    selected = np.append(~empty, np.ones(units.size - n, dtype=bool))
+    conditions = _Conditions.of(rows, units, selected)
     minimum = conditions.minimise(of_p, separate=margin > 0.0, margin=margin)
     if minimum is None and units.size > n:
         minimum = _Conditions.of(rows, units, ~of_p).minimise(~of_p)

@@ -85,8 +85,9 @@ def _reason(rows: CombinationRows, known: ProvedBounds | None, y: Any, number: f
     """The contradiction that the combination `y` proves, in words."""
     sums = f"{_weighted(rows, y)} is at most {number:.3g}"
     if known is not None:
-        proved = f"{np.count_nonzero(np.isfinite(known.high))} unknowns are proved to be what they are ({known.proof})"
-        return f"no z is a solution: {proved}, and then {sums}, which p >= 0 forbids"
+        return (
+            f"no z is a solution: with the proved values of other unknowns ({known.proof}) {sums}, which p >= 0 forbids"
+        )
     if rows.falls.any():
         signs = "p >= 0 where nothing is above and p <= 0 where nothing is below"
         return f"no z with psi <= z <= upper has {signs}: {sums}, and with these signs it is >= 0"
