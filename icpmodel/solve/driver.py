@@ -275,7 +275,7 @@ def _new_run(problem: ProblemData, start: Vector, limits: Limits, **display: Any
         goal = Goal(math.inf)
     elif not scale:
         goal = replace(goal, rtol_of_z=limits.rtol, start_norm=norm(start))
-    elif problem.f is not None:
+    elif problem.f is not None and goal.tolerance:  # else it has underflown
         goal = replace(goal, rtol_of_z=limits.rtol)
     return Run(
         problem,
