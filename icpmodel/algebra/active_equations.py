@@ -66,7 +66,7 @@ class ActiveEquations:
                 self._cycled = CycledEquations(Hierarchy(problem), 0, active, jacobian if jacobian.nnz else None)
 
     @cached_property
-    def _eliminated(self) -> Elimination:
+    def _elimination(self) -> Elimination:
         return Elimination(*self._of)
 
     def solve(self, f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
@@ -76,7 +76,7 @@ class ActiveEquations:
         """
         with np.errstate(all="ignore"):
             # the first system needs no elimination to compare with
-            if self._cycled is not None and self._ends and self._spent and self._spent >= self._eliminated.cost:
+            if self._cycled is not None and self._ends and self._spent and self._spent >= self._elimination.cost:
                 self._cycled = None
             if self._cycled is not None:
                 before = work.counter()
@@ -86,7 +86,7 @@ class ActiveEquations:
                     self._cycled = None
                 finally:
                     self._spent += work.counter() - before
-            return self._eliminated.solve(f, tolerance, transposed)
+            return self._elimination.solve(f, tolerance, transposed)
 
     def transposed(self, f: Vector, tolerance: float) -> Vector | None:
         """x with Jᵀx = f, in the same manner."""

@@ -126,10 +126,10 @@ def solve_on(problem: ProblemData, z: Vector, active: Mask, above: Mask | None =
     psi = chosen(problem.psi, above)
     jacobian = psi.jacobian(z)
     with np.errstate(over="ignore", invalid="ignore"):
-        return _refined(problem, psi, z, active, jacobian if jacobian is not None and jacobian.nnz else None)
+        return _refine(problem, psi, z, active, jacobian if jacobian is not None and jacobian.nnz else None)
 
 
-def _refined(problem: ProblemData, psi: Map, z: Vector, active: Mask, jacobian: sp.csr_array | None) -> Vector:
+def _refine(problem: ProblemData, psi: Map, z: Vector, active: Mask, jacobian: sp.csr_array | None) -> Vector:
     free = np.flatnonzero(~active)
     try:
         if jacobian is not None:

@@ -93,7 +93,7 @@ class Hierarchy:
     """
 
     def __init__(self, problem: ProblemData) -> None:
-        self.levels = _shifted(problem) or _levels(problem)
+        self.levels = _levels_by_origin(problem) or _levels(problem)
         self._dense = self.levels[-1].A.toarray()
         self.restrict(np.ones(problem.n, dtype=np.bool_))
 
@@ -209,7 +209,7 @@ def _levels(problem: ProblemData) -> list[Level]:
     return [finest, *coarser]
 
 
-def _shifted(problem: ProblemData) -> list[Level] | None:
+def _levels_by_origin(problem: ProblemData) -> list[Level] | None:
     """The levels of A by those of its `origin`; None where there is none, or where it has no levels."""
     origin = problem.matrix.origin
     if origin is None:
@@ -242,7 +242,7 @@ def _coarser(finest: Level) -> tuple[Any, Any, list[Level]] | NoHierarchy:
     """P and the coarse points of `finest`, and the coarser levels; `finest` itself is not stored."""
     levels = [finest]
     try:
-        while levels[-1].A.shape[0] > _MAX_COARSEST and (level := _coarsened(levels[-1])) is not None:
+        while levels[-1].A.shape[0] > _MAX_COARSEST and (level := _coarsen(levels[-1])) is not None:
             levels.append(level)
             if level.A.nnz > _MAX_FILL * finest.A.nnz:
                 raise NoHierarchy
@@ -253,7 +253,7 @@ def _coarser(finest: Level) -> tuple[Any, Any, list[Level]] | NoHierarchy:
     return finest.P, finest.coarse_points, levels[1:]
 
 
-def _coarsened(last: Level) -> Level | None:
+def _coarsen(last: Level) -> Level | None:
     """The next coarser level below `last`, which gets P and `coarse_points`; None if coarsening stalls."""
     work.check_budget(hierarchy_cost(last.A.shape[0], last.A.nnz))
     # direct interpolation costs least and is made for M-matrices

@@ -69,8 +69,8 @@ class LinearRows:
         """
         A = problem.dense()
         exponents = np.frexp(np.abs(A).max(axis=1))[1]
-        R, c = _linearised(problem.psi, z)
-        S, d = (R, np.full(problem.n, np.inf)) if problem.upper is None else _linearised(problem.upper, z)
+        R, c = _linearise(problem.psi, z)
+        S, d = (R, np.full(problem.n, np.inf)) if problem.upper is None else _linearise(problem.upper, z)
         return cls(np.ldexp(A, -exponents[:, None]), np.ldexp(problem.q, -exponents), R, c, S, d)
 
     @property
@@ -100,10 +100,10 @@ class LinearRows:
         pieces = itertools.product(*self.choices)
         while chosen := list(itertools.islice(pieces, size)):
             work.charge(len(chosen) * (work.COSTS.call + 8.0 * dense_cost(self.n)))
-            yield self._solved(np.array(chosen, dtype=np.int8))
+            yield self._solve_pieces(np.array(chosen, dtype=np.int8))
 
     @np.errstate(all="ignore")
-    def _solved(self, sides: Sides) -> PieceBatch:
+    def _solve_pieces(self, sides: Sides) -> PieceBatch:
         lower = sides == LOWER
         upper = sides == UPPER
         B = np.where(lower[:, :, None], self.R, np.where(upper[:, :, None], self.S, self.A))
@@ -150,7 +150,7 @@ def piece_count(problem: ProblemData) -> float:
         return float(np.prod(sides))
 
 
-def _linearised(psi: Map, z: Vector) -> tuple[Dense, Vector]:
+def _linearise(psi: Map, z: Vector) -> tuple[Dense, Vector]:
     """(I − G, c) with ψ(z) = Gz + c, or its linearisation at `z`."""
     if psi.linear is not None:
         G, c = psi.linear

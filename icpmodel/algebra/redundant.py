@@ -43,7 +43,7 @@ def without_redundant_rows(problem: ProblemData) -> ProblemData:
         fixed = (low >= high) & (low - high <= MAX_CROSSING * (np.abs(low) + np.abs(high)))
     c[fixed] = low[fixed]
     known = np.isfinite(c)
-    return _substituted(problem, known, np.where(known, c, 0.0), low, high) if known.any() else problem
+    return _substitute(problem, known, np.where(known, c, 0.0), low, high) if known.any() else problem
 
 
 def _of_empty_rows(problem: ProblemData, low: Vector, high: Vector, c: Vector) -> None:
@@ -58,7 +58,7 @@ def _of_empty_rows(problem: ProblemData, low: Vector, high: Vector, c: Vector) -
     c[redundant] = side[redundant]
 
 
-def _substituted(problem: ProblemData, known: Mask, c: Vector, low: Vector, high: Vector) -> ProblemData:
+def _substitute(problem: ProblemData, known: Mask, c: Vector, low: Vector, high: Vector) -> ProblemData:
     """The problem with the equation z_i = c_i in the `known` rows, and these values in the others."""
     A = problem.A
     unknown = ~known

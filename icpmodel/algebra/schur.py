@@ -124,12 +124,12 @@ def elimination(problem: ProblemData, max_cost: Callable[[], float]) -> SchurCom
 
 def _schur_complement(matrix: Matrix, rows: NDArray[np.intp]) -> SchurComplement | None:
     shift = 1.0 / matrix.row_weights[rows]
-    A = _linked(matrix.sparse, rows, shift)
+    A = _link_rows(matrix.sparse, rows, shift)
     factors = factors_and_schur(A, rows)
     return None if factors is None else SchurComplement(matrix, rows, *factors, shift)
 
 
-def _linked(A: sp.csr_array, rows: NDArray[np.intp], shift: Vector) -> sp.csr_array:
+def _link_rows(A: sp.csr_array, rows: NDArray[np.intp], shift: Vector) -> sp.csr_array:
     """A + T, where each of the `rows` stores an entry, possibly 0, in the columns of its two neighbours."""
     i = np.concatenate([row_of(A), rows, rows[1:], rows[:-1]])
     j = np.concatenate([A.indices, rows, rows[:-1], rows[1:]])

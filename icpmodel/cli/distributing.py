@@ -100,7 +100,7 @@ def _ended_together(comm: Any) -> Iterator[None]:
 
 def _carried_out(comm: Any, as_json: bool, arguments: dict[str, Any]) -> int:
     """Solve, write, prove and show; the exit code of this rank. Collective."""
-    solution = _solved(comm, arguments)
+    solution = _solve(comm, arguments)
     first = comm.rank == 0
     if arguments["output"] is not None:  # before the bound, which Ctrl-C may end
         save_solution(solution, arguments["output"])
@@ -115,7 +115,7 @@ def _carried_out(comm: Any, as_json: bool, arguments: dict[str, Any]) -> int:
     return 130 if solution.status is Status.INTERRUPTED else 0 if solution.solved else 1
 
 
-def _solved(comm: Any, arguments: dict[str, Any]) -> DistributedSolution:
+def _solve(comm: Any, arguments: dict[str, Any]) -> DistributedSolution:
     """The solution. Collective."""
     output = arguments["output"]
     z0_file = arguments["z0_file"]

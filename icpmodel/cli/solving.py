@@ -58,7 +58,7 @@ def solve(output: str | None, polish: bool, problem_file: str | None, as_json: b
     if problem_file is not None:
         save_problem(problem, problem_file)
         wrote(problem_file)
-    solution = _solved(problem, scene, arguments)
+    solution = _solve(problem, scene, arguments)
     if polish:
         solution = solution.polish()
     errors = {} if scene is None else scene.errors(solution.z)
@@ -80,7 +80,7 @@ def unsolved(solution: Solution) -> str:
     return f"not solved: {solution.status.value}"
 
 
-def _solved(problem: ICP, scene: Scene | None, arguments: dict[str, Any]) -> Solution:
+def _solve(problem: ICP, scene: Scene | None, arguments: dict[str, Any]) -> Solution:
     """The solution with its certificate; Ctrl-C while the error bound is computed leaves the bound out."""
     if arguments["accuracy"] is not None and not arguments["bound"]:
         raise InputError("--accuracy asks for a certified error, and --no-bound leaves it out; drop one of them")
@@ -118,7 +118,7 @@ def crosscheck(
         place_of(csv_path, (".csv",), begins=HEADS)
     chosen_solvers(solvers)
     problem, scene = named_problem(arguments)
-    solution = _solved(problem, scene, arguments)
+    solution = _solve(problem, scene, arguments)
     report: Report | None = None
     if solution.solved:
         try:

@@ -456,7 +456,7 @@ class Derivative(ReadOnly, Plottable):
         return tied
 
     @cached_property
-    def _misplaced(self) -> Mask:
+    def _misplaced_rows(self) -> Mask:
         """The rows that are proved to be on the side that z is farther from."""
         known = self.solution.active_set
         pattern = self.pattern
@@ -475,7 +475,7 @@ class Derivative(ReadOnly, Plottable):
         >>> Derivative(ICP([[1.0]], [0.0]).solve()).undecided
         array([0])
         """
-        return np.flatnonzero(self._open | self._tied_jumps | self._misplaced)
+        return np.flatnonzero(self._open | self._tied_jumps | self._misplaced_rows)
 
     @property
     def certain(self) -> bool:
@@ -504,14 +504,14 @@ class Derivative(ReadOnly, Plottable):
         bound = self.solution.certificate.bound
         if bound.value is None:
             return f"no row is decided, as there is no error bound: {bound.reason}"
-        if self._misplaced.any():
-            row = int(np.argmax(self._misplaced))
+        if self._misplaced_rows.any():
+            row = int(np.argmax(self._misplaced_rows))
             return f"z is too far from z*: row {row} of z* has another active set; solve to a smaller tolerance"
         element = "an element of the B-subdifferential, see one_sided"
         if self._open.any():
-            return f"p = r = 0 cannot be excluded in {_named(self._open)}: {element}"
+            return f"p = r = 0 cannot be excluded in {_row_names(self._open)}: {element}"
         if self._tied_jumps.any():
-            return f"two equally good jumps cannot be excluded in {_named(self._tied_jumps)}: {element}"
+            return f"two equally good jumps cannot be excluded in {_row_names(self._tied_jumps)}: {element}"
         smooth = " and continuously differentiable where z* may be"
         word = ASSUMED_PSI + smooth if self.problem.psi.calls_user_code else ""
         return f"every row is proved to be at an obstacle or off it{word}"
@@ -530,7 +530,7 @@ class Derivative(ReadOnly, Plottable):
         return f"Derivative({self.problem!r}, {np.count_nonzero(~self.pattern.active)} free rows)"
 
 
-def _named(mask: Mask) -> str:
+def _row_names(mask: Mask) -> str:
     """The rows of `mask`, the first ones by number."""
     rows = np.flatnonzero(mask)
     numbers = ", ".join(map(str, rows[:_MAX_NAMED_ROWS]))

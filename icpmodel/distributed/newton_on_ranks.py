@@ -96,16 +96,16 @@ def newton_steps(
             last_pattern = at.pattern
             levels.restrict(np.where(last_pattern.active, 0.0, 1.0), top)
         settled = not at.pattern_changed or at.residual <= _SETTLED_REDUCTION * before < np.inf
-        z = _stepped(levels, at, top, target if settled else None)
+        z = _newton_step(levels, at, top, target if settled else None)
         before = at.residual
         release(problem.comm)
 
 
-def _stepped(levels: DistributedLevels, at: Evaluation, top: int, target: float | None) -> Any:
+def _newton_step(levels: DistributedLevels, at: Evaluation, top: int, target: float | None) -> Any:
     """z after one Newton step from `at`, until ‖Az + q‖ in the free rows is a fraction of `target`, or a tenth."""
     problem = at.problem
     active = at.pattern.active
-    J = _coupled(at)
+    J = _newton_matrix(at)
     at_rest = np.where(active, at.pattern.r, 0.0)
     if J is None:  # z = ψ(z) in the active rows needs no equations
         z = problem.vector(at.z.array_r - at_rest)
@@ -119,7 +119,7 @@ def _stepped(levels: DistributedLevels, at: Evaluation, top: int, target: float 
     return z
 
 
-def _coupled(at: Evaluation) -> Any:
+def _newton_matrix(at: Evaluation) -> Any:
     """The Newton matrix where an obstacle moves with other unknowns, else None: rows of A, and of D(I − F′ − G) where
     active."""
     problem = at.problem

@@ -310,16 +310,16 @@ def explain(
     page = min(_MAX_PRODUCTS * unit + _MAX_NANOSECONDS, _NANOSECONDS_PER_ROW * max(problem.n, _MIN_ROWS))
     products = math.inf if as_truth(thorough, "thorough") else page / unit
     with Allowance(products, unit).enforced(), one_blas_thread():
-        return _explained(problem, method, accuracy, Allowance(_QUESTION_SHARE * products, unit), options)
+        return _make_explanation(problem, method, accuracy, Allowance(_QUESTION_SHARE * products, unit), options)
 
 
-def _explained(
+def _make_explanation(
     problem: ProblemData, method: str | Method | None, accuracy: float, limit: Allowance, options: dict[str, Any]
 ) -> Explanation:
     method_named = method is not None
     instead = None
     classes = shared_proofs(problem).classes.decided(limit)
-    picked, why = _picked(problem, limit)
+    picked, why = _chosen_method(problem, limit)
     methods: dict[str, Method] = {}
     if method is not None:
         member = _member(problem, method, options)
@@ -365,7 +365,7 @@ def _bound_at_zero(problem: ProblemData, limit: Allowance) -> ErrorBound:
         return ErrorBound.none(f"{error}, at z = 0")
 
 
-def _picked(problem: ProblemData, limit: Allowance) -> tuple[Method | None, str]:
+def _chosen_method(problem: ProblemData, limit: Allowance) -> tuple[Method | None, str]:
     """The method that `solve` begins with, and why; or None, and a sentence on why there is none."""
     if problem.f is not None:
         return NewtonJosephy(), "p is nonlinear"

@@ -17,15 +17,15 @@ from .modulus import FreeOmega
 
 @with_options
 class _AdaptiveRelaxation(FreeOmega):
-    """Members whose θ₁ may be "auto": ω starts where `_adapted` says, and adapts during the run."""
+    """Members whose θ₁ may be "auto": ω starts where `_starting_omega` says, and adapts during the run."""
 
     theta1: Any = 1.0
 
     @abstractmethod
-    def _adapted(self, problem: ProblemData) -> AdaptedOmega: ...
+    def _starting_omega(self, problem: ProblemData) -> AdaptedOmega: ...
 
     @abstractmethod
-    def _relaxed(self, problem: ProblemData, omega: float) -> MNMAOR | MNMSOR: ...
+    def _with_omega(self, problem: ProblemData, omega: float) -> MNMAOR | MNMSOR: ...
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         return _AdaptedPath(self, problem, z) if is_auto(self.theta1) else super().iterates(problem, z)
@@ -54,11 +54,11 @@ class _AdaptedPath(Iterator[Iterate]):
     def _adapt(self, residual: float) -> None:
         """Change ω if the `residual` of the last iterate calls for it."""
         if self.omega is None:
-            self.omega = self.member._adapted(self.problem)
+            self.omega = self.member._starting_omega(self.problem)
         elif not self.omega.changes(residual):
             return
         plain = type(self.member)(phi=self.member.phi)
-        self.adapted_method = plain if self.omega.plain else self.member._relaxed(self.problem, self.omega.value)
+        self.adapted_method = plain if self.omega.plain else self.member._with_omega(self.problem, self.omega.value)
         self.step, self.ahead = self.adapted_method.step_of(self.problem), []
 
 
@@ -117,13 +117,13 @@ class MNMAOR(_AdaptiveRelaxation):
         MNMAOR
             Itself where it has numbers.
         """
-        return self._relaxed(problem, relaxation(problem)) if is_auto(self.theta1) else self
+        return self._with_omega(problem, relaxation(problem)) if is_auto(self.theta1) else self
 
-    def _adapted(self, problem: ProblemData) -> AdaptedOmega:
+    def _starting_omega(self, problem: ProblemData) -> AdaptedOmega:
         omega = relaxation(problem)
         return AdaptedOmega(omega, max_value=omega) if 1.0 < omega < MIN_ADAPTED_OMEGA else AdaptedOmega(1.0)
 
-    def _relaxed(self, problem: ProblemData, omega: float) -> MNMAOR:
+    def _with_omega(self, problem: ProblemData, omega: float) -> MNMAOR:
         return overrelaxed(problem, omega, self.phi)
 
     def splitting_of(self) -> Splitting:
@@ -176,11 +176,11 @@ class MNMSOR(_AdaptiveRelaxation):
         """
         return MNMSOR(phi=self.phi) if is_auto(self.theta1) else self
 
-    def _adapted(self, problem: ProblemData) -> AdaptedOmega:
+    def _starting_omega(self, problem: ProblemData) -> AdaptedOmega:
         omega = relaxation(problem)
         return AdaptedOmega(omega, max_value=omega)
 
-    def _relaxed(self, problem: ProblemData, omega: float) -> MNMSOR:
+    def _with_omega(self, problem: ProblemData, omega: float) -> MNMSOR:
         theta1, phi2 = sor(problem, omega)
         return MNMSOR(phi=self.phi, phi2=phi2, theta1=theta1)
 

@@ -90,7 +90,7 @@ class Restarts(Method):
         start = z
         for k in range(self.tries):
             with suppress(MapError):
-                if lcp is not None and (candidate := _pivoted(problem, lcp, rng)) is not None:
+                if lcp is not None and (candidate := _pivot(problem, lcp, rng)) is not None:
                     yield candidate, problem.residual(candidate)
             if has_newton and k % every == 0:
                 with suppress(MapError):
@@ -113,7 +113,7 @@ def start_above(problem: ProblemData, z: Vector, scale: float, rng: np.random.Ge
     return np.where(np.isfinite(obstacle), obstacle, z) + above
 
 
-def _pivoted(problem: ProblemData, lcp: AffineLcp, rng: np.random.Generator) -> Vector | None:
+def _pivot(problem: ProblemData, lcp: AffineLcp, rng: np.random.Generator) -> Vector | None:
     """z by Lemke's pivots with a random covering vector, None if they end in a ray. Raises OutOfTime."""
     from ..algebra.kernels.pivoting import SOLVED, START  # loads numba
 

@@ -154,14 +154,14 @@ class Josephy(Shortcut):
         A = dense_matrix(problem)
         with suppress(SingularOperator):
             while best > 0.0:
-                c, G = _linearised(problem.psi, z)
-                above = None if problem.upper is None else _linearised(problem.upper, z)
+                c, G = _linearise(problem.psi, z)
+                above = None if problem.upper is None else _linearise(problem.upper, z)
                 lcp = AffineLcp(A, problem.q, c, G, above)
                 ended, _, y, _ = some_pivots(lcp.start(), START, PIVOTS * (len(lcp.q) + 1))
                 if ended != SOLVED:
                     break
                 step = lcp.z(y) - z
-                following = _shortened(problem, z, step, best)
+                following = _shorten_step(problem, z, step, best)
                 if following is None:
                     yield z + step, None  # where ψ may have no value, which the run then ends with
                     break
@@ -235,7 +235,7 @@ def _prove(problem: ProblemData, ray: Vector) -> None:
         raise Infeasible(answer)
 
 
-def _shortened(problem: ProblemData, z: Vector, step: Vector, residual: float) -> tuple[Vector, float] | None:
+def _shorten_step(problem: ProblemData, z: Vector, step: Vector, residual: float) -> tuple[Vector, float] | None:
     """z + t·step and its residual for the first t of 1, 1/2, 1/4, … that reduces `residual` enough, None for none."""
     for k in range(_MAX_HALVINGS + 1):
         following = z + 0.5**k * step
@@ -245,7 +245,7 @@ def _shortened(problem: ProblemData, z: Vector, step: Vector, residual: float) -
     return None
 
 
-def _linearised(psi: Map, z: Vector) -> tuple[Vector, Any]:
+def _linearise(psi: Map, z: Vector) -> tuple[Vector, Any]:
     """(c, G) with Gx + c for ψ near `z`: G dense, or its diagonal alone where ψ_i depends on z_i alone. Raises MapError
     where it is not finite."""
     J = derivative(psi, z)

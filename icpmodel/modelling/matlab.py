@@ -44,7 +44,7 @@ def read_variables(path: Path) -> dict[str, Any]:
         _check_room(path, content, order)
         if CAN_FORK:
             next(in_a_process(lambda: _names(content), math.inf))
-        variables = _loaded(content)
+        variables = _load(content)
     return {name: _numbers(path, name, value) for name, value in variables.items()}
 
 
@@ -63,7 +63,7 @@ def _check_room(path: Path, content: bytes, order: str) -> None:
             check_room(str(path), 2.0 * total)
 
 
-def _loaded(content: bytes) -> dict[str, Any]:
+def _load(content: bytes) -> dict[str, Any]:
     from scipy.io import loadmat
 
     variables = loadmat(io.BytesIO(content), spmatrix=False)
@@ -71,7 +71,7 @@ def _loaded(content: bytes) -> dict[str, Any]:
 
 
 def _names(content: bytes) -> Iterator[list[str]]:
-    yield list(_loaded(content))
+    yield list(_load(content))
 
 
 def _numbers(path: Path, name: str, value: Any) -> Any:

@@ -56,13 +56,11 @@ def read_matrix(path: Path) -> Any:
         held = numbers.size + sum(1 for _ in lines)
         if held != count:
             raise FileError(f"{path}: holds {held} entries; its header promises {count}")
-    matrix = _assembled(path, (rows, columns), is_dense, mirrored, numbers)
+    matrix = _assemble(path, (rows, columns), is_dense, mirrored, numbers)
     return matrix.toarray() if is_dense else matrix
 
 
-def _assembled(
-    path: Path, shape: tuple[int, int], is_dense: bool, mirrored: int, numbers: NDArray[Any]
-) -> sp.coo_array:
+def _assemble(path: Path, shape: tuple[int, int], is_dense: bool, mirrored: int, numbers: NDArray[Any]) -> sp.coo_array:
     """The matrix of the lines, with `mirrored` times what is below its diagonal above it. Raises FileError."""
     rows, columns = shape
     if is_dense:

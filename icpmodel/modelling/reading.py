@@ -59,7 +59,7 @@ def solved(reading: Reading, method: str | Method | None = None, *, z0: Any = No
     start = reading.start() if z0 is None else z0
     solution = problem.solve(method, z0=start, raise_on_failure=False, **options)
     if solution.status is Status.INFEASIBLE:
-        return _named(reading, solution)
+        return _with_names(reading, solution)
     # a certified error, and the paper's residual, were asked for in units that the user has chosen
     if not solution.solved or solution.accuracy or solution.residual > solution.tolerance:
         return solution
@@ -78,7 +78,7 @@ def solved(reading: Reading, method: str | Method | None = None, *, z0: Any = No
     return replace(solution, status=Status.PRECISION_LIMIT, message=message)
 
 
-def _named(reading: Reading, solution: Solution) -> Solution:
+def _with_names(reading: Reading, solution: Solution) -> Solution:
     """The infeasible `solution` with the model's names in its contradiction and its message."""
     if solution.contradiction is None:
         return solution

@@ -161,7 +161,7 @@ def load_solution(
         raise FileError(f"{path}: holds no problem, as psi or f was Python code; give it: load_solution(path, problem)")
     stored = problem_of(fields, dict.fromkeys(fields, path)) if data is None else data
     about = _as_json(f"{path}: field about", text_of(path, fields, "about"))
-    return _judged(path, about if isinstance(about, dict) else {}, stored, fields, limits)
+    return _judge_answer(path, about if isinstance(about, dict) else {}, stored, fields, limits)
 
 
 def read_start(path: Path, n: int) -> Vector:
@@ -194,7 +194,7 @@ def _known(path: Path, about: dict[str, Any], name: str, expected: str) -> Any:
     raise FileError(f"{path}: field about has {name} = {value!r:.80}; {expected} was expected")
 
 
-def _judged(
+def _judge_answer(
     path: Path, about: dict[str, Any], problem: ProblemData, fields: dict[str, Any], limits: Limits
 ) -> Solution:
     """The solution of `problem` in the `fields` of a file, as far as it holds. Raises FileError."""

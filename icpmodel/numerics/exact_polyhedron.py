@@ -135,7 +135,7 @@ def _maximise(tableau: Rationals, basis: list[int], cost: Rational, columns: int
     while True:
         prices = [cost[label] for label in basis]
         used = [(price, row) for price, row in zip(prices, tableau, strict=True) if price]
-        entering = next((j for j in range(columns) if _reduced(cost[j], used, j) > 0), None)
+        entering = next((j for j in range(columns) if _reduced_cost(cost[j], used, j) > 0), None)
         if entering is None:
             return sum((price * row[-1] for price, row in used), Fraction(0))
         ratios = [
@@ -148,5 +148,5 @@ def _maximise(tableau: Rationals, basis: list[int], cost: Rational, columns: int
         basis[leaving] = entering
 
 
-def _reduced(cost: Fraction, used: Sequence[tuple[Fraction, Rational]], column: int) -> Fraction:
+def _reduced_cost(cost: Fraction, used: Sequence[tuple[Fraction, Rational]], column: int) -> Fraction:
     return cost - sum((price * row[column] for price, row in used), Fraction(0))

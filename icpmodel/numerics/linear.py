@@ -166,7 +166,7 @@ def _perturbed_factors(M: sp.csr_array, analysis: SymbolicAnalysis) -> Solver:
 
     @cache
     def exchanged() -> Solver:
-        return _refined(M, units, perturbed(_PERTURBATION * diagonal, False)[1])
+        return _with_refinement(M, units, perturbed(_PERTURBATION * diagonal, False)[1])
 
     shift = _PIVOT_SHIFT * units
     small = np.abs(diagonal) < shift
@@ -174,7 +174,7 @@ def _perturbed_factors(M: sp.csr_array, analysis: SymbolicAnalysis) -> Solver:
     if (analysis.signs is None and not small.any()) or units.min() < _PIVOT_SHIFT * units.max():
         return exchanged()
     near, by_near = perturbed(np.where(small, np.copysign(shift, diagonal), _PERTURBATION * diagonal), True)
-    refined = _refined(M, units, by_near)
+    refined = _with_refinement(M, units, by_near)
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
         x = refined(f, tolerance, transposed)
@@ -187,7 +187,7 @@ def _perturbed_factors(M: sp.csr_array, analysis: SymbolicAnalysis) -> Solver:
     return solve
 
 
-def _refined(M: sp.csr_array, units: Vector, by_factors: Solver) -> Solver:
+def _with_refinement(M: sp.csr_array, units: Vector, by_factors: Solver) -> Solver:
     """The solver by the factors of a matrix near M, and refinement.
 
     Refinement removes the effect of what is added to M and of small pivots. Returns None where its

@@ -79,7 +79,7 @@ class Sections:
         self.sections = dict(sections)
 
     def __str__(self) -> str:
-        parts = ["\n".join([title, *map(_indented, text.splitlines())]) for title, text in self.sections.items()]
+        parts = ["\n".join([title, *map(_indent, text.splitlines())]) for title, text in self.sections.items()]
         return "\n\n".join(parts)
 
     def to_html(self) -> str:
@@ -92,7 +92,7 @@ def inner_width() -> int:
     return min(width(_MAX_PAGE_WIDTH), _MAX_PAGE_WIDTH) - 2
 
 
-def _indented(line: str) -> str:
+def _indent(line: str) -> str:
     if len(line) <= inner_width():  # a line of a table keeps its columns
         return f"  {line}"
     return textwrap.fill(line, inner_width() + 2, initial_indent="  ", subsequent_indent="    ")

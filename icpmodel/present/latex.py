@@ -20,20 +20,20 @@ _ESCAPED = str.maketrans(
 def as_latex(title: str, heads: tuple[str, ...], cells: list[list[str]], numbers: list[bool]) -> str:
     """The table as a float; `numbers` says which columns have no texts."""
     rows = [[_cell(cell, number) for cell, number in zip(row, numbers, strict=True)] for row in cells]
-    lines = [r"\begin{table}", r"\centering", *([rf"\caption{{{_escaped(title)}}}"] if title else [])]
+    lines = [r"\begin{table}", r"\centering", *([rf"\caption{{{_escape(title)}}}"] if title else [])]
     lines += [rf"\begin{{tabular}}{{{''.join('r' if number else 'l' for number in numbers)}}}", r"\toprule"]
-    lines += [" & ".join(map(_escaped, heads)) + r" \\", r"\midrule", *(" & ".join(row) + r" \\" for row in rows)]
+    lines += [" & ".join(map(_escape, heads)) + r" \\", r"\midrule", *(" & ".join(row) + r" \\" for row in rows)]
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", r"\end{table}", ""])
 
 
-def _escaped(text: str) -> str:
+def _escape(text: str) -> str:
     return text.translate(_ESCAPED)
 
 
 def _cell(text: str, is_number: bool) -> str:
     """A number of any size and sign as formula, what is not known as a dash."""
     if not is_number or text == "-":
-        return "--" if text == "-" else _escaped(text)
+        return "--" if text == "-" else _escape(text)
     digits, _, exponent = text.partition("e")
     if exponent:
         return rf"${digits} \times 10^{{{int(exponent)}}}$"

@@ -64,12 +64,12 @@ class Facts:
         the bracket is halved. The iteration ends at rounding accuracy, or where nothing moves. c_i
         = −inf where ψ_i is. Raises MapError where ψ fails.
         """
-        return self._fixed(self.psi, -np.inf)
+        return self._fixed_obstacle(self.psi, -np.inf)
 
     @cached_property
     def upper_obstacle(self) -> Vector | None:
         """The same of the upper obstacle, None where there is none."""
-        return None if self.psi.upper is None else self._fixed(self.psi.upper, np.inf)
+        return None if self.psi.upper is None else self._fixed_obstacle(self.psi.upper, np.inf)
 
     @cached_property
     def crossed(self) -> int | None:
@@ -84,7 +84,7 @@ class Facts:
             gap = self.obstacle - above - _MAX_CROSSING * (np.abs(self.obstacle) + np.abs(above))
         return int(np.nanargmax(gap)) if (gap > 0.0).any() else None
 
-    def _fixed(self, psi: Map, none: float) -> Vector:
+    def _fixed_obstacle(self, psi: Map, none: float) -> Vector:
         n = self.matrix.n
         if psi.is_constant or (psi.linear is not None and not psi.linear[0].nnz):
             return psi.value(np.zeros(n))

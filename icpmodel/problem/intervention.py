@@ -58,7 +58,7 @@ class Intervention(Map):
             raise InputError(f'best is {best!r}; "max" or "min" was expected')
         self.best = best
         self.fun = jumps if callable(jumps) else None
-        self.jumps = None if callable(jumps) else _checked(jumps)
+        self.jumps = None if callable(jumps) else _check_jumps(jumps)
         self.calls_user_code = self.jumps is None
         if self.jumps is not None:
             ones = np.ones(self.jumps.nnz)
@@ -128,14 +128,14 @@ class Intervention(Map):
         value, target = self.best_jump(z)
         if self.jumps is None:  # a function does not say which jump is second best
             return target >= 0
-        return np.bincount(row_of(self.jumps)[self._tied(value, z, delta)], minlength=z.size) > 1
+        return np.bincount(row_of(self.jumps)[self._tied_rows(value, z, delta)], minlength=z.size) > 1
 
     def directional_derivative(self, z: Vector, delta: Vector, change: Any, name: str) -> Map | None:
         value = self.best_jump(z)[0]
         jumps = self.jumps
         if jumps is None or not self.nonsmooth_rows(z, delta).any():
             return None
-        tied = self._tied(value, z, delta)
+        tied = self._tied_rows(value, z, delta)
         rows = row_of(jumps)[tied]
         columns = jumps.indices[tied]
         if sp.issparse(change):
@@ -144,7 +144,7 @@ class Intervention(Map):
             gains = super().data_change(z, change, name)[1][rows]
         return Intervention(sp.csr_array((gains, (rows, columns)), shape=jumps.shape), self.best)
 
-    def _tied(self, value: Vector, z: Vector, delta: Vector) -> Mask:
+    def _tied_rows(self, value: Vector, z: Vector, delta: Vector) -> Mask:
         """The jumps that may be the best one at an x with |x − z| ≤ `delta`, where ψ(z) is `value`."""
         jumps = self.jumps
         assert jumps is not None
@@ -238,7 +238,7 @@ class Intervention(Map):
         return f"Intervention({source}, {self.best})"
 
 
-def _checked(jumps: Any) -> sp.csr_array:
+def _check_jumps(jumps: Any) -> sp.csr_array:
     if not sp.issparse(jumps):
         raise InputError(
             f"jumps is {described(jumps)}; a SciPy sparse matrix (its stored entries are the possible jumps) or "

@@ -397,7 +397,7 @@ class ComposedMap(Map):
 
     def jacobian(self, z: Vector) -> sp.csr_array | None:
         J = self.psi.jacobian(self._inner(z))
-        return None if J is None else self._chained(J, self.P, self.factor)
+        return None if J is None else self._chain_rule(J, self.P, self.factor)
 
     def no_derivative(self) -> str | None:
         return self.psi.no_derivative()
@@ -405,9 +405,9 @@ class ComposedMap(Map):
     @cached_property
     def lipschitz(self) -> sp.csr_array | None:  # type: ignore[override]
         G = self.psi.lipschitz
-        return None if G is None else self._chained(G, abs(self.P), np.abs(self.factor))
+        return None if G is None else self._chain_rule(G, abs(self.P), np.abs(self.factor))
 
-    def _chained(self, matrix: sp.csr_array, P: Any, factor: Any) -> sp.csr_array:
+    def _chain_rule(self, matrix: sp.csr_array, P: Any, factor: Any) -> sp.csr_array:
         matrix = matrix[self.rows] @ P if sp.issparse(P) else matrix[self.rows] * P
         return sp.csr_array(sp.diags_array(np.broadcast_to(factor, matrix.shape[:1])) @ matrix)
 

@@ -255,7 +255,7 @@ def _one_side(value: Any, n: int, name: str, none: float) -> Map:
         raise InputError(f"{name} has two sides; one obstacle was expected")
     if isinstance(value, Map):
         bound = value.bind(n) if none < 0 else value.bind(n).as_upper()
-        return bound if (c := getattr(bound, "c", None)) is None else _checked(bound, c, f"{name}.c", none)
+        return bound if (c := getattr(bound, "c", None)) is None else _check_bound(bound, c, f"{name}.c", none)
     if callable(value) and not isinstance(value, type):
         return Function(value).bind(n)
     if isinstance(value, str | type) or value is None:
@@ -263,10 +263,10 @@ def _one_side(value: Any, n: int, name: str, none: float) -> Map:
         raise InputError(f"{name} is {described(value)}; {expected} was expected")
     vector = as_vector(value, n, name, infinite=none)
     bound = Constant(vector).bind(n)
-    return bound if none < 0.0 else _checked(bound, vector, name, none)  # both infinities pass there
+    return bound if none < 0.0 else _check_bound(bound, vector, name, none)  # both infinities pass there
 
 
-def _checked(bound: Map, c: Vector, name: str, none: float) -> Map:
+def _check_bound(bound: Map, c: Vector, name: str, none: float) -> Map:
     """`bound`, whose `c` may be infinite as `none` is."""
     if (invalid := c == -none).any():
         i = int(np.argmax(invalid))

@@ -59,8 +59,8 @@ def radiating_membrane(n: int = 900, kappa: float = 10.0) -> Scene:
     u = 1.0 + np.sin(np.pi * xy).prod(axis=1)
     beyond = ((xy - 0.5) ** 2).sum(axis=1) - 1.0 / 16.0
     A = five_point(m)
-    f = Elementwise(partial(_radiated, strength), partial(_radiated_slope, strength), slope_range=(0.0, np.inf))
-    q = h2 * np.maximum(-16.0 * beyond, 0.0) - A @ u - _radiated(strength, u)
+    f = Elementwise(partial(_radiation, strength), partial(_radiation_slope, strength), slope_range=(0.0, np.inf))
+    q = h2 * np.maximum(-16.0 * beyond, 0.0) - A @ u - _radiation(strength, u)
     return Scene(
         problem=ICP(A, q, u - np.maximum(beyond, 0.0), f=f),
         models="A plate that loses heat by radiation, kept above a temperature by a heater below.",
@@ -71,11 +71,11 @@ def radiating_membrane(n: int = 900, kappa: float = 10.0) -> Scene:
     )
 
 
-def _radiated(strength: float, z: Vector) -> Vector:
+def _radiation(strength: float, z: Vector) -> Vector:
     return strength * np.abs(z) * z * (z * z)
 
 
-def _radiated_slope(strength: float, z: Vector) -> Vector:
+def _radiation_slope(strength: float, z: Vector) -> Vector:
     return 4.0 * strength * np.abs(z) * (z * z)
 
 
@@ -113,7 +113,7 @@ def bratu(n: int = 100, heat: float = 1.0) -> Scene:
     tops = [top for top in _free_tops(heat) if top < CEILING]
     tops += [CEILING] * (_half_width(CEILING, heat) < 0.5)
     steepest = heat * h2 * np.exp(CEILING)
-    f = Elementwise(partial(_heated, heat * h2), partial(_heated_slope, heat * h2), slope_range=(-steepest, 0.0))
+    f = Elementwise(partial(_heating, heat * h2), partial(_heating_slope, heat * h2), slope_range=(-steepest, 0.0))
     return Scene(
         problem=ICP(rows_of(n, 0, n, {-1: -1.0, 0: 2.0, 1: -1.0}), np.zeros(n), -np.inf, CEILING, f=f),
         models="The temperature of a reaction that heats itself, in a slab with cold sides, up to a ceiling.",
@@ -128,12 +128,12 @@ def _from_tops(tops: list[float], z: Vector) -> float:
     return min(abs(float(z.max()) - top) for top in tops)
 
 
-def _heated(strength: float, z: Vector) -> Vector:
+def _heating(strength: float, z: Vector) -> Vector:
     return -strength * np.exp(np.minimum(z, CEILING))
 
 
-def _heated_slope(strength: float, z: Vector) -> Vector:
-    return np.where(z > CEILING, 0.0, _heated(strength, z))
+def _heating_slope(strength: float, z: Vector) -> Vector:
+    return np.where(z > CEILING, 0.0, _heating(strength, z))
 
 
 def _half_width(top: float, heat: float) -> float:

@@ -198,7 +198,7 @@ class Job:
     def __str__(self) -> str:
         """The method and its progress: 40 steps (300 expected)."""
         estimate = self.choice.estimate
-        expected = "" if estimate is None else f" ({_counted(estimate.steps)} expected)"
+        expected = "" if estimate is None else f" ({_count_text(estimate.steps)} expected)"
         return f"{self.method!r}, {self.steps} step{'' if self.steps == 1 else 's'}{expected}"
 
 
@@ -253,7 +253,7 @@ class Ladder:
         self.is_paused = False
         if first is not None:
             self.rungs.pop(0)
-            for job in self._estimated([first]):
+            for job in self._estimate_jobs([first]):
                 self._begin_early(job, job.remaining)
 
     @property
@@ -266,7 +266,7 @@ class Ladder:
     def cost_of_iterations(self) -> float:
         """The least that methods without factors are expected to cost, in nanoseconds."""
         methods = [self._accelerated(), Multilevel()]
-        return min((job.remaining for job in self._estimated(methods)), default=math.inf)
+        return min((job.remaining for job in self._estimate_jobs(methods)), default=math.inf)
 
     def _accelerated(self) -> Accelerated:
         return Accelerated(of=PSOR(omega=relaxation(self.problem)))
@@ -291,7 +291,7 @@ class Ladder:
                 rung.remove(job)
                 self.jobs += rung[:1]
 
-    def _estimated(self, methods: Iterable[Method]) -> list[Job]:
+    def _estimate_jobs(self, methods: Iterable[Method]) -> list[Job]:
         """Those of the `methods` that can start and fit into memory, the cheapest first."""
         jobs = []
         for method in methods:
@@ -303,7 +303,7 @@ class Ladder:
                 _LOG.debug("n = %d: %r is left out: %s", self.problem.n, method, why_not or "memory_limit")
                 continue
             products = estimate.total / self.problem.matrix.product_cost
-            why = f"{_counted(estimate.steps)} steps are expected, as much work as {products:.3g} products with A"
+            why = f"{_count_text(estimate.steps)} steps are expected, as much work as {products:.3g} products with A"
             _LOG.debug("n = %d: %r: %s", self.problem.n, method, why)
             jobs.append(Job(Choice(method, why, estimate)))
         return sorted(jobs, key=lambda job: job.remaining)
@@ -340,7 +340,7 @@ class Ladder:
 
     def _add_accelerated(self) -> None:
         self.floor = least_cost(self.problem.facts, self.family)
-        if jobs := self._estimated([MNMAOR(theta1=AUTO) if self.family == "paper" else self._accelerated()]):
+        if jobs := self._estimate_jobs([MNMAOR(theta1=AUTO) if self.family == "paper" else self._accelerated()]):
             self.jobs = [*jobs, *(job for job in self.jobs if job not in self.sweeps)]
             self.sweeps = jobs
             self._try_sweeps(self.floor)
@@ -374,7 +374,7 @@ class Ladder:
             sweeps = estimate_of(self._accelerated(), problem.facts, self.target_reduction)
             shortest = math.inf if is_first else 2.0 * _ACCELERATED_SWEEPS * sweeps.step / _TRIAL_SHARE
             least = min(least, sweeps.total, shortest) if problem.matrix.coupled_radius < 1.0 else 0.0
-        for job in self._estimated([Multilevel()]):
+        for job in self._estimate_jobs([Multilevel()]):
             if is_first:
                 saved_cost = hierarchy_cost(problem.n, problem.nnz)
                 job.remaining -= saved_cost
@@ -397,13 +397,13 @@ class Ladder:
             proximal = [Proximal(), Interior()]
         if self.family is None:
             newton.append(Lemke())
-        self.others = [self._estimated(newton), *([job] for job in self._estimated(proximal))]
+        self.others = [self._estimate_jobs(newton), *([job] for job in self._estimate_jobs(proximal))]
         began = [rung[0] for rung in self.others if rung]
         self.jobs += began
         self._try_sweeps(min((job.remaining for job in began), default=math.inf))
 
     def _add_remaining(self) -> None:
-        self.jobs += self._estimated([MNMGS()] if self.family == "paper" else [MNMGS(), MNMMOD(theta1=AUTO)])
+        self.jobs += self._estimate_jobs([MNMGS()] if self.family == "paper" else [MNMGS(), MNMMOD(theta1=AUTO)])
 
 
 class MethodSequence:
@@ -429,5 +429,5 @@ class MethodSequence:
         self.jobs.remove(job)
 
 
-def _counted(steps: float) -> str:
+def _count_text(steps: float) -> str:
     return f"{max(round(steps), 1)}" if math.isfinite(steps) else "endless"

@@ -161,7 +161,7 @@ def _interior(facts: Facts) -> Estimate:
     return Estimate(step, step, 3.0 + 1.5 * math.log2(max(facts.bounded, 1)), 24.0 * costs.fill.entries)
 
 
-def _factorised(facts: Facts, target_reduction: float) -> Estimate:
+def _factorised_cost(facts: Facts, target_reduction: float) -> Estimate:
     # with θ₁ = √(λ_min λ_max) a step leaves (√κ − 1)/(√κ + 1), where A is symmetric, and κ = (1 + ρ)/(1 − ρ)
     matrix = facts.matrix
     radius = min(matrix.coupled_radius, 1.0 - 1e-6)
@@ -183,7 +183,7 @@ _ESTIMATES: dict[type[Method], Callable[[Facts], Estimate]] = {
 def estimate(method: Method, facts: Facts, target_reduction: float) -> Estimate:
     """What `method` is expected to cost until the residual is the share `target_reduction` of the first one."""
     if isinstance(method, MNMMOD):
-        return _factorised(facts, target_reduction)
+        return _factorised_cost(facts, target_reduction)
     if isinstance(method, Multilevel):
         return _multilevel(facts, target_reduction)
     known = _ESTIMATES.get(type(method))

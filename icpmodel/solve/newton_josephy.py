@@ -167,7 +167,7 @@ class _Search:
             return secant_problem(self.problem, z)[0]
         return self.problem.linearised(z)
 
-    def _solved(self, linear: ProblemData, z: Vector, tolerance: float) -> Vector | None:
+    def _solve_tangent(self, linear: ProblemData, z: Vector, tolerance: float) -> Vector | None:
         """A solution of the `linear` problem to the `tolerance`, from `z`; None where there is none to be found."""
         start_residual = linear.residual(z)
         share = min(tolerance / start_residual, _MAX_FORCING) if start_residual > 0.0 else _MAX_FORCING
@@ -204,7 +204,7 @@ class _Search:
         z = self.current.z
         share = min(max(self.current.theta / self.path.start_theta, _MIN_FORCING), _MAX_FORCING)
         tolerance = share * linear.residual(z)
-        to = self._solved(linear, z, tolerance)
+        to = self._solve_tangent(linear, z, tolerance)
         if to is None:
             return None
         pattern = pattern_at(linear, to)
@@ -231,7 +231,7 @@ class _Search:
         yield 1.0 - _ARMIJO, new
         if new is not None:
             q = linear.q + new.p + W * step - linear.p(z)
-            again = self._solved(linear.with_q(q), z, tolerance) if np.isfinite(q).all() else None
+            again = self._solve_tangent(linear.with_q(q), z, tolerance) if np.isfinite(q).all() else None
             yield _SECOND_STEP_LENGTH, None if again is None else self.path.point(again)
         for k in range(1, _MAX_HALVINGS):
             yield 1.0 - _ARMIJO * 0.5**k, self.path.point(self.current.z + 0.5**k * step)

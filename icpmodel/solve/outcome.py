@@ -102,9 +102,9 @@ def _status_and_note(run: Run, best: BestIterate, limits: Limits) -> tuple[Statu
     elif status in _STALLED and _passes_by_rounding(run, best.z):
         status = Status.PRECISION_LIMIT
         note = "the residual of this z is small enough only as rounded in float64"
-    if status not in (Status.SOLVED, Status.INTERRUPTED, Status.STOPPED) and (crossed := _crossed(run.problem, best.z)):
+    if status not in (Status.SOLVED, Status.INTERRUPTED, Status.STOPPED) and (gap := _crossing(run.problem, best.z)):
         status = Status.CROSSED
-        note = crossed
+        note = gap
     may_contradict = run.problem.f is None and status in (*_STALLED, Status.INFEASIBLE)
     conflict = contradiction(run.problem) if may_contradict else None
     if conflict is None:
@@ -139,7 +139,7 @@ def _message(run: Run, best: BestIterate, status: Status, note: str) -> str:
     return f"{last.method!r} {status.value}: {note}. {residual}. Advice: {advice}"
 
 
-def _crossed(problem: ProblemData, z: Vector) -> str:
+def _crossing(problem: ProblemData, z: Vector) -> str:
     """In which row ψ > ψ̄ at `z`, beyond rounding; empty where there is none."""
     with contextlib.suppress(MapError):
         below = problem.r(z)

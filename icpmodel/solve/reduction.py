@@ -126,7 +126,7 @@ class _Parts:
         try:
             rest: Blocks | None = None
             if isinstance(partition, SchurComplement):
-                yield from self._eliminated(partition)
+                yield from self._solve_complement(partition)
             else:
                 rest = partition
             while rest is not None and not run.is_over:
@@ -178,7 +178,7 @@ class _Parts:
         unsolved = partition.after & ~solved
         return partition.with_core(unsolved) if unsolved.any() else None
 
-    def _eliminated(self, complement: SchurComplement) -> Iterator[None]:
+    def _solve_complement(self, complement: SchurComplement) -> Iterator[None]:
         """Solve the rows with an obstacle, then the equations; do nothing if the factors of these are inaccurate."""
         problem = self.problem
         equations = problem.matrix.row_weights.copy()

@@ -95,7 +95,7 @@ def relaxation(points: int, one: ProblemData) -> Plane:
     """θ₁ and θ₂ of MNMAOR on `one`, θ₂ beyond θ₁: the fewest steps are where θ₂ is two or three θ₁."""
     theta1 = Axis("theta1", "relaxation θ₁", np.linspace(0.1, _LARGEST[0], points))
     theta2 = Axis("theta2", "acceleration θ₂", np.linspace(0.0, _LARGEST[1], points))
-    return Plane(f"MNMAOR on {title(one)}", theta1, theta2, partial(_relaxed, one), default=(1.0, 1.0))
+    return Plane(f"MNMAOR on {title(one)}", theta1, theta2, partial(_with_relaxation, one), default=(1.0, 1.0))
 
 
 def _shift(points: int, one: ProblemData) -> Plane:
@@ -105,21 +105,21 @@ def _shift(points: int, one: ProblemData) -> Plane:
         raise InputError(f"problem has A[{i}, {i}] = {D[i]:g}; the plane shift needs a positive diagonal")
     phi = Axis("phi / D", "shift φ / D", np.linspace(-1.0, 3.0, points))
     omega = Axis("Omega / D", "weight of the modulus Ω / D", np.geomspace(0.05, 20.0, points), log=True)
-    return Plane(f"MNMGS on {title(one)}", phi, omega, partial(_shifted, one, D), default=(0.0, 1.0))
+    return Plane(f"MNMGS on {title(one)}", phi, omega, partial(_with_shift, one, D), default=(0.0, 1.0))
 
 
 def _coupling(points: int, n: int, sweep: Method) -> Plane:
     mu = Axis("mu", "shift μ of the diagonal (A = 5-point matrix + μI)", np.geomspace(0.01, 10.0, points), log=True)
     norm = Axis("norm of G", "‖G‖∞ of ψ(z) = Gz + c", np.linspace(0.0, 2.0, points))
     about = f"{_name(sweep)}: dominance against coupling of the obstacle"
-    return Plane(about, mu, norm, partial(_coupled, n, sweep))
+    return Plane(about, mu, norm, partial(_with_coupling, n, sweep))
 
 
 def _transport(points: int, n: int, sweep: Method) -> Plane:
     skew = Axis("skew", "skewness s (neighbours −1 − s and −1 + s)", np.linspace(0.0, 6.0, points))
     mu = Axis("mu", "shift μ of the diagonal", np.geomspace(0.01, 30.0, points), log=True)
     about = f"{_name(sweep)}: transport against dominance"
-    return Plane(about, skew, mu, partial(_carried, n, sweep))
+    return Plane(about, skew, mu, partial(_with_transport, n, sweep))
 
 
 def _units(points: int, n: int, sweep: Method) -> Plane:
@@ -137,19 +137,19 @@ def _name(sweep: Method) -> str:
 # functions of the file, as what is public can be sent to another process
 
 
-def _relaxed(one: ProblemData, x: float, y: float) -> tuple[ProblemData, Method]:
+def _with_relaxation(one: ProblemData, x: float, y: float) -> tuple[ProblemData, Method]:
     return one, MNMAOR(theta1=x, theta2=y)
 
 
-def _shifted(one: ProblemData, D: Vector, x: float, y: float) -> tuple[ProblemData, Method]:
+def _with_shift(one: ProblemData, D: Vector, x: float, y: float) -> tuple[ProblemData, Method]:
     return one, MNMGS(phi=x * D, phi2=y * D)
 
 
-def _coupled(n: int, sweep: Method, x: float, y: float) -> tuple[ProblemData, Method]:
+def _with_coupling(n: int, sweep: Method, x: float, y: float) -> tuple[ProblemData, Method]:
     return _grid(five_point(side(n), x), y), sweep
 
 
-def _carried(n: int, sweep: Method, x: float, y: float) -> tuple[ProblemData, Method]:
+def _with_transport(n: int, sweep: Method, x: float, y: float) -> tuple[ProblemData, Method]:
     return _grid(five_point(side(n), y, x), 0.5), sweep
 
 

@@ -84,8 +84,8 @@ class SolutionSet(ReadOnly, Displayable):
         return len(self.points) + len(self.faces)
 
     def __str__(self) -> str:
-        isolated = _counted(len(self.points), "isolated solution")
-        faces = _counted(len(self.faces), "face")
+        isolated = _count_text(len(self.points), "isolated solution")
+        faces = _count_text(len(self.faces), "face")
         examined = "all" if self.complete else "the time limit came before all"
         rows = [f"{isolated} and {faces} of solutions; {examined} {self.pieces} linear pieces were examined"]
         rows += [f"z = {listed(point)}" for point in self.points]
@@ -95,7 +95,7 @@ class SolutionSet(ReadOnly, Displayable):
         return "\n".join(rows)
 
 
-def _counted(count: int, noun: str) -> str:
+def _count_text(count: int, noun: str) -> str:
     return f"{count or 'no'} {noun}" + ("" if count == 1 else "s")
 
 
@@ -113,7 +113,7 @@ class _ExactSolutions:
 
     def rounded(self) -> Face:
         """The same in floats."""
-        return Face(_rounded(self.point), np.array([_rounded(direction) for direction in self.directions]))
+        return Face(_round_exact(self.point), np.array([_round_exact(direction) for direction in self.directions]))
 
 
 class ExactRows:
@@ -201,7 +201,7 @@ class ExactRows:
         ) and all(_dot(row, solutions.point) + row[n] >= 0 for row in self.inequalities(sides))
 
 
-def _rounded(x: Rational) -> Vector:
+def _round_exact(x: Rational) -> Vector:
     return np.array([nearest(entry) for entry in x])
 
 
@@ -275,7 +275,7 @@ def all_solutions(problem: ProblemLike, *, time_limit: float | None = None) -> S
         except OutOfTime:
             complete = False
     distinct = _distinct(exact, candidates)
-    points = sorted(_rounded(one.point).tolist() for one in distinct if not one.directions)
+    points = sorted(_round_exact(one.point).tolist() for one in distinct if not one.directions)
     faces = tuple(one.rounded() for one in distinct if one.directions)
     return SolutionSet(np.array(points).reshape(-1, problem.n), faces, int(count), complete)
 

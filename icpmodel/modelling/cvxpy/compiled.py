@@ -28,7 +28,7 @@ class CompiledExpressions:
 
     def __init__(self, sides: Sequence[cp.Expression]) -> None:
         self.sides, self.atoms = list(sides), dict[cp.Variable, cp.Expression]()
-        parts = [_separated(side, self.atoms) for side in sides]
+        parts = [_separate_atoms(side, self.atoms) for side in sides]
         # CVXPY would add rows for what it knows of a variable
         bound = unique(x for part in parts for x in part.variables() if any(x.attributes.values()))
         self._plain = {x: cp.Variable(x.shape, name=x.name()) for x in bound}
@@ -70,7 +70,7 @@ class CompiledExpressions:
         return AffineRows(Z, W, constant)
 
 
-def _separated(expression: cp.Expression, atoms: dict[cp.Variable, cp.Expression]) -> cp.Expression:
+def _separate_atoms(expression: cp.Expression, atoms: dict[cp.Variable, cp.Expression]) -> cp.Expression:
     """`expression` with a new variable for each largest part that is not affine; these go into `atoms`. CVXPY's
     compiler adds variables and rows for `cumsum`, which is therefore written as a product."""
     if expression.is_affine() and cp.cumsum not in expression.atoms():
@@ -79,10 +79,10 @@ def _separated(expression: cp.Expression, atoms: dict[cp.Variable, cp.Expression
         return _as_product(expression)
     if isinstance(expression, AffAtom):
         nested: dict[cp.Variable, cp.Expression] = {}
-        inner = expression.copy([_separated(argument, nested) for argument in expression.args])
+        inner = expression.copy([_separate_atoms(argument, nested) for argument in expression.args])
         if inner.is_affine():
             atoms.update(nested)
-            return _separated(inner, {})
+            return _separate_atoms(inner, {})
     stand_in = cp.Variable(expression.shape)
     atoms[stand_in] = expression
     return stand_in
@@ -90,7 +90,7 @@ def _separated(expression: cp.Expression, atoms: dict[cp.Variable, cp.Expression
 
 def _as_product(cumsum: cp.cumsum) -> cp.Expression:
     """Lx with the matrix L of ones below the diagonal, along the axis of the array."""
-    x = _separated(cumsum.args[0], {})
+    x = _separate_atoms(cumsum.args[0], {})
     axis = cumsum.axis
     if not isinstance(axis, int):
         return np.tril(np.ones((x.size, x.size))) @ cp.vec(x, order="C")

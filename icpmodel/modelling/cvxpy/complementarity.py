@@ -93,12 +93,12 @@ class Complementarity(Displayable, cp.Constraint):
         return self.p
 
     @property
-    def _refused(self) -> Any:
+    def _refuse(self) -> Any:
         """What CVXPY asks of a constraint of its own problems. Raises InputError."""
         advice = "icpmodel.Problem([complements(p, r), ...]).solve() solves it, without an objective"
         raise InputError(f"{self} is no constraint of cvxpy.Problem: {advice}")
 
-    args = is_dcp = is_dgp = is_dpp = residual = _refused
+    args = is_dcp = is_dgp = is_dpp = residual = _refuse
 
     def __str__(self) -> str:
         return repr(self)

@@ -115,7 +115,7 @@ class Problem(Displayable):
     def __init__(self, constraints: Any, *others: Any) -> None:
         if others:
             raise InputError("a complementarity problem has no objective: give the list of constraints alone")
-        self._constraints = _listed(constraints)
+        self._constraints = _list_constraints(constraints)
         self._conditions = [one for one in self._constraints if isinstance(one, Complementarity)]
         self._equations = [one for one in self._constraints if isinstance(one, _EQUATIONS)]
         self._inequalities = [one for one in self._constraints if isinstance(one, _INEQUALITIES)]
@@ -501,7 +501,7 @@ def _description(constraint: Any) -> str:
     return repr(constraint) if isinstance(constraint, Complementarity) else named(constraint)
 
 
-def _listed(constraints: Any) -> list[Any]:
+def _list_constraints(constraints: Any) -> list[Any]:
     """`constraints` as a list, each of a kind that is allowed. Raises InputError."""
     expected = "complements(p, r), equations a == b and inequalities a <= b"
     known = (Complementarity, *_EQUATIONS, *_INEQUALITIES)

@@ -46,7 +46,7 @@ class ParameterDerivative:
 
     def backward(self) -> None:
         """The gradient of z̄ᵀz into each parameter's `gradient`, z̄ being the variables' `gradient`, by default 1."""
-        zbar = [_filled(x, "gradient", 1.0).ravel(order="F") for x in self._variables]
+        zbar = [_fill(x, "gradient", 1.0).ravel(order="F") for x in self._variables]
         further = np.zeros(self._solution.z.size - sum(x.size for x in self._variables))
         gradient = self._derivative.adjoint(np.concatenate([*zbar, further]))
         theta = self._p.T @ gradient.q + self._psi.T @ gradient.psi_values
@@ -57,7 +57,7 @@ class ParameterDerivative:
 
     def derivative(self) -> None:
         """How z moves in the direction of the parameters' `delta`, by default 0, into each variable's `delta`."""
-        parts = [_free_entries(one, _filled(one, "delta", 0.0)) for one in self._parameters]
+        parts = [_free_entries(one, _fill(one, "delta", 0.0)) for one in self._parameters]
         delta = np.concatenate([np.zeros(0), *parts])
         upper = None if self._upper is None else self._upper @ delta
         dz = self._derivative.forward(dq=self._p @ delta, dpsi=self._psi @ delta, dupper=upper)
@@ -117,7 +117,7 @@ def _data_parameters(expression: Any) -> Iterator[cp.Parameter]:
             yield from x.parameters()
 
 
-def _filled(leaf: cp.Variable | cp.Parameter, name: str, default: float) -> np.ndarray:
+def _fill(leaf: cp.Variable | cp.Parameter, name: str, default: float) -> np.ndarray:
     """The attribute `name` of `leaf` in its shape; a number stands for all entries. Raises InputError."""
     value = getattr(leaf, name)
     title = f"the {name} of {leaf.name()}"

@@ -52,8 +52,8 @@ def in_order(
     if (sign < 0).any():
         p = p.times(sign)
         r = r.times(sign)
-        lower, upper = _turned(lower or r.constants(m, 0.0), upper or r.constants(m, np.inf), sign)
-    owned_columns, replaced, (p, r, equations, *bounds) = _owned(p, r, equations, lower, upper)
+        lower, upper = _swap_bounds(lower or r.constants(m, 0.0), upper or r.constants(m, np.inf), sign)
+    owned_columns, replaced, (p, r, equations, *bounds) = _match_rows(p, r, equations, lower, upper)
     parts: list[Any] = [p, r, *bounds]
     owners = owned_columns
     n = r.Z.shape[1]
@@ -72,7 +72,7 @@ def in_order(
     return OrderedRows(p, r, lower, upper, owned_columns, sign, replaced)
 
 
-def _owned(
+def _match_rows(
     p: AffineRows, r: AffineRows, equations: AffineRows, *bounds: AffineRows | None
 ) -> tuple[NDArray[np.intp], AffineRows, tuple[Any, ...]]:
     """The entry of z that each row of r owns, the rows of r that own none, and all rows with unknowns for these."""
@@ -113,7 +113,7 @@ def _signs(R: sp.csr_array) -> Vector:
     return np.where(positive | (np.diff(R.indptr) == 0), 1.0, -1.0)
 
 
-def _turned(lower: AffineRows, upper: AffineRows, sign: Vector) -> tuple[AffineRows, AffineRows]:
+def _swap_bounds(lower: AffineRows, upper: AffineRows, sign: Vector) -> tuple[AffineRows, AffineRows]:
     """The bounds of the rows times `sign`: lower and upper change places where it is −1."""
     unchanged = np.maximum(sign, 0.0)
     turned = np.minimum(sign, 0.0)

@@ -139,9 +139,9 @@ def solve_lsq(
     check_limits(tolerance, time_limit)
     B = matrix(B, "B")
     c = as_vector(c, B.shape[0], "c")
-    low, high = _ordered(*bounds(lb, ub, B.shape[1]))
+    low, high = _order_bounds(*bounds(lb, ub, B.shape[1]))
     end = begin + (np.inf if time_limit is None else time_limit)
-    x = _corrected(B, c, np.clip(0.0, low, high), low, high, end)
+    x = _correct_active_set(B, c, np.clip(0.0, low, high), low, high, end)
     violations, is_optimal = _wrong_slopes(B, c, x, low, high, tolerance)
     iterations = 0
     status = "optimal"
@@ -150,7 +150,7 @@ def solve_lsq(
         outcome = solve_program(_conditions(B, c, low, high), tolerance=tolerance, time_limit=time_limit, begin=begin)
         iterations = outcome.iterations
         if outcome.values is not None:
-            x = _corrected(B, c, outcome.values.x[c.size :], low, high, end)
+            x = _correct_active_set(B, c, outcome.values.x[c.size :], low, high, end)
             violations, is_optimal = _wrong_slopes(B, c, x, low, high, tolerance)
     if not is_optimal:
         fails = outcome.status == "optimal"
@@ -188,7 +188,7 @@ def _wrong_slopes(
     return violations, bool((violations <= tolerance * norm(r) * largest_of_columns(B) + abs(B).T @ rounding).all())
 
 
-def _ordered(low: Vector, high: Vector) -> tuple[Vector, Vector]:
+def _order_bounds(low: Vector, high: Vector) -> tuple[Vector, Vector]:
     """Both bounds. Raises InputError where they cross."""
     if (low > high).any():
         i = int(np.argmax(low > high))
@@ -249,7 +249,7 @@ def solve_nnls(B: Any, c: Any, *, tolerance: float = 1e-9, time_limit: float | N
     return solution.x, norm(solution.fun)
 
 
-def _corrected(B: sp.csr_array, c: Vector, x: Vector, low: Vector, high: Vector, end: float) -> Vector:
+def _correct_active_set(B: sp.csr_array, c: Vector, x: Vector, low: Vector, high: Vector, end: float) -> Vector:
     """x after steps by an orthogonal factorisation of the free columns, while they reduce the residual, until `end`."""
     from scipy.linalg import lstsq
 

@@ -146,7 +146,7 @@ class _ProgramRun:
             if method is None and proof is not None:
                 break
             try:
-                solution = self._solved(best.problem, method, z0, best.is_finished)
+                solution = self._solve(best.problem, method, z0, best.is_finished)
             except SingularOperator:
                 continue
             if self.seconds_left() == 0.0:
@@ -171,7 +171,7 @@ class _ProgramRun:
                 status = "user_limit"
         return Outcome(status, message, best.values(), violation=error, iterations=self.iterations, incumbent=best)
 
-    def _solved(
+    def _solve(
         self, problem: ICP, method: str | None = None, z0: Vector | None = None, callback: Any = None, rtol: float = 0.0
     ) -> Solution:
         solution = problem.solve(
@@ -188,7 +188,7 @@ class _ProgramRun:
             y = np.array([float(weight) for weight in solution.infeasible.witness])
         else:
             nearest, signed = least_violation(problem)
-            least = self._solved(ICP(nearest.A, nearest.q, nearest.psi), rtol=1e-10).polish()
+            least = self._solve(ICP(nearest.A, nearest.q, nearest.psi), rtol=1e-10).polish()
             y = np.zeros(problem.n)
             y[signed] = least.z[problem.n :]
         rows = np.arange(problem.n) >= self.program.g.size

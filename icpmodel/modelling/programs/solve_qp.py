@@ -217,7 +217,7 @@ def solve_qp(
     begin = time.perf_counter()
     program = read(P, q, G, h, A, b, lb, ub, ("P", "q"))
     check_convex(program)
-    return _solved(program, initvals, tolerance, time_limit, raise_on_failure, begin)
+    return _solve(program, initvals, tolerance, time_limit, raise_on_failure, begin)
 
 
 @public_entry
@@ -283,10 +283,10 @@ def solve_avi(
     """
     begin = time.perf_counter()
     program = read(H, g, G, h, A, b, lb, ub, ("H", "g"))
-    return _solved(program, initvals, tolerance, time_limit, raise_on_failure, begin)
+    return _solve(program, initvals, tolerance, time_limit, raise_on_failure, begin)
 
 
-def _solved(
+def _solve(
     program: Program, initvals: Any, tolerance: Any, time_limit: Any, raise_on_failure: Any, begin: float
 ) -> ProgramSolution:
     as_truth(raise_on_failure, "raise_on_failure")

@@ -47,7 +47,7 @@ class Ownership:
         self.variables = rows.variables()
         self.flat = rows.nonlinear()
         self._column = {id(variable): k for k, variable in enumerate(self.variables)}
-        both = self._stacked([*rows.sides[0], *rows.sides[1]])
+        both = self._stack_sides([*rows.sides[0], *rows.sides[1]])
         self._nonlinear = (np.diff(both.W.indptr) > 0).reshape(2, -1)
         # a nonlinear equation has an obstacle, and p = 1
         self.free = np.array(rows.equation, dtype=bool) & ~self._nonlinear[1]
@@ -62,18 +62,18 @@ class Ownership:
         in_r = r.Z.diagonal()
         coefficient = np.where(in_r == 0, p.Z.diagonal(), in_r)
         self.signs = np.where(~self.free & (coefficient < 0), -1.0, 1.0)
-        self.p = self._signed(p)
-        self.r = self._signed(r)
+        self.p = self._apply_signs(p)
+        self.r = self._apply_signs(r)
 
     def in_z(self, sides: Sequence[Side]) -> AffineRows:
         """The affine parts of `sides` in z."""
-        rows = self._stacked(sides)
-        return self._signed(rows._replace(Z=rows.Z[:, self.owned_columns]))
+        rows = self._stack_sides(sides)
+        return self._apply_signs(rows._replace(Z=rows.Z[:, self.owned_columns]))
 
-    def _signed(self, rows: AffineRows) -> AffineRows:
+    def _apply_signs(self, rows: AffineRows) -> AffineRows:
         return rows._replace(Z=sp.csr_array(rows.Z @ sp.diags_array(self.signs)))
 
-    def _stacked(self, sides: Sequence[Side]) -> AffineRows:
+    def _stack_sides(self, sides: Sequence[Side]) -> AffineRows:
         """`sides` in the variables, W having one column for each of `flat`."""
         counts = [len(linear) for _, linear, _ in sides]
         columns = [self._column[key] for _, linear, _ in sides for key in linear]
@@ -111,7 +111,7 @@ class Ownership:
             conditions, unowned = left_over(row, col, (m, n))
             left = ("condition", self.variables, unowned), ("free variable", owners, conditions)
             parts = [
-                f"no {what} is left for {_listed([some[k].name for k in ks])}" for what, some, ks in left if ks.size
+                f"no {what} is left for {_list_names([some[k].name for k in ks])}" for what, some, ks in left if ks.size
             ]
             actual = f"{m} conditions for {n} variables that are not fixed: {', and '.join(parts)}"
             raise InputError(f"{actual}; every condition needs a variable of its own, so fix or deactivate the surplus")
@@ -144,7 +144,7 @@ class Ownership:
         return which
 
 
-def _listed(names: list[str]) -> str:
+def _list_names(names: list[str]) -> str:
     """The first few of `names`, and how many more there are."""
     more = f" and {len(names) - _MAX_LISTED} more" if len(names) > _MAX_LISTED else ""
     return ", ".join(names[:_MAX_LISTED]) + more

@@ -51,7 +51,7 @@ def _rows(value: Any, name: str, infinite: float) -> Matrix:
     return array
 
 
-def _listed(value: Any, name: str, none: float) -> tuple[list[Any] | None, Matrix | None]:
+def _list_obstacles(value: Any, name: str, none: float) -> tuple[list[Any] | None, Matrix | None]:
     """The obstacles of `value`, one for each problem, or None; and these as a matrix where they are rows of numbers."""
     maps = _each(value, lambda one: isinstance(one, Map) or callable(one))
     if maps is None and isinstance(value, list | tuple | np.ndarray) and axes(value, name) == 2:
@@ -111,8 +111,8 @@ class Batch:
         self.limits = limits
         Q = _rows(Q, "Q", 0.0)
         matrices = _each(A, lambda one: axes(one, "A") == 2)
-        self.maps, self.obstacles = _listed(psi, "psi", -np.inf)
-        self.uppers, self.above = _listed(upper, "upper", np.inf)
+        self.maps, self.obstacles = _list_obstacles(psi, "psi", -np.inf)
+        self.uppers, self.above = _list_obstacles(upper, "upper", np.inf)
         self.starts = None if Z0 is None else _rows(getattr(Z0, "Z", Z0), "Z0", 0.0)
         k = _common(A=matrices, Q=Q, psi=self.maps, upper=self.uppers, Z0=self.starts)
         # what is wrong in a row is said before another one is solved

@@ -88,10 +88,10 @@ class CompiledSolver:
             if self.small:
                 A = self.problem.dense() if self.stack is None else self.stack[rows]
                 lcp = AffineLcp(A, self.Q[0] if self.stack is None else self.Q[rows], C[0], G, above)
-                Z = lcp.without_psi(self._pivoted(lcp, *of_rows))
+                Z = lcp.without_psi(self._pivot(lcp, *of_rows))
             else:
                 Z = self._by_thomas(*of_rows)
-            yield rows, (Z, *self._judged(rows, Z, *of_rows))
+            yield rows, (Z, *self._judge(rows, Z, *of_rows))
 
     def _affine(self, psi: Map, rows: Matrix | None) -> tuple[Matrix, Any]:
         """c and G of one obstacle Gz + c, c row by row, be it fixed: then G is None."""
@@ -116,7 +116,7 @@ class CompiledSolver:
             return C
         return (psi.linear[0] @ Z.T).T + psi.linear[1] if psi.linear else np.array([psi.value(z) for z in Z])
 
-    def _judged(self, rows: slice, Z: Matrix, Q: Matrix, C: Matrix, D: Matrix | None) -> tuple[Vector, Vector, Any]:
+    def _judge(self, rows: slice, Z: Matrix, Q: Matrix, C: Matrix, D: Matrix | None) -> tuple[Vector, Vector, Any]:
         """The residuals of Z, the tolerances, and a mask of the solved `rows`."""
         problem = self.problem
         psi = problem.psi
@@ -163,7 +163,7 @@ class CompiledSolver:
             of_rows = [self.stack[rows], weights, Q, C, Z, residuals, tolerances, *above]
         self._on_threads(lambda low, high: judge(*(X[low:high] for X in of_rows)), len(Q))
 
-    def _pivoted(self, lcp: AffineLcp, Q: Matrix, C: Matrix, D: Matrix | None) -> Matrix:
+    def _pivot(self, lcp: AffineLcp, Q: Matrix, C: Matrix, D: Matrix | None) -> Matrix:
         """Solve the rows by pivoting, one LCP each."""
         from ...algebra.kernels.balancing import scale
         from ...algebra.kernels.batched_lcps import each, many  # loads numba

@@ -83,7 +83,7 @@ def _(solution: Solution, points: Any = None, shape: Any = None) -> Drawing:
     places = places_of(problem, points, shape)
     masks = _contacts(problem, solution.z)
     if places.planes:
-        words = places.unknown + _outlined(masks)
+        words = places.unknown + _outline(masks)
         z = Field(solution.z, words, places.unknown, "The answer z; the contact set has an outline.", masks=masks)
         p = Field(solution.p, "force p", "force p", _FORCE, "cividis")
         return in_planes(places, [z, p], title(problem))
@@ -137,7 +137,7 @@ def _forces(places: Places, p: Vector, axes: Any) -> list[Any]:
     return clean(axes, whole=places.by_row)
 
 
-def _outlined(masks: Mapping[str, Mask]) -> str:
+def _outline(masks: Mapping[str, Mask]) -> str:
     """What has which outline."""
     if "contact set" in masks:
         return ", contact set outlined"

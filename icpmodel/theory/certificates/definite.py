@@ -92,7 +92,7 @@ class DefiniteProof(Proof):
 
     def bound(self, problem: ProblemData, z: Vector, rounding_p: Vector, rounding_r: Vector) -> tuple[Vector, float]:
         with np.errstate(over="ignore", invalid="ignore", under="ignore"), one_blas_thread():
-            p, r, sign, room = _reflected(problem, z)
+            p, r, sign, room = _reflect(problem, z)
             scaled = np.ldexp(p, self.exponent), np.ldexp(r, self.exponent_r)
             arguments = p, r, sign, rounding_p, rounding_r, room >= rounding_r
             roots = (self._root(*arguments, scaled[0] < theta * scaled[1]) for theta in _SPLIT_RATIOS)
@@ -113,7 +113,7 @@ class DefiniteProof(Proof):
         """t and an exponent e: 2^e·t is the larger root of the quadratic, rounded up.
 
         The split has u = p in the rows of `balance`. In units of 2^e all terms are about 1, so no
-        square over- or underflows. p and r are those of `_reflected`. In the rows where it `holds`,
+        square over- or underflows. p and r are those of `_reflect`. In the rows where it `holds`,
         z is certain to be admissible.
         """
         u = sign * np.where(balance, p, np.minimum(p, 0.0))
@@ -271,7 +271,7 @@ def _symmetric_part(At: Any, B: sp.csr_array | None, gamma: float) -> tuple[Any,
     return H, slack + 4 * UNIT_ROUNDOFF * float(abs(H).sum(axis=1).max())
 
 
-def _reflected(problem: ProblemData, z: Vector) -> tuple[Vector, Vector, Any, Vector]:
+def _reflect(problem: ProblemData, z: Vector) -> tuple[Vector, Vector, Any, Vector]:
     """(p, r, sign, room): where `sign` is −1, the row is seen from the upper obstacle, p is −p and r is ψ̄ − z.
 
     `room` ≥ 0 where z is between the obstacles: r where there is one. A row that is above the upper one is seen from

@@ -79,7 +79,7 @@ def prove(matrix: Matrix, psi: Map) -> HPlusProof | str:
     if G is None:
         return no_lipschitz(psi)
     dominated = False
-    for name, v, alpha in _dominated(matrix, G):
+    for name, v, alpha in _diagonal_scaling(matrix, G):
         dominated = True
         # a row of psi without obstacle would need no beta, but which rows those are may change with z
         beta = v - product_upper_bound(G, v) - 2 * UNIT_ROUNDOFF * v
@@ -90,7 +90,7 @@ def prove(matrix: Matrix, psi: Map) -> HPlusProof | str:
     return "A is not proved to be an H+-matrix: no v > 0 found gives <A>v > 0"
 
 
-def _dominated(matrix: Matrix, G: sp.csr_array) -> Iterator[tuple[str, Vector, Vector]]:
+def _diagonal_scaling(matrix: Matrix, G: sp.csr_array) -> Iterator[tuple[str, Vector, Vector]]:
     """The `_candidates` v with a lower bound α > 0 of ⟨A⟩v; for v = 1 it takes the row sums of |A| alone.
 
     There is no v if ⟨A⟩1 < 0. Else divide v by its least entry v_i: v ≥ 1 = v_i has (⟨A⟩v)_i ≤ (⟨A⟩1)_i < 0.

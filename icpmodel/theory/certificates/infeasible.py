@@ -69,7 +69,7 @@ def infeasible(problem: ProblemData, y: Vector, known: ProvedBounds | None = Non
         return unknown
     number = float(np.ldexp(value, -top))
     y = np.ldexp(shares, exponents - top)
-    nearby = f"{_weighted(rows, y)}, or a combination next to that, is at most {number:.3g}"
+    nearby = f"{_combination_text(rows, y)}, or a combination next to that, is at most {number:.3g}"
     return Answer(True, f"no z is a solution: {nearby}, every rounding error being bounded", y, number)
 
 
@@ -83,7 +83,7 @@ def answer_of(rows: CombinationRows, exact: Combination, value: Fraction, known:
 
 def _reason(rows: CombinationRows, known: ProvedBounds | None, y: Any, number: float) -> str:
     """The contradiction that the combination `y` proves, in words."""
-    sums = f"{_weighted(rows, y)} is at most {number:.3g}"
+    sums = f"{_combination_text(rows, y)} is at most {number:.3g}"
     if known is not None:
         return (
             f"no z is a solution: with the proved values of other unknowns ({known.proof}) {sums}, which p >= 0 forbids"
@@ -94,7 +94,7 @@ def _reason(rows: CombinationRows, known: ProvedBounds | None, y: Any, number: f
     return f"no z has Az + q >= 0 and z >= psi(z): wherever z >= psi(z), {sums}, and with Az + q >= 0 it is >= 0"
 
 
-def _weighted(rows: CombinationRows, y: Any, several: int = 4) -> str:
+def _combination_text(rows: CombinationRows, y: Any, several: int = 4) -> str:
     """Which rows a combination takes, and how often: as many as fit in a sentence."""
     n = rows.low.size
     names = ("Az + q", "z - psi(z)", "z - upper(z)")

@@ -107,9 +107,9 @@ class StepMatrices:
         with np.errstate(all="ignore"):  # what overflows proves nothing
             self.M1 = as_csr(self.splitting.matrix(self.A), "M1", keep_diagonal=True)
             diagonal = diagonal_positions(self.M1)
-            self.M = _shifted(self.M1, diagonal, self.phi)
+            self.M = _add_to_diagonal(self.M1, diagonal, self.phi)
             self.N = sp.csr_array(self.M - self.A)
-            self.X = _shifted(self.M, diagonal, self.omega)
+            self.X = _add_to_diagonal(self.M, diagonal, self.omega)
             #: (D − Ω)⁺, without entries where Ω ≥ D
             self.omega_deficit = sp.csr_array(sp.diags_array(np.maximum(self.D - self.omega, 0.0)))
         #: below which number a theorem's is small enough: 1 where only whether it holds is asked for
@@ -148,7 +148,7 @@ def total(*terms: Any) -> sp.csr_array:
     return sp.csr_array(reduce(operator.add, [one for one in terms if one.nnz] or terms[:1]))
 
 
-def _shifted(matrix: sp.csr_array, positions: Any, by: Vector) -> sp.csr_array:
+def _add_to_diagonal(matrix: sp.csr_array, positions: Any, by: Vector) -> sp.csr_array:
     data = matrix.data.copy()
     data[positions] += by
     return sp.csr_array((data, matrix.indices, matrix.indptr), shape=matrix.shape)

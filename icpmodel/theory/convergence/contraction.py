@@ -261,7 +261,7 @@ def radius(T: HomogeneousMap, starts: Iterable[Vector], target: float = 0.0) -> 
     with np.errstate(all="ignore"):
         best = Radius()
         for v in starts:
-            best = _improved(T, v, best)
+            best = _improve(T, v, best)
             if best.upper < 1:
                 break
         if best.v is None:
@@ -284,7 +284,7 @@ def _quotient(T: HomogeneousMap, v: Vector) -> tuple[float, Vector]:
     return float(np.nextafter((image / v).max(), np.inf)), image
 
 
-def _improved(T: HomogeneousMap, v: Vector | None, best: Radius) -> Radius:
+def _improve(T: HomogeneousMap, v: Vector | None, best: Radius) -> Radius:
     if v is None:
         return best
     v = v / np.abs(v).max()
@@ -300,12 +300,12 @@ def _noda(T: HomogeneousMap, best: Radius, target: float) -> Radius:
     with contextlib.suppress(OutOfTime, MemoryError):
         # where rho < 1 this start alone proves it: T(v) = v - start
         if best.upper >= target:
-            best = _improved(T, T.resolvent(1.0, best.v), best)
+            best = _improve(T, T.resolvent(1.0, best.v), best)
         for _ in range(20):
             if best.upper < target:
                 break
             before = best
-            best = _improved(T, T.resolvent(best.upper, best.v), best)
+            best = _improve(T, T.resolvent(best.upper, best.v), best)
             if not _worthwhile(before.upper, best.upper):
                 break
     return best
