@@ -30,7 +30,7 @@ UPPER = 2
 #: entries of all matrices of a batch; larger batches do not fit into a cache
 _BATCH_ENTRIES = 200_000
 
-Sides = NDArray[np.int8]
+SideChoices = NDArray[np.int8]
 Dense = NDArray[np.float64]
 
 
@@ -41,7 +41,7 @@ class PieceBatch(NamedTuple):
     whether it is certain, rounding included, that a sign is wrong in the only solution.
     """
 
-    sides: Sides
+    sides: SideChoices
     z: Dense
     empty: NDArray[np.bool_]
 
@@ -103,7 +103,7 @@ class LinearRows:
             yield self._solve_pieces(np.array(chosen, dtype=np.int8))
 
     @np.errstate(all="ignore")
-    def _solve_pieces(self, sides: Sides) -> PieceBatch:
+    def _solve_pieces(self, sides: SideChoices) -> PieceBatch:
         lower = sides == LOWER
         upper = sides == UPPER
         B = np.where(lower[:, :, None], self.R, np.where(upper[:, :, None], self.S, self.A))
@@ -125,7 +125,7 @@ class LinearRows:
             empty |= (rows & (value < -(np.abs(M).sum(axis=1) * error + rounding))).any(axis=1)
         return PieceBatch(sides, z, empty)
 
-    def _signs(self, sides: Sides) -> Iterator[tuple[Dense, Vector, float, NDArray[np.bool_]]]:
+    def _signs(self, sides: SideChoices) -> Iterator[tuple[Dense, Vector, float, NDArray[np.bool_]]]:
         """(M, v, ±1, rows): ±(Mz + v)_i ≥ 0 must hold in these rows, a mask of the shape of `sides`."""
         below = np.isfinite(self.c)
         above = np.isfinite(self.d)

@@ -20,7 +20,7 @@ from ..solve.progress import status_line
 from ..solve.solution import Solution, certify
 from ..solvers.foreign import Claim, ForeignSolver, ask, chosen_solvers
 from ..solvers.formulations import Target
-from ..solvers.in_time import in_time
+from ..solvers.time_limited import time_limited
 from .judge import AnswerUnderTest, Row, Verdict, finite
 from .report import Report
 
@@ -107,7 +107,7 @@ def crosscheck(
         items = partial(_items, checked, original, chosen, solution, end)
         try:
             with status_line(progress, f"{len(chosen)} solvers, {time_limit:g} s at most") as say:
-                for item in in_time(items, problem, 1 + len(chosen), end):
+                for item in time_limited(items, problem, 1 + len(chosen), end):
                     if isinstance(item, str):
                         at_work = item
                         say(f"asking {at_work}")

@@ -95,8 +95,8 @@ def newton_steps(
         if at.pattern_changed:
             last_pattern = at.pattern
             levels.restrict(np.where(last_pattern.active, 0.0, 1.0), top)
-        settled = not at.pattern_changed or at.residual <= _SETTLED_REDUCTION * before < np.inf
-        z = _newton_step(levels, at, top, target if settled else None)
+        is_stable = not at.pattern_changed or at.residual <= _SETTLED_REDUCTION * before < np.inf
+        z = _newton_step(levels, at, top, target if is_stable else None)
         before = at.residual
         release(problem.comm)
 

@@ -311,5 +311,5 @@ def _check_maps(problem: DistributedICP, z: Any, when: str) -> None:
     _, below, above = problem.sides(z)
     with together(problem.comm):
         for name, side in (("psi", below), ("upper", above)):
-            if side is not None and (wrong := np.isnan(side) & np.isfinite(z.array_r)).any():
-                raise MapError(f"{name} is nan in row {problem.low + int(np.argmax(wrong))} {when}")
+            if side is not None and (is_nan := np.isnan(side) & np.isfinite(z.array_r)).any():
+                raise MapError(f"{name} is nan in row {problem.low + int(np.argmax(is_nan))} {when}")

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..algebra.linear_rows import LinearRows, Sides, piece_count
+from ..algebra.linear_rows import LinearRows, SideChoices, piece_count
 from ..numerics.arrays import Vector
 from ..numerics.rational import nearest
 from ..numerics.work import check_budget
@@ -76,7 +76,7 @@ class Enumerate(Method):
             z = best[1]
 
 
-def _exactly(problem: ProblemData, undecided: Sides) -> Iterator[Iterate]:
+def _exactly(problem: ProblemData, undecided: SideChoices) -> Iterator[Iterate]:
     """Solutions of the `undecided` pieces in fractions, rounded. Raises Infeasible where there are none."""
     exact = ExactRows(problem)
     any_solution = False

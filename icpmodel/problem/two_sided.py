@@ -130,7 +130,7 @@ class Rowwise(Map):
         return self
 
     def value(self, z: Vector) -> Vector:
-        return self._of_rows([one.value(z) for one in self.maps])
+        return self._select([one.value(z) for one in self.maps])
 
     def jacobian(self, z: Vector) -> sp.csr_array | None:
         return self._matrix([one.jacobian(z) for one in self.maps])
@@ -143,9 +143,9 @@ class Rowwise(Map):
     def linear(self) -> tuple[sp.csr_array, Vector] | None:  # type: ignore[override]
         known = [one.linear for one in self.maps if one.linear is not None]
         G = self._matrix([G for G, _ in known]) if len(known) == len(self.maps) else None
-        return None if G is None else (G, self._of_rows([c for _, c in known]))
+        return None if G is None else (G, self._select([c for _, c in known]))
 
-    def _of_rows(self, vectors: Sequence[Vector]) -> Vector:
+    def _select(self, vectors: Sequence[Vector]) -> Vector:
         result = vectors[0]
         for k, vector in enumerate(vectors[1:], 1):
             result = np.where(self.which == k, vector, result)

@@ -359,8 +359,8 @@ def _svg(panel: Panel) -> str:
     for k, (_, element, words) in enumerate(tips):
         tipped = partial(_tipped, element, iter(words))
         svg = re.sub(rf'<g id="m{k}">.*?(?=<g id=)', tipped, svg, count=1, flags=re.DOTALL)
-    mark = f"f{zlib.crc32(svg.encode()):x}-"
-    svg = re.sub(r'(\bid="|url\(#|href="#)', lambda match: match.group(1) + mark, svg)
+    prefix = f"f{zlib.crc32(svg.encode()):x}-"
+    svg = re.sub(r'(\bid="|url\(#|href="#)', lambda match: match.group(1) + prefix, svg)
     return svg.replace("<svg", f'<svg role="img" aria-label="{escape(panel.alt)}" fill="currentColor"', 1)
 
 

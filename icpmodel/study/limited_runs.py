@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import OutOfTime
 from ..solve.goal import RTOL
 from ..solvers.foreign import Claim
-from ..solvers.in_time import in_time
+from ..solvers.time_limited import time_limited
 from .cases import Case
 from .competitors import Competitor, LinearSolve
 from .timing import timed
@@ -60,7 +60,7 @@ def _ended(call: Callable[[], Any], case: Case, limit: float) -> Any:
     def items() -> Iterator[Any]:
         yield call()
 
-    return next(in_time(items, case.problem, 1, time.perf_counter() + limit))
+    return next(time_limited(items, case.problem, 1, time.perf_counter() + limit))
 
 
 def timed_run(case: Case, one: Competitor, tolerance: float, limit: float) -> Claim:

@@ -166,8 +166,8 @@ def top_down(lower, diagonal, upper, f):
             to = upper[k] / diagonal[k]
             back = lower[k + 1] / diagonal[k + 1]
             meets = k > 0 and free[k - 1]
-            pull = lower[k] / diagonal[k] * runs[count - 1, 6] if meets else 0.0
-            if f[k] + pull + to * run[5] >= 0.0:
+            coupling = lower[k] / diagonal[k] * runs[count - 1, 6] if meets else 0.0
+            if f[k] + coupling + to * run[5] >= 0.0:
                 break
             free[k] = True
             sound, run = join((float(k), 1.0, 1.0, 1.0, 1.0, -f[k], -f[k]), run, to, back)

@@ -163,19 +163,19 @@ def layer_increments(indptr, indices, data, surplus, layer, order):
         if at < order.size - 1 and layer[order[at + 1]] != k:
             above[k] = above[k + 1] + g[k + 1]
         own = 0.0
-        pull = 0.0
+        inflow = 0.0
         hold = 0.0
         for e in range(uint(indptr[i]), uint(indptr[i + 1])):
             j = indices[e]
             if j == i:
                 own += data[e]
             elif layer[j] > k:
-                pull -= data[e] * (above[k] - above[layer[j]])
+                inflow -= data[e] * (above[k] - above[layer[j]])
             elif layer[j] < k:
                 hold -= data[e]
         if k == 0:
             hold = surplus[i] * own
-        g[k] = max(g[k], (own + pull) / hold)
+        g[k] = max(g[k], (own + inflow) / hold)
     return g
 
 

@@ -10,7 +10,7 @@ from . import compiled, one, row_sum, uint
 
 
 @compiled
-def row_statistics(indptr, indices, data, low, high, diag, diagonal, rest, largest):
+def row_statistics(indptr, indices, data, low, high, diag, diagonal, off_diagonal, largest):
     # rows low <= i < high: where the diagonal entry stands, its value, the sum of the other |entries|, the largest of
     # all; returns how far the entries reach below the diagonal and above it, and the sums of those there. Rows are
     # sorted, and every diagonal entry is stored.
@@ -37,10 +37,10 @@ def row_statistics(indptr, indices, data, low, high, diag, diagonal, rest, large
         own = data[start + uint(left)]
         diag[i] = start + uint(left)
         diagonal[i] = own
-        rest[i] = total - abs(own)
+        off_diagonal[i] = total - abs(own)
         largest[i] = most
         lower += first
-        whole += rest[i]
+        whole += off_diagonal[i]
         start = end
     return below, above, lower, whole - lower
 

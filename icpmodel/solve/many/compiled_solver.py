@@ -84,14 +84,14 @@ class CompiledSolver:
             rows = slice(low, low + piece)
             work.check_budget(row_cost)
             work.count(row_cost * len(C[rows]))
-            of_rows = self.Q[rows], C[rows], None if D is None else D[rows]
+            arrays = self.Q[rows], C[rows], None if D is None else D[rows]
             if self.small:
                 A = self.problem.dense() if self.stack is None else self.stack[rows]
                 lcp = AffineLcp(A, self.Q[0] if self.stack is None else self.Q[rows], C[0], G, above)
-                Z = lcp.without_psi(self._pivot(lcp, *of_rows))
+                Z = lcp.without_psi(self._pivot(lcp, *arrays))
             else:
-                Z = self._by_thomas(*of_rows)
-            yield rows, (Z, *self._judge(rows, Z, *of_rows))
+                Z = self._by_thomas(*arrays)
+            yield rows, (Z, *self._judge(rows, Z, *arrays))
 
     def _affine(self, psi: Map, rows: Matrix | None) -> tuple[Matrix, Any]:
         """c and G of one obstacle Gz + c, c row by row, be it fixed: then G is None."""
@@ -157,11 +157,11 @@ class CompiledSolver:
         psi = self.problem.psi
         if self.stack is None:
             judge = partial(certify_rows, self.problem.matrix, psi, weights=weights)
-            of_rows = [Q, C, Z, residuals, tolerances, *above]
+            arrays = [Q, C, Z, residuals, tolerances, *above]
         else:
             judge = partial(certify_rows_of_each, psi)
-            of_rows = [self.stack[rows], weights, Q, C, Z, residuals, tolerances, *above]
-        self._on_threads(lambda low, high: judge(*(X[low:high] for X in of_rows)), len(Q))
+            arrays = [self.stack[rows], weights, Q, C, Z, residuals, tolerances, *above]
+        self._on_threads(lambda low, high: judge(*(X[low:high] for X in arrays)), len(Q))
 
     def _pivot(self, lcp: AffineLcp, Q: Matrix, C: Matrix, D: Matrix | None) -> Matrix:
         """Solve the rows by pivoting, one LCP each."""
@@ -178,11 +178,11 @@ class CompiledSolver:
         scaled = scale(M) if self.stack is None else None
 
         def loop(low: int, high: int) -> None:
-            of_rows = Q[low:high], C[low:high], limit, X[low:high]
+            arrays = Q[low:high], C[low:high], limit, X[low:high]
             if scaled is None:
-                each(M[low:high], *of_rows)
+                each(M[low:high], *arrays)
             else:
-                many(*scaled, M, *of_rows)
+                many(*scaled, M, *arrays)
 
         self._on_threads(loop, len(Q))
         return X

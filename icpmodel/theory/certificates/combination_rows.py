@@ -35,15 +35,16 @@ class CombinationRows:
 
     The first n rows are p = Az + q. Where an obstacle moves, n rows z − ψ(z) follow, and for an upper obstacle n rows
     z − ψ̄(z). A fixed obstacle is an end of the interval `low` ≤ z ≤ `high`. Row i of Mz + m may be assumed ≥ 0 where
-    it `rises`, and ≤ 0 where it `falls`. `slopes` is M without the identity in the rows of z − ψ and z − ψ̄.
+    it is `nonnegative`, and ≤ 0 where it is `nonpositive`. `slopes` is M without the identity in the rows of z − ψ and
+    z − ψ̄.
     """
 
     slopes: sp.csr_array
     offset: Vector
     low: Vector
     high: Vector
-    falls: Mask
-    rises: Mask
+    nonpositive: Mask
+    nonnegative: Mask
 
     @classmethod
     def of(cls, problem: ProblemData, known: ProvedBounds | None = None) -> CombinationRows | None:
@@ -58,22 +59,22 @@ class CombinationRows:
         high = np.full(n, np.inf) if above is None else above[1]
         slopes = problem.A
         offset = problem.q
-        falls = np.isneginf(low)
-        rises = np.isposinf(high)
+        nonpositive = np.isneginf(low)
+        nonnegative = np.isposinf(high)
         if not psi.is_constant:
             never = np.zeros(n, dtype=bool)
             slopes = sp.csr_array(sp.vstack([slopes, *(-G for G, _ in sides)]))
             offset = np.concatenate([offset, *(np.where(np.isinf(c), 0.0, -c) for _, c in sides)])
-            rises, falls = (
-                np.concatenate([rises, ~falls, never])[: offset.size],
-                np.concatenate([falls, never, ~rises])[: offset.size],
+            nonnegative, nonpositive = (
+                np.concatenate([nonnegative, ~nonpositive, never])[: offset.size],
+                np.concatenate([nonpositive, never, ~nonnegative])[: offset.size],
             )
             low = np.full(n, -np.inf)
             high = np.full(n, np.inf)
         if known is not None:
             low = np.where(np.isfinite(known.low), known.low, low)
             high = np.where(np.isfinite(known.high), known.high, high)
-        return cls(slopes, offset, low, high, falls, rises)
+        return cls(slopes, offset, low, high, nonpositive, nonnegative)
 
     @property
     def free(self) -> Mask:
@@ -82,7 +83,7 @@ class CombinationRows:
 
     def with_known_signs(self, y: Vector) -> Vector:
         """The weights `y` with 0 for those whose sign a combination may not have."""
-        return np.where((self.rises & (y > 0.0)) | (self.falls & (y < 0.0)), y, 0.0)
+        return np.where((self.nonnegative & (y > 0.0)) | (self.nonpositive & (y < 0.0)), y, 0.0)
 
     @cached_property
     def matrix(self) -> sp.csr_array:

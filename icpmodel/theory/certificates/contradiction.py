@@ -191,8 +191,8 @@ class _Conditions(NamedTuple):
     @classmethod
     def of(cls, rows: CombinationRows, units: Vector, selected: Mask) -> _Conditions:
         """Those on the rows that are `selected`."""
-        rising = np.flatnonzero(rows.rises & selected)
-        falling = np.flatnonzero(rows.falls & selected)
+        rising = np.flatnonzero(rows.nonnegative & selected)
+        falling = np.flatnonzero(rows.nonpositive & selected)
         return cls(rows, units, np.append(rising, falling), np.repeat([1.0, -1.0], [rising.size, falling.size]))
 
     def minimise(
@@ -236,8 +236,8 @@ class _Conditions(NamedTuple):
         The linear program is without them: in the units of q_i the ends of z may be as good as 0, or q_i beside them.
         """
         n = q.size
-        violation = np.where(self.rows.rises[:n], -q, 0.0)
-        violation = np.maximum(violation, np.where(self.rows.falls[:n], q, 0.0))
+        violation = np.where(self.rows.nonnegative[:n], -q, 0.0)
+        violation = np.maximum(violation, np.where(self.rows.nonpositive[:n], q, 0.0))
         i = int(np.argmax(violation))
         y = np.zeros(self.rows.offset.size)
         y[i] = -np.sign(q[i])
@@ -275,8 +275,8 @@ class _Minimum(NamedTuple):
         of_p = np.arange(rows.offset.size) < n
         sparse = self.conditions.minimise(of_p, separate=True, max_violation=(1.0 + ZERO) * self.value)
         p = problem.p(self.z if sparse is None else sparse.z)
-        change = np.where(rows.rises[:n], np.maximum(-p, 0.0), 0.0)
-        change += np.where(rows.falls[:n], np.minimum(-p, 0.0), 0.0)
+        change = np.where(rows.nonnegative[:n], np.maximum(-p, 0.0), 0.0)
+        change += np.where(rows.nonpositive[:n], np.minimum(-p, 0.0), 0.0)
         change[np.abs(change) * self.conditions.units[:n] < ZERO * self.value] = 0.0
         return change if np.isfinite(change).all() else None
 

@@ -62,7 +62,7 @@ def exact_combination(rows: CombinationRows, y: Vector, zero: Mask) -> Combinati
 def highest_value(rows: CombinationRows, y: Combination) -> tuple[Fraction, Combination] | None:
     """(The largest value of (Mz + m)ᵀy, Mᵀy), if it is negative and y has the right signs; else None."""
     y = {i: weight for i, weight in y.items() if weight}
-    if any(not (rows.falls if weight < 0 else rows.rises)[i] for i, weight in y.items()):
+    if any(not (rows.nonpositive if weight < 0 else rows.nonnegative)[i] for i, weight in y.items()):
         return None
     if _is_hopeless(rows, y):
         return None

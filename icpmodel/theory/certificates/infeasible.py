@@ -88,7 +88,7 @@ def _reason(rows: CombinationRows, known: ProvedBounds | None, y: Any, number: f
         return (
             f"no z is a solution: with the proved values of other unknowns ({known.proof}) {sums}, which p >= 0 forbids"
         )
-    if rows.falls.any():
+    if rows.nonpositive.any():
         signs = "p >= 0 where nothing is above and p <= 0 where nothing is below"
         return f"no z with psi <= z <= upper has {signs}: {sums}, and with these signs it is >= 0"
     return f"no z has Az + q >= 0 and z >= psi(z): wherever z >= psi(z), {sums}, and with Az + q >= 0 it is >= 0"

@@ -74,10 +74,10 @@ def least_violation(problem: ProblemData) -> tuple[ProblemData, Mask]:
     """
     rows = CombinationRows.of(problem)
     assert rows is not None
-    signed = rows.rises | rows.falls
+    signed = rows.nonnegative | rows.nonpositive
     K = problem.A[signed]
     A = sp.block_array([[None, -K.T], [K, sp.eye_array(K.shape[0])]], format="csr")
-    low = np.where(rows.falls, -np.inf, 0.0)[signed]
-    high = np.where(rows.rises, np.inf, 0.0)[signed]
+    low = np.where(rows.nonpositive, -np.inf, 0.0)[signed]
+    high = np.where(rows.nonnegative, np.inf, 0.0)[signed]
     q = np.concatenate([np.zeros(problem.n), problem.q[signed]])
     return ProblemData(A, q, np.concatenate([rows.low, low]), np.concatenate([rows.high, high])), signed

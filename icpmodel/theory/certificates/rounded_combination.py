@@ -41,7 +41,7 @@ def rounded_combination(rows: CombinationRows, y: Vector, exponents: Exponents) 
     is_open = ~(_bounded(rows, columns, off) | empty)
     moved = np.zeros(y.size)
     if is_open.any():
-        signed = ~(rows.rises & rows.falls)[used]
+        signed = ~(rows.nonnegative & rows.nonpositive)[used]
         moves = _entry_moves(K[:, is_open], y, signed, (np.abs(columns) + off)[is_open], loss)
         if moves is None:
             return None

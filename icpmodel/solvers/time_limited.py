@@ -21,7 +21,7 @@ _SETUP_COST_PER_ENTRY = 3000.0
 _MAX_SETUP_SHARE = 0.1
 
 
-def in_time(items: Callable[[], Iterator[_T]], problem: ProblemData, pieces: int, end: float) -> Iterator[_T]:
+def time_limited(items: Callable[[], Iterator[_T]], problem: ProblemData, setups: int, end: float) -> Iterator[_T]:
     """Yield the `items`, from a separate process if a single step may exceed the time limit.
 
     Parameters
@@ -30,7 +30,7 @@ def in_time(items: Callable[[], Iterator[_T]], problem: ProblemData, pieces: int
         Makes the iterator; what it yields is pickled.
     problem : ProblemData
         What is solved.
-    pieces : int
+    setups : int
         How many solvers are set up.
     end : float
         When the time is over, as `time.perf_counter` says it.
@@ -43,7 +43,7 @@ def in_time(items: Callable[[], Iterator[_T]], problem: ProblemData, pieces: int
         Where the process died.
     """
     piece = _SETUP_FACTORISATIONS * factor_costs(problem.matrix).first + _SETUP_COST_PER_ENTRY * problem.matrix.nnz
-    if pieces * piece <= 1e9 * _MAX_SETUP_SHARE * (end - time.perf_counter()):
+    if setups * piece <= 1e9 * _MAX_SETUP_SHARE * (end - time.perf_counter()):
         return items()
     if not CAN_FORK:
         raise OutOfTime("the solvers may take longer, and cannot be interrupted on this system")
