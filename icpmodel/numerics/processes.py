@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import faulthandler
 import math
 import os
 import pickle
@@ -75,6 +76,7 @@ def _send(items: Callable[[], Iterator[Any]], writer: int) -> None:
     """Send the `items` and exit, in a new process group, which Ctrl-C does not reach."""
     try:
         os.setsid()
+        faulthandler.disable()  # the parent says what a crash means
         try:
             for item in items():
                 _write(writer, (False, item))
