@@ -73,7 +73,8 @@ def relative_interior(C: Rationals, e: Rational) -> tuple[Rational, list[int]] |
     Notes
     -----
     One linear program: maximise Σu for Ct + eτ − u ≥ 0, 0 ≤ u ≤ 1, τ ≥ 1. Then t/τ is inside, and
-    u_j = 0 exactly in the rows that are equations.
+    u_j = 0 exactly in the rows that are equations. It is posed in units in which the largest entry of each
+    row of C and of e is 1, so that the point is the same in all units.
 
     Examples
     --------
@@ -86,6 +87,10 @@ def relative_interior(C: Rationals, e: Rational) -> tuple[Rational, list[int]] |
     """
     m = len(C)
     k = len(C[0])
+    sizes = [max(map(abs, row)) for row in C]
+    unit = max((abs(x) / size for x, size in zip(e, sizes, strict=True) if size), default=Fraction(0)) or Fraction(1)
+    C = [[x / (size or 1) for x in row] for row, size in zip(C, sizes, strict=True)]
+    e = [x / (size * unit or abs(x) or 1) for x, size in zip(e, sizes, strict=True)]
     tableau, basis = _tableau(C, e)
     columns = len(tableau[0]) - 1
     artificial = range(columns - m, columns)
@@ -96,7 +101,7 @@ def relative_interior(C: Rationals, e: Rational) -> tuple[Rational, list[int]] |
     for row, label in zip(tableau, basis, strict=True):
         x[label] = row[-1]
     tau = 1 + x[2 * k]
-    point = [(x[i] - x[k + i]) / tau for i in range(k)]
+    point = [unit * (x[i] - x[k + i]) / tau for i in range(k)]
     return point, [j for j in range(m) if x[2 * k + 1 + j] == 0]
 
 

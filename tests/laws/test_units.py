@@ -165,3 +165,12 @@ def test_a_factor_on_a_side_of_a_model_changes_no_answer(factor):
         assert results.solution_status is SolutionStatus.optimal
         assert model.x.value == pytest.approx(0.76067119, abs=1e-7)
         assert model.y.value == pytest.approx(0.76067119e-6, rel=1e-5)
+
+
+def test_a_solution_from_a_singular_piece_is_the_same_in_all_units():
+    """Of the many solutions (0, 4 + 3t, 1 + .75t, 16/3 + 4t) of which a point inside is taken, in fractions."""
+    A = np.array([[0.0, 0, 0, 0], [0, -3, -4, 3], [0, 4, 0, -3], [4, 0, 0, 0]])
+    c = np.array([0.0, 0, 4, 0])
+    z = icp.ICP(A, np.zeros(4), c).solve("enumerate").z
+    for rows, unit in ((2.0**-40, 2.0**-40), (1.0, 2.0**-40), (2.0**30, 2.0**20)):
+        assert np.array_equal(icp.ICP(rows * A, np.zeros(4), unit * c).solve("enumerate").z, unit * z)
