@@ -11,12 +11,12 @@ import numpy as np
 
 from ...crosscheck import crosscheck
 from ...crosscheck.report import Report
-from ...errors import NotSolved, OutOfTime
+from ...errors import NotSolved
 from ...icp import ICP
 from ...numerics.arrays import Vector, as_truth, as_vector
 from ...numerics.rounding import public_entry
 from ...present.display import Displayable
-from ...theory.certificates.bounds import ErrorBound, enforce_limits
+from ...theory.certificates.bounds import ErrorBound, limited_bound
 from .distance import distance
 from .program import Program, Values, conditions_of
 from .program_arguments import check_convex, read
@@ -99,11 +99,7 @@ class ProgramSolution(Displayable):
         >>> icp.solve_qp([[2.0]], [-2.0], ub=[0.5]).error_bound.value < 1e-14
         True
         """
-        try:
-            with enforce_limits(None, None):
-                return distance(self._program, Values(self.x, self.y, self.z, self.z_box))
-        except (OutOfTime, MemoryError) as reason:
-            return ErrorBound.none(str(reason))
+        return limited_bound(lambda: distance(self._program, Values(self.x, self.y, self.z, self.z_box)))
 
     def crosscheck(
         self, solvers: Any = None, *, atol: float | None = None, time_limit: float = 60.0, progress: bool = False

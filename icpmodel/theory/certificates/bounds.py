@@ -233,11 +233,18 @@ def error_bound(
     for name, limit in (("time_limit", time_limit), ("memory_limit", memory_limit)):
         if limit is not None:
             as_number(limit, name, minimum=0)
+    return limited_bound(lambda: _bound(problem, z, sharp), time_limit, memory_limit)
+
+
+def limited_bound(
+    compute: Callable[[], ErrorBound], time_limit: float | None = None, memory_limit: float | None = None
+) -> ErrorBound:
+    """The bound that `compute` returns, or none where it exceeds a limit; see `enforce_limits`."""
     if work.nanoseconds_left() < math.inf and time_limit is memory_limit is None:  # the outer limit raises
-        return _bound(problem, z, sharp)
+        return compute()
     try:
         with enforce_limits(time_limit, memory_limit):
-            return _bound(problem, z, sharp)
+            return compute()
     except OutOfTime:
         within = f"{1e-9 * DEFAULT_WORK:.0f} s of work" if time_limit is None else f"time_limit = {time_limit:g} s"
     except MemoryError as error:
