@@ -130,17 +130,17 @@ class _ProgramRun:
     def outcome(self, before: Outcome | None, start: Vector | None) -> Outcome:
         last = None if before is None else before.incumbent
         best = Incumbent(self.program, self.tolerance, last)
-        methods = [] if best.has_solution else ["interior", "newton"]
         z0 = last.z if last is not None and last.z.size == best.z.size else None
         if start is not None:
             z0, pattern = best.start_near(start)
             with enforce_limits(self.seconds_left(), None):
                 best.polish(z0, pattern)
             z0 = best.z if best.is_good else z0
-        if z0 is not None:
-            methods.reverse()
-        if best.problem.n <= PIVOT_UP_TO:
-            methods.insert(0, "lemke")
+        methods: list[str] = []
+        if not best.has_solution:
+            methods = ["interior", "newton"] if z0 is None else ["newton", "interior"]
+            if best.problem.n <= PIVOT_UP_TO:
+                methods.insert(0, "lemke")
         proof = None
         for method in (*methods, None):
             if method is None and proof is not None:
