@@ -217,16 +217,16 @@ def _levels_by_origin(problem: ProblemData) -> list[Level] | None:
     d = problem.matrix.rows.diagonal - origin.rows.diagonal
     with suppress(NoHierarchy):
         finer, *coarser = _levels(problem.with_matrix(origin, problem.q))
-        levels = [_like(finer, problem)]
+        levels = [_with_interpolation(finer, problem)]
         for level in coarser:
             d = levels[-1].R @ d
             matrix = level.problem.matrix.plus_diagonal(d)
-            levels.append(_like(level, level.problem.with_matrix(matrix, level.problem.q)))
+            levels.append(_with_interpolation(level, level.problem.with_matrix(matrix, level.problem.q)))
         return levels if np.isfinite(d).all() else None
     return None
 
 
-def _like(level: Level, problem: ProblemData) -> Level:
+def _with_interpolation(level: Level, problem: ProblemData) -> Level:
     """The level of `problem` with the interpolation of `level`, where each row solves its own equation."""
     new = Level(problem)
     if level.P is not None:

@@ -73,7 +73,7 @@ def relative_interior(C: Rationals, e: Rational) -> tuple[Rational, list[int]] |
     Notes
     -----
     One linear program: maximise Σu for Ct + eτ − u ≥ 0, 0 ≤ u ≤ 1, τ ≥ 1. Then t/τ is inside, and
-    u_j = 0 exactly in the rows that are equations. It is posed in units in which the largest entry of each
+    u_j = 0 exactly in the rows that are equations. It is solved in units in which the largest entry of each
     row of C and of e is 1, so that the point is the same in all units.
 
     Examples

@@ -92,8 +92,8 @@ class Goal:
         """The Res_D that `z` may have."""
         if not self.rtol_of_z:
             return self.tolerance
-        rtol_of_z = float(rounded_share(min(norm(z), self.start_norm), self.rtol_of_z))
-        return min(self.tolerance, rtol_of_z) if self.tolerance else rtol_of_z
+        by_size = float(rounded_share(min(norm(z), self.start_norm), self.rtol_of_z))
+        return min(self.tolerance, by_size) if self.tolerance else by_size
 
     def judged(self, z: Vector, residual: float) -> float:
         """The residual by which `z` is judged, from the float64 value `residual` of Res_D(z)."""

@@ -79,7 +79,7 @@ class Judge:
         return float((np.abs(z) * self.unit)[part].max(initial=0.0))
 
     def without_noise(self, problem: ProblemData, z: Vector) -> Vector:
-        """z with 0 for what may be rounding, beside the largest of its part or, where all are 0, beside q."""
+        """z with 0 for what may be rounding beside the largest of its part, or beside q."""
         largest = np.where(self.is_x, *(self.largest(z, part) for part, _ in self.parts))
         largest = np.maximum(largest, np.abs(problem.q / self.unit).max())
         return np.where(np.abs(z) * self.unit <= _NOISE_OF_X * largest, 0.0, z)
