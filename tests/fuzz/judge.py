@@ -86,9 +86,9 @@ def worse_than_seen(exact, problem, z, path):
         return
     last, (least, best) = exact.residual(z), min(seen, key=lambda pair: pair[0])
     with np.errstate(all="ignore"):
-        weights = np.array(list(map(near, exact.weights)))
         lost = 0.0
         for x in (z, best):
+            weights = problem.weights_at(x)
             of_p = abs(problem.A) @ abs(x)
             terms = np.where(of_p > 0.0, weights * (of_p + abs(problem.q)), 0.0) + abs(x)
             lost += _LOST * math.sqrt(exact.n) * float(terms.max())
