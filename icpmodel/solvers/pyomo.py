@@ -38,7 +38,7 @@ def to_pyomo(problem: ProblemLike) -> Any:
     Parameters
     ----------
     problem : ICP
-        Its ψ is constant, affine, read from a Pyomo model, or Python code. Such code may use
+        Its ψ and f are constant, affine, read from a Pyomo model, or Python code. Such code may use
         arithmetic and NumPy functions that Pyomo has as well, without branches. It is run once on
         symbols, and the expressions are compared with it.
 
@@ -50,7 +50,7 @@ def to_pyomo(problem: ProblemLike) -> Any:
     Raises
     ------
     NotApplicable
-        For another ψ.
+        For another ψ or f.
 
     Notes
     -----
@@ -70,10 +70,10 @@ def to_pyomo(problem: ProblemLike) -> Any:
     import pyomo.environ as pyo
     from pyomo.mpec import Complementarity, complements
 
-    problem = as_problem(problem)
+    problem = as_problem(problem, nonlinear=True)
     model = pyo.ConcreteModel()
     z = model.z = pyo.Var(range(problem.n))
-    p = _affine_rows(problem.A, problem.q, z)
+    p = _forces(problem, z)
     below, has_below = _side(problem, sides_of(problem.psi)[0], z)
     above, has_above = _side(problem, problem.upper, z)
     two = [i for i in z if has_below[i] and has_above[i]]
@@ -98,14 +98,23 @@ def to_pyomo(problem: ProblemLike) -> Any:
     return model
 
 
+def _forces(problem: ProblemData, z: Any) -> list[Any]:
+    """p_i(z) = (Az + q + f(z))_i as expressions."""
+    affine = _affine_rows(problem.A, problem.q, z)
+    return affine if problem.f is None else list(map(operator.add, affine, _expressions(problem.f.map, z, "f")))
+
+
 def _side(problem: ProblemData, psi: Map | None, z: Any) -> tuple[list[Any], list[bool]]:
     """The obstacles of one side as expressions, and which rows have one."""
-    expressions = [np.inf] * problem.n if psi is None else _obstacle(psi, z)
+    expressions = [np.inf] * problem.n if psi is None else _expressions(psi, z, "psi")
     return expressions, [not (isinstance(one, float) and np.isinf(one)) for one in expressions]
 
 
-def _obstacle(psi: Map, z: Any) -> list[Any]:
-    """ψ_i(z) as Pyomo expressions of the variables `z`; numbers where they do not move, ±inf in rows without."""
+def _expressions(psi: Map, z: Any, name: str) -> list[Any]:
+    """ψ_i(z) as Pyomo expressions of the variables `z`: numbers where they do not move, ±inf in rows without.
+
+    `name` is that of ψ in messages.
+    """
     variables = list(z.values())
     if psi.linear is not None:
         return _affine_rows(*psi.linear, z)
@@ -129,7 +138,7 @@ def _obstacle(psi: Map, z: Any) -> list[Any]:
         here = psi.value(np.full(len(variables), 0.5)).tolist()
         expressions = [one.expression if isinstance(one, _Symbol) else float(one) for one in expressions]
         expressions = [value if np.isinf(value) else one for one, value in zip(expressions, here, strict=True)]
-        _compare(psi, expressions, z)
+        _compare(psi, expressions, z, name)
     except Exception as error:  # a user's code may raise anything when it is given symbols
         raise NotApplicable(f"{psi!r} has no Pyomo expression: {type(error).__name__}: {error}") from error
     return expressions
@@ -144,7 +153,7 @@ def _affine_rows(G: Any, c: Any, z: Any) -> list[Any]:
     return [one if np.isinf(one) else sum(row) + one for row, one in zip(rows, c.tolist(), strict=True)]
 
 
-def _compare(psi: Map, expressions: list[Any], z: Any) -> None:
+def _compare(psi: Map, expressions: list[Any], z: Any, name: str) -> None:
     """Raise ValueError if the expressions differ from ψ in value, as for code with a state."""
     from pyomo.environ import value
 
@@ -157,7 +166,7 @@ def _compare(psi: Map, expressions: list[Any], z: Any) -> None:
         for i in np.flatnonzero(np.isfinite(expected)).tolist():
             actual = value(expressions[i])
             if not abs(actual - expected[i]) <= 1e-9 * max(abs(expected[i]), 1.0):
-                raise ValueError(f"psi(z)[{i}] is {expected[i]:g} and its expression {actual:g} at the same z")
+                raise ValueError(f"{name}(z)[{i}] is {expected[i]:g} and its expression {actual:g} at the same z")
     z.set_values(dict.fromkeys(z))
 
 

@@ -307,6 +307,14 @@ def test_python_code_is_written_as_expressions(name):
             assert slope[:, j] == pytest.approx((ahead - behind) / 2e-6, abs=1e-8)
 
 
+@pytest.mark.parametrize("name", ["sine", "product", "elementwise"])
+def test_nonlinear_p_is_written_as_expressions(name):
+    f = CODE[name] if name != "elementwise" else icp.Elementwise(np.exp)
+    problem = icp.ICP(4 * np.eye(3) - 1, [-1.0, 2.0, -3.0], [0.0, 1.0, -np.inf], upper=[2.0, np.inf, np.inf], f=f)
+    z = solved_by_old(problem.to_pyomo())
+    assert np.abs(z - problem.solve(rtol=1e-12).z).max() <= 1e-8
+
+
 @pytest.mark.parametrize("name", NO_EXPRESSION)
 def test_code_with_branches_or_chance_has_no_expression(name):
     psi, words = NO_EXPRESSION[name]

@@ -104,7 +104,6 @@ REFUSING = {
     "race": lambda problem: problem.race(),
     "stability": lambda problem: problem.stability(),
     "to_cvxpy": lambda problem: problem.to_cvxpy(),
-    "to_pyomo": lambda problem: problem.to_pyomo(),
     "contradiction": icp.contradiction,
     "newton": lambda problem: problem.solve("newton"),
     "lemke": lambda problem: problem.solve("lemke"),
