@@ -72,7 +72,7 @@ def crosscheck(
     Notes
     -----
     Where p is nonlinear the solvers get its tangent at the answer under test. That is a solution of
-    the one problem if and only if it is one of the other.
+    the one problem if and only if it is one of the other. IPOPT gets the nonlinear p as well.
 
     Examples
     --------

@@ -18,7 +18,8 @@ from ..problem.data import ProblemData
 from ..problem.verdict import certified_residual
 from ..solve.solution import Solution
 from ..solvers.foreign import Claim
-from ..solvers.formulations import Target, in_typical_units, targets
+from ..solvers.formulations import Target, targets
+from ..solvers.typical_units import in_typical_units, in_units_of_z
 from ..theory.certificates.bounds import error_bound
 
 #: the largest Res_D(z) of a solution, as a share of `residual_scale`, for an answer under test and for a foreign one
@@ -78,9 +79,9 @@ class Row:
     note: str = ""
 
     @property
-    def frozen(self) -> bool:
-        """Whether the obstacle was frozen at the answer under test."""
-        return self.formulation.startswith("frozen")
+    def local(self) -> bool:
+        """Whether the obstacle was frozen, or p replaced by its tangent, at the answer under test."""
+        return self.formulation.startswith(("frozen", "tangent"))
 
 
 class AnswerUnderTest:
@@ -92,6 +93,7 @@ class AnswerUnderTest:
     def __init__(
         self, problem: ProblemData, solution: Any, atol: float | None = None, original: ProblemData | None = None
     ) -> None:
+        self.original = original or problem
         self.problem, self.z = problem, problem.vector(solution, "solution")
         scaled, self.unit = in_typical_units(problem)
         rtol = OWN_RTOL
@@ -104,7 +106,10 @@ class AnswerUnderTest:
         # the unit may be far larger than z: it counts only for an answer that is known to be a solution
         default = AGREE * float(np.abs(self.z).max()) + (AGREE_NEAR_ZERO * self.unit if self.holds else 0.0)
         self.tolerance = default if atol is None else float(atol)
-        self.targets = targets(scaled, self.y)
+        nonlinear = self.original.f is not None
+        self.targets = targets(scaled, self.y, tangent=nonlinear)
+        if nonlinear:
+            self.targets += targets(in_units_of_z(self.original, self.unit), self.y)
 
     def judge(self, solver: str, form: str, target: Target, claim: Claim) -> Row:
         """The row of a foreign `claim`, which is about `target` in `form`."""
@@ -120,11 +125,11 @@ class AnswerUnderTest:
         if x is not None:
             z = x * self.unit
             difference = float(np.abs(z - self.z).max())
-            residual = (self.problem.frozen(self.z) if target.frozen else self.problem).residual(z)
+            stated = self.problem if target.tangent else self.original
+            residual = (stated.frozen(self.z) if target.frozen else stated).residual(z)
             verdict, note = self._compare(target, x, claim, difference)
-        form_name = ("frozen " if target.frozen else "") + {"energy": "energy QP", "gap": "gap QP", "mpec": "MPEC"}[
-            form
-        ]
+        words = ["frozen"] * target.frozen + ["tangent"] * target.tangent
+        form_name = " ".join([*words, {"energy": "energy QP", "gap": "gap QP"}.get(form, form.upper())])
         return Row(solver, form_name, verdict, finite(residual), finite(difference), claim.seconds, claim.words, note)
 
     def _compare(self, target: Target, x: Vector, claim: Claim, difference: float) -> tuple[Verdict, str]:

@@ -129,13 +129,14 @@ class Report(Displayable, Tabular):
         str
             Empty where none agrees.
         """
-        frozen = "with its obstacle frozen at the answer, which does not exclude other solutions,"
-        parts = []
-        for what, is_frozen in (("the whole problem", False), (frozen, True)):
-            agreeing = (row for row in self.rows if row.verdict is Verdict.AGREES and row.frozen is is_frozen)
-            names = dict.fromkeys(row.solver for row in agreeing)
-            if names:
-                parts.append(f"{what} by {', '.join(names)}")
+        agreeing = [row for row in self.rows if row.verdict is Verdict.AGREES]
+        names = dict.fromkeys(row.solver for row in agreeing if not row.local)
+        parts = [f"the whole problem by {', '.join(names)}"] if names else []
+        if names := dict.fromkeys(row.solver for row in agreeing if row.local):
+            words = {"frozen": "its obstacle frozen", "tangent": "p replaced by its tangent"}
+            what = [text for word, text in words.items() if any(word in row.formulation for row in agreeing)]
+            excluded = "which does not exclude other solutions"
+            parts.append(f"with {' or '.join(what)} at the answer, {excluded}, by {', '.join(names)}")
         return f"Confirmed: {'; '.join(parts)}." if parts else ""
 
     def findings(self) -> str:

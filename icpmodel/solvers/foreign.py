@@ -82,8 +82,8 @@ class ForeignSolver(Displayable, ABC):
     extra : str or None
         The extra of this package that installs the module.
     forms : tuple of str
-        The formulations that it takes, best first. They are "energy" and "gap" (convex QPs) and
-        "mpec" (as it stands); see `icpmodel.solvers.formulations`.
+        The formulations that it takes, best first. They are "energy" and "gap" (convex QPs), "mpec"
+        (as it stands) and "nlp" (p nonlinear); see `icpmodel.solvers.formulations`.
     used_by : tuple of str
         The studies that run it where no solvers are named: "crosscheck", "race".
     tight : tuple of float
@@ -174,7 +174,7 @@ class ForeignSolver(Displayable, ABC):
         Returns
         -------
         str
-            "energy", "gap" or "mpec".
+            "energy", "gap", "mpec" or "nlp".
         """
         return next(form for form in self.forms if target.why_not(form) is None)
 
@@ -189,10 +189,10 @@ class ForeignSolver(Displayable, ABC):
         Returns
         -------
         QP or Target
-            The `QP` of its form; `target` itself for "mpec".
+            The `QP` of its form; `target` itself for "mpec" and "nlp".
         """
         form = self.form(target)
-        return target if form == "mpec" else target.qp(form)
+        return target if form in ("mpec", "nlp") else target.qp(form)
 
     @abstractmethod
     def set_up(self, target: Target, tolerance: float, time_limit: float) -> Any:

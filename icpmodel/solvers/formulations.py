@@ -6,6 +6,7 @@ p_i = 0):
     energy   min ½zᵀAz + qᵀz       subject to r_i ≥ 0 (i not free)                   ψ constant, A symmetric, A ≥ 0.
     gap      min p(z)ᵀr(z)         subject to p ≥ 0, r ≥ 0, p_i = 0 (i free)         Aᵀ(I − G) + (I − G)ᵀA ≥ 0.
     mpec     p ≥ 0 ⟂ r ≥ 0         and p_i = 0 (i free)                              always.
+    nlp      the same with p(z) = Az + q + f(z)                                      p nonlinear.
 
 An upper obstacle, s = ψ̄(z) − z = d + Hz − z ≥ 0, adds its side to energy. In mpec, with p = u −
 v, it makes two conditions: 0 ≤ u ⟂ r ≥ 0 and 0 ≤ v ⟂ s ≥ 0.
@@ -26,16 +27,14 @@ Cottle, Pang and Stone, The Linear Complementarity Problem (2009), sections 1.4 
 from __future__ import annotations
 
 import contextlib
-import math
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
 
-from ..errors import InputError, MapError, check_arguments
+from ..errors import InputError, check_arguments
 from ..numerics.arrays import Vector
-from ..numerics.equilibration import in_units
 from ..numerics.rounding import UNIT_ROUNDOFF
 from ..present.display import Displayable
 from ..problem.data import ProblemData
@@ -105,6 +104,8 @@ class Target(Displayable):
         The ICP, with constant or affine obstacles, in units that suit absolute tolerances.
     frozen : bool
         Whether the obstacles were frozen at the answer under test.
+    tangent : bool
+        Whether p is the tangent at the answer under test of a nonlinear one.
 
     Examples
     --------
@@ -115,6 +116,7 @@ class Target(Displayable):
 
     problem: ProblemData
     frozen: bool = False
+    tangent: bool = False
 
     @cached_property
     def c(self) -> Vector:
@@ -223,14 +225,16 @@ class Target(Displayable):
         For two solutions (p − p′)ᵀ(r − r′) = −pᵀr′ − p′ᵀr ≤ 0, and it equals ½(z − z′)ᵀS(z − z′). Between obstacles
         that move alike r ∈ [0, d − c] and a larger p_i goes with an r_i that is not larger: it is ≤ 0 there, too.
         """
-        return self.at_zero.unique or (self.parallel and self.curvature.definite.holds is True)
+        if self.problem.f is not None or self.at_zero.unique:
+            return self.at_zero.unique
+        return self.parallel and self.curvature.definite.holds is True
 
     def why_not(self, form: str) -> str | None:
         """Why a form does not apply.
 
         Parameters
         ----------
-        form : {"energy", "gap", "mpec"}
+        form : {"energy", "gap", "mpec", "nlp"}
             The form.
 
         Returns
@@ -238,9 +242,11 @@ class Target(Displayable):
         str or None
             One sentence, None where it does.
         """
+        if (form == "nlp") is (self.problem.f is None):
+            return "p is affine" if form == "nlp" else "p is nonlinear"
         A = self.problem.A
         constant = self.problem.psi.is_constant
-        if form == "mpec":
+        if form in ("mpec", "nlp"):
             return None
         if form == "energy" and not constant:
             return "psi is not constant"
@@ -306,56 +312,20 @@ class Target(Displayable):
         return QP(P, np.append(linear, width), K, np.append(least, lower), np.append(most, upper))
 
 
-def in_typical_units(problem: ProblemData) -> tuple[ProblemData, float]:
-    """The same problem with a typical |a_ii| and a typical size of z near 1, and the unit: z = unit · y.
-
-    A becomes 2⁻ⁱA, q 2⁻ⁱ⁻ᵏq, ψ y ↦ 2⁻ᵏψ(2ᵏy), without rounding, so that absolute tolerances of
-    solvers mean something. The size of z follows from the data, never from an answer. It is taken
-    from q_i/a_ii, between two obstacles at most the larger one. The positive obstacles below and
-    the negative ones above, at z = 0, count as well. Returns (problem in y, 2ᵏ); the problem as it
-    is, and 1, where something would overflow.
-    """
-    diagonal = np.abs(problem.A.diagonal())
-    size_A = _typical(diagonal) or _typical(np.abs(problem.A.data)) or 1.0
-    with np.errstate(over="ignore", under="ignore"):
-        from_q = np.abs(problem.q) / np.where(diagonal > 0, diagonal, size_A)
-        obstacle = np.zeros(0)
-        with contextlib.suppress(MapError):  # it only helps to choose a unit
-            obstacle = problem.psi.value(np.zeros(problem.n))
-            if problem.upper is not None:
-                above = problem.upper.value(np.zeros(problem.n))
-                from_q = np.minimum(from_q, np.maximum(np.abs(obstacle), np.abs(above)))
-                obstacle = np.maximum(obstacle, -above)
-        i = math.frexp(size_A)[1]
-        k = math.frexp(max(_typical(from_q), _typical(obstacle)) or 1.0)[1]
-        A = in_units(problem.A, np.full(problem.n, -i), np.zeros(problem.n, dtype=int))
-        q = np.ldexp(problem.q, -i - k)
-        unit = float(np.ldexp(1.0, k))
-    if not (np.isfinite(A.data).all() and np.isfinite(q).all() and 0.0 < unit < math.inf):
-        return problem, 1.0
-    return ProblemData(A, q, problem.psi.composed(unit, factor=1.0 / unit)), unit
-
-
-def targets(problem: ProblemData, y: Vector) -> list[Target]:
+def targets(problem: ProblemData, y: Vector, tangent: bool = False) -> list[Target]:
     """The problems to be solved by foreign solvers.
 
     The first is `problem`, scaled, where ψ is constant or affine. Unless ψ is constant the second
     is the problem frozen at the answer under test `y`, shape (n,). It needs finite obstacles ψ(y)
-    and ψ̄(y) that do not cross.
+    and ψ̄(y) that do not cross. `tangent` says that p is the tangent of a nonlinear one.
     """
-    problems = [Target(problem)] if problem.psi.linear is not None else []
+    problems = [Target(problem, tangent=tangent)] if problem.psi.linear is not None else []
     if not problem.psi.is_constant and np.isfinite(y).all():
         with contextlib.suppress(InputError):  # they are not finite, or cross
-            problems.append(Target(problem.frozen(y), frozen=True))
+            problems.append(Target(problem.frozen(y), frozen=True, tangent=tangent))
     return problems
 
 
 def _rows(mask: np.ndarray) -> sp.dia_array:
     """The diagonal matrix that keeps the rows `mask` and makes the others 0."""
     return sp.diags_array(mask.astype(np.float64))
-
-
-def _typical(sizes: Vector) -> float:
-    """The median of the positive finite `sizes`, 0 where there are none: one odd row must not set the unit."""
-    positive = sizes[np.isfinite(sizes) & (sizes > 0)]
-    return float(np.quantile(positive, 0.5, method="lower")) if positive.size else 0.0

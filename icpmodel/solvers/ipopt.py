@@ -2,9 +2,9 @@
 
     min uᵀr + vᵀs   subject to   u, r, v, s ≥ 0,   Az + q = u − v,   r = (I − G)z − c,   s = d − (I − H)z.
 
-The rows are those of `icpmodel.solvers.formulations`. Let ψ be constant and A row sufficient, for
-example a P-matrix. Then every point at which it may stop is a solution. Otherwise it may stop where
-uᵀr + vᵀs > 0.
+With nonlinear p, f(z) stands beside Az + q. The rows are those of `icpmodel.solvers.formulations`.
+Let p be affine, ψ constant and A row sufficient, for example a P-matrix. Then every point at which
+it may stop is a solution. Otherwise it may stop where uᵀr + vᵀs > 0.
 
 References
 ----------
@@ -14,22 +14,36 @@ Stone, The Linear Complementarity Problem (2009), section 3.5.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
+from ..errors import MapError
+from ..numerics.arrays import Vector
+from ..problem.nonlinear_term import NonlinearTerm
 from .foreign import Claim, ForeignSolver
 from .formulations import Target
 
+#: for affine p
+_OPTIONS: dict[str, Any] = {
+    # it relaxes every bound by 1e-8 unless told not to
+    "bound_relax_factor": 0.0,
+    # fewer steps on each of nine scenes, n = 1 to 900, and the bearing of n = 900 is not called infeasible
+    "mehrotra_algorithm": "yes",
+    "print_level": 0,
+    "sb": "yes",
+}
+
 
 class Ipopt(ForeignSolver):
-    """IPOPT on the MPEC, with the derivatives of CasADi."""
+    """IPOPT on the MPEC or, with nonlinear p, on the NLP; with the derivatives of CasADi."""
 
     name = "ipopt"
     package = "casadi"
     extra = "ipopt"
-    forms = ("mpec",)
+    forms = ("mpec", "nlp")
     used_by = ("crosscheck",)
     tight = (1e-13, 1e-10)
     # nothing stops a factorisation on the way: with a full A of n = 1000 a step takes 2.6 s (2 cores, CasADi 3.8.2)
@@ -40,47 +54,112 @@ class Ipopt(ForeignSolver):
         import casadi as ca
 
         n = target.problem.n
-        with_obstacle = np.flatnonzero(target.has_obstacle)
-        two_sided = np.flatnonzero(target.two_sided)
-        unit = sp.eye_array(n, format="csr")
-        sign = np.where(target.capped, -1.0, 1.0)
-        sizes = (n, n, with_obstacle.size, two_sided.size, two_sided.size)
-        z, u, r, v, s = parts = [ca.MX.sym(name, size) for name, size in zip("zurvs", sizes, strict=True)]
-
-        def times(matrix: Any, x: Any) -> Any:
-            return ca.mtimes(ca.DM(sp.csc_matrix(matrix)), x)
-
-        zero = [
-            times(target.problem.A, z)
-            + target.problem.q
-            - times(sp.diags_array(sign), u)
-            + times(unit[:, two_sided], v),
-            times(target.I_minus_G[with_obstacle], z) - target.near[with_obstacle] - sign[with_obstacle] * r,
-        ]
-        if target.d is not None:
-            zero.append(target.d[two_sided] - times(target.I_minus_H, z) - s)
-        options = {
-            "tol": tolerance,
-            "max_wall_time": float(time_limit),
-            # it relaxes every bound by 1e-8 unless told not to
-            "bound_relax_factor": 0.0,
-            # fewer steps on each of nine scenes, n = 1 to 900, and the bearing of n = 900 is not called infeasible
-            "mehrotra_algorithm": "yes",
-            "print_level": 0,
-            "sb": "yes",
-        }
-        gap = ca.dot(times(unit[with_obstacle], u), r) + ca.dot(v, s)
-        program = {"x": ca.vertcat(*parts), "f": gap, "g": ca.vertcat(*zero)}
+        program = _program(target)
+        options = {**_OPTIONS, "tol": tolerance, "max_wall_time": float(time_limit)}
         quiet: dict[str, Any] = {"print_time": False, "error_on_fail": False, "ipopt": options}
-        return ca.nlpsol("icp", "ipopt", program, quiet), {"x0": 0.0, **_bounds(target)}, n
+        f = None
+        if target.problem.f is not None:
+            f = _as_casadi(target.problem.f)
+            program["g"][:n] += f(program["x"][:n])
+            quiet["hess_lag"] = _curvature(program)
+            options["mehrotra_algorithm"] = "no"
+        # CasADi does not keep f alive; at 0 the slope of a power is 0
+        return ca.nlpsol("icp", "ipopt", program, quiet), {"x0": 0.0 if f is None else 1.0, **_bounds(target)}, n, f
 
     def run(self, model: Any) -> Claim:
-        solver, data, n = model
+        solver, data, n, _ = model
         x = solver(**data)["x"]
         stats = solver.stats()
         if stats["return_status"] == "NonIpopt_Exception_Thrown":  # CasADi swallows Ctrl-C, and nothing else is thrown
             raise KeyboardInterrupt
         return Claim(np.asarray(x).ravel()[:n], stats["return_status"], stats["success"])
+
+
+def _program(target: Target) -> dict[str, Any]:
+    """The variables, the objective and the equations, in symbols of CasADi, without f."""
+    import casadi as ca
+
+    n = target.problem.n
+    with_obstacle = np.flatnonzero(target.has_obstacle)
+    two_sided = np.flatnonzero(target.two_sided)
+    unit = sp.eye_array(n, format="csr")
+    sign = np.where(target.capped, -1.0, 1.0)
+    sizes = (n, n, with_obstacle.size, two_sided.size, two_sided.size)
+    z, u, r, v, s = parts = [ca.MX.sym(name, size) for name, size in zip("zurvs", sizes, strict=True)]
+
+    def times(matrix: Any, x: Any) -> Any:
+        return ca.mtimes(ca.DM(sp.csc_matrix(matrix)), x)
+
+    p = times(target.problem.A, z) + target.problem.q
+    zero = [
+        p - times(sp.diags_array(sign), u) + times(unit[:, two_sided], v),
+        times(target.I_minus_G[with_obstacle], z) - target.near[with_obstacle] - sign[with_obstacle] * r,
+    ]
+    if target.d is not None:
+        zero.append(target.d[two_sided] - times(target.I_minus_H, z) - s)
+    gap = ca.dot(times(unit[with_obstacle], u), r) + ca.dot(v, s)
+    return {"x": ca.vertcat(*parts), "f": gap, "g": ca.vertcat(*zero)}
+
+
+def _curvature(program: dict[str, Any]) -> Any:
+    """The second derivatives of the objective alone: where it is 0, those of f have multipliers that are 0."""
+    import casadi as ca
+
+    factor = ca.MX.sym("factor")
+    multipliers = ca.MX.sym("multipliers", program["g"].size1())
+    second = ca.hessian(factor * program["f"], program["x"])[0]
+    return ca.Function("curvature", [program["x"], ca.MX(), factor, multipliers], [ca.triu(second)])
+
+
+def _as_casadi(f: NonlinearTerm) -> Any:
+    """f and f′ for CasADi: NaN, at which IPOPT shortens its step, where the code of the user fails."""
+    import casadi as ca
+
+    n = f.n
+    dense = ca.Sparsity.dense(n)
+    links = getattr(f.map, "links", None)
+    pattern = ca.Sparsity.dense(n, n) if links is None else ca.DM(sp.csc_matrix(links)).sparsity()
+
+    def slopes(z: Vector) -> Any:
+        return ca.project(ca.DM(sp.csc_matrix(f.jacobian(z))), pattern)
+
+    class Code(ca.Callback):
+        def __init__(self, name: str, of: Callable[[Vector], Any], inputs: int, output: Any) -> None:
+            super().__init__()
+            self.of = of
+            self.inputs = inputs
+            self.output = output
+            self.construct(name, {})
+
+        def get_n_in(self) -> int:
+            return self.inputs
+
+        def get_sparsity_in(self, _: int) -> Any:
+            return dense
+
+        def get_sparsity_out(self, _: int) -> Any:
+            return self.output
+
+        def eval(self, arguments: Any) -> Any:
+            try:
+                return [ca.DM(self.of(np.asarray(arguments[0]).ravel()))]
+            except MapError:
+                return [ca.DM(self.output, np.nan)]
+
+        def has_jacobian(self) -> bool:
+            return self.inputs == 1
+
+        def has_jac_sparsity(self, *_: int) -> bool:
+            return self.inputs == 1
+
+        def get_jac_sparsity(self, *_: Any) -> Any:
+            return pattern
+
+        def get_jacobian(self, name: str, *_: Any) -> Any:
+            self.derivative = Code(name, slopes, 2, pattern)
+            return self.derivative
+
+    return Code("f", f.value, 1, dense)
 
 
 def _bounds(target: Target) -> dict[str, Any]:

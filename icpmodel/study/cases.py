@@ -12,7 +12,8 @@ from ..errors import IcpError, InputError
 from ..icp import ICP
 from ..problem.data import ProblemData
 from ..solve.solution import Solution, Status
-from ..solvers.formulations import Target, in_typical_units
+from ..solvers.formulations import Target
+from ..solvers.typical_units import in_typical_units
 
 
 def fresh(problem: ProblemData) -> ICP:

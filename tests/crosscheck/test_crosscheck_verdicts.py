@@ -15,7 +15,7 @@ from icpmodel.crosscheck.check import crosscheck
 from icpmodel.crosscheck.judge import Row, Verdict
 from icpmodel.crosscheck.report import Report
 from icpmodel.solvers import Claim, ForeignSolver, chosen_solvers
-from icpmodel.solvers.formulations import in_typical_units
+from icpmodel.solvers.typical_units import in_typical_units
 
 QUICK = ("osqp", "cvxpy-clarabel", "cvxpy-highs", "pyomo-highs")
 

@@ -107,3 +107,39 @@ def test_ipopt_keeps_its_time_limit():
     pytest.importorskip("casadi")
     claim = ask(foreign_solvers()["ipopt"], Target(icp.scenes.membrane(n=100).problem), 1e-10, 1e-6)
     assert (claim.words, claim.solved) == ("Maximum_WallTime_Exceeded", False)
+
+
+def test_ipopt_solves_the_nonlinear_form_whatever_the_answer_under_test():
+    pytest.importorskip("casadi")
+    problem = icp.ICP.nonlinear(lambda z: z**2 - [4, -1], psi=[0, 0])
+    right = problem.crosscheck([2.0, 0.0], ["ipopt"])
+    assert [(row.formulation, row.verdict.value) for row in right.rows] == [
+        ("tangent MPEC", "agrees"),
+        ("NLP", "agrees"),
+    ]
+    assert right.coverage().startswith("Confirmed: the whole problem by ipopt; with p replaced by its tangent")
+    wrong = problem.crosscheck([3.0, 0.0], ["ipopt"]).rows[-1]
+    assert (wrong.formulation, wrong.verdict.value) == ("NLP", "disagrees")
+    assert wrong.difference == pytest.approx(1.0)
+
+
+def test_ipopt_shortens_its_steps_where_f_has_no_value():
+    pytest.importorskip("casadi")
+
+    def root(z):
+        if (z < 0).any():
+            raise ValueError("no root")
+        return np.sqrt(z) - [3.0, -1.0]
+
+    scale = 1e6  # in the units of a user
+    problem = icp.ICP.nonlinear(lambda z: scale * root(z), psi=[0.0, 1e-3])
+    assert problem.crosscheck([9.0, 1e-3], ["ipopt"]).rows[-1].verdict.value == "agrees"
+
+
+@pytest.mark.parametrize("name", ["radiating-membrane", "soft-contact"])
+def test_ipopt_agrees_on_scenes_with_nonlinear_p(name):
+    pytest.importorskip("casadi")
+    problem = icp.scenes.scene(name).problem
+    last = problem.crosscheck(solvers=["ipopt"]).rows[-1]
+    assert last.formulation.endswith("NLP")
+    assert last.verdict.value == "agrees"

@@ -8,7 +8,7 @@ import pytest
 
 import icpmodel as icp
 from icpmodel.solvers import Claim, ForeignSolver, Target, ask, chosen_solvers, foreign_solvers
-from icpmodel.solvers.formulations import in_typical_units
+from icpmodel.solvers.typical_units import in_typical_units
 
 NATIVE = ("osqp", "osqp, not polished", "clarabel", "piqp", "scs", "highs", "ipopt", "path")
 NAMES = (*NATIVE, "cvxpy-clarabel", "cvxpy-highs", "pyomo-highs")

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import icpmodel as icp
-from icpmodel.solvers.formulations import Target, in_typical_units
+from icpmodel.solvers.formulations import Target
+from icpmodel.solvers.typical_units import in_typical_units
 
 
 @pytest.mark.parametrize("psi", [0.25, icp.Affine([[0.0, 0.5], [0.0, 0.0]], [1.0, -np.inf]), lambda z: 0.5 * z[::-1]])

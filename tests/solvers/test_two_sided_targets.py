@@ -9,7 +9,8 @@ from test_foreign_solvers import solved
 
 import icpmodel as icp
 from icpmodel.solvers import Target
-from icpmodel.solvers.formulations import in_typical_units, targets
+from icpmodel.solvers.formulations import targets
+from icpmodel.solvers.typical_units import in_typical_units
 
 SOLVERS = ["clarabel", "osqp", "piqp", "scs", "highs", "cvxpy-clarabel", "cvxpy-highs", "ipopt", "path", "pyomo-highs"]
 

@@ -1,0 +1,65 @@
+"""The units in which foreign solvers get a problem, so that their absolute tolerances mean something."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..errors import MapError
+from ..numerics.arrays import Vector
+from ..numerics.equilibration import in_units
+from ..problem.data import ProblemData
+from ..problem.function import Function
+
+
+def in_typical_units(problem: ProblemData) -> tuple[ProblemData, float]:
+    """The same problem with a typical |a_ii| and a typical size of z near 1, and the unit: z = unit · y.
+
+    A becomes 2⁻ⁱA, q 2⁻ⁱ⁻ᵏq, ψ y ↦ 2⁻ᵏψ(2ᵏy), without rounding, so that absolute tolerances of
+    solvers mean something. The size of z follows from the data, never from an answer. It is taken
+    from q_i/a_ii, between two obstacles at most the larger one. The positive obstacles below and
+    the negative ones above, at z = 0, count as well. Returns (problem in y, 2ᵏ); the problem as it
+    is, and 1, where something would overflow.
+    """
+    diagonal = np.abs(problem.A.diagonal())
+    size_A = _typical(diagonal) or _typical(np.abs(problem.A.data)) or 1.0
+    with np.errstate(over="ignore", under="ignore"):
+        from_q = np.abs(problem.q) / np.where(diagonal > 0, diagonal, size_A)
+        obstacle = np.zeros(0)
+        with contextlib.suppress(MapError):  # it only helps to choose a unit
+            obstacle = problem.psi.value(np.zeros(problem.n))
+            if problem.upper is not None:
+                above = problem.upper.value(np.zeros(problem.n))
+                from_q = np.minimum(from_q, np.maximum(np.abs(obstacle), np.abs(above)))
+                obstacle = np.maximum(obstacle, -above)
+        i = math.frexp(size_A)[1]
+        k = math.frexp(max(_typical(from_q), _typical(obstacle)) or 1.0)[1]
+        A = in_units(problem.A, np.full(problem.n, -i), np.zeros(problem.n, dtype=int))
+        q = np.ldexp(problem.q, -i - k)
+        unit = float(np.ldexp(1.0, k))
+    if not (np.isfinite(A.data).all() and np.isfinite(q).all() and 0.0 < unit < math.inf):
+        return problem, 1.0
+    return ProblemData(A, q, problem.psi.composed(unit, factor=1.0 / unit)), unit
+
+
+def in_units_of_z(problem: ProblemData, unit: float) -> ProblemData:
+    """A problem with nonlinear p in y = z/`unit`, a power of two, with typical entries of A + f′ near 1."""
+    f = problem.f
+    assert f is not None
+    scale = 2.0 ** -math.frexp(_typical(1.0 / problem.matrix.row_weights) or 1.0)[1]
+    scaled_f = Function(
+        lambda y: scale / unit * f.value(unit * y),
+        lambda y: scale * f.jacobian(unit * y),
+        sparsity=sp.eye_array(problem.n) if f.is_elementwise else getattr(f.map, "links", None),
+    )
+    psi = problem.psi.composed(unit, factor=1.0 / unit)
+    return ProblemData(scale * problem.A, scale / unit * problem.q, psi, f=scaled_f)
+
+
+def _typical(sizes: Vector) -> float:
+    """The median of the positive finite `sizes`, 0 where there are none: one odd row must not set the unit."""
+    positive = sizes[np.isfinite(sizes) & (sizes > 0)]
+    return float(np.quantile(positive, 0.5, method="lower")) if positive.size else 0.0
