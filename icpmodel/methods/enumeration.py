@@ -9,7 +9,6 @@ import numpy as np
 
 from ..algebra.linear_rows import LinearRows, SideChoices, piece_count
 from ..numerics.arrays import Vector
-from ..numerics.rational import nearest
 from ..numerics.work import check_budget
 from ..problem.data import ProblemData
 from ..theory.answers import Answer
@@ -84,7 +83,7 @@ def _exactly(problem: ProblemData, undecided: SideChoices) -> Iterator[Iterate]:
         check_budget()
         if (solutions := exact.solve(sides)) is not None:
             any_solution = True
-            yield np.array([nearest(x) for x in solutions.point]), None
+            yield solutions.rounded().point, None
     if not any_solution:
         reason = f"none of all {piece_count(problem):.0f} choices of active rows leaves a z with the right signs"
         raise Infeasible(Answer(True, f"no z solves the problem: {reason}"))

@@ -41,18 +41,23 @@ def _eliminate(rows: Rationals, top: int, column: int) -> None:
             rows[i] = [a - factor * b for a, b in zip(row, rows[top], strict=True)]
 
 
-def null_space(rows: Rationals, columns: int) -> Rationals:
-    """A basis of {x : every row · x = 0}, one vector of `columns` entries for each."""
-    reduced = [list(row) for row in rows]
+def affine_solutions(rows: Rationals, columns: int) -> tuple[Rational, Rationals] | None:
+    """A point of {x : row · (x, 1) = 0 for every row} and a basis of its directions; None where it is empty.
+
+    x has `columns` entries, and each row one more: its constant.
+    """
+    reduced = list(rows)
     pivots = row_reduce(reduced, columns)
-    basis = []
-    for column in range(columns):
-        if column not in pivots:
-            x = [Fraction(int(k == column)) for k in range(columns)]
-            for pivot, row in zip(pivots, reduced, strict=False):
-                x[pivot] = -row[column]
-            basis.append(x)
-    return basis
+    if any(row[columns] for row in reduced[len(pivots) :]):
+        return None
+    free = [column for column in range(columns) if column not in pivots]
+    point = [Fraction(0)] * columns
+    basis = [[Fraction(int(k == column)) for k in range(columns)] for column in free]
+    for pivot, row in zip(pivots, reduced, strict=False):
+        point[pivot] = -row[columns]
+        for direction, column in zip(basis, free, strict=True):
+            direction[pivot] = -row[column]
+    return point, basis
 
 
 def relative_interior(C: Rationals, e: Rational) -> tuple[Rational, list[int]] | None:

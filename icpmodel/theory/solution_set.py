@@ -17,7 +17,7 @@ from ..algebra.linear_rows import FREE, LOWER, UPPER, LinearRows, piece_count
 from ..errors import NotApplicable, OutOfTime
 from ..numerics import work
 from ..numerics.arrays import ReadOnly, Vector, as_number
-from ..numerics.exact_polyhedron import null_space, relative_interior, row_reduce
+from ..numerics.exact_polyhedron import affine_solutions, relative_interior
 from ..numerics.rational import nearest, rationals
 from ..numerics.rounding import public_entry
 from ..present.display import Displayable
@@ -117,76 +117,55 @@ class _ExactSolutions:
 
 
 class ExactRows:
-    """p, r and s of `LinearRows` in fractions: every float is one."""
+    """p, r and s of `LinearRows` in fractions: every float is one.
+
+    A row holds the coefficients of z and a constant; it is None where there is no obstacle.
+    """
 
     def __init__(self, problem: ProblemData) -> None:
         # raises NotApplicable where an obstacle is not affine
         if problem.psi.linear is None:
             raise NotApplicable(f"pieces are linear only for constant and affine obstacles, not for {problem.psi!r}")
         self.n = problem.n
-        self.A, self.q = rationals(problem.dense()), _exact(problem.q)
-        self.R, self.c = self._side(problem.psi.linear)
+        self.p = rationals(np.column_stack([problem.dense(), problem.q]))
+        self.r = _distance_rows(problem.psi.linear, 1)
         of_upper = None if problem.upper is None else problem.upper.linear
-        self.S = self.R if of_upper is None else self._side(of_upper)[0]
-        self.d = np.full(self.n, np.inf) if of_upper is None else self._side(of_upper)[1]
-
-    def _side(self, linear: Any) -> tuple[list[Rational], Vector]:
-        """I − G in fractions, and c."""
-        G, c = linear
-        rows = [[-entry for entry in row] for row in rationals(G)]
-        for i, row in enumerate(rows):
-            row[i] += 1
-        return rows, c
+        self.s = [None] * self.n if of_upper is None else _distance_rows(of_upper, -1)
 
     def equations(self, sides: Any) -> list[Rational]:
-        """The rows [coefficients, right-hand side] of a piece."""
-        system = []
-        for i, side in enumerate(sides):
-            if side == FREE:
-                system.append([*self.A[i], -self.q[i]])
-            else:
-                rows, ends = (self.R, self.c) if side == LOWER else (self.S, self.d)
-                system.append([*rows[i], Fraction(float(ends[i]))])
-        return system
+        """The rows that have to be 0 in a piece."""
+        rows: dict[int, Any] = {FREE: self.p, LOWER: self.r, UPPER: self.s}
+        return [rows[side][i] for i, side in enumerate(sides)]
 
     def inequalities(self, sides: Any) -> list[Rational]:
-        """The rows [coefficients, constant] that have to be ≥ 0 in a piece."""
+        """The rows that have to be ≥ 0 in a piece."""
         system = []
         for i, side in enumerate(sides):
             if side != FREE:
-                sign = 1 if side == LOWER else -1
-                system.append([*(sign * a for a in self.A[i]), sign * self.q[i]])
-            if side != LOWER and self.c[i] > -np.inf:
-                system.append([*self.R[i], -Fraction(float(self.c[i]))])
-            if side != UPPER and self.d[i] < np.inf:
-                system.append([*(-a for a in self.S[i]), Fraction(float(self.d[i]))])
+                system.append(self.p[i] if side == LOWER else [-entry for entry in self.p[i]])
+            others = (row for obstacle, row in ((LOWER, self.r[i]), (UPPER, self.s[i])) if obstacle != side)
+            system.extend(row for row in others if row is not None)
         return system
 
     def solve(self, sides: Any) -> _ExactSolutions | None:
         """The solutions of the problem in a piece, None where there are none."""
-        n = self.n
-        rows = self.equations(sides)
-        pivots = row_reduce(rows, n)
-        if any(row[n] for row in rows[len(pivots) :]):
+        solutions = affine_solutions(self.equations(sides), self.n)
+        if solutions is None:
             return None
-        free = [j for j in range(n) if j not in pivots]
-        start = [Fraction(0)] * n
-        span = [[Fraction(int(j == k)) for j in range(n)] for k in free]
-        for row, pivot in zip(rows, pivots, strict=False):
-            start[pivot] = row[n]
-            for direction, k in zip(span, free, strict=True):
-                direction[pivot] = -row[k]
+        start, span = solutions
         signs = self.inequalities(sides)
-        constants = [_dot(row, start) + row[n] for row in signs]
-        if not free:
+        constants = [_dot(row, start) + row[-1] for row in signs]
+        if not span:
             return _ExactSolutions(start, []) if all(one >= 0 for one in constants) else None
         slopes = [[_dot(row, direction) for direction in span] for row in signs]
-        inside = relative_interior(slopes, constants) if signs else ([Fraction(0)] * len(free), [])
+        inside = relative_interior(slopes, constants) if signs else ([Fraction(0)] * len(span), [])
         if inside is None:
             return None
         t, equations = inside
-        directions = null_space([slopes[j] for j in equations], len(free))
-        return _ExactSolutions(_sum(start, span, t), [_sum([Fraction(0)] * n, span, one) for one in directions])
+        within = affine_solutions([[*slopes[j], Fraction(0)] for j in equations], len(span))
+        assert within is not None  # 0 is in it
+        none = [Fraction(0)] * self.n
+        return _ExactSolutions(_sum(start, span, t), [_sum(none, span, direction) for direction in within[1]])
 
     def lies_in(self, solutions: _ExactSolutions, sides: Any) -> bool:
         """Whether `solutions`, a set of solutions, is part of the piece `sides`.
@@ -194,19 +173,25 @@ class ExactRows:
         Its equations have to hold in every direction. A sign that holds at a point of the relative interior holds on
         all of `solutions`.
         """
-        n = self.n
         return all(
-            _dot(row, solutions.point) == row[n] and not any(_dot(row, one) for one in solutions.directions)
+            _dot(row, solutions.point) + row[-1] == 0 and not any(_dot(row, one) for one in solutions.directions)
             for row in self.equations(sides)
-        ) and all(_dot(row, solutions.point) + row[n] >= 0 for row in self.inequalities(sides))
+        ) and all(_dot(row, solutions.point) + row[-1] >= 0 for row in self.inequalities(sides))
+
+
+def _distance_rows(linear: Any, sign: int) -> list[Any]:
+    """`sign` · (z − ψ(z)) for ψ = Gz + c."""
+    G, c = linear
+    rows = []
+    for i, (slopes, end) in enumerate(zip(rationals(G), c.tolist(), strict=True)):
+        row = [-sign * slope for slope in slopes]
+        row[i] += sign
+        rows.append([*row, -sign * Fraction(end)] if np.isfinite(end) else None)
+    return rows
 
 
 def _round_exact(x: Rational) -> Vector:
     return np.array([nearest(entry) for entry in x])
-
-
-def _exact(v: Vector) -> Rational:
-    return [Fraction(float(one)) for one in v]
 
 
 def _dot(row: Rational, x: Rational) -> Fraction:
@@ -274,9 +259,9 @@ def all_solutions(problem: ProblemLike, *, time_limit: float | None = None) -> S
                     candidates.append((sides, one))
         except OutOfTime:
             complete = False
-    distinct = _distinct(exact, candidates)
-    points = sorted(_round_exact(one.point).tolist() for one in distinct if not one.directions)
-    faces = tuple(one.rounded() for one in distinct if one.directions)
+    distinct = [one.rounded() for one in _distinct(exact, candidates)]
+    points = sorted(one.point.tolist() for one in distinct if not one.directions.size)
+    faces = tuple(one for one in distinct if one.directions.size)
     return SolutionSet(np.array(points).reshape(-1, problem.n), faces, int(count), complete)
 
 
