@@ -34,8 +34,10 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from ...algebra.equations import equations_on
 from ...errors import MapError
 from ...numerics.arrays import Vector
+from ...numerics.equilibration import times_rows
 from ...numerics.factorisation import factorise
 from ...numerics.rational import exact_sum, nearest
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, product_lower_bound, rounded_down
@@ -64,11 +66,7 @@ class SupersolutionProof(Proof):
     def bound(self, problem: ProblemData, z: Vector, rounding_p: Vector, rounding_r: Vector) -> tuple[Vector, float]:
         """Not finite where F(z) reaches the margin."""
         with np.errstate(over="ignore", invalid="ignore"):
-            F = np.minimum(problem.p(z) / self.weight, problem.r(z))
-            error = np.maximum(rounding_p / self.weight, rounding_r) * (
-                1 + 4 * UNIT_ROUNDOFF
-            ) + 4 * UNIT_ROUNDOFF * np.abs(F)
-            error += SMALLEST  # the quotients may have underflowed
+            F, error = _natural_map(problem, self.weight, z, rounding_p, rounding_r)
             below = max(float(np.max(error - F)), 0.0)
             above = max(float(np.max(F + error)), 0.0)
             delta = np.full(z.size, np.inf)
@@ -133,8 +131,8 @@ def _supersolution(problem: ProblemData, weight: Vector, start: Vector) -> tuple
             step = float(np.abs(new - s).max())
             s = new
             if step <= 1e-9 * target:
-                m = _margin(problem, weight, s)
-                if m > 0.5 * target:
+                F, error = _natural_map(problem, weight, s, *problem.rounding(s))
+                if (m := float((F - error).min())) > 0.5 * target:
                     return m, s
                 break
     return None
@@ -142,27 +140,22 @@ def _supersolution(problem: ProblemData, weight: Vector, start: Vector) -> tuple
 
 def _policy_step(problem: ProblemData, weight: Vector, m: float, s: Vector) -> Vector | None:
     """One step of policy iteration for min(p/a, r) = m: the rows with r < p/a jump where it is best at `s`."""
-    assert isinstance(problem.psi, Intervention)
-    psi, target = problem.psi.best_jump(s)
-    p = problem.p(s) / weight
-    if np.isnan(p).any() or np.isnan(psi).any():
-        return None
-    jumps = s - psi < p
-    rows = np.flatnonzero(jumps)
-    J = sp.csr_array((np.ones(rows.size), (rows, target[rows])), shape=problem.A.shape)
-    stays = sp.diags_array(np.where(jumps, 0.0, 1.0 / weight)) @ problem.A
-    lu = factorise(sp.csr_array(stays + sp.diags_array(jumps.astype(float)) - J))
+    psi = problem.psi.value(s)
+    jumps = s - psi < problem.p(s) / weight
+    J = problem.psi.jacobian(s)
+    assert J is not None  # of a best jump
+    lu = factorise(times_rows(np.where(jumps, 1.0, 1.0 / weight), equations_on(problem, jumps, J)))
     if lu is None:
         return None
-    gain = np.where(jumps, psi - s[np.maximum(target, 0)], 0.0)
-    new: Vector = lu.solve(np.where(jumps, gain, -problem.q / weight) + m)
+    # not a correction of s: with the same jumps the step is the same to the last digit
+    new: Vector = lu.solve(np.where(jumps, psi - J @ s, -problem.q / weight) + m)
     return new if np.isfinite(new).all() else None
 
 
-def _margin(problem: ProblemData, weight: Vector, s: Vector) -> float:
-    """A lower bound of min(p(s)/a, r(s))."""
-    rounding_p, rounding_r = problem.rounding(s)
-    p = problem.p(s)
-    r = problem.r(s)
-    F = np.minimum((p - rounding_p) / weight, r - rounding_r)
-    return float((F - 4 * UNIT_ROUNDOFF * np.abs(F)).min()) - SMALLEST
+def _natural_map(
+    problem: ProblemData, weight: Vector, z: Vector, rounding_p: Vector, rounding_r: Vector
+) -> tuple[Vector, Vector]:
+    """F = min(p/a, r) at `z` and a bound on its error."""
+    F = np.minimum(problem.p(z) / weight, problem.r(z))
+    error = np.maximum(rounding_p / weight, rounding_r) * (1 + 4 * UNIT_ROUNDOFF) + 4 * UNIT_ROUNDOFF * np.abs(F)
+    return F, error + SMALLEST  # the quotients may have underflowed
