@@ -1,31 +1,38 @@
-"""All principal minors of a small matrix, by the signs of all pivots of the intervals mid[0] ± rad[0], n × n.
+"""All principal minors of a small matrix, by the signs of all pivots of the intervals mid ± rad, n × n.
 
 A is P if and only if a₁₁ > 0, A without row and column 1 is P, and so is the Schur complement
 A/a₁₁. That is a binary tree. At level k the indices < k are eliminated (bits of `chosen`) or
 deleted. The pivot at k is the quotient of the minors of chosen + {k} and of chosen. `base[k]` is
-the slot of mid, rad, shape (n + 1, n, n), with the matrix of level k: deleting needs no copy. |true
+the slot of mids, rads, shape (n + 1, n, n), with the matrix of level k: deleting needs no copy. |true
 − mid| ≤ rad throughout.
 """
 
 from __future__ import annotations
 
+import numpy as np
+
 from . import compiled
 
 
 @compiled
-def search_pivots(mid, rad, base, undecided):
-    # returns the index set, as bits, of a minor that is proved <= 0, or 0, and how many pivots are undecided; their
-    # index sets stand in `undecided`, the last index being k. Below an undecided pivot no Schur complement is looked
-    # at. Where `undecided` is full, the search ends.
+def search_minors(mid, rad, max_undecided):
+    # returns the index set, as bits, of a minor that is proved <= 0, or 0, and the index sets of the pivots that are
+    # undecided, their last index being k. Below an undecided pivot no Schur complement is looked at. The search ends
+    # at `max_undecided` of them.
     # u and tiny are twice the unit roundoff and a normal number: what is generous in them pays for the rounding of the
     # radii. Fused multiply-adds only make the errors smaller.
     u = 2.0**-52
     tiny = 2.0**-1000
-    n = mid.shape[1]
+    n = mid.shape[0]
+    mids = np.empty((n + 1, n, n))
+    rads = np.empty((n + 1, n, n))
+    mids[0] = mid
+    rads[0] = rad
+    undecided = np.empty(max_undecided, dtype=np.int64)
+    base = np.zeros(n + 1, dtype=np.int64)
     level = 0
     chosen = 0
     count = 0
-    base[0] = 0
     while level < n or chosen:
         if level == n:  # back to the last index that is chosen, and now without it
             while not chosen >> level & 1:
@@ -36,11 +43,11 @@ def search_pivots(mid, rad, base, undecided):
             continue
         here = base[level]
         to = level + 1
-        pivot = mid[here, level, level]
-        radius = rad[here, level, level]
+        pivot = mids[here, level, level]
+        radius = rads[here, level, level]
         minor = chosen | (1 << level)
         if pivot <= -radius and radius < 1 / tiny:  # not for -inf and inf
-            return minor, count
+            return minor, undecided[:count]
         if not pivot > radius:  # NaN as well
             undecided[count] = minor
             base[to] = here
@@ -51,17 +58,17 @@ def search_pivots(mid, rad, base, undecided):
             continue
         least = (pivot - radius) * (1 - u)
         for i in range(to, n):
-            f = mid[here, i, level] / pivot
-            f_rad = (1 + 8 * u) * ((rad[here, i, level] + abs(f) * radius) / least + u * abs(f) + tiny)
+            f = mids[here, i, level] / pivot
+            f_rad = (1 + 8 * u) * ((rads[here, i, level] + abs(f) * radius) / least + u * abs(f) + tiny)
             for j in range(to, n):
-                b = mid[here, level, j]
-                b_rad = rad[here, level, j]
+                b = mids[here, level, j]
+                b_rad = rads[here, level, j]
                 product = f * b
-                new = mid[here, i, j] - product
-                error = rad[here, i, j] + abs(f) * b_rad + f_rad * (abs(b) + b_rad)
-                mid[to, i, j] = new
-                rad[to, i, j] = (1 + 8 * u) * (error + u * (abs(product) + abs(new)) + tiny)
+                new = mids[here, i, j] - product
+                error = rads[here, i, j] + abs(f) * b_rad + f_rad * (abs(b) + b_rad)
+                mids[to, i, j] = new
+                rads[to, i, j] = (1 + 8 * u) * (error + u * (abs(product) + abs(new)) + tiny)
         chosen = minor
         base[to] = to
         level = to
-    return 0, count
+    return 0, undecided[:count]

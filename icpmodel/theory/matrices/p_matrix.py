@@ -20,7 +20,6 @@ Coxson, Math. Program. 64 (1994), on the complexity. Tsatsomeros and Li, Linear 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -76,6 +75,8 @@ def minor_of_order_two(A: sp.csr_array) -> Indices | None:
 
 def by_pivots(A: sp.csr_array) -> Answer:
     """The exact test, for n ≤ 60 or so; the time doubles with each row."""
+    from ...numerics.kernels.principal_minors import search_minors  # loads numba
+
     n = A.shape[0]
     work.charge(_MINOR_COST * 2.0**n)
     r, c = natural_exponents(A)
@@ -97,21 +98,6 @@ def by_pivots(A: sp.csr_array) -> Answer:
     if undecided.size:
         return Answer(None, "undecided within rounding: some of its principal minors are nearly zero")
     return Answer(True, "all principal minors are positive, rounding considered")
-
-
-def search_minors(mid: Any, rad: Any, max_undecided: int) -> tuple[int, NDArray[np.int64]]:
-    """The compiled search on one matrix of size m: the index set found, as bits, or 0, and the undecided ones."""
-    from ...numerics.kernels.principal_minors import search_pivots  # loads numba
-
-    m = mid.shape[0]
-    mids = np.empty((m + 1, m, m))
-    rads = np.empty((m + 1, m, m))
-    mids[0] = mid
-    rads[0] = rad
-    levels = np.empty(m + 1, dtype=np.int64)
-    undecided = np.empty(max_undecided, dtype=np.int64)
-    index_set, count = search_pivots(mids, rads, levels, undecided)
-    return index_set, undecided[:count]
 
 
 def _members(bits: int) -> list[int]:
