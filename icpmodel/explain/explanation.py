@@ -24,7 +24,7 @@ from ..solve.newton_josephy import NewtonJosephy
 from ..solve.outcome import why_none
 from ..solve.reduction import presolve
 from ..theory.answers import Allowance, Answer
-from ..theory.certificates.bounds import ErrorBound, bullet_list, error_bound, obstacles_never_cross, shared_proofs
+from ..theory.certificates.bounds import ErrorBound, bullet_list, classes_of, error_bound, obstacles_never_cross
 from ..theory.convergence.proximal_point import proximal_point
 from ..theory.matrices.classes import CLASS_NAMES, MatrixClasses
 from ..theory.nonuniqueness import solution_facts
@@ -318,7 +318,7 @@ def _make_explanation(
 ) -> Explanation:
     method_named = method is not None
     instead = None
-    classes = shared_proofs(problem).classes.decided(limit)
+    classes = classes_of(problem).decided(limit)
     picked, why = _chosen_method(problem, limit)
     methods: dict[str, Method] = {}
     if method is not None:

@@ -19,7 +19,7 @@ from ..numerics.rounding import rounded_up
 from ..present.display import Displayable
 from ..problem.data import ProblemData
 from ..theory.answers import UNDECIDED, Allowance, Answer
-from ..theory.certificates.bounds import shared_proofs
+from ..theory.certificates.bounds import supersolution_proof
 from ..theory.certificates.supersolution import SupersolutionProof
 from ..theory.convergence.rates import Rate, predicted_rate
 from ..theory.convergence.theorems import Check, check_all
@@ -128,7 +128,7 @@ def forecasts_of(
     """A forecast of each of the `methods` that is a member of the family and can start, made when it is asked for."""
     supersolution = False
     with suppress(OutOfTime, MemoryError), limit.enforced():
-        supersolution = isinstance(shared_proofs(problem).supersolution(problem), SupersolutionProof)
+        supersolution = isinstance(supersolution_proof(problem), SupersolutionProof)
     for title, one in methods.items():
         if isinstance(one, ModulusMember) and one.why_not(problem) is None:
             checks = check_all(problem, one, limit)

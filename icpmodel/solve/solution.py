@@ -22,7 +22,7 @@ from ..present.display import Plottable, cut
 from ..present.table import Table, Tabular
 from ..problem.data import ProblemData
 from ..theory.answers import Answer
-from ..theory.certificates.bounds import ErrorBound, enforce_limits, error_bound, shared_proofs
+from ..theory.certificates.bounds import ErrorBound, classes_of, enforce_limits, error_bound
 from ..theory.certificates.certificate import NOT_COMPUTED, ActiveSet, Certificate, active_set, certify
 from ..theory.certificates.contradiction import Contradiction, contradiction
 from ..theory.nonuniqueness import solution_facts
@@ -463,7 +463,7 @@ class Solution(ReadOnly, Plottable):
             rows["rows"] = rows_known
         if self.solved and not bound.unique:
             with suppress(IcpError, MemoryError), enforce_limits(self.time_limit, self.memory_limit):
-                if known := list(solution_facts(self.problem, shared_proofs(self.problem).classes, self.z)):
+                if known := list(solution_facts(self.problem, classes_of(self.problem), self.z)):
                     rows["solutions"] = "\n".join(known)
         if not self.solved:
             rows["message"] = self.message

@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from known_answers import GENERATORS, chain
 
 import icpmodel as icp
-from icpmodel.theory.certificates import supersolution
-from icpmodel.theory.certificates.bounds import shared_proofs
+from icpmodel.algebra.linear_rows import has_linear_pieces
+from icpmodel.theory.certificates import definite, enumerated, supersolution
+from icpmodel.theory.certificates.bounds import supersolution_proof
 from icpmodel.theory.certificates.proof import Proof
 
 #: how far z is from the solution
@@ -59,11 +60,11 @@ def definite_matrix(rng, n):
 
 
 def definite_of(problem):
-    return shared_proofs(problem).definite
+    return definite.prove(problem.matrix, problem.psi)
 
 
 def enumerated_of(problem):
-    return next(shared_proofs(problem).enumerated(problem), "an obstacle is not affine")
+    return enumerated.prove(problem) if has_linear_pieces(problem) else "an obstacle is not affine"
 
 
 both = pytest.mark.parametrize("prove", [definite_of, enumerated_of])
@@ -259,10 +260,10 @@ class TestSupersolution:
 
     def test_it_belongs_to_one_q(self):
         problem = jumping([-1.0], ONE)
-        other, known = problem.with_q([-100.0, 50.0]), shared_proofs(problem)
-        assert known.supersolution(problem) is shared_proofs(problem).supersolution(problem)
-        assert known.supersolution(other) is not known.supersolution(problem)
-        assert holds(known.supersolution(other), other, np.zeros(2), [100, -50])
+        other = problem.with_q([-100.0, 50.0])
+        assert supersolution_proof(problem) is supersolution_proof(problem)
+        assert supersolution_proof(other) is not supersolution_proof(problem)
+        assert holds(supersolution_proof(other), other, np.zeros(2), [100, -50])
 
     @pytest.mark.parametrize(
         ("problem", "words"),

@@ -12,8 +12,9 @@ from known_answers import GENERATORS, SEEDS
 import icpmodel as icp
 from icpmodel.numerics.arrays import as_csr
 from icpmodel.numerics.rational import curvature
+from icpmodel.problem.matrix import Matrix
 from icpmodel.theory import check, classify
-from icpmodel.theory.certificates.bounds import shared_proofs
+from icpmodel.theory.certificates import definite
 from icpmodel.theory.certificates.proof import Proof
 from icpmodel.theory.matrices import definiteness, eigenvalue
 
@@ -89,9 +90,9 @@ def test_a_large_matrix_that_is_definite_by_rounding_alone_is_not_proved_so(less
     for seed in range(8):
         B = np.random.default_rng(seed).integers(-3, 4, size=(100, 99)).astype(float)
         S = B @ B.T - less * np.eye(100)
-        assert isinstance(shared_proofs(icp.ICP(S, np.zeros(100))).definite, str)
+        assert isinstance(definite.prove(Matrix(S), icp.Constant(0.0).bind(100)), str)
         assert not eigenvalue.smallest_below(sp.csr_array(S / 512)) > 0
-        assert isinstance(shared_proofs(icp.ICP(S + 2.0**-20 * np.eye(100), np.zeros(100))).definite, Proof)
+        assert isinstance(definite.prove(Matrix(S + 2.0**-20 * np.eye(100)), icp.Constant(0.0).bind(100)), Proof)
 
 
 HIDDEN = [[1.0, 0.9, 0.9], [0.9, 1.0, -0.9], [0.9, -0.9, 1.0]]
@@ -148,7 +149,7 @@ def test_large_matrices_are_decided_by_dominance_or_as_bands_and_else_left_open(
     S = sp.csr_array(S + S.T + 3 * sp.eye_array(n))
     found = classify(S)
     assert [found.definite.holds, found.semidefinite.holds, found.semidefinite_up_to_rounding.holds] == [None] * 3
-    assert isinstance(shared_proofs(icp.ICP(S, np.zeros(n))).definite, str)
+    assert isinstance(definite.prove(Matrix(S), icp.Constant(0.0).bind(n)), str)
     assert check("definite", icp.ICP(S, np.zeros(n)), icp.MNMOD()).number is None
     band = sp.diags_array([-np.ones(n - 2), -np.ones(n - 1), 3.0 + 3e-6 * np.ones(n)], offsets=[-2, -1, 0])
     order = rng.permutation(n)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from known_answers import GENERATORS, PAIR
 
 import icpmodel as icp
-from icpmodel.theory.certificates.bounds import shared_proofs, sharpened
+from icpmodel.theory.certificates.bounds import h_plus_proof, sharpened
 from icpmodel.theory.certificates.nearby import points_near
 
 #: rows for which the sweeps are foreseen to cost more than a hierarchy, and others
@@ -43,7 +43,7 @@ def drawn(rng, sizes, kind):
 
 def improved(problem, z):
     """(δ(z), the best of δ over the better points, the same in norm), or None without a proof."""
-    proof = shared_proofs(problem).h_plus
+    proof = h_plus_proof(problem)
     if isinstance(proof, str):
         return None
     delta, euclidean = proof.bound(problem, z, *problem.rounding(z))
@@ -88,7 +88,7 @@ class TestLargeA:
 def test_what_was_found_before_a_limit_is_kept():
     """A limit that comes between two better points costs the second one only."""
     problem = icp.ICP(PAIR, [-1.0, -1.0])
-    z, proof = np.array([1.0, 1.5]), shared_proofs(problem).h_plus
+    z, proof = np.array([1.0, 1.5]), h_plus_proof(problem)
 
     def points():
         yield np.ones(2)

@@ -6,7 +6,7 @@ from known_answers import PAIR, SEEDS
 
 import icpmodel as icp
 from icpmodel.theory import check, check_all
-from icpmodel.theory.certificates.bounds import shared_proofs
+from icpmodel.theory.certificates.bounds import h_plus_proof
 from icpmodel.theory.certificates.h_plus import HPlusProof
 from icpmodel.theory.convergence.conditions import StepMatrices
 from icpmodel.theory.convergence.rowwise import SweepMap
@@ -61,7 +61,7 @@ def test_two_sweeps_never_part_by_more_than_the_bound(seed):
 def test_for_omega_up_to_one_the_factor_is_below_one_exactly_where_the_certificate_exists(seed):
     """With a factor no larger than the one that its v gives in closed form."""
     problem, omega, _ = drawn(seed, lambda rng: rng.uniform(0.05, 1))
-    found, proof = check_all(problem, icp.PSOR(omega=omega)), shared_proofs(problem).h_plus
+    found, proof = check_all(problem, icp.PSOR(omega=omega)), h_plus_proof(problem)
     proved = isinstance(proof, HPlusProof)
     assert (found["rowwise"].holds is True) == proved
     if proved:

@@ -12,7 +12,7 @@ from known_answers import GENERATORS, PAIR
 
 import icpmodel as icp
 from icpmodel.theory import active_set, check, error_bound
-from icpmodel.theory.certificates.bounds import possible_crossing, shared_proofs
+from icpmodel.theory.certificates.bounds import possible_crossing, proofs_with_rounding
 from icpmodel.theory.certificates.contradiction import multipliers
 from icpmodel.theory.certificates.infeasible import infeasible
 
@@ -51,7 +51,7 @@ def test_no_bound_is_below_the_true_error_and_what_is_unique_is(rng, kind):
         told = error_bound(problem, z)
         assert not told.unique or len(exact.solutions) == 1
         assert told.value is None or not exceeds(z, exact.solutions[0], told.componentwise)
-        for proof in shared_proofs(problem).candidates(problem):
+        for proof in proofs_with_rounding(problem):
             if not isinstance(proof, str):
                 assert len(exact.solutions) + len(exact.others) == 1
                 delta, _ = proof.bound(problem, z, *problem.rounding(z))

@@ -10,8 +10,7 @@ import math
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
-from functools import cached_property
-from itertools import chain, islice
+from itertools import islice
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -25,10 +24,8 @@ from ...numerics.arrays import ReadOnly, Vector, as_number, as_truth, not_finite
 from ...numerics.rounding import UNIT_ROUNDOFF, public_entry, rounded_up
 from ...present.display import Displayable
 from ...problem.data import ProblemData, ProblemLike, as_problem
-from ...problem.facts import Facts
 from ...problem.map import Map
-from ...problem.matrix import Matrix
-from ...problem.two_sided import TwoSidedObstacle
+from ...problem.two_sided import TwoSidedObstacle, sides_of
 from ...problem.user_code import USER_ULPS
 from ..answers import UNDECIDED
 from ..matrices.classes import MatrixClasses
@@ -292,9 +289,7 @@ def lipschitz_violation(problem: ProblemData, z: Vector) -> str:
     """
     if problem.f is not None and (fault := problem.f.slope_violation(z)):
         return fault
-    psi = problem.psi
-    sides = {"psi": psi} if problem.upper is None else {"psi": psi.lower, "upper": psi.upper}  # type: ignore[attr-defined]
-    for name, one in sides.items():
+    for name, one in zip(("psi", "upper"), sides_of(problem.psi), strict=False):
         allowed = one.change(np.abs(z)) if one.calls_user_code else None
         if allowed is None:
             continue
@@ -336,74 +331,59 @@ def possible_crossing(problem: ProblemData, z: Vector, delta: Vector) -> int | N
 
 def perturbation_bound(problem: ProblemData, z: Vector, rounding_p: Vector, rounding_r: Vector) -> float | None:
     """A bound on max|z − z*| if p(z) and r(z) are wrong by at most the other two; None if there is no proof."""
-    for proof in shared_proofs(problem).candidates(problem):
+    for proof in proofs_with_rounding(problem):
         if not isinstance(proof, str):
             largest = float(proof.bound(problem, z, rounding_p, rounding_r)[0].max())
             return largest if np.isfinite(largest) else None
     return None
 
 
-class Proofs:
-    """The matrix classes of A, and the proofs of uniqueness for A and ψ, each made on first use.
-
-    In place of a proof that fails there is a sentence with the reason.
-    """
-
-    def __init__(self, matrix: Matrix, psi: Map) -> None:
-        self.matrix, self.psi = matrix, psi
-        # the proofs that depend on q as well
-        self._by_problem: WeakKeyDictionary[ProblemData, dict[Any, Proof | str]] = WeakKeyDictionary()
-
-    @cached_property
-    def classes(self) -> MatrixClasses:
-        """The classes of A, shared by all problems with this A."""
-        if self.matrix not in _CLASSES:
-            _CLASSES[self.matrix] = MatrixClasses(self.matrix.sparse)
-        return _CLASSES[self.matrix]
-
-    h_plus = cached_property(lambda self: prove_h_plus(self.matrix, self.psi))
-    definite = cached_property(lambda self: prove_definite(self.matrix, self.psi))
-
-    def supersolution(self, problem: ProblemData) -> Proof | str:
-        """The proof for impulse control, which depends on q as well."""
-        return self._proof_with_q(problem, prove_supersolution)
-
-    def candidates(self, problem: ProblemData) -> Iterator[Proof | str]:
-        """The proofs that may apply to ψ, cheapest and sharpest first; they bound the effect of errors in p and r."""
-        yield self.h_plus
-        yield self.definite
-        if self.psi.has_policies and self.psi.upper is None:
-            yield self.supersolution(problem)
-
-    def enumerated(self, problem: ProblemData) -> Iterator[Proof | str]:
-        """The proof for few unknowns, which bounds |z − z*| only; none if an obstacle is not affine."""
-        if has_linear_pieces(problem):
-            yield self._proof_with_q(problem, prove_enumerated)
-
-    def _proof_with_q(self, problem: ProblemData, prove: Callable[[ProblemData], Proof | str]) -> Proof | str:
-        known = self._by_problem.setdefault(problem, {})
-        if prove not in known:
-            known[prove] = prove(problem)
-        return known[prove]
+#: matrix, facts or problem → what was made for it, by its maker
+_MADE: WeakKeyDictionary[Any, dict[Any, Any]] = WeakKeyDictionary()
 
 
-_CLASSES: WeakKeyDictionary[Matrix, MatrixClasses] = WeakKeyDictionary()
-_PROOFS: WeakKeyDictionary[Facts, Proofs] = WeakKeyDictionary()
+def _once(owner: Any, make: Callable[..., Any], *arguments: Any) -> Any:
+    """`make(*arguments)`, which depends on the `owner` only and is made once for it."""
+    made = _MADE.setdefault(owner, {})
+    if make not in made:
+        made[make] = make(*arguments)
+    return made[make]
 
 
-def shared_proofs(problem: ProblemData) -> Proofs:
-    """The proofs for A and ψ of `problem`, cached for all problems that share these."""
-    if problem.facts not in _PROOFS:
-        _PROOFS[problem.facts] = Proofs(problem.matrix, problem.psi)
-    return _PROOFS[problem.facts]
+def classes_of(problem: ProblemData) -> MatrixClasses:
+    """The classes of A, shared by all problems with this A."""
+    classes: MatrixClasses = _once(problem.matrix, MatrixClasses, problem.A)
+    return classes
+
+
+def h_plus_proof(problem: ProblemData) -> HPlusProof | str:
+    """The proof by `h_plus`, or why there is none, shared by all problems with this A and ψ."""
+    proof: HPlusProof | str = _once(problem.facts, prove_h_plus, problem.matrix, problem.psi)
+    return proof
+
+
+def supersolution_proof(problem: ProblemData) -> Proof | str:
+    """The proof for impulse control, or why there is none; it depends on q as well."""
+    proof: Proof | str = _once(problem, prove_supersolution, problem)
+    return proof
+
+
+def proofs_with_rounding(problem: ProblemData) -> Iterator[Proof | str]:
+    """The proofs that bound the effect of errors in p and r, or why one fails, cheapest and sharpest first."""
+    yield h_plus_proof(problem)
+    yield _once(problem.facts, prove_definite, problem.matrix, problem.psi)
+    if problem.psi.has_policies and problem.upper is None:
+        yield supersolution_proof(problem)
 
 
 def proofs_for(problem: ProblemData) -> Iterator[Proof | str]:
     """All proofs for `problem`, or the sentence why one fails, in the order in which they are tried."""
     if problem.f is not None:
-        return proofs_by_slopes(problem)
-    proofs = shared_proofs(problem)
-    return chain(proofs.candidates(problem), proofs.enumerated(problem))
+        yield from proofs_by_slopes(problem)
+        return
+    yield from proofs_with_rounding(problem)
+    if has_linear_pieces(problem):
+        yield _once(problem, prove_enumerated, problem)
 
 
 def sharpened(

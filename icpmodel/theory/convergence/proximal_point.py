@@ -24,7 +24,7 @@ from __future__ import annotations
 from ...errors import check_arguments
 from ...problem.data import ProblemData
 from ..answers import Answer
-from ..certificates.bounds import shared_proofs
+from ..certificates.bounds import classes_of
 
 
 @check_arguments
@@ -54,7 +54,7 @@ def proximal_point(problem: ProblemData) -> Answer:
     """
     if not problem.facts.has_fixed_obstacle:
         return Answer(False, "the obstacle depends on other unknowns, or its slope is not known to be below 1")
-    answer = shared_proofs(problem).classes.semidefinite
+    answer = classes_of(problem).semidefinite
     if not answer.holds:
         word = "A is not monotone" if answer.holds is False else "it is not known whether A is monotone"
         return Answer(answer.holds, f"{word}: {answer.reason}", answer.witness)

@@ -48,7 +48,7 @@ from ...numerics.arrays import row_of
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, rounded_up
 from ...numerics.sparse_structure import is_symmetric
 from ..answers import Answer
-from ..certificates.bounds import shared_proofs
+from ..certificates.bounds import classes_of
 from ..certificates.definite import MAX_UNKNOWNS
 from ..matrices.comparison_matrix import positive_diagonal, z_matrix
 from ..matrices.eigenvalue import largest_above, smallest_below, within_reach
@@ -117,7 +117,7 @@ def definite(step: StepMatrices) -> Answer:
     if sigma is not None:
         v = (1 + 4 * UNIT_ROUNDOFF) / np.sqrt(step.omega)
         return Answer(True, f"A is positive definite and sigma is at most {rounded_up(sigma, 6, below=1.0)}", v, sigma)
-    answer = shared_proofs(step.problem).classes.definite
+    answer = classes_of(step.problem).definite
     known = {True: "is", False: "is not", None: "is not known to be"}[answer.holds]
     # the witness of a theorem that holds is a vector v
     reason = f"A {known} positive definite: {answer.reason}"

@@ -14,7 +14,7 @@ from ...numerics.arrays import Vector, described
 from ...numerics.rounding import UNIT_ROUNDOFF, rounded_down, rounded_up
 from ...problem.data import ProblemData
 from ..answers import UNLIMITED, Allowance, Answer
-from ..certificates.bounds import shared_proofs
+from ..certificates.bounds import h_plus_proof
 from ..certificates.proof import no_lipschitz
 from .conditions import StepMatrices, printed_42, printed_44, sharper, theorem_41, theorem_42, theorem_43, theorem_44
 from .contraction import HomogeneousMap, radius
@@ -227,7 +227,7 @@ def _starts(step: StepMatrices) -> Iterator[Vector]:
     """The v that served before, v = 1, the certificate's v, for small n balanced units: Osborne, J. ACM 7 (1960)."""
     yield from reversed(step.vectors)
     yield np.ones(step.n)
-    proof = shared_proofs(step.problem).h_plus
+    proof = h_plus_proof(step.problem)
     if not isinstance(proof, str):
         yield proof.v
     if 1 < step.n <= 500:
