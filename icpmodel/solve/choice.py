@@ -98,10 +98,10 @@ def select_method(
        for a quarter of what the cheapest method of rung 5 is expected to cost, and for 20 sweeps at least, which show
        a rate. It is an eighth where the Jacobi radius ρ < 1 of A foretells that it needs more than that method. If
        that is `Multilevel`, no other can cost less, and an eighth does not pay for 20 sweeps, it begins at once.
-    5. Of three methods the one with the least left to do: the cheapest of `Newton`, `Multilevel` and `Lemke`;
-       `Proximal`; `Interior`. Their estimates follow from ρ and the fill of the factors of A. That fill is not asked
-       for before `Multilevel` has more left than the others would cost without any.
-    6. Where all of these have ended: the others that rung 5 names, then MNMGS and MNMMOD. With at most 150 unknowns
+    5. Of four methods the one with the least left to do: the cheaper of `Newton` and `Lemke`; `Multilevel`, unless it
+       ran before; `Proximal`; `Interior`. Their estimates follow from ρ and the fill of the factors of A. That fill is
+       not asked for before `Multilevel` has more left than the others would cost without any.
+    6. Where all of these have ended: the other that rung 5 names, then MNMGS and MNMMOD. With at most 150 unknowns
        they end after twice their estimates, as a global search follows.
 
     Before rung 5 the problem is reduced, see `solve.reduction`; each of its parts goes up a ladder of its own.
@@ -115,8 +115,8 @@ def select_method(
 
     **Bound.** The best method needs T, and its remaining cost is never more than R ≥ T. Another one runs only where its
     remaining cost is at most R. At first it spends at most 2R. When it goes on later it has spent at most R, as
-    its remaining cost is at least that. It pauses when this has doubled, at 2R in all. Sweeps, an early `Multilevel`
-    and three methods need T + 8R: 9T where the best method's estimates are right. Each that ends adds 2R for the next.
+    its remaining cost is at least that. It pauses when this has doubled, at 2R in all. Sweeps and four methods need
+    T + 8R: 9T where the best method's estimates are right. Each that ends adds 2R for the next.
 
     Parameters
     ----------
@@ -237,7 +237,7 @@ class Ladder:
         self.jobs: list[Job] = []
         self.sweeps: list[Job] = []
         self.early: list[Job] = []
-        #: for each of the three of rung 5 the ones that follow where it ends
+        #: for each of the four of rung 5 the ones that follow where it ends
         self.others: list[list[Job]] = []
         sweeps = [self._add_psor, self._add_multilevel, self._add_accelerated, self._pause, self._add_multilevel]
         if warm_start:
@@ -390,14 +390,12 @@ class Ladder:
 
     def _add_newton(self) -> None:
         self.floor = math.inf
-        newton: list[Method] = [MNMMOD(theta1=AUTO)]
-        proximal: list[Method] = []
-        if self.family != "paper":
-            newton = [Newton(), Multilevel()]
-            proximal = [Proximal(), Interior()]
-        if self.family is None:
-            newton.append(Lemke())
-        self.others = [self._estimate_jobs(newton), *([job] for job in self._estimate_jobs(proximal))]
+        rungs: list[list[Method]] = [[Newton()], [Multilevel()], [Proximal()], [Interior()]]
+        if self.family == "paper":
+            rungs = [[MNMMOD(theta1=AUTO)]]
+        elif self.family is None:
+            rungs[0].append(Lemke())
+        self.others = list(map(self._estimate_jobs, rungs))
         began = [rung[0] for rung in self.others if rung]
         self.jobs += began
         self._try_sweeps(min((job.remaining for job in began), default=math.inf))

@@ -98,14 +98,13 @@ def least_of_others(facts: Facts, family: str | None) -> float:
 
 
 def _newton(facts: Facts) -> Estimate:
-    # where rows are not dominant signs wander: about eight times as many steps were measured. Systems of a descent are
-    # not symmetric, nor those with an obstacle that moves.
+    # where rows are not dominant signs wander: of 76 problems half took up to 2.7 times as many steps, a quarter more
+    # than 7 times. Systems of a descent are not symmetric, nor those with an obstacle that moves. Without a positive
+    # diagonal the equations of the free rows are singular more often than not, and others follow.
     matrix = facts.matrix
-    wander = 8.0 if matrix.coupled_radius > 1.0 else 1.0
-    if not matrix.has_positive_diagonal:
-        # the equations of the free rows are singular more often than not, and others follow
-        wander = 4.0
-    is_symmetric = wander == 1.0 and facts.has_fixed_obstacle
+    is_dominant = matrix.coupled_radius <= 1.0 and matrix.has_positive_diagonal
+    wander = 1.0 if is_dominant else 4.0
+    is_symmetric = is_dominant and facts.has_fixed_obstacle
     factors = factor_costs(matrix).first if is_symmetric else factor_costs(matrix).unsymmetric
     system, memory = system_cost(matrix, factors)
     return Estimate(0.0, newton_cost(facts) + system, wander * _newton_steps(facts), memory)
