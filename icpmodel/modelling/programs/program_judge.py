@@ -33,40 +33,34 @@ class Judge:
     """
 
     def __init__(self, problem: ProblemData, n: int) -> None:
-        A = problem.A
-        self.size = abs(A)
-        self.H = A[:n, :n]
-        self.of_H = abs(self.H)
-        self.diagonal = self.H.diagonal()
-        loss = float(gamma(3 + np.diff(A.indptr).max(initial=0)))
-        self.is_x = np.arange(A.shape[0]) < n
+        matrix = problem.matrix
+        self.size = matrix.absolute
+        self.diagonal = problem.A.diagonal()
+        self.is_x = np.arange(problem.n) < n
         #: brings z and p/unit into units in which the entries of A are about 1
-        self.unit = _units(A)
-        self.parts = [(part, loss * (self.size @ (part / self.unit))) for part in (self.is_x, ~self.is_x)]
-        self.loss = loss
+        self.unit = _units(self.size)
+        self.loss = float(gamma(3 + np.diff(self.size.indptr).max(initial=0)))
+        self.parts = [(part, self.loss * (self.size @ (part / self.unit))) for part in (self.is_x, ~self.is_x)]
 
     @np.errstate(all="ignore")
     def violation(self, problem: ProblemData, z: Vector) -> tuple[float, float]:
         """The largest share that is wrong at `z`, shape (n,), up to rounding and strictly; inf where it is NaN."""
         is_x = self.is_x
-        size = np.abs(z)
         p = problem.p(z)
         violations = np.abs(p)
         of_q = np.abs(problem.q)
-        terms = self.size @ size + of_q
+        terms = self.size @ np.abs(z) + of_q
         room = room_of(problem, z, p)
         most = np.where(is_x, _NOISE_OF_GRADIENT * self.unit * ((of_q / self.unit)[is_x].max() or np.inf), np.inf)
         own = self.loss * terms
         largest = sum(self.largest(z, part) * of_part for part, of_part in self.parts)
         noise = np.maximum(own, np.minimum(largest, most))
-        reach = size.copy()
-        reach[is_x] = np.where(self.diagonal > 0, (self.of_H @ size[is_x]) / self.diagonal, size[is_x])
+        x = np.where(is_x, z, 0.0)
+        reach = np.where(self.diagonal > 0, (self.size @ np.abs(x)) / self.diagonal, np.abs(z))
         gap = np.maximum(violations - np.minimum(own, most), 0.0) @ np.minimum(room, reach)
         if gap > 0:
-            x = z[is_x]
-            at_bound = is_x & (room == 0)
-            of_sides = problem.q[~is_x] @ z[~is_x] - p[at_bound] @ z[at_bound]
-            gap /= max(x @ (self.H @ x), 0.0) + size[is_x] @ (of_q + noise)[is_x] + abs(of_sides)
+            of_sides = (z - x) @ problem.q - x @ np.where(room == 0, p, 0.0)
+            gap /= max(x @ problem.product(x), 0.0) + np.abs(x) @ (of_q + noise) + abs(of_sides)
         shares = []
         for rounding in (noise, own):
             excess = np.where((room > 0) & (violations > rounding), (violations - rounding) / terms, 0.0)
@@ -91,20 +85,20 @@ def room_of(problem: ProblemData, z: Vector, p: Vector) -> Vector:
     return np.where(p > 0, problem.r(z), np.inf if above is None else -above)
 
 
-def _units(A: sp.csr_array) -> Vector:
-    """2^e such that log₂|a_ij| − e_i − e_j is 0 in the mean of the entries of a row that count."""
-    largest = abs(A).max(axis=1).toarray().ravel()
-    counts = np.abs(A.data) > _NEGLIGIBLE_ENTRY * np.minimum(largest[row_of(A)], largest[A.indices])
-    logarithm = A.copy()
-    logarithm.data = np.log2(np.abs(A.data), out=np.zeros(A.nnz), where=counts)
-    pattern = A.copy()
-    pattern.data = 1.0 * counts
-    sums = logarithm.sum(axis=1)
-    count = np.maximum(pattern.sum(axis=1), 1.0)
-    e = np.zeros(A.shape[0])
+def _units(size: sp.csr_array) -> Vector:
+    """2^e such that log₂|a_ij| − e_i − e_j is 0 in the mean of the entries of a row that count, from |A|."""
+    i = row_of(size)
+    j = size.indices
+    largest = size.max(axis=1).toarray().ravel()
+    counts = size.data > _NEGLIGIBLE_ENTRY * np.minimum(largest[i], largest[j])
+    rows = i[counts]
+    columns = j[counts]
+    logarithms = np.log2(size.data[counts])
+    count = np.maximum(np.bincount(rows, minlength=largest.size), 1)
+    e = np.zeros(largest.size)
     for _ in range(_MAX_SCALING_STEPS):
-        step = 0.5 * ((sums - pattern @ e) / count - e)
+        step = 0.5 * np.bincount(rows, logarithms - e[rows] - e[columns], largest.size) / count
         e += step
-        if np.abs(step).max(initial=0.0) <= _SETTLED_STEP:
+        if np.abs(step).max() <= _SETTLED_STEP:
             break
     return np.exp2(np.clip(e, -_MAX_EXPONENT, _MAX_EXPONENT))
