@@ -6,13 +6,14 @@ from collections.abc import Iterator
 from fractions import Fraction
 
 import numpy as np
+import scipy.sparse as sp
 
 from ...numerics import work
 from ...numerics.arrays import Mask, Vector
 from ...numerics.equilibration import Exponents
 from ...numerics.exact_polyhedron import row_reduce
 from ...numerics.rational import RATIONAL_UP_TO, nearest
-from ...numerics.rounding import UNIT_ROUNDOFF
+from ...numerics.rounding import product_lower_bound, product_upper_bound
 from .combination_rows import ZERO, CombinationRows
 
 Combination = dict[int, Fraction]
@@ -83,8 +84,8 @@ def highest_value(rows: CombinationRows, y: Combination) -> tuple[Fraction, Comb
 @np.errstate(all="ignore")
 def _is_hopeless(rows: CombinationRows, y: Combination) -> bool:
     """Whether floats say already, beyond their rounding, that an entry of Mᵀy is on the side where z has no bound."""
-    matrix = rows.matrix[list(y)]
+    columns = sp.csr_array(rows.matrix[list(y)].T)
     x = np.array([nearest(weight) for weight in y.values()])
-    columns = matrix.T @ x
-    off = 4.0 * (rows.low.size + 4) * UNIT_ROUNDOFF * (abs(matrix).T @ np.abs(x))
-    return bool(((columns > off) & np.isposinf(rows.high) | (columns < -off) & np.isneginf(rows.low)).any())
+    positive = product_lower_bound(columns, x) > 0.0
+    negative = product_upper_bound(columns, x) < 0.0
+    return bool((positive & np.isposinf(rows.high) | negative & np.isneginf(rows.low)).any())

@@ -11,6 +11,7 @@ from ...numerics import work
 from ...numerics.arrays import Mask, Vector
 from ...numerics.equilibration import Exponents, times_rows
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
+from ..convergence.contraction import DenseInverse
 from .combination_rows import MAX_MISFIT, CombinationRows
 
 #: nanoseconds for k²m of a factorisation with pivoting of an m × k matrix, 7 s at m = 2600 and k = 1700 were measured;
@@ -42,7 +43,7 @@ def rounded_combination(rows: CombinationRows, y: Vector, exponents: Exponents) 
     moved = np.zeros(y.size)
     if is_open.any():
         signed = ~(rows.nonnegative & rows.nonpositive)[used]
-        moves = _entry_moves(K[:, is_open], y, signed, (np.abs(columns) + off)[is_open], loss)
+        moves = _entry_moves(K[:, is_open], y, signed, (np.abs(columns) + off)[is_open])
         if moves is None:
             return None
         moved = moves
@@ -74,10 +75,11 @@ def _bounded(rows: CombinationRows, columns: Vector, off: Vector) -> Mask:
     return (columns - off >= 0) & has_high | (columns + off <= 0) & has_low | has_low & has_high
 
 
-def _entry_moves(columns: sp.csr_array, y: Vector, signed: Mask, misfit: Vector, loss: float) -> Vector | None:
+def _entry_moves(columns: sp.csr_array, y: Vector, signed: Mask, misfit: Vector) -> Vector | None:
     """Bounds on |x − y|, entry by entry, for an x with Nx = 0, where |Ny| ≤ `misfit`.
 
-    `columns` is Nᵀ, dense only where the work and memory limits allow it.
+    `columns` is Nᵀ, dense only where the work and memory limits allow it. As many entries move as N has rows, those of
+    a basis B: by |B⁻¹Ny|.
 
     None where that is not known, or where the sign of a `signed` entry may change.
     """
@@ -88,24 +90,16 @@ def _entry_moves(columns: sp.csr_array, y: Vector, signed: Mask, misfit: Vector,
     if k > m or cost > min(_MAX_COST, work.nanoseconds_left()) or not work.memory_suffices(24.0 * k * m):
         return None
     work.count(cost)
-    weights = np.where(signed, np.abs(y) / np.abs(y).max(), 1.0)
+    size = np.abs(y)
     N: Any = columns.toarray().T
     if not np.isfinite(N).all():
         return None
-    basis = qr(N * weights, mode="r", pivoting=True)[1][:k]
-    N = N[:, basis]
-    try:
-        R = np.linalg.inv(N)
-    except np.linalg.LinAlgError:
-        return None
-    rounded = loss * (np.abs(R) @ np.abs(N)).sum(axis=1).max()
-    alpha = 1.01 * (np.abs(np.eye(k) - R @ N).sum(axis=1).max() + rounded)
-    if not alpha < 0.5:
-        return None
-    by = float(1.01 * np.abs(R).sum(axis=1).max() * misfit.max() / (1.0 - alpha))
-    # farther away y would not be a witness
-    if not by <= MAX_MISFIT * np.abs(y).max() or (signed[basis] & (np.abs(y[basis]) < by)).any():
+    basis = qr(N * np.where(signed, size / size.max(), 1.0), mode="r", pivoting=True)[1][:k]
+    B = sp.csr_array(N[:, basis])
+    inverse = DenseInverse.of(B, abs(B))
+    if inverse is None:
         return None
     moved = np.zeros(m)
-    moved[basis] = by
-    return moved
+    moved[basis] = inverse.upper(misfit)
+    # farther away y would not be a witness
+    return moved if moved.max() <= MAX_MISFIT * size.max() and not (signed & (size < moved)).any() else None
