@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ...numerics.arrays import Mask, Vector
 from ...problem.data import ProblemData
+from ...problem.two_sided import sides_of
 
 #: an entry of a computed y below this share of the largest one counts as zero
 ZERO = 1e-9
@@ -49,19 +50,17 @@ class CombinationRows:
     @classmethod
     def of(cls, problem: ProblemData, known: ProvedBounds | None = None) -> CombinationRows | None:
         """The rows of a problem with constant or affine obstacles; None for other obstacles."""
-        psi = problem.psi
         n = problem.n
-        above = None if problem.upper is None else problem.upper.linear
-        if psi.linear is None or (problem.upper is not None and above is None):
+        sides = [side.linear for side in sides_of(problem.psi) if side.linear is not None]
+        if len(sides) < len(sides_of(problem.psi)):
             return None
-        sides = [psi.linear] if above is None else [psi.linear, above]
-        low = psi.linear[1]
-        high = np.full(n, np.inf) if above is None else above[1]
+        low = sides[0][1]
+        high = sides[1][1] if len(sides) > 1 else np.full(n, np.inf)
         slopes = problem.A
         offset = problem.q
         nonpositive = np.isneginf(low)
         nonnegative = np.isposinf(high)
-        if not psi.is_constant:
+        if not problem.psi.is_constant:
             never = np.zeros(n, dtype=bool)
             slopes = sp.csr_array(sp.vstack([slopes, *(-G for G, _ in sides)]))
             offset = np.concatenate([offset, *(np.where(np.isinf(c), 0.0, -c) for _, c in sides)])
@@ -82,8 +81,9 @@ class CombinationRows:
         return np.isneginf(self.low) & np.isposinf(self.high)
 
     def with_known_signs(self, y: Vector) -> Vector:
-        """The weights `y` with 0 for those whose sign a combination may not have."""
-        return np.where((self.nonnegative & (y > 0.0)) | (self.nonpositive & (y < 0.0)), y, 0.0)
+        """The weights `y` of the first rows, with 0 for those whose sign a combination may not have."""
+        allowed = self.nonnegative[: y.size] & (y > 0.0) | self.nonpositive[: y.size] & (y < 0.0)
+        return np.where(allowed, y, 0.0)
 
     @cached_property
     def matrix(self) -> sp.csr_array:

@@ -214,8 +214,8 @@ class _Conditions(NamedTuple):
         E = sp.diags_array(E) if separate else E[:, None]
         ends = np.concatenate([right, rows.low, rows.high])
         unit = float(np.abs(ends[np.isfinite(ends)]).max(initial=0.0)) or 1.0  # a solver takes 1e20 for infinite
-        iterations = _iteration_limit(K)
-        if iterations < 1 or not (np.isfinite(K.data).all() and np.isfinite(right).all()):
+        iterations = _iteration_limit(K, right)
+        if iterations < 1:
             return None
         result = linprog(
             np.concatenate([margin * (np.isfinite(rows.high) * 1.0 - np.isfinite(rows.low)), np.ones(E.shape[1])]),
@@ -227,7 +227,10 @@ class _Conditions(NamedTuple):
         )
         if result.status != 0:
             return None
-        y = self._multipliers(scale, -result.ineqlin.marginals)
+        weights = -result.ineqlin.marginals
+        weights[weights <= ZERO * weights.max(initial=0.0)] = 0.0
+        y = np.zeros(rows.offset.size)
+        np.add.at(y, self.places, scale * weights)
         return _Minimum(self, unit * result.x[:n], y, unit * float(result.fun))
 
     def violation_of_empty_rows(self, q: Vector) -> _Minimum | None:
@@ -235,26 +238,17 @@ class _Conditions(NamedTuple):
 
         The linear program is without them: in the units of q_i the ends of z may be as good as 0, or q_i beside them.
         """
-        n = q.size
-        violation = np.where(self.rows.nonnegative[:n], -q, 0.0)
-        violation = np.maximum(violation, np.where(self.rows.nonpositive[:n], q, 0.0))
-        i = int(np.argmax(violation))
+        violation = self.rows.with_known_signs(-q)
+        i = int(np.argmax(np.abs(violation)))
         y = np.zeros(self.rows.offset.size)
-        y[i] = -np.sign(q[i])
-        z = np.clip(np.zeros(n), self.rows.low, self.rows.high)
-        return _Minimum(self, z, y, float(violation[i])) if violation[i] > 0.0 else None
-
-    def _multipliers(self, scale: Vector, weights: Vector) -> Vector:
-        """y, by row, of the `weights` of the scaled conditions, those next to 0 left out."""
-        weights = np.where(weights <= ZERO * weights.max(initial=0.0), 0.0, weights)
-        y = np.zeros(self.rows.offset.size)
-        np.add.at(y, self.places, scale * weights)
-        return y
+        y[i] = np.sign(violation[i])
+        z = np.clip(np.zeros(q.size), self.rows.low, self.rows.high)
+        return _Minimum(self, z, y, abs(float(violation[i]))) if y[i] else None
 
 
-def _iteration_limit(K: sp.csr_array) -> int:
-    """How many iterations of the simplex method the work limit leaves for a linear program with the matrix `K`."""
-    if K.nnz > _MAX_ENTRIES:
+def _iteration_limit(K: sp.csr_array, right: Vector) -> int:
+    """How many iterations of the simplex method the work limit leaves for Kz ≥ `right`; none where it is not finite."""
+    if K.nnz > _MAX_ENTRIES or not (np.isfinite(K.data).all() and np.isfinite(right).all()):
         return 0
     nanoseconds = work.COSTS.call + _ITERATION_COST * (K.nnz + sum(K.shape))
     return int(min(_MAX_COST, work.nanoseconds_left()) / nanoseconds)
@@ -275,8 +269,7 @@ class _Minimum(NamedTuple):
         of_p = np.arange(rows.offset.size) < n
         sparse = self.conditions.minimise(of_p, separate=True, max_violation=(1.0 + ZERO) * self.value)
         p = problem.p(self.z if sparse is None else sparse.z)
-        change = np.where(rows.nonnegative[:n], np.maximum(-p, 0.0), 0.0)
-        change += np.where(rows.nonpositive[:n], np.minimum(-p, 0.0), 0.0)
+        change = rows.with_known_signs(-p)
         change[np.abs(change) * self.conditions.units[:n] < ZERO * self.value] = 0.0
         return change if np.isfinite(change).all() else None
 
