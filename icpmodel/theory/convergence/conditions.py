@@ -188,13 +188,13 @@ def theorem_43(step: StepMatrices, *, as_printed: bool = False) -> MonotoneMap |
     if as_printed:
         if reason := _not_as_printed(step):
             return reason
-        phi2_G = times_rows(step.phi1 * step.omega, step.G)
-        return _plain(factor * (times_rows(1.0 / step.D, B) + phi2_G), np.ones(step.n), 1.0 / factor)
+        phi2_G = times_rows(step.phi1 * step.D, step.omega_G)
+        return _jacobi(step, "D", step.D, factor * total(B, phi2_G), limit=1.0 / factor)
     if (step.phi < 0).any():
         return f"phi has the negative entry {step.phi.min():g}"
     if theta.theta2 < 0:
         return f"theta2 = {theta.theta2:g} is negative"
-    return _jacobi(step, "D", step.D, factor * total(B, step.omega_G, step.omega_deficit), 1.0 / factor)
+    return _jacobi(step, "D", step.D, factor * total(B, step.omega_G, step.omega_deficit), limit=1.0 / factor)
 
 
 def theorem_44(step: StepMatrices) -> MonotoneMap | str:
@@ -224,7 +224,8 @@ def printed_42(step: StepMatrices) -> MonotoneMap | str:
         i = int(excess.coords[0][k])
         j = int(excess.coords[1][k])
         return f"g[{i}, {j}] = {step.G[i, j]:g} exceeds its bound {0.5 * bound[i, j] / step.omega[i]:.3g}"
-    return _h_splitting(step)
+    splitting = _h_splitting(step)
+    return splitting if isinstance(splitting, str) else _jacobi(step, "|m|", *splitting)
 
 
 def printed_44(step: StepMatrices) -> MonotoneMap | str:
@@ -242,10 +243,11 @@ def printed_44(step: StepMatrices) -> MonotoneMap | str:
     M, N = (sp.csr_array(times_rows(step.phi1, part) + phi) for part in (step.M1, step.M1 - step.A))
     F = off_diagonal(M) + abs(N) + times_rows(step.phi1, step.omega_G)
     F = F if above.all() else F + times_rows(step.phi1, sp.csr_array(step.omega_deficit))
-    diagonal = np.abs(M.diagonal())
-    if not (diagonal > 0).all():
+    scale = np.abs(M.diagonal())
+    if not (scale > 0).all():
         return "phi1 m + phi has a zero on its diagonal"
-    return _plain(F, diagonal, parts=splitting.parts)
+    diagonal, part = splitting
+    return _jacobi(step, "|m|", diagonal, part, times_rows(diagonal / scale, F))
 
 
 def _not_as_printed(step: StepMatrices) -> str:
@@ -264,29 +266,23 @@ def theta_factor(theta: AOR) -> float:
     return factor if exact else float(np.nextafter(factor, np.inf))
 
 
-def _h_splitting(step: StepMatrices) -> MonotoneMap | str:
-    """⟨M̂⟩ − |N̂| is a nonsingular M-matrix."""
+def _h_splitting(step: StepMatrices) -> tuple[Vector, sp.csr_array] | str:
+    """|m̂| and off(|M̂|) + |N̂|, whose difference is ⟨M̂⟩ − |N̂|; or why it is no nonsingular M-matrix."""
     diagonal = np.abs(step.M.diagonal())
     if not (diagonal > 0).all() or not (step.D > 0).all():
         return "no H-splitting of an H+-matrix: a diagonal entry of A is not positive or one of M1 + phi is zero"
-    return _plain(off_diagonal(step.M) + abs(step.N), diagonal)
+    return diagonal, sp.csr_array(off_diagonal(step.M) + absolute(step.N))
 
 
-def _plain(F: sp.csr_array, diagonal: Vector, limit: float = 1.0, parts: tuple[sp.csr_array, ...] = ()) -> MonotoneMap:
-    """v ↦ the maximum of diag(`diagonal`)⁻¹Fv and of `parts` times v."""
-    parts = (*parts, times_rows(1.0 / diagonal, F))
-    one = sp.csr_array(sp.eye_array(diagonal.size))
-    size = sp.csr_array(sum(parts, one))
-    return MonotoneMap(ComparisonInverse(one, size), parts, size, limit)
-
-
-def _jacobi(step: StepMatrices, name: str, diagonal: Vector, F: sp.csr_array, limit: float = 1.0) -> MonotoneMap | str:
-    """v ↦ diag(`diagonal`)⁻¹Fv: below 1 exactly where diag − F is a nonsingular M-matrix."""
+def _jacobi(
+    step: StepMatrices, name: str, diagonal: Vector, *parts: sp.csr_array, limit: float = 1.0
+) -> MonotoneMap | str:
+    """v ↦ max_k diag(`diagonal`)⁻¹F_kv of the `parts`: below 1 exactly where diag − F_k are M-matrices by one v."""
     if not (diagonal > 0).all():
         i = int(np.argmin(diagonal > 0))
         return f"{name} is {diagonal[i]:g} in row {i}, not positive"
     work.charge_matrices(step.size.nnz, 4)
     S = sp.csr_array(sp.diags_array(diagonal))
-    # F is at most a few times the size, which the factor of theorem 4.3 may exceed
-    size = sp.csr_array(step.size + F)
-    return MonotoneMap(ComparisonInverse(S, size), (F,), size, limit)
+    # a part is at most a few times the size, which the factor of theorem 4.3 may exceed
+    size = total(step.size, *parts)
+    return MonotoneMap(ComparisonInverse(S, size), parts, size, limit)

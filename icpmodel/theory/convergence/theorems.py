@@ -197,22 +197,19 @@ def holding(problem: ProblemData, member: Member, names: Iterable[str], printed:
     return tuple({name for name in some if _check(name, step, some is printed).holds} for some in groups)
 
 
-def _of(name: str, answer: Answer) -> Check:
+def _of(name: str, answer: Answer, as_printed: bool = False) -> Check:
     theorem = _THEOREMS[name]
-    return Check(**vars(answer), theorem=name, sentence=theorem.sentence, false_as_printed=theorem.false)
+    sentence = theorem.printed_sentence if as_printed else theorem.sentence
+    return Check(**vars(answer), theorem=name, sentence=sentence, as_printed=as_printed, false_as_printed=theorem.false)
 
 
 def _check(name: str, step: StepMatrices, as_printed: bool) -> Check:
     if not isinstance(name, str) or name not in _THEOREMS:
         raise InputError(f"theorem is {described(name)}; one of {', '.join(_THEOREMS)} was expected")
     theorem = _THEOREMS[name]
-    decide = theorem.decide
-    sentence = theorem.sentence
-    if as_printed:
-        if theorem.printed is None:
-            raise InputError(f"theorem is {name!r} as printed, but the paper does not print it")
-        decide = theorem.printed
-        sentence = theorem.printed_sentence
+    decide = theorem.printed if as_printed else theorem.decide
+    if decide is None:
+        raise InputError(f"theorem is {name!r} as printed, but the paper does not print it")
     with np.errstate(all="ignore"):  # what overflows proves nothing
         if theorem.newest not in (None, step.sees_newest):
             answer = Answer(False, _OTHER_VALUES[step.sees_newest])
@@ -220,7 +217,7 @@ def _check(name: str, step: StepMatrices, as_printed: bool) -> Check:
             answer = Answer(False, f"Omega has the entry {step.omega.min():g}, not positive")
         else:
             answer = decide(step)
-    return Check(**vars(answer), theorem=name, sentence=sentence, as_printed=as_printed, false_as_printed=theorem.false)
+    return _of(name, answer, as_printed)
 
 
 def _starts(step: StepMatrices) -> Iterator[Vector]:
