@@ -115,8 +115,8 @@ class LinearRows:
         n = self.n
         off = np.abs(np.eye(n) - inverse @ B).sum(axis=2) + gamma(2 * n) * (np.abs(inverse) @ np.abs(B)).sum(axis=2)
         contraction = off.max(axis=1)
-        left = np.abs(b - _times(B, z)) + gamma(2 * n) * (_times(np.abs(B), np.abs(z)) + np.abs(b))
-        error = _times(np.abs(inverse), left).max(axis=1) / (1.0 - contraction)
+        defect = np.abs(b - _times(B, z)) + gamma(2 * n) * (_times(np.abs(B), np.abs(z)) + np.abs(b))
+        error = _times(np.abs(inverse), defect).max(axis=1) / (1.0 - contraction)
         error = np.where(contraction < 1.0, 2.0 * error, np.inf)[:, None]
         empty = np.zeros(len(sides), dtype=bool)
         for M, offset, sign, rows in self._signs(sides):

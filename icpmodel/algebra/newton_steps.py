@@ -48,9 +48,9 @@ def newton_steps(hierarchy: Hierarchy, problem: ProblemData, z: Vector, top: int
         p = problem.p(z)
         if moves:
             # the sign of p says which obstacle holds a row
-            own = derivative(problem.psi, z, None if problem.upper is None else p < 0).diagonal()
+            slopes = derivative(problem.psi, z, None if problem.upper is None else p < 0).diagonal()
             # p and r then change alike with z_i
-            omega = level.diagonal / np.maximum(1.0 - own, LEAST_SLOPE)
+            omega = level.diagonal / np.maximum(1.0 - slopes, LEAST_SLOPE)
         pattern = Pattern.at(problem, z, p, omega)
         work.count(0.5 * work.COSTS.newton)
         if last_pattern is not None and not pattern.same_sides(last_pattern):

@@ -99,13 +99,13 @@ def _mean_slopes(problem: ProblemData, f: NonlinearTerm, z: Vector, here: Vector
     coarse = np.zeros(z.size, dtype=bool)
     for _ in range(_MAX_HALVINGS):
         with np.errstate(all="ignore"):
-            left = p + diagonal * (t - z) + (f.value(t) - here)
-            rough = ~(np.abs(left) <= enough)
+            residual = p + diagonal * (t - z) + (f.value(t) - here)
+            rough = ~(np.abs(residual) <= enough)
         if not rough.any():
             break
         coarse |= rough
         # p at z has the sign of p at all points before the zero; what is not finite is beyond it
-        before = np.sign(left) == np.sign(p)
+        before = np.sign(residual) == np.sign(p)
         first = np.where(before, t, first)
         last = np.where(before, last, t)
         t = np.where(rough, 0.5 * (first + last), t)

@@ -196,10 +196,10 @@ def _claim(solver: ForeignSolver, target: Target, time_limit: float) -> Claim:
     claim = ask(solver, target, solver.tight[0], time_limit)
     seconds = claim.seconds
     for tolerance in solver.tight[1:]:
-        left = time_limit - (time.perf_counter() - begin)
-        if claim.solved or left <= 0.0:
+        seconds_left = time_limit - (time.perf_counter() - begin)
+        if claim.solved or seconds_left <= 0.0:
             break
-        claim = ask(solver, target, tolerance, left)
+        claim = ask(solver, target, tolerance, seconds_left)
         seconds += claim.seconds
     loosened = claim.solved and claim.tolerance is not None and claim.tolerance != solver.tight[0]
     words = f"{claim.words}, at {claim.tolerance:g}" if loosened else claim.words

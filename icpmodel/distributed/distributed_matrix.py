@@ -169,13 +169,13 @@ def check_counts(n: int, entries: int) -> None:
 def from_rows(rows: sp.csr_array, comm: Any) -> Any:
     """PETSc's square matrix of the `rows` that each rank gives, CSR with all columns. Collective. Raises InputError."""
     PETSc = petsc()
-    own = rows.shape[0]
-    n = int(totals(comm, own)[0])
+    local_rows = rows.shape[0]
+    n = int(totals(comm, local_rows)[0])
     with together(comm):
         if rows.shape[1] != n:
             raise InputError(f"A has {rows.shape[1]} columns in the rows of this rank; {n} were expected")
         check_counts(n, rows.nnz)
         csr = (rows.indptr.astype(PETSc.IntType), rows.indices.astype(PETSc.IntType), rows.data)
-    mat = PETSc.Mat().createAIJ(((own, n), (own, n)), csr=csr, comm=comm)
+    mat = PETSc.Mat().createAIJ(((local_rows, n), (local_rows, n)), csr=csr, comm=comm)
     mat.assemble()
     return mat

@@ -247,15 +247,15 @@ class NewtonPath(Iterator[Iterate]):
 
     def active_set_step(self) -> NewtonPoint | None:
         """A step of the active set method, None after too many without enough reduction of θ."""
-        own = self.current.active
+        last_active = self.current.active
         active = self._predicted_active_set()
         new = self._solution_on(active)
-        if active is not own:
-            newly_freed = own & ~active
+        if active is not last_active:
+            newly_freed = last_active & ~active
             if new is None or 2 * np.count_nonzero(new.active & newly_freed) > np.count_nonzero(newly_freed):
                 self.delay *= 2
-                active = own
-                new = self._solution_on(own)
+                active = last_active
+                new = self._solution_on(last_active)
         if new is None:
             return None
         moved = new.z - self.current.z

@@ -250,7 +250,7 @@ def _linearise(psi: Map, z: Vector) -> tuple[Vector, Any]:
     where it is not finite."""
     J = derivative(psi, z)
     if is_diagonal(J):
-        own = J.diagonal()
-        return psi.value(z) - own * z, own
+        slopes = J.diagonal()
+        return psi.value(z) - slopes * z, slopes
     G = J.toarray()
     return psi.value(z) - G @ z, G

@@ -50,9 +50,9 @@ def arranged(A: sp.csr_array, free: Mask) -> tuple[Columns, NDArray[np.float64]]
         block.eliminate_zeros()
         if np.unique(block.row).size == rows.size:
             cost = -np.log2(np.abs(block.data))
-            own = cheapest(block.row, block.col, cost, rows.size, rows.size)
-            if own is not None:
-                order[rows[own]] = rows
+            diagonal_columns = cheapest(block.row, block.col, cost, rows.size, rows.size)
+            if diagonal_columns is not None:
+                order[rows[diagonal_columns]] = rows
                 A = A[order]
     diagonal, both = A.diagonal(), np.asarray(A.multiply(A.T).sum(axis=1))
     return order, np.where(free & ((diagonal < 0) | ((diagonal == 0) & (both > 0))), -1.0, 1.0)
@@ -63,9 +63,9 @@ def cheapest(rows: Columns, columns: Columns, cost: NDArray[np.float64], m: int,
     from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 
     order = np.lexsort((cost, rows))
-    own: Columns = columns[order[np.searchsorted(rows[order], np.arange(m))]].astype(np.intp)
-    if np.unique(own).size == m:
-        return own
+    nearest: Columns = columns[order[np.searchsorted(rows[order], np.arange(m))]].astype(np.intp)
+    if np.unique(nearest).size == m:
+        return nearest
     try:
         graph = sp.csr_array((cost - cost.min() + 1.0, (rows, columns)), shape=(m, n))
         return np.asarray(min_weight_full_bipartite_matching(graph)[1], dtype=np.intp)

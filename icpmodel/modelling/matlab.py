@@ -55,11 +55,11 @@ def _check_room(path: Path, content: bytes, order: str) -> None:
         kind, size = struct.unpack_from(f"{order}II", content, at)
         at += 8 + size
         packed = zlib.decompressobj()
-        left = content[at - size : at] if kind == _COMPRESSED else b""
+        packed_bytes = content[at - size : at] if kind == _COMPRESSED else b""
         total = 0
-        while left and not packed.eof:
-            total += len(packed.decompress(left, _PIECE_BYTES))
-            left = packed.unconsumed_tail
+        while packed_bytes and not packed.eof:
+            total += len(packed.decompress(packed_bytes, _PIECE_BYTES))
+            packed_bytes = packed.unconsumed_tail
             check_room(str(path), 2.0 * total)
 
 

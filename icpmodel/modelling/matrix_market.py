@@ -53,9 +53,9 @@ def read_matrix(path: Path) -> Any:
         lines = (line for line in file if line.strip() and not line.startswith(b"%"))
         next(lines)  # the sizes
         numbers = table_of(path, lines, dtype=kind, ndmin=1) if count else np.empty(0, kind)
-        held = numbers.size + sum(1 for _ in lines)
-        if held != count:
-            raise FileError(f"{path}: holds {held} entries; its header promises {count}")
+        found = numbers.size + sum(1 for _ in lines)
+        if found != count:
+            raise FileError(f"{path}: holds {found} entries; its header promises {count}")
     matrix = _assemble(path, (rows, columns), is_dense, mirrored, numbers)
     return matrix.toarray() if is_dense else matrix
 

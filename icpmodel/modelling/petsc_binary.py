@@ -101,14 +101,14 @@ class PetscFile:
         """The rows low ≤ i < high, with all columns."""
         starts = np.append(0, np.cumsum(self.lengths[low:high], dtype=np.int64))
         before = int(self.lengths[:low].sum(dtype=np.int64))
-        own = slice(before, before + int(starts[-1]))
-        places = self._places[own].astype(np.int64)
+        entries = slice(before, before + int(starts[-1]))
+        places = self._places[entries].astype(np.int64)
         outside = (places < 0) | (places >= self.columns)
         if outside.any():
             k = int(np.argmax(outside))
             row = low + int(np.searchsorted(starts, k, side="right")) - 1
             raise FileError(f"{self.path}: row {row} has an entry in column {places[k]} of {self.columns}")
-        values = self._numbers[own].astype(np.float64)
+        values = self._numbers[entries].astype(np.float64)
         matrix = sp.csr_array((values, places, starts), shape=(high - low, self.columns))
         matrix.sum_duplicates()
         return matrix

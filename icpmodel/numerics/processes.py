@@ -49,8 +49,8 @@ def in_a_process(items: Callable[[], Iterator[_T]], end: float) -> Iterator[_T]:
     os.close(writer)
     try:
         while True:
-            left = None if end == math.inf else max(end - time.perf_counter(), 0.0)
-            if not select.select([reader], [], [], left)[0]:
+            seconds_left = None if end == math.inf else max(end - time.perf_counter(), 0.0)
+            if not select.select([reader], [], [], seconds_left)[0]:
                 raise OutOfTime("the time is over")
             length = _read(reader, _LENGTH_BYTES)
             if not length:

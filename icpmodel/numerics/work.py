@@ -269,10 +269,10 @@ def free_memory() -> float:
     """The bytes that may still be asked for: what the system has, or half of all where it does not say, and the limit
     leaves."""
     budget = _counted.budget
-    left = math.inf
+    within_limit = math.inf
     if budget is not None and budget.memory < math.inf:
-        left = max(budget.memory - max(_used_memory() - budget.initial_memory, 0.0), 0.0)
-    return min(left, _system_memory())
+        within_limit = max(budget.memory - max(_used_memory() - budget.initial_memory, 0.0), 0.0)
+    return min(within_limit, _system_memory())
 
 
 def memory_suffices(memory: float) -> bool:

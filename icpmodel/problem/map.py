@@ -372,9 +372,9 @@ class Map(ReadOnly, Displayable, ABC):
         if G is None:
             return f"{self!r}: no Lipschitz matrix is known"
         slope = float(np.asarray(G.sum(axis=1)).max())
-        own = "; each row depends on its own unknown only" if is_diagonal(G) else ""
+        diagonal = "; each row depends on its own unknown only" if is_diagonal(G) else ""
         word = " (at the user's word)" if self.calls_user_code else ""
-        return f"{self!r}: Lipschitz matrix G with {G.nnz} entries, largest row sum {slope:.6g}{word}{own}"
+        return f"{self!r}: Lipschitz matrix G with {G.nnz} entries, largest row sum {slope:.6g}{word}{diagonal}"
 
 
 class ComposedMap(Map):

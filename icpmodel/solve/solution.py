@@ -346,8 +346,8 @@ class Solution(ReadOnly, Plottable):
             return self._with(why=self._and_why(f"not polished: {error}"))
         if not (residual < _IMPROVEMENT * self.residual or self._closer(z)):
             return self
-        left = int(known.undecided.sum())
-        guessed = f", {left} of these rows not proved" if left else ""
+        undecided = int(known.undecided.sum())
+        guessed = f", {undecided} of these rows not proved" if undecided else ""
         reason = f"polished by one linear solve on the active set{guessed}"
         better = replace(self, z=z, residual=residual, why=self._and_why(reason))
         if self.certificate.bound.reason == NOT_COMPUTED:

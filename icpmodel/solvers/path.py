@@ -72,9 +72,11 @@ class PathSolver(ForeignSolver):
         with tempfile.TemporaryDirectory(prefix="icpmodel-") as folder:
             for name, text in files.items():
                 pathlib.Path(folder, name).write_text(text, encoding="ascii")
-            left = max(end - time.perf_counter(), 0.0)
+            seconds_left = max(end - time.perf_counter(), 0.0)
             try:  # it is killed at the limit, and after Ctrl-C
-                process = subprocess.run(call, cwd=folder, stdin=subprocess.DEVNULL, capture_output=True, timeout=left)
+                process = subprocess.run(
+                    call, cwd=folder, stdin=subprocess.DEVNULL, capture_output=True, timeout=seconds_left
+                )
             except subprocess.TimeoutExpired:
                 return Claim(None, "time limit", False)
             answer = pathlib.Path(folder, "answer.txt")

@@ -135,9 +135,9 @@ def _expressions(psi: Map, z: Any, name: str) -> list[Any]:
         else:
             raise TypeError("it takes the best of several")
         # a row is without obstacle or is not, whatever z is
-        here = psi.value(np.full(len(variables), 0.5)).tolist()
+        at_one_half = psi.value(np.full(len(variables), 0.5)).tolist()
         expressions = [one.expression if isinstance(one, _Symbol) else float(one) for one in expressions]
-        expressions = [value if np.isinf(value) else one for one, value in zip(expressions, here, strict=True)]
+        expressions = [value if np.isinf(value) else one for one, value in zip(expressions, at_one_half, strict=True)]
         _compare(psi, expressions, z, name)
     except Exception as error:  # a user's code may raise anything when it is given symbols
         raise NotApplicable(f"{psi!r} has no Pyomo expression: {type(error).__name__}: {error}") from error

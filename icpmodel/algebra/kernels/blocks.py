@@ -14,14 +14,14 @@ from .pivoting import SOLVED, START, continue_pivots, first_tableau
 @compiled
 def row(indptr, indices, data, i, z):
     # (the diagonal entry of row i, the sum over its other columns of the entry times z)
-    own = 0.0
+    diagonal_entry = 0.0
     others = 0.0
     for k in range(indptr[i], indptr[i + 1]):
         if indices[k] == i:
-            own += data[k]
+            diagonal_entry += data[k]
         else:
             others += data[k] * z[indices[k]]
-    return own, others
+    return diagonal_entry, others
 
 
 @compiled
@@ -66,13 +66,13 @@ def solve_blocks(indptr, indices, data, q, c, slopes, above, rows, starts, selec
         b = block.size
         i = block[0]
         if b == 1:
-            own, p = row(indptr, indices, data, i, z)
+            diagonal_entry, p = row(indptr, indices, data, i, z)
             slope, r = row(*slopes, i, z)
-            z[i] = max((r + c[i]) / (1.0 - slope), -(p + q[i]) / own)
+            z[i] = max((r + c[i]) / (1.0 - slope), -(p + q[i]) / diagonal_entry)
             if above is not None:
                 slope, r = row(*above[0], i, z)
                 z[i] = min((r + above[1][i]) / (1.0 - slope), z[i])
-            solved[k] = own > 0.0 and slope < 1.0 and math.isfinite(z[i])
+            solved[k] = diagonal_entry > 0.0 and slope < 1.0 and math.isfinite(z[i])
             continue
         M, f, free = _block(indptr, indices, data, q, c, slopes, block, place, z)
         finite = True

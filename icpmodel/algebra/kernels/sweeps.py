@@ -122,13 +122,13 @@ def _row(i, forward, indptr, indices, data, diag, weights, q, psi, par, z, out):
         new += a * out[j]
         k += one()
     zi = z[i]
-    own = data[d]
-    rest = row_sum(q[i] + own * zi, first_left, end_left, indices, data, z)
+    diagonal_entry = data[d]
+    rest = row_sum(q[i] + diagonal_entry * zi, first_left, end_left, indices, data, z)
     p = rest + old
     obstacle = psi_entry(psi, i, z)
     top = upper_entry(psi, i, z)
     natural = median_residual(_smaller(weights[i] * p, zi - obstacle), zi, obstacle, top, 1.0)
-    out[i] = _next_entry(par, i, zi, own, obstacle, top, p, rest, old, new)
+    out[i] = _next_entry(par, i, zi, diagonal_entry, obstacle, top, p, rest, old, new)
     return natural * natural
 
 

@@ -120,16 +120,16 @@ def join(one, two, to, back):
     first, top, bottom, up, down, y_top, y_bottom = one
     _, top2, bottom2, up2, down2, y_top2, y_bottom2 = two
     determinant = 1.0 - (to * back) * (bottom * top2)
-    here = (y_bottom - bottom * to * y_top2) / determinant
-    there = (y_top2 - top2 * back * y_bottom) / determinant
+    new_y_bottom = (y_bottom - bottom * to * y_top2) / determinant
+    new_y_top = (y_top2 - top2 * back * y_bottom) / determinant
     return determinant > 0.0, (
         first,
         top + (up * to) * (back * down) * (top2 / determinant),
         bottom2 + (down2 * back) * (to * up2) * (bottom / determinant),
         -(up * to) * up2 / determinant,
         -(down2 * back) * down / determinant,
-        y_top - up * to * there,
-        y_bottom2 - down2 * back * here,
+        y_top - up * to * new_y_top,
+        y_bottom2 - down2 * back * new_y_bottom,
     )
 
 

@@ -156,9 +156,9 @@ def complements(p: Any, r: Any, *, lower: Any = 0.0, upper: Any = None) -> Compl
     if p.shape != r.shape:
         actual = f"p = {named(p)} has shape {p.shape}, r = {named(r)} {r.shape}"
         raise InputError(f"complements(p, r) works entry by entry: {actual}")
-    own = own_bounds(r)
-    if _is_zero(lower) and upper is None and any(one is not None for one in own):
-        lower, upper = own
+    variable_bounds = own_bounds(r)
+    if _is_zero(lower) and upper is None and any(one is not None for one in variable_bounds):
+        lower, upper = variable_bounds
     below = None if _is_zero(lower) else _bound(-np.inf if lower is None else lower, "lower", r)
     return Complementarity(p, r, (below, None if upper is None else _bound(upper, "upper", r)))
 

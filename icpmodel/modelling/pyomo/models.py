@@ -99,16 +99,16 @@ class PyomoReading:
         for row, owner in enumerate(self.owners):
             if row in skipped:
                 continue
-            own = row
+            row_of_variable = row
             force = float(p[row])
             sign = float(self.signs[row])
             if row in self.added:
                 added = self.added[row]
-                own = 2 * row + 1 - added
+                row_of_variable = 2 * row + 1 - added
                 sign = 1.0
                 side_1 = p[row] if self.which_r[row] == 0 else r[row] * self.scale[row]
                 force = float(side_1 - self.signs[added] * z[added])
-            forces.append((owner, force, self.variables[own], sign))
+            forces.append((owner, force, self.variables[row_of_variable], sign))
         return forces
 
     def checked(self, solution: Solution) -> Solution:

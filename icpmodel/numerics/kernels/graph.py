@@ -162,20 +162,20 @@ def layer_increments(indptr, indices, data, surplus, layer, order):
         k = layer[i]
         if at < order.size - 1 and layer[order[at + 1]] != k:
             above[k] = above[k + 1] + g[k + 1]
-        own = 0.0
+        diagonal_entry = 0.0
         inflow = 0.0
         hold = 0.0
         for e in range(uint(indptr[i]), uint(indptr[i + 1])):
             j = indices[e]
             if j == i:
-                own += data[e]
+                diagonal_entry += data[e]
             elif layer[j] > k:
                 inflow -= data[e] * (above[k] - above[layer[j]])
             elif layer[j] < k:
                 hold -= data[e]
         if k == 0:
-            hold = surplus[i] * own
-        g[k] = max(g[k], (own + inflow) / hold)
+            hold = surplus[i] * diagonal_entry
+        g[k] = max(g[k], (diagonal_entry + inflow) / hold)
     return g
 
 

@@ -26,18 +26,18 @@ def row_statistics(indptr, indices, data, low, high, diag, diagonal, off_diagona
         total = 0.0
         first = 0.0
         most = 0.0
-        left = 0
+        count_below = 0
         k = start
         while k < end:
             total += abs(data[k])
             most = max(most, abs(data[k]))
             first += abs(data[k]) * (indices[k] < i)  # no branch
-            left += indices[k] < i
+            count_below += indices[k] < i
             k += one()
-        own = data[start + uint(left)]
-        diag[i] = start + uint(left)
-        diagonal[i] = own
-        off_diagonal[i] = total - abs(own)
+        diagonal_entry = data[start + uint(count_below)]
+        diag[i] = start + uint(count_below)
+        diagonal[i] = diagonal_entry
+        off_diagonal[i] = total - abs(diagonal_entry)
         largest[i] = most
         lower += first
         whole += off_diagonal[i]
