@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from itertools import islice
 from typing import Any
@@ -144,11 +144,9 @@ def enforce_limits(time_limit: float | None, memory_limit: float | None) -> Iter
 
     Without any time limit, this one or an outer one, the limit is `DEFAULT_WORK`.
     """
-    with ExitStack() as limits:
-        if time_limit is not None or memory_limit is not None:
-            limits.enter_context(work.work_limit(*(math.inf if x is None else x for x in (time_limit, memory_limit))))
-        if time_limit is None and work.nanoseconds_left() == math.inf:
-            limits.enter_context(work.work_limit(nanoseconds=DEFAULT_WORK))
+    seconds, memory = (math.inf if limit is None else limit for limit in (time_limit, memory_limit))
+    unlimited = time_limit is None and work.nanoseconds_left() == math.inf
+    with work.work_limit(seconds, memory, DEFAULT_WORK if unlimited else math.inf):
         yield
 
 
