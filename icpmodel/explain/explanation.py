@@ -24,7 +24,7 @@ from ..solve.newton_josephy import NewtonJosephy
 from ..solve.outcome import why_none
 from ..solve.reduction import presolve
 from ..theory.answers import Allowance, Answer
-from ..theory.certificates.bounds import ErrorBound, bullet_list, classes_of, error_bound, obstacles_never_cross
+from ..theory.certificates.bounds import ErrorBound, bullet_list, classes_of, error_bound
 from ..theory.convergence.proximal_point import proximal_point
 from ..theory.matrices.classes import CLASS_NAMES, MatrixClasses
 from ..theory.nonuniqueness import solution_facts
@@ -171,7 +171,7 @@ class Explanation(Displayable):
             )
             yield f"steps: in exact arithmetic, from z = 0 until no entry of z is off by more than {self.accuracy:g}"
         proved = any(one.proved_by for one in self.forecasts)
-        if proved and not self.bound.unique and not obstacles_never_cross(self.problem.psi):
+        if proved and not self.bound.unique and not self.problem.psi.parallel:
             yield (
                 "the obstacles may cross for some z: the point that a method is proved to converge to is the solution "
                 "if psi <= upper there, and else there is none"

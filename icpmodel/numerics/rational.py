@@ -68,33 +68,35 @@ def substitute_back(M: Rationals, count: int, known: dict[int, Fraction | int]) 
     return x
 
 
-def m_matrix(C: Any) -> tuple[bool, list[Fraction] | None]:
-    """Whether the Z-matrix `C` is a nonsingular M-matrix, that is whether its leading minors are positive.
+def m_matrix(C: Any) -> list[Fraction] | None:
+    """An x ≥ 0, x ≠ 0 with Cx ≤ 0 for the Z-matrix `C`; None where it is a nonsingular M-matrix.
 
-    If not, also an x ≥ 0, x ≠ 0 with Cx ≤ 0. Reference: Berman and Plemmons (1994), chapter 6.
+    It is one where its leading minors are positive. Reference: Berman and Plemmons (1994), chapter 6.
     """
     M = rationals(C)
     failed = eliminate(M, range(len(M)))
-    return (True, None) if failed is None else (False, substitute_back(M, failed, {failed: 1}))
+    return None if failed is None else substitute_back(M, failed, {failed: 1})
 
 
-def curvature(S: Any) -> tuple[bool, bool, list[Fraction] | None]:
-    """Whether the symmetric `S` is semidefinite, whether it is definite, and if not an x ≠ 0 with xᵀSx < 0, or = 0."""
-    M = S if isinstance(S, list) else rationals(S)
+def curvature(M: Rationals) -> tuple[bool, list[Fraction] | None]:
+    """Whether the symmetric `M`, which is overwritten, is semidefinite; and, unless it is definite, an x.
+
+    x ≠ 0 has xᵀMx < 0, or = 0 where M is semidefinite.
+    """
     n = len(M)
     flat = None
     for k in range(n):
         if M[k][k] < 0:
-            return False, False, substitute_back(M, k, {k: 1})
+            return False, substitute_back(M, k, {k: 1})
         if M[k][k] > 0:
             subtract_row(M, k, range(k + 1, n))
         elif (partner := next((j for j in range(k + 1, n) if M[k][j]), None)) is not None:
             # along x_k the form is linear where x_partner = 1
-            along = {partner: 1, k: -(M[partner][partner] + 1) / (2 * M[k][partner])}
-            return False, False, substitute_back(M, k, along)
+            along: dict[int, Fraction | int] = {partner: 1, k: -(M[partner][partner] + 1) / (2 * M[k][partner])}
+            return False, substitute_back(M, k, along)
         elif flat is None:
             flat = k
-    return (True, True, None) if flat is None else (True, False, substitute_back(M, flat, {flat: 1}))
+    return True, None if flat is None else substitute_back(M, flat, {flat: 1})
 
 
 def nearest(x: Fraction | float) -> float:

@@ -51,6 +51,8 @@ class Map(ReadOnly, Displayable, ABC):
     links: sp.csr_array | None = None
     #: the upper obstacle, where this is the lower of two: see `two_sided.TwoSidedObstacle`
     upper: Map | None = None
+    #: whether the obstacles never cross: there is one, or both are Gz + c with the same G
+    parallel: bool = True
     #: whether ψ does not depend on z
     is_constant: bool = False
     #: whether ψ's values come from a user's code, so that nothing is known of their rounding errors

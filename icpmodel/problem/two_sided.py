@@ -63,7 +63,7 @@ class TwoSidedObstacle(Map):
         return int(np.argmax(crossed)) if crossed.any() else None
 
     @cached_property
-    def parallel(self) -> bool:
+    def parallel(self) -> bool:  # type: ignore[override]
         """Whether ψ = Gz + c and ψ̄ = Gz + c̄, with one G and c ≤ c̄, so that ψ ≤ ψ̄ at every z."""
         if self.linear is None or self.upper.linear is None:
             return False

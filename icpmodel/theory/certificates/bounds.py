@@ -24,8 +24,7 @@ from ...numerics.arrays import ReadOnly, Vector, as_number, as_truth, not_finite
 from ...numerics.rounding import UNIT_ROUNDOFF, public_entry, rounded_up
 from ...present.display import Displayable
 from ...problem.data import ProblemData, ProblemLike, as_problem
-from ...problem.map import Map
-from ...problem.two_sided import TwoSidedObstacle, sides_of
+from ...problem.two_sided import sides_of
 from ...problem.user_code import USER_ULPS
 from ..answers import UNDECIDED
 from ..matrices.classes import MatrixClasses
@@ -303,11 +302,6 @@ def lipschitz_violation(problem: ProblemData, z: Vector) -> str:
     return ""
 
 
-def obstacles_never_cross(psi: Map) -> bool:
-    """Whether ψ ≤ ψ̄ at every z: there is no ψ̄, or the two obstacles differ by a constant."""
-    return not isinstance(psi, TwoSidedObstacle) or psi.parallel
-
-
 def possible_crossing(problem: ProblemData, z: Vector, delta: Vector) -> int | None:
     """A row in which ψ(x) > ψ̄(x) is possible for some |x − z| ≤ `delta`; None if there is none.
 
@@ -315,7 +309,7 @@ def possible_crossing(problem: ProblemData, z: Vector, delta: Vector) -> int | N
     """
     psi = problem.psi
     above = problem.r_upper(z)
-    if above is None or obstacles_never_cross(psi):
+    if above is None or psi.parallel:
         return None
     below = problem.r(z)
     change = psi.change(delta)

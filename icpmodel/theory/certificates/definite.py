@@ -49,15 +49,16 @@ import scipy.sparse as sp
 
 from ...numerics import work
 from ...numerics.arrays import Vector
-from ...numerics.equilibration import in_units_exactly, row_exponents, symmetric_exponents
+from ...numerics.equilibration import in_units_exactly, row_exponents, symmetric_exponents, times_rows
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, product_upper_bound, rounded_down, rounded_up, terms_of
 from ...numerics.threads import one_blas_thread
 from ...problem.data import ProblemData
 from ...problem.map import Map
 from ...problem.matrix import Matrix
-from ...problem.two_sided import TwoSidedObstacle
+from ...problem.two_sided import sides_of
 from ..matrices.comparison_matrix import positive_diagonal
 from ..matrices.eigenvalue import definite_factors, in_storage, is_dense, largest_above, smallest_below, within_reach
+from ..matrices.h_matrix import without_zeros
 from .proof import Proof, no_lipschitz, norm_up
 
 #: up to here the factorisations take a second on a two-dimensional grid, but half a minute on a three-dimensional one
@@ -116,19 +117,15 @@ class DefiniteProof(Proof):
         square over- or underflows. p and r are those of `_reflect`. In the rows where it `holds`,
         z is certain to be admissible.
         """
-        u = sign * np.where(balance, p, np.minimum(p, 0.0))
-        w = sign * np.where(balance, np.minimum(r, 0.0), r)
+        uw = sign * np.array([np.where(balance, p, np.minimum(p, 0.0)), np.where(balance, np.minimum(r, 0.0), r)])
         # min(x, 0) = 0 for certain where x exceeds its error
-        error_u = np.where(~balance & (p > rounding_p), 0.0, rounding_p)
-        error_w = np.where(balance & holds, 0.0, rounding_r)
-        u = np.ldexp(u, self.exponent)
-        error_u = np.ldexp(error_u, self.exponent) + SMALLEST
-        w = np.ldexp(w, self.exponent_r)
-        error_w = np.ldexp(error_w, self.exponent_r) + SMALLEST
-        size = int(np.frexp(max((np.abs(u) + error_u).max(), (np.abs(w) + error_w).max()))[1])
-        u, error_u, w, error_w = (np.ldexp(x, -size) for x in (u, error_u, w, error_w))
-        error_u += 2 * SMALLEST
-        error_w += 2 * SMALLEST
+        certain = np.array([~balance & (p > rounding_p), balance & holds])
+        errors = np.where(certain, 0.0, [rounding_p, rounding_r])
+        exponents = np.array([self.exponent, self.exponent_r])
+        uw = np.ldexp(uw, exponents)
+        errors = np.ldexp(errors, exponents) + SMALLEST
+        size = int(np.frexp((np.abs(uw) + errors).max())[1])
+        (u, w), (error_u, error_w) = np.ldexp(uw, -size), np.ldexp(errors, -size) + 2 * SMALLEST
         return self._larger_root(u, error_u, w, error_w), size
 
     def _larger_root(self, u: Vector, error_u: Vector, w: Vector, error_w: Vector) -> float:
@@ -290,20 +287,14 @@ def _reflect(problem: ProblemData, z: Vector) -> tuple[Vector, Vector, Any, Vect
 def _slopes(psi: Map, n: int) -> tuple[sp.csr_array, sp.csr_array]:
     """B and L with r(x) − r(y) = B(x − y) − g, |g| ≤ L|x − y|; L takes up the rounding of I − G."""
     identity = sp.csr_array(sp.eye_array(n))
-    if psi.linear is None or (isinstance(psi, TwoSidedObstacle) and not psi.parallel):
+    if psi.linear is None or not psi.parallel:
         assert psi.lipschitz is not None
         return identity, psi.lipschitz
-    G, c = psi.linear
-    has_obstacle = np.isfinite(c)
-    if psi.upper is not None and psi.upper.linear is not None:
-        has_obstacle |= np.isfinite(psi.upper.linear[1])
-    bound = sp.csr_array(sp.diags_array(has_obstacle.astype(float)) @ G)
-    bound.eliminate_zeros()
+    ends = [side.linear[1] for side in sides_of(psi) if side.linear is not None]
+    bound = without_zeros(times_rows(np.isfinite(ends).any(axis=0).astype(float), psi.linear[0]))
     B = sp.csr_array(identity - bound)
     g = bound.diagonal()
     b = B.diagonal()
     # the error of 1 - g, exactly (Knuth)
     lost = np.abs((1.0 - (b - (b - 1.0))) - (g + (b - 1.0)))
-    L = sp.csr_array(sp.diags_array(lost))
-    L.eliminate_zeros()
-    return B, L
+    return B, without_zeros(sp.csr_array(sp.diags_array(lost)))

@@ -14,7 +14,7 @@ from ...numerics.arrays import Vector, norm
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
 from ...problem.data import ProblemData
 from ...problem.map import Map
-from ...problem.two_sided import TwoSidedObstacle
+from ...problem.two_sided import sides_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,8 +52,8 @@ class Proof(ABC):
 
 def no_lipschitz(psi: Map) -> str:
     """The sentence for a ψ or ψ̄ without a Lipschitz matrix."""
-    lower = psi.lower if isinstance(psi, TwoSidedObstacle) else psi
-    return f"no Lipschitz matrix of {'psi' if lower.lipschitz is None else 'upper'} is known: give `lipschitz`"
+    name = "psi" if sides_of(psi)[0].lipschitz is None else "upper"
+    return f"no Lipschitz matrix of {name} is known: give `lipschitz`"
 
 
 def norm_up(x: Vector) -> float:

@@ -31,18 +31,17 @@ _MAX_READ_ENTRIES = 400_000_000
 _MIN_GAIN = 0.01  #: a gain of this share of the distance to 1 (or to 0) is worth another step
 
 
-def absolute_inverse(X: sp.csr_array, size: sp.csr_array | None = None) -> ComparisonInverse | DenseInverse:
+def absolute_inverse(X: sp.csr_array, size: sp.csr_array) -> ComparisonInverse | DenseInverse:
     """The best known upper bound of |X⁻¹|.
 
     For an H-matrix |X⁻¹| ≤ ⟨X⟩⁻¹, with equality for an M-matrix. For other X with n ≤ 300 there is
     a computed inverse R, and |X⁻¹ − R| ≤ |E|(I − |E|)⁻¹|R|, E = I − RX. X itself is known to a few
-    units of roundoff of `size`, default |X|.
+    units of roundoff of `size`.
 
     References
     ----------
     Berman and Plemmons (1979), chapter 6. Neumaier, Interval Methods (1990), section 3.7.
     """
-    size = sp.csr_array(abs(X)) if size is None else size
     comparison = ComparisonInverse(X, size)
     if X.shape[0] > _DENSE_UP_TO or (comparison.exact and np.isfinite(comparison.upper(X.diagonal())).all()):
         return comparison

@@ -151,7 +151,7 @@ def _in_fractions(A: sp.csr_array) -> tuple[Answer, Answer]:
         return sum((x_i * sum(map(mul, row, x)) for x_i, row in zip(x, M, strict=True)), Fraction(0))
 
     S = [[M[i][j] + M[j][i] for j in range(len(M))] for i in range(len(M))]
-    semidefinite, _, x = curvature(S)
+    semidefinite, x = curvature(S)
     how = "pivots in rational arithmetic"
     if x is None:
         return (Answer(True, f"positive {how}"),) * 2

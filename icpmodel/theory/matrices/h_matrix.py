@@ -209,8 +209,7 @@ def _exactly(C: sp.csr_array, block: NDArray[np.int32], count: int) -> Answer:
     for b in range(count):
         rows = np.flatnonzero(block == b)
         dense = C[rows][:, rows].toarray()
-        _, x = m_matrix(dense)
-        if x is not None:
+        if (x := m_matrix(dense)) is not None:
             part = as_witness(x, partial(_disproves, rationals(dense)))
             reason = "a leading minor of <A> is not positive, in rational arithmetic"
             return Answer(False, reason, _spread(part, rows, C.shape[0]))
