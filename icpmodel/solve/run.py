@@ -268,6 +268,9 @@ class Run:
                 is_due = job.step(spent + work.COSTS.iterate, residual, self.target)
                 spent = 0.0
             yield is_due
+            # a method that ran in between may have ended in its last iteration
+            if is_due and (stop_reason := self._end_by_limit(work.clock() - self.start_time)):
+                return stop_reason
 
     def candidate(self, z: Vector, residual: float) -> BestIterate:
         """`z` as the best iterate, found by the current method."""

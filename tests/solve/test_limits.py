@@ -42,6 +42,17 @@ def test_another_method_takes_over_from_one_that_does_not_fit():
         problem.solve(memory_limit=1e3)
 
 
+@pytest.mark.parametrize("max_iter", range(17, 23))
+def test_a_method_that_goes_on_after_another_keeps_to_max_iter(max_iter):
+    """Found by the fuzz: Interior diverges in the last iteration, and the paused Proximal was given one more."""
+    A = np.zeros((10, 10))
+    A[[0, 2, 1, 1], [1, 1, 0, 1]] = -1e-12, -1e-12, 4.0, -4e-12
+    A[[1, 2, 2, 3, 3, 4, 4], [2, 2, 3, 3, 4, 3, 4]] = 1e150, 2e150, 3.0, -2.0, -3e300, 2.0, 3e300
+    A[[5, 6, 8], [9, 7, 9]] = -1.0, 2.0, -2.0
+    problem = icp.ICP(A, np.zeros(10), [0, 1, 0, -np.inf, 4, 0, 0, 0, 0, 0])
+    assert attempt(problem, max_iter=max_iter).iterations <= max_iter
+
+
 @pytest.mark.parametrize("skew", [0.0, 0.5, None])
 def test_a_printed_solution_costs_no_more_than_the_solve_did(skew):
     """By counted work: of dense matrices that are definite, symmetric or not, and of a membrane (None)."""
