@@ -15,9 +15,9 @@ from cvxpy.reductions.solvers import utilities
 from cvxpy.reductions.solvers.qp_solvers.qp_solver import QpSolver
 
 from ...errors import InputError, check_arguments
-from ...numerics.arrays import as_number
 from ..programs.program import Program
-from ..programs.solve_program import Outcome, solve_program
+from ..programs.program_solution import ProgramSolution
+from ..programs.solve_program import solve_program
 
 _OPTIONS = ("tolerance", "time_limit")
 
@@ -39,32 +39,30 @@ class IcpSolver(QpSolver):
 
     def solve_via_data(
         self, data: Any, warm_start: bool, verbose: bool, solver_opts: Any, solver_cache: Any = None
-    ) -> Outcome:
+    ) -> ProgramSolution:
         """Solve the compiled data. Raises InputError for a wrong option, SolverError without a solution."""
         for option in solver_opts:
             if option not in _OPTIONS:
                 raise InputError(f"the solver ICPMODEL has no option {option}; it takes {', '.join(_OPTIONS)}")
-        limits: dict[str, Any] = {name: as_number(value, name, above=0) for name, value in solver_opts.items()}
         before = solver_cache.get(self.name()) if warm_start and solver_cache is not None else None
-        outcome = solve_program(program_of(data), before=before, **limits)
+        solution, run = solve_program(program_of(data), before=before, **solver_opts)
         if solver_cache is not None:
-            solver_cache[self.name()] = outcome
+            solver_cache[self.name()] = run
         if verbose:
-            print(f"icpmodel: {outcome.status} after {outcome.iterations} steps: {outcome.message}")
-        if outcome.status == s.SOLVER_ERROR:
-            raise cp.SolverError(f"icpmodel: {outcome.message}")
-        return outcome
+            print(f"icpmodel: {solution.status} after {solution.iterations} steps: {solution.message}")
+        if solution.status == s.SOLVER_ERROR:
+            raise cp.SolverError(f"icpmodel: {solution.message}")
+        return solution
 
-    def invert(self, solution: Outcome, inverse_data: Any) -> CvxpySolution:
+    def invert(self, solution: ProgramSolution, inverse_data: Any) -> CvxpySolution:
         attributes = {s.SOLVE_TIME: solution.seconds, s.NUM_ITERS: solution.iterations, s.EXTRA_STATS: solution}
-        if solution.values is None:
+        if solution.status not in s.SOLUTION_PRESENT:
             return failure_solution(solution.status, attributes)
         duals: dict[Any, Any] = {}
-        x, equality, inequality, _ = solution.values
-        for values, key in ((equality, self.EQ_CONSTR), (inequality, self.NEQ_CONSTR)):
+        for values, key in ((solution.y, self.EQ_CONSTR), (solution.z, self.NEQ_CONSTR)):
             duals |= utilities.get_dual_values(values, utilities.extract_dual_value, inverse_data[key])
         value = solution.objective + inverse_data[s.OFFSET]
-        return CvxpySolution(solution.status, value, {self.VAR_ID: x}, duals, attributes)
+        return CvxpySolution(solution.status, value, {self.VAR_ID: solution.x}, duals, attributes)
 
 
 @cache
@@ -101,4 +99,4 @@ def program_of(data: Any) -> Program:
         M.eliminate_zeros()
     q, b, g = (np.asarray(data[key], dtype=np.float64) for key in (s.Q, s.B, s.G))
     none = np.full(q.size, np.inf)
-    return Program(P, q, F, g, A, b, -none, none)
+    return Program.of_rows(P, q, (A, b), (F, g), -none, none)

@@ -8,7 +8,6 @@ Reference: Björck, Numerical Methods for Least Squares Problems (1996), section
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,13 +15,13 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...errors import InputError, NotSolved
+from ...numerics import work
 from ...numerics.arrays import Vector, as_truth, as_vector, norm
 from ...numerics.factorisation import largest_of_columns
 from ...numerics.rounding import gamma, public_entry
-from ...numerics.threads import one_blas_thread
 from ...present.display import Displayable
-from .program import Program
-from .program_arguments import bounds, check_limits, matrix
+from .program import Program, saddle_matrix
+from .program_arguments import bounds, limited, matrix
 from .solve_program import solve_program
 
 #: rows and columns up to which x is corrected by an orthogonal factorisation
@@ -134,28 +133,30 @@ def solve_lsq(
     >>> icp.solve_lsq(B, [1, 0, 1], lb=0, ub=[0.1, np.inf]).x.round(6)
     array([0.      , 0.142857])
     """
-    begin = time.perf_counter()
+    begin = work.clock()
     as_truth(raise_on_failure, "raise_on_failure")
-    check_limits(tolerance, time_limit)
     B = matrix(B, "B")
-    c = as_vector(c, B.shape[0], "c")
-    low, high = _order_bounds(*bounds(lb, ub, B.shape[1]))
-    end = begin + (np.inf if time_limit is None else time_limit)
-    x = _correct_active_set(B, c, np.clip(0.0, low, high), low, high, end)
-    violations, is_optimal = _wrong_slopes(B, c, x, low, high, tolerance)
+    m, n = B.shape
+    c = as_vector(c, m, "c")
+    low, high = bounds(lb, ub, n)
+    if (low > high).any():
+        i = int(np.argmax(low > high))
+        raise InputError(f"lb[{i}] = {low[i]:g} is above ub[{i}] = {high[i]:g}; lb <= ub was expected")
     iterations = 0
     status = "optimal"
     message = "solved"
-    if not is_optimal:
-        outcome = solve_program(_conditions(B, c, low, high), tolerance=tolerance, time_limit=time_limit, begin=begin)
-        iterations = outcome.iterations
-        if outcome.values is not None:
-            x = _correct_active_set(B, c, outcome.values.x[c.size :], low, high, end)
-            violations, is_optimal = _wrong_slopes(B, c, x, low, high, tolerance)
-    if not is_optimal:
-        fails = outcome.status == "optimal"
-        status = "solver_error" if fails else outcome.status
-        message = "the gradient has a wrong sign" if fails else outcome.message
+    with limited(tolerance, time_limit, begin):
+        x, violations, is_optimal = _corrected(B, c, np.clip(0.0, low, high), low, high, tolerance)
+        if not is_optimal:
+            outcome, _ = solve_program(_conditions(B, c, low, high), tolerance=tolerance)
+            iterations = outcome.iterations
+            x, violations, is_optimal = _corrected(
+                B, c, np.where(np.isnan(outcome.x[m:]), x, outcome.x[m:]), low, high, tolerance
+            )
+            if not is_optimal:
+                fails = outcome.solved
+                status = "solver_error" if fails else outcome.status
+                message = "the gradient has a wrong sign" if fails else outcome.message
     fun = B @ x - c
     solution = LeastSquares(
         x=x,
@@ -166,44 +167,51 @@ def solve_lsq(
         nit=iterations,
         status=status,
         message=message,
-        seconds=time.perf_counter() - begin,
+        seconds=work.clock() - begin,
     )
     if raise_on_failure and not solution.success:
         raise NotSolved(solution)
     return solution
 
 
-def _wrong_slopes(
+def _corrected(
     B: sp.csr_array, c: Vector, x: Vector, low: Vector, high: Vector, tolerance: float
-) -> tuple[Vector, bool]:
-    """The share of the gradient at `x` that no bound holds, and whether it is small beside ‖r‖ and the columns of B.
+) -> tuple[Vector, Vector, bool]:
+    """x after steps by an orthogonal factorisation of the free columns, while they reduce the residual; and two more.
 
+    These are the share of the gradient that no bound holds, and whether it is small beside ‖r‖ and the columns of B.
     The rounding of r is left out. Rows where r_i = 0 at a solution are known to the rounding of the others only.
     """
-    r = B @ x - c
-    gradient = B.T @ r
-    at_bound = ((x >= high) & (gradient < 0)) | ((x <= low) & (gradient > 0))
-    violations = np.where(at_bound, 0.0, np.abs(gradient))
+    from scipy.linalg import lstsq
+
+    r = c - B @ x
+    while True:
+        gradient = B.T @ r
+        free = ((low < x) | (gradient > 0)) & ((x < high) | (gradient < 0))
+        if max(B.shape) > _DENSE_UP_TO or work.seconds_left() == 0.0:
+            break
+        better = x.copy()
+        step = lstsq(B[:, free].toarray(), r, lapack_driver="gelsy", check_finite=False)[0]
+        better[free] = np.clip(x[free] + step, low[free], high[free])
+        rest = c - B @ better
+        if not norm(rest) < norm(r):
+            break
+        x = better
+        r = rest
+    violations = np.where(free, np.abs(gradient), 0.0)
     rounding = gamma(sum(B.shape) + 2) * (abs(B) @ np.abs(x) + np.abs(c))
-    return violations, bool((violations <= tolerance * norm(r) * largest_of_columns(B) + abs(B).T @ rounding).all())
-
-
-def _order_bounds(low: Vector, high: Vector) -> tuple[Vector, Vector]:
-    """Both bounds. Raises InputError where they cross."""
-    if (low > high).any():
-        i = int(np.argmax(low > high))
-        raise InputError(f"lb[{i}] = {low[i]:g} is above ub[{i}] = {high[i]:g}; lb <= ub was expected")
-    return low, high
+    small = tolerance * norm(r) * largest_of_columns(B) + abs(B).T @ rounding
+    return x, violations, bool((violations <= small).all())
 
 
 def _conditions(B: sp.csr_array, c: Vector, low: Vector, high: Vector) -> Program:
     """The conditions in (r, x)."""
     m, n = B.shape
+    H = saddle_matrix(sp.eye_array(m, format="csr"), sp.csr_array(B.T))
     free = np.full(m, np.inf)
-    none = sp.csr_array((0, m + n)), np.zeros(0)
-    H = sp.csr_array(sp.block_array([[sp.eye_array(m), B], [-B.T, None]]))
-    g = np.concatenate([-c, np.zeros(n)])
-    return Program(H, g, *none, *none, np.concatenate([-free, low]), np.concatenate([free, high]))
+    low = np.concatenate([-free, low])
+    high = np.concatenate([free, high])
+    return Program(H, np.concatenate([-c, np.zeros(n)]), sp.csr_array((0, m + n)), np.zeros(0), 0, low, high)
 
 
 @public_entry
@@ -247,24 +255,3 @@ def solve_nnls(B: Any, c: Any, *, tolerance: float = 1e-9, time_limit: float | N
     """
     solution = solve_lsq(B, c, 0.0, tolerance=tolerance, time_limit=time_limit)
     return solution.x, norm(solution.fun)
-
-
-def _correct_active_set(B: sp.csr_array, c: Vector, x: Vector, low: Vector, high: Vector, end: float) -> Vector:
-    """x after steps by an orthogonal factorisation of the free columns, while they reduce the residual, until `end`."""
-    from scipy.linalg import lstsq
-
-    if max(B.shape) > _DENSE_UP_TO:
-        return x
-    dense = B.toarray()
-    while time.perf_counter() < end:
-        r = c - B @ x
-        gradient = B.T @ r
-        free = ((low < x) | (gradient > 0)) & ((x < high) | (gradient < 0))
-        with one_blas_thread():
-            step = lstsq(dense[:, free], r, lapack_driver="gelsy", check_finite=False)[0]
-        better = x.copy()
-        better[free] = np.clip(x[free] + step, low[free], high[free])
-        if not norm(c - B @ better) < norm(r):
-            break
-        x = better
-    return x

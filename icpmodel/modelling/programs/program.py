@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -26,32 +25,42 @@ from ...icp import ICP
 from ...numerics.arrays import Vector
 from ...numerics.rounding import UNIT_ROUNDOFF
 
-
-class Values(NamedTuple):
-    """x, the multipliers ν of Ex = b and λ of Gx ≤ h, and those of the bounds: ≥ 0 at the upper, ≤ 0 at the lower."""
-
-    x: Vector
-    equality: Vector
-    inequality: Vector
-    box: Vector
+#: a matrix and the right-hand side of its rows
+Rows = tuple[sp.csr_array, Vector]
 
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """The data of an affine variational inequality, CSR matrices and vectors; a quadratic program where H = Hᵀ."""
+    """The data of an affine variational inequality, CSR matrices and vectors; a quadratic program where H = Hᵀ.
+
+    The rows Cx ≤ d begin with those of Ex = b, of which there are so many `equations`.
+    """
 
     H: sp.csr_array
     g: Vector
-    G: sp.csr_array
-    h: Vector
-    E: sp.csr_array
-    b: Vector
+    C: sp.csr_array
+    d: Vector
+    equations: int
     low: Vector
     high: Vector
 
+    @classmethod
+    def of_rows(
+        cls, H: sp.csr_array, g: Vector, equations: Rows, inequalities: Rows, low: Vector, high: Vector
+    ) -> Program:
+        """The program with Ex = b and Gx ≤ h; 0 takes the place of a row, and ±1 that of its side, if this is ±∞."""
+        C = sp.csr_array(sp.vstack([equations[0], inequalities[0]]))
+        d = np.concatenate([equations[1], inequalities[1]])
+        finite = np.isfinite(d)
+        if not finite.all():
+            C = sp.csr_array(sp.diags_array(1.0 * finite) @ C)
+            C.eliminate_zeros()
+            d = np.where(finite, d, np.sign(d))
+        return cls(H, g, C, d, equations[1].size, low, high)
+
     def objective(self, x: Vector) -> float:
-        """½xᵀHx + gᵀx."""
-        return float(0.5 * x @ (self.H @ x) + self.g @ x)
+        """½xᵀHx + gᵀx; NaN where H is not symmetric."""
+        return float(0.5 * x @ (self.H @ x) + self.g @ x) if self.is_symmetric else np.nan
 
     @cached_property
     def is_symmetric(self) -> bool:
@@ -61,72 +70,68 @@ class Program:
 
 
 class Presolve:
-    """A program whose rows of G with one entry are bounds, and the way back.
+    """A program whose inequalities with one entry are bounds, and the way back.
 
     Bounds that cross by no more than quotients and data are rounded are made to touch.
     """
 
     def __init__(self, original: Program) -> None:
         self.original = original
-        count = np.diff(original.G.indptr)
-        single = np.flatnonzero(count == 1)
-        self.rows = np.flatnonzero(count != 1)
-        one_entry = original.G[single]
-        column = one_entry.indices
+        C = original.C
+        single = np.diff(C.indptr) == 1
+        single[: original.equations] = False
+        self.rows = np.flatnonzero(~single)
+        self.singles = np.flatnonzero(single)
+        place = C.indptr[self.singles]
+        self.column = C.indices[place]
+        self.entry = C.data[place]
+        n = original.g.size
+        # −x ≤ −low and x ≤ high
+        ends = np.concatenate([-original.low, original.high])
+        side = self.column + n * (self.entry > 0)
+        before = ends[side]
         with np.errstate(over="ignore"):
-            value = original.h[single] / one_entry.data
-        bounds = []
-        #: for the bounds above and below, the row of G that gives each, -1 where none does
-        self.origins = []
-        for sign, own in ((1.0, original.high), (-1.0, original.low)):
-            on_side = sign * one_entry.data > 0
-            bound = sign * own
-            np.minimum.at(bound, column[on_side], sign * value[on_side])
-            bound *= sign
-            defines_bound = on_side & (value == bound[column]) & (value != own[column])
-            origin = np.full(own.size, -1)
-            origin[column[defines_bound]] = single[defines_bound]
-            bounds.append(bound)
-            self.origins.append(origin)
-        high, low = bounds
+            value = original.d[self.singles] / np.abs(self.entry)
+        np.minimum.at(ends, side, value)
+        self.gives_bound = (value == ends[side]) & (value != before)
+        low = 0.0 - ends[:n]
+        high = ends[n:]
         with np.errstate(invalid="ignore"):
-            nearly_cross = (low > high) & (low - high <= MAX_CROSSING * (np.abs(low) + np.abs(high)))
-        low = np.where(nearly_cross, high, low)
-        self.crossed = bool((low > high).any())
-        self.program = replace(original, G=original.G[self.rows], h=original.h[self.rows], low=low, high=high)
+            self.crossed = bool((low - high > MAX_CROSSING * (np.abs(low) + np.abs(high))).any())
+        low = np.minimum(low, high)
+        self.program = replace(original, C=C[self.rows], d=original.d[self.rows], low=low, high=high)
 
-    def postsolve(self, values: Values) -> Values:
-        """The multipliers of the program that was given."""
-        inequality = np.zeros(self.original.h.size)
-        inequality[self.rows] = values.inequality
-        box = values.box.copy()
-        for origin, sign in zip(self.origins, (1.0, -1.0), strict=True):
-            moved = np.flatnonzero((origin >= 0) & (sign * box > 0))
-            inequality[origin[moved]] = box[moved] / self.original.G[origin[moved]].data
-            box[moved] = 0.0
-        return values._replace(inequality=inequality, box=box)
+    def postsolve(self, multiplier: Vector, box: Vector) -> tuple[Vector, Vector]:
+        """The multipliers of rows and bounds of the program that was given."""
+        rows = np.zeros(self.original.d.size)
+        rows[self.rows] = multiplier
+        moves = np.flatnonzero(self.gives_bound & (self.entry * box[self.column] > 0))
+        column, first = np.unique(self.column[moves], return_index=True)
+        single = moves[first]
+        rows[self.singles[single]] = box[column] / self.entry[single]
+        box[column] = 0.0
+        return rows, box
 
 
 def conditions_of(program: Program, last: ICP | None = None) -> ICP:
-    """The conditions of `program` in (x, ν, λ), made from `last` where that has the same matrix; λ_i = 0 if h_i = ∞."""
-    A = matrix_of(program)
-    absent = np.isposinf(program.h)
-    q = np.concatenate([program.g, program.b, np.where(absent, 0.0, program.h)])
-    free = np.full(program.b.size, np.inf)
-    low = np.concatenate([program.low, -free, np.zeros(program.h.size)])
-    high = np.concatenate([program.high, free, np.where(absent, 0.0, np.inf)])
-    reused = last if last is not None and last.A.shape == A.shape and not (last.A != A).nnz else None
-    problem = ICP(A, q) if reused is None else reused.with_q(q)
-    return problem.with_sides(low, None if np.isposinf(high).all() else high)
+    """The conditions of `program` in (x, ν, λ), made from `last` where that has the same matrix."""
+    A = saddle_matrix(program.H, program.C)
+    q = np.concatenate([program.g, program.d])
+    is_equation = np.arange(program.d.size) < program.equations
+    low = np.concatenate([program.low, np.where(is_equation, -np.inf, 0.0)])
+    reused = last is not None and last.A.shape == A.shape and not (last.A != A).nnz
+    problem = last.with_q(q) if last is not None and reused else ICP(A, q)
+    if np.isposinf(program.high).all():
+        return problem.with_sides(low)
+    return problem.with_sides(low, np.concatenate([program.high, np.full(program.d.size, np.inf)]))
 
 
-def matrix_of(program: Program) -> sp.csr_array:
-    """[[H, Eᵀ, Gᵀ], [−E, 0, 0], [−G, 0, 0]]."""
-    C = sp.csr_array(sp.vstack([program.E, program.G]))
+def saddle_matrix(H: sp.csr_array, C: sp.csr_array) -> sp.csr_array:
+    """[[H, Cᵀ], [−C, 0]]."""
     rows, n = C.shape
     if not rows:
-        return program.H
+        return H
     # stacks of rows take a quarter of the time of `block_array`
-    upper = sp.vstack([program.H.T.tocsr(), C]).T.tocsr()
+    upper = sp.vstack([H.T.tocsr(), C]).T.tocsr()
     lower = sp.csr_array((-C.data, C.indices, C.indptr), shape=(rows, n + rows))
     return sp.csr_array(sp.vstack([upper, lower]))

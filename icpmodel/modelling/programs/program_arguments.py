@@ -2,42 +2,47 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
 from ...errors import InputError
+from ...numerics import work
 from ...numerics.arrays import Vector, as_array, as_csr, as_number, as_rows, as_vector, axes
+from ...numerics.threads import one_blas_thread
 from ...theory.matrices.definiteness import definiteness, semidefinite_up_to_rounding
-from .program import Program
+from .program import Program, Rows
 
 
-def read(H: Any, g: Any, G: Any, h: Any, A: Any, b: Any, lb: Any, ub: Any, names: tuple[str, str]) -> Program:
-    """The program with these data, None leaving constraints out; `names` those of H and g. Raises InputError."""
+def read(data: tuple[Any, ...], names: str) -> Program:
+    """The program with H, g, G, h, A, b, lb and ub, None leaving constraints out; `names` are those of H and g."""
+    H, g, G, h, A, b, lb, ub = data
     H = as_csr(H, names[0])
     n = H.shape[0]
-    rows = *_rows(G, h, n, ("G", "h")), *_rows(A, b, n, ("A", "b"))
-    return Program(H, as_vector(g, n, names[1]), *rows, *bounds(lb, ub, n))
+    g = as_vector(g, n, names[1])
+    return Program.of_rows(H, g, _rows(A, b, n, "Ab"), _rows(G, h, n, "Gh"), *bounds(lb, ub, n))
 
 
-def check_limits(tolerance: Any, time_limit: Any) -> None:
-    """Raise InputError unless both are numbers above 0, or there is no limit of time."""
+@contextmanager
+def limited(tolerance: Any, time_limit: Any, begin: float) -> Iterator[None]:
+    """Limit the work of the block from `begin` on. Raises InputError unless the limits are above 0, or no limit."""
     as_number(tolerance, "tolerance", above=0)
-    if time_limit is not None:
-        as_number(time_limit, "time_limit", above=0)
+    seconds = math.inf if time_limit is None else as_number(time_limit, "time_limit", above=0)
+    with one_blas_thread(), work.work_limit(seconds, begun=begin):
+        yield
 
 
 def bounds(lb: Any, ub: Any, n: int) -> tuple[Vector, Vector]:
-    """Both bounds, infinite where there are none."""
-    return _bound(lb, n, "lb", -np.inf), _bound(ub, n, "ub", np.inf)
-
-
-def _bound(value: Any, n: int, name: str, none: float) -> Vector:
-    bound = np.full(n, none) if value is None else as_vector(value, n, name, infinite=none)
-    if (bound == -none).any():
-        raise InputError(f"{name}[{np.argmax(bound == -none)}] is {-none}; a finite number or {none} was expected")
-    return bound
+    """Both bounds, infinite where there are none. Raises InputError."""
+    low = np.full(n, -np.inf) if lb is None else as_vector(lb, n, "lb", infinite=-np.inf)
+    high = np.full(n, np.inf) if ub is None else as_vector(ub, n, "ub", infinite=np.inf)
+    if np.isneginf(high).any():
+        raise InputError(f"ub[{np.argmin(high)}] is -inf; a finite number or inf was expected")
+    return low, high
 
 
 def matrix(M: Any, name: str, n: int | None = None) -> sp.csr_array:
@@ -51,36 +56,25 @@ def matrix(M: Any, name: str, n: int | None = None) -> sp.csr_array:
     return M
 
 
-def _rows(M: Any, right: Any, n: int, names: tuple[str, str]) -> tuple[sp.csr_array, Vector]:
+def _rows(M: Any, right: Any, n: int, names: str) -> Rows:
     """The matrix and the right-hand side of constraints, none where both are None."""
     if (M is None) != (right is None):
-        stated, other = names[::-1] if M is None else names
-        raise InputError(f"{stated} is given without {other}: give both, or leave both out")
-    if M is None:
-        return sp.csr_array((0, n)), np.zeros(0)
-    M = matrix(M, names[0], n)
-    if M.shape[0] == 0:
-        return M, np.zeros(0)
-    return M, as_vector(right, M.shape[0], names[1], infinite=np.inf if names[0] == "G" else None)
+        raise InputError(f"{names[M is None]} is given without {names[right is None]}: give both, or leave both out")
+    M = sp.csr_array((0, n)) if M is None else matrix(M, names[0], n)
+    rows = M.shape[0]
+    return M, as_vector(right, rows, names[1], infinite=np.inf if names == "Gh" else None) if rows else np.zeros(0)
 
 
 def check_convex(program: Program) -> None:
     """Raises InputError where P is not symmetric, or is proved not to be semidefinite."""
     P = program.H
     if not program.is_symmetric:
-        skew = sp.coo_array(P - P.T)
-        k = int(np.argmax(np.abs(skew.data)))
-        i = int(skew.coords[0][k])
-        j = int(skew.coords[1][k])
+        i, j = divmod(int(abs(P - P.T).argmax()), P.shape[0])
         raise InputError(
             f"P[{i}, {j}] = {P[i, j]:.6g}, but P[{j}, {i}] differs by {P[j, i] - P[i, j]:.3g}; a symmetric matrix "
             "was expected: (P + P.T)/2 has the same objective, and solve_avi takes matrices that are not symmetric"
         )
-    if (2.0 * P.diagonal() >= abs(P).sum(axis=1)).all():
-        return
-    used = np.flatnonzero(np.diff(P.indptr))
-    part = sp.csr_array(P[used][:, used])
-    if semidefinite_up_to_rounding(part).holds:
+    if (2.0 * P.diagonal() >= abs(P).sum(axis=1)).all() or semidefinite_up_to_rounding(P).holds:
         return
     answer = definiteness(P)[1]
     if answer.holds is False:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from ...numerics.arrays import Mask, Vector, row_of
+from ...numerics.arrays import Vector, row_of
 from ...numerics.rounding import gamma
 from ...problem.data import ProblemData
 
@@ -33,56 +33,49 @@ class Judge:
     """
 
     def __init__(self, problem: ProblemData, n: int) -> None:
-        matrix = problem.matrix
-        self.size = matrix.absolute
-        self.diagonal = problem.A.diagonal()
+        self.A = problem.A
+        self.size = problem.matrix.absolute
+        self.diagonal = self.A.diagonal()
         self.is_x = np.arange(problem.n) < n
         #: brings z and p/unit into units in which the entries of A are about 1
         self.unit = _units(self.size)
         self.loss = float(gamma(3 + np.diff(self.size.indptr).max(initial=0)))
-        self.parts = [(part, self.loss * (self.size @ (part / self.unit))) for part in (self.is_x, ~self.is_x)]
+        self.parts = np.array([self.is_x, ~self.is_x])
+        self.spread = self.loss * (self.size @ (self.parts / self.unit).T)
 
     @np.errstate(all="ignore")
-    def violation(self, problem: ProblemData, z: Vector) -> tuple[float, float]:
-        """The largest share that is wrong at `z`, shape (n,), up to rounding and strictly; inf where it is NaN."""
-        is_x = self.is_x
-        p = problem.p(z)
+    def violation(self, q: Vector, z: Vector, p: Vector, room: Vector) -> tuple[float, float]:
+        """The largest share that is wrong at `z`, up to rounding and strictly; inf where it is NaN.
+
+        `p` is p(z), and `room` the distance of z to the obstacle to which p presses it, all of shape (n,).
+        """
         violations = np.abs(p)
-        of_q = np.abs(problem.q)
+        of_q = np.abs(q)
         terms = self.size @ np.abs(z) + of_q
-        room = room_of(problem, z, p)
-        most = np.where(is_x, _NOISE_OF_GRADIENT * self.unit * ((of_q / self.unit)[is_x].max() or np.inf), np.inf)
+        largest = (of_q / self.unit)[self.is_x].max() or np.inf
+        most = np.where(self.is_x, _NOISE_OF_GRADIENT * self.unit * largest, np.inf)
         own = self.loss * terms
-        largest = sum(self.largest(z, part) * of_part for part, of_part in self.parts)
-        noise = np.maximum(own, np.minimum(largest, most))
-        x = np.where(is_x, z, 0.0)
+        noise = np.maximum(own, np.minimum(self.spread @ self.largest(z), most))
+        x = np.where(self.is_x, z, 0.0)
         reach = np.where(self.diagonal > 0, (self.size @ np.abs(x)) / self.diagonal, np.abs(z))
         gap = np.maximum(violations - np.minimum(own, most), 0.0) @ np.minimum(room, reach)
         if gap > 0:
-            of_sides = (z - x) @ problem.q - x @ np.where(room == 0, p, 0.0)
-            gap /= max(x @ problem.product(x), 0.0) + np.abs(x) @ (of_q + noise) + abs(of_sides)
+            of_sides = (z - x) @ q - x @ np.where(room == 0, p, 0.0)
+            gap /= max(x @ (self.A @ x), 0.0) + np.abs(x) @ (of_q + noise) + abs(of_sides)
         shares = []
         for rounding in (noise, own):
             excess = np.where((room > 0) & (violations > rounding), (violations - rounding) / terms, 0.0)
-            share = max(float(excess.max()), gap)
-            shares.append(share if share < np.inf else np.inf)
+            shares.append(float(np.nan_to_num(np.maximum(excess.max(), gap), nan=np.inf)))
         return shares[0], shares[1]
 
-    def largest(self, z: Vector, part: Mask) -> float:
-        """The largest |entry| of x or of the multipliers, in units in which they are alike."""
-        return float((np.abs(z) * self.unit)[part].max(initial=0.0))
+    def largest(self, z: Vector) -> Vector:
+        """The largest |entry| of x and that of the multipliers, in units in which they are alike."""
+        return np.asarray((self.parts * np.abs(z) * self.unit).max(axis=1))
 
-    def without_noise(self, problem: ProblemData, z: Vector) -> Vector:
+    def without_noise(self, q: Vector, z: Vector) -> Vector:
         """z with 0 for what may be rounding beside the largest of its part, or beside q."""
-        largest = np.where(self.is_x, *(self.largest(z, part) for part, _ in self.parts))
-        largest = np.maximum(largest, np.abs(problem.q / self.unit).max())
+        largest = np.maximum(np.where(self.is_x, *self.largest(z)), np.abs(q / self.unit).max())
         return np.where(np.abs(z) * self.unit <= _NOISE_OF_X * largest, 0.0, z)
-
-
-def room_of(problem: ProblemData, z: Vector, p: Vector) -> Vector:
-    """The distance of z to the obstacle to which p presses it."""
-    above = problem.r_upper(z)
-    return np.where(p > 0, problem.r(z), np.inf if above is None else -above)
 
 
 def _units(size: sp.csr_array) -> Vector:

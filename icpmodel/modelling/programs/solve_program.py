@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import time
+import math
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,18 +13,18 @@ import scipy.sparse as sp
 from ...algebra.affine_lcp import PIVOT_UP_TO
 from ...algebra.equations import Pattern
 from ...algebra.proximal_steps import ProximalSteps
-from ...errors import IcpError, SingularOperator
+from ...errors import IcpError, OutOfTime, SingularOperator
 from ...icp import ICP
+from ...numerics import work
 from ...numerics.arrays import Vector
-from ...numerics.threads import one_blas_thread
-from ...solve.progress import Progress
 from ...solve.solution import Solution, Status
 from ...theory.certificates.bounds import enforce_limits
 from ...theory.certificates.infeasible import infeasible
 from ...theory.certificates.recession import contradicts, least_violation
-from .program import Presolve, Program, Values, conditions_of
-from .program_arguments import check_limits
-from .program_judge import Judge, room_of
+from .program import Presolve, Program, conditions_of
+from .program_arguments import limited
+from .program_judge import Judge
+from .program_solution import ProgramSolution
 
 #: the largest violation of an answer that is called inaccurate rather than an error
 _MAX_INACCURATE_VIOLATION = 1e-4
@@ -35,45 +35,15 @@ _REGULARISATION = 1e-9
 _TIGHT_SLACK = 1e-6
 
 
-@dataclass(frozen=True, eq=False)
-class Outcome:
-    """What `solve_program` returns.
-
-    Attributes
-    ----------
-    status : str
-        In CVXPY's words.
-    message : str
-        What the status rests on.
-    values : Values or None
-        None where there is no solution.
-    objective, violation : float
-        At these values; NaN where there are none.
-    iterations : int
-    seconds : float
-    incumbent : Incumbent or None
-        The start for a program with the same matrices.
-    """
-
-    status: str
-    message: str
-    values: Values | None = None
-    objective: float = np.nan
-    violation: float = np.nan
-    iterations: int = 0
-    seconds: float = 0.0
-    incumbent: Incumbent | None = None
-
-
 def solve_program(
     program: Program,
     *,
     tolerance: float = 1e-9,
     time_limit: float | None = None,
-    before: Outcome | None = None,
+    before: ProgramRun | None = None,
     start: Vector | None = None,
     begin: float | None = None,
-) -> Outcome:
+) -> tuple[ProgramSolution, ProgramRun]:
     """Solve a monotone variational inequality.
 
     Parameters
@@ -85,165 +55,163 @@ def solve_program(
     time_limit
         In seconds from `begin`.
     before
-        The outcome of a program of the same size, from which the run begins.
+        The run of a program of the same size, from which this one begins.
     start
         An x near the solution.
     begin
-        When the clock began, by default now.
+        What the clock of `work` said when it began, by default now.
 
     Returns
     -------
-    Outcome
+    solution : ProgramSolution
         Its status is "optimal" if the answer has the tolerance, and "optimal_inaccurate" if it has 1e-4. "infeasible"
         and "unbounded" are proved; for the latter a feasible x was computed. With "_inaccurate" they are proved up to
         rounding. The others are "infeasible_or_unbounded", "user_limit" and "solver_error".
+    run : ProgramRun
+        The start for a program with the same matrices.
     """
-    begin = time.perf_counter() if begin is None else begin
-    check_limits(tolerance, time_limit)
-    if not np.isfinite(program.b).all() or np.isneginf(program.h).any():
-        return Outcome("infeasible", "a right-hand side is infinite")
-    presolve = Presolve(program)
-    if presolve.crossed:
-        return Outcome("infeasible", "the lower bound of a variable is above its upper bound")
-    with one_blas_thread():
-        outcome = _ProgramRun(presolve.program, tolerance, time_limit, begin).outcome(before, start)
-    values = outcome.values
-    if values is not None:
-        values = presolve.postsolve(values)
-        outcome = replace(outcome, values=values, objective=program.objective(values.x))
-    return replace(outcome, seconds=time.perf_counter() - begin)
+    begin = work.clock() if begin is None else begin
+    with limited(tolerance, time_limit, begin):
+        presolve = Presolve(program)
+        run = ProgramRun(presolve.program, tolerance, before)
+        if presolve.crossed:
+            run.proof = "infeasible", "the lower bound of a variable is above its upper bound"
+        status, message = run.proof or run.verdict(start)
+    x, multiplier, box = run.values()
+    multiplier, box = presolve.postsolve(multiplier, box)
+    solution = ProgramSolution(
+        x=x,
+        y=multiplier[: program.equations],
+        z=multiplier[program.equations :],
+        z_box=box,
+        objective=program.objective(x),
+        status=status,
+        message=message,
+        violation=run.violation[0] if run.proof is None else np.nan,
+        iterations=run.iterations,
+        seconds=work.clock() - begin,
+        _program=program,
+    )
+    return solution, run
 
 
-class _ProgramRun:
-    """A run on one program."""
-
-    def __init__(self, program: Program, tolerance: float, time_limit: float | None, begin: float) -> None:
-        self.program = program
-        self.tolerance = tolerance
-        self.end = None if time_limit is None else begin + time_limit
-        self.iterations = 0
-
-    def seconds_left(self) -> float | None:
-        """The seconds that are left, None for no limit."""
-        return None if self.end is None else max(self.end - time.perf_counter(), 0.0)
-
-    def outcome(self, before: Outcome | None, start: Vector | None) -> Outcome:
-        last = None if before is None else before.incumbent
-        best = Incumbent(self.program, self.tolerance, last)
-        z0 = last.z if last is not None and last.z.size == best.z.size else None
-        if start is not None:
-            z0, pattern = best.start_near(start)
-            with enforce_limits(self.seconds_left(), None):
-                best.polish(z0, pattern)
-            z0 = best.z if best.is_good else z0
-        methods: list[str] = []
-        if not best.has_solution:
-            methods = ["interior", "newton"] if z0 is None else ["newton", "interior"]
-            if best.problem.n <= PIVOT_UP_TO:
-                methods.insert(0, "lemke")
-        proof = None
-        for method in (*methods, None):
-            if method is None and proof is not None:
-                break
-            try:
-                solution = self._solve(best.problem, method, z0, best.is_finished)
-            except SingularOperator:
-                continue
-            if self.seconds_left() == 0.0:
-                break
-            with enforce_limits(self.seconds_left(), None):
-                if not best.is_exact:
-                    best.polish(best.z, best.pattern(best.z))
-            if solution.status is Status.MEMORY_LIMIT or best.is_good:
-                break
-            proof = proof or self._without_solution(best.problem, solution)
-            if proof is not None and not proof.status.endswith("_inaccurate"):
-                break
-        if proof is not None and not best.is_good:
-            return replace(proof, iterations=self.iterations)
-        error = best.violation[0]
-        status = "optimal"
-        message = "solved"
-        if not best.is_good:
-            message = f"rows or multipliers are wrong by {error:.3g} of their terms; {solution.message}"
-            status = "optimal_inaccurate" if error <= _MAX_INACCURATE_VIOLATION else "solver_error"
-            if solution.status is Status.MEMORY_LIMIT or self.seconds_left() == 0.0:
-                status = "user_limit"
-        return Outcome(status, message, best.values(), violation=error, iterations=self.iterations, incumbent=best)
-
-    def _solve(
-        self, problem: ICP, method: str | None = None, z0: Vector | None = None, callback: Any = None, rtol: float = 0.0
-    ) -> Solution:
-        solution = problem.solve(
-            method, z0=z0, rtol=rtol, callback=callback, time_limit=self.seconds_left(), raise_on_failure=False
-        )
-        if solution.status is Status.INTERRUPTED:
-            raise KeyboardInterrupt
-        self.iterations += solution.iterations
-        return solution
-
-    def _without_solution(self, problem: ICP, solution: Solution) -> Outcome | None:
-        """The outcome without a solution: proved by the last direction of the run, or by the least violation."""
-        if solution.infeasible is not None and solution.infeasible.witness is not None:
-            y = np.array([float(weight) for weight in solution.infeasible.witness])
-        else:
-            nearest, signed = least_violation(problem)
-            least = self._solve(ICP(nearest.A, nearest.q, nearest.psi), rtol=1e-10).polish()
-            y = np.zeros(problem.n)
-            y[signed] = least.z[problem.n :]
-        rows = np.arange(problem.n) >= self.program.g.size
-        for direction, primal in ((np.where(rows, y, 0.0), True), (y, False)):
-            if not contradicts(problem, direction):
-                continue
-            answer = infeasible(problem, direction)
-            inaccurate = "" if answer.holds else "_inaccurate"
-            reason = "up to rounding" if inaccurate else answer.reason
-            if primal:
-                return Outcome(f"infeasible{inaccurate}", f"a combination of the constraints says 0 < 0: {reason}")
-            return self._without_multipliers(inaccurate, reason)
-        return None
-
-    def _without_multipliers(self, inaccurate: str, reason: str) -> Outcome:
-        """The outcome where no multipliers exist: "unbounded" only if a feasible point is computed."""
-        if not self.program.is_symmetric:
-            return Outcome(f"infeasible{inaccurate}", f"no x and multipliers meet the conditions: {reason}")
-        n = self.program.g.size
-        nearest = replace(self.program, H=sp.eye_array(n, format="csr"), g=np.zeros(n))
-        feasible = _ProgramRun(nearest, self.tolerance, self.seconds_left(), time.perf_counter()).outcome(None, None)
-        self.iterations += feasible.iterations
-        if feasible.status == "optimal":
-            message = "there is a feasible point, and a direction along which the objective falls for ever"
-            return Outcome(f"unbounded{inaccurate}", f"{message}: {reason}")
-        if feasible.status.startswith("infeasible"):
-            return feasible
-        return Outcome("infeasible_or_unbounded", f"no multipliers exist: {reason}; no feasible point was computed")
-
-
-class Incumbent:
-    """The best iterate of a program: among those good up to rounding, the one with the least violation.
+class ProgramRun:
+    """A run on a program, and its best iterate: among those good up to rounding, the one with the least violation.
 
     Parameters
     ----------
     program, tolerance
         What is judged, and what may be wrong.
     last
-        The incumbent of another program, whose matrices may be the same.
+        The run on another program, whose matrices may be the same, and whose best iterate is the start.
     """
 
-    def __init__(self, program: Program, tolerance: float, last: Incumbent | None = None) -> None:
-        self.size = program.g.size, program.b.size
+    def __init__(self, program: Program, tolerance: float, last: ProgramRun | None = None) -> None:
+        self.program = program
         self.tolerance = tolerance
         self.problem: ICP = conditions_of(program, None if last is None else last.problem)
-        self.judge: Judge
-        if last is not None and last.problem.A is self.problem.A:
-            self.judge = last.judge
-        else:
-            self.judge = Judge(self.problem, program.g.size)
-        self.low = self.problem.psi.value(np.zeros(self.problem.n))
+        reused = last is not None and last.problem.A is self.problem.A
+        self.judge: Judge = last.judge if last is not None and reused else Judge(self.problem, program.g.size)
+        n = self.problem.n
+        self.low = self.problem.psi.value(np.zeros(n))
         upper = self.problem.upper
-        self.high = np.full(self.problem.n, np.inf) if upper is None else upper.value(self.low)
+        self.high = np.full(n, np.inf) if upper is None else upper.value(self.low)
         self.z = np.clip(0.0, self.low, self.high)
+        self.start = last.z if last is not None and last.z.size == n else None
         self.violation = np.inf, np.inf
+        self.iterations = 0
+        #: the status and the message where it is proved that there is no solution
+        self.proof: tuple[str, str] | None = None
+
+    def verdict(self, start: Vector | None) -> tuple[str, str]:
+        """The status and the message at the end of the run, from an x near the solution where it is known."""
+        z0 = self.start
+        if start is not None:
+            z0, pattern = self.start_near(start)
+            self.polish(z0, pattern)
+            z0 = self.z if self.is_good else z0
+        methods: list[str] = []
+        if not self.has_solution:
+            methods = ["interior", "newton"] if z0 is None else ["newton", "interior"]
+            if self.problem.n <= PIVOT_UP_TO:
+                methods.insert(0, "lemke")
+        proof = None
+        for method in (*methods, None):
+            if method is None and proof is not None:
+                break
+            try:
+                solution = self._solve(
+                    self.problem, method, z0=z0, callback=lambda progress: self.improve(progress.z), rtol=0.0
+                )
+            except SingularOperator:
+                continue
+            if work.seconds_left() == 0.0:
+                break
+            if not self.is_exact:
+                self.polish(self.z, self.pattern(self.z))
+            if solution.status is Status.MEMORY_LIMIT or self.is_good:
+                break
+            with suppress(OutOfTime):
+                proof = proof or self._without_solution(solution)
+            if proof is not None and not proof[0].endswith("_inaccurate"):
+                break
+        if self.is_good:
+            return "optimal", "solved"
+        if proof is not None:
+            self.proof = proof
+            return proof
+        error = self.violation[0]
+        message = f"rows or multipliers are wrong by {error:.3g} of their terms; {solution.message}"
+        if solution.status is Status.MEMORY_LIMIT or work.seconds_left() == 0.0:
+            return "user_limit", message
+        return "optimal_inaccurate" if error <= _MAX_INACCURATE_VIOLATION else "solver_error", message
+
+    def _solve(self, problem: ICP, method: str | None, **options: Any) -> Solution:
+        seconds = work.seconds_left()
+        time_limit = seconds if seconds < math.inf else None
+        solution = problem.solve(method, time_limit=time_limit, raise_on_failure=False, **options)
+        if solution.status is Status.INTERRUPTED:
+            raise KeyboardInterrupt
+        self.iterations += solution.iterations
+        return solution
+
+    def _without_solution(self, solution: Solution) -> tuple[str, str] | None:
+        """Status and message without a solution: proved by the last direction, or by the least violation."""
+        problem = self.problem
+        if solution.infeasible is not None and solution.infeasible.witness is not None:
+            y = np.array([float(weight) for weight in solution.infeasible.witness])
+        else:
+            nearest, signed = least_violation(problem)
+            least = self._solve(ICP(nearest.A, nearest.q, nearest.psi), None, rtol=1e-10).polish()
+            y = np.zeros(problem.n)
+            y[signed] = least.z[problem.n :]
+        for direction, primal in ((np.where(self.judge.is_x, 0.0, y), True), (y, False)):
+            if not contradicts(problem, direction):
+                continue
+            answer = infeasible(problem, direction)
+            inaccurate = "" if answer.holds else "_inaccurate"
+            reason = "up to rounding" if inaccurate else answer.reason
+            if primal:
+                return f"infeasible{inaccurate}", f"a combination of the constraints says 0 < 0: {reason}"
+            return self._without_multipliers(inaccurate, reason)
+        return None
+
+    def _without_multipliers(self, inaccurate: str, reason: str) -> tuple[str, str]:
+        """Status and message where no multipliers exist: "unbounded" only if a feasible point is computed."""
+        program = self.program
+        if not program.is_symmetric:
+            return f"infeasible{inaccurate}", f"no x and multipliers meet the conditions: {reason}"
+        n = program.g.size
+        nearest = replace(program, H=sp.eye_array(n, format="csr"), g=np.zeros(n))
+        feasible = ProgramRun(nearest, self.tolerance)
+        status, message = feasible.verdict(None)
+        self.iterations += feasible.iterations
+        if status == "optimal":
+            message = "there is a feasible point, and a direction along which the objective falls for ever"
+            return f"unbounded{inaccurate}", f"{message}: {reason}"
+        if feasible.proof is not None:
+            return feasible.proof
+        return "infeasible_or_unbounded", f"no multipliers exist: {reason}; no feasible point was computed"
 
     @property
     def is_good(self) -> bool:
@@ -261,23 +229,20 @@ class Incumbent:
         in_box = np.isfinite(self.low).all() and np.isfinite(self.high).all()
         return bool(in_box) or self.problem.matrix.jacobi_radius < 1.0
 
-    def is_finished(self, progress: Progress) -> bool:
-        """Whether a run has come to an answer."""
-        return self.improve(progress.z, self.pattern(progress.z))
-
     def pattern(self, z: Vector) -> Pattern:
         """The active set at `z`."""
         return Pattern.at(self.problem, z, self.problem.p(z), self.judge.unit**2)
 
-    def improve(self, z: Vector, pattern: Pattern) -> bool:
+    def improve(self, z: Vector) -> bool:
         """Whether `z`, with its active rows on their obstacles, is strictly good, or no better than a good iterate."""
-        z = np.where(pattern.active, self.low, np.clip(z, self.low, self.high))
-        if pattern.above is not None:
-            z = np.where(pattern.above, self.high, z)
+        step = z - self.problem.p(z) / self.judge.unit**2
+        z = np.where((self.low <= step) & (step <= self.high), z, step)
+        z = np.clip(z, self.low, self.high)
         enough = 0.5 * self.violation[1] if self.is_good else self.tolerance
-        cleaned = np.clip(self.judge.without_noise(self.problem, z), self.low, self.high)
+        cleaned = np.clip(self.judge.without_noise(self.problem.q, z), self.low, self.high)
         for one in (z,) if np.array_equal(z, cleaned) else (z, cleaned):
-            violation = self.judge.violation(self.problem, one)
+            p = self.problem.p(one)
+            violation = self.judge.violation(self.problem.q, one, p, self.room(one, p))
             if self._rank(violation) <= self._rank(self.violation):
                 self.violation = violation
                 self.z = one
@@ -285,34 +250,38 @@ class Incumbent:
                 return True
         return self.violation[1] > enough > self.tolerance
 
+    def room(self, z: Vector, p: Vector) -> Vector:
+        """The distance of z to the obstacle to which p presses it."""
+        return np.where(p > 0, z - self.low, self.high - z)
+
     def _rank(self, violation: tuple[float, float]) -> tuple[float, float]:
         return max(violation[0], self.tolerance), violation[1]
 
     def start_near(self, x: Vector) -> tuple[Vector, Pattern]:
         """The iterate with `x` and multipliers 0, and the active set of the rows and bounds that are tight at `x`."""
         z = np.concatenate([x, np.zeros(self.z.size - x.size)])
-        terms = abs(self.problem.A) @ np.abs(z) + np.abs(self.problem.q)
-        free = np.isneginf(self.low) | (self.problem.p(z) <= _TIGHT_SLACK * terms)
-        free[: x.size] = ((self.low < z) & (z < self.high))[: x.size]
+        terms = self.judge.size @ np.abs(z) + np.abs(self.problem.q)
+        is_tight = ~self.judge.is_x & (self.problem.p(z) <= _TIGHT_SLACK * terms)
+        free = is_tight | ((self.low < z) & (z < self.high))
         return z, Pattern(z, ~free, ~free & (z >= self.high))
 
     def polish(self, z: Vector, pattern: Pattern) -> None:
         """Newton steps from `z` with one active set, of the equations and a small multiple of W."""
         steps = ProximalSteps(self.problem, z)
         weights = _REGULARISATION * self.problem.matrix.proximal_weights
-        with suppress(IcpError, MemoryError):
+        with suppress(IcpError, MemoryError), enforce_limits(None, None):
             for _ in range(_REFINEMENTS):
                 refined = steps.step(z, self.problem.p(z), pattern, z, weights)
                 if refined is None or not np.isfinite(refined[0]).all():
                     break
                 z = refined[0]
-                if self.improve(z, self.pattern(z)):
+                if self.improve(z):
                     break
 
-    def values(self) -> Values:
-        """x and the multipliers; those of bounds are p where it presses x on them."""
-        p = self.problem.p(self.z)
-        n, equations = self.size
-        box = np.where(room_of(self.problem, self.z, p) == 0, -p, 0.0)[:n]
-        x, nu, multiplier = np.split(self.z, [n, n + equations])
-        return Values(x, nu, multiplier, box)
+    def values(self) -> tuple[Vector, Vector, Vector]:
+        """x and the multipliers of rows and bounds, which are p where it presses x on them; NaN without a solution."""
+        z = self.z if self.proof is None else np.full(self.z.size, np.nan)
+        p = self.problem.p(z)
+        n = self.program.g.size
+        box = np.where(self.room(z, p) > 0, 0.0, -p)[:n]
+        return z[:n], z[n:], box
