@@ -185,7 +185,8 @@ def _items(
 
 def _why_not(solver: ForeignSolver, checked: AnswerUnderTest) -> list[str]:
     """Why `solver` can take none of the targets; empty where it can take one."""
-    reasons = [solver.why_not(target) for target in checked.targets]
+    possible = [target for target in checked.targets if target.problem.f is None or "nlp" in solver.forms]
+    reasons = [solver.why_not(target) for target in possible]
     nothing = "the obstacles are not finite at the answer, or cross there, so that they cannot be frozen"
     return [] if None in reasons else [reason for reason in dict.fromkeys(reasons or [nothing]) if reason]
 

@@ -118,6 +118,7 @@ def test_ipopt_solves_the_nonlinear_form_whatever_the_answer_under_test():
         ("NLP", "agrees"),
     ]
     assert right.coverage().startswith("Confirmed: the whole problem by ipopt; with p replaced by its tangent")
+    assert len(problem.crosscheck([2.0, 0.0], ["osqp"]).rows) == 1  # it takes no nonlinear p, and need not say so
     wrong = problem.crosscheck([3.0, 0.0], ["ipopt"]).rows[-1]
     assert (wrong.formulation, wrong.verdict.value) == ("NLP", "disagrees")
     assert wrong.difference == pytest.approx(1.0)
