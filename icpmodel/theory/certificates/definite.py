@@ -186,7 +186,9 @@ def prove(matrix: Matrix, psi: Map) -> DefiniteProof | str:
         return f"A is not tested for definiteness: with n = {n} and {A.nnz} entries it is too large to be factorised"
     work.charge_matrices(products, 12)
     A = in_storage(A)
-    exponent, exponent_r = _exponents(A, B, coupled)
+    exponent = symmetric_exponents(A.diagonal())
+    # σ: where B is not I, AᵀB is about 1 as well
+    exponent_r = -exponent + (int((row_exponents(B, exponent) + exponent).min()) if coupled else 0)
     scaled = [in_units_exactly(X, left, exponent) for X, left in ((A, exponent), (B, exponent_r), (L, exponent_r))]
     if any(X is None for X in scaled):
         return "A is not tested for definiteness: scaled to a diagonal of 1, its entries or those of psi underflow"
@@ -219,7 +221,8 @@ def _proof(
     smallest = -np.inf if factors is None else smallest_below(H, slack, factors)
     if not smallest > 0:
         return f"{name} is not proved positive definite: its symmetric part has no eigenvalue bound above 0"
-    kappa = _kappa(At, L, gamma)
+    # rounding of the product included
+    kappa = largest_above(sp.csr_array(abs(At) @ L)) * (1 + gamma) + n * n * SMALLEST if L.nnz else 0.0
     gap = float(np.nextafter(smallest - kappa, -np.inf))
     if not gap > 0:
         reach = (
@@ -234,22 +237,6 @@ def _proof(
     abs_A = abs(At)
     sizes = abs_A, abs(Bt), abs_A if At is H else abs(H)
     return DefiniteProof(sentence, smallest, gap, exponent, exponent_r, At, Bt, Lt, H, slack, factors, sizes)
-
-
-def _exponents(A: Any, B: sp.csr_array, coupled: bool) -> tuple[np.ndarray, np.ndarray]:
-    """The binary exponents of S and of σS⁻¹; σ is 1 where B is I, not `coupled`."""
-    exponent = symmetric_exponents(A.diagonal())
-    if not coupled:
-        return exponent, -exponent
-    return exponent, -exponent + int((row_exponents(B, exponent) + exponent).min())  # AᵀB is about 1 as well
-
-
-def _kappa(At: Any, L: sp.csr_array, gamma: float) -> float:
-    """An upper bound of the largest eigenvalue of the symmetric part of |A|ᵀL, rounding of the product included."""
-    if not L.nnz:
-        return 0.0
-    n = L.shape[0]
-    return largest_above(sp.csr_array(abs(At) @ L)) * (1 + gamma) + n * n * SMALLEST
 
 
 def _symmetric_part(At: Any, B: sp.csr_array | None, gamma: float) -> tuple[Any, float]:

@@ -40,18 +40,17 @@ class MonotoneProof(Proof):
     definite: DefiniteProof
 
     def bound(self, problem: ProblemData, z: Vector, rounding_p: Vector, rounding_r: Vector) -> tuple[Vector, float]:
-        low, high = problem.psi.value(z), np.full(z.size, np.inf)
-        if problem.upper is not None:
-            high = problem.upper.value(z)
+        low = problem.psi.value(z)
+        high = np.full(z.size, np.inf) if problem.upper is None else problem.upper.value(z)
         with np.errstate(over="ignore", invalid="ignore"):
-            p = problem.matrix.row_weights * problem.p(z)
             inside = np.clip(z, low, high)
-            at_low = (p > inside - low) & np.isfinite(low)
-            at_high = (-p > high - inside) & np.isfinite(high)
+            ahead = inside - problem.matrix.row_weights * problem.p(z)
+            at_low = ahead < low
+            at_high = ahead > high
             point = np.where(at_low, low, np.where(at_high, high, inside))
             p = problem.p(point)
-            beyond = np.where(at_low, np.maximum(-p, 0.0), np.where(at_high, np.maximum(p, 0.0), np.abs(p)))
-            u = np.ldexp(beyond + problem.rounding(point)[0], self.definite.exponent) + SMALLEST
+            u = np.where(at_low, np.minimum(p, 0.0), np.where(at_high, np.maximum(p, 0.0), p))
+            u = np.ldexp(np.abs(u) + problem.rounding(point)[0], self.definite.exponent) + SMALLEST
             root = norm_up(u) / self.definite.smallest * (1.0 + 8.0 * UNIT_ROUNDOFF)
             delta = np.ldexp(np.full(z.size, root), self.definite.exponent) + np.abs(point - z)
             delta = np.nextafter(delta * (1.0 + 8.0 * UNIT_ROUNDOFF), np.inf)

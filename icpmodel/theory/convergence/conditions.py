@@ -59,7 +59,6 @@ Kumar, Deepmala and Das, theorems 4.1 to 4.4, corrected. Berman and Plemmons (19
 from __future__ import annotations
 
 import operator
-from fractions import Fraction
 from functools import cached_property, reduce
 from typing import Any
 
@@ -261,9 +260,7 @@ def theta_factor(theta: AOR) -> float:
     """max(θ₁, θ₂)/min(1, θ₁), rounded up."""
     above = float(max(theta.theta1, theta.theta2))
     below = float(min(1.0, theta.theta1))
-    factor = above / below
-    exact = np.isfinite(factor) and Fraction(factor) * Fraction(below) == Fraction(above)
-    return factor if exact else float(np.nextafter(factor, np.inf))
+    return above / below if below in (1.0, above) else float(np.nextafter(above / below, np.inf))
 
 
 def _h_splitting(step: StepMatrices) -> tuple[Vector, sp.csr_array] | str:
