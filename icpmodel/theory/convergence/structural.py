@@ -125,19 +125,16 @@ def definite(step: StepMatrices) -> Answer:
 
 
 def contraction_factor(step: StepMatrices) -> float | None:
-    """An upper bound of ‖(A' − I)(A' + I)⁻¹‖₂, rounding included, or None where none below 1 was found."""
+    """An upper bound of σ = ‖(A' − I)(A' + I)⁻¹‖₂, rounding included, or None where none below 1 was found.
+
+    σ = max|1 − λ|/(1 + λ) for symmetric A', else σ² ≤ 1 − 4λ_min(H)/(‖A'‖₂ + 1)², from bounds on A' and H.
+    """
     if step.n > MAX_UNKNOWNS:
         return None
     half = sp.diags_array(1.0 / np.sqrt(step.omega))
     A = sp.csr_array(half @ step.A @ half)
     if not np.isfinite(A.data).all() or not within_reach(sp.csr_array(A + A.T)):
         return None
-    sigma = _from_eigenvalues(A, symmetric=is_symmetric(step.A))
-    return sigma if sigma is not None and sigma < 1 else None
-
-
-def _from_eigenvalues(A: sp.csr_array, symmetric: bool) -> float | None:
-    """σ = max|1 − λ|/(1 + λ) for symmetric A', else σ² ≤ 1 − 4λ_min(H)/(‖A'‖₂ + 1)², from bounds on A' and H."""
     size = sp.csr_array(abs(A))
     rows = float(size.sum(axis=1).max())
     columns = float(size.sum(axis=0).max())
@@ -145,8 +142,10 @@ def _from_eigenvalues(A: sp.csr_array, symmetric: bool) -> float | None:
     low = smallest_below(A, slack)
     if not low > 0:
         return None
-    if symmetric:
+    if is_symmetric(step.A):
         high = largest_above(size) + slack
-        return max((1 - low) / (1 + low), (high - 1) / (high + 1), 0.0) * (1 + 8 * UNIT_ROUNDOFF) + SMALLEST
-    norm = float(np.sqrt(rows * columns)) * (1 + A.shape[0] * UNIT_ROUNDOFF) + slack
-    return float(np.sqrt(1 - 4 * low / (norm + 1) ** 2 + 8 * UNIT_ROUNDOFF))
+        sigma = max((1 - low) / (1 + low), (high - 1) / (high + 1), 0.0) * (1 + 8 * UNIT_ROUNDOFF) + SMALLEST
+    else:
+        norm = float(np.sqrt(rows * columns)) * (1 + A.shape[0] * UNIT_ROUNDOFF) + slack
+        sigma = float(np.sqrt(1 - 4 * low / (norm + 1) ** 2 + 8 * UNIT_ROUNDOFF))
+    return sigma if sigma < 1 else None
