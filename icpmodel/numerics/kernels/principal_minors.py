@@ -11,18 +11,38 @@ from __future__ import annotations
 
 import numpy as np
 
-from . import compiled
+from . import compiled, inlined
+
+
+@inlined
+def _eliminate(mids, rads, here, k, to):
+    # to the slot `to` goes the Schur complement of the pivot k of the slot `here`, whose interval is positive: its rows
+    # and columns > k. u and tiny are twice the unit roundoff and a normal number: what is generous in them pays for the
+    # rounding of the radii. Fused multiply-adds only make the errors smaller
+    u = 2.0**-52
+    tiny = 2.0**-1000
+    n = mids.shape[1]
+    pivot = mids[here, k, k]
+    radius = rads[here, k, k]
+    least = (pivot - radius) * (1 - u)
+    for i in range(k + 1, n):
+        f = mids[here, i, k] / pivot
+        f_rad = (1 + 8 * u) * ((rads[here, i, k] + abs(f) * radius) / least + u * abs(f) + tiny)
+        for j in range(k + 1, n):
+            b = mids[here, k, j]
+            b_rad = rads[here, k, j]
+            product = f * b
+            new = mids[here, i, j] - product
+            error = rads[here, i, j] + abs(f) * b_rad + f_rad * (abs(b) + b_rad)
+            mids[to, i, j] = new
+            rads[to, i, j] = (1 + 8 * u) * (error + u * (abs(product) + abs(new)) + tiny)
 
 
 @compiled
 def search_minors(mid, rad, max_undecided):
     # returns the index set, as bits, of a minor that is proved <= 0, or 0, and the index sets of the pivots that are
     # undecided, their last index being k. Below an undecided pivot no Schur complement is looked at. The search ends
-    # at `max_undecided` of them.
-    # u and tiny are twice the unit roundoff and a normal number: what is generous in them pays for the rounding of the
-    # radii. Fused multiply-adds only make the errors smaller.
-    u = 2.0**-52
-    tiny = 2.0**-1000
+    # at `max_undecided` of them
     n = mid.shape[0]
     mids = np.empty((n + 1, n, n))
     rads = np.empty((n + 1, n, n))
@@ -46,7 +66,7 @@ def search_minors(mid, rad, max_undecided):
         pivot = mids[here, level, level]
         radius = rads[here, level, level]
         minor = chosen | (1 << level)
-        if pivot <= -radius and radius < 1 / tiny:  # not for -inf and inf
+        if pivot <= -radius and radius < 2.0**1000:  # not for -inf and inf
             return minor, undecided[:count]
         if not pivot > radius:  # NaN as well
             undecided[count] = minor
@@ -56,18 +76,7 @@ def search_minors(mid, rad, max_undecided):
             if count == undecided.size:
                 break
             continue
-        least = (pivot - radius) * (1 - u)
-        for i in range(to, n):
-            f = mids[here, i, level] / pivot
-            f_rad = (1 + 8 * u) * ((rads[here, i, level] + abs(f) * radius) / least + u * abs(f) + tiny)
-            for j in range(to, n):
-                b = mids[here, level, j]
-                b_rad = rads[here, level, j]
-                product = f * b
-                new = mids[here, i, j] - product
-                error = rads[here, i, j] + abs(f) * b_rad + f_rad * (abs(b) + b_rad)
-                mids[to, i, j] = new
-                rads[to, i, j] = (1 + 8 * u) * (error + u * (abs(product) + abs(new)) + tiny)
+        _eliminate(mids, rads, here, level, to)
         chosen = minor
         base[to] = to
         level = to
