@@ -50,8 +50,8 @@ from .modelling.files import save_problem as save_problem
 from .modelling.programs.least_squares import LeastSquares as LeastSquares
 from .modelling.programs.least_squares import solve_lsq as solve_lsq
 from .modelling.programs.least_squares import solve_nnls as solve_nnls
-from .modelling.programs.program_solution import ProgramSolution as ProgramSolution
 from .modelling.programs.qpsolvers_interface import qpsolvers_solver as qpsolvers_solver
+from .modelling.programs.solve_qp import ProgramSolution as ProgramSolution
 from .modelling.programs.solve_qp import solve_avi as solve_avi
 from .modelling.programs.solve_qp import solve_qp as solve_qp
 from .modelling.pyomo.legacy_interface import pyomo_solver as pyomo_solver

@@ -7,8 +7,8 @@ from .files import save_problem as save_problem
 from .programs.least_squares import LeastSquares as LeastSquares
 from .programs.least_squares import solve_lsq as solve_lsq
 from .programs.least_squares import solve_nnls as solve_nnls
-from .programs.program_solution import ProgramSolution as ProgramSolution
 from .programs.qpsolvers_interface import qpsolvers_solver as qpsolvers_solver
+from .programs.solve_qp import ProgramSolution as ProgramSolution
 from .programs.solve_qp import solve_avi as solve_avi
 from .programs.solve_qp import solve_qp as solve_qp
 from .pyomo.legacy_interface import pyomo_solver as pyomo_solver

@@ -16,8 +16,7 @@ from cvxpy.reductions.solvers.qp_solvers.qp_solver import QpSolver
 
 from ...errors import InputError, check_arguments
 from ..programs.program import Program
-from ..programs.program_solution import ProgramSolution
-from ..programs.solve_program import solve_program
+from ..programs.solve_qp import ProgramSolution, solve_program
 
 _OPTIONS = ("tolerance", "time_limit")
 

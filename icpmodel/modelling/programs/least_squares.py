@@ -22,7 +22,7 @@ from ...numerics.rounding import gamma, public_entry
 from ...present.display import Displayable
 from .program import Program, saddle_matrix
 from .program_arguments import bounds, limited, matrix
-from .solve_program import solve_program
+from .solve_qp import solve_program
 
 #: rows and columns up to which x is corrected by an orthogonal factorisation
 _DENSE_UP_TO = 2000

@@ -65,8 +65,7 @@ class Program:
     @cached_property
     def is_symmetric(self) -> bool:
         """Whether H = Hᵀ, up to rounding."""
-        skew = np.abs((self.H - self.H.T).data).max(initial=0.0)
-        return bool(skew <= self.g.size * UNIT_ROUNDOFF * np.abs(self.H.data).max(initial=0.0))
+        return bool(abs(self.H - self.H.T).max() <= self.g.size * UNIT_ROUNDOFF * abs(self.H).max())
 
 
 class Presolve:
@@ -101,16 +100,17 @@ class Presolve:
         low = np.minimum(low, high)
         self.program = replace(original, C=C[self.rows], d=original.d[self.rows], low=low, high=high)
 
-    def postsolve(self, multiplier: Vector, box: Vector) -> tuple[Vector, Vector]:
-        """The multipliers of rows and bounds of the program that was given."""
+    def postsolve(self, z: Vector, box: Vector) -> tuple[Vector, Vector]:
+        """x with the multipliers of rows, and the multipliers of bounds, of the program that was given."""
+        n = box.size
         rows = np.zeros(self.original.d.size)
-        rows[self.rows] = multiplier
+        rows[self.rows] = z[n:]
         moves = np.flatnonzero(self.gives_bound & (self.entry * box[self.column] > 0))
         column, first = np.unique(self.column[moves], return_index=True)
         single = moves[first]
         rows[self.singles[single]] = box[column] / self.entry[single]
         box[column] = 0.0
-        return rows, box
+        return np.concatenate([z[:n], rows]), box
 
 
 def conditions_of(program: Program, last: ICP | None = None) -> ICP:

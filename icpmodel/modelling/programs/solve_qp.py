@@ -2,15 +2,140 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
+import numpy as np
+
+from ...crosscheck import crosscheck
+from ...crosscheck.report import Report
 from ...errors import NotSolved
+from ...icp import ICP
 from ...numerics import work
-from ...numerics.arrays import as_truth, as_vector
+from ...numerics.arrays import Vector, as_truth, as_vector
 from ...numerics.rounding import public_entry
-from .program_arguments import check_convex, read
-from .program_solution import ProgramSolution
-from .solve_program import solve_program
+from ...present.display import Displayable
+from ...theory.certificates.bounds import ErrorBound, limited_bound
+from .distance import distance
+from .program import Presolve, Program, conditions_of
+from .program_arguments import check_convex, limited, read
+from .program_run import ProgramRun
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ProgramSolution(Displayable):
+    """The result of `solve_qp` and of `solve_avi`, H being P and g being q in a quadratic program.
+
+    Attributes
+    ----------
+    x : ndarray, shape (n,)
+        The best iterate; NaN where it is proved that there is no solution.
+    y, z, z_box : ndarray
+        The multipliers of Ax = b (of any sign), of Gx ≤ h (≥ 0), and of the bounds: Hx + g + Gᵀz + Aᵀy + z_box = 0.
+        z_box_i ≥ 0 where x_i = ub_i, ≤ 0 where x_i = lb_i.
+    objective : float
+        ½xᵀHx + gᵀx; NaN where H is not symmetric.
+    status : str
+        "optimal"; "optimal_inaccurate"; "infeasible", "unbounded", which are proved, or with "_inaccurate" proved up to
+        rounding; "infeasible_or_unbounded"; "user_limit" or "solver_error".
+    message : str
+        What the status rests on.
+    violation : float
+        The largest violation of a condition of optimality, relative to the sum of its |terms|. The conditions are the
+        rows of Ax = b, Gx ≤ h, the bounds, stationarity, complementarity, and the duality gap.
+    iterations : int
+        Steps of all methods.
+    seconds : float
+
+    Examples
+    --------
+    >>> icp.solve_qp([[2.0]], [-2.0])
+    ProgramSolution(optimal: x = [1.], objective = -1)
+    """
+
+    x: Vector
+    y: Vector
+    z: Vector
+    z_box: Vector
+    objective: float
+    status: str
+    message: str
+    violation: float
+    iterations: int
+    seconds: float
+    _program: Program = field(repr=False)
+
+    @property
+    def solved(self) -> bool:
+        """Whether x is optimal.
+
+        Examples
+        --------
+        >>> icp.solve_qp([[2.0]], [-2.0], ub=[0.5]).solved
+        True
+        """
+        return self.status == "optimal"
+
+    @property
+    def conditions(self) -> ICP:
+        """The conditions of optimality as an ICP, in the unknowns (x, y, z).
+
+        Examples
+        --------
+        >>> icp.solve_qp([[2.0]], [-2.0], ub=[0.5]).conditions
+        ICP(n=1, nnz=1, psi=Constant(-inf), upper=Constant(0.5))
+        """
+        return conditions_of(self._program)
+
+    @cached_property
+    def error_bound(self) -> ErrorBound:
+        """How far x can be from the solution, where H is strongly monotone, and whether there is only one.
+
+        Within a minute of counted work, as `icpmodel.error_bound`.
+
+        Examples
+        --------
+        >>> icp.solve_qp([[2.0]], [-2.0], ub=[0.5]).error_bound.value < 1e-14
+        True
+        """
+        return limited_bound(lambda: distance(self._program, self.x, np.concatenate([self.y, self.z])))
+
+    def crosscheck(
+        self, solvers: Any = None, *, atol: float | None = None, time_limit: float = 60.0, progress: bool = False
+    ) -> Report:
+        """Have independent solvers check the same conditions, as `icpmodel.crosscheck`.
+
+        Parameters
+        ----------
+        solvers : iterable of str or ForeignSolver, optional
+            The solvers; by default every one that is run unless named otherwise.
+        atol : float, optional
+            Largest difference of two answers in an entry, in the units of z.
+        time_limit : float, default 60
+            Seconds in all.
+        progress : bool, default False
+            Whether to show which solver is at work.
+
+        Returns
+        -------
+        Report
+            The verdicts.
+
+        Examples
+        --------
+        >>> icp.solve_qp([[2.0]], [-2.0], ub=[0.5]).crosscheck(["osqp"]).agrees
+        True
+        """
+        z = np.concatenate([self.x, self.y, self.z])
+        return crosscheck(self.conditions, z, solvers, atol=atol, time_limit=time_limit, progress=progress)
+
+    def __repr__(self) -> str:
+        if not self.solved:
+            return f"ProgramSolution({self.status}: {self.message})"
+        value = "" if np.isnan(self.objective) else f", objective = {self.objective:.6g}"
+        with np.printoptions(threshold=8, precision=6):
+            return f"ProgramSolution({self.status}: x = {self.x}{value})"
 
 
 @public_entry
@@ -150,6 +275,69 @@ def solve_avi(
     (array([0.25, 0.75]), array([1.75]), True)
     """
     return _solve((H, g, G, h, A, b, lb, ub), "Hg", initvals, tolerance, time_limit, raise_on_failure)
+
+
+def solve_program(
+    program: Program,
+    *,
+    tolerance: float = 1e-9,
+    time_limit: float | None = None,
+    before: ProgramRun | None = None,
+    start: Vector | None = None,
+    begin: float | None = None,
+) -> tuple[ProgramSolution, ProgramRun]:
+    """Solve a monotone variational inequality.
+
+    Parameters
+    ----------
+    program
+        H positive semidefinite, symmetric or not.
+    tolerance
+        In the units of the program nothing is wrong by more than that.
+    time_limit
+        In seconds from `begin`.
+    before
+        The run of a program of the same size, from which this one begins.
+    start
+        An x near the solution.
+    begin
+        What the clock of `work` said when it began, by default now.
+
+    Returns
+    -------
+    solution : ProgramSolution
+        Its status is "optimal" if the answer has the tolerance, and "optimal_inaccurate" if it has 1e-4. "infeasible"
+        and "unbounded" are proved; for the latter a feasible x was computed. With "_inaccurate" they are proved up to
+        rounding. The others are "infeasible_or_unbounded", "user_limit" and "solver_error".
+    run : ProgramRun
+        The start for a program with the same matrices.
+    """
+    begin = work.clock() if begin is None else begin
+    with limited(tolerance, time_limit, begin):
+        presolve = Presolve(program)
+        run = ProgramRun(presolve.program, tolerance, before)
+        if presolve.crossed:
+            run.proof = "infeasible", "the lower bound of a variable is above its upper bound"
+        status, message = run.proof or run.verdict(start)
+    z, box = presolve.postsolve(*run.values())
+    if run.proof is not None:
+        z[:] = np.nan
+        box[:] = np.nan
+    x, y, multiplier = np.split(z, [box.size, box.size + program.equations])
+    solution = ProgramSolution(
+        x=x,
+        y=y,
+        z=multiplier,
+        z_box=box,
+        objective=program.objective(x),
+        status=status,
+        message=message,
+        violation=run.violation[0] if run.proof is None else np.nan,
+        iterations=run.iterations,
+        seconds=work.clock() - begin,
+        _program=program,
+    )
+    return solution, run
 
 
 def _solve(

@@ -21,10 +21,8 @@ from ...solve.solution import Solution, Status
 from ...theory.certificates.bounds import enforce_limits
 from ...theory.certificates.infeasible import infeasible
 from ...theory.certificates.recession import contradicts, least_violation
-from .program import Presolve, Program, conditions_of
-from .program_arguments import limited
+from .program import Program, conditions_of
 from .program_judge import Judge
-from .program_solution import ProgramSolution
 
 #: the largest violation of an answer that is called inaccurate rather than an error
 _MAX_INACCURATE_VIOLATION = 1e-4
@@ -33,66 +31,6 @@ _REFINEMENTS = 3
 _REGULARISATION = 1e-9
 #: the share of the terms of a row up to which it is tight at a start
 _TIGHT_SLACK = 1e-6
-
-
-def solve_program(
-    program: Program,
-    *,
-    tolerance: float = 1e-9,
-    time_limit: float | None = None,
-    before: ProgramRun | None = None,
-    start: Vector | None = None,
-    begin: float | None = None,
-) -> tuple[ProgramSolution, ProgramRun]:
-    """Solve a monotone variational inequality.
-
-    Parameters
-    ----------
-    program
-        H positive semidefinite, symmetric or not.
-    tolerance
-        In the units of the program nothing is wrong by more than that.
-    time_limit
-        In seconds from `begin`.
-    before
-        The run of a program of the same size, from which this one begins.
-    start
-        An x near the solution.
-    begin
-        What the clock of `work` said when it began, by default now.
-
-    Returns
-    -------
-    solution : ProgramSolution
-        Its status is "optimal" if the answer has the tolerance, and "optimal_inaccurate" if it has 1e-4. "infeasible"
-        and "unbounded" are proved; for the latter a feasible x was computed. With "_inaccurate" they are proved up to
-        rounding. The others are "infeasible_or_unbounded", "user_limit" and "solver_error".
-    run : ProgramRun
-        The start for a program with the same matrices.
-    """
-    begin = work.clock() if begin is None else begin
-    with limited(tolerance, time_limit, begin):
-        presolve = Presolve(program)
-        run = ProgramRun(presolve.program, tolerance, before)
-        if presolve.crossed:
-            run.proof = "infeasible", "the lower bound of a variable is above its upper bound"
-        status, message = run.proof or run.verdict(start)
-    x, multiplier, box = run.values()
-    multiplier, box = presolve.postsolve(multiplier, box)
-    solution = ProgramSolution(
-        x=x,
-        y=multiplier[: program.equations],
-        z=multiplier[program.equations :],
-        z_box=box,
-        objective=program.objective(x),
-        status=status,
-        message=message,
-        violation=run.violation[0] if run.proof is None else np.nan,
-        iterations=run.iterations,
-        seconds=work.clock() - begin,
-        _program=program,
-    )
-    return solution, run
 
 
 class ProgramRun:
@@ -130,13 +68,12 @@ class ProgramRun:
             z0, pattern = self.start_near(start)
             self.polish(z0, pattern)
             z0 = self.z if self.is_good else z0
-        methods: list[str] = []
+        methods: list[str | None] = [None]
         if not self.has_solution:
-            methods = ["interior", "newton"] if z0 is None else ["newton", "interior"]
-            if self.problem.n <= PIVOT_UP_TO:
-                methods.insert(0, "lemke")
+            small = self.problem.n <= PIVOT_UP_TO
+            methods = ["lemke"] * small + ["interior", "newton"][:: 1 if z0 is None else -1] + [None]
         proof = None
-        for method in (*methods, None):
+        for method in methods:
             if method is None and proof is not None:
                 break
             try:
@@ -145,24 +82,27 @@ class ProgramRun:
                 )
             except SingularOperator:
                 continue
-            if work.seconds_left() == 0.0:
+            if solution.status is Status.TIME_LIMIT:
                 break
             if not self.is_exact:
-                self.polish(self.z, self.pattern(self.z))
+                self.polish(self.z, Pattern.at(self.problem, self.z, self.problem.p(self.z), self.judge.unit**2))
             if solution.status is Status.MEMORY_LIMIT or self.is_good:
                 break
             with suppress(OutOfTime):
                 proof = proof or self._without_solution(solution)
             if proof is not None and not proof[0].endswith("_inaccurate"):
-                break
+                self.proof = proof
+                return proof
         if self.is_good:
             return "optimal", "solved"
-        if proof is not None:
+        # a proof up to rounding is none where it was cut short, or where the methods after it were
+        is_late = solution.status in (Status.TIME_LIMIT, Status.MEMORY_LIMIT) or work.seconds_left() == 0.0
+        if proof is not None and not is_late:
             self.proof = proof
             return proof
         error = self.violation[0]
         message = f"rows or multipliers are wrong by {error:.3g} of their terms; {solution.message}"
-        if solution.status is Status.MEMORY_LIMIT or work.seconds_left() == 0.0:
+        if is_late:
             return "user_limit", message
         return "optimal_inaccurate" if error <= _MAX_INACCURATE_VIOLATION else "solver_error", message
 
@@ -204,9 +144,9 @@ class ProgramRun:
         n = program.g.size
         nearest = replace(program, H=sp.eye_array(n, format="csr"), g=np.zeros(n))
         feasible = ProgramRun(nearest, self.tolerance)
-        status, message = feasible.verdict(None)
+        feasible.verdict(None)
         self.iterations += feasible.iterations
-        if status == "optimal":
+        if feasible.is_good:
             message = "there is a feasible point, and a direction along which the objective falls for ever"
             return f"unbounded{inaccurate}", f"{message}: {reason}"
         if feasible.proof is not None:
@@ -228,10 +168,6 @@ class ProgramRun:
         """Whether there certainly is one, in a bounded box or by dominant diagonals, so that no proof is needed."""
         in_box = np.isfinite(self.low).all() and np.isfinite(self.high).all()
         return bool(in_box) or self.problem.matrix.jacobi_radius < 1.0
-
-    def pattern(self, z: Vector) -> Pattern:
-        """The active set at `z`."""
-        return Pattern.at(self.problem, z, self.problem.p(z), self.judge.unit**2)
 
     def improve(self, z: Vector) -> bool:
         """Whether `z`, with its active rows on their obstacles, is strictly good, or no better than a good iterate."""
@@ -278,10 +214,7 @@ class ProgramRun:
                 if self.improve(z):
                     break
 
-    def values(self) -> tuple[Vector, Vector, Vector]:
-        """x and the multipliers of rows and bounds, which are p where it presses x on them; NaN without a solution."""
-        z = self.z if self.proof is None else np.full(self.z.size, np.nan)
-        p = self.problem.p(z)
-        n = self.program.g.size
-        box = np.where(self.room(z, p) > 0, 0.0, -p)[:n]
-        return z[:n], z[n:], box
+    def values(self) -> tuple[Vector, Vector]:
+        """x with the multipliers of rows, and the multipliers of bounds, which are p where it presses x on them."""
+        p = self.problem.p(self.z)
+        return self.z, np.where(self.room(self.z, p) > 0, 0.0, -p)[self.judge.is_x]
