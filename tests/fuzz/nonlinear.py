@@ -1,6 +1,6 @@
 """Problems with a nonlinear p, drawn and judged: f is taken as the floats that it gives, all else is exact."""
 
-import math
+import sys
 from dataclasses import dataclass
 from itertools import product
 
@@ -80,9 +80,11 @@ class ExactNonlinear(ExactProblem):
         self.problem = problem
 
     def p(self, z):
-        value = fractions(self.problem.f.value(np.array([float(x) for x in z])))
-        if not all(map(math.isfinite, value)):
+        value = self.problem.f.value(np.array([float(x) for x in z]))
+        if np.isnan(value).any():
             raise ValueError
+        # what is beyond the floats is at least the largest one
+        value = fractions(np.clip(value, -sys.float_info.max, sys.float_info.max))
         return [x + y for x, y in zip(super().p(z), value, strict=True)]
 
     def residual(self, z, weights=None):
