@@ -107,40 +107,34 @@ def in_units_exactly(X: Any, r: Any, c: Any = 0) -> Any:
         return scaled if np.array_equal(scaled / left / right, X) else None
 
 
-def balanced(A: Any) -> Vector:
-    """The W > 0 that balances the rows of `A`, which is CSR, or dense and symmetric.
+def balanced(A: sp.csr_array) -> Vector:
+    """The W > 0 that balances the rows of a CSR `A`.
 
-    After it the sizes √|a_ij a_ji|/√(w_i w_j) are about 1 in the mean of the entries of every row;
-    where a_ji = 0 the size is |a_ij|/√(w_i w_j). From W = 1 each w goes half the way to that, until
-    none goes far. By logarithms many entries next to nothing would outweigh one that is not. By
+    After it the sizes √|a_ij a_ji|/√(w_i w_j) are about 1 in the mean of every row in which each
+    entry has its own size as weight: an entry next to nothing does not count. Where a_ji = 0 the
+    size is |a_ij|/√(w_i w_j). From W = 1 each w goes half the way to that, until none goes far. By
     more steps W would grow along chains of coupled rows.
 
     References
     ----------
     Knight, Ruiz and Uçar, SIAM J. Matrix Anal. Appl. 35 (2014), for such scalings.
     """
-    if sp.issparse(A):
-        there = A.data != 0.0
-        i = row_of(A)[there]
-        if signs_of_symmetry(A) is not None:
-            sizes = absolute(A)
-            count = np.bincount(i, minlength=A.shape[0])
-        else:
-            # with a count beside it no logarithm is lost, as one that is 0 would be
-            counted = 1.0 + 1j * np.log(np.abs(A.data[there]))
-            M = sp.csr_array((counted, (i, A.indices[there])), shape=A.shape)
-            M = sp.csr_array(M + M.T)
-            sizes = sp.csr_array((np.exp(M.data.imag / M.data.real), M.indices, M.indptr), shape=A.shape)
-            count = np.diff(M.indptr)
+    if signs_of_symmetry(A) is not None:
+        sizes = absolute(A)
     else:
-        sizes = np.abs(A)
-        count = np.count_nonzero(A, axis=1)
+        there = A.data != 0.0
+        # with a count beside it no logarithm is lost, as one that is 0 would be
+        counted = 1.0 + 1j * np.log(np.abs(A.data[there]))
+        M = sp.csr_array((counted, (row_of(A)[there], A.indices[there])), shape=A.shape)
+        M = sp.csr_array(M + M.T)
+        sizes = sp.csr_array((np.exp(M.data.imag / M.data.real), M.indices, M.indptr), shape=A.shape)
+    squares = sp.csr_array((sizes.data**2, sizes.indices, sizes.indptr), shape=A.shape)
     roots = np.ones(A.shape[0])
-    with np.errstate(over="ignore"):
+    with np.errstate(all="ignore"):
         for _ in range(_MAX_PASSES):
-            mean = roots * (sizes @ (1.0 / roots)) / np.maximum(count, 1)
+            mean = roots * (squares @ roots**-2.0) / (sizes @ (1.0 / roots))
             before = roots
-            roots = np.clip(np.sqrt(np.where(count > 0, mean, 1.0)), 1.0 / _MAX_WEIGHT, _MAX_WEIGHT)
+            roots = np.clip(np.sqrt(np.where(mean > 0.0, mean, 1.0)), 1.0 / _MAX_WEIGHT, _MAX_WEIGHT)
             if np.abs(roots / before - 1.0).max(initial=0.0) <= _SETTLED_SHARE:
                 break
     return np.asarray(roots * roots)
