@@ -113,6 +113,16 @@ def test_nonnegative_least_squares_are_never_worse_than_those_of_scipy(rng):
     assert rnorm <= nnls(B, c, maxiter=1000)[1] + 1e-9
 
 
+@pytest.mark.parametrize(("rows", "columns", "seed"), [(200, 60, 0), (150, 120, 2), (300, 150, 3)])
+def test_sums_of_exponentials_are_fitted_as_well_as_by_an_active_set(rows, columns, seed):
+    """Columns that decay to next to nothing, of condition 1e16 and more."""
+    rng = np.random.default_rng(seed)
+    B = np.exp(-np.linspace(0.0, 1.0, rows)[:, None] / np.logspace(-3, 0, columns))
+    c = B @ np.maximum(0.0, rng.normal(size=columns)) + 1e-6 * rng.normal(size=rows)
+    _, rnorm = icp.solve_nnls(B, c)
+    assert rnorm <= 1.001 * nnls(B, c, maxiter=100_000)[1]
+
+
 def test_what_nnls_of_scipy_got_wrong_is_right():
     """Its issue 25389."""
     assert icp.solve_nnls([[3, 2], [1, 1]], [3, 2])[0] == pytest.approx([0, 1.6])

@@ -8,11 +8,13 @@ Reference: Björck, Numerical Methods for Least Squares Problems (1996), section
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from ...errors import InputError, NotSolved
 from ...numerics import work
@@ -136,27 +138,14 @@ def solve_lsq(
     begin = work.clock()
     as_truth(raise_on_failure, "raise_on_failure")
     B = matrix(B, "B")
-    m, n = B.shape
-    c = as_vector(c, m, "c")
+    n = B.shape[1]
+    c = as_vector(c, B.shape[0], "c")
     low, high = bounds(lb, ub, n)
     if (low > high).any():
-        i = int(np.argmax(low > high))
+        i = np.argmax(low > high)
         raise InputError(f"lb[{i}] = {low[i]:g} is above ub[{i}] = {high[i]:g}; lb <= ub was expected")
-    iterations = 0
-    status = "optimal"
-    message = "solved"
     with limited(tolerance, time_limit, begin):
-        x, violations, is_optimal = _corrected(B, c, np.clip(0.0, low, high), low, high, tolerance)
-        if not is_optimal:
-            outcome, _ = solve_program(_conditions(B, c, low, high), tolerance=tolerance)
-            iterations = outcome.iterations
-            x, violations, is_optimal = _corrected(
-                B, c, np.where(np.isnan(outcome.x[m:]), x, outcome.x[m:]), low, high, tolerance
-            )
-            if not is_optimal:
-                fails = outcome.solved
-                status = "solver_error" if fails else outcome.status
-                message = "the gradient has a wrong sign" if fails else outcome.message
+        x, violations, iterations, status, message = _solve(B, c, low, high, tolerance)
     fun = B @ x - c
     solution = LeastSquares(
         x=x,
@@ -174,34 +163,97 @@ def solve_lsq(
     return solution
 
 
+def _solve(
+    B: sp.csr_array, c: Vector, low: Vector, high: Vector, tolerance: float
+) -> tuple[Vector, Vector, int, str, str]:
+    """x, the share of the gradient that no bound holds, iterations, status and message."""
+    iterations = 0
+    x, violations, is_optimal = _corrected(B, c, np.clip(0.0, low, high), low, high, tolerance, exact=False)
+    # what one method finds is enough where the correction ends at a solution
+    for is_rough in [False] if max(B.shape) > _DENSE_UP_TO else [True, False]:
+        if is_optimal:
+            break
+        outcome, _ = solve_program(_conditions(B, c, low, high), tolerance=tolerance, is_rough=is_rough)
+        iterations += outcome.iterations
+        last = outcome.x[-x.size :]
+        x, violations, is_optimal = _corrected(
+            B, c, np.where(np.isnan(last), x, last), low, high, tolerance, exact=True
+        )
+    if is_optimal:
+        return x, violations, iterations, "optimal", "solved"
+    if outcome.solved:
+        return x, violations, iterations, "solver_error", "the gradient has a wrong sign"
+    return x, violations, iterations, outcome.status, outcome.message
+
+
 def _corrected(
-    B: sp.csr_array, c: Vector, x: Vector, low: Vector, high: Vector, tolerance: float
+    B: sp.csr_array, c: Vector, x: Vector, low: Vector, high: Vector, tolerance: float, *, exact: bool
 ) -> tuple[Vector, Vector, bool]:
     """x after steps by an orthogonal factorisation of the free columns, while they reduce the residual; and two more.
 
-    These are the share of the gradient that no bound holds, and whether it is small beside ‖r‖ and the columns of B.
-    The rounding of r is left out. Rows where r_i = 0 at a solution are known to the rounding of the others only.
+    With `exact` they end at a solution, by as many factorisations as that takes. The two are the share of the gradient
+    that no bound holds, and whether it is small beside ‖r‖ and the columns of B. The rounding of r is left out. Rows
+    where r_i = 0 at a solution are known to the rounding of the others only.
     """
-    from scipy.linalg import lstsq
-
     r = c - B @ x
     while True:
         gradient = B.T @ r
         free = ((low < x) | (gradient > 0)) & ((x < high) | (gradient < 0))
         if max(B.shape) > _DENSE_UP_TO or work.seconds_left() == 0.0:
             break
-        better = x.copy()
-        step = lstsq(B[:, free].toarray(), r, lapack_driver="gelsy", check_finite=False)[0]
-        better[free] = np.clip(x[free] + step, low[free], high[free])
-        rest = c - B @ better
-        if not norm(rest) < norm(r):
+        points = _nearer(B, c, x, low, high, free, exact)
+        better = next((one for one in points if norm(c - B @ one) < norm(r)), None)
+        if better is None:
             break
         x = better
-        r = rest
+        r = c - B @ x
     violations = np.where(free, np.abs(gradient), 0.0)
     rounding = gamma(sum(B.shape) + 2) * (abs(B) @ np.abs(x) + np.abs(c))
     small = tolerance * norm(r) * largest_of_columns(B) + abs(B).T @ rounding
     return x, violations, bool((violations <= small).all())
+
+
+def _nearer(
+    B: sp.csr_array, c: Vector, x: Vector, low: Vector, high: Vector, free: NDArray[np.bool_], exact: bool
+) -> Iterator[Vector]:
+    """Points that may have a smaller residual than `x`: first that of a step of all `free` unknowns, cut off at bounds.
+
+    With `exact` also those of steps that stop at bounds: of all of them, then of those between bounds and the one with
+    the largest gradient, which has a smaller residual but for rounding (Lawson and Hanson 1995, chapter 23).
+    """
+    r = c - B @ x
+    yield np.clip(x + _step(B, r, free), low, high)
+    if exact:
+        yield _to_bounds(B, c, x, free, low, high)
+        inside = (low < x) & (x < high)
+        gradient = np.where(free & ~inside, np.abs(B.T @ r), 0.0)
+        inside[np.argmax(gradient)] |= gradient.max() > 0.0
+        yield _to_bounds(B, c, x, inside, low, high)
+
+
+def _step(B: sp.csr_array, r: Vector, free: NDArray[np.bool_]) -> Vector:
+    """The step in the free unknowns to the least residual, by an orthogonal factorisation."""
+    from scipy.linalg import lstsq
+
+    step = np.zeros(free.size)
+    step[free] = lstsq(B[:, free].toarray(), r, lapack_driver="gelsy", check_finite=False)[0]
+    return step
+
+
+def _to_bounds(B: sp.csr_array, c: Vector, x: Vector, free: NDArray[np.bool_], low: Vector, high: Vector) -> Vector:
+    """The least residual in the free unknowns, where one that meets its bound on the way stays there."""
+    while free.any() and work.seconds_left() > 0.0:
+        step = _step(B, c - B @ x, free)
+        bound = np.where(step > 0.0, high, low)
+        with np.errstate(all="ignore"):
+            share = np.where(step != 0.0, (bound - x) / step, np.inf)
+        least = share.min()
+        if least >= 1.0:
+            return np.clip(x + step, low, high)
+        meets = share <= least
+        x = np.where(meets, bound, x + least * step)
+        free = free & ~meets
+    return x
 
 
 def _conditions(B: sp.csr_array, c: Vector, low: Vector, high: Vector) -> Program:
