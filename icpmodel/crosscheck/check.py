@@ -14,7 +14,7 @@ import numpy as np
 from ..errors import InputError, Interrupted, OutOfTime
 from ..numerics.arrays import as_number
 from ..numerics.rounding import public_entry
-from ..problem.data import ProblemData, ProblemLike, as_problem
+from ..problem.data import ProblemLike, as_problem
 from ..solve.driver import solve
 from ..solve.progress import status_line
 from ..solve.solution import Solution, certify
@@ -85,7 +85,7 @@ def crosscheck(
     >>> report.rows[0].verdict
     <Verdict.DISAGREES: 'disagrees'>
     """
-    problem = original = as_problem(problem, nonlinear=True)
+    problem = as_problem(problem, nonlinear=True)
     if isinstance(solution, list | tuple) and any(isinstance(one, str) for one in solution):
         raise InputError(f"solution is {list(solution)!r}; names of solvers go into solvers=")
     chosen = chosen_solvers(solvers, "crosscheck")
@@ -96,18 +96,17 @@ def crosscheck(
         solution = solve(problem, raise_on_failure=False, time_limit=time_limit)
     # an answer may be infinite: the verdicts allow for that, and a warning would tell the user nothing
     with np.errstate(over="ignore", invalid="ignore"):
-        problem = original.linearised(original.vector(solution, "solution"))
-        checked = AnswerUnderTest(problem, solution, atol, original)
+        checked = AnswerUnderTest(problem, solution, atol)
         rows: dict[str, list[Row]] = {solver.name: [] for solver in chosen}
         certain: tuple[float, float | None, str]
-        certain = (problem.residual(checked.z), None, f"time_limit = {time_limit:g} s was over")
+        certain = (checked.problem.residual(checked.z), None, f"time_limit = {time_limit:g} s was over")
         at_work = ""
         note = f"time_limit = {time_limit:g} s was over"
         interrupted = False
-        items = partial(_items, checked, original, chosen, solution, end)
+        items = partial(_items, checked, chosen, solution, end)
         try:
             with status_line(progress, f"{len(chosen)} solvers, {time_limit:g} s at most") as say:
-                for item in time_limited(items, problem, 1 + len(chosen), end):
+                for item in time_limited(items, checked.problem, 1 + len(chosen), end):
                     if isinstance(item, str):
                         at_work = item
                         say(f"asking {at_work}")
@@ -159,15 +158,10 @@ def _report(
     )
 
 
-def _items(
-    checked: AnswerUnderTest, original: ProblemData, chosen: list[ForeignSolver], solution: Any, end: float
-) -> Iterator[_Item]:
-    """The certified facts of the answer to the `original` problem; then the name and the rows of each solver.
-
-    `checked` has the tangent of `original` where p is nonlinear.
-    """
-    known = isinstance(solution, Solution) and solution.problem is original
-    certificate = solution.certificate if known else certify(original, checked.z)
+def _items(checked: AnswerUnderTest, chosen: list[ForeignSolver], solution: Any, end: float) -> Iterator[_Item]:
+    """The certified facts of the answer to the original problem; then the name and the rows of each solver."""
+    known = isinstance(solution, Solution) and solution.problem is checked.original
+    certificate = solution.certificate if known else certify(checked.original, checked.z)
     yield certificate.residual, certificate.error_bound, certificate.bound.reason
     reasons = {solver.name: _why_not(solver, checked) for solver in chosen}
     for name, why in reasons.items():

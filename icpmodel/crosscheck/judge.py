@@ -90,16 +90,15 @@ class AnswerUnderTest:
     `holds` says whether z is a solution, `tolerance` how far another answer may lie apart; `atol` replaces its default.
     """
 
-    def __init__(
-        self, problem: ProblemData, solution: Any, atol: float | None = None, original: ProblemData | None = None
-    ) -> None:
-        self.original = original or problem
-        self.problem, self.z = problem, problem.vector(solution, "solution")
+    def __init__(self, original: ProblemData, solution: Any, atol: float | None = None) -> None:
+        self.original = original
+        self.z = original.vector(solution, "solution")
+        self.problem = problem = original.linearised(self.z)
         scaled, self.unit = in_typical_units(problem)
         rtol = OWN_RTOL
         scale = problem.residual_scale() or norm(self.z)
         self.y = self.z / self.unit
-        is_own = isinstance(solution, Solution) and (solution.problem is problem or solution.problem is original)
+        is_own = isinstance(solution, Solution) and solution.problem is original
         if is_own and solution.solved and scale > 0:
             rtol = min(max(OWN_RTOL, solution.tolerance / scale, solution.residual / scale), MAX_RTOL)
         self.holds = solves(problem, self.z, rtol)
