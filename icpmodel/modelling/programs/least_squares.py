@@ -14,11 +14,10 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from ...errors import InputError, NotSolved
 from ...numerics import work
-from ...numerics.arrays import Vector, as_truth, as_vector, norm
+from ...numerics.arrays import Mask, Vector, as_truth, as_vector, norm
 from ...numerics.factorisation import largest_of_columns
 from ...numerics.rounding import gamma, public_entry
 from ...present.display import Displayable
@@ -169,18 +168,19 @@ def _solve(
     """x, the share of the gradient that no bound holds, iterations, status and message."""
     iterations = 0
     x, violations, is_optimal = _corrected(B, c, np.clip(0.0, low, high), low, high, tolerance, exact=False)
+    if is_optimal:
+        return x, violations, iterations, "optimal", "solved"
+    conditions = _conditions(B, c, low, high)
     # what one method finds is enough where the correction ends at a solution
     for is_rough in [False] if max(B.shape) > _DENSE_UP_TO else [True, False]:
-        if is_optimal:
-            break
-        outcome, _ = solve_program(_conditions(B, c, low, high), tolerance=tolerance, is_rough=is_rough)
+        outcome, _ = solve_program(conditions, tolerance=tolerance, is_rough=is_rough)
         iterations += outcome.iterations
         last = outcome.x[-x.size :]
         x, violations, is_optimal = _corrected(
             B, c, np.where(np.isnan(last), x, last), low, high, tolerance, exact=True
         )
-    if is_optimal:
-        return x, violations, iterations, "optimal", "solved"
+        if is_optimal:
+            return x, violations, iterations, "optimal", "solved"
     if outcome.solved:
         return x, violations, iterations, "solver_error", "the gradient has a wrong sign"
     return x, violations, iterations, outcome.status, outcome.message
@@ -201,12 +201,14 @@ def _corrected(
         free = ((low < x) | (gradient > 0)) & ((x < high) | (gradient < 0))
         if max(B.shape) > _DENSE_UP_TO or work.seconds_left() == 0.0:
             break
-        points = _nearer(B, c, x, low, high, free, exact)
-        better = next((one for one in points if norm(c - B @ one) < norm(r)), None)
-        if better is None:
+        for better in _nearer(B, c, x, low, high, free, exact):
+            rest = c - B @ better
+            if norm(rest) < norm(r):
+                x = better
+                r = rest
+                break
+        else:
             break
-        x = better
-        r = c - B @ x
     violations = np.where(free, np.abs(gradient), 0.0)
     rounding = gamma(sum(B.shape) + 2) * (abs(B) @ np.abs(x) + np.abs(c))
     small = tolerance * norm(r) * largest_of_columns(B) + abs(B).T @ rounding
@@ -214,7 +216,7 @@ def _corrected(
 
 
 def _nearer(
-    B: sp.csr_array, c: Vector, x: Vector, low: Vector, high: Vector, free: NDArray[np.bool_], exact: bool
+    B: sp.csr_array, c: Vector, x: Vector, low: Vector, high: Vector, free: Mask, exact: bool
 ) -> Iterator[Vector]:
     """Points that may have a smaller residual than `x`: first that of a step of all `free` unknowns, cut off at bounds.
 
@@ -231,7 +233,7 @@ def _nearer(
         yield _to_bounds(B, c, x, inside, low, high)
 
 
-def _step(B: sp.csr_array, r: Vector, free: NDArray[np.bool_]) -> Vector:
+def _step(B: sp.csr_array, r: Vector, free: Mask) -> Vector:
     """The step in the free unknowns to the least residual, by an orthogonal factorisation."""
     from scipy.linalg import lstsq
 
@@ -240,7 +242,7 @@ def _step(B: sp.csr_array, r: Vector, free: NDArray[np.bool_]) -> Vector:
     return step
 
 
-def _to_bounds(B: sp.csr_array, c: Vector, x: Vector, free: NDArray[np.bool_], low: Vector, high: Vector) -> Vector:
+def _to_bounds(B: sp.csr_array, c: Vector, x: Vector, free: Mask, low: Vector, high: Vector) -> Vector:
     """The least residual in the free unknowns, where one that meets its bound on the way stays there."""
     while free.any() and work.seconds_left() > 0.0:
         step = _step(B, c - B @ x, free)
