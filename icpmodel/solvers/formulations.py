@@ -242,11 +242,13 @@ class Target(Displayable):
         str or None
             One sentence, None where it does.
         """
-        if (form == "nlp") is (self.problem.f is None):
-            return "p is affine" if form == "nlp" else "p is nonlinear"
+        if form == "nlp":
+            return "p is affine" if self.problem.f is None else None
+        if self.problem.f is not None:
+            return "p is nonlinear"
         A = self.problem.A
         constant = self.problem.psi.is_constant
-        if form in ("mpec", "nlp"):
+        if form == "mpec":
             return None
         if form == "energy" and not constant:
             return "psi is not constant"

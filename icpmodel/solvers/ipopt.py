@@ -28,7 +28,7 @@ from .formulations import Target
 
 #: for affine p
 _OPTIONS: dict[str, Any] = {
-    # it relaxes every bound by 1e-8 unless told not to
+    # by default it relaxes every bound by 1e-8
     "bound_relax_factor": 0.0,
     # fewer steps on each of nine scenes, n = 1 to 900, and the bearing of n = 900 is not called infeasible
     "mehrotra_algorithm": "yes",
@@ -118,7 +118,7 @@ def _as_casadi(f: NonlinearTerm) -> Any:
 
     n = f.n
     dense = ca.Sparsity.dense(n)
-    links = getattr(f.map, "links", None)
+    links = f.map.links
     pattern = ca.Sparsity.dense(n, n) if links is None else ca.DM(sp.csc_matrix(links)).sparsity()
 
     def slopes(z: Vector) -> Any:

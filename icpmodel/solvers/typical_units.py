@@ -53,7 +53,7 @@ def in_units_of_z(problem: ProblemData, unit: float) -> ProblemData:
     scaled_f = Function(
         lambda y: scale / unit * f.value(unit * y),
         lambda y: scale * f.jacobian(unit * y),
-        sparsity=sp.eye_array(problem.n) if f.is_elementwise else getattr(f.map, "links", None),
+        sparsity=sp.eye_array(problem.n) if f.is_elementwise else f.map.links,
     )
     psi = problem.psi.composed(unit, factor=1.0 / unit)
     return ProblemData(scale * problem.A, scale / unit * problem.q, psi, f=scaled_f)

@@ -41,7 +41,7 @@ def _eliminate(mids, rads, here, k, to):
 @compiled
 def search_minors(mid, rad, max_undecided):
     # returns the index set, as bits, of a minor that is proved <= 0, or 0, and the index sets of the pivots that are
-    # undecided, their last index being k. Below an undecided pivot no Schur complement is looked at. The search ends
+    # undecided, their last index being k. Below an undecided pivot no Schur complement is formed. The search ends
     # at `max_undecided` of them
     n = mid.shape[0]
     mids = np.empty((n + 1, n, n))
