@@ -1,6 +1,7 @@
 """Newton's method on the modulus equation: the modulus frozen at its sign pattern.
 
-Here p = Az + q, r = z − ψ(z) and Ω = `problem.matrix.weights`, which is |a_ii| wherever that is not 0.
+Here p = Az + q, r = z − ψ(z) and Ω = `problem.matrix.weights`, which is |a_ii| wherever that is not 0. In a row of
+zeros, where p_i = q_i, it is the number that makes |p_i|/Ω_i the problem's `residual_scale`.
 Active rows, those with r_i < p_i/Ω_i, get the equation z_i = ψ_i(z), linearised; the others get (Az + q)_i = 0. That is
 the primal–dual active set method and, for impulse control, policy iteration. Where ψ is affine the active set decides
 the next iterate. So there are finitely many iterates, and the method ends after a few steps or cycles. A merit
@@ -142,6 +143,15 @@ class NewtonPoint:
         return sp.csr_array(V), total + slope_p
 
 
+def _omega_of(problem: ProblemData) -> Vector:
+    """Ω, which has the units of p/z in every row: see the module's docstring."""
+    omega = problem.matrix.weights
+    unknown = problem.matrix.empty_rows & (problem.q != 0)
+    if not unknown.any():
+        return omega
+    return np.where(unknown, np.abs(problem.q) / (problem.residual_scale() or 1.0), omega)
+
+
 def _clipped_multipliers(problem: ProblemData, a: Vector, gap: Vector) -> Vector:
     """`a` = p/Ω, in rows without diagonal dominance clipped to half the `gap` between the obstacles."""
     rows = problem.matrix.rows
@@ -176,7 +186,7 @@ class NewtonPath(Iterator[Iterate]):
     """The iterates of Newton's method, with the state of the watchdog."""
 
     def __init__(self, problem: ProblemData, z: Vector) -> None:
-        self.problem, self.omega = problem, problem.matrix.weights
+        self.problem, self.omega = problem, _omega_of(problem)
         with np.errstate(all="ignore"):
             self.current = self.best = NewtonPoint(problem, self.omega, z)
         self.start_theta = self.reference = self.current.theta

@@ -124,6 +124,17 @@ def test_rows_are_weighed_in_their_own_units():
         assert scaled(icp.ICP(A, [3, 0, 0, 0], [-2, -4, 0, 0]), rows, unit).solve().solved
 
 
+def test_newton_weighs_a_row_of_zeros_in_the_units_of_z():
+    """Where it ends without a solution as well: what is left of φ depends on the weight of each row."""
+    A = [[1.0, 0.3, 0.4, 1.3], [1.0, 3.4, 1.2, -2.4], [-0.4, -1.9, -0.1, 1.2], [0, 0, 0, 0]]
+    problem = icp.ICP(A, [-1.5, 0.3, -1.2, 0.001])
+    before = attempt(problem, "newton")
+    for row, unit in ((2.0**-40, 1.0), (2.0**40, 1.0), (1.0, 2.0**30)):
+        after = attempt(scaled(problem, np.array([1.0, 1.0, 1.0, row]), unit), "newton")
+        assert after.status is before.status
+        assert (after.z / unit).tolist() == before.z.tolist()
+
+
 def test_a_tiny_entry_on_the_diagonal_makes_no_residual_small():
     """d_i = a_ii would: D⁻¹q would be 1e12 in row 0, beside which nothing in row 1 is large."""
     problem = icp.ICP([[1e-12, 1.0], [-1.0, 1.0]], [-1.0, -1.0])
