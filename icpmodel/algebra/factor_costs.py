@@ -29,6 +29,15 @@ class FactorCosts:
         matrix = self._matrix()
         return matrix is not None and matrix.is_symmetric
 
+    def complete(self) -> FactorCosts:
+        """The costs by a complete symbolic analysis, which pays where many matrices with the pattern are factorised."""
+        matrix = self._matrix()
+        if self.fill.is_exact or matrix is None:
+            return self
+        complete = FactorCosts(matrix)
+        complete.analysis = self.analysis.exact()
+        return complete
+
     @cached_property
     def fill(self) -> Fill:
         """The entries and operations of a sparse factorisation; an estimate where a full analysis does not pay."""

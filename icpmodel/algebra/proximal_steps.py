@@ -16,7 +16,7 @@ from ..numerics.symmetric_factors import SymmetricFactors
 from ..problem.data import ProblemData
 from .active_equations import Elimination
 from .equations import Pattern, derivative, submatrix
-from .factor_costs import factor_costs
+from .factor_costs import FactorCosts, factor_costs
 
 #: the relative residual up to which a solve counts as one
 _MAX_RELATIVE_RESIDUAL = 1e-6
@@ -37,7 +37,11 @@ class ProximalSteps:
         self.problem = problem
         self.start = start
         self.has_moving_obstacle = not problem.facts.has_fixed_obstacle
-        self.costs = factor_costs(problem.matrix)
+
+    @cached_property
+    def costs(self) -> FactorCosts:
+        """The costs of factors of A by a complete symbolic analysis of all rows."""
+        return factor_costs(self.problem.matrix).complete()
 
     @cached_property
     def obstacles(self) -> tuple[Vector, Vector | None]:
@@ -53,11 +57,6 @@ class ProximalSteps:
         if not costs.reuses_order or signs is None:
             return None
         return SymmetricFactors(self.problem.A, costs.fill, signs)
-
-    @cached_property
-    def analysis(self) -> SymbolicAnalysis:
-        """The complete symbolic analysis of all rows."""
-        return self.costs.analysis.exact()
 
     def step(self, z: Vector, p: Vector, pattern: Pattern, centre: Vector, D: Vector) -> tuple[Vector, Vector] | None:
         """z and p after a step from `z`, where p is `p`; None where the equations are not solved.

@@ -126,7 +126,7 @@ class InteriorPath:
         self.has_moving_obstacle = self.steps.has_moving_obstacle
         self.pattern: SymmetricFactors | SymbolicAnalysis | None = None
         if not self.has_moving_obstacle:
-            self.pattern = self.steps.fixed_order_factors or self.steps.analysis
+            self.pattern = self.steps.fixed_order_factors or self.steps.costs.analysis
         self.regularisation = self.first_regularisation = (
             _FIRST_REGULARISATION if problem.matrix.is_nearly_symmetric else _FIRST_REGULARISATION_SKEW
         )
