@@ -51,9 +51,11 @@ _ACCURATE_SOLVE = 2.0**-26
 _ROUGH_SOLVE = 2.0**-13
 _REGULARISATION_DECREASE = 0.1
 _REGULARISATION_INCREASE = 100.0
+#: a solve is refined up to this relative residual, as long as that halves it
+_REFINED_SOLVE = 1e-12
 #: a step goes this share of the way to the boundary
 _BOUNDARY_SHARE = 0.995
-#: the starting r and s are shifted by this multiple of their negative part
+#: the starting r and s are shifted by this multiple of their negative part at least
 _SHIFT = 1.5
 #: the method ends when the infeasibility exceeds this multiple of its least value and the least residual
 _MAX_ERROR_GROWTH = 1e4
@@ -137,6 +139,7 @@ class InteriorPath:
         self.row = row_of(problem.A)
         self.residuals = LeastValue()
         self.infeasibilities = LeastValue()
+        self.shrinkage = LeastValue()
         self.signs = np.zeros(0, bool)
         self.repetitions = 0
         below, top = self.steps.obstacles
@@ -150,7 +153,10 @@ class InteriorPath:
         self._start(c)
 
     def _start(self, z: Vector) -> None:
-        """Mehrotra's starting point: r and s solve the equations with Wr + s = 0, and are shifted to be positive."""
+        """Mehrotra's starting point: r and s solve the equations with Wr + s = 0, and are shifted to be positive.
+
+        The shift is at least the mean size of z: beside that, steps from a small r and s would be short.
+        """
         weights = self.weights[self.rows]
         self.r = np.ones(weights.size)
         self.s = weights
@@ -158,8 +164,9 @@ class InteriorPath:
         distances = self._distances()
         z = z + self._solver()(-self.point[1] - self._in_rows(self.sign * weights * distances))
         v = np.sqrt(weights) * (distances + self._change(z - self.base_point))
-        r = v + _SHIFT * np.max(-v, initial=0.0)
-        s = _SHIFT * np.max(v, initial=0.0) - v
+        size = norm(self.root * z) / np.sqrt(z.size)
+        r = v + max(_SHIFT * np.max(-v, initial=0.0), size)
+        s = max(_SHIFT * np.max(v, initial=0.0), size) - v
         product = 0.5 * inner(r, s)
         self.r = (r + (product / s.sum() if product else 1.0)) / np.sqrt(weights)
         self.s = (s + (product / r.sum() if product else 1.0)) * np.sqrt(weights)
@@ -195,11 +202,15 @@ class InteriorPath:
 
     @np.errstate(all="ignore")
     def makes_progress(self) -> bool:
-        """Whether the residual, or the distance of r and s from z − ψ(z) and p, was reduced lately and is not 0."""
+        """Whether the residual, or the distance of r and s from z − ψ(z) and p, was reduced lately and is not 0.
+
+        Where z grows, neither need be: it is on the way to large multipliers, or there is no solution.
+        """
         _, p, below, above = self.point
         residual = norm(mid(p / self.root, self.root * below, None if above is None else self.root * above))
         infeasibility = norm(np.concatenate([self.dual_residual / self.root, self.root[self.rows] * self.gap]))
-        idle = min(self.residuals.add(residual), self.infeasibilities.add(infeasibility))
+        growing = self.shrinkage.add(float(np.divide(1.0, norm(self.root * self.z))))
+        idle = min(self.residuals.add(residual), self.infeasibilities.add(infeasibility), growing)
         is_lost = infeasibility > _MAX_ERROR_GROWTH * max(self.infeasibilities.least, self.residuals.least)
         return residual > 0.0 and idle < _PATIENCE and not is_lost
 
@@ -299,9 +310,15 @@ class InteriorPath:
             f = unit * f
             x = factors.solve(f)
             residual = f - M @ x
-            self.solve_error = norm(residual) / (norm(f) or 1.0)
-            if self.solve_error > _ACCURATE_SOLVE:
-                x += factors.solve(residual)  # without exchanges of rows digits may be lost
+            error = self.solve_error = norm(residual) / (norm(f) or 1.0)
+            while error > _REFINED_SOLVE:  # without exchanges of rows digits may be lost
+                before = error
+                refined = x + factors.solve(residual)
+                residual = f - M @ refined
+                error = norm(residual) / norm(f)
+                if not error < 0.5 * before:
+                    break
+                x = refined
             return np.asarray(unit * x)
 
         return solve

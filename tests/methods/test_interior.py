@@ -61,6 +61,31 @@ def test_equations_of_a_linear_program_move_the_start():
     assert answer.z == pytest.approx([2, -1])
 
 
+def convex_regression(values):
+    """min ½‖x − values‖² over all convex x: its multipliers are as large as n² in the units of x."""
+    n = values.size
+    B = sp.diags_array([np.full(n - 2, d) for d in (1.0, -2.0, 1.0)], offsets=range(3), shape=(n - 2, n))
+    A = sp.block_array([[sp.eye_array(n), -B.T], [B, None]])
+    return icp.ICP(A, np.append(-values, np.zeros(n - 2)), np.repeat([-np.inf, 0.0], [n, n - 2]))
+
+
+def test_steps_from_a_start_near_the_obstacle_are_long():
+    """The nearest convex function to a concave one is the line of least squares."""
+    t = np.linspace(0.0, 1.0, 1000)
+    values = np.sin(np.pi * t)
+    solution = run(convex_regression(values))
+    assert solution.solved
+    assert solution.iterations < 20
+    line = np.polynomial.Polynomial.fit(t, values, 1)(t)
+    assert solution.polish().z[:1000] == pytest.approx(line, abs=1e-8)
+
+
+def test_iterates_that_grow_are_on_the_way_to_large_multipliers():
+    """For 40 steps neither the residual nor the distance of r and s from z − ψ(z) and p falls by a tenth."""
+    t = np.linspace(0.0, 1.0, 6000)
+    assert run(convex_regression(np.sin(np.pi * t) + 0.1 * np.sin(np.arange(1, 6001)))).solved
+
+
 def test_equations_alone_are_solved_by_newton_steps():
     """Nothing is bounded: there is no longest step and no complementarity to measure."""
     B = np.array([[7e3, 1.0, 2.0], [-2e4, 3.0, 1.0], [1.5e4, 1.0, 0.0]])
