@@ -19,13 +19,16 @@ from ...numerics import work
 from ...numerics.arrays import Vector
 from ...solve.solution import Solution, Status
 from ...theory.certificates.bounds import enforce_limits
+from ...theory.certificates.combination_rows import MAX_MISFIT, ZERO
 from ...theory.certificates.infeasible import infeasible
-from ...theory.certificates.recession import contradicts, least_violation
+from ...theory.certificates.recession import least_violation, misfit
 from .program import Program, conditions_of
 from .program_judge import Judge
 
 #: the largest violation of an answer that is called inaccurate rather than an error
 _MAX_INACCURATE_VIOLATION = 1e-4
+#: relative tolerances of the least violation: the second one where the first leaves it open what it says
+_RTOLS = 1e-10, 1e-13
 #: steps of the refinement, and what of W is added to A in them
 _REFINEMENTS = 3
 _REGULARISATION = 1e-9
@@ -73,15 +76,18 @@ class ProgramRun:
             z0 = self.z if self.is_good else z0
         methods: list[str | None] = [None]
         if not self.has_solution:
-            small = self.problem.n <= PIVOT_UP_TO
-            methods = ["lemke"] * small + ["interior", "newton"][:: 1 if z0 is None else -1] + [None]
+            is_small = self.problem.n <= PIVOT_UP_TO
+            methods = ["lemke"] * is_small
+            methods += ["newton"] * (is_small or z0 is not None)
+            methods += ["interior", "proximal", None]
         proof = None
+        limit: dict[str, int] = {}
         for method in methods:
             if method is None and proof is not None:
                 break
             try:
                 solution = self._solve(
-                    self.problem, method, z0=z0, callback=lambda progress: self.improve(progress.z), rtol=0.0
+                    self.problem, method, z0=z0, callback=lambda progress: self.improve(progress.z), rtol=0.0, **limit
                 )
             except SingularOperator:
                 continue
@@ -91,8 +97,13 @@ class ProgramRun:
                 self.polish(self.z, Pattern.at(self.problem, self.z, self.problem.p(self.z), self.judge.unit**2))
             if solution.status is Status.MEMORY_LIMIT or self.is_good or is_rough:
                 break
-            with suppress(OutOfTime):
-                proof = proof or self._without_solution(solution)
+            limit = {}
+            if method == "interior":  # where that ended at a solution up to rounding, the next one takes a few steps
+                z0 = solution.z
+                limit = {"max_iter": max(solution.iterations, 1)}
+            if method == "proximal" or solution.status is Status.INFEASIBLE:
+                with suppress(OutOfTime):
+                    proof = proof or self._without_solution(solution)
             if proof is not None and not proof[0].endswith("_inaccurate"):
                 self.proof = proof
                 return proof
@@ -124,12 +135,9 @@ class ProgramRun:
         if solution.infeasible is not None and solution.infeasible.witness is not None:
             y = np.array([float(weight) for weight in solution.infeasible.witness])
         else:
-            nearest, signed = least_violation(problem)
-            least = self._solve(ICP(nearest.A, nearest.q, nearest.psi), None, rtol=1e-10).polish()
-            y = np.zeros(problem.n)
-            y[signed] = least.z[problem.n :]
+            y = self._violation_multipliers()
         for direction, primal in ((np.where(self.judge.is_x, 0.0, y), True), (y, False)):
-            if not contradicts(problem, direction):
+            if not misfit(problem, direction) < ZERO:
                 continue
             answer = infeasible(problem, direction)
             inaccurate = "" if answer.holds else "_inaccurate"
@@ -138,6 +146,18 @@ class ProgramRun:
                 return f"infeasible{inaccurate}", f"a combination of the constraints says 0 < 0: {reason}"
             return self._without_multipliers(inaccurate, reason)
         return None
+
+    def _violation_multipliers(self) -> Vector:
+        """The multipliers of the least violation of the conditions, which are a contradiction where that is not 0."""
+        problem = self.problem
+        nearest, signed = least_violation(problem)
+        y = np.zeros(problem.n)
+        for rtol in _RTOLS:
+            least = self._solve(ICP(nearest.A, nearest.q, nearest.psi), None, rtol=rtol)
+            y[signed] = least.z[problem.n :]
+            if not ZERO <= misfit(problem, y) < MAX_MISFIT:
+                break
+        return y
 
     def _without_multipliers(self, inaccurate: str, reason: str) -> tuple[str, str]:
         """Status and message where no multipliers exist: "unbounded" only if a feasible point is computed."""

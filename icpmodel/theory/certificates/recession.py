@@ -34,21 +34,19 @@ class Recession:
 
     def proof(self, y: Vector) -> Answer:
         """The proof, if any, by the direction `y`, shape (n,)."""
-        share = _share(self.problem, y)
+        share = misfit(self.problem, y)
         if not share < self.share:
             return Answer(None, "the iterates do not diverge along a combination of rows")
         self.share = 0.1 * share
         return infeasible(self.problem, y, bounded=share < ZERO)
 
 
-def contradicts(problem: ProblemData, y: Vector) -> bool:
-    """Whether `y`, shape (n,), is a combination as in `infeasible` up to rounding; constant obstacles."""
-    return _share(problem, y) < ZERO
-
-
 @np.errstate(all="ignore")
-def _share(problem: ProblemData, y: Vector) -> float:
-    """The violation of `y` as a share of the decrease that it proves; inf where obstacles move."""
+def misfit(problem: ProblemData, y: Vector) -> float:
+    """What is wrong with `y`, shape (n,), as a combination as in `infeasible`; inf where obstacles move.
+
+    It is a share of the decrease that `y` would prove, and below `ZERO` if `y` is one up to rounding.
+    """
     rows = CombinationRows.of(problem) if problem.psi.is_constant else None
     if rows is None:
         return np.inf
