@@ -277,9 +277,15 @@ class Run:
         return BestIterate(z, residual, self.job, getattr(self.path, "adapted_method", self.job.method))
 
     def _residual(self, z: Vector, hint: float | None) -> float:
-        """The residual that the method estimates (`hint`), or the exact one if the run might end at `z`."""
+        """The residual that the method estimates (`hint`), or the exact one if the run might end at `z`.
+
+        Whatever watches a run on the `presolved` problem is shown the exact one as well, so that none is better than
+        the answer.
+        """
         low, high = SAFE_HINT
-        if z is not self.start and hint is not None and low < hint < high and not self.goal.is_near(z, hint):
+        is_shown = self.presolved is not None and self.watch is None and self.is_watched
+        is_safe = hint is not None and z is not self.start and low < hint < high
+        if hint is not None and is_safe and not is_shown and not self.goal.is_near(z, hint):
             return hint
         return self.goal.judged(z, self.start_residual if z is self.start else self.problem.residual(z))
 
@@ -295,12 +301,9 @@ class Run:
         return None
 
     def _report(self, z: Vector, residual: float, seconds: float) -> StopReason | None:
-        """Report `z` to whatever watches the run, with the residual of `problem` even if it was presolved."""
+        """Report `z` and its `residual` to whatever watches the run; return an end if that stops it."""
         if self.watch is not None:
             return self.watch(z, residual)
-        if self.presolved is not None and self.is_watched:
-            with suppress(MapError):
-                residual = self.problem.residual(z)
         self.bar.update(self.iteration, residual, self.goal.tolerance)
         if self.records is not None:
             self.records.append((self.iteration, residual, seconds, self.job.method.name))

@@ -100,6 +100,17 @@ def test_the_best_iterate_is_returned_not_the_last():
     assert solution.residual == 0.5
 
 
+@pytest.mark.parametrize("options", [{"max_iter": 20}, {"rtol": 1e-2}])
+def test_no_iterate_that_was_shown_is_better_than_the_answer(options):
+    """Also where the methods run on a presolved problem, whose residual is another one."""
+    A = [[5.0, -4.0, 0.0, 9.0], [16.0, -3.0, 0.0, 12.0], [0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0]]
+    problem = icp.ICP(A, [-8.0, -32.0, 0.0, 0.0], [2.0, 0.0, 0.0, 0.0], upper=[4.0, 1.0, 0.0, 0.0])
+    shown = []
+    answer = attempt(problem, family="paper", callback=lambda state: shown.append(state.residual), **options)
+    assert len(shown) > 10
+    assert answer.residual <= min(shown)
+
+
 def test_nan_and_overflow_are_divergence_not_success():
     for bad in (np.nan, np.inf):
         solution = attempt(ONE, Scripted(script=((1.2, None), (bad, None))))
