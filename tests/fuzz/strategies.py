@@ -1,5 +1,6 @@
 """Problems drawn by Hypothesis: data of every kind, as tuples that shrink, and as code that a user could paste."""
 
+import re
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -78,7 +79,7 @@ class Data:
 
 
 def _of_upper(kind):
-    return PSI[kind].replace("G", "H").replace("c)", "d)").replace("c=c", "c=d").replace("+ c", "+ d")
+    return re.sub(r"\bc\b(?!=)", "d", PSI[kind].replace("G", "H"))
 
 
 def tuples(values):
