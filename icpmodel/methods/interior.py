@@ -76,7 +76,7 @@ class Interior(Regularised):
 
     Examples
     --------
-    >>> ICP([[1, 1], [1, 1]], [-1, -1]).solve(Interior()).z.round(6)
+    >>> ICP([[1, 1], [1, 1]], [-1, -1]).solve(Interior()).z.round(4)
     array([0.5, 0.5])
     """
 
