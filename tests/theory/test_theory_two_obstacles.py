@@ -59,6 +59,22 @@ def test_no_bound_is_below_the_true_error_and_what_is_unique_is(rng, kind):
                     assert not exceeds(z, exact.solutions[0], delta)
 
 
+def test_rows_of_fixed_unknowns_take_no_bound_away():
+    """Nor do their columns where they are fixed at 0. What is left is an H+-matrix, or definite."""
+    rng = np.random.default_rng(0)
+    B = rng.normal(size=(40, 40))
+    for A, at in ((B + 80.0 * np.eye(40), [1.0, 2.0, -0.5]), (B @ B.T / 40 + 0.1 * np.eye(40) + B - B.T, [0.0] * 3)):
+        A[:3] = rng.normal(size=(3, 40))
+        A[0] = 0.0
+        low, high = np.zeros(40), np.full(40, np.inf)
+        low[:3] = high[:3] = at
+        problem = icp.ICP(A, rng.normal(size=40), low, upper=high)
+        free = icp.ICP(A[3:, 3:], problem.q[3:] + A[3:, :3] @ at)
+        z = np.append(at, free.solve().z)
+        assert error_bound(problem, z).value < 1e-6
+        assert error_bound(problem, z + 1e-3).value >= 1e-3
+
+
 def test_obstacles_that_may_cross_leave_no_bound():
     problem = icp.ICP([[2.0]], [-9.0], icp.Affine([[0.5]], [0.0]), upper=icp.Affine([[-0.5]], [-3.0]))
     bound = error_bound(problem, [-2.0])

@@ -15,6 +15,7 @@ from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
+import scipy.sparse as sp
 
 from ...algebra.equations import Pattern, pattern_at
 from ...algebra.linear_rows import has_linear_pieces
@@ -24,6 +25,7 @@ from ...numerics.arrays import ReadOnly, Vector, as_number, as_truth, not_finite
 from ...numerics.rounding import UNIT_ROUNDOFF, public_entry, rounded_up
 from ...present.display import Displayable
 from ...problem.data import ProblemData, ProblemLike, as_problem
+from ...problem.matrix import Matrix
 from ...problem.two_sided import sides_of
 from ...problem.user_code import USER_ULPS
 from ..answers import UNDECIDED
@@ -251,6 +253,8 @@ def _bound(problem: ProblemData, z: Vector, sharp: bool | None) -> ErrorBound:
     """The bound of the first proof that succeeds, or why each failed. Raises OutOfTime, OutOfMemory."""
     if fault := lipschitz_violation(problem, z):
         return ErrorBound.none(fault)
+    other: ProblemData | None = _once(problem, _without_fixed_rows, problem)
+    problem = problem if other is None else other
     reasons = []
     for proof in proofs_for(problem):
         if isinstance(proof, str):
@@ -277,6 +281,24 @@ def _bound(problem: ProblemData, z: Vector, sharp: bool | None) -> ErrorBound:
         fault = not_finite(z, "z") or "the proof gives no bound at this z: it is too far from z*"
         return ErrorBound.none(fault, sentence)
     return ErrorBound.none("; ".join(dict.fromkeys(reasons)))  # several proofs may fail for one reason
+
+
+def _without_fixed_rows(problem: ProblemData) -> ProblemData | None:
+    """The same problem with z_i for p_i where ψ_i = ψ̄_i are constants: there p may have any value at the solution.
+
+    Where they are 0 column i does not matter either. None if there is no such row.
+    """
+    if problem.upper is None or not problem.psi.is_constant:
+        return None
+    zero = np.zeros(problem.n)
+    low = problem.psi.value(zero)
+    fixed = low == problem.upper.value(zero)
+    if not fixed.any():
+        return None
+    rows = sp.diags_array(1.0 * ~fixed)
+    columns = sp.diags_array(1.0 * ~(fixed & (low == 0.0)))
+    A = sp.csr_array(rows @ problem.A @ columns + sp.diags_array(1.0 * fixed))
+    return problem.with_matrix(Matrix(A), np.where(fixed, 0.0, problem.q))
 
 
 def lipschitz_violation(problem: ProblemData, z: Vector) -> str:
