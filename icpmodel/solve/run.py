@@ -283,9 +283,10 @@ class Run:
         the answer.
         """
         low, high = SAFE_HINT
-        is_shown = self.presolved is not None and self.watch is None and self.is_watched
-        is_safe = hint is not None and z is not self.start and low < hint < high
-        if hint is not None and is_safe and not is_shown and not self.goal.is_near(z, hint):
+        if hint is not None and z is not self.start and low < hint < high and not self.goal.is_near(z, hint):
+            if self.presolved is not None and self.watch is None and self.is_watched:
+                with suppress(MapError):
+                    return self.goal.judged(z, self.problem.residual(z))
             return hint
         return self.goal.judged(z, self.start_residual if z is self.start else self.problem.residual(z))
 
