@@ -126,9 +126,7 @@ class InteriorPath:
         self.weights = problem.matrix.proximal_weights
         self.diagonal = problem.matrix.rows.diag
         self.has_moving_obstacle = self.steps.has_moving_obstacle
-        self.pattern: SymmetricFactors | SymbolicAnalysis | None = None
-        if not self.has_moving_obstacle:
-            self.pattern = self.steps.fixed_order_factors or self.steps.costs.analysis
+        self.pattern = None if self.has_moving_obstacle else self.steps.fixed_order_factors or self.steps.costs.analysis
         self.regularisation = self.first_regularisation = (
             _FIRST_REGULARISATION if problem.matrix.is_nearly_symmetric else _FIRST_REGULARISATION_SKEW
         )
@@ -165,8 +163,8 @@ class InteriorPath:
         z = z + self._solver()(-self.point[1] - self._in_rows(self.sign * weights * distances))
         v = np.sqrt(weights) * (distances + self._change(z - self.base_point))
         size = norm(self.root * z) / np.sqrt(z.size)
-        r = v + max(_SHIFT * np.max(-v, initial=0.0), size)
-        s = max(_SHIFT * np.max(v, initial=0.0), size) - v
+        r = v + np.max(-_SHIFT * v, initial=size)
+        s = np.max(_SHIFT * v, initial=size) - v
         product = 0.5 * inner(r, s)
         self.r = (r + (product / s.sum() if product else 1.0)) / np.sqrt(weights)
         self.s = (s + (product / r.sum() if product else 1.0)) * np.sqrt(weights)
@@ -209,10 +207,12 @@ class InteriorPath:
         _, p, below, above = self.point
         residual = norm(mid(p / self.root, self.root * below, None if above is None else self.root * above))
         infeasibility = norm(np.concatenate([self.dual_residual / self.root, self.root[self.rows] * self.gap]))
-        growing = self.shrinkage.add(float(np.divide(1.0, norm(self.root * self.z))))
-        idle = min(self.residuals.add(residual), self.infeasibilities.add(infeasibility), growing)
-        is_lost = infeasibility > _MAX_ERROR_GROWTH * max(self.infeasibilities.least, self.residuals.least)
-        return residual > 0.0 and idle < _PATIENCE and not is_lost
+        size = norm(self.root * self.z) or 1e-300
+        idle = min(
+            self.residuals.add(residual), self.infeasibilities.add(infeasibility), self.shrinkage.add(1.0 / size)
+        )
+        most = _MAX_ERROR_GROWTH * max(self.infeasibilities.least, self.residuals.least)
+        return residual > 0.0 and idle < _PATIENCE and infeasibility <= most
 
     def signs_repeat(self) -> bool:
         """Whether the signs of the modulus have been the same for 1, 3, 7, … steps."""
@@ -264,7 +264,7 @@ class InteriorPath:
                 self.gap = self._distances() - self.r
         except MapError:
             return False
-        return bool(np.isfinite(self.point[1]).all() and np.isfinite(self.gap).all())
+        return bool(np.isfinite(np.concatenate([self.point[1], self.gap])).all())
 
     def _direction(self, solve: Callable[[Vector], Vector], target: Vector) -> tuple[Vector, Vector, Vector, float]:
         """The step of z, r and s that reduces rs by `target`, and its length in units of that to the boundary."""
@@ -295,7 +295,7 @@ class InteriorPath:
                 row_slopes[rows] = values
                 M = sp.csr_array(M - sp.diags_array(row_slopes) @ J)
             row = row_of(M)
-        unit = 1.0 / np.sqrt(np.abs(M.diagonal() if self.has_moving_obstacle else M.data[self.diagonal]))
+        unit = 1.0 / np.sqrt(np.abs(M.diagonal()))
         M.data *= unit[row]
         M.data *= unit[M.indices]
         if isinstance(self.pattern, SymmetricFactors):

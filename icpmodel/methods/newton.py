@@ -147,9 +147,9 @@ def _omega_of(problem: ProblemData) -> Vector:
     """Ω, which has the units of p/z in every row: see the module's docstring."""
     omega = problem.matrix.weights
     unknown = problem.matrix.empty_rows & (problem.q != 0)
-    if not unknown.any():
-        return omega
-    return np.where(unknown, np.abs(problem.q) / (problem.residual_scale() or 1.0), omega)
+    if unknown.any():
+        omega = np.where(unknown, abs(problem.q) / (problem.residual_scale() or 1.0), omega)
+    return omega
 
 
 def _clipped_multipliers(problem: ProblemData, a: Vector, gap: Vector) -> Vector:
@@ -270,8 +270,8 @@ class NewtonPath(Iterator[Iterate]):
             return None
         moved = new.z - self.current.z
         before = self.direction
-        down = max(-float(moved.min()), 0.0)
-        up = max(float(moved.max()), 0.0)
+        down = -float(moved.min(initial=0.0))
+        up = float(moved.max(initial=0.0))
         self.direction = int(down <= _ROUNDING_SHARE * up) - int(up <= _ROUNDING_SHARE * down)
         self.last_active = active
         if not self.shrinking_steps:
@@ -306,9 +306,7 @@ class NewtonPath(Iterator[Iterate]):
         current = self.current
         J = current.jacobian
         # inexact solves follow the residual
-        tolerance = _TIGHT_RTOL
-        if self.start_theta > 0:
-            tolerance = min(_LOOSE_RTOL, max(_TIGHT_RTOL, current.theta / self.start_theta))
+        tolerance = min(_LOOSE_RTOL, max(_TIGHT_RTOL, current.theta / self.start_theta))
         if self.factorised is None or self.factorised[1] is not J or not np.array_equal(self.factorised[0], active):
             self.factorised = None  # frees the old factorisation before the new one is made
             self.factorised = (active, J, ActiveEquations(self.problem, active, J, by_cycles=False))

@@ -74,15 +74,9 @@ class ProgramRun:
             z0, pattern = self.start_near(start)
             self.polish(z0, pattern)
             z0 = self.z if self.is_good else z0
-        methods: list[str | None] = [None]
-        if not self.has_solution:
-            is_small = self.problem.n <= PIVOT_UP_TO
-            methods = ["lemke"] * is_small
-            methods += ["newton"] * (is_small or z0 is not None)
-            methods += ["interior", "proximal", None]
         proof = None
         limit: dict[str, int] = {}
-        for method in methods:
+        for method in self._methods(z0 is not None):
             if method is None and proof is not None:
                 break
             try:
@@ -119,6 +113,16 @@ class ProgramRun:
         if is_late:
             return "user_limit", message
         return "optimal_inaccurate" if error <= _MAX_INACCURATE_VIOLATION else "solver_error", message
+
+    def _methods(self, is_warm: bool) -> list[str | None]:
+        """The names of the methods in turn; None for the choice of `solve()`."""
+        methods: list[str | None] = [None]
+        if not self.has_solution:
+            is_small = self.problem.n <= PIVOT_UP_TO
+            methods = ["lemke"] * is_small
+            methods += ["newton"] * (is_small or is_warm)
+            methods += ["interior", "proximal", None]
+        return methods
 
     def _solve(self, problem: ICP, method: str | None, **options: Any) -> Solution:
         seconds = work.seconds_left()
