@@ -29,6 +29,7 @@ class FactorCosts:
         matrix = self._matrix()
         return matrix is not None and matrix.is_symmetric
 
+    @cached_property
     def complete(self) -> FactorCosts:
         """The costs by a complete symbolic analysis, which pays where many matrices with the pattern are factorised."""
         matrix = self._matrix()

@@ -41,7 +41,7 @@ class ProximalSteps:
     @cached_property
     def costs(self) -> FactorCosts:
         """The costs of factors of A by a complete symbolic analysis of all rows."""
-        return factor_costs(self.problem.matrix).complete()
+        return factor_costs(self.problem.matrix).complete
 
     @cached_property
     def obstacles(self) -> tuple[Vector, Vector | None]:
