@@ -288,15 +288,12 @@ def _without_fixed_rows(problem: ProblemData) -> ProblemData | None:
 
     Where they are 0 column i does not matter either. None if there is no such row.
     """
-    if problem.upper is None or not problem.psi.is_constant:
-        return None
-    zero = np.zeros(problem.n)
-    low = problem.psi.value(zero)
-    fixed = low == problem.upper.value(zero)
-    if not fixed.any():
+    facts = problem.facts
+    above = facts.upper_obstacle if problem.psi.is_constant else None
+    if above is None or not (fixed := facts.obstacle == above).any():
         return None
     rows = sp.diags_array(1.0 * ~fixed)
-    columns = sp.diags_array(1.0 * ~(fixed & (low == 0.0)))
+    columns = sp.diags_array(1.0 * ~(fixed & (above == 0.0)))
     A = sp.csr_array(rows @ problem.A @ columns + sp.diags_array(1.0 * fixed))
     return problem.with_matrix(Matrix(A), np.where(fixed, 0.0, problem.q))
 
