@@ -284,7 +284,7 @@ class Run:
         """
         low, high = SAFE_HINT
         if hint is not None and z is not self.start and low < hint < high and not self.goal.is_near(z, hint):
-            if self.presolved is not None and self.watch is None and self.is_watched:
+            if self.presolved is not None and self.is_watched:
                 with suppress(MapError):
                     return self.goal.judged(z, self.problem.residual(z))
             return hint
