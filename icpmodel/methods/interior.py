@@ -76,8 +76,8 @@ class Interior(Regularised):
 
     Examples
     --------
-    >>> ICP([[1, 1], [1, 1]], [-1, -1]).solve(Interior()).z.round(4)
-    array([0.5, 0.5])
+    >>> round(float(ICP([[1, 1], [1, 1]], [-1, -1]).solve(Interior()).z.sum()), 9)
+    1.0
     """
 
     name: ClassVar[str] = "interior"
@@ -137,7 +137,7 @@ class InteriorPath:
         self.row = row_of(problem.A)
         self.residuals = LeastValue()
         self.infeasibilities = LeastValue()
-        self.shrinkage = LeastValue()
+        self.inverse_sizes = LeastValue()
         self.signs = np.zeros(0, bool)
         self.repetitions = 0
         below, top = self.steps.obstacles
@@ -161,13 +161,14 @@ class InteriorPath:
         self._move_to(z)
         distances = self._distances()
         z = z + self._solver()(-self.point[1] - self._in_rows(self.sign * weights * distances))
-        v = np.sqrt(weights) * (distances + self._change(z - self.base_point))
-        size = norm(self.root * z) / np.sqrt(z.size)
+        root = self.root[self.rows]
+        v = root * (distances + self._change(z - self.base_point))
+        size = norm(self.root * z) / z.size**0.5
         r = v + np.max(-_SHIFT * v, initial=size)
         s = np.max(_SHIFT * v, initial=size) - v
         product = 0.5 * inner(r, s)
-        self.r = (r + (product / s.sum() if product else 1.0)) / np.sqrt(weights)
-        self.s = (s + (product / r.sum() if product else 1.0)) * np.sqrt(weights)
+        self.r = (r + (product / s.sum() if product else 1.0)) / root
+        self.s = (s + (product / r.sum() if product else 1.0)) * root
         self._move_to(z)
         self.gap = self._distances() - self.r
 
@@ -207,12 +208,11 @@ class InteriorPath:
         _, p, below, above = self.point
         residual = norm(mid(p / self.root, self.root * below, None if above is None else self.root * above))
         infeasibility = norm(np.concatenate([self.dual_residual / self.root, self.root[self.rows] * self.gap]))
-        size = norm(self.root * self.z) or 1e-300
-        idle = min(
-            self.residuals.add(residual), self.infeasibilities.add(infeasibility), self.shrinkage.add(1.0 / size)
-        )
-        most = _MAX_ERROR_GROWTH * max(self.infeasibilities.least, self.residuals.least)
-        return residual > 0.0 and idle < _PATIENCE and infeasibility <= most
+        size = norm(self.root * self.z)
+        growth = self.inverse_sizes.add(1.0 / size if size else np.inf)
+        idle = min(growth, self.residuals.add(residual), self.infeasibilities.add(infeasibility))
+        least = max(self.infeasibilities.least, self.residuals.least)
+        return residual > 0.0 and idle < _PATIENCE and infeasibility <= _MAX_ERROR_GROWTH * least
 
     def signs_repeat(self) -> bool:
         """Whether the signs of the modulus have been the same for 1, 3, 7, … steps."""
