@@ -54,6 +54,14 @@ def test_the_certificate_knows_the_condition_of_an_equation():
     assert sensitivity(icp.scenes.hard_many().problem.solve()).certified is None
 
 
+def test_rows_of_fixed_unknowns_do_not_weaken_the_certificate():
+    """Where ψ_i = ψ̄_i row i of A has no influence on z: with any row there κ is certified, and not exceeded."""
+    problem = icp.ICP([[2.0, -1.0, 0.0], [-1.0, 2.0, 5.0], [3.0, -7.0, 0.0]], [-1.0, -1.0, 2.0], 0.0, [9.0, 9.0, 0.0])
+    found = sensitivity(problem.solve())
+    assert found.local == pytest.approx(4.0)
+    assert found.local <= found.certified <= 3.0 * found.local * 1.001
+
+
 def test_the_worst_signs_reach_the_condition_number():
     """|J⁻¹|E is attained: for an M-matrix and q < 0, a_ij + ε|a_ij| off … the signs are those of J⁻¹ row by row."""
     A, q, eps = np.array([[1.0, -0.9], [-0.9, 1.0]]), np.array([-1.0, -1.0]), 1e-7

@@ -253,8 +253,7 @@ def _bound(problem: ProblemData, z: Vector, sharp: bool | None) -> ErrorBound:
     """The bound of the first proof that succeeds, or why each failed. Raises OutOfTime, OutOfMemory."""
     if fault := lipschitz_violation(problem, z):
         return ErrorBound.none(fault)
-    other: ProblemData | None = _once(problem, _without_fixed_rows, problem)
-    problem = problem if other is None else other
+    problem = _with_relevant_rows(problem)
     reasons = []
     for proof in proofs_for(problem):
         if isinstance(proof, str):
@@ -281,6 +280,12 @@ def _bound(problem: ProblemData, z: Vector, sharp: bool | None) -> ErrorBound:
         fault = not_finite(z, "z") or "the proof gives no bound at this z: it is too far from z*"
         return ErrorBound.none(fault, sentence)
     return ErrorBound.none("; ".join(dict.fromkeys(reasons)))  # several proofs may fail for one reason
+
+
+def _with_relevant_rows(problem: ProblemData) -> ProblemData:
+    """The problem that the proofs are given."""
+    other: ProblemData | None = _once(problem, _without_fixed_rows, problem)
+    return problem if other is None else other
 
 
 def _without_fixed_rows(problem: ProblemData) -> ProblemData | None:
@@ -342,6 +347,7 @@ def possible_crossing(problem: ProblemData, z: Vector, delta: Vector) -> int | N
 
 def perturbation_bound(problem: ProblemData, z: Vector, rounding_p: Vector, rounding_r: Vector) -> float | None:
     """A bound on max|z − z*| if p(z) and r(z) are wrong by at most the other two; None if there is no proof."""
+    problem = _with_relevant_rows(problem)
     for proof in proofs_with_rounding(problem):
         if not isinstance(proof, str):
             largest = float(proof.bound(problem, z, rounding_p, rounding_r)[0].max())
