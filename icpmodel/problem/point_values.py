@@ -265,7 +265,8 @@ class PointValues(Displayable):
     def residual_scale(self, at_0: float | None = None) -> float:
         """The reference of a relative tolerance: Res_D(0).
 
-        If 0 is a solution, it is the smallest nonzero number of |p_i(0)|/d_i, |ψ_i(0)| and |ψ̄_i(0)|.
+        If 0 is a solution, it is the smallest nonzero number of |p_i(0)|/d_i, |ψ_i(0)| and |ψ̄_i(0)|, rows of zeros in A
+        left out. Then `solve` takes ‖z0‖ where that is smaller and not 0.
 
         Parameters
         ----------
@@ -302,7 +303,8 @@ class PointValues(Displayable):
         psi = self.psi
         sides = [psi.value(zero)] if psi.upper is None else [psi.value(zero), psi.upper.value(zero)]
         with np.errstate(all="ignore"):
-            return smallest_size(self.matrix.row_weights * self.offset(zero), *sides)
+            of_p = np.where(self.matrix.empty_rows, 0.0, self.matrix.row_weights * self.offset(zero))
+            return smallest_size(of_p, *sides)
 
     def paper_residual(self, z: Any) -> float:
         """Res(z) = ‖min(p(z), r(z))‖₂, the residual of the paper, which `atol` limits; see `residual`.

@@ -270,6 +270,8 @@ def _new_run(problem: ProblemData, start: Vector, limits: Limits, **display: Any
         if math.isfinite(residual_at_0):
             restart = np.zeros(problem.n)
     scale = problem.residual_scale(residual_at_0)
+    if residual_at_0 == 0.0 and scale and not is_at_0:  # the data at 0 may be far larger than the start
+        scale = min(scale, norm(start)) or scale
     goal = Goal(float(limits.tolerance(scale)), problem, limits.atol)
     if limits.accuracy is not None:
         goal = Goal(math.inf)

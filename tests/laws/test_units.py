@@ -142,6 +142,21 @@ def test_a_tiny_entry_on_the_diagonal_makes_no_residual_small():
     assert problem.solve(z0=[5.0, 5.0]).z == pytest.approx([0.0, 1.0], abs=1e-8)
 
 
+@pytest.mark.parametrize(
+    ("A", "q", "below", "above"),
+    [
+        ([[1.0, 0.0], [0.0, 0.0]], [0.0, 3.0], 0.0, np.inf),
+        ([[1.0, 0.0], [0.0, 0.0]], [0.0, -2.0], -np.inf, 0.0),
+        (PAIR, [0.0, 0.0], -1e9, np.inf),
+        ([[1.0, 0.0], [0.0, 1e-10]], [0.0, 1.0], 0.0, np.inf),
+    ],
+)
+def test_data_far_larger_than_the_start_do_not_make_it_a_solution(A, q, below, above):
+    """z = 0 alone solves each: rows of zeros, and obstacles as good as none, make no residual small."""
+    solution = icp.ICP(A, q, below, above).solve(z0=[5.0, 3.0])
+    assert solution.z == pytest.approx([0.0, 0.0], abs=1e-6)
+
+
 def test_a_row_whose_p_is_no_float_in_the_units_of_z_is_decided_by_r():
     """1e150/1e-300 is none: z_1 rests on its obstacle, whatever else is computed."""
     problem = icp.ICP([[1.0, 0.0], [0.0, 1e-300]], [-1.0, 1e150], [-1.0, -2.0])
