@@ -122,7 +122,7 @@ def sensitivity(solution: Solution) -> Sensitivity:
     of_p, of_r = _relative_changes(problem, z, size)
     unit = _RELATIVE_CHANGE * size
     with np.errstate(over="ignore", invalid="ignore"):
-        certified = perturbation_bound(problem, z, unit * of_p, unit * of_r)
+        certified = perturbation_bound(problem.linearised(z), z, unit * of_p, unit * of_r)
     local, rows = _local(answer, of_p, of_r)
     return Sensitivity(
         problem=problem,

@@ -62,6 +62,12 @@ def test_rows_of_fixed_unknowns_do_not_weaken_the_certificate():
     assert found.local <= found.certified <= 3.0 * found.local * 1.001
 
 
+def test_the_certificate_includes_the_slope_of_a_nonlinear_p():
+    """2z − 1 − 1.9z = 0: a change of 2 by 2ε and of 1 by ε moves z = 10 by 210ε, κ = 21."""
+    f = icp.Elementwise(lambda z: -1.9 * z, lambda z: -1.9 + 0.0 * z, slope_range=(-1.9, -1.9))
+    assert sensitivity(icp.ICP([[2.0]], [-1.0], f=f).solve()).certified == pytest.approx(21.0, rel=1e-6)
+
+
 def test_the_worst_signs_reach_the_condition_number():
     """|J⁻¹|E is attained: for an M-matrix and q < 0, a_ij + ε|a_ij| off … the signs are those of J⁻¹ row by row."""
     A, q, eps = np.array([[1.0, -0.9], [-0.9, 1.0]]), np.array([-1.0, -1.0]), 1e-7
