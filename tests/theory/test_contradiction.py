@@ -68,6 +68,13 @@ def test_the_set_contradicts_itself_and_no_part_of_it_does(problem):
         assert can_be_met([(row, side - 1e-9) for row, side in nearer.values()])
 
 
+def test_rounding_adds_no_condition_on_an_unknown_between_two_ends():
+    """z₂ ≤ −3 and z₂ ≥ ½ contradict each other, whatever the ends of z₂: −0.3/0.7 is rounded."""
+    A = [[0, 0, -0.3], [0, 0, 0.7], [0, 0, 1]]
+    found = icp.contradiction(ICP(A, [-0.9, -0.35, 0.0], [0, 0, -5], upper=[np.inf, np.inf, 5.0]))
+    assert set(found.conditions) == {"p[0] >= 0", "p[1] >= 0"}
+
+
 @pytest.mark.parametrize("gap", [1.0, 1e-2, 5e-6])
 def test_a_near_contradiction_is_told_from_a_solved_problem(gap):
     """1 ≥ z₀ ≥ 1 + gap as rows 20 and 21, in a problem of 22 rows whose units go from 1 to 1e4."""

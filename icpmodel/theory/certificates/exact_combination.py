@@ -49,7 +49,6 @@ def exact_combination(rows: CombinationRows, y: Vector, zero: Mask) -> Combinati
         part = rows.matrix[support]
         tight = np.abs(part.T @ y[support]) <= ZERO * (abs(part).T @ np.abs(y[support]))
     tight |= zero
-    tight &= ~(np.isfinite(rows.low) & np.isfinite(rows.high))
     columns = rows.exact_columns(support)
     system = [[columns[j].get(k, Fraction(0)) for k in range(support.size)] for j in columns if tight[j]]
     x = [Fraction(float(y[i])) for i in support]
