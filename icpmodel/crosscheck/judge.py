@@ -160,8 +160,7 @@ class AnswerUnderTest:
 
     def by_bound(self, difference: float, bound: float, unique: bool) -> tuple[Verdict, str]:
         """The verdict on a solution `difference` away, which is certified to be at most `bound`, NaN for unknown."""
-        agreement = AGREE * float(np.abs(self.z).max()) + AGREE_NEAR_ZERO * self.unit
-        if difference <= bound <= MAX_BOUND_FACTOR * agreement:
+        if difference <= bound <= MAX_BOUND_FACTOR * self.tolerance:
             return Verdict.AGREES, f"within the certified bound {bound:.1e}"
         if difference <= bound:
             return Verdict.INCONCLUSIVE, f"the bound {bound:.1e} is too wide to decide; solve with a smaller rtol"

@@ -102,9 +102,12 @@ def test_an_indefinite_problem_is_skipped_with_the_reason_and_not_confirmed():
 
 
 def test_the_certified_bound_can_make_the_agreement():
-    row = crosscheck(LCP, np.array([0.5 + 1e-10, 0.0]), [Fake(LCP_Z / typical_unit(LCP))], atol=1e-12).rows[0]
-    assert row.verdict is Verdict.AGREES
-    assert row.note.startswith("within the certified bound")
+    """Of an answer 1e-10 away, with a bound of about that: near enough for 5e-11, undecided for 1e-12."""
+    z = np.array([0.5 + 1e-10, 0.0])
+    near, far = (crosscheck(LCP, z, [Fake(LCP_Z / typical_unit(LCP))], atol=atol).rows[0] for atol in (5e-11, 1e-12))
+    assert near.verdict is Verdict.AGREES
+    assert near.note.startswith("within the certified bound")
+    assert far.verdict is Verdict.INCONCLUSIVE
 
 
 def test_two_honest_answers_at_a_loose_tolerance_are_no_disagreement():
