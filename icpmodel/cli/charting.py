@@ -16,6 +16,7 @@ from ..solvers.foreign import foreign_solvers
 from ..study import race as run_race
 from ..study import report as make_report
 from ..study import stability as map_stability
+from ..study.cases import uninterrupted
 from ..study.charts.figures import data_file, figure, picture_file, save
 from ..study.html_report import page_file, scene_texts
 from ..study.planes import PLANES
@@ -121,7 +122,8 @@ def report(output: str, time_limit: float, **arguments: Any) -> int:
     about = {"title": arguments["source"] or arguments["a_file"]} if scene is None else scene_texts(scene)
     with status_line(True) as say:
         say("solving")
-        solution = problem.solve(method, z0=scene and scene.z0, history=True, raise_on_failure=False)
+        start = scene and scene.z0
+        solution = uninterrupted(problem.solve(method, z0=start, history=True, raise_on_failure=False))
         make_report(solution, output, **about, command=command_line(), time_limit=time_limit, progress=True)
     wrote(output)
     return exit_code(solution.solved, unsolved(solution))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -59,8 +60,12 @@ def solve(output: str | None, polish: bool, problem_file: str | None, as_json: b
         save_problem(problem, problem_file)
         wrote(problem_file)
     solution = _solve(problem, scene, arguments)
-    if polish:
-        solution = solution.polish()
+    if polish and solution.status is not Status.INTERRUPTED:
+        with suppress(KeyboardInterrupt), status_line(True) as say:
+            say("polishing; Ctrl-C leaves it out")
+            polished = solution.polish()
+            _ = polished.certificate
+            solution = polished
     errors = {} if scene is None else scene.errors(solution.z)
     if as_json:
         numbers = {"z": solution.z, "p": solution.p, "r": solution.r}

@@ -174,7 +174,8 @@ def report(
             solution = problem
         else:
             say("solving")
-            solution = solve(scene.problem if scene else problem, z0=start, history=True, raise_on_failure=False)
+            stated = scene.problem if scene else problem
+            solution = uninterrupted(solve(stated, z0=start, history=True, raise_on_failure=False))
         problem = solution.problem
         for heading, question, make in _contents(solution, start, points, z_exact, time_limit):
             say(heading)
