@@ -8,6 +8,7 @@ import re
 import sys
 from collections.abc import Callable, Iterable
 from contextlib import suppress
+from pathlib import Path
 from tempfile import NamedTemporaryFile
 from typing import Any, NamedTuple
 
@@ -19,6 +20,7 @@ from ..icp import ICP
 from ..methods.contract import Method, named, names
 from ..modelling.files import load_problem
 from ..modelling.formats import SUFFIXES
+from ..present.whole_files import file_errors
 from ..scenes import Scene, scene
 from ..scenes import names as scene_names
 
@@ -190,7 +192,8 @@ def _input(name: str | None) -> str | None:
     """`name`, or for "-" a file that has what comes from standard input, until the command ends."""
     if name != "-":
         return name
-    data = sys.stdin.buffer.read()
+    with file_errors(Path("standard input"), "read"):
+        data = sys.stdin.buffer.read()
     suffix = next((suffix for begin, suffix in _SUFFIX_OF_PREFIX.items() if data.startswith(begin)), ".csv")
     with NamedTemporaryFile(prefix="standard-input-", suffix=suffix, delete=False) as file:
         file.write(data)

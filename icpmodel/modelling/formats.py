@@ -22,7 +22,7 @@ import scipy.sparse as sp
 from ..errors import FileError
 from ..numerics.sparse_input import checked_sparse
 from ..present.whole_files import file_errors
-from .archive import REAL_KINDS, array_of, check_room, open_to_read, read_arrays, table_of
+from .archive import REAL_KINDS, array_of, check_room, content_errors, open_to_read, read_arrays, table_of
 from .matlab import read_variables
 from .matrix_market import check_end, read_matrix
 from .petsc_binary import read_petsc
@@ -62,10 +62,10 @@ def _of_npz(path: Path) -> dict[str, Any]:
     if "data" not in fields or "format" not in fields:
         return {name: one if name == "format" else checked_numbers(path, name, one) for name, one in fields.items()}
     size = sum(one.nbytes for one in fields.values())
-    # fewer bytes than rows are a huge matrix with next to no entries
-    if np.max(fields.get("shape", 0), initial=0) > size:
-        raise FileError(f"{path}: has the shape {tuple(fields['shape'].tolist())}, but only {size} bytes")
-    with file_errors(path, "read"):
+    with file_errors(path, "read"), content_errors(path):
+        # fewer bytes than rows are a huge matrix with next to no entries
+        if np.max(fields.get("shape", 0), initial=0) > size:
+            raise FileError(f"{path}: has the shape {tuple(fields['shape'].tolist())}, but only {size} bytes")
         return {"": checked_sparse(sp.load_npz(path), "it").astype(np.float64)}
 
 

@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 import json
-import math
+import sys
 from collections.abc import Iterator
 from contextlib import suppress
 from os import PathLike
@@ -188,7 +188,7 @@ def _known(path: Path, about: dict[str, Any], name: str, expected: str) -> Any:
     if expected == "a text" and isinstance(value, str):
         # nothing moves the cursor of a terminal
         return "".join(letter if letter.isprintable() or letter == "\n" else "?" for letter in value)
-    is_number = isinstance(value, int | float) and not isinstance(value, bool) and 0.0 <= value < math.inf
+    is_number = isinstance(value, int | float) and not isinstance(value, bool) and 0.0 <= value <= sys.float_info.max
     if expected == "a number >= 0" and is_number:
         return value
     raise FileError(f"{path}: field about has {name} = {value!r:.80}; {expected} was expected")

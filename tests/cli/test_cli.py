@@ -141,6 +141,14 @@ def test_standard_input_is_a_file_and_the_first_line_of_a_table_may_have_names(c
         assert (code, json.loads(out)["z"]) == (0, [0.5, 0.0])
 
 
+def test_closed_standard_input_is_one_line_on_standard_error(capsys, tmp_path, monkeypatch):
+    np.save(tmp_path / "A.npy", PAIR)
+    monkeypatch.setattr("sys.stdin", None)
+    code, _, err = call(capsys, "solve", "--A", str(tmp_path / "A.npy"), "--q", "-")
+    assert (code, err.count("\n")) == (2, 1)
+    assert err.startswith("icpmodel: standard input: cannot be read")
+
+
 def test_a_run_goes_on_from_a_saved_answer(capsys, tmp_path):
     first = str(tmp_path / "first.npz")
     arguments = ["solve", "bai-symmetric", "--set", "mu=0", "--method", "mnmgs", "--json"]
@@ -283,6 +291,13 @@ def test_ctrl_c_shows_the_best_iterate_and_no_traceback(tmp_path):
     assert ran.returncode == 1
     assert said(ran.stderr) == "icpmodel: not solved: interrupted\n"
     assert "residual" in ran.stdout
+
+
+def test_ctrl_c_ends_a_report_before_its_other_sections(tmp_path):
+    options = ["--method", "outside-method", "--option", "steps=3", "-o", str(tmp_path / "x.html")]
+    ran = outside(tmp_path, METHOD)("report", "membrane", *options)
+    assert (ran.returncode, said(ran.stderr).strip()) == (130, "icpmodel: interrupted")
+    assert not (tmp_path / "x.html").exists()
 
 
 @pytest.mark.slow

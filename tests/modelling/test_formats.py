@@ -128,6 +128,15 @@ def content(path, folder):
     return problem.A.toarray().tolist()
 
 
+@pytest.mark.parametrize(("field", "value"), [("shape", ["4", "4"]), ("indices", [9] * 9)])
+def test_a_field_of_scipy_that_is_wrong_is_an_error_that_names_the_file(tmp_path, field, value):
+    path = tmp_path / "A.npz"
+    sp.save_npz(path, sp.csr_array(A))
+    np.savez(path, **(dict(np.load(path)) | {field: np.array(value)}))
+    with pytest.raises(icp.FileError, match=r"A\.npz: "):
+        icp.load_problem(path, q=Q)
+
+
 @pytest.mark.parametrize("kind", MATRICES)
 def test_a_file_cut_after_any_byte_is_refused_and_never_read_wrongly(tmp_path, kind):
     matrix = A[:2, :2]

@@ -67,6 +67,8 @@ def test_a_status_that_the_problem_does_not_bear_out_is_refused(tmp_path):
     with pytest.raises(icp.FileError, match="says that it is solved, but Res"):
         icp.load_solution(saved(path, PROBLEM.solve()), PROBLEM.with_q([1.0, 30.0]))
     assert icp.load_solution(saved(path, PROBLEM.solve(), tolerance=None)).solved
+    with pytest.raises(icp.FileError, match=r"seconds = 10{60,}"):
+        icp.load_solution(saved(path, PROBLEM.solve(), seconds=10**400))
     never = icp.ICP([[0.0, -1.0], [0.0, 0.0]], [1.0, -1.0]).solve(raise_on_failure=False)
     again = icp.load_solution(saved(path, never))
     assert again.status is icp.Status.INFEASIBLE
