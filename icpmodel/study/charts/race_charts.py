@@ -99,7 +99,8 @@ def _times(
     race: Race, style_by_name: Mapping[str, Style], limits: dict[str, Any], heading: str, axes: Any
 ) -> list[Any]:
     """Runs as markers, and their names beside the axes, in the order of the times of the most accurate ones."""
-    axes.set(xscale="log", yscale="log", ylabel="time, s", xlabel=f"{race.measure}   ({ACCURATE})")
+    exact = ", 0 at the right end" if any(run.error == 0.0 for run in race.entries) else ""
+    axes.set(xscale="log", yscale="log", ylabel="time, s", xlabel=f"{race.measure}{exact}   ({ACCURATE})")
     axes.set(xlim=limits["xlim"], ylim=limits["ylim"])
     axes.set_title(heading, fontsize=10)
     ends = []
