@@ -83,7 +83,8 @@ class CvxpyReading:
         values = self.compiled.parameter_values()
         same = (np.array_equal(a, b) for a, b in zip(values, self._values, strict=False))
         if self._last is None or not all(same):
-            self._last, self._values = self._read(self._last), values
+            last, self._last = self._last, None  # a reading that fails leaves nothing of itself
+            self._last, self._values = self._read(last), values
         return self._last
 
     def parameter_jacobians(self, rows: AffineRows) -> tuple[sp.csr_array, sp.csr_array, sp.csr_array | None]:
