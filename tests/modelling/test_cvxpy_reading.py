@@ -148,6 +148,64 @@ def test_a_series_is_compiled_once_and_gives_the_answers_of_new_models(monkeypat
     assert counts == [1, 2, 3, 4]  # the first one, and the new models
 
 
+def test_values_that_are_refused_leave_nothing_behind():
+    """Neither the obstacle that was read with them, nor signs and scales of rows."""
+    z, load, floor = cp.Variable(), cp.Parameter(value=1.0), cp.Parameter(value=0.0)
+    model = icp.Problem(icp.complements(z - load, z - floor))
+    model.solve()
+    floor.value, load.value = 5.0, np.inf
+    with pytest.raises(icp.InputError):
+        model.solve()
+    load.value = 1.0
+    assert model.solve().z == pytest.approx([5.0])
+    sign = cp.Parameter(value=1.0)
+    turned = icp.complements(z + load, sign * z, upper=5)
+    model = icp.Problem(turned)
+    model.solve()
+    before, sign.value, load.value = turned.p, -1.0, np.inf
+    with pytest.raises(icp.InputError):
+        model.solve()
+    sign.value = load.value = 1.0
+    model.solve()
+    assert turned.p == pytest.approx(before)
+
+
+#: z ∈ R² ↦ p that CVXPY calls affine and does not compile as it stands; and the answer of p ≥ 0 ⟂ z ≥ 0
+NOT_COMPILED = {
+    "a root": (lambda z: z - cp.sqrt(2), [np.sqrt(2)] * 2),
+    "a factor": (lambda z: cp.exp(1) * z - 1, [np.exp(-1)] * 2),
+    "a norm": (lambda z: z - cp.norm(np.array([3.0, 4.0])), [5, 5]),
+    "0 times a function": (lambda z: z - 1 + 0 * cp.exp(z), [1, 1]),
+    "0 entry by entry": (lambda z: z - 1 + cp.multiply([0.0, 0.0], cp.exp(z)), [1, 1]),
+    "0 in a sum": (lambda z: z - cp.cumsum(0 * cp.exp(z)) - 1, [1, 1]),
+    "a power": (lambda z: cp.power(z, 1.0) + z**0 - 2, [1, 1]),
+    "a diagonal": (lambda z: z + cp.diag(cp.vstack([z, z])) @ np.ones(2) - 2, [2 / 3, 2 / 3]),
+    "three axes": (
+        lambda z: (
+            z
+            - cp.reshape(
+                cp.hstack([cp.reshape(2 * z, (1, 1, 2), order="C"), cp.reshape(z, (1, 1, 2), order="C")])[0, 1],
+                (2,),
+                order="C",
+            )
+            - [1, -1]
+            + z
+        ),
+        [1, 0],
+    ),
+}
+
+
+@pytest.mark.parametrize("name", NOT_COMPILED)
+def test_what_cvxpy_calls_affine_is_read_as_its_value_says(name):
+    of, answer = NOT_COMPILED[name]
+    z = cp.Variable(2)
+    condition = icp.complements(of(z), z)
+    icp.Problem(condition).solve()
+    assert z.value == pytest.approx(answer)
+    assert condition.sides[0].value == pytest.approx(condition.p)
+
+
 def test_an_expression_without_a_value_is_named():
     """A start outside the domain is an error that says which expression; from inside, or the edge, it is solved."""
     z = cp.Variable(2, name="z")

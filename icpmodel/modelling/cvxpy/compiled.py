@@ -15,6 +15,7 @@ import cvxpy as cp
 import numpy as np
 import scipy.sparse as sp
 from cvxpy.atoms.affine.affine_atom import AffAtom
+from cvxpy.atoms.affine.hstack import Hstack
 
 from ...errors import InputError
 from ..affine_rows import AffineRows
@@ -59,7 +60,11 @@ class CompiledExpressions:
         # CVXPY warns of the way in which it reads sparse parameters
         is_sparse = any(parameter.attributes["sparsity"] for parameter in self.parameters)
         with warnings.catch_warnings(action="ignore", category=RuntimeWarning) if is_sparse else nullcontext():
-            data, *_ = self._model.get_problem_data(solver, ignore_dpp=ignore, canon_backend=backend)
+            try:
+                data, *_ = self._model.get_problem_data(solver, ignore_dpp=ignore, canon_backend=backend)
+            except ValueError:  # of diag(X) @ c in the SciPy backend, which the model would keep
+                self._model = cp.Problem(self._model.objective, self._model.constraints)
+                data, *_ = self._model.get_problem_data(solver, ignore_dpp=ignore)
         columns = data[cp.settings.PARAM_PROB].var_id_to_col
         M = sp.csr_array(data[cp.settings.A])
         constant = -data[cp.settings.B]
@@ -72,11 +77,16 @@ class CompiledExpressions:
 
 def _separate_atoms(expression: cp.Expression, atoms: dict[cp.Variable, cp.Expression]) -> cp.Expression:
     """`expression` with a new variable for each largest part that is not affine; these go into `atoms`. CVXPY's
-    compiler adds variables and rows for `cumsum`, which is therefore written as a product."""
-    if expression.is_affine() and cp.cumsum not in expression.atoms():
+    compiler adds variables and rows for `cumsum`, which is therefore written as a product, and takes the wrong axis
+    for `hstack` of three axes."""
+    if _is_linear(expression):
         return expression
+    if not expression.variables() and not expression.parameters():
+        return cp.Constant(expression.value)
     if isinstance(expression, cp.cumsum) and expression.is_affine():
-        return _as_product(expression)
+        return _as_product(expression, atoms)
+    if isinstance(expression, Hstack) and expression.ndim > 2:
+        expression = cp.concatenate(expression.args, axis=1)
     if isinstance(expression, AffAtom):
         nested: dict[cp.Variable, cp.Expression] = {}
         inner = expression.copy([_separate_atoms(argument, nested) for argument in expression.args])
@@ -88,9 +98,17 @@ def _separate_atoms(expression: cp.Expression, atoms: dict[cp.Variable, cp.Expre
     return stand_in
 
 
-def _as_product(cumsum: cp.cumsum) -> cp.Expression:
+def _is_linear(expression: cp.Expression) -> bool:
+    """Whether CVXPY compiles it as one product, and rightly. `is_affine` is also true of exp(1) and of 0 · exp(x)."""
+    if not isinstance(expression, AffAtom):
+        return not expression.args or bool(expression.parameters() and not expression.variables())
+    is_rewritten = isinstance(expression, cp.cumsum) or (isinstance(expression, Hstack) and expression.ndim > 2)
+    return expression.is_affine() and not is_rewritten and all(map(_is_linear, expression.args))
+
+
+def _as_product(cumsum: cp.cumsum, atoms: dict[cp.Variable, cp.Expression]) -> cp.Expression:
     """Lx with the matrix L of ones below the diagonal, along the axis of the array."""
-    x = _separate_atoms(cumsum.args[0], {})
+    x = _separate_atoms(cumsum.args[0], atoms)
     axis = cumsum.axis
     if not isinstance(axis, int):
         return np.tril(np.ones((x.size, x.size))) @ cp.vec(x, order="C")
