@@ -37,6 +37,12 @@ def test_bounds_of_a_variable_are_those_of_its_condition_and_else_are_checked(at
         assert z.value == pytest.approx([2.0 * sign] * 2)
 
 
+def test_bounds_that_are_given_are_taken_whatever_the_variable_has():
+    z = cp.Variable(bounds=[-1, 1])
+    for given, answer in (({}, -0.5), ({"lower": 0}, 0.0), ({"lower": 0, "upper": 1}, 0.0), ({"lower": -0.25}, -0.25)):
+        assert icp.Problem(icp.complements(z + 0.5, z, **given)).solve().z == pytest.approx([answer])
+
+
 def test_a_variable_with_bounds_has_the_gradients_of_one_without():
     A, found = PAIR, []
     for attributes in ({}, {"nonneg": True}):

@@ -110,7 +110,7 @@ class Complementarity(Displayable, cp.Constraint):
 
 
 @check_arguments
-def complements(p: Any, r: Any, *, lower: Any = 0.0, upper: Any = None) -> Complementarity:
+def complements(p: Any, r: Any, *, lower: Any = "default", upper: Any = None) -> Complementarity:
     """The constraint p ≥ 0 ⟂ r ≥ 0 of a `Problem`, best with r = z − ψ(z); p may be any expression.
 
     Bounds l and u of r make it a mixed condition:
@@ -157,8 +157,9 @@ def complements(p: Any, r: Any, *, lower: Any = 0.0, upper: Any = None) -> Compl
         actual = f"p = {named(p)} has shape {p.shape}, r = {named(r)} {r.shape}"
         raise InputError(f"complements(p, r) works entry by entry: {actual}")
     variable_bounds = own_bounds(r)
-    if _is_zero(lower) and upper is None and any(one is not None for one in variable_bounds):
-        lower, upper = variable_bounds
+    if isinstance(lower, str) and lower == "default":
+        takes_own = upper is None and any(one is not None for one in variable_bounds)
+        lower, upper = variable_bounds if takes_own else (0.0, upper)
     below = None if _is_zero(lower) else _bound(-np.inf if lower is None else lower, "lower", r)
     return Complementarity(p, r, (below, None if upper is None else _bound(upper, "upper", r)))
 
