@@ -90,6 +90,14 @@ def test_the_gradient_of_a_loss_is_that_of_differences_forward_and_in_reverse(ki
     check_grads(jax.jit(lambda one: loss(layer(one))), (given,), order=1, modes=("fwd", "rev"), rtol=1e-5, eps=1e-5)
 
 
+def test_equal_arrays_of_other_arguments_have_their_own_derivatives():
+    """psi = 0 beside q = −3, and q = 0 beside psi = 3: z = 3 is free in the one and at rest in the other."""
+    layer = solution_of(icp.ICP([[1.0]], [-3.0], psi=[3.0]))
+    by_psi, by_q = jax.grad(lambda c: layer(psi=c)[0]), jax.grad(lambda q: layer(q=q)[0])
+    zero = jnp.zeros(1)
+    assert (by_psi(zero).item(), by_q(zero).item()) == (0.0, 0.0)
+
+
 MAPPED = {
     "right-hand sides and obstacles": (icp.ICP(A, Q, C), {"q": [Q, -Q], "psi": [C, C - 0.5]}),
     "matrices by data": (icp.ICP(A, Q, C), {"A": [A.data, 1.5 * A.data]}),

@@ -73,7 +73,7 @@ class LastDerivative:
     """The derivative that was last asked for, with its factors, and the arrays and z that it belongs to."""
 
     def __init__(self) -> None:
-        self.key: tuple[bytes, ...] = ()
+        self.key: tuple[tuple[str, bytes], ...] = ()
         self.derivative: Derivative | None = None
         self.lock = RLock()
 
@@ -248,7 +248,7 @@ class Callbacks:
 
     def derivative(self, row: Arrays) -> Derivative | None:
         """The derivative at the z of one row, if a solve from there ends at once; else None."""
-        key = tuple(np.ascontiguousarray(one).tobytes() for several in row.values() for one in several)
+        key = tuple((name, np.ascontiguousarray(one).tobytes()) for name, several in row.items() for one in several)
         if key == self.last.key:
             return self.last.derivative
         if np.isnan(row["z"][0]).any():
