@@ -111,6 +111,17 @@ def test_a_range_with_an_infinite_end_is_the_condition_without_it():
         assert (model.x.value, model.y.value) == pytest.approx((x, 1))
 
 
+def test_a_parameter_may_be_infinite_for_a_while():
+    model = pyo.ConcreteModel()
+    model.x = pyo.Var()
+    model.capacity = pyo.Param(mutable=True, initialize=float("inf"))
+    model.c = Complementarity(expr=complements(pyo.inequality(0, model.x, model.capacity), model.x - 2))
+    for capacity, x in ((float("inf"), 2.0), (1.0, 1.0)):
+        model.capacity = capacity
+        pyo.SolverFactory("icpmodel").solve(model)
+        assert model.x.value == pytest.approx(x)
+
+
 EXPRESSIONS = {
     "product": lambda x: x[0] * x[1] * x[0],
     "exp": lambda x: pyo.exp(x[0] * x[1]),

@@ -6,6 +6,7 @@ import math
 from typing import Any, NamedTuple
 
 from pyomo.common.numeric_types import native_numeric_types
+from pyomo.core.expr.numvalue import value
 from pyomo.core.expr.relational_expr import EqualityExpression, InequalityExpression, RangedExpression
 
 from ...errors import InputError
@@ -34,13 +35,22 @@ def bounded_argument(expression: Any, condition: Any) -> BoundedArgument:
     strict = expression._strict
     if strict is True or (strict and any(strict)):  # one truth value, or one for each end
         raise InputError(f"{condition.name} has a strict inequality, {expression}; >= or <= was expected")
-    low, *between, high = expression.args
+    low, *between, high = map(_number, expression.args)
     if between:
         ends: list[Terms] = [((1.0, between[0]), (-1.0, low)), ((1.0, high), (-1.0, between[0]))]
         return BoundedArgument(_finite(ends), ((1.0, between[0]),), ends=tuple(ends))
     ends = [((1.0, high), (-1.0, low))]
     body = tuple(term for term in ends[0] if term[1].__class__ not in native_numeric_types)
     return BoundedArgument(_finite(ends), body)
+
+
+def _number(expression: Any) -> Any:
+    """The value of `expression` where that is infinite, as that of a parameter may be; else itself."""
+    if expression.__class__ not in native_numeric_types and not expression.is_potentially_variable():
+        number = value(expression, exception=False)
+        if number is not None and math.isinf(number):
+            return number
+    return expression
 
 
 def _finite(bounds: list[Terms]) -> tuple[Terms, ...]:
