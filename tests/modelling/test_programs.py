@@ -131,6 +131,21 @@ def test_what_nnls_of_scipy_got_wrong_is_right():
     assert icp.solve_nnls(B, [-3, 3])[0] == pytest.approx([0, 0, 0, 0, 0, 1.5, 0])
 
 
+def test_the_rounding_of_a_heavy_row_hides_no_gradient():
+    """A sum that is given by a weight of 1e7, beside rows of about 1."""
+    B = [[0.2, 0.0, 0.1], [0.2, 0.3, 0.3], [-0.1, -0.3, -0.2], [1e7, 1e7, 1e7]]
+    assert icp.solve_nnls(B, [0.01, 0.36, -0.19, 1e7])[0] == pytest.approx([0.0, 0.4, 0.6])
+
+
+@pytest.mark.timeout(60)
+def test_a_residual_that_is_rounding_ends_the_steps():
+    """Each step takes 2e-13 of it away, or a tenth, for ever."""
+    B = [[3.0, -1.0], [-2.0, 0.0], [1e7, 1e7]]
+    assert icp.solve_lsq(B, [2.0, 0.0, -2e7], [-1, -2], [1, -1]).x == pytest.approx([0.0, -2.0])
+    B = [[-2, -1, 0, 3], [-3, 3, -1, -1], [3, 2, 0, 3], [2, 0, 1, 3], [10, 10, 10, 10]]
+    assert icp.solve_lsq(B, [0, 8, 1, -1, 20], [-1, 2, 0, -1], [0, 3, 1, 1]).cost == pytest.approx(0.0, abs=1e-20)
+
+
 def test_entries_next_to_nothing_hide_no_error():
     """Columns from 1 down to e^-1000, as of a Laplace transform: the gradient has the right signs."""
     t = np.linspace(0.0, 1.0, 100)

@@ -199,20 +199,25 @@ def _corrected(
     while True:
         gradient = B.T @ r
         free = ((low < x) | (gradient > 0)) & ((x < high) | (gradient < 0))
+        rounding = gamma(sum(B.shape) + 2) * (abs(B) @ np.abs(x) + np.abs(c))
         if max(B.shape) > _DENSE_UP_TO or work.seconds_left() == 0.0:
             break
+        # what is below rounding may go on to fall for ever
+        enough = norm(r) if norm(r) > norm(rounding) else 0.5 * norm(r)
         for better in _nearer(B, c, x, low, high, free, exact):
             rest = c - B @ better
-            if norm(rest) < norm(r):
+            if norm(rest) < enough:
                 x = better
                 r = rest
                 break
         else:
             break
     violations = np.where(free, np.abs(gradient), 0.0)
-    rounding = gamma(sum(B.shape) + 2) * (abs(B) @ np.abs(x) + np.abs(c))
-    small = tolerance * norm(r) * largest_of_columns(B) + abs(B).T @ rounding
-    return x, violations, bool((violations <= small).all())
+    small = tolerance * norm(r) * largest_of_columns(B)
+    is_optimal = bool((violations <= small + abs(B).T @ rounding).all())
+    if is_optimal and not exact and (violations > small).any():  # rounding of large rows may hide small ones
+        return _corrected(B, c, x, low, high, tolerance, exact=True)
+    return x, violations, is_optimal
 
 
 def _nearer(
