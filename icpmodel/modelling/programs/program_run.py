@@ -118,9 +118,7 @@ class ProgramRun:
         """The names of the methods in turn; None for the choice of `solve()`."""
         methods: list[str | None] = [None]
         if not self.has_solution:
-            is_small = self.problem.n <= PIVOT_UP_TO
-            methods = ["lemke"] * is_small
-            methods += ["newton"] * (is_small or is_warm)
+            methods = ["lemke"] * (self.problem.n <= PIVOT_UP_TO) + ["newton"] * is_warm
             methods += ["interior", "proximal", None]
         return methods
 

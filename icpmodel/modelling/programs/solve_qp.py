@@ -255,7 +255,8 @@ def solve_avi(
     Returns
     -------
     ProgramSolution
-        "infeasible" where C is empty or no x in C solves the inequality, both with a proof.
+        "infeasible" where C is empty or no x in C solves the inequality, both with a proof. The latter is "unbounded"
+        where H is symmetric.
 
     Raises
     ------
