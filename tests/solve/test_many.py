@@ -177,6 +177,9 @@ def test_parameter_values_a_list_of_matrices_or_of_maps():
     q = rng.normal(size=5)
     matrices = [definite(rng, 5) for _ in range(4)]
     maps = [icp.Elementwise(lambda z, t=t: t * np.sin(z), lipschitz=t) for t in (0.0, 0.1, 0.5, 0.9)]
+    assert np.array_equal(
+        solve_many(matrices[0], q, [0.0, maps[2]]).Z, solve_many(matrices[0], q, [maps[0], maps[2]]).Z
+    )
     for A, psi in ((matrices, 0.0), (matrices, maps), (matrices[0], maps), (np.array(matrices), maps[2])):
         assert len(same_as_row_by_row(A, q, psi, obstacles=psi is maps)) == 4
     sparse = [sp.csr_array(A) for A in matrices]

@@ -63,7 +63,7 @@ def _list_obstacles(value: Any, name: str, none: float) -> tuple[list[Any] | Non
 def _each(value: Any, is_one: Callable[[Any], bool]) -> list[Any] | None:
     """The items of a list of values; None for a single value."""
     listed = isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.ndim > 0)
-    return list(value) if listed and len(value) and is_one(value[0]) else None
+    return list(value) if listed and any(map(is_one, value)) else None
 
 
 def _common(**several: Any) -> int:
