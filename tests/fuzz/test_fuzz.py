@@ -78,7 +78,8 @@ def solved_and_judged(drawn, asked, seen, exact_of):
         return None
     exact = exact_of(problem)
     lies = [*late, *false_claims(drawn, exact, problem, answer, chosen)]
-    if seen:
+    # Res ≤ atol may hold where Res_D is not the least
+    if seen and not (chosen.get("atol") and answer.status is icp.Status.SOLVED):
         lies += worse_than_seen(exact, problem, answer.z, path)
     return exact, answer, lies
 

@@ -83,3 +83,10 @@ def test_an_accuracy_can_be_asked_for_and_the_derivative_is_certain():
     assert solution.error_bound <= 1e-9
     assert solution.derivative().certain
     assert solution.active_set.active.tolist() == [False, True]
+
+
+def test_a_fixed_unknown_does_not_hide_f():
+    """z + z² = 0 has two solutions, whatever stands in the row of an unknown between 0 and 0."""
+    f = icp.Function(lambda z: np.array([z[0] ** 2, 0.0]), lambda z: np.diag([2.0 * z[0], 0.0]))
+    problem = ICP([[1.0, 0.0], [0.0, 0.0]], [0.0, 0.0], [-np.inf, 0.0], upper=0.0, f=f)
+    assert not error_bound(problem, [0.0, 0.0]).unique

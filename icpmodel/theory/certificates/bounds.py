@@ -294,7 +294,7 @@ def _without_fixed_rows(problem: ProblemData) -> ProblemData | None:
     Where they are 0 column i does not matter either. None if there is no such row.
     """
     facts = problem.facts
-    above = facts.upper_obstacle if problem.psi.is_constant else None
+    above = facts.upper_obstacle if problem.psi.is_constant and problem.f is None else None
     if above is None or not (fixed := facts.obstacle == above).any():
         return None
     rows = sp.diags_array(1.0 * ~fixed)
