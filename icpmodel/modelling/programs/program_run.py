@@ -118,8 +118,10 @@ class ProgramRun:
         """The names of the methods in turn; None for the choice of `solve()`."""
         methods: list[str | None] = [None]
         if not self.has_solution:
-            methods = ["lemke"] * (self.problem.n <= PIVOT_UP_TO) + ["newton"] * is_warm
-            methods += ["interior", "proximal", None]
+            is_small = self.problem.n <= PIVOT_UP_TO
+            # without a start Newton's steps often fail, but in extreme units the interior method does
+            methods = ["lemke"] * is_small + ["newton"] * is_warm + ["interior", "proximal"]
+            methods += ["newton"] * (is_small and not is_warm) + [None]
         return methods
 
     def _solve(self, problem: ICP, method: str | None, **options: Any) -> Solution:
