@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import numpy as np
 
-from ..errors import IcpError
+from ..errors import IcpError, OutOfTime
 from ..methods.contract import Method
 from ..methods.modulus import ModulusMember
 from ..numerics.arrays import Vector, norm
 from ..problem.data import ProblemData
 from ..theory.answers import Allowance
+from ..theory.certificates.bounds import classes_of
 from ..theory.convergence.rates import Rate, predicted_rate
 from ..theory.convergence.theorems import check_all
 
@@ -33,12 +36,14 @@ def proved_convergence(
     Notes
     -----
     A factor below 1 bounds the number of steps by |mid(D⁻¹p, r)| ≤ max(D⁻¹|A|, I + G)|z − z*|, where
-    |ψ(x) − ψ(y)| ≤ G|x − y|. Where the step is isotone and has moved every entry one way, all later steps do.
+    |ψ(x) − ψ(y)| ≤ G|x − y|. Where the step is isotone and has moved every entry down, all later steps do. For an
+    M-matrix A and no upper obstacle −A⁻¹q bounds them below, as p(z) ≥ 0 there.
     """
     if not isinstance(method, ModulusMember) or not method.memoryless or problem.f is not None:
         return ""
+    allowance = Allowance(float(iteration), problem.matrix.product_cost)
     try:
-        checks = check_all(problem, method, Allowance(float(iteration), problem.matrix.product_cost))
+        checks = check_all(problem, method, allowance)
     except IcpError:  # ψ may fail
         return ""
     rate = predicted_rate(problem, method, checks)
@@ -51,7 +56,8 @@ def proved_convergence(
         steps = rate.steps(problem, z, accuracy) if 0.0 < accuracy < np.inf else None
         most = "" if steps is None else f", by step {iteration + steps} the residual is {tolerance:.3g} at most"
         return f"it converges by theorem: each step leaves {rate.factor:.6g} of the error{most}"
-    moved = z - before
-    if checks["monotone"].holds and moved.any() and ((moved <= 0.0).all() or (moved >= 0.0).all()):
-        return "it converges by theorem: every step moves each entry the same way"
+    if checks["monotone"].holds and problem.upper is None and (z <= before).all() and (z < before).any():
+        with suppress(OutOfTime, MemoryError), allowance.enforced():
+            if classes_of(problem).m.holds:
+                return "it converges by theorem: every step moves each entry down, and -A^-1 q is below"
     return ""

@@ -35,3 +35,19 @@ def test_a_proved_factor_is_followed_and_the_limit_says_by_which_step():
         said = proved_convergence(near, icp.MNMOD(), early.z, early.z, early.tolerance, 1000)
         steps = int(re.search(r"by step (\d+)", said)[1]) - 1000
         assert near.solve("mnmod", z0=early, max_iter=steps).solved
+
+
+@pytest.mark.parametrize("method", ["psor", "mnmj"])
+@pytest.mark.parametrize(
+    "problem",
+    [
+        icp.ICP([[1, -1], [-1, 1]], [-1, -1]),
+        icp.ICP([[1, -1], [-1, 1]], [1, 1], -np.inf),
+        icp.ICP(np.eye(2), [1, 1], icp.Affine([[0, 1], [1, 0]], [1, 1])),
+    ],
+)
+def test_monotone_iterates_without_a_bound_are_not_said_to_converge(method, problem):
+    """There is no solution: z grows or falls by the same step for ever."""
+    solution = problem.solve(method, raise_on_failure=False)
+    assert solution.status is icp.Status.INFEASIBLE
+    assert "by theorem" not in solution.message
