@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ..numerics import work
 from ..numerics.arrays import Vector
 from ..numerics.fill import dense_cost
-from ..numerics.rounding import gamma
+from ..numerics.rounding import SMALLEST, gamma
 from ..problem.data import ProblemData
 from ..problem.map import Map
 from .equations import derivative
@@ -115,13 +115,13 @@ class LinearRows:
         n = self.n
         off = np.abs(np.eye(n) - inverse @ B).sum(axis=2) + gamma(2 * n) * (np.abs(inverse) @ np.abs(B)).sum(axis=2)
         contraction = off.max(axis=1)
-        defect = np.abs(b - _times(B, z)) + gamma(2 * n) * (_times(np.abs(B), np.abs(z)) + np.abs(b))
+        defect = np.abs(b - _times(B, z)) + _rounding(_times(np.abs(B), np.abs(z)) + np.abs(b), z)
         error = _times(np.abs(inverse), defect).max(axis=1) / (1.0 - contraction)
-        error = np.where(contraction < 1.0, 2.0 * error, np.inf)[:, None]
+        error = np.where(contraction < 1.0, 2.0 * error, np.inf)[:, None] + _rounding(0.0, z)
         empty = np.zeros(len(sides), dtype=bool)
         for M, offset, sign, rows in self._signs(sides):
             value = sign * (z @ M.T + offset)
-            rounding = gamma(2 * n) * (np.abs(z) @ np.abs(M).T + np.abs(offset))
+            rounding = _rounding(np.abs(z) @ np.abs(M).T + np.abs(offset), z)
             empty |= (rows & (value < -(np.abs(M).sum(axis=1) * error + rounding))).any(axis=1)
         return PieceBatch(sides, z, empty)
 
@@ -157,6 +157,12 @@ def _linearise(psi: Map, z: Vector) -> tuple[Dense, Vector]:
         return np.eye(z.size) - G.toarray(), c
     J = derivative(psi, z)
     return np.eye(z.size) - J.toarray(), psi.value(z) - J @ z
+
+
+def _rounding(terms: Vector | float, z: Vector) -> Vector:
+    """The rounding of sums of these `terms` at the points `z`, where units of rows and products may underflow."""
+    n = z.shape[1]
+    return np.asarray(gamma(2 * n) * terms + 4 * n * SMALLEST * (1.0 + np.abs(z).max(axis=1, keepdims=True)))
 
 
 def _inverses(B: Dense) -> Dense:

@@ -106,6 +106,30 @@ def test_between_two_equal_obstacles_p_has_either_sign():
     assert {tuple(np.sign(face.point)) for face in found.faces} == {(0, 1), (0, -1)}
 
 
+@pytest.mark.parametrize(
+    ("A", "q", "c", "points"),
+    [
+        (
+            [[-7.071956807429365e301, 8.2506162753342595e301], [9.429275743239153e301, -1.1786594678048941e301]],
+            [-2.6469779601696886e-22, 3.1763735522036263e-22],
+            [0.0, 0.0],
+            1,
+        ),
+        (
+            np.ldexp([[6.6, 9.899999999999999], [-3.3, -3.3]], 900),
+            np.ldexp([8 * 5e-324, 2 * 5e-324], 900),
+            [2 * 5e-324, -3 * 5e-324],
+            2,
+        ),
+    ],
+)
+def test_underflow_excludes_no_solution(A, q, c, points):
+    """z is subnormal, all data but ψ are not: the units of rows and products lose digits that γ does not count."""
+    problem = icp.ICP(A, q, c)
+    assert len(icp.all_solutions(problem).points) == points
+    assert icp.certify(problem, c).unique is not (points > 1)
+
+
 @pytest.mark.parametrize("n", [1, 4, 8])
 def test_a_negative_identity_has_all_corners_of_the_cube(n):
     found = icp.all_solutions(icp.ICP(-np.eye(n), np.ones(n)))
