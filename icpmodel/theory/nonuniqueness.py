@@ -23,11 +23,10 @@ from ..algebra.equations import pattern_at
 from ..algebra.linear_rows import FREE, LOWER, UPPER, has_linear_pieces, piece_count
 from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
+from .certificates.enumerated import MAX_EXACT_PIECES, prove
 from .matrices.classes import MatrixClasses
-from .solution_set import ExactRows, Face, all_solutions, listed
+from .solution_set import ExactRows, Face, listed
 
-#: the largest number of linear pieces for which all solutions are computed: about a tenth of a second
-_MAX_PIECES = 2**9
 #: unknowns up to which the equations of an active set are solved in fractions
 _MAX_UNKNOWNS = 20
 
@@ -68,15 +67,9 @@ def solution_facts(problem: ProblemData, classes: MatrixClasses, z: Vector | Non
     if face is not None:
         along = ", ".join(listed(direction) for direction in face.directions)
         yield f"z may move along {along} without leaving the solutions, as far as no sign changes"
-    if has_linear_pieces(problem) and piece_count(problem) <= _MAX_PIECES:
-        solutions = all_solutions(problem)
-        points = [*solutions.points, *(one.point for one in solutions.faces)]
-        if not points:
-            yield f"there is no solution: all {solutions.pieces} linear pieces were examined"
-        elif len(points) > 1:
-            yield f"two of {len(points)} solutions: z = {listed(points[0])} and z = {listed(points[1])}"
-        elif not solutions.faces:
-            yield f"there is one solution and no other: all {solutions.pieces} linear pieces were examined"
+    elif has_linear_pieces(problem) and piece_count(problem) <= MAX_EXACT_PIECES:
+        proof = prove(problem)
+        yield proof if isinstance(proof, str) else proof.sentence
 
 
 def face_at(problem: ProblemData, z: Vector) -> Face | None:

@@ -18,7 +18,7 @@ TWO = icp.ICP([[-1.0]], [1.0])
     [
         (SEGMENT, ["p = Az + q is the same", "z may move along (-1, 1)"]),
         (SKEW, ["(A + A')z is the same"]),
-        (TWO, ["two of 2 solutions: z = (0) and z = (1)"]),
+        (TWO, ["there are two solutions or more: (1) and (0)"]),
     ],
 )
 def test_the_page_and_the_summary_say_what_is_known(problem, words):

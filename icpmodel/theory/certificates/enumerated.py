@@ -23,7 +23,7 @@ from .proof import Proof, norm_up
 #: linear pieces up to which all are examined, in floats first: 2¹² take a tenth of a second
 MAX_PIECES = 2**12
 #: pieces that are solved in fractions, a few milliseconds each
-_MAX_EXACT_PIECES = 200
+MAX_EXACT_PIECES = 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,8 +48,8 @@ def prove(problem: ProblemData) -> EnumeratedProof | str:
     exact = ExactRows(problem)
     point = None
     for k, sides in enumerate(plausible(LinearRows.of(problem, np.zeros(problem.n)))):
-        if k == _MAX_EXACT_PIECES:
-            return f"more than {_MAX_EXACT_PIECES} linear pieces may hold a solution"
+        if k == MAX_EXACT_PIECES:
+            return f"more than {MAX_EXACT_PIECES} linear pieces may hold a solution"
         solutions = exact.solve(sides)
         if solutions is None:
             continue
