@@ -70,11 +70,11 @@ class Pattern(NamedTuple):
 
     @classmethod
     def of(cls, r: Vector, above: Vector | None, a: Vector) -> Pattern:
-        """From r = z − ψ, `above` = z − ψ̄ and a = p/Ω."""
+        """From r = z − ψ, `above` = z − ψ̄ and a = p/Ω; rows whose obstacles meet are active."""
         if above is None:
             return cls(r, r < a)
         at_upper = above > a
-        return cls(np.where(at_upper, above, r), (r < a) | at_upper, at_upper)
+        return cls(np.where(at_upper, above, r), (r < a) | at_upper | (r <= above), at_upper)
 
     def sides(self) -> tuple[Mask, ...]:
         """The rows that take the lower obstacle, and if there is an upper one, those that take it."""

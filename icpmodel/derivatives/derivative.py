@@ -216,7 +216,7 @@ class Derivative(ReadOnly, Plottable):
         (array([-0.5]), array([-0.5]))
         """
         zbar = self.problem.vector(zbar, "zbar", finite=True)
-        return Gradient(self.problem, self.z, self.pattern, self.solved(zbar, transposed=True))
+        return Gradient(self.solution.problem, self.z, self.pattern, self.solved(zbar, transposed=True))
 
     @cached_property
     def _tolerance(self) -> float:

@@ -179,7 +179,24 @@ def test_where_p_and_r_are_both_zero_the_derivatives_are_one_sided(dq, dc):
 def test_two_obstacles_that_touch_leave_no_choice(dq):
     derivative = icp.ICP([[2.0]], [-4.0], psi=2.0, upper=2.0).solve().derivative()
     right, left = derivative.one_sided(dq=[dq])
-    assert right == left == pytest.approx([0.0])
+    assert right == left == derivative.forward(dq=[dq]) == pytest.approx([0.0])
+
+
+def test_a_contact_that_separates_leaves_no_friction_to_move():
+    """z_n = 0 holds z_t between −0 and 0, also where the tangential velocity is 0."""
+    problem = icp.ICP.from_friction_index(np.eye(2), [-1.0, 0.0], [0, -0.5], [np.inf, 0.5], [-1, 0])
+    derivative = problem.solve().derivative()
+    assert derivative.forward(dq=[0.0, -1.0]) == pytest.approx([0.0, 0.0])
+    assert derivative.adjoint([0.0, 1.0]).q == pytest.approx([0.0, 0.0])
+
+
+def test_the_gradient_by_A_has_the_pattern_of_A_beside_any_f():
+    """Also where f′ cancels an entry of A: there 2z = 1, so that dz_0 = −(da_00 z_0 + da_01 z_1)/2."""
+    f = icp.Function(lambda z: z[::-1] * 1.0, lambda z: np.eye(2)[::-1])
+    problem = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, -1.0], f=f)
+    gradient = problem.solve().derivative().adjoint([1.0, 0.0])
+    assert gradient.A.toarray() == pytest.approx(np.array([[-0.25, -0.25], [0.0, 0.0]]))
+    assert gradient.A.nnz == problem.A.nnz
 
 
 def test_ties_at_either_of_two_obstacles_are_told_apart():

@@ -228,6 +228,15 @@ def test_the_answer_of_a_function_in_jax_has_the_derivative_of_the_implicit_func
     assert several[1] == pytest.approx(answer(theta | {"a": jnp.array(0.6)}))
 
 
+@pytest.mark.parametrize("unit", [1e-10, 1.0, 1e10])
+def test_the_derivative_does_not_depend_on_the_units_of_p(unit):
+    """exp(z) = 1 + c: dz/dc = 1/(1 + c), whatever is left of p in its units; and 0 between two equal bounds."""
+    free = nonlinear_solution_of(lambda z, c: unit * (jnp.exp(z) - 1 - c), 1, rtol=1e-8)
+    assert jax.jacfwd(free)(3.0) == pytest.approx(0.25, rel=1e-6)
+    fixed = nonlinear_solution_of(lambda z, t: z - t, 2, psi=[1.0, 0.0], upper=[1.0, 5.0])
+    assert jax.jacrev(fixed)(1.0) == pytest.approx([0.0, 1.0])
+
+
 def test_columns_that_share_no_row_are_differentiated_together():
     """A chain of 10⁴ links with a cubic force: the answer of the matrix and f, and the derivative by differences."""
     n = 10_000

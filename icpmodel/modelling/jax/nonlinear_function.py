@@ -114,7 +114,8 @@ def nonlinear_solution_of(
     def of_implicit_function(primals: tuple[Any], tangents: tuple[Any]) -> Any:
         z = answer(*primals)
         p, dp = jax.jvp(lambda theta: F(z, theta), primals, tangents)
-        return z, jacobian.newton_step(z, *primals, (p > z - low) | (p < z - high), dp)
+        at_bound = jacobian.at_bound(z, *primals, p, low, high)
+        return z, jacobian.newton_step(z, *primals, at_bound, dp)
 
     return answer
 
@@ -141,6 +142,11 @@ class _Jacobian:
     def matrix(self, entries: Any) -> sp.csr_array:
         pattern = self._pattern
         return sp.csr_array((np.array(entries), pattern.indices, pattern.indptr), shape=pattern.shape)
+
+    def at_bound(self, z: Any, theta: Any, p: Any, low: Any, high: Any) -> Any:
+        """The rows that are nearer to a bound than to p = 0, in the units of z."""
+        size = self._jax.ops.segment_max(abs(self.entries(z, theta)), self._rows, z.size)
+        return (p > size * (z - low)) | (p < size * (z - high)) | (low == high)
 
     def newton_step(self, z: Any, theta: Any, at_bound: Any, p: Any) -> Any:
         """dz with F′dz = −p and, in the rows `at_bound`, a mask of shape (n,), dz = 0."""
