@@ -176,6 +176,12 @@ class _Symbol:
     def __init__(self, expression: Any) -> None:
         self.expression = expression
 
+    def __eq__(self, other: object) -> bool:
+        raise TypeError("its code compares z, and a Pyomo expression has no branches")
+
+    def __bool__(self) -> bool:
+        raise TypeError("its code has a branch, and a Pyomo expression has none")
+
     def __neg__(self) -> _Symbol:
         return _Symbol(-self.expression)
 

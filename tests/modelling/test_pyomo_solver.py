@@ -282,6 +282,8 @@ CODE = {
 }
 NO_EXPRESSION = {
     "maximum": (lambda z: np.maximum(z, 0) / 3, "not supported between"),
+    "one point": (lambda z: np.where(z == 1, 5.0, z**2), "its code compares z"),
+    "a truth value": (lambda z: np.where(z.astype(bool), z, 0.0), "its code has a branch"),
     "number": (lambda z: z * float(z[0]) / 10, "float"),
     "random": (lambda z: 0.1 * z + np.random.default_rng().random(3), "and its expression"),
     "intervention": (icp.scenes.scene("dividend").problem, "it takes the best of several"),
