@@ -110,8 +110,8 @@ def elimination(problem: ProblemData, max_cost: Callable[[], float]) -> SchurCom
     rows = np.flatnonzero(bounded)
     if not 0 < rows.size < problem.n or rows.size**2 > matrix.nnz:
         return None
-    limit = max_cost()
     costs = factor_costs(matrix)
+    limit = min(max_cost(), costs.dense)
     if costs.analysis.costs_more(limit) or not costs.fill.is_exact or costs.unsymmetric > limit:
         return None
     key = rows.tobytes()
