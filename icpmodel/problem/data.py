@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..errors import HOW_TO_BUILD, InputError, MapError, NotApplicable, check_arguments
-from ..numerics.arrays import Vector, as_number, as_vector, check_labels, described, not_finite
+from ..numerics.arrays import Vector, as_array, as_number, as_vector, check_labels, described, not_finite
 from .affine import vertical_map
 from .facts import Facts
 from .friction import FrictionIndex
@@ -245,7 +245,7 @@ class ProblemData(PointValues):
         (array([ 2., -1.]), array([0. , 2.5]))
         """
         problem = cls(A, -as_vector(b, None, "b"))
-        if (shape := np.shape(findex)) != (problem.n,):
+        if (shape := as_array(findex, "findex").shape) != (problem.n,):
             raise InputError(f"findex has shape {shape}; shape ({problem.n},) was expected")
         return problem.with_psi(FrictionIndex(lo, hi, findex))
 
@@ -396,9 +396,9 @@ class ProblemData(PointValues):
         >>> tangent.dense().round(6), tangent.q.round(6)
         (array([[5.]]), array([-10.]))
         """
+        z = self.vector(z, finite=self.f is not None)
         if self.f is None:
             return self
-        z = self.vector(z, finite=True)
         matrix, slope_times_z = self.f.tangent(self.matrix, z)
         offset = self.offset(z) - slope_times_z
         if fault := not_finite(offset, "q + f(z) - f'(z)z"):

@@ -115,7 +115,7 @@ def by_rows(name: str, /, n: int | None = None, **parameters: Any) -> ByRows:
 
 def _split_name(name: str, n: int | None, parameters: dict[str, Any]) -> tuple[str, int | None, dict[str, Any]]:
     """The scene name, n and the other parameters, from a name that parameters may follow."""
-    name, *pairs = name.split(",")
+    name, *pairs = str(name).split(",")
     try:
         parameters |= {key: json.loads(value) for key, _, value in (pair.partition("=") for pair in pairs)}
     except ValueError:
@@ -188,6 +188,7 @@ def parameters(name: str) -> dict[str, Any]:
 
 
 def _builder(name: str) -> Builder:
+    name = str(name)
     if name not in builders():
         listed = ", ".join(names())
         raise InputError(f"there is no scene {name!r}{did_you_mean(name, names()) or f'; the scenes are: {listed}'}")

@@ -22,9 +22,9 @@ from ..methods.proximal import Proximal
 from ..methods.psor import PSOR
 from ..methods.shortcuts import Josephy, Lemke, Tridiagonal
 from ..numerics import work
-from ..numerics.arrays import as_truth
+from ..numerics.arrays import as_number, as_truth
 from ..numerics.multigrid import hierarchy_cost
-from ..numerics.rounding import SMALLEST
+from ..numerics.rounding import SMALLEST, UNIT_ROUNDOFF
 from ..present.display import Displayable
 from ..problem.data import ProblemData, ProblemLike, as_problem
 from .estimates import Estimate, least_cost, least_of_others
@@ -143,7 +143,8 @@ def select_method(
     """
     check_family(family)
     as_truth(warm_start, "warm_start")
-    job = Ladder(as_problem(problem), rtol, family, warm_start=warm_start).next()
+    target_reduction = max(as_number(rtol, "rtol", minimum=0.0, below=1.0), UNIT_ROUNDOFF)
+    job = Ladder(as_problem(problem), target_reduction, family, warm_start=warm_start).next()
     return None if job is None else job.choice
 
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import NotApplicable, check_arguments
-from ..numerics.arrays import Mask, ReadOnly, Vector
+from ..errors import InputError, NotApplicable, check_arguments
+from ..numerics.arrays import Mask, ReadOnly, Vector, described
 from ..present.display import Displayable
 from ..problem.friction import FrictionIndex
 from .solution import Solution
@@ -87,6 +87,8 @@ def contact_state(solution: Solution) -> ContactState:
     >>> state.impulses, state.sliding
     (array([ 1. , -0.5]), array([False,  True]))
     """
+    if not isinstance(solution, Solution):
+        raise InputError(f"solution is {described(solution)}; what solve() returns was expected")
     psi: Any = solution.problem.psi
     if not isinstance(psi, FrictionIndex):
         raise NotApplicable(f"psi is {psi!r}; a problem made by ICP.from_friction_index was expected")

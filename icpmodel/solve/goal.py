@@ -69,7 +69,7 @@ class Limits:
 
 def check_family(family: Any) -> None:
     """Raise InputError unless `family` is one of `FAMILIES`."""
-    if family not in tuple(FAMILIES):
+    if not isinstance(family, str | None) or family not in FAMILIES:
         raise InputError(f"family is {described(family)}; 'paper', 'modulus' or None was expected")
 
 

@@ -12,7 +12,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import Any
 
-from ..numerics.arrays import Vector
+from ..numerics.arrays import Vector, as_truth
 from ..numerics.plugins import in_notebook
 from ..present.display import Displayable
 from ..present.rendering import render
@@ -25,7 +25,7 @@ _LOG = logging.getLogger("icpmodel")
 _open_line: ContextVar[Callable[[str], None] | None] = ContextVar("status line", default=None)
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Progress(Displayable):
     """The state of a run that a callback receives.
 
@@ -115,7 +115,7 @@ def status_line(enabled: bool, opening: str = "") -> Iterator[Callable[[str], No
             outer(opening)
         yield outer
         return
-    with _display(enabled and sys.stderr is not None, time.monotonic, opening) as show:
+    with _display(as_truth(enabled, "progress") and sys.stderr is not None, time.monotonic, opening) as show:
 
         def say(text: str) -> None:
             show(text, None, "")

@@ -113,7 +113,7 @@ _PRINT_COST = 2e6
 
 
 @check_arguments
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class History(ReadOnly, Plottable, Tabular):
     """The path of a run, one entry per tested iterate.
 

@@ -283,7 +283,7 @@ def _own_competitors(methods: Sequence[str | Method] | None) -> list[Competitor]
     """The own methods that take part; what was asked for by name must be known."""
     known = {one.name: one for one in own_methods()}
     return [
-        OwnMethod(repr(one), one) if isinstance(one, Method) else known.get(one) or OwnMethod(one, named(one))
+        OwnMethod(repr(one), one) if isinstance(one, Method) else known.get(str(one)) or OwnMethod(one, named(one))
         for one in (DEFAULT_METHODS if methods is None else as_list(methods, "methods"))
     ]
 

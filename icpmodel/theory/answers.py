@@ -14,7 +14,7 @@ from ..present.display import Displayable
 UNDECIDED = "not decided"  #: the beginning of the reason where a limit left a question open
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Answer(ReadOnly, Displayable):
     """The answer to a question about a problem.
 

@@ -180,6 +180,41 @@ def test_what_is_no_number_is_refused_by_name(name, value):
         SMALL.solve(**{name: value})
 
 
+NO_ARGUMENTS = {
+    "raise_on_failure": lambda: icp.solve_many([[-1.0]], [[-1.0]], raise_on_failure=np.array([0, 0])),
+    "rtol": lambda: icp.select_method(SMALL, rtol="abc"),
+    "rtol is -1": lambda: icp.select_method(SMALL, rtol=-1),
+    "family": lambda: SMALL.solve(family=np.ones(2)),
+    "progress": lambda: SMALL.crosscheck(SMALL.solve(), ["osqp"], progress=np.ones(2)),
+    "as_printed": lambda: icp.theory.check("4.3", SMALL, icp.MNMGS(), as_printed="no"),
+    "executor": lambda: icp.solve_many(SMALL.A, [SMALL.q] * 2, executor=int),
+    "solution": lambda: icp.contact_state(SMALL),
+    "problem": lambda: icp.theory.proximal_point(None),
+    "there is no scene": lambda: icp.scenes.scene(3),
+    "there is no scene '": lambda: icp.scenes.parameters(None),
+    "points": lambda: SMALL.solve().plot("x.png", points=["1"] * SMALL.n),
+    "findex": lambda: icp.ICP.from_friction_index(np.eye(2), [1, 1], [0, 0], [1, 1], [[1, 2], [3]]),
+    "z is": lambda: SMALL.linearised("abc"),
+}
+
+
+@pytest.mark.parametrize("words", NO_ARGUMENTS)
+def test_what_is_no_argument_is_refused_before_any_work(words):
+    with pytest.raises(icp.InputError, match=words):
+        NO_ARGUMENTS[words]()
+
+
+def test_a_rtol_of_0_is_that_of_rounding():
+    assert isinstance(icp.select_method(icp.scenes.membrane(n=400), rtol=0).method, icp.PSOR)
+
+
+def test_results_with_arrays_are_compared_by_identity():
+    certificate = SMALL.solve().certificate
+    assert certificate == certificate
+    assert certificate not in [SMALL.solve().certificate]
+    assert len({certificate, certificate.bound}) == 2
+
+
 def test_nothing_that_a_callback_is_handed_reaches_the_run():
     def spoil(state):
         with pytest.raises(ValueError, match="read-only"):

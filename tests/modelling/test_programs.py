@@ -146,6 +146,12 @@ def test_a_residual_that_is_rounding_ends_the_steps():
     assert icp.solve_lsq(B, [0, 8, 1, -1, 20], [-1, 2, 0, -1], [0, 3, 1, 1]).cost == pytest.approx(0.0, abs=1e-20)
 
 
+def test_a_cost_that_overflows_loses_no_answer():
+    x, rnorm = icp.solve_nnls([[1.0]], [-1e200])
+    assert (x, rnorm) == ([0.0], 1e200)
+    assert icp.solve_lsq([[1.0]], [-1e200], 0).cost == np.inf
+
+
 def test_entries_next_to_nothing_hide_no_error():
     """Columns from 1 down to e^-1000, as of a Laplace transform: the gradient has the right signs."""
     t = np.linspace(0.0, 1.0, 100)

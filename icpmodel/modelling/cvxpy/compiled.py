@@ -16,6 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 from cvxpy.atoms.affine.affine_atom import AffAtom
 from cvxpy.atoms.affine.hstack import Hstack
+from cvxpy.expressions.leaf import Leaf
 
 from ...errors import InputError
 from ..affine_rows import AffineRows
@@ -101,7 +102,7 @@ def _separate_atoms(expression: cp.Expression, atoms: dict[cp.Variable, cp.Expre
 def _is_linear(expression: cp.Expression) -> bool:
     """Whether CVXPY compiles it as one product, and rightly. `is_affine` is also true of exp(1) and of 0 · exp(x)."""
     if not isinstance(expression, AffAtom):
-        return not expression.args or bool(expression.parameters() and not expression.variables())
+        return isinstance(expression, Leaf) or bool(expression.parameters() and not expression.variables())
     is_rewritten = isinstance(expression, cp.cumsum) or (isinstance(expression, Hstack) and expression.ndim > 2)
     return expression.is_affine() and not is_rewritten and all(map(_is_linear, expression.args))
 

@@ -85,6 +85,7 @@ class LeastSquares(Displayable):
 
 
 @public_entry
+@np.errstate(all="ignore")  # the cost may overflow
 def solve_lsq(
     B: Any,
     c: Any,
@@ -148,7 +149,7 @@ def solve_lsq(
     fun = B @ x - c
     solution = LeastSquares(
         x=x,
-        cost=0.5 * norm(fun) ** 2,
+        cost=0.5 * norm(fun) * norm(fun),
         fun=fun,
         optimality=float(violations.max(initial=0.0)),
         active_mask=np.where(x >= high, 1, np.where(x <= low, -1, 0)),

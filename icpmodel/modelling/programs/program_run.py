@@ -120,8 +120,15 @@ class ProgramRun:
         if not self.has_solution:
             is_small = self.problem.n <= PIVOT_UP_TO
             # without a start Newton's steps often fail, but in extreme units the interior method does
-            methods = ["lemke"] * is_small + ["newton"] * is_warm + ["interior", "proximal"]
-            methods += ["newton"] * (is_small and not is_warm) + [None]
+            is_cold = is_small and not is_warm
+            methods = [
+                *["lemke"] * is_small,
+                *["newton"] * is_warm,
+                "interior",
+                "proximal",
+                *["newton"] * is_cold,
+                None,
+            ]
         return methods
 
     def _solve(self, problem: ICP, method: str | None, **options: Any) -> Solution:

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...errors import InputError, NotSolved
 from ...numerics import work
-from ...numerics.arrays import described
+from ...numerics.arrays import as_truth, described
 from ...numerics.rounding import public_entry
 from ..goal import RTOL, Limits
 from ..solution import Status
@@ -109,6 +109,7 @@ def solve_many(
     array([1. , 0.5])
     """
     limits = Limits(rtol=rtol, atol=atol, max_iter=0, time_limit=time_limit, memory_limit=memory_limit)
+    as_truth(raise_on_failure, "raise_on_failure")
     batch = Batch(A, Q, psi, upper, Z0, limits)
     batch.run() if executor is None else _by_workers(batch, executor)
     solutions = batch.solutions()
@@ -128,16 +129,20 @@ def _solve_share(batch: Batch, begun: float) -> dict[str, Any]:
     return {name: getattr(batch, name) for name in (*_ROW_FIELDS, *_OTHER_FIELDS)}
 
 
+def _pool_of(make: Any) -> Any:
+    pool = make() if callable(make) else None
+    if hasattr(pool, "submit"):
+        return pool
+    expected = "a function that makes a pool was expected, such as ProcessPoolExecutor or Dask's client.get_executor"
+    raise InputError(f"executor is {described(make)}; {expected}")
+
+
 def _by_workers(batch: Batch, make: Any) -> None:
     """Solve the rows of `batch` with the workers of an executor from `make`, and of a new one after each that breaks.
 
     The remaining shares of rows are then halved, until the one that kills its worker is found. It is tried once more,
     then row by row. A row that still kills its worker is given up.
     """
-    if not callable(make):
-        expected = "a function that makes a pool was expected"
-        advice = "such as ProcessPoolExecutor or Dask's client.get_executor"
-        raise InputError(f"executor is {described(make)}; {expected}, {advice}")
     k = len(batch.Z)
     row_cost = batch.row_cost()
     limit = batch.limits.time_limit
@@ -150,7 +155,7 @@ def _by_workers(batch: Batch, make: Any) -> None:
     try:
         while groups:
             group = groups.pop()
-            pool = pool or make()
+            pool = pool or _pool_of(make)
             with suppress(BrokenExecutor):
                 for share in group:
                     futures[share] = pool.submit(_solve_share, _rows_of(batch, *share), begun)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InputError
-from ...numerics.arrays import Mask, Vector, as_list, as_number, described
+from ...numerics.arrays import Mask, Vector, as_float64, as_list, as_number, described
 from ...problem.data import ProblemData
 from ...scenes.registry import placement_of
 
@@ -133,7 +133,7 @@ def places_of(problem: ProblemData, points: Any = None, shape: Any = None) -> Pl
     if points is None:
         rows = _evenly(problem.n)
         return Places(rows, rows.astype(np.float64), f"row{_hint(problem)}", unknown, by_row=True)
-    points = np.asarray(points, dtype=np.float64)
+    points = as_float64(points, "points")
     if points.shape[:1] != (problem.n,) or points.ndim > 2 or not 1 <= points.size // problem.n <= 3:
         raise InputError(f"points has shape {points.shape}; ({problem.n},), (n, 2) or (n, 3) was expected")
     points = points.reshape(problem.n, -1)

@@ -53,7 +53,7 @@ _ASSUMED_F = ", given that f has the slopes that the user says"
 _MAX_POINTS = 8
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ErrorBound(ReadOnly, Displayable):
     """A bound on the distance of z to the solution; `print` says it in words.
 

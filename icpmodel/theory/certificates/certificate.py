@@ -25,7 +25,7 @@ from .bounds import ErrorBound, error_bound
 NOT_COMPUTED = "it was not computed"  #: the reason of a certificate whose bound was not asked for
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Certificate(Displayable):
     """The residual, error bound, uniqueness and active set of z, recomputed from (A, q, ψ, z) by `certify`.
 

@@ -22,13 +22,13 @@ rate.
 from __future__ import annotations
 
 from ...errors import check_arguments
-from ...problem.data import ProblemData
+from ...problem.data import ProblemLike, as_problem
 from ..answers import Answer
 from ..certificates.bounds import classes_of
 
 
 @check_arguments
-def proximal_point(problem: ProblemData) -> Answer:
+def proximal_point(problem: ProblemLike) -> Answer:
     """Whether `Proximal` is proved to converge on `problem`, if there is a solution: A monotone, the obstacle fixed.
 
     Parameters
@@ -52,6 +52,7 @@ def proximal_point(problem: ProblemData) -> Answer:
     >>> print(proximal_point(ICP([[1, 3], [3, 1]], [1, 1])))
     no: A is not monotone: indefinite: x'Ax < 0 for the witness x
     """
+    problem = as_problem(problem)
     if not problem.facts.has_fixed_obstacle:
         return Answer(False, "the obstacle depends on other unknowns, or its slope is not known to be below 1")
     answer = classes_of(problem).semidefinite

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...algebra.splittings import Member
 from ...errors import InputError, check_arguments
-from ...numerics.arrays import Vector, as_number, as_vector, described
+from ...numerics.arrays import Vector, as_number, as_vector, axes, described
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, product_upper_bound, rounded_up
 from ...present.display import Displayable
 from ...problem.data import ProblemData, as_problem
@@ -152,7 +152,7 @@ class Rate(Displayable, ABC):
         -----
         Rounding in the run itself limits the accuracy that can be reached.
         """
-        if np.ndim(accuracy) == 0:
+        if axes(accuracy, "accuracy") == 0:
             accuracy = as_number(accuracy, "accuracy", above=0)
         accuracy = as_vector(accuracy, self.v.size, "accuracy")
         if not (accuracy > 0).all():

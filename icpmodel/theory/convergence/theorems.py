@@ -10,7 +10,7 @@ import numpy as np
 from ...algebra.splittings import Member
 from ...errors import InputError, OutOfTime, SingularOperator, check_arguments
 from ...numerics import work
-from ...numerics.arrays import Vector, described
+from ...numerics.arrays import Vector, as_truth, described
 from ...numerics.rounding import UNIT_ROUNDOFF, rounded_down, rounded_up
 from ...problem.data import ProblemData
 from ..answers import UNLIMITED, Allowance, Answer
@@ -25,7 +25,7 @@ from .structural import DEFINITE, MONOTONE, definite, monotone
 _BALANCING_COST = 100.0
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Check(Answer):
     """Whether the hypotheses of a theorem hold: an `Answer` with the theorem beside it.
 
@@ -135,7 +135,7 @@ def check(theorem: str, problem: ProblemData, member: Member, as_printed: bool =
     >>> print(check("4.3", ICP([[1.0]], [-1.0]), MNMGS(phi=-1.5)))
     no: phi has the negative entry -1.5
     """
-    return _check(theorem, StepMatrices(problem, member), as_printed)
+    return _check(theorem, StepMatrices(problem, member), as_truth(as_printed, "as_printed"))
 
 
 @check_arguments
