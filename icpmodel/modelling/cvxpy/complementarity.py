@@ -124,8 +124,8 @@ def complements(p: Any, r: Any, *, lower: Any = "default", upper: Any = None) ->
         row r is z − ψ(z), with one entry of z for itself. Where it has none, `Problem` adds an unknown
         s with the equation s − r(z) = 0.
     lower, upper : Expression, float or array, optional
-        l and u; −inf, +inf or None for none. By default 0 and None, or the bounds of a variable r
-        that was made with `nonpos` or `bounds`.
+        l and u; −inf, +inf or None for none. By default 0 and None; without an upper one, the bounds of a
+        variable r that was made with `nonpos` or `bounds`.
 
     Returns
     -------

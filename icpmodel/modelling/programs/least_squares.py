@@ -203,8 +203,9 @@ def _corrected(
         rounding = gamma(sum(B.shape) + 2) * (abs(B) @ np.abs(x) + np.abs(c))
         if max(B.shape) > _DENSE_UP_TO or work.seconds_left() == 0.0:
             break
-        # what is below rounding may go on to fall for ever
-        enough = norm(r) if norm(r) > norm(rounding) else 0.5 * norm(r)
+        is_rounding = norm(r) <= norm(rounding)
+        # which may go on to fall for ever
+        enough = 0.5 * norm(r) if is_rounding else norm(r)
         for better in _nearer(B, c, x, low, high, free, exact):
             rest = c - B @ better
             if norm(rest) < enough:
@@ -216,7 +217,8 @@ def _corrected(
     violations = np.where(free, np.abs(gradient), 0.0)
     small = tolerance * norm(r) * largest_of_columns(B)
     is_optimal = bool((violations <= small + abs(B).T @ rounding).all())
-    if is_optimal and not exact and (violations > small).any():  # rounding of large rows may hide small ones
+    # the rounding of large rows may hide the gradient of small ones
+    if is_optimal and not exact and not is_rounding and (violations > small).any():
         return _corrected(B, c, x, low, high, tolerance, exact=True)
     return x, violations, is_optimal
 
