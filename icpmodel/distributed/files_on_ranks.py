@@ -84,7 +84,7 @@ def load_problem(
         place = as_path(path)
         parted = _is_parted(place)
         if parted and q is None:
-            raise FileError(f"{place}: holds A alone; the problem needs q too, in another file")
+            raise FileError(f"{place}: has no q, which the problem needs, here or in another file")
         if not parted and comm.rank == 0:
             problem = load_whole(path, q, psi, upper)
     if not parted:
