@@ -157,3 +157,12 @@ def test_an_affine_obstacle_that_no_z_reaches_is_proved_to_be_infeasible_without
             assert not (exact(A).T @ y + x - exact(G).T @ x).any()
             proved += 1
     assert proved >= 10
+
+
+def test_no_unknown_ends_below_its_obstacle():
+    """Two rows that are nearly one: a step of refinement took z_0 to −5e-36, where z_0 ≥ 0 is one of the conditions."""
+    A = np.array([[288.0000001, 384.0, 0.0], [384.0, 512.0000001, 0.0], [0.0, 0.0, 1e-7]])
+    problem = icp.ICP(1e-6 * A, np.zeros(3), [0.0, -3.0, 1.0])
+    many = icp.solve_many(problem.A, [problem.q], problem.psi)
+    for z in (problem.solve().z, problem.solve("lemke").z, many.Z[0]):
+        assert (problem.r(z) >= 0.0).all()

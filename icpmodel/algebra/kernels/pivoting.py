@@ -215,6 +215,8 @@ def continue_pivots(S, f, free, units, D, labels, work, entering, limit):
         _unpack(D, n + 1, basic, y)
     if code == SOLVED:
         _refine(S, f, D, basic, nonbasic, y, work)
+        for i in range(n):
+            y[i] = y[i] if free[i] else max(y[i], 0.0)  # what is below 0 is rounding
     elif code == RAY:
         _unpack(D, -1 - place[entering], basic, ray)
         if entering >= n:
