@@ -23,7 +23,8 @@ from ..algebra.equations import pattern_at
 from ..algebra.linear_rows import FREE, LOWER, UPPER, has_linear_pieces, piece_count
 from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
-from .certificates.enumerated import MAX_EXACT_PIECES, prove
+from .certificates.bounds import enumerated_proof
+from .certificates.enumerated import MAX_EXACT_PIECES
 from .matrices.classes import MatrixClasses
 from .solution_set import ExactRows, Face, listed
 
@@ -68,7 +69,7 @@ def solution_facts(problem: ProblemData, classes: MatrixClasses, z: Vector | Non
         along = ", ".join(listed(direction) for direction in face.directions)
         yield f"z may move along {along} without leaving the solutions, as far as no sign changes"
     elif has_linear_pieces(problem) and piece_count(problem) <= MAX_EXACT_PIECES:
-        proof = prove(problem)
+        proof = enumerated_proof(problem)
         yield proof if isinstance(proof, str) else proof.sentence
 
 

@@ -31,6 +31,7 @@ from ...problem.user_code import USER_ULPS
 from ..answers import UNDECIDED
 from ..matrices.classes import MatrixClasses
 from .definite import prove as prove_definite
+from .enumerated import EnumeratedProof
 from .enumerated import prove as prove_enumerated
 from .h_plus import HPlusProof
 from .h_plus import prove as prove_h_plus
@@ -385,6 +386,12 @@ def supersolution_proof(problem: ProblemData) -> Proof | str:
     return proof
 
 
+def enumerated_proof(problem: ProblemData) -> EnumeratedProof | str:
+    """The proof by all linear pieces, or why there is none; it depends on q as well."""
+    proof: EnumeratedProof | str = _once(problem, prove_enumerated, problem)
+    return proof
+
+
 def proofs_with_rounding(problem: ProblemData) -> Iterator[Proof | str]:
     """The proofs that bound the effect of errors in p and r, or why one fails, cheapest and sharpest first."""
     yield h_plus_proof(problem)
@@ -400,7 +407,7 @@ def proofs_for(problem: ProblemData) -> Iterator[Proof | str]:
         return
     yield from proofs_with_rounding(problem)
     if has_linear_pieces(problem):
-        yield _once(problem, prove_enumerated, problem)
+        yield enumerated_proof(problem)
 
 
 def sharpened(
