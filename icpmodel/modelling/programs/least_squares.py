@@ -17,7 +17,7 @@ import scipy.sparse as sp
 
 from ...errors import InputError, NotSolved
 from ...numerics import work
-from ...numerics.arrays import Mask, Vector, as_truth, as_vector, norm
+from ...numerics.arrays import Mask, Vector, as_truth, as_vector, inner, norm
 from ...numerics.factorisation import largest_of_columns
 from ...numerics.rounding import gamma, public_entry
 from ...present.display import Displayable
@@ -85,7 +85,7 @@ class LeastSquares(Displayable):
 
 
 @public_entry
-@np.errstate(all="ignore")  # the cost may overflow
+@np.errstate(all="ignore")  # residuals may overflow
 def solve_lsq(
     B: Any,
     c: Any,
@@ -149,7 +149,7 @@ def solve_lsq(
     fun = B @ x - c
     solution = LeastSquares(
         x=x,
-        cost=0.5 * norm(fun) * norm(fun),
+        cost=0.5 * inner(fun, fun),
         fun=fun,
         optimality=float(violations.max(initial=0.0)),
         active_mask=np.where(x >= high, 1, np.where(x <= low, -1, 0)),
@@ -197,10 +197,11 @@ def _corrected(
     where r_i = 0 at a solution are known to the rounding of the others only.
     """
     r = c - B @ x
+    size = abs(B)
     while True:
         gradient = B.T @ r
         free = ((low < x) | (gradient > 0)) & ((x < high) | (gradient < 0))
-        rounding = gamma(sum(B.shape) + 2) * (abs(B) @ np.abs(x) + np.abs(c))
+        rounding = gamma(sum(B.shape) + 2) * (size @ np.abs(x) + np.abs(c))
         if max(B.shape) > _DENSE_UP_TO or work.seconds_left() == 0.0:
             break
         is_rounding = norm(r) <= norm(rounding)
@@ -216,7 +217,7 @@ def _corrected(
             break
     violations = np.where(free, np.abs(gradient), 0.0)
     small = tolerance * norm(r) * largest_of_columns(B)
-    is_optimal = bool((violations <= small + abs(B).T @ rounding).all())
+    is_optimal = bool((violations <= small + size.T @ rounding).all())
     # the rounding of large rows may hide the gradient of small ones
     if is_optimal and not exact and not is_rounding and (violations > small).any():
         return _corrected(B, c, x, low, high, tolerance, exact=True)
