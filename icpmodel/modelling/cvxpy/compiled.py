@@ -9,7 +9,7 @@ import math
 import warnings
 from collections.abc import Sequence
 from contextlib import nullcontext
-from typing import Any
+from typing import Any, TypeGuard
 
 import cvxpy as cp
 import numpy as np
@@ -86,7 +86,7 @@ def _separate_atoms(expression: cp.Expression, atoms: dict[cp.Variable, cp.Expre
         return cp.Constant(expression.value)
     if isinstance(expression, cp.cumsum) and expression.is_affine():
         return _as_product(expression, atoms)
-    if isinstance(expression, Hstack) and expression.ndim > 2:
+    if _is_deep_hstack(expression):
         expression = cp.concatenate(expression.args, axis=1)
     if isinstance(expression, AffAtom):
         nested: dict[cp.Variable, cp.Expression] = {}
@@ -103,8 +103,13 @@ def _is_linear(expression: cp.Expression) -> bool:
     """Whether CVXPY compiles it as one product, and rightly. `is_affine` is also true of exp(1) and of 0 · exp(x)."""
     if not isinstance(expression, AffAtom):
         return isinstance(expression, Leaf) or bool(expression.parameters() and not expression.variables())
-    is_rewritten = isinstance(expression, cp.cumsum) or (isinstance(expression, Hstack) and expression.ndim > 2)
+    is_rewritten = isinstance(expression, cp.cumsum) or _is_deep_hstack(expression)
     return expression.is_affine() and not is_rewritten and all(map(_is_linear, expression.args))
+
+
+def _is_deep_hstack(expression: cp.Expression) -> TypeGuard[Hstack]:
+    """Whether it stacks arrays of three axes or more."""
+    return isinstance(expression, Hstack) and expression.ndim > 2
 
 
 def _as_product(cumsum: cp.cumsum, atoms: dict[cp.Variable, cp.Expression]) -> cp.Expression:
