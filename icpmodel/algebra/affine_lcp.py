@@ -28,6 +28,8 @@ PIVOT_UP_TO = 64
 _WORK_ARRAYS = 5
 #: nanoseconds per entry to make and fill these arrays: 40 to 50 at n = 10⁴ and 2·10⁴, where all pages are new
 _SETUP_COST = 45.0
+#: rows whose block of M has a larger condition number are not exchanged
+_MAX_CONDITION = 1e8
 #: the cost of an inverse and a product with it, in factorisations
 INVERSE = 6.0
 
@@ -150,6 +152,29 @@ class AffineLcp:
         new.M, new.q = split(*read_only((self.M, self.q, self.free)))
         new.is_split = True
         return new
+
+    def exchanged(self, rows: NDArray[np.int64]) -> AffineLcp:
+        """The LCP in which w_i and y_i have changed places in `rows`, a principal pivot transform.
+
+        Raises SingularOperator where the rows and columns `rows` of M are singular.
+        """
+        new = copy(self)
+        block = self.M[np.ix_(rows, rows)]
+        if not np.linalg.cond(block) < _MAX_CONDITION:
+            raise SingularOperator("M is singular in the rows that change places", int(rows[0]))
+        inverse = np.linalg.inv(block)
+        columns = self.M[:, rows] @ inverse
+        new.M = self.M - columns @ self.M[rows]
+        new.M[rows] = -inverse @ self.M[rows]
+        new.M[:, rows] = columns
+        new.M[np.ix_(rows, rows)] = inverse
+        new.q = self.q - columns @ self.q[rows]
+        new.q[rows] = -inverse @ self.q[rows]
+        return new
+
+    def w(self, y: Vector) -> Vector:
+        """q + My."""
+        return self.q + self.M @ y
 
     def joined(self, y: Vector) -> Vector:
         """`y` with the differences in place of their two parts."""

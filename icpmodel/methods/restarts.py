@@ -28,26 +28,31 @@ _TRIES_WITHOUT_PIVOTS = 20
 
 @with_options
 class Restarts(Method):
-    """Lemke's pivots with random covering vectors, and Newton's method from z⁰ and from random starts, in turn.
+    """Lemke's pivots from random starts, and Newton's method from z⁰ and from random starts, in turn.
 
     Parameters
     ----------
     tries : int, default 400
-        The number of covering vectors. One start of Newton's method comes with every 100 of them, or with every 20
-        where there are no pivots.
+        The number of starts of the pivots. One start of Newton's method comes after every 100 of them, or with every
+        20 where there are no pivots.
     seed : int, default 0
         Of the random numbers: the same seed gives the same iterates.
 
     Notes
     -----
     Lemke's pivots go from a ray of w = q + My + d·t to t = 0. Where M is no P-matrix the path, and whether it ends in
-    a solution, depends on the covering vector d > 0. It is drawn as exp(3u), u uniform in [−1, 1]^n. Where the obstacle
-    is neither affine nor fixed there are no pivots. Newton's starts are z = ψ + s|x| with x normal, half of its entries
-    0, and s the largest entry of D⁻¹q, ψ and z⁰. The iterates are those that have a smaller residual than all before.
+    a solution, depends on the covering vector d > 0. It is drawn as exp(3u), u uniform in [−1, 1]^n. From y = 0 some
+    problems end in a ray whatever d is, such as games of two players, whose M is [[0, A], [Bᵀ, 0]]. So every second
+    path begins where two random y_i are basic, as that of Lemke and Howson does.
+
+    Where the obstacle is neither affine nor fixed there are no pivots. Newton's starts are z = ψ + s|x| with x normal,
+    half of its entries 0, and s the largest entry of D⁻¹q, ψ and z⁰. The iterates are those that have a smaller
+    residual than all before.
 
     References
     ----------
-    Cottle, Pang and Stone, The Linear Complementarity Problem (1992), section 4.4.
+    Cottle, Pang and Stone, The Linear Complementarity Problem (1992), section 4.4. Lemke and Howson, SIAM J. Appl.
+    Math. 12 (1964).
 
     Examples
     --------
@@ -57,6 +62,7 @@ class Restarts(Method):
     """
 
     name: ClassVar[str] = "restarts"
+    family: ClassVar[str] = "shortcut"
     finite: ClassVar[bool] = True
 
     tries: int = 400
@@ -85,14 +91,15 @@ class Restarts(Method):
             with suppress(SingularOperator):
                 lcp = dense_lcp(problem)
         every = _TRIES_WITHOUT_PIVOTS if lcp is None else _TRIES_WITH_PIVOTS
+        first = 0 if lcp is None else every - 1
         has_newton = Newton().why_not(problem) is None
         scale = scale_of_starts(problem, z)
         start = z
         for k in range(self.tries):
             with suppress(MapError):
-                if lcp is not None and (candidate := _pivot(problem, lcp, rng)) is not None:
+                if lcp is not None and (candidate := _pivot(problem, lcp, rng, k % 2 == 1)) is not None:
                     yield candidate, problem.residual(candidate)
-            if has_newton and k % every == 0:
+            if has_newton and k % every == first:
                 with suppress(MapError):
                     for candidate, residual in islice(Newton().iterates(problem, start), _NEWTON_STEPS):
                         yield candidate, problem.residual(candidate) if residual is None else residual
@@ -113,14 +120,23 @@ def start_above(problem: ProblemData, z: Vector, scale: float, rng: np.random.Ge
     return np.where(np.isfinite(obstacle), obstacle, z) + above
 
 
-def _pivot(problem: ProblemData, lcp: AffineLcp, rng: np.random.Generator) -> Vector | None:
-    """z by Lemke's pivots with a random covering vector, None if they end in a ray. Raises OutOfTime."""
+def _pivot(problem: ProblemData, lcp: AffineLcp, rng: np.random.Generator, exchanges: bool) -> Vector | None:
+    """z by Lemke's pivots from a random start, None if they end in a ray. Raises OutOfTime.
+
+    The covering vector is random. With `exchanges` two random y_i are basic at the start.
+    """
     from ..algebra.kernels.pivoting import SOLVED, START  # loads numba
 
+    rows = rng.permutation(np.flatnonzero(~lcp.free))[: 2 if exchanges else 0]
+    try:
+        path = lcp.exchanged(rows) if exchanges else lcp
+    except SingularOperator:
+        return None
     covering = np.exp(rng.uniform(-3.0, 3.0, len(lcp.q)))
-    ended, _, y, _ = some_pivots(lcp.start(covering), START, PIVOTS * (len(lcp.q) + 1))
+    ended, _, y, _ = some_pivots(path.start(covering), START, PIVOTS * (len(lcp.q) + 1))
     if ended != SOLVED:
         return None
+    y[rows] = np.where(y[rows] > 0.0, 0.0, path.w(y)[rows])
     with suppress(SingularOperator, MapError):
         return solve_on(problem, lcp.z(y), *lcp.active_rows(y))
     return lcp.z(y)

@@ -20,6 +20,7 @@ from ..methods.multilevel import Multilevel
 from ..methods.newton import Newton
 from ..methods.proximal import Proximal
 from ..methods.psor import PSOR
+from ..methods.restarts import Restarts
 from ..methods.shortcuts import Josephy, Lemke, Tridiagonal
 from ..numerics import work
 from ..numerics.arrays import as_number, as_truth
@@ -27,8 +28,7 @@ from ..numerics.multigrid import hierarchy_cost
 from ..numerics.rounding import SMALLEST, UNIT_ROUNDOFF
 from ..present.display import Displayable
 from ..problem.data import ProblemData, ProblemLike, as_problem
-from .estimates import Estimate, least_cost, least_of_others
-from .estimates import estimate as estimate_of
+from .estimates import TRIES, Estimate, estimate_of, least_cost, least_of_others
 from .goal import RTOL, check_family
 
 _LOG = logging.getLogger("icpmodel")
@@ -79,8 +79,8 @@ def select_method(
 
     What one method solves at once goes to it:
 
-    1. At most 64 unknowns: `Lemke` where ψ is affine, or every ψ_i depends on z_i alone and changes by less; else
-       `Josephy`.
+    1. At most 64 unknowns: `Lemke` where ψ is affine, or every ψ_i depends on z_i alone and changes by less, and ten
+       `Restarts` of it where it ends in a ray; else `Josephy`.
     2. A tridiagonal, and every ψ_i fixed, or dependent on z_i alone and changing by less: `Tridiagonal`.
     3. ψ an intervention: policy iteration, by `Newton` or from the coarser levels by `Multilevel`.
 
@@ -98,11 +98,12 @@ def select_method(
        for a quarter of what the cheapest method of rung 5 is expected to cost, and for 20 sweeps at least, which show
        a rate. It is an eighth where the Jacobi radius ρ < 1 of A foretells that it needs more than that method. If
        that is `Multilevel`, no other can cost less, and an eighth does not pay for 20 sweeps, it begins at once.
-    5. Of four methods the one with the least left to do: the cheaper of `Newton` and `Lemke`; `Multilevel`, unless it
-       ran before; `Proximal`; `Interior`. Their estimates follow from ρ and the fill of the factors of A. That fill is
-       not asked for before `Multilevel` has more left than the others would cost without any.
-    6. Where all of these have ended: the other that rung 5 names, then MNMGS and MNMMOD. With at most 150 unknowns
-       they end after twice their estimates, as a global search follows.
+    5. Of four methods the one with the least left to do: the cheapest of `Newton`, `Lemke` and ten `Restarts` of
+       it; `Multilevel`, unless it ran before; `Proximal`; `Interior`. Their estimates follow from ρ and the fill of
+       the factors of A. That fill is not asked for before `Multilevel` has more left than the others would cost
+       without any.
+    6. Where one of these has ended, another that rung 5 names; after all of them MNMGS and MNMMOD. With at most 150
+       unknowns they end after twice their estimates, as a global search follows.
 
     Before rung 5 the problem is reduced, see `solve.reduction`; each of its parts goes up a ladder of its own.
 
@@ -126,7 +127,7 @@ def select_method(
         The share of Res_D(0) that is asked for.
     family : {None, "modulus", "paper"}
         "modulus" leaves out what does not grow out of the modulus equation: `Lemke`, `Josephy`,
-        `Tridiagonal`. "paper" takes MNMAOR with θ₁ = "auto" for the sweeps of rung 4, MNMMOD with
+        `Restarts`, `Tridiagonal`. "paper" takes MNMAOR with θ₁ = "auto" for the sweeps of rung 4, MNMMOD with
         θ₁ = "auto" for rung 5, then MNMGS.
     warm_start : bool, default False
         Whether `solve` is given a z0.
@@ -266,8 +267,8 @@ class Ladder:
 
     def cost_of_iterations(self) -> float:
         """The least that methods without factors are expected to cost, in nanoseconds."""
-        methods = [self._accelerated(), Multilevel()]
-        return min((job.remaining for job in self._estimate_jobs(methods)), default=math.inf)
+        jobs = self._estimate_jobs([self._accelerated(), Multilevel()])
+        return min((job.remaining for job in jobs), default=math.inf)
 
     def _accelerated(self) -> Accelerated:
         return Accelerated(of=PSOR(omega=relaxation(self.problem)))
@@ -312,16 +313,16 @@ class Ladder:
     def _add_direct(self) -> None:
         problem = self.problem
         self.floor = math.inf
-        small = f"n = {problem.n} is small"
-        rules: list[tuple[Method, str]] = [(Lemke(), small), (Josephy(), small), (Tridiagonal(), "A is tridiagonal")]
-        if problem.n > PIVOT_UP_TO:
-            rules = rules[2:]
-        for method, why in rules if self.family is None else ():
-            why_not = method.why_not(problem)
+        rules: list[list[Method]] = [[Tridiagonal()]]
+        if problem.n <= PIVOT_UP_TO:
+            rules = [[Lemke(), Restarts(tries=TRIES)], [Josephy()], *rules]
+        for methods in rules if self.family is None else ():
+            why_not = methods[0].why_not(problem)
             if why_not is None:
-                self.jobs.append(Job(Choice(method, why)))
+                why = "A is tridiagonal" if methods == rules[-1] else f"n = {problem.n} is small"
+                self.jobs = [Job(Choice(method, why)) for method in methods]
                 break
-            _LOG.debug("n = %d: %r is left out: %s", problem.n, method, why_not)
+            _LOG.debug("n = %d: %r is left out: %s", problem.n, methods[0], why_not)
 
     def _begin_early(self, job: Job, floor: float) -> None:
         """Run `job` before the others of rung 5 are estimated, until it has more than `floor` left."""
@@ -331,7 +332,7 @@ class Ladder:
 
     def _add_psor(self) -> None:
         sweeps = PSOR()
-        if sweeps.why_not(self.problem) is None and work.memory_suffices(8.0 * 4.0 * self.problem.n):
+        if sweeps.why_not(self.problem) is None and work.memory_suffices(32.0 * self.problem.n):
             step = estimate_of(sweeps, self.problem.facts, self.target_reduction).step
             self.floor = _ACCELERATED_SWEEPS * step
             job = Job(Choice(sweeps, f"a trial of {_PLAIN_SWEEPS} sweeps"))
@@ -395,7 +396,7 @@ class Ladder:
         if self.family == "paper":
             rungs = [[MNMMOD(theta1=AUTO)]]
         elif self.family is None:
-            rungs[0].append(Lemke())
+            rungs[0] += [Lemke(), Restarts(tries=TRIES)]
         self.others = list(map(self._estimate_jobs, rungs))
         began = [rung[0] for rung in self.others if rung]
         self.jobs += began
@@ -429,4 +430,4 @@ class MethodSequence:
 
 
 def _count_text(steps: float) -> str:
-    return f"{max(round(steps), 1)}" if math.isfinite(steps) else "endless"
+    return f"{max(steps, 1.0):.0f}"

@@ -67,6 +67,19 @@ def test_what_highs_does_not_find_proves_nothing(problem):
     assert attempt(problem, "milp").status is not icp.Status.INFEASIBLE
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_pivots_find_an_equilibrium_of_every_game_of_two_players(seed):
+    """Lemke and Howson (1964); from y = 0 every covering vector ends in a ray."""
+    rng = np.random.default_rng(seed)
+    m = 60
+    A, B = rng.uniform(1.0, 2.0, (2, m, m))
+    zero = np.zeros((m, m))
+    game = icp.ICP(np.block([[zero, A], [B.T, zero]]), -np.ones(2 * m))
+    solution = attempt(game, "restarts", tries=60)
+    assert solution.solved
+    assert np.minimum(solution.z, game.p(solution.z)) == pytest.approx(0.0, abs=1e-8)
+
+
 def test_the_same_seed_gives_the_same_answer():
     problem = planted(3, 12)
     one, other = (attempt(problem, "restarts", seed=7, tries=20) for _ in range(2))
