@@ -51,7 +51,11 @@ def solve_to_accuracy(run: Run, accuracy: float, run_methods: Callable[[], None]
         z = run.best.z
         before = residual
         residual = run.best.residual
-        bound = certified(problem, z)
+        try:
+            bound = certified(problem, z)
+        except KeyboardInterrupt:
+            bound = None
+            run.stop_reason = StopReason(Status.INTERRUPTED, "by Ctrl-C")
         if run.stop_reason.status is not Status.SOLVED or not residual < before:
             break
     if bound is not None and bound <= accuracy:

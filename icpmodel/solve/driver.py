@@ -28,7 +28,7 @@ from .newton_josephy import NewtonJosephy
 from .outcome import solution_of, why_none
 from .progress import Progress
 from .reduction import ladder_steps, presolve
-from .run import WORTH_ANOTHER_METHOD, Run
+from .run import WORTH_ANOTHER_METHOD, CallbackFailure, Run
 from .small import pivoted
 from .solution import Solution, Status
 from .stopping import StopReason, fault_of_psi
@@ -150,10 +150,13 @@ def solve(
         def run_all() -> None:
             _run_all(run, named_method, family)
 
-        if accuracy is None:
-            run_all()
-        else:
-            solve_to_accuracy(run, accuracy, run_all)
+        try:
+            if accuracy is None:
+                run_all()
+            else:
+                solve_to_accuracy(run, accuracy, run_all)
+        except CallbackFailure as failure:
+            raise failure.error from None
         if run.singular is not None and method is not None:
             raise run.singular
         if run.best is None:

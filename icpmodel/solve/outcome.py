@@ -106,7 +106,10 @@ def _status_and_note(run: Run, best: BestIterate, limits: Limits) -> tuple[Statu
         status = Status.CROSSED
         note = gap
     may_contradict = run.problem.f is None and status in (*_STALLED, Status.INFEASIBLE)
-    conflict = contradiction(run.problem) if may_contradict else None
+    try:
+        conflict = contradiction(run.problem) if may_contradict else None
+    except KeyboardInterrupt:
+        return Status.INTERRUPTED, "by Ctrl-C"
     if conflict is None:
         return status, note + (_derivative_note(run.problem, best.z) if status in _STALLED else "")
     proof = run.infeasible if status is Status.INFEASIBLE and run.infeasible is not None else conflict.proof

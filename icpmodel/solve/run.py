@@ -17,6 +17,7 @@ from ..errors import MapError, OutOfTime, SingularOperator
 from ..methods.contract import SAFE_HINT, Infeasible, Iterate, Method
 from ..numerics import work
 from ..numerics.arrays import Vector, locked, norm
+from ..numerics.rounding import is_ctrl_c
 from ..problem.data import ProblemData
 from ..theory.answers import Answer
 from .choice import Job, Ladder, MethodSequence
@@ -43,6 +44,14 @@ _DIVERGENCE = 1e200
 _CONTINUABLE = ("", Status.SOLVED.value, Status.TIME_LIMIT.value, Status.MEMORY_LIMIT.value)
 #: ends after which another method is tried; with MAP_FAILED it may avoid the points where psi fails
 WORTH_ANOTHER_METHOD = (Status.STAGNATED, Status.CYCLED, Status.DIVERGED, Status.MAP_FAILED)
+
+
+class CallbackFailure(BaseException):
+    """Carries the `error` of a callback past the run, which would take it for one of a method."""
+
+    def __init__(self, error: Exception) -> None:
+        super().__init__(error)
+        self.error = error
 
 
 @dataclass
@@ -259,7 +268,7 @@ class Run:
             if self.best is None or residual < self.best.residual:
                 self.best = self.candidate(z, residual)
             stop_reason = self._report(z, residual, seconds) or self._end_at(z, residual)
-            if stop_reason := stop_reason or stalled.check(z, residual) or self._end_by_limit(seconds):
+            if stop_reason := stop_reason or stalled.check(z, residual) or self._end_by_limit():
                 job.steps = max(count, job.steps)
                 return stop_reason
             is_due = False
@@ -269,7 +278,7 @@ class Run:
                 spent = 0.0
             yield is_due
             # a method that ran in between may have ended in its last iteration
-            if is_due and (stop_reason := self._end_by_limit(work.clock() - self.start_time)):
+            if is_due and (stop_reason := self._end_by_limit()):
                 return stop_reason
 
     def candidate(self, z: Vector, residual: float) -> BestIterate:
@@ -309,9 +318,21 @@ class Run:
         if self.records is not None:
             self.records.append((self.iteration, residual, seconds, self.job.method.name))
         # a copy: a view could be written to through its base
-        if self.callback is not None and self.callback(Progress(self.iteration, locked(z.copy()), residual, seconds)):
+        if self.callback is not None and self._callback_stops(
+            Progress(self.iteration, locked(z.copy()), residual, seconds)
+        ):
             return StopReason(Status.STOPPED, "by the callback")
         return None
+
+    def _callback_stops(self, progress: Progress) -> bool:
+        """Whether the callback returns True. Raises CallbackFailure."""
+        assert self.callback is not None
+        try:
+            return bool(self.callback(progress))
+        except Exception as error:
+            if isinstance(error, OutOfTime) or is_ctrl_c(error):  # of this run
+                raise
+            raise CallbackFailure(error) from None
 
     def _end_at(self, z: Vector, residual: float) -> StopReason | None:
         """SOLVED, or DIVERGED or MAP_FAILED relative to the method's first residual; None if the run goes on."""
@@ -325,13 +346,15 @@ class Run:
             return StopReason(Status.DIVERGED, f"the iterates diverged, at iteration {self.iteration}")
         return None
 
-    def _end_by_limit(self, seconds: float) -> StopReason | None:
-        """ITERATION_LIMIT or TIME_LIMIT, if one is reached."""
+    def _end_by_limit(self) -> StopReason | None:
+        """ITERATION_LIMIT or TIME_LIMIT, if one is reached; the time may be that of what encloses the run."""
         time_limit = self.limits.time_limit
         if self.iteration >= self.limits.max_iter:
             return StopReason(Status.ITERATION_LIMIT, f"max_iter = {self.limits.max_iter}")
-        if time_limit is not None and seconds >= time_limit:
-            return StopReason(Status.TIME_LIMIT, f"time_limit = {time_limit:g} s")
+        if work.seconds_left() == 0.0:
+            is_own = time_limit is not None and work.clock() - self.start_time > 0.9 * time_limit
+            note = f"time_limit = {time_limit:g} s" if is_own else "the time limit of what encloses this run"
+            return StopReason(Status.TIME_LIMIT, note)
         return None
 
     def _is_proved(self) -> bool:

@@ -1,5 +1,7 @@
 """solve(accuracy=...): until the certified error is small enough."""
 
+import traceback
+
 import numpy as np
 import pytest
 from known_answers import PAIR, attempt
@@ -15,6 +17,20 @@ class TestAccuracy:
         solution = scene.problem.solve(accuracy=accuracy)
         assert solution.error_bound <= accuracy
         assert np.abs(solution.z - scene.z_exact).max() <= accuracy
+
+    def test_ctrl_c_while_the_error_is_bounded_returns_the_best_iterate(self):
+        calls = []
+
+        def psi(z):
+            if calls and any(frame.name == "error_bound" for frame in traceback.extract_stack()):
+                raise KeyboardInterrupt
+            return 0.3 * np.sin(z)
+
+        problem = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 3.0], icp.Elementwise(psi, lipschitz=0.3))
+        with pytest.raises(icp.NotSolved) as error:
+            problem.solve(accuracy=1e-9, callback=calls.append)
+        assert error.value.solution.status is icp.Status.INTERRUPTED
+        assert error.value.solution.residual < problem.residual(np.zeros(2))
 
     def test_what_rounding_forbids_is_a_precision_limit(self):
         solution = attempt(icp.scenes.bai_symmetric().problem, accuracy=1e-17)

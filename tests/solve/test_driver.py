@@ -17,6 +17,7 @@ from runs import ended, run_on
 
 import icpmodel as icp
 from icpmodel import Status
+from icpmodel.errors import MapError, SingularOperator
 from icpmodel.methods.contract import Method
 from icpmodel.solve.choice import MethodSequence
 
@@ -248,6 +249,23 @@ def test_callback_stops_the_run_and_sees_a_read_only_iterate():
     solution = attempt(icp.scenes.membrane(n=100).problem, "mnmgs", callback=callback)
     assert solution.status is Status.STOPPED
     assert solution.iterations == 2
+
+
+@pytest.mark.parametrize(
+    "error",
+    [MapError("mine"), SingularOperator("mine", 0), MemoryError("mine"), StopIteration("mine"), ValueError("mine")],
+)
+def test_what_a_callback_raises_reaches_the_caller(error):
+    """It is not taken for an error of psi, of the method, or for want of memory, and no other method begins."""
+    calls = []
+
+    def callback(state):
+        calls.append(state)
+        raise error
+
+    with pytest.raises(type(error), match="mine"):
+        icp.scenes.membrane(n=100).problem.solve(callback=callback, raise_on_failure=False)
+    assert len(calls) == 1
 
 
 def test_the_start_is_not_changed():

@@ -1,5 +1,7 @@
 """Law 12, limits hold: what does not fit into the time or the memory that is left is not begun."""
 
+import time
+
 import numpy as np
 import pytest
 from benchmarks.families import drawn, expander
@@ -102,3 +104,20 @@ def test_a_polish_that_would_take_for_ever_is_not_begun():
     """Nobody limits it, but its factors are foreseen to take more than a minute."""
     solution = attempt(expander(40_000), "mnmgs", z0=np.full(40_000, 10.0), max_iter=0)
     assert "not polished" in solution.polish().why
+
+
+def test_a_run_inside_another_one_keeps_to_the_limit_of_that():
+    def slow_psi(z):
+        time.sleep(0.01)
+        return 0.3 * np.sin(z)
+
+    slow = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 3.0], slow_psi)
+    inner = []
+
+    def callback(state):
+        inner.append(attempt(slow, "mnmgs", rtol=1e-300, max_iter=400))
+        return True
+
+    icp.scenes.membrane(n=100).problem.solve(callback=callback, time_limit=0.05, raise_on_failure=False)
+    assert inner[0].status is Status.TIME_LIMIT
+    assert "encloses" in inner[0].message
