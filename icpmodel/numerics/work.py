@@ -147,23 +147,25 @@ class _Budget(NamedTuple):
     most: float = math.inf
 
 
-class _Compiler:
-    """The seconds spent on compiling code, or loading it from the disk, in any thread."""
+class _Compiler(threading.local):
+    """The seconds that a thread has spent on compiling code, waiting for the compiler, or loading code from the disk.
 
-    def __init__(self) -> None:
-        self._lock, self._busy, self._since, self._total = threading.Lock(), 0, 0.0, 0.0
+    Other threads go on meanwhile, so that each has a clock of its own.
+    """
+
+    _busy = 0
+    _since = 0.0
+    _total = 0.0
 
     def begin(self) -> None:
-        with self._lock:
-            if self._busy == 0:
-                self._since = time.perf_counter()
-            self._busy += 1
+        if self._busy == 0:
+            self._since = time.perf_counter()
+        self._busy += 1
 
     def end(self) -> None:
-        with self._lock:
-            self._busy -= 1
-            if self._busy == 0:
-                self._total += time.perf_counter() - self._since
+        self._busy -= 1
+        if self._busy == 0:
+            self._total += time.perf_counter() - self._since
 
     @contextmanager
     def busy(self) -> Iterator[None]:
@@ -175,8 +177,7 @@ class _Compiler:
             self.end()
 
     def clock(self) -> float:
-        with self._lock:
-            return (self._since if self._busy else time.perf_counter()) - self._total
+        return (self._since if self._busy else time.perf_counter()) - self._total
 
 
 #: the clock of compilation, which the listener to numba starts and stops
@@ -184,7 +185,7 @@ COMPILER = _Compiler()
 
 
 def clock() -> float:
-    """Seconds without those of compilation; the duration of a run is a difference."""
+    """Seconds without those of compilation; the duration of a run is a difference, within one thread."""
     return COMPILER.clock()
 
 

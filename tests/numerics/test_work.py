@@ -1,6 +1,11 @@
 """Work is counted, the same for the same steps, however they are made."""
 
+import subprocess
+import sys
+import time
 from functools import partial
+from textwrap import dedent
+from threading import Event, Thread
 
 import numpy as np
 import pytest
@@ -32,6 +37,37 @@ def test_products_factorisations_and_cycles_are_counted():
         assert first == again >= int(factor_cost(least))
         one, two = (counted(partial(lu.solve, f))[0] for f in (f, np.ones((900, 2))))
         assert 0 < one == two // 2 < first
+
+
+def test_the_clock_goes_on_while_another_thread_compiles():
+    begun, over = Event(), Event()
+
+    def compile_something():
+        with work.COMPILER.busy():
+            begun.set()
+            over.wait()
+
+    thread = Thread(target=compile_something)
+    thread.start()
+    begun.wait()
+    before = work.clock()
+    time.sleep(0.01)
+    after = work.clock()
+    over.set()
+    thread.join()
+    assert after > before
+
+
+def test_functions_of_no_module_compile_beside_the_loops():
+    script = """
+        import numba, icpmodel as icp
+        icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 3.0]).solve()
+        names = {"__name__": None}
+        exec("def f(x): return 0.3 * x", names)
+        assert numba.njit(names["f"])(1.0) == 0.3
+    """
+    run = subprocess.run([sys.executable, "-c", dedent(script)], capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
 
 
 def test_a_thread_counts_its_own_work():

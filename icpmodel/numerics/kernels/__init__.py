@@ -100,13 +100,18 @@ class _CompilerListener(Listener):
     def on_start(self, event: Any) -> None:
         if event.kind == _LOCK:
             COMPILER.begin()
-        elif not _CompilerListener.announced and event.data["dispatcher"].py_func.__module__.startswith("icpmodel."):
+        elif not _CompilerListener.announced and _is_of_icpmodel(event.data["dispatcher"].py_func):
             _CompilerListener.announced = True
             _announce("compiles its loops, once per installation")
 
     def on_end(self, event: Any) -> None:
         if event.kind == _LOCK:
             COMPILER.end()
+
+
+def _is_of_icpmodel(function: Any) -> bool:
+    module = function.__module__  # None where code was generated
+    return module is not None and module.startswith("icpmodel.")
 
 
 _LOCK = "numba:compiler_lock"
