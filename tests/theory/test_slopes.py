@@ -62,9 +62,10 @@ def test_the_bound_and_the_active_set_hold(matrix, kind):
 
 
 def test_the_bound_is_attained_by_a_row_alone():
-    """p = z³ + z − 2, z* = 1: at z = 1 + e the bound is |p(z)|/1, as the slope is at least 1."""
+    """p = z³ + z − 2, z* = 1: at z = 1 + e the bound is |p(z)|/1, as the slope is at least 1; a sharp one is e."""
     problem = ICP([[1.0]], [-2.0], -9.0, f=icp.Elementwise(lambda z: z**3, slope_range=(0, np.inf)))
-    assert error_bound(problem, [1.1]).value == pytest.approx(1.1**3 + 1.1 - 2.0)
+    assert error_bound(problem, [1.1], sharp=False).value == pytest.approx(1.1**3 + 1.1 - 2.0)
+    assert error_bound(problem, [1.1]).value == pytest.approx(0.1, rel=0.05)
 
 
 def test_without_known_slopes_nothing_is_proved_and_a_broken_word_is_seen():
@@ -90,3 +91,24 @@ def test_a_fixed_unknown_does_not_hide_f():
     f = icp.Function(lambda z: np.array([z[0] ** 2, 0.0]), lambda z: np.diag([2.0 * z[0], 0.0]))
     problem = ICP([[1.0, 0.0], [0.0, 0.0]], [0.0, 0.0], [-np.inf, 0.0], upper=0.0, f=f)
     assert not error_bound(problem, [0.0, 0.0]).unique
+
+
+@pytest.mark.parametrize("matrix", ["H+", "definite"])
+def test_a_better_point_makes_the_bound_sharp_where_p_is_nonlinear(matrix):
+    """z* is planted with integers, so that A z* + q + f(z*) is exact; the bound stays above the error."""
+    n = 100
+    A = n**2 * (2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1))
+    if matrix == "definite":
+        A = A @ A / n**2
+    rng = np.random.default_rng(0)
+    exact = rng.integers(-3, 4, size=n).astype(float)
+    touches = rng.random(n) < 0.5
+    psi = exact - np.where(touches, 0.0, 1.0)
+    f = icp.Elementwise(lambda z: z**3, slope_range=(0, np.inf))
+    problem = ICP(A, np.where(touches, 1.0, 0.0) - A @ exact - exact**3, psi, f=f)
+    z = exact + 1e-3 * rng.normal(size=n)
+    error = np.abs(z - exact)
+    bound = error_bound(problem, z, sharp=True)
+    assert (error <= bound.componentwise).all()
+    assert bound.value <= 1.01 * error.max()
+    assert error_bound(problem, z, sharp=False).value > 100 * error.max()

@@ -202,7 +202,8 @@ def error_bound(
 
     The point ẑ of a sharp bound comes from a few active-set Newton steps, a factorisation each.
     That bound is mostly within a few per cent of the true error, where the bound of z itself may be
-    thousands of times too wide. By default, for larger A, ẑ comes from Newton steps with multigrid. This
+    thousands of times too wide. A nonlinear p is replaced by its tangents in the steps, but not in the
+    bound of ẑ. By default, for larger A and affine p, ẑ comes from Newton steps with multigrid. This
     costs about half a linear solve with the levels of `solve`. Nothing is done where the bound of z
     itself is about ten times the error or less.
 
@@ -262,11 +263,9 @@ def _bound(problem: ProblemData, z: Vector, sharp: bool | None) -> ErrorBound:
             continue
         delta, euclidean = proof.bound(problem, z, *problem.rounding(z))
         points: Iterator[Vector] = iter(())
-        if problem.f is not None:
-            sharp = False
         if sharp or (sharp is None and (proof.needs_sharpening or problem.A.nnz <= _SHARPEN_MAX_NNZ)):
             points = _newton_points(problem, z, proof)
-        elif sharp is None and isinstance(proof, HPlusProof):
+        elif sharp is None and problem.f is None and isinstance(proof, HPlusProof):
             points = points_near(problem, z, proof, float(delta.max()))
         delta, euclidean = sharpened(problem, z, proof, points, delta, euclidean)
         sentence = proof.sentence + (ASSUMED_PSI if problem.psi.calls_user_code else "")
@@ -434,18 +433,23 @@ def sharpened(
 def _newton_points(problem: ProblemData, z: Vector, proof: Proof) -> Iterator[Vector]:
     """The iterates of an active-set Newton iteration from `z`, a factorisation each.
 
-    Where p, ψ and ψ̄ are affine, an active set that comes again leaves the same equations.
+    Where p, ψ and ψ̄ are affine, an active set that comes again leaves the same equations. Where p alone is not, the
+    iteration ends when it comes again and the step is no shorter than the last one: only rounding is left.
     """
-    iterate: Vector | None = z
     before: Pattern | None = None
-    while iterate is not None and np.isfinite(iterate).all():
-        z = iterate
+    repeated = False
+    length = math.inf
+    while np.isfinite(z).all():
         if has_linear_pieces(problem):
             pattern = pattern_at(problem, z)
-            if before is not None and before.same_sides(pattern):
-                return
+            repeated = before is not None and before.same_sides(pattern)
             before = pattern
-        iterate = proof.newton_step(problem, z)
-        if iterate is None or np.array_equal(iterate, z):
+        iterate = None if repeated and problem.f is None else proof.newton_step(problem, z)
+        if iterate is None:
             return
-        yield iterate
+        last = length
+        length = float(np.abs(iterate - z).max())
+        if length == 0.0 or (repeated and length >= last):
+            return
+        z = iterate
+        yield z

@@ -30,8 +30,12 @@ class Proof(ABC):
     needs_sharpening: ClassVar[bool] = False
 
     def newton_step(self, problem: ProblemData, z: Vector) -> Vector | None:
-        """One step of the active-set Newton iteration from `z`; None if its equations have no solution."""
+        """One step of the active-set Newton iteration from `z`; None if its equations have no solution.
+
+        A nonlinear p is replaced by its tangent at z.
+        """
         try:
+            problem = problem.linearised(z)
             pattern = pattern_at(problem, z)
             return solve_on(problem, z, pattern.active, pattern.above)
         except IcpError:  # the equations are singular, or ψ or its Jacobian fails

@@ -39,6 +39,8 @@ class MonotoneProof(Proof):
 
     definite: DefiniteProof
 
+    needs_sharpening = True  # as that of `definite`, δ knows the Euclidean norm of the error only
+
     def bound(self, problem: ProblemData, z: Vector, rounding_p: Vector, rounding_r: Vector) -> tuple[Vector, float]:
         low = problem.psi.value(z)
         high = np.full(z.size, np.inf) if problem.upper is None else problem.upper.value(z)
