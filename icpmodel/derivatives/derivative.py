@@ -40,7 +40,7 @@ from ..problem.two_sided import sides_of
 from ..solve.driver import solve
 from ..solve.goal import RTOL
 from ..solve.solution import Solution, Status
-from ..theory.certificates.bounds import ASSUMED_PSI, enforce_limits, perturbation_bound
+from ..theory.certificates.bounds import ASSUMED_F, ASSUMED_PSI, enforce_limits, perturbation_bound
 from .direction import Direction
 from .gradient import Gradient
 from .tangent import Ties, tangent_problem
@@ -482,8 +482,8 @@ class Derivative(ReadOnly, Plottable):
         """Whether it is proved that z* has this derivative.
 
         For a user's function three things are assumed, not proved: ψ and its derivative are what
-        the user says, and ψ is continuously differentiable as far as z* may be from z. `reason`
-        says so.
+        the user says, and ψ is continuously differentiable as far as z* may be from z. The same
+        holds for f and its slopes. `reason` says so.
 
         Examples
         --------
@@ -512,8 +512,10 @@ class Derivative(ReadOnly, Plottable):
             return f"p = r = 0 cannot be excluded in {_row_names(self._open)}: {element}"
         if self._tied_jumps.any():
             return f"two equally good jumps cannot be excluded in {_row_names(self._tied_jumps)}: {element}"
-        smooth = " and continuously differentiable where z* may be"
-        word = ASSUMED_PSI + smooth if self.problem.psi.calls_user_code else ""
+        smooth = "continuously differentiable where z* may be"
+        word = f"{ASSUMED_PSI} and {smooth}" if self.problem.psi.calls_user_code else ""
+        if self.solution.problem.f is not None:
+            word += f"{ASSUMED_F}, and is {smooth}"
         return f"every row is proved to be at an obstacle or off it{word}"
 
     def __str__(self) -> str:

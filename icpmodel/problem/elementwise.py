@@ -30,8 +30,9 @@ class Elementwise(Parametrised):
     c : float or array_like of shape (n,), default 0
         The constant part.
     slope_range : tuple of two floats or array_like of shape (n,), optional
-        (m, M) with m_i ≤ (f(s) − f(t))/(s − t) ≤ M_i; (0, inf) for a nondecreasing f. It is what
-        proofs on a nonlinear p take, and by default ℓ = max(|m|, |M|) where that is finite.
+        (m, M) with m_i ≤ (f(s) − f(t))/(s − t) ≤ M_i for all s ≠ t; (0, inf) for a nondecreasing f.
+        Proofs on a nonlinear p take it. They assume that f is continuous, too, which a finite M
+        implies. By default ℓ = max(|m|, |M|) where that is finite.
     parameter_derivative : callable, optional
         For `icpmodel.Derivative`: maps z to the derivative of ψ(z) in m parameters of yours. Its
         shape is (n, m), dense or sparse, or (n,) for one parameter. These parameters replace c as

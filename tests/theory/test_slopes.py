@@ -58,7 +58,7 @@ def test_the_bound_and_the_active_set_hold(matrix, kind):
             assert not (found.active & ~touches).any()
             assert not (found.inactive & touches).any()
     assert proved > 20
-    assert "given that f has the slopes" in bound.in_words()
+    assert "given that f is continuous and has the slopes" in bound.in_words()
 
 
 def test_the_bound_is_attained_by_a_row_alone():
@@ -78,11 +78,22 @@ def test_without_known_slopes_nothing_is_proved_and_a_broken_word_is_seen():
     assert error_bound(unknown.with_q([1.0]), [0.0], rigorous=True).value is None
 
 
+def test_a_proof_says_that_it_assumes_a_continuous_f():
+    """z − ½ + sign(z) has no zero, though it is strongly monotone."""
+    step = icp.Elementwise(lambda z: np.where(z >= 0, 1.0, -1.0), slope_range=(0, np.inf))
+    problem = ICP([[1.0]], [-0.5], -10.0, f=step)
+    bound = icp.certify(problem, [0.0]).bound
+    assert "given that f is continuous" in bound.proof
+    assert "given that f is continuous" in bound.in_words()
+    assert "given that f is continuous" in problem.explain().sections()["solution"]
+
+
 def test_an_accuracy_can_be_asked_for_and_the_derivative_is_certain():
     f = icp.Elementwise(np.exp, np.exp, slope_range=(0, np.inf))
     solution = ICP(PAIR, [-3.0, 5.0], f=f).solve(accuracy=1e-9)
     assert solution.error_bound <= 1e-9
     assert solution.derivative().certain
+    assert "given that f is continuous and has the slopes" in solution.derivative().reason
     assert solution.active_set.active.tolist() == [False, True]
 
 

@@ -48,8 +48,8 @@ _NEGLIGIBLE = 0.02
 DEFAULT_WORK = 60e9
 #: added to the sentence of a proof that relies on a user's Lipschitz constants of ψ
 ASSUMED_PSI = ", given that psi is what the user says"
-#: added where it relies on a user's slopes of f
-_ASSUMED_F = ", given that f has the slopes that the user says"
+#: added where it relies on a user's f: an infinite upper slope allows jumps, where there may be no solution
+ASSUMED_F = ", given that f is continuous and has the slopes that the user says"
 #: the largest number of points ẑ
 _MAX_POINTS = 8
 
@@ -68,7 +68,7 @@ class ErrorBound(ReadOnly, Displayable):
         A bound ≥ ‖z − z*‖₂.
     proof : str
         The sentence of the proof, empty where there is none. The proof says that the solution
-        exists and is unique, whatever z is.
+        exists and is unique, whatever z is. It ends with what is assumed of a user's functions.
     reason : str
         Why nothing is proved, where nothing is.
 
@@ -105,7 +105,7 @@ class ErrorBound(ReadOnly, Displayable):
 
     @property
     def unique(self) -> bool:
-        """Whether it is proved that the solution exists and is the only one."""
+        """Whether it is proved that the solution exists and is the only one, under the assumptions of `proof`."""
         return bool(self.proof)
 
     def in_words(self, accuracy: float | None = None) -> str:
@@ -121,7 +121,7 @@ class ErrorBound(ReadOnly, Displayable):
         str
             One line, or one for each reason where there is no bound.
         """
-        assumption = "".join(word for word in (ASSUMED_PSI, _ASSUMED_F) if word in self.proof)
+        assumption = "".join(word for word in (ASSUMED_PSI, ASSUMED_F) if word in self.proof)
         if self.value is not None:
             goal = "" if accuracy is None else f" ({accuracy:g} was asked for)"
             size = rounded_up(self.value, below=math.inf if accuracy is None else accuracy)
@@ -198,7 +198,7 @@ def error_bound(
     Bounds on the rounding errors are included. So the bound is a proof for constant and affine ψ
     and for interventions given by a matrix. A user's function ψ is taken as exact to a few units in
     the last place. Its Lipschitz matrix is assumed to be right, unless ψ(z) and ψ(0) contradict
-    it: then there is no bound. The same holds for f and its `slope_range`.
+    it: then there is no bound. The same holds for f and its `slope_range`; f is assumed to be continuous.
 
     The point ẑ of a sharp bound comes from a few active-set Newton steps, a factorisation each.
     That bound is mostly within a few per cent of the true error, where the bound of z itself may be
@@ -269,7 +269,7 @@ def _bound(problem: ProblemData, z: Vector, sharp: bool | None) -> ErrorBound:
             points = points_near(problem, z, proof, float(delta.max()))
         delta, euclidean = sharpened(problem, z, proof, points, delta, euclidean)
         sentence = proof.sentence + (ASSUMED_PSI if problem.psi.calls_user_code else "")
-        sentence += _ASSUMED_F if problem.f is not None else ""
+        sentence += ASSUMED_F if problem.f is not None else ""
         if (row := possible_crossing(problem, z, delta)) is not None:
             reason = (
                 f"psi <= upper is not proved within {rounded_up(float(delta.max()))} of z, where z* would be: row {row}"

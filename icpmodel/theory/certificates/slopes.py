@@ -1,6 +1,7 @@
 """Uniqueness and error bounds where p is nonlinear and the slopes of an elementwise f are in a known interval.
 
-Let f_i(x_i) − f_i(y_i) = d_i(x_i − y_i) with d_i ≥ m_i for all x and y. Then p(x) − p(y) = (A + diag(d))(x − y).
+Let f be continuous and f_i(x_i) − f_i(y_i) = d_i(x_i − y_i) with d_i ≥ m_i for all x and y. Then p(x) − p(y) = (A +
+diag(d))(x − y). Where f jumps there may be no solution: z − ½ + sign(z) is strongly monotone and has no zero.
 
 1. ⟨A + diag(d)⟩ ≥ ⟨A⟩ + diag(m) where a_ii + m_i > 0. So the proof of `h_plus` for A + diag(m) and ψ is one for the
    nonlinear problem, with its p.
