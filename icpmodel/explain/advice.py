@@ -68,8 +68,8 @@ def methods_for_f(problem: ProblemData) -> Iterator[str]:
 
 
 def is_boxed(problem: ProblemData) -> bool:
-    """Whether z is held between fixed obstacles in every row: Az + q is continuous and the box compact, so that there
-    is a solution (Hartman and Stampacchia, Acta Math. 115, 1966)."""
+    """Whether z is held between fixed obstacles in every row: a continuous p, as Az + q is, then has a solution in this
+    compact box (Hartman and Stampacchia, Acta Math. 115, 1966)."""
     if problem.upper is None or not problem.psi.is_constant:
         return False
     zero = np.zeros(problem.n)

@@ -102,6 +102,7 @@ class Explanation(Displayable):
         solution = f"neither existence nor uniqueness is proved:{bullet_list(self.bound.reason)}"
         if is_boxed(self.problem):
             known = "exists, as every row has a fixed obstacle on both sides"
+            known += "" if self.problem.f is None else ", given that f is continuous there"
             solution = f"{known}; that it is the only one is not proved:{bullet_list(self.bound.reason)}"
         if self.bound.unique:
             solution = f"exists, and is the only one: {self.bound.proof}"

@@ -250,3 +250,12 @@ def test_two_obstacles_are_named_and_said_to_cross_or_not():
     assert "psi <= upper is not proved" in own.sections()["solution"]
     crossing = "the obstacles may cross for some z"
     assert [crossing in page.sections()["methods"] for page in (box, alike, own)] == [False, False, True]
+
+
+def test_a_solution_in_a_box_exists_where_f_is_continuous():
+    """1/z on [-1, 1] has a pole, and no solution."""
+    pole = icp.ICP.nonlinear(lambda z: 1 / z, n=1, psi=-1.0, upper=1.0).explain()
+    assert "given that f is continuous there" in pole.sections()["solution"]
+    affine = icp.ICP([[0.0]], [0.0], -1.0, upper=1.0).explain()
+    assert "exists, as every row" in affine.sections()["solution"]
+    assert "continuous" not in affine.sections()["solution"]
