@@ -137,3 +137,16 @@ def test_it_serves_every_q_and_no_other_problem():
         rate.distance(problem.with_psi(1.0), [0.0, 0.0])
     with pytest.raises(icp.InputError, match="accuracy has the entry -1"):
         rate.steps(problem, [0.0, 0.0], [1.0, -1.0])
+
+
+def test_a_wrong_distance_and_wrong_checks_are_refused():
+    problem = icp.ICP(PAIR, [-1.0, -1.0])
+    rate = predicted_rate(problem, icp.MNMGS())
+    for wrong in (-1.0, np.nan, "x", None):
+        with pytest.raises(icp.InputError, match="distance is "):
+            rate.error_after(1, wrong)
+    assert np.isposinf(rate.error_after(1, np.inf)).all()
+    with pytest.raises(icp.InputError, match="checks is "):
+        predicted_rate(problem, icp.MNMGS(), {"sharper": 1, "rowwise": 2, "definite": 3})
+    with pytest.raises(icp.InputError, match="limit is 3"):
+        icp.theory.check_all(problem, icp.MNMGS(), 3)

@@ -114,14 +114,21 @@ class Rate(Displayable, ABC):
         k : int
             The number of steps.
         distance : float
-            The distance of z⁰, as `distance` gives it.
+            The distance of z⁰, as `distance` gives it: 0 or more, or infinite.
 
         Returns
         -------
         array of shape (n,)
             The bound.
+
+        Raises
+        ------
+        InputError
+            For another k or distance.
         """
         k = int(as_number(k, "k", minimum=0, whole=True))
+        if not (isinstance(distance, float | np.floating) and distance == math.inf):
+            distance = as_number(distance, "distance", minimum=0)
         with np.errstate(over="ignore"):
             size = max(self.factor**k, SMALLEST) * distance * (1 + 16 * UNIT_ROUNDOFF)
             return np.nextafter(size * self.v, np.inf)
@@ -269,7 +276,8 @@ def predicted_rate(problem: ProblemData, member: Member, checks: dict[str, Check
     no: the contraction factor is at least 1, and at most 2.00001
     """
     checks = check_all(problem, member) if checks is None else checks
-    if not (isinstance(checks, dict) and set(_RATE_CLASSES) <= checks.keys()):
+    known = isinstance(checks, dict) and set(_RATE_CLASSES) <= checks.keys()
+    if not (known and all(isinstance(check, Check) for check in checks.values())):
         raise InputError(f"checks is {described(checks)}; what check_all(problem, member) returns was expected")
     for name, kind in _RATE_CLASSES.items():
         check = checks[name]

@@ -156,6 +156,11 @@ def check_all(problem: ProblemData, member: Member, limit: Allowance = UNLIMITED
     dict
         Name → `Check`.
 
+    Raises
+    ------
+    InputError
+        For a limit that is no `Allowance`.
+
     Notes
     -----
     The vector that serves one theorem is tried first on the next.
@@ -170,6 +175,8 @@ def check_all(problem: ProblemData, member: Member, limit: Allowance = UNLIMITED
     ... ]
     ['4.1', '4.2', '4.3', '4.4', 'sharper']
     """
+    if not isinstance(limit, Allowance):
+        raise InputError(f"limit is {described(limit)}; an Allowance of icpmodel.theory.answers was expected")
     try:
         with limit.enforced():
             step = StepMatrices(problem, member)
