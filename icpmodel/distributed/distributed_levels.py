@@ -37,6 +37,8 @@ _MAX_STEPS = 60
 _TARGET_SHARE = 0.3
 #: factor of the diagonal that decouples a row: it returns no correction
 _DECOUPLING_FACTOR = 1e100
+#: the largest entries of f between which the products of Krylov's method neither over- nor underflow
+_LEAST_ENTRY, _MOST_ENTRY = 1e-100, 1e100
 #: PETSc's words for: A, or the cycle, is not positive definite
 _INDEFINITE = (-8, -10)
 #: options of what makes the levels begin with this in PETSc's database
@@ -138,6 +140,17 @@ class DistributedLevels:
         The solve stops at ‖f − Jx‖ ≤ `share` ‖f‖, after at most `MAX_KRYLOV_STEPS` steps. With `target` it stops at
         ‖D⁻¹(f − Jx)‖ ≤ `_TARGET_SHARE` · `target`, after at most `_MAX_STEPS` steps.
         """
+        largest_entry = f.norm(petsc().NormType.INFINITY)
+        if not 0.0 < largest_entry < np.inf or _LEAST_ENTRY < largest_entry < _MOST_ENTRY:
+            return self._solved(f, top, J, share, target)
+        scaled = f.duplicate()
+        scaled.setArray(f.array_r / largest_entry)
+        x = self._solved(scaled, top, J, share, None if target is None else target / largest_entry)
+        x.scale(largest_entry)
+        return x
+
+    def _solved(self, f: Any, top: int, J: Any, share: float | None, target: float | None) -> Any:
+        """`solved`, for an f whose squares are numbers."""
         ksp = self.krylov_solver(top, J)
         x = f.duplicate()
         if target is None:
@@ -151,7 +164,7 @@ class DistributedLevels:
         self.steps += ksp.getIterationNumber()
         if ksp.getConvergedReason() in _INDEFINITE and self.krylov == "cg":
             self.krylov = "gmres"
-            return self.solved(f, top, J, share, target)
+            return self._solved(f, top, J, share, target)
         return x
 
     def krylov_solver(self, top: int, J: Any) -> Any:

@@ -17,7 +17,7 @@ from ..numerics.sparse_structure import diagonal_positions
 from ..problem.matrix import weights_of
 from .ranks import largest, petsc, together, totals
 
-#: the largest Au − Aᵀu that counts as rounding, as a share of ‖Au‖
+#: the largest Au − Aᵀu that counts as rounding, as a share of ‖Au‖, both in the maximum norm
 _SYMMETRY_RTOL = 1e-10
 
 
@@ -126,7 +126,8 @@ class DistributedMatrix:
         difference = image.duplicate()
         self.mat.multTranspose(u, difference)
         difference.axpy(-1.0, image)
-        return bool(difference.norm() <= _SYMMETRY_RTOL * image.norm())
+        largest_entry = petsc().NormType.INFINITY  # whose squares are not needed
+        return bool(difference.norm(largest_entry) <= _SYMMETRY_RTOL * image.norm(largest_entry))
 
     def vector(self, own: Vector | None = None) -> Any:
         """A new PETSc vector of shape (n,), with the `own` entries, or zeros."""

@@ -17,12 +17,12 @@ import numpy as np
 from ..algebra.equations import Pattern
 from ..algebra.newton_steps import KRYLOV_REDUCTION, SWEEPS
 from ..methods.multilevel import MAX_COARSE_STEPS
-from ..numerics.arrays import Vector
+from ..numerics.arrays import Vector, inner
 from ..problem.two_sided import ObstaclePair, mid
 from .distributed_icp import DistributedICP
 from .distributed_levels import DistributedLevel, DistributedLevels
 from .distributed_map import DistributedMap
-from .ranks import petsc, release, together, totals
+from .ranks import largest, norm_from, petsc, release, together, totals
 
 #: share of the residual that a step leaves when the active set has settled but for a few rows
 _SETTLED_REDUCTION = 0.5
@@ -45,10 +45,10 @@ class Evaluation:
             # p and r then change alike with z_i
             a = self.p / problem.matrix.diagonal * problem.psi.own_slope
             self.pattern = Pattern.of(self.below, self.above, a)
-            squares = float(np.sum(mid(problem.matrix.row_weights * self.p, self.below, self.above) ** 2))
+            own = mid(problem.matrix.row_weights * self.p, self.below, self.above)
         pattern_changed = last_pattern is None or not self.pattern.same_sides(last_pattern)
-        total, changes = totals(problem.comm, squares, float(pattern_changed))
-        self.residual, self.pattern_changed = float(np.sqrt(total)), changes > 0
+        squares, changes = totals(problem.comm, inner(own, own), float(pattern_changed))
+        self.residual, self.pattern_changed = norm_from(problem.comm, squares, own), changes > 0
 
     def swept(self, count: int) -> Any:
         """z after `count` sweeps of projected Gauss–Seidel in the rows of each rank. Collective.
@@ -114,7 +114,7 @@ def _newton_step(levels: DistributedLevels, at: Evaluation, top: int, target: fl
         z = at.z
         f = np.where(active, -at_rest * problem.matrix.diagonal, -at.p)
     step = levels.solved(problem.vector(f), top, J, KRYLOV_REDUCTION if target is None else None, target)
-    if np.isfinite(step.norm()):
+    if np.isfinite(largest(problem.comm, float(np.abs(step.array_r).max(initial=0.0)))[0]):
         z.axpy(1.0, step)
     return z
 

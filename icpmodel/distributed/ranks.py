@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import math
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import FileError, InputError, MapError, NotApplicable
-from ..numerics.arrays import Vector, described
+from ..numerics.arrays import Vector, described, inner
 
 _MISSING = (
     "icpmodel.distributed needs petsc4py and mpi4py, which pip install 'icpmodel[petsc]' builds from sources; "
@@ -111,8 +112,22 @@ def totals(comm: Any, *numbers: float) -> list[float]:
 
 
 def norm(comm: Any, own: Vector) -> float:
-    """‖x‖₂, where each rank has its `own` entries of x, in one reduction."""
-    return float(np.sqrt(totals(comm, float(np.sum(own**2)))[0]))
+    """‖x‖₂, where each rank has its `own` entries of x, in one reduction; see `norm_from`."""
+    return norm_from(comm, totals(comm, inner(own, own))[0], own)
+
+
+def norm_from(comm: Any, squares: float, own: Vector) -> float:
+    """‖x‖₂ from the sum of the `squares` over all ranks. Collective.
+
+    Where that may have over- or underflowed, x is scaled first, as in `numerics.arrays.norm`.
+    """
+    if 1e-280 < squares < 1e280:
+        return math.sqrt(squares)
+    top = largest(comm, float(np.abs(own).max(initial=0.0)))[0]
+    if top == 0.0 or not math.isfinite(top):
+        return top
+    scaled = own / top
+    return top * math.sqrt(totals(comm, inner(scaled, scaled))[0])
 
 
 def largest(comm: Any, *numbers: float) -> list[float]:

@@ -67,6 +67,17 @@ def check_the_bound_of_a_wrong_z_holds_as_well():
     assert (whole(bound.componentwise) >= np.abs(wrong - exact)).all()
 
 
+def check_data_whose_squares_over_or_underflow_are_solved():
+    for make in (PROBLEMS["two unknowns"], coupled):
+        problem = make()
+        expected = problem.solve(rtol=1e-10).z
+        for unit in (1e-300, 1e-158, 1e158, 1e290):
+            psi = icp.Affine(problem.psi.G, unit * problem.psi.c) if make is coupled else 0.0
+            found = solve(distribute(icp.ICP(problem.A, unit * problem.q, psi)), rtol=1e-10)
+            assert np.abs(whole(found.z) / unit - expected).max() < NEAR, unit
+            assert found.certify().bound.value < NEAR * unit, unit
+
+
 def check_nothing_is_proved_where_nothing_is_true():
     """⟨A⟩ is singular, so A is no H-matrix."""
     problem = icp.ICP([[1.0, -1.0, 0], [-1.0, 2.0, -1.0], [0, -1.0, 1.0]], [1.0, 1.0, 1.0])
