@@ -307,7 +307,9 @@ def distribute(problem: Any, comm: Any = None) -> DistributedICP:
             # a function that cannot be pickled must not be found out when the others wait already
             sent = [pickle.dumps(_share(data, *bounds[k : k + 2])) for k in range(comm.size)]
     if not everywhere:
-        share = pickle.loads(comm.scatter(sent if comm.rank == 0 else None))
+        content = comm.scatter(sent if comm.rank == 0 else None)
+        with together(comm):
+            share = pickle.loads(content)
     A, q, sides = share
     maps = [own if G is None else (from_rows(G, comm), own) for own, G in sides]
     return DistributedICP(from_rows(A, comm), q, *maps)

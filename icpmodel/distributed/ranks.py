@@ -76,31 +76,34 @@ def release(*comms: Any) -> None:
 
 @contextmanager
 def together(comm: Any) -> Iterator[None]:
-    """A block of local work that all ranks leave together: an error of one is raised on all.
+    """A block of local work that all ranks leave together: an error of one is raised on all, and so is `sys.exit()`.
 
     Nothing in it may wait for other ranks. The error of another rank than 0 names the rank.
     """
-    fault: Exception | None = None
+    fault: Exception | SystemExit | None = None
     try:
         yield
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         fault = error
     from mpi4py import MPI
 
     first = comm.allreduce(comm.rank if fault is not None else comm.size, op=MPI.MIN)
     if first == comm.size:
         return
-    report = (
-        None if comm.rank != first else (type(fault) if isinstance(fault, _SENT_ERRORS) else None, _in_words(fault))
-    )
-    kind, text = comm.bcast(report, root=first)
+    kind, text = comm.bcast(_sent(fault) if comm.rank == first else None, root=first)
     text = f"{text} (rank {first} of {comm.size})" if first else text
     raise (kind or FailedOnRank)(text) from fault
 
 
-def _in_words(fault: BaseException | None) -> str:
-    """The error in words; with its name where it is none of the package's."""
-    return str(fault) if isinstance(fault, _OWN_ERRORS) else f"{type(fault).__name__}: {fault}"
+def _sent(fault: BaseException | None) -> tuple[type[Exception] | None, str]:
+    """What the other ranks are sent: a class that all have and that is made of one text, or None, and the error in
+    words; with its name where it is none of the package's."""
+    kind = next((one for one in _SENT_ERRORS if isinstance(fault, one)), None)
+    try:
+        text = str(fault)
+    except Exception as error:  # whatever the class of a user raises
+        text = f"its text raised {type(error).__name__}"
+    return kind, text if kind in _OWN_ERRORS else f"{type(fault).__name__}: {text}"
 
 
 def totals(comm: Any, *numbers: float) -> list[float]:

@@ -6,6 +6,7 @@ import resource
 import sys
 import traceback
 from pathlib import Path
+from urllib.error import HTTPError
 
 import checks_of_files
 import numpy as np
@@ -259,6 +260,45 @@ def check_what_one_rank_finds_wrong_all_ranks_raise():
             return faulty(None, super().local_rows(lo, hi))
 
     assert raised(lambda: by_rows(Broken(PROBLEMS["membrane"]()))).startswith("InputError: rows(")
+
+
+def check_an_error_of_any_class_and_an_exit_on_one_rank_are_raised_on_all():
+    class Unsendable(OSError):
+        pass
+
+    class Mute(Exception):
+        def __str__(self):
+            raise ValueError
+
+    class Ending(Rows):
+        def local_rows(self, lo, hi):
+            if COMM.rank == COMM.size - 1:
+                raise fault
+            return super().local_rows(lo, hi)
+
+    for fault, told in (
+        (Unsendable("no disk"), "OSError: Unsendable: no disk"),
+        (HTTPError("", 404, "none", {}, None), "OSError: HTTPError: HTTP Error 404: none"),
+        (Mute(), "FailedOnRank: Mute: its text raised ValueError"),
+        (SystemExit("no data"), "FailedOnRank: SystemExit: no data"),
+    ):
+        assert raised(lambda: by_rows(Ending(PROBLEMS["two unknowns"]()))).startswith(told), fault
+
+
+class Unreadable:
+    """A function of ψ that can be sent, and read on no rank."""
+
+    def __call__(self, z):
+        return 0.1 * z
+
+    def __reduce__(self):
+        return int, ("nine",)
+
+
+def check_a_map_that_another_rank_cannot_read_is_an_error_of_all():
+    problem = icp.ICP(2.0 * np.eye(6), -np.ones(6), icp.Elementwise(Unreadable(), lipschitz=0.1))
+    told = raised(lambda: distribute(problem if COMM.rank == 0 else None))
+    assert told.startswith("FailedOnRank: ValueError: invalid literal") or COMM.size == 1, told
 
 
 def check_wrong_arguments_are_told():
