@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -130,9 +131,13 @@ class _Point:
     """A `Vec` z, and all that a bound needs of it in the own rows. Collective."""
 
     def __init__(self, problem: DistributedICP, z: Any) -> None:
-        self.problem = problem
+        self.problem, self.z = problem, z
         self.p, self.below, self.above = problem.sides(z)
-        self.rounding_p, self.rounding_r = rounding(problem, z)
+
+    @cached_property
+    def rounding(self) -> tuple[Vector, Vector]:
+        """Bounds on the rounding errors of p and r. Collective, the first time; A has a positive diagonal."""
+        return rounding(self.problem, self.z)
 
     def certificate(self, bound: ErrorBound, rows: tuple[Mask, ...] = ()) -> DistributedCertificate:
         """The certificate with this bound, and with the masks of the decided `rows`, if any. Collective."""
@@ -146,18 +151,20 @@ class _Point:
     def bound(self, proof: HPlusVectors) -> Vector:
         """δ with |z − z*| ≤ δ."""
         _, v, alpha, beta = proof
+        rounding_p, rounding_r = self.rounding
         with np.errstate(over="ignore", invalid="ignore"):
             top = None if self.above is None else self.above / beta
             F = np.abs(mid(self.p / alpha, self.below / beta, top))
-            own = float(np.max(F + np.maximum(self.rounding_p / alpha, self.rounding_r / beta), initial=0.0))
+            own = float(np.max(F + np.maximum(rounding_p / alpha, rounding_r / beta), initial=0.0))
             factor = largest(self.problem.comm, own)[0] + SMALLEST
             return np.nextafter(v * (factor * (1 + 8 * UNIT_ROUNDOFF)), np.inf)
 
     def rows(self, delta: Vector, change: Vector) -> tuple[Mask, Mask, Mask]:
         """The masks of the rows that |z − z*| ≤ `delta` proves to be active, off both obstacles, at the upper one."""
         inflate = 1 + 8 * UNIT_ROUNDOFF
-        of_p = (self.rounding_p + self.problem.matrix.absolute(delta)) * inflate
-        of_r = (self.rounding_r + delta + change) * inflate
+        rounding_p, rounding_r = self.rounding
+        of_p = (rounding_p + self.problem.matrix.absolute(delta)) * inflate
+        of_r = (rounding_r + delta + change) * inflate
         active = self.p > of_p
         inactive = self.below > of_r
         at_upper = np.zeros(delta.size, dtype=bool)
@@ -196,9 +203,10 @@ def _may_cross(problem: DistributedICP, here: _Point, change: Vector) -> bool:
     """Whether ψ > ψ̄ is possible at an x within the bound of z. Fixed obstacles were checked before."""
     if here.above is None or all(one.is_fixed for one in problem.maps):
         return False
+    rounding_r = here.rounding[1]
     with np.errstate(invalid="ignore"):
         safe = np.isinf(here.below) | np.isinf(here.above)
-        safe |= here.below - here.above > (2.0 * change + 2.0 * here.rounding_r) * (1 + 8 * UNIT_ROUNDOFF)
+        safe |= here.below - here.above > (2.0 * change + 2.0 * rounding_r) * (1 + 8 * UNIT_ROUNDOFF)
     return totals(problem.comm, float((~safe).sum()))[0] > 0
 
 

@@ -10,6 +10,7 @@ from urllib.error import HTTPError
 
 import checks_of_files
 import numpy as np
+import scipy.sparse as sp
 from mpi4py import MPI
 from petsc4py import PETSc
 from ranked_problems import COMM, NEAR, PROBLEMS, coupled, raised, whole
@@ -66,6 +67,14 @@ def check_the_bound_of_a_wrong_z_holds_as_well():
     bound = certify(spread, spread.vector(wrong[spread.low : spread.high])).bound
     assert bound.unique
     assert (whole(bound.componentwise) >= np.abs(wrong - exact)).all()
+
+
+def check_of_a_matrix_without_stored_diagonal_nothing_is_proved():
+    A = sp.csr_array([[0.0, 1, 0], [1, 0, 0], [0, 0, 2]])
+    problem = by_rows(icp.ByRows((3,), lambda lo, hi: (A[lo:hi], 1.0, 0.0)))
+    certificate = certify(problem, problem.vector())
+    assert "diagonal is not positive" in certificate.bound.reason
+    assert certificate.undecided == 3
 
 
 def check_data_whose_squares_over_or_underflow_are_solved():
