@@ -16,7 +16,7 @@ from ..problem.data import ProblemData, as_problem
 from ..problem.elementwise import Elementwise
 from ..problem.two_sided import mid, sides_of
 from .distributed_map import DistributedMap
-from .distributed_matrix import DistributedMatrix, from_rows
+from .distributed_matrix import DistributedMatrix, check_aij, from_rows
 from .ranks import norm, petsc, together, totals, world
 
 
@@ -58,15 +58,16 @@ class DistributedICP(Displayable):
     @check_arguments
     def __init__(self, A: Any, q: Any, psi: Any = 0.0, upper: Any = None) -> None:
         PETSc = petsc()
-        if not isinstance(A, PETSc.Mat):
+        if not isinstance(A, PETSc.Mat) or not A:  # one that was not created is false
             raise InputError(f"A is {described(A)}; a matrix of PETSc (petsc4py.PETSc.Mat) was expected")
         sizes = A.getSizes()
         comm = A.comm.tompi4py()
         with together(comm):
             if sizes[0] != sizes[1]:
                 raise InputError(f"A has the sizes {sizes}; a square matrix, its columns as its rows, was expected")
-            if "aij" not in A.getType():
-                raise InputError(f"A is of PETSc's type {A.getType()}; aij was expected: A.convert('aij')")
+            if not sizes[0][1]:
+                raise InputError("A is empty; at least one row was expected")
+            check_aij(A, "A")
         matrix = DistributedMatrix(A)
         with together(comm):
             q = _own_entries(q, matrix.low, matrix.high)

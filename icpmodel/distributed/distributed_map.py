@@ -18,7 +18,7 @@ from ..problem.facts import Facts
 from ..problem.map import Map
 from ..problem.matrix import Matrix
 from ..problem.two_sided import as_map
-from .distributed_matrix import DistributedMatrix, with_entries
+from .distributed_matrix import DistributedMatrix, check_aij, with_entries
 from .ranks import largest, petsc, together, totals
 
 _EXPECTED = (
@@ -51,13 +51,16 @@ class DistributedMap:
         G = None
         with together(matrix.comm):
             if isinstance(value, tuple):
-                if len(value) != 2 or not isinstance(value[0], PETSc.Mat):
+                if len(value) != 2 or not isinstance(value[0], PETSc.Mat) or not value[0]:
                     raise InputError(f"{name} is {described(value)}; {_EXPECTED}")
                 G, value = value
                 if G.getSizes() != matrix.mat.getSizes():
                     actual = G.getSizes()
                     expected = matrix.mat.getSizes()
                     raise InputError(f"{name}[0] has the sizes {actual}; {expected}, those of A, were expected")
+                check_aij(G, f"{name}[0]")
+                if not np.isfinite(G.getValuesCSR()[2]).all():
+                    raise InputError(f"{name}[0] has an entry that is not finite; finite numbers were expected")
             if isinstance(value, PETSc.Vec):
                 value = value.array.copy()
             elif isinstance(value, Map) and not isinstance(value, Constant | Elementwise):

@@ -159,6 +159,15 @@ def with_entries(mat: Any, entries_of: Callable[[Vector], Vector]) -> Any:
     return new
 
 
+def check_aij(mat: Any, name: str) -> None:
+    """Raise InputError where `mat`, a `Mat`, is not assembled or is of another type than aij. Local."""
+    kind = mat.getType() or "none"
+    if not kind.startswith(("aij", "seqaij", "mpiaij")):  # others have aij in their names: baij, sbaij
+        raise InputError(f"{name} is of PETSc's type {kind}; aij was expected: {name}.convert('aij')")
+    if not mat.isAssembled():
+        raise InputError(f"{name} is not assembled; call {name}.assemble() on all ranks")
+
+
 def check_counts(n: int, entries: int) -> None:
     """Raise InputError where PETSc's integers cannot count the unknowns, or the entries of one rank."""
     most = np.iinfo(petsc().IntType).max

@@ -321,6 +321,25 @@ def check_wrong_arguments_are_told():
     assert "diagonal" in raised(lambda: solve(distribute(upside_down)))
 
 
+def check_a_matrix_of_another_type_or_not_assembled_is_told():
+    A, q = distribute(icp.ICP(2.0 * np.eye(8), np.ones(8))).A, 1.0
+    sizes = A.getSizes()
+    unassembled = PETSc.Mat().createAIJ(sizes, nnz=1)
+    assert raised(DistributedICP, unassembled, q).startswith("InputError: A is not assembled")
+    assert raised(DistributedICP, A, q, (unassembled, 0.0)).startswith("InputError: psi[0] is not assembled")
+    assert raised(DistributedICP, PETSc.Mat(), q).startswith("InputError: A is a Mat")
+    assert raised(DistributedICP, A, q, (PETSc.Mat(), 0.0)).startswith("InputError: psi is a tuple")
+    infinite = distribute(icp.ICP(np.eye(8), np.ones(8))).A
+    infinite.scale(np.inf)
+    assert "psi[0] has an entry that is not finite" in raised(DistributedICP, A, q, (infinite, 0.0))
+    blocks = PETSc.Mat().createBAIJ(sizes, 1, nnz=1), PETSc.Mat().createSBAIJ(sizes, 1, nnz=1)
+    for other in (*blocks, PETSc.Mat().createDense(sizes)):
+        other.setUp()
+        other.assemble()
+        assert "InputError: A is of PETSc's type" in raised(DistributedICP, other, q)
+        assert "InputError: upper[0] is of PETSc's type" in raised(DistributedICP, A, q, -np.inf, (other, 0.0))
+
+
 def check_limits_end_a_run_with_its_best_iterate():
     problem = distribute(PROBLEMS["ball"]())
     for limit, status in (({"max_iter": 0}, "iteration limit"), ({"time_limit": 0.0}, "time limit")):
