@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, check_arguments
-from ..numerics.arrays import Vector, described
+from ..numerics.arrays import Vector, as_array, as_float64, described
 from ..present.display import Displayable
 from ..problem.affine import Affine, Constant
 from ..problem.by_rows import ByRows
@@ -210,16 +210,17 @@ class DistributedICP(Displayable):
 
 def _own_entries(value: Any, low: int, high: int) -> Vector:
     """q in the own rows, low ≤ i < high."""
-    array = np.asarray(getattr(value, "array_r", value), dtype=np.float64)
+    array = as_array(value.array_r if isinstance(value, petsc().Vec) else value, "q")
     size = high - low
     if not array.ndim:
         array = np.full(size, array)
     if array.shape != (size,):
         raise InputError(f"q has shape {array.shape} on this rank; ({size},) was expected")
-    if not np.isfinite(array).all():
-        i = int(np.argmin(np.isfinite(array)))
-        raise InputError(f"q[{low + i}] is {array[i]}; finite numbers were expected")
-    return array.copy()
+    own = as_float64(array, "q")
+    if not np.isfinite(own).all():
+        i = int(np.argmin(np.isfinite(own)))
+        raise InputError(f"q[{low + i}] is {own[i]}; finite numbers were expected")
+    return own
 
 
 @check_arguments

@@ -310,6 +310,23 @@ def check_a_map_that_another_rank_cannot_read_is_an_error_of_all():
     assert told.startswith("FailedOnRank: ValueError: invalid literal") or COMM.size == 1, told
 
 
+def check_a_q_that_is_no_real_vector_is_told():
+    A = distribute(icp.ICP(2.0 * np.eye(6), np.ones(6))).A
+    own = A.getLocalSize()[0]
+    for q, told in (
+        (None, "q is None"),
+        ("one", "q is 'one'"),
+        (object(), "q is an object"),
+        (np.full(own, 1 + 2j), "q is complex"),
+        (2j, "q is complex"),
+        ([[1.0], [2.0, 3.0]], "q cannot be read"),
+        (np.full(own, "1"), "q has dtype"),
+        (np.inf, "q[0] is inf"),
+    ):
+        assert raised(DistributedICP, A, q).startswith(f"InputError: {told}"), told
+    assert DistributedICP(A, [1] * own).q.tolist() == [1.0] * own
+
+
 def check_wrong_arguments_are_told():
     problem = distribute(PROBLEMS["two unknowns"]())
     assert raised(lambda: solve(np.eye(2), np.ones(2))).startswith("InputError: A is")
