@@ -15,14 +15,14 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import check_arguments
-from ..numerics.arrays import Mask, Vector
+from ..errors import InputError, check_arguments
+from ..numerics.arrays import Mask, Vector, described
 from ..numerics.rounding import SMALLEST, UNIT_ROUNDOFF, gamma
 from ..present.card import Card
 from ..present.display import Displayable
 from ..problem.two_sided import mid
 from ..theory.certificates.bounds import ASSUMED_PSI, ErrorBound
-from .distributed_icp import DistributedICP
+from .distributed_icp import DistributedICP, checked_point
 from .distributed_levels import DistributedLevels
 from .distributed_matrix import DistributedMatrix
 from .ranks import largest, norm, totals
@@ -100,6 +100,8 @@ def certify(problem: DistributedICP, z: Any, levels: DistributedLevels | None = 
 
     Raises
     ------
+    InputError
+        On all ranks, for wrong arguments.
     MapError
         Where ψ fails at z.
 
@@ -109,7 +111,9 @@ def certify(problem: DistributedICP, z: Any, levels: DistributedLevels | None = 
     >>> icp.distributed.certify(problem, problem.vector([1.5])).bound.value >= 0.5
     True
     """
-    here = _Point(problem, z)
+    here = _Point(problem, checked_point(problem, z, "z"))
+    if levels is not None and not isinstance(levels, DistributedLevels):
+        raise InputError(f"levels is {described(levels)}; the levels of a DistributedSolution were expected")
     proof = _proof(problem, levels)
     if isinstance(proof, str):
         return here.certificate(ErrorBound.none(proof))

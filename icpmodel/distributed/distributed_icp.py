@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, check_arguments
-from ..numerics.arrays import Vector, as_array, as_float64, described
+from ..numerics.arrays import Vector, as_array, as_float64, as_number, described
 from ..present.display import Displayable
 from ..problem.affine import Affine, Constant
 from ..problem.by_rows import ByRows
@@ -16,8 +16,8 @@ from ..problem.data import ProblemData, as_problem
 from ..problem.elementwise import Elementwise
 from ..problem.two_sided import mid, sides_of
 from .distributed_map import DistributedMap
-from .distributed_matrix import DistributedMatrix, check_aij, from_rows
-from .ranks import norm, petsc, together, totals, world
+from .distributed_matrix import DistributedMatrix, check_aij, check_counts, from_rows
+from .ranks import largest, norm, petsc, together, totals, world
 
 
 class DistributedICP(Displayable):
@@ -71,6 +71,8 @@ class DistributedICP(Displayable):
         matrix = DistributedMatrix(A)
         with together(comm):
             q = _own_entries(q, matrix.low, matrix.high)
+        if 0 < totals(comm, upper is not None)[0] < comm.size:
+            raise InputError("upper is None on some ranks only; inf stands for no upper obstacle")
         below = DistributedMap.of(psi, matrix, "psi")
         self._set(matrix, q, below, None if upper is None else DistributedMap.of(upper, matrix, "upper"))
         finite = matrix.own_entries[2]
@@ -186,7 +188,7 @@ class DistributedICP(Displayable):
         float
             The residual.
         """
-        p, below, above = self.sides(z)
+        p, below, above = self.sides(checked_point(self, z, "z"))
         return norm(self.comm, mid(self.matrix.row_weights * p, below, above))
 
     def paper_residual(self, z: Any) -> float:
@@ -202,10 +204,45 @@ class DistributedICP(Displayable):
         float
             The residual.
         """
-        return norm(self.comm, mid(*self.sides(z)))
+        return norm(self.comm, mid(*self.sides(checked_point(self, z, "z"))))
 
     def __repr__(self) -> str:
         return f"DistributedICP(n={self.n}, ranks={self.comm.size})"
+
+
+def checked_point(problem: Any, z: Any, name: str, finite: bool = False) -> Any:
+    """`z`, a `Vec` with the layout of A.
+
+    Collective. Raises InputError on all ranks.
+
+    Parameters
+    ----------
+    problem : DistributedICP
+        The problem; another object is refused.
+    z : Vec
+        The point.
+    name : str
+        What the point is called in messages.
+    finite : bool, default False
+        Whether entries that are not finite are refused.
+
+    Returns
+    -------
+    petsc4py.PETSc.Vec
+        The point.
+    """
+    if not isinstance(problem, DistributedICP):
+        raise InputError(f"problem is {described(problem)}; a DistributedICP was expected")
+    with together(problem.comm):
+        if not isinstance(z, petsc().Vec) or not z:  # one that was not created is false
+            raise InputError(f"{name} is {described(z)}; a petsc4py.PETSc.Vec was expected: problem.vector() makes one")
+        expected = problem.A.getSizes()[0]
+        if z.getSizes() != expected:
+            raise InputError(f"{name} has the sizes {z.getSizes()}; {expected}, those of A, were expected")
+        if finite and not np.isfinite(z.array_r).all():
+            i = int(np.argmin(np.isfinite(z.array_r)))
+            raise InputError(f"{name}[{problem.low + i}] is {z.array_r[i]}; a finite number was expected")
+    return z
 
 
 def _own_entries(value: Any, low: int, high: int) -> Vector:
@@ -262,11 +299,27 @@ def by_rows(problem: Any, comm: Any = None) -> DistributedICP:
     """
     comm = world(comm)
     PETSc = petsc()
-    checked = problem if isinstance(problem, ByRows) else ByRows((problem.n,), problem.local_rows)
+    with together(comm):
+        checked = _as_by_rows(problem)
+        check_counts(checked.n, 0)
+    least, most = largest(comm, float(-checked.n), float(checked.n))
+    if -least != most:
+        raise InputError(f"problem.n is between {-least:.0f} and {most:.0f} on the ranks; one number was expected")
     layout = PETSc.Vec().createMPI(checked.n, comm=comm)
     with together(comm):
         A, q, psi, upper = checked.local_rows(*layout.getOwnershipRange())
     return DistributedICP(from_rows(A, comm), q, psi, upper)
+
+
+def _as_by_rows(problem: Any) -> ByRows:
+    """The problem that `by_rows` takes. Raises InputError."""
+    if isinstance(problem, ByRows):
+        return problem
+    if not callable(getattr(problem, "local_rows", None)) or not hasattr(problem, "n"):
+        raise InputError(
+            f"problem is {described(problem)}; a ByRows, or an object with n and local_rows(lo, hi), was expected"
+        )
+    return ByRows((int(as_number(problem.n, "problem.n", minimum=1, whole=True)),), problem.local_rows)
 
 
 @check_arguments

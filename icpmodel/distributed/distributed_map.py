@@ -74,8 +74,10 @@ class DistributedMap:
                 raise NotApplicable(
                     f"{name} depends on z without a known bound: give an Elementwise with `lipschitz` < 1"
                 )
-        has_function = totals(matrix.comm, local_map is not None and not local_map.is_constant)[0] > 0
-        return cls(matrix, local_map, G, has_function)
+        functions, pairs = totals(matrix.comm, local_map is not None and not local_map.is_constant, G is not None)
+        if 0 < pairs < matrix.comm.size:
+            raise InputError(f"{name} is a pair on some ranks only; on all of them or none it was expected")
+        return cls(matrix, local_map, G, functions > 0)
 
     @property
     def is_fixed(self) -> bool:

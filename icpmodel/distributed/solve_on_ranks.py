@@ -26,7 +26,7 @@ from ..solve.progress import status_line
 from ..solve.run import MAX_ROUNDING
 from ..solve.solution import Status
 from .distributed_bound import rounding
-from .distributed_icp import DistributedICP
+from .distributed_icp import DistributedICP, checked_point
 from .distributed_levels import DistributedLevels
 from .distributed_solution import DistributedSolution
 from .newton_on_ranks import Evaluation, newton_steps, simplified, start
@@ -117,9 +117,12 @@ def solve(
     True
     """
     problem = A if isinstance(A, DistributedICP) else DistributedICP(A, q, psi, upper)
-    if isinstance(A, DistributedICP) and q is not None:
+    no_psi = isinstance(psi, float | int) and psi == 0
+    if isinstance(A, DistributedICP) and not (q is None and no_psi and upper is None):
         raise InputError("A is a DistributedICP, which has its q; leave out q, psi and upper")
     limits = Limits(rtol=rtol, atol=atol, max_iter=max_iter, time_limit=time_limit)
+    if z0 is not None:
+        z0 = checked_point(problem, z0, "z0", finite=True)
     as_truth(progress, "progress"), as_truth(raise_on_failure, "raise_on_failure")
     if largest(problem.comm, float((problem.matrix.diagonal <= 0).any()))[0]:
         raise NotApplicable("the diagonal of A has an entry that is not positive, which sweeps and multigrid divide by")

@@ -310,6 +310,38 @@ def check_a_map_that_another_rank_cannot_read_is_an_error_of_all():
     assert told.startswith("FailedOnRank: ValueError: invalid literal") or COMM.size == 1, told
 
 
+def check_a_point_that_is_no_vector_of_the_problem_is_told():
+    problem = distribute(PROBLEMS["two unknowns"]())
+    longer = PETSc.Vec().createMPI(7)
+    nan = problem.vector(np.full(problem.high - problem.low, np.nan))
+    for z, told in ((np.zeros(2), "an ndarray"), (0.0, "0.0"), (PETSc.Vec(), "a Vec")):
+        assert raised(lambda z=z: solve(problem, z0=z)).startswith(f"InputError: z0 is {told}; a petsc4py.PETSc.Vec")
+        assert raised(certify, problem, z).startswith(f"InputError: z is {told}; a petsc4py.PETSc.Vec")
+        assert raised(problem.residual, z) == raised(problem.paper_residual, z) == raised(certify, problem, z)
+    assert "z0 has the sizes" in raised(lambda: solve(problem, z0=longer))
+    assert "z has the sizes" in raised(certify, problem, longer)
+    assert "z0[0] is nan" in raised(lambda: solve(problem, z0=nan))
+    assert certify(problem, nan).bound.value is None
+    assert raised(certify, PROBLEMS["two unknowns"](), nan).startswith("InputError: problem is an ICP")
+    assert "levels is 3" in raised(certify, problem, problem.vector(), 3)
+
+
+def check_rows_and_obstacles_that_ranks_do_not_share_are_told():
+    problem = PROBLEMS["two unknowns"]()
+    for wrong in (3, None, problem):
+        assert "an object with n and local_rows" in raised(by_rows, wrong)
+    rows = Rows(problem)
+    rows.n = 2.5
+    assert "problem.n is 2.5" in raised(by_rows, rows)
+    if COMM.size == 1:
+        return
+    rows.n = 2 + COMM.rank
+    assert f"problem.n is between 2 and {1 + COMM.size}" in raised(by_rows, rows)
+    A, first = distribute(problem).A, COMM.rank == 0
+    assert "upper is None on some ranks" in raised(DistributedICP, A, 1.0, 0.0, 2.0 if first else None)
+    assert "psi is a pair on some ranks" in raised(DistributedICP, A, 1.0, (A, 0.0) if first else 0.0)
+
+
 def check_a_q_that_is_no_real_vector_is_told():
     A = distribute(icp.ICP(2.0 * np.eye(6), np.ones(6))).A
     own = A.getLocalSize()[0]
@@ -331,7 +363,8 @@ def check_wrong_arguments_are_told():
     problem = distribute(PROBLEMS["two unknowns"]())
     assert raised(lambda: solve(np.eye(2), np.ones(2))).startswith("InputError: A is")
     assert raised(lambda: solve(problem, rtol=2.0)).startswith("InputError: rtol is 2.0")
-    assert raised(lambda: solve(problem, problem.q)).startswith("InputError: A is a DistributedICP")
+    for given in ({"q": problem.q}, {"psi": 1.0}, {"upper": 1.0}):
+        assert raised(lambda given=given: solve(problem, **given)).startswith("InputError: A is a DistributedICP")
     assert raised(lambda: distribute(problem, comm=3)).startswith("InputError: comm is 3")
     assert "constant, affine or elementwise" in raised(lambda: distribute(icp.ICP([[2.0]], [1.0], psi=np.sin)))
     upside_down = icp.ICP([[-1.0, 0.0], [0.0, 1.0]], [1.0, 1.0])
