@@ -224,7 +224,7 @@ def race(
     Raises
     ------
     InputError
-        For wrong arguments.
+        For wrong arguments, and where z = 0 is a solution, as there is nothing to measure.
     Interrupted
         At Ctrl-C; its `report` is the race so far.
 
@@ -250,6 +250,7 @@ def race(
     repeats = int(as_number(repeats, "repeats", minimum=1, whole=True))
     limit = as_number(time_limit, "time_limit", above=0.0)
     goals = _goals(tolerances)
+    case.check_scale()
     named = [OwnMethod(), *_own_competitors(methods), *map(ForeignCompetitor, chosen_solvers(solvers, "race"))]
     result = Race(title=f"{scene_title(problem)} ({machine()})", measure="", entries=(), command=command)
     entries: dict[tuple[str, float], Entry] = {}

@@ -112,6 +112,12 @@ def test_a_linear_solve_that_fails_is_no_limit():
     assert icp.race(singular, [], [], tolerances=[0.1], repeats=1).limit is None
 
 
+def test_where_z_0_is_a_solution_nothing_is_measured():
+    problem = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [1.0, 1.0])
+    with pytest.raises(icp.InputError, match=r"Res_D\(0\) of the problem is 0; there is nothing to measure"):
+        icp.race(problem, ["psor"], [], repeats=1)
+
+
 @pytest.mark.parametrize("z", [None, [np.nan, 0.0], [0.5], "text"])
 def test_what_is_no_z_is_no_answer(z):
     class Odd(ForeignSolver):
