@@ -24,7 +24,7 @@ from ..numerics.rounding import rounded_up
 from ..present.card import Card
 from ..present.rendering import render
 from ..present.whole_files import place_of, write_ours
-from ..problem.data import ProblemData, ProblemLike
+from ..problem.data import ProblemData, ProblemLike, as_problem
 from ..scenes import Scene
 from ..scenes.registry import title as scene_title
 from ..solve.driver import solve
@@ -33,6 +33,7 @@ from ..solve.solution import Solution
 from .cases import uninterrupted
 from .charts.field_charts import Fields
 from .charts.figures import Panel, drawing, panel_figure
+from .charts.places import places_of
 from .planes import relaxation
 from .race import DEFAULT_TOLERANCES, race
 from .sensitivity import sensitivity
@@ -165,6 +166,11 @@ def report(
         title = title or known["title"]
         about = about or known["about"]
         z_exact = known["z_exact"] if z_exact is None else z_exact
+    stated = as_problem(problem, nonlinear=True)
+    if z_exact is not None:
+        stated.vector(z_exact, "z_exact", finite=True)
+    if points is not None:
+        places_of(stated, points, None)
     start = None if scene is None else scene.z0
     sections: list[Section] = []
     limit = min(_RACE_LIMIT, time_limit)
@@ -174,7 +180,6 @@ def report(
             solution = problem
         else:
             say("solving")
-            stated = scene.problem if scene else problem
             solution = uninterrupted(solve(stated, z0=start, history=True, raise_on_failure=False))
         problem = solution.problem
         for heading, question, make in _contents(solution, start, points, z_exact, time_limit):

@@ -123,10 +123,22 @@ def test_what_cannot_be_shown_is_said():
     assert "which is done up to n = 1000" in large
 
 
-@pytest.mark.parametrize("wrong", [{"problem": 5}, {"time_limit": 0}, {"time_limit": float("nan")}, {"path": 5}])
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"problem": 5},
+        {"time_limit": 0},
+        {"time_limit": float("nan")},
+        {"path": 5},
+        {"z_exact": [1.0, 2.0, 3.0]},
+        {"z_exact": [1.0, float("nan")]},
+        {"points": [[1.0, 2.0, 3.0, 4.0]]},
+        {"points": "here"},
+    ],
+)
 def test_wrong_wishes_are_named(wrong):
     arguments = {"problem": icp.scenes.hand_lcp().problem.solve(), "title": "x"} | wrong
-    with pytest.raises(icp.InputError, match=f"^{next(iter(wrong))} is "):
+    with pytest.raises(icp.InputError, match=f"^{next(iter(wrong))}(\\[1\\])? (is|has) "):
         icp.report(**arguments)
 
 
