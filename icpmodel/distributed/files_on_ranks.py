@@ -12,6 +12,7 @@ import numpy as np
 
 from ..errors import FileError, IcpError, InputError, NotApplicable, check_arguments
 from ..modelling.archive import content_errors
+from ..modelling.files import is_number
 from ..modelling.files import load_problem as load_whole
 from ..modelling.formats import read_values
 from ..modelling.petsc_binary import PetscFile
@@ -99,8 +100,7 @@ def load_problem(
 
 def _side_in(source: Any, mat: Any, name: str) -> Any:
     """An obstacle: a number or None as it is, or the own entries of a file. Collective. Raises FileError."""
-    is_number = isinstance(source, int | float) and not isinstance(source, bool)
-    return source if source is None or is_number else vector_in(source, mat, name)
+    return source if source is None or is_number(source) else vector_in(source, mat, name)
 
 
 def _is_parted(path: Path) -> bool:

@@ -13,7 +13,7 @@ from __future__ import annotations
 from numbers import Real
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 
@@ -123,12 +123,17 @@ def load_problem(
             continue
         if part in parts:
             raise FileError(f"{path}: holds its own {name}; drop {name}")
-        if name in OBSTACLE_PREFIXES and isinstance(source, Real) and not isinstance(source, bool):
+        if name in OBSTACLE_PREFIXES and is_number(source):
             parts[part] = float(source)
         else:
             sources[part] = as_path(source, name)
             parts[part] = read_values(sources[part], name, parts["A"].shape[0] if parts["A"].ndim else 1)
     return problem_of(parts, sources)
+
+
+def is_number(source: Any) -> TypeGuard[float]:
+    """Whether an obstacle is given as a number, in place of a file."""
+    return isinstance(source, Real) and not isinstance(source, bool)
 
 
 def problem_of(parts: dict[str, Any], sources: dict[str, Path]) -> ICP:

@@ -86,6 +86,9 @@ def check_files_are_read_on_ranks_as_by_one_process():
         put(there / "q.mtx", transport().q)
         for found in (load_problem(A, q), load_problem(A, there / "q.mtx"), distribute(icp.load_problem(A, q))):
             assert_same(found, transport())
+        sides = {"psi": np.int64(-1), "upper": np.float32(0.5)}
+        assert all(one.is_fixed for one in load_problem(A, q, **sides).maps)
+        assert load_problem(A, q, **sides).upper.fixed().tolist() == [0.5] * (problem.high - problem.low)
 
 
 def check_a_file_that_is_cut_or_changed_is_read_by_ranks_only_as_by_one_process():
