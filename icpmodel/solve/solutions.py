@@ -17,6 +17,7 @@ from ..present.display import Plottable, cut
 from ..present.table import Table, Tabular
 from ..problem.data import ProblemData
 from ..theory.answers import Answer
+from .goal import Limits
 from .solution import Solution, Status
 
 
@@ -50,19 +51,17 @@ NOT_BEGUN = RunRecord(MNMGS(), MNMGS(), MNMGS(), "no method was tried", 0, 0.0)
 
 @dataclass(frozen=True, eq=False)
 class BatchData:
-    """The data of the problems, as the user gave them.
+    """The data of the problems, without arrays of the user, who may change them.
 
-    `problems` has one problem for all rows, or one for each. `below` and `above` are pairs: the obstacle as the user
-    stated it, and the list of obstacles, None where one holds for all rows. The limits are those of all rows together.
+    `problems` has one problem for all rows, or one for each. `below` and `above` are pairs: the one obstacle, and the
+    list of obstacles, None where one holds for all rows. The limits are those of all rows together.
     """
 
     problems: Sequence[ProblemData]
     Q: NDArray[np.float64]
     below: tuple[Any, list[Any] | None]
     above: tuple[Any, list[Any] | None]
-    atol: float
-    time_limit: float | None
-    memory_limit: float | None
+    limits: Limits
 
     def sides(self, row: int) -> list[Any]:
         """ψ and ψ̄, or None, of one row."""
@@ -133,6 +132,7 @@ class Solutions(ReadOnly, Plottable, Tabular):
             raise IndexError(f"there is no row {k}; there are {len(self)}")
         k %= len(self)
         outcome = self._records.get(k) or (NOT_BEGUN if k in self.messages else self._compiled_record)
+        limits = self._data.limits
         return Solution(
             problem=self._data.problem(k),
             z=self.Z[k],
@@ -141,9 +141,9 @@ class Solutions(ReadOnly, Plottable, Tabular):
             residual=float(self.residuals[k]),
             tolerance=float(self.tolerances[k]),
             **outcome._asdict(),
-            atol=self._data.atol,
-            time_limit=self._data.time_limit,
-            memory_limit=self._data.memory_limit,
+            atol=limits.atol,
+            time_limit=limits.time_limit,
+            memory_limit=limits.memory_limit,
         )
 
     def __iter__(self) -> Iterator[Solution]:

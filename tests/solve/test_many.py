@@ -286,6 +286,24 @@ def test_a_row_is_a_solution_of_its_own_problem_whatever_found_it():
         assert type(many[0].method) is type(alone.method) or psi is half_sine
 
 
+@pytest.mark.parametrize("kind", ["upper rows", "psi rows", "psi maps", "upper maps", "matrices"])
+def test_a_row_keeps_its_problem_where_the_arrays_of_the_caller_change(kind):
+    low = np.array([0.5, 0.5])
+    high = np.array([9.0, 9.0])
+    given = {
+        "upper rows": {"psi": low, "upper": np.full((2, 2), 9.0)},
+        "psi rows": {"psi": np.full((2, 2), 0.5), "upper": high},
+        "psi maps": {"psi": [low, icp.Constant(0.5)], "upper": high},
+        "upper maps": {"psi": low, "upper": [high, icp.Constant(9.0)]},
+        "matrices": {"A": [np.array(SMALL), 2.0 * np.array(SMALL)], "psi": low},
+    }[kind]
+    many = solve_many(**{"A": SMALL, "Q": [[-3.0, 1.0], [-2.0, -2.0]], **given})
+    low += 3.0
+    high -= 8.8
+    for one in many:
+        assert one.problem.residual(one.z) == pytest.approx(one.residual, abs=1e-12)
+
+
 def test_a_row_of_lists_has_its_own_obstacle_and_a_failed_one_its_end():
     many = icp.solve_many([[2.0]], [[-8.0], [-8.0]], psi=[[0.0], [1.0]], upper=[[3.0], [2.0]])
     assert [one.problem.upper.value(one.z).item() for one in many] == [3.0, 2.0]

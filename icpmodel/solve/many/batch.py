@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from copy import deepcopy
 from functools import partial
 from typing import Any
 
@@ -19,7 +19,7 @@ from ...numerics.arrays import Vector, as_float64, axes
 from ...numerics.rounding import is_ctrl_c
 from ...problem.data import ProblemData
 from ...problem.map import Map
-from ...problem.two_sided import as_map
+from ...problem.two_sided import sides_of
 from ..driver import solve
 from ..goal import Limits
 from ..solution import Status
@@ -61,9 +61,11 @@ def _list_obstacles(value: Any, name: str, none: float) -> tuple[list[Any] | Non
 
 
 def _each(value: Any, is_one: Callable[[Any], bool]) -> list[Any] | None:
-    """The items of a list of values; None for a single value."""
+    """The items of a list of values, with copies of those that are not `is_one`; None for a single value."""
     listed = isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.ndim > 0)
-    return list(value) if listed and any(map(is_one, value)) else None
+    if listed and any(map(is_one, value)):
+        return [one if is_one(one) else deepcopy(one) for one in value]
+    return None
 
 
 def _common(**several: Any) -> int:
@@ -115,16 +117,21 @@ class Batch:
         self.uppers, self.above = _list_obstacles(upper, "upper", np.inf)
         self.starts = None if Z0 is None else _rows(getattr(Z0, "Z", Z0), "Z0", 0.0)
         k = _common(A=matrices, Q=Q, psi=self.maps, upper=self.uppers, Z0=self.starts)
-        # what is wrong in a row is said before another one is solved
-        below = (psi, self.maps)
-        above = (upper, self.uppers)
         Q = np.broadcast_to(Q, (k, Q.shape[1]))
-        self.data = BatchData([], Q, below, above, limits.atol, limits.time_limit, limits.memory_limit)
-        first = self.data.sides(0)
+        first = [maps[0] if maps else one for one, maps in ((psi, self.maps), (upper, self.uppers))]
         make = partial(ProblemData, q=Q[0], psi=first[0], upper=first[1])
-        problems: Any = Stack.of(matrices, make) or [make(one) for one in (matrices or [A])]
-        self.data = replace(self.data, problems=problems)
-        self.problem = problems[0]
+        all_matrices = matrices or [A]
+        self.problem = make(all_matrices[0])
+        # `many[k]` makes a problem later, when the arrays of the caller may have changed
+        psi = self.problem.psi
+        problems: Any = Stack.of(matrices, partial(make, psi=psi, upper=None)) or [
+            self.problem,
+            *map(make, all_matrices[1:]),
+        ]
+        lower = sides_of(psi)[0]
+        upper = None if upper is None else self.problem.upper
+        self.data = BatchData(problems, Q, (lower, self.maps), (upper, self.uppers), limits)
+        # what is wrong in a row is said before another one is solved
         self._check(k)
         self._begin()
 
@@ -148,9 +155,7 @@ class Batch:
         for name, rows in (("Z0", self.starts), ("psi", self.obstacles), ("upper", self.above)):
             if rows is not None:
                 self.problem.vector(rows[0], name)  # has the right length
-        if self.uppers is None and self.obstacles is None and self.maps is not None:
-            self.maps[:] = [as_map(one, self.problem.n) for one in self.maps]
-        elif self.uppers is not None:
+        if self.uppers is not None or (self.maps is not None and self.obstacles is None):
             for row in range(k):
                 self.problem.with_sides(*self.data.sides(row))
 
@@ -174,7 +179,7 @@ class Batch:
     @property
     def compiled_solver(self) -> CompiledSolver:
         """The solver of the rows in compiled code."""
-        return CompiledSolver(self.data, self.obstacles, self.above, self.limits)
+        return CompiledSolver(self.data, self.obstacles, self.above)
 
     def row_cost(self) -> float | None:
         """The cost of a row in compiled code, in nanoseconds; None if it does not apply."""

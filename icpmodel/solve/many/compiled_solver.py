@@ -19,7 +19,6 @@ from ...problem.map import Map
 from ...problem.matrix import weights_of
 from ...problem.two_sided import mid
 from ...problem.verdict import certify_rows, certify_rows_of_each
-from ..goal import Limits
 from ..solutions import BatchData
 
 Matrix = NDArray[np.float64]
@@ -42,16 +41,14 @@ class CompiledSolver:
         The problems.
     obstacles, above : array of shape (k, n), optional
         The obstacles of each row, where they are numbers.
-    limits : Limits
-        The tolerances.
     """
 
-    def __init__(self, data: BatchData, obstacles: Matrix | None, above: Matrix | None, limits: Limits) -> None:
+    def __init__(self, data: BatchData, obstacles: Matrix | None, above: Matrix | None) -> None:
         self.data = data
         self.problem = data.problems[0]
         self.obstacles = obstacles
         self.above = above
-        self.limits = limits
+        self.limits = data.limits
         self.Q = data.Q
         #: the matrices, shape (k, n, n), where each row has its own
         self.stack: Matrix | None = getattr(data.problems, "matrices", None)
