@@ -189,9 +189,10 @@ class Run:
     def _refuse(self, error: Exception, job: Job | None) -> StopReason:
         """Record that `job` was not started, and return the end that this makes."""
         is_late = isinstance(error, OutOfTime)
+        note = str(error)
         if is_late and self.limits.time_limit is not None:
-            error = OutOfTime(f"time_limit = {self.limits.time_limit:g} s, and {error}")
-        stop_reason = StopReason(Status.TIME_LIMIT if is_late else Status.MEMORY_LIMIT, str(error))
+            note = f"time_limit = {self.limits.time_limit:g} s, and {error}"
+        stop_reason = StopReason(Status.TIME_LIMIT if is_late else Status.MEMORY_LIMIT, note)
         self.refusal = Refusal(stop_reason, job, error)
         return stop_reason
 
@@ -352,9 +353,8 @@ class Run:
         if self.iteration >= self.limits.max_iter:
             return StopReason(Status.ITERATION_LIMIT, f"max_iter = {self.limits.max_iter}")
         if work.seconds_left() == 0.0:
-            is_own = time_limit is not None and work.clock() - self.start_time > 0.9 * time_limit
-            note = f"time_limit = {time_limit:g} s" if is_own else "the time limit of what encloses this run"
-            return StopReason(Status.TIME_LIMIT, note)
+            enclosing = "the time limit of what encloses this run"
+            return StopReason(Status.TIME_LIMIT, enclosing if time_limit is None else f"time_limit = {time_limit:g} s")
         return None
 
     def _is_proved(self) -> bool:

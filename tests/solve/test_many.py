@@ -1,5 +1,7 @@
 """solve_many is solve, row by row."""
 
+import time
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -302,6 +304,21 @@ def test_a_row_keeps_its_problem_where_the_arrays_of_the_caller_change(kind):
     high -= 8.8
     for one in many:
         assert one.problem.residual(one.z) == pytest.approx(one.residual, abs=1e-12)
+
+
+def slow(z):
+    time.sleep(0.01)
+    return half_sine(z)
+
+
+def slow_and_rough(z):
+    return slow(z) + 3.0 * np.sin(1e3 * z[::-1])
+
+
+def test_a_row_that_runs_out_of_time_names_the_limit_of_all_rows():
+    many = solve_many(SMALL, [1.0, -2.0], [slow, slow_and_rough], time_limit=1.5, raise_on_failure=False)
+    assert many.statuses[1] is Status.TIME_LIMIT
+    assert many.messages[1].count("time_limit =") == many.messages[1].count("time_limit = 1.5 s") == 1
 
 
 def test_a_row_of_lists_has_its_own_obstacle_and_a_failed_one_its_end():

@@ -205,14 +205,11 @@ class Batch:
             self.failures[row] = Status.INTERRUPTED, "an earlier row was interrupted"
             return
         limits = self.limits
-        left = None
-        if limits.time_limit is not None:
-            left = limits.time_limit - self.elapsed()
-            if left <= 0.0:
-                self.failures[row] = Status.TIME_LIMIT, f"time_limit = {limits.time_limit:g} s was over before its turn"
-                return
-        free = None if limits.memory_limit is None else work.free_memory()
-        options: Any = {"rtol": limits.rtol, "atol": limits.atol, "time_limit": left, "memory_limit": free}
+        if limits.time_limit is not None and self.elapsed() >= limits.time_limit:
+            self.failures[row] = Status.TIME_LIMIT, f"time_limit = {limits.time_limit:g} s was over before its turn"
+            return
+        # the limits of all rows hold here as well, see `run`
+        options: Any = {name: getattr(limits, name) for name in ("rtol", "atol", "time_limit", "memory_limit")}
         try:
             problem = self.data.problem(row)
             start = self.start(row, problem)
