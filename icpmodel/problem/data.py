@@ -288,8 +288,13 @@ class ProblemData(PointValues):
         self.__setattr__(name, None)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        arguments = (self.A, self.q, self.psi)
-        return type(self), arguments if self.f is None else (*arguments, None, self.f.map)
+        arguments: tuple[Any, ...] = (self.A, self.q, self.psi)
+        if self.f is not None:
+            arguments = (*arguments, None, self.f.map)
+        return type(self), arguments, self.matrix.labels
+
+    def __setstate__(self, labels: Any) -> None:
+        self.matrix.labels = labels
 
     def with_q(self, q: Any) -> Self:
         """The problem with another `q`, shape (n,); A, ψ, f and the facts about them are shared.

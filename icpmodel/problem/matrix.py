@@ -140,6 +140,7 @@ class Matrix(ReadOnly):
         data[self.rows.diag] += d
         new = Matrix.of_checked(sp.csr_array((data, A.indices, A.indptr), shape=A.shape), row_weights)
         new.origin = self.origin or self
+        new.labels = self.labels
         return new
 
     def _measure(self, A: Any) -> None:

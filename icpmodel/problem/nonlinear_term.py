@@ -175,7 +175,8 @@ class NonlinearTerm(Displayable):
         J = self.jacobian(z)
         if A.dense is None and self.is_elementwise:
             return A.plus_diagonal(J.diagonal()), J @ z
-        return Matrix(sp.csr_array(A.sparse + J) if A.dense is None else A.dense + J.toarray()), J @ z
+        total = sp.csr_array(A.sparse + J) if A.dense is None else A.dense + J.toarray()
+        return Matrix(total, A.labels), J @ z
 
     def weighted(self, A: Matrix) -> Matrix:
         """A with the row weights of p: d_i is the mean of the largest |entries| of row i of A + f′ at z = ½ and 1.
@@ -193,6 +194,7 @@ class NonlinearTerm(Displayable):
         D = np.where(largest > 0.0, largest, 1.0)
         weighted = Matrix.of_checked(A.sparse, weights_of(D), A.dense)
         weighted.weights = D
+        weighted.labels = A.labels
         return weighted
 
     def weights_at(self, A: Matrix, z: Vector) -> Vector:

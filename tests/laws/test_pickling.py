@@ -31,6 +31,16 @@ def test_a_problem_and_its_solution_are_the_same_there(psi):
     assert there.certificate.error_bound == solution.certificate.error_bound
 
 
+@pytest.mark.parametrize("f", [None, np.zeros_like])
+def test_labels_of_rows_are_the_same_there(f):
+    pandas = pytest.importorskip("pandas", reason="pandas is not installed")
+    names = ["steel", "wood"]
+    A = pandas.DataFrame(np.diag([0.0, 1.0]), names, names)
+    problem = icp.ICP(A, pandas.Series([-2.0, 1.0], names), f=f)
+    for there in (problem, again(problem), copy.copy(problem), copy.deepcopy(problem)):
+        assert "steel: p[0] >= 0" in str(icp.contradiction(there.linearised(np.zeros(2))))
+
+
 def test_errors_carry_there_what_they_hold():
     with pytest.raises(icp.NotSolved) as caught:
         PROBLEM.solve("mnmgs", max_iter=1)
