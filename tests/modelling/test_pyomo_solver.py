@@ -99,6 +99,13 @@ def test_options_reach_the_solve_and_wrong_ones_are_answered():
             old(model, options={name: 1.0})
 
 
+def test_a_run_that_is_out_of_time_names_the_limit_of_the_call_not_the_rest_after_reading():
+    quiet = {"raise_exception_on_nonoptimal_result": False, "load_solutions": False}
+    results = NEW.solve(pair(), time_limit=1e-6, **quiet)
+    assert results.termination_condition is TerminationCondition.maxTimeLimit
+    assert "time_limit = 1e-06 s" in results.extra_info.solution.message
+
+
 TOO_FEW = {"method": "mnmgs", "max_iter": 3}
 FAILED = {
     "no solution": (NEW.solve, {}, NoOptimalSolutionError, "raise_exception_on_nonoptimal_result=False"),

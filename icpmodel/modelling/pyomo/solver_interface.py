@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import math
 import time
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
@@ -20,6 +21,7 @@ from pyomo.core import Objective, value
 from pyomo.core.staleflag import StaleFlagManager
 
 from ...errors import InputError
+from ...numerics import work
 from ...solve.solution import Solution, Status
 from ..reading import solved
 from ..running_log import printed_on
@@ -163,11 +165,13 @@ class PyomoSolver(SolverBase):
         timer.stop("read")
         _say(config.tee, reading.problem)
         limit = config.time_limit
-        left = None if limit is None else max(limit - (time.perf_counter() - begin), 0.0)
+        used = time.perf_counter() - begin
+        left = math.inf if limit is None else max(limit - used, 0.0)
         timer.start("solve")
         for stream in config.tee:
             options["callback"] = printed_on(stream, options.get("callback"))
-        solution = solved(reading, time_limit=left, **options)
+        with work.work_limit(left):
+            solution = solved(reading, time_limit=limit, **options)
         timer.stop("solve")
         StaleFlagManager.mark_all_as_stale()
         self._fill(results, model, reading, solution)
