@@ -42,7 +42,8 @@ def in_a_process(items: Callable[[], Iterator[_T]], end: float) -> Iterator[_T]:
     """
     reader, writer = os.pipe()
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # of threads: none of those here holds a lock meanwhile
+        # of threads, which may hold locks: those of this package are made anew in the other process
+        warnings.simplefilter("ignore", DeprecationWarning)
         child = os.fork()
     if not child:
         _send(items, writer)

@@ -24,7 +24,20 @@ ABANDONED_THREAD = "icpmodel: out of time"
 #: the lock and the number of the threads that ask for one thread of BLAS, and the limiter that restores BLAS's
 _BLAS_LOCK = Lock()
 _blas_users = 0
-_blas_limiter = None
+_blas_limiter: Any = None
+
+
+def _begin_anew() -> None:
+    """In a fork nobody holds the lock, and BLAS has its own threads: those who asked for one are not there."""
+    global _BLAS_LOCK, _blas_users
+    _BLAS_LOCK = Lock()
+    if _blas_users:
+        _blas_users = 0
+        _blas_limiter.restore_original_limits()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_begin_anew)
 
 
 def cores() -> int:

@@ -235,6 +235,16 @@ class ForeignSolver(Displayable, ABC):
 _STREAMS = threading.Lock()
 
 
+def _begin_anew() -> None:
+    """In a fork the thread that holds the lock does not go on."""
+    global _STREAMS
+    _STREAMS = threading.Lock()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_begin_anew)
+
+
 @contextlib.contextmanager
 def _silence() -> Iterator[None]:
     """Suppress all output in a block, also of compiled code: PIQP, for one, prints warnings.

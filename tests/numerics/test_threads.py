@@ -1,13 +1,16 @@
 """One thread of BLAS, and who gets their threads back; and steps that take too long."""
 
-from threading import Event, current_thread
+import time
+from threading import Event, Thread, current_thread
 
 import pytest
 import threadpoolctl
 
 from icpmodel.errors import OutOfTime
-from icpmodel.numerics import work
+from icpmodel.numerics import threads, work
+from icpmodel.numerics.processes import CAN_FORK, in_a_process
 from icpmodel.numerics.threads import one_blas_thread, run_with_deadline
+from icpmodel.solvers.foreign import _silence
 
 
 def threads_of_blas():
@@ -32,6 +35,37 @@ def test_who_ends_last_gives_them_back():
     assert set(threads_of_blas().values()) == {1}
     second.__exit__(None, None, None)
     assert threads_of_blas() == before
+
+
+@pytest.mark.skipif(not CAN_FORK, reason="there are no forks here")
+def test_a_fork_has_locks_of_its_own_and_all_threads_of_blas():
+    """Another thread holds the locks meanwhile."""
+
+    def in_the_fork():
+        yield threads_of_blas()
+        with one_blas_thread(), _silence():
+            yield threads_of_blas()
+
+    with one_blas_thread():
+        pass
+    before = threads_of_blas()
+    held, end = Event(), Event()
+
+    def hold():
+        with one_blas_thread(), _silence(), threads._BLAS_LOCK:
+            held.set()
+            end.wait()
+
+    other = Thread(target=hold)
+    other.start()
+    held.wait()
+    try:
+        here, inside = in_a_process(in_the_fork, time.perf_counter() + 20.0)
+    finally:
+        end.set()
+        other.join()
+    assert here == before
+    assert set(inside.values()) == {1}
 
 
 def test_a_step_that_may_take_too_long_gives_its_result_or_error_or_is_left_at_the_end_of_the_time():
