@@ -74,6 +74,8 @@ def crosscheck(
     Where p is nonlinear the solvers get its tangent at the answer under test. That is a solution of
     the one problem if and only if it is one of the other. IPOPT gets the nonlinear p as well.
 
+    While a foreign solver runs in this process, what other threads print or log is lost.
+
     Examples
     --------
     >>> report = icp.crosscheck(

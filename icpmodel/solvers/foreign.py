@@ -349,6 +349,8 @@ def chosen_solvers(solvers: Iterable[str | ForeignSolver] | None, used_by: str |
 def ask(solver: ForeignSolver, target: Target, tolerance: float, time_limit: float) -> Claim:
     """Run `solver` on `target` silently; an exception becomes the words of its claim.
 
+    While it runs in this process, what other threads print or log is lost.
+
     Parameters
     ----------
     solver : ForeignSolver

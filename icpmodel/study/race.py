@@ -236,6 +236,8 @@ def race(
 
     A competitor is not asked for a tolerance that its answer to a larger one meets already.
 
+    While a foreign solver runs in this process, what other threads print or log is lost.
+
     Examples
     --------
     >>> problem = ICP([[2, -1], [-1, 2]], [-1, 3])
