@@ -129,7 +129,7 @@ def _pivot(problem: ProblemData, lcp: AffineLcp, rng: np.random.Generator, excha
 
     rows = rng.permutation(np.flatnonzero(~lcp.free))[: 2 if exchanges else 0]
     try:
-        path = lcp.exchanged(rows) if exchanges else lcp
+        path = lcp.exchanged(rows) if rows.size else lcp
     except SingularOperator:
         return None
     covering = np.exp(rng.uniform(-3.0, 3.0, len(lcp.q)))

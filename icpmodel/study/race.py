@@ -252,7 +252,6 @@ def race(
     repeats = int(as_number(repeats, "repeats", minimum=1, whole=True))
     limit = as_number(time_limit, "time_limit", above=0.0)
     goals = _goals(tolerances)
-    case.check_scale()
     named = [OwnMethod(), *_own_competitors(methods), *map(ForeignCompetitor, chosen_solvers(solvers, "race"))]
     result = Race(title=f"{scene_title(problem)} ({machine()})", measure="", entries=(), command=command)
     entries: dict[tuple[str, float], Entry] = {}
@@ -293,6 +292,7 @@ def _own_competitors(methods: Sequence[str | Method] | None) -> list[Competitor]
 
 def _measure(case: Case, z_exact: Any, limit: float) -> tuple[str, _Error]:
     """What "error" is in words, and the function of z that gives it."""
+    case.check_scale()
     problem = case.problem
     known = 0.0
     words = "max |z - z*|"

@@ -80,6 +80,11 @@ def test_pivots_find_an_equilibrium_of_every_game_of_two_players(seed):
     assert np.minimum(solution.z, game.p(solution.z)) == pytest.approx(0.0, abs=1e-8)
 
 
+def test_restarts_end_on_equations_without_a_solution():
+    """No row can change places where none has an obstacle."""
+    assert not attempt(icp.ICP([[1.0, 1.0], [1.0, 1.0]], [-1.0, 0.0], -np.inf), "restarts").solved
+
+
 def test_the_same_seed_gives_the_same_answer():
     problem = planted(3, 12)
     one, other = (attempt(problem, "restarts", seed=7, tries=20) for _ in range(2))
