@@ -150,13 +150,16 @@ def solve(
         def run_all() -> None:
             _run_all(run, named_method, family)
 
+        error = None
         try:
             if accuracy is None:
                 run_all()
             else:
                 solve_to_accuracy(run, accuracy, run_all)
         except CallbackFailure as failure:
-            raise failure.error from None
+            error = failure.error
+        if error is not None:  # with the cause that the callback gave it
+            raise error
         if run.singular is not None and method is not None:
             raise run.singular
         if run.best is None:

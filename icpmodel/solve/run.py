@@ -312,24 +312,21 @@ class Run:
         return None
 
     def _report(self, z: Vector, residual: float, seconds: float) -> StopReason | None:
-        """Report `z` and its `residual` to whatever watches the run; return an end if that stops it."""
+        """Report `z` and its `residual` to whatever watches the run; return an end if that stops it.
+
+        Raises CallbackFailure.
+        """
         if self.watch is not None:
             return self.watch(z, residual)
         self.bar.update(self.iteration, residual, self.goal.tolerance)
         if self.records is not None:
             self.records.append((self.iteration, residual, seconds, self.job.method.name))
+        if self.callback is None:
+            return None
         # a copy: a view could be written to through its base
-        if self.callback is not None and self._callback_stops(
-            Progress(self.iteration, locked(z.copy()), residual, seconds)
-        ):
-            return StopReason(Status.STOPPED, "by the callback")
-        return None
-
-    def _callback_stops(self, progress: Progress) -> bool:
-        """Whether the callback returns True. Raises CallbackFailure."""
-        assert self.callback is not None
+        progress = Progress(self.iteration, locked(z.copy()), residual, seconds)
         try:
-            return bool(self.callback(progress))
+            return StopReason(Status.STOPPED, "by the callback") if self.callback(progress) else None
         except Exception as error:
             if isinstance(error, OutOfTime) or is_ctrl_c(error):  # of this run
                 raise

@@ -261,11 +261,12 @@ def test_what_a_callback_raises_reaches_the_caller(error):
 
     def callback(state):
         calls.append(state)
-        raise error
+        raise error from KeyError("the cause")
 
-    with pytest.raises(type(error), match="mine"):
+    with pytest.raises(type(error), match="mine") as caught:
         icp.scenes.membrane(n=100).problem.solve(callback=callback, raise_on_failure=False)
     assert len(calls) == 1
+    assert isinstance(caught.value.__cause__, KeyError)
 
 
 def test_the_start_is_not_changed():
