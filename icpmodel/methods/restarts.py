@@ -33,7 +33,7 @@ class Restarts(Method):
     Parameters
     ----------
     tries : int, default 400
-        The number of starts of the pivots. One start of Newton's method comes after every 100 of them, or with every
+        The number of starts of the pivots. One start of Newton's method comes after every 100 of them, or after every
         20 where there are no pivots.
     seed : int, default 0
         Of the random numbers: the same seed gives the same iterates.
@@ -73,7 +73,11 @@ class Restarts(Method):
         as_number(self.seed, "seed", minimum=0, whole=True)
 
     def why_not(self, problem: ProblemData) -> str | None:
-        return Newton().why_not(problem) and Lemke().why_not(problem)
+        no_pivots = Lemke().why_not(problem)
+        no_newton = Newton().why_not(problem)
+        if no_newton is None and self.tries < _TRIES_WITHOUT_PIVOTS:
+            no_newton = f"tries = {self.tries}; Newton's method starts after {_TRIES_WITHOUT_PIVOTS}"
+        return no_pivots and (no_newton and f"{no_pivots}; {no_newton}")
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         best = problem.residual(z)
@@ -91,7 +95,6 @@ class Restarts(Method):
             with suppress(SingularOperator):
                 lcp = dense_lcp(problem)
         every = _TRIES_WITHOUT_PIVOTS if lcp is None else _TRIES_WITH_PIVOTS
-        first = 0 if lcp is None else every - 1
         has_newton = Newton().why_not(problem) is None
         scale = scale_of_starts(problem, z)
         start = z
@@ -99,7 +102,7 @@ class Restarts(Method):
             with suppress(MapError):
                 if lcp is not None and (candidate := _pivot(problem, lcp, rng, k % 2 == 1)) is not None:
                     yield candidate, problem.residual(candidate)
-            if has_newton and k % every == first:
+            if has_newton and (k + 1) % every == 0:
                 with suppress(MapError):
                     for candidate, residual in islice(Newton().iterates(problem, start), _NEWTON_STEPS):
                         yield candidate, problem.residual(candidate) if residual is None else residual

@@ -200,7 +200,7 @@ class Job:
     def __str__(self) -> str:
         """The method and its progress: 40 steps (300 expected)."""
         estimate = self.choice.estimate
-        expected = "" if estimate is None else f" ({_count_text(estimate.steps)} expected)"
+        expected = "" if estimate is None else f" ({max(estimate.steps, 1.0):.0f} expected)"
         return f"{self.method!r}, {self.steps} step{'' if self.steps == 1 else 's'}{expected}"
 
 
@@ -305,7 +305,7 @@ class Ladder:
                 _LOG.debug("n = %d: %r is left out: %s", self.problem.n, method, why_not or "memory_limit")
                 continue
             products = estimate.total / self.problem.matrix.product_cost
-            why = f"{_count_text(estimate.steps)} steps are expected, as much work as {products:.3g} products with A"
+            why = f"{max(estimate.steps, 1.0):.0f} steps are expected, as much work as {products:.3g} products with A"
             _LOG.debug("n = %d: %r: %s", self.problem.n, method, why)
             jobs.append(Job(Choice(method, why, estimate)))
         return sorted(jobs, key=lambda job: job.remaining)
@@ -395,7 +395,7 @@ class Ladder:
         rungs: list[list[Method]] = [[Newton()], [Multilevel()], [Proximal()], [Interior()]]
         if self.family == "paper":
             rungs = [[MNMMOD(theta1=AUTO)]]
-        elif self.family is None:
+        elif self.family is None and self.problem.n > PIVOT_UP_TO:
             rungs[0] += [Lemke(), Restarts(tries=TRIES)]
         self.others = list(map(self._estimate_jobs, rungs))
         began = [rung[0] for rung in self.others if rung]
@@ -427,7 +427,3 @@ class MethodSequence:
     def end(self, job: Job) -> None:
         """`job` has ended."""
         self.jobs.remove(job)
-
-
-def _count_text(steps: float) -> str:
-    return f"{max(steps, 1.0):.0f}"

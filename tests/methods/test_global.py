@@ -85,6 +85,14 @@ def test_restarts_end_on_equations_without_a_solution():
     assert not attempt(icp.ICP([[1.0, 1.0], [1.0, 1.0]], [-1.0, 0.0], -np.inf), "restarts").solved
 
 
+def test_tries_that_would_start_nothing_are_refused():
+    psi = icp.Function(lambda z: 0.1 * z[::-1] ** 2, jacobian=lambda z: np.array([[0.0, 0.2 * z[1]], [0.2 * z[0], 0.0]]))
+    problem = icp.ICP([[2.0, 1.0], [1.0, 2.0]], [-1.0, -1.0], psi)
+    assert attempt(problem, "restarts", tries=20).solved
+    with pytest.raises(icp.NotApplicable, match="tries = 19; Newton's method starts after 20"):
+        problem.solve("restarts", tries=19)
+
+
 def test_the_same_seed_gives_the_same_answer():
     problem = planted(3, 12)
     one, other = (attempt(problem, "restarts", seed=7, tries=20) for _ in range(2))
