@@ -98,10 +98,10 @@ def select_method(
        for a quarter of what the cheapest method of rung 5 is expected to cost, and for 20 sweeps at least, which show
        a rate. It is an eighth where the Jacobi radius ρ < 1 of A foretells that it needs more than that method. If
        that is `Multilevel`, no other can cost less, and an eighth does not pay for 20 sweeps, it begins at once.
-    5. Of four methods the one with the least left to do: the cheapest of `Newton`, `Lemke` and ten `Restarts` of
-       it; `Multilevel`, unless it ran before; `Proximal`; `Interior`. Their estimates follow from ρ and the fill of
-       the factors of A. That fill is not asked for before `Multilevel` has more left than the others would cost
-       without any.
+    5. Of four methods the one with the least left to do: the cheapest of `Newton` and, beyond 64 unknowns, `Lemke` and
+       ten `Restarts` of it; `Multilevel`, unless it ran before; `Proximal`; `Interior`. Their estimates follow from ρ
+       and the fill of the factors of A. That fill is not asked for before `Multilevel` has more left than the others
+       would cost without any.
     6. Where one of these has ended, another that rung 5 names; after all of them MNMGS and MNMMOD. With at most 150
        unknowns they end after twice their estimates, as a global search follows.
 

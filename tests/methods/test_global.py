@@ -86,7 +86,7 @@ def test_restarts_end_on_equations_without_a_solution():
 
 
 def test_tries_that_would_start_nothing_are_refused():
-    psi = icp.Function(lambda z: 0.1 * z[::-1] ** 2, jacobian=lambda z: np.array([[0.0, 0.2 * z[1]], [0.2 * z[0], 0.0]]))
+    psi = icp.Function(lambda z: 0.1 * z[::-1] ** 2, jacobian=lambda z: np.diag(0.2 * z)[::-1])
     problem = icp.ICP([[2.0, 1.0], [1.0, 2.0]], [-1.0, -1.0], psi)
     assert attempt(problem, "restarts", tries=20).solved
     with pytest.raises(icp.NotApplicable, match="tries = 19; Newton's method starts after 20"):
