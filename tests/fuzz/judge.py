@@ -99,13 +99,17 @@ def worse_than_seen(exact, problem, z, path):
 
 
 def false_model(A, q, of_r, c, x):
-    """What is false of "optimal" at `x` of Ax + q ⟂ of_r·(x − c), each side beside the sum of its terms."""
+    """What is false of "optimal" at `x` of Ax + q ⟂ of_r·(x − c), each side beside the sum of its terms.
+
+    No x_j counts as smaller than the rounding of the largest: x = (6e-24, −1) answers −3x₀ = 0, x₁ = −1.
+    """
     x, tiny, false = fractions(x), Fraction(1, 10**300), []
+    size = [max(abs(one), max(map(abs, x)) / 2**53) for one in x]
     for i, (row, load) in enumerate(zip(rational(A), fractions(q), strict=True)):
-        p = (dot(row, x) + load) / (sum(abs(a * b) for a, b in zip(row, x, strict=True)) + abs(load) + tiny)
+        p = (dot(row, x) + load) / (dot(map(abs, row), size) + abs(load) + tiny)
         least = p
         if math.isfinite(c[i]):
-            least = min(p, (x[i] - Fraction(c[i])) / (abs(x[i]) + abs(Fraction(c[i])) + tiny))
+            least = min(p, (x[i] - Fraction(c[i])) / (size[i] + abs(Fraction(c[i])) + tiny))
         if abs(least) > _MODEL:
             false.append(
                 ("false solved", f'"optimal", and in row {i} the smaller side is {near(least):.3g} of its terms')
