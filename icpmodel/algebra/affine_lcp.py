@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from contextlib import suppress
 from copy import copy
 from typing import Any
@@ -160,9 +161,12 @@ class AffineLcp:
         """
         new = copy(self)
         block = self.M[np.ix_(rows, rows)]
-        if not np.linalg.cond(block) < _MAX_CONDITION:
+        condition = math.inf
+        with suppress(np.linalg.LinAlgError):  # also where the inverse overflows
+            inverse = np.linalg.inv(block)
+            condition = float(np.linalg.norm(block, 1) * np.linalg.norm(inverse, 1))
+        if not condition < _MAX_CONDITION:
             raise SingularOperator("M is singular in the rows that change places", int(rows[0]))
-        inverse = np.linalg.inv(block)
         columns = self.M[:, rows] @ inverse
         new.M = self.M - columns @ self.M[rows]
         new.M[rows] = -inverse @ self.M[rows]

@@ -80,6 +80,11 @@ def test_pivots_find_an_equilibrium_of_every_game_of_two_players(seed):
     assert np.minimum(solution.z, game.p(solution.z)) == pytest.approx(0.0, abs=1e-8)
 
 
+def test_restarts_end_where_the_inverse_of_exchanged_rows_overflows():
+    problem = icp.ICP(1e-320 * np.eye(3), [-1.0, 0.0, 0.0], 0.0, upper=[np.inf, 0.0, 0.0])
+    assert not attempt(problem).solved
+
+
 def test_restarts_end_on_equations_without_a_solution():
     """No row can change places where none has an obstacle."""
     assert not attempt(icp.ICP([[1.0, 1.0], [1.0, 1.0]], [-1.0, 0.0], -np.inf), "restarts").solved
