@@ -47,11 +47,11 @@ class Factors:
     ----------
     lu : SuperLU
         The factors.
-    rows, columns : array of shape (n,), optional
-        The orders; None for that of A.
+    rows, columns : array of shape (n,)
+        The orders.
     """
 
-    def __init__(self, lu: Any, rows: NDArray[Any] | None = None, columns: NDArray[Any] | None = None) -> None:
+    def __init__(self, lu: Any, rows: NDArray[Any], columns: NDArray[Any]) -> None:
         self.lu = lu
         self._orders = rows, columns
 
@@ -67,11 +67,14 @@ class Factors:
         work.count(columns * solve_cost(Fill(f.shape[0], self.lu.nnz, 0.0, True)))
         before, after = self._orders if trans == "N" else self._orders[::-1]
         f = np.asarray(f, dtype=np.float64)
-        y: Vector = self.lu.solve(f if before is None else f[before], trans)
-        if after is None:
-            return y
         x = np.empty(f.shape)
-        x[after] = y
+        x[after] = self.lu.solve(f[before], trans)
+        return x
+
+    def in_order(self, y: Vector) -> Vector:
+        """x, shape (n,), with the entries of `y`, which has them in the order of the columns of U."""
+        x = np.empty(y.shape)
+        x[self._orders[1]] = y[self.lu.perm_c]
         return x
 
 
@@ -158,7 +161,7 @@ def factors_and_schur(matrix: sp.csr_array, last: NDArray[np.intp]) -> tuple[Fac
     """
     fill, order = ordered(matrix)
     order = np.concatenate([order[~np.isin(order, last)], last])
-    lu = _superlu(sp.csr_array(matrix[order][:, order]), fill, True, "NATURAL")
+    lu = _superlu(sp.csr_array(matrix[order][:, order]), fill, True)
     low = order.size - last.size
     if lu is None or (place := lu.perm_c[low:] - low).min() < 0:
         return None
@@ -235,11 +238,13 @@ def _by_superlu(matrix: sp.csr_array, analysis: SymbolicAnalysis, diagonal_pivot
             return None
         matrix = sp.csr_array(matrix[rows])
         analysis = SymbolicAnalysis(matrix)
-    lu = _superlu(matrix, _fill_of(analysis), diagonal_pivots)
-    return None if lu is None else Factors(lu, rows)
+    fill = _fill_of(analysis)
+    order = analysis.order
+    lu = _superlu(sp.csr_array(matrix[order][:, order]), fill, diagonal_pivots)
+    return None if lu is None else Factors(lu, order if rows is None else rows[order], order)
 
 
-def _superlu(matrix: sp.csr_array, fill: Fill, diagonal_pivots: bool, order: str = "MMD_AT_PLUS_A") -> Any:
+def _superlu(matrix: sp.csr_array, fill: Fill, diagonal_pivots: bool) -> Any:
     from scipy.sparse.linalg import splu
 
     n = matrix.shape[0]
@@ -247,7 +252,7 @@ def _superlu(matrix: sp.csr_array, fill: Fill, diagonal_pivots: bool, order: str
     by_superlu = partial(
         splu,
         sp.csc_array(matrix),
-        permc_spec=order,
+        permc_spec="NATURAL",
         diag_pivot_thresh=0.0 if diagonal_pivots else _PIVOT_THRESHOLD,
         options={"SymmetricMode": True},
     )

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import cached_property, partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -27,6 +28,8 @@ _MAX_COST_FACTOR = 50.0
 _SMALL_GRAPH = 2000
 _THIN_DEGREE = 5
 _WIDE_LAYER = 0.125
+#: rows of n with more than this multiple of √n entries are eliminated last
+_THIN_FACTOR = 10.0
 #: the diagonal of the matrix that is ordered, next to entries of 1
 _DIAGONAL = 1e3
 
@@ -77,6 +80,12 @@ def dense_cost(n: int, symmetric: bool = False) -> float:
     return COSTS.call + (0.5 * cost if symmetric else cost)
 
 
+def of_part(fill: Fill, rows: int) -> Fill:
+    """The fill of `rows` of the rows with their columns, by its share of the pairs of rows."""
+    share = (rows / fill.rows) ** 2
+    return fill._replace(rows=rows, entries=share * fill.entries, flops=share * fill.flops)
+
+
 def of_band(n: int, below: int, above: int, symmetric: bool = False) -> Fill:
     """The fill of a band with `below` diagonals below the main one and `above` above it.
 
@@ -85,11 +94,6 @@ def of_band(n: int, below: int, above: int, symmetric: bool = False) -> Fill:
     """
     entries, flops = (below + 1, 0.5 * below) if symmetric else (2 * below + above + 1, float(below + above))
     return Fill(n, float(n) * entries, 2.0 * n * below * flops, True, True)
-
-
-def predicted_fill(A: sp.csr_array, symmetric: bool = False) -> Fill:
-    """The fill of a sparse factorisation of `A`, see `ordered`; `symmetric` where signs of the rows make A so."""
-    return ordered(A, symmetric)[0]
 
 
 def ordered(A: sp.csr_array, symmetric: bool = False) -> tuple[Fill, NDArray[np.integer]]:
@@ -103,15 +107,13 @@ def ordered(A: sp.csr_array, symmetric: bool = False) -> tuple[Fill, NDArray[np.
     Notes
     -----
     SuperLU orders the graph of A + Aᵀ by minimum degree. It does so for an incomplete factorisation
-    that drops all entries off the diagonal, which costs as much as some tens of products. The
-    elimination tree then tells the entries of each column.
+    that drops all entries off the diagonal, which costs as much as some tens of products. Rows that
+    are not `thin` come last. The elimination tree then tells the entries of each column.
 
     References
     ----------
     Li, ACM TOMS 31 (2005). Liu, SIAM J. Matrix Anal. Appl. 11 (1990).
     """
-    from scipy.sparse.linalg import spilu
-
     from .kernels.graph import column_counts
 
     n = A.shape[0]
@@ -123,16 +125,39 @@ def ordered(A: sp.csr_array, symmetric: bool = False) -> tuple[Fill, NDArray[np.
     if not graph.diagonal().all():
         graph = graph + sp.diags_array(np.full(n, _DIAGONAL))
     graph = sp.csc_array(graph)
-    options = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
-    analysis = partial(spilu, graph, drop_tol=0.5, fill_factor=1.0, **options)
-    place = run_with_deadline(analysis, _MAX_COST_FACTOR * n**2).perm_c
+    is_thin = thin_rows(graph)
+    order = np.concatenate([np.flatnonzero(is_thin), np.flatnonzero(~is_thin)])
+    count = int(np.count_nonzero(is_thin))
+    if count:
+        order[:count] = order[_minimum_degree(graph if count == n else graph[is_thin][:, is_thin])]
+    place = np.empty_like(order)
+    place[order] = np.arange(n)
     entries, squares = column_counts(*read_only((graph.indptr, graph.indices, place)))
     fill = Fill(n, 2.0 * (entries + n), entries + squares, True)
-    return min(fill, fill._replace(symmetric=symmetric), key=factor_cost), np.argsort(place)
+    return min(fill, fill._replace(symmetric=symmetric), key=factor_cost), order
+
+
+def _minimum_degree(graph: sp.csc_array) -> NDArray[np.integer]:
+    """The rows in SuperLU's order of minimum degree."""
+    from scipy.sparse.linalg import spilu
+
+    options = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
+    analysis = partial(spilu, graph, drop_tol=0.5, fill_factor=1.0, **options)
+    return np.argsort(run_with_deadline(analysis, _MAX_COST_FACTOR * graph.shape[0] ** 2).perm_c)
+
+
+def thin_rows(A: Any) -> NDArray[np.bool_]:
+    """The rows i with at most 10√n entries in row i and in column i of a sparse matrix, as AMD counts them.
+
+    Amestoy, Davis and Duff, ACM TOMS 30 (2004): the others are eliminated last.
+    """
+    n = A.shape[0]
+    in_columns = np.bincount(A.indices, minlength=n)
+    return np.maximum(in_columns, np.diff(A.indptr)) <= max(_THIN_FACTOR * math.sqrt(n), 16.0)
 
 
 def _analysis_cost(A: sp.csr_array) -> float:
-    columns = np.bincount(A.indices).astype(np.float64)
+    columns = np.bincount(A.indices, minlength=A.shape[0]).astype(np.float64)[thin_rows(A)]
     by_entries = _ANALYSIS_COST + _ANALYSIS_COST_PER_ENTRY * A.nnz
     return by_entries + _ANALYSIS_COST_PER_SQUARE * float(columns @ columns)
 
@@ -156,6 +181,7 @@ class SymbolicAnalysis:
         self._least = least_factor_cost(A.shape[0], A.nnz)
         self._is_full = A.nnz == A.shape[0] ** 2
         self._sparse: Fill | None = None
+        self._order: NDArray[np.integer] | None = None
 
     @cached_property
     def reach(self) -> tuple[int, int]:
@@ -206,7 +232,19 @@ class SymbolicAnalysis:
         """The exact fill of a sparse factorisation, whatever `fill` estimates."""
         if self._sparse is not None and self._sparse.is_exact:
             return self._sparse
-        return predicted_fill(self.matrix, self.signs is not None)
+        return self._analysed()
+
+    @property
+    def order(self) -> NDArray[np.integer]:
+        """The order of the rows in a sparse factorisation, shape (n,)."""
+        if self._order is None:
+            self._analysed()
+        assert self._order is not None
+        return self._order
+
+    def _analysed(self) -> Fill:
+        fill, self._order = ordered(self.matrix, self.signs is not None)
+        return fill
 
     def exact(self) -> SymbolicAnalysis:
         """This prediction if it is exact, else another one that is."""
@@ -214,6 +252,7 @@ class SymbolicAnalysis:
             return self
         analysis = SymbolicAnalysis(self.matrix, self._known_symmetry)
         analysis._sparse = self.complete
+        analysis._order = self._order
         return analysis
 
     def band_costs_more(self, limit: float) -> bool:
@@ -233,12 +272,13 @@ class SymbolicAnalysis:
         if self._least + _analysis_cost(self.matrix) > limit:
             return True
         if self._sparse is None:
-            self._sparse = self._without_geometry() or predicted_fill(self.matrix, self.signs is not None)
+            self._sparse = self._without_geometry() or self._analysed()
         return factor_cost(self._sparse) > limit
 
     def _without_geometry(self) -> Fill | None:
         """An estimated fill if one breadth-first layer has many of the rows, as in an expander; else None."""
-        A = self.matrix
+        is_thin = thin_rows(self.matrix)
+        A = self.matrix if is_thin.all() else self.matrix[is_thin][:, is_thin]
         n = A.shape[0]
         if n <= _SMALL_GRAPH or A.nnz <= _THIN_DEGREE * n:
             return None

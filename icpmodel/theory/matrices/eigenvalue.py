@@ -99,7 +99,7 @@ def negative_direction(S: sp.csr_array) -> Vector | None:
     k = int(np.argmin(pivots))
     # L^T y = e_k gives y^T (P S P^T) y = pivot_k
     y = spsolve_triangular(sp.csr_array(lu.lu.L.T), np.eye(1, S.shape[0], k)[0], lower=False)
-    return np.asarray(y)[lu.lu.perm_c]
+    return lu.in_order(y)
 
 
 def _least_pair(S: NDArray[np.float64]) -> tuple[float, Vector | None]:
