@@ -9,7 +9,7 @@ import scipy.sparse as sp
 
 from ..numerics.arrays import Mask, Vector, norm
 from ..numerics.factorisation import factorise
-from ..numerics.fill import SymbolicAnalysis, dense_cost, factor_cost
+from ..numerics.fill import SymbolicAnalysis, dense_cost, factor_cost, of_part
 from ..numerics.linear import solver_of
 from ..numerics.sparse_structure import diagonal_positions
 from ..numerics.symmetric_factors import SymmetricFactors
@@ -100,10 +100,7 @@ class ProximalSteps:
         """x with ((A + D)x)_i = f_i in the free rows, x_i = 0 in the others; None where it is not found."""
         matrix = self.problem.matrix
         free = int(np.count_nonzero(~active))
-        share = free / active.size
-        whole = self.costs.fill
-        part = whole._replace(rows=free, entries=share**2 * whole.entries, flops=share**2 * whole.flops)
-        direct = min(factor_cost(part), dense_cost(free, matrix.is_symmetric))
+        direct = min(factor_cost(of_part(self.costs.fill, free)), dense_cost(free, matrix.is_symmetric))
         if self.costs.repeated < direct and (x := self._by_all_rows(active, D, f)) is not None:
             return x
         rows = np.flatnonzero(~active)

@@ -21,7 +21,7 @@ from ..methods.psor import PSOR
 from ..methods.restarts import Restarts
 from ..methods.shortcuts import Lemke
 from ..numerics import work
-from ..numerics.fill import dense_cost, factor_cost, least_factor_cost, of_band, solve_cost
+from ..numerics.fill import dense_cost, factor_cost, least_factor_cost, of_band, of_part, solve_cost
 from ..numerics.krylov import gcr_step_cost
 from ..numerics.linear import steps_cost
 from ..numerics.multigrid import cycle_cost, hierarchy_cost
@@ -108,10 +108,18 @@ def _newton(facts: Facts) -> Estimate:
     matrix = facts.matrix
     is_dominant = matrix.coupled_radius <= 1.0 and matrix.has_positive_diagonal
     wander = 1.0 if is_dominant else 4.0
-    is_symmetric = is_dominant and facts.has_fixed_obstacle
-    factors = factor_costs(matrix).first if is_symmetric else factor_costs(matrix).unsymmetric
-    system, memory = system_cost(matrix, factors)
+    system, memory = system_cost(matrix, _part_cost(facts, is_dominant and facts.has_fixed_obstacle))
     return Estimate(0.0, newton_cost(facts) + system, wander * _newton_steps(facts), memory)
+
+
+def _part_cost(facts: Facts, symmetric: bool) -> float:
+    """The cost of new factors of the rows that are not at an obstacle, half of those that have one."""
+    matrix = facts.matrix
+    rows = matrix.n - facts.bounded // 2
+    fill = of_part(factor_costs(matrix).fill, rows)
+    if not symmetric:
+        fill = fill._replace(symmetric=False)
+    return min(factor_cost(fill), dense_cost(rows, symmetric and matrix.is_symmetric))
 
 
 def _multilevel(facts: Facts, target_reduction: float = _MEASURED_AT) -> Estimate:
@@ -150,14 +158,19 @@ def _restarts(facts: Facts) -> Estimate:
 
 
 def _proximal(facts: Facts) -> Estimate:
-    # medians of 6 and 10 steps were measured at n = 120 and 1000 where there is a diagonal; of 24, 35 and 125 at
-    # n = 120, 500 and 2000 where there is none
+    # medians of 6 and 10 steps were measured at n = 120 and 1000 where rows are dominant; twice as many on average over
+    # 10 other kinds of problems with a diagonal; medians of 24, 35 and 125 at n = 120, 500 and 2000 where there is none
     matrix = facts.matrix
     fixed = facts.has_fixed_obstacle
-    system, memory = system_cost(matrix, factor_costs(matrix).repeated if fixed else factor_costs(matrix).unsymmetric)
+    factors = _part_cost(facts, fixed)
+    if fixed:
+        factors = min(factors, factor_costs(matrix).repeated)
+    system, memory = system_cost(matrix, factors)
     step = (work.COSTS.newton if fixed else newton_cost(facts)) + system
     rows = max(facts.bounded, 1)
-    steps = 3.0 + math.log2(rows) if matrix.has_positive_diagonal else 2.0 * math.sqrt(rows)
+    steps = (1.0 if matrix.coupled_radius <= 1.0 else 2.0) * (3.0 + math.log2(rows))
+    if not matrix.has_positive_diagonal:
+        steps = 2.0 * math.sqrt(rows)
     return Estimate(step, step, steps, memory)
 
 
