@@ -154,7 +154,7 @@ class _Parts:
         run.current = self.z
         residual = run.goal.judged(self.z, run.problem.residual(self.z))
         reached = not run.is_over and run.goal.reached(self.z, residual)
-        if reached or run.best is None or residual < run.best.residual:
+        if reached or run.best is None or residual <= run.best.residual:
             run.best = run.candidate(self.z, residual)
         if reached:
             run.stop_reason = StopReason(Status.SOLVED, "")
@@ -205,6 +205,8 @@ class _Parts:
             self.run.iteration = before + max(run_of_part.iteration, 0)
             if not self.run.is_watched:
                 return None
+            self.run.job = run_of_part.job
+            self.run.path = run_of_part.path
             whole = self.z.copy()
             whole[rows] = z
             return self.run.report_whole(self.extend(whole))

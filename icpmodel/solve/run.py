@@ -308,7 +308,10 @@ class Run:
     def report_whole(self, z: Vector) -> StopReason | None:
         """Report an iterate that was completed from an iterate of a part; return an end if the callback stops."""
         with suppress(MapError):
-            return self._report(z, self.problem.residual(z), work.clock() - self.start_time)
+            residual = self.goal.judged(z, self.problem.residual(z))
+            if self.best is None or residual < self.best.residual:
+                self.best = self.candidate(z, residual)
+            return self._report(z, residual, work.clock() - self.start_time)
         return None
 
     def _report(self, z: Vector, residual: float, seconds: float) -> StopReason | None:

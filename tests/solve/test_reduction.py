@@ -292,3 +292,23 @@ class TestElimination:
         A[4] *= 1e300
         problem = icp.ICP(A, [0.0, 0.0, 0.0, -1.0, 0.0], [0.0, 0.0, 0.0, 0.0, -np.inf])
         assert not attempt(problem, family="modulus", max_iter=100).solved
+
+
+def test_no_iterate_that_was_shown_is_better_than_the_answer():
+    """The best of the rows with an obstacle need not be the best of all rows: here it overflows with the others."""
+    units = np.array([1e3, 1e12, 1.0, 1e300, 1e-8, 1e-150, 1.0])
+    A = [
+        [2645, -703, -333, 1000, -87, -1567, -110],
+        [-703, 3037, 467, 100, -1975, -728, -167],
+        [-333, 467, 1137, -100, -570, 442, -667],
+        [1212, 100, -100, 0, 1000, -1000, -1000],
+        [-87, -1975, -570, 1000, 2249, -140, 200],
+        [-1567, -728, 442, -1000, -140, 3083, -508],
+        [-110, -167, -667, -1000, 200, -508, 1062],
+    ]
+    q = [-4, -2, 1, 0, -3, 0, 0]
+    problem = icp.ICP(units[:, None] * np.array(A), units * q, [0, -np.inf, 0, 0, 0, 0, 0])
+    shown = []
+    answer = problem.solve(raise_on_failure=False, max_iter=40, callback=lambda state: shown.append(state.residual))
+    assert not answer.solved
+    assert answer.residual <= np.nanmin(shown)
