@@ -64,8 +64,6 @@ from .proof import Proof, no_lipschitz, norm_up
 #: up to here the factorisations take a second on a two-dimensional grid, but half a minute on a three-dimensional one
 MAX_UNKNOWNS = 50_000
 _MAX_PRODUCTS = 2_000_000  #: products in AᵀB where B is not I; it has no more entries
-#: the row takes u = p where p < θr, in scaled units
-_SPLIT_RATIOS = (0.25, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,39 +92,21 @@ class DefiniteProof(Proof):
     def bound(self, problem: ProblemData, z: Vector, rounding_p: Vector, rounding_r: Vector) -> tuple[Vector, float]:
         with np.errstate(over="ignore", invalid="ignore", under="ignore"), one_blas_thread():
             p, r, sign, room = _reflect(problem, z)
-            scaled = np.ldexp(p, self.exponent), np.ldexp(r, self.exponent_r)
-            arguments = p, r, sign, rounding_p, rounding_r, room >= rounding_r
-            roots = (self._root(*arguments, scaled[0] < theta * scaled[1]) for theta in _SPLIT_RATIOS)
-            deltas = [np.nextafter(np.ldexp(np.full(z.size, t), self.exponent + size), np.inf) for t, size in roots]
-            delta = min(deltas, key=lambda delta: float(np.nan_to_num(delta.max(), nan=np.inf)))
+            exponents = np.array([self.exponent, self.exponent_r])
+            scaled = np.ldexp([p, r], exponents)
+            balance = scaled[0] < scaled[1]  # the rows with u = p
+            uw = sign * np.array([np.where(balance, p, np.minimum(p, 0.0)), np.where(balance, np.minimum(r, 0.0), r)])
+            # min(x, 0) = 0 for certain where x exceeds its error
+            certain = np.array([~balance & (p > rounding_p), balance & (room >= rounding_r)])
+            errors = np.where(certain, 0.0, [rounding_p, rounding_r])
+            uw = np.ldexp(uw, exponents)
+            errors = np.ldexp(errors, exponents) + SMALLEST
+            # in these units all terms of the quadratic are about 1, so no square over- or underflows
+            size = int(np.frexp((np.abs(uw) + errors).max())[1])
+            (u, w), (error_u, error_w) = np.ldexp(uw, -size), np.ldexp(errors, -size) + 2 * SMALLEST
+            root = np.full(z.size, self._larger_root(u, error_u, w, error_w))
+            delta = np.nextafter(np.ldexp(root, self.exponent + size), np.inf)
         return delta, float(delta.max())
-
-    def _root(
-        self,
-        p: Vector,
-        r: Vector,
-        sign: Any,
-        rounding_p: Vector,
-        rounding_r: Vector,
-        holds: np.ndarray,
-        balance: np.ndarray,
-    ) -> tuple[float, int]:
-        """t and an exponent e: 2^e·t is the larger root of the quadratic, rounded up.
-
-        The split has u = p in the rows of `balance`. In units of 2^e all terms are about 1, so no
-        square over- or underflows. p and r are those of `_reflect`. In the rows where it `holds`,
-        z is certain to be admissible.
-        """
-        uw = sign * np.array([np.where(balance, p, np.minimum(p, 0.0)), np.where(balance, np.minimum(r, 0.0), r)])
-        # min(x, 0) = 0 for certain where x exceeds its error
-        certain = np.array([~balance & (p > rounding_p), balance & holds])
-        errors = np.where(certain, 0.0, [rounding_p, rounding_r])
-        exponents = np.array([self.exponent, self.exponent_r])
-        uw = np.ldexp(uw, exponents)
-        errors = np.ldexp(errors, exponents) + SMALLEST
-        size = int(np.frexp((np.abs(uw) + errors).max())[1])
-        (u, w), (error_u, error_w) = np.ldexp(uw, -size), np.ldexp(errors, -size) + 2 * SMALLEST
-        return self._larger_root(u, error_u, w, error_w), size
 
     def _larger_root(self, u: Vector, error_u: Vector, w: Vector, error_w: Vector) -> float:
         """The larger root of the quadratic, rounded up, with u and w known to `error_u` and `error_w`.
