@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from itertools import islice
-from typing import Any
+from typing import Any, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -255,7 +255,7 @@ def _bound(problem: ProblemData, z: Vector, sharp: bool | None) -> ErrorBound:
     """The bound of the first proof that succeeds, or why each failed. Raises OutOfTime, OutOfMemory."""
     if fault := lipschitz_violation(problem, z):
         return ErrorBound.none(fault)
-    problem = _with_relevant_rows(problem)
+    problem = _once(problem, _without_fixed_rows, problem) or problem
     reasons = []
     for proof in proofs_for(problem):
         if isinstance(proof, str):
@@ -280,12 +280,6 @@ def _bound(problem: ProblemData, z: Vector, sharp: bool | None) -> ErrorBound:
         fault = not_finite(z, "z") or "the proof gives no bound at this z: it is too far from z*"
         return ErrorBound.none(fault, sentence)
     return ErrorBound.none("; ".join(dict.fromkeys(reasons)))  # several proofs may fail for one reason
-
-
-def _with_relevant_rows(problem: ProblemData) -> ProblemData:
-    """The problem that the proofs are given."""
-    other: ProblemData | None = _once(problem, _without_fixed_rows, problem)
-    return problem if other is None else other
 
 
 def _without_fixed_rows(problem: ProblemData) -> ProblemData | None:
@@ -347,7 +341,7 @@ def possible_crossing(problem: ProblemData, z: Vector, delta: Vector) -> int | N
 
 def perturbation_bound(problem: ProblemData, z: Vector, rounding_p: Vector, rounding_r: Vector) -> float | None:
     """A bound on max|z − z*| if p(z) and r(z) are wrong by at most the other two; None if there is no proof."""
-    problem = _with_relevant_rows(problem)
+    problem = _once(problem, _without_fixed_rows, problem) or problem
     for proof in proofs_with_rounding(problem):
         if not isinstance(proof, str):
             largest = float(proof.bound(problem, z, rounding_p, rounding_r)[0].max())
@@ -355,13 +349,14 @@ def perturbation_bound(problem: ProblemData, z: Vector, rounding_p: Vector, roun
     return None
 
 
+Made = TypeVar("Made")
 #: matrix, facts or problem → what was made for it, by its maker
 _MADE: WeakKeyDictionary[Any, dict[Any, Any]] = WeakKeyDictionary()
 
 
-def _once(owner: Any, make: Callable[..., Any], *arguments: Any) -> Any:
+def _once(owner: Any, make: Callable[..., Made], *arguments: Any) -> Made:
     """`make(*arguments)`, which depends on the `owner` only and is made once for it."""
-    made = _MADE.setdefault(owner, {})
+    made: dict[Any, Made] = _MADE.setdefault(owner, {})
     if make not in made:
         made[make] = make(*arguments)
     return made[make]
@@ -369,26 +364,22 @@ def _once(owner: Any, make: Callable[..., Any], *arguments: Any) -> Any:
 
 def classes_of(problem: ProblemData) -> MatrixClasses:
     """The classes of A, shared by all problems with this A."""
-    classes: MatrixClasses = _once(problem.matrix, MatrixClasses, problem.A)
-    return classes
+    return _once(problem.matrix, MatrixClasses, problem.A)
 
 
 def h_plus_proof(problem: ProblemData) -> HPlusProof | str:
     """The proof by `h_plus`, or why there is none, shared by all problems with this A and ψ."""
-    proof: HPlusProof | str = _once(problem.facts, prove_h_plus, problem.matrix, problem.psi)
-    return proof
+    return _once(problem.facts, prove_h_plus, problem.matrix, problem.psi)
 
 
 def supersolution_proof(problem: ProblemData) -> Proof | str:
     """The proof for impulse control, or why there is none; it depends on q as well."""
-    proof: Proof | str = _once(problem, prove_supersolution, problem)
-    return proof
+    return _once(problem, prove_supersolution, problem)
 
 
 def enumerated_proof(problem: ProblemData) -> EnumeratedProof | str:
     """The proof by all linear pieces, or why there is none; it depends on q as well."""
-    proof: EnumeratedProof | str = _once(problem, prove_enumerated, problem)
-    return proof
+    return _once(problem, prove_enumerated, problem)
 
 
 def proofs_with_rounding(problem: ProblemData) -> Iterator[Proof | str]:
