@@ -248,12 +248,11 @@ def all_solutions(problem: ProblemLike, *, time_limit: float | None = None) -> S
         raise NotApplicable(
             f"problem has {count:.3g} linear pieces; at most {MAX_PIECES} are examined: solve() finds one solution"
         )
-    rows = LinearRows.of(problem, np.zeros(problem.n))
     candidates: list[tuple[Any, _ExactSolutions]] = []
     complete = True
     with work.work_limit(np.inf if time_limit is None else time_limit):
         try:
-            for sides in plausible(rows):
+            for sides in plausible(problem):
                 one = exact.solve(sides)
                 if one is not None:
                     candidates.append((sides, one))
@@ -265,9 +264,9 @@ def all_solutions(problem: ProblemLike, *, time_limit: float | None = None) -> S
     return SolutionSet(np.array(points).reshape(-1, problem.n), faces, int(count), complete)
 
 
-def plausible(rows: LinearRows) -> Any:
+def plausible(problem: ProblemData) -> Any:
     """The pieces that may hold a solution, as far as floats tell. Raises OutOfTime."""
-    for batch in rows.batches():
+    for batch in LinearRows.of(problem, np.zeros(problem.n)).batches():
         for sides in batch.sides[~batch.empty]:
             work.check_budget()
             yield sides

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...algebra.linear_rows import LinearRows, piece_count
+from ...algebra.linear_rows import piece_count
 from ...numerics.arrays import Vector
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
 from ...problem.data import ProblemData
@@ -47,7 +47,7 @@ def prove(problem: ProblemData) -> EnumeratedProof | str:
         return f"there are {count:.3g} linear pieces, which are examined up to {MAX_PIECES}"
     exact = ExactRows(problem)
     point = None
-    for k, sides in enumerate(plausible(LinearRows.of(problem, np.zeros(problem.n)))):
+    for k, sides in enumerate(plausible(problem)):
         if k == MAX_EXACT_PIECES:
             return f"more than {MAX_EXACT_PIECES} linear pieces may hold a solution"
         solutions = exact.solve(sides)
