@@ -37,9 +37,8 @@ from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, product_lower_bound, p
 from ...problem.data import ProblemData
 from ...problem.map import Map
 from ...problem.matrix import Matrix
-from ...problem.two_sided import mid
 from ..matrices.comparison_matrix import comparison_matrix, positive_diagonal, scaling_vectors
-from .proof import Proof, no_lipschitz, norm_up
+from .proof import Proof, natural_map, no_lipschitz, norm_up
 
 _POLICY_UP_TO = 200_000  #: beyond this size a factorisation for every choice of rows costs too much
 _POLICY_STEPS = 30
@@ -55,9 +54,7 @@ class HPlusProof(Proof):
 
     def bound(self, problem: ProblemData, z: Vector, rounding_p: Vector, rounding_r: Vector) -> tuple[Vector, float]:
         with np.errstate(over="ignore", invalid="ignore"):
-            above = problem.r_upper(z)
-            top = None if above is None else above / self.beta
-            F = np.abs(mid(problem.p(z) / self.alpha, problem.r(z) / self.beta, top))
+            F = np.abs(natural_map(problem, z, self.alpha, self.beta))
             # two quotients may have underflowed
             factor = float(np.max(F + np.maximum(rounding_p / self.alpha, rounding_r / self.beta))) + SMALLEST
             delta = np.nextafter(self.v * (factor * (1 + 8 * UNIT_ROUNDOFF)), np.inf)

@@ -23,8 +23,8 @@ from ...algebra.newton_steps import SWEEPS, newton_steps, sweep_with_flow, swept
 from ...algebra.subproblems import with_fixed_obstacle
 from ...numerics.arrays import Vector
 from ...problem.data import ProblemData
-from ...problem.two_sided import mid
 from .h_plus import HPlusProof
+from .proof import natural_map
 
 #: sweeps between two points where there is no hierarchy
 _SWEEPS_PER_POINT = 20
@@ -64,11 +64,5 @@ def _least_error(problem: ProblemData, z: Vector) -> float:
     rows = problem.matrix.rows
     G = problem.psi.lipschitz
     assert G is not None  # there would be no proof
-    moves = 1.0 + G @ np.ones(problem.n)
-    above = problem.r_upper(z)
-    F = mid(
-        problem.p(z) / (rows.off_diagonal_sums + rows.diagonal),
-        problem.r(z) / moves,
-        None if above is None else above / moves,
-    )
+    F = natural_map(problem, z, rows.off_diagonal_sums + rows.diagonal, 1.0 + G @ np.ones(problem.n))
     return float(np.abs(F).max())

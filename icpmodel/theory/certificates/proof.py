@@ -14,7 +14,7 @@ from ...numerics.arrays import Vector, norm
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
 from ...problem.data import ProblemData
 from ...problem.map import Map
-from ...problem.two_sided import sides_of
+from ...problem.two_sided import mid, sides_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +58,12 @@ def no_lipschitz(psi: Map) -> str:
     """The sentence for a ψ or ψ̄ without a Lipschitz matrix."""
     name = "psi" if sides_of(psi)[0].lipschitz is None else "upper"
     return f"no Lipschitz matrix of {name} is known: give `lipschitz`"
+
+
+def natural_map(problem: ProblemData, z: Vector, a: Vector, b: Vector | float) -> Vector:
+    """min(p/a, r/b) at `z`, with an upper obstacle the median of these and (z − ψ̄)/b."""
+    above = problem.r_upper(z)
+    return mid(problem.p(z) / a, problem.r(z) / b, None if above is None else above / b)
 
 
 def norm_up(x: Vector) -> float:

@@ -45,7 +45,7 @@ from ...problem.data import ProblemData
 from ...problem.intervention import Intervention
 from ..matrices.comparison_matrix import positive_diagonal, z_matrix
 from ..matrices.h_matrix import row_sum_signs
-from .proof import Proof, norm_up
+from .proof import Proof, natural_map, norm_up
 
 #: the margins m that are tried, as shares of the size of the data: large ones bound the error of a bad z
 _MARGINS = tuple(4.0**-k for k in range(1, 12))
@@ -156,6 +156,6 @@ def _natural_map(
     problem: ProblemData, weight: Vector, z: Vector, rounding_p: Vector, rounding_r: Vector
 ) -> tuple[Vector, Vector]:
     """F = min(p/a, r) at `z` and a bound on its error."""
-    F = np.minimum(problem.p(z) / weight, problem.r(z))
+    F = natural_map(problem, z, weight, 1.0)
     error = np.maximum(rounding_p / weight, rounding_r) * (1 + 4 * UNIT_ROUNDOFF) + 4 * UNIT_ROUNDOFF * np.abs(F)
     return F, error + SMALLEST  # the quotients may have underflowed
