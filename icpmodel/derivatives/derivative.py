@@ -432,13 +432,14 @@ class Derivative(ReadOnly, Plottable):
         problem = self.problem
         z = self.z
         delta = self._delta
-        (rounding_p, rounding_r) = self.problem.rounding(self.z)
-        moves = abs(self._jacobian) @ delta
+        rounding_p, rounding_r = problem.rounding(z)
+        reach = rounding_r + delta + abs(self._jacobian) @ delta
         candidates = self._open & (np.abs(problem.p(z)) <= rounding_p + problem.matrix.absolute @ delta)
-        below = problem.r(z)
-        above = problem.r_upper(z)
-        tied = [candidates & (np.abs(r) <= rounding_r + delta + moves) for r in (below, above) if r is not None]
-        return Ties(tied[0], tied[1] if above is not None else np.zeros_like(candidates), delta)
+        below, above = (
+            np.zeros_like(candidates) if r is None else candidates & (np.abs(r) <= reach)
+            for r in (problem.r(z), problem.r_upper(z))
+        )
+        return Ties(below, above, delta)
 
     @cached_property
     def _open(self) -> Mask:

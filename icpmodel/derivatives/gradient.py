@@ -47,13 +47,11 @@ class Gradient(ReadOnly, Displayable):
     """
 
     def __init__(self, problem: ProblemData, z: Vector, pattern: Pattern, w: Vector) -> None:
-        active = pattern.active
-        above = pattern.above
         self.problem, self.z = problem, z
-        self.q: Vector = np.where(active, 0.0, -w)
-        at_upper = np.zeros_like(active) if above is None else above
-        self.psi_values: Vector = np.where(active & ~at_upper, w, 0.0)
-        self.upper_values: Vector | None = None if above is None else np.where(above, w, 0.0)
+        self.q: Vector = np.where(pattern.active, 0.0, -w)
+        values = [np.where(rows, w, 0.0) for rows in pattern.sides()]
+        self.psi_values: Vector = values[0]
+        self.upper_values: Vector | None = values[1] if len(values) > 1 else None
         self.lock()
 
     @cached_property
