@@ -58,8 +58,7 @@ Kumar, Deepmala and Das, theorems 4.1 to 4.4, corrected. Berman and Plemmons (19
 
 from __future__ import annotations
 
-import operator
-from functools import cached_property, reduce
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -76,7 +75,7 @@ from ...problem.data import ProblemData, as_problem
 from ..matrices.comparison_matrix import positive_diagonal
 from .contraction import ComparisonInverse, MonotoneMap, absolute_inverse
 
-_NEARLY_1 = 1.0 - 2.0**-50  #: φ₂ ≥ φ₁D is read up to the rounding of φ₂/φ₁
+_NEARLY_1 = 1.0 - 8.0 * UNIT_ROUNDOFF  #: φ₂ ≥ φ₁D is read up to the rounding of φ₂/φ₁
 
 
 class StepMatrices:
@@ -144,7 +143,7 @@ def off_diagonal(matrix: sp.csr_array) -> sp.csr_array:
 
 def total(*terms: Any) -> sp.csr_array:
     """The sum of sparse matrices; those without entries cost nothing."""
-    return sp.csr_array(reduce(operator.add, [one for one in terms if one.nnz] or terms[:1]))
+    return sp.csr_array(sum([one for one in terms if one.nnz] or terms[:1]))
 
 
 def _add_to_diagonal(matrix: sp.csr_array, positions: Any, by: Vector) -> sp.csr_array:
@@ -240,8 +239,7 @@ def printed_44(step: StepMatrices) -> MonotoneMap | str:
         return splitting
     phi = sp.diags_array(step.phi)
     M, N = (sp.csr_array(times_rows(step.phi1, part) + phi) for part in (step.M1, step.M1 - step.A))
-    F = off_diagonal(M) + abs(N) + times_rows(step.phi1, step.omega_G)
-    F = F if above.all() else F + times_rows(step.phi1, sp.csr_array(step.omega_deficit))
+    F = total(off_diagonal(M), abs(N), *(times_rows(step.phi1, one) for one in (step.omega_G, step.omega_deficit)))
     scale = np.abs(M.diagonal())
     if not (scale > 0).all():
         return "phi1 m + phi has a zero on its diagonal"

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-import operator
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import reduce
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -207,10 +205,10 @@ class MonotoneMap(HomogeneousMap):
     def resolvent(self, mu: float, v: Vector) -> Vector | None:
         choice = np.array([F @ v for F in self.parts]).argmax(axis=0)
         picked = (times_rows((choice == k).astype(float), F) for k, F in enumerate(self.parts))
-        return self.inverse.resolvent(mu, reduce(operator.add, picked), v)
+        return self.inverse.resolvent(mu, sum(picked), v)
 
     def _largest(self, v: Vector) -> Vector:
-        return reduce(np.maximum, (F @ v for F in self.parts))
+        return np.asarray([F @ v for F in self.parts]).max(axis=0)
 
 
 class Radius(NamedTuple):
