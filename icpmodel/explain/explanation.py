@@ -29,7 +29,7 @@ from ..theory.convergence.proximal_point import proximal_point
 from ..theory.matrices.classes import CLASS_NAMES, MatrixClasses
 from ..theory.nonuniqueness import solution_facts
 from .advice import is_boxed, methods_for_f, what_to_do, what_to_do_about_f
-from .forecasts import Forecast, factor_text, forecasts_of, members, tie
+from .forecasts import Forecast, factor_text, forecasts_of, members
 
 #: what a page may cost, in products with A and in nanoseconds: for n = 10⁶ and n = 10⁴ that were 5 s and 2 s on the
 #: machine of `work.Costs`; and the share of it that one question may cost
@@ -87,9 +87,12 @@ class Explanation(Displayable):
     def recommended(self) -> Forecast | None:
         """The method that is proved to need the fewest steps, sweeps first; of equal factors the first; or None."""
         rated = {one: one.factor for one in self.forecasts if one.factor is not None}
-        costs = {one: (np.inf if one.steps is None else one.steps, one.factorises) for one in rated}
-        cheapest = {one: rated[one] for one in rated if costs[one] == min(costs.values())}
-        return next((one for one, factor in cheapest.items() if tie(factor, min(cheapest.values()))), None)
+
+        def cost(one: Forecast) -> tuple[float, bool, float]:
+            steps = math.inf if one.steps is None else one.steps
+            return steps, one.factorises, round(rated[one], 6)  # as many digits as the page shows
+
+        return min(rated, key=cost, default=None)
 
     def sections(self) -> dict[str, str]:
         """The page, part by part.

@@ -27,9 +27,6 @@ from ..theory.matrices.classes import MatrixClasses
 
 #: beyond this size forecasts are made only of members without a factorisation
 _FACTORISE_UP_TO = 20_000
-#: factors that differ by less, or are all rounding, are the same
-_EQUAL_FACTORS = 1e-6
-_ZERO_FACTOR = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,11 +135,6 @@ def forecasts_of(
                 rate = predicted_rate(problem, one, checks)
                 steps = rate.steps(problem, np.zeros(problem.n), accuracy) if isinstance(rate, Rate) else None
             yield Forecast(title, one, checks, rate, steps, supersolution)
-
-
-def tie(one: float, other: float) -> bool:
-    """Whether two factors per step differ by rounding only."""
-    return abs(one - other) <= _EQUAL_FACTORS * max(one, other) or max(one, other) < _ZERO_FACTOR
 
 
 def factor_text(factor: float) -> str:
