@@ -24,9 +24,7 @@ from ..theory.certificates.supersolution import SupersolutionProof
 from ..theory.convergence.rates import Rate, predicted_rate
 from ..theory.convergence.theorems import Check, check_all
 from ..theory.matrices.classes import MatrixClasses
-
-#: beyond this size forecasts are made only of members without a factorisation
-_FACTORISE_UP_TO = 20_000
+from ..theory.matrices.comparison_matrix import FACTORISE_FIRST_UP_TO
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +106,7 @@ def members(problem: ProblemData) -> dict[str, Method]:
     if np.abs(problem.A.data).max() > np.finfo(np.float64).max / 4:  # M1 and Omega of the others would overflow
         return methods
     methods |= {"MNMAOR(theta2=2), Omega = D": MNMAOR(theta2=2.0), "PSOR(), newest values": PSOR()}
-    if problem.n > _FACTORISE_UP_TO:
+    if problem.n > FACTORISE_FIRST_UP_TO:  # none that factorises
         return methods
     methods |= {f"MNMSOR(theta1={theta}), Omega = D": MNMSOR(theta1=theta) for theta in (0.9, 1.1)}
     if problem.matrix.has_positive_diagonal:

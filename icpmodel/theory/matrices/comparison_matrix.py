@@ -18,7 +18,7 @@ from ...numerics.multigrid import linear_solve
 from ...numerics.sparse_structure import diagonal_positions, is_symmetric
 from ..answers import Answer
 
-_FACTORISE_FIRST_UP_TO = 20_000  #: up to this size a factorisation costs less than looking for a cheaper way
+FACTORISE_FIRST_UP_TO = 20_000  #: up to this size a factorisation costs less than looking for a cheaper way
 
 
 @check_arguments
@@ -81,7 +81,7 @@ def positive_diagonal(A: sp.csr_array) -> Answer:
 def scaling_vectors(comparison: sp.csr_array) -> Iterator[tuple[str, Vector]]:
     """Candidates v > 0 for ⟨A⟩v > 0, to be checked, each with its name, cheapest first, v = 1 left out; D > 0."""
     n = comparison.shape[0]
-    if n > _FACTORISE_FIRST_UP_TO and (v := layered(comparison)) is not None:
+    if n > FACTORISE_FIRST_UP_TO and (v := layered(comparison)) is not None:
         yield "v = f(layer)", v
     v = solve_for_diagonal(comparison)
     if v is not None and (v > 0).all():
@@ -101,7 +101,7 @@ def solve_for_diagonal(M: sp.csr_array) -> Vector | None:
     work.charge_matrices(M.nnz)
     rows = times_rows(1.0 / diagonal, M)  # so that units do not look like singularity
     ones = np.ones(M.shape[0])
-    if M.shape[0] > _FACTORISE_FIRST_UP_TO and (diagonal > 0).all():
+    if M.shape[0] > FACTORISE_FIRST_UP_TO and (diagonal > 0).all():
         with suppress(np.linalg.LinAlgError):
             v = linear_solve(rows, ones, 0.5 / np.sqrt(ones.size))
             if (v > 0).all() and (rows @ v > 0).all():
