@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -39,7 +40,6 @@ _QUESTION_SHARE = 0.2
 #: and the largest number of nanoseconds a row, where rows are long, and no less than 10⁶ rows would get
 _NANOSECONDS_PER_ROW = 3_000.0
 _MIN_ROWS = 1e6
-_CENTURY = 3e9  #: in seconds
 
 
 @dataclass(frozen=True, eq=False)
@@ -312,7 +312,9 @@ def explain(
         )
     unit = problem.matrix.product_cost
     page = min(_MAX_PRODUCTS * unit + _MAX_NANOSECONDS, _NANOSECONDS_PER_ROW * max(problem.n, _MIN_ROWS))
-    products = math.inf if as_truth(thorough, "thorough") else page / unit
+    if as_truth(thorough, "thorough"):
+        page = sys.float_info.max  # without any limit a bound would take a minute at most
+    products = page / unit
     with Allowance(products, unit).enforced(), one_blas_thread():
         return _make_explanation(problem, method, accuracy, Allowance(_QUESTION_SHARE * products, unit), options)
 
@@ -359,10 +361,9 @@ def _member(problem: ProblemData, method: str | Method, options: dict[str, Any])
 
 def _bound_at_zero(problem: ProblemData, limit: Allowance) -> ErrorBound:
     """The error bound at z = 0, or why there is none within `limit`."""
-    time_limit = _CENTURY if limit.products == math.inf else None  # without any it would be a minute
     try:
         with limit.enforced():
-            return error_bound(problem, np.zeros(problem.n), sharp=False, time_limit=time_limit)
+            return error_bound(problem, np.zeros(problem.n), sharp=False)
     except (OutOfTime, MemoryError) as error:
         return ErrorBound.none(limit.undecided(error))
     except MapError as error:
