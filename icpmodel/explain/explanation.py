@@ -102,16 +102,17 @@ class Explanation(Displayable):
         dict
             Title → text.
         """
-        solution = f"neither existence nor uniqueness is proved:{bullet_list(self.bound.reason)}"
-        if is_boxed(self.problem):
-            known = "exists, as every row has a fixed obstacle on both sides"
-            known += "" if self.problem.f is None else ", given that f is continuous there"
-            solution = f"{known}; that it is the only one is not proved:{bullet_list(self.bound.reason)}"
+        f = self.problem.f
         if self.bound.unique:
             solution = f"exists, and is the only one: {self.bound.proof}"
         else:
-            solution = "\n".join([solution, *solution_facts(self.problem, self.classes)])
-        f = self.problem.f
+            known = "neither existence nor uniqueness is proved"
+            if is_boxed(self.problem):
+                continuous = "" if f is None else ", given that f is continuous there"
+                known = f"exists, as every row has a fixed obstacle on both sides{continuous}"
+                known += "; that it is the only one is not proved"
+            facts = solution_facts(self.problem, self.classes)
+            solution = "\n".join([f"{known}:{bullet_list(self.bound.reason)}", *facts])
         return {
             "what to do": "\n".join(self._to_do()),
             "problem": repr(self.problem),
