@@ -38,10 +38,9 @@ from ...problem.data import ProblemData
 from ...problem.map import Map
 from ...problem.matrix import Matrix
 from ..matrices.comparison_matrix import comparison_matrix, positive_diagonal, scaling_vectors
-from .proof import Proof, natural_map, no_lipschitz, norm_up
+from .proof import MAX_POLICY_STEPS, Proof, natural_map, no_lipschitz, norm_up
 
 _POLICY_UP_TO = 200_000  #: beyond this size a factorisation for every choice of rows costs too much
-_POLICY_STEPS = 30
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +140,7 @@ def _policy_iteration(rows: sp.csr_array, G: sp.csr_array) -> Iterator[tuple[str
     moving = sp.csr_array(sp.eye_array(n) - G)
     v = np.ones(n)
     before = None
-    for _ in range(_POLICY_STEPS):
+    for _ in range(MAX_POLICY_STEPS):
         choice = moving @ v < rows @ v
         if before is not None and np.array_equal(choice, before):
             return

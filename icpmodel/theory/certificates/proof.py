@@ -16,6 +16,8 @@ from ...problem.data import ProblemData
 from ...problem.map import Map
 from ...problem.two_sided import mid, sides_of
 
+MAX_POLICY_STEPS = 100  #: steps of a policy iteration, which mostly ends after ten
+
 
 @dataclass(frozen=True, eq=False)
 class Proof(ABC):

@@ -45,11 +45,11 @@ from ...problem.data import ProblemData
 from ...problem.intervention import Intervention
 from ..matrices.comparison_matrix import positive_diagonal, z_matrix
 from ..matrices.h_matrix import row_sum_signs
-from .proof import Proof, natural_map, norm_up
+from .proof import MAX_POLICY_STEPS, Proof, natural_map, norm_up
 
-#: the margins m that are tried, as shares of the size of the data: large ones bound the error of a bad z
-_MARGINS = tuple(4.0**-k for k in range(1, 12))
-_MAX_POLICY_STEPS = 100  #: steps of policy iteration for one margin
+#: the quotient of two margins m, tried one after the other from the size of the data on: large ones bound the error of
+#: a bad z
+_MARGIN_RATIO = 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,9 +122,11 @@ def _supersolution(problem: ProblemData, weight: Vector, start: Vector) -> tuple
     """A margin m and an s with min(p/a, r) ≥ m, by policy iteration for one margin after the other."""
     r = problem.r(start)
     size = max(float(np.abs(start).max()), float(np.abs(r[np.isfinite(r)]).max(initial=0.0))) or 1.0
-    for target in (size * share for share in _MARGINS):
+    least = float(np.sqrt(UNIT_ROUNDOFF)) * size
+    target = _MARGIN_RATIO * size
+    while target > least:
         s = start
-        for _ in range(_MAX_POLICY_STEPS):
+        for _ in range(MAX_POLICY_STEPS):
             new = _policy_step(problem, weight, target, s)
             if new is None:
                 break
@@ -135,6 +137,7 @@ def _supersolution(problem: ProblemData, weight: Vector, start: Vector) -> tuple
                 if (m := float((F - error).min())) > 0.5 * target:
                     return m, s
                 break
+        target = _MARGIN_RATIO * target
     return None
 
 
