@@ -27,7 +27,8 @@ from .eigenvalue import negative_direction, smallest_eigenvalue_bound, within_re
 from .h_matrix import by_row_sums, row_sum_signs
 
 _SHIFT = 2.0**-38  #: S − cI is factorised for this c, which is about what rounding needs, or for a larger one
-_MAX_ROUNDING = 2.0**-26  #: the largest error that counts as rounding, for a diagonal of about 1
+#: the largest error that counts as rounding, for a diagonal of about 1: 2⁻²⁶, half the digits
+_MAX_ROUNDING = float(np.sqrt(np.finfo(np.float64).eps))
 
 
 def definiteness(A: sp.csr_array) -> tuple[Answer, Answer]:
