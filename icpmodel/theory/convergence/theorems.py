@@ -11,6 +11,7 @@ from ...algebra.splittings import Member
 from ...errors import InputError, OutOfTime, SingularOperator, check_arguments
 from ...numerics import work
 from ...numerics.arrays import Vector, as_truth, described
+from ...numerics.fill import dense_cost
 from ...numerics.rounding import UNIT_ROUNDOFF, rounded_down, rounded_up
 from ...problem.data import ProblemData
 from ..answers import UNLIMITED, Allowance, Answer
@@ -20,9 +21,6 @@ from .conditions import StepMatrices, printed_42, printed_44, sharper, theorem_4
 from .contraction import HomogeneousMap, radius
 from .rowwise import rowwise
 from .structural import DEFINITE, MONOTONE, definite, monotone
-
-#: nanoseconds that balancing takes for an entry
-_BALANCING_COST = 100.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -235,7 +233,7 @@ def _starts(step: StepMatrices) -> Iterator[Vector]:
     if not isinstance(proof, str):
         yield proof.v
     if 1 < step.n <= 500:
-        work.charge(_BALANCING_COST * step.n**2)
+        work.charge(dense_cost(step.n))
         from scipy.linalg import matrix_balance
 
         quotients = step.size.toarray() / step.size.diagonal()[:, None]
