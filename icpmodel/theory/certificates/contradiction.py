@@ -26,16 +26,15 @@ from ...numerics.rounding import public_entry
 from ...present.display import Displayable
 from ...problem.data import ProblemData, ProblemLike, as_problem
 from ..answers import Answer
-from .combination_rows import ZERO, CombinationRows
+from .combination_rows import MAX_COST, ZERO, CombinationRows
 from .exact_combination import exact_combination, highest_value
 from .infeasible import answer_of
 
 #: linear programs with more entries are not tried: 10⁵ take about a second
 _MAX_ENTRIES = 100_000
 #: nanoseconds of an iteration of the simplex method, per entry and row (3 to 15 were measured with HiGHS, n = 100 to
-#: 10 000), and of all iterations together
+#: 10 000)
 _ITERATION_COST = 5.0
-_MAX_COST = 1e9
 #: the distance of the columns of Mᵀy from 0, where Σ|y| = 1: far above rounding, and above HiGHS's tolerance
 _MARGIN = 1e-8
 
@@ -251,7 +250,7 @@ def _iteration_limit(K: sp.csr_array, right: Vector) -> int:
     if K.nnz > _MAX_ENTRIES or not (np.isfinite(K.data).all() and np.isfinite(right).all()):
         return 0
     nanoseconds = work.COSTS.call + _ITERATION_COST * (K.nnz + sum(K.shape))
-    return int(min(_MAX_COST, work.nanoseconds_left()) / nanoseconds)
+    return int(min(MAX_COST, work.nanoseconds_left()) / nanoseconds)
 
 
 class _Minimum(NamedTuple):
