@@ -91,8 +91,8 @@ def _error(H: sp.csr_array | None, d: Vector | None, z: Vector, delta: Vector) -
 
 
 def _times(factor: float, change: Any) -> Any:
-    if change is None or sp.issparse(change):
-        return None if change is None else factor * change
+    if change is None:
+        return None
     if isinstance(change, tuple):
         return tuple(_times(factor, one) for one in change)
-    return factor * np.asarray(change)
+    return factor * (change if sp.issparse(change) else np.asarray(change))
