@@ -181,18 +181,17 @@ def theorem_43(step: StepMatrices, *, as_printed: bool = False) -> MonotoneMap |
     theta = step.splitting
     if not isinstance(theta, AOR):
         return "it is about AOR splittings only"
-    B = off_diagonal(step.A)
-    factor = theta_factor(theta)
+    parts = [off_diagonal(step.A), step.omega_G, step.omega_deficit]
     if as_printed:
         if reason := _not_as_printed(step):
             return reason
-        phi2_G = times_rows(step.phi1 * step.D, step.omega_G)
-        return _jacobi(step, "D", step.D, factor * total(B, phi2_G), limit=1.0 / factor)
-    if (step.phi < 0).any():
+        parts[1:] = [times_rows(step.phi1 * step.D, step.omega_G)]
+    elif (step.phi < 0).any():
         return f"phi has the negative entry {step.phi.min():g}"
-    if theta.theta2 < 0:
+    elif theta.theta2 < 0:
         return f"theta2 = {theta.theta2:g} is negative"
-    return _jacobi(step, "D", step.D, factor * total(B, step.omega_G, step.omega_deficit), limit=1.0 / factor)
+    factor = theta_factor(theta)
+    return _jacobi(step, "D", step.D, factor * total(*parts), limit=1.0 / factor)
 
 
 def theorem_44(step: StepMatrices) -> MonotoneMap | str:
