@@ -171,12 +171,11 @@ def _candidates(S: sp.csr_array, block: NDArray[np.int32], count: int) -> Iterat
         yield "Perron's vector", x
     with np.errstate(all="ignore"):
         v = solve_for_diagonal(S)
-        y = None
-        if v is not None and np.isfinite(v).all():
-            y = v if (v > 0).all() else np.maximum(-v, 0.0)
-            y = y / y.max()
-    if y is not None:
-        yield "<A>^-1 D1", y
+        if v is not None:
+            v = v if (v > 0).all() else np.maximum(-v, 0.0)
+            v = v / v.max()
+    if v is not None:
+        yield "<A>^-1 D1", v
 
 
 def _proves(S: sp.csr_array, y: Vector) -> bool | None:
