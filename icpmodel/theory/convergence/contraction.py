@@ -111,7 +111,6 @@ class DenseInverse:
 
     below: Any
     above: Any
-    exact = True
 
     @classmethod
     def of(cls, X: sp.csr_array, size: sp.csr_array) -> DenseInverse | None:
@@ -266,10 +265,12 @@ def radius(T: HomogeneousMap, starts: Iterable[Vector], target: float = 0.0) -> 
         if T.entries <= _MAX_FACTORISED_ENTRIES:
             best = _noda(T, best, target)
         best, last = _power(T, best, int(np.clip(_MAX_READ_ENTRIES // T.entries, 3, 100)), target)
-        fails = best.upper >= 1 and (_invariant_part(T, last) or _invariant_part(T, best.v))
-        if best.upper >= 1 and not fails:
-            work.check_budget(T.cost)
-        return best._replace(holds=True if best.upper < 1 else False if fails else None)
+        if best.upper < 1:
+            return best._replace(holds=True)
+        if _invariant_part(T, last) or _invariant_part(T, best.v):
+            return best._replace(holds=False)
+        work.check_budget(T.cost)
+        return best
 
 
 def _quotient(T: HomogeneousMap, v: Vector) -> tuple[float, Vector]:
