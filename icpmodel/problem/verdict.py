@@ -30,7 +30,8 @@ def certified_residual(
     residuals = np.array([residual])
     q, left = _constant_part(problem, z)
     rows = q[None], _offset(problem.psi, z), z[None], residuals, np.array([tolerance])
-    certify_rows(problem.matrix, problem.psi, *rows, _above(problem.psi, z), weights, left)
+    above = None if problem.upper is None else _offset(problem.upper, z)
+    certify_rows(problem.psi, entries_of(problem.matrix), weights[None], *rows, above, left)
     return float(residuals[0])
 
 
@@ -55,42 +56,9 @@ def _offset(psi: Map, z: Vector) -> Rows:
     return (psi.value(z) if psi.linear is None else psi.linear[1])[None]
 
 
-def _above(psi: Map, z: Vector) -> Any:
-    """`_offset` of the upper obstacle, None without one."""
-    return None if psi.upper is None else _offset(psi.upper, z)
-
-
 def certify_rows(
-    matrix: Matrix,
     psi: Map,
-    Q: Rows,
-    C: Rows,
-    Z: Rows,
-    residuals: Vector,
-    tolerances: Vector,
-    above: Rows | None = None,
-    weights: Vector | None = None,
-    left: Rows | None = None,
-) -> None:
-    """Where `residuals`[i] ≤ `tolerances`[i], but Res_D(Z[i]) without rounding might not be, it becomes a bound of
-    that.
-
-    Row i has `Q`[i], and ψ(z) = Gz + `C`[i] where `psi` is linear, else `C`[i] = ψ(Z[i]), taken as exact to an ulp; the
-    same of what is `above`. `weights`, shape (n,), take the place of those of Res_D: with ones it is Res of the paper.
-    `left`[i] is added to `Q`[i], whose rounding error it is.
-    """
-    from .kernels.residual import raise_to_bounds  # loads numba
-
-    upper = None if psi.upper is None or above is None else _side(psi.upper, above)
-    weights = read_only(matrix.row_weights if weights is None else weights)
-    raise_to_bounds(
-        *_entries(matrix), weights, read_only(Q), *_side(psi, C), read_only(Z), tolerances, residuals, upper, left
-    )
-
-
-def certify_rows_of_each(
-    psi: Map,
-    A: NDArray[np.float64],
+    entries: tuple[Any, Any, Rows],
     weights: Rows,
     Q: Rows,
     C: Rows,
@@ -98,21 +66,28 @@ def certify_rows_of_each(
     residuals: Vector,
     tolerances: Vector,
     above: Rows | None = None,
+    left: Rows | None = None,
 ) -> None:
-    """`certify_rows` for rows with a matrix `A`[i] and `weights`[i] each."""
-    from .kernels.residual import raise_each_to_bounds  # loads numba
+    """Where `residuals`[i] ≤ `tolerances`[i], but Res_D(Z[i]) without rounding might not be, it becomes a bound of
+    that.
 
-    k, n = Q.shape
-    data, weights, Q = read_only((A.reshape(k, n * n), weights, Q))
+    Row i has `Q`[i], and ψ(z) = Gz + `C`[i] where `psi` is linear, else `C`[i] = ψ(Z[i]), taken as exact to an ulp; the
+    same of what is `above`. `entries` are those of A, see `entries_of`. `weights` are the diagonal of D⁻¹: with ones it
+    is Res of the paper. Both have a row for each row of `Q`, or one for all. `left`[i] is added to `Q`[i], whose
+    rounding error it is.
+    """
+    from .kernels.residual import raise_to_bounds  # loads numba
+
     upper = None if psi.upper is None or above is None else _side(psi.upper, above)
-    raise_each_to_bounds(*_full(n), data, weights, Q, *_side(psi, C), read_only(Z), tolerances, residuals, upper)
+    A = read_only((*entries, weights, Q))
+    raise_to_bounds(*A, *_side(psi, C), read_only(Z), tolerances, residuals, upper, left)
 
 
-def _entries(matrix: Matrix) -> tuple[Any, Any, Any]:
-    """A as arguments of the compiled loop."""
+def entries_of(matrix: Matrix) -> tuple[Any, Any, Rows]:
+    """A as `certify_rows` takes it: the CSR arrays indptr and indices, and the entries as the only row."""
     if matrix.dense is None:
-        return matrix.sparse.indptr, matrix.sparse.indices, matrix.sparse.data
-    return *_full(matrix.n), matrix.dense.reshape(-1)
+        return matrix.sparse.indptr, matrix.sparse.indices, matrix.sparse.data[None]
+    return *_full(matrix.n), matrix.dense.reshape(1, -1)
 
 
 def _side(psi: Map, C: Rows) -> tuple[Any, ...]:

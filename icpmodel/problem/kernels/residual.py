@@ -126,20 +126,24 @@ def raise_to_bounds(
 ):
     # residuals within their tolerances become bounds of the exact ones where rounding could lift these above them. Row
     # by row p = weight (Az + q + left) and r = z - c - Gz, where c is off by up to `known` times itself; `left` is None
-    # for 0, `upper` is None or (indptr, indices, data, C, known) of the upper obstacle
+    # for 0, `upper` is None or (indptr, indices, data, C, known) of the upper obstacle. `data` and `weights` have a row
+    # for each row of Q, or one for all
     for row in range(Z.shape[0]):
         q = Q[row]
         c = C[row]
         z = Z[row]
         if not residuals[row] <= tolerances[row]:
             continue
+        own = row if data.shape[0] > 1 else 0
+        entries = data[own]
+        weight = weights[own]
         scale = 0.0
         squares = 0.0
         for i in range(uint(z.size)):
             k = uint(indptr[i])
             stop = uint(indptr[i + uint(1)])
-            p, rounding_p = row_sum(q[i], 0.0 if left is None else left[row, i], k, stop, 1.0, indices, data, z)
-            of_p = weighted(weights[i], p, rounding_p)
+            p, rounding_p = row_sum(q[i], 0.0 if left is None else left[row, i], k, stop, 1.0, indices, entries, z)
+            of_p = weighted(weight[i], p, rounding_p)
             of_r = gap(i, G_indptr, G_indices, G_data, c, known, z)
             of_s = -np.inf, 0.0
             if upper is not None:
@@ -154,18 +158,3 @@ def raise_to_bounds(
         bound = scale * math.sqrt(squares) * rounding if scale < np.inf else np.inf
         if bound > tolerances[row]:
             residuals[row] = bound
-
-
-@partial(compiled, exact=True)
-def raise_each_to_bounds(
-    indptr, indices, A, weights, Q, G_indptr, G_indices, G_data, C, known, Z, tolerances, residuals, upper
-):
-    # the same where each row has a dense matrix of its own
-    for k in range(Q.shape[0]):
-        one = slice(k, k + 1)
-        of_row = Q[one], G_indptr, G_indices, G_data, C[one], known, Z[one], tolerances[one], residuals[one]
-        if upper is None:
-            raise_to_bounds(indptr, indices, A[k], weights[k], *of_row, None, None)
-        else:
-            above = upper[0], upper[1], upper[2], upper[3][one], upper[4]
-            raise_to_bounds(indptr, indices, A[k], weights[k], *of_row, above, None)

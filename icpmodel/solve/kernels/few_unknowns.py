@@ -54,8 +54,8 @@ def solve_few(M, q, c, rtol, limit):
     S, r, units = scale(M)
     many(S, r, units, M, Q, C, limit, Z)
     z = Z[0]
-    weights = np.empty(n)
-    squares, squares_0 = _squared_residuals(M, q, c, z, weights)
+    weights = np.empty((1, n))
+    squares, squares_0 = _squared_residuals(M, q, c, z, weights[0])
     if not _MIN_SAFE_SQUARE < squares_0 < 1.0 / _MIN_SAFE_SQUARE or not squares < 1.0 / _MIN_SAFE_SQUARE:
         return z, np.nan, np.nan
     residual = np.full(1, math.sqrt(squares))
@@ -66,5 +66,5 @@ def solve_few(M, q, c, rtol, limit):
     for k in range(n * n):
         indices[k] = k % n
     none = np.zeros(n + 1, np.int32), np.empty(0, np.int32), np.empty(0)
-    raise_to_bounds(indptr, indices, M.reshape(-1), weights, Q, *none, C, 0.0, Z, tolerance, residual, None, None)
+    raise_to_bounds(indptr, indices, M.reshape(1, -1), weights, Q, *none, C, 0.0, Z, tolerance, residual, None, None)
     return z, residual[0], tolerance[0]

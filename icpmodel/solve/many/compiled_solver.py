@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,7 @@ from ...numerics.threads import cores, run_in_threads
 from ...problem.map import Map
 from ...problem.matrix import weights_of
 from ...problem.two_sided import mid
-from ...problem.verdict import certify_rows, certify_rows_of_each
+from ...problem.verdict import certify_rows, entries_of
 from ..solutions import BatchData
 
 Matrix = NDArray[np.float64]
@@ -130,7 +129,7 @@ class CompiledSolver:
             top_0 = -self._values(upper, zero, D)
             known.append(D if upper.linear is not None else values)
         if self.stack is None:
-            weights = problem.matrix.row_weights
+            weights = problem.matrix.row_weights[None]
             p = (problem.A @ Z.T).T + Q
         else:
             weights = weights_of(np.abs(self.stack[rows]).max(2))
@@ -152,13 +151,16 @@ class CompiledSolver:
         """Replace residuals within the tolerances by upper bounds of the exact ones."""
         Q, C, Z, *above = known
         psi = self.problem.psi
-        if self.stack is None:
-            judge = partial(certify_rows, self.problem.matrix, psi, weights=weights)
-            arrays = [Q, C, Z, residuals, tolerances, *above]
-        else:
-            judge = partial(certify_rows_of_each, psi)
-            arrays = [self.stack[rows], weights, Q, C, Z, residuals, tolerances, *above]
-        self._on_threads(lambda low, high: judge(*(X[low:high] for X in arrays)), len(Q))
+        arrays = [Q, C, Z, residuals, tolerances, *above]
+        indptr, indices, data = entries_of(self.problem.matrix)
+        if self.stack is not None:
+            data = self.stack[rows].reshape(len(Q), -1)
+
+        def part(low: int, high: int) -> None:
+            own = slice(low, high) if len(data) > 1 else slice(None)
+            certify_rows(psi, (indptr, indices, data[own]), weights[own], *(X[low:high] for X in arrays))
+
+        self._on_threads(part, len(Q))
 
     def _pivot(self, lcp: AffineLcp, Q: Matrix, C: Matrix, D: Matrix | None) -> Matrix:
         """Solve the rows by pivoting, one LCP each."""
