@@ -93,7 +93,6 @@ class MNMAOR(_AdaptiveRelaxation):
     """
 
     name: ClassVar[str] = "mnmaor"
-    family: ClassVar[str] = "paper"
     to_try: ClassVar[str] = "a larger phi (it damps the step), another phi2, another theta1 or theta2"
     theta2: float = 1.0
 
@@ -153,7 +152,6 @@ class MNMSOR(_AdaptiveRelaxation):
     """
 
     name: ClassVar[str] = "mnmsor"
-    family: ClassVar[str] = "paper"
     to_try: ClassVar[str] = "a larger phi (it damps the step), another phi2, another theta1"
 
     def __post_init__(self) -> None:
@@ -205,7 +203,6 @@ class MNMGS(FreeOmega):
     """
 
     name: ClassVar[str] = "mnmgs"
-    family: ClassVar[str] = "paper"
 
     def splitting_of(self) -> Splitting:
         return AOR(1.0, 1.0)
@@ -227,7 +224,6 @@ class MNMJ(FreeOmega):
     """
 
     name: ClassVar[str] = "mnmj"
-    family: ClassVar[str] = "paper"
 
     def splitting_of(self) -> Splitting:
         return AOR(1.0, 0.0)

@@ -78,7 +78,6 @@ class MNMMOD(MNMOD):
     """
 
     name: ClassVar[str] = "mnmmod"
-    family: ClassVar[str] = "paper"
     to_try: ClassVar[str] = (
         "another theta1 (between A's extreme eigenvalues; none helps if some are imaginary), another phi"
     )

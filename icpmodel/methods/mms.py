@@ -53,7 +53,6 @@ class MMS(Method):
     """
 
     name: ClassVar[str] = "mms"
-    family: ClassVar[str] = ""
     to_try: ClassVar[str] = "another omega, another splitting"
     splitting: Any = "gauss-seidel"
     omega: Any = None
