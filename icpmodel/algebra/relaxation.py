@@ -42,9 +42,8 @@ _MIN_ERROR_FACTOR = 1e-4
 _MAX_RADIUS = 1.0 - 1e-6
 #: largest ω of a run that does not adapt it
 _MAX_FIXED_OMEGA = 1.4
-#: below this ω there is nothing to adapt, and no rate leads beyond this one
+#: below this ω there is nothing to adapt
 MIN_ADAPTED_OMEGA = 1.2
-_MAX_OMEGA = 1.995
 #: the least patience in steps; the multiple of the steps that halve the error, by the observed rate or by the one for
 #: which ω is best; and the growth that reduces ω at once
 _PATIENCE = 100
@@ -79,16 +78,6 @@ def leave_out(method: Any, *names: str) -> None:
         value = getattr(method, option.name)
         if option.name in names and value is not option.default and (np.ndim(value) or value != option.default):
             raise InputError(f"{option.name} is given, but theta1={AUTO!r} decides {', '.join(names)} as well")
-
-
-def as_diagonal(value: float | Vector, n: int, name: str) -> Vector:
-    """A diagonal that a method has checked, a number or a vector, as a vector of shape (n,).
-
-    Raises InputError for a vector of another length.
-    """
-    if isinstance(value, np.ndarray) and value.shape == (n,):
-        return value
-    return as_vector(value, n, name) if np.ndim(value) else np.full(n, float(value))
 
 
 def check_diagonal(method: Any, name: str, *, positive: bool = True) -> None:
@@ -177,7 +166,7 @@ def jacobi_step(problem: ProblemData, phi: Any = 0.0) -> Step | None:
     if problem.psi.linear is not None:
         slope = problem.psi.linear[0].diagonal()
         omega = diagonal / (1.0 - np.where(slope < 1.0, slope, 0.0))
-    shift = as_diagonal(phi, problem.n, "phi") + diagonal
+    shift = as_vector(phi, problem.n, "phi") + diagonal
     return AOROperator(inverse_diagonal(diagonal, shift), problem.A, 0.0).step(problem, omega)
 
 
@@ -191,7 +180,7 @@ class AdaptedOmega:
     is best.
     """
 
-    def __init__(self, value: float, max_value: float = _MAX_OMEGA) -> None:
+    def __init__(self, value: float, max_value: float = 2.0) -> None:
         self.value, self.max_value, self.plain = value, max_value, False
         self._last = self._factor = math.nan
         self._steps = self._since = 0
@@ -234,7 +223,7 @@ class AdaptedOmega:
         if not 0 < factor < 1:
             return 0.0
         mu = (factor + self.value - 1.0) / (self.value * math.sqrt(factor))
-        return 2.0 / (1.0 + math.sqrt(1.0 - mu**2)) if mu < 1 else 0.0
+        return best_omega(mu) if mu < 1 else 0.0
 
     def _change(self, omega: float) -> None:
         self.value, self._steps, self._since = omega, 0, 0

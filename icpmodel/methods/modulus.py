@@ -28,11 +28,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..algebra.relaxation import AUTO, as_diagonal, check_diagonal, is_auto, jacobi_step
+from ..algebra.relaxation import AUTO, check_diagonal, is_auto, jacobi_step
 from ..algebra.secants import secant_step, why_not_rows, with_slopes
 from ..algebra.splittings import AOR, FullSplitting, Splitting, as_splitting
 from ..algebra.steps import Step
-from ..numerics.arrays import Vector, as_number
+from ..numerics.arrays import Vector, as_number, as_vector
 from ..problem.data import ProblemData
 from .contract import FixedPoint, positive_diagonal, with_options
 
@@ -93,7 +93,7 @@ class ModulusMember(FixedPoint):
             assert problem.f.slope_range is not None
             A = with_slopes(problem, problem.f.slope_range[1], problem.q).A
         omega = self.omega_of(problem)
-        shift = as_diagonal(self.phi, problem.n, "phi") + omega
+        shift = as_vector(self.phi, problem.n, "phi") + omega
         return self.splitting_of().operator(A, shift).step(problem, omega)
 
 
@@ -101,6 +101,7 @@ class ModulusMember(FixedPoint):
 class FreeOmega(ModulusMember):
     """Members whose Ω is free: φ₁ and φ₂ as numbers or vectors, by default φ₁ = I and φ₂ = φ₁D, that is Ω = D."""
 
+    family: ClassVar[str] = "paper"
     to_try: ClassVar[str] = "a larger phi (it damps the step), another phi2"
     phi: Any = 0.0
     phi1: Any = 1.0
@@ -116,7 +117,7 @@ class FreeOmega(ModulusMember):
         """φ₂/φ₁, or D where φ₂ is not given."""
         if self.phi2 is None:
             return problem.matrix.rows.diagonal
-        return as_diagonal(self.phi2, problem.n, "phi2") / as_diagonal(self.phi1, problem.n, "phi1")
+        return as_vector(self.phi2, problem.n, "phi2") / as_vector(self.phi1, problem.n, "phi1")
 
     def why_not(self, problem: ProblemData) -> str | None:
         return positive_diagonal(problem, "Omega = D must be positive") if self.phi2 is None else None
@@ -154,7 +155,6 @@ class Modulus(FreeOmega):
     """
 
     name: ClassVar[str] = "modulus"
-    family: ClassVar[str] = "paper"
     to_try: ClassVar[str] = "a larger phi (it damps the step), another phi2, another splitting"
     splitting: Any = "gauss-seidel"
 
@@ -196,7 +196,7 @@ class NMMS(ModulusMember):
             check_diagonal(self, "omega")
 
     def omega_of(self, problem: ProblemData) -> Vector:
-        return problem.matrix.rows.diagonal if self.omega is None else as_diagonal(self.omega, problem.n, "omega")
+        return problem.matrix.rows.diagonal if self.omega is None else as_vector(self.omega, problem.n, "omega")
 
     def why_not(self, problem: ProblemData) -> str | None:
         return positive_diagonal(problem, "Omega = D must be positive") if self.omega is None else None
@@ -226,7 +226,6 @@ class ProjectionFixedPoint(ModulusMember):
     """
 
     name: ClassVar[str] = "projection-fixed-point"
-    family: ClassVar[str] = ""
     to_try: ClassVar[str] = "a smaller omega"
     omega: float = 1.0
 
