@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import ClassVar
 
 import numpy as np
@@ -18,7 +18,7 @@ from .contract import Infeasible, Iterate, Method, with_options
 #: problems with more choices are refused: n = 14 with one obstacle in every row
 MAX_CHOICES = 2**14
 #: the largest number of linearisations of an obstacle that is not affine
-MAX_LINEARISATIONS = 20
+_MAX_LINEARISATIONS = 20
 
 
 @with_options
@@ -55,24 +55,32 @@ class Enumerate(Method):
         return f"there are {count:.3g} choices; at most {MAX_CHOICES} are tried" if count > MAX_CHOICES else None
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
-        yield z, None
-        affine = problem.psi.linear is not None
-        for _ in range(1 if affine else MAX_LINEARISATIONS):
-            rows = LinearRows.of(problem, z)
-            best = (np.inf, z)
-            undecided = []
-            for batch in rows.batches():
+        undecided: list[SideChoices] = []
+
+        def candidates(z: Vector) -> Iterator[Vector]:
+            for batch in LinearRows.of(problem, z).batches():
                 undecided.append(batch.sides[~batch.empty])
-                for candidate in batch.z[~batch.empty]:
-                    if np.isfinite(candidate).all():
-                        residual = problem.residual(candidate)
-                        best = min(best, (residual, candidate), key=lambda pair: pair[0])
-                        yield candidate, residual
-            if affine:
-                yield from _exactly(problem, np.concatenate(undecided))
-            if best[1] is z:
-                return
-            z = best[1]
+                yield from batch.z[~batch.empty & np.isfinite(batch.z).all(axis=1)]
+
+        yield from linearised_in_turn(problem, z, candidates)
+        if problem.psi.linear is not None:
+            yield from _exactly(problem, np.concatenate(undecided))
+
+
+def linearised_in_turn(
+    problem: ProblemData, z: Vector, candidates: Callable[[Vector], Iterator[Vector]]
+) -> Iterator[Iterate]:
+    """`z` and the `candidates` where obstacles are linearised at the best point so far, up to 20 times if they move."""
+    yield z, None
+    for _ in range(1 if problem.psi.linear is not None else _MAX_LINEARISATIONS):
+        best = (np.inf, z)
+        for candidate in candidates(z):
+            residual = problem.residual(candidate)
+            best = min(best, (residual, candidate), key=lambda pair: pair[0])
+            yield candidate, residual
+        if best[1] is z:
+            return
+        z = best[1]
 
 
 def _exactly(problem: ProblemData, undecided: SideChoices) -> Iterator[Iterate]:

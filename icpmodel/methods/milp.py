@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
+from functools import partial
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -17,7 +18,7 @@ from ..numerics import work
 from ..numerics.arrays import Mask, Vector
 from ..problem.data import ProblemData
 from .contract import Iterate, Method, with_options
-from .enumeration import MAX_LINEARISATIONS
+from .enumeration import linearised_in_turn
 
 #: problems with more unknowns are refused
 MAX_UNKNOWNS = 150
@@ -73,17 +74,7 @@ class MixedInteger(Method):
         return None
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
-        yield z, None
-        dense_matrix(problem)  # raises OutOfMemory where it does not fit
-        for _ in range(1 if problem.psi.linear is not None else MAX_LINEARISATIONS):
-            best = (np.inf, z)
-            for candidate in _solutions(problem, z):
-                residual = problem.residual(candidate)
-                best = min(best, (residual, candidate), key=lambda pair: pair[0])
-                yield candidate, residual
-            if best[1] is z:
-                return
-            z = best[1]
+        return linearised_in_turn(problem, z, partial(_solutions, problem))
 
 
 def _solutions(problem: ProblemData, z: Vector) -> Iterator[Vector]:
@@ -91,6 +82,7 @@ def _solutions(problem: ProblemData, z: Vector) -> Iterator[Vector]:
 
     Raises OutOfTime.
     """
+    dense_matrix(problem)  # raises OutOfMemory where it does not fit
     rows = LinearRows.of(problem, z)
     rows = rows.in_units(rows.scale)
     if not np.isfinite(rows.q).all():  # no float in units in which the entries of A are about 1
@@ -152,12 +144,7 @@ def _constraints(rows: LinearRows, bound: float) -> list[tuple[Any, Any, Any]]:
         (sp.hstack([rows.A, most, nothing]), -np.inf, bound - rows.q),
         (sp.hstack([rows.A, nothing, -most]), -bound - rows.q, np.inf),
         (sp.hstack([rows.R, -most, nothing]).tocsr()[below], -np.inf, rows.c[below]),
-        (rows_beside(rows.R, n)[below], rows.c[below], np.inf),
+        (sp.hstack([rows.R, nothing, nothing]).tocsr()[below], rows.c[below], np.inf),
         (sp.hstack([-rows.S, nothing, -most]).tocsr()[above], -np.inf, -rows.d[above]),
-        (rows_beside(rows.S, n)[above], -np.inf, rows.d[above]),
+        (sp.hstack([rows.S, nothing, nothing]).tocsr()[above], -np.inf, rows.d[above]),
     ]
-
-
-def rows_beside(M: Any, n: int) -> sp.csr_array:
-    """`M`, shape (m, n), with 2n columns of zeros beside it."""
-    return sp.csr_array(sp.hstack([M, sp.csr_array((M.shape[0], 2 * n))]))
