@@ -14,6 +14,7 @@ Comput. 4 (2012), for the proximal terms.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from typing import ClassVar
@@ -47,8 +48,8 @@ _FIRST_REGULARISATION_SKEW = 1e-7
 _MIN_REGULARISATION = 1e-13
 #: a solve with a relative residual of at most √ε reduces the multiple to a tenth; one above ε^¼ is repeated with a
 #: hundred times the multiple
-_ACCURATE_SOLVE = 2.0**-26
-_ROUGH_SOLVE = 2.0**-13
+_ACCURATE_SOLVE = math.sqrt(np.finfo(np.float64).eps)
+_ROUGH_SOLVE = math.sqrt(_ACCURATE_SOLVE)
 _REGULARISATION_DECREASE = 0.1
 _REGULARISATION_INCREASE = 100.0
 #: a solve is refined up to this relative residual, as long as that halves it

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -13,7 +14,7 @@ from ..numerics.rounding import UNIT_ROUNDOFF
 from .user_code import USER_ULPS
 
 #: the share of |z_j| that balances rounding and curvature where both are of order 1 (Gill, Murray and Wright 1981, 8.6)
-DIFFERENCE_STEP = (2.0 * UNIT_ROUNDOFF) ** 0.5
+DIFFERENCE_STEP = math.sqrt(np.finfo(np.float64).eps)
 #: a change that differs by this share of all terms from what a derivative says is not explained by rounding
 _MISFIT = 1e-3
 
