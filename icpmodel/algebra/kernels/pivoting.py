@@ -15,10 +15,7 @@ import numpy as np
 from ...numerics.kernels import compiled
 
 #: the ends of a run of pivots
-SOLVED = 0
-RAY = 1
-UNFINISHED = 2
-SINGULAR = 3
+SOLVED, RAY, UNFINISHED, SINGULAR = range(4)
 #: in place of a label that is to enter: begin, or with a q that is moved by this share of its size
 START = -1
 PERTURBED = -2

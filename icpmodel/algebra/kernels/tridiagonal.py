@@ -10,9 +10,7 @@ import numpy as np
 from ...numerics.kernels import compiled
 
 #: the ends of Newton's steps: the signs no longer change, too many are needed, or a pivot is not positive
-SETTLED = 0
-UNSETTLED = 1
-NO_PIVOT = 2
+SETTLED, UNSETTLED, NO_PIVOT = range(3)
 
 
 @compiled
