@@ -17,6 +17,8 @@ from ..numerics.fill import dense_cost
 from ..numerics.threads import one_blas_thread
 from ..problem.data import ProblemData
 from ..problem.facts import Facts
+from ..problem.map import Map
+from ..problem.matrix import DENSE_UP_TO
 
 Matrix = NDArray[np.float64]
 
@@ -24,7 +26,7 @@ Matrix = NDArray[np.float64]
 #: the largest number of pivots for a small LCP, in units of n + 1
 PIVOTS = 50
 #: the largest number of rows of a problem, or a block of one, that is solved by pivoting
-PIVOT_UP_TO = 64
+PIVOT_UP_TO = DENSE_UP_TO
 #: arrays of n² entries that are held at once: A, its exponents and units, its scaled copy, and the dictionary
 _WORK_ARRAYS = 5
 #: nanoseconds per entry to make and fill these arrays: 40 to 50 at n = 10⁴ and 2·10⁴, where all pages are new
@@ -57,8 +59,8 @@ class AffineLcp:
         The matrix, dense, or k of them; `M` has as many.
     q, c : array of shape (n,)
         The vectors; with k matrices q has the shape (k, n).
-    G : array of shape (n, n) or (n,), optional
-        Dense, or its diagonal if it is one; None for 0.
+    G : array of shape (n, n), optional
+        Dense; None for 0.
     above : tuple (d, H), optional
         The upper obstacle, Hz + d, in the same form; None where there is none.
 
@@ -81,7 +83,7 @@ class AffineLcp:
     """
 
     def __init__(
-        self, A: Matrix, q: Vector, c: Vector, G: Matrix | Vector | None = None, above: tuple[Vector, Any] | None = None
+        self, A: Matrix, q: Vector, c: Vector, G: Matrix | None = None, above: tuple[Vector, Any] | None = None
     ) -> None:
         self.n = A.shape[-1]
         self.rows: Any = None
@@ -104,7 +106,7 @@ class AffineLcp:
         k = self.rows.size
         weight = np.abs(A).max(axis=-1)[..., self.rows]
         self.weight = np.where(weight > 0.0, weight, 1.0)
-        moves = np.eye(n) if H is None else np.eye(n) - _dense(H)
+        moves = np.eye(n) if H is None else np.eye(n) - H
         if self.inverse is not None:
             moves = moves @ self.inverse
         M = np.zeros((*A.shape[:-2], n + k, n + k))
@@ -209,16 +211,19 @@ def dense_matrix(problem: ProblemData) -> Matrix:
 def dense_lcp(problem: ProblemData) -> AffineLcp:
     """The LCP behind `problem`, where ψ is affine or amounts to a fixed obstacle. Raises SingularOperator, MapError."""
     A = dense_matrix(problem)
-    if problem.psi.linear is None:
-        above = problem.facts.upper_obstacle
-        return AffineLcp(A, problem.q, problem.facts.obstacle, None, None if above is None else (above, None))
-    (G, c) = problem.psi.linear
-    moves = not problem.psi.is_constant
-    of_upper: Any = None
-    if problem.upper is not None and problem.upper.linear is not None:
-        H, d = problem.upper.linear
-        of_upper = d, H.toarray() if moves else None
-    return AffineLcp(A, problem.q, c, G.toarray() if moves else None, of_upper)
+    above = None if problem.upper is None else affine_obstacle(problem.facts, problem.upper)
+    return AffineLcp(A, problem.q, *affine_obstacle(problem.facts, problem.psi), above)
+
+
+def affine_obstacle(facts: Facts, psi: Map) -> tuple[Vector, Matrix | None]:
+    """c and the dense G of Gz + c, the obstacle `psi` of the two of `facts`; G is None where both are, or amount to,
+    fixed ones. Raises MapError."""
+    if facts.psi.is_constant or facts.psi.linear is None or psi.linear is None:
+        c = facts.obstacle if psi is facts.psi else facts.upper_obstacle
+        assert c is not None
+        return c, None
+    G, c = psi.linear
+    return c, G.toarray()
 
 
 def some_pivots(state: Any, entering: int, max_pivots: int) -> Any:
@@ -242,13 +247,9 @@ def some_pivots(state: Any, entering: int, max_pivots: int) -> Any:
             return result
 
 
-def _inverse(G: Matrix | Vector) -> Matrix:
-    """(I − G)⁻¹, dense, as G is wherever it is not the diagonal of a small problem."""
+def _inverse(G: Matrix) -> Matrix:
+    """(I − G)⁻¹."""
     work.check_budget(INVERSE * dense_cost(len(G)))
     with suppress(np.linalg.LinAlgError):
-        return np.asarray(np.linalg.inv(np.eye(len(G)) - _dense(G)), dtype=np.float64)
+        return np.asarray(np.linalg.inv(np.eye(len(G)) - G), dtype=np.float64)
     raise SingularOperator("I - G is singular", 0)
-
-
-def _dense(G: Matrix | Vector) -> Matrix:
-    return np.diag(G) if G.ndim == 1 else G

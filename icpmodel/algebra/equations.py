@@ -168,3 +168,11 @@ def derivative(psi: Map, z: Vector, above: Mask | None = None) -> sp.csr_array:
     if not np.isfinite(J.data).all():
         raise MapError("psi's derivative is not finite")
     return J
+
+
+def linearised(psi: Map, z: Vector) -> tuple[sp.csr_array, Vector]:
+    """(G, c) with ψ(x) = Gx + c, or its linearisation at `z`. Raises MapError where that is not finite."""
+    if psi.linear is not None:
+        return psi.linear
+    J = derivative(psi, z)
+    return J, psi.value(z) - J @ z

@@ -17,10 +17,8 @@ from ..numerics.multigrid import HIERARCHY_BYTES, MAX_COARSEST_IF_STALLED, cycle
 from ..numerics.rounding import UNIT_ROUNDOFF
 from ..numerics.threads import one_blas_thread
 from ..problem.data import ProblemData
-from ..problem.matrix import Matrix
+from ..problem.matrix import DENSE_UP_TO, Matrix
 
-#: the largest number of rows of the coarsest level, which has a dense inverse
-_MAX_COARSEST = 64
 #: an inverse has digits where the condition number is below this; else that of Moore and Penrose is taken
 _MAX_CONDITION = 1e-2 / UNIT_ROUNDOFF
 #: a level with more than this multiple of the entries of A costs more than it helps
@@ -137,17 +135,12 @@ class Hierarchy:
         return self._cycle(f, top)
 
     @cached_property
-    def is_symmetric(self) -> bool:
-        """Whether A, and so every level and the cycle, is symmetric up to rounding."""
-        return self.levels[0].problem.matrix.is_symmetric
-
-    @cached_property
     def transposed(self) -> Hierarchy:
         """The levels of Aᵀ with the same interpolation and the same free rows: its cycle is the adjoint of this one.
 
-        Where A is symmetric it is this hierarchy itself.
+        Where A is symmetric, and so every level, it is this hierarchy itself.
         """
-        if self.is_symmetric:
+        if self.levels[0].problem.matrix.is_symmetric:
             return self
         new = object.__new__(Hierarchy)
         new.levels = [level.transposed() for level in self.levels]
@@ -240,9 +233,9 @@ def _with_interpolation(level: Level, problem: ProblemData) -> Level:
 
 def _coarser(finest: Level) -> tuple[Any, Any, list[Level]] | NoHierarchy:
     """P and the coarse points of `finest`, and the coarser levels; `finest` itself is not stored."""
-    levels = [finest]
+    levels = [finest]  # the coarsest one has a dense inverse
     try:
-        while levels[-1].A.shape[0] > _MAX_COARSEST and (level := _coarsen(levels[-1])) is not None:
+        while levels[-1].A.shape[0] > DENSE_UP_TO and (level := _coarsen(levels[-1])) is not None:
             levels.append(level)
             if level.A.nnz > _MAX_FILL * finest.A.nnz:
                 raise NoHierarchy
@@ -257,7 +250,7 @@ def _coarsen(last: Level) -> Level | None:
     """The next coarser level below `last`, which gets P and `coarse_points`; None if coarsening stalls."""
     work.check_budget(hierarchy_cost(last.A.shape[0], last.A.nnz))
     # direct interpolation costs least and is made for M-matrices
-    levels = ruge_stuben(last.A, interpolation="direct", max_coarse=_MAX_COARSEST, max_levels=2, keep=True).levels
+    levels = ruge_stuben(last.A, interpolation="direct", max_coarse=DENSE_UP_TO, max_levels=2, keep=True).levels
     if len(levels) == 1:
         return None
     if not np.isfinite(levels[1].A.data).all():

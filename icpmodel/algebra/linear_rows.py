@@ -21,12 +21,10 @@ from ..numerics.fill import dense_cost
 from ..numerics.rounding import SMALLEST, gamma
 from ..problem.data import ProblemData
 from ..problem.map import Map
-from .equations import derivative
+from .equations import linearised
 
 #: the equation of a row: p_i = 0, z_i = ψ_i(z), z_i = ψ̄_i(z)
-FREE = 0
-LOWER = 1
-UPPER = 2
+FREE, LOWER, UPPER = range(3)
 #: entries of all matrices of a batch; larger batches do not fit into a cache
 _BATCH_ENTRIES = 200_000
 
@@ -136,8 +134,8 @@ class LinearRows:
 
 
 def has_linear_pieces(problem: ProblemData) -> bool:
-    """Whether every obstacle of `problem` is constant or affine."""
-    return problem.psi.linear is not None and (problem.upper is None or problem.upper.linear is not None)
+    """Whether every obstacle of `problem` is constant or affine: of two, `linear` is known where both are."""
+    return problem.psi.linear is not None
 
 
 def piece_count(problem: ProblemData) -> float:
@@ -152,11 +150,8 @@ def piece_count(problem: ProblemData) -> float:
 
 def _linearise(psi: Map, z: Vector) -> tuple[Dense, Vector]:
     """(I − G, c) with ψ(z) = Gz + c, or its linearisation at `z`."""
-    if psi.linear is not None:
-        G, c = psi.linear
-        return np.eye(z.size) - G.toarray(), c
-    J = derivative(psi, z)
-    return np.eye(z.size) - J.toarray(), psi.value(z) - J @ z
+    G, c = linearised(psi, z)
+    return np.eye(z.size) - G.toarray(), c
 
 
 def _rounding(terms: Vector | float, z: Vector) -> Vector:

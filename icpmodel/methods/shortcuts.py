@@ -10,16 +10,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..algebra.affine_lcp import PIVOTS, AffineLcp, dense_lcp, dense_matrix, some_pivots, too_large
-from ..algebra.equations import derivative, solve_on
+from ..algebra.equations import linearised, solve_on
 from ..errors import SingularOperator
 from ..numerics import work
 from ..numerics.arrays import Vector
-from ..numerics.sparse_structure import is_diagonal
 from ..problem.data import ProblemData
 from ..problem.map import Map
 from ..theory.certificates.contradiction import multipliers
@@ -32,8 +32,8 @@ _SPLIT_UP_TO = 200
 _MAX_HALVINGS = 6
 _MIN_REDUCTION = 0.1
 #: rounds of Newton's steps, and steps in a round; where A is an M-matrix one step is the rule
-_MAX_ROUNDS = 5
-_STEPS_PER_ROUND = 10
+MAX_ROUNDS = 5
+STEPS_PER_ROUND = 10
 #: steps of iterative refinement, for the last digit
 _REFINEMENTS = 2
 
@@ -154,9 +154,8 @@ class Josephy(Shortcut):
         A = dense_matrix(problem)
         with suppress(SingularOperator):
             while best > 0.0:
-                c, G = _linearise(problem.psi, z)
                 above = None if problem.upper is None else _linearise(problem.upper, z)
-                lcp = AffineLcp(A, problem.q, c, G, above)
+                lcp = AffineLcp(A, problem.q, *_linearise(problem.psi, z), above)
                 ended, _, y, _ = some_pivots(lcp.start(), START, PIVOTS * (len(lcp.q) + 1))
                 if ended != SOLVED:
                     break
@@ -214,8 +213,8 @@ class Tridiagonal(Shortcut):
         free = release(*matrix, q, c)
         ended = UNSETTLED
         rounds = 0
-        while ended == UNSETTLED and rounds < _MAX_ROUNDS:
-            candidate, ended = newton(*matrix, q, c, top, obstacle, free, _STEPS_PER_ROUND)
+        while ended == UNSETTLED and rounds < MAX_ROUNDS:
+            candidate, ended = newton(*matrix, q, c, top, obstacle, free, STEPS_PER_ROUND)
             rounds += 1
             work.count(work.sweep(problem.n, problem.nnz))
             if np.isfinite(candidate).all():
@@ -245,12 +244,7 @@ def _shorten_step(problem: ProblemData, z: Vector, step: Vector, residual: float
     return None
 
 
-def _linearise(psi: Map, z: Vector) -> tuple[Vector, Any]:
-    """(c, G) with Gx + c for ψ near `z`: G dense, or its diagonal alone where ψ_i depends on z_i alone. Raises MapError
-    where it is not finite."""
-    J = derivative(psi, z)
-    if is_diagonal(J):
-        slopes = J.diagonal()
-        return psi.value(z) - slopes * z, slopes
-    G = J.toarray()
-    return psi.value(z) - G @ z, G
+def _linearise(psi: Map, z: Vector) -> tuple[Vector, NDArray[np.float64]]:
+    """c and the dense G of Gx + c, which is ψ or its linearisation at `z`. Raises MapError where it is not finite."""
+    G, c = linearised(psi, z)
+    return c, G.toarray()

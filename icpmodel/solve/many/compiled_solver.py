@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...algebra.affine_lcp import PIVOT_UP_TO, PIVOTS, AffineLcp
+from ...algebra.affine_lcp import PIVOT_UP_TO, PIVOTS, AffineLcp, affine_obstacle
 from ...methods.contract import Method
-from ...methods.shortcuts import Lemke, Tridiagonal
+from ...methods.shortcuts import MAX_ROUNDS, STEPS_PER_ROUND, Lemke, Tridiagonal
 from ...numerics import work
 from ...numerics.arrays import Vector, read_only, row_norms
 from ...numerics.threads import cores, run_in_threads
@@ -22,8 +22,6 @@ from ..solutions import BatchData
 
 Matrix = NDArray[np.float64]
 
-#: Newton's steps that a row may take where A is tridiagonal, before `solve` has a try at it
-_MAX_STEPS = 50
 #: arrays of the size of Q that the rows at once take
 _WORK_ARRAYS = 6
 #: the number of rows, or of unknowns for a tridiagonal A, for which a further thread pays
@@ -90,16 +88,9 @@ class CompiledSolver:
             yield rows, (Z, *self._judge(rows, Z, *arrays))
 
     def _affine(self, psi: Map, rows: Matrix | None) -> tuple[Matrix, Any]:
-        """c and G of one obstacle Gz + c, c row by row, be it fixed: then G is None."""
-        facts = self.problem.facts
-        G = None
-        c = rows
-        if self.affine and psi.linear is not None:
-            G = psi.linear[0].toarray()
-            c = psi.linear[1] if rows is None else rows
-        elif rows is None:
-            c = facts.obstacle if psi is self.problem.psi else facts.upper_obstacle
-        return np.broadcast_to(np.asarray(c), self.Q.shape), G
+        """c and G of one obstacle Gz + c, c row by row; G is None where it is fixed."""
+        c, G = affine_obstacle(self.problem.facts, psi)
+        return np.broadcast_to(c if rows is None else rows, self.Q.shape), G
 
     def _on_threads(self, loop: Callable[[int, int], Any], rows: int) -> None:
         """Call `loop` for parts of the `rows`, on as many threads as they are worth."""
@@ -194,9 +185,10 @@ class CompiledSolver:
         Z = np.zeros(Q.shape)
         Q, C, D = read_only((Q, C, D))
         matrix = bands(A.indptr, A.indices, A.data)
+        limit = MAX_ROUNDS * STEPS_PER_ROUND
 
         def part(low: int, high: int) -> None:
-            many(*matrix, Q[low:high], C[low:high], None if D is None else D[low:high], _MAX_STEPS, Z[low:high])
+            many(*matrix, Q[low:high], C[low:high], None if D is None else D[low:high], limit, Z[low:high])
 
         self._on_threads(part, len(Q))
         return Z
