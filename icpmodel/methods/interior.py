@@ -14,7 +14,6 @@ Comput. 4 (2012), for the proximal terms.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from typing import ClassVar
@@ -28,7 +27,7 @@ from ..algebra.proximal_steps import ProximalSteps
 from ..algebra.subproblems import with_fixed_obstacle
 from ..errors import MapError
 from ..numerics import work
-from ..numerics.arrays import Vector, inner, norm, row_of
+from ..numerics.arrays import Vector, inner, norm
 from ..numerics.factorisation import factorise
 from ..numerics.fill import SymbolicAnalysis
 from ..numerics.symmetric_factors import SymmetricFactors
@@ -48,8 +47,8 @@ _FIRST_REGULARISATION_SKEW = 1e-7
 _MIN_REGULARISATION = 1e-13
 #: a solve with a relative residual of at most √ε reduces the multiple to a tenth; one above ε^¼ is repeated with a
 #: hundred times the multiple
-_ACCURATE_SOLVE = math.sqrt(np.finfo(np.float64).eps)
-_ROUGH_SOLVE = math.sqrt(_ACCURATE_SOLVE)
+_ACCURATE_SOLVE = np.sqrt(np.finfo(np.float64).eps)
+_ROUGH_SOLVE = np.sqrt(_ACCURATE_SOLVE)
 _REGULARISATION_DECREASE = 0.1
 _REGULARISATION_INCREASE = 100.0
 #: a solve is refined up to this relative residual, as long as that halves it
@@ -135,7 +134,6 @@ class InteriorPath:
         self.solve_error = 0.0
         self.root = np.sqrt(self.weights)
         self.matrix = sp.csr_array(problem.A, dtype=np.float64, copy=True)
-        self.row = row_of(problem.A)
         self.residuals = LeastValue()
         self.infeasibilities = LeastValue()
         self.inverse_sizes = LeastValue()
@@ -288,16 +286,14 @@ class InteriorPath:
         M.data[:] = self.problem.A.data
         slopes = self.s / self.r
         M.data[self.diagonal] += self._in_rows(slopes) + self.regularisation * self.weights
-        row = self.row
         if self.has_moving_obstacle:
             slope = np.split(slopes, [self.sides[0].size])
             for J, rows, values in zip(self.slopes, self.sides, slope, strict=False):
                 row_slopes = np.zeros(self.problem.n)
                 row_slopes[rows] = values
                 M = sp.csr_array(M - sp.diags_array(row_slopes) @ J)
-            row = row_of(M)
         unit = 1.0 / np.sqrt(np.abs(M.diagonal()))
-        M.data *= unit[row]
+        M.data *= np.repeat(unit, np.diff(M.indptr))
         M.data *= unit[M.indices]
         if isinstance(self.pattern, SymmetricFactors):
             factors = self.pattern.factors(M.data)
