@@ -15,6 +15,7 @@ from .affine import zero
 from .data import ProblemData
 from .map import Map
 from .matrix import Matrix
+from .two_sided import sides_of
 
 Rows = NDArray[np.float64]
 
@@ -29,9 +30,9 @@ def certified_residual(
     weights = problem.weights_at(z) if weights is None else weights
     residuals = np.array([residual])
     q, left = _constant_part(problem, z)
-    rows = q[None], _offset(problem.psi, z), z[None], residuals, np.array([tolerance])
-    above = None if problem.upper is None else _offset(problem.upper, z)
-    certify_rows(problem.psi, entries_of(problem.matrix), weights[None], *rows, above, left)
+    offsets = [(psi.value(z) if psi.linear is None else psi.linear[1])[None] for psi in sides_of(problem.psi)]
+    rows = q[None], z[None], residuals, np.array([tolerance])
+    certify_rows(problem.psi, entries_of(problem.matrix), weights[None], *rows, *offsets, left=left)
     return float(residuals[0])
 
 
@@ -51,36 +52,30 @@ def _constant_part(problem: ProblemData, z: Vector) -> tuple[Vector, Rows | None
     return total, ((problem.q - (total - part)) + (value - part))[None]
 
 
-def _offset(psi: Map, z: Vector) -> Rows:
-    """c of ψ(z) = Gz + c where it is linear, else ψ(z), as the only row."""
-    return (psi.value(z) if psi.linear is None else psi.linear[1])[None]
-
-
 def certify_rows(
     psi: Map,
     entries: tuple[Any, Any, Rows],
     weights: Rows,
     Q: Rows,
-    C: Rows,
     Z: Rows,
     residuals: Vector,
     tolerances: Vector,
-    above: Rows | None = None,
+    *offsets: Rows,
     left: Rows | None = None,
 ) -> None:
     """Where `residuals`[i] ≤ `tolerances`[i], but Res_D(Z[i]) without rounding might not be, it becomes a bound of
     that.
 
-    Row i has `Q`[i], and ψ(z) = Gz + `C`[i] where `psi` is linear, else `C`[i] = ψ(Z[i]), taken as exact to an ulp; the
-    same of what is `above`. `entries` are those of A, see `entries_of`. `weights` are the diagonal of D⁻¹: with ones it
-    is Res of the paper. Both have a row for each row of `Q`, or one for all. `left`[i] is added to `Q`[i], whose
-    rounding error it is.
+    Row i has `Q`[i], and ψ(z) = Gz + c where it is linear, else c = ψ(Z[i]), taken as exact to an ulp. `offsets` are
+    the c, row by row, of the lower obstacle, and of the upper one if there is one. `entries` are those of A, see
+    `entries_of`. `weights` are the diagonal of D⁻¹: with ones it is Res of the paper. Both have a row for each row of
+    `Q`, or one for all. `left`[i] is added to `Q`[i], whose rounding error it is.
     """
     from .kernels.residual import raise_to_bounds  # loads numba
 
-    upper = None if psi.upper is None or above is None else _side(psi.upper, above)
+    lower, *upper = (_side(one, C) for one, C in zip(sides_of(psi), offsets, strict=True))
     A = read_only((*entries, weights, Q))
-    raise_to_bounds(*A, *_side(psi, C), read_only(Z), tolerances, residuals, upper, left)
+    raise_to_bounds(*A, *lower, read_only(Z), tolerances, residuals, upper[0] if upper else None, left)
 
 
 def entries_of(matrix: Matrix) -> tuple[Any, Any, Rows]:

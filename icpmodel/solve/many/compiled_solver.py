@@ -16,7 +16,7 @@ from ...numerics.arrays import Vector, read_only, row_norms
 from ...numerics.threads import cores, run_in_threads
 from ...problem.map import Map
 from ...problem.matrix import weights_of
-from ...problem.two_sided import mid
+from ...problem.two_sided import mid, sides_of
 from ...problem.verdict import certify_rows, entries_of
 from ..solutions import BatchData
 
@@ -97,7 +97,7 @@ class CompiledSolver:
         worth = -(-rows // ROWS_A_THREAD) if self.small else -(-rows * self.problem.n // UNKNOWNS_A_THREAD)
         run_in_threads(rows, min(cores(), rows, worth), loop)
 
-    def _values(self, psi: Map, Z: Matrix, C: Matrix) -> Matrix:
+    def _values(self, psi: Map, Z: Matrix, C: Any) -> Matrix:
         """ψ(z), row by row."""
         if psi.is_constant:
             return C
@@ -106,50 +106,41 @@ class CompiledSolver:
     def _judge(self, rows: slice, Z: Matrix, Q: Matrix, C: Matrix, D: Matrix | None) -> tuple[Vector, Vector, Any]:
         """The residuals of Z, the tolerances, and a mask of the solved `rows`."""
         problem = self.problem
-        psi = problem.psi
-        upper = problem.upper
-        zero = np.zeros_like(Z[:1])
-        here = self._values(psi, Z, C)
-        below_0 = -self._values(psi, zero, C)
-        top = None
-        top_0 = None
-        known = [Q, C if psi.linear is not None else here, Z]
-        if upper is not None and D is not None:
-            values = self._values(upper, Z, D)
-            top = Z - values
-            top_0 = -self._values(upper, zero, D)
-            known.append(D if upper.linear is not None else values)
+        sides = list(zip(sides_of(problem.psi), (C, D), strict=False))
+        values = [self._values(psi, Z, c) for psi, c in sides]
+        distances = [Z - value for value in values]
+        distances_at_0 = [-self._values(psi, np.zeros_like(Z[:1]), c) for psi, c in sides]
+        known = [Q, Z, *(value if psi.linear is None else c for (psi, c), value in zip(sides, values, strict=True))]
         if self.stack is None:
             weights = problem.matrix.row_weights[None]
             p = (problem.A @ Z.T).T + Q
         else:
             weights = weights_of(np.abs(self.stack[rows]).max(2))
             p = np.einsum("kij,kj->ki", self.stack[rows], Z) + Q
-        residuals = row_norms(mid(weights * p, Z - here, top))
-        at_0 = row_norms(mid(weights * Q, below_0, top_0))
+        residuals = row_norms(mid(weights * p, *distances))
+        at_0 = row_norms(mid(weights * Q, *distances_at_0))
         for row in np.flatnonzero(~((at_0 > 0.0) & (at_0 < np.inf))):
             at_0[row] = self.data.problem(rows.start + int(row)).residual_scale()
         tolerances = self.limits.tolerance(at_0)
         self._raise(rows, known, residuals, tolerances, weights)
         solved = residuals <= tolerances
         if self.limits.atol:
-            paper = row_norms(mid(p, Z - here, top))
+            paper = row_norms(mid(p, *distances))
             self._raise(rows, known, paper, np.full(len(Q), self.limits.atol), np.ones_like(weights))
             solved |= paper <= self.limits.atol
         return residuals, tolerances, solved
 
-    def _raise(self, rows: slice, known: list[Matrix], residuals: Vector, tolerances: Vector, weights: Any) -> None:
+    def _raise(self, rows: slice, known: list[Any], residuals: Vector, tolerances: Vector, weights: Any) -> None:
         """Replace residuals within the tolerances by upper bounds of the exact ones."""
-        Q, C, Z, *above = known
-        psi = self.problem.psi
-        arrays = [Q, C, Z, residuals, tolerances, *above]
+        Q, Z, *offsets = known
+        arrays = [Q, Z, residuals, tolerances, *offsets]
         indptr, indices, data = entries_of(self.problem.matrix)
         if self.stack is not None:
             data = self.stack[rows].reshape(len(Q), -1)
 
         def part(low: int, high: int) -> None:
             own = slice(low, high) if len(data) > 1 else slice(None)
-            certify_rows(psi, (indptr, indices, data[own]), weights[own], *(X[low:high] for X in arrays))
+            certify_rows(self.problem.psi, (indptr, indices, data[own]), weights[own], *(X[low:high] for X in arrays))
 
         self._on_threads(part, len(Q))
 
