@@ -26,9 +26,8 @@ class Splitting(Displayable, ABC):
     def matrix(self, A: sp.csr_array) -> sp.csr_array:
         """M₁, shape (n, n), for `A` of that shape."""
 
-    @abstractmethod
     def operator(self, A: sp.csr_array, shift: Vector) -> Operator:
-        """X⁻¹ for X = M₁ + diag(`shift`).
+        """X⁻¹ for X = M₁ + diag(`shift`), by default by factors.
 
         Parameters
         ----------
@@ -47,6 +46,7 @@ class Splitting(Displayable, ABC):
         SingularOperator
             Where X is singular.
         """
+        return FactorisedOperator(self.matrix(A) + sp.diags_array(shift))
 
 
 class Member(Protocol):
@@ -126,9 +126,6 @@ class FullSplitting(Splitting):
     def matrix(self, A: sp.csr_array) -> sp.csr_array:
         return A
 
-    def operator(self, A: sp.csr_array, shift: Vector) -> Operator:
-        return FactorisedOperator(A + sp.diags_array(shift))
-
 
 class UserSplitting(Splitting):
     """A user's own M₁: dense or sparse, shape (n, n). It is factorised unless it is diagonal."""
@@ -145,7 +142,7 @@ class UserSplitting(Splitting):
         M1 = self.matrix(A)
         if is_diagonal(M1):
             return AOROperator(inverse_diagonal(M1.diagonal(), shift), A, 0.0)
-        return FactorisedOperator(M1 + sp.diags_array(shift))
+        return super().operator(A, shift)
 
     def __repr__(self) -> str:
         return f"UserSplitting(M1 with {self.M1.nnz} entries)"
