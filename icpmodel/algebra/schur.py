@@ -104,10 +104,7 @@ def elimination(problem: ProblemData, max_cost: Callable[[], float]) -> SchurCom
     S is to have no more entries than A.
     """
     matrix = problem.matrix
-    bounded = np.isfinite(problem.facts.obstacle)
-    if problem.facts.upper_obstacle is not None:
-        bounded |= np.isfinite(problem.facts.upper_obstacle)
-    rows = np.flatnonzero(bounded)
+    rows = problem.facts.bounded_rows
     if not 0 < rows.size < problem.n or rows.size**2 > matrix.nnz:
         return None
     costs = factor_costs(matrix)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import MapError
 from ..numerics.arrays import Vector
@@ -36,10 +37,13 @@ class Facts:
     @cached_property
     def bounded(self) -> int:
         """How many rows have an obstacle, all of them where it moves."""
-        if not self.psi.is_constant:
-            return self.matrix.n
-        has = np.isfinite(self.obstacle)
-        return int(np.count_nonzero(has if self.upper_obstacle is None else has | np.isfinite(self.upper_obstacle)))
+        return self.bounded_rows.size if self.psi.is_constant else self.matrix.n
+
+    @cached_property
+    def bounded_rows(self) -> NDArray[np.intp]:
+        """The rows that have an obstacle, where it is constant."""
+        sides = [np.isfinite(c) for c in (self.obstacle, self.upper_obstacle) if c is not None]
+        return np.flatnonzero(np.any(sides, axis=0))
 
     @cached_property
     def entries(self) -> int:
