@@ -66,13 +66,16 @@ class ProblemData(PointValues):
         if f is not None:
             term = NonlinearTerm(f, n)
             matrix = term.weighted(matrix)
-        self._set(matrix, as_vector(q, n, "q"), as_map(psi, n, upper), None, term)
+        self._set(matrix, as_vector(q, n, "q"), as_map(psi, n, upper), f=term)
 
-    def _set(self, matrix: Matrix, q: Vector, psi: Map, facts: Facts | None, f: NonlinearTerm | None = None) -> None:
+    def _set(
+        self, matrix: Matrix, q: Vector, psi: Map, facts: Facts | None = None, f: NonlinearTerm | None = None
+    ) -> Self:
         q.flags.writeable = False
         for name, value in (("matrix", matrix), ("q", q), ("psi", psi), ("n", q.size), ("f", f)):
             object.__setattr__(self, name, value)
         object.__setattr__(self, "facts", Facts(matrix, psi) if facts is None else facts)
+        return self
 
     @classmethod
     def of_checked(cls, A: sp.csr_array, q: Vector, psi: Any, row_weights: Vector | None = None) -> Self:
@@ -87,9 +90,7 @@ class ProblemData(PointValues):
         row_weights : array of shape (n,), optional
             The diagonal of D⁻¹, where A is a part of a larger matrix whose rows determine it.
         """
-        new = object.__new__(cls)
-        new._set(Matrix.of_checked(A, row_weights), q, as_map(psi, q.size), None)
-        return new
+        return object.__new__(cls)._set(Matrix.of_checked(A, row_weights), q, as_map(psi, q.size))
 
     @classmethod
     @check_arguments
@@ -249,16 +250,12 @@ class ProblemData(PointValues):
             raise InputError(f"findex has shape {shape}; shape ({problem.n},) was expected")
         return problem.with_psi(FrictionIndex(lo, hi, findex))
 
-    def _with(self, q: Vector, psi: Map, facts: Facts | None) -> Self:
-        new = object.__new__(type(self))
-        new._set(self.matrix, q, psi, facts, self.f)
-        return new
+    def _with(self, q: Vector, psi: Map, facts: Facts | None = None) -> Self:
+        return object.__new__(type(self))._set(self.matrix, q, psi, facts, self.f)
 
     def with_matrix(self, matrix: Matrix, q: Vector) -> Self:
         """The problem with p = Az + q for a valid `matrix` and `q`; ψ is shared."""
-        new = object.__new__(type(self))
-        new._set(matrix, q, self.psi, None)
-        return new
+        return object.__new__(type(self))._set(matrix, q, self.psi)
 
     def dense(self) -> NDArray[np.float64]:
         """A as a dense array, shape (n, n); read-only if A was given as a dense array and n is small.
@@ -324,7 +321,7 @@ class ProblemData(PointValues):
         >>> ICP([[2.0]], [-8.0]).with_sides(1, 3).solve().z
         array([3.])
         """
-        return self._with(self.q, as_map(psi, self.n, upper), None)
+        return self._with(self.q, as_map(psi, self.n, upper))
 
     def with_upper(self, upper: Any) -> Self:
         """The problem with another `upper` obstacle, in any form that `ICP` takes, or None; the rest is shared.
