@@ -114,27 +114,12 @@ class Accelerated(Method):
     def why_not(self, problem: ProblemData) -> str | None:
         return (self.of or MNMAOR(theta1=AUTO)).why_not(problem)
 
-    def differences(self, problem: ProblemData) -> Differences:
-        """The history of a run, which makes the combinations.
-
-        Parameters
-        ----------
-        problem : ProblemData
-            The problem.
-
-        Returns
-        -------
-        Differences
-            The empty history of a run.
-        """
-        return Differences(problem, self.history_size)
-
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         # rejected iterates are yielded as well, so that every sweep counts
         of = self.of or _default(problem)
         opening = of.opening(problem) if self.of else jacobi_step(problem)
         step = opening or of.step_of(problem)
-        history = self.differences(problem)
+        history = Differences(problem, self.history_size)
         phase = _Phases()
         ahead: list[Stepped] = []
         sweeps = 0
