@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 
 from ..numerics import work
 from ..numerics.arrays import Vector, read_only
@@ -81,16 +80,11 @@ def _compiled_obstacle(psi: Map) -> Any:
 
     Both obstacles have the same form, so that fewer loops are compiled.
     """
-    sides = sides_of(psi)
-    fixed = all(one.is_constant for one in sides)
-    forms = [None if one.linear is None else one.linear[1] if fixed else _in_kernels(*one.linear) for one in sides]
-    if any(form is None for form in forms):
+    if psi.linear is None:
         return None
-    return forms[0] if len(forms) == 1 else ObstaclePair(*forms)
-
-
-def _in_kernels(G: sp.csr_array, c: Vector) -> tuple[Any, ...]:
-    return c, G.indptr, G.indices, G.data
+    linear = [one.linear for one in sides_of(psi) if one.linear is not None]
+    forms = [c if psi.is_constant else (c, G.indptr, G.indices, G.data) for G, c in linear]
+    return forms[0] if psi.upper is None else ObstaclePair(*forms)
 
 
 def projected_sweep(problem: ProblemData, omega: float = 1.0, forward: bool = True) -> Step:
