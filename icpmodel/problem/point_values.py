@@ -16,7 +16,7 @@ from ..present.display import Displayable
 from .map import Map
 from .matrix import Matrix
 from .nonlinear_term import NonlinearTerm
-from .two_sided import mid
+from .two_sided import mid, sides_of
 
 
 class PointValues(Displayable):
@@ -219,9 +219,8 @@ class PointValues(Displayable):
         """
         z = self.vector(z)
         psi = self.psi.value(z)
-        upper = None if self.psi.upper is None else self.psi.upper.value(z)
-        p = self.product(z) + self.offset(z)
-        return self.residual_of(p, z - psi, None if upper is None else z - upper, self.weights_at(z))
+        above = None if self.psi.upper is None else z - self.psi.upper.value(z)
+        return self.residual_of(self.product(z) + self.offset(z), z - psi, above, self.weights_at(z))
 
     def weights_at(self, z: Vector) -> Vector:
         """The diagonal of D⁻¹ in Res_D(z), shape (n,): the row weights of `matrix`, with an f increased by its slopes.
@@ -237,7 +236,9 @@ class PointValues(Displayable):
             return self.f.weights_at(self.matrix, z)
         return self.matrix.row_weights
 
-    def residual_of(self, p: Vector, below: Vector, above: Vector | None, weights: Vector | None = None) -> float:
+    def residual_of(
+        self, p: Vector, below: Vector, above: Vector | None = None, weights: Vector | None = None
+    ) -> float:
         """Res_D from `p`, `below` = z − ψ and `above` = z − ψ̄, with the diagonal `weights` of D⁻¹.
 
         By default the weights are those of the `matrix`. With an f the result is then a lower bound of Res_D.
@@ -259,8 +260,7 @@ class PointValues(Displayable):
         2.0
         """
         zero = np.zeros(self.n)
-        upper = self.psi.upper
-        return self.residual_of(self.offset(zero), -self.psi.value(zero), None if upper is None else -upper.value(zero))
+        return self.residual_of(self.offset(zero), *(-psi.value(zero) for psi in sides_of(self.psi)))
 
     def residual_scale(self, at_0: float | None = None) -> float:
         """The reference of a relative tolerance: Res_D(0).
@@ -300,8 +300,7 @@ class PointValues(Displayable):
         if at_0 > 0.0:
             return at_0
         zero = np.zeros(self.n)
-        psi = self.psi
-        sides = [psi.value(zero)] if psi.upper is None else [psi.value(zero), psi.upper.value(zero)]
+        sides = [psi.value(zero) for psi in sides_of(self.psi)]
         with np.errstate(all="ignore"):
             of_p = np.where(self.matrix.empty_rows, 0.0, self.matrix.row_weights * self.offset(zero))
             return smallest_size(of_p, *sides)
@@ -351,13 +350,11 @@ class PointValues(Displayable):
         (True, True)
         """
         z = self.vector(z)
-        psi = np.abs(self.psi.value(z))
-        if self.upper is not None:
-            above = np.abs(self.upper.value(z))
-            psi = np.where(np.isinf(psi), above, np.where(np.isinf(above), psi, np.maximum(psi, above)))
-        free = np.isposinf(psi)
+        sizes = [np.abs(psi.value(z)) for psi in sides_of(self.psi)]
+        size_of_psi = np.maximum.reduce([np.where(size < np.inf, size, -1.0) for size in sizes])
+        free = size_of_psi < 0.0
+        size_of_psi[free] = 0.0
         terms = np.diff(self.A.indptr) + 2
-        psi[free] = 0.0
         # in place: for large vectors allocation dominates the time
         rounding_p = self.matrix.magnitude(z)
         size_of_z = np.abs(z)
@@ -368,7 +365,7 @@ class PointValues(Displayable):
         if self.f is not None:
             rounding_p += self.f.rounding(self.f.value(z))
         rounding_p += terms * SMALLEST
-        rounding_r = size_of_z + psi
+        rounding_r = size_of_z + size_of_psi
         entries: Any = 3
         if self.psi.lipschitz is not None and self.psi.lipschitz.nnz:
             rounding_r += self.psi.lipschitz @ size_of_z
