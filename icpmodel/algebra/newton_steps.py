@@ -60,16 +60,16 @@ def newton_steps(hierarchy: Hierarchy, problem: ProblemData, z: Vector, top: int
             p = problem.p(z)
             pattern = Pattern.at(problem, z, p, omega)
         yield z, problem.residual_of(p, problem.r(z), problem.r_upper(z))
-        if newton is None or last_pattern is None or moves or not pattern.same_sides(last_pattern):
+        renewed = newton is None or last_pattern is None or moves or not pattern.same_sides(last_pattern)
+        if newton is None or renewed:
             last_pattern = pattern
             J = derivative(problem.psi, z, pattern.above) if moves else None
             equations = CycledEquations(hierarchy, top, pattern.active, J)
             step, newton = equations.steps(-np.where(pattern.active, pattern.r, p), equations.preconditioned)
-            z, _ = newton.iterate(z + step, KRYLOV_REDUCTION * norm(newton.residual), MAX_KRYLOV_STEPS)
-        else:
-            z, moved = newton.iterate(z, KRYLOV_REDUCTION * norm(newton.residual), MAX_KRYLOV_STEPS)
-            if not moved:
-                return
+            z = z + step
+        z, moved = newton.iterate(z, KRYLOV_REDUCTION * norm(newton.residual), MAX_KRYLOV_STEPS)
+        if not (moved or renewed):
+            return
 
 
 def sweep_with_flow(problem: ProblemData) -> Step:
