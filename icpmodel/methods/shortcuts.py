@@ -211,15 +211,14 @@ class Tridiagonal(Shortcut):
         matrix = bands(A.indptr, A.indices, A.data)
         obstacle = c if top is None else c.copy()
         free = release(*matrix, q, c)
-        ended = UNSETTLED
-        rounds = 0
-        while ended == UNSETTLED and rounds < MAX_ROUNDS:
+        for _ in range(MAX_ROUNDS):
             candidate, ended = newton(*matrix, q, c, top, obstacle, free, STEPS_PER_ROUND)
-            rounds += 1
             work.count(work.sweep(problem.n, problem.nnz))
             if np.isfinite(candidate).all():
                 z = candidate
                 yield z, None
+            if ended != UNSETTLED:
+                break
         for _ in range(_REFINEMENTS if ended == SETTLED else 0):
             z = refine(*matrix, q, free, z)
             yield z, None
