@@ -129,10 +129,7 @@ class NonlinearTerm(Displayable):
     @cached_property
     def slope_range(self) -> tuple[Vector, Vector] | None:
         """(m, M) with m_i ≤ (f_i(x) − f_i(y))/(x_i − y_i) ≤ M_i, shape (n,) each; None where that is not known."""
-        slopes = getattr(self.map, "slope_range", None)
-        if slopes is None:
-            return None
-        return np.broadcast_to(slopes[0], (self.n,)), np.broadcast_to(slopes[1], (self.n,))
+        return self.map.slope_range if isinstance(self.map, Elementwise) else None
 
     def change(self, z: Vector, delta: Vector) -> Vector:
         """A bound on |f(x) − f(z)| for all |x − z| ≤ `delta`, infinite where nothing is known of the slopes.
