@@ -18,7 +18,7 @@ from ..numerics.threads import one_blas_thread
 from ..problem.data import ProblemData
 from ..problem.facts import Facts
 from ..problem.map import Map
-from ..problem.matrix import DENSE_UP_TO
+from ..problem.matrix import MAX_DENSE_ROWS
 
 Matrix = NDArray[np.float64]
 
@@ -26,7 +26,7 @@ Matrix = NDArray[np.float64]
 #: the largest number of pivots for a small LCP, in units of n + 1
 PIVOTS = 50
 #: the largest number of rows of a problem, or a block of one, that is solved by pivoting
-PIVOT_UP_TO = DENSE_UP_TO
+PIVOT_UP_TO = MAX_DENSE_ROWS
 #: arrays of n² entries that are held at once: A, its exponents and units, its scaled copy, and the dictionary
 _WORK_ARRAYS = 5
 #: nanoseconds per entry to make and fill these arrays: 40 to 50 at n = 10⁴ and 2·10⁴, where all pages are new

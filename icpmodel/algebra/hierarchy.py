@@ -17,7 +17,7 @@ from ..numerics.multigrid import HIERARCHY_BYTES, MAX_COARSEST_IF_STALLED, cycle
 from ..numerics.rounding import UNIT_ROUNDOFF
 from ..numerics.threads import one_blas_thread
 from ..problem.data import ProblemData
-from ..problem.matrix import DENSE_UP_TO, Matrix
+from ..problem.matrix import MAX_DENSE_ROWS, Matrix
 
 #: an inverse has digits where the condition number is below this; else that of Moore and Penrose is taken
 _MAX_CONDITION = 1e-2 / UNIT_ROUNDOFF
@@ -235,7 +235,7 @@ def _coarser(finest: Level) -> tuple[Any, Any, list[Level]] | NoHierarchy:
     """P and the coarse points of `finest`, and the coarser levels; `finest` itself is not stored."""
     levels = [finest]  # the coarsest one has a dense inverse
     try:
-        while levels[-1].A.shape[0] > DENSE_UP_TO and (level := _coarsen(levels[-1])) is not None:
+        while levels[-1].A.shape[0] > MAX_DENSE_ROWS and (level := _coarsen(levels[-1])) is not None:
             levels.append(level)
             if level.A.nnz > _MAX_FILL * finest.A.nnz:
                 raise NoHierarchy
@@ -250,7 +250,7 @@ def _coarsen(last: Level) -> Level | None:
     """The next coarser level below `last`, which gets P and `coarse_points`; None if coarsening stalls."""
     work.check_budget(hierarchy_cost(last.A.shape[0], last.A.nnz))
     # direct interpolation costs least and is made for M-matrices
-    levels = ruge_stuben(last.A, interpolation="direct", max_coarse=DENSE_UP_TO, max_levels=2, keep=True).levels
+    levels = ruge_stuben(last.A, interpolation="direct", max_coarse=MAX_DENSE_ROWS, max_levels=2, keep=True).levels
     if len(levels) == 1:
         return None
     if not np.isfinite(levels[1].A.data).all():

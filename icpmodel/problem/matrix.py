@@ -17,7 +17,7 @@ from ..numerics.sparse_structure import SYMMETRY_RTOL, absolute, is_symmetric
 from ..numerics.threads import THREADS_FROM, run_in_threads, threads_for
 
 #: the largest number of rows of a dense A that stays dense until its sparse form is needed
-DENSE_UP_TO = 64
+MAX_DENSE_ROWS = 64
 #: the size of a row without entries, and the least d_i of which 1/d_i is made
 _EMPTY_ROW_SIZE = 2.0**-520
 _MIN_DIAGONAL = 2.0**-1000
@@ -90,10 +90,10 @@ class Matrix(ReadOnly):
     def __init__(self, A: Any, labels: Any = None) -> None:
         if labels is not None and not hasattr(labels, "step"):  # a range is no name
             self.labels = labels
-        if sp.issparse(A) and max(A.shape) <= DENSE_UP_TO:
+        if sp.issparse(A) and max(A.shape) <= MAX_DENSE_ROWS:
             A = checked_sparse(A, "A").toarray()
         square: Any = A if sp.issparse(A) else as_square(A, "A")
-        self.dense = None if sp.issparse(square) or square.shape[0] > DENSE_UP_TO else square
+        self.dense = None if sp.issparse(square) or square.shape[0] > MAX_DENSE_ROWS else square
         if self.dense is None:
             self.sparse = as_csr(square, "A", keep_diagonal=True)
         self.lock()
