@@ -37,8 +37,8 @@ class Level:
     """
 
     def __init__(self, problem: ProblemData) -> None:
-        self.problem, self.A, self.rows = problem, problem.A, problem.matrix.rows
-        self.diag, self.diagonal = self.rows.diag, self.rows.diagonal
+        rows = problem.matrix.rows
+        self.problem, self.A, self.diag, self.diagonal = problem, problem.A, rows.diag, rows.diagonal
         if not (self.diagonal > 0).all():
             raise NoHierarchy
         self.inverse = 1.0 / self.diagonal

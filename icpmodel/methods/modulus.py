@@ -45,12 +45,11 @@ class ModulusMember(FixedPoint):
     #: members without these options have φ = 0 and numbers for all else
     phi: Any = 0.0
     theta1: Any = 1.0
-    splitting: Any
+    splitting: Splitting
 
     def splitting_of(self) -> Splitting:
         """The choice of M₁: the option `splitting`, where there is one."""
-        splitting: Splitting = self.splitting
-        return splitting
+        return self.splitting
 
     @abstractmethod
     def omega_of(self, problem: ProblemData) -> Vector:
