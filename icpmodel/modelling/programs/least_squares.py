@@ -21,9 +21,9 @@ from ...numerics.arrays import Mask, Vector, as_truth, as_vector, inner, norm
 from ...numerics.factorisation import largest_of_columns
 from ...numerics.rounding import gamma, public_entry
 from ...present.display import Displayable
-from .program import Program, saddle_matrix
+from .program import saddle_matrix
 from .program_arguments import bounds, limited, matrix
-from .solve_qp import solve_program
+from .solve_qp import solve_avi
 
 #: rows and columns up to which x is corrected by an orthogonal factorisation
 _DENSE_UP_TO = 2000
@@ -167,47 +167,47 @@ def _solve(
     B: sp.csr_array, c: Vector, low: Vector, high: Vector, tolerance: float
 ) -> tuple[Vector, Vector, int, str, str]:
     """x, the share of the gradient that no bound holds, iterations, status and message."""
-    iterations = 0
-    x, violations, is_optimal = _corrected(B, c, np.clip(0.0, low, high), low, high, tolerance, exact=False)
+    x, violations, is_optimal = _by_active_set(B, c, np.clip(0.0, low, high), low, high, tolerance)
     if is_optimal:
-        return x, violations, iterations, "optimal", "solved"
-    conditions = _conditions(B, c, low, high)
-    # what one method finds is enough where the correction ends at a solution
-    for is_rough in [False] if max(B.shape) > _DENSE_UP_TO else [True, False]:
-        outcome, _ = solve_program(conditions, tolerance=tolerance, is_rough=is_rough)
-        iterations += outcome.iterations
-        last = outcome.x[-x.size :]
-        x, violations, is_optimal = _corrected(
-            B, c, np.where(np.isnan(last), x, last), low, high, tolerance, exact=True
-        )
-        if is_optimal:
-            return x, violations, iterations, "optimal", "solved"
+        return x, violations, 0, "optimal", "solved"
+    m, n = B.shape
+    H = saddle_matrix(sp.eye_array(m, format="csr"), sp.csr_array(B.T))
+    free = np.full(m, np.inf)
+    box = {"lb": np.concatenate([-free, low]), "ub": np.concatenate([free, high])}
+    g = np.concatenate([-c, np.zeros(n)])
+    outcome = solve_avi(H, g, **box, tolerance=tolerance, raise_on_failure=False)
+    last = outcome.x[m:]
+    x, violations, is_optimal = _by_active_set(B, c, np.where(np.isnan(last), x, last), low, high, tolerance)
+    if is_optimal:
+        return x, violations, outcome.iterations, "optimal", "solved"
     if outcome.solved:
-        return x, violations, iterations, "solver_error", "the gradient has a wrong sign"
-    return x, violations, iterations, outcome.status, outcome.message
+        return x, violations, outcome.iterations, "solver_error", "the gradient has a wrong sign"
+    return x, violations, outcome.iterations, outcome.status, outcome.message
 
 
-def _corrected(
-    B: sp.csr_array, c: Vector, x: Vector, low: Vector, high: Vector, tolerance: float, *, exact: bool
+def _by_active_set(
+    B: sp.csr_array, c: Vector, x: Vector, low: Vector, high: Vector, tolerance: float
 ) -> tuple[Vector, Vector, bool]:
     """x after steps by an orthogonal factorisation of the free columns, while they reduce the residual; and two more.
 
-    With `exact` they end at a solution, by as many factorisations as that takes. The two are the share of the gradient
-    that no bound holds, and whether it is small beside ‖r‖ and the columns of B. The rounding of r is left out. Rows
-    where r_i = 0 at a solution are known to the rounding of the others only.
+    They end at a solution, by as many factorisations as that takes. The two are the share of the gradient that no bound
+    holds, and whether it is small beside ‖r‖ and the columns of B. The rounding of r is left out. Rows where r_i = 0 at
+    a solution are known to the rounding of the others only.
     """
     r = c - B @ x
     size = abs(B)
+    columns = largest_of_columns(B)
     while True:
         gradient = B.T @ r
         free = ((low < x) | (gradient > 0)) & ((x < high) | (gradient < 0))
+        violations = np.where(free, np.abs(gradient), 0.0)
+        small = tolerance * norm(r) * columns
         rounding = gamma(sum(B.shape) + 2) * (size @ np.abs(x) + np.abs(c))
         if max(B.shape) > _DENSE_UP_TO or work.seconds_left() == 0.0:
             break
-        is_rounding = norm(r) <= norm(rounding)
-        # which may go on to fall for ever
-        enough = 0.5 * norm(r) if is_rounding else norm(r)
-        for better in _nearer(B, c, x, low, high, free, exact):
+        # a residual that is rounding may go on to fall for ever
+        enough = 0.5 * norm(r) if norm(r) <= norm(rounding) else norm(r)
+        for better in _nearer(B, c, x, low, high, free, bool((violations <= small).all())):
             rest = c - B @ better
             if norm(rest) < enough:
                 x = better
@@ -215,26 +215,21 @@ def _corrected(
                 break
         else:
             break
-    violations = np.where(free, np.abs(gradient), 0.0)
-    small = tolerance * norm(r) * largest_of_columns(B)
-    is_optimal = bool((violations <= small + size.T @ rounding).all())
-    # the rounding of large rows may hide the gradient of small ones
-    if is_optimal and not exact and not is_rounding and (violations > small).any():
-        return _corrected(B, c, x, low, high, tolerance, exact=True)
-    return x, violations, is_optimal
+    return x, violations, bool((violations <= small + size.T @ rounding).all())
 
 
 def _nearer(
-    B: sp.csr_array, c: Vector, x: Vector, low: Vector, high: Vector, free: Mask, exact: bool
+    B: sp.csr_array, c: Vector, x: Vector, low: Vector, high: Vector, free: Mask, is_near: bool
 ) -> Iterator[Vector]:
     """Points that may have a smaller residual than `x`: first that of a step of all `free` unknowns, cut off at bounds.
 
-    With `exact` also those of steps that stop at bounds: of all of them, then of those between bounds and the one with
-    the largest gradient, which has a smaller residual but for rounding (Lawson and Hanson 1995, chapter 23).
+    Unless x `is_near` the solution, also those of steps that stop at bounds: of all of them, then of those between
+    bounds and the one with the largest gradient, which has a smaller residual but for rounding (Lawson and Hanson 1995,
+    chapter 23).
     """
     r = c - B @ x
     yield np.clip(x + _step(B, r, free), low, high)
-    if exact:
+    if not is_near:
         yield _to_bounds(B, c, x, free, low, high)
         inside = (low < x) & (x < high)
         gradient = np.where(free & ~inside, np.abs(B.T @ r), 0.0)
@@ -265,16 +260,6 @@ def _to_bounds(B: sp.csr_array, c: Vector, x: Vector, free: Mask, low: Vector, h
         x = np.where(meets, bound, x + least * step)
         free = free & ~meets
     return x
-
-
-def _conditions(B: sp.csr_array, c: Vector, low: Vector, high: Vector) -> Program:
-    """The conditions in (r, x)."""
-    m, n = B.shape
-    H = saddle_matrix(sp.eye_array(m, format="csr"), sp.csr_array(B.T))
-    free = np.full(m, np.inf)
-    low = np.concatenate([-free, low])
-    high = np.concatenate([free, high])
-    return Program(H, np.concatenate([-c, np.zeros(n)]), sp.csr_array((0, m + n)), np.zeros(0), 0, low, high)
 
 
 @public_entry

@@ -64,11 +64,8 @@ class ProgramRun:
         #: the status and the message where it is proved that there is no solution
         self.proof: tuple[str, str] | None = None
 
-    def verdict(self, start: Vector | None, is_rough: bool = False) -> tuple[str, str]:
-        """The status and the message at the end of the run, from an x near the solution where it is known.
-
-        With `is_rough` that is the end of the first method.
-        """
+    def verdict(self, start: Vector | None) -> tuple[str, str]:
+        """The status and the message at the end of the run, from an x near the solution where it is known."""
         z0 = self.start
         if start is not None:
             z0, pattern = self.start_near(start)
@@ -89,7 +86,7 @@ class ProgramRun:
                 break
             if not self.is_exact:
                 self.polish(self.z, Pattern.at(self.problem, self.z, self.problem.p(self.z), self.judge.unit**2))
-            if solution.status is Status.MEMORY_LIMIT or self.is_good or is_rough:
+            if solution.status is Status.MEMORY_LIMIT or self.is_good:
                 break
             limit = {}
             if method == "interior":  # where that ended at a solution up to rounding, the next one takes a few steps

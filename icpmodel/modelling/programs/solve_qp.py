@@ -286,7 +286,6 @@ def solve_program(
     before: ProgramRun | None = None,
     start: Vector | None = None,
     begin: float | None = None,
-    is_rough: bool = False,
 ) -> tuple[ProgramSolution, ProgramRun]:
     """Solve a monotone variational inequality.
 
@@ -304,8 +303,6 @@ def solve_program(
         An x near the solution.
     begin
         What the clock of `work` said when it began, by default now.
-    is_rough
-        Whether one method is enough, whatever it finds.
 
     Returns
     -------
@@ -322,7 +319,7 @@ def solve_program(
         run = ProgramRun(presolve.program, tolerance, before)
         if presolve.crossed:
             run.proof = "infeasible", "the lower bound of a variable is above its upper bound"
-        status, message = run.proof or run.verdict(start, is_rough)
+        status, message = run.proof or run.verdict(start)
     z, box = presolve.postsolve(*run.values())
     if run.proof is not None:
         z[:] = np.nan
