@@ -19,7 +19,7 @@ from ...numerics import work
 from ...numerics.arrays import Vector
 from ...solve.solution import Solution, Status
 from ...theory.certificates.bounds import enforce_limits
-from ...theory.certificates.combination_rows import MAX_MISFIT, ZERO
+from ...theory.certificates.combination_rows import ZERO
 from ...theory.certificates.infeasible import infeasible
 from ...theory.certificates.recession import least_violation, misfit
 from .program import Program, conditions_of
@@ -27,8 +27,8 @@ from .program_judge import Judge
 
 #: the largest violation of an answer that is called inaccurate rather than an error
 _MAX_INACCURATE_VIOLATION = 1e-4
-#: relative tolerances of the least violation: the second one where the first leaves it open what it says
-_RTOLS = 1e-10, 1e-13
+#: the relative tolerance of the least violation: its multipliers are to tell a contradiction from rounding
+_VIOLATION_RTOL = 1e-13
 #: steps of the refinement, and what of W is added to A in them
 _REFINEMENTS = 3
 _REGULARISATION = 1e-9
@@ -160,11 +160,8 @@ class ProgramRun:
         problem = self.problem
         nearest, signed = least_violation(problem)
         y = np.zeros(problem.n)
-        for rtol in _RTOLS:
-            least = self._solve(ICP(nearest.A, nearest.q, nearest.psi), None, rtol=rtol)
-            y[signed] = least.z[problem.n :]
-            if not ZERO <= misfit(problem, y) < MAX_MISFIT:
-                break
+        least = self._solve(ICP(nearest.A, nearest.q, nearest.psi), None, rtol=_VIOLATION_RTOL)
+        y[signed] = least.z[problem.n :]
         return y
 
     def _without_multipliers(self, inaccurate: str, reason: str) -> tuple[str, str]:
