@@ -61,8 +61,6 @@ class ProgramRun:
         self.start = last.z if last is not None and last.z.size == n else None
         self.violation = np.inf, np.inf
         self.iterations = 0
-        #: the status and the message where it is proved that there is no solution
-        self.proof: tuple[str, str] | None = None
 
     def verdict(self, start: Vector | None) -> tuple[str, str]:
         """The status and the message at the end of the run, from an x near the solution where it is known."""
@@ -96,14 +94,12 @@ class ProgramRun:
                 with suppress(OutOfTime):
                     proof = proof or self._without_solution(solution)
             if proof is not None and not proof[0].endswith("_inaccurate"):
-                self.proof = proof
                 return proof
         if self.is_good:
             return "optimal", "solved"
         # a proof up to rounding is none where it was cut short, or where the methods after it were
         is_late = solution.status in (Status.TIME_LIMIT, Status.MEMORY_LIMIT) or work.seconds_left() == 0.0
         if proof is not None and not is_late:
-            self.proof = proof
             return proof
         error = self.violation[0]
         message = f"rows or multipliers are wrong by {error:.3g} of their terms; {solution.message}"
@@ -112,21 +108,15 @@ class ProgramRun:
         return "optimal_inaccurate" if error <= _MAX_INACCURATE_VIOLATION else "solver_error", message
 
     def _methods(self, is_warm: bool) -> list[str | None]:
-        """The names of the methods in turn; None for the choice of `solve()`."""
-        methods: list[str | None] = [None]
-        if not self.has_solution:
-            is_small = self.problem.n <= PIVOT_UP_TO
-            # without a start Newton's steps often fail, but in extreme units the interior method does
-            is_cold = is_small and not is_warm
-            methods = [
-                *["lemke"] * is_small,
-                *["newton"] * is_warm,
-                "interior",
-                "proximal",
-                *["newton"] * is_cold,
-                None,
-            ]
-        return methods
+        """The names of the methods in turn; None for the choice of `solve()`, alone where there is a solution."""
+        # in a bounded box, or by dominant diagonals, no proof is needed
+        in_box = np.isfinite(self.low).all() and np.isfinite(self.high).all()
+        if in_box or self.problem.matrix.jacobi_radius < 1.0:
+            return [None]
+        is_small = self.problem.n <= PIVOT_UP_TO
+        # without a start Newton's steps often fail, but in extreme units the interior method does
+        last = ["newton"] * (is_small and not is_warm)
+        return [*["lemke"] * is_small, *["newton"] * is_warm, "interior", "proximal", *last, None]
 
     def _solve(self, problem: ICP, method: str | None, **options: Any) -> Solution:
         seconds = work.seconds_left()
@@ -138,12 +128,18 @@ class ProgramRun:
         return solution
 
     def _without_solution(self, solution: Solution) -> tuple[str, str] | None:
-        """Status and message without a solution: proved by the last direction, or by the least violation."""
+        """Status and message without a solution: proved by the last direction, or by the least violation.
+
+        Where that is not 0, its multipliers are a contradiction.
+        """
         problem = self.problem
         if solution.infeasible is not None and solution.infeasible.witness is not None:
             y = np.array([float(weight) for weight in solution.infeasible.witness])
         else:
-            y = self._violation_multipliers()
+            nearest, signed = least_violation(problem)
+            least = self._solve(ICP(nearest.A, nearest.q, nearest.psi), None, rtol=_VIOLATION_RTOL)
+            y = np.zeros(problem.n)
+            y[signed] = least.z[problem.n :]
         for direction, primal in ((np.where(self.judge.is_x, 0.0, y), True), (y, False)):
             if not misfit(problem, direction) < ZERO:
                 continue
@@ -155,15 +151,6 @@ class ProgramRun:
             return self._without_multipliers(inaccurate, reason)
         return None
 
-    def _violation_multipliers(self) -> Vector:
-        """The multipliers of the least violation of the conditions, which are a contradiction where that is not 0."""
-        problem = self.problem
-        nearest, signed = least_violation(problem)
-        y = np.zeros(problem.n)
-        least = self._solve(ICP(nearest.A, nearest.q, nearest.psi), None, rtol=_VIOLATION_RTOL)
-        y[signed] = least.z[problem.n :]
-        return y
-
     def _without_multipliers(self, inaccurate: str, reason: str) -> tuple[str, str]:
         """Status and message where no multipliers exist: "unbounded" only if a feasible point is computed."""
         program = self.program
@@ -172,13 +159,13 @@ class ProgramRun:
         n = program.g.size
         nearest = replace(program, H=sp.eye_array(n, format="csr"), g=np.zeros(n))
         feasible = ProgramRun(nearest, self.tolerance)
-        feasible.verdict(None)
+        status, message = feasible.verdict(None)
         self.iterations += feasible.iterations
         if feasible.is_good:
             message = "there is a feasible point, and a direction along which the objective falls for ever"
             return f"unbounded{inaccurate}", f"{message}: {reason}"
-        if feasible.proof is not None:
-            return feasible.proof
+        if status.startswith("infeasible"):
+            return status, message
         return "infeasible_or_unbounded", f"no multipliers exist: {reason}; no feasible point was computed"
 
     @property
@@ -190,12 +177,6 @@ class ProgramRun:
     def is_exact(self) -> bool:
         """Whether the same holds without regard to rounding."""
         return self.violation[1] <= self.tolerance
-
-    @property
-    def has_solution(self) -> bool:
-        """Whether there certainly is one, in a bounded box or by dominant diagonals, so that no proof is needed."""
-        in_box = np.isfinite(self.low).all() and np.isfinite(self.high).all()
-        return bool(in_box) or self.problem.matrix.jacobi_radius < 1.0
 
     def improve(self, z: Vector) -> bool:
         """Whether `z`, with its active rows on their obstacles, is strictly good, or no better than a good iterate."""

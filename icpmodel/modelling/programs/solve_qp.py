@@ -318,10 +318,12 @@ def solve_program(
         presolve = Presolve(program)
         run = ProgramRun(presolve.program, tolerance, before)
         if presolve.crossed:
-            run.proof = "infeasible", "the lower bound of a variable is above its upper bound"
-        status, message = run.proof or run.verdict(start)
+            status, message = "infeasible", "the lower bound of a variable is above its upper bound"
+        else:
+            status, message = run.verdict(start)
     z, box = presolve.postsolve(*run.values())
-    if run.proof is not None:
+    is_proved = status.startswith(("infeasible", "unbounded"))
+    if is_proved:
         z[:] = np.nan
         box[:] = np.nan
     x, y, multiplier = np.split(z, [box.size, box.size + program.equations])
@@ -333,7 +335,7 @@ def solve_program(
         objective=program.objective(x),
         status=status,
         message=message,
-        violation=run.violation[0] if run.proof is None else np.nan,
+        violation=np.nan if is_proved else run.violation[0],
         iterations=run.iterations,
         seconds=work.clock() - begin,
         _program=program,
