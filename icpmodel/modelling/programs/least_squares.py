@@ -173,9 +173,10 @@ def _solve(
     m, n = B.shape
     H = saddle_matrix(sp.eye_array(m, format="csr"), sp.csr_array(B.T))
     free = np.full(m, np.inf)
-    box = {"lb": np.concatenate([-free, low]), "ub": np.concatenate([free, high])}
     g = np.concatenate([-c, np.zeros(n)])
-    outcome = solve_avi(H, g, **box, tolerance=tolerance, raise_on_failure=False)
+    lb = np.concatenate([-free, low])
+    ub = np.concatenate([free, high])
+    outcome = solve_avi(H, g, lb=lb, ub=ub, tolerance=tolerance, raise_on_failure=False)
     last = outcome.x[m:]
     x, violations, is_optimal = _by_active_set(B, c, np.where(np.isnan(last), x, last), low, high, tolerance)
     if is_optimal:
