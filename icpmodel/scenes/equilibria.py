@@ -6,13 +6,12 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from scipy.optimize import root
 
 from ..icp import ICP
 from ..numerics.arrays import Vector, as_number
+from ..numerics.rounding import UNIT_ROUNDOFF
 from .registry import Quantity, Scene, register
-
-#: the outputs of the five firms
-OUTPUTS = (36.93251081574, 41.81814166044, 43.70657852227, 42.65923974331, 39.17895251663)
 
 
 def _nearest(*solutions: Any) -> dict[str, Quantity]:
@@ -42,7 +41,14 @@ def five_firms() -> Scene:
     """
     problem = ICP.nonlinear(_marginal_loss, n=5)
     models = "Five firms choose how much to sell, each to its own profit, at a price that falls with the total."
-    return Scene(problem=problem, models=models, quantities=_nearest(OUTPUTS), z0=np.full(5, 10.0))
+    start = np.full(5, 10.0)
+    return Scene(problem=problem, models=models, quantities=_nearest(_outputs(start)), z0=start)
+
+
+def _outputs(start: Vector) -> Vector:
+    """Where all firms sell, and none can earn more."""
+    outputs: Vector = root(_marginal_loss, start, tol=UNIT_ROUNDOFF).x
+    return outputs
 
 
 def _marginal_loss(z: Vector) -> Vector:

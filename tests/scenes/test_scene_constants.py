@@ -4,6 +4,7 @@ import numpy as np
 from scipy.integrate import quad
 from scipy.optimize import brentq, root
 
+from icpmodel import scenes
 from icpmodel.scenes import contact, equilibria, lubrication, nonlinear_forces
 from icpmodel.scenes import impulse_control as control
 
@@ -11,14 +12,14 @@ from icpmodel.scenes import impulse_control as control
 def test_the_ball_touches_where_the_radial_equation_says():
     a = brentq(lambda a: a**2 * np.log(2 / a) - (1 - a**2), 0.5, 0.9, xtol=1e-15)
     slope = -(a**2) / np.sqrt(1 - a**2)
-    np.testing.assert_allclose(
-        [contact.RADIUS, contact.SLOPE, contact.LEVEL], [a, slope, -slope * np.log(2)], rtol=1e-13
-    )
+    level = contact._ball_solution(np.array([[1.0, 0.0]]))
+    np.testing.assert_allclose([contact.RADIUS, contact.SLOPE, *level], [a, slope, -slope * np.log(2)], rtol=1e-13)
 
 
 def test_the_obstacle_in_space_is_left_smoothly():
-    a, level = contact.RADIUS_3D, contact.LEVEL_3D
-    np.testing.assert_allclose([a / a + level, -a / a**2], [1 - 2 * a**2, -4 * a], rtol=1e-15)
+    a = contact.RADIUS_3D
+    level = contact._solution_3d(np.array([[0.0, 0.0, 1.0]])) - a
+    np.testing.assert_allclose([a / a + level[0], -a / a**2], [1 - 2 * a**2, -4 * a], rtol=1e-15)
 
 
 def test_the_bearing_constants_solve_the_integrated_equation():
@@ -52,7 +53,9 @@ def test_the_dividend_constants_solve_the_smooth_fit_equations():
 
 def test_the_five_firms_are_where_no_marginal_profit_is_left():
     found = root(equilibria._marginal_loss, np.full(5, 40.0), tol=1e-14)
-    np.testing.assert_allclose(equilibria.OUTPUTS, found.x, rtol=1e-9)
+    outputs = [36.93251081574, 41.81814166044, 43.70657852227, 42.65923974331, 39.17895251663]
+    np.testing.assert_allclose(outputs, found.x, rtol=1e-9)
+    assert scenes.five_firms().errors(outputs)["z"] < 1e-9
 
 
 def test_the_tops_of_bratu_solve_its_textbook_equation_and_meet_at_the_fold():
