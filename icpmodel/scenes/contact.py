@@ -13,15 +13,12 @@ from ..problem.by_rows import ByRows
 from .grid import index, points, rows_on_grid, side, square_points
 from .registry import Quantity, Scene, assembles, farthest, register, size
 
-#: ball obstacle: contact radius a, and u = SLOPE·ln r + LEVEL outside of it
-RADIUS = 0.697965148223374
-SLOPE = -0.680259411891719
-LEVEL = 0.471519893402112
-#: half the side of the ball obstacle's square
+#: half the side of the ball obstacle's square, and its contact radius a; outside of it u = SLOPE·ln(r/HALF)
 HALF = 2.0
-#: obstacle in space: contact radius a, and u = a/r + LEVEL_3D outside of it
+RADIUS = 0.697965148223374
+SLOPE = -RADIUS * np.tan(np.arcsin(RADIUS))
+#: obstacle in space: contact radius a, and u = a/r − a outside of it
 RADIUS_3D = 0.5
-LEVEL_3D = -0.5
 
 #: the names of the coordinates in pictures
 _AXES = ("x, radii", "y, radii")
