@@ -70,7 +70,7 @@ def membrane(n: int = 900, mu: float = 0.0, skew: float = 0.0) -> Scene:
         models="A membrane held at height 0 along the edge of a square and lifted by a paraboloid from below.",
         h=1.0 / (rows.shape[0] + 1),
         why_no_reference="The square has no closed form for the curve along which the membrane leaves the obstacle.",
-        points=square_points(0.0, 1.0, rows.shape[0]),
+        points=square_points(rows.shape[0]),
     )
 
 
@@ -125,7 +125,7 @@ def ball(n: int = 900) -> Scene:
     """
     rows = _ball(n)
     h = 2 * HALF / (rows.shape[0] + 1)
-    points = square_points(-HALF, HALF, rows.shape[0])
+    points = square_points(rows.shape[0], -HALF, HALF)
     problem = ICP(*rows.local_rows(0, rows.n))
     u = _ball_solution(points)
     known = {
@@ -242,7 +242,7 @@ def _ball_obstacle(x: Vector) -> Vector:
 def _ball_solution(x: Vector) -> Vector:
     r = np.hypot(x[:, 0], x[:, 1])
     inside = np.sqrt(np.maximum(1.0 - r**2, 0.0))
-    return np.where(r <= RADIUS, inside, SLOPE * np.log(np.maximum(r, RADIUS)) + LEVEL)
+    return np.where(r <= RADIUS, inside, SLOPE * np.log(np.maximum(r, RADIUS) / HALF))
 
 
 def _warmth(x: Vector) -> Vector:
@@ -251,7 +251,7 @@ def _warmth(x: Vector) -> Vector:
 
 def _solution_3d(x: Vector) -> Vector:
     r = np.sqrt((x**2).sum(axis=1))
-    return np.where(r <= RADIUS_3D, _warmth(x), RADIUS_3D / np.maximum(r, RADIUS_3D) + LEVEL_3D)
+    return np.where(r <= RADIUS_3D, _warmth(x), RADIUS_3D / np.maximum(r, RADIUS_3D) - RADIUS_3D)
 
 
 def _slip(problem: ICP, z: Vector) -> float:

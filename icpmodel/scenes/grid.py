@@ -97,12 +97,21 @@ def adjacency(m: int) -> sp.csr_array:
     return -five_point(m, -4.0)
 
 
-def tridiagonal(left: Vector, middle: Vector, right: Vector) -> Any:
-    """The CSR matrix with these three diagonals; `middle` has shape (n,), the others (n − 1,). Zeros are not stored."""
-    return rows_of(middle.size, 0, middle.size, {-1: np.r_[0.0, left], 0: middle, 1: np.r_[right, 0.0]})
+def tridiagonal(n: int, left: Any = -1.0, middle: Any = 2.0, right: Any = -1.0) -> sp.csr_array:
+    """The n × n matrix with these entries in each row: numbers, or arrays of shape (n,), of which the first one of
+    `left` and the last one of `right` are dropped. Zeros are not stored."""
+    return rows_of(n, 0, n, {-1: left, 0: middle, 1: right})
 
 
-def square_points(low: float, high: float, m: int) -> Vector:
+def value_equation(n: int, h: float, rate: float, drift: float, volatility: float) -> tuple[Vector, Vector, Vector]:
+    """The entries left of, on and right of the diagonal of ρV − ½σ²V″ − μV′ by central differences, for `tridiagonal`;
+    the equation of the value of what follows dX = μdt + σdW, discounted at the rate ρ."""
+    diffusion = 0.5 * volatility**2 / h**2
+    flow = 0.5 * drift / h
+    return np.full(n, flow - diffusion), np.full(n, rate + 2.0 * diffusion), np.full(n, -flow - diffusion)
+
+
+def square_points(m: int, low: float = 0.0, high: float = 1.0) -> Vector:
     """Coordinates of the m × m interior points of [low, high]², shape (m², 2), in the order of `five_point`."""
     return points(low, high, (m, m), index((m, m), 0, m * m))
 

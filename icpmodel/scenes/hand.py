@@ -8,10 +8,11 @@ import numpy as np
 
 from ..icp import ICP
 from ..problem.affine import Affine
+from .grid import tridiagonal
 from .registry import Scene, register
 
 #: a symmetric positive definite M-matrix
-PAIR = [[2.0, -1.0], [-1.0, 2.0]]
+PAIR = tridiagonal(2).toarray()
 
 
 def by_hand(A: Any, q: Any, psi: Any, z: Any, models: str, z0: Any = None, upper: Any = None) -> Scene:
@@ -119,6 +120,5 @@ def hand_box() -> Scene:
     A = tridiag(−1, 2, −1), q = (1.5, 0, −2.5), ψ = 0, ψ̄ = 1. Row 1 at ψ, row 3 at ψ̄, row 2 in balance: 2z₂ = z₁ + z₃.
     z* = (0, ½, 1), p* = (1, 0, −1).
     """
-    A = [[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 2.0]]
     models = "Three weights on a string between the floor and the ceiling."
-    return by_hand(A, [1.5, 0.0, -2.5], 0.0, [0.0, 0.5, 1.0], models, upper=1.0)
+    return by_hand(tridiagonal(3), [1.5, 0.0, -2.5], 0.0, [0.0, 0.5, 1.0], models, upper=1.0)

@@ -11,7 +11,7 @@ from ..problem.elementwise import Elementwise
 from ..problem.function import Function
 from .grid import five_point, rows_of, side, square_points, tridiagonal
 from .hand import PAIR, by_hand
-from .manufactured import BOXED, boxed, complementary, manufactured
+from .manufactured import BOXED, boxed, complementary, manufactured, random_numbers
 from .registry import Quantity, Scene, register, size
 
 
@@ -80,7 +80,7 @@ def hard_domain() -> Scene:
     the best iterate before it did.
     """
     psi = Elementwise(_below_root, _its_slope)
-    problem = ICP(rows_of(31, 0, 31, {-1: -1.0, 0: 2.0, 1: -1.0}), np.full(31, -0.1), psi)
+    problem = ICP(tridiagonal(31), np.full(31, -0.1), psi)
     models = "A string pulled up out of the region where the shape of its support is known."
     why = "p >= 0 lifts z out of the domain of psi, row 1 already"
     return Scene(problem=problem, models=models, why_no_solution=why)
@@ -106,7 +106,7 @@ def hard_skew(n: int = 100, skew: float = 10.0, seed: int = 0) -> Scene:
     n = size(n, 2)
     s = as_number(skew, "skew")
     z, p, r = complementary(n, seed)
-    A = rows_of(n, 0, n, {-1: -s, 0: 1.0, 1: s})
+    A = tridiagonal(n, -s, 1.0, s)
     return manufactured(A, z, p, z - r, "A ring of gyroscopes, each turning the next, with little friction and stops.")
 
 
@@ -131,7 +131,7 @@ def hard_semidefinite(n: int = 40, seed: int = 0) -> Scene:
     Cottle, Pang and Stone, The Linear Complementarity Problem (1992).
     """
     m = max(round(size(n, maximum=5000) / 2), 1)
-    random = np.random.default_rng(int(as_number(seed, "seed", minimum=0, whole=True)))
+    random = random_numbers(seed)
     B = random.standard_normal((m, m))
     amount = random.uniform(0.5, 1.5, 2 * m)
     basic = np.concatenate([random.permutation(m) < (m + 1) // 2 for _ in range(2)])
@@ -160,7 +160,7 @@ def hard_degenerate(n: int = 100, seed: int = 0) -> Scene:
     m = side(n)
     z, p, r = complementary(m * m, seed, degenerate=0.5)
     models = "A membrane laid on a support of its own shape."
-    return manufactured(five_point(m), z, p, z - r, models, points=square_points(0.0, 1.0, m))
+    return manufactured(five_point(m), z, p, z - r, models, points=square_points(m))
 
 
 @register
@@ -199,7 +199,7 @@ def hard_scaled(n: int = 100, decades: float = 75.0, seed: int = 0) -> Scene:
     z, p, r = complementary(n, seed)
     most = as_number(decades, "decades", minimum=0, maximum=75)
     S = 10.0 ** np.random.default_rng(seed).uniform(-most, most, n)
-    A = tridiagonal(-S[1:] * S[:-1], 4.0 * S * S, -S[1:] * S[:-1])
+    A = tridiagonal(n, -S * np.roll(S, 1), 4.0 * S * S, -S * np.roll(S, -1))
     return manufactured(A, z / S, S * p, z / S - r / S, "A row of springs, each measured in units of its own.")
 
 
@@ -247,7 +247,7 @@ def hard_pinned(n: int = 100, seed: int = 0) -> Scene:
     pinned = (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0)
     z, p, r, s = boxed(m * m, seed, [*pinned, *(BOXED[kind] for kind in ("at psi", "at upper", "between"))])
     models = "A membrane between two plates, glued where they meet."
-    points = square_points(0.0, 1.0, m)
+    points = square_points(m)
     return manufactured(five_point(m), z, p, z - r, models, z + s, points=points)
 
 

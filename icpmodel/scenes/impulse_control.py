@@ -11,19 +11,16 @@ import numpy as np
 from ..icp import ICP
 from ..numerics.arrays import Vector
 from ..problem.intervention import Intervention
-from .grid import smooth_fit, tridiagonal
+from .grid import smooth_fit, tridiagonal, value_equation
 from .registry import Quantity, Scene, register, size
 
-#: drift and volatility of the reserve, discount rate, tax on a payment and its fixed cost
+#: drift and volatility of the reserve, discount rate, and the fixed cost of a payment
 DRIFT = 0.5
 VOLATILITY = 0.3
 DISCOUNT = 0.2
-TAX = 0.2
 COST = 0.05
-#: the value of one unit paid out
-WORTH = 1.0 / (1.0 + TAX)
-#: the interval [0, LENGTH] reaches beyond the free boundary; there V is a straight line and the length has no influence
-LENGTH = 1.5
+#: the value of one unit paid out, after a tax of .2
+WORTH = 1.0 / 1.2
 #: solution: pay when the reserve reaches BOUNDARY, down to TARGET; V(1)
 BOUNDARY = 1.01412848138701
 TARGET = 0.395539941170187
@@ -77,7 +74,8 @@ def dividend(n: int = 241) -> Scene:
     """
     k = round((size(n, 31) - 1) / 30)
     h = COST / k
-    x = np.linspace(0.0, LENGTH, 30 * k + 1)
+    # up to 1.5, beyond the free boundary: there V is a straight line, and the length has no influence
+    x = h * np.arange(30 * k + 1)
     A, q = _operator(x.size, h)
     problem = ICP(A, q, Intervention(partial(_best_payment, x=x, k=k)))
 
@@ -103,18 +101,14 @@ def _target(x: Vector, z: Vector) -> float:
 
 def _operator(n: int, h: float) -> tuple[Any, Vector]:
     """A and q of ρV − ½σ²V″ − μV′ with V(0) = 0 in row 0 and V′ = 1/(1 + λ) at the right end."""
-    diffusion = 0.5 * VOLATILITY**2 / h**2
-    drift = 0.5 * DRIFT / h
-    left = np.full(n - 1, -diffusion + drift)
-    right = np.full(n - 1, -diffusion - drift)
-    middle = np.full(n, DISCOUNT + 2.0 * diffusion)
+    left, middle, right = value_equation(n, h, DISCOUNT, DRIFT, VOLATILITY)
     q = np.zeros(n)
     middle[0] = 1.0
     right[0] = 0.0
     # ghost point: V(x + h) = V(x - h) + 2h·WORTH
-    left[-1] = -2.0 * diffusion
-    q[-1] = -2.0 * (diffusion + drift) * h * WORTH
-    return tridiagonal(left, middle, right), q
+    left[-1] += right[-1]
+    q[-1] = 2.0 * h * WORTH * right[-1]
+    return tridiagonal(n, left, middle, right), q
 
 
 def _best_payment(z: Vector, x: Vector, k: int) -> tuple[Vector, np.ndarray]:

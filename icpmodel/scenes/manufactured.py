@@ -15,10 +15,15 @@ from .grid import adjacency, five_point, side, square_points
 from .registry import Scene, register
 
 
+def random_numbers(seed: Any) -> np.random.Generator:
+    """The generator of a scene. Raises InputError for a bad seed."""
+    return np.random.default_rng(int(as_number(seed, "seed", minimum=0, whole=True)))
+
+
 def complementary(n: int, seed: Any, degenerate: float = 0.0) -> tuple[Vector, Vector, Vector]:
     """Random z* in [−1, 1] and p*, r* ≥ 0 with p*ᵀr* = 0, entries in [.5, 1.5], half of the rows at the obstacle.
     `degenerate` is the share of all rows with p* = r* = 0. Raises InputError for a bad seed."""
-    random = np.random.default_rng(int(as_number(seed, "seed", minimum=0, whole=True)))
+    random = random_numbers(seed)
     z = random.uniform(-1.0, 1.0, n)
     size = random.uniform(0.5, 1.5, n)
     place = random.permutation(n)
@@ -41,7 +46,7 @@ BOXED = {
 def boxed(n: int, seed: Any, kinds: Iterable[tuple[float, float, float]]) -> tuple[Vector, Vector, Vector, Vector]:
     """Random z* in [−1, 1], p*, z* − ψ* and ψ̄* − z*, sizes in [.5, 1.5], each of the `kinds` of rows equally often.
     Raises InputError for a bad seed."""
-    random = np.random.default_rng(int(as_number(seed, "seed", minimum=0, whole=True)))
+    random = random_numbers(seed)
     table = np.array(tuple(kinds))
     z = random.uniform(-1.0, 1.0, n)
     sizes = random.uniform(0.5, 1.5, (n, 3))
@@ -126,14 +131,12 @@ def manufactured_affine(n: int = 900, mu: float = 4.0, seed: int = 0, skew: floa
     ----------
     Bai, Numer. Linear Algebra Appl. 17 (2010), doi:10.1002/nla.680, for A.
     """
-    m = side(n)
-    mu = as_number(mu, "mu", minimum=0)
-    skew = as_number(skew, "skew", minimum=-1, maximum=1)
+    m, A = _bai_matrix(n, mu, skew)
     z, p, r = complementary(m * m, seed)
     G = (0.9 / 4.0) * adjacency(m)
     models = "A grid of cells, each resting on its own neighbours, with forces chosen so that the answer is known."
     psi = Affine(G, z - r - G @ z)
-    return manufactured(five_point(m, mu, skew), z, p, psi, models, points=square_points(0.0, 1.0, m))
+    return manufactured(A, z, p, psi, models, points=square_points(m))
 
 
 @register
@@ -157,13 +160,11 @@ def manufactured_elementwise(n: int = 900, mu: float = 4.0, seed: int = 0, skew:
     ----------
     Bai, Numer. Linear Algebra Appl. 17 (2010), doi:10.1002/nla.680, for A.
     """
-    m = side(n)
-    mu = as_number(mu, "mu", minimum=0)
-    skew = as_number(skew, "skew", minimum=-1, maximum=1)
+    m, A = _bai_matrix(n, mu, skew)
     z, p, r = complementary(m * m, seed)
     models = "A grid of cells whose obstacles bend with them, with forces chosen so that the answer is known."
     psi = Elementwise(_sine, _cosine, lipschitz=0.3, c=z - r - _sine(z))
-    return manufactured(five_point(m, mu, skew), z, p, psi, models, points=square_points(0.0, 1.0, m))
+    return manufactured(A, z, p, psi, models, points=square_points(m))
 
 
 @register
@@ -187,14 +188,12 @@ def manufactured_vertical(n: int = 900, mu: float = 4.0, seed: int = 0) -> Scene
     ----------
     Lions and Mercier, RAIRO Anal. Numér. 14 (1980), for such equations.
     """
-    m = side(n)
-    mu = as_number(mu, "mu", minimum=0)
+    m, A = _bai_matrix(n, mu, 0.5)
     z, p, r = complementary(m * m, seed)
-    A = five_point(m, mu, 0.5)
-    B = five_point(m, mu, -0.5)
+    B = A.T
     problem = ICP.vertical(A, p - A @ z, B, r * B.diagonal() - B @ z)
     models = "A grid of cells that drift in one of two winds, in each the one that serves it, with a known answer."
-    return Scene(problem=problem, models=models, z_exact=z, points=square_points(0.0, 1.0, m))
+    return Scene(problem=problem, models=models, z_exact=z, points=square_points(m))
 
 
 @register
@@ -230,9 +229,7 @@ def box_manufactured(n: int = 900, mu: float = 4.0, skew: float = 0.0, coupling:
     ----------
     Bai, Numer. Linear Algebra Appl. 17 (2010), doi:10.1002/nla.680, for A.
     """
-    m = side(n)
-    mu = as_number(mu, "mu", minimum=0)
-    skew = as_number(skew, "skew", minimum=-1, maximum=1)
+    m, A = _bai_matrix(n, mu, skew)
     coupling = as_number(coupling, "coupling", minimum=0)
     z, p, r, s = boxed(m * m, seed, BOXED.values())
     G = (coupling / 4.0) * adjacency(m)
@@ -240,15 +237,21 @@ def box_manufactured(n: int = 900, mu: float = 4.0, skew: float = 0.0, coupling:
     high = z + s - G @ z
     psi, upper = (Affine(G, low), Affine(G, high)) if coupling else (low, high)
     models = "A grid of cells, each between a floor and a ceiling, with forces chosen so that the answer is known."
-    return manufactured(five_point(m, mu, skew), z, p, psi, models, upper, points=square_points(0.0, 1.0, m))
+    return manufactured(A, z, p, psi, models, upper, points=square_points(m))
+
+
+def _bai_matrix(n: int, mu: Any, skew: Any) -> tuple[int, Any]:
+    """m, and A of the m × m grid. Raises InputError for a μ < 0 and an s that is not in [−1, 1]."""
+    m = side(n)
+    mu = as_number(mu, "mu", minimum=0)
+    return m, five_point(m, mu, as_number(skew, "skew", minimum=-1, maximum=1))
 
 
 def _bai(n: int, mu: Any, skew: float) -> Scene:
-    m = side(n)
-    A = five_point(m, as_number(mu, "mu", minimum=0), skew)
+    m, A = _bai_matrix(n, mu, skew)
     odd: Vector = np.arange(m * m, dtype=np.float64) % 2.0
     models = "A grid of cells under forces chosen so that the answer is 1 and 2 in turn, off every obstacle."
-    return manufactured(A, 1.0 + odd, 0.0, 0.0, models, z0=1.0 - odd, points=square_points(0.0, 1.0, m))
+    return manufactured(A, 1.0 + odd, 0.0, 0.0, models, z0=1.0 - odd, points=square_points(m))
 
 
 def _sine(z: Vector) -> Vector:

@@ -12,7 +12,7 @@ from ..icp import ICP
 from ..numerics.arrays import Vector, as_number
 from ..problem.elementwise import Elementwise
 from ..problem.function import Function
-from .grid import five_point, rows_of, side, square_points
+from .grid import five_point, side, square_points, tridiagonal
 from .registry import Quantity, Scene, register
 
 #: the largest temperature of `bratu`
@@ -55,7 +55,7 @@ def radiating_membrane(n: int = 900, kappa: float = 10.0) -> Scene:
     m = side(n)
     h2 = (m + 1.0) ** -2
     strength = as_number(kappa, "kappa", minimum=0) * h2
-    xy = square_points(0.0, 1.0, m)
+    xy = square_points(m)
     u = 1.0 + np.sin(np.pi * xy).prod(axis=1)
     beyond = ((xy - 0.5) ** 2).sum(axis=1) - 1.0 / 16.0
     A = five_point(m)
@@ -115,7 +115,7 @@ def bratu(n: int = 100, heat: float = 1.0) -> Scene:
     steepest = heat * h2 * np.exp(CEILING)
     f = Elementwise(partial(_heating, heat * h2), partial(_heating_slope, heat * h2), slope_range=(-steepest, 0.0))
     return Scene(
-        problem=ICP(rows_of(n, 0, n, {-1: -1.0, 0: 2.0, 1: -1.0}), np.zeros(n), -np.inf, CEILING, f=f),
+        problem=ICP(tridiagonal(n), np.zeros(n), -np.inf, CEILING, f=f),
         models="The temperature of a reaction that heats itself, in a slab with cold sides, up to a ceiling.",
         quantities={"top": Quantity(0.0, partial(_from_tops, tops), order=2.0)},
         h=h2**0.5,

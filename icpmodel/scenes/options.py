@@ -9,7 +9,7 @@ import numpy as np
 
 from ..icp import ICP
 from ..numerics.arrays import Vector, as_number
-from .grid import smooth_fit, tridiagonal
+from .grid import smooth_fit, tridiagonal, value_equation
 from .registry import Quantity, Scene, farthest, register, size
 
 #: interest and volatility, a year; the bounded solution of the equation decays as s^-DECAY
@@ -99,19 +99,15 @@ def _value(k: float, at_1: float, s: Vector) -> Vector:
 
 def _operator(n: int, h: float) -> tuple[Any, Vector]:
     """A and q of rV − ½σ²V″ − (r − ½σ²)V′ with V = 1 − 1/e in row 0 and V′ = −γV at the right end."""
-    diffusion = 0.5 * VOLATILITY**2 / h**2
-    drift = (0.5 * INTEREST - 0.25 * VOLATILITY**2) / h
-    left = np.full(n - 1, drift - diffusion)
-    right = np.full(n - 1, -drift - diffusion)
-    middle = np.full(n, INTEREST + 2.0 * diffusion)
+    left, middle, right = value_equation(n, h, INTEREST, INTEREST - 0.5 * VOLATILITY**2, VOLATILITY)
     q = np.zeros(n)
     # with the diagonal of the other rows, and the last row halved, A + A' is positive definite
     right[0] = 0.0
     q[0] = middle[0] * (np.exp(-1.0) - 1.0)
     # ghost point: V(y + h) = V(y - h) - 2h·DECAY·V(y)
-    left[-1] = -diffusion
-    middle[-1] = middle[-1] / 2.0 + h * DECAY * (diffusion + drift)
-    return tridiagonal(left, middle, right), q
+    left[-1] = (left[-1] + right[-1]) / 2.0
+    middle[-1] = middle[-1] / 2.0 - h * DECAY * right[-1]
+    return tridiagonal(n, left, middle, right), q
 
 
 def _exercise(problem: ICP, y: Vector, z: Vector) -> float:

@@ -58,9 +58,8 @@ def phase_step(n: int = 201) -> Scene:
     h = 2.0 / (n - 1)
     u = np.sin(np.clip(x / EPSILON, -np.pi / 2, np.pi / 2))
     stiff = EPSILON**2 / h**2
-    beside = np.full(n - 1, -stiff)
     share = np.where((x == x[0]) | (x == x[-1]), 0.5, 1.0)
-    A = tridiagonal(beside, share * (1.0 / STEP - 1.0 + 2.0 * stiff), beside)
+    A = tridiagonal(n, -stiff, share * (1.0 / STEP - 1.0 + 2.0 * stiff), -stiff)
     known = {
         "u": Quantity(0.0, partial(farthest, u), order=2.0),
         "energy": Quantity(np.pi / 2, partial(_energy, h), order=2.0),

@@ -73,7 +73,7 @@ def torsion(n: int = 900) -> Scene:
     problem = ICP(*rows.local_rows(0, rows.n))
     known = {"torque": Quantity(TORQUE, partial(_torque, h), order=2.0)}
     models = "A square bar twisted until parts of it yield: where they are, and the torque that it takes."
-    points = square_points(0.0, 1.0, m)
+    points = square_points(m)
     return Scene(problem=problem, models=models, quantities=known, h=h, points=points, unknown="stress function z")
 
 
