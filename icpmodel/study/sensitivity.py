@@ -22,8 +22,6 @@ _INVERT_UP_TO = 500
 _RANDOM_SIGNS = 10
 #: ε of the change that the certificate bounds
 _RELATIVE_CHANGE = 1e-6
-#: the relative tolerance of linear systems that are solved by steps
-_RTOL = 1e-6
 
 
 @check_arguments
@@ -157,26 +155,24 @@ def _local(answer: Solution, of_p: Vector, of_r: Vector) -> tuple[float | None, 
     if answer.problem.psi.no_derivative() is not None:
         return None, None
     derivative = Derivative(answer)
-    equations = derivative.equations
     E = np.where(derivative.pattern.active, of_r, of_p)
     exact = E.size <= _INVERT_UP_TO
     signs = np.eye(E.size) if exact else np.random.default_rng(0).choice([-1.0, 1.0], (_RANDOM_SIGNS, E.size))
+
+    def back(x: Vector) -> Vector:
+        return derivative.solved(E * np.ravel(x))
+
+    def times(x: Vector) -> Vector:
+        return E * derivative.solved(np.ravel(x), transposed=True)
+
     try:
-        derivative.solved(E)
+        columns = np.abs([back(one) for one in signs])
+        if exact:
+            rows = columns.sum(axis=0)
+            return float(rows.max()), rows
+        rows = columns.max(axis=0)
+        product = LinearOperator((E.size, E.size), matvec=times, rmatvec=back, dtype=np.float64)
+        # with t = 1, as more columns are drawn from NumPy's global state; what that may miss, the draws show
+        return max(float(onenormest(product, t=1)), float(rows.max())), rows
     except SingularOperator:
         return None, None
-    columns = [equations.solve(E * one, _RTOL) for one in signs]
-    known = np.abs([column for column in columns if column is not None])
-    if len(known) < len(columns):
-        return None, None
-    if exact:
-        rows = known.sum(axis=0)
-        return float(rows.max()), rows
-    rows = known.max(axis=0)
-    times, back = (
-        lambda x: E * equations.transposed(np.ravel(x), _RTOL),
-        lambda x: equations.solve(E * np.ravel(x), _RTOL),
-    )
-    product = LinearOperator((E.size, E.size), matvec=times, rmatvec=back, dtype=np.float64)
-    # with t = 1, as more columns are drawn from NumPy's global state; what that may miss, the draws show
-    return max(float(onenormest(product, t=1)), float(rows.max())), rows
