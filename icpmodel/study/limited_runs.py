@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -17,18 +17,7 @@ from .competitors import Competitor, LinearSolve
 from .timing import timed
 
 
-def first_runs(
-    case: Case, named: list[Competitor], tolerance: float, limit: float, say: Callable[[str], None]
-) -> dict[str, str | None]:
-    """Competitor → why it does not take part, or None."""
-    reasons = {}
-    for one in named:
-        say(f"{one.name}: warming up")
-        reasons[one.name] = _first_run(case, one, tolerance, limit)
-    return reasons
-
-
-def _first_run(case: Case, one: Competitor, tolerance: float, limit: float) -> str | None:
+def first_run(case: Case, one: Competitor, tolerance: float, limit: float) -> str | None:
     """Why `one` does not take part, or None. Its first run imports and compiles what it needs.
 
     What nothing can stop is done first in a process that can be ended.
@@ -56,11 +45,7 @@ def _first_run(case: Case, one: Competitor, tolerance: float, limit: float) -> s
 
 def _ended(call: Callable[[], Any], case: Case, limit: float) -> Any:
     """The result of `call`, in a process that is killed at the limit if it may take longer. Raises OutOfTime."""
-
-    def items() -> Iterator[Any]:
-        yield call()
-
-    return next(time_limited(items, case.problem, 1, time.perf_counter() + limit))
+    return next(time_limited(lambda: iter([call()]), case.problem, 1, time.perf_counter() + limit))
 
 
 def timed_run(case: Case, one: Competitor, tolerance: float, limit: float) -> Claim:
@@ -77,7 +62,7 @@ def timed_run(case: Case, one: Competitor, tolerance: float, limit: float) -> Cl
 def linear_solve(case: Case, repeats: int, limit: float) -> float | None:
     """The median time of `LinearSolve`, None where it fails or takes too long."""
     one = LinearSolve()
-    if _first_run(case, one, RTOL, limit) is not None or not one.run(case, RTOL, limit).solved:
+    if first_run(case, one, RTOL, limit) is not None or not one.run(case, RTOL, limit).solved:
         return None
     seconds = timed({"solve": lambda: one.run(case, RTOL, limit).seconds}, repeats, warm=False)["solve"]
     return float(np.median(seconds))

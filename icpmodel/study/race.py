@@ -27,8 +27,8 @@ from ..solve.goal import RTOL, Limits
 from ..solve.progress import status_line, time_left
 from ..solvers.foreign import Claim, ForeignSolver, chosen_solvers
 from .cases import Case, uninterrupted
-from .competitors import Competitor, Entry, ForeignCompetitor, LinearSolve, OwnMethod, own_methods
-from .limited_runs import first_runs, linear_solve, timed_run
+from .competitors import Competitor, Entry, ForeignCompetitor, LinearSolve, OwnMethod, tuned_methods
+from .limited_runs import first_run, linear_solve, timed_run
 from .timing import clocked, interleaved, machine
 
 #: the tolerances that each competitor is asked for
@@ -263,7 +263,10 @@ def race(
             measure, error = _measure(case, z_exact, limit)
             result = replace(result, measure=measure)
             result = replace(result, limit=linear_solve(case, repeats, limit))
-            reasons = first_runs(case, named, goals[0], limit, say)
+            reasons = {}
+            for one in named:
+                say(f"{one.name}: warming up")
+                reasons[one.name] = first_run(case, one, goals[0], limit)
             result = replace(result, skipped=tuple((name, reason) for name, reason in reasons.items() if reason))
             entered = [one for one in named if reasons[one.name] is None]
             for entry in _run(case, entered, goals, repeats, limit, error, say):
@@ -283,9 +286,9 @@ def _goals(tolerances: Sequence[float]) -> list[float]:
 
 def _own_competitors(methods: Sequence[str | Method] | None) -> list[Competitor]:
     """The own methods that take part; what was asked for by name must be known."""
-    known = {one.name: one for one in own_methods()}
+    tuned = {one.name: one for one in tuned_methods()}
     return [
-        OwnMethod(repr(one), one) if isinstance(one, Method) else known.get(str(one)) or OwnMethod(one, named(one))
+        OwnMethod(repr(one), one) if isinstance(one, Method) else tuned.get(str(one)) or OwnMethod(one, named(one))
         for one in (DEFAULT_METHODS if methods is None else as_list(methods, "methods"))
     ]
 
