@@ -163,7 +163,6 @@ def report(
     scene = problem if isinstance(problem, Scene) else None
     if scene is not None:
         known = scene_texts(scene)
-        title = title or known["title"]
         about = about or known["about"]
         z_exact = known["z_exact"] if z_exact is None else z_exact
     stated = as_problem(problem, nonlinear=True)
@@ -207,8 +206,8 @@ def report(
 
 
 def scene_texts(scene: Scene) -> dict[str, Any]:
-    """The title, the introduction and the known solution of a page on `scene`."""
-    return {"title": scene_title(scene.problem), "about": f"{scene.title}. {scene.models}", "z_exact": scene.z_exact}
+    """The introduction and the known solution of a page on `scene`."""
+    return {"about": f"{scene.title}. {scene.models}", "z_exact": scene.z_exact}
 
 
 def page_file(path: Any) -> Path:
@@ -289,7 +288,7 @@ def _certificate(solution: Solution) -> Section:
             f"It is proved that there is one solution and no other; how far z is from it is not known: {bound.reason}."
         )
     introduction = "What is said here was computed again from A, q, ψ and z, whatever solver made z."
-    folded = [("The certificate", render("folded.html", text=str(solution.certificate)))]
+    folded = [("The certificate", solution.certificate._repr_html_())]
     return Section(short, introduction, folded=folded)
 
 
@@ -303,9 +302,9 @@ def _sensitivity(solution: Solution) -> Section:
     derivative = Derivative(solution)
     sure = "Yes, and this is proved" if derivative.certain else "Not for certain"
     section = Section(f"{sure}: {derivative.reason}.")
-    section.folded = [("The derivative", render("folded.html", text=str(derivative)))]
+    section.folded = [("The derivative", derivative._repr_html_())]
     try:
-        section.folded.insert(0, ("The condition number", render("folded.html", text=str(sensitivity(solution)))))
+        section.folded.insert(0, ("The condition number", sensitivity(solution)._repr_html_()))
         section.introduction = "How much z moves when A, q and ψ change by a small share of themselves, entry by entry."
     except IcpError as error:
         section.introduction = f"How much z moves with the data is not known: {error}."

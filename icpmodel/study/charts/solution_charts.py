@@ -38,38 +38,38 @@ _FORCE = "The force p = Az + q with which the obstacle pushes back: 0 where z is
 
 @drawing.register(list)
 @drawing.register(tuple)
-def _(solutions: Any, points: Any = None, shape: Any = None) -> Drawing:
+def _(solutions: Any, **where: Any) -> Drawing:
     if not solutions or not all(isinstance(one, Solution) for one in solutions):
         raise InputError("a list that is drawn holds solutions only, and at least one; use Fields for other vectors")
     values = {f"solve {k + 1}": one.z for k, one in enumerate(solutions)}
-    return drawing(Fields(solutions[0].problem, values), points=points, shape=shape)
+    return drawing(Fields(solutions[0].problem, values), **where)
 
 
 @drawing.register
-def _(solutions: Solutions, points: Any = None, shape: Any = None) -> Drawing:
+def _(solutions: Solutions, **where: Any) -> Drawing:
     values = evenly({f"row {k}": z for k, z in enumerate(solutions.Z)})
-    return drawing(Fields(solutions[0].problem, values), points=points, shape=shape)
+    return drawing(Fields(solutions[0].problem, values), **where)
 
 
 @drawing.register
-def _(derivative: Derivative, points: Any = None, shape: Any = None) -> Drawing:
+def _(derivative: Derivative, **where: Any) -> Drawing:
     """The change of z as the load grows, which is −q: dz for dq = −1 in every row."""
     problem = derivative.problem
     moved = derivative.forward(dq=-np.ones(problem.n))
-    return drawing(Fields(problem, {"dz/dt for q − t": moved}), points=points, shape=shape)
+    return drawing(Fields(problem, {"dz/dt for q − t": moved}), **where)
 
 
 @drawing.register
-def _(sensitivity: Sensitivity, points: Any = None, shape: Any = None) -> Drawing:
+def _(sensitivity: Sensitivity, **where: Any) -> Drawing:
     if sensitivity.rows is None:
         raise InputError("the sensitivity has no picture: the equations of the active set are singular")
     name = "condition number of each entry" + ("" if sensitivity.exact else ", from below")
-    return drawing(Fields(sensitivity.problem, {name: sensitivity.rows}), points=points, shape=shape)
+    return drawing(Fields(sensitivity.problem, {name: sensitivity.rows}), **where)
 
 
 @drawing.register
-def _(scene: Scene, points: Any = None, shape: Any = None) -> Drawing:
-    return drawing(scene.solution(), points=points, shape=shape)
+def _(scene: Scene, **where: Any) -> Drawing:
+    return drawing(scene.solution(), **where)
 
 
 @drawing.register
