@@ -85,15 +85,14 @@ class Table(Displayable):
         console = Console(file=out, width=columns, color_system=None, force_jupyter=False)
         if self.title:
             console.print(Text(self.title))
-        for block, least in self._blocks(cells, columns):
-            if block[0] > 0:
+        least = [self._least(cells, k) for k in range(len(self.heads))]
+        for number, block in enumerate(_blocks(least, columns)):
+            if number:
                 console.print()
-                block = [0, *block]
-                least = [self._least(cells, 0), *least]
             grid = Grid(box=None, pad_edge=False, header_style="")
-            for k, narrowest in zip(block, least, strict=True):
-                grid.add_column(Text(self.heads[k]), overflow="fold", min_width=narrowest)
-                grid.columns[-1].justify = "left" if self._is_text(k) else "right"
+            for k in block:
+                justify: Any = "left" if self._is_text(k) else "right"
+                grid.add_column(Text(self.heads[k]), justify=justify, overflow="fold", min_width=least[k])
             for row in cells:
                 grid.add_row(*(Text(row[k]) for k in block))
             console.print(grid, crop=False)
@@ -104,23 +103,6 @@ class Table(Displayable):
         longest = max((len(row[k]) for row in cells), default=0)
         word = max(map(len, self.heads[k].split()), default=0)
         return max(min(longest, _MIN_TEXT_WIDTH) if self._is_text(k) else longest, word)
-
-    def _blocks(self, cells: list[list[str]], columns: int) -> list[tuple[list[int], list[int]]]:
-        """What stands beside each other: positions of columns, and their least widths."""
-        least = [self._least(cells, k) for k in range(len(self.heads))]
-        blocks: list[tuple[list[int], list[int]]] = [([], [])]
-        for k, narrowest in enumerate(least):
-            block, widths = blocks[-1]
-            first = [least[0]] if len(blocks) > 1 else []
-            if (
-                len(block) > 1 - len(first)
-                and sum([*first, *widths, narrowest]) + _COLUMN_GAP * (len(block) + len(first)) > columns
-            ):
-                blocks.append(([k], [narrowest]))
-            else:
-                block.append(k)
-                widths.append(narrowest)
-        return blocks
 
     def records(self) -> list[dict[str, Any]]:
         """The rows as head → cell.
@@ -238,6 +220,18 @@ class Tabular(ABC):
             Where pandas is not installed.
         """
         return self.table().to_dataframe()
+
+
+def _blocks(least: list[int], columns: int) -> list[list[int]]:
+    """The columns that stand beside each other, from their least widths; the first one in every block."""
+    blocks: list[list[int]] = [[]]
+    for k in range(len(least)):
+        block = [*blocks[-1], k]
+        if len(block) > 2 and sum(least[j] + _COLUMN_GAP for j in block) - _COLUMN_GAP > columns:
+            blocks.append([0, k])
+        else:
+            blocks[-1] = block
+    return blocks
 
 
 def _text(cell: Any) -> str:
