@@ -231,7 +231,7 @@ def hard_empty_row() -> Scene:
 def hard_pinned(n: int = 100, seed: int = 0) -> Scene:
     """Hard: the two obstacles are the same in some rows.
 
-    A is the 5-point matrix on m × m points. Two rows of five are pinned, ψ_i = ψ̄_i = z*_i, with p*
+    A is the 5-point matrix on m × m points. Two rows of five are pinned, ψ_i = ψ̄_i = z*_i, with p* = z*
     of either sign. Of the other three, one is at ψ, one at ψ̄ and one between. In a pinned row z_i
     is known whatever p_i is; at which of the two obstacles it is remains open. Honest: solved, each
     row at one of its obstacles.
@@ -244,8 +244,9 @@ def hard_pinned(n: int = 100, seed: int = 0) -> Scene:
         Seed ≥ 0 of the random numbers.
     """
     m = side(n)
-    pinned = (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0)
+    pinned = [(0.0, 0.0)] * 2
     z, p, r, s = boxed(m * m, seed, [*pinned, *(BOXED[kind] for kind in ("at psi", "at upper", "between"))])
+    p = np.where(r + s == 0.0, z, p)
     models = "A membrane between two plates, glued where they meet."
     points = square_points(m)
     return manufactured(five_point(m), z, p, z - r, models, z + s, points=points)

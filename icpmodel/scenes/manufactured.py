@@ -32,27 +32,27 @@ def complementary(n: int, seed: Any, degenerate: float = 0.0) -> tuple[Vector, V
     return z, np.where(at_obstacle, size, 0.0), np.where(at_obstacle, 0.0, size)
 
 
-#: kinds of rows between two obstacles: the sign of p*, and whether z* is at (0), near (1) or without (inf) each
+#: kinds of rows between two obstacles: whether z* is at (0), near (1) or without (inf) each
 BOXED = {
-    "at psi": (1.0, 0.0, 1.0),
-    "at upper": (-1.0, 1.0, 0.0),
-    "between": (0.0, 1.0, 1.0),
-    "at psi, the only one": (1.0, 0.0, np.inf),
-    "at upper, the only one": (-1.0, np.inf, 0.0),
-    "equation": (0.0, np.inf, np.inf),
+    "at psi": (0.0, 1.0),
+    "at upper": (1.0, 0.0),
+    "between": (1.0, 1.0),
+    "at psi, the only one": (0.0, np.inf),
+    "at upper, the only one": (np.inf, 0.0),
+    "equation": (np.inf, np.inf),
 }
 
 
-def boxed(n: int, seed: Any, kinds: Iterable[tuple[float, float, float]]) -> tuple[Vector, Vector, Vector, Vector]:
+def boxed(n: int, seed: Any, kinds: Iterable[tuple[float, float]]) -> tuple[Vector, Vector, Vector, Vector]:
     """Random z* in [−1, 1], p*, z* − ψ* and ψ̄* − z*, sizes in [.5, 1.5], each of the `kinds` of rows equally often.
-    Raises InputError for a bad seed."""
+    p* has the sign of the obstacle that z* is at, and is 0 where it is at both. Raises InputError for a bad seed."""
     random = random_numbers(seed)
     table = np.array(tuple(kinds))
     z = random.uniform(-1.0, 1.0, n)
     sizes = random.uniform(0.5, 1.5, (n, 3))
     kind = random.permutation(n) % len(table)
-    p, r, s = (table[kind] * sizes).T
-    return z, p, r, s
+    r, s = (table[kind] * sizes[:, 1:]).T
+    return z, (r == 0.0) * sizes[:, 0] - (s == 0.0) * sizes[:, 0], r, s
 
 
 def manufactured(A: Any, z: Vector, p: Any, psi: Any, models: str, upper: Any = None, **known: Any) -> Scene:
