@@ -108,6 +108,7 @@ def by_rows(name: str, /, n: int | None = None, **parameters: Any) -> ByRows:
     signature = inspect.signature(_builder(name))
     if name not in ASSEMBLIES:
         raise InputError(f"{name} is not assembled by rows; the scenes that are: {', '.join(sorted(ASSEMBLIES))}")
+    check_parameters(name, parameters, signature.parameters)
     bound = signature.bind(**parameters, **({} if n is None else {"n": size(n)}))
     bound.apply_defaults()
     return ASSEMBLIES[name](**bound.arguments)
@@ -121,8 +122,6 @@ def _split_name(name: str, n: int | None, parameters: dict[str, Any]) -> tuple[s
     except ValueError:
         raise InputError(f"{','.join([name, *pairs])!r} is not of the form NAME,PARAMETER=NUMBER") from None
     n = parameters.pop("n", n)
-    known = inspect.signature(_builder(name)).parameters
-    check_parameters(name, parameters, known)
     return name, n, parameters
 
 

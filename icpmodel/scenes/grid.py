@@ -116,18 +116,17 @@ def square_points(m: int, low: float = 0.0, high: float = 1.0) -> Vector:
     return points(low, high, (m, m), index((m, m), 0, m * m))
 
 
-def level_crossing(x: Vector, y: Vector, level: float) -> float:
-    """The x at which the parabola x(y) through three points reaches `level`; NaN unless y is strictly monotone."""
-    steps = np.diff(y)
-    if x.size != 3 or not ((steps > 0).all() or (steps < 0).all()):
-        return float("nan")
-    t = level - y
-    weights = [t[1] * t[2] / (steps[0] * (y[2] - y[0])), -t[0] * t[2] / (steps[0] * steps[1])]
-    return float(x[0] * weights[0] + x[1] * weights[1] + x[2] * t[0] * t[1] / ((y[2] - y[0]) * steps[1]))
-
-
 def smooth_fit(x: Vector, z: Vector, first: int, slope: float) -> float:
-    """Where z(x) has this `slope`, by three cells from the `first` on; NaN where there are none."""
+    """Where z(x) has this `slope`, by the parabola through three cells from the `first` on.
+
+    NaN where there are none, and where their slopes are not strictly monotone.
+    """
+    from scipy.interpolate import krogh_interpolate
+
     h = x[1] - x[0]
     cells = slice(first, first + 3)
-    return level_crossing(x[:-1][cells] + h / 2, (np.diff(z) / h)[cells], slope)
+    slopes = (np.diff(z) / h)[cells]
+    bends = np.diff(slopes)
+    if slopes.size != 3 or not ((bends > 0).all() or (bends < 0).all()):
+        return float("nan")
+    return float(krogh_interpolate(slopes, x[:-1][cells] + h / 2, slope))
