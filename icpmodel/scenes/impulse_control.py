@@ -75,7 +75,7 @@ def dividend(n: int = 241) -> Scene:
     k = round((size(n, 31) - 1) / 30)
     h = COST / k
     # up to 1.5, beyond the free boundary: there V is a straight line, and the length has no influence
-    x: Vector = h * np.arange(30 * k + 1)
+    x = h * np.arange(30 * k + 1, dtype=np.float64)
     A, q = _operator(x.size, h)
     problem = ICP(A, q, Intervention(partial(_best_payment, x=x, k=k)))
 
