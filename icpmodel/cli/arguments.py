@@ -20,14 +20,14 @@ from ..icp import ICP
 from ..methods.contract import Method, named, names
 from ..modelling.files import load_problem
 from ..modelling.formats import SUFFIXES
-from ..present.whole_files import file_errors
+from ..present.whole_files import file_errors, in_words
 from ..scenes import Scene, scene
 from ..scenes import names as scene_names
 
 SOURCE_HELP = f"""SOURCE is the name of a built-in scene (see `icpmodel scenes`) or an .npz file written by
 --save-problem. It may be a .mat file with A, q, psi and upper.
 Without SOURCE give --A and --q, and --psi and --upper for obstacles other than 0. A file name of A or of a vector ends
-in {", ".join(SUFFIXES[:-1])} or {SUFFIXES[-1]}; in .csv and .txt the first line may have names. One of the files may be
+in {in_words(SUFFIXES)}; in .csv and .txt the first line may have names. One of the files may be
 -, standard input."""
 
 Decorator = Callable[[Any], Any]

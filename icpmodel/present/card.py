@@ -46,20 +46,16 @@ class Card(Displayable, Mapping[str, str]):
         return len(self.rows)
 
     def __str__(self) -> str:
-        names = max(_NAME_COLUMNS, *map(len, self.rows))
+        indent = max([_NAME_COLUMNS, *map(len, self.rows)]) + 1
+        columns = min(width(_MAX_CARD_WIDTH), _MAX_CARD_WIDTH) - indent
         lines = []
         for name, text in self.rows.items():
-            wide = min(width(_MAX_CARD_WIDTH), _MAX_CARD_WIDTH) - names - 1
-            parts = [part for line in text.splitlines() for part in textwrap.wrap(line, wide)]
-            heads = [name, *[""] * len(parts)]
-            lines += [f"{head:<{names}} {part}" for head, part in zip(heads, parts or [""], strict=False)]
-        return "\n".join(line.rstrip() for line in lines)
+            parts = [part for line in text.splitlines() for part in textwrap.wrap(line, columns)]
+            lines.append((f"{name:<{indent}}" + f"\n{'':<{indent}}".join(parts)).rstrip())
+        return "\n".join(lines)
 
     def __repr__(self) -> str:
         return f"Card({brief(self.rows)})"
-
-    def _repr_html_(self) -> str:
-        return self.to_html()
 
     def to_html(self) -> str:
         """The card as an HTML table.
@@ -70,6 +66,8 @@ class Card(Displayable, Mapping[str, str]):
             HTML.
         """
         return render("card.html", rows=self.rows)
+
+    _repr_html_ = to_html
 
 
 class Sections:

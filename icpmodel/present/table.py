@@ -140,9 +140,6 @@ class Table(Displayable):
             raise NotApplicable(message) from None
         return DataFrame(list(self.rows), columns=list(self.heads))
 
-    def _repr_html_(self) -> str:
-        return self.to_html()
-
     def to_html(self) -> str:
         """The table as HTML, with the title as its caption.
 
@@ -152,6 +149,8 @@ class Table(Displayable):
             HTML.
         """
         return render("table.html", title=self.title, heads=self.heads, rows=self._cells(), numbers=self._numbers())
+
+    _repr_html_ = to_html
 
     def to_csv(self) -> str:
         """The heads and rows as CSV text, numbers in full.

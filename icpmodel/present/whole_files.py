@@ -11,7 +11,7 @@ import re
 import secrets
 import shutil
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -99,8 +99,14 @@ def check_replaceable(path: Path, recognise: Callable[[], None]) -> None:
 def check_suffix(path: Path, written: tuple[str, ...]) -> None:
     """Raise FileError for a name that does not end as one of the forms that are `written`."""
     if path.suffix.lower() not in written:
-        ends = " or ".join([", ".join(written[:-1]), written[-1]] if written[1:] else written)
+        ends = in_words(written)
         raise FileError(f"{path}: a file name that ends in {ends} was expected; all of it is written to one file")
+
+
+def in_words(suffixes: Sequence[str]) -> str:
+    """The suffixes, "or" before the last one."""
+    *others, last = suffixes
+    return " or ".join(filter(None, (", ".join(others), last)))
 
 
 @contextmanager
