@@ -237,11 +237,10 @@ def stability(
 
 def _fill(result: StabilityMap, starts: int, progress: bool) -> None:
     plane = result.plane
-    shape = result.ends.shape
-    total = shape[0] * shape[1]
+    total = result.ends.size
     begin = time.monotonic()
     with status_line(progress, f"{total} points, {starts} runs of at most {result.max_iter} steps at each") as say:
-        for k, (j, i) in enumerate(np.ndindex(*shape)):
+        for k, (j, i) in enumerate(np.ndindex(*result.ends.shape)):
             say(f"point {k + 1} of {total}{time_left(begin, k, total)}")
             one, member = plane.at(float(plane.x.values[i]), float(plane.y.values[j]))
             runs = [_run(one, member, k, result.max_iter, result.rtol) for k in range(starts)]

@@ -51,13 +51,6 @@ _TABLE_MARK = b"# icpmodel"
 SINGLE_PANEL = (4.9, 3.7)
 
 
-def new_figure(width: float, height: float) -> Figure:
-    """An empty figure, in inches, that belongs to no window."""
-    from matplotlib.figure import Figure as Empty
-
-    return Empty(figsize=(width, height), layout="constrained")
-
-
 def styles(names: Iterable[Name]) -> dict[Name, tuple[str, str]]:
     """Name → (colour, marker), a pair of its own for each of up to 36 names; "solve()" is a black circle.
 
@@ -118,6 +111,12 @@ class Drawing:
     columns: int = 3
     title: str = ""
 
+    def figure(self) -> Figure:
+        """All panels on a figure that belongs to no window."""
+        from matplotlib.figure import Figure as Empty
+
+        return self.on(Empty(figsize=self.size, layout="constrained"))
+
     def on(self, figure: Figure) -> Figure:
         """All panels on an empty `figure`."""
         axes = figure.subplot_mosaic([list(row) for row in self.mosaic], **self.layout)
@@ -151,7 +150,7 @@ class Drawing:
 
 def panel_figure(panel: Panel) -> Figure:
     """A panel on its own."""
-    return Drawing(panels=(panel,), size=SINGLE_PANEL, columns=1).on(new_figure(SINGLE_PANEL[0], panel.height))
+    return Drawing(panels=(panel,), size=(SINGLE_PANEL[0], panel.height), columns=1).figure()
 
 
 @singledispatch
@@ -195,8 +194,7 @@ def figure(what: Any, points: Any = None, shape: Any = None) -> Figure:
     >>> [axes.get_title() for axes in icp.study.figure(solution).axes[:2]]
     ['z, contact set outlined', 'force p']
     """
-    description = _drawing(what, points, shape)
-    return description.on(new_figure(*description.size))
+    return _drawing(what, points, shape).figure()
 
 
 def _drawing(what: Any, points: Any, shape: Any) -> Drawing:
@@ -256,13 +254,13 @@ def plot(what: Any, path: Any = None, *, ax: Any = None, points: Any = None, sha
     if ax is not None:
         return description.draw_into(ax)
     if place is not None:
-        return write(description.on(new_figure(*description.size)), place)
+        return write(description.figure(), place)
     from matplotlib import pyplot
 
     backend = pyplot.get_backend()
     inline = in_notebook() and "inline" in backend
     if not inline and not _has_windows(backend):
-        return description.on(new_figure(*description.size))
+        return description.figure()
     picture = description.on(pyplot.figure(figsize=description.size, layout="constrained"))
     if inline:  # by now the notebook knows how to show a figure; an open one it would show twice
         pyplot.close(picture)
