@@ -16,6 +16,7 @@ from ..errors import InputError, check_arguments, did_you_mean
 from ..icp import ICP
 from ..numerics.arrays import ReadOnly, Vector, as_number, locked
 from ..numerics.plugins import load_plugins
+from ..numerics.rounding import UNIT_ROUNDOFF
 from ..present.display import Displayable, Plottable
 from ..problem.by_rows import ByRows
 from ..problem.data import ProblemData
@@ -213,8 +214,8 @@ def title(problem: ProblemData) -> str:
 
 
 #: beyond this the matrix alone would need tens of gigabytes, and the side of a grid would not be exact in float64
-MAX_UNKNOWNS = 10**8
-MAX_UNKNOWNS_BY_ROWS = 2**52
+MAX_UNKNOWNS = 100_000_000
+MAX_UNKNOWNS_BY_ROWS = int(0.5 / UNIT_ROUNDOFF)
 
 _BUILDERS: dict[str, Builder] = {}
 #: name of a scene → the function that assembles its rows
