@@ -36,13 +36,14 @@ class Case:
 
     @cached_property
     def scale(self) -> float:
-        """Res_D(0), by which residuals are divided."""
-        return self.problem.residual_at_0()
+        """Res_D(0), by which residuals are divided.
 
-    def check_scale(self) -> None:
-        """Raise InputError where z = 0 is a solution, or Res_D(0) is not finite, so that residuals have no unit."""
-        if not 0 < self.scale < np.inf:
-            raise InputError(f"Res_D(0) of the problem is {self.scale:g}; there is nothing to measure")
+        Raises InputError where z = 0 is a solution, or Res_D(0) is not finite, so that residuals have no unit.
+        """
+        scale = self.problem.residual_at_0()
+        if not 0 < scale < np.inf:
+            raise InputError(f"Res_D(0) of the problem is {scale:g}; there is nothing to measure")
+        return scale
 
     @cached_property
     def formulation(self) -> tuple[Target, float] | None:
@@ -53,7 +54,7 @@ class Case:
         return Target(problem), unit
 
     def judged(self, z: Any) -> float | None:
-        """Res_D(z)/Res_D(0), None where z is no finite vector of shape (n,); see `check_scale`."""
+        """Res_D(z)/Res_D(0), None where z is no finite vector of shape (n,)."""
         try:
             ratio = self.problem.residual(np.asarray(z, dtype=np.float64)) / self.scale
         except (IcpError, TypeError, ValueError):
