@@ -9,7 +9,7 @@ import numpy as np
 from ..derivatives.derivative import Derivative
 from ..errors import InputError, SingularOperator, check_arguments
 from ..numerics.arrays import Vector
-from ..numerics.rounding import rounded_up
+from ..numerics.rounding import UNIT_ROUNDOFF, rounded_up
 from ..present.card import Card
 from ..present.display import Plottable
 from ..problem.data import ProblemData
@@ -20,8 +20,8 @@ from ..theory.certificates.bounds import perturbation_bound
 _INVERT_UP_TO = 500
 #: the number of draws of the signs of the changes
 _RANDOM_SIGNS = 10
-#: ε of the change that the certificate bounds
-_RELATIVE_CHANGE = 1e-6
+#: ε of the change that the certificate bounds: what is of second order, and what rounding adds, are as small as it
+_RELATIVE_CHANGE = np.sqrt(UNIT_ROUNDOFF)
 
 
 @check_arguments
