@@ -36,8 +36,6 @@ COLOURS = (BLUE, ORANGE, GREEN, PURPLE, YELLOW, SKY)
 MARKERS = ("s", "^", "D", "v", "P", "X")
 #: the colour of small words and of all but the series: 4.7 : 1 on white
 GREY = "0.45"
-#: the label of an axis of errors, which is inverted
-ACCURATE = "more accurate →"
 #: the objects with a picture, in words
 _DRAWABLE = "a Solution, a list of them, Solutions, Fields, a Derivative, Sensitivity, History, Scene, Race or map"
 #: the place of 0 on a logarithmic axis, as a share of the smallest value above 0

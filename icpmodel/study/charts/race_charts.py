@@ -13,13 +13,12 @@ from ...numerics.rounding import UNIT_ROUNDOFF
 from ...solve.goal import RTOL
 from ..competitors import Entry
 from ..race import Race
-from .figures import ACCURATE, GREY, ZERO_SHARE, Drawing, Panel, drawing, styles
+from .figures import COLOURS, GREY, ZERO_SHARE, Drawing, Panel, drawing, styles
 
 #: the largest number of competitors beside solve() in one panel, each in its own colour
-_MAX_SERIES = 6
-#: the height of a line of times in a panel on its own, in inches, and of the axes around them
+_MAX_SERIES = len(COLOURS)
+#: the height of a line of times in a panel on its own, in inches; the axes around them take that of four
 _LINE_HEIGHT = 0.24
-_AXES_HEIGHT = 1.0
 #: room for the numbers beside the times, as a factor
 _LABEL_ROOM = 30.0
 #: colour and marker of a competitor
@@ -48,7 +47,7 @@ def _(race: Race) -> Drawing:
         caption="The time to the accuracy that solve() aims at by default, the shortest at the top, on a logarithmic "
         "axis. In brackets: how much of it goes by before the first step.",
         alt=f"Times to the default accuracy. {took or 'None reached it'}.",
-        height=_AXES_HEIGHT + _LINE_HEIGHT * max(len(first), 4),
+        height=_LINE_HEIGHT * (4 + max(len(first), 4)),
     )
     many = len(panels)
     return Drawing(
@@ -100,7 +99,7 @@ def _times(
 ) -> list[Any]:
     """Runs as markers, and their names beside the axes, in the order of the times of the most accurate ones."""
     exact = ", 0 at the right end" if any(run.error == 0.0 for run in race.entries) else ""
-    axes.set(xscale="log", yscale="log", ylabel="time, s", xlabel=f"{race.measure}{exact}   ({ACCURATE})")
+    axes.set(xscale="log", yscale="log", ylabel="time, s", xlabel=f"{race.measure}{exact}   (more accurate →)")
     axes.set(xlim=limits["xlim"], ylim=limits["ylim"])
     axes.set_title(heading, fontsize=10)
     ends = []
