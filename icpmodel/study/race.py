@@ -263,17 +263,19 @@ def race(
             measure, error = _measure(case, z_exact, limit)
             result = replace(result, measure=measure)
             result = replace(result, limit=linear_solve(case, repeats, limit))
-            reasons = {}
+            entered = []
             for one in named:
                 say(f"{one.name}: warming up")
-                reasons[one.name] = first_run(case, one, goals[0], limit)
-            result = replace(result, skipped=tuple((name, reason) for name, reason in reasons.items() if reason))
-            entered = [one for one in named if reasons[one.name] is None]
+                if reason := first_run(case, one, goals[0], limit):
+                    result = replace(result, skipped=(*result.skipped, (one.name, reason)))
+                else:
+                    entered.append(one)
             for entry in _run(case, entered, goals, repeats, limit, error, say):
                 entries[entry.name, entry.tolerance] = entry
+                result = replace(result, entries=tuple(entries.values()))
     except KeyboardInterrupt:
-        raise Interrupted(replace(result, entries=tuple(entries.values()))) from None
-    return replace(result, entries=tuple(entries.values()))
+        raise Interrupted(result) from None
+    return result
 
 
 def _goals(tolerances: Sequence[float]) -> list[float]:
