@@ -23,6 +23,7 @@ from ..modelling.formats import SUFFIXES
 from ..present.whole_files import file_errors, in_words
 from ..scenes import Scene, scene
 from ..scenes import names as scene_names
+from ..solvers.foreign import foreign_solvers
 
 SOURCE_HELP = f"""SOURCE is the name of a built-in scene (see `icpmodel scenes`) or an .npz file written by
 --save-problem. It may be a .mat file with A, q, psi and upper.
@@ -93,6 +94,13 @@ METHOD_OPTIONS = (
         "--method", shell_complete=completing(names), help=f"One of {', '.join(names())}; default: automatic."
     ),
     click.option("--option", "options", **_NAME_VALUE, help="An option of the method, such as theta1=1.2; repeatable."),
+)
+SOLVERS_OPTION = click.option(
+    "--solver",
+    "solvers",
+    multiple=True,
+    shell_complete=completing(foreign_solvers),
+    help="An independent solver; repeatable; default: all that can take the problem.",
 )
 
 

@@ -12,7 +12,6 @@ from ..errors import InputError
 from ..methods.contract import names
 from ..scenes import names as scene_names
 from ..solve.progress import status_line
-from ..solvers.foreign import foreign_solvers
 from ..study import race as run_race
 from ..study import report as make_report
 from ..study import stability as map_stability
@@ -20,7 +19,16 @@ from ..study.cases import uninterrupted
 from ..study.charts.figures import data_file, figure, picture_file, save
 from ..study.html_report import page_file, scene_texts
 from ..study.planes import PLANES
-from .arguments import METHOD_OPTIONS, SOURCE_OPTIONS, command, completing, from_signature, named_method, named_problem
+from .arguments import (
+    METHOD_OPTIONS,
+    SOLVERS_OPTION,
+    SOURCE_OPTIONS,
+    command,
+    completing,
+    from_signature,
+    named_method,
+    named_problem,
+)
 from .output import FORMS, TO_FIGURE, command_line, exit_code, measured, print_table, wrote
 from .solving import unsolved
 
@@ -68,13 +76,7 @@ def stability(plane: str, output: str | None, form: str | None, **arguments: Any
         shell_complete=completing(names),
         help="A method to compare with solve(); repeatable; default: several.",
     ),
-    click.option(
-        "--solver",
-        "solvers",
-        multiple=True,
-        shell_complete=completing(foreign_solvers),
-        help="An independent solver; repeatable; default: all that can take the problem.",
-    ),
+    SOLVERS_OPTION,
     *from_signature(run_race, *_RACE_OPTIONS),
     TO_FIGURE,
     *FORMS,

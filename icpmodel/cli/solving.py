@@ -24,8 +24,17 @@ from ..scenes import scene as scene_called
 from ..solve.driver import solve as run
 from ..solve.progress import status_line
 from ..solve.solution import Solution, Status
-from ..solvers.foreign import chosen_solvers, foreign_solvers
-from .arguments import METHOD_OPTIONS, SOURCE_OPTIONS, command, completing, from_signature, named_method, named_problem
+from ..solvers.foreign import chosen_solvers
+from .arguments import (
+    METHOD_OPTIONS,
+    SOLVERS_OPTION,
+    SOURCE_OPTIONS,
+    command,
+    completing,
+    from_signature,
+    named_method,
+    named_problem,
+)
 from .output import AS_JSON, exit_code, print_as, show_json, wrote
 
 #: of `solve`
@@ -106,13 +115,7 @@ def _solve(problem: ICP, scene: Scene | None, arguments: dict[str, Any]) -> Solu
 
 
 @command(*_SOLVE_OPTIONS)
-@click.option(
-    "--solver",
-    "solvers",
-    multiple=True,
-    shell_complete=completing(foreign_solvers),
-    help="An independent solver; repeatable; default: all.",
-)
+@SOLVERS_OPTION
 @click.option("--solver-time-limit", type=float, default=60.0, show_default=True, help="Seconds for all solvers.")
 @click.option("--csv", "csv_path", type=click.Path(), help="Write the report's rows to this CSV file as well.")
 def crosscheck(
