@@ -156,6 +156,16 @@ def test_the_derivative_of_z_where_it_is_known(load, a):
         assert A.gradient == pytest.approx(-(z.gradient * q.value / a**2)[free].sum())
 
 
+def test_a_derivative_changes_nothing_in_the_start_of_the_next_solve():
+    """Neither side has an entry of z for itself, so that an unknown stands for r; exp(x) = a, x + y = a."""
+    x, y, a = cp.Variable(), cp.Variable(), cp.Parameter(value=2.0)
+    problem = icp.Problem([icp.complements(cp.exp(x) - a, 20 - cp.exp(y)), x + y == a])
+    first = problem.solve(requires_grad=True).z
+    assert problem.solve(requires_grad=True).z == pytest.approx(first, abs=1e-12)
+    problem.backward()
+    assert (x.value, a.gradient) == pytest.approx((np.log(2.0), 1.0), abs=1e-7)
+
+
 def test_inequalities_have_a_part_in_the_answer_but_none_in_its_derivative():
     z, high = cp.Variable(3), cp.Parameter(value=9.0)
     load = cp.Parameter(3, value=[3.0, -2.0, 1.0])

@@ -63,12 +63,7 @@ class CvxpyReading:
         self._obstacles: tuple[Any, Any] = (None, None)
         self._values: list[Any] = []
         self._checked: AffineRows
-        #: of each row of a condition the entry of z that it owns, and −1 where it was turned round; ρ by entry of z
-        self._owned_columns: np.ndarray
-        self._sign: Vector
-        self._scale: Vector
-        #: the rows of r for which the last entries of z stand
-        self._replaced: AffineRows
+        self._ordered: OrderedRows
 
     def _parts_of_sides(self) -> list[list[cp.Expression]]:
         """The expressions of p, of r, of the equations, of the inequalities, at most 0, and of both bounds."""
@@ -95,7 +90,7 @@ class CvxpyReading:
         """
         # nothing but Z says which row goes where, so that the columns of W can be the compiled rows themselves
         tagged = rows._replace(W=sp.eye_array(rows.constant.size, format="csr"))
-        p, r, lower, upper = self._in_order(*self._parts(tagged))[:4]
+        p, r, lower, upper = in_order(*self._parts(tagged))[:4]
         down = sp.diags_array(-1.0 / r.Z.diagonal())
         psi, above = (down @ (r.W - bound.W if bound else r.W) for bound in (lower, upper))
         return p.W, psi, above if upper else None
@@ -105,9 +100,9 @@ class CvxpyReading:
             return None
         parts = [np.zeros(x.size) if x.value is None else np.ravel(x.value, order="F") for x in self.variables]
         z = np.concatenate(parts).astype(np.float64)
-        s = np.zeros(self._replaced.constant.size)
+        Z, W, constant = self._ordered.replaced
+        s = np.zeros(constant.size)
         if s.size:
-            Z, W, constant = self._replaced
             with suppress(ArithmeticError):  # f, which has the same atoms, will say so
                 s = self._function(Z, constant, W, "r")(z)
         return np.concatenate([z, s])
@@ -116,10 +111,10 @@ class CvxpyReading:
         return list(zip(self.variables, unstacked(z, self.variables), strict=True))
 
     def multipliers(self, z: Vector) -> list[tuple[Any, Any]]:
-        return self._by_condition(self._sign * self.problem.p(z)[self._owned_columns])
+        return self._by_condition(self._ordered.sign * self.problem.p(z)[self._ordered.owned_columns])
 
     def row_name(self, row: int) -> str:
-        position = np.flatnonzero(self._owned_columns == row)
+        position = np.flatnonzero(self._ordered.owned_columns == row)
         if not position.size:
             return named(self._equations[0]) if len(self._equations) == 1 else "one of the equations"
         number, place = at([p for p, _ in self._pairs], int(position[0]))
@@ -127,18 +122,19 @@ class CvxpyReading:
 
     def distances(self, z: Vector) -> list[tuple[Any, Any]]:
         """The conditions without bounds, each with its r, as it was written, at `z`."""
-        r = self.problem.r(z)
+        columns = self._ordered.owned_columns
+        r = self.problem.r(z)[columns]
         above = self.problem.r_upper(z)
         if above is not None:
-            r[self._owned_columns] = np.where(self._sign < 0, -above[self._owned_columns], r[self._owned_columns])
-        distances = self._by_condition((r * self._scale)[self._owned_columns])
+            r = np.where(self._ordered.sign < 0, -above[columns], r)
+        distances = self._by_condition(r * self._ordered.r.Z.diagonal()[columns])
         return [(one, value) for one, value in distances if not one.is_bounded]
 
     def checked(self, solution: Solution) -> Solution:
         """`solution`, unless it violates an inequality."""
         if not self._inequalities:
             return solution
-        rows = self._checked.wider(self._replaced.constant.size)
+        rows = self._checked.wider(self._ordered.replaced.constant.size)
         return checked(solution, rows.Z, rows.constant, self._inequality)
 
     def _inequality(self, row: int) -> str:
@@ -149,9 +145,9 @@ class CvxpyReading:
         return list(zip(self._conditions, unstacked(rows, [p for p, _ in self._pairs]), strict=True))
 
     def _read(self, last: ICP | None) -> ICP:
-        p, r, lower, upper = self._in_order(*self._parts(self.compiled.rows()))[:4]
+        self._ordered = in_order(*self._parts(self.compiled.rows()))
+        p, r, lower, upper = self._ordered[:4]
         n = p.constant.size
-        self._scale = r.Z.diagonal()
         before = self._obstacles
         now = self._obstacle(r, lower, "psi"), upper and self._obstacle(r, upper, "upper")
         self._check_crossing(*now)
@@ -177,13 +173,6 @@ class CvxpyReading:
 
     def _function(self, G: sp.csr_array, c: Vector, V: sp.csr_array, name: str) -> SumOfTerms:
         return SumOfTerms(G, c, V, frozen(list(self.compiled.atoms.values()), self.variables), f"{name} of CVXPY")
-
-    def _in_order(self, *parts: Any) -> OrderedRows:
-        ordered = in_order(*parts)
-        self._sign = ordered.sign
-        self._owned_columns = ordered.owned_columns
-        self._replaced = ordered.replaced
-        return ordered
 
     def _parts(self, rows: AffineRows) -> tuple[Any, ...]:
         """The compiled `rows` of p, of r, of the equations, and of the bounds of r, None where no condition has such a
