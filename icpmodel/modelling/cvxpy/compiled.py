@@ -116,8 +116,9 @@ def _as_product(cumsum: cp.cumsum, atoms: dict[cp.Variable, cp.Expression]) -> c
     """Lx with the matrix L of ones below the diagonal, along the axis of the array."""
     x = _separate_atoms(cumsum.args[0], atoms)
     axis = cumsum.axis
-    if not isinstance(axis, int):
-        return np.tril(np.ones((x.size, x.size))) @ cp.vec(x, order="C")
+    if axis is None:
+        x = cp.vec(x, order="C")
+        axis = 0
     before = math.prod(x.shape[:axis])
     after = math.prod(x.shape[axis:][1:])
     L = np.tril(np.ones((x.shape[axis], x.shape[axis])))
