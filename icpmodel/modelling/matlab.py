@@ -27,9 +27,8 @@ from .archive import REAL_KINDS, check_room, content_errors, open_to_read
 #: the bytes before the first variable; the last two of them tell the byte order
 _HEADER_BYTES = 128
 _ORDERS = {b"IM": "<", b"MI": ">"}
-#: the type of a compressed variable, and the bytes of a piece in which it is unpacked: only what fits is unpacked
+#: the type of a compressed variable
 _COMPRESSED = 15
-_PIECE_BYTES = 1 << 24
 
 
 def read_variables(path: Path) -> dict[str, Any]:
@@ -57,8 +56,8 @@ def _check_room(path: Path, content: bytes, order: str) -> None:
         packed = zlib.decompressobj()
         packed_bytes = content[at - size : at] if kind == _COMPRESSED else b""
         total = 0
-        while packed_bytes and not packed.eof:
-            total += len(packed.decompress(packed_bytes, _PIECE_BYTES))
+        while packed_bytes and not packed.eof:  # in pieces of its own size: only what fits is unpacked
+            total += len(packed.decompress(packed_bytes, size))
             packed_bytes = packed.unconsumed_tail
             check_room(str(path), 2.0 * total)
 
