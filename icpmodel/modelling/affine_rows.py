@@ -78,11 +78,6 @@ class SumOfTerms:
         """ψ(z). Raises ArithmeticError where an expression has no finite value at `z`."""
         return np.asarray(self.G @ z + self.c + self.V @ self.w.value(z))
 
-    def terms(self, z: Vector) -> Vector:
-        """The sums of the absolute values of the terms of z − ψ(z)."""
-        affine_terms = abs(sp.eye_array(z.size) - self.G) @ np.abs(z)
-        return np.asarray(affine_terms + np.abs(self.c) + abs(self.V) @ np.abs(self.w.value(z)))
-
     def jacobian(self, z: Vector) -> sp.csr_array:
         """ψ′(z) = G + Vw′(z). At the edge of a domain, where w has no finite derivative, that of a point next to z is
         taken. Raises ArithmeticError where an expression has no gradient there either."""

@@ -15,12 +15,12 @@ from ..numerics.rounding import UNIT_ROUNDOFF
 from ..problem.function import Function
 from ..problem.map import Map
 from ..problem.two_sided import mid, sides_of
+from ..solve.goal import RTOL
 from ..solve.solution import Solution, Status
 from .affine_rows import SumOfTerms
 
-#: share of its terms up to which a side counts as 0: the tolerance of PATH and of GAMS's other MCP solvers
-_ZERO_SHARE = 1e-6
-#: a larger rtol allows this multiple of it as a share
+#: share of its terms up to which a side counts as 0, as a multiple of rtol: by default 1e-6, the tolerance of PATH and
+#: of GAMS's other MCP solvers; no smaller rtol makes it smaller
 _RTOL_FACTOR = 100.0
 
 
@@ -63,7 +63,7 @@ def solved(reading: Reading, method: str | Method | None = None, *, z0: Any = No
     # a certified error, and the paper's residual, were asked for in units that the user has chosen
     if not solution.solved or solution.accuracy or solution.residual > solution.tolerance:
         return solution
-    limit = max(_ZERO_SHARE, _RTOL_FACTOR * float(options.get("rtol") or 0.0))
+    limit = _RTOL_FACTOR * max(RTOL, options.get("rtol", RTOL))
     shares = _shares(reading, solution.z)
     if not shares.max(initial=0.0) > limit:
         return solution
@@ -107,9 +107,13 @@ def _shares(reading: Reading, z: Vector) -> Vector:
 
 def _terms(psi: Map, z: Vector, size: Vector) -> Vector:
     """The sums of the absolute values of the terms of z − ψ(z), shape (n,), where |z| counts as `size`."""
+    nonlinear = 0.0
     if psi.linear is not None:
         G, c = psi.linear
-        return np.asarray(abs(sp.eye_array(z.size) - G) @ size + np.abs(c))
-    if isinstance(psi, Function) and isinstance(psi.fun, SumOfTerms):
-        return psi.fun.terms(z)
-    return size + np.abs(psi.value(z))
+    elif isinstance(psi, Function) and isinstance(psi.fun, SumOfTerms):
+        G = psi.fun.G
+        c = psi.fun.c
+        nonlinear = abs(psi.fun.V) @ np.abs(psi.fun.w.value(z))
+    else:
+        return size + np.abs(psi.value(z))
+    return np.asarray(abs(sp.eye_array(z.size) - G) @ size + np.abs(c) + nonlinear)
