@@ -13,11 +13,10 @@ from ..affine_rows import AffineRows
 from ..matching import cheapest, left_over
 from .condition_rows import ConditionRows, Side
 
-#: the cost of a row's own variable that is not on the side for r, is missing on one side, or has different signs on
-#: the two. Below these costs the powers of two of the coefficients decide
-_NOT_IN_R_COST = 2e7
-_MISSING_COST = 1e7
-_OPPOSITE_SIGN_COST = 1e5
+#: the cost of a row's own variable that has different signs on the two sides. To be missing on a side costs the square
+#: of this, not to be on the side for r twice as much. Below these costs the powers of two of the coefficients decide,
+#: whose sums over two sides differ by 4196 at most
+_OPPOSITE_SIGN_COST = 1e4
 #: the number of names in a message
 _MAX_LISTED = 5
 
@@ -105,7 +104,8 @@ class Ownership:
             size = np.where(coefficient == 0, 0.0, np.log2(np.abs(coefficient))).sum(axis=0)
         opposite = np.sign(coefficient).prod(axis=0) < 0
         missing = (coefficient == 0).sum(axis=0)
-        cost = _NOT_IN_R_COST * ~in_r + _MISSING_COST * missing + _OPPOSITE_SIGN_COST * opposite - size
+        absent = missing + 2 * ~in_r
+        cost = _OPPOSITE_SIGN_COST * (_OPPOSITE_SIGN_COST * absent + opposite) - size
         owned_columns = cheapest(row, col, cost, m, m) if m == n else None
         if owned_columns is None:
             conditions, unowned = left_over(row, col, (m, n))
