@@ -76,7 +76,7 @@ class NonlinearRows:
         expressions: list[Any] = [None] * self.size
         for one in self.compiled:
             for row, variables, constants in zip(one.rows, one.variables.T, one.constants.T.tolist(), strict=True):
-                expressions[int(row)] = _rebuilt(one.tokens, [x[j] for j in variables], constants)
+                expressions[int(row)] = _rebuilt(one.tokens, [x[j] for j in variables], constants, pyo)
         return expressions
 
 
@@ -123,8 +123,9 @@ def _word(kind: type) -> str:
     return next((word for word, (node, _) in _OPERATIONS.items() if issubclass(kind, node)), "")
 
 
-def _rebuilt(tokens: tuple[Any, ...], variables: Sequence[Any], constants: Sequence[Any]) -> Any:
-    """The Pyomo expression of this shape with these variables and constants."""
+def _rebuilt(tokens: tuple[Any, ...], variables: Sequence[Any], constants: Sequence[Any], functions: Any) -> Any:
+    """The expression of this shape with these variables and constants, by the `functions` of Pyomo or of NumPy: arrays
+    give its values."""
     left = list(constants)
     stack: list[Any] = []
     for token in reversed(tokens):
@@ -134,7 +135,7 @@ def _rebuilt(tokens: tuple[Any, ...], variables: Sequence[Any], constants: Seque
             stack.append(variables[token])
         else:
             word, count = token
-            stack.append(_called(word, pyo)(*[stack.pop() for _ in range(count)]))
+            stack.append(_called(word, functions)(*[stack.pop() for _ in range(count)]))
     return stack.pop()
 
 
@@ -157,12 +158,10 @@ class _CompiledExpression:
         stand_in.x, stand_in.c = pyo.Var(range(len(self.variables))), pyo.Var(range(len(self.constants)))
         x = list(stand_in.x.values())
         c = list(stand_in.c.values())
-        template = _rebuilt(tokens, x, c)
+        template = _rebuilt(tokens, x, c, pyo)
         #: position of every known quantity in the list that a run fills: first x and c, then one per step
         self._place = {id(leaf): k for k, leaf in enumerate([*x, *c])}
         self._steps: list[tuple[Callable[..., Any], tuple[Any, ...]]] = []
-        self._value = self._compile(template)
-        self._value_steps = len(self._steps)
         gradient = differentiate(template, wrt_list=x, mode=Modes.reverse_symbolic)
         self._gradient = [self._compile(derivative) for derivative in gradient]
         self._references = (stand_in, template, gradient)  # ids are those of living objects
@@ -187,16 +186,13 @@ class _CompiledExpression:
             self._steps.append((_called(word, np), places))
         return self._where(root)
 
-    def _run(self, x: Vector, steps: int, outputs: list[Any]) -> list[Any]:
-        """The values at the `outputs` places after `steps` operations; numbers are as they are."""
-        known: list[Any] = [*x[self.variables], *self.constants]
-        with np.errstate(all="ignore"):  # the judge sees what is not finite
-            for function, places in self._steps[:steps]:
-                known.append(function(*[known[k] if isinstance(k, int) else k for k in places]))
-        return [known[k] if isinstance(k, int) else k for k in outputs]
-
+    @np.errstate(all="ignore")  # the judge sees what is not finite
     def value(self, x: Vector) -> Any:
-        return self._run(x, self._value_steps, [self._value])[0]
+        return _rebuilt(self.tokens, x[self.variables], self.constants, np)
 
+    @np.errstate(all="ignore")
     def derivatives(self, x: Vector) -> list[Any]:
-        return self._run(x, len(self._steps), self._gradient)
+        known: list[Any] = [*x[self.variables], *self.constants]
+        for function, places in self._steps:
+            known.append(function(*[known[k] if isinstance(k, int) else k for k in places]))
+        return [known[k] if isinstance(k, int) else k for k in self._gradient]
