@@ -28,23 +28,20 @@ from ..running_log import printed_on
 from .models import PyomoReading, read_pyomo
 
 _VERSION = version("icpmodel")
-#: status → Pyomo's name of the end of a run and of the point at its end; SOLVED alone is a success
-TERMINATIONS = {
-    Status.SOLVED: (TerminationCondition.convergenceCriteriaSatisfied, SolutionStatus.optimal),
-    Status.PRECISION_LIMIT: (TerminationCondition.unknown, SolutionStatus.unknown),
-    Status.STAGNATED: (TerminationCondition.minStepLength, SolutionStatus.infeasible),
-    Status.CYCLED: (TerminationCondition.unknown, SolutionStatus.infeasible),
-    Status.DIVERGED: (TerminationCondition.unknown, SolutionStatus.infeasible),
-    Status.INFEASIBLE: (TerminationCondition.provenInfeasible, SolutionStatus.infeasible),
-    Status.ITERATION_LIMIT: (TerminationCondition.iterationLimit, SolutionStatus.infeasible),
-    Status.TIME_LIMIT: (TerminationCondition.maxTimeLimit, SolutionStatus.infeasible),
-    Status.MEMORY_LIMIT: (TerminationCondition.error, SolutionStatus.infeasible),
-    Status.INTERRUPTED: (TerminationCondition.interrupted, SolutionStatus.infeasible),
-    Status.STOPPED: (TerminationCondition.interrupted, SolutionStatus.infeasible),
-    Status.MAP_FAILED: (TerminationCondition.error, SolutionStatus.infeasible),
-    Status.CROSSED: (TerminationCondition.error, SolutionStatus.infeasible),
-    Status.WORKER_LOST: (TerminationCondition.error, SolutionStatus.infeasible),
+#: status → Pyomo's name of the end of a run
+_TERMINATIONS = {
+    Status.SOLVED: TerminationCondition.convergenceCriteriaSatisfied,
+    Status.STAGNATED: TerminationCondition.minStepLength,
+    Status.INFEASIBLE: TerminationCondition.provenInfeasible,
+    Status.ITERATION_LIMIT: TerminationCondition.iterationLimit,
+    Status.TIME_LIMIT: TerminationCondition.maxTimeLimit,
+    **dict.fromkeys([Status.PRECISION_LIMIT, Status.CYCLED, Status.DIVERGED], TerminationCondition.unknown),
+    **dict.fromkeys([Status.INTERRUPTED, Status.STOPPED], TerminationCondition.interrupted),
+    **dict.fromkeys([Status.MEMORY_LIMIT, Status.WORKER_LOST], TerminationCondition.error),
+    **dict.fromkeys([Status.MAP_FAILED, Status.CROSSED], TerminationCondition.error),
 }
+#: status → Pyomo's name of the point at the end, else infeasible; SOLVED alone is a success
+_POINTS = {Status.SOLVED: SolutionStatus.optimal, Status.PRECISION_LIMIT: SolutionStatus.unknown}
 #: options of Pyomo's new solvers that do not apply to this one
 _IGNORED_OPTIONS = {
     "threads": "icpmodel takes the cores that the process may run on, see os.sched_setaffinity",
@@ -202,7 +199,8 @@ class PyomoSolver(SolverBase):
         checked = solution
         if solution.status in (Status.SOLVED, Status.PRECISION_LIMIT):
             checked = reading.checked(solution)
-        results.termination_condition, results.solution_status = TERMINATIONS[checked.status]
+        results.termination_condition = _TERMINATIONS[checked.status]
+        results.solution_status = _POINTS.get(checked.status, SolutionStatus.infeasible)
         results.solver_log = checked.message
         if checked.status is Status.STAGNATED and checked is not solution:
             results.termination_condition = TerminationCondition.unknown
