@@ -73,18 +73,17 @@ class LastDerivative:
     """The derivative that was last asked for, with its factors, and the arrays and z that it belongs to."""
 
     def __init__(self) -> None:
-        self.key: tuple[tuple[str, bytes], ...] = ()
-        self.derivative: Derivative | None = None
         self.lock = RLock()
+        self.forget()
 
     def forget(self) -> None:
         """Forget the derivative."""
-        self.key = ()
-        self.derivative = None
+        self.key: tuple[tuple[str, bytes], ...] = ()
+        self.derivative: Derivative | None = None
 
 
 class MappedArrays:
-    """The arrays of a callback, over which JAX may have mapped: one problem or direction an index of `batch_shape`.
+    """The arrays of a callback, over which JAX may have mapped: one problem an index of `batch_shape`.
 
     `shapes` are those of a single one.
     """
@@ -112,10 +111,6 @@ class MappedArrays:
         """Whether each row has an argument of its own."""
         return any(len(one) > 1 for one in self.arrays[name])
 
-    def row_numbers(self, batch_shape: Shape) -> Any:
-        """The number of the row at each index of a larger `batch_shape`."""
-        return np.broadcast_to(np.arange(self.count).reshape(self.batch_shape), batch_shape).reshape(-1)
-
 
 @dataclass(frozen=True, eq=False)
 class Callbacks:
@@ -139,9 +134,8 @@ class Callbacks:
         rows = MappedArrays(arrays, self.shapes)
         answers = self.answers(rows)
         if isinstance(answers, Solutions):
-            Z = answers.Z
-            failed = np.array([status not in _ANSWERS for status in answers.statuses])
-            Z = np.where(failed[:, None], np.nan, Z) if failed.any() else Z
+            Z = answers.Z.copy()
+            Z[[status not in _ANSWERS for status in answers.statuses]] = np.nan
         else:
             nothing = np.full(self.problem.n, np.nan)
             Z = np.array([nothing if one is None or one.status not in _ANSWERS else one.z for one in answers])
@@ -228,19 +222,18 @@ class Callbacks:
     def each(self, residuals: Arrays, vectors: Any, act: Callable[[Derivative, Vector], Vector], size: int) -> Any:
         """`act` on every derivative with its vectors, of length `size`; NaN in rows without a derivative."""
         rows = MappedArrays(residuals, self.shapes | {"z": ((self.problem.n,),)})
-        directions = MappedArrays({"": (vectors,)}, {"": (np.shape(vectors)[-1:],)})
-        batch_shape = np.broadcast_shapes(rows.batch_shape, directions.batch_shape)
-        row_numbers = rows.row_numbers(batch_shape)
-        of_directions = directions.row_numbers(batch_shape)
+        directions = np.asarray(vectors)
+        batch_shape = np.broadcast_shapes(rows.batch_shape, directions.shape[:-1])
+        row_numbers = np.broadcast_to(np.arange(rows.count).reshape(rows.batch_shape), batch_shape).reshape(-1)
+        directions = np.broadcast_to(directions, batch_shape + directions.shape[-1:]).reshape(row_numbers.size, -1)
         results = np.full((row_numbers.size, size), np.nan)
         with self.last.lock, one_blas_thread():
             for k in np.argsort(row_numbers, kind="stable"):  # one derivative after the other
                 derivative = self.derivative(rows.at(row_numbers[k]))
-                (vector,) = directions.at(of_directions[k])[""]
-                if derivative is None or not np.isfinite(vector).all():
+                if derivative is None or not np.isfinite(directions[k]).all():
                     continue
                 try:
-                    results[k] = act(derivative, vector)
+                    results[k] = act(derivative, directions[k])
                 except SingularOperator:
                     if self.raise_on_failure:
                         raise
