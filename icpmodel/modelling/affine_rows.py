@@ -36,7 +36,7 @@ class AffineRows(NamedTuple):
         if zero.any():
             Z.eliminate_zeros()
             W.eliminate_zeros()
-        return AffineRows(Z, W, np.where(zero, 0.0, factor * np.where(zero, 0.0, self.constant)))
+        return AffineRows(Z, W, factor * np.where(zero, 0.0, self.constant))
 
     def plus(self, other: AffineRows) -> AffineRows:
         """The sums, row by row."""

@@ -22,7 +22,7 @@ from ..icp import ICP
 from ..present.whole_files import as_path
 from ..problem.affine import Affine
 from ..problem.data import ProblemLike, as_problem
-from ..problem.two_sided import TwoSidedObstacle
+from ..problem.two_sided import sides_of
 from .archive import check_kind, content_errors, write_arrays
 from .formats import as_values, read_named, read_values
 
@@ -166,15 +166,13 @@ def problem_parts(problem: ProblemLike) -> dict[str, Any]:
     problem = as_problem(problem, nonlinear=True)
     if problem.f is not None:
         raise InputError(f"f is {problem.f!r}, code of yours; only problems with affine p can be written to a file")
-    psi = problem.psi
-    sides = {"psi": psi} if not isinstance(psi, TwoSidedObstacle) else {"psi": psi.lower, "upper": psi.upper}
     parts: dict[str, Any] = {"A": problem.A, "q": problem.q}
-    for side, one in sides.items():
+    for (side, prefix), one in zip(OBSTACLE_PREFIXES.items(), sides_of(problem.psi), strict=False):
         if one.linear is None:
             raise InputError(f"{side} is {one!r}; only zero, constant and affine maps can be written to a file")
-        G, parts[f"{OBSTACLE_PREFIXES[side]}c"] = one.linear
+        G, parts[f"{prefix}c"] = one.linear
         if not one.is_constant:
-            parts[f"{OBSTACLE_PREFIXES[side]}G"] = G
+            parts[f"{prefix}G"] = G
     return parts
 
 

@@ -85,7 +85,7 @@ def save_solution(solution: Solution, path: str | PathLike[str]) -> None:
         write_whole(
             path,
             lambda file: np.savetxt(file, rows, "%.17g", ",", header=_HEADS, comments=""),
-            lambda: check_ours(path, begins=_HEADS.encode()),
+            lambda: check_place(path),
         )
         return
     if solution.infeasible is not None:
@@ -95,7 +95,7 @@ def save_solution(solution: Solution, path: str | PathLike[str]) -> None:
     write_arrays(path, _SOLUTION, parts | {"about": np.array(json.dumps(solution.about()))})
 
 
-def check_place(path: str) -> None:
+def check_place(path: Source) -> None:
     """Raise FileError now where `save_solution` would later: a name that ends otherwise, or another file there."""
     place = as_path(path)
     check_suffix(place, WRITABLE_SUFFIXES)

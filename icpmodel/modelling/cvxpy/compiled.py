@@ -115,7 +115,7 @@ def _is_deep_hstack(expression: cp.Expression) -> TypeGuard[Hstack]:
 def _as_product(cumsum: cp.cumsum, atoms: dict[cp.Variable, cp.Expression]) -> cp.Expression:
     """Lx with the matrix L of ones below the diagonal, along the axis of the array."""
     x = _separate_atoms(cumsum.args[0], atoms)
-    axis = cumsum.axis
+    axis: Any = cumsum.axis
     if axis is None:
         x = cp.vec(x, order="C")
         axis = 0

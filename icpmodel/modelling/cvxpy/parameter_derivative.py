@@ -122,13 +122,13 @@ def _fill(leaf: cp.Variable | cp.Parameter, name: str, default: float) -> np.nda
     value = getattr(leaf, name)
     title = f"the {name} of {leaf.name()}"
     if value is None:
-        return np.full(leaf.shape, default)
+        value = default
     array = as_float64(as_rows(value, title).toarray() if sp.issparse(value) else value, title)
     if array.shape != leaf.shape and array.size != 1:
         raise InputError(f"{title} has shape {array.shape}; {leaf.shape}, or a number for all entries, was expected")
     if actual := not_finite(np.ravel(array, order="F"), title):
         raise InputError(f"{actual}; finite numbers were expected")
-    return np.array(np.broadcast_to(array if array.shape == leaf.shape else array.item(), leaf.shape), dtype=np.float64)
+    return np.full(leaf.shape, array if array.shape == leaf.shape else array.item())
 
 
 def _free_entries(parameter: cp.Parameter, value: np.ndarray) -> Vector:

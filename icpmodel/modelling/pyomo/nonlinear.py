@@ -123,7 +123,7 @@ def _word(kind: type) -> str:
     return next((word for word, (node, _) in _OPERATIONS.items() if issubclass(kind, node)), "")
 
 
-def _rebuilt(tokens: tuple[Any, ...], variables: Sequence[Any], constants: Sequence[Any], functions: Any) -> Any:
+def _rebuilt(tokens: tuple[Any, ...], variables: Any, constants: Any, functions: Any) -> Any:
     """The expression of this shape with these variables and constants, by the `functions` of Pyomo or of NumPy: arrays
     give its values."""
     left = list(constants)
