@@ -97,14 +97,6 @@ def obstacle(
 
     ρ_i is the coefficient of z_i in r_i, or 1 where that is 0.
     """
-    G, c, V = _obstacle_terms(r, bound)
-    if V.nnz:
-        return nonlinear_map(G, c, V)
-    return Affine(G, c) if G.nnz else c
-
-
-def _obstacle_terms(r: AffineRows, bound: AffineRows | None) -> tuple[sp.csr_array, Vector, sp.csr_array]:
-    """G, c and V of z − (r − `bound`)/ρ = Gz + c + Vw, the bound being 0 where it is None."""
     R, W, constant = r
     diagonal = R.diagonal()
     absent = (diagonal == 0) & np.isfinite(constant)
@@ -118,10 +110,11 @@ def _obstacle_terms(r: AffineRows, bound: AffineRows | None) -> tuple[sp.csr_arr
     if absent.any():
         G = sp.csr_array(G + sp.diags_array(absent.astype(np.float64)))
     V = sp.csr_array(sp.diags_array(factor) @ W)
-    if bound is None:
-        return G, c, V
-    # where it is infinite nothing moves
-    is_finite = np.where(np.isinf(bound.constant) | np.isinf(c), 0.0, 1.0)
-    c = np.where(np.isinf(bound.constant), bound.constant, c)
-    G, V, moved = AffineRows(G, V, np.zeros(c.size)).times(is_finite).plus(bound.times(is_finite / scale))
-    return G, c + moved, V
+    if bound is not None:  # where it is infinite nothing moves
+        is_finite = np.where(np.isinf(bound.constant) | np.isinf(c), 0.0, 1.0)
+        c = np.where(np.isinf(bound.constant), bound.constant, c)
+        G, V, moved = AffineRows(G, V, np.zeros(c.size)).times(is_finite).plus(bound.times(is_finite / scale))
+        c = c + moved
+    if V.nnz:
+        return nonlinear_map(G, c, V)
+    return Affine(G, c) if G.nnz else c
