@@ -53,12 +53,12 @@ def in_a_process(items: Callable[[], Iterator[_T]], end: float) -> Iterator[_T]:
             seconds_left = None if end == math.inf else max(end - time.perf_counter(), 0.0)
             if not select.select([reader], [], [], seconds_left)[0]:
                 raise OutOfTime("the time is over")
-            length = _read(reader, _LENGTH_BYTES)
-            if not length:
+            data = _read(reader, int.from_bytes(_read(reader, _LENGTH_BYTES), "big"))
+            if not data:
                 _, status = os.waitpid(child, 0)
                 child = 0
                 raise ChildProcessError(f"its process died with exit code {os.waitstatus_to_exitcode(status)}")
-            ended, item = pickle.loads(_read(reader, int.from_bytes(length, "big")))
+            ended, item = pickle.loads(data)
             if ended and item is not None:
                 raise item
             if ended:
@@ -95,9 +95,12 @@ def _write(writer: int, item: Any) -> None:
         data = data[os.write(writer, data) :]
 
 
-def _read(reader: int, count: int) -> bytes:
-    """Read `count` bytes, or fewer if the other end is closed."""
-    data = b""
-    while len(data) < count and (more := os.read(reader, count - len(data))):
+def _read(reader: int, count: int) -> bytearray:
+    """Read `count` bytes; none if the other end is closed before."""
+    data = bytearray()
+    while len(data) < count:
+        more = os.read(reader, count - len(data))
+        if not more:
+            return bytearray()
         data += more
     return data
