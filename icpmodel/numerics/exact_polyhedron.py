@@ -6,6 +6,7 @@ by a single linear program, MIT Working Paper 1674-85 (1985).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from fractions import Fraction
 
@@ -15,20 +16,39 @@ Rational = list[Fraction]
 
 
 def row_reduce(rows: Rationals, columns: int) -> list[int]:
-    """Gauss–Jordan elimination in place on the first `columns` columns.
+    """Gauss–Jordan elimination in place on the first `columns` columns, without fractions on the way.
 
     Returns the pivot columns; row k then has 1 in the k-th of them, and the others have 0 there.
+
+    References
+    ----------
+    Bareiss, Math. Comp. 22 (1968): all entries are minors, so that the divisions have no remainder.
     """
+    integers = [_in_integers(row) for row in rows]
     pivots: list[int] = []
+    last = 1
     for column in range(columns):
         top = len(pivots)
-        k = next((k for k in range(top, len(rows)) if rows[k][column]), None)
+        k = next((k for k in range(top, len(integers)) if integers[k][column]), None)
         if k is None:
             continue
-        rows[top], rows[k] = rows[k], rows[top]
-        _eliminate(rows, top, column)
+        integers[top], integers[k] = integers[k], integers[top]
+        row = integers[top]
+        pivot = row[column]
+        for i, other in enumerate(integers):
+            if i != top:
+                factor = other[column]
+                integers[i] = [(pivot * x - factor * y) // last for x, y in zip(other, row, strict=True)]
+        last = pivot
         pivots.append(column)
+    rows[:] = [[Fraction(entry, last) for entry in row] for row in integers]
     return pivots
+
+
+def _in_integers(row: Rational) -> list[int]:
+    """A multiple of `row` in whole numbers."""
+    unit = math.lcm(*(entry.denominator for entry in row))
+    return [int(entry * unit) for entry in row]
 
 
 def _eliminate(rows: Rationals, top: int, column: int) -> None:

@@ -1,0 +1,23 @@
+"""Elimination in rational arithmetic."""
+
+from fractions import Fraction
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from icpmodel.numerics.exact_polyhedron import row_reduce
+
+ENTRIES = st.one_of(st.integers(-3, 3), st.fractions(max_denominator=7), st.floats(-1e9, 1e9)).map(Fraction)
+MATRICES = st.integers(1, 5).flatmap(lambda n: st.lists(st.lists(ENTRIES, min_size=n, max_size=n), max_size=6))
+
+
+@given(rows=MATRICES)
+def test_reduced_rows_are_a_basis_of_the_row_space(rows):
+    reduced = [list(row) for row in rows]
+    pivots = row_reduce(reduced, len(rows[0]) if rows else 0)
+    for k, pivot in enumerate(pivots):
+        assert [row[pivot] for row in reduced] == [int(i == k) for i in range(len(rows))]
+    assert not any(map(any, reduced[len(pivots) :]))
+    for row in rows:
+        pairs = list(zip([row[pivot] for pivot in pivots], reduced, strict=False))
+        assert row == [sum((x * one[j] for x, one in pairs), Fraction(0)) for j in range(len(row))]
