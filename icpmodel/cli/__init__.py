@@ -7,11 +7,13 @@ and `crosscheck` show what they have, and exit as above.
 
 from __future__ import annotations
 
+import io
 import os
 import shlex
 import signal
 import sys
 import threading
+from contextlib import suppress
 from importlib import import_module
 from types import FrameType
 from typing import Any
@@ -61,7 +63,17 @@ _EXAMPLES = {
 }
 
 
+class _NoReaderError(Exception):
+    """Standard output is a pipe that nobody reads any more."""
+
+
 class _Commands(click.Group):
+    def invoke(self, ctx: click.Context) -> Any:
+        try:
+            return super().invoke(ctx)
+        except BrokenPipeError as error:  # click would end the process with code 1
+            raise _NoReaderError(error.strerror) from None
+
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Examples"):
             examples = [(f"icpmodel {typed}", description) for typed, description in _EXAMPLES.items()]
@@ -125,10 +137,14 @@ def main(arguments: list[str] | None = None) -> None:
         sys.exit(_run(arguments))
     if any(name in os.environ for name in _RANK_VARIABLES):
         signal.signal(signal.SIGTERM, _leave)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a letter that it has not is no reason to lose the rest
+            stream.reconfigure(errors="backslashreplace")
     code = _run(sys.argv[1:])
     if any(thread.name == ABANDONED_THREAD for thread in threading.enumerate()):
-        for stream in filter(None, (sys.stdout, sys.stderr)):
-            stream.flush()
+        with suppress(OSError):
+            for stream in filter(None, (sys.stdout, sys.stderr)):
+                stream.flush()
         os._exit(code)
     sys.exit(code)
 
@@ -144,7 +160,8 @@ def _run(arguments: list[str]) -> int:
     """The exit code of the command."""
     code: Any
     try:
-        typed = shlex.join(["icpmodel", *arguments])
+        # one line of text, also where the name of a file is none
+        typed = shlex.join(["icpmodel", *arguments]).replace("\n", "\\n").encode("utf-8", "backslashreplace").decode()
         if _ASL in arguments:
             raise click.UsageError(_NO_ASL)
         load_plugins()
@@ -167,7 +184,7 @@ def _run(arguments: list[str]) -> int:
         if isinstance(error, CTRL_C) and not is_ctrl_c(error):
             raise
         code = complain("interrupted", 130)
-    except OSError as error:  # a full disk, or a reader such as head that has seen enough
-        code = complain(f"cannot write the output: {error.strerror or error}")
+    except (OSError, _NoReaderError) as error:  # a full disk, or a reader such as head that has seen enough
+        code = complain(f"cannot write the output: {getattr(error, 'strerror', None) or error}")
         sys.stdout = open(os.devnull, "w")  # noqa: SIM115  or Python complains again at exit
     return code or 0

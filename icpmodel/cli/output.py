@@ -6,7 +6,7 @@ import json
 import logging
 import math
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import click
@@ -60,7 +60,8 @@ def compilation_announced() -> Iterator[None]:
 
 def complain(message: str, code: int = 2) -> int:
     """One line on standard error; the exit code that goes with it."""
-    click.echo("icpmodel: " + " ".join(message.split()), err=True)
+    with suppress(OSError):  # nobody can be told
+        click.echo("icpmodel: " + " ".join(message.split()), err=True)
     return code
 
 
@@ -88,7 +89,8 @@ def measured(measure: Callable[[], Any], show: Callable[[Any], None], if_interru
 
 def wrote(path: Any) -> None:
     """Say on standard error what was written."""
-    click.echo(f"wrote {path}", err=True)
+    with suppress(OSError):
+        click.echo(f"wrote {path}", err=True)
 
 
 def _finite(value: Any) -> Any:

@@ -14,6 +14,7 @@ from ..errors import InputError, Interrupted
 from ..icp import ICP
 from ..modelling.files import save_problem
 from ..modelling.solution_files import check_place, read_start, save_solution
+from ..numerics.arrays import as_number
 from ..present.card import Card
 from ..present.table import Table
 from ..present.whole_files import as_path, place_of
@@ -75,6 +76,9 @@ def solve(output: str | None, polish: bool, problem_file: str | None, as_json: b
             polished = solution.polish()
             _ = polished.certificate
             solution = polished
+    if output is not None:  # before it is printed, as nobody may read that
+        save_solution(solution, output)
+        wrote(output)
     errors = {} if scene is None else scene.errors(solution.z)
     if as_json:
         numbers = {"z": solution.z, "p": solution.p, "r": solution.r}
@@ -83,9 +87,6 @@ def solve(output: str | None, polish: bool, problem_file: str | None, as_json: b
         click.echo(str(solution))
         if errors:
             click.echo(Card({"reference": "\n".join(f"{name}: off by {error:.3g}" for name, error in errors.items())}))
-    if output is not None:
-        save_solution(solution, output)
-        wrote(output)
     return exit_code(solution.solved, unsolved(solution))
 
 
@@ -125,6 +126,7 @@ def crosscheck(
     if csv_path is not None:
         place_of(csv_path, (".csv",), begins=HEADS)
     chosen_solvers(solvers)
+    as_number(solver_time_limit, "--solver-time-limit", above=0)
     problem, scene = named_problem(arguments)
     solution = _solve(problem, scene, arguments)
     report: Report | None = None

@@ -147,9 +147,13 @@ def _machine() -> str:
 
 def _remove_left_parts(folder: Path) -> None:
     part = re.compile(rf"\.{_machine()}-(\d+)-[0-9a-f]{{8}}\.part")
-    for name in os.listdir(folder):
+    names: list[str] = []
+    with suppress(OSError):  # the folder may be one that others cannot list
+        names = os.listdir(folder)
+    for name in names:
         if (match := part.fullmatch(name)) and not _lives(int(match[1])):
-            (folder / name).unlink(missing_ok=True)
+            with suppress(OSError):  # in a shared folder it may be another user's
+                (folder / name).unlink(missing_ok=True)
 
 
 def _lives(process: int) -> bool:

@@ -201,7 +201,7 @@ def report(
         sections=sections,
     )
     if place is not None:
-        write_ours(place, page.encode(), holds=GENERATOR)
+        write_ours(place, page.encode("utf-8", "backslashreplace"), holds=GENERATOR)
     return Page(page)
 
 

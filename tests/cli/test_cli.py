@@ -2,6 +2,7 @@
 
 import io
 import json
+import os
 import shlex
 
 import click
@@ -426,3 +427,40 @@ def test_a_command_says_that_it_compiles_wherever_standard_error_goes_and_the_li
     heard = run("-c", COMPILES, who, folder=tmp_path).stderr
     assert heard.startswith(said)
     assert bool(heard) is bool(said)
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="a Linux device that is always full")
+@pytest.mark.parametrize(
+    ("command", "written"),
+    [
+        (["solve", "hand-lcp", "-o", "answer.npz"], "answer.npz"),
+        (["stability", "relaxation", "hand-lcp", "--points", "2", "-o", "map.png"], "map.csv"),
+    ],
+)
+def test_what_is_written_is_not_lost_where_the_text_cannot_be_printed(command, written, tmp_path):
+    script = f"import sys; sys.stdout = open('/dev/full', 'w')\nfrom icpmodel.cli import main; main({command})"
+    ran = run("-c", script, folder=tmp_path)
+    assert ran.returncode == 2
+    assert "cannot write the output: No space left on device" in ran.stderr
+    assert (tmp_path / written).stat().st_size > 0
+
+
+def test_a_reader_that_has_left_is_exit_code_2(tmp_path):
+    script = (
+        "import os, sys\nreader, writer = os.pipe(); os.close(reader)\n"
+        "sys.stdout = open(writer, 'w', buffering=1)\nfrom icpmodel.cli import main; main(['scenes'])"
+    )
+    ran = run("-c", script, folder=tmp_path)
+    assert (ran.returncode, said(ran.stderr)) == (2, "icpmodel: cannot write the output: Broken pipe\n")
+
+
+def test_letters_that_standard_output_has_not_lose_nothing_else(tmp_path, monkeypatch):
+    monkeypatch.setenv("PYTHONIOENCODING", "latin-1")
+    ran = run("-m", "icpmodel", "scenes", folder=tmp_path)
+    assert (ran.returncode, said(ran.stderr)) == (0, "")
+
+
+def test_a_wrong_limit_of_solvers_is_told_before_the_solve(capsys):
+    code, out, err = call(capsys, "crosscheck", "hand-lcp", "--solver-time-limit", "0")
+    assert (code, out) == (2, "")
+    assert "--solver-time-limit is 0.0" in err
