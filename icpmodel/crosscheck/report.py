@@ -22,7 +22,7 @@ _FILE_COLUMNS = 118
 #: the columns that are printed
 _PRINTED_COLUMNS = ("solver", "formulation", "verdict", "residual", "difference", "seconds", "note")
 #: the first line of a report in CSV
-HEADS = ",".join(Row.__annotations__).encode()
+HEADS = (",".join(Row.__annotations__) + "\n").encode()
 
 
 @dataclass(frozen=True, repr=False)

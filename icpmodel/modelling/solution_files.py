@@ -103,7 +103,7 @@ def check_place(path: Source) -> None:
         if place.suffix.lower() == ".npz":
             check_free(place, _SOLUTION)
         else:
-            check_ours(place, begins=_HEADS.encode())
+            check_ours(place, begins=f"{_HEADS}\n".encode())
 
 
 @check_arguments
@@ -169,7 +169,7 @@ def read_start(path: Path, n: int) -> Vector:
 
     Raises FileError.
     """
-    if path.suffix.lower() == ".csv" and path.is_file() and path.read_bytes().startswith(_HEADS.encode()):
+    if path.suffix.lower() == ".csv" and path.is_file() and path.read_bytes().startswith(f"{_HEADS}\n".encode()):
         return _vector(path, read_text(path, _HEADS)[:, 0], n, "z")
     if path.suffix.lower() == ".npz" and "about" in (fields := read_arrays(path)):
         check_kind(path, fields, _SOLUTION)

@@ -132,3 +132,11 @@ def test_a_saved_solution_with_a_changed_byte_is_the_same_or_refused(tmp_path):
     for changed in mutated(path, 3, 300):
         found = read_or_refused(icp.load_solution, changed)
         assert found is None or repr(found.problem) == right
+
+
+def test_a_file_with_more_columns_is_not_replaced(tmp_path):
+    mine = tmp_path / "mine.csv"
+    mine.write_text("z,p,radius\n1,2,3\n")
+    with pytest.raises(icp.FileError, match="is in the way"):
+        icp.save_solution(icp.ICP([[2.0]], [-1.0]).solve(), mine)
+    assert mine.read_text().startswith("z,p,radius")
