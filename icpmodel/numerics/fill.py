@@ -28,7 +28,7 @@ _MAX_COST_FACTOR = 50.0
 _SMALL_GRAPH = 2000
 _THIN_DEGREE = 5
 _WIDE_LAYER = 0.125
-#: rows of n with more than this multiple of √n entries are eliminated last
+#: of n rows, those with more than this multiple of √n entries are eliminated last
 _THIN_FACTOR = 10.0
 #: the diagonal of the matrix that is ordered, next to entries of 1
 _DIAGONAL = 1e3
@@ -81,7 +81,7 @@ def dense_cost(n: int, symmetric: bool = False) -> float:
 
 
 def of_part(fill: Fill, rows: int) -> Fill:
-    """The fill of `rows` of the rows with their columns, by its share of the pairs of rows."""
+    """The fill of `rows` of the rows with their columns: that of all, times the square of their share."""
     share = (rows / fill.rows) ** 2
     return fill._replace(rows=rows, entries=share * fill.entries, flops=share * fill.flops)
 
@@ -108,7 +108,7 @@ def ordered(A: sp.csr_array, symmetric: bool = False) -> tuple[Fill, NDArray[np.
     -----
     SuperLU orders the graph of A + Aᵀ by minimum degree. It does so for an incomplete factorisation
     that drops all entries off the diagonal, which costs as much as some tens of products. Rows that
-    are not `thin` come last. The elimination tree then tells the entries of each column.
+    are not `thin_rows` come last. The elimination tree then tells the entries of each column.
 
     References
     ----------
@@ -153,7 +153,7 @@ def thin_rows(A: Any) -> NDArray[np.bool_]:
     """
     n = A.shape[0]
     in_columns = np.bincount(A.indices, minlength=n)
-    return np.maximum(in_columns, np.diff(A.indptr)) <= max(_THIN_FACTOR * math.sqrt(n), 16.0)
+    return np.maximum(in_columns, np.diff(A.indptr)) <= _THIN_FACTOR * math.sqrt(n)
 
 
 def _analysis_cost(A: sp.csr_array) -> float:
@@ -276,7 +276,7 @@ class SymbolicAnalysis:
         return factor_cost(self._sparse) > limit
 
     def _without_geometry(self) -> Fill | None:
-        """An estimated fill if one breadth-first layer has many of the rows, as in an expander; else None."""
+        """An estimated fill if one breadth-first layer has many of the `thin_rows`, as in an expander; else None."""
         is_thin = thin_rows(self.matrix)
         A = self.matrix if is_thin.all() else self.matrix[is_thin][:, is_thin]
         n = A.shape[0]
@@ -290,7 +290,8 @@ class SymbolicAnalysis:
             layer, order = breadth_first_layers(*read_only((A.indptr, A.indices, np.ones(A.nnz))), np.arange(n) == last)
             last = order[-1]
         widest = float(np.bincount(layer[order]).max())
-        rough = Fill(n, widest**2, widest**3 / 3.0, False, symmetric=self.signs is not None)
+        front = widest + np.count_nonzero(~is_thin)
+        rough = Fill(is_thin.size, front**2, front**3 / 3.0, False, symmetric=self.signs is not None)
         return rough if widest > _WIDE_LAYER * n else None
 
 

@@ -69,3 +69,12 @@ def test_factors_that_would_not_fit_are_not_begun():
             factorise(A, triangles=triangles)
     with work.work_limit(memory=1e6):
         assert factorise(tree) is not None
+
+
+def test_an_estimate_counts_rows_that_are_coupled_to_many():
+    rng = np.random.default_rng(1)
+    n = 3000
+    G = sp.random_array((n, n), density=4 / n, rng=rng)
+    H = sp.vstack([sp.random_array((100, n), density=0.3, rng=rng), sp.csr_array((n - 100, n))])
+    fill = SymbolicAnalysis(sp.csr_array(G + G.T + H + H.T + 20.0 * sp.eye_array(n))).fill
+    assert fill.rows == n
