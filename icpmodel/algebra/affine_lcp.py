@@ -164,7 +164,7 @@ class AffineLcp:
         new = copy(self)
         block = self.M[np.ix_(rows, rows)]
         condition = math.inf
-        with suppress(np.linalg.LinAlgError):  # also where the inverse overflows
+        with suppress(np.linalg.LinAlgError), np.errstate(all="ignore"):  # the inverse may overflow
             inverse = np.linalg.inv(block)
             condition = float(np.linalg.norm(block, 1) * np.linalg.norm(inverse, 1))
         if not condition < _MAX_CONDITION:
@@ -216,8 +216,10 @@ def dense_lcp(problem: ProblemData) -> AffineLcp:
 
 
 def affine_obstacle(facts: Facts, psi: Map) -> tuple[Vector, Matrix | None]:
-    """c and the dense G of Gz + c, the obstacle `psi` of the two of `facts`; G is None where both are, or amount to,
-    fixed ones. Raises MapError."""
+    """c and the dense G of Gz + c, where `psi` is the lower or the upper obstacle of `facts`.
+
+    G is None where both obstacles are fixed, or amount to fixed ones. Raises MapError.
+    """
     if facts.psi.is_constant or facts.psi.linear is None or psi.linear is None:
         c = facts.obstacle if psi is facts.psi else facts.upper_obstacle
         assert c is not None

@@ -70,7 +70,10 @@ class Enumerate(Method):
 def linearised_in_turn(
     problem: ProblemData, z: Vector, candidates: Callable[[Vector], Iterator[Vector]]
 ) -> Iterator[Iterate]:
-    """`z` and the `candidates` where obstacles are linearised at the best point so far, up to 20 times if they move."""
+    """Yield `z`, then the `candidates`, with their residuals.
+
+    Obstacles that are not affine are linearised again at the best candidate, up to 20 times.
+    """
     yield z, None
     for _ in range(1 if problem.psi.linear is not None else _MAX_LINEARISATIONS):
         best = (np.inf, z)

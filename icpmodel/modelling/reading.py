@@ -63,7 +63,7 @@ def solved(reading: Reading, method: str | Method | None = None, *, z0: Any = No
     # a certified error, and the paper's residual, were asked for in units that the user has chosen
     if not solution.solved or solution.accuracy or solution.residual > solution.tolerance:
         return solution
-    limit = _RTOL_FACTOR * max(RTOL, options.get("rtol", RTOL))
+    limit = _RTOL_FACTOR * max(RTOL, options.get("rtol") or 0.0)
     shares = _shares(reading, solution.z)
     if not shares.max(initial=0.0) > limit:
         return solution

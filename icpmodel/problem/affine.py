@@ -31,13 +31,13 @@ class Constant(Map):
     is_constant = True
 
     def __init__(self, c: Any) -> None:
-        is_vector = axes(c, "psi") > 0
-        checked = as_vector(c, None if is_vector else 1, "psi", infinite=np.inf)
-        self.c: Any = checked if is_vector else checked[0]
+        self._is_number = axes(c, "psi") == 0
+        self.c = as_vector(c, 1 if self._is_number else None, "psi", infinite=np.inf)
 
     def bind(self, n: int) -> Constant:
         bound = object.__new__(Constant)
-        bound.c = locked(as_vector(self.c, n, "psi", infinite=np.inf))
+        bound.c = locked(as_vector(self.c[0] if self._is_number else self.c, n, "psi", infinite=np.inf))
+        bound._is_number = False
         bound.lipschitz = zero(n)
         bound.linear = zero(n), bound.c
         return bound

@@ -351,7 +351,7 @@ class PointValues(Displayable):
         """
         z = self.vector(z)
         sizes = [np.abs(psi.value(z)) for psi in sides_of(self.psi)]
-        size_of_psi = np.maximum.reduce([np.where(size < np.inf, size, -1.0) for size in sizes])
+        size_of_psi = np.maximum.reduce([np.where(np.isinf(size), -1.0, size) for size in sizes])
         free = size_of_psi < 0.0
         size_of_psi[free] = 0.0
         terms = np.diff(self.A.indptr) + 2

@@ -113,7 +113,7 @@ def _newton(facts: Facts) -> Estimate:
 
 
 def _part_cost(facts: Facts, symmetric: bool) -> float:
-    """The cost of new factors of the rows that are not at an obstacle, half of those that have one."""
+    """The cost of factors of the free rows, if half of the rows with an obstacle are active."""
     matrix = facts.matrix
     rows = matrix.n - facts.bounded // 2
     fill = of_part(factor_costs(matrix).fill, rows)

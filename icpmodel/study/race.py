@@ -297,7 +297,7 @@ def _own_competitors(methods: Sequence[str | Method] | None) -> list[Competitor]
 
 def _measure(case: Case, z_exact: Any, limit: float) -> tuple[str, _Error]:
     """What "error" is in words, and the function of z that gives it."""
-    _ = case.scale
+    _ = case.scale  # raises InputError where it is 0 or not finite
     problem = case.problem
     known = 0.0
     words = "max |z - z*|"

@@ -20,7 +20,7 @@ from ..theory.certificates.bounds import perturbation_bound
 _INVERT_UP_TO = 500
 #: the number of draws of the signs of the changes
 _RANDOM_SIGNS = 10
-#: ε of the change that the certificate bounds: what is of second order, and what rounding adds, are as small as it
+#: ε of the change that the certificate bounds: second-order terms and rounding are of the same size
 _RELATIVE_CHANGE = np.sqrt(UNIT_ROUNDOFF)
 
 

@@ -198,3 +198,9 @@ def test_a_copy_is_a_problem_of_its_own_in_the_same_variables():
         with pytest.raises(TypeError, match=r"a Problem cannot be; problem.icp\(\) can"):
             again(problem)
     assert pickle.loads(pickle.dumps(problem.icp())).solve().z == pytest.approx(there.solution.z, abs=1e-6)
+
+
+def test_rtol_may_be_none():
+    z = cp.Variable(2)
+    problem = icp.Problem([icp.complements(2 * z - [2, -2], z)])
+    assert problem.solve(rtol=None).z == pytest.approx([1.0, 0.0])

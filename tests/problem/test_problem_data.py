@@ -174,3 +174,9 @@ _ALONE = "one of {} alone was expected"
 def test_arguments_that_do_not_fit_are_named(call, words):
     with pytest.raises(icp.InputError, match=words):
         call()
+
+
+def test_the_rounding_of_an_obstacle_without_a_value_is_nan():
+    psi = icp.Elementwise(lambda z: np.sqrt(-1.0 - z), lambda z: 0 * z)
+    with np.errstate(invalid="ignore"):
+        assert np.isnan(icp.ICP(2.0 * np.eye(2), [1.0, -5.0], psi).rounding(np.ones(2))[1]).all()
