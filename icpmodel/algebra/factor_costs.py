@@ -11,7 +11,7 @@ from weakref import WeakKeyDictionary, ref
 import numpy as np
 
 from ..numerics import work
-from ..numerics.fill import Fill, SymbolicAnalysis, dense_cost, factor_cost, refactor_cost
+from ..numerics.fill import Fill, SymbolicAnalysis, dense_cost, factor_cost, of_part, refactor_cost
 from ..numerics.linear import steps_cost
 from ..problem.facts import Facts
 from ..problem.matrix import Matrix
@@ -58,12 +58,19 @@ class FactorCosts:
     @cached_property
     def first(self) -> float:
         """The cost for A, or a matrix with its pattern: the sparse or the dense one, whichever is less."""
-        return min(factor_cost(self.fill), self.dense)
+        return self.part(self.n)
 
     @cached_property
     def unsymmetric(self) -> float:
         """The cost for an unsymmetric matrix with the pattern of A."""
-        return min(factor_cost(self.fill._replace(symmetric=False)), dense_cost(self.n))
+        return self.part(self.n, symmetric=False)
+
+    def part(self, rows: int, *, symmetric: bool = True) -> float:
+        """The cost for `rows` of the rows with their columns, `symmetric` where A is: the sparse or the dense one."""
+        fill = of_part(self.fill, rows)
+        if not symmetric:
+            fill = fill._replace(symmetric=False)
+        return min(factor_cost(fill), dense_cost(rows, symmetric and self._is_symmetric()))
 
     @cached_property
     def repeated(self) -> float:

@@ -9,7 +9,7 @@ import scipy.sparse as sp
 
 from ..numerics.arrays import Mask, Vector, norm
 from ..numerics.factorisation import factorise
-from ..numerics.fill import SymbolicAnalysis, dense_cost, factor_cost, of_part
+from ..numerics.fill import SymbolicAnalysis
 from ..numerics.linear import solver_of
 from ..numerics.sparse_structure import diagonal_positions
 from ..numerics.symmetric_factors import SymmetricFactors
@@ -98,9 +98,7 @@ class ProximalSteps:
 
     def _on_free_rows(self, active: Mask, D: Vector, f: Vector) -> Vector | None:
         """x with ((A + D)x)_i = f_i in the free rows, x_i = 0 in the others; None where it is not found."""
-        matrix = self.problem.matrix
-        free = int(np.count_nonzero(~active))
-        direct = min(factor_cost(of_part(self.costs.fill, free)), dense_cost(free, matrix.is_symmetric))
+        direct = self.costs.part(int(np.count_nonzero(~active)))
         if self.costs.repeated < direct and (x := self._by_all_rows(active, D, f)) is not None:
             return x
         rows = np.flatnonzero(~active)

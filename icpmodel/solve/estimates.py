@@ -21,7 +21,7 @@ from ..methods.psor import PSOR
 from ..methods.restarts import Restarts
 from ..methods.shortcuts import Lemke
 from ..numerics import work
-from ..numerics.fill import dense_cost, factor_cost, least_factor_cost, of_band, of_part, solve_cost
+from ..numerics.fill import dense_cost, factor_cost, least_factor_cost, of_band, solve_cost
 from ..numerics.krylov import gcr_step_cost
 from ..numerics.linear import steps_cost
 from ..numerics.multigrid import cycle_cost, hierarchy_cost
@@ -114,12 +114,7 @@ def _newton(facts: Facts) -> Estimate:
 
 def _part_cost(facts: Facts, symmetric: bool) -> float:
     """The cost of factors of the free rows, if half of the rows with an obstacle are active."""
-    matrix = facts.matrix
-    rows = matrix.n - facts.bounded // 2
-    fill = of_part(factor_costs(matrix).fill, rows)
-    if not symmetric:
-        fill = fill._replace(symmetric=False)
-    return min(factor_cost(fill), dense_cost(rows, symmetric and matrix.is_symmetric))
+    return factor_costs(facts.matrix).part(facts.matrix.n - facts.bounded // 2, symmetric=symmetric)
 
 
 def _multilevel(facts: Facts, target_reduction: float = _MEASURED_AT) -> Estimate:
@@ -168,8 +163,9 @@ def _proximal(facts: Facts) -> Estimate:
     system, memory = system_cost(matrix, factors)
     step = (work.COSTS.newton if fixed else newton_cost(facts)) + system
     rows = max(facts.bounded, 1)
-    steps = (1.0 if matrix.coupled_radius <= 1.0 else 2.0) * (3.0 + math.log2(rows))
-    if not matrix.has_positive_diagonal:
+    if matrix.has_positive_diagonal:
+        steps = (1.0 if matrix.coupled_radius <= 1.0 else 2.0) * (3.0 + math.log2(rows))
+    else:
         steps = 2.0 * math.sqrt(rows)
     return Estimate(step, step, steps, memory)
 
