@@ -138,7 +138,7 @@ def main(arguments: list[str] | None = None) -> None:
     if any(name in os.environ for name in _RANK_VARIABLES):
         signal.signal(signal.SIGTERM, _leave)
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # a letter that it has not is no reason to lose the rest
+        if isinstance(stream, io.TextIOWrapper):  # characters outside its encoding are escaped
             stream.reconfigure(errors="backslashreplace")
     code = _run(sys.argv[1:])
     if any(thread.name == ABANDONED_THREAD for thread in threading.enumerate()):
@@ -160,7 +160,7 @@ def _run(arguments: list[str]) -> int:
     """The exit code of the command."""
     code: Any
     try:
-        # one line of text, also where the name of a file is none
+        # a single line, in which file names that are not UTF-8 are escaped
         typed = shlex.join(["icpmodel", *arguments]).replace("\n", "\\n").encode("utf-8", "backslashreplace").decode()
         if _ASL in arguments:
             raise click.UsageError(_NO_ASL)

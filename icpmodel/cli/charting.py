@@ -103,7 +103,7 @@ def _print_and_draw(run: Callable[[], Any], output: str | None, form: str | None
     """Measure, print and draw; after Ctrl-C the results so far, with the sentence `if_interrupted`."""
 
     def show(result: Any) -> None:
-        # before it is printed, as nobody may read that
+        # before it is printed, which may fail
         for path in [] if output is None else save(figure(result), output, result.table(), command_line()):
             wrote(path)
         print_table(result, result.table(), form)

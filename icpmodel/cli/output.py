@@ -60,7 +60,7 @@ def compilation_announced() -> Iterator[None]:
 
 def complain(message: str, code: int = 2) -> int:
     """One line on standard error; the exit code that goes with it."""
-    with suppress(OSError):  # nobody can be told
+    with suppress(OSError):  # standard error may be full
         click.echo("icpmodel: " + " ".join(message.split()), err=True)
     return code
 

@@ -76,7 +76,7 @@ def solve(output: str | None, polish: bool, problem_file: str | None, as_json: b
             polished = solution.polish()
             _ = polished.certificate
             solution = polished
-    if output is not None:  # before it is printed, as nobody may read that
+    if output is not None:  # before it is printed, which may fail
         save_solution(solution, output)
         wrote(output)
     errors = {} if scene is None else scene.errors(solution.z)
