@@ -4,12 +4,13 @@ With √(x² + 4ε²) for |x| both r and s are positive and rs = ε², and ε fa
 does to the solution. An upper obstacle has an r and an s of its own: r₂ converges to ψ̄(z) − z, and s₁ − s₂ to p. At the
 start r and s solve the equations with Wr + s = 0, and are shifted to be positive.
 
-Each step is a proximal one with its own z for centre: a multiple of W is added to A. It falls as long as the factors
-remain accurate. As soon as the signs of s − Wr repeat, a step with these signs is tried as the answer: r = 0 or p = 0
-in every row.
+Each step is a proximal one with its own z for centre: a multiple of W is added to A. Where A is symmetric up to the
+signs of its rows, as in conditions of optimality, rows of one sign are primal unknowns and the others multipliers.
+Primal and dual steps then have a length each. As soon as the signs of s − Wr repeat, a step with these signs is tried
+as the answer: r = 0 or p = 0 in every row.
 
 References: Mehrotra, SIAM J. Optim. 2 (1992), for the start and the choice of ε; Friedlander and Orban, Math. Program.
-Comput. 4 (2012), for the proximal terms.
+Comput. 4 (2012), for the proximal terms; Wright, Primal-Dual Interior-Point Methods (1997), for the two lengths.
 """
 
 from __future__ import annotations
@@ -24,13 +25,12 @@ import scipy.sparse as sp
 from ..algebra.equations import Pattern, derivative
 from ..algebra.factor_costs import newton_cost
 from ..algebra.proximal_steps import ProximalSteps
+from ..algebra.redundant import without_redundant_rows
+from ..algebra.regularised_system import MIN_REGULARISATION, RegularisedSystem
 from ..algebra.subproblems import with_fixed_obstacle
 from ..errors import MapError
 from ..numerics import work
 from ..numerics.arrays import Vector, inner, norm
-from ..numerics.factorisation import factorise
-from ..numerics.fill import SymbolicAnalysis
-from ..numerics.symmetric_factors import SymmetricFactors
 from ..problem.data import ProblemData
 from ..problem.two_sided import mid
 from ..theory.certificates.recession import Recession
@@ -39,20 +39,6 @@ from .proximal import Regularised
 
 #: the largest number of steps that reduce neither the residual nor the infeasibility of r and s
 _PATIENCE = 20
-#: the first multiple of W that is added to A, for a symmetric A and for another one. There entries are not bounded by
-#: those of the diagonal, and the square of the multiple must be above rounding, or pivots may vanish. The last one is
-#: the least multiple, near rounding, for factors that have been accurate with more
-_FIRST_REGULARISATION = 1e-9
-_FIRST_REGULARISATION_SKEW = 1e-7
-_MIN_REGULARISATION = 1e-13
-#: a solve with a relative residual of at most √ε reduces the multiple to a tenth; one above ε^¼ is repeated with a
-#: hundred times the multiple
-_ACCURATE_SOLVE = np.sqrt(np.finfo(np.float64).eps)
-_ROUGH_SOLVE = np.sqrt(_ACCURATE_SOLVE)
-_REGULARISATION_DECREASE = 0.1
-_REGULARISATION_INCREASE = 100.0
-#: a solve is refined up to this relative residual, as long as that halves it
-_REFINED_SOLVE = 1e-12
 #: a step goes this share of the way to the boundary
 _BOUNDARY_SHARE = 0.995
 #: the starting r and s are shifted by this multiple of their negative part at least
@@ -85,8 +71,8 @@ class Interior(Regularised):
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         # never raises SingularOperator
         yield z, None
-        fixed = with_fixed_obstacle(problem)
         try:
+            fixed = without_redundant_rows(with_fixed_obstacle(problem))  # a fixed unknown leaves no interior
             path = InteriorPath(fixed, z)
         except MapError:
             return
@@ -124,16 +110,12 @@ class InteriorPath:
         self.problem = problem
         self.steps = ProximalSteps(problem, start)
         self.weights = problem.matrix.proximal_weights
-        self.diagonal = problem.matrix.rows.diag
         self.has_moving_obstacle = self.steps.has_moving_obstacle
-        self.pattern = None if self.has_moving_obstacle else self.steps.fixed_order_factors or self.steps.costs.analysis
-        self.regularisation = self.first_regularisation = (
-            _FIRST_REGULARISATION if problem.matrix.is_nearly_symmetric else _FIRST_REGULARISATION_SKEW
-        )
-        self.least_regularisation = _MIN_REGULARISATION
-        self.solve_error = 0.0
+        analysis = None if self.has_moving_obstacle else self.steps.fixed_order_factors or self.steps.costs.analysis
+        self.system = RegularisedSystem(problem, analysis)
         self.root = np.sqrt(self.weights)
-        self.matrix = sp.csr_array(problem.A, dtype=np.float64, copy=True)
+        signs = None if self.has_moving_obstacle else self.steps.costs.analysis.signs
+        self.is_primal = np.ones(problem.n, bool) if signs is None else signs > 0
         self.residuals = LeastValue()
         self.infeasibilities = LeastValue()
         self.inverse_sizes = LeastValue()
@@ -147,6 +129,9 @@ class InteriorPath:
         self.sides = [np.flatnonzero(np.isfinite(side)) for side in (below, top) if side is not None]
         self.rows = np.concatenate(self.sides)
         self.sign = np.repeat([1.0, -1.0][: len(self.sides)], [rows.size for rows in self.sides])
+        of_r = self.is_primal[self.rows]
+        #: for r and s: whether the step is a primal one
+        self.is_primal_step = np.array([of_r, of_r if self.is_primal.all() else ~of_r])
         self._start(c)
 
     def _start(self, z: Vector) -> None:
@@ -169,7 +154,6 @@ class InteriorPath:
         self.r = (r + (product / s.sum() if product else 1.0)) / root
         self.s = (s + (product / r.sum() if product else 1.0)) * root
         self._move_to(z)
-        self.gap = self._distances() - self.r
 
     @property
     def z(self) -> Vector:
@@ -180,6 +164,11 @@ class InteriorPath:
     def dual_residual(self) -> Vector:
         """The difference of s and p."""
         return self._in_rows(self.sign * self.s) - self.point[1]
+
+    @property
+    def gap(self) -> Vector:
+        """The differences of z − ψ(z) and r."""
+        return self._distances() - self.r
 
     def _in_rows(self, x: Vector) -> Vector:
         """The sum of `x` over the obstacles of each row."""
@@ -226,7 +215,7 @@ class InteriorPath:
         z, p, below, above = self.point
         pattern = Pattern.of(below, above, p / self.weights)
         with suppress(MapError):
-            step = self.steps.step(z, p, pattern, z, _MIN_REGULARISATION * self.weights)
+            step = self.steps.step(z, p, pattern, z, MIN_REGULARISATION * self.weights)
             if step is not None and np.isfinite(step[1]).all():
                 return step[0]
         return None
@@ -241,38 +230,42 @@ class InteriorPath:
         mean_product = inner(r, s) / count
         while True:
             solve = self._solver()
-            _, dr, ds, longest = self._direction(solve, r * s)
-            if self.solve_error <= _ROUGH_SOLVE or self.regularisation >= self.first_regularisation:
+            _, dr, ds = self._direction(solve, r * s)
+            if self.system.adapt():
                 break
-            self.regularisation = self.least_regularisation = min(
-                _REGULARISATION_INCREASE * self.regularisation, self.first_regularisation
-            )
-        if self.solve_error <= _ACCURATE_SOLVE:
-            self.regularisation = max(_REGULARISATION_DECREASE * self.regularisation, self.least_regularisation)
-        t = 1.0 / max(longest, 1.0)
-        mean_after = inner(r + t * dr, s + t * ds) / count
+        _, of_r, of_s = self._lengths(dr, ds, 1.0)
+        mean_after = inner(r + of_r * dr, s + of_s * ds) / count
         target = r * s + dr * ds - ((mean_after / mean_product) ** 3 * mean_product if mean_product else 0.0)
-        dz, dr, ds, longest = self._direction(solve, target)
-        t = 1.0 / max(longest / _BOUNDARY_SHARE, 1.0)
-        self.r = r + t * dr
-        self.s = s + t * ds
-        self.gap = (1.0 - t) * self.gap
+        dz, dr, ds = self._direction(solve, target)
+        of_z, of_r, of_s = self._lengths(dr, ds, _BOUNDARY_SHARE)
+        self.r = r + of_r * dr
+        self.s = s + of_s * ds
         try:
-            self._move_to(self.z + t * dz)
-            if self.has_moving_obstacle:
-                self.gap = self._distances() - self.r
+            self._move_to(self.z + of_z * dz)
         except MapError:
             return False
         return bool(np.isfinite(np.concatenate([self.point[1], self.gap])).all())
 
-    def _direction(self, solve: Callable[[Vector], Vector], target: Vector) -> tuple[Vector, Vector, Vector, float]:
-        """The step of z, r and s that reduces rs by `target`, and its length in units of that to the boundary."""
+    def _direction(self, solve: Callable[[Vector], Vector], target: Vector) -> tuple[Vector, Vector, Vector]:
+        """The step of z, r and s that reduces rs by `target`."""
         r = self.r
         s = self.s
-        dz = solve(self.dual_residual - self._in_rows(self.sign * (target + s * self.gap) / r))
-        dr = self._change(dz) + self.gap
-        ds = -(target + s * dr) / r
-        return dz, dr, ds, max(float(np.max(-dr / r, initial=0.0)), float(np.max(-ds / s, initial=0.0)))
+        gap = self.gap
+        dz = solve(self.dual_residual - self._in_rows(self.sign * (target + s * gap) / r))
+        dr = self._change(dz) + gap
+        return dz, dr, -(target + s * dr) / r
+
+    def _lengths(self, dr: Vector, ds: Vector, share: float) -> tuple[Vector, Vector, Vector]:
+        """The lengths of the steps of z, r and s: at most 1, and this share of the way to the boundary.
+
+        There is one for r in primal rows and s in dual ones, and one for the others.
+        """
+        ratios = np.array([-dr / self.r, -ds / self.s])
+        primal, dual = (
+            share / np.max(ratios, where=group, initial=share) for group in (self.is_primal_step, ~self.is_primal_step)
+        )
+        of_r, of_s = np.where(self.is_primal_step, primal, dual)
+        return np.where(self.is_primal, primal, dual), of_r, of_s
 
     def _move_to(self, z: Vector) -> None:
         """z with p, z − ψ(z) and z − ψ̄(z), and the derivatives of obstacles that move."""
@@ -282,40 +275,11 @@ class InteriorPath:
             self.slopes = [derivative(psi, z) for psi in (problem.psi, problem.upper) if psi is not None]
 
     def _solver(self) -> Callable[[Vector], Vector]:
-        M = self.matrix
-        M.data[:] = self.problem.A.data
         slopes = self.s / self.r
-        M.data[self.diagonal] += self._in_rows(slopes) + self.regularisation * self.weights
-        if self.has_moving_obstacle:
-            slope = np.split(slopes, [self.sides[0].size])
-            for J, rows, values in zip(self.slopes, self.sides, slope, strict=False):
-                row_slopes = np.zeros(self.problem.n)
-                row_slopes[rows] = values
-                M = sp.csr_array(M - sp.diags_array(row_slopes) @ J)
-        unit = 1.0 / np.sqrt(np.abs(M.diagonal()))
-        M.data *= np.repeat(unit, np.diff(M.indptr))
-        M.data *= unit[M.indices]
-        if isinstance(self.pattern, SymmetricFactors):
-            factors = self.pattern.factors(M.data)
-        else:  # symmetric at most by chance
-            factors = factorise(M, definite=True, analysis=self.pattern or SymbolicAnalysis(M, lambda: False))
-
-        def solve(f: Vector) -> Vector:
-            if factors is None:
-                self.solve_error = np.inf
-                return np.full(f.size, np.nan)
-            f = unit * f
-            x = factors.solve(f)
-            residual = f - M @ x
-            error = self.solve_error = norm(residual) / (norm(f) or 1.0)
-            while error > _REFINED_SOLVE:  # without exchanges of rows digits may be lost
-                before = error
-                refined = x + factors.solve(residual)
-                residual = f - M @ refined
-                error = norm(residual) / norm(f)
-                if not error < 0.5 * before:
-                    break
-                x = refined
-            return np.asarray(unit * x)
-
-        return solve
+        if not self.has_moving_obstacle:
+            return self.system.solver(self._in_rows(slopes))
+        moved = sp.csr_array(self.problem.A.shape)
+        parts = np.split(slopes, [self.sides[0].size])
+        for J, rows, values in zip(self.slopes, self.sides, parts, strict=False):
+            moved += sp.diags_array(np.bincount(rows, values, self.problem.n)) @ J
+        return self.system.solver(self._in_rows(slopes), moved)

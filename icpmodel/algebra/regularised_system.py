@@ -1,0 +1,94 @@
+"""Linear systems with A + D + δW, D a diagonal that changes, and δ as small as accurate factors allow."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..numerics.arrays import Vector, norm
+from ..numerics.factorisation import factorise
+from ..numerics.fill import SymbolicAnalysis
+from ..numerics.symmetric_factors import SymmetricFactors
+from ..problem.data import ProblemData
+
+#: the first δ, for a symmetric A and for another one. There entries are not bounded by those of the diagonal, and δ²
+#: must be above rounding, or pivots may vanish. The last one is the least, near rounding
+_FIRST_REGULARISATION = 1e-9
+_FIRST_REGULARISATION_SKEW = 1e-7
+MIN_REGULARISATION = 1e-13
+#: a solve with a relative residual of at most √ε reduces δ to a tenth; one above ε^¼ is repeated with a hundred times δ
+_ACCURATE_SOLVE = np.sqrt(np.finfo(np.float64).eps)
+_ROUGH_SOLVE = np.sqrt(_ACCURATE_SOLVE)
+_DECREASE = 0.1
+_INCREASE = 100.0
+#: a solve is refined up to this relative residual, as long as that halves it
+_REFINED_SOLVE = 1e-12
+
+
+class RegularisedSystem:
+    """A + D + δW with the A of a problem, W its proximal weights.
+
+    Parameters
+    ----------
+    problem
+        The problem.
+    analysis
+        The factorisation that keeps its order, or a symbolic analysis; None if each matrix is to be analysed.
+    """
+
+    def __init__(self, problem: ProblemData, analysis: SymmetricFactors | SymbolicAnalysis | None) -> None:
+        self.problem = problem
+        self.analysis = analysis
+        self.matrix = sp.csr_array(problem.A, dtype=np.float64, copy=True)
+        self.delta = self.first_delta = (
+            _FIRST_REGULARISATION if problem.matrix.is_nearly_symmetric else _FIRST_REGULARISATION_SKEW
+        )
+        # larger where factors have been inaccurate with less
+        self.least_delta = MIN_REGULARISATION
+        self.error = 0.0
+
+    def adapt(self) -> bool:
+        """Change δ after a solve; False if that was so rough that it is to be repeated."""
+        if self.error > _ROUGH_SOLVE and self.delta < self.first_delta:
+            self.delta = self.least_delta = min(_INCREASE * self.delta, self.first_delta)
+            return False
+        if self.error <= _ACCURATE_SOLVE:
+            self.delta = max(_DECREASE * self.delta, self.least_delta)
+        return True
+
+    def solver(self, diagonal: Vector, subtracted: sp.csr_array | None = None) -> Callable[[Vector], Vector]:
+        """f ↦ x with (A + D + δW − `subtracted`)x = f, D the `diagonal`; NaN where there are no factors."""
+        M = self.matrix
+        M.data[:] = self.problem.A.data
+        M.data[self.problem.matrix.rows.diag] += diagonal + self.delta * self.problem.matrix.proximal_weights
+        if subtracted is not None:
+            M = sp.csr_array(M - subtracted)
+        unit = 1.0 / np.sqrt(np.abs(M.diagonal()))
+        M.data *= np.repeat(unit, np.diff(M.indptr))
+        M.data *= unit[M.indices]
+        if isinstance(self.analysis, SymmetricFactors):
+            factors = self.analysis.factors(M.data)
+        else:  # symmetric at most by chance
+            factors = factorise(M, definite=True, analysis=self.analysis or SymbolicAnalysis(M, lambda: False))
+
+        def solve(f: Vector) -> Vector:
+            if factors is None:
+                self.error = np.inf
+                return np.full(f.size, np.nan)
+            f = unit * f
+            x = factors.solve(f)
+            residual = f - M @ x
+            error = self.error = norm(residual) / (norm(f) or 1.0)
+            while error > _REFINED_SOLVE:  # without exchanges of rows digits may be lost
+                before = error
+                refined = x + factors.solve(residual)
+                residual = f - M @ refined
+                error = norm(residual) / norm(f)
+                if not error < 0.5 * before:
+                    break
+                x = refined
+            return np.asarray(unit * x)
+
+        return solve
