@@ -16,9 +16,6 @@ from ...problem.two_sided import sides_of
 
 #: an entry of a computed y below this share of the largest one counts as zero
 ZERO = 1e-9
-#: the largest misfit of a direction that is tried as a proof, as a share of its value, and a tenth each time; and the
-#: largest distance of a proof from it, as a share of its largest entry
-MAX_MISFIT = 1e-5
 #: nanoseconds that the search for a combination in floats may take
 MAX_COST = 2e9
 

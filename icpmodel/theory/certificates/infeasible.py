@@ -36,13 +36,13 @@ from .rounded_combination import rounded_combination
 
 
 @np.errstate(all="ignore")  # what overflows proves nothing
-def infeasible(problem: ProblemData, y: Vector, known: ProvedBounds | None = None, *, bounded: bool = True) -> Answer:
+def infeasible(problem: ProblemData, y: Vector, known: ProvedBounds | None = None) -> Answer:
     """Whether `y`, or an exact y next to it, is such a combination, given what is `known`; its scale is irrelevant.
 
     Often Aᵀy has to be 0 in many rows, which floats seldom satisfy. So three candidates are tried: simple fractions
     next to `y`, `y` itself, and, if at most 30 of its entries are nonzero, the exact solution of these equations. They
-    are checked in rational arithmetic. Where that is too costly and `bounded`, floats with a bound on every rounding
-    error are used. The answer is True or None. Its witness is y, in floats or fractions, and `number` is an upper bound
+    are checked in rational arithmetic. Where that is too costly, floats with a bound on every rounding error
+    are used. The answer is True or None. Its witness is y, in floats or fractions, and `number` is an upper bound
     of (Az + q)ᵀy; without an upper obstacle (q + Ac)ᵀy. For obstacles that move, `y` and the witness are (y, x), shape
     (2n,), with an upper obstacle (y, x, x̄).
     """
@@ -64,7 +64,7 @@ def infeasible(problem: ProblemData, y: Vector, known: ProvedBounds | None = Non
     for exact in candidates_near(rows, shares, exponents - top):
         if (highest := highest_value(rows, exact)) is not None:
             return answer_of(rows, exact, highest[0], known)
-    value = rounded_combination(rows, shares, exponents) if bounded else None
+    value = rounded_combination(rows, shares, exponents)
     if value is None:
         return unknown
     number = float(np.ldexp(value, -top))

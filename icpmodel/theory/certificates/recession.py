@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from ...numerics.arrays import Mask, Vector, inner
 from ...problem.data import ProblemData
 from ..answers import Answer
-from .combination_rows import MAX_MISFIT, ZERO, CombinationRows
+from .combination_rows import ZERO, CombinationRows
 from .infeasible import infeasible
 
 
@@ -24,13 +24,13 @@ class Recession:
     -----
     Let A be monotone and no z have p ≥ 0 and r ≥ 0. Then the iterates z of a proximal or interior
     method grow, and their direction y tends to a combination as in `infeasible`. The defect of y is
-    the distance of Aᵀy to its required signs, in the units of W. Its merit is −(q + Ac)ᵀy. Each y
-    is tried whose quotient of the two is a tenth of the last one.
+    the distance of Aᵀy to its required signs, in the units of W. Its merit is −(q + Ac)ᵀy. A y is
+    tried once the quotient of the two is rounding, and again whenever it is a tenth of the last one.
     """
 
     def __init__(self, problem: ProblemData) -> None:
         self.problem = problem
-        self.share = MAX_MISFIT
+        self.share = ZERO
 
     def proof(self, y: Vector) -> Answer:
         """The proof, if any, by the direction `y`, shape (n,)."""
@@ -38,7 +38,7 @@ class Recession:
         if not share < self.share:
             return Answer(None, "the iterates do not diverge along a combination of rows")
         self.share = 0.1 * share
-        return infeasible(self.problem, y, bounded=share < ZERO)
+        return infeasible(self.problem, y)
 
 
 @np.errstate(all="ignore")
