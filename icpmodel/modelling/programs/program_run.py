@@ -74,6 +74,8 @@ class ProgramRun:
         for method in self._methods(z0 is not None):
             if method is None and proof is not None:
                 break
+            if method is None and self.iterations:  # as many steps as all methods before
+                limit = {"max_iter": self.iterations}
             try:
                 solution = self._solve(
                     self.problem, method, z0=z0, callback=lambda progress: self.improve(progress.z), rtol=0.0, **limit
@@ -102,7 +104,9 @@ class ProgramRun:
         if proof is not None and not is_late:
             return proof
         error = self.violation[0]
-        message = f"rows or multipliers are wrong by {error:.3g} of their terms; {solution.message}"
+        message = f"rows or multipliers are wrong by {error:.3g} of their terms"
+        if solution.status is not Status.ITERATION_LIMIT:  # which no caller has given
+            message += f"; {solution.message}"
         if is_late:
             return "user_limit", message
         return "optimal_inaccurate" if error <= _MAX_INACCURATE_VIOLATION else "solver_error", message
