@@ -20,6 +20,8 @@ from .factor_costs import FactorCosts, factor_costs
 
 #: the relative residual up to which a solve counts as one
 _MAX_RELATIVE_RESIDUAL = 1e-6
+#: the multiple of W in factors that are refined without it
+SHIFT = 1e-7
 
 
 class ProximalSteps:
@@ -112,19 +114,27 @@ class ProximalSteps:
         return x
 
     def _by_all_rows(self, active: Mask, D: Vector, f: Vector) -> Vector | None:
-        problem = self.problem
-        data = problem.A.data.copy()
-        data[problem.matrix.rows.diag] += D
-        factors = self.fixed_order_factors.factors(data, ~active) if self.fixed_order_factors else None
-        if factors is None:
+        if self.fixed_order_factors is None:
             return None
-        x = np.zeros(f.size)
-        residual = f
-        for _ in range(2):  # without exchanges of rows digits may be lost
-            x = x + factors.solve(residual)
-            residual = np.where(active, 0.0, f - D * x - problem.product(x))
-            if norm(residual) <= _MAX_RELATIVE_RESIDUAL * norm(f):
-                return x
+        problem = self.problem
+        weights = problem.matrix.proximal_weights
+        for shift in (0.0, SHIFT):  # without exchanges of rows the factors of a shifted matrix are more accurate
+            data = problem.A.data.copy()
+            data[problem.matrix.rows.diag] += D + shift * weights
+            factors = self.fixed_order_factors.factors(data, ~active)
+            if factors is None:
+                continue
+            x = np.zeros(f.size)
+            residual = f
+            size = norm(f)
+            before = np.inf
+            while size < 0.5 * before:
+                x = x + factors.solve(residual)
+                residual = np.where(active, 0.0, f - D * x - problem.product(x))
+                before = size
+                size = norm(residual)
+                if size <= _MAX_RELATIVE_RESIDUAL * norm(f):
+                    return x
         return None
 
 
