@@ -23,8 +23,8 @@ _ACCURATE_SOLVE = np.sqrt(np.finfo(np.float64).eps)
 _ROUGH_SOLVE = np.sqrt(_ACCURATE_SOLVE)
 _DECREASE = 0.1
 _INCREASE = 100.0
-#: a solve is refined up to this relative residual, as long as that halves it
-_REFINED_SOLVE = 1e-12
+#: solves the system for a vector, up to a relative residual
+Solve = Callable[[Vector, float], Vector]
 
 
 class RegularisedSystem:
@@ -58,8 +58,11 @@ class RegularisedSystem:
             self.delta = max(_DECREASE * self.delta, self.least_delta)
         return True
 
-    def solver(self, diagonal: Vector, subtracted: sp.csr_array | None = None) -> Callable[[Vector], Vector]:
-        """f ↦ x with (A + D + δW − `subtracted`)x = f, D the `diagonal`; NaN where there are no factors."""
+    def solver(self, diagonal: Vector, subtracted: sp.csr_array | None = None) -> Solve:
+        """f ↦ x with (A + D + δW − `subtracted`)x = f, D the `diagonal`; NaN where there are no factors.
+
+        x is refined up to the relative residual, as long as that halves it.
+        """
         M = self.matrix
         M.data[:] = self.problem.A.data
         M.data[self.problem.matrix.rows.diag] += diagonal + self.delta * self.problem.matrix.proximal_weights
@@ -73,7 +76,7 @@ class RegularisedSystem:
         else:  # symmetric at most by chance
             factors = factorise(M, definite=True, analysis=self.analysis or SymbolicAnalysis(M, lambda: False))
 
-        def solve(f: Vector) -> Vector:
+        def solve(f: Vector, accuracy: float) -> Vector:
             if factors is None:
                 self.error = np.inf
                 return np.full(f.size, np.nan)
@@ -81,7 +84,7 @@ class RegularisedSystem:
             x = factors.solve(f)
             residual = f - M @ x
             error = self.error = norm(residual) / (norm(f) or 1.0)
-            while error > _REFINED_SOLVE:  # without exchanges of rows digits may be lost
+            while error > accuracy:  # without exchanges of rows digits may be lost
                 before = error
                 refined = x + factors.solve(residual)
                 residual = f - M @ refined

@@ -15,7 +15,7 @@ Comput. 4 (2012), for the proximal terms; Wright, Primal-Dual Interior-Point Met
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from typing import ClassVar
 
@@ -26,7 +26,7 @@ from ..algebra.equations import Pattern, derivative
 from ..algebra.factor_costs import newton_cost
 from ..algebra.proximal_steps import ProximalSteps
 from ..algebra.redundant import without_redundant_rows
-from ..algebra.regularised_system import MIN_REGULARISATION, RegularisedSystem
+from ..algebra.regularised_system import MIN_REGULARISATION, RegularisedSystem, Solve
 from ..algebra.subproblems import with_fixed_obstacle
 from ..errors import MapError
 from ..numerics import work
@@ -39,6 +39,9 @@ from .proximal import Regularised
 
 #: the largest number of steps that reduce neither the residual nor the infeasibility of r and s
 _PATIENCE = 20
+#: the relative residuals of the system for the predictor, and for the step itself
+_PREDICTED = 1e-6
+_ACCURATE = 1e-12
 #: a step goes this share of the way to the boundary
 _BOUNDARY_SHARE = 0.995
 #: the starting r and s are shifted by this multiple of their negative part at least
@@ -144,7 +147,7 @@ class InteriorPath:
         self.s = weights
         self._move_to(z)
         distances = self._distances()
-        z = z + self._solver()(-self.point[1] - self._in_rows(self.sign * weights * distances))
+        z = z + self._solver()(-self.point[1] - self._in_rows(self.sign * weights * distances), _ACCURATE)
         root = self.root[self.rows]
         v = root * (distances + self._change(z - self.base_point))
         size = norm(self.root * z) / z.size**0.5
@@ -230,13 +233,13 @@ class InteriorPath:
         mean_product = inner(r, s) / count
         while True:
             solve = self._solver()
-            _, dr, ds = self._direction(solve, r * s)
+            _, dr, ds = self._direction(solve, r * s, _PREDICTED)
             if self.system.adapt():
                 break
         _, of_r, of_s = self._lengths(dr, ds, 1.0)
         mean_after = inner(r + of_r * dr, s + of_s * ds) / count
         target = r * s + dr * ds - ((mean_after / mean_product) ** 3 * mean_product if mean_product else 0.0)
-        dz, dr, ds = self._direction(solve, target)
+        dz, dr, ds = self._direction(solve, target, _ACCURATE)
         of_z, of_r, of_s = self._lengths(dr, ds, _BOUNDARY_SHARE)
         self.r = r + of_r * dr
         self.s = s + of_s * ds
@@ -246,12 +249,12 @@ class InteriorPath:
             return False
         return bool(np.isfinite(np.concatenate([self.point[1], self.gap])).all())
 
-    def _direction(self, solve: Callable[[Vector], Vector], target: Vector) -> tuple[Vector, Vector, Vector]:
+    def _direction(self, solve: Solve, target: Vector, accuracy: float) -> tuple[Vector, Vector, Vector]:
         """The step of z, r and s that reduces rs by `target`."""
         r = self.r
         s = self.s
         gap = self.gap
-        dz = solve(self.dual_residual - self._in_rows(self.sign * (target + s * gap) / r))
+        dz = solve(self.dual_residual - self._in_rows(self.sign * (target + s * gap) / r), accuracy)
         dr = self._change(dz) + gap
         return dz, dr, -(target + s * dr) / r
 
@@ -274,7 +277,7 @@ class InteriorPath:
         if self.has_moving_obstacle:
             self.slopes = [derivative(psi, z) for psi in (problem.psi, problem.upper) if psi is not None]
 
-    def _solver(self) -> Callable[[Vector], Vector]:
+    def _solver(self) -> Solve:
         slopes = self.s / self.r
         if not self.has_moving_obstacle:
             return self.system.solver(self._in_rows(slopes))
