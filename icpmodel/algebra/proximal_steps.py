@@ -21,7 +21,7 @@ from .factor_costs import FactorCosts, factor_costs
 #: the relative residual up to which a solve counts as one
 _MAX_RELATIVE_RESIDUAL = 1e-6
 #: the multiple of W in factors that are refined without it
-SHIFT = 1e-7
+_SHIFT = 1e-7
 
 
 class ProximalSteps:
@@ -118,7 +118,7 @@ class ProximalSteps:
             return None
         problem = self.problem
         weights = problem.matrix.proximal_weights
-        for shift in (0.0, SHIFT):  # without exchanges of rows the factors of a shifted matrix are more accurate
+        for shift in (0.0, _SHIFT):  # without exchanges of rows the factors of a shifted matrix are more accurate
             data = problem.A.data.copy()
             data[problem.matrix.rows.diag] += D + shift * weights
             factors = self.fixed_order_factors.factors(data, ~active)
