@@ -168,11 +168,6 @@ class InteriorPath:
         """The difference of s and p."""
         return self._in_rows(self.sign * self.s) - self.point[1]
 
-    @property
-    def gap(self) -> Vector:
-        """The differences of z − ψ(z) and r."""
-        return self._distances() - self.r
-
     def _in_rows(self, x: Vector) -> Vector:
         """The sum of `x` over the obstacles of each row."""
         return np.asarray(np.bincount(self.rows, x, self.problem.n), dtype=np.float64)
@@ -253,9 +248,8 @@ class InteriorPath:
         """The step of z, r and s that reduces rs by `target`."""
         r = self.r
         s = self.s
-        gap = self.gap
-        dz = solve(self.dual_residual - self._in_rows(self.sign * (target + s * gap) / r), accuracy)
-        dr = self._change(dz) + gap
+        dz = solve(self.dual_residual - self._in_rows(self.sign * (target + s * self.gap) / r), accuracy)
+        dr = self._change(dz) + self.gap
         return dz, dr, -(target + s * dr) / r
 
     def _lengths(self, dr: Vector, ds: Vector, share: float) -> tuple[Vector, Vector, Vector]:
@@ -271,9 +265,10 @@ class InteriorPath:
         return np.where(self.is_primal, primal, dual), of_r, of_s
 
     def _move_to(self, z: Vector) -> None:
-        """z with p, z − ψ(z) and z − ψ̄(z), and the derivatives of obstacles that move."""
+        """z with p, z − ψ(z) and z − ψ̄(z), how far these are from r, and the derivatives of obstacles that move."""
         problem = self.problem
         self.point = z, problem.p(z), problem.r(z), problem.r_upper(z)
+        self.gap = self._distances() - self.r
         if self.has_moving_obstacle:
             self.slopes = [derivative(psi, z) for psi in (problem.psi, problem.upper) if psi is not None]
 
