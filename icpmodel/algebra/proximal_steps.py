@@ -33,11 +33,14 @@ class ProximalSteps:
         The problem; where its obstacles move, their derivatives are used.
     start
         Where the values of fixed obstacles are read, shape (n,).
+    reorders
+        Whether the free rows get an order of their own where the factors of all rows are too inaccurate.
     """
 
-    def __init__(self, problem: ProblemData, start: Vector) -> None:
+    def __init__(self, problem: ProblemData, start: Vector, *, reorders: bool = True) -> None:
         self.problem = problem
         self.start = start
+        self.reorders = reorders
         self.has_moving_obstacle = not problem.facts.has_fixed_obstacle
 
     @cached_property
@@ -101,8 +104,10 @@ class ProximalSteps:
     def _on_free_rows(self, active: Mask, D: Vector, f: Vector) -> Vector | None:
         """x with ((A + D)x)_i = f_i in the free rows, x_i = 0 in the others; None where it is not found."""
         direct = self.costs.part(int(np.count_nonzero(~active)))
-        if self.costs.repeated < direct and (x := self._by_all_rows(active, D, f)) is not None:
-            return x
+        if self.costs.repeated < direct:
+            x = self._by_all_rows(active, D, f)
+            if x is not None or not self.reorders:
+                return x
         rows = np.flatnonzero(~active)
         M = submatrix(self.problem, rows)
         M.data[diagonal_positions(M)] += D[rows]

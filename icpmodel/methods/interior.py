@@ -111,7 +111,7 @@ class InteriorPath:
     @np.errstate(all="ignore")
     def __init__(self, problem: ProblemData, start: Vector) -> None:
         self.problem = problem
-        self.steps = ProximalSteps(problem, start)
+        self.steps = ProximalSteps(problem, start, reorders=False)
         self.weights = problem.matrix.proximal_weights
         self.has_moving_obstacle = self.steps.has_moving_obstacle
         analysis = None if self.has_moving_obstacle else self.steps.fixed_order_factors or self.steps.costs.analysis

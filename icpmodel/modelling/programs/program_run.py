@@ -216,7 +216,7 @@ class ProgramRun:
 
     def polish(self, z: Vector, pattern: Pattern) -> None:
         """Newton steps from `z` with one active set, of the equations and a small multiple of W."""
-        steps = ProximalSteps(self.problem, z)
+        steps = ProximalSteps(self.problem, z, reorders=not self.is_good)
         weights = _REGULARISATION * self.problem.matrix.proximal_weights
         with suppress(IcpError, MemoryError), enforce_limits(None, None):
             for _ in range(_REFINEMENTS):
