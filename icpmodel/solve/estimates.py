@@ -102,12 +102,12 @@ def least_of_others(facts: Facts, family: str | None) -> float:
 
 
 def _newton(facts: Facts) -> Estimate:
-    # where rows are not dominant signs wander: of 76 problems half took up to 2.7 times as many steps, a quarter more
-    # than 7 times. Systems of a descent are not symmetric, nor those with an obstacle that moves. Without a positive
+    # where rows are not dominant signs wander: 83 problems took 7 times as many steps on average, half of them at most
+    # 2.5 times. Systems of a descent are not symmetric, nor those with an obstacle that moves. Without a positive
     # diagonal the equations of the free rows are singular more often than not, and others follow.
     matrix = facts.matrix
     is_dominant = matrix.coupled_radius <= 1.0 and matrix.has_positive_diagonal
-    wander = 1.0 if is_dominant else 4.0
+    wander = 1.0 if is_dominant else 7.0
     system, memory = system_cost(matrix, _part_cost(facts, is_dominant and facts.has_fixed_obstacle))
     return Estimate(0.0, newton_cost(facts) + system, wander * _newton_steps(facts), memory)
 
@@ -153,8 +153,8 @@ def _restarts(facts: Facts) -> Estimate:
 
 
 def _proximal(facts: Facts) -> Estimate:
-    # medians of 6 and 10 steps were measured at n = 120 and 1000 where rows are dominant; twice as many on average over
-    # 10 other kinds of problems with a diagonal; medians of 24, 35 and 125 at n = 120, 500 and 2000 where there is none
+    # medians of 6 and 10 steps were measured at n = 120 and 1000 where rows are dominant; 2.5 times as many on average
+    # over 84 other problems with a diagonal; medians of 24, 35 and 125 at n = 120, 500 and 2000 where there is none
     matrix = facts.matrix
     fixed = facts.has_fixed_obstacle
     factors = _part_cost(facts, fixed)
@@ -164,18 +164,18 @@ def _proximal(facts: Facts) -> Estimate:
     step = (work.COSTS.newton if fixed else newton_cost(facts)) + system
     rows = max(facts.bounded, 1)
     if matrix.has_positive_diagonal:
-        steps = (1.0 if matrix.coupled_radius <= 1.0 else 2.0) * (3.0 + math.log2(rows))
+        steps = (1.0 if matrix.coupled_radius <= 1.0 else 2.5) * (3.0 + math.log2(rows))
     else:
         steps = 2.0 * math.sqrt(rows)
     return Estimate(step, step, steps, memory)
 
 
 def _interior(facts: Facts) -> Estimate:
-    # medians of 13, 16 and 20 steps were measured at n = 120, 500 and 2000, with four solves each
+    # medians of 11, 12 and 15 steps were measured at n = 150, 500 and 1500, with four solves each
     costs = factor_costs(facts.matrix)
     factors = costs.repeated if facts.has_fixed_obstacle else costs.unsymmetric
     step = newton_cost(facts) + factors + 4.0 * solve_cost(costs.fill)
-    return Estimate(step, step, 3.0 + 1.5 * math.log2(max(facts.bounded, 1)), 24.0 * costs.fill.entries)
+    return Estimate(step, step, 1.25 * (2.0 + math.log2(max(facts.bounded, 1))), 24.0 * costs.fill.entries)
 
 
 def _factorised_cost(facts: Facts, target_reduction: float) -> Estimate:
