@@ -266,8 +266,9 @@ class Ladder:
         return bool(self.jobs)
 
     def cost_of_iterations(self) -> float:
-        """The least that methods without factors are expected to cost, in nanoseconds."""
-        jobs = self._estimate_jobs([self._accelerated(), Multilevel()])
+        """The least that methods without sparse factors are expected to cost, in nanoseconds."""
+        pivots = [Lemke()] if self.family is None else []
+        jobs = self._estimate_jobs([self._accelerated(), Multilevel(), *pivots])
         return min((job.remaining for job in jobs), default=math.inf)
 
     def _accelerated(self) -> Accelerated:
