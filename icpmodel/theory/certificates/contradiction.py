@@ -21,13 +21,13 @@ from numpy.typing import NDArray
 from ...numerics import work
 from ...numerics.arrays import Mask, ReadOnly, Vector
 from ...numerics.equilibration import times_rows
-from ...numerics.rational import RATIONAL_UP_TO, nearest
+from ...numerics.rational import nearest
 from ...numerics.rounding import public_entry
 from ...present.display import Displayable
 from ...problem.data import ProblemData, ProblemLike, as_problem
 from ..answers import Answer
 from .combination_rows import MAX_COST, ZERO, CombinationRows
-from .exact_combination import exact_combination, highest_value
+from .exact_combination import MAX_SUPPORT, exact_combination, highest_value
 from .infeasible import answer_of
 
 #: linear programs with more entries are not tried: 10⁵ take about a second
@@ -134,7 +134,7 @@ def contradiction(problem: ProblemLike) -> Contradiction | None:
     """
     problem = as_problem(problem)
     minimum = _least_violation(problem)
-    if minimum is None or np.count_nonzero(minimum.y) > RATIONAL_UP_TO:
+    if minimum is None or np.count_nonzero(minimum.y) > MAX_SUPPORT:
         return None
     rows = minimum.conditions.rows
     exact = exact_combination(rows, minimum.y, rows.free)

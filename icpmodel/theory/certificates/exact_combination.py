@@ -12,12 +12,14 @@ from ...numerics import work
 from ...numerics.arrays import Mask, Vector
 from ...numerics.equilibration import Exponents
 from ...numerics.exact_polyhedron import row_reduce
-from ...numerics.rational import RATIONAL_UP_TO, nearest
+from ...numerics.rational import nearest
 from ...numerics.rounding import product_lower_bound, product_upper_bound
 from .combination_rows import ZERO, CombinationRows
 
 Combination = dict[int, Fraction]
 
+#: the largest number of rows of a combination that is sought exactly: 60 equations in floats take .6 s
+MAX_SUPPORT = 60
 #: denominators that are tried first: the rays of problems in small whole numbers have them
 _FIRST_DENOMINATOR = 1000
 #: nanoseconds for an entry of A in fractions, by cProfile; how many are too many
@@ -35,7 +37,7 @@ def candidates_near(rows: CombinationRows, shares: Vector, exponents: Exponents)
     for near in ([share.limit_denominator(_FIRST_DENOMINATOR) for share in exact], exact):
         yield {int(i): share * unit for i, share, unit in zip(support, near, units, strict=True)}
     y = np.ldexp(shares, exponents)
-    if support.size <= RATIONAL_UP_TO:
+    if support.size <= MAX_SUPPORT:
         own = np.zeros(rows.low.size, dtype=bool)
         own[support[support < own.size]] = True
         yield exact_combination(rows, y, own | rows.free)  # a ray has zeros there, a linear program need not

@@ -40,7 +40,7 @@ def infeasible(problem: ProblemData, y: Vector, known: ProvedBounds | None = Non
     """Whether `y`, or an exact y next to it, is such a combination, given what is `known`; its scale is irrelevant.
 
     Often Aᵀy has to be 0 in many rows, which floats seldom satisfy. So three candidates are tried: simple fractions
-    next to `y`, `y` itself, and, if at most 30 of its entries are nonzero, the exact solution of these equations. They
+    next to `y`, `y` itself, and, if at most 60 of its entries are nonzero, the exact solution of these equations. They
     are checked in rational arithmetic. Where that is too costly, floats with a bound on every rounding error
     are used. The answer is True or None. Its witness is y, in floats or fractions, and `number` is an upper bound
     of (Az + q)ᵀy; without an upper obstacle (q + Ac)ᵀy. For obstacles that move, `y` and the witness are (y, x), shape

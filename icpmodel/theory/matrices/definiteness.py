@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ...numerics import work
 from ...numerics.arrays import Vector, as_csr, row_of
 from ...numerics.equilibration import in_units, row_exponents, symmetric_exponents
-from ...numerics.rational import RATIONAL_UP_TO, as_witness, curvature, exact_sum, rationals
+from ...numerics.rational import as_witness, curvature, exact_sum, rationals
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
 from ..answers import Answer
 from .comparison_matrix import comparison_matrix
@@ -27,6 +27,8 @@ from .eigenvalue import negative_direction, smallest_eigenvalue_bound, within_re
 from .h_matrix import by_row_sums, row_sum_signs
 
 _SHIFT = 2.0**-38  #: S − cI is factorised for this c, which is about what rounding needs, or for a larger one
+#: the rows up to which LDLᵀ in fractions decides: 30 take .2 s
+_RATIONAL_UP_TO = 30
 #: the largest error that counts as rounding, for a diagonal of about 1: 2⁻²⁶, half the digits
 _MAX_ROUNDING = float(np.sqrt(np.finfo(np.float64).eps))
 
@@ -60,7 +62,7 @@ def definiteness(A: sp.csr_array) -> tuple[Answer, Answer]:
         by_pivots = _by_pivots(A)
         if by_pivots.holds is not None:
             return by_pivots, by_pivots
-        if n <= RATIONAL_UP_TO:
+        if n <= _RATIONAL_UP_TO:
             return _in_fractions(A)
         definite, semidefinite = (by_pivots if answer.holds is None else answer for answer in (definite, semidefinite))
     return definite, semidefinite
