@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from ..numerics.arrays import Mask, Vector, norm
 from ..numerics.factorisation import factorise
 from ..numerics.fill import SymbolicAnalysis
-from ..numerics.linear import solver_of
+from ..numerics.linear import refine, solver_of
 from ..numerics.sparse_structure import diagonal_positions
 from ..numerics.symmetric_factors import SymmetricFactors
 from ..problem.data import ProblemData
@@ -123,23 +123,19 @@ class ProximalSteps:
             return None
         problem = self.problem
         weights = problem.matrix.proximal_weights
+
+        def multiply(x: Vector) -> Vector:
+            return np.where(active, 0.0, D * x + problem.product(x))
+
         for shift in (0.0, _SHIFT):  # without exchanges of rows the factors of a shifted matrix are more accurate
             data = problem.A.data.copy()
             data[problem.matrix.rows.diag] += D + shift * weights
             factors = self.fixed_order_factors.factors(data, ~active)
             if factors is None:
                 continue
-            x = np.zeros(f.size)
-            residual = f
-            size = norm(f)
-            before = np.inf
-            while size < 0.5 * before:
-                x = x + factors.solve(residual)
-                residual = np.where(active, 0.0, f - D * x - problem.product(x))
-                before = size
-                size = norm(residual)
-                if size <= _MAX_RELATIVE_RESIDUAL * norm(f):
-                    return x
+            x, _, error = refine(factors.solve, multiply, f, _MAX_RELATIVE_RESIDUAL)
+            if error <= _MAX_RELATIVE_RESIDUAL:
+                return x
         return None
 
 

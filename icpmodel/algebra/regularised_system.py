@@ -7,9 +7,10 @@ from collections.abc import Callable
 import numpy as np
 import scipy.sparse as sp
 
-from ..numerics.arrays import Vector, norm
+from ..numerics.arrays import Vector
 from ..numerics.factorisation import factorise
 from ..numerics.fill import SymbolicAnalysis
+from ..numerics.linear import refine
 from ..numerics.symmetric_factors import SymmetricFactors
 from ..problem.data import ProblemData
 
@@ -80,18 +81,8 @@ class RegularisedSystem:
             if factors is None:
                 self.error = np.inf
                 return np.full(f.size, np.nan)
-            f = unit * f
-            x = factors.solve(f)
-            residual = f - M @ x
-            error = self.error = norm(residual) / (norm(f) or 1.0)
-            while error > accuracy:  # without exchanges of rows digits may be lost
-                before = error
-                refined = x + factors.solve(residual)
-                residual = f - M @ refined
-                error = norm(residual) / norm(f)
-                if not error < 0.5 * before:
-                    break
-                x = refined
+            # without exchanges of rows digits may be lost
+            x, self.error, _ = refine(factors.solve, lambda x: M @ x, unit * f, accuracy)
             return np.asarray(unit * x)
 
         return solve

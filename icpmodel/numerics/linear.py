@@ -13,6 +13,7 @@ and the fill are those of `numerics.fill`.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from typing import Any, Protocol
 
@@ -135,6 +136,28 @@ def _by_steps(M: sp.csr_array, analysis: SymbolicAnalysis) -> Solver | None:
         return x
 
     return solve
+
+
+def refine(
+    solve: Callable[[Vector], Vector], multiply: Callable[[Vector], Vector], f: Vector, accuracy: float
+) -> tuple[Vector, float, float]:
+    """x with Mx = f by refinement of inaccurate solves, and the relative residuals of its first and its last value.
+
+    It ends at the `accuracy`, or where a step does not halve the residual.
+    """
+    size = norm(f) or 1.0
+    x = solve(f)
+    residual = f - multiply(x)
+    first = error = norm(residual) / size
+    while error > accuracy:
+        better = x + solve(residual)
+        residual = f - multiply(better)
+        before = error
+        error = norm(residual) / size
+        if not error < 0.5 * before:
+            return x, first, before
+        x = better
+    return x, first, error
 
 
 def _solver_with(factors: Any) -> Solver:

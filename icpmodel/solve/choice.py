@@ -267,8 +267,7 @@ class Ladder:
 
     def cost_of_iterations(self) -> float:
         """The least that methods without sparse factors are expected to cost, in nanoseconds."""
-        pivots = [Lemke()] if self.family is None else []
-        jobs = self._estimate_jobs([self._accelerated(), Multilevel(), *pivots])
+        jobs = self._estimate_jobs([self._accelerated(), Multilevel(), Lemke()])
         return min((job.remaining for job in jobs), default=math.inf)
 
     def _accelerated(self) -> Accelerated:
