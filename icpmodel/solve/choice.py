@@ -89,8 +89,8 @@ def select_method(
     The ladder below follows where it ends, or has spent twice that.
 
     Rows without any obstacle are equations. They are eliminated where at most √nnz rows have an obstacle, ψ is fixed,
-    and to factorise A is expected to cost less than sweeps or `Multilevel`. What is left takes the place of the
-    problem.
+    and that is expected to cost less than sweeps, `Multilevel` or `Lemke`: a factorisation of A and the calls of two
+    Newton steps. What is left takes the place of the problem.
 
     Everything else goes up a ladder, each rung from the best iterate so far:
 
