@@ -112,7 +112,7 @@ def contradiction(problem: ProblemLike) -> Contradiction | None:
     Returns
     -------
     Contradiction or None
-        None if there is no contradiction, or none is confirmed. None as well for other obstacles, for more than 30
+        None if there is no contradiction, or none is confirmed. None as well for other obstacles, for more than 60
         rows, and if the linear program has more than 10⁵ entries or takes too many iterations.
 
     Notes

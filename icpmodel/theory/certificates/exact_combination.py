@@ -7,6 +7,8 @@ from fractions import Fraction
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.linalg import qr
 
 from ...numerics import work
 from ...numerics.arrays import Mask, Vector
@@ -18,24 +20,29 @@ from .combination_rows import ZERO, CombinationRows
 
 Combination = dict[int, Fraction]
 
-#: the largest number of rows of a combination that is sought exactly: 60 equations in floats take .6 s
-MAX_SUPPORT = 60
-#: denominators that are tried first: the rays of problems in small whole numbers have them
+#: the largest denominator that is tried first: the rays of problems in small whole numbers have none above it
 _FIRST_DENOMINATOR = 1000
+#: after so many steps of a continued fraction denominators are larger
+_FRACTION_STEPS = 16
 #: nanoseconds for an entry of A in fractions, by cProfile; how many are too many
 _FRACTION_COST = 3000.0
 _MAX_COST = 4e8
+#: the largest number of rows of a combination that is sought exactly: 60 equations in random floats take .6 s
+MAX_SUPPORT = 60
+#: the share of the largest pivot below which an equation depends on those before it
+_RANK_TOLERANCE = 1e-10
 
 
 def candidates_near(rows: CombinationRows, shares: Vector, exponents: Exponents) -> Iterator[Combination]:
-    """Combinations next to 2^`exponents` · `shares`."""
+    """Combinations next to 2^`exponents` · `shares`, except those of which floats say that they prove nothing."""
     support = np.flatnonzero(shares)
     if _FRACTION_COST * float(np.diff(rows.matrix.indptr)[support].sum()) > min(_MAX_COST, work.nanoseconds_left()):
         return
-    units = [Fraction(2) ** int(exponents[i]) for i in support]
-    exact = [Fraction(float(shares[i])) for i in support]
-    for near in ([share.limit_denominator(_FIRST_DENOMINATOR) for share in exact], exact):
-        yield {int(i): share * unit for i, share, unit in zip(support, near, units, strict=True)}
+    units = exponents[support]
+    for p, q in (_simple_fractions(shares[support]), (shares[support], np.ones(support.size))):
+        if not _is_hopeless(rows, support, np.ldexp(p / q, units)):
+            weights = [Fraction(float(a)) / Fraction(float(b)) for a, b in zip(p, q, strict=True)]
+            yield {int(i): w * Fraction(2) ** int(e) for i, w, e in zip(support, weights, units, strict=True)}
     y = np.ldexp(shares, exponents)
     if support.size <= MAX_SUPPORT:
         own = np.zeros(rows.low.size, dtype=bool)
@@ -44,19 +51,52 @@ def candidates_near(rows: CombinationRows, shares: Vector, exponents: Exponents)
         yield exact_combination(rows, y, rows.free)
 
 
+def _simple_fractions(x: Vector) -> tuple[Vector, Vector]:
+    """p and q, the nearest p/q to each entry whose denominator is not too large, as `Fraction.limit_denominator`."""
+    whole = np.floor(x)
+    rest = x - whole
+    p = whole
+    q = last_p = np.ones(x.size)
+    last_q = np.zeros(x.size)
+    for _ in range(_FRACTION_STEPS):
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            inverse = 1.0 / rest
+            whole = np.floor(inverse)
+            next_q = whole * q + last_q
+            goes_on = next_q <= _FIRST_DENOMINATOR
+            rest = np.where(goes_on, inverse - whole, 0.0)
+        next_p = np.where(goes_on, whole, 0.0) * p + last_p
+        last_p = np.where(goes_on, p, last_p)
+        p = np.where(goes_on, next_p, p)
+        last_q = np.where(goes_on, q, last_q)
+        q = np.where(goes_on, next_q, q)
+    count = np.floor((_FIRST_DENOMINATOR - last_q) / q)
+    other_p = last_p + count * p
+    other_q = last_q + count * q
+    is_nearer = np.abs(other_p / other_q - x) < np.abs(p / q - x)
+    return np.where(is_nearer, other_p, p), np.where(is_nearer, other_q, q)
+
+
 def exact_combination(rows: CombinationRows, y: Vector, zero: Mask) -> Combination:
-    """x on the support of `y` with (Mᵀx)_j = 0 exactly in the columns `zero`, and where (Mᵀy)_j is about 0."""
+    """x on the support of `y` with (Mᵀx)_j = 0 exactly in the columns `zero`, and where (Mᵀy)_j is about 0.
+
+    Of equations that depend on each other up to rounding some are left out.
+    """
     support = np.flatnonzero(y)
     with np.errstate(over="ignore", invalid="ignore"):
-        part = rows.matrix[support]
-        tight = np.abs(part.T @ y[support]) <= ZERO * (abs(part).T @ np.abs(y[support]))
-    tight |= zero
+        terms = y[support, None] * rows.matrix[support].toarray()
+        size = np.abs(terms).sum(axis=0)
+        tight = (size > 0.0) & (zero | (np.abs(terms.sum(axis=0)) <= ZERO * size))
+        terms = np.nan_to_num(terms[:, tight] / size[tight])
+    _, triangle, order = qr(terms, mode="economic", pivoting=True)
+    pivots = np.abs(triangle.diagonal())
+    equations = np.flatnonzero(tight)[order[: np.count_nonzero(pivots > _RANK_TOLERANCE * pivots.max(initial=0.0))]]
     columns = rows.exact_columns(support)
-    system = [[columns[j].get(k, Fraction(0)) for k in range(support.size)] for j in columns if tight[j]]
+    system = [[columns[j].get(k, Fraction(0)) for k in range(support.size)] for j in map(int, equations)]
     x = [Fraction(float(y[i])) for i in support]
-    pivots = row_reduce(system, len(x))
-    others = [j for j in range(len(x)) if j not in pivots]
-    for row, pivot in zip(system, pivots, strict=False):
+    basic = row_reduce(system, len(x))
+    others = [j for j in range(len(x)) if j not in basic]
+    for row, pivot in zip(system, basic, strict=False):
         x[pivot] = -sum((row[j] * x[j] for j in others), Fraction(0))
     return dict(zip(map(int, support), x, strict=True))
 
@@ -66,12 +106,13 @@ def highest_value(rows: CombinationRows, y: Combination) -> tuple[Fraction, Comb
     y = {i: weight for i, weight in y.items() if weight}
     if any(not (rows.nonpositive if weight < 0 else rows.nonnegative)[i] for i, weight in y.items()):
         return None
-    if _is_hopeless(rows, y):
-        return None
     weights = list(y.values())
+    support = np.array([*y], dtype=np.intp)
+    if _is_hopeless(rows, support, np.array([nearest(weight) for weight in weights])):
+        return None
     total = sum((weight * Fraction(float(rows.offset[i])) for i, weight in y.items()), Fraction(0))
     columns: Combination = {}
-    for j, column in rows.exact_columns(np.array([*y], dtype=np.intp)).items():
+    for j, column in rows.exact_columns(support).items():
         entry = sum((weights[k] * x for k, x in column.items()), Fraction(0))
         if entry:
             end = float(rows.high[j] if entry > 0 else rows.low[j])
@@ -83,10 +124,9 @@ def highest_value(rows: CombinationRows, y: Combination) -> tuple[Fraction, Comb
 
 
 @np.errstate(all="ignore")
-def _is_hopeless(rows: CombinationRows, y: Combination) -> bool:
-    """Whether floats say already, beyond their rounding, that an entry of Mᵀy is on the side where z has no bound."""
-    columns = sp.csr_array(rows.matrix[list(y)].T)
-    x = np.array([nearest(weight) for weight in y.values()])
-    positive = product_lower_bound(columns, x) > 0.0
-    negative = product_upper_bound(columns, x) < 0.0
+def _is_hopeless(rows: CombinationRows, support: NDArray[np.intp], y: Vector) -> bool:
+    """Whether floats say, beyond their rounding, that an entry of Mᵀy is on the side where z has no bound."""
+    columns = sp.csr_array(rows.matrix[support].T)
+    positive = product_lower_bound(columns, y) > 0.0
+    negative = product_upper_bound(columns, y) < 0.0
     return bool((positive & np.isposinf(rows.high) | negative & np.isneginf(rows.low)).any())
