@@ -31,19 +31,26 @@ def without_redundant_rows(problem: ProblemData) -> ProblemData:
     - Row i of A is empty: c_i = ψ_i where q_i > 0, ψ̄_i where q_i < 0. Where q_i = 0 and column i
       is empty as well, c_i is the number between them nearest to 0.
     """
-    if not problem.psi.is_constant:
-        return problem
-    low = problem.facts.obstacle
-    high = problem.facts.upper_obstacle
-    if high is None:
-        high = np.full(problem.n, np.inf)
-    c = np.full(problem.n, np.nan)
-    _of_empty_rows(problem, low, high, c)
-    with np.errstate(invalid="ignore"):
-        fixed = (low >= high) & (low - high <= MAX_CROSSING * (np.abs(low) + np.abs(high)))
-    c[fixed] = low[fixed]
+    c = redundant_values(problem)
     known = np.isfinite(c)
-    return _substitute(problem, known, np.where(known, c, 0.0), low, high) if known.any() else problem
+    return _substitute(problem, known, np.where(known, c, 0.0)) if known.any() else problem
+
+
+def redundant_values(problem: ProblemData) -> Vector:
+    """c_i in the rows that `without_redundant_rows` makes equations z_i = c_i, and NaN in the others; shape (n,)."""
+    c = np.full(problem.n, np.nan)
+    if problem.psi.is_constant:
+        low, high = _obstacles(problem)
+        _of_empty_rows(problem, low, high, c)
+        with np.errstate(invalid="ignore"):
+            fixed = (low >= high) & (low - high <= MAX_CROSSING * (np.abs(low) + np.abs(high)))
+        c[fixed] = low[fixed]
+    return c
+
+
+def _obstacles(problem: ProblemData) -> tuple[Vector, Vector]:
+    high = problem.facts.upper_obstacle
+    return problem.facts.obstacle, np.full(problem.n, np.inf) if high is None else high
 
 
 def _of_empty_rows(problem: ProblemData, low: Vector, high: Vector, c: Vector) -> None:
@@ -58,14 +65,18 @@ def _of_empty_rows(problem: ProblemData, low: Vector, high: Vector, c: Vector) -
     c[redundant] = side[redundant]
 
 
-def _substitute(problem: ProblemData, known: Mask, c: Vector, low: Vector, high: Vector) -> ProblemData:
+def _substitute(problem: ProblemData, known: Mask, c: Vector) -> ProblemData:
     """The problem with the equation z_i = c_i in the `known` rows, and these values in the others."""
+    low, high = _obstacles(problem)
     A = problem.A
     unknown = ~known
     row = row_of(A)
     data = np.where(unknown[row] & unknown[A.indices], A.data, 0.0)
     reduced = sp.csr_array((data, A.indices, A.indptr), shape=A.shape) + sp.diags_array(known.astype(np.float64))
-    q = np.where(known, -c, problem.q + problem.product(c))
+    with np.errstate(over="ignore", invalid="ignore"):
+        q = np.where(known, -c, problem.q + problem.product(c))
+    if not np.isfinite(q).all():
+        return problem
     psi: Any = Constant(np.where(known, -np.inf, low)).bind(problem.n)
     if np.isfinite(high[unknown]).any():
         psi = TwoSidedObstacle(psi, Constant(np.where(known, np.inf, high)).bind(problem.n))

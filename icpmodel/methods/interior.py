@@ -6,8 +6,9 @@ start r and s solve the equations with Wr + s = 0, and are shifted to be positiv
 
 Each step is a proximal one with its own z for centre: a multiple of W is added to A. Where A is symmetric up to the
 signs of its rows, as in conditions of optimality, rows of one sign are primal unknowns and the others multipliers.
-Primal and dual steps then have a length each. As soon as the signs of s − Wr repeat, a step with these signs is tried
-as the answer: r = 0 or p = 0 in every row.
+Primal and dual steps then have a length each, α and β. An H in the primal rows leaves (α − β)H dx of the distance
+from s to p, which the next step takes into account. As soon as the signs of s − Wr repeat, a step with these signs is
+tried as the answer: r = 0 or p = 0 in every row.
 
 References: Mehrotra, SIAM J. Optim. 2 (1992), for the start and the choice of ε; Friedlander and Orban, Math. Program.
 Comput. 4 (2012), for the proximal terms; Wright, Primal-Dual Interior-Point Methods (1997), for the two lengths.
@@ -39,9 +40,9 @@ from .proximal import Regularised
 
 #: the largest number of steps that reduce neither the residual nor the infeasibility of r and s
 _PATIENCE = 20
-#: the relative residuals of the system for the predictor, and for the step itself
-_PREDICTED = 1e-6
-_ACCURATE = 1e-12
+#: the relative residuals of the system for the step and for its predictor, of which only the length is used
+_STEP_ACCURACY = 1e-12
+_PREDICTOR_ACCURACY = 1e-6
 #: a step goes this share of the way to the boundary
 _BOUNDARY_SHARE = 0.995
 #: the starting r and s are shifted by this multiple of their negative part at least
@@ -55,7 +56,7 @@ class Interior(Regularised):
     """Newton's steps with √(x² + 4ε²) for |x|, ε falling, without an active set.
 
     For the problems of `Proximal` whose active set changes often or row by row: redundant contacts in two and three
-    dimensions, plates, programs and equilibria. The number of steps, 10 to 40 as a rule, hardly depends on n. Where A
+    dimensions, plates, programs and equilibria. The number of steps, 10 to 30 as a rule, hardly depends on n. Where A
     is monotone and there is no solution, the iterates diverge. Their direction is tried as a proof, and the method
     raises `Infeasible` or ends. Convergence is not proved. If the obstacle is fixed, the start has no influence.
 
@@ -74,17 +75,17 @@ class Interior(Regularised):
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         # never raises SingularOperator
         yield z, None
+        fixed = with_fixed_obstacle(problem)
         try:
-            fixed = without_redundant_rows(with_fixed_obstacle(problem))  # a fixed unknown leaves no interior
-            path = InteriorPath(fixed, z)
+            path = InteriorPath(without_redundant_rows(fixed), z)  # a fixed unknown leaves no interior
         except MapError:
             return
-        recession = Recession(fixed)
+        recession = Recession(fixed, path.z)
         while True:
             yield path.z, None
             if not path.makes_progress():
                 return
-            if path.infeasibilities.waited and (answer := recession.proof(path.z - path.base_point)).holds:
+            if path.infeasibilities.waited and (answer := recession.proof(path.z)).holds:
                 raise Infeasible(answer)
             if path.signs_repeat() and (solution := path.step_by_signs()) is not None:
                 yield solution, None
@@ -118,6 +119,7 @@ class InteriorPath:
         self.system = RegularisedSystem(problem, analysis)
         self.root = np.sqrt(self.weights)
         signs = None if self.has_moving_obstacle else self.steps.costs.analysis.signs
+        #: or dual: the signs of rows that do not depend on each other are arbitrary
         self.is_primal = np.ones(problem.n, bool) if signs is None else signs > 0
         self.residuals = LeastValue()
         self.infeasibilities = LeastValue()
@@ -133,7 +135,7 @@ class InteriorPath:
         self.rows = np.concatenate(self.sides)
         self.sign = np.repeat([1.0, -1.0][: len(self.sides)], [rows.size for rows in self.sides])
         of_r = self.is_primal[self.rows]
-        #: for r and s: whether the step is a primal one
+        #: for r and s: whether the step is a primal one; where all signs are equal there is no other
         self.is_primal_step = np.array([of_r, of_r if self.is_primal.all() else ~of_r])
         self._start(c)
 
@@ -147,7 +149,7 @@ class InteriorPath:
         self.s = weights
         self._move_to(z)
         distances = self._distances()
-        z = z + self._solver()(-self.point[1] - self._in_rows(self.sign * weights * distances), _ACCURATE)
+        z = z + self._solver()(-self.point[1] - self._in_rows(self.sign * weights * distances), _STEP_ACCURACY)
         root = self.root[self.rows]
         v = root * (distances + self._change(z - self.base_point))
         size = norm(self.root * z) / z.size**0.5
@@ -228,13 +230,13 @@ class InteriorPath:
         mean_product = inner(r, s) / count
         while True:
             solve = self._solver()
-            _, dr, ds = self._direction(solve, r * s, _PREDICTED)
+            _, dr, ds = self._direction(solve, r * s, _PREDICTOR_ACCURACY)
             if self.system.adapt():
                 break
         _, of_r, of_s = self._lengths(dr, ds, 1.0)
         mean_after = inner(r + of_r * dr, s + of_s * ds) / count
         target = r * s + dr * ds - ((mean_after / mean_product) ** 3 * mean_product if mean_product else 0.0)
-        dz, dr, ds = self._direction(solve, target, _ACCURATE)
+        dz, dr, ds = self._direction(solve, target, _STEP_ACCURACY)
         of_z, of_r, of_s = self._lengths(dr, ds, _BOUNDARY_SHARE)
         self.r = r + of_r * dr
         self.s = s + of_s * ds
@@ -268,7 +270,7 @@ class InteriorPath:
         """z with p, z − ψ(z) and z − ψ̄(z), how far these are from r, and the derivatives of obstacles that move."""
         problem = self.problem
         self.point = z, problem.p(z), problem.r(z), problem.r_upper(z)
-        self.gap = self._distances() - self.r
+        self.gap = self._distances() - self.r  # one that is carried along is rounding once r is below it
         if self.has_moving_obstacle:
             self.slopes = [derivative(psi, z) for psi in (problem.psi, problem.upper) if psi is not None]
 

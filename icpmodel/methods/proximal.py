@@ -102,10 +102,11 @@ class Proximal(Regularised):
         yield z, None
         fixed = with_fixed_obstacle(problem)
         path = ProximalPath(fixed, z)
-        recession = Recession(fixed)
+        recession: Recession | None = None
         while path.advance():
             yield path.z, path.residual if fixed is problem else None
-            if (answer := recession.proof(path.z - z)).holds:
+            recession = recession or Recession(fixed, path.z)
+            if (answer := recession.proof(path.z)).holds:
                 raise Infeasible(answer)
 
 

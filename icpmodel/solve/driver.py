@@ -20,6 +20,7 @@ from ..numerics.arrays import Vector, as_truth, norm
 from ..numerics.rounding import CTRL_C, is_ctrl_c, public_entry
 from ..problem.data import ProblemData, ProblemLike, as_problem
 from ..problem.user_code import as_function
+from ..theory.certificates.infeasible import infeasible_as_given
 from .accuracy import solve_to_accuracy
 from .choice import Choice, Job, MethodSequence
 from .goal import RTOL, Goal, Limits, check_family
@@ -185,6 +186,9 @@ def _run_all(run: Run, method: Method | None, family: str | None) -> None:
     if other is not run.problem:
         run.presolved = other
         run_methods(run, ladder_steps(run, other, family))
+        if run.infeasible is not None:
+            run.infeasible = infeasible_as_given(run.problem, run.infeasible)
+            run.stop_reason = StopReason(Status.INFEASIBLE, run.infeasible.reason)
         if run.stop_reason.status not in WORTH_ANOTHER_METHOD:
             return
         run.presolved = None

@@ -126,6 +126,49 @@ def test_what_has_no_solution_ends_with_a_proof(method, boxed):
     assert q @ y + 5.0 * np.maximum(columns[:40], 0.0).sum() * boxed < 0
 
 
+def infeasible_beside(kind, size, seed):
+    """x ≥ 0 with Bx ≥ b and eᵀx ≤ −1, beside every fourth x fixed at `size`, or unknowns that equations fix there."""
+    rng = np.random.default_rng(seed)
+    n = 40
+    B = np.vstack([rng.integers(-2, 3, (30, n)), np.full(n, -1.0)])
+    p = np.concatenate([rng.random(n), rng.random(30), [-1.0]])
+    A = np.block([[np.zeros((n, n)), -B.T], [B, np.zeros((31, 31))]])
+    if kind == "fixed":
+        i = np.arange(n + 31)
+        fixed = (i % 4 == 0) & (i < n)
+        shift = A[:, fixed].sum(axis=1) * size
+        return icp.ICP(A, p - shift, np.where(fixed, size, 0.0), upper=np.where(fixed, size, np.inf))
+    E = np.eye(8) + 0.1 * rng.normal(size=(8, 8))
+    equations = sp.block_array([[None, -E.T], [E, None]])
+    q = np.concatenate([p, np.zeros(8), -size * rng.random(8)])
+    return icp.ICP(sp.block_diag([A, equations]), q, np.repeat([0.0, -np.inf], [n + 31, 16]))
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("kind", ["fixed", "equations"])
+def test_what_stays_bounded_does_not_delay_a_proof(kind, seed):
+    """Where it is 1e6 times as large as what grows, the direction from the first iterate has none of it."""
+    solution = run(infeasible_beside(kind, 1e6, seed))
+    assert solution.status is Status.INFEASIBLE
+    assert solution.iterations < 30
+
+
+def test_a_proof_says_which_values_of_redundant_unknowns_it_rests_on():
+    """z = (1, 0) has p ≥ 0 and z ≥ 0, but p_0 = 1 > 0 makes z_0 = 0, and then p_1 = −1."""
+    problem = icp.ICP([[0, 0], [1, 0]], [1, -1])
+    for method in (None, "interior"):
+        solution = attempt(problem, method)
+        assert "no z has" not in solution.message
+        assert "no z with" not in solution.message
+    assert "proved values of other unknowns" in attempt(problem).message
+
+
+def test_a_fixed_unknown_whose_terms_overflow_is_no_error():
+    problem = icp.ICP([[2.0, 1e300], [1e300, 2.0]], [1.0, 1.0], [-np.inf, 1e200], upper=[np.inf, 1e200])
+    for method in (None, "interior"):
+        assert attempt(problem, method).status is not Status.SOLVED
+
+
 @settings(max_examples=100)
 @given(GENERATORS)
 def test_what_redundant_rows_are_left_out_changes_no_solution(rng):

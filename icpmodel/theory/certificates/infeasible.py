@@ -26,6 +26,8 @@ from typing import Any
 
 import numpy as np
 
+from ...algebra.redundant import redundant_values
+from ...algebra.subproblems import with_fixed_obstacle
 from ...numerics.arrays import Vector
 from ...numerics.rational import as_witness, nearest
 from ...problem.data import ProblemData
@@ -36,13 +38,13 @@ from .rounded_combination import rounded_combination
 
 
 @np.errstate(all="ignore")  # what overflows proves nothing
-def infeasible(problem: ProblemData, y: Vector, known: ProvedBounds | None = None) -> Answer:
+def infeasible(problem: ProblemData, y: Vector, known: ProvedBounds | None = None, *, bounded: bool = True) -> Answer:
     """Whether `y`, or an exact y next to it, is such a combination, given what is `known`; its scale is irrelevant.
 
     Often Aᵀy has to be 0 in many rows, which floats seldom satisfy. So three candidates are tried: simple fractions
     next to `y`, `y` itself, and, if at most 60 of its entries are nonzero, the exact solution of these equations. They
-    are checked in rational arithmetic. Where that is too costly, floats with a bound on every rounding error
-    are used. The answer is True or None. Its witness is y, in floats or fractions, and `number` is an upper bound
+    are checked in rational arithmetic. Where that is too costly and `bounded`, floats with a bound on every rounding
+    error are used. The answer is True or None. Its witness is y, in floats or fractions, and `number` is an upper bound
     of (Az + q)ᵀy; without an upper obstacle (q + Ac)ᵀy. For obstacles that move, `y` and the witness are (y, x), shape
     (2n,), with an upper obstacle (y, x, x̄).
     """
@@ -64,13 +66,29 @@ def infeasible(problem: ProblemData, y: Vector, known: ProvedBounds | None = Non
     for exact in candidates_near(rows, shares, exponents - top):
         if (highest := highest_value(rows, exact)) is not None:
             return answer_of(rows, exact, highest[0], known)
-    value = rounded_combination(rows, shares, exponents)
+    value = rounded_combination(rows, shares, exponents) if bounded else None
     if value is None:
         return unknown
     number = float(np.ldexp(value, -top))
     y = np.ldexp(shares, exponents - top)
     nearby = f"{_combination_text(rows, y)}, or a combination next to that, is at most {number:.3g}"
     return Answer(True, f"no z is a solution: {nearby}, every rounding error being bounded", y, number)
+
+
+def infeasible_as_given(problem: ProblemData, answer: Answer) -> Answer:
+    """The `answer` for `problem` without its redundant rows, as a proof for `problem` itself where it is one.
+
+    If it is one only with the values of redundant unknowns, it says so.
+    """
+    fixed = with_fixed_obstacle(problem)
+    c = redundant_values(fixed)
+    known = np.isfinite(c)
+    y = np.where(known, 0.0, [float(weight) for weight in answer.witness])
+    bounds = ProvedBounds(np.where(known, c, -np.inf), np.where(known, c, np.inf), "their p has one sign anywhere")
+    for whole in (infeasible(fixed, y), infeasible(fixed, y, bounds)):
+        if whole.holds:
+            return whole
+    return answer
 
 
 def answer_of(rows: CombinationRows, exact: Combination, value: Fraction, known: ProvedBounds | None = None) -> Answer:

@@ -11,6 +11,9 @@ from ..answers import Answer
 from .combination_rows import ZERO, CombinationRows
 from .infeasible import infeasible
 
+#: the largest misfit of a direction that is tried: simple fractions next to it may be a proof
+_MAX_MISFIT = 1e-5
+
 
 class Recession:
     """Directions along which iterates diverge, tried as proofs that there is no solution.
@@ -19,26 +22,31 @@ class Recession:
     ----------
     problem : ProblemData
         The problem; where its obstacles are not constant no proof is tried.
+    origin : array of shape (n,)
+        An iterate from which directions are measured. If it solves the equations they contain none of what stays
+        bounded.
 
     Notes
     -----
     Let A be monotone and no z have p ≥ 0 and r ≥ 0. Then the iterates z of a proximal or interior
     method grow, and their direction y tends to a combination as in `infeasible`. The defect of y is
     the distance of Aᵀy to its required signs, in the units of W. Its merit is −(q + Ac)ᵀy. A y is
-    tried once the quotient of the two is rounding, and again whenever it is a tenth of the last one.
+    tried once the quotient of the two is small, and again whenever it is a tenth of the last one.
     """
 
-    def __init__(self, problem: ProblemData) -> None:
+    def __init__(self, problem: ProblemData, origin: Vector) -> None:
         self.problem = problem
-        self.share = ZERO
+        self.origin = origin
+        self.max_misfit = _MAX_MISFIT
 
-    def proof(self, y: Vector) -> Answer:
-        """The proof, if any, by the direction `y`, shape (n,)."""
-        share = misfit(self.problem, y)
-        if not share < self.share:
+    def proof(self, z: Vector) -> Answer:
+        """The proof, if any, by the direction to the iterate `z`, shape (n,)."""
+        y = z - self.origin
+        quotient = misfit(self.problem, y)
+        if not quotient < self.max_misfit:
             return Answer(None, "the iterates do not diverge along a combination of rows")
-        self.share = 0.1 * share
-        return infeasible(self.problem, y)
+        self.max_misfit = 0.1 * quotient
+        return infeasible(self.problem, y, bounded=quotient < ZERO)
 
 
 @np.errstate(all="ignore")
