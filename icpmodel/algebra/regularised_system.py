@@ -14,8 +14,8 @@ from ..numerics.linear import refine
 from ..numerics.symmetric_factors import SymmetricFactors
 from ..problem.data import ProblemData
 
-#: the first δ, for a symmetric A and for another one. There entries are not bounded by those of the diagonal, and δ²
-#: must be above rounding, or pivots may vanish. The last one is the least, near rounding
+#: the first δ, for a symmetric A and for another one. Entries of the latter are not bounded by those of the diagonal,
+#: and δ² must be above rounding, or pivots may vanish. The last one is the least, near rounding
 _FIRST_REGULARISATION = 1e-9
 _FIRST_REGULARISATION_SKEW = 1e-7
 MIN_REGULARISATION = 1e-13
@@ -62,7 +62,7 @@ class RegularisedSystem:
     def solver(self, diagonal: Vector, subtracted: sp.csr_array | None = None) -> Solve:
         """f ↦ x with (A + D + δW − `subtracted`)x = f, D the `diagonal`; NaN where there are no factors.
 
-        x is refined up to the relative residual, as long as that halves it.
+        It is valid until the next call. x is refined up to the relative residual, as long as that halves it.
         """
         M = self.matrix
         M.data[:] = self.problem.A.data

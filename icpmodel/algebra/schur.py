@@ -26,7 +26,7 @@ from ..problem.matrix import Matrix
 from .factor_costs import factor_costs
 
 #: the Newton steps whose calls cost as much as those of an elimination; 1 ms was measured at n = 100
-_STEPS = 2.0
+_OVERHEAD_IN_STEPS = 2.0
 
 
 class SchurComplement:
@@ -96,7 +96,7 @@ def elimination(problem: ProblemData, max_cost: Callable[[], float]) -> SchurCom
     problem : ProblemData
         The problem, with constant obstacles.
     max_cost : callable
-        Returns what a factorisation of A may cost, in nanoseconds.
+        Returns what the elimination may cost, in nanoseconds.
 
     Raises
     ------
@@ -112,7 +112,7 @@ def elimination(problem: ProblemData, max_cost: Callable[[], float]) -> SchurCom
     if not 0 < rows.size < problem.n or rows.size**2 > matrix.nnz:
         return None
     costs = factor_costs(matrix)
-    limit = min(max_cost() - _STEPS * work.COSTS.newton, costs.dense)
+    limit = min(max_cost() - _OVERHEAD_IN_STEPS * work.COSTS.newton, costs.dense)
     if costs.analysis.costs_more(limit) or not costs.fill.is_exact or costs.unsymmetric > limit:
         return None
     key = rows.tobytes()

@@ -265,7 +265,7 @@ class Ladder:
             self.rungs.pop(0)()
         return bool(self.jobs)
 
-    def cost_of_iterations(self) -> float:
+    def cost_without_factors(self) -> float:
         """The least that methods without sparse factors are expected to cost, in nanoseconds."""
         jobs = self._estimate_jobs([self._accelerated(), Multilevel(), Lemke()])
         return min((job.remaining for job in jobs), default=math.inf)

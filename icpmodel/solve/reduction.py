@@ -73,7 +73,7 @@ def ladder_steps(run: Run, problem: ProblemData, family: str | None, first: Meth
     if reduces and problem.psi.is_constant and not ladder.is_decided:
         complement = None
         with suppress(OutOfTime, MemoryError):
-            complement = elimination(problem, ladder.cost_of_iterations)
+            complement = elimination(problem, ladder.cost_without_factors)
         if complement is not None:
             yield from _Parts(run, problem, family).steps(complement)
             if run.is_over:

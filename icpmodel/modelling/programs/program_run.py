@@ -74,7 +74,7 @@ class ProgramRun:
         for method in self._methods(z0 is not None):
             if method is None and proof is not None:
                 break
-            if method is None and self.iterations:  # as many steps as all methods before
+            if method is None and self.iterations:  # as many steps as all before: it may go on for thousands in vain
                 limit = {"max_iter": self.iterations}
             try:
                 solution = self._solve(
