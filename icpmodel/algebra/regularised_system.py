@@ -29,7 +29,7 @@ Solve = Callable[[Vector, float], Vector]
 
 
 class RegularisedSystem:
-    """A + D + δW with the A of a problem, W its proximal weights.
+    """A + D + δW with the A of a problem.
 
     Parameters
     ----------
@@ -37,10 +37,15 @@ class RegularisedSystem:
         The problem.
     analysis
         The factorisation that keeps its order, or a symbolic analysis; None if each matrix is to be analysed.
+    weights
+        The diagonal of W, shape (n,).
     """
 
-    def __init__(self, problem: ProblemData, analysis: SymmetricFactors | SymbolicAnalysis | None) -> None:
+    def __init__(
+        self, problem: ProblemData, analysis: SymmetricFactors | SymbolicAnalysis | None, weights: Vector
+    ) -> None:
         self.problem = problem
+        self.weights = weights
         self.analysis = analysis
         self.matrix = sp.csr_array(problem.A, dtype=np.float64, copy=True)
         self.delta = self.first_delta = (
@@ -66,7 +71,7 @@ class RegularisedSystem:
         """
         M = self.matrix
         M.data[:] = self.problem.A.data
-        M.data[self.problem.matrix.rows.diag] += diagonal + self.delta * self.problem.matrix.proximal_weights
+        M.data[self.problem.matrix.rows.diag] += diagonal + self.delta * self.weights
         if subtracted is not None:
             M = sp.csr_array(M - subtracted)
         unit = 1.0 / np.sqrt(np.abs(M.diagonal()))

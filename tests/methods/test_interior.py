@@ -163,6 +163,15 @@ def test_a_proof_says_which_values_of_redundant_unknowns_it_rests_on():
     assert "proved values of other unknowns" in attempt(problem).message
 
 
+def test_what_an_unknown_is_fixed_at_does_not_move_the_start():
+    """The start is as far from the obstacle as unknowns are large: those that are fixed are not counted."""
+    problem = dependent_equations(np.random.default_rng(1), 8)
+    A = sp.block_diag([problem.A, [[1.0]]])
+    low = np.append(problem.psi.value(np.zeros(problem.n)), 1e12)
+    beside = icp.ICP(A, np.append(problem.q, 0.0), low, upper=np.append(np.full(problem.n, np.inf), 1e12))
+    assert run(beside, atol=1e-8, rtol=0.0).iterations <= run(problem, atol=1e-8, rtol=0.0).iterations + 1
+
+
 def test_a_fixed_unknown_whose_terms_overflow_is_no_error():
     problem = icp.ICP([[2.0, 1e300], [1e300, 2.0]], [1.0, 1.0], [-np.inf, 1e200], upper=[np.inf, 1e200])
     for method in (None, "interior"):
