@@ -193,3 +193,44 @@ def test_optimal_is_said_of_what_is_optimal_in_the_units_of_the_user(seed):
     if found.solved:
         for wrong, size in faults(data, found.x, found.y, found.z):
             assert abs(wrong) <= 1e-6 * size
+
+
+def a_program_of_rank_1(seed, scale):
+    """A degenerate program in whole numbers that x solves, its objective times `scale`."""
+    random = np.random.default_rng(seed)
+
+    def rows(count):
+        return random.integers(-3, 4, (count, 150)) * (random.random((count, 150)) < 0.05) * 1.0
+
+    v, G, A = rows(1), rows(60), rows(25)
+    x = random.integers(-2, 3, 150) * 1.0
+    weights = random.integers(0, 3, 60) * (random.random(60) < 0.5) * 1.0
+    y = random.integers(-2, 3, 25) * 1.0
+    kind = random.integers(0, 5, 150)
+    low = np.where((kind == 0) | (kind == 3), x, np.where(kind == 2, x - 1, -np.inf))
+    high = np.where((kind == 1) | (kind == 3), x, np.where(kind == 2, x + 1, np.inf))
+    bounds = np.where(kind == 0, -1.0, np.where(kind == 1, 1.0, 0.0)) * (random.random(150) < 0.5)
+    P = v.T @ v
+    q = -(P @ x + G.T @ weights + A.T @ y + bounds)
+    h = G @ x + np.where(weights > 0, 0, random.integers(0, 3, 60))
+    return x, (scale * P, scale * q, G, h, A, A @ x, low, high)
+
+
+@pytest.mark.parametrize("seed", [11, 12, 14, 17, 18])
+def test_an_objective_in_units_of_a_millionth_is_minimised(seed):
+    """Weights of A alone make multipliers of 1e6 small beside x: the interior method stagnates with them."""
+    x, program = a_program_of_rank_1(seed, 2.0**20)
+    P, q = program[:2]
+    assert icp.solve_qp(*program).objective == pytest.approx(0.5 * x @ P @ x + q @ x, rel=1e-8)
+
+
+@pytest.mark.parametrize("last", [1.0, 2.0])
+def test_a_program_whose_solution_is_known_is_never_called_infeasible(last):
+    """x_i = 2^i is exact in floats, and its multipliers are: what is no solution up to rounding proves nothing."""
+    m = 50
+    G = sp.diags_array([np.full(m - 1, 2.0), np.full(m - 1, -1.0)], offsets=[0, 1], shape=(m - 1, m))
+    low, high = np.full(m, -np.inf), np.full(m, np.inf)
+    low[0], high[-1] = 1.0, last * 2.0 ** (m - 1)
+    program = np.zeros((m, m)), np.ones(m), G, np.zeros(m - 1), None, None, low, high
+    found = icp.solve_qp(*program, raise_on_failure=False, time_limit=20.0)
+    assert found.status in ("optimal", "optimal_inaccurate", "solver_error")

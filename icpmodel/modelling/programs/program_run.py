@@ -15,6 +15,8 @@ from ...algebra.equations import Pattern
 from ...algebra.proximal_steps import ProximalSteps
 from ...errors import IcpError, OutOfTime, SingularOperator
 from ...icp import ICP
+from ...methods.contract import Method
+from ...methods.interior import Interior
 from ...numerics import work
 from ...numerics.arrays import Vector
 from ...solve.solution import Solution, Status
@@ -45,10 +47,15 @@ class ProgramRun:
         What is judged, and what may be wrong.
     last
         The run on another program, whose matrices may be the same, and whose best iterate is the start.
+    is_bounded
+        Whether the objective is bounded below, so that there are multipliers wherever there is a feasible point.
     """
 
-    def __init__(self, program: Program, tolerance: float, last: ProgramRun | None = None) -> None:
+    def __init__(
+        self, program: Program, tolerance: float, last: ProgramRun | None = None, *, is_bounded: bool = False
+    ) -> None:
         self.program = program
+        self.is_bounded = is_bounded
         self.tolerance = tolerance
         self.problem: ICP = conditions_of(program, None if last is None else last.problem)
         reused = last is not None and last.problem.A is self.problem.A
@@ -111,8 +118,8 @@ class ProgramRun:
             return "user_limit", message
         return "optimal_inaccurate" if error <= _MAX_INACCURATE_VIOLATION else "solver_error", message
 
-    def _methods(self, is_warm: bool) -> list[str | None]:
-        """The names of the methods in turn; None for the choice of `solve()`, alone where there is a solution."""
+    def _methods(self, is_warm: bool) -> list[str | Method | None]:
+        """The methods in turn; None for the choice of `solve()`, alone where there is a solution."""
         # in a bounded box, or by dominant diagonals, no proof is needed
         in_box = np.isfinite(self.low).all() and np.isfinite(self.high).all()
         if in_box or self.problem.matrix.jacobi_radius < 1.0:
@@ -120,9 +127,10 @@ class ProgramRun:
         is_small = self.problem.n <= PIVOT_UP_TO
         # without a start Newton's steps often fail, but in extreme units the interior method does
         last = ["newton"] * (is_small and not is_warm)
-        return [*["lemke"] * is_small, *["newton"] * is_warm, "interior", "proximal", *last, None]
+        first = [*["lemke"] * is_small, *["newton"] * is_warm]
+        return [*first, "interior", "proximal", Interior(scales_by_q=True), *last, None]
 
-    def _solve(self, problem: ICP, method: str | None, **options: Any) -> Solution:
+    def _solve(self, problem: ICP, method: str | Method | None, **options: Any) -> Solution:
         seconds = work.seconds_left()
         time_limit = seconds if seconds < math.inf else None
         solution = problem.solve(method, time_limit=time_limit, raise_on_failure=False, **options)
@@ -142,10 +150,12 @@ class ProgramRun:
         else:
             nearest, signed = least_violation(problem)
             least = self._solve(ICP(nearest.A, nearest.q, nearest.psi), None, rtol=_VIOLATION_RTOL)
+            if not least.solved:
+                return None
             y = np.zeros(problem.n)
             y[signed] = least.z[problem.n :]
         for direction, primal in ((np.where(self.judge.is_x, 0.0, y), True), (y, False)):
-            if not misfit(problem, direction) < ZERO:
+            if (self.is_bounded and not primal) or not misfit(problem, direction) < ZERO:
                 continue
             answer = infeasible(problem, direction)
             inaccurate = "" if answer.holds else "_inaccurate"
@@ -162,7 +172,7 @@ class ProgramRun:
             return f"infeasible{inaccurate}", f"no x and multipliers meet the conditions: {reason}"
         n = program.g.size
         nearest = replace(program, H=sp.eye_array(n, format="csr"), g=np.zeros(n))
-        feasible = ProgramRun(nearest, self.tolerance)
+        feasible = ProgramRun(nearest, self.tolerance, is_bounded=True)
         status, message = feasible.verdict(None)
         self.iterations += feasible.iterations
         if feasible.is_good:

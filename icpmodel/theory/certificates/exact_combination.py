@@ -29,12 +29,19 @@ _FRACTION_COST = 3000.0
 _MAX_COST = 4e8
 #: the largest number of rows of a combination that is sought exactly: 60 equations in random floats take .6 s
 MAX_SUPPORT = 60
+#: nanoseconds for a number that a pivot changes, in random floats
+_ELIMINATION_COST = 80.0
 #: the share of the largest pivot below which an equation depends on those before it
 _RANK_TOLERANCE = 1e-10
 
 
-def candidates_near(rows: CombinationRows, shares: Vector, exponents: Exponents) -> Iterator[Combination]:
-    """Combinations next to 2^`exponents` · `shares`, except those of which floats say that they prove nothing."""
+def candidates_near(
+    rows: CombinationRows, shares: Vector, exponents: Exponents, *, solves: bool
+) -> Iterator[Combination]:
+    """Combinations next to 2^`exponents` · `shares`, except those of which floats say that they prove nothing.
+
+    If it `solves`, at most 60 rows are also combined by an exact solution of the equations.
+    """
     support = np.flatnonzero(shares)
     if _FRACTION_COST * float(np.diff(rows.matrix.indptr)[support].sum()) > min(_MAX_COST, work.nanoseconds_left()):
         return
@@ -44,7 +51,7 @@ def candidates_near(rows: CombinationRows, shares: Vector, exponents: Exponents)
             weights = [Fraction(float(a)) / Fraction(float(b)) for a, b in zip(p, q, strict=True)]
             yield {int(i): w * Fraction(2) ** int(e) for i, w, e in zip(support, weights, units, strict=True)}
     y = np.ldexp(shares, exponents)
-    if support.size <= MAX_SUPPORT:
+    if solves and support.size <= MAX_SUPPORT:
         own = np.zeros(rows.low.size, dtype=bool)
         own[support[support < own.size]] = True
         yield exact_combination(rows, y, own | rows.free)  # a ray has zeros there, a linear program need not
@@ -80,7 +87,7 @@ def _simple_fractions(x: Vector) -> tuple[Vector, Vector]:
 def exact_combination(rows: CombinationRows, y: Vector, zero: Mask) -> Combination:
     """x on the support of `y` with (Mᵀx)_j = 0 exactly in the columns `zero`, and where (Mᵀy)_j is about 0.
 
-    Of equations that depend on each other up to rounding some are left out.
+    Of equations that depend on each other up to rounding some are left out. Empty if there is too little time left.
     """
     support = np.flatnonzero(y)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -91,6 +98,10 @@ def exact_combination(rows: CombinationRows, y: Vector, zero: Mask) -> Combinati
     _, triangle, order = qr(terms, mode="economic", pivoting=True)
     pivots = np.abs(triangle.diagonal())
     equations = np.flatnonzero(tight)[order[: np.count_nonzero(pivots > _RANK_TOLERANCE * pivots.max(initial=0.0))]]
+    cost = _ELIMINATION_COST * support.size**2 * equations.size**2
+    if cost > work.nanoseconds_left():
+        return {}
+    work.count(cost)
     columns = rows.exact_columns(support)
     system = [[columns[j].get(k, Fraction(0)) for k in range(support.size)] for j in map(int, equations)]
     x = [Fraction(float(y[i])) for i in support]

@@ -38,15 +38,15 @@ from .rounded_combination import rounded_combination
 
 
 @np.errstate(all="ignore")  # what overflows proves nothing
-def infeasible(problem: ProblemData, y: Vector, known: ProvedBounds | None = None, *, bounded: bool = True) -> Answer:
+def infeasible(problem: ProblemData, y: Vector, known: ProvedBounds | None = None, *, accurate: bool = True) -> Answer:
     """Whether `y`, or an exact y next to it, is such a combination, given what is `known`; its scale is irrelevant.
 
-    Often Aᵀy has to be 0 in many rows, which floats seldom satisfy. So three candidates are tried: simple fractions
-    next to `y`, `y` itself, and, if at most 60 of its entries are nonzero, the exact solution of these equations. They
-    are checked in rational arithmetic. Where that is too costly and `bounded`, floats with a bound on every rounding
-    error are used. The answer is True or None. Its witness is y, in floats or fractions, and `number` is an upper bound
-    of (Az + q)ᵀy; without an upper obstacle (q + Ac)ᵀy. For obstacles that move, `y` and the witness are (y, x), shape
-    (2n,), with an upper obstacle (y, x, x̄).
+    Often Aᵀy has to be 0 in many rows, which floats seldom satisfy. So simple fractions next to `y` are tried, and `y`
+    itself. Where `y` is `accurate` up to rounding, so is the exact solution of these equations, if at most 60 entries
+    are nonzero. All are checked in rational arithmetic; where that is too costly, floats with a bound on every
+    rounding error are used. The answer is True or None. Its witness is y, in floats or fractions, and `number` is an
+    upper bound of (Az + q)ᵀy; without an upper obstacle (q + Ac)ᵀy. For obstacles that move, `y` and the witness are
+    (y, x), shape (2n,), with an upper obstacle (y, x, x̄).
     """
     unknown = Answer(None, "no combination of the rows was found that contradicts itself")
     rows = CombinationRows.of(problem, known)
@@ -63,10 +63,10 @@ def infeasible(problem: ProblemData, y: Vector, known: ProvedBounds | None = Non
     shares = shares / np.abs(shares).max()
     shares[np.abs(shares) <= ZERO] = 0.0
     top = int(exponents[shares != 0.0].max())
-    for exact in candidates_near(rows, shares, exponents - top):
+    for exact in candidates_near(rows, shares, exponents - top, solves=accurate):
         if (highest := highest_value(rows, exact)) is not None:
             return answer_of(rows, exact, highest[0], known)
-    value = rounded_combination(rows, shares, exponents) if bounded else None
+    value = rounded_combination(rows, shares, exponents) if accurate else None
     if value is None:
         return unknown
     number = float(np.ldexp(value, -top))

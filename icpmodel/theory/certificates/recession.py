@@ -46,7 +46,7 @@ class Recession:
         if not quotient < self.max_misfit:
             return Answer(None, "the iterates do not diverge along a combination of rows")
         self.max_misfit = 0.1 * quotient
-        return infeasible(self.problem, y, bounded=quotient < ZERO)
+        return infeasible(self.problem, y, accurate=quotient < ZERO)
 
 
 @np.errstate(all="ignore")
