@@ -224,6 +224,16 @@ def test_an_objective_in_units_of_a_millionth_is_minimised(seed):
     assert icp.solve_qp(*program).objective == pytest.approx(0.5 * x @ P @ x + q @ x, rel=1e-8)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_start_takes_no_more_steps_than_none(seed):
+    x, (P, q, G, h, *others) = a_program_of_rank_1(seed, 1.0)
+    h = h + 1e-3 * np.random.default_rng(seed).random(h.size)
+    cold = icp.solve_qp(P, q, G, h, *others)
+    warm = icp.solve_qp(P, q, G, h, *others, initvals=x)
+    assert warm.solved
+    assert warm.iterations <= cold.iterations
+
+
 @pytest.mark.parametrize("last", [1.0, 2.0])
 def test_a_program_whose_solution_is_known_is_never_called_infeasible(last):
     """x_i = 2^i is exact in floats, and its multipliers are: what is no solution up to rounding proves nothing."""

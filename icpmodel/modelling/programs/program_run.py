@@ -75,10 +75,13 @@ class ProgramRun:
         if start is not None:
             z0, pattern = self.start_near(start)
             self.polish(z0, pattern)
-            z0 = self.z if self.is_good else z0
+        elif z0 is not None:
+            self.polish(z0, self.pattern_at(z0))
+        if self.is_good:
+            return "optimal", "solved"
         proof = None
         limit: dict[str, int] = {}
-        for method in self._methods(z0 is not None):
+        for method in self._methods():
             if method is None and proof is not None:
                 break
             if method is None and self.iterations:  # as many steps as all before: it may go on for thousands in vain
@@ -92,7 +95,7 @@ class ProgramRun:
             if solution.status is Status.TIME_LIMIT:
                 break
             if not self.is_exact:
-                self.polish(self.z, Pattern.at(self.problem, self.z, self.problem.p(self.z), self.judge.unit**2))
+                self.polish(self.z, self.pattern_at(self.z))
             if solution.status is Status.MEMORY_LIMIT or self.is_good:
                 break
             limit = {}
@@ -118,16 +121,15 @@ class ProgramRun:
             return "user_limit", message
         return "optimal_inaccurate" if error <= _MAX_INACCURATE_VIOLATION else "solver_error", message
 
-    def _methods(self, is_warm: bool) -> list[str | Method | None]:
+    def _methods(self) -> list[str | Method | None]:
         """The methods in turn; None for the choice of `solve()`, alone where there is a solution."""
         # in a bounded box, or by dominant diagonals, no proof is needed
         in_box = np.isfinite(self.low).all() and np.isfinite(self.high).all()
         if in_box or self.problem.matrix.jacobi_radius < 1.0:
             return [None]
         is_small = self.problem.n <= PIVOT_UP_TO
-        # without a start Newton's steps often fail, but in extreme units the interior method does
-        last = ["newton"] * (is_small and not is_warm)
-        first = [*["lemke"] * is_small, *["newton"] * is_warm]
+        # Newton's steps often fail, but in extreme units the interior method does
+        first, last = (["lemke"], ["newton"]) if is_small else ([], [])
         return [*first, "interior", "proximal", Interior(scales_by_q=True), *last, None]
 
     def _solve(self, problem: ICP, method: str | Method | None, **options: Any) -> Solution:
@@ -223,6 +225,10 @@ class ProgramRun:
         is_tight = ~self.judge.is_x & (self.problem.p(z) <= _TIGHT_SLACK * terms)
         free = is_tight | ((self.low < z) & (z < self.high))
         return z, Pattern(z, ~free, ~free & (z >= self.high))
+
+    def pattern_at(self, z: Vector) -> Pattern:
+        """The active set at the iterate `z`."""
+        return Pattern.at(self.problem, z, self.problem.p(z), self.judge.unit**2)
 
     def polish(self, z: Vector, pattern: Pattern) -> None:
         """Newton steps from `z` with one active set, of the equations and a small multiple of W."""
