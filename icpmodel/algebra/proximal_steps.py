@@ -17,11 +17,10 @@ from ..problem.data import ProblemData
 from .active_equations import Elimination
 from .equations import Pattern, derivative, submatrix
 from .factor_costs import FactorCosts, factor_costs
+from .regularised_system import FIRST_REGULARISATION_SKEW
 
 #: the relative residual up to which a solve counts as one
 _MAX_RELATIVE_RESIDUAL = 1e-6
-#: the multiple of W in factors that are refined without it: √ε and a little more, so that no pivot is rounding
-_FACTOR_SHIFT = 1e-7
 
 
 class ProximalSteps:
@@ -127,7 +126,7 @@ class ProximalSteps:
         def multiply(x: Vector) -> Vector:
             return np.where(active, 0.0, D * x + problem.product(x))
 
-        for shift in (0.0, _FACTOR_SHIFT):  # without exchanges of rows a shift makes factors accurate
+        for shift in (0.0, FIRST_REGULARISATION_SKEW):  # without exchanges of rows a shift makes factors accurate
             data = problem.A.data.copy()
             data[problem.matrix.rows.diag] += D + shift * weights
             factors = self.fixed_order_factors.factors(data, ~active)

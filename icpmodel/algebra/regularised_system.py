@@ -17,7 +17,7 @@ from ..problem.data import ProblemData
 #: the first δ, for a symmetric A and for another one. Entries of the latter are not bounded by those of the diagonal,
 #: and δ² must be above rounding, or pivots may vanish. The last one is the least, near rounding
 _FIRST_REGULARISATION = 1e-9
-_FIRST_REGULARISATION_SKEW = 1e-7
+FIRST_REGULARISATION_SKEW = 1e-7
 MIN_REGULARISATION = 1e-13
 #: a solve with a relative residual of at most √ε reduces δ to a tenth; one above ε^¼ is repeated with a hundred times δ
 _ACCURATE_SOLVE = np.sqrt(np.finfo(np.float64).eps)
@@ -49,7 +49,7 @@ class RegularisedSystem:
         self.analysis = analysis
         self.matrix = sp.csr_array(problem.A, dtype=np.float64, copy=True)
         self.delta = self.first_delta = (
-            _FIRST_REGULARISATION if problem.matrix.is_nearly_symmetric else _FIRST_REGULARISATION_SKEW
+            _FIRST_REGULARISATION if problem.matrix.is_nearly_symmetric else FIRST_REGULARISATION_SKEW
         )
         # larger where factors have been inaccurate with less
         self.least_delta = MIN_REGULARISATION

@@ -143,9 +143,8 @@ class InteriorPath:
         self.signs = np.zeros(0, bool)
         self.repetitions = 0
         below, top = self.steps.obstacles
+        # 0, or what is nearest to it and not above, in the rows without obstacle below
         c = np.where(np.isneginf(below), 0.0 if top is None else np.minimum(top, 0.0), below)
-        #: c with 0, or what is nearest to it and not above, for the rows without obstacle below
-        self.base_point = c
         #: the rows of r and s, for one obstacle and the other
         self.sides = [np.flatnonzero(np.isfinite(side)) for side in (below, top) if side is not None]
         self.rows = np.concatenate(self.sides)
@@ -162,7 +161,7 @@ class InteriorPath:
         ratio = (primal / dual) ** 0.5 if primal and dual else 1.0
         return self.weights * np.where(self.is_primal, ratio, 1.0 / ratio)
 
-    def _start(self, z: Vector) -> None:
+    def _start(self, c: Vector) -> None:
         """Mehrotra's starting point: r and s solve the equations with Wr + s = 0, and are shifted to be positive.
 
         The shift is at least the mean size of z: beside that, steps from a small r and s would be short.
@@ -170,11 +169,11 @@ class InteriorPath:
         weights = self.weights[self.rows]
         self.r = np.ones(weights.size)
         self.s = weights
-        self._move_to(z)
+        self._move_to(c)
         distances = self._distances()
-        z = z + self._solver()(-self.point[1] - self._in_rows(self.sign * weights * distances), _STEP_ACCURACY)
+        z = c + self._solver()(-self.point[1] - self._in_rows(self.sign * weights * distances), _STEP_ACCURACY)
         root = self.root[self.rows]
-        v = root * (distances + self._change(z - self.base_point))
+        v = root * (distances + self._change(z - c))
         sizes = self.problem.matrix.absolute
         coupled = np.asarray(sizes.sum(axis=1)) > np.asarray(sizes.diagonal())  # unknowns that are fixed are not
         size = norm(self.root * z * coupled) / max(int(np.count_nonzero(coupled)), 1) ** 0.5

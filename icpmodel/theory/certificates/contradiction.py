@@ -27,7 +27,7 @@ from ...present.display import Displayable
 from ...problem.data import ProblemData, ProblemLike, as_problem
 from ..answers import Answer
 from .combination_rows import MAX_COST, ZERO, CombinationRows
-from .exact_combination import MAX_SUPPORT, exact_combination, highest_value
+from .exact_combination import exact_combination, highest_value
 from .infeasible import answer_of
 
 #: linear programs with more entries are not tried: 10⁵ take about a second
@@ -134,7 +134,7 @@ def contradiction(problem: ProblemLike) -> Contradiction | None:
     """
     problem = as_problem(problem)
     minimum = _least_violation(problem)
-    if minimum is None or np.count_nonzero(minimum.y) > MAX_SUPPORT:
+    if minimum is None:
         return None
     rows = minimum.conditions.rows
     exact = exact_combination(rows, minimum.y, rows.free)

@@ -28,7 +28,7 @@ _FRACTION_STEPS = 16
 _FRACTION_COST = 3000.0
 _MAX_COST = 4e8
 #: the largest number of rows of a combination that is sought exactly: 60 equations in random floats take .6 s
-MAX_SUPPORT = 60
+_MAX_SUPPORT = 60
 #: nanoseconds for a number that a pivot changes, in random floats
 _ELIMINATION_COST = 80.0
 #: the share of the largest pivot below which an equation depends on those before it
@@ -51,7 +51,7 @@ def candidates_near(
             weights = [Fraction(float(a)) / Fraction(float(b)) for a, b in zip(p, q, strict=True)]
             yield {int(i): w * Fraction(2) ** int(e) for i, w, e in zip(support, weights, units, strict=True)}
     y = np.ldexp(shares, exponents)
-    if solves and support.size <= MAX_SUPPORT:
+    if solves:
         own = np.zeros(rows.low.size, dtype=bool)
         own[support[support < own.size]] = True
         yield exact_combination(rows, y, own | rows.free)  # a ray has zeros there, a linear program need not
@@ -87,9 +87,12 @@ def _simple_fractions(x: Vector) -> tuple[Vector, Vector]:
 def exact_combination(rows: CombinationRows, y: Vector, zero: Mask) -> Combination:
     """x on the support of `y` with (Mᵀx)_j = 0 exactly in the columns `zero`, and where (Mᵀy)_j is about 0.
 
-    Of equations that depend on each other up to rounding some are left out. Empty if there is too little time left.
+    Of equations that depend on each other up to rounding some are left out. Empty for more than 60 rows, or if there is
+    too little time left.
     """
     support = np.flatnonzero(y)
+    if support.size > _MAX_SUPPORT:
+        return {}
     with np.errstate(over="ignore", invalid="ignore"):
         terms = y[support, None] * rows.matrix[support].toarray()
         size = np.abs(terms).sum(axis=0)
