@@ -95,20 +95,16 @@ def obstacle(
 ) -> Vector | Affine | Function:
     """z − (r − `bound`)/ρ = Gz + c + Vw, `bound` being 0 for None; `nonlinear_map`(G, c, V) where V is not 0.
 
-    ρ_i is the coefficient of z_i in r_i, or 1 where that is 0.
+    ρ_i > 0 is the coefficient of z_i in r_i.
     """
     R, W, constant = r
-    diagonal = R.diagonal()
-    absent = (diagonal == 0) & np.isfinite(constant)
-    scale = np.where(diagonal == 0, 1.0, diagonal)
+    scale = R.diagonal()
     with np.errstate(over="ignore"):
         factor = -1.0 / scale
         others = R.indices != row_of(R)
         data = (R.data * factor[row_of(R)])[others]
         c = constant * factor + 0.0
     G = sp.csr_array((data, (row_of(R)[others], R.indices[others])), shape=R.shape)
-    if absent.any():
-        G = sp.csr_array(G + sp.diags_array(absent.astype(np.float64)))
     V = sp.csr_array(sp.diags_array(factor) @ W)
     if bound is not None:  # where it is infinite nothing moves
         is_finite = np.where(np.isinf(bound.constant) | np.isinf(c), 0.0, 1.0)

@@ -308,7 +308,7 @@ def test_python_code_is_written_as_expressions(name):
     order = [variable.index() for variable in reading.variables]
     for z in np.random.default_rng(0).uniform(-2, 2, (5, 3)):
         r = reading.problem.r(z[order])
-        assert r * reading.scale == pytest.approx(problem.r(z)[order], abs=1e-14)
+        assert r * reading.ordered.r.Z.diagonal() == pytest.approx(problem.r(z)[order], abs=1e-14)
         held = np.isfinite(r)
         slope = reading.problem.psi.jacobian(z[order]).toarray()[held]
         for j, step in enumerate(np.diag([1e-6] * 3)):

@@ -25,9 +25,9 @@ from ...problem.function import Function
 from ...solve.solution import Solution
 from ..affine_rows import AffineRows, SumOfTerms, obstacle
 from ..inequalities import checked
+from ..row_order import OrderedRows, in_order, is_same, p_before_r
 from .atoms import at, frozen, named, unique, unstacked
 from .compiled import CompiledExpressions
-from .row_order import OrderedRows, in_order, is_same, p_before_r
 from .statement_checks import bounds_of, check_constraints, check_variables, pair
 
 #: the names of the bounds of r, and the number that means none
@@ -114,10 +114,11 @@ class CvxpyReading:
         return self._by_condition(self._ordered.sign * self.problem.p(z)[self._ordered.owned_columns])
 
     def row_name(self, row: int) -> str:
-        position = np.flatnonzero(self._ordered.owned_columns == row)
-        if not position.size:
-            return named(self._equations[0]) if len(self._equations) == 1 else "one of the equations"
-        number, place = at([p for p, _ in self._pairs], int(position[0]))
+        source = int(self._ordered.sources[row])
+        if source >= self._m:
+            number, place = at([one.expr for one in self._equations], source - self._m)
+            return named(self._equations[number]) + (place and f", entry {place},")
+        number, place = at([p for p, _ in self._pairs], source)
         return f"{self._conditions[number]}" + (place and f", entry {place},")
 
     def distances(self, z: Vector) -> list[tuple[Any, Any]]:

@@ -6,11 +6,6 @@ A `Complementarity` has two arguments with two bounds in all. Their meaning is P
 2. f = a, g without bound, means f − a = 0, as an equality constraint does.
 3. a ≤ f ≤ b, g without bound, means g ≥ 0 where f = a, g ≤ 0 where f = b, g = 0 in between.
 
-Form 3 is one row where f is like an unknown with bounds. Then g and b − a are affine, and f is nonlinear, or has one
-variable only, or one that g has with the same sign. Otherwise it is two rows with a further unknown λ:
-
-    f − a ≥ 0  ⟂  g + λ ≥ 0,        b − f ≥ 0  ⟂  λ ≥ 0.
-
 An infinite a or b is no bound. Then form 3 becomes form 1.
 
 Reference: Ferris, Fourer and Gay, Expressing complementarity problems in an algebraic modeling language (1999),
@@ -33,12 +28,12 @@ from pyomo.repn.util import VarRecorder, categorize_valid_components
 
 from ...errors import InputError
 from .bounded_arguments import BoundedArgument, Terms, bounded_argument
-from .nonlinear import Flat, flattened
+from .nonlinear import flattened
 from .sums import size_of_terms
 
 #: the largest violation of a condition without variables, as a share of its terms: the user's own sums are rounded
 _MAX_VIOLATION = 1e-9
-#: one side of a row: a constant, coefficients by the variable's id, what is nonlinear or None
+#: one side of a row: a constant, coefficients by the variable's id, what is nonlinear, `flattened`, or None
 Side = tuple[float, dict[int, float], Any]
 
 
@@ -48,26 +43,21 @@ class ConditionRows:
     Attributes
     ----------
     sides : two lists
-        Side 0 and side 1 of all rows, with the nonlinear parts `flattened`.
+        Side 0 and side 1 of all rows.
     owners : list
         The component of each row.
-    equation : list of bool
-        Whether side 0 must be zero; side 1 only tells the variable that Pyomo's user had in mind.
-    multipliers : dict
-        The λ above, by the number of the row of g + λ.
     widths : dict
-        b − a, by the number of a row with two bounds on side 0, whose side 1 has any sign.
-    inequalities : list
-        (constraint, constant, coefficients) of what must be ≤ 0.
+        b − a, by the number of a row of form 3; its sides are f − a and g.
+    equations, inequalities : list
+        (component, side) of what must be 0, or at most 0.
     """
 
     def __init__(self, model: Any) -> None:
         self.sides: tuple[list[Side], list[Side]] = ([], [])
         self.owners: list[Any] = []
-        self.equation: list[bool] = []
-        self.multipliers: dict[int, Any] = {}
         self.widths: dict[int, Side] = {}
-        self.inequalities: list[tuple[Any, float, dict[int, float]]] = []
+        self.equations: list[tuple[Any, Side]] = []
+        self.inequalities: list[tuple[Any, Side]] = []
         self._recorder = VarRecorder({}, None)
         self._walk = LinearRepnVisitor({}, var_recorder=self._recorder).walk_expression
         with PauseGC():  # as Pyomo's writers do: many small objects come and go
@@ -77,19 +67,22 @@ class ConditionRows:
             for constraint in _active(model, pyo.Constraint):
                 self._read_constraint(constraint)
 
+    def rows(self) -> list[Side]:
+        """Side 0 and side 1 of the conditions, then the widths, then the equations."""
+        return [*self.sides[0], *self.sides[1], *self.widths.values(), *(side for _, side in self.equations)]
+
     def variables(self) -> list[Any]:
         """The variables that occur, in the order of the model."""
-        seen = {key for side in (*self.sides, self.widths.values()) for _, linear, _ in side for key in linear}
-        seen |= {id(variable) for _, variables, _ in self.nonlinear() for variable in variables}
+        seen = set[int]()
+        for _, linear, nonlinear in self.rows():
+            seen.update(linear)
+            if nonlinear is not None:
+                seen.update(map(id, nonlinear[1]))
         return [variable for key, variable in self._recorder.var_map.items() if key in seen]
 
     def name_of(self, key: int) -> str:
         """The name of the variable of that id."""
         return str(self._recorder.var_map[key].name)
-
-    def nonlinear(self) -> list[Flat]:
-        """The nonlinear expressions of side 0, then those of side 1, row by row."""
-        return [one for side in self.sides for _, _, one in side if one is not None]
 
     def _refuse_what_is_no_icp(self, model: Any) -> None:
         data = {pyo.Block, pyo.Var, pyo.Param, pyo.Expression, pyo.Set, pyo.RangeSet, pyo.Suffix}
@@ -116,7 +109,7 @@ class ConditionRows:
             ends: list[Terms] = [((1.0, lower), (-1.0, body))] if lower is not None else []
             ends += [((1.0, body), (-1.0, upper))] if upper is not None else []
             return self._add_inequality(constraint, ends)
-        self._add_equation(constraint, ((1.0, body), (-1.0, lower)), ())
+        self._add_equation(constraint, ((1.0, body), (-1.0, lower)))
 
     def _read_condition(self, condition: Any) -> None:
         arguments = getattr(condition, "_args", None)
@@ -125,7 +118,7 @@ class ConditionRows:
         first, second = (bounded_argument(one, condition) for one in arguments)
         for one, other in ((first, second), (second, first)):
             if one.equality and not other.bounds:
-                return self._add_equation(condition, one.bounds[0], other.body)
+                return self._add_equation(condition, one.bounds[0])
             if one.ends and not other.bounds:
                 return self._add_range(condition, one, other.body)
         if first.equality or second.equality or (len(first.bounds), len(second.bounds)) != (1, 1):
@@ -139,48 +132,35 @@ class ConditionRows:
         low, high = one.ends
         if len(one.bounds) < 2:
             if not one.bounds:
-                return self._add_equation(condition, force, one.body)
+                return self._add_equation(condition, force)
             sign = 1.0 if one.bounds[0] is low else -1.0
             return self._add(condition, one.bounds[0], tuple((sign * factor, term) for factor, term in force))
         width = constant, linear, nonlinear = self._read((high[0], low[1]), condition)
         if not linear and nonlinear is None:
             if abs(self._share(constant, (high[0], low[1]))) <= _MAX_VIOLATION:
-                return self._add_equation(condition, low, force)
+                return self._add_equation(condition, low)
             if constant < 0:
                 actual = f"{condition.name} has a lower bound that is larger than the upper one"
                 raise InputError(f"{actual}, by {-constant:g}")
-        f = self._read(low, condition)
-        g = self._read(force, condition)
-        shared = any(value * g[1].get(key, 0.0) > 0 for key, value in f[1].items())
-        if nonlinear is None and g[2] is None and (f[2] is not None or len(f[1]) == 1 or shared):
-            self.widths[len(self.owners)] = width
-            return self._append(condition, f, g)
-        multiplier = pyo.Var(name="multiplier")
-        multiplier.construct()
-        self.multipliers[len(self.owners)] = multiplier
-        self._add(condition, low, (*force, (1.0, multiplier)))
-        return self._add(condition, high, ((1.0, multiplier),))
+        self.widths[len(self.owners)] = width
+        return self._append(condition, self._read(low, condition), self._read(force, condition))
 
-    def _add_equation(self, owner: Any, zero: Terms, hint: Terms) -> None:
-        constant, linear, nonlinear = self._read(zero, owner)
-        if not linear and nonlinear is None:
-            if not abs(self._share(constant, zero)) <= _MAX_VIOLATION:
-                raise InputError(f"{owner.name} has no free variable and cannot hold: 0 = {constant:g}")
-            return
-        if nonlinear is None:
-            self._append(owner, (constant, linear, None), (*self._read(hint, owner)[:2], None), equation=True)
-        else:  # p = 1 > 0 makes r = 0
-            self._append(owner, (1.0, {}, None), (constant, linear, nonlinear), equation=True)
+    def _add_equation(self, owner: Any, zero: Terms) -> None:
+        side = constant, linear, nonlinear = self._read(zero, owner)
+        if linear or nonlinear is not None:
+            self.equations.append((owner, side))
+        elif not abs(self._share(constant, zero)) <= _MAX_VIOLATION:
+            raise InputError(f"{owner.name} has no free variable and cannot hold: 0 = {constant:g}")
 
     def _add_inequality(self, constraint: Any, ends: list[Terms]) -> None:
         """Add an inequality, which must be ≤ 0 at the answer."""
         for terms in ends:
-            constant, linear, nonlinear = self._read(terms, constraint)
+            side = constant, linear, nonlinear = self._read(terms, constraint)
             if nonlinear is not None:
                 actual = f"{constraint.name} is a nonlinear inequality, and only affine ones are checked"
                 raise InputError(f"{actual}: give it a partner, in Complementarity(expr=complements(..., ...))")
             if linear:
-                self.inequalities.append((constraint, constant, linear))
+                self.inequalities.append((constraint, side))
             elif self._share(constant, terms) > _MAX_VIOLATION:
                 raise InputError(f"{constraint.name} has no free variable and cannot hold: {constant:g} <= 0")
 
@@ -201,11 +181,10 @@ class ConditionRows:
         size = sum(abs(factor) * size_of_terms(expression) for factor, expression in terms)
         return constant / size if size else 0.0
 
-    def _append(self, owner: Any, *sides: Side, equation: bool = False) -> None:
-        for stored, (constant, linear, rest) in zip(self.sides, sides, strict=True):
-            stored.append((constant, linear, None if rest is None else flattened(rest, owner)))
+    def _append(self, owner: Any, *sides: Side) -> None:
+        for stored, side in zip(self.sides, sides, strict=True):
+            stored.append(side)
         self.owners.append(owner)
-        self.equation.append(equation)
 
     def _read(self, terms: Terms, owner: Any) -> Side:
         constant = 0.0
@@ -229,7 +208,8 @@ class ConditionRows:
         if not finite:
             reason = "a fixed variable or parameter without value?"
             raise InputError(f"{owner.name} has a number that is not finite: {reason}")
-        return float(constant), {key: value for key, value in linear.items() if value}, nonlinear
+        linear = {key: value for key, value in linear.items() if value}
+        return float(constant), linear, None if nonlinear is None else flattened(nonlinear, owner)
 
 
 def _active(model: Any, kind: type) -> Iterable[Any]:

@@ -80,8 +80,7 @@ class LegacyPyomoSolver(LegacySolverWrapper, PyomoSolver):
         mapped, point = super()._map_results(model, results)
         reading = results.solution_loader.reading
         solution = results.extra_info.solution
-        size = reading.problem.n - len(reading.added)
-        mapped.problem.number_of_constraints = mapped.problem.number_of_variables = size
+        mapped.problem.number_of_constraints = mapped.problem.number_of_variables = len(reading.variables)
         mapped.problem.number_of_nonzeros = reading.problem.A.nnz
         mapped.problem.number_of_solutions = results.solution_loader.get_number_of_solutions()
         mapped.solver.name, mapped.solver.time = self.name, solution.seconds

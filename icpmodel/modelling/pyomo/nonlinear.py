@@ -38,14 +38,14 @@ Flat = tuple[tuple[Any, ...], list[Any], list[float]]
 
 
 class NonlinearRows:
-    """N(σz), nonlinear Pyomo expressions `flat`: value, Jacobian, and the expressions for other variables.
+    """N(z), nonlinear Pyomo expressions `flat`: value, Jacobian, and the expressions for other variables.
 
-    `columns` says the entry of z of each variable by its id, and `signs` are σ.
+    `columns` says the entry of z of each variable by its id.
     Reference: Griewank and Walther, Evaluating Derivatives (2008), chapter 3; pyomo.core.expr.calculus.
     """
 
-    def __init__(self, flat: Sequence[Flat], columns: dict[int, int], signs: Vector) -> None:
-        self.size, self.signs = len(flat), signs
+    def __init__(self, flat: Sequence[Flat], columns: dict[int, int]) -> None:
+        self.size = len(flat)
         rows_by_shape: dict[tuple[Any, ...], tuple[list[Any], list[Any], list[Any]]] = {}
         for row, (tokens, variables, constants) in enumerate(flat):
             of_shape = rows_by_shape.setdefault(tokens, ([], [], []))
@@ -54,29 +54,28 @@ class NonlinearRows:
         self.compiled = [_CompiledExpression(tokens, *of_shape) for tokens, of_shape in rows_by_shape.items()]
 
     def value(self, z: Vector) -> Vector:
-        """N(σz)."""
+        """N(z)."""
         result = np.zeros(self.size)
         for one in self.compiled:
-            result[one.rows] = one.value(self.signs * z)
+            result[one.rows] = one.value(z)
         return result
 
     def jacobian(self, z: Vector) -> sp.csr_array:
-        """N′(σz)σ, CSR."""
+        """N′(z), CSR."""
         parts = [
-            (one.rows, columns, np.broadcast_to(derivative, one.rows.shape) * self.signs[columns])
+            (one.rows, columns, np.broadcast_to(derivative, one.rows.shape))
             for one in self.compiled
-            for columns, derivative in zip(one.variables, one.derivatives(self.signs * z), strict=True)
+            for columns, derivative in zip(one.variables, one.derivatives(z), strict=True)
         ]
         rows, columns, data = map(np.concatenate, zip(*parts, strict=True))
         return sp.csr_array(sp.coo_array((data, (rows, columns)), shape=(self.size, z.size)))
 
     def expressions(self, z: Sequence[Any]) -> list[Any]:
         """The rows as Pyomo expressions of `z`, Pyomo variables or expressions."""
-        x = [variable if sign > 0 else -variable for variable, sign in zip(z, self.signs, strict=True)]
         expressions: list[Any] = [None] * self.size
         for one in self.compiled:
             for row, variables, constants in zip(one.rows, one.variables.T, one.constants.T.tolist(), strict=True):
-                expressions[int(row)] = _rebuilt(one.tokens, [x[j] for j in variables], constants, pyo)
+                expressions[int(row)] = _rebuilt(one.tokens, [z[j] for j in variables], constants, pyo)
         return expressions
 
 

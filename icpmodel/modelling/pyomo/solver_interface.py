@@ -93,7 +93,7 @@ class PyomoSolver(SolverBase):
     `solver_options` (`options` in the legacy interface) are `method` and its options, `rtol`, `atol`,
     `accuracy`, `max_iter` and `callback`. The start is the values of the variables. `tee` prints a log
     and the solution's card. `results.extra_info.solution` is the `Solution`, with its certificate. Its
-    z are ±the variables, see `PyomoReading`.
+    z begins with the values of the variables, see `PyomoReading`.
 
     Examples
     --------

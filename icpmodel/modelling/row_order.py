@@ -8,14 +8,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-import cvxpy as cp
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ...numerics.arrays import Vector, row_of
-from ..affine_rows import AffineRows
-from ..matching import arranged, left_over, own_entries, resemblance_to_r
+from ..numerics.arrays import Vector, row_of
+from .affine_rows import AffineRows
+from .matching import arranged, left_over, own_entries, resemblance_to_r
 
 
 class OrderedRows(NamedTuple):
@@ -26,12 +25,14 @@ class OrderedRows(NamedTuple):
     p, r : AffineRows
     lower, upper : AffineRows or None
         The bounds of r; None is 0 for the lower one, and no bound for the upper one.
-    own : ndarray of int, shape (m,)
+    owned_columns : ndarray of int, shape (m,)
         The entry of z that each row of a condition owns.
     sign : ndarray, shape (m,)
         −1 where such a row was multiplied by that, else 1.
     replaced : AffineRows
         The rows of r for which the last entries of z stand.
+    sources : ndarray of int, shape (n,)
+        Row → the number of its condition, or m plus that of its equation.
     """
 
     p: AffineRows
@@ -41,6 +42,7 @@ class OrderedRows(NamedTuple):
     owned_columns: NDArray[np.intp]
     sign: Vector
     replaced: AffineRows
+    sources: NDArray[np.intp]
 
 
 def in_order(
@@ -53,7 +55,7 @@ def in_order(
         p = p.times(sign)
         r = r.times(sign)
         lower, upper = _swap_bounds(lower or r.constants(m, 0.0), upper or r.constants(m, np.inf), sign)
-    owned_columns, replaced, (p, r, equations, *bounds) = _match_rows(p, r, equations, lower, upper)
+    owned_columns, unowned, (p, r, equations, *bounds), replaced = _match_rows(p, r, equations, lower, upper)
     parts: list[Any] = [p, r, *bounds]
     owners = owned_columns
     n = r.Z.shape[1]
@@ -65,27 +67,30 @@ def in_order(
     rows = np.argsort(owners)
     if not np.array_equal(owners, np.arange(n)):
         parts = [one and one.of(rows) for one in parts]
+    sources = np.concatenate([np.arange(n - unowned.size), unowned])[rows]
     if n > m:
         places, factor = arranged(parts[0].Z, rows >= m)
         parts[0] = parts[0].of(places).times(factor)
+        sources = sources[places]
     p, r, lower, upper = parts
-    return OrderedRows(p, r, lower, upper, owned_columns, sign, replaced)
+    return OrderedRows(p, r, lower, upper, owned_columns, sign, replaced, sources)
 
 
 def _match_rows(
     p: AffineRows, r: AffineRows, equations: AffineRows, *bounds: AffineRows | None
-) -> tuple[NDArray[np.intp], AffineRows, tuple[Any, ...]]:
-    """The entry of z that each row of r owns, the rows of r that own none, and all rows with unknowns for these."""
+) -> tuple[NDArray[np.intp], NDArray[np.intp], tuple[Any, ...], AffineRows]:
+    """The entry of z that each row of r owns, which rows own none, all rows with unknowns for these, and these."""
     parts: tuple[Any, ...] = (p, r, equations, *bounds)
     owned_columns = own_entries(r.Z)
     if owned_columns is not None:
-        return owned_columns, r.of(slice(0)), parts
-    positive = r.Z.data > 0
-    rows = left_over(row_of(r.Z)[positive], r.Z.indices[positive], r.Z.shape)[0]
-    parts = _with_unknowns(rows, *parts)
-    owned_columns = own_entries(parts[1].Z)
-    assert owned_columns is not None, "each row that had no entry of z has an unknown for itself now"
-    return owned_columns, r.of(rows), parts
+        rows = np.zeros(0, dtype=np.intp)
+    else:
+        positive = r.Z.data > 0
+        rows = left_over(row_of(r.Z)[positive], r.Z.indices[positive], r.Z.shape)[0]
+        parts = _with_unknowns(rows, *parts)
+        owned_columns = own_entries(parts[1].Z)
+        assert owned_columns is not None, "each row that had no entry of z has an unknown for itself now"
+    return owned_columns, rows, parts, r.of(rows)
 
 
 def _with_unknowns(
@@ -121,8 +126,8 @@ def _swap_bounds(lower: AffineRows, upper: AffineRows, sign: Vector) -> tuple[Af
 
 
 def p_before_r(
-    Z: sp.csr_array, pairs: Sequence[tuple[cp.Expression, cp.Expression]], may_swap: Sequence[bool]
-) -> tuple[NDArray[np.intp], list[tuple[cp.Expression, cp.Expression]]]:
+    Z: sp.csr_array, pairs: Sequence[tuple[Any, Any]], may_swap: Sequence[bool]
+) -> tuple[NDArray[np.intp], list[tuple[Any, Any]]]:
     """The order of the rows, and the pairs, where the side that is more like z − ψ(z) is the second one."""
     order = np.arange(Z.shape[0])
     m = sum(p.size for p, _ in pairs)
