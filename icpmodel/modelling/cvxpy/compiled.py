@@ -6,10 +6,11 @@ The affine part is what CVXPY's own compiler makes of it, once; a new value of a
 from __future__ import annotations
 
 import math
+import operator
 import warnings
 from collections.abc import Sequence
 from contextlib import nullcontext
-from typing import Any, TypeGuard
+from typing import Any
 
 import cvxpy as cp
 import numpy as np
@@ -80,36 +81,25 @@ def _separate_atoms(expression: cp.Expression, atoms: dict[cp.Variable, cp.Expre
     """`expression` with a new variable for each largest part that is not affine; these go into `atoms`. CVXPY's
     compiler adds variables and rows for `cumsum`, which is therefore written as a product, and takes the wrong axis
     for `hstack` of three axes."""
-    if _is_linear(expression):
+    if isinstance(expression, Leaf) or (expression.parameters() and not expression.variables()):
         return expression
-    if not expression.variables() and not expression.parameters():
+    if not expression.variables():
         return cp.Constant(expression.value)
     if isinstance(expression, cp.cumsum) and expression.is_affine():
         return _as_product(expression, atoms)
-    if _is_deep_hstack(expression):
+    if isinstance(expression, Hstack) and expression.ndim > 2:
         expression = cp.concatenate(expression.args, axis=1)
     if isinstance(expression, AffAtom):
         nested: dict[cp.Variable, cp.Expression] = {}
-        inner = expression.copy([_separate_atoms(argument, nested) for argument in expression.args])
+        arguments = [_separate_atoms(argument, nested) for argument in expression.args]
+        is_same = all(map(operator.is_, arguments, expression.args))
+        inner = expression if is_same else expression.copy(arguments)
         if inner.is_affine():
             atoms.update(nested)
-            return _separate_atoms(inner, {})
+            return inner if is_same else _separate_atoms(inner, {})
     stand_in = cp.Variable(expression.shape)
     atoms[stand_in] = expression
     return stand_in
-
-
-def _is_linear(expression: cp.Expression) -> bool:
-    """Whether CVXPY compiles it as one product, and rightly. `is_affine` is also true of exp(1) and of 0 · exp(x)."""
-    if not isinstance(expression, AffAtom):
-        return isinstance(expression, Leaf) or bool(expression.parameters() and not expression.variables())
-    is_rewritten = isinstance(expression, cp.cumsum) or _is_deep_hstack(expression)
-    return expression.is_affine() and not is_rewritten and all(map(_is_linear, expression.args))
-
-
-def _is_deep_hstack(expression: cp.Expression) -> TypeGuard[Hstack]:
-    """Whether it stacks arrays of three axes or more."""
-    return isinstance(expression, Hstack) and expression.ndim > 2
 
 
 def _as_product(cumsum: cp.cumsum, atoms: dict[cp.Variable, cp.Expression]) -> cp.Expression:
