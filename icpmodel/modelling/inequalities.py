@@ -7,25 +7,22 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-import scipy.sparse as sp
 
 from ..errors import MapError
-from ..numerics.arrays import Vector
 from ..numerics.rounding import gamma
 from ..solve.solution import Solution, Status
+from .affine_rows import AffineRows
 
 
-def checked(solution: Solution, Z: sp.csr_array, constant: Vector, name: Callable[[int], str]) -> Solution:
-    """`solution` where all rows of Zz + `constant` are ≤ 0 at its z; else one that says which is not.
+def checked(solution: Solution, rows: AffineRows, name: Callable[[int], str]) -> Solution:
+    """`solution` where all `rows`, in the first entries of its z, are ≤ 0; else one that says which is not.
 
     Parameters
     ----------
     solution : Solution
         Of the conditions and equations.
-    Z : sparse array, shape (k, n)
-        The coefficients of the inequalities.
-    constant : array, shape (k,)
-        −inf in a row that says nothing.
+    rows : AffineRows
+        The inequalities, with a constant −inf in a row that says nothing.
     name : callable
         What a message calls the inequality of a row.
 
@@ -36,6 +33,8 @@ def checked(solution: Solution, Z: sp.csr_array, constant: Vector, name: Callabl
         STAGNATED where they are violated otherwise.
     """
     z = solution.z
+    Z = rows.wider(z.size - rows.Z.shape[1]).Z
+    constant = rows.constant
     values, sizes = Z @ z + constant, np.asarray(abs(Z).sum(axis=1))
     terms = abs(Z) @ np.abs(z) + np.where(np.isfinite(constant), np.abs(constant), 0.0)
     noise = gamma(np.diff(Z.indptr) + 2) * terms

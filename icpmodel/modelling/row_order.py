@@ -125,26 +125,15 @@ def _swap_bounds(lower: AffineRows, upper: AffineRows, sign: Vector) -> tuple[Af
     return lower.times(unchanged).plus(upper.times(turned)), upper.times(unchanged).plus(lower.times(turned))
 
 
-def p_before_r(
-    Z: sp.csr_array, pairs: Sequence[tuple[Any, Any]], may_swap: Sequence[bool]
-) -> tuple[NDArray[np.intp], list[tuple[Any, Any]]]:
-    """The order of the rows, and the pairs, where the side that is more like z − ψ(z) is the second one."""
+def p_before_r(Z: sp.csr_array, sizes: Sequence[int], may_swap: Sequence[bool]) -> NDArray[np.intp]:
+    """The order of the rows, of all p and then all r of conditions of these `sizes`, in which of two sides the one that
+    is more like z − ψ(z) is the second."""
     order = np.arange(Z.shape[0])
-    m = sum(p.size for p, _ in pairs)
+    m = sum(sizes)
     done = 0
-    swapped = []
-    for (p, r), free in zip(pairs, may_swap, strict=True):
-        first, second = (slice(start, start + p.size) for start in (done, m + done))
-        swaps = free and resemblance_to_r(Z[first]) > resemblance_to_r(Z[second])
-        if swaps:
+    for size, free in zip(sizes, may_swap, strict=True):
+        first, second = (slice(start, start + size) for start in (done, m + done))
+        if free and resemblance_to_r(Z[first]) > resemblance_to_r(Z[second]):
             order[first], order[second] = order[second], order[first].copy()
-        swapped.append((r, p) if swaps else (p, r))
-        done += p.size
-    return order, swapped
-
-
-def is_same(one: Any, other: Any) -> bool:
-    """Whether two obstacles are known to be the same: none, or equal numbers."""
-    if one is None or other is None:
-        return one is other
-    return isinstance(one, np.ndarray) and isinstance(other, np.ndarray) and np.array_equal(one, other)
+        done += size
+    return order

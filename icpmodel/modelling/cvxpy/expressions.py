@@ -25,7 +25,7 @@ from ...problem.function import Function
 from ...solve.solution import Solution
 from ..affine_rows import AffineRows, SumOfTerms, obstacle
 from ..inequalities import checked
-from ..row_order import OrderedRows, in_order, is_same, p_before_r
+from ..row_order import OrderedRows, in_order, p_before_r
 from .atoms import at, frozen, named, unique, unstacked
 from .compiled import CompiledExpressions
 from .statement_checks import bounds_of, check_constraints, check_variables, pair
@@ -133,10 +133,7 @@ class CvxpyReading:
 
     def checked(self, solution: Solution) -> Solution:
         """`solution`, unless it violates an inequality."""
-        if not self._inequalities:
-            return solution
-        rows = self._checked.wider(self._ordered.replaced.constant.size)
-        return checked(solution, rows.Z, rows.constant, self._inequality)
+        return checked(solution, self._checked, self._inequality)
 
     def _inequality(self, row: int) -> str:
         number, place = at([one.expr for one in self._inequalities], row)
@@ -157,7 +154,7 @@ class CvxpyReading:
             return ICP(p.Z, p.constant, *now, f=self._nonlinear_map(sp.csr_array((n, n)), np.zeros(n), p.W, "f"))
         if last is None or last.n != n or last.f is not None or (last.A != p.Z).nnz:
             return ICP(p.Z, p.constant, *now)
-        unchanged = all(map(is_same, before, now))
+        unchanged = all(map(np.array_equal, before, now))
         return (last if unchanged else last.with_sides(*now)).with_q(p.constant)
 
     def _obstacle(self, r: AffineRows, bound: AffineRows | None, name: str) -> Any:
@@ -180,7 +177,7 @@ class CvxpyReading:
         one; those of the inequalities are kept."""
         if self._order is None:
             may_swap = [not one.is_bounded for one in self._conditions]
-            self._order, self._pairs = p_before_r(rows.Z, self._pairs, may_swap)
+            self._order = p_before_r(rows.Z, [p.size for p, _ in self._pairs], may_swap)
         if not np.array_equal(self._order, np.arange(self._ends[-1])):  # it would copy a matrix that may be large
             rows = rows.of(self._order)
         parts = map(slice, [0, *self._ends[:-1]], self._ends)

@@ -95,10 +95,7 @@ class PyomoReading:
     def checked(self, solution: Solution) -> Solution:
         """`solution`, unless it violates an inequality, or a bound of a variable that no condition implies."""
         names, rows = self.inequalities
-        if not names:
-            return solution
-        Z = rows.wider(solution.z.size - len(self.variables)).Z
-        return checked(solution, Z, rows.constant, lambda row: f"{names[row][0].name}{names[row][1]}")
+        return checked(solution, rows, lambda row: f"{names[row][0].name}{names[row][1]}")
 
 
 @check_arguments
