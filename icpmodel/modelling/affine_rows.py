@@ -28,15 +28,9 @@ class AffineRows(NamedTuple):
         return AffineRows(self.Z[rows], self.W[rows], self.constant[rows])
 
     def times(self, factor: Vector) -> AffineRows:
-        """Row i times factor_i; a row times 0 is 0 whatever it is, and stores nothing."""
-        zero = factor == 0
+        """Row i times factor_i ≠ 0."""
         D = sp.diags_array(factor)
-        Z = sp.csr_array(D @ self.Z)
-        W = sp.csr_array(D @ self.W)
-        if zero.any():
-            Z.eliminate_zeros()
-            W.eliminate_zeros()
-        return AffineRows(Z, W, factor * np.where(zero, 0.0, self.constant))
+        return AffineRows(sp.csr_array(D @ self.Z), sp.csr_array(D @ self.W), factor * self.constant)
 
     def plus(self, other: AffineRows) -> AffineRows:
         """The sums, row by row."""
@@ -47,12 +41,11 @@ class AffineRows(NamedTuple):
         Z, W = (sp.vstack(pair, format="csr") for pair in zip(self[:2], other[:2], strict=True))
         return AffineRows(Z, W, np.concatenate([self.constant, other.constant]))
 
-    def spread(self, rows: NDArray[np.intp], count: int, default: float) -> AffineRows:
-        """`count` rows: the `rows` are these, the others the constant `default`."""
-        S = sp.csr_array((np.ones(rows.size), (rows, np.arange(rows.size))), shape=(count, rows.size))
-        constant = np.full(count, default)
-        constant[rows] = self.constant
-        return AffineRows(sp.csr_array(S @ self.Z), sp.csr_array(S @ self.W), constant)
+    def replaced(self, rows: NDArray[np.intp], others: AffineRows) -> AffineRows:
+        """These rows, in which the `others` take the place of the `rows`."""
+        selected = np.arange(self.constant.size)
+        selected[rows] = self.constant.size + np.arange(rows.size)
+        return self.stacked_on(others).of(selected)
 
     def wider(self, count: int) -> AffineRows:
         """The same rows of a z with `count` further entries."""
@@ -62,8 +55,8 @@ class AffineRows(NamedTuple):
 
     def constants(self, count: int, value: float) -> AffineRows:
         """`count` rows in the same z and w that are the constant `value`."""
-        nothing = np.zeros(0, dtype=np.intp)
-        return self.of(nothing).spread(nothing, count, value)
+        Z, W = (sp.csr_array((count, one.shape[1])) for one in (self.Z, self.W))
+        return AffineRows(Z, W, np.full(count, value))
 
 
 class SumOfTerms:
@@ -107,10 +100,13 @@ def obstacle(
     G = sp.csr_array((data, (row_of(R)[others], R.indices[others])), shape=R.shape)
     V = sp.csr_array(sp.diags_array(factor) @ W)
     if bound is not None:  # where it is infinite nothing moves
-        is_finite = np.where(np.isinf(bound.constant) | np.isinf(c), 0.0, 1.0)
-        c = np.where(np.isinf(bound.constant), bound.constant, c)
-        G, V, moved = AffineRows(G, V, np.zeros(c.size)).times(is_finite).plus(bound.times(is_finite / scale))
-        c = c + moved
+        moves = np.isfinite(bound.constant) & np.isfinite(c)
+        ends = bound._replace(constant=np.where(moves, bound.constant, 0.0)).times(1.0 / scale)
+        c = np.where(np.isinf(bound.constant), bound.constant, c + ends.constant)
+        D = sp.diags_array(moves.astype(np.float64))
+        G, V = (sp.csr_array(D @ (one + end)) for one, end in ((G, ends.Z), (V, ends.W)))
+        G.eliminate_zeros()
+        V.eliminate_zeros()
     if V.nnz:
         return nonlinear_map(G, c, V)
     return Affine(G, c) if G.nnz else c

@@ -102,14 +102,7 @@ def _with_unknowns(
     unknowns = r.constants(k, 0.0)
     unknowns = unknowns._replace(Z=sp.eye_array(k, r.Z.shape[1], k=r.Z.shape[1] - k, format="csr"))
     equations = equations.stacked_on(unknowns.plus(r.of(rows).times(np.full(k, -1.0))))
-    unchanged = np.ones(r.constant.size)
-    unchanged[rows] = 0.0
-    return (
-        p,
-        r.times(unchanged).plus(unknowns.spread(rows, unchanged.size, 0.0)),
-        equations,
-        *(one and one.wider(k) for one in bounds),
-    )
+    return p, r.replaced(rows, unknowns), equations, *(one and one.wider(k) for one in bounds)
 
 
 def _signs(R: sp.csr_array) -> Vector:
@@ -120,9 +113,9 @@ def _signs(R: sp.csr_array) -> Vector:
 
 def _swap_bounds(lower: AffineRows, upper: AffineRows, sign: Vector) -> tuple[AffineRows, AffineRows]:
     """The bounds of the rows times `sign`: lower and upper change places where it is −1."""
-    unchanged = np.maximum(sign, 0.0)
-    turned = np.minimum(sign, 0.0)
-    return lower.times(unchanged).plus(upper.times(turned)), upper.times(unchanged).plus(lower.times(turned))
+    turned = np.flatnonzero(sign < 0)
+    low, high = (one.of(turned).times(sign[turned]) for one in (lower, upper))
+    return lower.replaced(turned, high), upper.replaced(turned, low)
 
 
 def p_before_r(Z: sp.csr_array, sizes: Sequence[int], may_swap: Sequence[bool]) -> NDArray[np.intp]:

@@ -199,7 +199,7 @@ class CvxpyReading:
             actual = f"{name}{place} of {bounded[number]} is {bound.constant[row]}"
             raise InputError(f"{actual}; a number was expected, or {none} for none")
         rows = np.concatenate([np.full(one.sides[1].size, one.bounds[k] is not None) for one in self._conditions])
-        return bound.spread(np.flatnonzero(rows), self._m, none if k else 0.0)
+        return bound.constants(self._m, none if k else 0.0).replaced(np.flatnonzero(rows), bound)
 
     def _check_crossing(self, psi: Any, upper: Any) -> None:
         if isinstance(psi, np.ndarray) and isinstance(upper, np.ndarray) and (psi > upper).any():

@@ -164,7 +164,8 @@ def _reading(rows: ConditionRows) -> PyomoReading:
     which = which_is_r(stacked.of(slice(2 * m)))
     which[with_width] = 0
     bounds = 2 * m + with_width.size
-    upper = stacked.of(slice(2 * m, bounds)).spread(with_width, m, np.inf) if rows.widths else None
+    width = stacked.of(slice(2 * m, bounds))
+    upper = stacked.constants(m, np.inf).replaced(with_width, width) if rows.widths else None
     p, r = (stacked.of(every + m * side) for side in (1 - which, which))
     ordered = in_order(p, r, stacked.of(slice(bounds, None)), None, upper)
     p, r, lower, upper = ordered[:4]
