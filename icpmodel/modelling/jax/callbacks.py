@@ -89,27 +89,22 @@ class MappedArrays:
     """
 
     def __init__(self, arrays: Arrays, shapes: Shapes) -> None:
-        both = {
-            name: [(np.asarray(one), shape) for one, shape in zip(several, shapes[name], strict=True)]
+        parts = [
+            (name, np.asarray(one), shape)
             for name, several in arrays.items()
-        }
-        batch_shapes = [one.shape[: one.ndim - len(shape)] for several in both.values() for one, shape in several]
-        self.batch_shape = np.broadcast_shapes(*batch_shapes)
+            for one, shape in zip(several, shapes[name], strict=True)
+        ]
+        self.batch_shape = np.broadcast_shapes(*(one.shape[: one.ndim - len(shape)] for _, one, shape in parts))
         self.count = prod(self.batch_shape)
-        self.arrays = {name: [self._flat(*one) for one in several] for name, several in both.items()}
-
-    def _flat(self, array: Any, shape: Shape) -> Any:
-        if array.size == prod(shape):  # one for all
-            return array.reshape(1, *shape)
-        return np.broadcast_to(array, self.batch_shape + shape).reshape(self.count, *shape)
+        #: the arguments of which each row has its own
+        self.mapped = {name for name, one, shape in parts if one.size > prod(shape)}
+        self.arrays: dict[str, list[Any]] = {name: [] for name in arrays}
+        for name, one, shape in parts:
+            self.arrays[name].append(np.broadcast_to(one, self.batch_shape + shape).reshape(self.count, *shape))
 
     def at(self, row: int) -> Arrays:
         """The arrays of one row."""
-        return {name: tuple(one[row if len(one) > 1 else 0] for one in own) for name, own in self.arrays.items()}
-
-    def differ(self, name: str) -> bool:
-        """Whether each row has an argument of its own."""
-        return any(len(one) > 1 for one in self.arrays[name])
+        return {name: tuple(one[row] for one in several) for name, several in self.arrays.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,11 +152,10 @@ class Callbacks:
         arguments = {}
         sides = obstacles(problem)
         for name, form in self.forms.items():
-            arrays = rows.arrays[name]
-            if not rows.differ(name):
-                arguments[name] = form.to_icp(*(one[0] for one in arrays))
+            if name not in rows.mapped:
+                arguments[name] = form.to_icp(*rows.at(0)[name])
             elif form.make in (None, Constant):
-                arguments[name] = arrays[0]
+                arguments[name] = rows.arrays[name][0]
             else:
                 arguments[name] = [form.to_icp(*rows.at(row)[name]) for row in range(rows.count)]
         Q = np.broadcast_to(arguments.get("q", problem.q), (rows.count, self.problem.n))
