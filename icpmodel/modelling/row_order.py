@@ -72,8 +72,7 @@ def in_order(
         places, factor = arranged(parts[0].Z, rows >= m)
         parts[0] = parts[0].of(places).times(factor)
         sources = sources[places]
-    p, r, lower, upper = parts
-    return OrderedRows(p, r, lower, upper, owned_columns, sign, replaced, sources)
+    return OrderedRows._make([*parts, owned_columns, sign, replaced, sources])
 
 
 def _match_rows(

@@ -71,6 +71,10 @@ class ConditionRows:
         """Side 0 and side 1 of the conditions, then the widths, then the equations."""
         return [*self.sides[0], *self.sides[1], *self.widths.values(), *(side for _, side in self.equations)]
 
+    def all_owners(self) -> list[Any]:
+        """The components of the conditions, then those of the equations."""
+        return [*self.owners, *(owner for owner, _ in self.equations)]
+
     def variables(self) -> list[Any]:
         """The variables that occur, in the order of the model."""
         seen = set[int]()

@@ -22,10 +22,10 @@ from ...problem.function import Function
 from ...solve.solution import Solution
 from ..affine_rows import AffineRows, SumOfTerms, obstacle
 from ..inequalities import checked
-from ..row_order import OrderedRows, in_order
+from ..row_order import OrderedRows
 from .condition_rows import ConditionRows, Side
 from .nonlinear import NonlinearRows
-from .side_choice import as_matrices, check_pairing, which_is_r
+from .side_choice import as_matrices, ordered_rows
 
 #: a component, and what follows its name in that of an inequality
 NamedInequality = tuple[Any, str]
@@ -142,15 +142,8 @@ def read_pyomo(model: Any) -> PyomoReading:
 def _reading(rows: ConditionRows) -> PyomoReading:
     variables = rows.variables()
     columns = {id(variable): k for k, variable in enumerate(variables)}
-    sides = rows.rows()
-    flat = [nonlinear for _, _, nonlinear in sides if nonlinear is not None]
-    stacked = as_matrices(sides, columns)
-    m = len(rows.owners)
-    every = np.arange(m)
-    with_width = np.array(list(rows.widths), dtype=np.intp)
-    owners = (*rows.owners, *(owner for owner, _ in rows.equations))
-    numbers = np.concatenate([every, every, with_width, np.arange(m, len(owners))])
-    check_pairing(owners, variables, numbers, stacked, [[columns[id(one)] for one in inner] for _, inner, _ in flat])
+    flat = [nonlinear for _, _, nonlinear in rows.rows() if nonlinear is not None]
+    ordered = ordered_rows(rows, variables, columns)
 
     def sum_of_terms(G: sp.csr_array, c: Vector, V: sp.csr_array) -> SumOfTerms:
         used = np.unique(V.indices)
@@ -161,13 +154,6 @@ def _reading(rows: ConditionRows) -> PyomoReading:
         terms = sum_of_terms(G, c, V)
         return Function(terms, terms.jacobian)
 
-    which = which_is_r(stacked.of(slice(2 * m)))
-    which[with_width] = 0
-    bounds = 2 * m + with_width.size
-    width = stacked.of(slice(2 * m, bounds))
-    upper = stacked.constants(m, np.inf).replaced(with_width, width) if rows.widths else None
-    p, r = (stacked.of(every + m * side) for side in (1 - which, which))
-    ordered = in_order(p, r, stacked.of(slice(bounds, None)), None, upper)
     p, r, lower, upper = ordered[:4]
     psi = obstacle(r, lower, nonlinear_map)
     above = None if upper is None else obstacle(r, upper, nonlinear_map)
@@ -176,7 +162,7 @@ def _reading(rows: ConditionRows) -> PyomoReading:
     return PyomoReading(
         problem=ICP(p.Z, p.constant, psi, above, f),
         variables=tuple(variables),
-        owners=owners,
+        owners=tuple(rows.all_owners()),
         ordered=ordered,
         unknowns=sum_of_terms(Z, constant, W),
         inequalities=_inequalities(rows, variables, columns),

@@ -13,7 +13,8 @@ from ...errors import InputError
 from ...numerics.arrays import row_of
 from ..affine_rows import AffineRows
 from ..matching import left_over
-from .condition_rows import Side
+from ..row_order import OrderedRows, in_order
+from .condition_rows import ConditionRows, Side
 
 #: the number of names in a message
 _MAX_LISTED = 5
@@ -53,7 +54,26 @@ def which_is_r(both: AffineRows) -> NDArray[np.intp]:
     return which
 
 
-def check_pairing(
+def ordered_rows(rows: ConditionRows, variables: Sequence[Any], columns: dict[int, int]) -> OrderedRows:
+    """The rows in the order of z, which begins with the `variables`. Raises InputError where they cannot be paired."""
+    sides = rows.rows()
+    stacked = as_matrices(sides, columns)
+    m = len(rows.owners)
+    every = np.arange(m)
+    with_width = np.array(list(rows.widths), dtype=np.intp)
+    numbers = np.concatenate([every, every, with_width, m + np.arange(len(rows.equations))])
+    inner = [[columns[id(one)] for one in nonlinear[1]] for _, _, nonlinear in sides if nonlinear is not None]
+    _check_pairing(rows.all_owners(), variables, numbers, stacked, inner)
+    which = which_is_r(stacked.of(slice(2 * m)))
+    which[with_width] = 0
+    p, r = (stacked.of(every + m * side) for side in (1 - which, which))
+    end = 2 * m + with_width.size
+    width = stacked.of(slice(2 * m, end))
+    upper = stacked.constants(m, np.inf).replaced(with_width, width) if rows.widths else None
+    return in_order(p, r, stacked.of(slice(end, None)), None, upper)
+
+
+def _check_pairing(
     owners: Sequence[Any],
     variables: Sequence[Any],
     numbers: NDArray[np.intp],
