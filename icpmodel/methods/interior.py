@@ -31,7 +31,7 @@ from ..algebra.regularised_system import MIN_REGULARISATION, RegularisedSystem, 
 from ..algebra.subproblems import with_fixed_obstacle
 from ..errors import MapError
 from ..numerics import work
-from ..numerics.arrays import Vector, as_truth, inner, norm
+from ..numerics.arrays import Vector, inner, norm
 from ..problem.data import ProblemData
 from ..problem.two_sided import mid
 from ..theory.certificates.recession import Recession
@@ -60,12 +60,6 @@ class Interior(Regularised):
     is monotone and there is no solution, the iterates diverge. Their direction is tried as a proof, and the method
     raises `Infeasible` or ends. Convergence is not proved. If the obstacle is fixed, the start has no influence.
 
-    Parameters
-    ----------
-    scales_by_q : bool, default False
-        Whether the weights W of primal unknowns and of multipliers go half way from what A says to what makes q
-        equally large in both. It helps some programs whose objective is in other units than their rows.
-
     References
     ----------
     Mehrotra, SIAM J. Optim. 2 (1992); Wright, Primal-Dual Interior-Point Methods (1997).
@@ -78,18 +72,13 @@ class Interior(Regularised):
 
     name: ClassVar[str] = "interior"
 
-    scales_by_q: bool = False
-
-    def __post_init__(self) -> None:
-        as_truth(self.scales_by_q, "scales_by_q")
-
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         # never raises SingularOperator
         yield z, None
         fixed = with_fixed_obstacle(problem)
         interior = without_redundant_rows(fixed)  # a fixed unknown has none
         try:
-            path = InteriorPath(interior, z, self.scales_by_q)
+            path = InteriorPath(interior, z)
         except MapError:
             return
         recession = Recession(fixed, path.z)
@@ -114,8 +103,6 @@ class InteriorPath:
         The problem, its obstacles fixed where they can be.
     start
         Where obstacles that move are at first, shape (n,).
-    scales_by_q
-        As in `Interior`.
 
     Raises
     ------
@@ -124,7 +111,7 @@ class InteriorPath:
     """
 
     @np.errstate(all="ignore")
-    def __init__(self, problem: ProblemData, start: Vector, scales_by_q: bool) -> None:
+    def __init__(self, problem: ProblemData, start: Vector) -> None:
         self.problem = problem
         self.steps = ProximalSteps(problem, start, reorders=False)
         self.has_moving_obstacle = self.steps.has_moving_obstacle
@@ -133,8 +120,6 @@ class InteriorPath:
         #: or dual: the signs of rows that do not depend on each other are arbitrary
         self.is_primal = np.ones(problem.n, bool) if signs is None else signs > 0
         self.weights = problem.matrix.proximal_weights
-        if scales_by_q:
-            self.weights = self._scaled_by_q()
         self.root = np.sqrt(self.weights)
         self.system = RegularisedSystem(problem, analysis, self.weights)
         self.residuals = LeastValue()
@@ -153,13 +138,6 @@ class InteriorPath:
         #: for r and s: whether the step is a primal one; where all signs are equal there is no other
         self.is_primal_step = np.array([of_r, of_r if self.is_primal.all() else ~of_r])
         self._start(c)
-
-    def _scaled_by_q(self) -> Vector:
-        """W times a number in the primal rows, and divided by it in the others, where q is not 0 in both."""
-        size = np.abs(self.problem.q) / np.sqrt(self.weights)
-        primal, dual = (norm(size[rows]) for rows in (self.is_primal, ~self.is_primal))
-        ratio = (primal / dual) ** 0.5 if primal and dual else 1.0
-        return self.weights * np.where(self.is_primal, ratio, 1.0 / ratio)
 
     def _start(self, c: Vector) -> None:
         """Mehrotra's starting point: r and s solve the equations with Wr + s = 0, and are shifted to be positive.

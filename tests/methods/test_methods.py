@@ -130,13 +130,10 @@ def test_every_option_changes_the_iterates(name):
     """Law 8: an option that changes nothing is a bug."""
     other = {"phi": 0.7, "phi1": 2.0, "phi2": 5.0, "theta1": 1.4, "theta2": 0.3, "omega": 0.8, "inner": 1}
     other |= {"of": "mnmj", "history_size": 1, "mixing_frequency": 1, "tries": 1, "seed": 1, "inner_family": "paper"}
-    other["scales_by_q"] = True
     A = np.array([[4.0, -1.0, 0.0], [-2.0, 4.0, -1.0], [0.0, -1.0, 3.0]])
     problem = icp.ICP(A, [-3.0, 2.0, -1.0], icp.Affine(0.2 * np.ones((3, 3)), [0.3, -0.1, 0.2]))
     if name == "restarts":  # where there is a solution, all tries end in it
         problem = icp.ICP(np.kron(np.eye(3), [[-1, 1], [-1, 1]]), [-1, 0, -2, 0, -1, 1])
-    if name == "interior":  # conditions of optimality, whose q has other sizes in its two parts
-        problem = icp.ICP([[1.0, 0.0, -1.0], [0.0, 2.0, -2.0], [1.0, 2.0, 0.0]], [300.0, -200.0, -1.0])
     if name == "newton-josephy":  # of nonlinear p alone
         problem = icp.ICP(problem.A, problem.q, problem.psi, f=icp.Elementwise(np.exp, np.exp))
     z = np.resize([1.0, -2.0, 0.5], problem.n)

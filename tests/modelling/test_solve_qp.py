@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from hypothesis import given, settings
+from hypothesis import strategies as st
 from known_answers import SEEDS
 
 import icpmodel as icp
@@ -216,12 +217,22 @@ def a_program_of_rank_1(seed, scale):
     return x, (scale * P, scale * q, G, h, A, A @ x, low, high)
 
 
-@pytest.mark.parametrize("seed", [11, 12, 14, 17, 18])
-def test_an_objective_in_units_of_a_millionth_is_minimised(seed):
-    """Weights of A alone make multipliers of 1e6 small beside x: the interior method stagnates with them."""
-    x, program = a_program_of_rank_1(seed, 2.0**20)
-    P, q = program[:2]
-    assert icp.solve_qp(*program).objective == pytest.approx(0.5 * x @ P @ x + q @ x, rel=1e-8)
+@settings(max_examples=40)
+@given(SEEDS, st.booleans(), st.integers(-40, 40), st.integers(-20, 20), st.integers(0, 6))
+def test_units_of_the_objective_the_unknowns_and_the_rows_change_no_answer(seed, linear, objective, unknowns, spread):
+    x, (P, q, G, h, A, b, low, high) = a_program_of_rank_1(seed, 1.0)
+    if linear:
+        q += P @ x
+        P *= 0.0
+    value = 0.5 * x @ P @ x + q @ x
+    random = np.random.default_rng(seed)
+    u, of_G, of_A = (2.0 ** random.integers(-spread, spread + 1, v.size) for v in (x, h, b))
+    u *= 2.0**unknowns
+    t = 2.0**objective
+    rows = of_G[:, None] * G * u, of_G * h, of_A[:, None] * A * u, of_A * b
+    found = icp.solve_qp(t * u * P * u[:, None], t * u * q, *rows, low / u, high / u)
+    assert found.objective / t == pytest.approx(value, rel=1e-8, abs=1e-8)
+    assert (G @ (found.x * u) <= h + 1e-6).all()
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -62,6 +62,14 @@ class Program:
         """½xᵀHx + gᵀx; NaN where H is not symmetric."""
         return float(0.5 * x @ (self.H @ x) + self.g @ x) if self.is_symmetric else np.nan
 
+    @property
+    def vectors(self) -> tuple[Vector, Vector, Vector]:
+        """q of the conditions, and the lower and the upper obstacle."""
+        free = np.full(self.d.size, np.inf)
+        least = np.where(np.arange(self.d.size) < self.equations, -np.inf, 0.0)
+        q = np.concatenate([self.g, self.d])
+        return q, np.concatenate([self.low, least]), np.concatenate([self.high, free])
+
     @cached_property
     def is_symmetric(self) -> bool:
         """Whether H = Hᵀ, up to rounding."""
@@ -113,17 +121,11 @@ class Presolve:
         return np.concatenate([z[:n], rows]), box
 
 
-def conditions_of(program: Program, last: ICP | None = None) -> ICP:
-    """The conditions of `program` in (x, ν, λ), made from `last` where that has the same matrix."""
-    A = saddle_matrix(program.H, program.C)
-    q = np.concatenate([program.g, program.d])
-    is_equation = np.arange(program.d.size) < program.equations
-    low = np.concatenate([program.low, np.where(is_equation, -np.inf, 0.0)])
-    reused = last is not None and last.A.shape == A.shape and not (last.A != A).nnz
-    problem = last.with_q(q) if last is not None and reused else ICP(A, q)
-    if np.isposinf(program.high).all():
-        return problem.with_sides(low)
-    return problem.with_sides(low, np.concatenate([program.high, np.full(program.d.size, np.inf)]))
+def conditions_of(program: Program) -> ICP:
+    """The conditions of `program` in (x, ν, λ)."""
+    q, low, high = program.vectors
+    problem = ICP(saddle_matrix(program.H, program.C), q)
+    return problem.with_sides(low, None if np.isposinf(high).all() else high)
 
 
 def saddle_matrix(H: sp.csr_array, C: sp.csr_array) -> sp.csr_array:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse as sp
 
-from ...numerics.arrays import Vector, row_of
+from ...numerics.arrays import Vector
 from ...numerics.rounding import gamma
 from ...problem.data import ProblemData
 
@@ -13,12 +12,6 @@ from ...problem.data import ProblemData
 _NOISE_OF_X = 1e-13
 #: the share of the largest entry of g up to which what is wrong with the gradient may be rounding
 _NOISE_OF_GRADIENT = 1e-3
-#: an entry counts for the units above this share of the largest of its row or of its column
-_NEGLIGIBLE_ENTRY = 1e-12
-#: steps to the units, the last step of their exponents, and the largest of these
-_MAX_SCALING_STEPS = 50
-_SETTLED_STEP = 0.1
-_MAX_EXPONENT = 500
 
 
 class Judge:
@@ -37,11 +30,9 @@ class Judge:
         self.size = problem.matrix.absolute
         self.diagonal = self.A.diagonal()
         self.is_x = np.arange(problem.n) < n
-        #: brings z and p/unit into units in which the entries of A are about 1
-        self.unit = _units(self.size)
         self.loss = float(gamma(3 + np.diff(self.size.indptr).max(initial=0)))
         self.parts = np.array([self.is_x, ~self.is_x])
-        self.spread = self.loss * (self.size @ (self.parts / self.unit).T)
+        self.spread = self.loss * (self.size @ self.parts.T)
 
     @np.errstate(all="ignore")
     def violation(self, q: Vector, z: Vector, p: Vector, room: Vector) -> tuple[float, float]:
@@ -52,8 +43,7 @@ class Judge:
         violations = np.abs(p)
         of_q = np.abs(q)
         terms = self.size @ np.abs(z) + of_q
-        largest = (of_q / self.unit)[self.is_x].max() or np.inf
-        most = np.where(self.is_x, _NOISE_OF_GRADIENT * self.unit * largest, np.inf)
+        most = np.where(self.is_x, _NOISE_OF_GRADIENT * of_q[self.is_x].max() or np.inf, np.inf)
         own = self.loss * terms
         noise = np.maximum(own, np.minimum(self.spread @ self.largest(z), most))
         x = np.where(self.is_x, z, 0.0)
@@ -69,29 +59,10 @@ class Judge:
         return shares[0], shares[1]
 
     def largest(self, z: Vector) -> Vector:
-        """The largest |entry| of x and that of the multipliers, in units in which they are alike."""
-        return np.asarray((self.parts * np.abs(z) * self.unit).max(axis=1))
+        """The largest |entry| of x and that of the multipliers, the entries of A being about 1."""
+        return np.asarray((self.parts * np.abs(z)).max(axis=1))
 
     def without_noise(self, q: Vector, z: Vector) -> Vector:
         """z with 0 for what may be rounding beside the largest of its part, or beside q."""
-        largest = np.maximum(np.where(self.is_x, *self.largest(z)), np.abs(q / self.unit).max())
-        return np.where(np.abs(z) * self.unit <= _NOISE_OF_X * largest, 0.0, z)
-
-
-def _units(size: sp.csr_array) -> Vector:
-    """2^e such that log₂|a_ij| − e_i − e_j is 0 in the mean of the entries of a row that count, from |A|."""
-    i = row_of(size)
-    j = size.indices
-    largest = size.max(axis=1).toarray().ravel()
-    counts = size.data > _NEGLIGIBLE_ENTRY * np.minimum(largest[i], largest[j])
-    rows = i[counts]
-    columns = j[counts]
-    logarithms = np.log2(size.data[counts])
-    count = np.maximum(np.bincount(rows, minlength=largest.size), 1)
-    e = np.zeros(largest.size)
-    for _ in range(_MAX_SCALING_STEPS):
-        step = 0.5 * np.bincount(rows, logarithms - e[rows] - e[columns], largest.size) / count
-        e += step
-        if np.abs(step).max() <= _SETTLED_STEP:
-            break
-    return np.exp2(np.clip(e, -_MAX_EXPONENT, _MAX_EXPONENT))
+        largest = np.maximum(np.where(self.is_x, *self.largest(z)), np.abs(q).max())
+        return np.where(np.abs(z) <= _NOISE_OF_X * largest, 0.0, z)

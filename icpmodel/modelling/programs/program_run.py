@@ -15,8 +15,6 @@ from ...algebra.equations import Pattern
 from ...algebra.proximal_steps import ProximalSteps
 from ...errors import IcpError, OutOfTime, SingularOperator
 from ...icp import ICP
-from ...methods.contract import Method
-from ...methods.interior import Interior
 from ...numerics import work
 from ...numerics.arrays import Vector
 from ...solve.solution import Solution, Status
@@ -24,8 +22,9 @@ from ...theory.certificates.bounds import enforce_limits
 from ...theory.certificates.combination_rows import ZERO
 from ...theory.certificates.infeasible import infeasible
 from ...theory.certificates.recession import least_violation, misfit
-from .program import Program, conditions_of
+from .program import Program
 from .program_judge import Judge
+from .scaled_conditions import ScaledConditions
 
 #: the largest violation of an answer that is called inaccurate rather than an error
 _MAX_INACCURATE_VIOLATION = 1e-4
@@ -57,15 +56,17 @@ class ProgramRun:
         self.program = program
         self.is_bounded = is_bounded
         self.tolerance = tolerance
-        self.problem: ICP = conditions_of(program, None if last is None else last.problem)
-        reused = last is not None and last.problem.A is self.problem.A
+        known = None if last is None else last.conditions
+        self.conditions: ScaledConditions = ScaledConditions(program, known)
+        self.problem = self.conditions.problem
+        reused = known is not None and known.A is self.conditions.A
         self.judge: Judge = last.judge if last is not None and reused else Judge(self.problem, program.g.size)
-        n = self.problem.n
-        self.low = self.problem.psi.value(np.zeros(n))
-        upper = self.problem.upper
-        self.high = np.full(n, np.inf) if upper is None else upper.value(self.low)
+        self.low = self.conditions.low
+        self.high = self.conditions.high
         self.z = np.clip(0.0, self.low, self.high)
-        self.start = last.z if last is not None and last.z.size == n else None
+        self.start = None
+        if last is not None and last.z.size == self.z.size:
+            self.start = np.ldexp(last.z, last.conditions.columns - self.conditions.columns)
         self.violation = np.inf, np.inf
         self.iterations = 0
 
@@ -94,7 +95,7 @@ class ProgramRun:
                 continue
             if solution.status is Status.TIME_LIMIT:
                 break
-            if not self.is_exact:
+            if self.violation[1] > 0.0:
                 self.polish(self.z, self.pattern_at(self.z))
             if solution.status is Status.MEMORY_LIMIT or self.is_good:
                 break
@@ -121,7 +122,7 @@ class ProgramRun:
             return "user_limit", message
         return "optimal_inaccurate" if error <= _MAX_INACCURATE_VIOLATION else "solver_error", message
 
-    def _methods(self) -> list[str | Method | None]:
+    def _methods(self) -> list[str | None]:
         """The methods in turn; None for the choice of `solve()`, alone where there is a solution."""
         # in a bounded box, or by dominant diagonals, no proof is needed
         in_box = np.isfinite(self.low).all() and np.isfinite(self.high).all()
@@ -130,9 +131,9 @@ class ProgramRun:
         is_small = self.problem.n <= PIVOT_UP_TO
         # Newton's steps often fail, but in extreme units the interior method does
         first, last = (["lemke"], ["newton"]) if is_small else ([], [])
-        return [*first, "interior", "proximal", Interior(scales_by_q=True), *last, None]
+        return [*first, "interior", "proximal", *last, None]
 
-    def _solve(self, problem: ICP, method: str | Method | None, **options: Any) -> Solution:
+    def _solve(self, problem: ICP, method: str | None, **options: Any) -> Solution:
         seconds = work.seconds_left()
         time_limit = seconds if seconds < math.inf else None
         solution = problem.solve(method, time_limit=time_limit, raise_on_failure=False, **options)
@@ -196,7 +197,7 @@ class ProgramRun:
 
     def improve(self, z: Vector) -> bool:
         """Whether `z`, with its active rows on their obstacles, is strictly good, or no better than a good iterate."""
-        step = z - self.problem.p(z) / self.judge.unit**2
+        step = z - self.problem.p(z)
         z = np.where((self.low <= step) & (step <= self.high), z, step)
         z = np.clip(z, self.low, self.high)
         enough = 0.5 * self.violation[1] if self.is_good else self.tolerance
@@ -207,9 +208,7 @@ class ProgramRun:
             if self._rank(violation) <= self._rank(self.violation):
                 self.violation = violation
                 self.z = one
-            if self.is_exact:
-                return True
-        return self.violation[1] > enough > self.tolerance
+        return self.is_exact or self.violation[1] > enough > self.tolerance
 
     def room(self, z: Vector, p: Vector) -> Vector:
         """The distance of z to the obstacle to which p presses it."""
@@ -221,6 +220,7 @@ class ProgramRun:
     def start_near(self, x: Vector) -> tuple[Vector, Pattern]:
         """The iterate with `x` and multipliers 0, and the active set of the rows and bounds that are tight at `x`."""
         z = np.concatenate([x, np.zeros(self.z.size - x.size)])
+        z = np.ldexp(z, -self.conditions.columns)
         terms = self.judge.size @ np.abs(z) + np.abs(self.problem.q)
         is_tight = ~self.judge.is_x & (self.problem.p(z) <= _TIGHT_SLACK * terms)
         free = is_tight | ((self.low < z) & (z < self.high))
@@ -228,7 +228,7 @@ class ProgramRun:
 
     def pattern_at(self, z: Vector) -> Pattern:
         """The active set at the iterate `z`."""
-        return Pattern.at(self.problem, z, self.problem.p(z), self.judge.unit**2)
+        return Pattern.at(self.problem, z, self.problem.p(z), np.ones(z.size))
 
     def polish(self, z: Vector, pattern: Pattern) -> None:
         """Newton steps from `z` with one active set, of the equations and a small multiple of W."""
@@ -246,4 +246,7 @@ class ProgramRun:
     def values(self) -> tuple[Vector, Vector]:
         """x with the multipliers of rows, and the multipliers of bounds, which are p where it presses x on them."""
         p = self.problem.p(self.z)
-        return self.z, np.where(self.room(self.z, p) > 0, 0.0, -p)[self.judge.is_x]
+        is_x = self.judge.is_x
+        box = np.where(self.room(self.z, p) > 0, 0.0, -p)[is_x]
+        z = np.ldexp(self.z, self.conditions.columns)
+        return z, np.ldexp(box, -self.conditions.rows[is_x])

@@ -1,0 +1,120 @@
+"""The conditions of a program in units in which entries are about 1, and multipliers about as large as x.
+
+Starts, regularisations and tolerances then mean the same in every row, whatever the units of the program are.
+Reference: Curtis and Reid, J. Inst. Math. Appl. 10 (1972).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ...icp import ICP
+from ...numerics.arrays import Vector, norm, row_of
+from ...numerics.equilibration import Exponents, in_units, in_units_exactly
+from ...numerics.sparse_structure import absolute
+from .program import Program, saddle_matrix
+
+#: an entry counts for the units above this share of the largest of its row or of its column
+_NEGLIGIBLE_ENTRY = 1e-12
+#: steps to the units, and the last step of their exponents
+_MAX_SCALING_STEPS = 50
+_SETTLED_STEP = 0.1
+
+
+class ScaledConditions:
+    """An ICP whose row i is 2^r_i times row i of the conditions, where z = 2^c ẑ. It rounds nothing.
+
+    Parameters
+    ----------
+    program : Program
+        The program.
+    last : ScaledConditions, optional
+        Those of another program. Where the matrices are equal, what was made of them is used again.
+    """
+
+    @np.errstate(all="ignore")
+    def __init__(self, program: Program, last: ScaledConditions | None = None) -> None:
+        A = saddle_matrix(program.H, program.C)
+        if last is None or last.A.shape != A.shape or (last.A != A).nnz:
+            last = None
+        self.A: sp.csr_array = A if last is None else last.A
+        self.is_x = np.arange(A.shape[0]) < program.g.size
+        self.balanced: NDArray[np.int64] = self._balanced(program) if last is None else last.balanced
+        vectors = np.array(program.vectors)
+        if last is None or not program.H.data.any():  # without H no entry depends on it
+            self.shift = self._shift(program, vectors)
+        else:
+            self.shift = last.shift
+        scaled = self._in_units(vectors)
+        matrix = in_units_exactly(A, self.rows, self.columns) if last is None else last.problem.A
+        if matrix is None or not np.array_equal(self._in_units(scaled, -1), vectors):
+            self.balanced = np.zeros_like(self.balanced)
+            self.shift = 0
+            last = None
+            matrix = A
+            scaled = vectors
+        q, self.low, self.high = scaled
+        problem = ICP(matrix, q) if last is None else last.problem.with_q(q)
+        self.problem: ICP = problem.with_sides(self.low, None if np.isposinf(self.high).all() else self.high)
+
+    @property
+    def rows(self) -> Exponents:
+        """The exponents r."""
+        return self.balanced[0] - self.shift * self.is_x
+
+    @property
+    def columns(self) -> Exponents:
+        """The exponents c."""
+        return self.balanced[1] + self.shift * ~self.is_x
+
+    def _in_units(self, vectors: NDArray[np.float64], sign: int = 1) -> NDArray[np.float64]:
+        """q and the obstacles in the units of the scaled conditions; the way back where `sign` is −1."""
+        return np.ldexp(vectors, sign * np.array([self.rows, -self.columns, -self.columns]))
+
+    def _balanced(self, program: Program) -> NDArray[np.int64]:
+        """r and c that make the entries of H and C alike in the mean, and those of each row about 1."""
+        sizes = [np.abs(X.data[X.data != 0.0]) for X in (program.H, program.C)]
+        of_H, of_C = (np.log2(size).mean() if size.size else 0.0 for size in sizes)
+        alike = int(np.rint(of_H - of_C)) if all(size.size for size in sizes) else 0
+        rows = -alike * self.is_x
+        columns = alike * ~self.is_x
+        return np.array([rows, columns]) + _balancing_exponents(absolute(in_units(self.A, rows, columns)))
+
+    def _shift(self, program: Program, vectors: NDArray[np.float64]) -> int:
+        """What makes g and the other data alike, by the roots of their mean squares; at least 0 where there is an H.
+
+        Beside a small H, a large g makes the multipliers larger than x. A small g does not make them smaller.
+        """
+        self.shift = 0
+        q, low, high = self._in_units(vectors)
+        sides = np.concatenate([low[self.is_x], high[self.is_x]])
+        rest = np.concatenate([q[~self.is_x], sides[np.isfinite(sides)]])
+        ratio = np.divide(_mean_size(q[self.is_x]), _mean_size(rest))
+        shift = int(np.rint(np.log2(ratio))) if 0.0 < ratio < np.inf else 0
+        return max(shift, 0) if program.H.data.any() else shift
+
+
+def _mean_size(x: Vector) -> float:
+    """The root of the mean square of the entries of `x` that are not 0."""
+    return norm(x) / max(int(np.count_nonzero(x)), 1) ** 0.5
+
+
+def _balancing_exponents(size: sp.csr_array) -> Exponents:
+    """Whole e such that log₂|a_ij| + e_i + e_j is about 0 in the mean of the entries of a row that count, from |A|."""
+    i = row_of(size)
+    j = size.indices
+    largest = size.max(axis=1).toarray().ravel()
+    counts = size.data > _NEGLIGIBLE_ENTRY * np.minimum(largest[i], largest[j])
+    rows = i[counts]
+    columns = j[counts]
+    logarithms = np.log2(size.data[counts])
+    count = np.maximum(np.bincount(rows, minlength=largest.size), 1)
+    e = np.zeros(largest.size)
+    for _ in range(_MAX_SCALING_STEPS):
+        step = 0.5 * np.bincount(rows, logarithms + e[rows] + e[columns], largest.size) / count
+        e -= step
+        if np.abs(step).max() <= _SETTLED_STEP:
+            break
+    return np.rint(e).astype(np.int64)
