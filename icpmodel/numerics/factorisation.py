@@ -161,6 +161,8 @@ def factors_and_schur(matrix: sp.csr_array, last: NDArray[np.intp]) -> tuple[Fac
     """
     fill, order = ordered(matrix)
     order = np.concatenate([order[~np.isin(order, last)], last])
+    if not _fills_diagonal(matrix, order):  # SuperLU would exchange rows, which fills up, before it is known
+        return None
     lu = _superlu(sp.csr_array(matrix[order][:, order]), fill, True)
     low = order.size - last.size
     if lu is None or (place := lu.perm_c[low:] - low).min() < 0:
@@ -169,6 +171,17 @@ def factors_and_schur(matrix: sp.csr_array, last: NDArray[np.intp]) -> tuple[Fac
     if not np.isfinite(product.data).all():
         return None
     return Factors(lu, order, order), sp.csr_array(product[place][:, place])
+
+
+def _fills_diagonal(matrix: sp.csr_array, order: NDArray[np.integer]) -> bool:
+    """Whether every pivot can be nonzero: the diagonal entry is, or a neighbour comes earlier in `order`."""
+    is_zero = matrix.diagonal() == 0.0
+    place = np.argsort(order)
+    i = row_of(matrix)
+    j = matrix.indices
+    for row, neighbour in ((i, j), (j, i)):
+        is_zero[row[place[neighbour] < place[row]]] = False
+    return not is_zero.any()
 
 
 def of_dense(matrix: sp.csr_array, cholesky: bool = False) -> DenseFactors | None:
