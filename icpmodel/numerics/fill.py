@@ -230,8 +230,11 @@ class SymbolicAnalysis:
     @cached_property
     def complete(self) -> Fill:
         """The exact fill of a sparse factorisation, whatever `fill` estimates."""
-        if self._sparse is not None and self._sparse.is_exact:
-            return self._sparse
+        if self._sparse is not None:
+            if self._sparse.is_exact:
+                return self._sparse
+            # no deadline ends an analysis by SuperLU, which holds the interpreter's lock
+            work.check_budget(_MAX_COST_FACTOR * self._sparse.rows**2)
         return self._analysed()
 
     @property
