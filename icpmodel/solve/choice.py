@@ -82,7 +82,6 @@ def select_method(
     1. At most 64 unknowns: `Lemke` where ψ is affine, or every ψ_i depends on z_i alone and changes by less, and ten
        `Restarts` of it where it ends in a ray; else `Josephy`.
     2. A tridiagonal, and every ψ_i fixed, or dependent on z_i alone and changing by less: `Tridiagonal`.
-    3. ψ an intervention: policy iteration, by `Newton` or from the coarser levels by `Multilevel`.
 
     With a z0 the problem counts as one of a sequence with the same A, which keeps the hierarchy of `Multilevel`. Where
     `Multilevel` without the hierarchy is expected to cost less than any other method could, it begins.
@@ -94,18 +93,18 @@ def select_method(
 
     Everything else goes up a ladder, each rung from the best iterate so far:
 
-    4. Where A has a positive diagonal, sweeps. PSOR makes 12, and goes on while 20 more will do. `Accelerated` follows,
-       for a quarter of what the cheapest method of rung 5 is expected to cost, and for 20 sweeps at least, which show
+    3. Where A has a positive diagonal, sweeps. PSOR makes 12, and goes on while 20 more will do. `Accelerated` follows,
+       for a quarter of what the cheapest method of rung 4 is expected to cost, and for 20 sweeps at least, which show
        a rate. It is an eighth where the Jacobi radius ρ < 1 of A foretells that it needs more than that method. If
        that is `Multilevel`, no other can cost less, and an eighth does not pay for 20 sweeps, it begins at once.
-    5. Of four methods the one with the least left to do: the cheapest of `Newton` and, beyond 64 unknowns, `Lemke` and
+    4. Of four methods the one with the least left to do: the cheapest of `Newton` and, beyond 64 unknowns, `Lemke` and
        ten `Restarts` of it; `Multilevel`, unless it ran before; `Proximal`; `Interior`. Their estimates follow from ρ
        and the fill of the factors of A. That fill is not asked for before `Multilevel` has more left than the others
        would cost without any.
-    6. Where one of these has ended, another that rung 5 names; after all of them MNMGS and MNMMOD. With at most 150
+    5. Where one of these has ended, another that rung 4 names; after all of them MNMGS and MNMMOD. With at most 150
        unknowns they end after twice their estimates, as a global search follows.
 
-    Before rung 5 the problem is reduced, see `solve.reduction`; each of its parts goes up a ladder of its own.
+    Before rung 4 the problem is reduced, see `solve.reduction`; each of its parts goes up a ladder of its own.
 
     **Handing over.** From `Accelerated` on, the method with the least remaining cost runs. At first that cost is its
     estimate. A method pauses when it has spent twice its estimate, accelerated sweeps after their trial. Later it
@@ -127,8 +126,8 @@ def select_method(
         The share of Res_D(0) that is asked for.
     family : {None, "modulus", "paper"}
         "modulus" leaves out what does not grow out of the modulus equation: `Lemke`, `Josephy`,
-        `Restarts`, `Tridiagonal`. "paper" takes MNMAOR with θ₁ = "auto" for the sweeps of rung 4, MNMMOD with
-        θ₁ = "auto" for rung 5, then MNMGS.
+        `Restarts`, `Tridiagonal`. "paper" takes MNMAOR with θ₁ = "auto" for the sweeps of rung 3, MNMMOD with
+        θ₁ = "auto" for rung 4, then MNMGS.
     warm_start : bool, default False
         Whether `solve` is given a z0.
 
@@ -220,7 +219,7 @@ class Ladder:
         The method that solved a similar problem after others. It runs first, and the others where it takes longer than
         expected.
     reduces : bool
-        Whether it pauses before rung 5, for the problem to be reduced.
+        Whether it pauses before rung 4, for the problem to be reduced.
     """
 
     def __init__(
@@ -235,21 +234,19 @@ class Ladder:
         self.problem = problem
         self.target_reduction = target_reduction
         self.family = family
-        #: the methods that may run; sweeps; what began before the others of rung 5 are estimated
+        #: the methods that may run; sweeps; what began before the others of rung 4 are estimated
         self.jobs: list[Job] = []
         self.sweeps: list[Job] = []
         self.early: list[Job] = []
-        #: for each of the four of rung 5 the ones that follow where it ends
+        #: for each of the four of rung 4 the ones that follow where it ends
         self.others: list[list[Job]] = []
         sweeps = [self._add_psor, self._add_multilevel, self._add_accelerated, self._pause, self._add_multilevel]
         if warm_start:
             sweeps.insert(0, self._add_multilevel)
         if family == "paper":
             sweeps = [self._add_accelerated]
-        if problem.psi.has_policies:
-            sweeps = [self._pause]
         self.rungs = [self._add_direct, *sweeps, self._add_newton, self._add_remaining]
-        #: whether the problem is to be reduced before rung 5; and whether that is next
+        #: whether the problem is to be reduced before rung 4; and whether that is next
         self.reduces = reduces
         self.floor = 0.0
         self.is_paused = False
@@ -325,7 +322,7 @@ class Ladder:
             _LOG.debug("n = %d: %r is left out: %s", problem.n, methods[0], why_not)
 
     def _begin_early(self, job: Job, floor: float) -> None:
-        """Run `job` before the others of rung 5 are estimated, until it has more than `floor` left."""
+        """Run `job` before the others of rung 4 are estimated, until it has more than `floor` left."""
         self.early = [job]
         self.jobs.append(job)
         self.floor = floor

@@ -50,7 +50,7 @@ class Estimate(NamedTuple):
 
 
 def least_cost(facts: Facts, family: str | None) -> float:
-    """The least that rung 5 can cost, from n and the entries of A alone."""
+    """The least that rung 4 can cost, from n and the entries of A alone."""
     least = least_of_others(facts, family)
     return least if family == "paper" else min(least, _multilevel(facts).setup)
 

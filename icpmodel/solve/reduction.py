@@ -67,7 +67,7 @@ def presolve(problem: ProblemData) -> ProblemData:
 
 
 def ladder_steps(run: Run, problem: ProblemData, family: str | None, first: Method | None = None) -> Iterator[None]:
-    """The steps of `run` up its ladder, with the reduction of `problem` before rung 5; `first` as in `Ladder`."""
+    """The steps of `run` up its ladder, with the reduction of `problem` before rung 4; `first` as in `Ladder`."""
     reduces = family != "paper"
     ladder = Ladder(problem, run.target_reduction, family, first, run.warm_start, reduces)
     if reduces and problem.psi.is_constant and not ladder.is_decided:

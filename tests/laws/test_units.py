@@ -47,11 +47,11 @@ def alike(one, other, unit, exact):
 def test_units_of_rows_and_of_z_change_no_verdict_of_solve(name):
     problem = SCENES[name].problem
     rng, n = np.random.default_rng(0), problem.n
-    before = attempt(problem, max_iter=300)
+    before = attempt(problem, max_iter=600)
     units = UNITS if problem.psi.is_constant or problem.psi.linear else ()  # jumps in other units are a map of Python's
     changes = [(np.full(n, 2.0**-30), 1.0), (rng.choice(ROWS, n), 1.0), *((np.ones(n), unit) for unit in units)]
     for rows, unit in changes:
-        after = attempt(scaled(problem, rows, unit), max_iter=300)
+        after = attempt(scaled(problem, rows, unit), max_iter=600)
         alike(before, after, unit, exact=False)
 
 
