@@ -22,7 +22,7 @@ import scipy.sparse as sp
 
 from ...algebra.redundant import MAX_CROSSING
 from ...icp import ICP
-from ...numerics.arrays import Vector
+from ...numerics.arrays import Vector, inner
 from ...numerics.rounding import UNIT_ROUNDOFF
 
 #: a matrix and the right-hand side of its rows
@@ -60,7 +60,7 @@ class Program:
 
     def objective(self, x: Vector) -> float:
         """½xᵀHx + gᵀx; NaN where H is not symmetric."""
-        return float(0.5 * x @ (self.H @ x) + self.g @ x) if self.is_symmetric else np.nan
+        return inner(0.5 * (self.H @ x) + self.g, x) if self.is_symmetric else np.nan
 
     @property
     def vectors(self) -> tuple[Vector, Vector, Vector]:
