@@ -283,5 +283,5 @@ class InteriorPath:
         moved = sp.csr_array(self.problem.A.shape)
         parts = np.split(slopes, [self.sides[0].size])
         for J, rows, values in zip(self.slopes, self.sides, parts, strict=False):
-            moved += sp.diags_array(np.bincount(rows, values, self.problem.n)) @ J
+            moved += sp.diags_array(1.0 * np.bincount(rows, values, self.problem.n)) @ J
         return self.system.solver(self._in_rows(slopes), moved)
