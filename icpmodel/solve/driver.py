@@ -161,7 +161,7 @@ def solve(
             error = failure.error
         if error is not None:  # with the cause that the callback gave it
             raise error
-        if run.singular is not None and method is not None:
+        if run.singular is not None and (method is not None or run.best is None):
             raise run.singular
         if run.best is None:
             raise NotApplicable(f"no method takes this problem: {why_none(problem)}")

@@ -329,6 +329,11 @@ def test_an_operator_that_is_singular_is_passed_over_or_raised():
         CYCLIC.solve(singular)
 
 
+def test_a_choice_without_an_iterate_says_which_operator_is_singular():
+    with pytest.raises(icp.SingularOperator, match="singular to working precision"):
+        icp.ICP([[0.0, 1.0], [1.0, 0.0]], [-1.0, -1.0]).solve(family="paper")
+
+
 def test_a_hint_whose_squares_over_or_underflow_is_not_used():
     for size in (1e-170, 1e170):
         problem = icp.ICP([[1.0]], [-size])
