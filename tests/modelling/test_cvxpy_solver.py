@@ -143,3 +143,15 @@ def test_programs_that_a_residual_in_other_units_calls_solved():
     assert y.value == pytest.approx([2, 1], rel=1e-6)
     problem = solve(cp.Problem(cp.Minimize(1e-10 * cp.square(y[0]) + y[0]), [y[0] <= -3, y[0] >= -1]))
     assert problem.status == cp.INFEASIBLE
+
+
+def test_a_side_of_any_size_changes_no_later_answer():
+    """The largest float cannot be brought into other units: nothing of that solve may be used again."""
+    x = cp.Variable(2)
+    h = cp.Parameter(2)
+    P = np.array([[1e-10, -2e-12], [-2e-12, 8e-14]])
+    G = np.array([[-1e4, -100.0], [1e-13, 2e-15]])
+    problem = cp.Problem(cp.Minimize(0.5 * cp.quad_form(x, P) + np.array([-2e-5, 1e-7]) @ x), [G @ x <= h])
+    for h.value in ([0.0, 0.0], [0.0, np.finfo(float).max], [-1e9, 2e-8]):
+        problem.solve(solver=icp.cvxpy_solver())
+    assert x.value == pytest.approx([170000.0, 1500000.0], rel=1e-6)

@@ -255,3 +255,34 @@ def test_a_program_whose_solution_is_known_is_never_called_infeasible(last):
     program = np.zeros((m, m)), np.ones(m), G, np.zeros(m - 1), None, None, low, high
     found = icp.solve_qp(*program, raise_on_failure=False, time_limit=20.0)
     assert found.status in ("optimal", "optimal_inaccurate", "solver_error")
+
+
+def test_a_row_without_a_side_leaves_the_others_as_they_are():
+    """A product by which it was emptied left the entries of rows in another order than their columns."""
+    found = icp.solve_qp(np.eye(2), [0.0, 0.0], [[1.0, 3.0], [1.0, 1.0]], [-3.0, np.inf])
+    assert found.x == pytest.approx([-0.3, -0.9])
+
+
+def test_an_answer_that_leaves_the_range_of_floats_is_not_optimal():
+    for P, q in ((1e-200, -1e150), (1e200, 1e-200)):
+        assert icp.solve_qp([[P]], [q], raise_on_failure=False).status == "solver_error"
+
+
+@pytest.mark.parametrize("infinite", [1e12, 1e15, 1e20, 1e30])
+def test_bounds_that_stand_for_none_do_not_set_the_units(infinite):
+    G, h = [[2.0, 0.0], [3.0, 3.0], [-2.0, 3.0]], [-2.0, -2.0, 1.0]
+    found = icp.solve_qp(np.zeros((2, 2)), [-3.0, -1.0], G, h, lb=-infinite, ub=infinite)
+    assert found.objective == pytest.approx(10 / 3)
+
+
+def test_a_proof_is_one_in_the_units_of_the_user():
+    rows = {"G": [[1e3, 1e3], [-7e-3, -7e-3]], "h": [1.0, -1.0]}
+    found = icp.solve_qp(np.eye(2), [1.0, 1.0], **rows, raise_on_failure=False)
+    assert found.status == "infeasible"
+    assert "7e-06 times row 2 of Az + q and 1 times row 3" in found.message
+
+
+def test_a_start_that_leaves_the_range_of_floats_is_no_error():
+    rows = {"G": [[1e10, 1e-5], [1.0, 1.0]], "h": [1.0, 3.0]}
+    found = icp.solve_qp(1e-10 * np.eye(2), [-2.0, 1e10], **rows, initvals=[1e308, -1e308], raise_on_failure=False)
+    assert found.status in ("optimal", "unbounded", "unbounded_inaccurate", "solver_error")

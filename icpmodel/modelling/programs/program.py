@@ -23,6 +23,7 @@ import scipy.sparse as sp
 from ...algebra.redundant import MAX_CROSSING
 from ...icp import ICP
 from ...numerics.arrays import Vector, inner
+from ...numerics.equilibration import times_rows
 from ...numerics.rounding import UNIT_ROUNDOFF
 
 #: a matrix and the right-hand side of its rows
@@ -53,7 +54,7 @@ class Program:
         d = np.concatenate([equations[1], inequalities[1]])
         finite = np.isfinite(d)
         if not finite.all():
-            C = sp.csr_array(sp.diags_array(1.0 * finite) @ C)
+            C = times_rows(1.0 * finite, C)
             C.eliminate_zeros()
             d = np.where(finite, d, np.sign(d))
         return cls(H, g, C, d, equations[1].size, low, high)

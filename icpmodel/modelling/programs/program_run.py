@@ -22,7 +22,7 @@ from ...theory.certificates.bounds import enforce_limits
 from ...theory.certificates.combination_rows import ZERO
 from ...theory.certificates.infeasible import infeasible
 from ...theory.certificates.recession import least_violation, misfit
-from .program import Program
+from .program import Program, conditions_of
 from .program_judge import Judge
 from .scaled_conditions import ScaledConditions
 
@@ -59,14 +59,14 @@ class ProgramRun:
         known = None if last is None else last.conditions
         self.conditions: ScaledConditions = ScaledConditions(program, known)
         self.problem = self.conditions.problem
-        reused = known is not None and known.A is self.conditions.A
+        reused = known is not None and known.problem.matrix is self.problem.matrix
         self.judge: Judge = last.judge if last is not None and reused else Judge(self.problem, program.g.size)
         self.low = self.conditions.low
         self.high = self.conditions.high
         self.z = np.clip(0.0, self.low, self.high)
         self.start = None
         if last is not None and last.z.size == self.z.size:
-            self.start = np.ldexp(last.z, last.conditions.columns - self.conditions.columns)
+            self.start = np.nan_to_num(np.ldexp(last.z, last.conditions.columns - self.conditions.columns))
         self.violation = np.inf, np.inf
         self.iterations = 0
 
@@ -160,7 +160,7 @@ class ProgramRun:
         for direction, primal in ((np.where(self.judge.is_x, 0.0, y), True), (y, False)):
             if (self.is_bounded and not primal) or not misfit(problem, direction) < ZERO:
                 continue
-            answer = infeasible(problem, direction)
+            answer = infeasible(conditions_of(self.program), np.ldexp(direction, self.conditions.rows))
             inaccurate = "" if answer.holds else "_inaccurate"
             reason = "up to rounding" if inaccurate else answer.reason
             if primal:
@@ -199,7 +199,7 @@ class ProgramRun:
         """Whether `z`, with its active rows on their obstacles, is strictly good, or no better than a good iterate."""
         step = z - self.problem.p(z)
         z = np.where((self.low <= step) & (step <= self.high), z, step)
-        z = np.clip(z, self.low, self.high)
+        z = self.conditions.as_returned(np.clip(z, self.low, self.high))
         enough = 0.5 * self.violation[1] if self.is_good else self.tolerance
         cleaned = np.clip(self.judge.without_noise(self.problem.q, z), self.low, self.high)
         for one in (z,) if np.array_equal(z, cleaned) else (z, cleaned):
@@ -220,7 +220,7 @@ class ProgramRun:
     def start_near(self, x: Vector) -> tuple[Vector, Pattern]:
         """The iterate with `x` and multipliers 0, and the active set of the rows and bounds that are tight at `x`."""
         z = np.concatenate([x, np.zeros(self.z.size - x.size)])
-        z = np.ldexp(z, -self.conditions.columns)
+        z = np.nan_to_num(np.ldexp(z, -self.conditions.columns))
         terms = self.judge.size @ np.abs(z) + np.abs(self.problem.q)
         is_tight = ~self.judge.is_x & (self.problem.p(z) <= _TIGHT_SLACK * terms)
         free = is_tight | ((self.low < z) & (z < self.high))

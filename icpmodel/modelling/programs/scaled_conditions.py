@@ -18,6 +18,8 @@ from .program import Program, saddle_matrix
 
 #: an entry counts for the units above this share of the largest of its row or of its column
 _NEGLIGIBLE_ENTRY = 1e-12
+#: sides from here on stand for none, as a rule: they tell how large x is only where there are no others
+_INFINITE = 1e15
 #: steps to the units, and the last step of their exponents
 _MAX_SCALING_STEPS = 50
 _SETTLED_STEP = 0.1
@@ -34,40 +36,61 @@ class ScaledConditions:
         Those of another program. Where the matrices are equal, what was made of them is used again.
     """
 
+    A: sp.csr_array
+    is_scaled: bool
+    balanced: NDArray[np.int64]
+    shift: int
+    rows: Exponents
+    columns: Exponents
+    problem: ICP
+
     @np.errstate(all="ignore")
     def __init__(self, program: Program, last: ScaledConditions | None = None) -> None:
         A = saddle_matrix(program.H, program.C)
-        if last is None or last.A.shape != A.shape or (last.A != A).nnz:
+        if last is None or not last.is_scaled or last.A.shape != A.shape or (last.A != A).nnz:
             last = None
-        self.A: sp.csr_array = A if last is None else last.A
+        self.A = A if last is None else last.A
         self.is_x = np.arange(A.shape[0]) < program.g.size
-        self.balanced: NDArray[np.int64] = self._balanced(program) if last is None else last.balanced
+        self.balanced = self._balanced(program) if last is None else last.balanced
         vectors = np.array(program.vectors)
-        if last is None or not program.H.data.any():  # without H no entry depends on it
-            self.shift = self._shift(program, vectors)
-        else:
-            self.shift = last.shift
+        self._choose_units(program, vectors, last)
         scaled = self._in_units(vectors)
         matrix = in_units_exactly(A, self.rows, self.columns) if last is None else last.problem.A
-        if matrix is None or not np.array_equal(self._in_units(scaled, -1), vectors):
-            self.balanced = np.zeros_like(self.balanced)
-            self.shift = 0
+        self.is_scaled = matrix is not None and np.array_equal(self._in_units(scaled, -1), vectors)
+        if not self.is_scaled:
+            self.rows = self.columns = np.zeros_like(self.rows)
             last = None
             matrix = A
             scaled = vectors
         q, self.low, self.high = scaled
         problem = ICP(matrix, q) if last is None else last.problem.with_q(q)
-        self.problem: ICP = problem.with_sides(self.low, None if np.isposinf(self.high).all() else self.high)
+        self.problem = problem.with_sides(self.low, None if np.isposinf(self.high).all() else self.high)
 
-    @property
-    def rows(self) -> Exponents:
-        """The exponents r."""
-        return self.balanced[0] - self.shift * self.is_x
+    def _choose_units(self, program: Program, vectors: NDArray[np.float64], last: ScaledConditions | None) -> None:
+        """r and c that make d and the bounds about 1, and g as large, where there is an H at least.
 
-    @property
-    def columns(self) -> Exponents:
-        """The exponents c."""
-        return self.balanced[1] + self.shift * ~self.is_x
+        Beside a small H, a large g makes the multipliers larger than x. A small g does not make them smaller.
+        """
+        self.rows = self.balanced[0]
+        self.columns = self.balanced[1]
+        scaled = self._in_units(vectors)
+        of_g = _mean_size(scaled[0, self.is_x])
+        scaled[0, self.is_x] = 0.0
+        of_d = _mean_size(scaled[np.abs(vectors) < _INFINITE]) or _mean_size(scaled[np.isfinite(vectors)])
+        has_H = program.H.data.any()
+        if last is not None and has_H:
+            self.shift = last.shift
+        else:
+            self.shift = _exponent(np.divide(of_g, of_d))
+            if has_H:
+                self.shift = max(self.shift, 0)
+        size = _exponent(of_d or of_g)
+        self.rows = self.rows - self.shift * self.is_x - size
+        self.columns = self.columns + self.shift * ~self.is_x + size
+
+    def as_returned(self, z: Vector) -> Vector:
+        """`z` as it is after the way to the units of the program, where numbers may leave the range of floats."""
+        return np.ldexp(np.ldexp(z, self.columns), -self.columns)
 
     def _in_units(self, vectors: NDArray[np.float64], sign: int = 1) -> NDArray[np.float64]:
         """q and the obstacles in the units of the scaled conditions; the way back where `sign` is −1."""
@@ -82,30 +105,23 @@ class ScaledConditions:
         columns = alike * ~self.is_x
         return np.array([rows, columns]) + _balancing_exponents(absolute(in_units(self.A, rows, columns)))
 
-    def _shift(self, program: Program, vectors: NDArray[np.float64]) -> int:
-        """What makes g and the other data alike, by the roots of their mean squares; at least 0 where there is an H.
-
-        Beside a small H, a large g makes the multipliers larger than x. A small g does not make them smaller.
-        """
-        self.shift = 0
-        q, low, high = self._in_units(vectors)
-        sides = np.concatenate([low[self.is_x], high[self.is_x]])
-        rest = np.concatenate([q[~self.is_x], sides[np.isfinite(sides)]])
-        ratio = np.divide(_mean_size(q[self.is_x]), _mean_size(rest))
-        shift = int(np.rint(np.log2(ratio))) if 0.0 < ratio < np.inf else 0
-        return max(shift, 0) if program.H.data.any() else shift
-
 
 def _mean_size(x: Vector) -> float:
     """The root of the mean square of the entries of `x` that are not 0."""
     return norm(x) / max(int(np.count_nonzero(x)), 1) ** 0.5
 
 
+def _exponent(x: float) -> int:
+    """The exponent of the power of two that is nearest to `x`; 0 where x is 0, infinite or NaN."""
+    return int(np.rint(np.log2(x))) if 0.0 < x < np.inf else 0
+
+
 def _balancing_exponents(size: sp.csr_array) -> Exponents:
     """Whole e such that log₂|a_ij| + e_i + e_j is about 0 in the mean of the entries of a row that count, from |A|."""
     i = row_of(size)
     j = size.indices
-    largest = size.max(axis=1).toarray().ravel()
+    largest = np.zeros(size.shape[0])
+    np.maximum.at(largest, i, size.data)
     counts = size.data > _NEGLIGIBLE_ENTRY * np.minimum(largest[i], largest[j])
     rows = i[counts]
     columns = j[counts]

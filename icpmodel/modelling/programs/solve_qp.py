@@ -278,6 +278,7 @@ def solve_avi(
     return _solve((H, g, G, h, A, b, lb, ub), "Hg", initvals, tolerance, time_limit, raise_on_failure)
 
 
+@np.errstate(all="ignore")  # units may leave the range of floats
 def solve_program(
     program: Program,
     *,
