@@ -16,6 +16,9 @@ from ..numerics.arrays import Vector, row_of
 from .affine_rows import AffineRows
 from .matching import arranged, left_over, own_entries, resemblance_to_r
 
+#: a negative entry counts as so much smaller, so that of two alike the positive one is owned
+_NEGATIVE_SHARE = 1 - 1e-3
+
 
 class OrderedRows(NamedTuple):
     """All rows in the order of z, and how those of the conditions came there.
@@ -105,9 +108,20 @@ def _with_unknowns(
 
 
 def _signs(R: sp.csr_array) -> Vector:
-    """−1 for the rows in which all entries are negative, else 1."""
-    positive = np.bincount(row_of(R)[R.data > 0], minlength=R.shape[0]) > 0
-    return np.where(positive | (np.diff(R.indptr) == 0), 1.0, -1.0)
+    """−1 for the rows whose own entry is negative where it may have either sign, else 1."""
+    sign = np.ones(R.shape[0])
+    i = row_of(R)
+    there = R.data != 0.0
+    matched = np.setdiff1d(np.arange(R.shape[0]), left_over(i[there], R.indices[there], R.shape)[0])
+    R = R[matched]
+    R.eliminate_zeros()
+    sizes = np.where(R.data > 0.0, R.data, -_NEGATIVE_SHARE * R.data)
+    owned = own_entries(sp.csr_array((sizes, R.indices, R.indptr), shape=R.shape))
+    if owned is not None:
+        i = row_of(R)
+        turned = (R.indices == owned[i]) & (R.data < 0.0)
+        sign[matched[i[turned]]] = -1.0
+    return sign
 
 
 def _swap_bounds(lower: AffineRows, upper: AffineRows, sign: Vector) -> tuple[AffineRows, AffineRows]:

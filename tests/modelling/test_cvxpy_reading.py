@@ -325,3 +325,10 @@ def test_what_is_no_icp_is_refused_with_the_expression_and_the_reason(name):
     make, sentence = REFUSED[name]
     with pytest.raises(icp.InputError, match=sentence):
         make()
+
+
+def test_parameters_of_three_axes_are_stacked_along_the_second():
+    P = cp.Parameter((2, 2, 2), value=np.arange(8.0).reshape(2, 2, 2))
+    x = cp.Variable((2, 4, 2), nonneg=True)
+    icp.Problem(icp.complements(2 * x - cp.hstack([P, P]), x)).solve()
+    assert x.value == pytest.approx(np.concatenate([P.value] * 2, axis=1) / 2)

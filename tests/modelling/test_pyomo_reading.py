@@ -216,3 +216,28 @@ def test_both_sides_may_be_nonlinear_and_are_zero_as_the_model_says(seed):
     z = reading.problem.solve(z0=reading.start(), rtol=1e-12).z
     values = {variable.name: value for variable, value in reading.values(z)}
     assert values == pytest.approx({"x": x0, "y": y0, "w": w0}, abs=1e-8)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_bound_that_moves_is_an_obstacle_above_as_below(sign):
+    """x_i ≥ 1 + .3x_j gets no further unknown, and its mirror image gets none: both have dominant diagonals."""
+    model = pyo.ConcreteModel()
+    model.x = pyo.Var(range(5))
+    x = model.x
+    model.c = Complementarity(
+        range(5),
+        rule=lambda _, i: complements(
+            sign * x[i] - 0.3 * sign * x[(i + 1) % 5] >= 1.0, sign * (3.0 * x[i] - x[(i - 1) % 5]) >= -2.0
+        ),
+    )
+    problem = read_pyomo(model).problem
+    assert problem.n == 5
+    assert problem.matrix.jacobi_radius < 1.0
+
+
+def test_the_side_that_bounds_a_variable_is_r_where_the_other_is_nonlinear():
+    model = pyo.ConcreteModel()
+    model.x = pyo.Var(initialize=1.0)
+    model.c = Complementarity(expr=complements(model.x >= 0, pyo.exp(model.x) + model.x + 3 >= 0))
+    reading = read_pyomo(model)
+    assert reading.multipliers(np.zeros(1))[0][1] == pytest.approx(4.0)

@@ -40,3 +40,13 @@ def test_a_variable_with_the_coefficient_0_needs_no_value(constant):
             read_pyomo(model)
     else:
         assert read_pyomo(model).problem.n == 1
+
+
+def test_a_row_without_a_value_at_the_start_is_named_with_its_own_variables():
+    model = pyo.ConcreteModel()
+    model.u, model.v, model.y = pyo.Var(initialize=1.0), pyo.Var(initialize=-1.0), pyo.Var(initialize=1.0)
+    model.first = pyo.Constraint(expr=pyo.log(model.v) == 0)
+    model.second = pyo.Constraint(expr=pyo.log(model.u) == 0)
+    model.c = Complementarity(expr=complements(model.y >= 0, model.y + model.u + model.v >= 1))
+    with pytest.raises(icp.InputError, match="first has no finite value at the start, where v = -1: give"):
+        pyo.SolverFactory("icpmodel").solve(model)

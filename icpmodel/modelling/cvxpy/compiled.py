@@ -81,10 +81,10 @@ def _separate_atoms(expression: cp.Expression, atoms: dict[cp.Variable, cp.Expre
     """`expression` with a new variable for each largest part that is not affine; these go into `atoms`. CVXPY's
     compiler adds variables and rows for `cumsum`, which is therefore written as a product, and takes the wrong axis
     for `hstack` of three axes."""
-    if isinstance(expression, Leaf) or (expression.parameters() and not expression.variables()):
+    if isinstance(expression, Leaf):
         return expression
-    if not expression.variables():
-        return cp.Constant(expression.value)
+    if not isinstance(expression, AffAtom) and not expression.variables():
+        return expression if expression.parameters() else cp.Constant(expression.value)
     if isinstance(expression, cp.cumsum) and expression.is_affine():
         return _as_product(expression, atoms)
     if isinstance(expression, Hstack) and expression.ndim > 2:

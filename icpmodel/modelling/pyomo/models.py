@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 from pyomo.core.base.block import BlockData
+from pyomo.core.expr.visitor import identify_variables
 
 from ...errors import InputError, check_arguments
 from ...icp import ICP
@@ -27,6 +28,8 @@ from .condition_rows import ConditionRows, Side
 from .nonlinear import NonlinearRows
 from .side_choice import as_matrices, ordered_rows
 
+#: the number of variables in a message
+_MAX_LISTED = 5
 #: a component, and what follows its name in that of an inequality
 NamedInequality = tuple[Any, str]
 
@@ -68,10 +71,13 @@ class PyomoReading:
             if self.problem.f is not None:
                 bad |= ~np.isfinite(self.problem.f.value(z))
         if bad.any():
-            row = int(np.argmax(bad))
-            at = f", where {self.variables[row].name} = {x[row]:g}" if row < x.size else ""
+            owner = self.owners[self.ordered.sources[np.argmax(bad)]]
+            expressions = getattr(owner, "_args", None) or [owner.expr]
+            used = {one.name: one for expression in expressions for one in identify_variables(expression)}
+            places = {one.name: k for k, one in enumerate(self.variables)}
+            at = ", ".join(f"{name} = {x[places[name]]:g}" for name in list(used)[:_MAX_LISTED] if name in places)
             raise InputError(
-                f"{self.row_name(row)} has no finite value at the start{at}: give its variables other values"
+                f"{owner.name} has no finite value at the start, where {at}: give its variables other values"
             )
         return z
 

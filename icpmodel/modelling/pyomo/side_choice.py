@@ -36,9 +36,9 @@ def as_matrices(sides: Sequence[Side], columns: dict[int, int]) -> AffineRows:
 def which_is_r(both: AffineRows) -> NDArray[np.intp]:
     """Which side of each condition becomes r, shape (m,), of the rows of side 0 followed by those of side 1.
 
-    A side without linear terms owns no variable, and is taken last. Else the nonlinear side is taken. Of two affine
-    ones it is the one with fewer variables. Ties are broken by the weight of the largest coefficient in the side, then
-    by its distance from 1, then by the size of the obstacle.
+    A side without linear terms owns no variable, and is taken last. An affine side in one variable bounds it, and is
+    taken first; else the nonlinear side is. Of two affine ones it is the one with fewer variables. Ties are broken by
+    the weight of the largest coefficient in the side, then by its distance from 1, then by the size of the obstacle.
     """
     Z = both.Z
     count = np.diff(Z.indptr)
@@ -49,7 +49,8 @@ def which_is_r(both: AffineRows) -> NDArray[np.intp]:
         distance = np.abs(np.log2(largest))
         weight = abs(Z).sum(axis=1) / largest
     is_affine = np.diff(both.W.indptr) == 0
-    ranks = [one.reshape(2, -1) for one in (obstacle, distance, weight, count, is_affine, count == 0)]
+    bounds_none = ~(is_affine & (count == 1))
+    ranks = [one.reshape(2, -1) for one in (obstacle, distance, weight, count, is_affine, bounds_none, count == 0)]
     which: NDArray[np.intp] = np.lexsort(ranks, axis=0)[0]  # the last rank decides first
     return which
 
