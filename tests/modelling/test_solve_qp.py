@@ -286,3 +286,18 @@ def test_a_start_that_leaves_the_range_of_floats_is_no_error():
     rows = {"G": [[1e10, 1e-5], [1.0, 1.0]], "h": [1.0, 3.0]}
     found = icp.solve_qp(1e-10 * np.eye(2), [-2.0, 1e10], **rows, initvals=[1e308, -1e308], raise_on_failure=False)
     assert found.status in ("optimal", "unbounded", "unbounded_inaccurate", "solver_error")
+
+
+@pytest.mark.parametrize(("bound", "wrong"), [(1e13, 1e-3), (1e9, 1e-7)])
+def test_a_large_unknown_excuses_no_rows_that_it_is_not_in(bound, wrong):
+    rows = {"A": [[1.0, 1.0, 0.0], [1.0, 1.0, 0.0]], "b": [1.0, 1.0 + wrong]}
+    sides = {"lb": [-9.0, -9.0, 0.0], "ub": [9.0, 9.0, bound]}
+    found = icp.solve_qp(np.zeros((3, 3)), [0.0, 0.0, -1.0], **rows, **sides, raise_on_failure=False)
+    assert found.status.startswith("infeasible")
+
+
+@pytest.mark.parametrize("bound", [1e6, 1e9, 1e12])
+def test_a_loose_bound_hides_no_contradiction(bound):
+    G, h = [[5.0, -3.0], [-1.0, 3.0], [-1.0, -7.0]], [-2.0, -5.0, 7.0]
+    found = icp.solve_qp(np.zeros((2, 2)), [0.0, -2.0], G, h, ub=[bound, np.inf], raise_on_failure=False)
+    assert found.status == "infeasible"

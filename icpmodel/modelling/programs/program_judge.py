@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from ...numerics.arrays import Vector
 from ...numerics.rounding import gamma
@@ -18,7 +19,8 @@ class Judge:
     """The judge of conditions with the matrix [[H, Eᵀ, Gᵀ], [−E, 0, 0], [−G, 0, 0]], x having n entries.
 
     Where z_i is on an obstacle to which p_i presses it, nothing is wrong in row i. Elsewhere |p_i| is, as a share of
-    the sum of the |terms| of p_i. What sums of the largest unknowns lose by rounding is left out.
+    the sum of the |terms| of p_i. What sums of the largest unknowns lose by rounding is left out, of those that a chain
+    of rows connects with row i.
 
     The gap is the second criterion, so that large entries of H do not hide g. Where y = x + Δ is in C,
     (Hx + g)ᵀ(y − x) is at least −Σ|p_i|d_i. Here d_i is the distance to the obstacle or, if less, |z_i|. For x
@@ -31,8 +33,10 @@ class Judge:
         self.diagonal = self.A.diagonal()
         self.is_x = np.arange(problem.n) < n
         self.loss = float(gamma(3 + np.diff(self.size.indptr).max(initial=0)))
-        self.parts = np.array([self.is_x, ~self.is_x])
-        self.spread = self.loss * (self.size @ self.parts.T)
+        #: numbers of x and of the multipliers of unknowns that a chain of rows connects: what shares rounding
+        _, self.group = np.unique(2 * connected_components(self.size)[1] + self.is_x, return_inverse=True)
+        self.order = np.argsort(self.group)
+        self.starts = np.searchsorted(self.group[self.order], np.arange(self.group.max() + 1))
 
     @np.errstate(all="ignore")
     def violation(self, q: Vector, z: Vector, p: Vector, room: Vector) -> tuple[float, float]:
@@ -43,9 +47,10 @@ class Judge:
         violations = np.abs(p)
         of_q = np.abs(q)
         terms = self.size @ np.abs(z) + of_q
-        most = np.where(self.is_x, _NOISE_OF_GRADIENT * of_q[self.is_x].max() or np.inf, np.inf)
+        of_g = self.largest(of_q)
+        most = np.where(self.is_x & (of_g > 0), _NOISE_OF_GRADIENT * of_g, np.inf)
         own = self.loss * terms
-        noise = np.maximum(own, np.minimum(self.spread @ self.largest(z), most))
+        noise = np.maximum(own, np.minimum(self.loss * (self.size @ self.largest(z)), most))
         x = np.where(self.is_x, z, 0.0)
         reach = np.where(self.diagonal > 0, (self.size @ np.abs(x)) / self.diagonal, np.abs(z))
         gap = np.maximum(violations - np.minimum(own, most), 0.0) @ np.minimum(room, reach)
@@ -59,10 +64,9 @@ class Judge:
         return shares[0], shares[1]
 
     def largest(self, z: Vector) -> Vector:
-        """The largest |entry| of x and that of the multipliers, the entries of A being about 1."""
-        return np.asarray((self.parts * np.abs(z)).max(axis=1))
+        """The largest |entry| of each group, at its entries; those of A are about 1."""
+        return np.asarray(np.maximum.reduceat(np.abs(z)[self.order], self.starts)[self.group])
 
     def without_noise(self, q: Vector, z: Vector) -> Vector:
-        """z with 0 for what may be rounding beside the largest of its part, or beside q."""
-        largest = np.maximum(np.where(self.is_x, *self.largest(z)), np.abs(q).max())
-        return np.where(np.abs(z) <= _NOISE_OF_X * largest, 0.0, z)
+        """z with 0 for what may be rounding beside the largest of its group, or beside q."""
+        return np.where(np.abs(z) <= _NOISE_OF_X * np.maximum(self.largest(z), np.abs(q).max()), 0.0, z)
