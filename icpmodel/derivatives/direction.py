@@ -46,11 +46,23 @@ class Direction:
         return linear_value(self.matrix, self.q, z)
 
     def right_side(self, z: Vector, pattern: Pattern) -> Vector:
-        """f of the equations Jdz = f. Raises InputError where it overflows, and for what is no change of ψ's data."""
+        """f of the equations Jdz = f.
+
+        Raises InputError where it overflows, where obstacles that touch would cross, and for what is no change of ψ's
+        data.
+        """
         with np.errstate(over="ignore", invalid="ignore"):
             f = -self.of_p(z)
-            for psi, rows in zip(self._parts(z), pattern.sides(), strict=True):
-                f = np.where(rows, linear_value(*psi, z), f)
+            changes = [linear_value(*psi, z) for psi in self._parts(z)]
+            for change, rows in zip(changes, pattern.sides(), strict=True):
+                f = np.where(rows, change, f)
+        if self.problem.upper is not None:
+            crosses = (self.problem.psi.value(z) == self.problem.upper.value(z)) & (changes[0] > changes[1])
+            if crosses.any():
+                raise InputError(
+                    f"dpsi[{np.argmax(crosses)}] is above dupper[{np.argmax(crosses)}] where the obstacles touch, which "
+                    "would cross: a direction along which they do not was expected"
+                )
         if fault := not_finite(f, "dA z + dq, or the change of psi(z),"):
             raise InputError(f"{fault}; a direction that does not overflow was expected")
         return f

@@ -287,3 +287,11 @@ def test_a_bound_keeps_to_the_limits_of_the_certificate():
     with work.work_limit(nanoseconds=1.0):
         assert derivative.bound(dz, dq=ones) is None
     assert derivative.bound(dz, dq=ones) < 1e-9
+
+
+def test_obstacles_that_touch_are_not_moved_through_each_other():
+    derivative = icp.ICP([[2.0]], [-1.0], psi=1.0, upper=1.0).solve().derivative()
+    for derive in (derivative.forward, derivative.one_sided):
+        with pytest.raises(icp.InputError, match=r"dpsi\[0\] is above dupper\[0\] where the obstacles touch"):
+            derive(dpsi=1.0)
+    assert derivative.forward(dpsi=1.0, dupper=1.0) == pytest.approx([1.0])
