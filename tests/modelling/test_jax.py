@@ -253,3 +253,12 @@ def test_columns_that_share_no_row_are_differentiated_together():
     z, dz = jax.jvp(answer, (0.5,), (1.0,))
     np.testing.assert_allclose(z, expected, atol=1e-9)
     np.testing.assert_allclose(dz, (answer(0.5001) - answer(0.4999)) / 2e-4, atol=1e-6)
+
+
+def test_an_entry_of_a_pattern_may_be_stored_as_0():
+    def F(z, t):
+        return jnp.array([2 * z[0] + z[1] ** 2 - t, 3 * z[1] + z[0] ** 2 - t])
+
+    pattern = sp.csr_array((np.array([2.0, 0.0, 0.0, 3.0]), np.array([0, 1, 0, 1]), np.array([0, 2, 4])), shape=(2, 2))
+    given, dense = (jax.jacrev(nonlinear_solution_of(F, 2, **options))(1.0) for options in ({"sparsity": pattern}, {}))
+    assert given == pytest.approx(dense)

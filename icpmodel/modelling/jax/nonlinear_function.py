@@ -125,7 +125,9 @@ class _Jacobian:
 
     def __init__(self, jax: Any, F: Callable[[Any, Any], Any], pattern: sp.csr_array) -> None:
         self._jax = jax
-        self._pattern = sp.csr_array(abs(pattern) + sp.eye_array(pattern.shape[0]))
+        # a sum drops entries that are 0
+        there = sp.csr_array((np.ones(pattern.nnz), pattern.indices, pattern.indptr), shape=pattern.shape)
+        self._pattern = sp.csr_array(there + sp.eye_array(pattern.shape[0]))
         self._rows = row_of(self._pattern)
         self._columns = self._pattern.indices
         colour = colours(self._pattern)
