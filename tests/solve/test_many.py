@@ -330,3 +330,10 @@ def test_a_row_of_lists_has_its_own_obstacle_and_a_failed_one_its_end():
     late = icp.solve_many(SMALL, [[1.0, -2.0]] * 2, np.sin, time_limit=1e-9, raise_on_failure=False)[1]
     assert late.status is Status.TIME_LIMIT
     assert "was over before its turn" in late.message
+
+
+def test_rows_start_where_they_are_told_where_there_are_several_solutions():
+    A = np.array([[1.0, 2.0], [2.0, 1.0]])
+    starts = np.array([[1.0, 0.0], [0.0, 1.0]])
+    many = icp.solve_many(A, -np.ones((2, 2)), Z0=starts)
+    assert many.Z == pytest.approx(starts)

@@ -162,8 +162,10 @@ class Batch:
     @property
     def fits_compiled_code(self) -> bool:
         """Whether compiled code may take the rows together: the kind of ψ, and which rows have an upper obstacle, are
-        the same, and A is as well, or small."""
+        the same, and A is as well, or small. With starts there must be one solution: by the radius for this A."""
         problems = self.data.problems
+        if self.starts is not None and (len(problems) > 1 or not self.problem.matrix.jacobi_radius < 1.0):
+            return False
         if (self.maps is not None and self.obstacles is None) or (
             len(problems) > 1 and not isinstance(problems, Stack)
         ):
