@@ -343,7 +343,11 @@ def _run(
         if entry.seconds[0] < _TIMED_ONCE_SECONDS:
             repeated[key] = partial(timed_run, case, one, tolerance, limit)
     for key, run in interleaved(repeated, repeats - 1, say=lambda k: say(f"round {k + 1} of {repeats}")):
-        entries[key] = replace(entries[key], seconds=(*entries[key].seconds, builds[key[0]] + run.seconds))
+        if run.seconds > limit or run.z is None:
+            del repeated[key]
+            entries[key] = replace(entries[key], claim=f"{entries[key].claim}; a later round: {run.words}")
+        else:
+            entries[key] = replace(entries[key], seconds=(*entries[key].seconds, builds[key[0]] + run.seconds))
         yield entries[key]
 
 
@@ -363,7 +367,7 @@ def _entry(case: Case, one: Competitor, tolerance: float, build: float, run: Cla
         seconds=(build + run.seconds,),
         build=build,
         setup=run.setup,
-        error=None if run.z is None else error(run.z),
+        error=None if residual is None else error(run.z),
         residual=residual,
         claim=run.words,
         loose=run.solved and (residual is None or residual > _LOOSE_FACTOR * tolerance),

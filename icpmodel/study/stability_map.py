@@ -31,7 +31,7 @@ from .planes import plane as plane_named
 #: a proof is contradicted by these; "slow" and "precision limit" are what a factor near 1 and rounding do to it
 _CONTRADICTING_ENDS = ("stagnated", "cycled", "diverged", "overflowed")
 #: and these do not contradict it: where the obstacles cross the point that is reached need not be a solution
-_UNDECIDING_ENDS = ("slow", "precision limit", "map failed", "obstacles cross", "infeasible")
+_UNDECIDING_ENDS = ("slow", "memory limit", "precision limit", "map failed", "obstacles cross", "infeasible")
 #: the ends of a run, from the best to the worst; the status "diverged" is split by whether the residual stayed finite
 RUN_ENDS = ("solved", *_UNDECIDING_ENDS, *_CONTRADICTING_ENDS, "refused", "not run")
 #: the theorems that prove convergence from every start; "monotone" needs a special one

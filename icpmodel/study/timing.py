@@ -37,14 +37,15 @@ def interleaved(
 ) -> Iterator[tuple[Name, Run]]:
     """(name, run) of all `calls`, `rounds` times in turn, each round beginning with another one.
 
-    `say` is called with the number of the round, from 1.
+    `say` is called with the number of the round, from 1. A call that is taken out of `calls` is made no more.
     """
     names = list(calls)
     for done in range(rounds if names else 0):
         first = done % len(names)
         say(done + 1)
         for name in names[first:] + names[:first]:
-            yield name, calls[name]()
+            if name in calls:
+                yield name, calls[name]()
 
 
 def timed(calls: Mapping[Name, Callable[[], float]], rounds: int, warm: bool = True) -> dict[Name, Vector]:

@@ -130,7 +130,7 @@ def test_what_is_no_z_is_no_answer(z):
             return Claim(z, "optimal", True)
 
     found = icp.race(icp.scenes.hand_lcp(), [], [Odd()], tolerances=[0.1], repeats=1)
-    assert [one.residual for one in found.entries if one.name == "odd"] == [None]
+    assert [(one.residual, one.error) for one in found.entries if one.name == "odd"] == [(None, None)]
 
 
 def test_what_cannot_take_part_is_left_out_with_the_reason():
@@ -168,3 +168,20 @@ def test_ctrl_c_keeps_what_was_measured():
 def test_wrong_wishes_are_named(arguments, words):
     with pytest.raises(icp.InputError, match=words):
         icp.race(BAI.problem, **arguments)
+
+
+def test_the_time_of_a_later_round_that_fails_is_not_counted():
+    class Flaky(Liar):
+        runs = 0
+
+        def run(self, model):
+            self.runs += 1
+            if self.runs > 2:
+                raise RuntimeError("licence lost")
+            return Claim(np.array([0.5, 0.0]), "solved", True)
+
+    problem = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 3.0])
+    found = icp.race(problem, [], [Flaky()], z_exact=[0.5, 0.0], tolerances=[1e-2], repeats=3)
+    (entry,) = (one for one in found.entries if one.name == "liar")
+    assert len(entry.seconds) < 3
+    assert "licence lost" in entry.claim

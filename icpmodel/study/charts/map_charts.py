@@ -16,6 +16,7 @@ from .places import edges, outline
 #: end of a run → its sign and its words; solved points have colours
 END_SIGNS = {
     "slow": (".", "not there after {max_iter} steps"),
+    "memory limit": ("$m$", "no memory for it"),
     "precision limit": ("$+$", "as far as rounding allows"),
     "map failed": ("$?$", "ψ or f failed"),
     "obstacles cross": ("1", "the obstacles cross"),
