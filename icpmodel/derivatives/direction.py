@@ -59,9 +59,10 @@ class Direction:
         if self.problem.upper is not None:
             crosses = (self.problem.psi.value(z) == self.problem.upper.value(z)) & (changes[0] > changes[1])
             if crosses.any():
+                i = np.argmax(crosses)
                 raise InputError(
-                    f"dpsi[{np.argmax(crosses)}] is above dupper[{np.argmax(crosses)}] where the obstacles touch, which "
-                    "would cross: a direction along which they do not was expected"
+                    f"dpsi[{i}] is above dupper[{i}] where the obstacles touch, which would cross: a direction along "
+                    "which they do not was expected"
                 )
         if fault := not_finite(f, "dA z + dq, or the change of psi(z),"):
             raise InputError(f"{fault}; a direction that does not overflow was expected")
