@@ -145,8 +145,8 @@ def solve(
     start = _starting_point(problem, z0)
     with limits.enforced():
         named_method = _method_of(method, problem, options)
-        start_options = {"warm_start": z0 is not None, "follows_theorems": method is not None}
-        run = _new_run(problem, start, limits, **start_options, **display)
+        by_method = method is not None
+        run = _new_run(problem, start, limits, warm_start=z0 is not None, follows_theorems=by_method, **display)
 
         def run_all() -> None:
             _run_all(run, named_method, family)
@@ -161,7 +161,7 @@ def solve(
             error = failure.error
         if error is not None:  # with the cause that the callback gave it
             raise error
-        if run.singular is not None and (method is not None or run.best is None):
+        if run.singular and (by_method or run.best is None):
             raise run.singular
         if run.best is None:
             raise NotApplicable(f"no method takes this problem: {why_none(problem)}")

@@ -3,32 +3,26 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
 from contextlib import suppress
-from copy import deepcopy
 from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...algebra.affine_lcp import PIVOT_UP_TO
-from ...errors import InputError, MapError, NotApplicable, OutOfTime, SingularOperator
+from ...errors import MapError, NotApplicable, OutOfTime, SingularOperator
 from ...numerics import work
-from ...numerics.arrays import Vector, as_float64, axes
+from ...numerics.arrays import Vector, axes
 from ...numerics.rounding import is_ctrl_c
 from ...problem.data import ProblemData
-from ...problem.map import Map
 from ...problem.two_sided import sides_of
 from ..driver import solve
 from ..goal import Limits
 from ..solution import Status
 from ..solutions import BatchData, RunRecord, Solutions
 from .compiled_solver import CompiledSolver
+from .row_arguments import Stack, common_count, each, list_obstacles, rows_of
 
 _LOG = logging.getLogger("icpmodel")
-
-Matrix = NDArray[np.float64]
 
 #: the number of rows in a chain, each of which starts from the answer of the one before; the next one begins anew, so
 #: that a share of the rows in another process has the same answers: measured, a cold row costs .7 to 2 times as much
@@ -37,86 +31,18 @@ ROWS_PER_CHAIN = 16
 SHARE_COST = 1e8
 
 
-def _rows(value: Any, name: str, infinite: float) -> Matrix:
-    """`value` as a float64 matrix, one row per problem, checked; `infinite` is allowed, 0 for neither infinity."""
-    array = as_float64(value, name)
-    if array.ndim not in (1, 2) or array.size == 0:
-        raise InputError(f"{name} has shape {array.shape}; one row per problem was expected")
-    array = np.atleast_2d(array)
-    right = np.isfinite(array) | ((array == infinite) & (infinite != 0.0))
-    if not right.all():
-        i, j = np.argwhere(~right)[0]
-        expected = f"a finite number or {infinite}" if infinite else "a finite number"
-        raise InputError(f"{name}[{i}, {j}] is {array[i, j]}; {expected} was expected")
-    return array
-
-
-def _list_obstacles(value: Any, name: str, none: float) -> tuple[list[Any] | None, Matrix | None]:
-    """The obstacles of `value`, one for each problem, or None; and these as a matrix where they are rows of numbers."""
-    maps = _each(value, lambda one: isinstance(one, Map) or callable(one))
-    if maps is None and isinstance(value, list | tuple | np.ndarray) and axes(value, name) == 2:
-        rows = _rows(value, name, none)
-        return list(rows), rows
-    return maps, None
-
-
-def _each(value: Any, is_one: Callable[[Any], bool]) -> list[Any] | None:
-    """The items of a list of values, with copies of those that are not `is_one`; None for a single value."""
-    listed = isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.ndim > 0)
-    if listed and any(map(is_one, value)):
-        return [one if is_one(one) else deepcopy(one) for one in value]
-    return None
-
-
-def _common(**several: Any) -> int:
-    """How many problems there are, by the lists that are not None. Raises InputError where they differ."""
-    counts = {name: len(values) for name, values in several.items() if values is not None}
-    k = max(counts.values())
-    if not set(counts.values()) <= {1, k}:
-        actual = ", ".join(f"{count} of {name}" for name, count in counts.items())
-        raise InputError(f"there are {actual}; as many of each were expected, or one for all")
-    return k
-
-
-class Stack(Sequence[ProblemData]):
-    """The problems of small dense `matrices`, shape (k, n, n), each made when it is asked for."""
-
-    def __init__(self, matrices: Matrix, make: Callable[[Any], ProblemData]) -> None:
-        self.matrices = matrices
-        self._make = make
-
-    @classmethod
-    def of(cls, matrices: list[Any] | None, make: Callable[[Any], ProblemData]) -> Stack | None:
-        """None where they are not small, dense, of one size and finite."""
-        if matrices is None or not all(isinstance(one, np.ndarray) and one.dtype == np.float64 for one in matrices):
-            return None
-        n = len(matrices[0])
-        if n > PIVOT_UP_TO or any(one.shape != (n, n) for one in matrices):
-            return None
-        stack = np.array(matrices)
-        return cls(stack, make) if np.isfinite(stack).all() else None
-
-    def __len__(self) -> int:
-        return len(self.matrices)
-
-    def __getitem__(self, row: Any) -> Any:
-        if isinstance(row, slice):
-            return Stack(self.matrices[row], self._make)
-        return self._make(self.matrices[row])
-
-
 class Batch:
     """The rows of one `solve_many` and their results."""
 
     def __init__(self, A: Any, Q: Any, psi: Any, upper: Any, Z0: Any, limits: Limits) -> None:
         self.start_time = work.clock()
         self.limits = limits
-        Q = _rows(Q, "Q", 0.0)
-        matrices = _each(A, lambda one: axes(one, "A") == 2)
-        self.maps, self.obstacles = _list_obstacles(psi, "psi", -np.inf)
-        self.uppers, self.above = _list_obstacles(upper, "upper", np.inf)
-        self.starts = None if Z0 is None else _rows(getattr(Z0, "Z", Z0), "Z0", 0.0)
-        k = _common(A=matrices, Q=Q, psi=self.maps, upper=self.uppers, Z0=self.starts)
+        Q = rows_of(Q, "Q", 0.0)
+        matrices = each(A, lambda one: axes(one, "A") == 2)
+        self.maps, self.obstacles = list_obstacles(psi, "psi", -np.inf)
+        self.uppers, self.above = list_obstacles(upper, "upper", np.inf)
+        self.starts = None if Z0 is None else rows_of(getattr(Z0, "Z", Z0), "Z0", 0.0)
+        k = common_count(A=matrices, Q=Q, psi=self.maps, upper=self.uppers, Z0=self.starts)
         Q = np.broadcast_to(Q, (k, Q.shape[1]))
         first = [maps[0] if maps else one for one, maps in ((psi, self.maps), (upper, self.uppers))]
         make = partial(ProblemData, q=Q[0], psi=first[0], upper=first[1])
@@ -164,15 +90,14 @@ class Batch:
         """Whether compiled code may take the rows together: the kind of ψ, and which rows have an upper obstacle, are
         the same, and A is as well, or small. With starts there must be one solution: by the radius for this A."""
         problems = self.data.problems
-        if self.starts is not None and (len(problems) > 1 or not self.problem.matrix.jacobi_radius < 1.0):
-            return False
-        if (self.maps is not None and self.obstacles is None) or (
-            len(problems) > 1 and not isinstance(problems, Stack)
-        ):
-            return False
-        if self.uppers is None:
-            return True
-        return self.above is not None and bool((np.isinf(self.above) == np.isinf(self.above[0])).all())
+        is_one = len(problems) == 1
+        above = self.above
+        return (
+            (self.starts is None or (is_one and self.problem.matrix.jacobi_radius < 1.0))
+            and (self.maps is None or self.obstacles is not None)
+            and (is_one or isinstance(problems, Stack))
+            and (self.uppers is None or (above is not None and bool((np.isinf(above) == np.isinf(above[0])).all())))
+        )
 
     def elapsed(self) -> float:
         """The seconds since it began."""

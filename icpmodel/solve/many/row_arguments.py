@@ -1,0 +1,86 @@
+"""The lists that `solve_many` takes: matrices, right-hand sides, obstacles and starts, one for each problem."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from copy import deepcopy
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...algebra.affine_lcp import PIVOT_UP_TO
+from ...errors import InputError
+from ...numerics.arrays import as_float64, axes
+from ...problem.data import ProblemData
+from ...problem.map import Map
+
+Matrix = NDArray[np.float64]
+
+
+def rows_of(value: Any, name: str, infinite: float) -> Matrix:
+    """`value` as a float64 matrix, one row per problem, checked; `infinite` is allowed, 0 for neither infinity."""
+    array = as_float64(value, name)
+    if array.ndim not in (1, 2) or array.size == 0:
+        raise InputError(f"{name} has shape {array.shape}; one row per problem was expected")
+    array = np.atleast_2d(array)
+    right = np.isfinite(array) | ((array == infinite) & (infinite != 0.0))
+    if not right.all():
+        i, j = np.argwhere(~right)[0]
+        expected = f"a finite number or {infinite}" if infinite else "a finite number"
+        raise InputError(f"{name}[{i}, {j}] is {array[i, j]}; {expected} was expected")
+    return array
+
+
+def list_obstacles(value: Any, name: str, none: float) -> tuple[list[Any] | None, Matrix | None]:
+    """The obstacles of `value`, one for each problem, or None; and these as a matrix where they are rows of numbers."""
+    maps = each(value, lambda one: isinstance(one, Map) or callable(one))
+    if maps is None and isinstance(value, list | tuple | np.ndarray) and axes(value, name) == 2:
+        rows = rows_of(value, name, none)
+        return list(rows), rows
+    return maps, None
+
+
+def each(value: Any, is_one: Callable[[Any], bool]) -> list[Any] | None:
+    """The items of a list of values, with copies of those that are not `is_one`; None for a single value."""
+    listed = isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.ndim > 0)
+    if listed and any(map(is_one, value)):
+        return [one if is_one(one) else deepcopy(one) for one in value]
+    return None
+
+
+def common_count(**several: Any) -> int:
+    """How many problems there are, by the lists that are not None. Raises InputError where they differ."""
+    counts = {name: len(values) for name, values in several.items() if values is not None}
+    k = max(counts.values())
+    if not set(counts.values()) <= {1, k}:
+        actual = ", ".join(f"{count} of {name}" for name, count in counts.items())
+        raise InputError(f"there are {actual}; as many of each were expected, or one for all")
+    return k
+
+
+class Stack(Sequence[ProblemData]):
+    """The problems of small dense `matrices`, shape (k, n, n), each made when it is asked for."""
+
+    def __init__(self, matrices: Matrix, make: Callable[[Any], ProblemData]) -> None:
+        self.matrices = matrices
+        self._make = make
+
+    @classmethod
+    def of(cls, matrices: list[Any] | None, make: Callable[[Any], ProblemData]) -> Stack | None:
+        """None where they are not small, dense, of one size and finite."""
+        if matrices is None or not all(isinstance(one, np.ndarray) and one.dtype == np.float64 for one in matrices):
+            return None
+        n = len(matrices[0])
+        if n > PIVOT_UP_TO or any(one.shape != (n, n) for one in matrices):
+            return None
+        stack = np.array(matrices)
+        return cls(stack, make) if np.isfinite(stack).all() else None
+
+    def __len__(self) -> int:
+        return len(self.matrices)
+
+    def __getitem__(self, row: Any) -> Any:
+        if isinstance(row, slice):
+            return Stack(self.matrices[row], self._make)
+        return self._make(self.matrices[row])
