@@ -206,7 +206,7 @@ def norm(x: Vector) -> float:
     squares = inner(x, x)
     if 1e-280 < squares < 1e280:
         return math.sqrt(squares)
-    largest: float = np.abs(x).max(initial=0.0)
+    largest = float(np.abs(x).max())
     if largest == 0.0 or not math.isfinite(largest):
         return largest
     x = x / largest

@@ -108,7 +108,8 @@ class ScaledConditions:
 
 def _mean_size(x: Vector) -> float:
     """The root of the mean square of the entries of `x` that are not 0."""
-    return norm(x) / max(int(np.count_nonzero(x)), 1) ** 0.5
+    count = int(np.count_nonzero(x))
+    return norm(x) / count**0.5 if count else 0.0
 
 
 def _exponent(x: float) -> int:
