@@ -67,7 +67,7 @@ class ScaledConditions:
         self.problem = problem.with_sides(self.low, None if np.isposinf(self.high).all() else self.high)
 
     def _choose_units(self, program: Program, vectors: NDArray[np.float64], last: ScaledConditions | None) -> None:
-        """r and c that make d and the bounds about 1, and g as large, where there is an H at least.
+        """r and c that make d and the bounds about 1. Without H, g becomes as large; with H, it becomes no larger.
 
         Beside a small H, a large g makes the multipliers larger than x. A small g does not make them smaller.
         """
