@@ -88,16 +88,19 @@ class Batch:
     @property
     def fits_compiled_code(self) -> bool:
         """Whether compiled code may take the rows together: the kind of ψ, and which rows have an upper obstacle, are
-        the same, and A is as well, or small. With starts there must be one solution: by the radius for this A."""
+        the same, and A is as well, or small. It knows no starts: with these there must be one solution, as the Jacobi
+        radius says of one A where obstacles are fixed."""
         problems = self.data.problems
         is_one = len(problems) == 1
         above = self.above
-        return (
-            (self.starts is None or (is_one and self.problem.matrix.jacobi_radius < 1.0))
-            and (self.maps is None or self.obstacles is not None)
+        fits = (
+            (self.maps is None or self.obstacles is not None)
             and (is_one or isinstance(problems, Stack))
             and (self.uppers is None or (above is not None and bool((np.isinf(above) == np.isinf(above[0])).all())))
         )
+        if self.starts is None or not fits:
+            return fits
+        return is_one and self.problem.facts.has_fixed_obstacle and self.problem.matrix.jacobi_radius < 1.0
 
     def elapsed(self) -> float:
         """The seconds since it began."""
