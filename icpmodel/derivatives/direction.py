@@ -48,15 +48,15 @@ class Direction:
     def right_side(self, z: Vector, pattern: Pattern) -> Vector:
         """f of the equations Jdz = f.
 
-        Raises InputError where it overflows, where obstacles that touch would cross, and for what is no change of ψ's
-        data.
+        Raises InputError where it overflows, where fixed obstacles that touch would cross, and for what is no change of
+        ψ's data.
         """
         with np.errstate(over="ignore", invalid="ignore"):
             f = -self.of_p(z)
             changes = [linear_value(*psi, z) for psi in self._parts(z)]
             for change, rows in zip(changes, pattern.sides(), strict=True):
                 f = np.where(rows, change, f)
-        if self.problem.upper is not None:
+        if self.problem.upper is not None and self.problem.psi.is_constant:  # else it depends on dz
             crosses = (self.problem.psi.value(z) == self.problem.upper.value(z)) & (changes[0] > changes[1])
             if crosses.any():
                 i = np.argmax(crosses)
