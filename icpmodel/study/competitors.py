@@ -26,10 +26,10 @@ from .cases import Case, fresh, uninterrupted
 class Entry(Displayable):
     """One competitor at one `tolerance` of a race.
 
-    `seconds` are those of each round. Among them are `build` seconds to make the ICP or the QP, and `setup` seconds of
-    the solver (None: not measured separately). `error` is in the race's measure, and `residual` is Res_D(z)/Res_D(0).
-    A `claim` of success is `loose` if the residual exceeds ten times the tolerance. A foreign solver understands the
-    tolerance in a measure of its own.
+    `seconds` are those of each round that did not fail. Among them are `build` seconds to make the ICP or the QP, and
+    `setup` seconds of the solver (None: not measured separately). `error` is in the race's measure, and `residual` is
+    Res_D(z)/Res_D(0). A `claim` of success is `loose` if the residual exceeds ten times the tolerance. A foreign solver
+    understands the tolerance in a measure of its own.
     """
 
     name: str

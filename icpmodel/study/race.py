@@ -340,12 +340,13 @@ def _run(
             reached[one.name] = 0.0
         elif entry.residual is not None:
             reached[one.name] = entry.residual
-        if entry.seconds[0] < _TIMED_ONCE_SECONDS:
+        if run.z is not None and run.seconds <= limit and entry.seconds[0] < _TIMED_ONCE_SECONDS:
             repeated[key] = partial(timed_run, case, one, tolerance, limit)
     for key, run in interleaved(repeated, repeats - 1, say=lambda k: say(f"round {k + 1} of {repeats}")):
         if run.seconds > limit or run.z is None:
             del repeated[key]
-            entries[key] = replace(entries[key], claim=f"{entries[key].claim}; a later round: {run.words}")
+            reason = run.words if run.z is None else f"longer than time_limit = {limit:g} s"
+            entries[key] = replace(entries[key], claim=f"{entries[key].claim}; a later round: {reason}")
         else:
             entries[key] = replace(entries[key], seconds=(*entries[key].seconds, builds[key[0]] + run.seconds))
         yield entries[key]
