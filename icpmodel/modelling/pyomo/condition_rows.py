@@ -43,9 +43,9 @@ class ConditionRows:
     Attributes
     ----------
     sides : two lists
-        Side 0 and side 1 of all rows.
+        Side 0 and side 1 of the conditions.
     owners : list
-        The component of each row.
+        The component of each condition.
     widths : dict
         b − a, by the number of a row of form 3; its sides are f − a and g.
     equations, inequalities : list

@@ -26,10 +26,8 @@ from ..inequalities import checked
 from ..row_order import OrderedRows
 from .condition_rows import ConditionRows, Side
 from .nonlinear import NonlinearRows
-from .side_choice import as_matrices, ordered_rows
+from .side_choice import as_matrices, list_names, ordered_rows
 
-#: the number of variables in a message
-_MAX_LISTED = 5
 #: a component, and what follows its name in that of an inequality
 NamedInequality = tuple[Any, str]
 
@@ -73,9 +71,9 @@ class PyomoReading:
         if bad.any():
             owner = self.owners[self.ordered.sources[np.argmax(bad)]]
             expressions = getattr(owner, "_args", None) or [owner.expr]
-            used = {one.name: one for expression in expressions for one in identify_variables(expression)}
-            places = {one.name: k for k, one in enumerate(self.variables)}
-            at = ", ".join(f"{name} = {x[places[name]]:g}" for name in list(used)[:_MAX_LISTED] if name in places)
+            used = {one.name for expression in expressions for one in identify_variables(expression)}
+            names = [one.name for one in self.variables]
+            at = list_names([f"{name} = {x[k]:g}" for k, name in enumerate(names) if name in used])
             raise InputError(
                 f"{owner.name} has no finite value at the start, where {at}: give its variables other values"
             )

@@ -89,13 +89,13 @@ def _check_pairing(
     row, column = sp.coo_array(abs(stacked.Z) + stacked.W @ inner).coords
     rows, unowned = left_over(numbers[row], column, (len(owners), len(variables)))
     left = ("condition", variables, unowned), ("free variable", owners, rows)
-    parts = [f"no {what} is left for {_list_names([some[k].name for k in ks])}" for what, some, ks in left if ks.size]
+    parts = [f"no {what} is left for {list_names([some[k].name for k in ks])}" for what, some, ks in left if ks.size]
     if parts:
         actual = f"{len(owners)} conditions for {len(variables)} variables that are not fixed: {', and '.join(parts)}"
         raise InputError(f"{actual}; every condition needs a variable of its own, so fix or deactivate the surplus")
 
 
-def _list_names(names: list[str]) -> str:
+def list_names(names: list[str]) -> str:
     """The first few of `names`, and how many more there are."""
     more = f" and {len(names) - _MAX_LISTED} more" if len(names) > _MAX_LISTED else ""
     return ", ".join(names[:_MAX_LISTED]) + more
