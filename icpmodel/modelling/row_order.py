@@ -108,7 +108,7 @@ def _with_unknowns(
 
 
 def _signs(R: sp.csr_array) -> Vector:
-    """−1 for the rows whose own entry is negative where it may have either sign, else 1."""
+    """−1 for the rows that own a negative entry, where entries of either sign may be owned; else 1."""
     sign = np.ones(R.shape[0])
     i = row_of(R)
     there = R.data != 0.0

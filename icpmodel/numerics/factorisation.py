@@ -161,7 +161,7 @@ def factors_and_schur(matrix: sp.csr_array, last: NDArray[np.intp]) -> tuple[Fac
     """
     fill, order = ordered(matrix)
     order = np.concatenate([order[~np.isin(order, last)], last])
-    if not _fills_diagonal(matrix, order):  # SuperLU would exchange rows, which fills up, before it is known
+    if not _fills_diagonal(matrix, order):  # a zero pivot makes SuperLU exchange rows, which fills up
         return None
     lu = _superlu(sp.csr_array(matrix[order][:, order]), fill, True)
     low = order.size - last.size
@@ -174,7 +174,7 @@ def factors_and_schur(matrix: sp.csr_array, last: NDArray[np.intp]) -> tuple[Fac
 
 
 def _fills_diagonal(matrix: sp.csr_array, order: NDArray[np.integer]) -> bool:
-    """Whether every pivot can be nonzero: the diagonal entry is, or a neighbour comes earlier in `order`."""
+    """Whether no pivot is certainly 0: its entry of the diagonal is not, or may fill in from an earlier neighbour."""
     is_zero = matrix.diagonal() == 0.0
     place = np.argsort(order)
     i = row_of(matrix)

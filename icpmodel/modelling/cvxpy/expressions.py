@@ -2,8 +2,8 @@
 
 Every p and r is taken apart as Rz + Ww(z) + r₀, w being what is not affine. In each row of r one entry of z is the
 row's own: ρz_i − …, ρ > 0. Then r ≥ l is z_i ≥ ψ_i(z) = z_i − (r_i(z) − l_i)/ρ, in which z_i cancels, r ≤ u likewise,
-and p's rows follow those of r. A row of r in which all of z has negative factors is turned round, with its p and its
-bounds. Where a row of r has no entry of z for itself, a new unknown s stands for r, with the equation s − r(z) = 0.
+and p's rows follow those of r. A row of r whose own entry is negative is multiplied by −1, with its p and its bounds.
+Where a row of r has no entry of z for itself, a new unknown s stands for r, with the equation s − r(z) = 0.
 The equations are the rows of those entries of z that no r owns. Inequalities own nothing; they are checked at the
 answer.
 """

@@ -72,7 +72,7 @@ def cvxpy_solver() -> IcpSolver:
     The conditions of optimality are an ICP, which `icpmodel.solve` solves. CVXPY has checked that P is semidefinite.
     Duals are returned. "infeasible" and "unbounded" are proved, "infeasible_inaccurate" and "unbounded_inaccurate" up
     to rounding. `Problem.solve` takes the options `tolerance` and `time_limit`. With the default tolerance, 1e-9, no
-    error exceeds 1e-9 in the units of the program. After `time_limit` seconds the status is "user_limit", and the
+    error exceeds 1e-9 of its terms, up to rounding. After `time_limit` seconds the status is "user_limit", and the
     variables have the values of the best iterate. With `warm_start`, the default, a further solve starts from the
     last solution and reuses the facts about the matrices. The function always returns the same object: by it CVXPY
     knows that a problem with parameters is compiled already.

@@ -9,9 +9,9 @@ from ...numerics.arrays import Vector
 from ...numerics.rounding import gamma
 from ...problem.data import ProblemData
 
-#: the share of the largest unknown, or of q, up to which an unknown may be rounding
+#: the share of the largest unknown of its group, or of q, up to which an unknown may be rounding
 _NOISE_OF_X = 1e-13
-#: the share of the largest entry of g up to which what is wrong with the gradient may be rounding
+#: the share of the largest entry of g in its group up to which what is wrong with the gradient may be rounding
 _NOISE_OF_GRADIENT = 1e-3
 
 
@@ -33,7 +33,7 @@ class Judge:
         self.diagonal = self.A.diagonal()
         self.is_x = np.arange(problem.n) < n
         self.loss = float(gamma(3 + np.diff(self.size.indptr).max(initial=0)))
-        #: numbers of x and of the multipliers of unknowns that a chain of rows connects: what shares rounding
+        #: the group of each unknown: x, or multipliers, that a chain of rows connects, so that they share rounding
         _, self.group = np.unique(2 * connected_components(self.size)[1] + self.is_x, return_inverse=True)
         self.order = np.argsort(self.group)
         self.starts = np.searchsorted(self.group[self.order], np.arange(self.group.max() + 1))

@@ -1,4 +1,4 @@
-"""Conditions → ICP → `solve()` → judge in the units of the program; and what is proved where that fails."""
+"""Conditions in balanced units → ICP → `solve()` → judge; and what is proved where that fails."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ class ProgramRun:
                 continue
             if solution.status is Status.TIME_LIMIT:
                 break
-            if self.violation[1] > 0.0:
+            if self.violation[1] > 0.0:  # also where it is good, unless nothing at all is wrong
                 self.polish(self.z, self.pattern_at(self.z))
             if solution.status is Status.MEMORY_LIMIT or self.is_good:
                 break
@@ -158,11 +158,12 @@ class ProgramRun:
                 return None
             y = np.zeros(problem.n)
             y[signed] = least.z[problem.n :]
+        original = conditions_of(self.program)
         for direction, primal in ((np.where(self.judge.is_x, 0.0, y), True), (y, False)):
             is_near = misfit(problem, direction) < ZERO
             if (self.is_bounded and not primal) or not (is_near or witness is not None):
                 continue
-            answer = infeasible(conditions_of(self.program), np.ldexp(direction, self.conditions.rows))
+            answer = infeasible(original, np.ldexp(direction, self.conditions.rows))
             if not answer.holds:  # next to it may be one with simple weights in these units
                 answer = replace(infeasible(problem, direction), reason="it was checked in other units of the rows")
             if not (answer.holds or is_near):

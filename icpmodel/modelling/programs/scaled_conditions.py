@@ -67,9 +67,10 @@ class ScaledConditions:
         self.problem = problem.with_sides(self.low, None if np.isposinf(self.high).all() else self.high)
 
     def _choose_units(self, program: Program, vectors: NDArray[np.float64], last: ScaledConditions | None) -> None:
-        """r and c that make d and the bounds about 1. Without H, g becomes as large; with H, it becomes no larger.
+        """Choose r and c that make d and the bounds about 1, and g as large; with an H, no larger.
 
-        Beside a small H, a large g makes the multipliers larger than x. A small g does not make them smaller.
+        A large g beside a small H makes the multipliers larger than x. A small g does not make them smaller. With an H
+        the `last` shift is kept, whatever g is now, so that the matrix is the same.
         """
         self.rows = self.balanced[0]
         self.columns = self.balanced[1]

@@ -178,8 +178,7 @@ def solve_qp(
     initvals : array of shape (n,), optional
         An x near the solution.
     tolerance : float, default 1e-9
-        The largest violation of any condition, in the units of the program; see
-        `ProgramSolution.violation`.
+        The largest violation of any condition, as a share of its terms; see `ProgramSolution.violation`.
     time_limit : float, optional
         Seconds; a run may exceed them by a tenth plus 0.2 s. To compile and load loops at the first calls does
         not count.
@@ -295,7 +294,7 @@ def solve_program(
     program
         H positive semidefinite, symmetric or not.
     tolerance
-        In the units of the program nothing is wrong by more than that.
+        Nothing is wrong by more than that share of its terms, up to rounding.
     time_limit
         In seconds from `begin`.
     before
