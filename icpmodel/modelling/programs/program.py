@@ -125,7 +125,11 @@ class Presolve:
 def conditions_of(program: Program) -> ICP:
     """The conditions of `program` in (x, ν, λ)."""
     q, low, high = program.vectors
-    problem = ICP(saddle_matrix(program.H, program.C), q)
+    return with_bounds(ICP(saddle_matrix(program.H, program.C), q), low, high)
+
+
+def with_bounds(problem: ICP, low: Vector, high: Vector) -> ICP:
+    """`problem` between `low` and `high`, without an upper obstacle where that is +inf in all rows."""
     return problem.with_sides(low, None if np.isposinf(high).all() else high)
 
 

@@ -11,18 +11,13 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ...icp import ICP
-from ...numerics.arrays import Vector, norm, row_of
-from ...numerics.equilibration import Exponents, in_units, in_units_exactly
+from ...numerics.arrays import Vector, norm
+from ...numerics.equilibration import Exponents, balancing_exponents, in_units, in_units_exactly
 from ...numerics.sparse_structure import absolute
-from .program import Program, saddle_matrix
+from .program import Program, saddle_matrix, with_bounds
 
-#: an entry counts for the units above this share of the largest of its row or of its column
-_NEGLIGIBLE_ENTRY = 1e-12
 #: sides from here on stand for none, as a rule: they tell how large x is only where there are no others
 _INFINITE = 1e15
-#: steps to the units, and the last step of their exponents
-_MAX_SCALING_STEPS = 50
-_SETTLED_STEP = 0.1
 
 
 class ScaledConditions:
@@ -64,7 +59,7 @@ class ScaledConditions:
             scaled = vectors
         q, self.low, self.high = scaled
         problem = ICP(matrix, q) if last is None else last.problem.with_q(q)
-        self.problem = problem.with_sides(self.low, None if np.isposinf(self.high).all() else self.high)
+        self.problem = with_bounds(problem, self.low, self.high)
 
     def _choose_units(self, program: Program, vectors: NDArray[np.float64], last: ScaledConditions | None) -> None:
         """Choose r and c that make d and the bounds about 1, and g as large; with an H, no larger.
@@ -104,7 +99,7 @@ class ScaledConditions:
         alike = int(np.rint(of_H - of_C)) if all(size.size for size in sizes) else 0
         rows = -alike * self.is_x
         columns = alike * ~self.is_x
-        return np.array([rows, columns]) + _balancing_exponents(absolute(in_units(self.A, rows, columns)))
+        return np.array([rows, columns]) + balancing_exponents(absolute(in_units(self.A, rows, columns)))
 
 
 def _mean_size(x: Vector) -> float:
@@ -116,23 +111,3 @@ def _mean_size(x: Vector) -> float:
 def _exponent(x: float) -> int:
     """The exponent of the power of two that is nearest to `x`; 0 where x is 0, infinite or NaN."""
     return int(np.rint(np.log2(x))) if 0.0 < x < np.inf else 0
-
-
-def _balancing_exponents(size: sp.csr_array) -> Exponents:
-    """Whole e such that log₂|a_ij| + e_i + e_j is about 0 in the mean of the entries of a row that count, from |A|."""
-    i = row_of(size)
-    j = size.indices
-    largest = np.zeros(size.shape[0])
-    np.maximum.at(largest, i, size.data)
-    counts = size.data > _NEGLIGIBLE_ENTRY * np.minimum(largest[i], largest[j])
-    rows = i[counts]
-    columns = j[counts]
-    logarithms = np.log2(size.data[counts])
-    count = np.maximum(np.bincount(rows, minlength=largest.size), 1)
-    e = np.zeros(largest.size)
-    for _ in range(_MAX_SCALING_STEPS):
-        step = 0.5 * np.bincount(rows, logarithms + e[rows] + e[columns], largest.size) / count
-        e -= step
-        if np.abs(step).max() <= _SETTLED_STEP:
-            break
-    return np.rint(e).astype(np.int64)
