@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from ...numerics.arrays import Vector
+from ...numerics.arrays import Mask, Vector
 from ...numerics.rounding import gamma
 from ...problem.data import ProblemData
 
@@ -16,7 +16,7 @@ _NOISE_OF_GRADIENT = 1e-3
 
 
 class Judge:
-    """The judge of conditions with the matrix [[H, Eᵀ, Gᵀ], [−E, 0, 0], [−G, 0, 0]], x having n entries.
+    """The judge of conditions with the matrix [[H, Eᵀ, Gᵀ], [−E, 0, 0], [−G, 0, 0]], x standing in the rows `is_x`.
 
     Where z_i is on an obstacle to which p_i presses it, nothing is wrong in row i. Elsewhere |p_i| is, as a share of
     the sum of the |terms| of p_i. What sums of the largest unknowns lose by rounding is left out, of those that a chain
@@ -27,11 +27,11 @@ class Judge:
     (|H||x|)_i/h_ii stands for that, which moves row i by as much as is in it. The gap is a share of its own terms.
     """
 
-    def __init__(self, problem: ProblemData, n: int) -> None:
+    def __init__(self, problem: ProblemData, is_x: Mask) -> None:
         self.A = problem.A
         self.size = problem.matrix.absolute
         self.diagonal = self.A.diagonal()
-        self.is_x = np.arange(problem.n) < n
+        self.is_x = is_x
         self.loss = float(gamma(3 + np.diff(self.size.indptr).max(initial=0)))
         #: the group of each unknown: x, or multipliers, that a chain of rows connects, so that they share rounding
         _, self.group = np.unique(2 * connected_components(self.size)[1] + self.is_x, return_inverse=True)

@@ -60,7 +60,7 @@ class ProgramRun:
         self.conditions: ScaledConditions = ScaledConditions(program, known)
         self.problem = self.conditions.problem
         reused = known is not None and known.problem.matrix is self.problem.matrix
-        self.judge: Judge = last.judge if last is not None and reused else Judge(self.problem, program.g.size)
+        self.judge: Judge = last.judge if last is not None and reused else Judge(self.problem, self.conditions.is_x)
         self.low = self.conditions.low
         self.high = self.conditions.high
         self.z = np.clip(0.0, self.low, self.high)
@@ -129,7 +129,7 @@ class ProgramRun:
         if in_box or self.problem.matrix.jacobi_radius < 1.0:
             return [None]
         is_small = self.problem.n <= PIVOT_UP_TO
-        # Newton's steps often fail, but in extreme units the interior method does
+        # Newton's steps often fail, but sometimes the interior method does
         first, last = (["lemke"], ["newton"]) if is_small else ([], [])
         return [*first, "interior", "proximal", *last, None]
 
