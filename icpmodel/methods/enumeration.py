@@ -46,6 +46,7 @@ class Enumerate(Method):
     """
 
     name: ClassVar[str] = "enumerate"
+    family: ClassVar[str] = "shortcut"
     finite: ClassVar[bool] = True
 
     def why_not(self, problem: ProblemData) -> str | None:

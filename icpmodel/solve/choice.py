@@ -13,9 +13,10 @@ from ..errors import check_arguments
 from ..methods.accelerated import Accelerated
 from ..methods.aor import MNMAOR, MNMGS
 from ..methods.contract import Method
+from ..methods.enumeration import Enumerate
 from ..methods.factorised import MNMMOD
 from ..methods.interior import Interior
-from ..methods.milp import MAX_UNKNOWNS
+from ..methods.milp import MixedInteger
 from ..methods.multilevel import Multilevel
 from ..methods.newton import Newton
 from ..methods.proximal import Proximal
@@ -79,8 +80,8 @@ def select_method(
 
     What one method solves at once goes to it:
 
-    1. At most 64 unknowns: `Lemke` where ψ is affine, or every ψ_i depends on z_i alone and changes by less, and ten
-       `Restarts` of it where it ends in a ray; else `Josephy`.
+    1. At most 64 unknowns: `Lemke` where ψ is affine, or every ψ_i depends on z_i alone and changes by less. Where it
+       ends in a ray, ten `Restarts` of it follow, and `Enumerate` up to 2¹⁴ choices of active rows. Else `Josephy`.
     2. A tridiagonal, and every ψ_i fixed, or dependent on z_i alone and changing by less: `Tridiagonal`.
 
     With a z0 the problem counts as one of a sequence with the same A, which keeps the hierarchy of `Multilevel`. Where
@@ -102,7 +103,7 @@ def select_method(
        and the fill of the factors of A. That fill is not asked for before `Multilevel` has more left than the others
        would cost without any.
     5. Where one of these has ended, another that rung 4 names; after all of them MNMGS and MNMMOD. With at most 150
-       unknowns they end after twice their estimates, as a global search follows.
+       unknowns and a derivative of ψ they end after twice their estimates, as a global search follows.
 
     Before rung 4 the problem is reduced, see `solve.reduction`; each of its parts goes up a ladder of its own.
 
@@ -125,9 +126,9 @@ def select_method(
     rtol : float, default 1e-8
         The share of Res_D(0) that is asked for.
     family : {None, "modulus", "paper"}
-        "modulus" leaves out what does not grow out of the modulus equation: `Lemke`, `Josephy`,
-        `Restarts`, `Tridiagonal`. "paper" takes MNMAOR with θ₁ = "auto" for the sweeps of rung 3, MNMMOD with
-        θ₁ = "auto" for rung 4, then MNMGS.
+        "modulus" leaves out what does not grow out of the modulus equation: `Lemke`, `Restarts`,
+        `Enumerate`, `Josephy`, `Tridiagonal`. "paper" takes MNMAOR with θ₁ = "auto" for the sweeps of rung 3, MNMMOD
+        with θ₁ = "auto" for rung 4, then MNMGS.
     warm_start : bool, default False
         Whether `solve` is given a z0.
 
@@ -145,7 +146,7 @@ def select_method(
     as_truth(warm_start, "warm_start")
     target_reduction = max(as_number(rtol, "rtol", minimum=0.0, below=1.0), UNIT_ROUNDOFF)
     job = Ladder(as_problem(problem), target_reduction, family, warm_start=warm_start).next()
-    return None if job is None else job.choice
+    return job.choice if job else None
 
 
 class Job:
@@ -265,7 +266,7 @@ class Ladder:
     def cost_without_factors(self) -> float:
         """The least that methods without sparse factors are expected to cost, in nanoseconds."""
         jobs = self._estimate_jobs([self._accelerated(), Multilevel(), Lemke()])
-        return min((job.remaining for job in jobs), default=math.inf)
+        return jobs[0].remaining if jobs else math.inf
 
     def _accelerated(self) -> Accelerated:
         return Accelerated(of=PSOR(omega=relaxation(self.problem)))
@@ -274,7 +275,7 @@ class Ladder:
         """The method that runs next; None if none is left or the ladder is paused."""
         self.is_paused = False
         while not self.is_paused:
-            if not self.rungs and self.family is None and self.problem.n <= MAX_UNKNOWNS:
+            if not self.rungs and self.family is None and not MixedInteger().why_not(self.problem):
                 self.jobs = [job for job in self.jobs if job.work_done < job.max_cost]
             least = min(self.jobs, key=lambda job: job.remaining, default=None)
             if not self.rungs or (least is not None and least.remaining <= self.floor):
@@ -312,19 +313,19 @@ class Ladder:
         self.floor = math.inf
         rules: list[list[Method]] = [[Tridiagonal()]]
         if problem.n <= PIVOT_UP_TO:
-            rules = [[Lemke(), Restarts(tries=TRIES)], [Josephy()], *rules]
+            rules = [[Lemke(), Restarts(tries=TRIES), Enumerate()], [Josephy()], *rules]
         for methods in rules if self.family is None else ():
             why_not = methods[0].why_not(problem)
             if why_not is None:
                 why = "A is tridiagonal" if methods == rules[-1] else f"n = {problem.n} is small"
-                self.jobs = [Job(Choice(method, why)) for method in methods]
+                self.jobs = [Job(Choice(method, why)) for method in methods if not method.why_not(problem)]
                 break
-            _LOG.debug("n = %d: %r is left out: %s", problem.n, methods[0], why_not)
+            _LOG.debug("%r is left out: %s", methods[0], why_not)
 
     def _begin_early(self, job: Job, floor: float) -> None:
         """Run `job` before the others of rung 4 are estimated, until it has more than `floor` left."""
         self.early = [job]
-        self.jobs.append(job)
+        self.jobs += self.early
         self.floor = floor
 
     def _add_psor(self) -> None:
@@ -349,8 +350,8 @@ class Ladder:
         for job in self.sweeps:
             if estimate := job.choice.estimate:
                 hopeless = self.problem.matrix.coupled_radius < 1.0 and estimate.total > following
-                trial = (0.5 if hopeless else 1.0) * _TRIAL_SHARE * following
-                trial = max(trial, _ACCELERATED_SWEEPS * estimate.step)
+                share = 0.5 * _TRIAL_SHARE if hopeless else _TRIAL_SHARE
+                trial = max(share * following, _ACCELERATED_SWEEPS * estimate.step)
                 if job.work_done < trial:
                     job.limit = trial
                     job.remaining = 0.0

@@ -6,7 +6,7 @@ import logging
 from collections.abc import Callable, Iterator
 
 from ..methods.enumeration import Enumerate
-from ..methods.milp import MAX_UNKNOWNS, MixedInteger
+from ..methods.milp import MixedInteger
 from ..methods.restarts import Restarts
 from ..numerics import work
 from .choice import MethodSequence
@@ -22,14 +22,14 @@ _FAILED_STATUSES = (Status.STAGNATED, Status.CYCLED, Status.DIVERGED)
 
 
 def search(run: Run, run_methods: Callable[[Run, Iterator[None]], None]) -> None:
-    """Go on where `run` ended as stagnated, cycled or diverged, with a problem of up to `MAX_UNKNOWNS` unknowns.
+    """Go on where `run` ended as stagnated, cycled or diverged, with a problem that `MixedInteger` takes.
 
     In turn: `Enumerate`, which settles what has few active sets in less time than anything else takes; each method that
     began elsewhere, now from z⁰; `Restarts`; and `MixedInteger`. Where nothing is found `run` ends as it did
     before, and its note says what was tried.
     """
     before = run.stop_reason
-    if run.best is None or before.status not in _FAILED_STATUSES or run.problem.n > MAX_UNKNOWNS:
+    if run.best is None or before.status not in _FAILED_STATUSES or MixedInteger().why_not(run.problem):
         return
     job = run.job
     limited = run.limits.time_limit is not None

@@ -45,6 +45,16 @@ class TestRule:
         ):
             assert isinstance(icp.select_method(problem).method, kind)
 
+    def test_a_method_goes_on_where_no_global_search_can_follow(self):
+        """ψ moves, and nothing is known of its derivative."""
+        psi = lambda z: np.abs(z) @ [[-0.25, -0.25], [0.25, 0.125]] + 1.0  # noqa: E731
+        assert icp.ICP([[1.0, 0.0], [2.0, 0.0]], [0.5, -4.0], psi).solve().solved
+
+    def test_few_unknowns_are_enumerated_where_pivots_end_in_rays(self):
+        solution = icp.ICP([[-1.0, 1.0], [0.0, 0.0]], [-3.0, 0.0], [1.0, 1.0]).solve()
+        assert solution.solved
+        assert isinstance(solution.method, icp.Enumerate)
+
     def test_a_sequence_takes_the_method_whose_hierarchy_its_matrix_keeps(self):
         """A trial of sweeps would save no set-up; where few sweeps do, or few unknowns are there, sweeps it is."""
         for n, mu, kind in ((100**2, 0.0, icp.Multilevel), (100**2, 4.0, icp.PSOR), (15**2, 0.0, icp.PSOR)):
