@@ -247,6 +247,7 @@ class NewtonPath(Iterator[Iterate]):
 
     def point(self, z: Vector) -> NewtonPoint | None:
         """The point at `z`, None where it has no finite θ."""
+        work.check_budget()
         point = self._unless_psi_fails(lambda: NewtonPoint(self.problem, self.omega, z))
         if point is None or np.isfinite(point.theta):
             return point
@@ -327,10 +328,8 @@ class NewtonPath(Iterator[Iterate]):
         phi = best.phi / best.theta
         for direction in self.directions(V, phi, total):
             slope = float(phi @ (V @ direction))
-            if slope < -_MIN_SLOPE:
-                new = self.line_search(best, best.theta * direction, slope)
-                if new is not None:
-                    return new
+            if slope < -_MIN_SLOPE and (new := self.line_search(best, best.theta * direction, slope)):
+                return new
         return None
 
     def directions(self, V: sp.csr_array, phi: Vector, shift: Vector) -> Iterator[Vector]:
@@ -351,6 +350,6 @@ class NewtonPath(Iterator[Iterate]):
             t = 0.5**k
             new = self.point(best.z + t * step)
             growth = np.inf if new is None else new.theta / best.theta
-            if new is not None and growth * growth <= 1.0 + 2.0 * _ARMIJO * t * slope:  # growth**2 raises if it is inf
+            if new and growth * growth <= 1.0 + 2.0 * _ARMIJO * t * slope:  # growth**2 raises if it is inf
                 return new
         return None

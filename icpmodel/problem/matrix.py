@@ -20,7 +20,7 @@ from ..numerics.threads import THREADS_FROM, run_in_threads, threads_for
 MAX_DENSE_ROWS = 64
 #: the size of a row without entries, and the least d_i of which 1/d_i is made
 _EMPTY_ROW_SIZE = 2.0**-520
-_MIN_DIAGONAL = 2.0**-1000
+MIN_DIAGONAL = 2.0**-1000
 
 
 class Rows(NamedTuple):
@@ -55,7 +55,7 @@ class Rows(NamedTuple):
 def weights_of(largest: Vector) -> Vector:
     """The weights of rows whose `largest` |entries| are these, shape (n,), read-only: see `Matrix.row_weights`."""
     if largest.size and largest.min() < _EMPTY_ROW_SIZE:
-        largest = np.where(largest > 0.0, np.maximum(largest, _MIN_DIAGONAL), _EMPTY_ROW_SIZE)
+        largest = np.where(largest > 0.0, np.maximum(largest, MIN_DIAGONAL), _EMPTY_ROW_SIZE)
     weights: Vector = 1.0 / largest
     weights.flags.writeable = False
     return weights

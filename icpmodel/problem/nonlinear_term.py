@@ -19,7 +19,7 @@ from .differences import steps
 from .elementwise import Elementwise
 from .function import Function
 from .map import Map
-from .matrix import Matrix, weights_of
+from .matrix import MIN_DIAGONAL, Matrix, weights_of
 from .user_code import USER_ULPS
 
 #: the largest n for which a dense Jacobian is made of n + 1 values of f without the consent of the user
@@ -197,7 +197,8 @@ class NonlinearTerm(Displayable):
     def weights_at(self, A: Matrix, z: Vector) -> Vector:
         """The diagonal of D⁻¹ at z: d_i is the largest |entry| of row i of A + f′(z) where that is less than D's.
 
-        So Res_D(z) counts a step of Newton's method in full, and a slope that grows without bound hides no p.
+        So Res_D(z) counts a step of Newton's method in full, and a slope that grows without bound hides no p. It is NaN
+        where slopes underflow, as p may do before z is near a solution.
         """
         with np.errstate(all="ignore"):
             J = self.jacobian(z)
@@ -205,7 +206,8 @@ class NonlinearTerm(Displayable):
                 size = np.maximum(np.abs(A.rows.diagonal + J.diagonal()), A.largest_beside)
             else:
                 size = abs(sp.csr_array(A.sparse + J)).max(axis=1).toarray().reshape(-1)
-        return np.maximum(A.row_weights, weights_of(size))
+        underflows = (size > 0.0) & (size < MIN_DIAGONAL)
+        return np.maximum(A.row_weights, weights_of(np.where(underflows, np.nan, size)))
 
     def describe(self) -> str:
         """One sentence: the form of f, and what is known of its slopes.

@@ -10,9 +10,10 @@ from typing import ClassVar
 import numpy as np
 import scipy.sparse as sp
 
-from ..algebra.equations import Pattern, pattern_at
+from ..algebra.affine_lcp import PIVOT_UP_TO
+from ..algebra.equations import Pattern, pattern_at, solve_on
 from ..algebra.secants import secant_problem, why_not_rows
-from ..errors import MapError
+from ..errors import MapError, SingularOperator
 from ..methods.contract import Iterate, LeastValue, Method, with_options
 from ..methods.milp import MAX_UNKNOWNS
 from ..methods.newton import NewtonPath, NewtonPoint
@@ -218,11 +219,25 @@ class _Search:
                 return new
         return None
 
+    def _with_active_set(self, linear: ProblemData) -> NewtonPoint | None:
+        """The point that solves the `linear` problem with the active set of z, where θ falls as beside a solution.
+
+        For few unknowns: Lemke's pivots begin elsewhere, and may end at a solution that is far from z.
+        """
+        if linear.n > PIVOT_UP_TO:
+            return None
+        pattern = pattern_at(linear, self.current.z)
+        with suppress(SingularOperator):
+            new = self.path.point(solve_on(linear, self.current.z, pattern.active, pattern.above))
+            return new if new and new.theta <= _MAX_FORCING * self.current.theta else None
+        return None
+
     def _trials(
         self, linear: ProblemData, W: Vector, z: Vector, tolerance: float
     ) -> Iterator[tuple[float, NewtonPoint | None]]:
-        """The step to `z`, a second one by the same tangent, and shorter ones, each with the share that may be left.
+        """The step to `z`, a second one by the same tangent, that to a nearer solution, and shorter ones.
 
+        Each comes with the share of θ that may be left, the third one only where it leaves little.
         Along curved equations steps are short, unless a second one, with their values at z, returns to them (Fletcher,
         Lecture Notes in Math. 912, 1982).
         """
@@ -233,6 +248,7 @@ class _Search:
             q = linear.q + new.p + W * step - linear.p(z)
             again = self._solve_tangent(linear.with_q(q), z, tolerance) if np.isfinite(q).all() else None
             yield _SECOND_STEP_LENGTH, None if again is None else self.path.point(again)
+        yield np.inf, self._with_active_set(linear)
         for k in range(1, _MAX_HALVINGS):
             yield 1.0 - _ARMIJO * 0.5**k, self.path.point(self.current.z + 0.5**k * step)
 

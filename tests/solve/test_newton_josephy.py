@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -323,10 +324,39 @@ def test_limits_and_callback_are_those_of_the_run():
     assert (stopped.status.name, stopped.iterations) == ("STOPPED", 1)
 
 
+def test_a_slow_function_does_not_stretch_the_time_limit():
+    """There is no solution, and each step is halved twenty times."""
+    calls = []
+
+    def slow(z):
+        calls.append(z)
+        time.sleep(0.02)
+        return -1.0 - z**2
+
+    late = attempt(ICP.nonlinear(slow, lambda z: np.diag(-2.0 * z), n=2), time_limit=0.2)
+    assert late.status.name == "TIME_LIMIT"
+    assert len(calls) <= 13
+
+
+def test_steps_beside_a_solution_lead_there_where_the_tangent_has_others():
+    """The tangent at z has three solutions, and Lemke's pivots end at one that is far away."""
+    problem = ICP(
+        [[2.4, 0.2], [0.1, 0.65]],
+        [-0.35, -0.235],
+        [-0.5, -1.85],
+        upper=[1.25, -0.43],
+        f=icp.Function(lambda z: -np.arctan(z), lambda z: np.diag(-1.0 / (1.0 + z * z))),
+    )
+    solution = problem.solve(z0=[0.306, -0.43])
+    assert solution.z == pytest.approx([0.30502533, -0.43])
+    assert solution.iterations <= 5
+
+
 def test_a_problem_without_a_solution_is_never_called_solved():
-    """p = z² + 1 = 0 has no real root; p = 1 − 1/z cannot start at 0."""
-    solution = attempt(ICP.nonlinear(lambda z: z**2 + 1.0, psi=[-np.inf]))
-    assert solution.status.name in ("STAGNATED", "DIVERGED", "CYCLED")
+    """p = z² + 1 and p = e^z have no real root, and e^z underflows; p = 1 − 1/z cannot start at 0."""
+    for f in (lambda z: z**2 + 1.0, np.exp):
+        solution = attempt(ICP.nonlinear(f, psi=[-np.inf]))
+        assert solution.status.name in ("STAGNATED", "DIVERGED", "CYCLED")
     with (
         np.errstate(all="ignore"),
         pytest.raises(icp.MapError, match="at the start; a finite number was expected: give another z0"),
