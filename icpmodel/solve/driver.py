@@ -156,19 +156,31 @@ def solve(
             if accuracy is None:
                 run_all()
             else:
-                solve_to_accuracy(run, accuracy, run_all)
+                solve_to_accuracy(run, float(accuracy), run_all)
         except CallbackFailure as failure:
             error = failure.error
         if error is not None:  # with the cause that the callback gave it
             raise error
-        if run.singular and (by_method or run.best is None):
-            raise run.singular
-        if run.best is None:
-            raise NotApplicable(f"no method takes this problem: {why_none(problem)}")
+        _check_best(run, by_method)
         solution = _log_and_return(solution_of(run, limits))
     if raise_on_failure and not solution.solved:
         raise NotSolved(solution) from (run.fault if solution.status is Status.MAP_FAILED else None)
     return solution
+
+
+def _check_best(run: Run, by_method: bool) -> None:
+    """Take the start as the best iterate where operators are singular; raise the error of a named method that has none.
+
+    Raises NotApplicable where no method takes the problem.
+    """
+    if run.singular is not None:
+        if by_method:
+            raise run.singular
+        if run.best is None:
+            run.best = run.candidate(run.start, run.start_residual)
+            run.stop_reason = StopReason(Status.STAGNATED, str(run.singular))
+    if run.best is None:
+        raise NotApplicable(f"no method takes this problem: {why_none(run.problem)}")
 
 
 def _run_all(run: Run, method: Method | None, family: str | None) -> None:
