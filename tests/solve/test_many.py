@@ -39,6 +39,22 @@ def test_small_lcps_with_fixed_obstacles(n):
     same_as_row_by_row(definite(rng, n), rng.normal(size=(30, n)), rng.normal(size=n))
 
 
+@pytest.mark.parametrize("A", [[np.array([[2.0, -1.0], [-1.0, 2.0]])], np.array([[[2.0, -1.0], [-1.0, 2.0]]])])
+def test_a_list_of_one_matrix_is_that_matrix(A):
+    Q = np.random.default_rng(0).normal(size=(5, 2))
+    assert (solve_many(A, Q).Z == solve_many(A[0], Q).Z).all()
+
+
+@pytest.mark.parametrize("form", [lambda M: M.astype(int), lambda M: M.astype("f4"), lambda M: M.tolist()])
+def test_matrices_of_any_kind_of_numbers_in_one_call(form, caplog):
+    rng = np.random.default_rng(6)
+    A = [np.rint(definite(rng, 3)) + 4.0 * np.eye(3) for _ in range(20)]
+    Q = rng.normal(size=(20, 3))
+    with caplog.at_level("INFO", logger="icpmodel"):
+        assert (solve_many(list(map(form, A)), Q).Z == solve_many(A, Q).Z).all()
+    assert caplog.text.count("20 are solved at once") == 2
+
+
 @pytest.mark.parametrize("atol", [0.0, 1e-9])
 @pytest.mark.parametrize("obstacles", ["one", "each"])
 def test_matrices_of_their_own_in_one_call(obstacles, atol):

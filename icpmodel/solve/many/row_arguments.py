@@ -68,13 +68,18 @@ class Stack(Sequence[ProblemData]):
 
     @classmethod
     def of(cls, matrices: list[Any] | None, make: Callable[[Any], ProblemData]) -> Stack | None:
-        """None where they are not small, dense, of one size and finite."""
-        if matrices is None or not all(isinstance(one, np.ndarray) and one.dtype == np.float64 for one in matrices):
+        """None where they are not several, small, dense, of one size and finite."""
+        if matrices is None or len(matrices) == 1:
+            return None
+        if not all(isinstance(one, np.ndarray | list | tuple) for one in matrices):
             return None
         n = len(matrices[0])
-        if n > PIVOT_UP_TO or any(one.shape != (n, n) for one in matrices):
+        if n > PIVOT_UP_TO:
             return None
-        stack = np.array(matrices)
+        arrays = [as_float64(one, "A") for one in matrices]
+        if any(one.shape != (n, n) for one in arrays):
+            return None
+        stack = np.array(arrays)
         return cls(stack, make) if np.isfinite(stack).all() else None
 
     def __len__(self) -> int:
