@@ -201,6 +201,17 @@ def test_without_float64_an_answer_is_refused():
             call()
 
 
+def test_a_failed_call_of_a_function_in_jax_raises_its_own_error():
+    with pytest.raises(icp.NotSolved):
+        nonlinear_solution_of(lambda z, theta: theta - z**2, 1)(-1.0)
+
+
+@pytest.mark.parametrize("options", [{"rtol": -1.0}, {"z0": [1.0, 2.0, 3.0]}, {"time_limit": "x"}])
+def test_wrong_options_of_a_function_in_jax_are_named_before_it_is_called(options):
+    with pytest.raises(icp.InputError, match=next(iter(options))):
+        nonlinear_solution_of(lambda z, theta: z - theta, 2, **options)
+
+
 @pytest.mark.parametrize("name", ["psi", "upper"])
 def test_a_bound_of_a_function_in_jax_that_does_not_fit_is_named(name):
     for wrong in ([1.0, 2.0, 3.0], [np.nan, 0.0], "one"):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
@@ -14,9 +14,11 @@ from ...icp import ICP
 from ...numerics.arrays import Vector, as_csr, as_number, as_vector, described, row_of
 from ...numerics.factorisation import factorise
 from ...problem.differences import colours
-from ...solve.goal import RTOL
+from ...solve.goal import RTOL, Limits
 from .argument_forms import check_float64, the_package
 from .callbacks import in_worker_thread, worker_threads
+
+Solver: TypeAlias = Callable[[Any], Vector]
 
 
 @check_arguments
@@ -59,8 +61,8 @@ def nonlinear_solution_of(
     Raises
     ------
     InputError
-        Where F is no function, a bound is no vector of n numbers, `sparsity` is no matrix of n rows, or JAX has not
-        float64.
+        Where F is no function, a bound or `z0` is no vector of n numbers, `sparsity` is no matrix of n rows, for wrong
+        limits, or where JAX has not float64.
 
     Notes
     -----
@@ -94,19 +96,14 @@ def nonlinear_solution_of(
     jacobian = _Jacobian(jax, F, as_csr(np.ones((size, size)) if sparsity is None else sparsity, "sparsity", size))
     low = as_vector(psi, size, "psi", infinite=np.inf)
     high = as_vector(np.inf if upper is None else upper, size, "upper", infinite=np.inf)
-
-    def solved(theta: Any) -> Vector:
-        problem = ICP.nonlinear(
-            lambda z: np.asarray(F(z, theta)),
-            lambda z: jacobian.matrix(jacobian.entries(z, theta)),
-            low,
-            None if upper is None else high,
-        )
-        return problem.solve(z0=z0, rtol=rtol, atol=atol, time_limit=time_limit).z
+    start = None if z0 is None else as_vector(z0, size, "z0")
+    solved = _solver(jacobian, low, high, start, Limits(rtol=rtol, atol=atol, max_iter=0, time_limit=time_limit))
 
     @jax.custom_jvp
     def answer(theta: Any) -> Any:
         check_float64()
+        if not any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(theta)):
+            return jax.numpy.asarray(solved(theta))  # an error comes as it is
         shape = jax.ShapeDtypeStruct((size,), np.float64)
         return jax.pure_callback(lambda t: in_worker_thread(solved, t), shape, theta, vmap_method="sequential")
 
@@ -120,11 +117,27 @@ def nonlinear_solution_of(
     return answer
 
 
+def _solver(jacobian: _Jacobian, low: Vector, high: Vector, z0: Vector | None, limits: Limits) -> Solver:
+    """θ ↦ z, by `solve`."""
+
+    def solved(theta: Any) -> Vector:
+        problem = ICP.nonlinear(
+            lambda z: np.asarray(jacobian.F(z, theta)),
+            lambda z: jacobian.matrix(jacobian.entries(z, theta)),
+            low,
+            None if np.isposinf(high).all() else high,
+        )
+        return problem.solve(z0=z0, rtol=limits.rtol, atol=limits.atol, time_limit=limits.time_limit).z
+
+    return solved
+
+
 class _Jacobian:
     """∂F/∂z on the entries of a `pattern`, to which the diagonal is added, in the order of CSR."""
 
     def __init__(self, jax: Any, F: Callable[[Any, Any], Any], pattern: sp.csr_array) -> None:
         self._jax = jax
+        self.F = F
         # a sum drops entries that are 0
         there = sp.csr_array((np.ones(pattern.nnz), pattern.indices, pattern.indptr), shape=pattern.shape)
         self._pattern = sp.csr_array(there + sp.eye_array(pattern.shape[0]))
