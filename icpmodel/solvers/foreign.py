@@ -19,6 +19,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from inspect import isabstract
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -292,7 +293,7 @@ def foreign_solvers() -> dict[str, ForeignSolver]:
     Returns
     -------
     dict
-        Name → solver, sorted. No foreign package is imported.
+        Name → solver, sorted. No foreign package is imported. Classes with abstract methods are left out.
 
     Examples
     --------
@@ -302,7 +303,7 @@ def foreign_solvers() -> dict[str, ForeignSolver]:
     for info in pkgutil.iter_modules([str(Path(__file__).parent)]):
         importlib.import_module(f"{__package__}.{info.name}")
     load_plugins()
-    return {name: _REGISTRY[name]() for name in sorted(_REGISTRY)}
+    return {name: _REGISTRY[name]() for name in sorted(_REGISTRY) if not isabstract(_REGISTRY[name])}
 
 
 @check_arguments

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..errors import IcpError, InputError
 from ..icp import ICP
+from ..numerics.arrays import as_float64
 from ..problem.data import ProblemData
 from ..solve.solution import Solution, Status
 from ..solvers.formulations import Target
@@ -56,7 +57,7 @@ class Case:
     def judged(self, z: Any) -> float | None:
         """Res_D(z)/Res_D(0), None where z is no finite vector of shape (n,)."""
         try:
-            ratio = self.problem.residual(np.asarray(z, dtype=np.float64)) / self.scale
+            ratio = self.problem.residual(as_float64(z, "z")) / self.scale
         except (IcpError, TypeError, ValueError):
             return None
         return ratio if np.isfinite(ratio) else None

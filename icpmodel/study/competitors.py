@@ -15,6 +15,7 @@ from ..errors import IcpError
 from ..icp import ICP
 from ..methods.aor import overrelaxed
 from ..methods.contract import Method, named
+from ..numerics.arrays import as_float64
 from ..numerics.multigrid import linear_solve
 from ..numerics.rounding import UNIT_ROUNDOFF
 from ..present.display import Displayable
@@ -136,7 +137,7 @@ class ForeignCompetitor(Competitor):
         assert case.formulation is not None
         target, unit = case.formulation
         claim = ask(self.solver, target, tolerance, time_limit)
-        return claim if claim.z is None else replace(claim, z=np.asarray(claim.z, dtype=np.float64) * unit)
+        return claim if claim.z is None else replace(claim, z=as_float64(claim.z, "its z") * unit)
 
 
 class LinearSolve(Competitor):

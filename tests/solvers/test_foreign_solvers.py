@@ -76,6 +76,16 @@ def test_a_solver_from_outside_is_found_by_its_name():
     assert "test-exact" not in {row.solver for row in icp.crosscheck(icp.ICP([[2.0]], [-1.0]), [0.5]).rows}
 
 
+def test_an_unfinished_solver_leaves_the_others_alone():
+    class Unfinished(ForeignSolver):
+        name, used_by = "test-unfinished", ()
+
+        def set_up(self, target, tolerance, time_limit):
+            return None
+
+    assert "test-unfinished" not in foreign_solvers()
+
+
 @pytest.mark.parametrize("name", ["osqp", "highs", "cvxpy-clarabel", "pyomo-highs", "ipopt", "path"])
 def test_a_missing_package_is_a_sentence(name, monkeypatch):
     solver = foreign_solvers()[name]

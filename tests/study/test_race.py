@@ -118,7 +118,7 @@ def test_where_z_0_is_a_solution_nothing_is_measured():
         icp.race(problem, ["psor"], [], repeats=1)
 
 
-@pytest.mark.parametrize("z", [None, [np.nan, 0.0], [0.5], "text"])
+@pytest.mark.parametrize("z", [None, [np.nan, 0.0], [0.5], "text", np.array([0.5 + 7j, 1j])])
 def test_what_is_no_z_is_no_answer(z):
     class Odd(ForeignSolver):
         name, used_by = "odd", ()
