@@ -307,7 +307,9 @@ class Derivative(ReadOnly, Plottable):
         (array([ 0., -1.,  0.]), array([-1., -1.,  0.]))
         """
         direction = Direction.of(self.problem, dA, dq, dpsi, dupper)
-        f = direction.right_side(self.z, self.pattern)  # which says what is wrong with the direction
+        # which say what is wrong with the direction
+        f = direction.right_side(self.z, self.pattern)
+        direction.times(-1.0).right_side(self.z, self.pattern)
         if self.certain:
             dz = self.solved(f)
             return OneSided(dz, dz)

@@ -20,6 +20,13 @@ def test_a_row_at_its_obstacle_up_to_rounding_is_tied_though_steps_that_add_up_t
         np.testing.assert_allclose(left, 0.0, atol=1e-9)
 
 
+@pytest.mark.parametrize("speed", [1.0, -1.0])
+def test_a_direction_in_which_obstacles_cross_on_either_side_is_refused(speed):
+    derivative = icp.ICP([[2.0, -1.0], [-1.0, 2.0]], [-1.0, 3.0], [0.0, 0.0], [0.0, 5.0]).solve().derivative()
+    with pytest.raises(icp.InputError, match=r"dpsi\[0\] is above dupper\[0\]"):
+        derivative.one_sided(dpsi=[speed, 0.0])
+
+
 @pytest.mark.parametrize("size", [5e-324, 1e-310, 1e-300, 1e300])
 def test_a_direction_may_have_any_size(size):
     right, left = icp.ICP([[2.0]], [-4.0], psi=2.0).solve().derivative().one_sided(dq=[size])
