@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -308,26 +308,3 @@ def as_float64(value: Any, name: str) -> NDArray[np.float64]:
                 actual = f"{name} holds {one} of dtype {array.dtype}, which rounds to the float64 {rounded}"
                 raise InputError(f"{actual}; write {name}.astype(float) if that is intended")
     return converted
-
-
-def check_labels(arguments: Mapping[str, Any]) -> Any:
-    """The labels of pandas' objects, None without any; raises InputError where they differ.
-
-    `arguments` maps argument → value. Rows and columns must have the labels, in the order, of the rows
-    of the first object: numbers are taken by their place.
-    """
-    first = ""
-    expected = None
-    for name, value in arguments.items():
-        for axis in ("index", "columns"):
-            labels = getattr(value, axis, None)
-            if labels is None or callable(labels):  # a list has a method of this name
-                continue
-            if expected is None:
-                first = f"{name}.{axis}"
-                expected = labels
-            elif not labels.equals(expected):
-                difference = f"{name}.{axis} has other labels than {first}, or in another order"
-                advice = f"bring them into one order, or give {name}.to_numpy() if positions count"
-                raise InputError(f"{difference}; {advice}")
-    return expected

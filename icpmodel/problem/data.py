@@ -10,7 +10,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..errors import HOW_TO_BUILD, InputError, MapError, NotApplicable, check_arguments
-from ..numerics.arrays import Vector, as_array, as_number, as_vector, check_labels, described, not_finite
+from ..numerics.arrays import Vector, as_array, as_number, as_vector, described, not_finite
+from ..numerics.labels import check_labels
 from .affine import vertical_map
 from .facts import Facts
 from .friction import FrictionIndex
@@ -288,10 +289,10 @@ class ProblemData(PointValues):
         arguments: tuple[Any, ...] = (self.A, self.q, self.psi)
         if self.f is not None:
             arguments = (*arguments, None, self.f.map)
-        return type(self), arguments, self.matrix.labels
+        return type(self), arguments, self.matrix.index
 
-    def __setstate__(self, labels: Any) -> None:
-        self.matrix.labels = labels
+    def __setstate__(self, index: Any) -> None:
+        self.matrix.index = index
 
     def with_q(self, q: Any) -> Self:
         """The problem with another `q`, shape (n,); A, ψ, f and the facts about them are shared.
@@ -301,6 +302,7 @@ class ProblemData(PointValues):
         >>> ICP([[2.0]], [1.0]).with_q([-4.0]).solve().z
         array([2.])
         """
+        check_labels({"A": self.matrix, "q": q})
         return self._with(as_vector(q, self.n, "q"), self.psi, self.facts)
 
     def with_psi(self, psi: Any) -> Self:
@@ -321,6 +323,7 @@ class ProblemData(PointValues):
         >>> ICP([[2.0]], [-8.0]).with_sides(1, 3).solve().z
         array([3.])
         """
+        check_labels({"A": self.matrix, "psi": psi, "upper": upper})
         return self._with(self.q, as_map(psi, self.n, upper))
 
     def with_upper(self, upper: Any) -> Self:

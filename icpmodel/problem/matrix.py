@@ -68,7 +68,7 @@ class Matrix(ReadOnly):
     ----------
     A : array_like or sparse matrix of shape (n, n)
         The matrix.
-    labels : pandas.Index, optional
+    index : pandas.Index, optional
         The names of the rows.
 
     Raises
@@ -83,13 +83,13 @@ class Matrix(ReadOnly):
     """
 
     #: the names of the rows, None where they are numbers
-    labels: Any = None
+    index: Any = None
     #: a matrix that differs in its diagonal alone, None where none is known
     origin: Matrix | None = None
 
-    def __init__(self, A: Any, labels: Any = None) -> None:
-        if labels is not None and not hasattr(labels, "step"):  # a range is no name
-            self.labels = labels
+    def __init__(self, A: Any, index: Any = None) -> None:
+        if index is not None and not hasattr(index, "step"):  # a range is no name
+            self.index = index
         if sp.issparse(A) and max(A.shape) <= MAX_DENSE_ROWS:
             A = checked_sparse(A, "A").toarray()
         square: Any = A if sp.issparse(A) else as_square(A, "A")
@@ -140,7 +140,7 @@ class Matrix(ReadOnly):
         data[self.rows.diag] += d
         new = Matrix.of_checked(sp.csr_array((data, A.indices, A.indptr), shape=A.shape), row_weights)
         new.origin = self.origin or self
-        new.labels = self.labels
+        new.index = self.index
         return new
 
     def _measure(self, A: Any) -> None:

@@ -173,7 +173,7 @@ class NonlinearTerm(Displayable):
         if A.dense is None and self.is_elementwise:
             return A.plus_diagonal(J.diagonal()), J @ z
         total = sp.csr_array(A.sparse + J) if A.dense is None else A.dense + J.toarray()
-        return Matrix(total, A.labels), J @ z
+        return Matrix(total, A.index), J @ z
 
     def weighted(self, A: Matrix) -> Matrix:
         """A with the row weights of p: d_i is the mean of the largest |entries| of row i of A + f′ at z = ½ and 1.
@@ -191,7 +191,7 @@ class NonlinearTerm(Displayable):
         D = np.where(largest > 0.0, largest, 1.0)
         weighted = Matrix.of_checked(A.sparse, weights_of(D), A.dense)
         weighted.weights = D
-        weighted.labels = A.labels
+        weighted.index = A.index
         return weighted
 
     def weights_at(self, A: Matrix, z: Vector) -> Vector:

@@ -11,6 +11,7 @@ import scipy.sparse as sp
 
 from ..errors import InputError, MapError
 from ..numerics.arrays import Vector, as_array, as_float64, as_vector, norm, not_finite, smallest_size
+from ..numerics.labels import check_labels
 from ..numerics.rounding import SMALLEST, gamma
 from ..present.display import Displayable
 from .map import Map
@@ -92,6 +93,7 @@ class PointValues(Displayable):
         Traceback (most recent call last):
         icpmodel.errors.InputError: z has shape (2,); shape (1,) was expected
         """
+        check_labels({"A": self.matrix, name: z})
         array = as_array(getattr(z, "z", z), name)
         if not finite and array.dtype == np.float64 and array.shape == (self.n,):
             return array

@@ -147,6 +147,17 @@ def test_labels_of_pandas_that_differ_are_named():
     for wrong, name in (((A[["b", "a"]], q), "A.columns"), ((A, q, q[::-1]), "psi.index")):
         with pytest.raises(icp.InputError, match=f"{name} has other labels than A.index"):
             icp.ICP(*wrong)
+    problem = icp.ICP(A, q)
+    swapped = q[::-1]
+    for call, name in (
+        (lambda: problem.with_q(swapped), "q.index"),
+        (lambda: problem.with_psi(swapped), "psi.index"),
+        (lambda: problem.solve(z0=swapped), "z0.index"),
+        (lambda: icp.solve_many(A, pd.DataFrame([swapped])), "Q.columns"),
+    ):
+        with pytest.raises(icp.InputError, match=f"{name} has other labels than A.index"):
+            call()
+    assert icp.solve_many(A, pd.DataFrame([q, q], index=["day", "night"])).Z.tolist() == [[1.0, 0.0]] * 2
 
 
 _OBSTACLES = r"has no argument (lower|ub); .* is called psi, .* upper$"

@@ -13,6 +13,7 @@ import scipy.sparse as sp
 from ...errors import InputError
 from ...numerics import work
 from ...numerics.arrays import Vector, as_array, as_csr, as_number, as_rows, as_vector, axes
+from ...numerics.labels import along, check_labels
 from ...numerics.threads import one_blas_thread
 from ...theory.matrices.definiteness import definiteness, semidefinite_up_to_rounding
 from .program import Program, Rows
@@ -21,6 +22,7 @@ from .program import Program, Rows
 def read(data: tuple[Any, ...], names: str) -> Program:
     """The program with H, g, G, h, A, b, lb and ub, None leaving constraints out; `names` are those of H and g."""
     H, g, G, h, A, b, lb, ub = data
+    check_labels({names[0]: H, names[1]: g, "G": along(G, "columns"), "A": along(A, "columns"), "lb": lb, "ub": ub})
     H = as_csr(H, names[0])
     n = H.shape[0]
     g = as_vector(g, n, names[1])
@@ -30,7 +32,7 @@ def read(data: tuple[Any, ...], names: str) -> Program:
 @contextmanager
 def limited(tolerance: Any, time_limit: Any, begin: float) -> Iterator[None]:
     """Limit the work of the block from `begin` on. Raises InputError unless the limits are above 0, or no limit."""
-    as_number(tolerance, "tolerance", above=0)
+    as_number(tolerance, "tolerance", above=0, below=1)  # a share of terms is at most 1
     seconds = math.inf if time_limit is None else as_number(time_limit, "time_limit", above=0)
     with one_blas_thread(), work.work_limit(seconds, begun=begin):
         yield
@@ -60,9 +62,13 @@ def _rows(M: Any, right: Any, n: int, names: str) -> Rows:
     """The matrix and the right-hand side of constraints, none where both are None."""
     if (M is None) != (right is None):
         raise InputError(f"{names[M is None]} is given without {names[right is None]}: give both, or leave both out")
-    M = sp.csr_array((0, n)) if M is None else matrix(M, names[0], n)
-    rows = M.shape[0]
-    return M, as_vector(right, rows, names[1], infinite=np.inf if names == "Gh" else None) if rows else np.zeros(0)
+    if M is None:
+        return sp.csr_array((0, n)), np.zeros(0)
+    check_labels({names[0]: along(M, "index"), names[1]: right})
+    M = matrix(M, names[0], n)
+    if not M.shape[0] and not np.size(right):
+        return M, np.zeros(0)
+    return M, as_vector(right, M.shape[0], names[1], infinite=np.inf if names == "Gh" else None)
 
 
 def check_convex(program: Program) -> None:

@@ -14,6 +14,7 @@ from ...errors import NotSolved
 from ...icp import ICP
 from ...numerics import work
 from ...numerics.arrays import Vector, as_truth, as_vector
+from ...numerics.labels import check_labels
 from ...numerics.rounding import public_entry
 from ...present.display import Displayable
 from ...theory.certificates.bounds import ErrorBound, limited_bound
@@ -348,6 +349,7 @@ def _solve(
 ) -> ProgramSolution:
     begin = work.clock()
     as_truth(raise_on_failure, "raise_on_failure")
+    check_labels({names[0]: data[0], "initvals": initvals})
     program = read(data, names)
     if names == "Pq":
         check_convex(program)

@@ -159,7 +159,7 @@ def contradiction(problem: ProblemLike) -> Contradiction | None:
         change=change,
         proof=answer_of(rows, exact, total),
     )
-    labels = problem.matrix.labels
+    labels = problem.matrix.index
     return contradictory if labels is None else contradictory.named(lambda i: str(labels[i]))
 
 
