@@ -123,6 +123,17 @@ def test_sums_of_exponentials_are_fitted_as_well_as_by_an_active_set(rows, colum
     assert rnorm <= 1.001 * nnls(B, c, maxiter=100_000)[1]
 
 
+@pytest.mark.parametrize("size", [1e-200, 1e-170, 1e155, 1e290])
+def test_least_squares_may_have_any_units(size):
+    B, c = size * np.array([[1.0, 2], [3, 4], [5, 6]]), size * np.array([1.0, 0, 1])
+    assert icp.solve_lsq(B, c, lb=0).x == pytest.approx([0.0, 1 / 7])
+
+
+def test_a_matrix_without_columns_is_named():
+    with pytest.raises(icp.InputError, match=r"B has shape \(3, 0\)"):
+        icp.solve_nnls(np.zeros((3, 0)), np.ones(3))
+
+
 def test_what_nnls_of_scipy_got_wrong_is_right():
     """Its issue 25389."""
     assert icp.solve_nnls([[3, 2], [1, 1]], [3, 2])[0] == pytest.approx([0, 1.6])

@@ -19,6 +19,7 @@ from ...errors import InputError, NotSolved
 from ...numerics import work
 from ...numerics.arrays import Mask, Vector, as_truth, as_vector, inner, norm
 from ...numerics.factorisation import largest_of_columns
+from ...numerics.labels import along, check_labels
 from ...numerics.rounding import gamma, public_entry
 from ...present.display import Displayable
 from .program import saddle_matrix
@@ -31,7 +32,7 @@ _DENSE_UP_TO = 2000
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LeastSquares(Displayable):
-    """The result of `solve_lsq`, in the words of `scipy.optimize.lsq_linear`.
+    """The result of `solve_lsq`, with the attributes of that of `scipy.optimize.lsq_linear`.
 
     Attributes
     ----------
@@ -137,15 +138,19 @@ def solve_lsq(
     """
     begin = work.clock()
     as_truth(raise_on_failure, "raise_on_failure")
+    check_labels({"B": along(B, "index"), "c": c})
+    check_labels({"B": along(B, "columns"), "lb": lb, "ub": ub})
     B = matrix(B, "B")
     n = B.shape[1]
+    if not n:
+        raise InputError(f"B has shape {B.shape}; at least one column was expected")
     c = as_vector(c, B.shape[0], "c")
     low, high = bounds(lb, ub, n)
     if (low > high).any():
         i = np.argmax(low > high)
         raise InputError(f"lb[{i}] = {low[i]:g} is above ub[{i}] = {high[i]:g}; lb <= ub was expected")
     with limited(tolerance, time_limit, begin):
-        x, violations, iterations, status, message = _solve(B, c, low, high, tolerance)
+        x, violations, iterations, status, message = _solve_scaled(B, c, low, high, tolerance)
     fun = B @ x - c
     solution = LeastSquares(
         x=x,
@@ -163,10 +168,20 @@ def solve_lsq(
     return solution
 
 
-def _solve(
-    B: sp.csr_array, c: Vector, low: Vector, high: Vector, tolerance: float
-) -> tuple[Vector, Vector, int, str, str]:
-    """x, the share of the gradient that no bound holds, iterations, status and message."""
+#: x, the share of the gradient that no bound holds, iterations, status and message
+Outcome = tuple[Vector, Vector, int, str, str]
+
+
+def _solve_scaled(B: sp.csr_array, c: Vector, low: Vector, high: Vector, tolerance: float) -> Outcome:
+    """Solve in units in which the squares of the largest entries are floats."""
+    of_B, of_c = (int(np.frexp(np.abs(values).max(initial=0.0))[1]) for values in (B.data, c))
+    scaled = sp.csr_array((np.ldexp(B.data, -of_B), B.indices, B.indptr), shape=B.shape)
+    sides = [np.ldexp(side, of_B - of_c) for side in (low, high)]
+    x, violations, nit, status, message = _solve(scaled, np.ldexp(c, -of_c), sides[0], sides[1], tolerance)
+    return np.clip(np.ldexp(x, of_c - of_B), low, high), np.ldexp(violations, of_B + of_c), nit, status, message
+
+
+def _solve(B: sp.csr_array, c: Vector, low: Vector, high: Vector, tolerance: float) -> Outcome:
     x, violations, is_optimal = _by_active_set(B, c, np.clip(0.0, low, high), low, high, tolerance)
     if is_optimal:
         return x, violations, 0, "optimal", "solved"
@@ -265,7 +280,7 @@ def _to_bounds(B: sp.csr_array, c: Vector, x: Vector, free: Mask, low: Vector, h
 
 @public_entry
 def solve_nnls(B: Any, c: Any, *, tolerance: float = 1e-9, time_limit: float | None = None) -> tuple[Vector, float]:
-    """Minimise ‖Bx − c‖₂ subject to x ≥ 0, without forming BᵀB; in the words of `scipy.optimize.nnls`.
+    """Minimise ‖Bx − c‖₂ subject to x ≥ 0, without forming BᵀB, and return what `scipy.optimize.nnls` does.
 
     Parameters
     ----------
