@@ -61,7 +61,7 @@ def test_dense_and_sparse_arguments_a_start_and_single_rows_give_the_same():
 
 
 def test_what_has_no_solution_is_proved_or_raises():
-    with pytest.raises(icp.NotSolved, match="0 < 0") as raised:
+    with pytest.raises(icp.NotSolved, match="row 0 of G and 1 times row 1 of G exceeds") as raised:
         icp.solve_qp(np.eye(2), [0, 0], G=[[1, 1], [-1, -1]], h=[-1, 0])
     assert raised.value.solution.status == "infeasible"
     assert np.isnan(raised.value.solution.x).all()
@@ -81,6 +81,7 @@ def test_what_has_no_solution_is_proved_or_raises():
         (([[1, 0], [0, -1]], [0, 0]), "P is not positive semidefinite"),
         (([[1.0]], [0], [[1, 2]], [1]), r"G has shape \(1, 2\); shape \(m, 1\)"),
         (([[1.0]], [0], [[1]], None), "G is given without h"),
+        (([[1.0]], [0], np.zeros((0, 1)), [1, 2]), r"h has shape \(2,\); shape \(0,\)"),
         (([[1.0]], [0], [[np.nan]], [1]), r"G\[0, 0\] is nan"),
         (([[1.0]], [0], None, None, None, None, np.inf), r"lb\[0\] is inf"),
     ],
@@ -279,7 +280,34 @@ def test_a_proof_is_one_in_the_units_of_the_user():
     rows = {"G": [[1e3, 1e3], [-7e-3, -7e-3]], "h": [1.0, -1.0]}
     found = icp.solve_qp(np.eye(2), [1.0, 1.0], **rows, raise_on_failure=False)
     assert found.status == "infeasible"
-    assert "7e-06 times row 2 of Az + q and 1 times row 3" in found.message
+    assert "7e-06 times row 0 of G and 1 times row 1 of G" in found.message
+
+
+def test_a_contradiction_names_the_rows_of_the_user():
+    """The row with one entry becomes a bound, and the others keep their numbers."""
+    rows = {"A": [[1, 1, 1], [1, 2, 0]], "b": [1, 2], "G": [[1, 0, 0], [0, 1, 1], [0, -1, -1]], "h": [9, 1, -2]}
+    found = icp.solve_qp(np.eye(3), np.ones(3), **rows, raise_on_failure=False)
+    assert "the sum of 1 times row 1 of G and 1 times row 2 of G exceeds" in found.message
+
+
+def test_labels_of_pandas_that_differ_are_named():
+    pd = pytest.importorskip("pandas")
+    P = pd.DataFrame(np.diag([2.0, 20.0]), index=list("ab"), columns=list("ab"))
+    q = pd.Series([-2.0, -20.0], index=list("ab"))
+    G = pd.DataFrame([[1.0, 1.0]], index=["sum"], columns=list("ab"))
+    h = pd.Series([1.0], index=["sum"])
+    assert icp.solve_qp(P, q, G, h, lb=q).x.sum() == pytest.approx(1.0)
+    for name, wrong in (
+        ("q.index", {"q": q[::-1]}),
+        ("lb.index", {"lb": q[::-1]}),
+        ("initvals.index", {"initvals": q[::-1]}),
+        ("G.columns", {"G": G[["b", "a"]]}),
+        ("h.index", {"h": pd.Series([1.0], index=["limit"])}),
+    ):
+        with pytest.raises(icp.InputError, match=f"{name} has other labels"):
+            icp.solve_qp(**{"P": P, "q": q, "G": G, "h": h} | wrong)
+    with pytest.raises(icp.InputError, match="has other labels than B"):
+        icp.solve_lsq(G, [1.0], lb=q[::-1])
 
 
 def test_a_start_that_leaves_the_range_of_floats_is_no_error():

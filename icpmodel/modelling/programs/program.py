@@ -19,6 +19,7 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from ...algebra.redundant import MAX_CROSSING
 from ...icp import ICP
@@ -44,6 +45,8 @@ class Program:
     equations: int
     low: Vector
     high: Vector
+    #: the rows' numbers in the program that was given
+    numbers: NDArray[np.intp]
 
     @classmethod
     def of_rows(
@@ -57,11 +60,16 @@ class Program:
             C = times_rows(1.0 * finite, C)
             C.eliminate_zeros()
             d = np.where(finite, d, np.sign(d))
-        return cls(H, g, C, d, equations[1].size, low, high)
+        return cls(H, g, C, d, equations[1].size, low, high, np.arange(d.size))
 
     def objective(self, x: Vector) -> float:
         """½xᵀHx + gᵀx; NaN where H is not symmetric."""
         return inner(0.5 * (self.H @ x) + self.g, x) if self.is_symmetric else np.nan
+
+    def row_name(self, i: int) -> str:
+        """The name of row `i` of the conditions, one of Cx ≤ d."""
+        number = int(self.numbers[i - self.g.size])
+        return f"row {number} of A" if number < self.equations else f"row {number - self.equations} of G"
 
     @property
     def vectors(self) -> tuple[Vector, Vector, Vector]:
@@ -107,7 +115,7 @@ class Presolve:
         with np.errstate(invalid="ignore"):
             self.crossed = bool((low - high > MAX_CROSSING * (np.abs(low) + np.abs(high))).any())
         low = np.minimum(low, high)
-        self.program = replace(original, C=C[self.rows], d=original.d[self.rows], low=low, high=high)
+        self.program = replace(original, C=C[self.rows], d=original.d[self.rows], low=low, high=high, numbers=self.rows)
 
     def postsolve(self, z: Vector, box: Vector) -> tuple[Vector, Vector]:
         """x with the multipliers of rows, and the multipliers of bounds, of the program that was given."""

@@ -20,7 +20,7 @@ from ...numerics.arrays import Vector
 from ...solve.solution import Solution, Status
 from ...theory.certificates.bounds import enforce_limits
 from ...theory.certificates.combination_rows import ZERO
-from ...theory.certificates.infeasible import infeasible
+from ...theory.certificates.infeasible import combination_text, infeasible
 from ...theory.certificates.recession import least_violation, misfit
 from .program import Program, conditions_of
 from .program_judge import Judge
@@ -163,23 +163,27 @@ class ProgramRun:
             is_near = misfit(problem, direction) < ZERO
             if (self.is_bounded and not primal) or not (is_near or witness is not None):
                 continue
-            answer = infeasible(original, np.ldexp(direction, self.conditions.rows))
-            if not answer.holds:  # next to it may be one with simple weights in these units
-                answer = replace(infeasible(problem, direction), reason="it was checked in other units of the rows")
-            if not (answer.holds or is_near):
+            weights = np.ldexp(direction, self.conditions.rows)
+            answer = infeasible(original, weights)
+            weights = answer.witness if answer.holds else weights / np.abs(weights).max()
+            # next to it may be one with simple weights in these units
+            is_proved = answer.holds or infeasible(problem, direction).holds
+            if not (is_proved or is_near):
                 continue
-            inaccurate = "" if answer.holds else "_inaccurate"
-            reason = "up to rounding" if inaccurate else answer.reason
+            inaccurate = "" if is_proved else "_inaccurate"
+            precision = "proved" if is_proved else "up to rounding"
             if primal:
-                return f"infeasible{inaccurate}", f"a combination of the constraints says 0 < 0: {reason}"
-            return self._without_multipliers(inaccurate, reason)
+                used = combination_text(weights, self.program.row_name)
+                message = f"the sum of {used} exceeds its right-hand side wherever lb <= x <= ub: {precision}"
+                return f"infeasible{inaccurate}", message
+            return self._without_multipliers(inaccurate, precision)
         return None
 
-    def _without_multipliers(self, inaccurate: str, reason: str) -> tuple[str, str]:
+    def _without_multipliers(self, inaccurate: str, precision: str) -> tuple[str, str]:
         """Status and message where no multipliers exist: "unbounded" only if a feasible point is computed."""
         program = self.program
         if not program.is_symmetric:
-            return f"infeasible{inaccurate}", f"no x and multipliers meet the conditions: {reason}"
+            return f"infeasible{inaccurate}", f"no x and multipliers meet the conditions: {precision}"
         n = program.g.size
         nearest = replace(program, H=sp.eye_array(n, format="csr"), g=np.zeros(n))
         feasible = ProgramRun(nearest, self.tolerance, is_bounded=True)
@@ -187,10 +191,10 @@ class ProgramRun:
         self.iterations += feasible.iterations
         if feasible.is_good:
             message = "there is a feasible point, and a direction along which the objective falls for ever"
-            return f"unbounded{inaccurate}", f"{message}: {reason}"
+            return f"unbounded{inaccurate}", f"{message}: {precision}"
         if status.startswith("infeasible"):
             return status, message
-        return "infeasible_or_unbounded", f"no multipliers exist: {reason}; no feasible point was computed"
+        return "infeasible_or_unbounded", f"no multipliers exist ({precision}), and no feasible point was computed"
 
     @property
     def is_good(self) -> bool:

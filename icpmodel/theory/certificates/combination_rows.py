@@ -74,6 +74,11 @@ class CombinationRows:
             high = np.where(np.isfinite(known.high), known.high, high)
         return cls(slopes, offset, low, high, nonpositive, nonnegative)
 
+    def name(self, i: int) -> str:
+        """The name of row `i`."""
+        kind, row = divmod(i, self.low.size)
+        return f"row {row} of {('Az + q', 'z - psi(z)', 'z - upper(z)')[kind]}"
+
     @property
     def free(self) -> Mask:
         """The unknowns without a known bound."""

@@ -21,6 +21,7 @@ Cottle, Pang and Stone, The Linear Complementarity Problem (1992), sections 2.7 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
 
@@ -71,7 +72,7 @@ def infeasible(problem: ProblemData, y: Vector, known: ProvedBounds | None = Non
         return unknown
     number = float(np.ldexp(value, -top))
     y = np.ldexp(shares, exponents - top)
-    nearby = f"{_combination_text(rows, y)}, or a combination next to that, is at most {number:.3g}"
+    nearby = f"{combination_text(y, rows.name)}, or a combination next to that, is at most {number:.3g}"
     return Answer(True, f"no z is a solution: {nearby}, every rounding error being bounded", y, number)
 
 
@@ -101,7 +102,7 @@ def answer_of(rows: CombinationRows, exact: Combination, value: Fraction, known:
 
 def _reason(rows: CombinationRows, known: ProvedBounds | None, y: Any, number: float) -> str:
     """The contradiction that the combination `y` proves, in words."""
-    sums = f"{_combination_text(rows, y)} is at most {number:.3g}"
+    sums = f"{combination_text(y, rows.name)} is at most {number:.3g}"
     if known is not None:
         return (
             f"no z is a solution: with the proved values of other unknowns ({known.proof}) {sums}, which p >= 0 forbids"
@@ -112,10 +113,8 @@ def _reason(rows: CombinationRows, known: ProvedBounds | None, y: Any, number: f
     return f"no z has Az + q >= 0 and z >= psi(z): wherever z >= psi(z), {sums}, and with Az + q >= 0 it is >= 0"
 
 
-def _combination_text(rows: CombinationRows, y: Any, several: int = 4) -> str:
-    """Which rows a combination takes, and how often: as many as fit in a sentence."""
-    n = rows.low.size
-    names = ("Az + q", "z - psi(z)", "z - upper(z)")
+def combination_text(y: Any, name: Callable[[int], str], several: int = 4) -> str:
+    """Which rows a combination takes, by `name`, and how often: as many as fit in a sentence."""
     used = [i for i, weight in enumerate(y) if weight]
-    first = " and ".join(f"{nearest(y[i]):.4g} times row {i % n} of {names[i // n]}" for i in used[:several])
+    first = " and ".join(f"{nearest(y[i]):.4g} times {name(i)}" for i in used[:several])
     return first + (f" and {len(used) - several} rows more" if len(used) > several else "")
