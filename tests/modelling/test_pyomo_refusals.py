@@ -18,6 +18,17 @@ def test_what_is_no_model_is_refused(model, words):
             read(model)
 
 
+@pytest.mark.parametrize("place", ["c", "d"])
+def test_a_parameter_without_a_value_is_named_by_its_row(place):
+    model = pyo.ConcreteModel()
+    model.x, model.weight = pyo.Var(), pyo.Param(mutable=True)
+    model.c = Complementarity(expr=complements(model.x >= 0, (model.weight if place == "c" else 1.0) * model.x >= 3))
+    if place == "d":
+        model.d = pyo.Constraint(expr=model.x <= model.weight)
+    with pytest.raises(icp.InputError, match=f"{place} has a number that is not finite: .* parameter without value"):
+        read_pyomo(model)
+
+
 def test_two_conditions_of_one_variable_leave_another_without():
     model = pyo.ConcreteModel()
     model.x, model.y, model.z = pyo.Var(), pyo.Var(), pyo.Var()

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from contextlib import suppress
 from typing import Any
 
 import pyomo.environ as pyo
@@ -33,6 +34,7 @@ from .sums import size_of_terms
 
 #: the largest violation of a condition without variables, as a share of its terms: the user's own sums are rounded
 _MAX_VIOLATION = 1e-9
+_NO_VALUE = "has a number that is not finite: a fixed variable or parameter without value?"
 #: one side of a row: a constant, coefficients by the variable's id, what is nonlinear, `flattened`, or None
 Side = tuple[float, dict[int, float], Any]
 
@@ -102,7 +104,10 @@ class ConditionRows:
                 raise InputError(f"{objective.name} is an active Objective: {reason}")
 
     def _read_constraint(self, constraint: Any) -> None:
-        lower, body, upper = constraint.to_bounded_expression(evaluate_bounds=True)
+        try:
+            lower, body, upper = constraint.to_bounded_expression(evaluate_bounds=True)
+        except ValueError as error:
+            raise InputError(f"{constraint.name} {_NO_VALUE}") from error
         if lower is None and upper is None:
             return
         if isinstance(constraint.parent_block(), ComplementarityData):
@@ -194,24 +199,22 @@ class ConditionRows:
         constant = 0.0
         nonlinear = None
         linear: dict[int, float] = {}
-        for factor, expression in terms:
-            if expression.__class__ in native_numeric_types:
-                constant += factor * expression
-                continue
-            term = self._walk(expression)
-            constant += factor * term.constant
-            for key, value in term.linear.items():
-                linear[key] = linear.get(key, 0.0) + factor * value
-            if term.nonlinear is not None:
-                rest = factor * term.nonlinear
-                nonlinear = rest if nonlinear is None else nonlinear + rest
-        try:
+        finite = False
+        with suppress(ValueError):  # of a parameter without value, or of Pyomo's InvalidNumber
+            for factor, expression in terms:
+                if expression.__class__ in native_numeric_types:
+                    constant += factor * expression
+                    continue
+                term = self._walk(expression)
+                constant += factor * term.constant
+                for key, value in term.linear.items():
+                    linear[key] = linear.get(key, 0.0) + factor * value
+                if term.nonlinear is not None:
+                    rest = factor * term.nonlinear
+                    nonlinear = rest if nonlinear is None else nonlinear + rest
             finite = math.isfinite(constant) and all(map(math.isfinite, linear.values()))
-        except ValueError:  # Pyomo's InvalidNumber, which says where it comes from
-            finite = False
         if not finite:
-            reason = "a fixed variable or parameter without value?"
-            raise InputError(f"{owner.name} has a number that is not finite: {reason}")
+            raise InputError(f"{owner.name} {_NO_VALUE}")
         linear = {key: value for key, value in linear.items() if value}
         return float(constant), linear, None if nonlinear is None else flattened(nonlinear, owner)
 
