@@ -21,7 +21,9 @@ from ..methods.contract import Iterate, Method, with_options
 from ..numerics.arrays import Vector, as_vector, described
 from ..present.whole_files import as_path, check_ours, check_suffix, file_errors, write_whole
 from ..problem.data import ProblemData, ProblemLike, as_problem
+from ..solve.driver import solve
 from ..solve.goal import RTOL, Goal, Limits
+from ..solve.last_resort import DEFAULT_SECONDS
 from ..solve.solution import Solution, Status
 from ..theory.certificates.infeasible import infeasible
 from .archive import check_free, check_kind, content_errors, read_arrays, text_of, write_arrays
@@ -88,7 +90,7 @@ def save_solution(solution: Solution, path: str | PathLike[str]) -> None:
             lambda: check_place(path),
         )
         return
-    if solution.infeasible is not None:
+    if solution.infeasible is not None and solution.infeasible.witness is not None:
         parts["witness"] = np.array(solution.infeasible.witness, dtype=np.float64)
     with suppress(InputError):  # ψ may have no file form
         parts |= problem_parts(solution.problem)
@@ -213,9 +215,12 @@ def _judge_answer(
     if status is Status.INFEASIBLE:
         moving = 0 if problem.psi.is_constant else 1 if problem.upper is None else 2
         size = (1 + moving) * problem.n
-        proof = infeasible(problem, _vector(path, fields.get("witness", np.zeros(size)), size, "field witness"))
-        if not proof.holds:
-            raise FileError(f"{path}: says that there is no solution, but its witness is no proof on {problem!r}")
+        if "witness" in fields:
+            proof = infeasible(problem, _vector(path, fields["witness"], size, "field witness"))
+        else:  # an enumeration of active rows, which are few
+            proof = solve(problem, time_limit=DEFAULT_SECONDS, raise_on_failure=False).infeasible
+        if proof is None or not proof.holds:
+            raise FileError(f"{path}: says that there is no solution, which is not proved of {problem!r}")
     method = FromFile(path=str(path))
     solution = Solution(
         problem=problem,

@@ -247,7 +247,12 @@ class _Parts:
         """Raise Infeasible if the proof that a `part` has no solution is a proof for the whole problem."""
         assert part.infeasible is not None
         problem = self.problem
-        witness = np.array([float(x) for x in part.infeasible.witness]).reshape(-1, rows.size)
+        answer = part.infeasible
+        if answer.witness is None:  # no choice of active rows in this part has a solution
+            if problem.psi.is_constant and np.isin(problem.A[rows].indices, rows).all():
+                raise Infeasible(replace(answer, reason=f"of rows {', '.join(map(str, rows))} alone: {answer.reason}"))
+            return
+        witness = np.array([float(x) for x in answer.witness]).reshape(-1, rows.size)
         y = np.zeros((len(witness), problem.n))
         y[:, rows] = witness
         answer = infeasible(problem, y.ravel())

@@ -78,6 +78,13 @@ def test_a_status_that_the_problem_does_not_bear_out_is_refused(tmp_path):
     assert icp.load_solution(saved(path, rough)).status is icp.Status.ITERATION_LIMIT
 
 
+def test_a_proof_by_enumeration_is_made_again(tmp_path):
+    solution = icp.ICP([[0.0, 2.0], [1.0, -1.0]], [2.0, -2.0], [0.0, 1.0]).solve(raise_on_failure=False)
+    assert solution.infeasible.witness is None
+    icp.save_solution(solution, tmp_path / "none.npz")
+    assert icp.load_solution(tmp_path / "none.npz").infeasible.reason == solution.infeasible.reason
+
+
 @pytest.mark.parametrize("field", ["about", "format"])
 def test_characters_that_there_are_not_are_refused(tmp_path, field):
     path = saved(tmp_path / "s.npz", PROBLEM.solve())

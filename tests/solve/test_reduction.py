@@ -220,6 +220,21 @@ class TestInfeasible:
         low[0] = high[0] = 0.5
         assert exact_value(problem, solution.infeasible.witness, low, high) < 0
 
+    def test_a_block_whose_pieces_have_no_solution_is_one_of_the_whole(self):
+        """p_0 = 2 z_1 + 2 > 0, so that z_0 = 0, and then p_1 = -z_1 - 2 < 0 for all z_1 >= 1."""
+        n = 80
+        A, q = 3.0 * np.eye(n), np.full(n, -1.0)
+        A[:2, :2], q[:2] = [[0.0, 2.0], [1.0, -1.0]], [2.0, -2.0]
+        A[2:, 1] = 1.0
+        psi = np.zeros(n)
+        psi[1] = 1.0
+        order = np.random.default_rng(0).permutation(n)
+        problem = icp.ICP(A[np.ix_(order, order)], q[order], psi[order])
+        solution = attempt(problem)
+        assert solution.status is icp.Status.INFEASIBLE
+        assert "alone: no z solves the problem: none of all 4 choices" in solution.infeasible.reason
+        assert all(f"{int(np.flatnonzero(order == row)[0])}" in solution.infeasible.reason for row in (0, 1))
+
     def test_a_block_with_several_answers_proves_nothing_of_those_behind_it(self):
         """z_0 >= 0 is any number, z_1 (z_0 - 2) = 0 and z_0 >= 2."""
         solution = attempt(icp.ICP([[0.0, 0.0], [1.0, 0.0]], [0.0, -2.0]))
