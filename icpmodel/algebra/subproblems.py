@@ -78,6 +78,11 @@ class Blocks:
         return bool((np.diff(self.starts)[self.before | self.after] > 1).any())
 
     @property
+    def largest(self) -> int:
+        """The number of rows of the largest part."""
+        return max((part.size for part in self.parts), default=0)
+
+    @property
     def core(self) -> int:
         """The number of rows outside of the small blocks."""
         return sum(part.size for part in self.parts)

@@ -88,9 +88,10 @@ def ladder_steps(run: Run, problem: ProblemData, family: str | None, first: Meth
 def solve_parts(run: Run, problem: ProblemData, family: str | None = None, share: float = _MAX_PART) -> Iterator[None]:
     """The steps of the parts of `problem`, and their joined answer in `run`; none where a part has more than this
     `share` of the rows."""
-    partition = structure(problem, share * problem.n)
+    max_rows = share * problem.n
+    partition = structure(problem, max_rows)
     if partition is not None and not (family is not None and partition.is_pivoted):
-        yield from _Parts(run, problem, family).steps(partition)
+        yield from _Parts(run, problem, family).steps(partition, max_rows)
 
 
 class _Parts:
@@ -120,8 +121,8 @@ class _Parts:
         self.job = Job(Choice(PSOR()))
         self.size = 0
 
-    def steps(self, partition: Blocks | SchurComplement) -> Iterator[None]:
-        """Solve the parts of `partition`, and join their answers."""
+    def steps(self, partition: Blocks | SchurComplement, max_rows: float = np.inf) -> Iterator[None]:
+        """Solve the parts of `partition`, of at most `max_rows` each, and join their answers."""
         run = self.run
         try:
             rest: Blocks | None = None
@@ -129,7 +130,7 @@ class _Parts:
                 yield from self._solve_complement(partition)
             else:
                 rest = partition
-            while rest is not None and not run.is_over:
+            while rest is not None and rest.largest <= max_rows and not run.is_over:
                 partition = rest
                 rest = yield from self._in_blocks(partition)
             if isinstance(partition, Blocks) and partition.is_pivoted and not self.size:
@@ -290,6 +291,6 @@ def structure(problem: ProblemData, max_rows: float) -> Blocks | None:
     """The blocks of `problem`, None if a part that they leave has more than `max_rows` rows."""
     with suppress(MapError), np.errstate(over="ignore", invalid="ignore"):
         partition = blocks(problem)
-        if partition is not None and max((part.size for part in partition.parts), default=0) <= max_rows:
+        if partition is not None and partition.largest <= max_rows:
             return partition
     return None
