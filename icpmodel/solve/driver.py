@@ -198,6 +198,10 @@ def _run_all(run: Run, method: Method | None, family: str | None) -> None:
     if other is not run.problem:
         run.presolved = other
         run_methods(run, ladder_steps(run, other, family))
+        if run.infeasible is not None and run.infeasible.witness is None:  # an enumeration: the data are rounded
+            run.infeasible = None
+            run.is_over = False
+            run.stop_reason = StopReason(Status.STAGNATED, "")
         if run.infeasible is not None:
             run.infeasible = infeasible_as_given(run.problem, run.infeasible)
             run.stop_reason = StopReason(Status.INFEASIBLE, run.infeasible.reason)

@@ -235,6 +235,15 @@ class TestInfeasible:
         assert "alone: no z solves the problem: none of all 4 choices" in solution.infeasible.reason
         assert all(f"{int(np.flatnonzero(order == row)[0])}" in solution.infeasible.reason for row in (0, 1))
 
+    def test_an_enumeration_is_made_with_the_data_as_given(self):
+        """psi = z/2 is fixed, and an empty row is left out, before the first attempt."""
+        moving = icp.Affine([[0.5, 0.0], [0.0, 0.5]], [0.0, 0.0])
+        for problem, count in (
+            (icp.ICP([[1.0, -1.0], [1.0, -2.0]], [2.0, -2.0], moving), 4),
+            (icp.ICP([[1.0, -1.0, -1.0], [2.0, -2.0, -1.0], [0.0, 0.0, 0.0]], [2.0, -2.0, 1.0]), 8),
+        ):
+            assert f"none of all {count} choices" in attempt(problem).infeasible.reason
+
     def test_a_block_with_several_answers_proves_nothing_of_those_behind_it(self):
         """z_0 >= 0 is any number, z_1 (z_0 - 2) = 0 and z_0 >= 2."""
         solution = attempt(icp.ICP([[0.0, 0.0], [1.0, 0.0]], [0.0, -2.0]))

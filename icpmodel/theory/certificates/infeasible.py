@@ -79,10 +79,8 @@ def infeasible(problem: ProblemData, y: Vector, known: ProvedBounds | None = Non
 def infeasible_as_given(problem: ProblemData, answer: Answer) -> Answer:
     """The `answer` for `problem` without its redundant rows, as a proof for `problem` itself where it is one.
 
-    If it is one only with the values of redundant unknowns, it says so. One without a witness is an enumeration.
+    If it is one only with the values of redundant unknowns, it says so.
     """
-    if answer.witness is None:
-        return answer
     fixed = with_fixed_obstacle(problem)
     c = redundant_values(fixed)
     known = np.isfinite(c)
