@@ -197,7 +197,7 @@ class NonlinearTerm(Displayable):
     def weights_at(self, A: Matrix, z: Vector) -> Vector:
         """The diagonal of D⁻¹ at z: d_i is the largest |entry| of row i of A + f′(z) where that is less than D's.
 
-        So Res_D(z) counts a step of Newton's method in full, and a slope that grows without bound hides no p. It is NaN
+        So Res_D(z) counts a step of Newton's method in full, and a slope that grows without bound hides no p. It is ∞
         where slopes underflow, as p may do before z is near a solution.
         """
         with np.errstate(all="ignore"):
@@ -207,7 +207,8 @@ class NonlinearTerm(Displayable):
             else:
                 size = abs(sp.csr_array(A.sparse + J)).max(axis=1).toarray().reshape(-1)
         underflows = (size > 0.0) & (size < MIN_DIAGONAL)
-        return np.maximum(A.row_weights, weights_of(np.where(underflows, np.nan, size)))
+        weights = np.maximum(A.row_weights, weights_of(size))
+        return np.where(underflows, np.inf, weights)
 
     def describe(self) -> str:
         """One sentence: the form of f, and what is known of its slopes.

@@ -352,6 +352,13 @@ def test_steps_beside_a_solution_lead_there_where_the_tangent_has_others():
     assert solution.iterations <= 5
 
 
+def test_a_row_on_its_obstacle_is_solved_where_its_slope_underflows():
+    """p = e^(−z²) + 1 > 0 at z = 27, and p < 0 at the upper obstacle."""
+    assert ICP([[0.0]], [1.0], 27.0, f=lambda z: np.exp(-(z**2))).solve().z == [27.0]
+    flat = icp.Elementwise(lambda z: 4 / (1 + np.exp(-z)), derivative=lambda z: 4 * np.exp(-z) / (1 + np.exp(-z)) ** 2)
+    assert ICP([[0.0]], [-5.0], 0.0, upper=720.0, f=flat).solve().z == [720.0]
+
+
 def test_a_problem_without_a_solution_is_never_called_solved():
     """p = z² + 1 and p = e^z have no real root, and e^z underflows; p = 1 − 1/z cannot start at 0."""
     for f in (lambda z: z**2 + 1.0, np.exp):
