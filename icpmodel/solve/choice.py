@@ -16,7 +16,7 @@ from ..methods.contract import Method
 from ..methods.enumeration import Enumerate
 from ..methods.factorised import MNMMOD
 from ..methods.interior import Interior
-from ..methods.milp import MixedInteger
+from ..methods.milp import MAX_UNKNOWNS
 from ..methods.multilevel import Multilevel
 from ..methods.newton import Newton
 from ..methods.proximal import Proximal
@@ -103,7 +103,7 @@ def select_method(
        and the fill of the factors of A. That fill is not asked for before `Multilevel` has more left than the others
        would cost without any.
     5. Where one of these has ended, another that rung 4 names; after all of them MNMGS and MNMMOD. With at most 150
-       unknowns and a derivative of ψ they end after twice their estimates, as a global search follows.
+       unknowns they end after twice their estimates, as a global search follows.
 
     Before rung 4 the problem is reduced, see `solve.reduction`; each of its parts goes up a ladder of its own.
 
@@ -275,7 +275,7 @@ class Ladder:
         """The method that runs next; None if none is left or the ladder is paused."""
         self.is_paused = False
         while not self.is_paused:
-            if not self.rungs and self.family is None and not MixedInteger().why_not(self.problem):
+            if not self.rungs and self.family is None and self.problem.n <= MAX_UNKNOWNS:
                 self.jobs = [job for job in self.jobs if job.work_done < job.max_cost]
             least = min(self.jobs, key=lambda job: job.remaining, default=None)
             if not self.rungs or (least is not None and least.remaining <= self.floor):

@@ -6,7 +6,7 @@ import logging
 from collections.abc import Callable, Iterator
 
 from ..methods.enumeration import Enumerate
-from ..methods.milp import MixedInteger
+from ..methods.milp import MAX_UNKNOWNS, MixedInteger
 from ..methods.restarts import Restarts
 from ..numerics import work
 from .choice import MethodSequence
@@ -22,22 +22,22 @@ _FAILED_STATUSES = (Status.STAGNATED, Status.CYCLED, Status.DIVERGED)
 
 
 def search(run: Run, run_methods: Callable[[Run, Iterator[None]], None]) -> None:
-    """Go on where `run` ended as stagnated, cycled or diverged, with a problem that `MixedInteger` takes.
+    """Go on where `run` ended as stagnated, cycled or diverged, with a problem of up to `MAX_UNKNOWNS` unknowns.
 
     In turn: `Enumerate`, which settles what has few active sets in less time than anything else takes; each method that
-    began elsewhere, now from z⁰; `Restarts`; and `MixedInteger`. Where nothing is found `run` ends as it did
-    before, and its note says what was tried.
+    began elsewhere, or has spent twice its estimate, now from z⁰; `Restarts`; and `MixedInteger`. Where nothing is
+    found `run` ends as it did before, and its note says what was tried.
     """
     before = run.stop_reason
-    if run.best is None or before.status not in _FAILED_STATUSES or MixedInteger().why_not(run.problem):
+    if run.best is None or before.status not in _FAILED_STATUSES or run.problem.n > MAX_UNKNOWNS:
         return
     job = run.job
     limited = run.limits.time_limit is not None
     seconds = work.seconds_left() if limited else DEFAULT_SECONDS
     limit = f"a search of at most {seconds:.3g} s" + ("" if limited else " (no time_limit was given)")
     why = f"the methods before it {before.status.value}; {limit}"
-    restarted = [one.method for one in run.tried if not one.is_fresh]
-    methods = [one for one in (Enumerate(), *restarted, Restarts(), MixedInteger()) if one.why_not(run.problem) is None]
+    again = [one.method for one in run.tried if not (one.is_fresh and one.outcome)]
+    methods = [one for one in (Enumerate(), *again, Restarts(), MixedInteger()) if one.why_not(run.problem) is None]
     _LOG.info("n = %d: %s begins: %s", run.problem.n, limit, ", ".join(map(repr, methods)))
     run.restart = run.start
     with work.work_limit(seconds):
