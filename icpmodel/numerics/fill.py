@@ -18,11 +18,13 @@ from .threads import run_with_deadline
 from .work import COSTS
 
 #: nanoseconds of a symbolic analysis, whatever the size, per entry, and per squared number of entries of a column: 10⁵
-#: rows coupled to one of 10⁴, 3·10⁴ and 6·10⁴ others took 1.1 to 2 times that; on graphs that fill up n² times the last
+#: rows coupled to one of 10⁴, 3·10⁴ and 6·10⁴ others took 1.1 to 2 times that
 _ANALYSIS_COST = 100_000.0
 _ANALYSIS_COST_PER_ENTRY = 150.0
 _ANALYSIS_COST_PER_SQUARE = 1.0
-_MAX_COST_FACTOR = 50.0
+#: n times the entries times this is the most that one takes: random graphs, which fill up, of 4 to 30 entries in a row
+#: took .3 to 1.6, n = 1500 to 10⁴, grids .01 to .06
+_MAX_COST_FACTOR = 1.6
 #: a graph of more rows than this, with more entries in the mean row, is not analysed where a breadth-first layer has
 #: more than this share of the rows
 _SMALL_GRAPH = 2000
@@ -143,7 +145,11 @@ def _minimum_degree(graph: sp.csc_array) -> NDArray[np.integer]:
 
     options = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
     analysis = partial(spilu, graph, drop_tol=0.5, fill_factor=1.0, **options)
-    return np.argsort(run_with_deadline(analysis, _MAX_COST_FACTOR * graph.shape[0] ** 2).perm_c)
+    return np.argsort(run_with_deadline(analysis, _most_expensive_analysis(graph)).perm_c)
+
+
+def _most_expensive_analysis(A: Any) -> float:
+    return _MAX_COST_FACTOR * float(A.shape[0]) * A.nnz
 
 
 def thin_rows(A: Any) -> NDArray[np.bool_]:
@@ -234,7 +240,7 @@ class SymbolicAnalysis:
             if self._sparse.is_exact:
                 return self._sparse
             # no deadline ends an analysis by SuperLU, which holds the interpreter's lock
-            work.check_budget(_MAX_COST_FACTOR * self._sparse.rows**2)
+            work.charge(_most_expensive_analysis(self.matrix))
         return self._analysed()
 
     @property
@@ -256,6 +262,14 @@ class SymbolicAnalysis:
         analysis = SymbolicAnalysis(self.matrix, self._known_symmetry)
         analysis._sparse = self.complete
         analysis._order = self._order
+        return analysis
+
+    def of_similar(self, M: sp.csr_array) -> SymbolicAnalysis:
+        """The analysis of an unsymmetric `M` with about the same entries, in the same order where that is sparse."""
+        analysis = SymbolicAnalysis(M, lambda: False)
+        if not (self._is_full or self.is_dense or self.is_band):
+            analysis._sparse = self.complete._replace(symmetric=False)
+            analysis._order = self.order
         return analysis
 
     def band_costs_more(self, limit: float) -> bool:
