@@ -36,12 +36,12 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..algebra.active_equations import ActiveEquations
+from ..algebra.descent_directions import descent_directions
 from ..algebra.equations import Pattern, derivative
 from ..algebra.factor_costs import newton_cost
 from ..errors import MapError
 from ..numerics import work
 from ..numerics.arrays import Mask, Vector, norm
-from ..numerics.linear import solver_of
 from ..problem.data import ProblemData
 from .contract import REDUCTION, Iterate, Method, with_options
 
@@ -56,8 +56,6 @@ _MAX_HALVINGS = 30
 _MIN_SLOPE = 1e-6
 #: the largest number of descent steps without a new reference
 _MAX_DESCENTS = 40
-#: the regularisation of a singular Newton matrix of φ
-_REGULARISATION = 1e-6
 #: the relative tolerance of an inexact solve, in the first steps and near the solution
 _LOOSE_RTOL = 1e-3
 _TIGHT_RTOL = 1e-8
@@ -326,23 +324,11 @@ class NewtonPath(Iterator[Iterate]):
         work.count(work.newton(self.problem.n, self.problem.facts.entries, mixed=True))
         V, total = best.derivative()
         phi = best.phi / best.theta
-        for direction in self.directions(V, phi, total):
+        for direction in descent_directions(self.problem, V, phi, total):
             slope = float(phi @ (V @ direction))
             if slope < -_MIN_SLOPE and (new := self.line_search(best, best.theta * direction, slope)):
                 return new
         return None
-
-    def directions(self, V: sp.csr_array, phi: Vector, shift: Vector) -> Iterator[Vector]:
-        """The Newton direction, with V regularised if singular, then steepest descent with Cauchy's step length."""
-        step = solver_of(V)(-phi, _TIGHT_RTOL)
-        if step is None:
-            step = solver_of(sp.csr_array(V + sp.diags_array(_REGULARISATION * shift)))(-phi, _TIGHT_RTOL)
-        if step is not None:
-            yield step
-        gradient = V.T @ phi
-        steepest = gradient / norm(gradient)
-        size = norm(V @ steepest)
-        yield -steepest * (phi @ (V @ steepest)) / size / size  # the square may not be a float
 
     def line_search(self, best: NewtonPoint, step: Vector, slope: float) -> NewtonPoint | None:
         """The first point z + tΔz, t = 1, ½, …, from `best` that satisfies Armijo's rule; None if none does."""

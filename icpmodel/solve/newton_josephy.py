@@ -11,6 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..algebra.affine_lcp import PIVOT_UP_TO
+from ..algebra.descent_directions import descent_directions
 from ..algebra.equations import Pattern, pattern_at, solve_on
 from ..algebra.secants import secant_problem, why_not_rows
 from ..errors import MapError, SingularOperator
@@ -268,7 +269,7 @@ class _Search:
         point = NewtonPoint(linear, self.path.omega, self.current.z)
         V, total = point.derivative()
         phi = point.phi / point.theta
-        for direction in self.path.directions(V, phi, total):
+        for direction in descent_directions(linear, V, phi, total):
             slope = float(phi @ (V @ direction))
             if (
                 slope < -_ARMIJO

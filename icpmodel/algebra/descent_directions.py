@@ -1,0 +1,44 @@
+"""Directions in which a merit function ½‖φ‖² falls."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import scipy.sparse as sp
+
+from ..numerics.arrays import Vector, norm
+from ..numerics.linear import solver_of
+from ..problem.data import ProblemData
+from .factor_costs import factor_costs
+
+#: the regularisation of a singular Newton matrix of φ
+_REGULARISATION = 1e-6
+#: the relative tolerance of the Newton direction
+_RTOL = 1e-8
+
+
+def descent_directions(problem: ProblemData, V: sp.csr_array, phi: Vector, shift: Vector) -> Iterator[Vector]:
+    """The Newton direction, with V regularised if singular, then steepest descent with Cauchy's step length.
+
+    Parameters
+    ----------
+    problem : ProblemData
+        The problem, whose A has about the entries of V: its symbolic analysis serves for all V.
+    V : CSR array of shape (n, n)
+        An element of the generalised derivative of φ.
+    phi : array of shape (n,)
+        φ.
+    shift : array of shape (n,)
+        The diagonal that is added to a singular V, times 1e-6.
+    """
+    analysis = factor_costs(problem.matrix).analysis
+    step = solver_of(V, analysis.of_similar(V))(-phi, _RTOL)
+    if step is None:
+        regularised = sp.csr_array(V + sp.diags_array(_REGULARISATION * shift))
+        step = solver_of(regularised, analysis.of_similar(regularised))(-phi, _RTOL)
+    if step is not None:
+        yield step
+    gradient = V.T @ phi
+    steepest = gradient / norm(gradient)
+    size = norm(V @ steepest)
+    yield -steepest * (phi @ (V @ steepest)) / size / size  # the square may not be a float
