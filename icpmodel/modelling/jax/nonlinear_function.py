@@ -96,7 +96,7 @@ def nonlinear_solution_of(
     jacobian = _Jacobian(jax, F, as_csr(np.ones((size, size)) if sparsity is None else sparsity, "sparsity", size))
     low = as_vector(psi, size, "psi", infinite=np.inf)
     high = as_vector(np.inf if upper is None else upper, size, "upper", infinite=np.inf)
-    start = None if z0 is None else as_vector(z0, size, "z0")
+    start = None if z0 is None else as_vector(getattr(z0, "z", z0), size, "z0")
     solved = _solver(jacobian, low, high, start, Limits(rtol=rtol, atol=atol, max_iter=0, time_limit=time_limit))
 
     @jax.custom_jvp
