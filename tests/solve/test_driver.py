@@ -375,7 +375,7 @@ def test_a_psi_that_moves_with_its_own_unknown_alone_is_asked_for_the_obstacle_a
         problem, seen = fixed.with_psi(psi), []
         solution = problem.solve(rtol=1e-10)
         assert solution.solved
-        assert len(asked) < 20 < solution.iterations
+        assert 2 * len(asked) < solution.iterations
         shown = problem.solve(rtol=1e-10, history=True, callback=lambda at, seen=seen: seen.append((at.z, at.residual)))
         assert np.array_equal(shown.z, solution.z)  # who looks on changes nothing, and sees Res_D(z)
         assert [residual for _, residual in seen] == shown.history.residual.tolist()

@@ -96,8 +96,7 @@ def nonlinear_solution_of(
     jacobian = _Jacobian(jax, F, as_csr(np.ones((size, size)) if sparsity is None else sparsity, "sparsity", size))
     low = as_vector(psi, size, "psi", infinite=np.inf)
     high = as_vector(np.inf if upper is None else upper, size, "upper", infinite=np.inf)
-    start = None if z0 is None else as_vector(getattr(z0, "z", z0), size, "z0")
-    solved = _solver(jacobian, low, high, start, Limits(rtol=rtol, atol=atol, max_iter=0, time_limit=time_limit))
+    solved = _solver(jacobian, low, high, z0, Limits(rtol=rtol, atol=atol, max_iter=0, time_limit=time_limit))
 
     @jax.custom_jvp
     def answer(theta: Any) -> Any:
@@ -117,8 +116,9 @@ def nonlinear_solution_of(
     return answer
 
 
-def _solver(jacobian: _Jacobian, low: Vector, high: Vector, z0: Vector | None, limits: Limits) -> Solver:
-    """θ ↦ z, by `solve`."""
+def _solver(jacobian: _Jacobian, low: Vector, high: Vector, z0: Any, limits: Limits) -> Solver:
+    """θ ↦ z, by `solve` from `z0`. Raises InputError where that is no vector of n numbers."""
+    start = None if z0 is None else as_vector(getattr(z0, "z", z0), low.size, "z0")
 
     def solved(theta: Any) -> Vector:
         problem = ICP.nonlinear(
@@ -127,7 +127,7 @@ def _solver(jacobian: _Jacobian, low: Vector, high: Vector, z0: Vector | None, l
             low,
             None if np.isposinf(high).all() else high,
         )
-        return problem.solve(z0=z0, rtol=limits.rtol, atol=limits.atol, time_limit=limits.time_limit).z
+        return problem.solve(z0=start, rtol=limits.rtol, atol=limits.atol, time_limit=limits.time_limit).z
 
     return solved
 
