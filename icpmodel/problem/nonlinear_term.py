@@ -198,7 +198,7 @@ class NonlinearTerm(Displayable):
         """The diagonal of D⁻¹ at z: d_i is the largest |entry| of row i of A + f′(z) where that is less than D's.
 
         So Res_D(z) counts a step of Newton's method in full, and a slope that grows without bound hides no p. It is ∞
-        where slopes underflow, as p may do before z is near a solution.
+        where slopes that are larger elsewhere underflow, as p may do before z is near a solution.
         """
         with np.errstate(all="ignore"):
             J = self.jacobian(z)
@@ -206,7 +206,7 @@ class NonlinearTerm(Displayable):
                 size = np.maximum(np.abs(A.rows.diagonal + J.diagonal()), A.largest_beside)
             else:
                 size = abs(sp.csr_array(A.sparse + J)).max(axis=1).toarray().reshape(-1)
-        underflows = (size > 0.0) & (size < MIN_DIAGONAL)
+        underflows = (size > 0.0) & (size < MIN_DIAGONAL) & (A.row_weights < 1.0 / MIN_DIAGONAL)
         weights = np.maximum(A.row_weights, weights_of(size))
         return np.where(underflows, np.inf, weights)
 
