@@ -129,6 +129,13 @@ def test_least_squares_may_have_any_units(size):
     assert icp.solve_lsq(B, c, lb=0).x == pytest.approx([0.0, 1 / 7])
 
 
+def test_least_squares_whose_units_are_far_apart():
+    """x is on its bound, or leaves the range of floats."""
+    assert icp.solve_lsq([[1e-170]], [1e160], 0.0, 1.0).x == [1.0]
+    assert icp.solve_lsq([[1e-200]], [1e200], 0.0, 1e-10).x == [1e-10]
+    assert icp.solve_lsq([[1e-200]], [1e200], raise_on_failure=False).status == "solver_error"
+
+
 def test_a_matrix_without_columns_is_named():
     with pytest.raises(icp.InputError, match=r"B has shape \(3, 0\)"):
         icp.solve_nnls(np.zeros((3, 0)), np.ones(3))

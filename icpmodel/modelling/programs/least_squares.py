@@ -28,6 +28,8 @@ from .solve_qp import solve_avi
 
 #: rows and columns up to which x is corrected by an orthogonal factorisation
 _DENSE_UP_TO = 2000
+#: the largest exponent of the units of x
+_MAX_EXPONENT = 900
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -175,10 +177,15 @@ Outcome = tuple[Vector, Vector, int, str, str]
 def _solve_scaled(B: sp.csr_array, c: Vector, low: Vector, high: Vector, tolerance: float) -> Outcome:
     """Solve in units in which the squares of the largest entries are floats."""
     of_B, of_c = (int(np.frexp(np.abs(values).max(initial=0.0))[1]) for values in (B.data, c))
+    of_c = min(max(of_c, of_B - _MAX_EXPONENT), of_B + _MAX_EXPONENT)  # x and the bounds remain floats, too
     scaled = sp.csr_array((np.ldexp(B.data, -of_B), B.indices, B.indptr), shape=B.shape)
     sides = [np.ldexp(side, of_B - of_c) for side in (low, high)]
     x, violations, nit, status, message = _solve(scaled, np.ldexp(c, -of_c), sides[0], sides[1], tolerance)
-    return np.clip(np.ldexp(x, of_c - of_B), low, high), np.ldexp(violations, of_B + of_c), nit, status, message
+    x = np.clip(np.ldexp(x, of_c - of_B), low, high)
+    if not np.isfinite(x).all():
+        status = "solver_error"
+        message = "x leaves the range of floats"
+    return x, np.ldexp(violations, of_B + of_c), nit, status, message
 
 
 def _solve(B: sp.csr_array, c: Vector, low: Vector, high: Vector, tolerance: float) -> Outcome:
