@@ -12,8 +12,13 @@ from ..problem.data import ProblemData
 from ..theory.matrices.classes import MatrixClasses
 
 
-def what_to_do(problem: ProblemData, classes: MatrixClasses, picked: Method | None = None) -> Iterator[str]:
-    """Advice if no member of the family is proved to converge; `picked` is the first method of `solve()`."""
+def what_to_do(
+    problem: ProblemData, classes: MatrixClasses, picked: Method | None = None, *, is_decided: bool = False
+) -> Iterator[str]:
+    """Advice if no member of the family is proved to converge; `picked` is the first method of `solve()`.
+
+    Whether there are solutions, and how many, `is_decided` where all linear pieces were examined.
+    """
     yield "no member of the family is proved to converge; solve() tries several, and checks the residual of the result"
     psi = problem.psi
     both = problem.upper is not None
@@ -36,6 +41,8 @@ def what_to_do(problem: ProblemData, classes: MatrixClasses, picked: Method | No
         later = "" if isinstance(picked, Newton) else ", on which solve() falls back"
         obstacles = "obstacles that do not move" if both else "constant psi"
         yield f"A is a P-matrix, so with {obstacles} the solution is unique, but sweeps may cycle: try newton{later}"
+    elif is_decided:
+        return
     elif is_boxed(problem):
         yield "z has a fixed obstacle on both sides in every row, so that there is a solution, perhaps one of many"
     elif classes.semidefinite.holds and problem.is_lcp:

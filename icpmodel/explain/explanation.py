@@ -26,6 +26,7 @@ from ..solve.outcome import why_none
 from ..solve.reduction import presolve
 from ..theory.answers import Allowance, Answer
 from ..theory.certificates.bounds import ErrorBound, bullet_list, classes_of, error_bound
+from ..theory.certificates.enumerated import Disproof, NoSolution
 from ..theory.convergence.proximal_point import proximal_point
 from ..theory.matrices.classes import CLASS_NAMES, MatrixClasses
 from ..theory.nonuniqueness import solution_facts
@@ -94,6 +95,12 @@ class Explanation(Displayable):
 
         return min(rated, key=cost, default=None)
 
+    @property
+    def disproof(self) -> Disproof | None:
+        """The sentence that there are several solutions, or none; None where that is not proved."""
+        facts = () if self.bound.unique else solution_facts(self.problem, self.classes)
+        return next((one for one in facts if isinstance(one, Disproof)), None)
+
     def sections(self) -> dict[str, str]:
         """The page, part by part.
 
@@ -103,8 +110,14 @@ class Explanation(Displayable):
             Title → text.
         """
         f = self.problem.f
+        disproof = self.disproof
         if self.bound.unique:
             solution = f"exists, and is the only one: {self.bound.proof}"
+        elif isinstance(disproof, NoSolution):
+            solution = disproof
+        elif disproof is not None:
+            facts = solution_facts(self.problem, self.classes)
+            solution = "\n".join([disproof, *(one for one in facts if one != disproof)])
         else:
             known = "neither existence nor uniqueness is proved"
             if is_boxed(self.problem):
@@ -135,7 +148,7 @@ class Explanation(Displayable):
         return {title.replace(" ", "_"): text.splitlines() for title, text in self.sections().items()} | {
             "n": self.problem.n,
             "classes": {name: _plain(getattr(self.classes, name)) for name in CLASS_NAMES},
-            "unique": self.bound.unique or None,
+            "unique": self.bound.unique or (None if self.disproof is None else False),
             "accuracy": self.accuracy,
             "methods": [
                 {
@@ -203,7 +216,8 @@ class Explanation(Displayable):
         if self.problem.f is not None:
             yield from what_to_do_about_f(self.problem, self.bound.unique)
         elif self.instead is None and not any(one.proved_by for one in self.forecasts):
-            yield from what_to_do(self.problem, self.classes, self.picked)
+            is_decided = self.bound.unique or self.disproof is not None
+            yield from what_to_do(self.problem, self.classes, self.picked, is_decided=is_decided)
         largest = self.bound.value
         if largest is not None and self.accuracy < UNIT_ROUNDOFF * largest:
             yield (

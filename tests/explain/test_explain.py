@@ -135,10 +135,16 @@ def test_what_solve_begins_with_is_proved_and_its_steps_are_told():
         (icp.ICP([[2.0]], [-1.0], np.sin), "give psi's Lipschitz matrix"),
         (icp.ICP([[2.0]], [-1.0], icp.Affine([[3.0]])), "psi moves too much"),
         (icp.ICP(PAIR, [-1.0, 1.0], icp.Affine([[0, 3.0], [1.0, 0]])), "with the obstacle frozen"),
-        (icp.ICP([[-1.0]], [-1.0]), "no P-matrix: there may be no solution, or many"),
+        (icp.ICP(-np.eye(12), -np.ones(12)), "no P-matrix: there may be no solution, or many"),
         (scenes.hand_cyclic().problem, "sweeps may cycle: try newton"),
-        (icp.ICP([[1.0, -1.0], [-1.0, 1.0]], [1.0, 1.0]), "A is positive semidefinite: if some z has p >= 0"),
-        (icp.ICP([[0.0, -1.0], [1.0, 0.0]], [1.0, 1.0]), "A is positive semidefinite: if some z has p >= 0"),
+        (
+            icp.ICP(np.kron(np.eye(6), [[1, -1], [-1, 1]]), np.ones(12)),
+            "A is positive semidefinite: if some z has p >= 0",
+        ),
+        (
+            icp.ICP(np.kron(np.eye(6), [[0, -1], [1, 0]]), np.ones(12)),
+            "A is positive semidefinite: if some z has p >= 0",
+        ),
     ],
 )
 def test_where_nothing_is_proved_there_is_advice(problem, words):
@@ -252,10 +258,28 @@ def test_two_obstacles_are_named_and_said_to_cross_or_not():
     assert [crossing in page.sections()["methods"] for page in (box, alike, own)] == [False, False, True]
 
 
+@pytest.mark.parametrize(
+    ("problem", "sentence", "unique"),
+    [
+        (icp.ICP([[1.0, 2.0], [3.0, 1.0]], [1.0, 1.0]), "exists, and is the only one: one solution was found", True),
+        (icp.ICP([[0.0, 1.0], [-1.0, 0.0]], [-2.0, -1.0]), "there is no solution: all 4 linear pieces", False),
+        (icp.ICP([[-1.0]], [-0.25], -1.0, 1.0), "there are two solutions or more: (-0.25) and (-1)", False),
+    ],
+)
+def test_what_all_linear_pieces_decide_is_said_once(problem, sentence, unique):
+    page = problem.explain()
+    assert page.sections()["solution"].startswith(sentence)
+    assert page.about()["unique"] is unique
+    text = str(page)
+    assert text.count("there is no solution:") + text.count("there are two solutions or more:") == (not unique)
+    assert "there may be no solution" not in text
+    assert "perhaps one of many" not in text
+
+
 def test_a_solution_in_a_box_exists_where_f_is_continuous():
     """1/z on [-1, 1] has a pole, and no solution."""
     pole = icp.ICP.nonlinear(lambda z: 1 / z, n=1, psi=-1.0, upper=1.0).explain()
     assert "given that f is continuous there" in pole.sections()["solution"]
-    affine = icp.ICP([[0.0]], [0.0], -1.0, upper=1.0).explain()
+    affine = icp.ICP(np.zeros((12, 12)), np.zeros(12), -1.0, upper=1.0).explain()
     assert "exists, as every row" in affine.sections()["solution"]
     assert "continuous" not in affine.sections()["solution"]

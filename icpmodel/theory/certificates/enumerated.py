@@ -39,6 +39,14 @@ class EnumeratedProof(Proof):
         return delta, norm_up(delta)
 
 
+class Disproof(str):
+    """A sentence that there are several solutions, or none."""
+
+
+class NoSolution(Disproof):
+    """A sentence that there is none."""
+
+
 @np.errstate(all="ignore")  # what overflows proves nothing
 def prove(problem: ProblemData) -> EnumeratedProof | str:
     """All pieces are examined; it depends on q as well."""
@@ -55,11 +63,13 @@ def prove(problem: ProblemData) -> EnumeratedProof | str:
             continue
         face = solutions.rounded()
         if solutions.directions:
-            return f"there are many solutions: z may move from {listed(face.point)} along {listed(face.directions[0])}"
+            along = listed(face.directions[0])
+            return Disproof(f"there are many solutions: z may move from {listed(face.point)} along {along}")
         if point is not None and solutions.point != point.point:
-            return f"there are two solutions or more: {listed(point.rounded().point)} and {listed(face.point)}"
+            first = listed(point.rounded().point)
+            return Disproof(f"there are two solutions or more: {first} and {listed(face.point)}")
         point = solutions
     if point is None:
-        return f"there is no solution: all {count:.0f} linear pieces were examined"
+        return NoSolution(f"there is no solution: all {count:.0f} linear pieces were examined")
     sentence = f"one solution was found in fractions, and no other: all {count:.0f} linear pieces were examined"
     return EnumeratedProof(sentence, point.rounded().point)
