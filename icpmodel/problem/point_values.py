@@ -250,7 +250,11 @@ class PointValues(Displayable):
         >>> ICP([[3.0]], [-6.0]).residual_of(np.array([-3.0]), np.array([1.0]), None)
         1.0
         """
-        return norm(mid((self.matrix.row_weights if weights is None else weights) * p, below, above))
+        return norm(mid(self.weighted(p, self.matrix.row_weights if weights is None else weights), below, above))
+
+    def weighted(self, p: Vector, weights: Vector) -> Vector:
+        """The `weights` times p, 0 where p is, although a weight may be ∞."""
+        return weights * p if self.f is None else np.where(p == 0.0, 0.0, weights * p)
 
     @np.errstate(all="ignore")
     def residual_at_0(self) -> float:
@@ -385,4 +389,4 @@ class PointValues(Displayable):
         True
         """
         rounding_p, rounding_r = self.rounding(z)
-        return norm(np.maximum(self.weights_at(self.vector(z)) * rounding_p, rounding_r))
+        return norm(np.maximum(self.weighted(rounding_p, self.weights_at(self.vector(z))), rounding_r))

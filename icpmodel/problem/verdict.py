@@ -28,6 +28,8 @@ def certified_residual(
         return residual
     count(problem.matrix.product_cost)
     weights = problem.weights_at(z) if weights is None else weights
+    if not np.isfinite(weights).all():  # r decides there, or p is 0
+        return residual
     residuals = np.array([residual])
     q, left = _constant_part(problem, z)
     offsets = [(psi.value(z) if psi.linear is None else psi.linear[1])[None] for psi in sides_of(problem.psi)]

@@ -358,6 +358,8 @@ def test_a_row_on_its_obstacle_is_solved_where_its_slope_underflows():
     flat = icp.Elementwise(lambda z: 4 / (1 + np.exp(-z)), derivative=lambda z: 4 * np.exp(-z) / (1 + np.exp(-z)) ** 2)
     assert ICP([[0.0]], [-5.0], 0.0, upper=720.0, f=flat).solve().z == [720.0]
     assert ICP([[1e-320]], [0.0], f=lambda z: 1e-320 * z**3).solve().z == [0.0]
+    falling = ICP.nonlinear(lambda z: np.exp(-z) - np.exp(-740.0), lambda z: np.diag(-np.exp(-z)), psi=[740.0])
+    assert falling.solve().residual == 0.0
 
 
 def test_a_problem_without_a_solution_is_never_called_solved():
