@@ -16,15 +16,19 @@ from typing import Any
 
 import numpy as np
 
+from ..algebra.subproblems import with_fixed_obstacle
 from ..errors import FileError, InputError, NotApplicable, check_arguments
 from ..methods.contract import Iterate, Method, with_options
+from ..methods.enumeration import Enumerate
 from ..numerics.arrays import Vector, as_vector, described
 from ..present.whole_files import as_path, check_ours, check_suffix, file_errors, write_whole
 from ..problem.data import ProblemData, ProblemLike, as_problem
+from ..problem.two_sided import sides_of
 from ..solve.driver import solve
 from ..solve.goal import RTOL, Goal, Limits
 from ..solve.last_resort import DEFAULT_SECONDS
 from ..solve.solution import Solution, Status
+from ..theory.answers import Answer
 from ..theory.certificates.infeasible import infeasible
 from .archive import check_free, check_kind, content_errors, read_arrays, text_of, write_arrays
 from .files import Source, problem_of, problem_parts
@@ -196,6 +200,23 @@ def _known(path: Path, about: dict[str, Any], name: str, expected: str) -> Any:
     raise FileError(f"{path}: field about has {name} = {value!r:.80}; {expected} was expected")
 
 
+def _proof(problem: ProblemData, witness: Any) -> Answer | None:
+    """The proof that there is no solution, by the `witness` in a file or, where that is none, by another run."""
+    for one in (problem, with_fixed_obstacle(problem)):
+        moving = 0 if one.psi.is_constant else len(sides_of(one.psi))
+        with suppress(InputError):
+            answer = infeasible(one, as_vector(witness, (1 + moving) * one.n, "witness"))
+            if answer.holds:
+                return answer
+    if Enumerate().why_not(problem) is None:
+        solution = solve(problem, Enumerate(), raise_on_failure=False)
+    else:
+        solution = solve(problem, time_limit=DEFAULT_SECONDS, raise_on_failure=False)
+    if solution.status is Status.INTERRUPTED:
+        raise KeyboardInterrupt
+    return solution.infeasible
+
+
 def _judge_answer(
     path: Path, about: dict[str, Any], problem: ProblemData, fields: dict[str, Any], limits: Limits
 ) -> Solution:
@@ -213,12 +234,7 @@ def _judge_answer(
         residual = goal.judged(z, residual)
     proof = None
     if status is Status.INFEASIBLE:
-        moving = 0 if problem.psi.is_constant else 1 if problem.upper is None else 2
-        size = (1 + moving) * problem.n
-        if "witness" in fields:
-            proof = infeasible(problem, _vector(path, fields["witness"], size, "field witness"))
-        else:  # an enumeration of active rows, which are few
-            proof = solve(problem, time_limit=DEFAULT_SECONDS, raise_on_failure=False).infeasible
+        proof = _proof(problem, fields.get("witness"))
         if proof is None or not proof.holds:
             raise FileError(f"{path}: says that there is no solution, which is not proved of {problem!r}")
     method = FromFile(path=str(path))

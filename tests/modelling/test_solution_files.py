@@ -73,9 +73,18 @@ def test_a_status_that_the_problem_does_not_bear_out_is_refused(tmp_path):
     again = icp.load_solution(saved(path, never))
     assert again.status is icp.Status.INFEASIBLE
     assert again.infeasible.holds
-    with pytest.raises(icp.FileError, match="witness"):
+    with pytest.raises(icp.FileError, match="says that there is no solution, which is not proved of"):
         icp.load_solution(path, PROBLEM)
     assert icp.load_solution(saved(path, rough)).status is icp.Status.ITERATION_LIMIT
+
+
+@pytest.mark.parametrize(
+    "problem",
+    [icp.ICP([[-3.0]], [-2.0], icp.Affine([[0.5]], 1.0)), icp.ICP([[0.0, 0.0], [1.0, 0.0]], [1.0, -3.0], [-2.0, 1.0])],
+)
+def test_a_proof_of_the_presolved_problem_is_read_again(tmp_path, problem):
+    icp.save_solution(problem.solve(raise_on_failure=False), tmp_path / "none.npz")
+    assert icp.load_solution(tmp_path / "none.npz").status is icp.Status.INFEASIBLE
 
 
 def test_a_proof_by_enumeration_is_made_again(tmp_path):
