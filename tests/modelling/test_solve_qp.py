@@ -288,6 +288,7 @@ def test_a_contradiction_names_the_rows_of_the_user():
     rows = {"A": [[1, 1, 1], [1, 2, 0]], "b": [1, 2], "G": [[1, 0, 0], [0, 1, 1], [0, -1, -1]], "h": [9, 1, -2]}
     found = icp.solve_qp(np.eye(3), np.ones(3), **rows, raise_on_failure=False)
     assert "the sum of 1 times row 1 of G and 1 times row 2 of G exceeds" in found.message
+    assert "wherever lb <= x <= ub and the rows of G with one entry hold" in found.message
 
 
 def test_labels_of_pandas_that_differ_are_named():

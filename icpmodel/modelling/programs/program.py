@@ -45,8 +45,9 @@ class Program:
     equations: int
     low: Vector
     high: Vector
-    #: the rows' numbers in the program that was given
+    #: the rows' numbers in the program that was given, and what holds there besides them
     numbers: NDArray[np.intp]
+    bounds: str = "lb <= x <= ub"
 
     @classmethod
     def of_rows(
@@ -115,7 +116,10 @@ class Presolve:
         with np.errstate(invalid="ignore"):
             self.crossed = bool((low - high > MAX_CROSSING * (np.abs(low) + np.abs(high))).any())
         low = np.minimum(low, high)
-        self.program = replace(original, C=C[self.rows], d=original.d[self.rows], low=low, high=high, numbers=self.rows)
+        bounds = f"{original.bounds} and the rows of G with one entry hold" if self.singles.size else original.bounds
+        self.program = replace(
+            original, C=C[self.rows], d=original.d[self.rows], low=low, high=high, numbers=self.rows, bounds=bounds
+        )
 
     def postsolve(self, z: Vector, box: Vector) -> tuple[Vector, Vector]:
         """x with the multipliers of rows, and the multipliers of bounds, of the program that was given."""

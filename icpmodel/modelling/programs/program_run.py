@@ -174,7 +174,7 @@ class ProgramRun:
             precision = "proved" if is_proved else "up to rounding"
             if primal:
                 used = combination_text(weights, self.program.row_name)
-                message = f"the sum of {used} exceeds its right-hand side wherever lb <= x <= ub: {precision}"
+                message = f"the sum of {used} exceeds its right-hand side wherever {self.program.bounds}: {precision}"
                 return f"infeasible{inaccurate}", message
             return self._without_multipliers(inaccurate, precision)
         return None
