@@ -154,6 +154,8 @@ def test_labels_of_pandas_that_differ_are_named():
         (lambda: problem.with_psi(swapped), "psi.index"),
         (lambda: problem.solve(z0=swapped), "z0.index"),
         (lambda: icp.solve_many(A, pd.DataFrame([swapped])), "Q.columns"),
+        (lambda: icp.solve_many(A, [q, swapped]), r"Q\[1\].index"),
+        (lambda: problem.solve().derivative().forward(dpsi=swapped), "dpsi.index"),
     ):
         with pytest.raises(icp.InputError, match=f"{name} has other labels than A.index"):
             call()

@@ -19,10 +19,11 @@ from ...theory.matrices.definiteness import definiteness, semidefinite_up_to_rou
 from .program import Program, Rows
 
 
-def read(data: tuple[Any, ...], names: str) -> Program:
+def read(data: tuple[Any, ...], names: str, initvals: Any = None) -> Program:
     """The program with H, g, G, h, A, b, lb and ub, None leaving constraints out; `names` are those of H and g."""
     H, g, G, h, A, b, lb, ub = data
-    check_labels({names[0]: H, names[1]: g, "G": along(G, "columns"), "A": along(A, "columns"), "lb": lb, "ub": ub})
+    vectors = {names[1]: g, "initvals": initvals, "lb": lb, "ub": ub}
+    check_labels({names[0]: H, "G": along(G, "columns"), "A": along(A, "columns"), **vectors})
     H = as_csr(H, names[0])
     n = H.shape[0]
     g = as_vector(g, n, names[1])

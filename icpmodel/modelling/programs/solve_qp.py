@@ -14,7 +14,6 @@ from ...errors import NotSolved
 from ...icp import ICP
 from ...numerics import work
 from ...numerics.arrays import Vector, as_truth, as_vector
-from ...numerics.labels import check_labels
 from ...numerics.rounding import public_entry
 from ...present.display import Displayable
 from ...theory.certificates.bounds import ErrorBound, limited_bound
@@ -319,7 +318,7 @@ def solve_program(
         presolve = Presolve(program)
         run = ProgramRun(presolve.program, tolerance, before)
         if presolve.crossed:
-            status, message = "infeasible", "the lower bound of a variable is above its upper bound"
+            status, message = "infeasible", f"of one variable no value has {presolve.program.bounds}"
         else:
             status, message = run.verdict(start)
     z, box = presolve.postsolve(*run.values())
@@ -349,8 +348,7 @@ def _solve(
 ) -> ProgramSolution:
     begin = work.clock()
     as_truth(raise_on_failure, "raise_on_failure")
-    check_labels({names[0]: data[0], "initvals": initvals})
-    program = read(data, names)
+    program = read(data, names, initvals)
     if names == "Pq":
         check_convex(program)
     start = None if initvals is None else as_vector(initvals, program.g.size, "initvals")

@@ -12,7 +12,6 @@ import numpy as np
 from ...errors import MapError, NotApplicable, OutOfTime, SingularOperator
 from ...numerics import work
 from ...numerics.arrays import Vector, axes
-from ...numerics.labels import along_unknowns, check_labels
 from ...numerics.rounding import is_ctrl_c
 from ...problem.data import ProblemData
 from ...problem.two_sided import sides_of
@@ -21,7 +20,7 @@ from ..goal import Limits
 from ..solution import Status
 from ..solutions import BatchData, RunRecord, Solutions
 from .compiled_solver import CompiledSolver
-from .row_arguments import Stack, common_count, each, list_obstacles, rows_of
+from .row_arguments import Stack, check_row_labels, common_count, each, list_obstacles, rows_of
 
 _LOG = logging.getLogger("icpmodel")
 
@@ -38,8 +37,7 @@ class Batch:
     def __init__(self, A: Any, Q: Any, psi: Any, upper: Any, Z0: Any, limits: Limits) -> None:
         self.start_time = work.clock()
         self.limits = limits
-        given = {"Q": Q, "psi": psi, "upper": upper, "Z0": Z0}
-        check_labels({"A": A} | {name: along_unknowns(value) for name, value in given.items()})
+        check_row_labels(A, Q=Q, psi=psi, upper=upper, Z0=Z0)
         Q = rows_of(Q, "Q", 0.0)
         matrices = each(A, lambda one: axes(one, "A") == 2)
         self.maps, self.obstacles = list_obstacles(psi, "psi", -np.inf)
