@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..numerics.arrays import Vector, norm
-from ..numerics.rounding import rounded_share
+from ..numerics.rounding import rounded_share, rounded_up
 from ..problem.data import ProblemData
 from ..problem.verdict import certified_residual
 from ..solve.solution import Solution
@@ -161,9 +161,10 @@ class AnswerUnderTest:
     def by_bound(self, difference: float, bound: float, unique: bool) -> tuple[Verdict, str]:
         """The verdict on a solution `difference` away, which is certified to be at most `bound`, NaN for unknown."""
         if difference <= bound <= MAX_BOUND_FACTOR * self.tolerance:
-            return Verdict.AGREES, f"within the certified bound {bound:.1e}"
+            return Verdict.AGREES, f"within the certified bound {rounded_up(bound, 2)}"
         if difference <= bound:
-            return Verdict.INCONCLUSIVE, f"the bound {bound:.1e} is too wide to decide; solve with a smaller rtol"
+            reason = f"the bound {rounded_up(bound, 2)} is too wide to decide; solve with a smaller rtol"
+            return Verdict.INCONCLUSIVE, reason
         if difference > bound:
             return Verdict.DISAGREES, f"both residuals are small, but they differ by more than the bound {bound:.1e}"
         if not unique:

@@ -10,6 +10,7 @@ from ..errors import IcpError, OutOfTime
 from ..methods.contract import Method
 from ..methods.modulus import ModulusMember
 from ..numerics.arrays import Vector, norm
+from ..numerics.rounding import rounded_up
 from ..problem.data import ProblemData
 from ..theory.answers import Allowance
 from ..theory.certificates.bounds import classes_of
@@ -54,8 +55,9 @@ def proved_convergence(
         growth = np.maximum(matrix.row_weights * matrix.magnitude(ones), 1.0 if G is None else 1.0 + G @ ones)
         accuracy = tolerance / norm(growth)
         steps = rate.steps(problem, z, accuracy) if 0.0 < accuracy < np.inf else None
-        most = "" if steps is None else f", by step {iteration + steps} the residual is {tolerance:.3g} at most"
-        return f"it converges by theorem: each step leaves {rate.factor:.6g} of the error{most}"
+        most = "" if steps is None else f", by step {iteration + steps} the residual is {rounded_up(tolerance)} at most"
+        factor = rounded_up(rate.factor, 6, below=1.0)
+        return f"it converges by theorem: each step leaves {factor} of the error{most}"
     if checks["monotone"].holds and problem.upper is None and (z <= before).all() and (z < before).any():
         with suppress(OutOfTime, MemoryError), allowance.enforced():
             if classes_of(problem).m.holds:

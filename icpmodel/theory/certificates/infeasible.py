@@ -31,6 +31,7 @@ from ...algebra.redundant import redundant_values
 from ...algebra.subproblems import with_fixed_obstacle
 from ...numerics.arrays import Vector
 from ...numerics.rational import as_witness, nearest
+from ...numerics.rounding import rounded_up
 from ...problem.data import ProblemData
 from ..answers import Answer
 from .combination_rows import ZERO, CombinationRows, ProvedBounds
@@ -72,7 +73,7 @@ def infeasible(problem: ProblemData, y: Vector, known: ProvedBounds | None = Non
         return unknown
     number = float(np.ldexp(value, -top))
     y = np.ldexp(shares, exponents - top)
-    nearby = f"{combination_text(y, rows.name)}, or a combination next to that, is at most {number:.3g}"
+    nearby = f"{combination_text(y, rows.name)}, or a combination next to that, is at most {rounded_up(number)}"
     return Answer(True, f"no z is a solution: {nearby}, every rounding error being bounded", y, number)
 
 
@@ -102,7 +103,7 @@ def answer_of(rows: CombinationRows, exact: Combination, value: Fraction, known:
 
 def _reason(rows: CombinationRows, known: ProvedBounds | None, y: Any, number: float) -> str:
     """The contradiction that the combination `y` proves, in words."""
-    sums = f"{combination_text(y, rows.name)} is at most {number:.3g}"
+    sums = f"{combination_text(y, rows.name)} is at most {rounded_up(number)}"
     if known is not None:
         return (
             f"no z is a solution: with the proved values of other unknowns ({known.proof}) {sums}, which p >= 0 forbids"

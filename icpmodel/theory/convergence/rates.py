@@ -260,9 +260,9 @@ def predicted_rate(problem: ProblemData, member: Member, checks: dict[str, Check
 
     Notes
     -----
-    It is the factor of the theorem "sharper". That holds with the same v wherever 4.1 to 4.4 do,
-    with a factor that is no larger. Where it does not hold, it is the factor of "definite". Where
-    the modulus uses the newest values it is that of "rowwise".
+    It is the factor of the theorem "sharper". That holds with the same v wherever 4.1 to 4.4 do, and
+    the best factor is no larger; v is computed to about a hundredth. Where it does not hold, it is the
+    factor of "definite". Where the modulus uses the newest values it is that of "rowwise".
 
     References
     ----------
