@@ -13,6 +13,7 @@ from ..numerics.rounding import UNIT_ROUNDOFF, rounded_up
 from ..present.card import Card
 from ..present.display import Plottable
 from ..problem.data import ProblemData
+from ..problem.two_sided import sides_of
 from ..solve.solution import Solution
 from ..theory.certificates.bounds import perturbation_bound
 
@@ -117,11 +118,12 @@ def sensitivity(solution: Solution) -> Sensitivity:
     answer = solution.polish()
     problem = solution.problem
     z = answer.z
-    of_p, of_r = _relative_changes(problem, z, size)
+    of_p, *of_sides = _relative_changes(problem, z, size)
+    of_r = np.maximum.reduce(of_sides)
     unit = _RELATIVE_CHANGE * size
     with np.errstate(over="ignore", invalid="ignore"):
         certified = perturbation_bound(problem.linearised(z), z, unit * of_p, unit * of_r)
-    local, rows = _local(answer, of_p, of_r)
+    local, rows = _local(answer, of_p, of_sides)
     return Sensitivity(
         problem=problem,
         local=local,
@@ -132,21 +134,19 @@ def sensitivity(solution: Solution) -> Sensitivity:
     )
 
 
-def _relative_changes(problem: ProblemData, z: Vector, size: float) -> tuple[Vector, Vector]:
-    """E/size where p and where r counts: |A||z| + |q|, and |G||z| + |c| or |ψ(z)|, of both obstacles the larger one;
-    divided first, so none overflows."""
+def _relative_changes(problem: ProblemData, z: Vector, size: float) -> list[Vector]:
+    """E/size where p counts, |A||z| + |q|, and where each obstacle does, |G||z| + |c| or |ψ(z)|; divided first, so
+    none overflows."""
     x = np.abs(z) / size
-    of_r = np.zeros(z.size)
-    for psi in (problem.psi, problem.upper):
-        if psi is None:
-            continue
+    changes = [problem.matrix.absolute @ x + np.abs(problem.q) / size]
+    for psi in sides_of(problem.psi):
         linear = psi.linear
         moved = np.abs(psi.value(z)) / size if linear is None else abs(linear[0]) @ x + np.abs(linear[1]) / size
-        of_r = np.maximum(of_r, np.where(np.isfinite(moved), moved, 0.0))
-    return problem.matrix.absolute @ x + np.abs(problem.q) / size, of_r
+        changes.append(np.where(np.isfinite(moved), moved, 0.0))
+    return changes
 
 
-def _local(answer: Solution, of_p: Vector, of_r: Vector) -> tuple[float | None, Vector | None]:
+def _local(answer: Solution, of_p: Vector, of_sides: list[Vector]) -> tuple[float | None, Vector | None]:
     """‖|J⁻¹|E‖_∞/max|z| and |J⁻¹|E/max|z|, computed or estimated, None where J is singular.
 
     Reference: Higham, ACM Trans. Math. Softw. 14 (1988), for the estimate."""
@@ -155,7 +155,9 @@ def _local(answer: Solution, of_p: Vector, of_r: Vector) -> tuple[float | None, 
     if answer.problem.psi.no_derivative() is not None:
         return None, None
     derivative = Derivative(answer)
-    E = np.where(derivative.pattern.active, of_r, of_p)
+    E = of_p
+    for rows_of_side, of_side in zip(derivative.pattern.sides(), of_sides, strict=True):
+        E = np.where(rows_of_side, of_side, E)
     exact = E.size <= _INVERT_UP_TO
     signs = np.eye(E.size) if exact else np.random.default_rng(0).choice([-1.0, 1.0], (_RANDOM_SIGNS, E.size))
 

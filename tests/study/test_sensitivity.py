@@ -117,3 +117,8 @@ def test_equations_that_are_singular_but_for_rounding_give_no_condition_number()
     B = np.random.default_rng(80).normal(size=(80, 79))
     solution = icp.ICP(B @ B.T, -B @ (B.T @ np.ones(80)), psi=-10.0).solve(z0=np.ones(80))
     assert sensitivity(solution).local is None
+
+
+def test_each_row_changes_with_the_obstacle_that_it_is_at():
+    solution = icp.ICP(np.eye(2), [1.0, -5.0], psi=[1.0, 0.0], upper=[1000.0, 10.0]).solve()
+    assert icp.study.sensitivity(solution).rows == pytest.approx([0.2, 2.0])
