@@ -20,7 +20,7 @@ def hard_infeasible() -> Scene:
     """Hard: an LCP that contradicts itself.
 
     A = [0, 1; −1, 0], q = (−2, −1), ψ = 0: p₂ = −z₁ − 1 ≥ 0 and z₁ ≥ 0 exclude each other. A is
-    semidefinite: this is the LCP of the linear programme min 2x, x ≤ −1, x ≥ 0. Honest: INFEASIBLE
+    semidefinite: this is the LCP of the linear programme min −2x, x ≤ −1, x ≥ 0. Honest: INFEASIBLE
     where that is proved, else anything but solved.
 
     References
