@@ -200,7 +200,7 @@ class ConditionRows:
         nonlinear = None
         linear: dict[int, float] = {}
         finite = False
-        with suppress(ValueError):  # of a parameter without value, or of Pyomo's InvalidNumber
+        with suppress(ValueError, TypeError):  # of a parameter without value, or that is text, or an InvalidNumber
             for factor, expression in terms:
                 if expression.__class__ in native_numeric_types:
                     constant += factor * expression
