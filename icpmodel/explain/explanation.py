@@ -111,12 +111,12 @@ class Explanation(Displayable):
         """
         f = self.problem.f
         disproof = self.disproof
+        facts = solution_facts(self.problem, self.classes)
         if self.bound.unique:
             solution = f"exists, and is the only one: {self.bound.proof}"
         elif isinstance(disproof, NoSolution):
             solution = disproof
         elif disproof is not None:
-            facts = solution_facts(self.problem, self.classes)
             solution = "\n".join([disproof, *(one for one in facts if one != disproof)])
         else:
             known = "neither existence nor uniqueness is proved"
@@ -124,7 +124,6 @@ class Explanation(Displayable):
                 continuous = "" if f is None else ", given that f is continuous there"
                 known = f"exists, as every row has a fixed obstacle on both sides{continuous}"
                 known += "; that it is the only one is not proved"
-            facts = solution_facts(self.problem, self.classes)
             solution = "\n".join([f"{known}:{bullet_list(self.bound.reason)}", *facts])
         return {
             "what to do": "\n".join(self._to_do()),
