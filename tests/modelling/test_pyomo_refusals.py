@@ -29,6 +29,14 @@ def test_a_parameter_without_a_value_is_named_by_its_row(place):
         read_pyomo(model)
 
 
+def test_a_parameter_that_is_nan_in_a_nonlinear_term_is_named_by_its_row():
+    model = pyo.ConcreteModel()
+    model.x, model.rate = pyo.Var(initialize=1.0), pyo.Param(mutable=True, initialize=float("nan"))
+    model.c = Complementarity(expr=complements(model.x >= 0, model.rate * pyo.exp(model.x) >= 1))
+    with pytest.raises(icp.InputError, match="c has a number in a nonlinear term that is not finite"):
+        read_pyomo(model)
+
+
 def test_two_conditions_of_one_variable_leave_another_without():
     model = pyo.ConcreteModel()
     model.x, model.y, model.z = pyo.Var(), pyo.Var(), pyo.Var()

@@ -83,7 +83,7 @@ def flattened(expression: Any, owner: Any) -> Flat:
     """The shape of a Pyomo expression, in Polish notation, with its variables and constants in order of appearance. In
     the shape a variable is its number in the order of appearance, a constant None, an operation its name with the
     number of its arguments. Raises InputError, which names the `owner`, where Pyomo cannot differentiate an
-    operation."""
+    operation, or a number is not finite."""
     tokens: list[Any] = []
     variables: list[Any] = []
     place: dict[int, int] = {}
@@ -98,7 +98,12 @@ def flattened(expression: Any, owner: Any) -> Flat:
             word, arguments = _operation(node, owner)
             tokens.append((word, len(arguments)))
             stack.extend(reversed(arguments))
-        else:  # fixed variables and parameters have become numbers
+        elif (
+            not node.is_variable_type()
+        ):  # fixed variables and parameters have become numbers, or Pyomo's InvalidNumber
+            reason = "a fixed variable or parameter without value?"
+            raise InputError(f"{owner} has a number in a nonlinear term that is not finite: {reason}")
+        else:
             if id(node) not in place:
                 place[id(node)] = len(variables)
                 variables.append(node)
