@@ -13,7 +13,7 @@ from ..theory.matrices.classes import MatrixClasses
 
 
 def what_to_do(
-    problem: ProblemData, classes: MatrixClasses, picked: Method | None = None, *, is_decided: bool = False
+    problem: ProblemData, classes: MatrixClasses, picked: Method | None = None, is_decided: bool = False
 ) -> Iterator[str]:
     """Advice if no member of the family is proved to converge; `picked` is the first method of `solve()`.
 

@@ -6,6 +6,7 @@ import math
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -95,11 +96,15 @@ class Explanation(Displayable):
 
         return min(rated, key=cost, default=None)
 
+    @cached_property
+    def facts(self) -> tuple[str, ...]:
+        """What is known of the solutions where it is not proved that there is one alone."""
+        return () if self.bound.unique else tuple(solution_facts(self.problem, self.classes))
+
     @property
     def disproof(self) -> Disproof | None:
         """The sentence that there are several solutions, or none; None where that is not proved."""
-        facts = () if self.bound.unique else solution_facts(self.problem, self.classes)
-        return next((one for one in facts if isinstance(one, Disproof)), None)
+        return next((one for one in self.facts if isinstance(one, Disproof)), None)
 
     def sections(self) -> dict[str, str]:
         """The page, part by part.
@@ -110,21 +115,19 @@ class Explanation(Displayable):
             Title → text.
         """
         f = self.problem.f
-        disproof = self.disproof
-        facts = solution_facts(self.problem, self.classes)
         if self.bound.unique:
             solution = f"exists, and is the only one: {self.bound.proof}"
-        elif isinstance(disproof, NoSolution):
+        elif isinstance(disproof := self.disproof, NoSolution):
             solution = disproof
-        elif disproof is not None:
-            solution = "\n".join([disproof, *(one for one in facts if one != disproof)])
+        elif disproof:
+            solution = "\n".join([disproof, *(one for one in self.facts if one != disproof)])
         else:
             known = "neither existence nor uniqueness is proved"
             if is_boxed(self.problem):
-                continuous = "" if f is None else ", given that f is continuous there"
-                known = f"exists, as every row has a fixed obstacle on both sides{continuous}"
-                known += "; that it is the only one is not proved"
-            solution = "\n".join([f"{known}:{bullet_list(self.bound.reason)}", *facts])
+                given = "" if f is None else ", given that f is continuous there"
+                alone = "that it is the only one is not proved"
+                known = f"exists, as every row has a fixed obstacle on both sides{given}; {alone}"
+            solution = "\n".join([f"{known}:{bullet_list(self.bound.reason)}", *self.facts])
         return {
             "what to do": "\n".join(self._to_do()),
             "problem": repr(self.problem),
@@ -147,7 +150,7 @@ class Explanation(Displayable):
         return {title.replace(" ", "_"): text.splitlines() for title, text in self.sections().items()} | {
             "n": self.problem.n,
             "classes": {name: _plain(getattr(self.classes, name)) for name in CLASS_NAMES},
-            "unique": self.bound.unique or (None if self.disproof is None else False),
+            "unique": self.bound.unique or (False if self.disproof else None),
             "accuracy": self.accuracy,
             "methods": [
                 {
@@ -215,8 +218,7 @@ class Explanation(Displayable):
         if self.problem.f is not None:
             yield from what_to_do_about_f(self.problem, self.bound.unique)
         elif self.instead is None and not any(one.proved_by for one in self.forecasts):
-            is_decided = self.bound.unique or self.disproof is not None
-            yield from what_to_do(self.problem, self.classes, self.picked, is_decided=is_decided)
+            yield from what_to_do(self.problem, self.classes, self.picked, self.bound.unique or bool(self.disproof))
         largest = self.bound.value
         if largest is not None and self.accuracy < UNIT_ROUNDOFF * largest:
             yield (
