@@ -29,12 +29,11 @@ from pyomo.repn.util import VarRecorder, categorize_valid_components
 
 from ...errors import InputError
 from .bounded_arguments import BoundedArgument, Terms, bounded_argument
-from .nonlinear import flattened
+from .nonlinear import NOT_FINITE, flattened
 from .sums import size_of_terms
 
 #: the largest violation of a condition without variables, as a share of its terms: the user's own sums are rounded
 _MAX_VIOLATION = 1e-9
-_NO_VALUE = "has a number that is not finite: a fixed variable or parameter without value?"
 #: one side of a row: a constant, coefficients by the variable's id, what is nonlinear, `flattened`, or None
 Side = tuple[float, dict[int, float], Any]
 
@@ -107,7 +106,7 @@ class ConditionRows:
         try:
             lower, body, upper = constraint.to_bounded_expression(evaluate_bounds=True)
         except ValueError as error:
-            raise InputError(f"{constraint.name} {_NO_VALUE}") from error
+            raise InputError(f"{constraint.name} has a number that is {NOT_FINITE}") from error
         if lower is None and upper is None:
             return
         if isinstance(constraint.parent_block(), ComplementarityData):
@@ -214,7 +213,7 @@ class ConditionRows:
                     nonlinear = rest if nonlinear is None else nonlinear + rest
             finite = math.isfinite(constant) and all(map(math.isfinite, linear.values()))
         if not finite:
-            raise InputError(f"{owner.name} {_NO_VALUE}")
+            raise InputError(f"{owner.name} has a number that is {NOT_FINITE}")
         linear = {key: value for key, value in linear.items() if value}
         return float(constant), linear, None if nonlinear is None else flattened(nonlinear, owner)
 

@@ -33,6 +33,8 @@ _OPERATIONS: dict[str, tuple[type, Callable[..., Any]]] = {
     "power": (numeric_expr.PowExpression, operator.pow),
     "abs": (numeric_expr.AbsExpression, abs),
 }
+#: what is said of a number that is NaN or infinite, or that Pyomo does not know
+NOT_FINITE = "not finite: a fixed variable or parameter without value?"
 #: a shape, with the variables and constants of one row in order of appearance
 Flat = tuple[tuple[Any, ...], list[Any], list[float]]
 
@@ -98,12 +100,9 @@ def flattened(expression: Any, owner: Any) -> Flat:
             word, arguments = _operation(node, owner)
             tokens.append((word, len(arguments)))
             stack.extend(reversed(arguments))
-        elif (
-            not node.is_variable_type()
-        ):  # fixed variables and parameters have become numbers, or Pyomo's InvalidNumber
-            reason = "a fixed variable or parameter without value?"
-            raise InputError(f"{owner} has a number in a nonlinear term that is not finite: {reason}")
-        else:
+        elif not node.is_variable_type():  # Pyomo's InvalidNumber
+            raise InputError(f"{owner} has a number in a nonlinear term that is {NOT_FINITE}")
+        else:  # fixed variables and parameters have become numbers
             if id(node) not in place:
                 place[id(node)] = len(variables)
                 variables.append(node)
