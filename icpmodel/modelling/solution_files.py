@@ -20,10 +20,9 @@ from ..algebra.subproblems import with_fixed_obstacle
 from ..errors import FileError, InputError, NotApplicable, check_arguments
 from ..methods.contract import Iterate, Method, with_options
 from ..methods.enumeration import Enumerate
-from ..numerics.arrays import Vector, as_vector, described
+from ..numerics.arrays import Vector, as_float64, as_vector, described
 from ..present.whole_files import as_path, check_ours, check_suffix, file_errors, write_whole
 from ..problem.data import ProblemData, ProblemLike, as_problem
-from ..problem.two_sided import sides_of
 from ..solve.driver import solve
 from ..solve.goal import RTOL, Goal, Limits
 from ..solve.last_resort import DEFAULT_SECONDS
@@ -202,11 +201,10 @@ def _known(path: Path, about: dict[str, Any], name: str, expected: str) -> Any:
 
 def _proof(problem: ProblemData, witness: Any) -> Answer | None:
     """The proof that there is no solution, by the `witness` in a file or, where that is none, by another run."""
-    for one in (problem, with_fixed_obstacle(problem)):
-        moving = 0 if one.psi.is_constant else len(sides_of(one.psi))
-        with suppress(InputError):
-            answer = infeasible(one, as_vector(witness, (1 + moving) * one.n, "witness"))
-            if answer.holds:
+    with suppress(InputError):
+        y = as_float64(witness, "witness").ravel()
+        for one in (problem, with_fixed_obstacle(problem)):  # where y has another size it proves nothing
+            if (answer := infeasible(one, y)).holds:
                 return answer
     if Enumerate().why_not(problem) is None:
         solution = solve(problem, Enumerate(), raise_on_failure=False)
