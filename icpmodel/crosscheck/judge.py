@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..numerics.arrays import Vector, norm
-from ..numerics.rounding import rounded_share, rounded_up
+from ..numerics.rounding import rounded_down, rounded_share, rounded_up
 from ..problem.data import ProblemData
 from ..problem.verdict import certified_residual
 from ..solve.solution import Solution
@@ -166,7 +166,10 @@ class AnswerUnderTest:
             reason = f"the bound {rounded_up(bound, 2)} is too wide to decide; solve with a smaller rtol"
             return Verdict.INCONCLUSIVE, reason
         if difference > bound:
-            return Verdict.DISAGREES, f"both residuals are small, but they differ by more than the bound {bound:.1e}"
+            return (
+                Verdict.DISAGREES,
+                f"both residuals are small, but they differ by more than the bound {rounded_down(bound, 2)}",
+            )
         if not unique:
             return Verdict.OTHER_SOLUTION, "both are solutions; uniqueness is not certified"
         return Verdict.INCONCLUSIVE, "there is only one solution, but no bound on the distance to it"
