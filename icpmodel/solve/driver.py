@@ -202,7 +202,7 @@ def _run_all(run: Run, method: Method | None, family: str | None) -> None:
             run.infeasible = None
             run.is_over = False
             run.stop_reason = StopReason(Status.STAGNATED, "")
-        if run.infeasible is not None:
+        elif run.infeasible is not None:
             run.infeasible = infeasible_as_given(run.problem, run.infeasible)
             run.stop_reason = StopReason(Status.INFEASIBLE, run.infeasible.reason)
         if run.stop_reason.status not in WORTH_ANOTHER_METHOD:

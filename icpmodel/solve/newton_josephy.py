@@ -230,7 +230,8 @@ class _Search:
         pattern = pattern_at(linear, self.current.z)
         with suppress(SingularOperator):
             new = self.path.point(solve_on(linear, self.current.z, pattern.active, pattern.above))
-            return new if new and new.theta <= _MAX_FORCING * self.current.theta else None
+            if new and new.theta <= _MAX_FORCING * self.current.theta:
+                return new
         return None
 
     def _trials(

@@ -179,8 +179,8 @@ def _solve_scaled(B: sp.csr_array, c: Vector, low: Vector, high: Vector, toleran
     of_B, of_c = (int(np.frexp(np.abs(values).max(initial=0.0))[1]) for values in (B.data, c))
     of_c = min(max(of_c, of_B - _MAX_EXPONENT), of_B + _MAX_EXPONENT)  # x and the bounds remain floats, too
     scaled = sp.csr_array((np.ldexp(B.data, -of_B), B.indices, B.indptr), shape=B.shape)
-    sides = [np.ldexp(side, of_B - of_c) for side in (low, high)]
-    x, violations, nit, status, message = _solve(scaled, np.ldexp(c, -of_c), sides[0], sides[1], tolerance)
+    lower, upper = (np.ldexp(side, of_B - of_c) for side in (low, high))
+    x, violations, nit, status, message = _solve(scaled, np.ldexp(c, -of_c), lower, upper, tolerance)
     x = np.clip(np.ldexp(x, of_c - of_B), low, high)
     if not np.isfinite(x).all():
         status = "solver_error"
