@@ -134,10 +134,11 @@ class AffineLcp:
         above[self.rows] = y[self.n :] > 0.0
         return active | above, above
 
-    def start(self, covering: Vector | None = None) -> Any:
+    def start(self, covering: Vector | None = None, dropped: int | None = None) -> Any:
         """The first dictionary, as `kernels.pivoting.continue_pivots` takes it.
 
-        `covering` is the vector d > 0 in w = q + My + d·t, in the units of the rows; by default its entries are 1.
+        `covering` is the vector d > 0 in w = q + My + d·t, in the units of the rows; by default its entries are 1. With
+        `dropped` column j of M takes its place where it is positive: y_j is then t, and need not be 0 where w_j is not.
         """
         from .kernels import balancing, pivoting  # loads numba
 
@@ -145,6 +146,8 @@ class AffineLcp:
         free = np.zeros(len(self.q), dtype=bool) if self.is_split else self.free
         if covering is None:
             return pivoting.first_tableau(S, *units, self.q, free)
+        if dropped is not None:
+            covering = np.where(S[:, dropped] > 0.0, S[:, dropped], covering)
         return pivoting.first_tableau(S / covering[:, None], *units, self.q / covering, free)
 
     def split(self) -> AffineLcp:

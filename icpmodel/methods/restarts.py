@@ -41,9 +41,10 @@ class Restarts(Method):
     Notes
     -----
     Lemke's pivots go from a ray of w = q + My + d·t to t = 0. Where M is no P-matrix the path, and whether it ends in
-    a solution, depends on the covering vector d > 0. It is drawn as exp(3u), u uniform in [−1, 1]^n. From y = 0 some
+    a solution, depends on the covering vector d > 0. It is drawn as exp(6u), u uniform in [−1, 0]^n. From y = 0 some
     problems end in a ray whatever d is, such as games of two players, whose M is [[0, A], [Bᵀ, 0]]. So every second
-    path begins where two random y_i are basic, as that of Lemke and Howson does.
+    path is that of Lemke and Howson: a random y_i grows until no w_l < 0 would become 0 later, y_l enters as well, and
+    along the path y_i w_i = 0 is dropped. Where that ray is not feasible, random entries of d make it so.
 
     Where the obstacle is neither affine nor fixed there are no pivots. Newton's starts are z = ψ + s|x| with x normal,
     half of its entries 0, and s the largest entry of D⁻¹q, ψ and z⁰. The iterates are those that have a smaller
@@ -126,17 +127,27 @@ def start_above(problem: ProblemData, z: Vector, scale: float, rng: np.random.Ge
 def _pivot(problem: ProblemData, lcp: AffineLcp, rng: np.random.Generator, exchanges: bool) -> Vector | None:
     """z by Lemke's pivots from a random start, None if they end in a ray. Raises OutOfTime.
 
-    The covering vector is random. With `exchanges` two random y_i are basic at the start.
+    The covering vector is random. With `exchanges` the path is that of Lemke and Howson from a random y_i.
     """
     from ..algebra.kernels.pivoting import SOLVED, START  # loads numba
 
     rows = rng.permutation(np.flatnonzero(~lcp.free))[: 2 if exchanges else 0]
-    try:
-        path = lcp.exchanged(rows) if rows.size else lcp
-    except SingularOperator:
-        return None
-    covering = np.exp(rng.uniform(-3.0, 3.0, len(lcp.q)))
-    ended, _, y, _ = some_pivots(path.start(covering), START, PIVOTS * (len(lcp.q) + 1))
+    path = lcp
+    dropped = None
+    if rows.size:
+        dropped = rows[0]
+        column = lcp.M[:, dropped]
+        is_raised = (column > 0.0) & ~lcp.free
+        is_raised[dropped] = False
+        if is_raised.any():
+            # y_i alone makes this row feasible last
+            rows[-1] = np.argmin(np.where(is_raised, lcp.q / np.where(is_raised, column, 1.0), np.inf))
+        try:
+            path = lcp.exchanged(rows)
+        except SingularOperator:
+            return None
+    covering = np.exp(rng.uniform(-6.0, 0.0, len(lcp.q)))
+    ended, _, y, _ = some_pivots(path.start(covering, dropped), START, PIVOTS * (len(lcp.q) + 1))
     if ended != SOLVED:
         return None
     y[rows] = np.where(y[rows] > 0.0, 0.0, path.w(y)[rows])

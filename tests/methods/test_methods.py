@@ -132,8 +132,9 @@ def test_every_option_changes_the_iterates(name):
     other |= {"of": "mnmj", "history_size": 1, "mixing_frequency": 1, "tries": 1, "seed": 1, "inner_family": "paper"}
     A = np.array([[4.0, -1.0, 0.0], [-2.0, 4.0, -1.0], [0.0, -1.0, 3.0]])
     problem = icp.ICP(A, [-3.0, 2.0, -1.0], icp.Affine(0.2 * np.ones((3, 3)), [0.3, -0.1, 0.2]))
-    if name == "restarts":  # where there is a solution, all tries end in it
-        problem = icp.ICP(np.kron(np.eye(3), [[-1, 1], [-1, 1]]), [-1, 0, -2, 0, -1, 1])
+    if name == "restarts":  # a game with several equilibria; the path of the first try ends in a ray
+        payoffs = 1 + np.eye(3)
+        problem = icp.ICP(np.kron([[0, 1], [0, 0]], payoffs) + np.kron([[0, 0], [1, 0]], payoffs[::-1]), -np.ones(6))
     if name == "newton-josephy":  # of nonlinear p alone
         problem = icp.ICP(problem.A, problem.q, problem.psi, f=icp.Elementwise(np.exp, np.exp))
     z = np.resize([1.0, -2.0, 0.5], problem.n)

@@ -234,11 +234,11 @@ def test_an_obstacle_adds_at_most_three_linear_problems_to_those_of_newtons_meth
     assert touching > 10
 
 
-@pytest.mark.parametrize(("top", "steps", "status"), [(10.0, 4, "SOLVED"), (30.0, 100, "PRECISION_LIMIT")])
+@pytest.mark.parametrize(("top", "steps", "status"), [(10.0, 4, "SOLVED"), (30.0, 500, "PRECISION_LIMIT")])
 def test_an_equation_that_bends_costs_no_short_steps(top, steps, status):
     """z free, s = e^z − 1 ≥ 0 ⟂ Kz − h: the solution is that of Kz − h ⟂ z ≥ 0, from which s alone is far at first.
 
-    Of e³⁰ rounding leaves more than the tolerance, and the search ends there.
+    Of e³⁰ rounding leaves more than the tolerance, and the search ends there, before its patience of 1000 steps does.
     """
     K = STIFF[:30, :30]
     h = np.cos(9 * np.linspace(0, 1, 30))
