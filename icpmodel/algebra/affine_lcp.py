@@ -134,21 +134,30 @@ class AffineLcp:
         above[self.rows] = y[self.n :] > 0.0
         return active | above, above
 
+    @property
+    def covering(self) -> Vector:
+        """The vector d in w = q + My + d·t: 1, but 0 in rows for an upper obstacle, unless y = 0 violates them.
+
+        So z keeps to both obstacles along the path, which ends in a solution if all rows have both.
+        """
+        d = np.ones(self.M.shape[-1])
+        d[self.n : self.free.size] = 0.0
+        return d
+
     def start(self, covering: Vector | None = None, dropped: int | None = None) -> Any:
         """The first dictionary, as `kernels.pivoting.continue_pivots` takes it.
 
-        `covering` is the vector d > 0 in w = q + My + d·t, in the units of the rows; by default its entries are 1. With
+        `covering` is the vector d in w = q + My + d·t, in the units of the rows, by default that of the same name. With
         `dropped` column j of M takes its place where it is positive: y_j is then t, and need not be 0 where w_j is not.
         """
         from .kernels import balancing, pivoting  # loads numba
 
         S, *units = balancing.scale(read_only(self.M))
         free = np.zeros(len(self.q), dtype=bool) if self.is_split else self.free
-        if covering is None:
-            return pivoting.first_tableau(S, *units, self.q, free)
+        covering = self.covering if covering is None else covering * self.covering
         if dropped is not None:
             covering = np.where(S[:, dropped] > 0.0, S[:, dropped], covering)
-        return pivoting.first_tableau(S / covering[:, None], *units, self.q / covering, free)
+        return pivoting.first_tableau(S, *units, self.q, free, covering)
 
     def split(self) -> AffineLcp:
         """The LCP with y⁺ − y⁻, both ≥ 0, in place of y in the `free` rows, if these cannot be eliminated."""

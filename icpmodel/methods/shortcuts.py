@@ -61,9 +61,10 @@ class Lemke(Shortcut):
     hidden a tie. Then the pivots begin again with a q that is perturbed by 1e-8 of its size. The last basis is
     refined, for q itself.
 
-    **What it solves.** It finds a solution where A is a P-matrix. Where A is positive semidefinite (copositive-plus) it
-    finds one if there is any. Otherwise it may end in a ray. The ray, and the y of a linear program, are tried as
-    proofs that p ≥ 0 and r ≥ 0 contradict each other. If one is, it raises `Infeasible`, else it stands still.
+    **What it solves.** It finds a solution where A is a P-matrix, or all rows have two fixed obstacles. Where A is
+    positive semidefinite (copositive-plus) it finds one if there is any. Otherwise it may end in a ray. The ray, and
+    the y of a linear program, are tried as proofs that p ≥ 0 and r ≥ 0 contradict each other. If one is, it raises
+    `Infeasible`, else it stands still.
 
     References
     ----------
@@ -108,7 +109,7 @@ class Lemke(Shortcut):
                     continue
                 z = lcp.z(y)  # where a ray begins because A is nearly singular, t may be as good as 0
                 yield z, None
-                basis = np.sort(state[5][: len(lcp.q)]).tobytes()
+                basis = np.sort(state[6][: len(lcp.q)]).tobytes()
                 if basis in seen:
                     break
                 seen.add(basis)

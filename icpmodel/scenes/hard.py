@@ -258,7 +258,8 @@ def hard_crossing() -> Scene:
 
     A = I, q = (0, −1), ψ(z) = (z₂ − ½, 0), ψ̄ = (.4, 2): row 2 rises to z₂ = 1 off its obstacles, and lifts the floor of
     row 1 to ½, above its ceiling. For z₂ ≤ .9 they do not cross, but p₂ ≤ −.1, so that there is no solution, and no
-    small residual either. Honest: the obstacles cross, in row 0, or stagnated where the best iterate is elsewhere.
+    small residual either. Honest: infeasible; the obstacles cross, in row 0; or stagnated where the best iterate is
+    elsewhere.
     """
     psi = Affine([[0.0, 1.0], [0.0, 0.0]], [-0.5, 0.0])
     why = "z[1] = 1 lifts psi[0] to 1/2, above upper[0] = 0.4"

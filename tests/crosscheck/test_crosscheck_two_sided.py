@@ -37,7 +37,7 @@ def test_an_answer_with_one_row_elsewhere_is_a_disagreement(row, at):
 
 def test_the_report_on_obstacles_that_cross_confirms_nothing():
     problem = icp.scenes.hard_crossing().problem
-    solution = problem.solve(raise_on_failure=False)
+    solution = problem.solve("psor", raise_on_failure=False)
     report = icp.crosscheck(problem, solution, ["osqp", "cvxpy-clarabel"])
     assert not report.agrees
     assert not report.holds

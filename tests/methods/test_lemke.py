@@ -166,3 +166,16 @@ def test_no_unknown_ends_below_its_obstacle():
     many = icp.solve_many(problem.A, [problem.q], problem.psi)
     for z in (problem.solve().z, problem.solve("lemke").z, many.Z[0]):
         assert (problem.r(z) >= 0.0).all()
+
+
+@pytest.mark.parametrize("n", [5, 30, 100])
+def test_between_two_obstacles_every_path_ends_in_a_solution(n):
+    """A continuous map has a solution in a box, whatever A is, and z does not leave the box along the path."""
+    rng = np.random.default_rng(n)
+    for _ in range(5):
+        A = rng.normal(size=(n, n))
+        q = np.sqrt(n) * rng.normal(size=n)
+        width = rng.uniform(0.5, 2.0, n)
+        for solution in (icp.ICP(A, q, 0.0, width).solve("lemke"), icp.solve_many(A, q[None], 0.0, upper=width)[0]):
+            assert solution.solved
+            assert np.clip(solution.z - A @ solution.z - q, 0.0, width) == pytest.approx(solution.z, abs=1e-6)

@@ -13,7 +13,7 @@ from icpmodel.solve.solution import Status
 def test_obstacles_that_cross_where_the_run_has_come_to_are_a_status_with_the_row():
     steep = Affine([[0.0, 0.0], [2.0, 0.0]], [0.0, 0.0])  # psi_1 = 2 z_0, and z_0 is to be 1
     problem = ICP(np.eye(2), [-1.0, 0.0], steep, upper=[5.0, 1.0])
-    solution = problem.solve(raise_on_failure=False)
+    solution = problem.solve("proximal", raise_on_failure=False)
     assert solution.status is Status.CROSSED
     assert re.search(r"psi_1 = [\d.]+ is above upper_1 = 1 at this z", solution.message)
     assert not solution.certificate.unique

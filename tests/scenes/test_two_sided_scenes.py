@@ -55,7 +55,8 @@ def test_where_the_obstacles_cross_no_z_has_a_small_residual_and_the_status_name
     problem = scenes.hard_crossing().problem
     grid = np.linspace(-0.5, 2.5, 61)
     assert min(problem.residual(np.array([x, y])) for x in grid for y in grid) >= 0.04
-    solution = problem.solve(raise_on_failure=False)
+    assert problem.solve(raise_on_failure=False).status is icp.Status.INFEASIBLE
+    solution = problem.solve("psor", raise_on_failure=False)
     assert solution.status is icp.Status.CROSSED
     assert "psi_0 = " in solution.message
 

@@ -36,8 +36,8 @@ def _by_differences(M, q, free, limit, y):
     # y where the rows that are `free` cannot be eliminated
     whole, f = split(M, q, free)
     S, r, c = scale(whole)
-    S, f, none, units, D, labels, work = first_tableau(S, r, c, f, np.zeros(f.size, np.bool_))
-    solution = continue_pivots(S, f, none, units, D, labels, work, np.int64(START), limit)[2]
+    tableau = first_tableau(S, r, c, f, np.zeros(f.size, np.bool_), np.ones(f.size))
+    solution = continue_pivots(*tableau, np.int64(START), limit)[2]
     second = y.size
     for i in range(y.size):
         y[i] = solution[i]
@@ -47,7 +47,7 @@ def _by_differences(M, q, free, limit, y):
 
 
 @compiled
-def many(S, r, c, M, Q, C, limit, Z):
+def many(S, r, c, M, covering, Q, C, limit, Z):
     # the LCPs with the rows of Q over the obstacles in the rows of C, each from its own start, to the rows of Z
     n = S.shape[0]
     f = np.empty(n)
@@ -67,7 +67,7 @@ def many(S, r, c, M, Q, C, limit, Z):
             for j in range(n):
                 q[i] += M[i, j] * Z[k, j]
         right(q, r, c, f, units)
-        code, _, y, _ = continue_pivots(S, f, free, units, D, labels, work, np.int64(START), limit)
+        code, _, y, _ = continue_pivots(S, f, free, covering, units, D, labels, work, np.int64(START), limit)
         if code == SINGULAR:
             _by_differences(M, q, free, limit, y)
         for i in range(n):
@@ -75,8 +75,8 @@ def many(S, r, c, M, Q, C, limit, Z):
 
 
 @compiled
-def each(M, Q, C, limit, Z):
+def each(M, covering, Q, C, limit, Z):
     # the same where each row has a matrix of its own
     for k in range(Q.shape[0]):
         S, r, c = scale(M[k])
-        many(S, r, c, M[k], Q[k : k + 1], C[k : k + 1], limit, Z[k : k + 1])
+        many(S, r, c, M[k], covering, Q[k : k + 1], C[k : k + 1], limit, Z[k : k + 1])

@@ -79,7 +79,8 @@ def solve_blocks(indptr, indices, data, q, c, slopes, above, rows, starts, selec
         for at in range(b):
             finite = finite and math.isfinite(f[at])
         if finite:
-            code, _, y, _ = continue_pivots(*first_tableau(*scale(M), f, free), np.int64(START), pivots * (b + 1))
+            tableau = first_tableau(*scale(M), f, free, np.ones(b))
+            code, _, y, _ = continue_pivots(*tableau, np.int64(START), pivots * (b + 1))
             solved[k] = code == SOLVED
             for at in range(b):
                 z[block[at]] += y[at]

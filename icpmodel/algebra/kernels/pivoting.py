@@ -1,8 +1,9 @@
 """Lemke's complementary pivots on a dense dictionary, see `methods.shortcuts`.
 
-The dictionary of w = q + My + d·t, d = 1, has one row per basic variable: x_B = D[:, :n + 1] x_N + D[:, n + 1]. Labels
-of the variables: w_i is i, y_i is n + i, the artificial t is 2n. `place[label]` is the row of a basic variable, and −1
-less its column for the others. S, r and c are what `balancing.scale` returns.
+The dictionary of w = q + My + d·t, where `covering` is d ≥ 0, has one row per basic variable:
+x_B = D[:, :n + 1] x_N + D[:, n + 1]. Labels of the variables: w_i is i, y_i is n + i, the artificial t is 2n.
+`place[label]` is the row of a basic variable, and −1 less its column for the others. S, r and c are what
+`balancing.scale` returns.
 """
 
 from __future__ import annotations
@@ -124,24 +125,31 @@ def reach(D, free, basic, nonbasic, place):
 
 
 @compiled
-def start(S, q, free, D, basic, nonbasic, place, nudge):
+def start(S, q, free, covering, D, basic, nonbasic, place, nudge):
     # the dictionary of w in y and t without the rows that have no obstacle: how the run ended, and the label to enter.
-    # q is moved by up to `nudge` in every row its own way, so that no ties are left
+    # q is moved by up to `nudge` in every row its own way, so that no ties are left. Where d is 0 and q not
+    # positive, d is 1
     n = S.shape[0]
     for i in range(n):
         for j in range(n):
             D[i, j] = S[i, j]
-        D[i, n] = 0.0 if free[i] else 1.0
-        D[i, n + 1] = q[i] + nudge * D[i, n] * (1.0 + math.sin((i + 1.0) ** 2))
+        D[i, n] = 0.0 if free[i] else covering[i]
+        D[i, n + 1] = q[i] if free[i] else q[i] + nudge * (1.0 + math.sin((i + 1.0) ** 2))
         basic[i], nonbasic[i], place[i], place[n + i] = i, n + i, i, -1 - i
     nonbasic[n] = 2 * n
     place[2 * n] = -1 - n
     if not reach(D, free, basic, nonbasic, place):
         return SINGULAR, START
     row: Any = np.int64(-1)
+    most = 0.0
     for i in range(n):  # the last of equal ones is the lexicographically least
-        if basic[i] < n and D[i, n + 1] < 0.0 and (row < 0 or D[i, n + 1] <= D[row, n + 1]):
+        if basic[i] >= n:
+            continue
+        if D[i, n] == 0.0 and not D[i, n + 1] > 0.0:
+            D[i, n] = 1.0
+        if D[i, n + 1] < 0.0 and -D[i, n + 1] >= most * D[i, n]:
             row = i
+            most = -D[i, n + 1] / D[i, n]
     if row < 0:
         return SOLVED, START
     entering = n + basic[row]
@@ -193,7 +201,7 @@ def _refine(S, f, D, basic, nonbasic, y, work):
 
 
 @compiled
-def continue_pivots(S, f, free, units, D, labels, work, entering, limit):
+def continue_pivots(S, f, free, covering, units, D, labels, work, entering, limit):
     # a start, where nothing enters yet, and up to `limit` pivots: how they ended, what is to enter, y, and of a ray
     # its direction
     n = S.shape[0]
@@ -203,7 +211,8 @@ def continue_pivots(S, f, free, units, D, labels, work, entering, limit):
     ties = labels[4 * n + 2 :]
     code = UNFINISHED
     if entering < 0:
-        code, entering = start(S, f, free, D, basic, nonbasic, place, _PERTURBATION if entering == PERTURBED else 0.0)
+        nudge = _PERTURBATION if entering == PERTURBED else 0.0
+        code, entering = start(S, f, free, covering, D, basic, nonbasic, place, nudge)
     if code == UNFINISHED:
         code, entering = pivot(D, free, basic, nonbasic, place, ties, entering, limit)
     y = np.zeros(n)
@@ -238,10 +247,10 @@ def right(q, r, c, f, units):
 
 
 @compiled
-def first_tableau(S, r, c, q, free):
+def first_tableau(S, r, c, q, free, covering):
     # all that `continue_pivots` takes but for the last two arguments
     n = S.shape[0]
     f = np.empty(n)
     units = np.empty(n, np.int64)
     right(q, r, c, f, units)
-    return S, f, free, units, np.empty((n, n + 2)), np.empty(5 * n + 2, np.int64), np.empty(n + 1)
+    return S, f, free, covering, units, np.empty((n, n + 2)), np.empty(5 * n + 2, np.int64), np.empty(n + 1)

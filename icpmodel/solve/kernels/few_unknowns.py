@@ -52,7 +52,7 @@ def solve_few(M, q, c, rtol, limit):
     C = c.reshape(1, n)
     Z = np.empty((1, n))
     S, r, units = scale(M)
-    many(S, r, units, M, Q, C, limit, Z)
+    many(S, r, units, M, np.ones(n), Q, C, limit, Z)
     z = Z[0]
     weights = np.empty((1, n))
     squares, squares_0 = _squared_residuals(M, q, c, z, weights[0])

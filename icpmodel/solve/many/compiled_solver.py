@@ -150,6 +150,7 @@ class CompiledSolver:
         from ...algebra.kernels.batched_lcps import each, many  # loads numba
 
         size = lcp.M.shape[-1]
+        covering = lcp.covering
         if D is not None:
             Q = lcp.extended(Q, D)
             C = np.concatenate([C, np.zeros((len(C), size - lcp.n))], axis=1)
@@ -159,7 +160,7 @@ class CompiledSolver:
         scaled = scale(M) if self.stack is None else None
 
         def loop(low: int, high: int) -> None:
-            arrays = Q[low:high], C[low:high], limit, X[low:high]
+            arrays = covering, Q[low:high], C[low:high], limit, X[low:high]
             if scaled is None:
                 each(M[low:high], *arrays)
             else:
