@@ -20,11 +20,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..algebra.equations import pattern_at
-from ..algebra.linear_rows import FREE, LOWER, UPPER, has_linear_pieces, piece_count
+from ..algebra.linear_rows import FREE, LOWER, UPPER, has_linear_pieces
 from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
 from .certificates.bounds import enumerated_proof
-from .certificates.enumerated import MAX_EXACT_PIECES
+from .certificates.enumerated import Disproof, EnumeratedProof
 from .matrices.classes import MatrixClasses
 from .solution_set import ExactRows, Face, listed
 
@@ -68,9 +68,12 @@ def solution_facts(problem: ProblemData, classes: MatrixClasses, z: Vector | Non
     if face is not None:
         along = ", ".join(listed(direction) for direction in face.directions)
         yield f"z may move along {along} without leaving the solutions, as far as no sign changes"
-    elif has_linear_pieces(problem) and piece_count(problem) <= MAX_EXACT_PIECES:
+    elif has_linear_pieces(problem):
         proof = enumerated_proof(problem)
-        yield proof if isinstance(proof, str) else proof.sentence
+        if isinstance(proof, Disproof):
+            yield proof
+        elif isinstance(proof, EnumeratedProof):
+            yield proof.sentence
 
 
 def face_at(problem: ProblemData, z: Vector) -> Face | None:

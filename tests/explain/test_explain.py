@@ -135,7 +135,7 @@ def test_what_solve_begins_with_is_proved_and_its_steps_are_told():
         (icp.ICP([[2.0]], [-1.0], np.sin), "give psi's Lipschitz matrix"),
         (icp.ICP([[2.0]], [-1.0], icp.Affine([[3.0]])), "psi moves too much"),
         (icp.ICP(PAIR, [-1.0, 1.0], icp.Affine([[0, 3.0], [1.0, 0]])), "with the obstacle frozen"),
-        (icp.ICP(-np.eye(12), -np.ones(12)), "no P-matrix: there may be no solution, or many"),
+        (icp.ICP(-np.eye(13), -np.ones(13)), "no P-matrix: there may be no solution, or many"),
         (scenes.hand_cyclic().problem, "sweeps may cycle: try newton"),
         (
             icp.ICP(np.kron(np.eye(6), [[1, -1], [-1, 1]]), np.ones(12)),
@@ -258,11 +258,15 @@ def test_two_obstacles_are_named_and_said_to_cross_or_not():
     assert [crossing in page.sections()["methods"] for page in (box, alike, own)] == [False, False, True]
 
 
+BLOCKS_WITHOUT_SOLUTION = icp.ICP(sp.block_diag([[[1.0, -3.0], [-2.0, 1.0]], 2 * np.eye(6)]), -np.ones(8))
+
+
 @pytest.mark.parametrize(
     ("problem", "sentence", "unique"),
     [
         (icp.ICP([[1.0, 2.0], [3.0, 1.0]], [1.0, 1.0]), "exists, and is the only one: one solution was found", True),
         (icp.ICP([[0.0, 1.0], [-1.0, 0.0]], [-2.0, -1.0]), "there is no solution: all 4 linear pieces", False),
+        (BLOCKS_WITHOUT_SOLUTION, "there is no solution: all 256 linear pieces", False),
         (icp.ICP([[-1.0]], [-0.25], -1.0, 1.0), "there are two solutions or more: (-0.25) and (-1)", False),
     ],
 )
