@@ -197,6 +197,16 @@ def test_optimal_is_said_of_what_is_optimal_in_the_units_of_the_user(seed):
             assert abs(wrong) <= 1e-6 * size
 
 
+@pytest.mark.parametrize("exponent", [0, 20, 60, 100])
+def test_a_row_of_small_terms_hides_no_gradient(exponent):
+    """It is unbounded along the first unknown, whatever the units of the second one and of the first row are."""
+    a, b = 4.0**exponent, 2.0**exponent
+    G = [[-a, 0.0, -2 * a], [-2.0, -2 * b, 2.0]]
+    low = [-2.0, -2 / b, -np.inf]
+    found = icp.solve_qp(np.zeros((3, 3)), [-1.0, b, 0.0], G, [-2 * a, -1.0], lb=low, raise_on_failure=False)
+    assert not found.solved
+
+
 def a_program_of_rank_1(seed, scale):
     """A degenerate program in whole numbers that x solves, its objective times `scale`."""
     random = np.random.default_rng(seed)

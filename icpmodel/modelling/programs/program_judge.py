@@ -11,7 +11,8 @@ from ...problem.data import ProblemData
 
 #: the share of the largest unknown of its group, or of q, up to which an unknown may be rounding
 _NOISE_OF_X = 1e-13
-#: the share of the largest entry of g in its group up to which what is wrong with the gradient may be rounding
+#: the share of the largest entry of g in its group, and of the terms of its row, up to which what is wrong with the
+#: gradient may be rounding
 _NOISE_OF_GRADIENT = 1e-3
 
 
@@ -48,7 +49,7 @@ class Judge:
         of_q = np.abs(q)
         terms = self.size @ np.abs(z) + of_q
         of_g = self.largest(of_q)
-        most = np.where(self.is_x & (of_g > 0), _NOISE_OF_GRADIENT * of_g, np.inf)
+        most = np.where(self.is_x & (of_g > 0), _NOISE_OF_GRADIENT * np.minimum(of_g, terms), np.inf)
         own = self.loss * terms
         noise = np.maximum(own, np.minimum(self.loss * (self.size @ self.largest(z)), most))
         x = np.where(self.is_x, z, 0.0)
