@@ -13,6 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from . import work
 from .arrays import Vector, row_of
 from .fill import signs_of_symmetry
 from .sparse_structure import absolute
@@ -104,7 +105,7 @@ def balancing_exponents(size: sp.csr_array) -> Exponents:
     for _ in range(_MAX_SCALING_STEPS):
         step = 0.5 * np.bincount(rows, logarithms + e[rows] + e[columns], largest.size) / count
         e -= step
-        if np.abs(step).max() <= _SETTLED_STEP:
+        if np.abs(step).max() <= _SETTLED_STEP or work.seconds_left() == 0.0:
             break
     return np.rint(e).astype(np.int64)
 

@@ -130,10 +130,13 @@ def test_least_squares_may_have_any_units(size):
 
 
 def test_least_squares_whose_units_are_far_apart():
-    """x is on its bound, or leaves the range of floats."""
+    """x is on its bound, or leaves the range of floats; or the bounds are far above c/B."""
     assert icp.solve_lsq([[1e-170]], [1e160], 0.0, 1.0).x == [1.0]
     assert icp.solve_lsq([[1e-200]], [1e200], 0.0, 1e-10).x == [1e-10]
-    assert icp.solve_lsq([[1e-200]], [1e200], raise_on_failure=False).status == "solver_error"
+    for B, c in ((1e-200, 1e200), (1e-300, 1e300)):
+        assert icp.solve_lsq([[B]], [c], 0.0, raise_on_failure=False).status == "solver_error"
+    assert icp.solve_lsq([[1.0, 1.0]], [1e-170], [1e140, 0.0], [1e141, 1.0]).x.tolist() == [1e140, 0.0]
+    assert icp.solve_lsq([[1e-200, 0.0]], [1e-300], [1e220, 0.0], [2e220, 1.0]).x.tolist() == [1e220, 0.0]
 
 
 def test_a_matrix_without_columns_is_named():
@@ -177,6 +180,13 @@ def test_entries_next_to_nothing_hide_no_error():
     c = np.exp(-t / 0.3) + 0.5 * np.exp(-t / 0.01)
     x, _ = icp.solve_nnls(B, c)
     assert np.minimum(x, B.T @ (B @ x - c)) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_least_squares_without_time_for_a_factorisation_return_where_they_are():
+    B = np.eye(300) + 1.0
+    outcome = icp.solve_lsq(B, np.ones(300), 0.0, time_limit=1e-9, raise_on_failure=False)
+    assert outcome.status == "user_limit"
+    assert np.isfinite(outcome.x).all()
 
 
 def test_wrong_arguments_of_least_squares_are_named():
