@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from ..algebra.equations import Pattern
 from ..errors import InputError
 from ..numerics.arrays import Vector, as_csr, not_finite
-from ..numerics.labels import check_labels
+from ..numerics.labels import check_labels, parts_of
 from ..numerics.rounding import gamma
 from ..problem.data import ProblemData
 from ..problem.map import Map
@@ -32,7 +32,7 @@ class Direction:
     @classmethod
     def of(cls, problem: ProblemData, dA: Any, dq: Any, dpsi: Any, dupper: Any) -> Direction:
         """Check a user's direction. Raises InputError."""
-        check_labels({"A": problem.matrix, "dA": dA, "dpsi": dpsi, "dupper": dupper})
+        check_labels({"A": problem.matrix, "dA": dA, **parts_of("dpsi", dpsi), **parts_of("dupper", dupper)})
         if dupper is not None and problem.upper is None:
             raise InputError("dupper was given, but the problem has no upper obstacle")
         matrix = None if dA is None else as_csr(dA, "dA", problem.n)

@@ -27,16 +27,21 @@ def check_labels(arguments: Mapping[str, Any]) -> Any:
                 expected = labels
             elif not labels.equals(expected):
                 difference = f"{name}.{axis} has other labels than {first}, or in another order"
-                advice = f"bring them into one order, or give {name}.to_numpy() if positions count"
+                advice = "bring them into one order, or give to_numpy() of each if positions count"
                 raise InputError(f"{difference}; {advice}")
     return expected
 
 
-def along(table: Any, axis: str) -> Any:
-    """An object with the labels of one `axis` of a `table`, "index" or "columns", alone."""
-    return SimpleNamespace(**{axis: getattr(table, axis, None)})
+def along_rows(table: Any) -> Any:
+    """An object with the labels of the rows of a `table` alone; a vector, which is one row, has none."""
+    return SimpleNamespace(index=table.index) if hasattr(table, "columns") else None
 
 
 def along_unknowns(rows: Any) -> Any:
-    """An object with the labels of the unknowns of one vector, or of `rows` of a table with one for each problem."""
-    return along(rows, "columns") if hasattr(rows, "columns") else rows
+    """An object with the labels of the unknowns of one vector, or of a table with such vectors as `rows`."""
+    return SimpleNamespace(columns=rows.columns) if hasattr(rows, "columns") else rows
+
+
+def parts_of(name: str, value: Any) -> dict[str, Any]:
+    """The items of a list or tuple by their names in messages, such as "Q[0]"; anything else by its own `name`."""
+    return {f"{name}[{k}]": one for k, one in enumerate(value)} if isinstance(value, list | tuple) else {name: value}

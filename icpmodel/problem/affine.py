@@ -10,6 +10,7 @@ import scipy.sparse as sp
 
 from ..errors import InputError, check_arguments
 from ..numerics.arrays import Vector, as_csr, as_vector, axes, freeze, locked, row_of
+from ..numerics.labels import check_labels
 from .map import Map
 
 
@@ -31,6 +32,7 @@ class Constant(Map):
     is_constant = True
 
     def __init__(self, c: Any) -> None:
+        self.index = check_labels({"psi": c})
         self._is_number = axes(c, "psi") == 0
         self.c = as_vector(c, 1 if self._is_number else None, "psi", infinite=np.inf)
 
@@ -98,6 +100,7 @@ class Affine(Map):
 
     @check_arguments
     def __init__(self, G: Any, c: Any = 0.0) -> None:
+        self.index = check_labels({"psi.G": G, "psi.c": c})
         self.G = as_csr(G, "psi.G")
         n = self.G.shape[0]
         self.c = locked(as_vector(c, n, "psi.c", infinite=np.inf))

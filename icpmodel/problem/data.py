@@ -58,10 +58,7 @@ class ProblemData(PointValues):
 
     @check_arguments
     def __init__(self, A: Any, q: Any, psi: Any = 0.0, upper: Any = None, f: Any = None) -> None:
-        labels = None
-        if hasattr(A, "columns") or hasattr(q, "index"):
-            labels = check_labels({"A": A, "q": q, "psi": psi, "upper": upper})
-        matrix = Matrix(A, labels)
+        matrix = Matrix(A, check_labels({"A": A, "q": q, "psi": psi, "upper": upper}))
         n = matrix.n
         term = None
         if f is not None:
@@ -135,8 +132,7 @@ class ProblemData(PointValues):
         >>> z, problem.p(z), problem.r(z)
         (array([ 1. , -0.5]), array([1.5, 0. ]), array([0. , 0.5]))
         """
-        if hasattr(A, "columns"):
-            check_labels({"A": A, "q": q, "B": B, "d": d})
+        check_labels({"A": A, "q": q, "B": B, "d": d})
         problem = cls(A, q)
         return problem.with_psi(vertical_map(B, d, problem.n))
 
@@ -246,6 +242,7 @@ class ProblemData(PointValues):
         >>> z, problem.p(z)
         (array([ 2., -1.]), array([0. , 2.5]))
         """
+        check_labels({"A": A, "b": b, "lo": lo, "hi": hi, "findex": findex})
         problem = cls(A, -as_vector(b, None, "b"))
         if (shape := as_array(findex, "findex").shape) != (problem.n,):
             raise InputError(f"findex has shape {shape}; shape ({problem.n},) was expected")

@@ -313,12 +313,15 @@ def test_labels_of_pandas_that_differ_are_named():
         ("lb.index", {"lb": q[::-1]}),
         ("initvals.index", {"initvals": q[::-1]}),
         ("G.columns", {"G": G[["b", "a"]]}),
+        ("G.index", {"G": q[::-1]}),
         ("h.index", {"h": pd.Series([1.0], index=["limit"])}),
     ):
         with pytest.raises(icp.InputError, match=f"{name} has other labels"):
             icp.solve_qp(**{"P": P, "q": q, "G": G, "h": h} | wrong)
-    with pytest.raises(icp.InputError, match="has other labels than B"):
-        icp.solve_lsq(G, [1.0], lb=q[::-1])
+    assert icp.solve_qp(P, q, np.abs(q), h).x.size == 2  # a series is one row, which has no name
+    for B in (G, q):
+        with pytest.raises(icp.InputError, match="has other labels than B"):
+            icp.solve_lsq(B, [1.0], lb=q[::-1])
 
 
 def test_a_start_that_leaves_the_range_of_floats_is_no_error():

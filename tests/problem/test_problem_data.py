@@ -149,15 +149,27 @@ def test_labels_of_pandas_that_differ_are_named():
             icp.ICP(*wrong)
     problem = icp.ICP(A, q)
     swapped = q[::-1]
+    moving = icp.ICP(A, q, icp.Affine(0.1 * A, q))
+    for wrong in (icp.Constant(swapped), icp.Affine(0.1 * A[["b", "a"]].loc[["b", "a"]])):
+        with pytest.raises(icp.InputError, match=r"psi\.index has other labels than A\.index"):
+            icp.ICP(A, q, wrong)
+    with pytest.raises(icp.InputError, match=r"psi\.c\.index has other labels than psi\.G\.index"):
+        icp.Affine(A, swapped)
+    with pytest.raises(icp.InputError, match=r"upper\.index has other labels than psi\.index"):
+        icp.ICP(PAIR, np.array([-2.0, 1.0]), q, swapped)
     for call, name in (
+        (lambda: icp.ICP.from_friction_index(A, q, 0.0, swapped, [-1, -1]), "hi.index"),
         (lambda: problem.with_q(swapped), "q.index"),
         (lambda: problem.with_psi(swapped), "psi.index"),
         (lambda: problem.solve(z0=swapped), "z0.index"),
         (lambda: icp.solve_many(A, pd.DataFrame([swapped])), "Q.columns"),
         (lambda: icp.solve_many(A, [q, swapped]), r"Q\[1\].index"),
+        (lambda: icp.solve_many([A, A], pd.DataFrame([swapped] * 2)), "Q.columns"),
+        (lambda: icp.solve_many([A, A[["b", "a"]]], [q, q]), r"A\[1\].columns"),
         (lambda: problem.solve().derivative().forward(dpsi=swapped), "dpsi.index"),
+        (lambda: moving.solve().derivative().forward(dpsi=(A, swapped)), r"dpsi\[1\].index"),
     ):
-        with pytest.raises(icp.InputError, match=f"{name} has other labels than A.index"):
+        with pytest.raises(icp.InputError, match=rf"{name} has other labels than A(\[0\])?.index"):
             call()
     assert icp.solve_many(A, pd.DataFrame([q, q], index=["day", "night"])).Z.tolist() == [[1.0, 0.0]] * 2
 

@@ -20,7 +20,7 @@ from ...numerics import work
 from ...numerics.arrays import Mask, Vector, as_truth, as_vector, inner, norm
 from ...numerics.factorisation import largest_of_columns
 from ...numerics.fill import dense_cost
-from ...numerics.labels import along, check_labels
+from ...numerics.labels import along_rows, along_unknowns, check_labels
 from ...numerics.rounding import gamma, public_entry
 from ...present.display import Displayable
 from .program import saddle_matrix
@@ -143,8 +143,8 @@ def solve_lsq(
     """
     begin = work.clock()
     as_truth(raise_on_failure, "raise_on_failure")
-    check_labels({"B": along(B, "index"), "c": c})
-    check_labels({"B": along(B, "columns"), "lb": lb, "ub": ub})
+    check_labels({"B": along_rows(B), "c": c})
+    check_labels({"B": along_unknowns(B), "lb": lb, "ub": ub})
     B = matrix(B, "B")
     n = B.shape[1]
     if not n:

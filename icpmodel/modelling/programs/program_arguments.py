@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from ...errors import InputError
 from ...numerics import work
 from ...numerics.arrays import Vector, as_array, as_csr, as_number, as_rows, as_vector, axes
-from ...numerics.labels import along, check_labels
+from ...numerics.labels import along_rows, along_unknowns, check_labels
 from ...numerics.threads import one_blas_thread
 from ...theory.matrices.definiteness import definiteness, semidefinite_up_to_rounding
 from .program import Program, Rows
@@ -23,7 +23,7 @@ def read(data: tuple[Any, ...], names: str, initvals: Any = None) -> Program:
     """The program with H, g, G, h, A, b, lb and ub, None leaving constraints out; `names` are those of H and g."""
     H, g, G, h, A, b, lb, ub = data
     vectors = {names[1]: g, "initvals": initvals, "lb": lb, "ub": ub}
-    check_labels({names[0]: H, "G": along(G, "columns"), "A": along(A, "columns"), **vectors})
+    check_labels({names[0]: H, "G": along_unknowns(G), "A": along_unknowns(A), **vectors})
     H = as_csr(H, names[0])
     n = H.shape[0]
     g = as_vector(g, n, names[1])
@@ -65,7 +65,7 @@ def _rows(M: Any, right: Any, n: int, names: str) -> Rows:
         raise InputError(f"{names[M is None]} is given without {names[right is None]}: give both, or leave both out")
     if M is None:
         return sp.csr_array((0, n)), np.zeros(0)
-    check_labels({names[0]: along(M, "index"), names[1]: right})
+    check_labels({names[0]: along_rows(M), names[1]: right})
     M = matrix(M, names[0], n)
     if not M.shape[0] and not np.size(right):
         return M, np.zeros(0)

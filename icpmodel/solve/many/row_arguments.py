@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...algebra.affine_lcp import PIVOT_UP_TO
 from ...errors import InputError
 from ...numerics.arrays import as_float64, axes
-from ...numerics.labels import along_unknowns, check_labels
+from ...numerics.labels import along_unknowns, check_labels, parts_of
 from ...problem.data import ProblemData
 from ...problem.map import Map
 
@@ -21,10 +21,10 @@ Matrix = NDArray[np.float64]
 
 def check_row_labels(A: Any, **rows: Any) -> None:
     """Raise InputError where pandas' objects have other labels than A: tables with a row for each problem, or lists."""
-    check_labels({"A": A} | {name: along_unknowns(value) for name, value in rows.items()})
-    for name, several in {"A": A, **rows}.items():
-        if isinstance(several, list | tuple):
-            check_labels({"A": A} | {f"{name}[{k}]": one for k, one in enumerate(several)})
+    labelled = parts_of("A", A)
+    for name, several in rows.items():
+        labelled |= parts_of(name, along_unknowns(several))
+    check_labels(labelled)
 
 
 def rows_of(value: Any, name: str, infinite: float) -> Matrix:
