@@ -117,5 +117,10 @@ def _reason(rows: CombinationRows, known: ProvedBounds | None, y: Any, number: f
 def combination_text(y: Any, name: Callable[[int], str], several: int = 4) -> str:
     """Which rows a combination takes, by `name`, and how often: as many as fit in a sentence."""
     used = [i for i, weight in enumerate(y) if weight]
-    first = " and ".join(f"{nearest(y[i]):.4g} times {name(i)}" for i in used[:several])
+    first = " and ".join(f"{_weight_text(y[i])} times {name(i)}" for i in used[:several])
     return first + (f" and {len(used) - several} rows more" if len(used) > several else "")
+
+
+def _weight_text(weight: Any) -> str:
+    """A weight as a fraction, or about, whichever is shorter."""
+    return min(str(Fraction(weight)), f"about {nearest(weight):.4g}", key=len)
