@@ -301,6 +301,36 @@ def test_a_contradiction_names_the_rows_of_the_user():
     assert "wherever lb <= x <= ub and the rows of G with one entry hold" in found.message
 
 
+@pytest.mark.parametrize(
+    ("program", "words"),
+    [
+        ({"lb": 1.0, "ub": 0.0}, "x[0] >= 1.0 by lb and x[0] <= 0.0 by ub exclude each other"),
+        ({"lb": 1e308, "ub": -1e308}, "x[0] >= 1e+308 by lb and x[0] <= -1e+308 by ub exclude each other"),
+        ({"lb": 0.0, "G": [[2.0], [1.0]], "h": [-4.0, 5.0]}, "x[0] >= 0.0 by lb and x[0] <= -2.0 by row 0 of G"),
+        ({"G": [[1.0], [-2.0]], "h": [1.0, -4.0]}, "x[0] >= 2.0 by row 1 of G and x[0] <= 1.0 by row 0 of G"),
+        ({"A": [[3.0], [1.0]], "b": [-2.0, -1.0]}, "the sum of -1/3 times row 0 of A and 1 times row 1 of A exceeds"),
+    ],
+)
+def test_what_is_said_to_be_proved_is_true_and_names_what_it_is_of(program, words):
+    found = icp.solve_qp([[1.0]], [0.0], **program, raise_on_failure=False)
+    assert found.status == "infeasible"
+    assert words in found.message
+
+
+@pytest.mark.parametrize("entry", [-1e-200, 1e-200])
+def test_a_row_whose_bound_is_no_float_remains_a_row(entry):
+    found = icp.solve_qp([[1.0]], [0.0], G=[[entry], [-1.0], [1.0]], h=[-1e200, 1.0, 1.0], raise_on_failure=False)
+    assert found.status in ("infeasible", "solver_error")
+
+
+def test_whether_a_matrix_next_to_overflow_is_semidefinite_is_found_without_a_warning():
+    with np.errstate(all="raise"):
+        assert icp.solve_qp([[1e308]], [1e308], lb=-1e308).x == -1.0
+        for P in ([[1e308, 1.5e308], [1.5e308, 1e308]], [[1.0, 1e308], [-1e308, 1.0]]):
+            with pytest.raises(icp.InputError, match=r"semidefinite|symmetric"):
+                icp.solve_qp(P, [0.0, 0.0])
+
+
 def test_labels_of_pandas_that_differ_are_named():
     pd = pytest.importorskip("pandas")
     P = pd.DataFrame(np.diag([2.0, 20.0]), index=list("ab"), columns=list("ab"))

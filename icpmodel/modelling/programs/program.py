@@ -89,37 +89,48 @@ class Program:
 class Presolve:
     """A program whose inequalities with one entry are bounds, and the way back.
 
-    Bounds that cross by no more than quotients and data are rounded are made to touch.
+    A row remains one where its bound is no float. Bounds that cross by no more than quotients and data are rounded are
+    made to touch. `contradiction` says which ones cross by more, in words; it is empty where none do.
     """
 
     def __init__(self, original: Program) -> None:
         self.original = original
         C = original.C
-        single = np.diff(C.indptr) == 1
-        single[: original.equations] = False
-        self.rows = np.flatnonzero(~single)
-        self.singles = np.flatnonzero(single)
+        single = np.flatnonzero(np.diff(C.indptr) == 1)
+        single = single[single >= original.equations]
+        value = original.d[single] / np.abs(C.data[C.indptr[single]])
+        is_float = np.isfinite(value)
+        value = value[is_float]
+        self.singles = single[is_float]
+        self.rows = np.delete(np.arange(original.d.size), self.singles)
         place = C.indptr[self.singles]
         self.column = C.indices[place]
         self.entry = C.data[place]
         n = original.g.size
         # −x ≤ −low and x ≤ high
         ends = np.concatenate([-original.low, original.high])
-        side = self.column + n * (self.entry > 0)
-        before = ends[side]
-        with np.errstate(over="ignore"):
-            value = original.d[self.singles] / np.abs(self.entry)
-        np.minimum.at(ends, side, value)
-        self.gives_bound = (value == ends[side]) & (value != before)
+        self.side = self.column + n * (self.entry > 0)
+        before = ends[self.side]
+        np.minimum.at(ends, self.side, value)
+        self.gives_bound = (value == ends[self.side]) & (value != before)
         low = 0.0 - ends[:n]
         high = ends[n:]
-        with np.errstate(invalid="ignore"):
-            self.crossed = bool((low - high > MAX_CROSSING * (np.abs(low) + np.abs(high))).any())
+        crossed = low - high > MAX_CROSSING * np.abs(low) + MAX_CROSSING * np.abs(high)  # low − high may overflow
+        self.contradiction = self._said(int(np.argmax(crossed)), low, high) if crossed.any() else ""
         low = np.minimum(low, high)
         bounds = f"{original.bounds} and the rows of G with one entry hold" if self.singles.size else original.bounds
         self.program = replace(
             original, C=C[self.rows], d=original.d[self.rows], low=low, high=high, numbers=self.rows, bounds=bounds
         )
+
+    def _said(self, i: int, low: Vector, high: Vector) -> str:
+        """That the bounds of x_i exclude each other, in words."""
+        ends = []
+        for relation, values, argument, side in ((">=", low, "lb", i), ("<=", high, "ub", i + low.size)):
+            rows = self.singles[self.gives_bound & (self.side == side)]
+            owner = self.original.row_name(low.size + rows[0]) if rows.size else argument
+            ends.append(f"x[{i}] {relation} {float(values[i])!r} by {owner}")
+        return f"{' and '.join(ends)} exclude each other"
 
     def postsolve(self, z: Vector, box: Vector) -> tuple[Vector, Vector]:
         """x with the multipliers of rows, and the multipliers of bounds, of the program that was given."""

@@ -72,6 +72,7 @@ def _rows(M: Any, right: Any, n: int, names: str) -> Rows:
     return M, as_vector(right, M.shape[0], names[1], infinite=np.inf if names == "Gh" else None)
 
 
+@np.errstate(all="ignore")  # sums and differences may overflow
 def check_convex(program: Program) -> None:
     """Raises InputError where P is not symmetric, or is proved not to be semidefinite."""
     P = program.H
@@ -81,7 +82,7 @@ def check_convex(program: Program) -> None:
             f"P[{i}, {j}] = {P[i, j]:.6g}, but P[{j}, {i}] differs by {P[j, i] - P[i, j]:.3g}; a symmetric matrix "
             "was expected: (P + P.T)/2 has the same objective, and solve_avi takes matrices that are not symmetric"
         )
-    if (2.0 * P.diagonal() >= abs(P).sum(axis=1)).all() or semidefinite_up_to_rounding(P).holds:
+    if (P.diagonal() >= (0.5 * abs(P)).sum(axis=1)).all() or semidefinite_up_to_rounding(P).holds:
         return
     answer = definiteness(P)[1]
     if answer.holds is False:

@@ -317,8 +317,8 @@ def solve_program(
     with limited(tolerance, time_limit, begin):
         presolve = Presolve(program)
         run = ProgramRun(presolve.program, tolerance, before)
-        if presolve.crossed:
-            status, message = "infeasible", f"of one variable no value has {presolve.program.bounds}"
+        if presolve.contradiction:
+            status, message = "infeasible", presolve.contradiction
         else:
             status, message = run.verdict(start)
     z, box = presolve.postsolve(*run.values())
