@@ -30,7 +30,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -181,10 +181,10 @@ class _FischerBurmeister:
 
 
 class NewtonPath(Iterator[Iterate]):
-    """The iterates of Newton's method, with the state of the watchdog."""
+    """The iterates of Newton's method, with the state of the watchdog; after the start none leaves the `box`."""
 
-    def __init__(self, problem: ProblemData, z: Vector) -> None:
-        self.problem, self.omega = problem, _omega_of(problem)
+    def __init__(self, problem: ProblemData, z: Vector, box: tuple[Any, Any] = (-np.inf, np.inf)) -> None:
+        self.problem, self.omega, self.box = problem, _omega_of(problem), box
         with np.errstate(all="ignore"):
             self.current = self.best = NewtonPoint(problem, self.omega, z)
         self.start_theta = self.reference = self.current.theta
@@ -243,9 +243,14 @@ class NewtonPath(Iterator[Iterate]):
             self.psi_error = error
             return None
 
+    def inside(self, z: Vector) -> Vector:
+        """The point of the box next to `z`."""
+        return np.clip(z, *self.box)
+
     def point(self, z: Vector) -> NewtonPoint | None:
-        """The point at `z`, None where it has no finite θ."""
+        """The point next to `z` in the box, None where it has no finite θ."""
         work.check_budget()
+        z = self.inside(z)
         point = self._unless_psi_fails(lambda: NewtonPoint(self.problem, self.omega, z))
         if point is None or np.isfinite(point.theta):
             return point

@@ -104,7 +104,7 @@ class NewtonJosephy(Method):
                 break
             size = max(scale_of_starts(problem, z), 1.0) * 10.0 ** rng.uniform(_MIN_START_EXPONENT, _MAX_START_EXPONENT)
             with suppress(MapError):
-                search = _Search(problem, start_above(problem, z, size, rng), self.inner_family)
+                search = _Search(problem, search.path.inside(start_above(problem, z, size, rng)), self.inner_family)
                 if np.isfinite(search.current.theta):
                     yield search.current.z, search.current.residual
         if search.psi_error is not None:
@@ -124,8 +124,10 @@ class _Search:
     def __init__(self, problem: ProblemData, z: Vector, family: str | None) -> None:
         self.problem = problem
         self.family = family
+        facts = problem.facts
+        box = (facts.obstacle, facts.upper_obstacle) if facts.has_fixed_obstacle else (-np.inf, np.inf)
         with np.errstate(all="ignore"):
-            self.path = NewtonPath(problem, z)
+            self.path = NewtonPath(problem, z, box)
         self.current = self.path.current
         self.recent = deque([self.current.theta], _NONMONOTONE_STEPS)
         self.least = LeastValue()
@@ -133,9 +135,6 @@ class _Search:
         #: what solved a linear problem on which plain and accelerated sweeps were tried before
         self.first: Method | None = None
         self.psi_error: MapError | None = None
-        facts = problem.facts
-        self.low = facts.obstacle if facts.has_fixed_obstacle else None
-        self.high = facts.upper_obstacle if facts.has_fixed_obstacle else None
 
     def steps(self) -> Iterator[NewtonPoint]:
         """Yield the points after the start, until none is better."""
@@ -196,7 +195,7 @@ class _Search:
         best = run.best
         if best is None or run.infeasible is not None or not best.residual < start_residual:
             return None
-        return np.clip(best.z, self.low, self.high) if self.low is not None else best.z
+        return self.path.inside(best.z)
 
     def _on_line(self, linear: ProblemData, W: Vector) -> NewtonPoint | None:
         """The first point to which a step leads at which θ is small enough, and the equations of the step nearer to 0.
@@ -271,11 +270,9 @@ class _Search:
         V, total = point.derivative()
         phi = point.phi / point.theta
         for direction in descent_directions(linear, V, phi, total):
-            slope = float(phi @ (V @ direction))
-            if (
-                slope < -_ARMIJO
-                and (new := self.path.line_search(self.current, self.current.theta * direction, slope)) is not None
-            ):
+            step = self.path.inside(point.z + point.theta * direction) - point.z
+            slope = float(phi @ (V @ step)) / point.theta
+            if slope < -_ARMIJO and (new := self.path.line_search(self.current, step, slope)):
                 return new
         return None
 

@@ -352,6 +352,30 @@ def test_steps_beside_a_solution_lead_there_where_the_tangent_has_others():
     assert solution.iterations <= 5
 
 
+ROWS = [[-0.058, -0.292, -0.596], [1.819, 1.481, -0.676], [0.173, -1.164, 0.954]]
+
+
+@pytest.mark.parametrize(
+    ("A", "q", "a", "low", "high"),
+    [
+        (ROWS, [0.253, -1.586, 1.561], [-0.584, -0.936, 0.129], 0.0, [3.0, 1.0, 2.0]),
+        ([[-1.98842979]], [-0.46684505], [-0.25579], 0.0, np.inf),
+        (ROWS, [1.0, 2.0, 3.0], [-1.0, 1.0, -1.0], -5.3, 0.1),
+    ],
+)
+def test_no_step_crosses_a_fixed_obstacle(A, q, a, low, high):
+    """Neither in descents nor from other starts, nor by rounding: f has no values there. (3, 0, 0) solves the first."""
+    points = []
+
+    def f(z):
+        points.append(z)
+        return a * z * z
+
+    problem = ICP(A, q, low, high, f=icp.Function(f, lambda z: np.diag(2.0 * np.array(a) * z)))
+    assert attempt(problem, max_iter=160).solved == (high is not np.inf)
+    assert all((low <= z).all() and (z <= high).all() for z in points)
+
+
 def test_a_row_on_its_obstacle_is_solved_where_its_slope_underflows():
     """p = e^(−z²) + 1 > 0 at z = 27, and p < 0 at the upper obstacle."""
     assert ICP([[0.0]], [1.0], 27.0, f=lambda z: np.exp(-(z**2))).solve().z == [27.0]
