@@ -155,9 +155,12 @@ class ExactRows:
         start, span = solutions
         signs = self.inequalities(sides)
         constants = [_dot(row, start) + row[-1] for row in signs]
-        if not span:
-            return _ExactSolutions(start, []) if all(one >= 0 for one in constants) else None
         slopes = [[_dot(row, direction) for direction in span] for row in signs]
+        # a sign that is wrong in all of them needs no linear program
+        if any(one < 0 and not any(row) for one, row in zip(constants, slopes, strict=True)):
+            return None
+        if not span:
+            return _ExactSolutions(start, [])
         inside = relative_interior(slopes, constants) if signs else ([Fraction(0)] * len(span), [])
         if inside is None:
             return None
