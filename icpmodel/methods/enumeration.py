@@ -9,7 +9,6 @@ import numpy as np
 
 from ..algebra.linear_rows import LinearRows, SideChoices, piece_count
 from ..numerics.arrays import Vector
-from ..numerics.work import check_budget
 from ..problem.data import ProblemData
 from ..theory.answers import Answer
 from ..theory.solution_set import ExactRows
@@ -91,8 +90,7 @@ def _exactly(problem: ProblemData, undecided: SideChoices) -> Iterator[Iterate]:
     """Solutions of the `undecided` pieces in fractions, rounded. Raises Infeasible where there are none."""
     exact = ExactRows(problem)
     any_solution = False
-    for sides in undecided:
-        check_budget()
+    for sides in exact.consistent(undecided):
         if (solutions := exact.solve(sides)) is not None:
             any_solution = True
             yield solutions.rounded().point, None

@@ -9,10 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from fractions import Fraction
+from typing import Any
 
 from .rational import Rationals
 
 Rational = list[Fraction]
+#: independent rows, each with its first column that is not 0, in which the rows after it are 0
+Echelon = tuple[tuple[int, list[int]], ...]
 
 
 def row_reduce(rows: Rationals, columns: int) -> list[int]:
@@ -24,7 +27,7 @@ def row_reduce(rows: Rationals, columns: int) -> list[int]:
     ----------
     Bareiss, Math. Comp. 22 (1968): all entries are minors, so that the divisions have no remainder.
     """
-    integers = [_in_integers(row) for row in rows]
+    integers = [in_integers(row) for row in rows]
     pivots: list[int] = []
     last = 1
     for column in range(columns):
@@ -45,10 +48,30 @@ def row_reduce(rows: Rationals, columns: int) -> list[int]:
     return pivots
 
 
-def _in_integers(row: Rational) -> list[int]:
-    """A multiple of `row` in whole numbers."""
+def in_integers(row: Sequence[Fraction | int]) -> list[int]:
+    """A positive multiple of `row` in whole numbers."""
     unit = math.lcm(*(entry.denominator for entry in row))
-    return [int(entry * unit) for entry in row]
+    return [entry.numerator * (unit // entry.denominator) for entry in row]
+
+
+def with_row(echelon: Echelon, row: list[int]) -> Echelon:
+    """The `echelon` and `row`, reduced by it; the `echelon` alone if `row` depends on it.
+
+    Examples
+    --------
+    >>> with_row(((0, [2, 1]),), [1, 1]), with_row(((0, [2, 1]),), [4, 2])
+    (((0, [2, 1]), (1, [0, 1])), ((0, [2, 1]),))
+    """
+    for column, other in echelon:
+        pivot = other[column]
+        factor = row[column]
+        if factor:
+            row = [pivot * x - factor * y for x, y in zip(row, other, strict=True)]
+    divisor = math.gcd(*row)
+    if divisor == 0:
+        return echelon
+    first = next(column for column, entry in enumerate(row) if entry)
+    return *echelon, (first, [entry // divisor for entry in row])
 
 
 def _eliminate(rows: Rationals, top: int, column: int) -> None:
@@ -61,7 +84,7 @@ def _eliminate(rows: Rationals, top: int, column: int) -> None:
             rows[i] = [a - factor * b for a, b in zip(row, rows[top], strict=True)]
 
 
-def affine_solutions(rows: Rationals, columns: int) -> tuple[Rational, Rationals] | None:
+def affine_solutions(rows: Sequence[Any], columns: int) -> tuple[Rational, Rationals] | None:
     """A point of {x : row · (x, 1) = 0 for every row} and a basis of its directions; None where it is empty.
 
     x has `columns` entries, and each row one more: its constant.

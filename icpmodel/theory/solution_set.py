@@ -1,12 +1,15 @@
 """All solutions of a small problem with affine obstacles, confirmed in rational arithmetic.
 
 The problem is a union of linear pieces (see `algebra.linear_rows`). Pieces that certainly hold no solution are left out
-in floats, with bounds on their rounding; every other one is solved in fractions. Where its system is singular, its
-solutions are a polyhedron, given by a point and its directions.
+in floats, with bounds on their rounding, and then in whole numbers those whose equations contradict each other. Every
+other one is solved in fractions. Where its system is singular, its solutions are a polyhedron, given by a point and its
+directions.
 """
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
@@ -17,7 +20,7 @@ from ..algebra.linear_rows import FREE, LOWER, UPPER, LinearRows, piece_count
 from ..errors import NotApplicable, OutOfTime
 from ..numerics import work
 from ..numerics.arrays import ReadOnly, Vector, as_number
-from ..numerics.exact_polyhedron import affine_solutions, relative_interior
+from ..numerics.exact_polyhedron import Echelon, affine_solutions, in_integers, relative_interior, with_row
 from ..numerics.rational import nearest, rationals
 from ..numerics.rounding import public_entry
 from ..present.display import Displayable
@@ -117,7 +120,7 @@ class _ExactSolutions:
 
 
 class ExactRows:
-    """p, r and s of `LinearRows` in fractions: every float is one.
+    """p, r and s of `LinearRows` in whole numbers: every float is a fraction, and a row may have any unit.
 
     A row holds the coefficients of z and a constant; it is None where there is no obstacle.
     """
@@ -127,17 +130,17 @@ class ExactRows:
         if problem.psi.linear is None:
             raise NotApplicable(f"pieces are linear only for constant and affine obstacles, not for {problem.psi!r}")
         self.n = problem.n
-        self.p = rationals(np.column_stack([problem.dense(), problem.q]))
+        self.p = [in_integers(row) for row in rationals(np.column_stack([problem.dense(), problem.q]))]
         self.r = _distance_rows(problem.psi.linear, 1)
         of_upper = None if problem.upper is None else problem.upper.linear
         self.s = [None] * self.n if of_upper is None else _distance_rows(of_upper, -1)
+        self.rows: dict[int, list[Any]] = {FREE: self.p, LOWER: self.r, UPPER: self.s}
 
-    def equations(self, sides: Any) -> list[Rational]:
+    def equations(self, sides: Any) -> list[list[int]]:
         """The rows that have to be 0 in a piece."""
-        rows: dict[int, Any] = {FREE: self.p, LOWER: self.r, UPPER: self.s}
-        return [rows[side][i] for i, side in enumerate(sides)]
+        return [self.rows[side][i] for i, side in enumerate(sides)]
 
-    def inequalities(self, sides: Any) -> list[Rational]:
+    def inequalities(self, sides: Any) -> list[list[int]]:
         """The rows that have to be ≥ 0 in a piece."""
         system = []
         for i, side in enumerate(sides):
@@ -146,6 +149,22 @@ class ExactRows:
             others = (row for obstacle, row in ((LOWER, self.r[i]), (UPPER, self.s[i])) if obstacle != side)
             system.extend(row for row in others if row is not None)
         return system
+
+    def consistent(self, pieces: Iterable[Any], echelon: Echelon = (), i: int = 0) -> Iterator[Any]:
+        """Those of the `pieces` in which all equations hold at some z, whatever the signs. Raises OutOfTime.
+
+        The `pieces` agree in the rows before `i`, whose `echelon` is given. Row i is added once for each of its sides,
+        so that a contradiction excludes all pieces in turn that begin with it.
+        """
+        if i == self.n:
+            yield from pieces
+            return
+        for side, alike in itertools.groupby(pieces, key=lambda sides: sides[i]):
+            work.check_budget()
+            longer = with_row(echelon, self.rows[side][i])
+            is_contradiction = longer and longer[-1][0] == self.n  # 0 = c ≠ 0
+            if not is_contradiction:
+                yield from self.consistent(alike, longer, i + 1)
 
     def solve(self, sides: Any) -> _ExactSolutions | None:
         """The solutions of the problem in a piece, None where there are none."""
@@ -189,7 +208,7 @@ def _distance_rows(linear: Any, sign: int) -> list[Any]:
     for i, (slopes, end) in enumerate(zip(rationals(G), c.tolist(), strict=True)):
         row = [-sign * slope for slope in slopes]
         row[i] += sign
-        rows.append([*row, -sign * Fraction(end)] if np.isfinite(end) else None)
+        rows.append(in_integers([*row, -sign * Fraction(end)]) if np.isfinite(end) else None)
     return rows
 
 
@@ -197,7 +216,7 @@ def _round_exact(x: Rational) -> Vector:
     return np.array([nearest(entry) for entry in x])
 
 
-def _dot(row: Rational, x: Rational) -> Fraction:
+def _dot(row: Sequence[Fraction | int], x: Rational) -> Fraction:
     return sum((a * b for a, b in zip(row, x, strict=False) if a and b), Fraction(0))
 
 
@@ -255,7 +274,7 @@ def all_solutions(problem: ProblemLike, *, time_limit: float | None = None) -> S
     complete = True
     with work.work_limit(np.inf if time_limit is None else time_limit):
         try:
-            for sides in plausible(problem):
+            for sides in exact.consistent(plausible(problem)):
                 one = exact.solve(sides)
                 if one is not None:
                     candidates.append((sides, one))
@@ -270,9 +289,7 @@ def all_solutions(problem: ProblemLike, *, time_limit: float | None = None) -> S
 def plausible(problem: ProblemData) -> Any:
     """The pieces that may hold a solution, as far as floats tell. Raises OutOfTime."""
     for batch in LinearRows.of(problem, np.zeros(problem.n)).batches():
-        for sides in batch.sides[~batch.empty]:
-            work.check_budget()
-            yield sides
+        yield from batch.sides[~batch.empty]
 
 
 def _distinct(exact: ExactRows, candidates: list[tuple[Any, _ExactSolutions]]) -> list[_ExactSolutions]:

@@ -138,11 +138,11 @@ def test_what_solve_begins_with_is_proved_and_its_steps_are_told():
         (icp.ICP(-np.eye(13), -np.ones(13)), "no P-matrix: there may be no solution, or many"),
         (scenes.hand_cyclic().problem, "sweeps may cycle: try newton"),
         (
-            icp.ICP(np.kron(np.eye(6), [[1, -1], [-1, 1]]), np.ones(12)),
+            icp.ICP(np.kron(np.eye(7), [[1, -1], [-1, 1]]), np.ones(14)),
             "A is positive semidefinite: if some z has p >= 0",
         ),
         (
-            icp.ICP(np.kron(np.eye(6), [[0, -1], [1, 0]]), np.ones(12)),
+            icp.ICP(np.kron(np.eye(7), [[0, -1], [1, 0]]), np.ones(14)),
             "A is positive semidefinite: if some z has p >= 0",
         ),
     ],

@@ -1,11 +1,12 @@
 """Elimination in rational arithmetic."""
 
 from fractions import Fraction
+from functools import reduce
 
 from hypothesis import given
 from hypothesis import strategies as st
 
-from icpmodel.numerics.exact_polyhedron import row_reduce
+from icpmodel.numerics.exact_polyhedron import in_integers, row_reduce, with_row
 
 ENTRIES = st.one_of(st.integers(-3, 3), st.fractions(max_denominator=7), st.floats(-1e9, 1e9)).map(Fraction)
 MATRICES = st.integers(1, 5).flatmap(lambda n: st.lists(st.lists(ENTRIES, min_size=n, max_size=n), max_size=6))
@@ -21,3 +22,12 @@ def test_reduced_rows_are_a_basis_of_the_row_space(rows):
     for row in rows:
         pairs = list(zip([row[pivot] for pivot in pivots], reduced, strict=False))
         assert row == [sum((x * one[j] for x, one in pairs), Fraction(0)) for j in range(len(row))]
+
+
+@given(rows=MATRICES)
+def test_rows_added_one_by_one_begin_where_the_reduced_ones_do(rows):
+    echelon = reduce(with_row, map(in_integers, rows), ())
+    first = [column for column, _ in echelon]
+    assert sorted(first) == row_reduce([list(row) for row in rows], len(rows[0]) if rows else 0)
+    both = rows + [list(map(Fraction, row)) for _, row in echelon]
+    assert len(row_reduce(both, len(both[0]) if both else 0)) == len(first)

@@ -118,6 +118,13 @@ def test_a_few_unknowns_are_proved_unique_exactly_where_they_are(rng):
     assert isinstance(proof, Proof) == (len(whole) == 1 and not whole.faces)
 
 
+def test_active_sets_whose_equations_contradict_each_other_need_no_proof_of_their_own():
+    """Σz = −q_i for two rows or more: 1013 singular systems of 1024. The solution is (1, 0, …, 0)."""
+    proof = enumerated_of(icp.ICP(np.ones((10, 10)), np.arange(-1.0, 9.0)))
+    assert isinstance(proof, Proof)
+    assert proof.solution.tolist() == [1.0] + [0.0] * 9
+
+
 @settings(max_examples=40)
 @given(rng=GENERATORS, decades=st.sampled_from([0, 8]))
 def test_definite_matrices_are_proved_so_in_any_units(rng, decades):

@@ -55,7 +55,7 @@ def prove(problem: ProblemData) -> EnumeratedProof | str:
         return f"there are {count:.3g} linear pieces, which are examined up to {MAX_PIECES}"
     exact = ExactRows(problem)
     point = None
-    for k, sides in enumerate(plausible(problem)):
+    for k, sides in enumerate(exact.consistent(plausible(problem))):
         if k == MAX_EXACT_PIECES:
             return f"more than {MAX_EXACT_PIECES} linear pieces may hold a solution"
         solutions = exact.solve(sides)
