@@ -87,7 +87,6 @@ class AffineLcp:
     ) -> None:
         self.n = A.shape[-1]
         self.rows: Any = None
-        self.is_split = False
         self.free = c == -np.inf
         self.c = np.where(self.free, 0.0, c)
         self.M, self.inverse = A, None
@@ -126,7 +125,6 @@ class AffineLcp:
 
         The second mask is None where there is no upper obstacle.
         """
-        y = self.joined(y)
         active = ~self.free[: self.n] & (y[: self.n] == 0.0)
         if self.rows is None:
             return active, None
@@ -141,7 +139,7 @@ class AffineLcp:
         So z keeps to both obstacles along the path, which ends in a solution if all rows have both.
         """
         d = np.ones(self.M.shape[-1])
-        d[self.n : self.free.size] = 0.0
+        d[self.n :] = 0.0
         return d
 
     def start(self, covering: Vector | None = None, dropped: int | None = None) -> Any:
@@ -153,20 +151,10 @@ class AffineLcp:
         from .kernels import balancing, pivoting  # loads numba
 
         S, *units = balancing.scale(read_only(self.M))
-        free = np.zeros(len(self.q), dtype=bool) if self.is_split else self.free
         covering = self.covering if covering is None else covering * self.covering
         if dropped is not None:
             covering = np.where(S[:, dropped] > 0.0, S[:, dropped], covering)
-        return pivoting.first_tableau(S, *units, self.q, free, covering)
-
-    def split(self) -> AffineLcp:
-        """The LCP with y⁺ − y⁻, both ≥ 0, in place of y in the `free` rows, if these cannot be eliminated."""
-        from .kernels.batched_lcps import split  # loads numba
-
-        new = copy(self)
-        new.M, new.q = split(*read_only((self.M, self.q, self.free)))
-        new.is_split = True
-        return new
+        return pivoting.first_tableau(S, *units, self.q, self.free, covering)
 
     def exchanged(self, rows: NDArray[np.int64]) -> AffineLcp:
         """The LCP in which w_i and y_i have changed places in `rows`, a principal pivot transform.
@@ -194,17 +182,9 @@ class AffineLcp:
         """q + My."""
         return self.q + self.M @ y
 
-    def joined(self, y: Vector) -> Vector:
-        """`y` with the differences in place of their two parts."""
-        if not self.is_split:
-            return y
-        whole = y[: self.free.size].copy()
-        whole[self.free] -= y[self.free.size :]
-        return whole
-
     def z(self, y: Vector) -> Vector:
         """The z that belongs to y."""
-        return self.without_psi(self.joined(y) + self.c)
+        return self.without_psi(y + self.c)
 
     def without_psi(self, x: Any) -> Any:
         """(I − G)⁻¹x, for x of shape (n,) or for all rows of a matrix, and without the entries for rows above."""

@@ -26,8 +26,6 @@ from ..theory.certificates.contradiction import multipliers
 from ..theory.certificates.infeasible import infeasible
 from .contract import Infeasible, Iterate, Method, positive_diagonal, with_options
 
-#: the largest number of unknowns that are split into differences; tested for 20 to 200
-_SPLIT_UP_TO = 200
 #: the largest number of halvings of a step of Josephy's, and the least reduction of Res as a share of its length
 _MAX_HALVINGS = 6
 _MIN_REDUCTION = 0.1
@@ -55,7 +53,7 @@ class Lemke(Shortcut):
     -----
     **Form.** For ψ = c it is M = A and y = z − c. For ψ = Gz + c it is M = A(I − G)⁻¹ and y = (I − G)z − c. A ψ_i that
     depends on z_i alone and changes by less is a constant (see `with_fixed_obstacle`). Rows without obstacle are
-    eliminated first. Where A is singular there, their unknowns are written as differences of two that are ≥ 0.
+    eliminated first. Where A is singular there, other rows change places as well, a principal pivot transform.
 
     **Ties** in the ratio test are broken lexicographically, so that no basis comes back. Where one does, rounding has
     hidden a tie. Then the pivots begin again with a q that is perturbed by 1e-8 of its size. The last basis is
@@ -91,22 +89,14 @@ class Lemke(Shortcut):
 
         yield z, None
         lcp = dense_lcp(problem)
-        row = int(np.argmax(lcp.free))
-        singular = SingularOperator("A is singular in the rows and columns without obstacle below", row)
         state = lcp.start()
         for entering in (START, PERTURBED):
             seen = set[bytes]()
             ended = UNFINISHED
             while ended == UNFINISHED:
                 ended, entering, y, ray = some_pivots(state, entering, len(lcp.q))
-                if ended == SINGULAR and problem.n > _SPLIT_UP_TO:
-                    raise singular
                 if ended == SINGULAR:
-                    lcp = lcp.split()
-                    state = lcp.start()
-                    entering = START
-                    ended = UNFINISHED
-                    continue
+                    break
                 z = lcp.z(y)  # where a ray begins because A is nearly singular, t may be as good as 0
                 yield z, None
                 basis = np.sort(state[6][: len(lcp.q)]).tobytes()
@@ -120,9 +110,9 @@ class Lemke(Shortcut):
                 z = solve_on(problem, z, *lcp.active_rows(y))
                 yield z, None
             return
-        _prove(problem, lcp.joined(ray)[: problem.n])
-        if lcp.is_split:
-            raise singular
+        _prove(problem, ray[: problem.n])
+        if ended == SINGULAR:
+            raise SingularOperator("A is singular in the rows and columns without obstacle", int(np.argmax(lcp.free)))
 
 
 @with_options

@@ -28,12 +28,23 @@ def proves_in_fractions(A, q, c, y):
 
 def test_what_no_elimination_can_start_on_is_refused():
     with pytest.raises(icp.SingularOperator, match="rows and columns without obstacle"):
-        icp.ICP([[0, 1, 1], [1, -1, 0], [1, 0, -1]], [-3.0, 1.0, 1.0], [-np.inf, 0.0, 0.0]).solve("lemke")
+        icp.ICP([[0, 1], [0, -1]], [-1.0, 5.0], [-np.inf, 0.0]).solve("lemke")  # z_1 = 1, and p_1 = 4
     assert run(icp.ICP([[0, 1], [1, 1]], [1.0, 1.0], [-np.inf, 0.0])).status is icp.Status.INFEASIBLE
     with pytest.raises(icp.SingularOperator, match="I - G is singular"):
         icp.ICP([[1.0]], [1.0], icp.Affine([[1.0]], 1.0)).solve("lemke")
     with pytest.raises(icp.NotApplicable, match="with n = 1000000 they need"):
         icp.ICP(sp.eye_array(10**6), np.ones(10**6)).solve("lemke")
+
+
+@pytest.mark.parametrize("n", [10, 300])
+def test_equations_are_eliminated_with_other_rows_where_they_are_singular(n):
+    """The least of xᵀQx/2 + cᵀx over a simplex, Q indefinite: z keeps to the simplex along the path; and a copy."""
+    rng = np.random.default_rng(n)
+    Q = rng.normal(size=(n, n))
+    E = np.ones((2, n))
+    A = np.block([[Q + Q.T, -E.T], [E, np.zeros((2, 2))]])
+    z = run(icp.ICP(A, np.append(rng.normal(size=n), [-1, -1]), np.append(np.zeros(n), [-np.inf, -np.inf]))).z
+    assert z[:n].sum() == pytest.approx(1.0)
 
 
 def test_a_large_cyclic_p_matrix():

@@ -6,44 +6,7 @@ import numpy as np
 
 from ...numerics.kernels import compiled
 from .balancing import scale
-from .pivoting import SINGULAR, START, continue_pivots, first_tableau, right
-
-
-@compiled
-def split(M, q, free):
-    # the LCP in which each unknown of a `free` row is the difference of two that are >= 0. The second ones are the last
-    # unknowns; their rows are the free rows with the other sign
-    n = q.size
-    size = n
-    rows = np.empty(2 * n, np.int64)
-    for i in range(n):
-        rows[i] = i
-        if free[i]:
-            rows[size] = i
-            size += 1
-    whole = np.empty((size, size))
-    f = np.empty(size)
-    for i in range(size):
-        sign = 1.0 if i < n else -1.0
-        f[i] = sign * q[rows[i]]
-        for j in range(size):
-            whole[i, j] = M[rows[i], rows[j]] * (sign if j < n else -sign)
-    return whole, f
-
-
-@compiled
-def _by_differences(M, q, free, limit, y):
-    # y where the rows that are `free` cannot be eliminated
-    whole, f = split(M, q, free)
-    S, r, c = scale(whole)
-    tableau = first_tableau(S, r, c, f, np.zeros(f.size, np.bool_), np.ones(f.size))
-    solution = continue_pivots(*tableau, np.int64(START), limit)[2]
-    second = y.size
-    for i in range(y.size):
-        y[i] = solution[i]
-        if free[i]:
-            y[i] -= solution[second]
-            second += 1
+from .pivoting import START, continue_pivots, right
 
 
 @compiled
@@ -67,9 +30,7 @@ def many(S, r, c, M, covering, Q, C, limit, Z):
             for j in range(n):
                 q[i] += M[i, j] * Z[k, j]
         right(q, r, c, f, units)
-        code, _, y, _ = continue_pivots(S, f, free, covering, units, D, labels, work, np.int64(START), limit)
-        if code == SINGULAR:
-            _by_differences(M, q, free, limit, y)
+        y = continue_pivots(S, f, free, covering, units, D, labels, work, np.int64(START), limit)[2]
         for i in range(n):
             Z[k, i] += y[i]
 

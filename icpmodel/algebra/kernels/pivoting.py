@@ -46,7 +46,7 @@ def exchange(D, r, e, basic, nonbasic, place):
 @compiled
 def leaving(D, e, free, basic, place, ties):
     # the row whose variable reaches 0 first as that of column e grows, or -1; ties are broken by the inverse of the
-    # basis, in the columns of w: the lexicographically least ratio is unique. y of a row without obstacle never leaves
+    # basis, in the columns of w: the lexicographically least ratio is unique. In rows without obstacle nothing leaves
     n = D.shape[0]
     count = 0
     largest = 0.0
@@ -54,7 +54,7 @@ def leaving(D, e, free, basic, place, ties):
     for i in range(n):
         largest = max(largest, abs(D[i, e]))
     for i in range(n):
-        if -D[i, e] > _ZERO * largest and not (n <= basic[i] < 2 * n and free[basic[i] - n]):
+        if -D[i, e] > _ZERO * largest and not (basic[i] < 2 * n and free[basic[i] % n]):
             ties[count] = i
             count += 1
             least = min(least, max(D[i, n + 1], 0.0) / -D[i, e])
@@ -97,43 +97,56 @@ def _of_inverse(D, i, k, place):
 
 
 @compiled
-def reach(D, free, basic, nonbasic, place):
-    # pivots by which w_i leaves and y_i enters in the rows without obstacle, the largest each time: whether they are
-    # regular. There w_i = 0 has left for good, and y_i, of either sign, has entered
+def _largest(D, basic, nonbasic, leaves, enters):
+    # row and column of the largest entry in the rows of the w_i that are basic and are to leave, and the columns of
+    # the y_j that are nonbasic and may enter; -1 where all are 0
     n = D.shape[0]
+    row: Any = np.int64(-1)
+    column: Any = np.int64(-1)
+    largest = 0.0
+    for i in range(n):
+        if basic[i] < n and leaves[basic[i]]:
+            for j in range(n):
+                if nonbasic[j] >= n and enters[nonbasic[j] - n] and abs(D[i, j]) > largest:
+                    row = i
+                    column = j
+                    largest = abs(D[i, j])
+    return row, column, largest
+
+
+@compiled
+def reach(D, free, basic, nonbasic, place):
+    # pivots by which w_i leaves and y_i enters in the rows without obstacle, the largest each time. Where these are
+    # singular another y_j enters, and w_j is to leave as well. Rows that depend on others stay: whether none of these
+    # contradicts the others
+    n = D.shape[0]
+    leaves = free.copy()
     first = 0.0
     for _ in range(n):
-        row: Any = np.int64(-1)
-        column: Any = np.int64(-1)
-        largest = 0.0
-        left = False
-        for i in range(n):
-            if basic[i] < n and free[basic[i]]:
-                left = True
-                for j in range(n):
-                    if n <= nonbasic[j] and free[nonbasic[j] - n] and abs(D[i, j]) > largest:
-                        row = i
-                        column = j
-                        largest = abs(D[i, j])
-        first = max(first, largest)
-        if not left:
-            break
+        row, column, largest = _largest(D, basic, nonbasic, leaves, leaves)
         if not largest > _ZERO * first:
-            return False
+            row, column, largest = _largest(D, basic, nonbasic, leaves, ~leaves)
+            if not largest > _ZERO * first:
+                break
+        first = max(first, largest)
+        leaves[nonbasic[column] - n] = True
         exchange(D, row, column, basic, nonbasic, place)
+    for i in range(n):
+        if basic[i] < n and leaves[basic[i]] and not (free[basic[i]] and abs(D[i, n + 1]) <= _PERTURBATION):
+            return False
     return True
 
 
 @compiled
 def start(S, q, free, covering, D, basic, nonbasic, place, nudge):
-    # the dictionary of w in y and t without the rows that have no obstacle: how the run ended, and the label to enter.
-    # q is moved by up to `nudge` in every row its own way, so that no ties are left. Where d is 0 and q not
-    # positive, d is 1
+    # the dictionary without the rows that have no obstacle: how the run ended, and the label to enter. q is moved by up
+    # to `nudge` in every row its own way, so that no ties are left. d is 0 also where y_j has entered, as in a vertex
+    # of a polytope that z then keeps to; and 1 where it is 0 and q is not positive
     n = S.shape[0]
     for i in range(n):
         for j in range(n):
             D[i, j] = S[i, j]
-        D[i, n] = 0.0 if free[i] else covering[i]
+        D[i, n] = 0.0
         D[i, n + 1] = q[i] if free[i] else q[i] + nudge * (1.0 + math.sin((i + 1.0) ** 2))
         basic[i], nonbasic[i], place[i], place[n + i] = i, n + i, i, -1 - i
     nonbasic[n] = 2 * n
@@ -143,18 +156,24 @@ def start(S, q, free, covering, D, basic, nonbasic, place, nudge):
     row: Any = np.int64(-1)
     most = 0.0
     for i in range(n):  # the last of equal ones is the lexicographically least
-        if basic[i] >= n:
+        if free[basic[i] % n]:
             continue
-        if D[i, n] == 0.0 and not D[i, n + 1] > 0.0:
-            D[i, n] = 1.0
+        d = covering[basic[i] % n] if basic[i] < n else 0.0
+        D[i, n] = 1.0 if d == 0.0 and not D[i, n + 1] > 0.0 else d
         if D[i, n + 1] < 0.0 and -D[i, n + 1] >= most * D[i, n]:
             row = i
             most = -D[i, n + 1] / D[i, n]
     if row < 0:
         return SOLVED, START
-    entering = n + basic[row]
+    entering = complement(basic[row], n)
     exchange(D, row, n, basic, nonbasic, place)
     return UNFINISHED, entering
+
+
+@compiled
+def complement(label, n):
+    # the label of y_i for that of w_i, and the other way round
+    return label + n if label < n else label - n
 
 
 @compiled
@@ -170,7 +189,7 @@ def pivot(D, free, basic, nonbasic, place, ties, entering, limit):
         exchange(D, r, e, basic, nonbasic, place)
         if out == 2 * n:
             return SOLVED, entering
-        entering = out + n if out < n else out - n
+        entering = complement(out, n)
     return UNFINISHED, entering
 
 
