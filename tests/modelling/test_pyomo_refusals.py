@@ -29,6 +29,24 @@ def test_a_parameter_without_a_value_is_named_by_its_row(place):
         read_pyomo(model)
 
 
+@pytest.mark.parametrize("number", ["a", 1j, 10**400], ids=["text", "complex", "huge"])
+@pytest.mark.parametrize(
+    "expressions",
+    [
+        lambda x, p: (x >= 0, x >= p),
+        lambda x, p: (pyo.inequality(0, x, p), x - 5),
+        lambda x, p: (x >= 0, pyo.exp(x) >= p),
+        lambda x, p: (x >= 0, (x + 2) ** p >= 1),
+    ],
+)
+def test_a_parameter_that_is_no_float_is_named_by_its_row(expressions, number):
+    model = pyo.ConcreteModel()
+    model.x, model.p = pyo.Var(initialize=1.0), pyo.Param(initialize=number, mutable=True, within=pyo.Any)
+    model.c = Complementarity(expr=complements(*expressions(model.x, model.p)))
+    with pytest.raises(icp.InputError, match=r"c has a number .*that is not finite"):
+        read_pyomo(model)
+
+
 def test_a_parameter_that_is_nan_in_a_nonlinear_term_is_named_by_its_row():
     model = pyo.ConcreteModel()
     model.x, model.rate = pyo.Var(initialize=1.0), pyo.Param(mutable=True, initialize=float("nan"))

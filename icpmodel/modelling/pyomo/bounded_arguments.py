@@ -48,7 +48,7 @@ def _number(expression: Any) -> Any:
     """The value of `expression` where that is infinite, as that of a parameter may be; else itself."""
     if expression.__class__ not in native_numeric_types and not expression.is_potentially_variable():
         number = value(expression, exception=False)
-        if number is not None and math.isinf(number):
+        if number in (math.inf, -math.inf):
             return number
     return expression
 

@@ -15,8 +15,7 @@ doi 10.1137/S105262349833338X.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from contextlib import suppress
+from collections.abc import Callable
 from typing import Any
 
 import pyomo.environ as pyo
@@ -63,10 +62,9 @@ class ConditionRows:
         self._walk = LinearRepnVisitor({}, var_recorder=self._recorder).walk_expression
         with PauseGC():  # as Pyomo's writers do: many small objects come and go
             self._refuse_what_is_no_icp(model)
-            for condition in _active(model, Complementarity):
-                self._read_condition(condition)
-            for constraint in _active(model, pyo.Constraint):
-                self._read_constraint(constraint)
+            _read_each(model, pyo.Objective, self._read_objective)
+            _read_each(model, Complementarity, self._read_condition)
+            _read_each(model, pyo.Constraint, self._read_constraint)
 
     def rows(self) -> list[Side]:
         """Side 0 and side 1 of the conditions, then the widths, then the equations."""
@@ -96,17 +94,15 @@ class ConditionRows:
         if unknown:
             names = sorted(f"{kind.__name__} {components[0].name}" for kind, components in unknown.items())
             raise InputError(f"the model has the active {', '.join(names)}, which no complementarity problem has")
-        for objective in _active(model, pyo.Objective):
-            _, linear, nonlinear = self._read(((1.0, objective.expr),), objective)
-            if linear or nonlinear is not None:
-                reason = "a complementarity problem has nothing to minimise; deactivate it, or take an MPEC solver"
-                raise InputError(f"{objective.name} is an active Objective: {reason}")
+
+    def _read_objective(self, objective: Any) -> None:
+        _, linear, nonlinear = self._read(((1.0, objective.expr),), objective)
+        if linear or nonlinear is not None:
+            reason = "a complementarity problem has nothing to minimise; deactivate it, or take an MPEC solver"
+            raise InputError(f"{objective.name} is an active Objective: {reason}")
 
     def _read_constraint(self, constraint: Any) -> None:
-        try:
-            lower, body, upper = constraint.to_bounded_expression(evaluate_bounds=True)
-        except ValueError as error:
-            raise InputError(f"{constraint.name} has a number that is {NOT_FINITE}") from error
+        lower, body, upper = constraint.to_bounded_expression(evaluate_bounds=True)
         if lower is None and upper is None:
             return
         if isinstance(constraint.parent_block(), ComplementarityData):
@@ -198,25 +194,29 @@ class ConditionRows:
         constant = 0.0
         nonlinear = None
         linear: dict[int, float] = {}
-        finite = False
-        with suppress(ValueError, TypeError):  # of a parameter without value, or that is text, or an InvalidNumber
-            for factor, expression in terms:
-                if expression.__class__ in native_numeric_types:
-                    constant += factor * expression
-                    continue
-                term = self._walk(expression)
-                constant += factor * term.constant
-                for key, value in term.linear.items():
-                    linear[key] = linear.get(key, 0.0) + factor * value
-                if term.nonlinear is not None:
-                    rest = factor * term.nonlinear
-                    nonlinear = rest if nonlinear is None else nonlinear + rest
-            finite = math.isfinite(constant) and all(map(math.isfinite, linear.values()))
-        if not finite:
-            raise InputError(f"{owner.name} has a number that is {NOT_FINITE}")
+        for factor, expression in terms:
+            if expression.__class__ in native_numeric_types:
+                constant += factor * expression
+                continue
+            term = self._walk(expression)
+            constant += factor * term.constant
+            for key, value in term.linear.items():
+                linear[key] = linear.get(key, 0.0) + factor * value
+            if term.nonlinear is not None:
+                rest = factor * term.nonlinear
+                nonlinear = rest if nonlinear is None else nonlinear + rest
+        if not all(map(math.isfinite, (constant, *linear.values()))):
+            raise ValueError(NOT_FINITE)
         linear = {key: value for key, value in linear.items() if value}
         return float(constant), linear, None if nonlinear is None else flattened(nonlinear, owner)
 
 
-def _active(model: Any, kind: type) -> Iterable[Any]:
-    return model.component_data_objects(kind, active=True, descend_into=True)
+def _read_each(model: Any, kind: type, read: Callable[[Any], None]) -> None:
+    """`read` the active components of a `kind`. Raises InputError, with the component's name."""
+    for component in model.component_data_objects(kind, active=True, descend_into=True):
+        try:
+            read(component)
+        except InputError:
+            raise
+        except (ValueError, TypeError, OverflowError) as error:  # of a number that is no float, or an InvalidNumber
+            raise InputError(f"{component.name} has a number that is {NOT_FINITE}") from error
