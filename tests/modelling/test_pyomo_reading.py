@@ -72,7 +72,6 @@ def test_an_equality_is_a_row_without_obstacle_whatever_its_sign():
     for form in (
         lambda m: Complementarity(expr=complements(m.x, 2 * m.x - m.y == 3)),
         lambda m: Complementarity(expr=complements(m.y - 2 * m.x == -3, m.x)),
-        lambda m: Complementarity(expr=complements(pyo.inequality(3, 2 * m.x - m.y, 3), m.x)),
         lambda m: pyo.Constraint(expr=2 * m.x == 3 + m.y),
     ):
         model = pyo.ConcreteModel()
@@ -120,6 +119,26 @@ def test_a_parameter_may_be_infinite_for_a_while():
         model.capacity = capacity
         pyo.SolverFactory("icpmodel").solve(model)
         assert model.x.value == pytest.approx(x)
+
+
+@pytest.mark.parametrize("width", [2.0, 1e-3, 1e-12, 0.0])
+def test_a_range_that_closes_keeps_its_dual(width):
+    model = pyo.ConcreteModel()
+    model.x, model.dual, model.rc = pyo.Var(), pyo.Suffix(direction=pyo.Suffix.IMPORT), pyo.Suffix()
+    model.rc.direction = pyo.Suffix.IMPORT
+    model.c = Complementarity(expr=complements(pyo.inequality(1, model.x, 1 + width), model.x - 5))
+    pyo.SolverFactory("icpmodel").solve(model)
+    assert [model.x.value, model.dual[model.c], model.rc[model.x]] == pytest.approx([1 + width, width - 4, width - 4])
+
+
+def test_a_closed_range_of_a_fixed_variable_says_nothing_of_the_other_side():
+    model = pyo.ConcreteModel()
+    model.x, model.y = pyo.Var(), pyo.Var()
+    model.x.fix(1.0)
+    model.c = Complementarity(expr=complements(pyo.inequality(1, model.x, 1), model.y - 5))
+    model.d = Complementarity(expr=complements(model.y >= 0, model.y >= 2))
+    pyo.SolverFactory("icpmodel").solve(model)
+    assert model.y.value == pytest.approx(2.0)
 
 
 EXPRESSIONS = {

@@ -139,15 +139,18 @@ class ConditionRows:
                 return self._add_equation(condition, force)
             sign = 1.0 if one.bounds[0] is low else -1.0
             return self._add(condition, one.bounds[0], tuple((sign * factor, term) for factor, term in force))
+        side = self._read(low, condition)
         width = constant, linear, nonlinear = self._read((high[0], low[1]), condition)
         if not linear and nonlinear is None:
             if abs(self._share(constant, (high[0], low[1]))) <= _MAX_VIOLATION:
-                return self._add_equation(condition, low)
-            if constant < 0:
+                width = 0.0, linear, nonlinear
+                if not side[1] and side[2] is None:  # nothing is left to say of g
+                    return self._add_equation(condition, low)
+            elif constant < 0:
                 actual = f"{condition.name} has a lower bound that is larger than the upper one"
                 raise InputError(f"{actual}, by {-constant:g}")
         self.widths[len(self.owners)] = width
-        return self._append(condition, self._read(low, condition), self._read(force, condition))
+        return self._append(condition, side, self._read(force, condition))
 
     def _add_equation(self, owner: Any, zero: Terms) -> None:
         side = constant, linear, nonlinear = self._read(zero, owner)
