@@ -48,7 +48,7 @@ class Operator(ABC):
             moved = np.minimum(p, omega * r)
             if above is not None:
                 moved = np.maximum(omega * above, moved)
-            return z - 2.0 * self.solve(moved), problem.residual_of(p, r, above, problem.weights_at(z))
+            return z - 2.0 * self.solve(moved), problem.residual_of(p, r, above, problem.weights_at(z, p))
 
         return step
 

@@ -63,7 +63,7 @@ def secant_step(problem: ProblemData, step_of: Callable[[ProblemData], Step]) ->
     def step(z: Vector) -> tuple[Vector, float]:
         affine, p = secant_problem(problem, z)
         moved, _ = step_of(affine)(z)
-        return moved, problem.residual_of(p, problem.r(z), problem.r_upper(z), problem.weights_at(z))
+        return moved, problem.residual_of(p, problem.r(z), problem.r_upper(z), problem.weights_at(z, p))
 
     return step
 

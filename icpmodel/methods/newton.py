@@ -115,7 +115,7 @@ class NewtonPoint:
     @np.errstate(all="ignore")
     def residual(self) -> float:
         """Res_D(z)."""
-        return self.problem.residual_of(self.p, *self.sides, self.problem.weights_at(self.z))
+        return self.problem.residual_of(self.p, *self.sides, self.problem.weights_at(self.z, self.p))
 
     @cached_property
     def jacobian(self) -> sp.csr_array:

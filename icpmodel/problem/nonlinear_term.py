@@ -194,11 +194,13 @@ class NonlinearTerm(Displayable):
         weighted.index = A.index
         return weighted
 
-    def weights_at(self, A: Matrix, z: Vector) -> Vector:
+    def weights_at(self, A: Matrix, z: Vector, p: Any = 0.0) -> Vector:
         """The diagonal of D⁻¹ at z: d_i is the largest |entry| of row i of A + f′(z) where that is less than D's.
 
         So Res_D(z) counts a step of Newton's method in full, and a slope that grows without bound hides no p. It is ∞
-        where slopes that are larger elsewhere underflow, as p may do before z is near a solution.
+        where slopes that are larger elsewhere underflow, as p may do before z is near a solution. A row of slope 0
+        counts as an empty one. But its slope may have underflowed, too: its entry of `p` = p(z), unless 0, counts as at
+        least the size of z.
         """
         with np.errstate(all="ignore"):
             J = self.jacobian(z)
@@ -206,8 +208,9 @@ class NonlinearTerm(Displayable):
                 size = np.maximum(np.abs(A.rows.diagonal + J.diagonal()), A.largest_beside)
             else:
                 size = abs(sp.csr_array(A.sparse + J)).max(axis=1).toarray().reshape(-1)
+            far = np.where((size == 0.0) & (p != 0.0), np.abs(z).max() / np.abs(p), 0.0)
         underflows = (size > 0.0) & (size < MIN_DIAGONAL) & (A.row_weights < 1.0 / MIN_DIAGONAL)
-        weights = np.maximum(A.row_weights, weights_of(size))
+        weights = np.maximum.reduce([A.row_weights, weights_of(size), far])
         return np.where(underflows, np.inf, weights)
 
     def describe(self) -> str:

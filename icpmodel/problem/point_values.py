@@ -222,10 +222,13 @@ class PointValues(Displayable):
         z = self.vector(z)
         psi = self.psi.value(z)
         above = None if self.psi.upper is None else z - self.psi.upper.value(z)
-        return self.residual_of(self.product(z) + self.offset(z), z - psi, above, self.weights_at(z))
+        p = self.product(z) + self.offset(z)
+        return self.residual_of(p, z - psi, above, self.weights_at(z, p))
 
-    def weights_at(self, z: Vector) -> Vector:
+    def weights_at(self, z: Vector, p: Any = 0.0) -> Vector:
         """The diagonal of D⁻¹ in Res_D(z), shape (n,): the row weights of `matrix`, with an f increased by its slopes.
+
+        With `p` = p(z) the entry of p in a row of slope 0, unless it is 0, counts as at least the size of z.
 
         Examples
         --------
@@ -235,7 +238,7 @@ class PointValues(Displayable):
         if self.f is None:
             return self.matrix.row_weights
         with suppress(MapError):
-            return self.f.weights_at(self.matrix, z)
+            return self.f.weights_at(self.matrix, z, p)
         return self.matrix.row_weights
 
     def residual_of(

@@ -387,10 +387,19 @@ def test_a_row_on_its_obstacle_is_solved_where_its_slope_underflows():
 
 
 def test_a_problem_without_a_solution_is_never_called_solved():
-    """p = z² + 1 and p = e^z have no real root, and e^z underflows; p = 1 − 1/z cannot start at 0."""
+    """p = z² + 1 and p = e^z have no real root, and e^z underflows; p = 1 − 1/z cannot start at 0.
+
+    The slopes of −1/(1 + z²) and of −e^(−z) underflow to 0 before p does.
+    """
     for f in (lambda z: z**2 + 1.0, np.exp):
         solution = attempt(ICP.nonlinear(f, psi=[-np.inf]))
         assert solution.status.name in ("STAGNATED", "DIVERGED", "CYCLED")
+    hyperbola = icp.Elementwise(lambda z: -1.0 / (1.0 + z * z), lambda z: 2.0 * z / (1.0 + z * z) ** 2)
+    for f, start in ((hyperbola, 1e110), (lambda z: -np.exp(-z), 740.0)):
+        with np.errstate(over="ignore"):
+            problem = ICP([[0.0]], [0.0], f=f)
+            assert not attempt(problem, z0=[start]).solved
+            assert icp.certify(problem, [start], bound=False).residual_max >= start
     with (
         np.errstate(all="ignore"),
         pytest.raises(icp.MapError, match="at the start; a finite number was expected: give another z0"),

@@ -142,7 +142,7 @@ def certify(
         violation = np.where(np.isposinf(r), np.maximum(p, violation), violation)
     return Certificate(
         residual=problem.residual(z),
-        residual_max=float(np.abs(mid(problem.weighted(p, problem.weights_at(z)), r, above)).max()),
+        residual_max=float(np.abs(mid(problem.weighted(p, problem.weights_at(z, p)), r, above)).max()),
         residual_of_paper=problem.paper_residual(z),
         violation_p=float(violation.max()),
         violation_r=float(beyond.max()),
