@@ -227,8 +227,10 @@ def some_pivots(state: Any, entering: int, max_pivots: int) -> Any:
     n = len(state[0])
     pivot_cost = work.COSTS.pivot_entry * n**2
     piece = work.steps_per_piece(pivot_cost)
-    if entering < 0:  # the rows without obstacle leave in one piece
-        work.charge(np.count_nonzero(state[2]) * pivot_cost)
+    if entering < 0:  # the rows without obstacle leave in one piece, with as many others at most
+        cost = np.count_nonzero(state[2]) * pivot_cost
+        work.check_budget(2.0 * cost)
+        work.count(cost)
     while True:
         count = min(piece, max_pivots)
         work.check_budget(min(count, n) * pivot_cost)

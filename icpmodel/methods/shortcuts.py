@@ -8,9 +8,9 @@ Tridiagonal: problems in one dimension, solved directly in O(n).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from contextlib import suppress
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,7 +53,8 @@ class Lemke(Shortcut):
     -----
     **Form.** For ψ = c it is M = A and y = z − c. For ψ = Gz + c it is M = A(I − G)⁻¹ and y = (I − G)z − c. A ψ_i that
     depends on z_i alone and changes by less is a constant (see `with_fixed_obstacle`). Rows without obstacle are
-    eliminated first. Where A is singular there, other rows change places as well, a principal pivot transform.
+    eliminated first. Where A is singular there, other rows change places as well, a principal pivot transform. An
+    equation that nearly depends on others is left out at first.
 
     **Ties** in the ratio test are broken lexicographically, so that no basis comes back. Where one does, rounding has
     hidden a tie. Then the pivots begin again with a q that is perturbed by 1e-8 of its size. The last basis is
@@ -85,34 +86,46 @@ class Lemke(Shortcut):
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         # raises SingularOperator where I − G is singular, or A in the rows without obstacle
-        from ..algebra.kernels.pivoting import PERTURBED, SINGULAR, SOLVED, START, UNFINISHED  # loads numba
+        from ..algebra.kernels.pivoting import FULL_RANK, PERTURBED, SINGULAR, SOLVED, START, UNFINISHED  # loads numba
 
         yield z, None
         lcp = dense_lcp(problem)
+        rows = len(lcp.q)
         state = lcp.start()
-        for entering in (START, PERTURBED):
-            seen = set[bytes]()
-            ended = UNFINISHED
-            while ended == UNFINISHED:
-                ended, entering, y, ray = some_pivots(state, entering, len(lcp.q))
-                if ended == SINGULAR:
-                    break
-                z = lcp.z(y)  # where a ray begins because A is nearly singular, t may be as good as 0
-                yield z, None
-                basis = np.sort(state[6][: len(lcp.q)]).tobytes()
-                if basis in seen:
-                    break
-                seen.add(basis)
-            if ended != UNFINISHED:
+        ended = UNFINISHED
+        for first in (START, PERTURBED, FULL_RANK):
+            if first == PERTURBED and ended != UNFINISHED:
+                continue
+            ended, y, ray = yield from _path(lcp, state, first)
+            if ended == SOLVED:
+                with suppress(SingularOperator):  # then what the pivots found has to do
+                    z = solve_on(problem, lcp.z(y), *lcp.active_rows(y))
+                    yield z, None
+            elif ended != UNFINISHED or first != START:
+                _prove(problem, ray[: problem.n])
+            basic = state[6][:rows]
+            if ended != UNFINISHED and not lcp.free[basic[basic < rows]].any():  # no equation was left out
                 break
-        if ended == SOLVED:
-            with suppress(SingularOperator):  # then what the pivots found has to do
-                z = solve_on(problem, z, *lcp.active_rows(y))
-                yield z, None
-            return
-        _prove(problem, ray[: problem.n])
         if ended == SINGULAR:
             raise SingularOperator("A is singular in the rows and columns without obstacle", int(np.argmax(lcp.free)))
+
+
+def _path(lcp: AffineLcp, state: Any, entering: int) -> Generator[Iterate, None, tuple[int, Vector, Vector]]:
+    """A path from its start, n pivots an iterate, until it ends or a basis comes back: how, y, and the ray."""
+    from ..algebra.kernels.pivoting import SINGULAR, UNFINISHED  # loads numba
+
+    seen = set[bytes]()
+    ended = UNFINISHED
+    while ended == UNFINISHED:
+        ended, entering, y, ray = some_pivots(state, entering, len(lcp.q))
+        if ended == SINGULAR:
+            break
+        yield lcp.z(y), None  # where a ray begins because A is nearly singular, t may be as good as 0
+        basis = np.sort(state[6][: len(lcp.q)]).tobytes()
+        if basis in seen:
+            break
+        seen.add(basis)
+    return ended, y, ray
 
 
 @with_options

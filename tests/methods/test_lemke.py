@@ -190,3 +190,26 @@ def test_between_two_obstacles_every_path_ends_in_a_solution(n):
         for solution in (icp.ICP(A, q, 0.0, width).solve("lemke"), icp.solve_many(A, q[None], 0.0, upper=width)[0]):
             assert solution.solved
             assert np.clip(solution.z - A @ solution.z - q, 0.0, width) == pytest.approx(solution.z, abs=1e-6)
+
+
+def test_between_obstacles_that_meet_in_some_rows_every_path_ends_in_a_solution():
+    rng = np.random.default_rng(3)
+    for _ in range(30):
+        n = int(rng.integers(2, 30))
+        width = rng.integers(0, 3, n) * 1.0
+        problem = icp.ICP(rng.integers(-2, 3, (n, n)), rng.integers(-3, 4, n), 0.0, width)
+        assert run(problem).solved
+
+
+@pytest.mark.parametrize("method", ["lemke", None])
+@pytest.mark.parametrize("seed", range(20))
+def test_equations_that_nearly_depend_on_others_make_no_multiplier_large(seed, method):
+    """Linear programs whose last equation is the sum of the others but for 1e-9; one solution has multipliers of 2."""
+    rng = np.random.default_rng(seed)
+    rows = rng.integers(-2, 3, (2, 5)) * 1.0
+    E = np.vstack([rows, rows.sum(axis=0) + 1e-9 * rng.integers(-2, 3, 5)])
+    x = rng.integers(0, 3, 5) * (rng.random(5) < 0.5)
+    cost = E.T @ rng.integers(-2, 3, 3) + rng.integers(0, 3, 5) * (x == 0)
+    A = np.block([[np.zeros((5, 5)), -E.T], [E, np.zeros((3, 3))]])
+    problem = icp.ICP(A, np.append(cost, -E @ x), np.append(np.zeros(5), np.full(3, -np.inf)))
+    assert problem.solve(method).solved

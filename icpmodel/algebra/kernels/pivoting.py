@@ -17,10 +17,13 @@ from ...numerics.kernels import compiled
 
 #: the ends of a run of pivots
 SOLVED, RAY, UNFINISHED, SINGULAR = range(4)
-#: in place of a label that is to enter: begin, or with a q that is moved by this share of its size
+#: in place of a label that is to enter: begin; with a q that is moved by this share of its size; or with the
+#: elimination of equations that nearly depend on others, up to the second share
 START = -1
 PERTURBED = -2
+FULL_RANK = -3
 _PERTURBATION = 1e-8
+_DEPENDENT = 1e-7
 #: in a column of the dictionary, a smaller share of its largest entry counts as zero; ratios so near are ties
 _ZERO = 1e-11
 _TIE = 1e-13
@@ -115,22 +118,9 @@ def _largest(D, basic, nonbasic, leaves, enters):
 
 
 @compiled
-def reach(D, free, basic, nonbasic, place):
-    # pivots by which w_i leaves and y_i enters in the rows without obstacle, the largest each time. Where these are
-    # singular another y_j enters, and w_j is to leave as well. Rows that depend on others stay: whether none of these
-    # contradicts the others
+def _agree(D, free, leaves, basic):
+    # whether the rows whose w_i is to leave, but is basic, have no obstacle and do not contradict the others
     n = D.shape[0]
-    leaves = free.copy()
-    first = 0.0
-    for _ in range(n):
-        row, column, largest = _largest(D, basic, nonbasic, leaves, leaves)
-        if not largest > _ZERO * first:
-            row, column, largest = _largest(D, basic, nonbasic, leaves, ~leaves)
-            if not largest > _ZERO * first:
-                break
-        first = max(first, largest)
-        leaves[nonbasic[column] - n] = True
-        exchange(D, row, column, basic, nonbasic, place)
     for i in range(n):
         if basic[i] < n and leaves[basic[i]] and not (free[basic[i]] and abs(D[i, n + 1]) <= _PERTURBATION):
             return False
@@ -138,11 +128,33 @@ def reach(D, free, basic, nonbasic, place):
 
 
 @compiled
-def start(S, q, free, covering, D, basic, nonbasic, place, nudge):
+def reach(D, free, basic, nonbasic, place, least):
+    # pivots by which w_i leaves and y_i enters in the rows without obstacle, the largest each time. Where these are
+    # singular another y_j enters, and w_j is to leave as well. Rows that depend on others, up to `least`, stay: whether
+    # none of these contradicts the others
+    leaves = free.copy()
+    first = 0.0
+    for _ in range(2 * np.count_nonzero(free)):
+        row, column, largest = _largest(D, basic, nonbasic, leaves, leaves)
+        if not largest > least * first:
+            outer = _largest(D, basic, nonbasic, leaves, ~leaves)
+            if outer[2] > largest:
+                row, column, largest = outer
+        if not largest > _ZERO * first or (not largest > least * first and _agree(D, free, leaves, basic)):
+            break
+        first = max(first, largest)
+        leaves[nonbasic[column] - D.shape[0]] = True
+        exchange(D, row, column, basic, nonbasic, place)
+    return _agree(D, free, leaves, basic)
+
+
+@compiled
+def start(S, q, free, covering, D, basic, nonbasic, place, entering):
     # the dictionary without the rows that have no obstacle: how the run ended, and the label to enter. q is moved by up
-    # to `nudge` in every row its own way, so that no ties are left. d is 0 also where y_j has entered, as in a vertex
-    # of a polytope that z then keeps to; and 1 where it is 0 and q is not positive
+    # to `_PERTURBATION` in every row its own way where `entering` asks for it, so that no ties are left. d is 0 also
+    # where y_j has entered, as in a vertex of a polytope that z then keeps to; and 1 where y = 0 violates the row
     n = S.shape[0]
+    nudge = _PERTURBATION if entering == PERTURBED else 0.0
     for i in range(n):
         for j in range(n):
             D[i, j] = S[i, j]
@@ -151,7 +163,7 @@ def start(S, q, free, covering, D, basic, nonbasic, place, nudge):
         basic[i], nonbasic[i], place[i], place[n + i] = i, n + i, i, -1 - i
     nonbasic[n] = 2 * n
     place[2 * n] = -1 - n
-    if not reach(D, free, basic, nonbasic, place):
+    if not reach(D, free, basic, nonbasic, place, _ZERO if entering == FULL_RANK else _DEPENDENT):
         return SINGULAR, START
     row: Any = np.int64(-1)
     most = 0.0
@@ -159,7 +171,8 @@ def start(S, q, free, covering, D, basic, nonbasic, place, nudge):
         if free[basic[i] % n]:
             continue
         d = covering[basic[i] % n] if basic[i] < n else 0.0
-        D[i, n] = 1.0 if d == 0.0 and not D[i, n + 1] > 0.0 else d
+        violated = D[i, n + 1] < 0.0 or (D[i, n + 1] == 0.0 and basic[i] >= n)
+        D[i, n] = 1.0 if d == 0.0 and violated else d
         if D[i, n + 1] < 0.0 and -D[i, n + 1] >= most * D[i, n]:
             row = i
             most = -D[i, n + 1] / D[i, n]
@@ -230,8 +243,7 @@ def continue_pivots(S, f, free, covering, units, D, labels, work, entering, limi
     ties = labels[4 * n + 2 :]
     code = UNFINISHED
     if entering < 0:
-        nudge = _PERTURBATION if entering == PERTURBED else 0.0
-        code, entering = start(S, f, free, covering, D, basic, nonbasic, place, nudge)
+        code, entering = start(S, f, free, covering, D, basic, nonbasic, place, entering)
     if code == UNFINISHED:
         code, entering = pivot(D, free, basic, nonbasic, place, ties, entering, limit)
     y = np.zeros(n)
