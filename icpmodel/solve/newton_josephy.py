@@ -267,6 +267,8 @@ class _Search:
         if linear.psi.no_derivative() is not None:
             return None
         point = NewtonPoint(linear, self.path.omega, self.current.z)
+        if point.theta == 0.0:  # as p of `linear` is rounded
+            return None
         V, total = point.derivative()
         phi = point.phi / point.theta
         for direction in descent_directions(linear, V, phi, total):

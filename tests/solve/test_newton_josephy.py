@@ -355,6 +355,13 @@ def test_steps_beside_a_solution_lead_there_where_the_tangent_has_others():
 ROWS = [[-0.058, -0.292, -0.596], [1.819, 1.481, -0.676], [0.173, -1.164, 0.954]]
 
 
+def test_a_linearisation_that_rounds_to_a_solution_ends_the_steps():
+    b = np.array([-1.0, -2.0])
+    cube = icp.Elementwise(lambda z: 1e12 * (z - b) ** 3, slope_range=(0, np.inf))
+    problem = ICP(np.eye(2), np.zeros(2), [-np.inf, 0.0], f=cube)
+    assert problem.solve(accuracy=1e-3, raise_on_failure=False).z == pytest.approx([-1.0, 0.0], abs=1e-3)
+
+
 @pytest.mark.parametrize(
     ("A", "q", "a", "low", "high"),
     [
