@@ -19,8 +19,8 @@ def check_labels(arguments: Mapping[str, Any]) -> Any:
     expected = None
     for name, value in arguments.items():
         for axis in ("index", "columns"):
-            labels = getattr(value, axis, None)
-            if labels is None or callable(labels):  # a list has a method of this name
+            labels: Any = getattr(value, axis, None)
+            if not hasattr(labels, "equals"):  # a list has a method of this name
                 continue
             if expected is None:
                 first = f"{name}.{axis}"

@@ -58,7 +58,8 @@ class ProblemData(PointValues):
 
     @check_arguments
     def __init__(self, A: Any, q: Any, psi: Any = 0.0, upper: Any = None, f: Any = None) -> None:
-        matrix = Matrix(A, check_labels({"A": A, "q": q, "psi": psi, "upper": upper}))
+        check_labels({"A": A, "q": q, "psi": psi, "upper": upper, "f": f})
+        matrix = Matrix(A, check_labels({"A": A, "q": q}))
         n = matrix.n
         term = None
         if f is not None:

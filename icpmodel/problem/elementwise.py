@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, check_arguments
 from ..numerics.arrays import Vector, as_float64, as_vector, locked
+from ..numerics.labels import check_labels
 from .map import Map
 from .user_code import Parametrised, as_function, call_user, diagonal_lipschitz, is_compiled
 
@@ -63,6 +64,7 @@ class Elementwise(Parametrised):
         parameter_derivative: Callable[[Vector], Any] | None = None,
     ) -> None:
         super().__init__(parameter_derivative)
+        self.index = check_labels({"psi.c": c, "psi.lipschitz": lipschitz})
         self.slope_range = None if slope_range is None else _range(slope_range)
         if lipschitz is None and self.slope_range is not None:
             largest = np.maximum(*(np.abs(side) for side in self.slope_range))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, MapError, check_arguments
 from ..numerics.arrays import Vector, as_csr, as_float64, axes, locked
+from ..numerics.labels import check_labels
 from .differences import colours, jacobian_by_differences
 from .user_code import Parametrised, as_function, call_user, diagonal_lipschitz, raising_map_error
 
@@ -55,6 +56,7 @@ class Function(Parametrised):
         parameter_derivative: Callable[[Vector], Any] | None = None,
     ) -> None:
         super().__init__(parameter_derivative)
+        self.index = check_labels({"psi.lipschitz": lipschitz})
         self.fun = as_function(fun, "psi")
         self.derivative = None if jacobian is None else as_function(jacobian, "psi.jacobian")
         checked: Any = None

@@ -150,9 +150,16 @@ def test_labels_of_pandas_that_differ_are_named():
     problem = icp.ICP(A, q)
     swapped = q[::-1]
     moving = icp.ICP(A, q, icp.Affine(0.1 * A, q))
-    for wrong in (icp.Constant(swapped), icp.Affine(0.1 * A[["b", "a"]].loc[["b", "a"]])):
+    for wrong in (
+        icp.Constant(swapped),
+        icp.Elementwise(np.sin, c=swapped),
+        icp.Function(np.sin, lipschitz=swapped),
+        icp.Affine(0.1 * A[["b", "a"]].loc[["b", "a"]]),
+    ):
         with pytest.raises(icp.InputError, match=r"psi\.index has other labels than A\.index"):
             icp.ICP(A, q, wrong)
+    with pytest.raises(icp.InputError, match=r"f\.index has other labels than A\.index"):
+        icp.ICP(A, q, f=icp.Elementwise(np.sin, c=swapped))
     with pytest.raises(icp.InputError, match=r"psi\.c\.index has other labels than psi\.G\.index"):
         icp.Affine(A, swapped)
     with pytest.raises(icp.InputError, match=r"upper\.index has other labels than psi\.index"):
@@ -171,6 +178,17 @@ def test_labels_of_pandas_that_differ_are_named():
     ):
         with pytest.raises(icp.InputError, match=rf"{name} has other labels than A(\[0\])?.index"):
             call()
+    # dates, which follow each other where A has no labels, and an attribute of the user's own
+    windows = icp.ICP(PAIR, [-2.0, 1.0], pd.Series([0.0, 0.1], index=["May", "June"]))
+    assert windows.with_psi(pd.Series([0.2, 0.1], index=["June", "July"])).psi.c.tolist() == [0.2, 0.1]
+
+    class Floor:
+        index = (0, 1)
+
+        def __call__(self, z):
+            return 0.0 * z
+
+    assert icp.ICP(A, q, Floor()).solve().z.tolist() == [1.0, 0.0]
     assert icp.solve_many(A, pd.DataFrame([q, q], index=["day", "night"])).Z.tolist() == [[1.0, 0.0]] * 2
 
 
