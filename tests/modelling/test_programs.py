@@ -135,6 +135,8 @@ def test_least_squares_whose_units_are_far_apart():
     assert icp.solve_lsq([[1e-200]], [1e200], 0.0, 1e-10).x == [1e-10]
     for B, c in ((1e-200, 1e200), (1e-300, 1e300)):
         assert icp.solve_lsq([[B]], [c], 0.0, raise_on_failure=False).status == "solver_error"
+    x = np.ldexp(icp.solve_lsq([[2.0, 1.0], [1.0, 3.0]], np.ldexp([5.0, 5.0], -1050), 0.0).x, 1050)
+    assert x == pytest.approx([2.0, 1.0], rel=1e-6)
     assert icp.solve_lsq([[1.0, 1.0]], [1e-170], [1e140, 0.0], [1e141, 1.0]).x.tolist() == [1e140, 0.0]
     assert icp.solve_lsq([[1e-200, 0.0]], [1e-300], [1e220, 0.0], [2e220, 1.0]).x.tolist() == [1e220, 0.0]
 

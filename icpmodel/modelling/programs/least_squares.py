@@ -182,7 +182,8 @@ def _solve_scaled(B: sp.csr_array, c: Vector, low: Vector, high: Vector, toleran
     nearest = np.clip(0.0, low, high)
     of_B, of_c, of_x = (int(np.frexp(np.abs(values).max(initial=0.0))[1]) for values in (B.data, c, nearest))
     # x and the bounds remain floats, too
-    of_c = min(max(of_c, of_B + max(of_x, -_MAX_EXPONENT)), of_B + _MAX_EXPONENT)
+    least = max(of_x, -_MAX_EXPONENT) if nearest.any() else -_MAX_EXPONENT
+    of_c = min(max(of_c, of_B + least), of_B + _MAX_EXPONENT)
     scaled = sp.csr_array((np.ldexp(B.data, -of_B), B.indices, B.indptr), shape=B.shape)
     lower, upper = (np.ldexp(side, of_B - of_c) for side in (low, high))
     x, violations, nit, status, message = _solve(scaled, np.ldexp(c, -of_c), lower, upper, tolerance)
@@ -197,7 +198,7 @@ def _solve(B: sp.csr_array, c: Vector, low: Vector, high: Vector, tolerance: flo
     x, violations, is_optimal = _by_active_set(B, c, np.clip(0.0, low, high), low, high, tolerance)
     if is_optimal:
         return x, violations, 0, "optimal", "solved"
-    if work.seconds_left() == 0.0:
+    if max(B.shape) <= _DENSE_UP_TO and work.nanoseconds_left() < _step_cost(*B.shape):
         return x, violations, 0, "user_limit", "no time was left"
     m, n = B.shape
     H = saddle_matrix(sp.eye_array(m, format="csr"), sp.csr_array(B.T))
@@ -272,12 +273,17 @@ def _step(B: sp.csr_array, r: Vector, free: Mask) -> Vector:
     from scipy.linalg import lstsq
 
     step = np.zeros(free.size)
-    short, long = sorted([r.size, int(free.sum())])
-    cost = _ORTHOGONAL_COST * long / max(short, 1) * dense_cost(short)
+    cost = _step_cost(r.size, int(free.sum()))
     if cost <= work.nanoseconds_left():
         work.count(cost)
         step[free] = lstsq(B[:, free].toarray(), r, lapack_driver="gelsy", check_finite=False)[0]
     return step
+
+
+def _step_cost(rows: int, columns: int) -> float:
+    """The cost of an orthogonal factorisation, which one of all equations as sparse ones exceeds."""
+    short, long = sorted([rows, columns])
+    return _ORTHOGONAL_COST * long / max(short, 1) * dense_cost(short)
 
 
 def _to_bounds(B: sp.csr_array, c: Vector, x: Vector, free: Mask, low: Vector, high: Vector) -> Vector:
