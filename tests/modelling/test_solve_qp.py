@@ -207,6 +207,13 @@ def test_a_row_of_small_terms_hides_no_gradient(exponent):
     assert not found.solved
 
 
+@pytest.mark.parametrize("unit", [1.0, 1e-13, 1e-27])
+def test_an_entry_that_is_rounding_beside_others_hides_no_violation(unit):
+    """u = x_0/1e8 = 1 and v = 1e8 x_1 <= 2, but 2u - v <= -1: infeasible, however small the unit of that row is."""
+    rows = {"G": [[2e-8 * unit, -1e8 * unit]], "h": [-unit], "A": [[1e-8, 0]], "b": [1]}
+    assert not icp.solve_qp(np.zeros((2, 2)), [1e-8, 0], **rows, ub=[np.inf, 2e-8], raise_on_failure=False).solved
+
+
 def a_program_of_rank_1(seed, scale):
     """A degenerate program in whole numbers that x solves, its objective times `scale`."""
     random = np.random.default_rng(seed)
@@ -323,10 +330,10 @@ def test_a_row_whose_bound_is_no_float_remains_a_row(entry):
     assert found.status in ("infeasible", "solver_error")
 
 
-def test_whether_a_matrix_next_to_overflow_is_semidefinite_is_found_without_a_warning():
+def test_whether_a_matrix_next_to_over_or_underflow_is_semidefinite_is_found():
     with np.errstate(all="raise"):
         assert icp.solve_qp([[1e308]], [1e308], lb=-1e308).x == -1.0
-        for P in ([[1e308, 1.5e308], [1.5e308, 1e308]], [[1.0, 1e308], [-1e308, 1.0]]):
+        for P in ([[1e308, 1.5e308], [1.5e308, 1e308]], [[1.0, 1e308], [-1e308, 1.0]], [[0, 5e-324], [5e-324, 0]]):
             with pytest.raises(icp.InputError, match=r"semidefinite|symmetric"):
                 icp.solve_qp(P, [0.0, 0.0])
 

@@ -82,7 +82,7 @@ def check_convex(program: Program) -> None:
             f"P[{i}, {j}] = {P[i, j]:.6g}, but P[{j}, {i}] differs by {P[j, i] - P[i, j]:.3g}; a symmetric matrix "
             "was expected: (P + P.T)/2 has the same objective, and solve_avi takes matrices that are not symmetric"
         )
-    if (P.diagonal() >= (0.5 * abs(P)).sum(axis=1)).all() or semidefinite_up_to_rounding(P).holds:
+    if (P.diagonal() >= abs(P).sum(axis=1) - P.diagonal()).all() or semidefinite_up_to_rounding(P).holds:
         return
     answer = definiteness(P)[1]
     if answer.holds is False:

@@ -21,7 +21,7 @@ class Judge:
 
     Where z_i is on an obstacle to which p_i presses it, nothing is wrong in row i. Elsewhere |p_i| is, as a share of
     the sum of the |terms| of p_i. What sums of the largest unknowns lose by rounding is left out, of those that a chain
-    of rows connects with row i.
+    of rows connects with row i, by entries that are not rounding beside the others.
 
     The gap is the second criterion, so that large entries of H do not hide g. Where y = x + Δ is in C,
     (Hx + g)ᵀ(y − x) is at least −Σ|p_i|d_i. Here d_i is the distance to the obstacle or, if less, |z_i|. For x
@@ -34,8 +34,12 @@ class Judge:
         self.diagonal = self.A.diagonal()
         self.is_x = is_x
         self.loss = float(gamma(3 + np.diff(self.size.indptr).max(initial=0)))
+        links = self.size.tocoo()
+        largest = self.size.max(axis=1).toarray().reshape(-1)
+        links.data = links.data * (links.data > _NOISE_OF_X * np.maximum(largest[links.row], largest[links.col]))
+        links.eliminate_zeros()
         #: the group of each unknown: x, or multipliers, that a chain of rows connects, so that they share rounding
-        _, self.group = np.unique(2 * connected_components(self.size)[1] + self.is_x, return_inverse=True)
+        _, self.group = np.unique(2 * connected_components(links)[1] + self.is_x, return_inverse=True)
         self.order = np.argsort(self.group)
         self.starts = np.searchsorted(self.group[self.order], np.arange(self.group.max() + 1))
 
