@@ -88,7 +88,7 @@ def worse_than_seen(exact, problem, z, path):
     with np.errstate(all="ignore"):
         lost = 0.0
         for x in (z, best):
-            weights = problem.weights_at(x)
+            weights = problem.weights_at(x, problem.p(x))
             of_p = abs(problem.A) @ abs(x)
             terms = np.where(of_p > 0.0, weights * (of_p + abs(problem.q)), 0.0) + abs(x)
             lost += _LOST * math.sqrt(exact.n) * float(terms.max())

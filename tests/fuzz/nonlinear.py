@@ -90,7 +90,8 @@ class ExactNonlinear(ExactProblem):
     def residual(self, z, weights=None):
         if not np.isfinite(np.array(z, dtype=float)).all():
             return None
-        return super().residual(z, weights or fractions(self.problem.weights_at(np.array([float(x) for x in z]))))
+        point = np.array([float(x) for x in z])
+        return super().residual(z, weights or fractions(self.problem.weights_at(point, self.problem.p(point))))
 
     def scale(self, z, start):
         """The smaller of Res_D(0), unless that is next to 0, and the size of z."""
