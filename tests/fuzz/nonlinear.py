@@ -1,6 +1,7 @@
 """Problems with a nonlinear p, drawn and judged: f is taken as the floats that it gives, all else is exact."""
 
 import sys
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import product
 
@@ -91,7 +92,10 @@ class ExactNonlinear(ExactProblem):
         if not np.isfinite(np.array(z, dtype=float)).all():
             return None
         point = np.array([float(x) for x in z])
-        return super().residual(z, weights or fractions(self.problem.weights_at(point, self.problem.p(point))))
+        p = 0.0
+        with suppress(icp.MapError):
+            p = self.problem.p(point)
+        return super().residual(z, weights or fractions(self.problem.weights_at(point, p)))
 
     def scale(self, z, start):
         """The smaller of Res_D(0), unless that is next to 0, and the size of z."""
