@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -9,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
 from math import prod
-from threading import RLock
+from threading import RLock, get_ident
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -49,10 +50,18 @@ def worker_threads() -> tuple[ThreadPoolExecutor, ThreadPoolExecutor]:
 def in_worker_thread(call: Callable[..., Any], *arguments: Any) -> Any:
     """Call it in a thread of `worker_threads`."""
     first, others = worker_threads()
-    return first.submit(others.submit, _in_float64, call, *arguments).result().result()
+    thread: list[int] = []
+    answer = first.submit(others.submit, _in_float64, thread, call, *arguments).result()
+    try:
+        return answer.result()
+    except KeyboardInterrupt:  # Python interrupts this thread only, which waits
+        for ident in thread:
+            ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(ident), ctypes.py_object(KeyboardInterrupt))
+        return answer.result()
 
 
-def _in_float64(call: Callable[..., Any], *arguments: Any) -> Any:
+def _in_float64(thread: list[int], call: Callable[..., Any], *arguments: Any) -> Any:
+    thread.append(get_ident())
     # a map of the user's may compute with JAX, and the setting be that of a thread
     with the_package().enable_x64(True):
         return call(*arguments)
