@@ -262,12 +262,17 @@ def _silence() -> Iterator[None]:
         after.callback(logging.disable, logging.root.manager.disable)
         # OSQP prints about polishing whatever one asks, Pyomo logs failures
         logging.disable(logging.CRITICAL)
+        own = None
+        with contextlib.suppress(OSError, AttributeError, ValueError):  # Python's may be no file, or none
+            own = sys.stderr.fileno()
+        if sys.stderr is None:  # Pyomo flushes it
+            after.enter_context(contextlib.redirect_stderr(io.StringIO()))
         for stream in (1, 2):
             with contextlib.suppress(OSError, AttributeError):  # there may be no such stream
                 saved = os.dup(stream)
                 after.callback(os.close, saved)
                 after.callback(os.dup2, saved, stream)
-                if stream == sys.stderr.fileno():
+                if stream == own:
                     terminal = after.enter_context(open(saved, "w", buffering=1, closefd=False))
                     after.enter_context(contextlib.redirect_stderr(terminal))
                 after.callback(ctypes.CDLL(None).fflush, None)
