@@ -160,7 +160,8 @@ def _(history: History) -> Drawing:
 
 def _residuals(history: History, ended: str, axes: Any) -> list[Any]:
     above_0 = history.residual[history.residual > 0.0]
-    zero = ZERO_SHARE * above_0.min() if above_0.size else 1.0
+    shown = [*above_0, history.tolerance] if history.tolerance > 0.0 else [*above_0]
+    zero = ZERO_SHARE * min(shown, default=1.0 / ZERO_SHARE)
     residuals = np.maximum(history.residual, zero)
     style = {"marker": "o", "markersize": 4} if residuals.size <= MAX_MARKED_POINTS else {}
     axes.plot(history.iteration, residuals, color=BLUE, linewidth=1.5, label="residual", **style)
