@@ -6,6 +6,7 @@ from typing import Any
 
 from .crosscheck import check
 from .derivatives.derivative import Derivative
+from .errors import InputError
 from .explain import explanation
 from .problem.data import ProblemData
 from .solve import driver
@@ -90,7 +91,14 @@ class ICP(ProblemData):
         -------
         Derivative
             The derivative.
+
+        Raises
+        ------
+        InputError
+            Where it is a solution of another problem.
         """
+        if getattr(solution, "problem", self) is not self:
+            raise InputError("solution is one of another problem object: call solution.derivative() for that one")
         return Derivative(solution)
 
     # The rooms of these verbs stand above this one and know it, so that each is imported when it is called.

@@ -15,7 +15,7 @@ from ..algebra.equations import pattern_at, solve_on
 from ..errors import IcpError, InputError, MapError, OutOfTime, check_arguments
 from ..methods.contract import Method
 from ..numerics import work
-from ..numerics.arrays import ReadOnly, Vector
+from ..numerics.arrays import ReadOnly, Vector, locked
 from ..numerics.rounding import public_entry
 from ..present.card import Card
 from ..present.display import Plottable, cut
@@ -268,7 +268,7 @@ class Solution(ReadOnly, Plottable):
         >>> ICP([[2.0]], [-2.0]).solve().p
         array([0.])
         """
-        return self.problem.p(self.z)
+        return locked(self.problem.p(self.z))
 
     @cached_property
     def r(self) -> Vector:
@@ -279,7 +279,7 @@ class Solution(ReadOnly, Plottable):
         >>> ICP([[2.0]], [-2.0]).solve().r
         array([1.])
         """
-        return self.problem.r(self.z)
+        return locked(self.problem.r(self.z))
 
     @cached_property
     def certificate(self) -> Certificate:

@@ -121,8 +121,10 @@ def sensitivity(solution: Solution) -> Sensitivity:
     of_p, *of_sides = _relative_changes(problem, z, size)
     of_r = np.maximum.reduce(of_sides)
     unit = _RELATIVE_CHANGE * size
-    with np.errstate(over="ignore", invalid="ignore"):
-        certified = perturbation_bound(problem.linearised(z), z, unit * of_p, unit * of_r)
+    certified = None
+    if solution.certificate.unique:  # a proof for the tangent problem alone is not one for this
+        with np.errstate(over="ignore", invalid="ignore"):
+            certified = perturbation_bound(problem.linearised(z), z, unit * of_p, unit * of_r)
     local, rows = _local(answer, of_p, of_sides)
     return Sensitivity(
         problem=problem,

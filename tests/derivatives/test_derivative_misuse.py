@@ -31,3 +31,18 @@ def test_a_direction_in_which_obstacles_cross_on_either_side_is_refused(speed):
 def test_a_direction_may_have_any_size(size):
     right, left = icp.ICP([[2.0]], [-4.0], psi=2.0).solve().derivative().one_sided(dq=[size])
     np.testing.assert_allclose([*right, *left], [0.0, -size / 2], rtol=1e-9, atol=1e-307)
+
+
+def test_a_solution_of_another_problem_is_refused():
+    problem = icp.ICP([[2.0]], [-2.0])
+    other = icp.ICP([[4.0]], [-8.0]).solve()
+    with pytest.raises(icp.InputError, match=r"another problem object: call solution\.derivative\(\)"):
+        problem.derivative(other)
+    assert problem.derivative(problem.solve()).forward(dq=[1.0]) == -0.5
+
+
+def test_p_and_r_of_a_solution_cannot_be_written_to():
+    solution = icp.ICP([[2.0]], [-2.0]).solve()
+    for values in (solution.p, solution.r):
+        with pytest.raises(ValueError, match="read-only"):
+            values[0] = 1.0

@@ -122,3 +122,10 @@ def test_equations_that_are_singular_but_for_rounding_give_no_condition_number()
 def test_each_row_changes_with_the_obstacle_that_it_is_at():
     solution = icp.ICP(np.eye(2), [1.0, -5.0], psi=[1.0, 0.0], upper=[1000.0, 10.0]).solve()
     assert icp.study.sensitivity(solution).rows == pytest.approx([0.2, 2.0])
+
+
+def test_what_is_proved_of_a_tangent_problem_alone_certifies_nothing():
+    """p = (z - 1)² + 1e-9 is nowhere 0, and the tangent problem at 1 has one solution."""
+    force = icp.Elementwise(lambda z: z**2, lambda z: 2 * z)
+    problem = icp.ICP([[-2.0]], [1 + 1e-9], psi=-np.inf, f=force)
+    assert icp.study.sensitivity(problem.solve(z0=[3.0], rtol=1e-3)).certified is None
