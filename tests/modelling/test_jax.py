@@ -1,6 +1,8 @@
 """The answer of a problem as a function that JAX differentiates, compiles and maps."""
 
+import copy
 import logging
+import pickle
 
 import numpy as np
 import pytest
@@ -204,6 +206,13 @@ def test_without_float64_an_answer_is_refused():
 def test_a_failed_call_of_a_function_in_jax_raises_its_own_error():
     with pytest.raises(icp.NotSolved):
         nonlinear_solution_of(lambda z, theta: theta - z**2, 1)(-1.0)
+
+
+def test_a_copy_of_a_layer_gives_the_same_answer():
+    layer = solution_of(icp.ICP(A, Q, C))
+    z = layer(q=Q + 1)
+    for there in (copy.copy(layer), copy.deepcopy(layer), pickle.loads(pickle.dumps(layer))):
+        assert np.array_equal(there(q=Q + 1), z)
 
 
 @pytest.mark.parametrize("options", [{"rtol": -1.0}, {"z0": [1.0, 2.0, 3.0]}, {"time_limit": "x"}])

@@ -179,6 +179,10 @@ class SolutionFunction(Displayable):
             self._traced[key] = TracedFunction(calls)
         return self._traced[key].function(arrays)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        # what JAX has traced, and the lock, belong to one process
+        return SolutionFunction, (self.problem, self.makers, self.options, self.raise_on_failure)
+
     def __repr__(self) -> str:
         return f"SolutionFunction({self.problem!r})"
 
