@@ -3,6 +3,7 @@
 import copy
 import logging
 import pickle
+from functools import partial
 
 import numpy as np
 import pytest
@@ -206,6 +207,12 @@ def test_without_float64_an_answer_is_refused():
 def test_a_failed_call_of_a_function_in_jax_raises_its_own_error():
     with pytest.raises(icp.NotSolved):
         nonlinear_solution_of(lambda z, theta: theta - z**2, 1)(-1.0)
+
+
+def test_what_has_no_array_to_trace_is_solved_within_a_trace():
+    psi = icp.Elementwise(lambda z: jnp.tanh(z) / 2, lipschitz=0.5)
+    for call in (solution_of(icp.ICP(A, Q, psi)), partial(nonlinear_solution_of(lambda z, t: z - 1, 1), ())):
+        assert jax.jit(call)() == pytest.approx(call())
 
 
 def test_a_copy_of_a_layer_gives_the_same_answer():

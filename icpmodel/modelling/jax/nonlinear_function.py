@@ -102,7 +102,8 @@ def nonlinear_solution_of(
     def answer(theta: Any) -> Any:
         check_float64()
         if not any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(theta)):
-            return jax.numpy.asarray(solved(theta))  # an error comes as it is
+            with jax.ensure_compile_time_eval():  # within a trace too
+                return jax.numpy.asarray(solved(theta))  # an error comes as it is
         shape = jax.ShapeDtypeStruct((size,), np.float64)
         return jax.pure_callback(lambda t: in_worker_thread(solved, t), shape, theta, vmap_method="sequential")
 

@@ -205,7 +205,8 @@ class TracedFunction:
         jax = the_package()
         if any(isinstance(one, jax.core.Tracer) for several in arrays.values() for one in several):
             return jax.pure_callback(self.solved, self.of_vector, arrays, vmap_method="expand_dims")
-        return jax.numpy.asarray(self.calls.solved(arrays))  # an error comes as it is
+        with jax.ensure_compile_time_eval():  # within a trace too
+            return jax.numpy.asarray(self.calls.solved(arrays))  # an error comes as it is
 
     def tangent(self, primals: Any, tangents: Any) -> Any:
         """The rule of forward mode; JAX derives reverse mode from it."""
