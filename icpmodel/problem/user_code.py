@@ -16,7 +16,7 @@ from ..numerics.rounding import is_ctrl_c
 from .map import Map
 
 #: the usual error of a function that does not take z
-_WHOLE = "z is an array of all unknowns: use np.sin, not math.sin, and np.where, not if"
+_WHOLE = "z is an array of all unknowns: use np.sin, not math.sin, and np.where, not if (jnp.sin in JAX)"
 
 
 def is_compiled(f: object) -> bool:
