@@ -124,7 +124,7 @@ def load_problem(
         if part in parts:
             raise FileError(f"{path}: holds its own {name}; drop {name}")
         if name in OBSTACLE_PREFIXES and is_number(source):
-            parts[part] = float(source)
+            parts[part] = source
         else:
             sources[part] = as_path(source, name)
             parts[part] = read_values(sources[part], name, parts["A"].shape[0] if parts["A"].ndim else 1)

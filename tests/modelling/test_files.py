@@ -54,6 +54,13 @@ def test_psi_from_code_has_no_file_form(tmp_path):
     assert not (tmp_path / "p.npz").exists()
 
 
+@pytest.mark.parametrize("side", ["psi", "upper"])
+def test_an_obstacle_that_is_a_number_too_large_for_float64_is_named(tmp_path, side):
+    np.savez(tmp_path / "p.npz", A=np.eye(2), q=np.ones(2))
+    with pytest.raises(icp.InputError, match=f"{side} is an integer of hundreds of digits"):
+        icp.load_problem(tmp_path / "p.npz", **{side: 10**400})
+
+
 def damage(path, **changed):
     """The archive `path` with some fields replaced, or dropped where None."""
     with np.load(path) as archive:
