@@ -115,6 +115,12 @@ def test_places_that_do_not_fit_are_refused(solution, wrong):
         icp.study.figure(solution.history, **wrong)
 
 
+@pytest.mark.parametrize("projection", ["polar", "3d"])
+def test_axes_of_other_coordinates_are_refused(solution, projection):
+    with pytest.raises(icp.InputError, match=f"ax has {projection} coordinates; rectilinear"):
+        solution.plot(ax=Figure().add_subplot(projection=projection))
+
+
 def test_a_history_shows_its_tolerance_and_where_another_method_took_over():
     solution = SQUARE.problem.solve(history=True)
     history = solution.history

@@ -134,6 +134,8 @@ class Drawing:
 
         axes = [ax] if isinstance(ax, Axes) else list(np.ravel(np.array(ax, dtype=object)))
         many = len(self.panels)
+        if wrong := [one.name for one in axes if isinstance(one, Axes) and one.name != "rectilinear"]:
+            raise InputError(f"ax has {wrong[0]} coordinates; rectilinear ones were expected")
         if not all(isinstance(one, Axes) for one in axes) or len(axes) not in (1, many):
             actual = described(ax) if not axes or not isinstance(axes[0], Axes) else f"{len(axes)} of them"
             expected = "matplotlib axes were" if many == 1 else f"one matplotlib axes, or {many} for all panels, were"
