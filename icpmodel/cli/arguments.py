@@ -28,8 +28,8 @@ from ..solvers.foreign import foreign_solvers
 SOURCE_HELP = f"""SOURCE is the name of a built-in scene (see `icpmodel scenes`) or an .npz file written by
 --save-problem. It may be a .mat file with A, q, psi and upper.
 Without SOURCE give --A and --q, and --psi and --upper for obstacles other than 0. A file name of A or of a vector ends
-in {in_words(SUFFIXES)}; in .csv and .txt the first line may have names. One of the files may be
--, standard input."""
+in {in_words(SUFFIXES)}; in .csv and .txt the first line may have names. SOURCE, or one of the
+files of --A, --q, --psi and --upper, may be -, standard input."""
 
 Decorator = Callable[[Any], Any]
 
