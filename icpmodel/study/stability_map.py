@@ -14,6 +14,7 @@ from ..methods.contract import Method
 from ..methods.modulus import ModulusMember
 from ..numerics.arrays import Mask, Vector, as_number, described
 from ..numerics.rounding import public_entry
+from ..numerics.work import memory_suffices
 from ..present.display import Plottable
 from ..present.rendering import render
 from ..present.table import Table, Tabular
@@ -38,6 +39,9 @@ RUN_ENDS = ("solved", *_UNDECIDING_ENDS, *_CONTRADICTING_ENDS, "refused", "not r
 GLOBAL_THEOREMS = tuple(name for name in theorems() if name != "monotone")
 #: the theorems that the paper prints otherwise
 MISPRINTED_THEOREMS = ("4.2", "4.3", "4.4")
+#: the type of an end, and the bytes of a point: its end, its steps and what is proved there
+_END = np.dtype(f"<U{max(map(len, RUN_ENDS))}")
+_POINT_BYTES = float(_END.itemsize + np.dtype(np.int64).itemsize + len(GLOBAL_THEOREMS) + len(MISPRINTED_THEOREMS))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -210,17 +214,19 @@ def stability(
             )
         points = int(as_number(points, "points", minimum=2, whole=True))
         n = int(as_number(n, "n", minimum=1, whole=True))
+        _check_room(points, points)
         plane = plane_named(plane, points, n, None if problem is None else as_problem(problem), method)
     elif not isinstance(plane, Plane):
         raise InputError(f"plane is {described(plane)}; one of {', '.join(PLANES)} or a Plane was expected")
     elif problem is not None or method is not None:
         raise InputError("a Plane has its own problems and methods: leave problem and method out")
+    shape = (len(plane.y.values), len(plane.x.values))
+    _check_room(*shape)
     limits = Limits(rtol=rtol, atol=0.0, max_iter=max_iter, time_limit=None)
     starts = int(as_number(starts, "starts", minimum=1, whole=True))
-    shape = (len(plane.y.values), len(plane.x.values))
     result = StabilityMap(
         plane=plane,
-        ends=np.full(shape, "not run", dtype=f"<U{max(map(len, RUN_ENDS))}"),
+        ends=np.full(shape, "not run", dtype=_END),
         steps=np.zeros(shape, dtype=np.int64),
         proved={name: np.zeros(shape, dtype=bool) for name in GLOBAL_THEOREMS},
         printed={name: np.zeros(shape, dtype=bool) for name in MISPRINTED_THEOREMS},
@@ -233,6 +239,15 @@ def stability(
     except KeyboardInterrupt:
         raise Interrupted(result) from None
     return result
+
+
+def _check_room(rows: int, columns: int) -> None:
+    """Raise InputError where a map of so many points exceeds the free memory."""
+    size = _POINT_BYTES * rows * columns
+    if not memory_suffices(size):
+        raise InputError(
+            f"the map has {rows:g} x {columns:g} points, which take {1e-9 * size:.3g} GB of memory, more than is free"
+        )
 
 
 def _fill(result: StabilityMap, starts: int, progress: bool) -> None:

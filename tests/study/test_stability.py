@@ -120,6 +120,8 @@ def test_a_map_is_written_with_its_data_and_its_command(tmp_path):
         ({"plane": "relaxation", "problem": 5}, "problem is 5; an ICP, "),
         ({"plane": "units", "n": 0}, "n is 0"),
         ({"points": 1}, "points is 1"),
+        ({"points": 10**9}, "the map has 1e.09 x 1e.09 points, which take .* GB of memory, more than is free"),
+        ({"plane": "units", "points": 10**7}, "more than is free"),
         ({"starts": 0}, "starts is 0"),
         ({"rtol": -1.0}, "rtol is -1"),
         ({"max_iter": 2.5}, "max_iter is 2.5"),
