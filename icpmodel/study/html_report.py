@@ -25,6 +25,8 @@ from ..present.card import Card
 from ..present.rendering import render
 from ..present.whole_files import place_of, write_ours
 from ..problem.data import ProblemData, ProblemLike, as_problem
+from ..problem.map import Map
+from ..problem.two_sided import sides_of
 from ..scenes import Scene
 from ..scenes.registry import title as scene_title
 from ..solve.driver import solve
@@ -194,8 +196,8 @@ def report(
         "report.html",
         title=title or scene_title(problem),
         about=about,
+        problem=problem,
         data=_data(problem),
-        bounded=problem.upper is not None,
         machine=machine(),
         command=command,
         sections=sections,
@@ -232,12 +234,15 @@ def _contents(
 
 
 def _data(problem: ProblemData) -> str:
-    """The size of A, and of what kind ψ is."""
-    psi = problem.psi
-    kind = "is a function of z that is not affine"
-    if psi.linear is not None:
-        kind = "does not depend on z" if psi.is_constant else "depends on z: it is Gz + c"
-    return f"A is {problem.n} × {problem.n}, with {problem.A.nnz} entries that are not 0; ψ {kind}."
+    """The size of A, and of what kind each obstacle is."""
+    sides = "; ".join(f"{name} {_kind(one)}" for name, one in zip(("ψ", "ψ̄"), sides_of(problem.psi), strict=False))
+    return f"A is {problem.n} × {problem.n}, with {problem.A.nnz} entries that are not 0; {sides}."
+
+
+def _kind(obstacle: Map) -> str:
+    if obstacle.linear is None:
+        return "is a function of z that is not affine"
+    return "does not depend on z" if obstacle.is_constant else "depends on z: it is Gz + c"
 
 
 def _answer(solution: Solution, start: Vector | None, points: Vector | None, time_limit: float) -> Section:

@@ -5,6 +5,7 @@ import shutil
 import subprocess
 from html.parser import HTMLParser
 
+import numpy as np
 import pytest
 
 import icpmodel as icp
@@ -121,6 +122,21 @@ def test_what_cannot_be_shown_is_said():
     assert Page(icp.report(gone, time_limit=5)).headings == SECTIONS
     large = icp.report(icp.scenes.bai_symmetric(n=1089).problem.solve(), title="large", time_limit=5)
     assert "which is done up to n = 1000" in large
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ({"f": np.exp}, ["p = Az + q + f(z) ≥ 0", "; ψ does not depend on z."]),
+        ({"upper": icp.Elementwise(np.cos)}, ["p = Az + q<", "; ψ does not depend on z; ψ̄ is a function of z that"]),
+        ({"psi": -1.0, "upper": icp.Affine([[0.1]], 3.0)}, ["; ψ does not depend on z; ψ̄ depends on z: it is Gz + c."]),
+    ],
+)
+def test_each_part_of_the_problem_is_described_as_it_is(arguments, says):
+    page = icp.report(icp.ICP([[2.0]], [-5.0], **arguments), time_limit=1)
+    assert all(one in page for one in says)
+    assert "force p = Az + q with" not in page
 
 
 @pytest.mark.parametrize(

@@ -33,7 +33,7 @@ from .field_charts import (
 from .figures import BLUE, GREEN, GREY, ORANGE, PURPLE, ZERO_SHARE, Drawing, Panel, drawing
 from .places import Places, places_of
 
-_FORCE = "The force p = Az + q with which the obstacle pushes back: 0 where z is free."
+_FORCE = "The force p with which the obstacle pushes back: 0 where z is free."
 
 
 @drawing.register(list)
