@@ -139,7 +139,7 @@ class Multilevel(Method):
             yield from _while_residual_falls(hierarchy, problem, fixed, start)
         start = self.start(hierarchy, fixed, np.zeros(problem.n), len(hierarchy.levels) - 1)
         if problem.psi.has_policies:
-            return start if problem.residual(start) <= min(first, at_0) else z
+            return start  # the residual says nothing of a policy before the first step
         yield from _while_residual_falls(hierarchy, problem, fixed, start)
         return start
 
