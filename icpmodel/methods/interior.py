@@ -225,7 +225,7 @@ class InteriorPath:
     @np.errstate(all="ignore")
     def advance(self) -> bool:
         """Make one step; False if it fails."""
-        work.count(newton_cost(self.problem.facts))
+        work.count(0.5 * newton_cost(self.problem.facts))  # as its estimate has it
         r = self.r
         s = self.s
         count = max(r.size, 1)
