@@ -23,7 +23,7 @@ import scipy.sparse as sp
 from .arrays import Vector, norm
 from .equilibration import Exponents, in_units, row_exponents
 from .factorisation import factorise, largest_of_columns, of_array, of_dense
-from .fill import SymbolicAnalysis, factor_cost
+from .fill import SymbolicAnalysis, dense_cost, factor_cost
 from .krylov import conjugate_residuals, gcr_step_cost
 from .work import check_budget, count, product
 
@@ -124,12 +124,15 @@ def _by_steps(M: sp.csr_array, analysis: SymbolicAnalysis) -> Solver | None:
     cost = steps_cost(M.shape[0], M.nnz)
     if not (analysis.band_costs_more(cost) and (M.diagonal() > 0.0).all() and analysis.costs_more(cost)):
         return None
+    dense = dense_cost(M.shape[0], analysis.is_symmetric)
+    if dense <= cost:
+        return None
     turned = cache(lambda: sp.csr_array(M.T))
     failed = False
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
         nonlocal failed
-        most = int(factor_cost(analysis.fill) / a_step) if analysis.fill.is_exact else _MAX_STEPS
+        most = int(min(factor_cost(analysis.fill), dense) / a_step) if analysis.fill.is_exact else _MAX_STEPS
         most = min(most, M.shape[0])
         x = None if failed else conjugate_residuals(turned() if transposed else M, f, most, tolerance)
         failed = x is None
