@@ -111,13 +111,13 @@ def select_method(
     estimate. A method pauses when it has spent twice its estimate, accelerated sweeps after their trial. Later it
     pauses when its cost has doubled, or when its residual should have become small enough. Its remaining cost is then
     at least what it has spent. It is up to four times that where the rate of the residual over the last half of its
-    steps predicts more. For methods that end after finitely many steps the rate predicts nothing. A paused method may
-    go on later.
+    steps predicts more. For methods that end after finitely many steps the rate predicts nothing. A set-up that costs
+    more than was estimated predicts nothing either: the excess is not counted. A paused method may go on later.
 
     **Bound.** The best method needs T, and its remaining cost is never more than R ≥ T. Another one runs only where its
     remaining cost is at most R. At first it spends at most 2R. When it goes on later it has spent at most R, as
     its remaining cost is at least that. It pauses when this has doubled, at 2R in all. Sweeps and four methods need
-    T + 8R: 9T where the best method's estimates are right. Each that ends adds 2R for the next.
+    T + 8R: 9T where the best method's estimates are right, and those of set-ups. Each that ends adds 2R for the next.
 
     Parameters
     ----------
@@ -167,13 +167,14 @@ class Job:
         self.work_done = 0.0
         #: the first one is that of the start
         self.residuals: list[float] = []
-        self.remaining = 0.0 if choice.estimate is None else choice.estimate.total
+        self.remaining = choice.estimate.total if choice.estimate else 0.0
         #: twice its estimate, and what it may spend before it is compared with others
-        self.max_cost = math.inf if choice.estimate is None else _MAX_OVERRUN * self.remaining
-        self.limit = self.max_cost
+        self.limit = self.max_cost = _MAX_OVERRUN * self.remaining or math.inf
 
     def step(self, cost: float, residual: float, target: float) -> bool:
         """Count a step to `residual`, where `target` is asked for; return whether to compare with other methods."""
+        if not self.steps and (estimate := self.choice.estimate):  # a set-up that is paid predicts no further step
+            cost = min(cost, estimate.setup + estimate.step)
         self.steps += 1
         self.work_done += cost
         self.residuals.append(residual)
@@ -200,7 +201,7 @@ class Job:
     def __str__(self) -> str:
         """The method and its progress: 40 steps (300 expected)."""
         estimate = self.choice.estimate
-        expected = "" if estimate is None else f" ({max(estimate.steps, 1.0):.0f} expected)"
+        expected = f" ({max(estimate.steps, 1.0):.0f} expected)" if estimate else ""
         return f"{self.method!r}, {self.steps} step{'' if self.steps == 1 else 's'}{expected}"
 
 
@@ -251,7 +252,7 @@ class Ladder:
         self.reduces = reduces
         self.floor = 0.0
         self.is_paused = False
-        if first is not None:
+        if first:
             self.rungs.pop(0)
             for job in self._estimate_jobs([first]):
                 self._begin_early(job, job.remaining)
@@ -278,7 +279,7 @@ class Ladder:
             if not self.rungs and self.family is None and self.problem.n <= MAX_UNKNOWNS:
                 self.jobs = [job for job in self.jobs if job.work_done < job.max_cost]
             least = min(self.jobs, key=lambda job: job.remaining, default=None)
-            if not self.rungs or (least is not None and least.remaining <= self.floor):
+            if not self.rungs or (least and least.remaining <= self.floor):
                 return least
             self.rungs.pop(0)()
         return None
@@ -299,7 +300,7 @@ class Ladder:
                 continue
             why_not = method.why_not(self.problem)
             estimate = None if why_not else estimate_of(method, self.problem.facts, self.target_reduction)
-            if estimate is None or not work.memory_suffices(estimate.memory):
+            if not (estimate and work.memory_suffices(estimate.memory)):
                 _LOG.debug("n = %d: %r is left out: %s", self.problem.n, method, why_not or "memory_limit")
                 continue
             products = estimate.total / self.problem.matrix.product_cost
@@ -316,7 +317,7 @@ class Ladder:
             rules = [[Lemke(), Restarts(tries=TRIES), Enumerate()], [Josephy()], *rules]
         for methods in rules if self.family is None else ():
             why_not = methods[0].why_not(problem)
-            if why_not is None:
+            if not why_not:
                 why = "A is tridiagonal" if methods == rules[-1] else f"n = {problem.n} is small"
                 self.jobs = [Job(Choice(method, why)) for method in methods if not method.why_not(problem)]
                 break
@@ -330,13 +331,13 @@ class Ladder:
 
     def _add_psor(self) -> None:
         sweeps = PSOR()
-        if sweeps.why_not(self.problem) is None and work.memory_suffices(32.0 * self.problem.n):
+        if not sweeps.why_not(self.problem) and work.memory_suffices(32.0 * self.problem.n):
             step = estimate_of(sweeps, self.problem.facts, self.target_reduction).step
             self.floor = _ACCELERATED_SWEEPS * step
             job = Job(Choice(sweeps, f"a trial of {_PLAIN_SWEEPS} sweeps"))
             job.limit = _PLAIN_SWEEPS * step
             self.sweeps = [job]
-            self.jobs.append(job)
+            self.jobs += self.sweeps
 
     def _add_accelerated(self) -> None:
         self.floor = least_cost(self.problem.facts, self.family)

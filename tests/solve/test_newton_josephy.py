@@ -262,6 +262,7 @@ def test_what_one_linear_problem_taught_serves_for_the_next():
     ladder = Ladder(problem, 1e-6, first=icp.Multilevel())
     job = ladder.next()
     assert job.method.name == "multilevel"
+    assert not job.step(1e12, 1.0, 1e-6)  # its set-up predicts nothing
     assert job.step(1e12, 1.0, 1e-6)
     assert ladder.next().method.name == "psor"
 
