@@ -8,7 +8,6 @@ directions.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -150,21 +149,27 @@ class ExactRows:
             system.extend(row for row in others if row is not None)
         return system
 
-    def consistent(self, pieces: Iterable[Any], echelon: Echelon = (), i: int = 0) -> Iterator[Any]:
+    def consistent(self, pieces: Iterable[Any]) -> Iterator[Any]:
         """Those of the `pieces` in which all equations hold at some z, whatever the signs. Raises OutOfTime.
 
-        The `pieces` agree in the rows before `i`, whose `echelon` is given. Row i is added once for each of its sides,
-        so that a contradiction excludes all pieces in turn that begin with it.
+        Rows that a piece shares with the one before, from the first one on, are not reduced again. So a contradiction
+        excludes all pieces in turn that begin with it.
         """
-        if i == self.n:
-            yield from pieces
-            return
-        for side, alike in itertools.groupby(pieces, key=lambda sides: sides[i]):
+        before: Any = ()
+        echelons: list[Echelon] = [()]
+        for sides in pieces:
             work.check_budget()
-            longer = with_row(echelon, self.rows[side][i])
-            is_contradiction = longer and longer[-1][0] == self.n  # 0 = c ≠ 0
-            if not is_contradiction:
-                yield from self.consistent(alike, longer, i + 1)
+            shared = next((i for i, (a, b) in enumerate(zip(before, sides, strict=False)) if a != b), len(before))
+            del echelons[shared + 1 :]
+            while len(echelons) <= self.n and not self._is_contradiction(echelons[-1]):
+                i = len(echelons) - 1
+                echelons.append(with_row(echelons[-1], self.rows[sides[i]][i]))
+            before = sides
+            if not self._is_contradiction(echelons[-1]):
+                yield sides
+
+    def _is_contradiction(self, echelon: Echelon) -> bool:
+        return bool(echelon) and echelon[-1][0] == self.n  # 0 = c ≠ 0
 
     def solve(self, sides: Any) -> _ExactSolutions | None:
         """The solutions of the problem in a piece, None where there are none."""
