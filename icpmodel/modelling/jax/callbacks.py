@@ -62,9 +62,12 @@ def in_worker_thread(call: Callable[..., Any], *arguments: Any) -> Any:
 
 def _in_float64(thread: list[int], call: Callable[..., Any], *arguments: Any) -> Any:
     thread.append(get_ident())
-    # a map of the user's may compute with JAX, and the setting be that of a thread
-    with the_package().enable_x64(True):
-        return call(*arguments)
+    try:
+        # a map of the user's may compute with JAX, and the setting be that of a thread
+        with the_package().enable_x64(True):
+            return call(*arguments)
+    finally:
+        thread.clear()
 
 
 def _begin_anew() -> None:
