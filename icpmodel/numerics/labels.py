@@ -34,7 +34,7 @@ def check_labels(arguments: Mapping[str, Any]) -> Any:
 
 def along_rows(table: Any) -> Any:
     """An object with the labels of the rows of a `table` alone; a vector, which is one row, has none."""
-    return SimpleNamespace(index=table.index) if hasattr(table, "columns") else None
+    return SimpleNamespace(index=getattr(table, "index", None)) if hasattr(table, "columns") else None
 
 
 def along_unknowns(rows: Any) -> Any:
