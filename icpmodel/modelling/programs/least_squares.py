@@ -198,9 +198,9 @@ def _solve(B: sp.csr_array, c: Vector, low: Vector, high: Vector, tolerance: flo
     x, violations, is_optimal = _by_active_set(B, c, np.clip(0.0, low, high), low, high, tolerance)
     if is_optimal:
         return x, violations, 0, "optimal", "solved"
-    if max(B.shape) <= _DENSE_UP_TO and work.nanoseconds_left() < _step_cost(*B.shape):
-        return x, violations, 0, "user_limit", "no time was left"
     m, n = B.shape
+    if B.nnz > 0.5 * m * n and work.nanoseconds_left() < _step_cost(m, n):
+        return x, violations, 0, "user_limit", "no time was left"
     H = saddle_matrix(sp.eye_array(m, format="csr"), sp.csr_array(B.T))
     free = np.full(m, np.inf)
     g = np.concatenate([-c, np.zeros(n)])
@@ -281,7 +281,7 @@ def _step(B: sp.csr_array, r: Vector, free: Mask) -> Vector:
 
 
 def _step_cost(rows: int, columns: int) -> float:
-    """The cost of an orthogonal factorisation, which one of all equations as sparse ones exceeds."""
+    """The cost of an orthogonal factorisation; where most entries are not 0 the ICP costs more."""
     short, long = sorted([rows, columns])
     return _ORTHOGONAL_COST * long / max(short, 1) * dense_cost(short)
 
