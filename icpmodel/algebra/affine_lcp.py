@@ -134,7 +134,8 @@ class AffineLcp:
 
     @property
     def covering(self) -> Vector:
-        """The vector d in w = q + My + d·t: 1, but 0 in rows for an upper obstacle, unless y = 0 violates them.
+        """The vector d in w = q + My + d·t: 1, and 0 in rows for an upper obstacle, where `start` takes 1 if y = 0
+        violates them.
 
         So z keeps to both obstacles along the path, which ends in a solution if all rows have both.
         """
@@ -146,7 +147,8 @@ class AffineLcp:
         """The first dictionary, as `kernels.pivoting.continue_pivots` takes it.
 
         `covering` is the vector d in w = q + My + d·t, in the units of the rows, by default that of the same name. With
-        `dropped` column j of M takes its place where it is positive: y_j is then t, and need not be 0 where w_j is not.
+        `dropped` = j, d is column j of M where that is positive. If no row is an equation t then stands for y_j, and
+        y_j w_j = 0 is dropped along the path.
         """
         from .kernels import balancing, pivoting  # loads numba
 
@@ -227,10 +229,9 @@ def some_pivots(state: Any, entering: int, max_pivots: int) -> Any:
     n = len(state[0])
     pivot_cost = work.COSTS.pivot_entry * n**2
     piece = work.steps_per_piece(pivot_cost)
-    if entering < 0:  # the rows without obstacle leave in one piece, with as many others at most
-        cost = np.count_nonzero(state[2]) * pivot_cost
-        work.check_budget(2.0 * cost)
-        work.count(cost)
+    if entering < 0 and (equations := np.count_nonzero(state[2])):  # they leave in one piece, with all others at most
+        work.check_budget(n * pivot_cost)
+        work.count(equations * pivot_cost)
     while True:
         count = min(piece, max_pivots)
         work.check_budget(min(count, n) * pivot_cost)

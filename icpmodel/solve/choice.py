@@ -111,8 +111,8 @@ def select_method(
     estimate. A method pauses when it has spent twice its estimate, accelerated sweeps after their trial. Later it
     pauses when its cost has doubled, or when its residual should have become small enough. Its remaining cost is then
     at least what it has spent. It is up to four times that where the rate of the residual over the last half of its
-    steps predicts more. For methods that end after finitely many steps the rate predicts nothing. A set-up that costs
-    more than was estimated predicts nothing either: the excess is not counted. A paused method may go on later.
+    steps predicts more. For methods that end after finitely many steps the rate predicts nothing. The set-up predicts
+    nothing either: what the first step costs beyond its estimate is not counted. A paused method may go on later.
 
     **Bound.** The best method needs T, and its remaining cost is never more than R ≥ T. Another one runs only where its
     remaining cost is at most R. At first it spends at most 2R. When it goes on later it has spent at most R, as

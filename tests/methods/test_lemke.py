@@ -213,3 +213,8 @@ def test_equations_that_nearly_depend_on_others_make_no_multiplier_large(seed, m
     A = np.block([[np.zeros((5, 5)), -E.T], [E, np.zeros((3, 3))]])
     problem = icp.ICP(A, np.append(cost, -E @ x), np.append(np.zeros(5), np.full(3, -np.inf)))
     assert problem.solve(method).solved
+
+
+def test_equations_that_need_all_other_rows_are_eliminated():
+    chain = np.roll(np.eye(4), 1, axis=1)
+    assert run(icp.ICP(chain, -np.ones(4), [-np.inf, 0.0, 0.0, 0.0])).z.tolist() == [1.0] * 4
