@@ -24,7 +24,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..algebra.equations import Pattern, derivative
-from ..algebra.factor_costs import newton_cost
+from ..algebra.factor_costs import interior_cost
 from ..algebra.proximal_steps import ProximalSteps
 from ..algebra.redundant import without_redundant_rows
 from ..algebra.regularised_system import MIN_REGULARISATION, RegularisedSystem, Solve
@@ -225,7 +225,7 @@ class InteriorPath:
     @np.errstate(all="ignore")
     def advance(self) -> bool:
         """Make one step; False if it fails."""
-        work.count(0.5 * newton_cost(self.problem.facts))  # as its estimate has it
+        work.count(interior_cost(self.problem.facts))
         r = self.r
         s = self.s
         count = max(r.size, 1)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from ..algebra.affine_lcp import INVERSE, lcp_rows
-from ..algebra.factor_costs import factor_costs, newton_cost, system_cost
+from ..algebra.factor_costs import factor_costs, interior_cost, newton_cost, system_cost
 from ..algebra.newton_steps import SWEEPS
 from ..algebra.relaxation import sor_speed
 from ..methods.accelerated import Accelerated
@@ -167,11 +167,10 @@ def _proximal(facts: Facts) -> Estimate:
 
 
 def _interior(facts: Facts) -> Estimate:
-    # medians of 11, 12 and 15 steps were measured at n = 150, 500 and 1500, with three solves each; besides the factors
-    # they cost half of what Newton's steps do, whose equations lack some rows (13 problems, n = 300 to 20000)
+    # medians of 11, 12 and 15 steps were measured at n = 150, 500 and 1500, with three solves each
     costs = factor_costs(facts.matrix)
     factors = costs.repeated if facts.has_fixed_obstacle else costs.unsymmetric
-    step = 0.5 * newton_cost(facts) + factors + 3.0 * solve_cost(costs.fill)
+    step = interior_cost(facts) + factors + 3.0 * solve_cost(costs.fill)
     return Estimate(step, step, 1.25 * (2.0 + math.log2(max(facts.bounded, 1))), 24.0 * costs.fill.entries)
 
 
