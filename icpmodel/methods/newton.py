@@ -183,7 +183,7 @@ class _FischerBurmeister:
 class NewtonPath(Iterator[Iterate]):
     """The iterates of Newton's method, with the state of the watchdog; after the start none leaves the `box`."""
 
-    def __init__(self, problem: ProblemData, z: Vector, box: tuple[Any, Any] = (-np.inf, np.inf)) -> None:
+    def __init__(self, problem: ProblemData, z: Vector, box: tuple[Any, Any] | None = None) -> None:
         self.problem, self.omega, self.box = problem, _omega_of(problem), box
         with np.errstate(all="ignore"):
             self.current = self.best = NewtonPoint(problem, self.omega, z)
@@ -244,8 +244,8 @@ class NewtonPath(Iterator[Iterate]):
             return None
 
     def inside(self, z: Vector) -> Vector:
-        """The point of the box next to `z`."""
-        return np.clip(z, *self.box)
+        """The point of the box next to `z`; z itself without a box."""
+        return z if self.box is None else np.clip(z, *self.box)
 
     def point(self, z: Vector) -> NewtonPoint | None:
         """The point next to `z` in the box, None where it has no finite θ."""

@@ -125,7 +125,7 @@ class _Search:
         self.problem = problem
         self.family = family
         facts = problem.facts
-        box = (facts.obstacle, facts.upper_obstacle) if facts.has_fixed_obstacle else (-np.inf, np.inf)
+        box = (facts.obstacle, facts.upper_obstacle) if facts.has_fixed_obstacle else None
         with np.errstate(all="ignore"):
             self.path = NewtonPath(problem, z, box)
         self.current = self.path.current
