@@ -38,8 +38,12 @@ INVERSE = 6.0
 
 
 def lcp_rows(facts: Facts) -> int:
-    """The rows of the LCP: two for each unknown where there are upper obstacles."""
-    return facts.matrix.n * (1 if facts.psi.upper is None else 2)
+    """The rows of the LCP: one for each unknown, and for each upper obstacle one more."""
+    n = facts.matrix.n
+    upper = facts.psi.upper
+    if upper is None:
+        return n
+    return n + (int(np.count_nonzero(upper.value(np.zeros(n)) < np.inf)) if upper.is_constant else n)
 
 
 def too_large(facts: Facts) -> str | None:

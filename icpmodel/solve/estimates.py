@@ -145,7 +145,8 @@ def _multilevel(facts: Facts, target_reduction: float = _MEASURED_AT) -> Estimat
 
 
 def _lemke(facts: Facts) -> Estimate:
-    return Estimate(0.0, _pivots(facts), 1.0, 24.0 * lcp_rows(facts) ** 2)
+    # dense arrays of A, and the equations of the last basis
+    return Estimate(2.0 * work.COSTS.assembly, _pivots(facts), 1.0, 24.0 * lcp_rows(facts) ** 2)
 
 
 def _proximal(facts: Facts) -> Estimate:
