@@ -66,10 +66,10 @@ from .problem.function import Function as Function
 from .problem.intervention import Intervention as Intervention
 from .problem.map import Map as Map
 from .solve import solve as solve
-from .solve.choice import Choice as Choice
 from .solve.choice import select_method as select_method
 from .solve.contact_state import ContactState as ContactState
 from .solve.contact_state import contact_state as contact_state
+from .solve.jobs import Choice as Choice
 from .solve.many import solve_many as solve_many
 from .solve.newton_josephy import NewtonJosephy as NewtonJosephy
 from .solve.progress import Progress as Progress

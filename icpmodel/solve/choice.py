@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from ..algebra.affine_lcp import PIVOT_UP_TO
 from ..algebra.relaxation import AUTO, relaxation
@@ -26,11 +26,11 @@ from ..methods.shortcuts import Josephy, Lemke, Tridiagonal
 from ..numerics import work
 from ..numerics.arrays import as_number, as_truth
 from ..numerics.multigrid import hierarchy_cost
-from ..numerics.rounding import SMALLEST, UNIT_ROUNDOFF
-from ..present.display import Displayable
+from ..numerics.rounding import UNIT_ROUNDOFF
 from ..problem.data import ProblemData, ProblemLike, as_problem
 from .estimates import TRIES, Estimate, estimate_of, least_cost, least_of_others
 from .goal import RTOL, check_family
+from .jobs import Choice, Job
 
 _LOG = logging.getLogger("icpmodel")
 #: accelerated sweeps are tried for this share of what the next method is expected to cost, or for half of it where they
@@ -42,34 +42,6 @@ _PLAIN_SWEEPS = 12
 #: accelerated sweeps that are made before a rate is read off, twice their history; plain ones go on where this
 #: number of them will do
 _ACCELERATED_SWEEPS = 20
-#: a method stops when it has spent this multiple of its estimate; its remaining cost is then at least what it spent,
-#: and at most the second multiple of that
-_MAX_OVERRUN = 2.0
-_MAX_REMAINING_FACTOR = 4.0
-
-
-@dataclass(frozen=True, repr=False)
-class Choice(Displayable):
-    """The method that was chosen, and why.
-
-    Attributes
-    ----------
-    method : Method
-        The method.
-    why : str
-        Why it was chosen.
-    estimate : Estimate or None
-        What it is expected to cost; None where the structure of the problem decides.
-
-    Examples
-    --------
-    >>> icp.select_method(ICP([[2.0, 1.0], [1.0, 2.0]], [-1.0, 3.0], [0.0, 1.0])).why
-    'n = 2 is small'
-    """
-
-    method: Method
-    why: str = ""
-    estimate: Estimate | None = None
 
 
 @check_arguments
@@ -86,7 +58,8 @@ def select_method(
 
     With a z0 the problem counts as one of a sequence with the same A, which keeps the hierarchy of `Multilevel`. Where
     `Multilevel` without the hierarchy is expected to cost less than any other method could, it begins.
-    The ladder below follows where it ends, or has spent twice that.
+    Without a z0 `Lemke` begins where it is expected to cost no more than sweeps, or than the trial of rung 3.
+    The ladder below follows where one of these ends, or has spent twice that.
 
     Rows without any obstacle are equations. They are eliminated where at most √nnz rows have an obstacle, ψ is fixed,
     and that is expected to cost less than sweeps, `Multilevel` or `Lemke`: a factorisation of A and the calls of two
@@ -149,62 +122,6 @@ def select_method(
     return job.choice if job else None
 
 
-class Job:
-    """A method in a run: why it was chosen, and what it has done.
-
-    Parameters
-    ----------
-    choice : Choice
-    """
-
-    def __init__(self, choice: Choice) -> None:
-        self.choice = choice
-        self.method = choice.method
-        self.outcome = ""
-        #: whether it began at the start of the run with its own problem
-        self.is_fresh = False
-        self.steps = 0
-        self.work_done = 0.0
-        #: the first one is that of the start
-        self.residuals: list[float] = []
-        self.remaining = choice.estimate.total if choice.estimate else 0.0
-        #: twice its estimate, and what it may spend before it is compared with others
-        self.limit = self.max_cost = _MAX_OVERRUN * self.remaining or math.inf
-
-    def step(self, cost: float, residual: float, target: float) -> bool:
-        """Count a step to `residual`, where `target` is asked for; return whether to compare with other methods."""
-        if not self.steps and (estimate := self.choice.estimate):  # a set-up that is paid predicts no further step
-            cost = min(cost, estimate.setup + estimate.step)
-        self.steps += 1
-        self.work_done += cost
-        self.residuals.append(residual)
-        self.remaining = max(self.remaining - cost, 0.0)
-        if self.work_done < self.limit:
-            return False
-        self.remaining = self._remaining_cost(target)
-        self.limit = self.work_done + min(self.work_done, self.remaining)
-        return True
-
-    def _remaining_cost(self, target: float) -> float:
-        """The remaining cost: from the rate over the last half of the steps, or from the cost so far."""
-        if self.method.finite:
-            return self.work_done
-        half = self.steps // 2
-        # a residual may be 0 as rounded, and no solution
-        least = max(min(self.residuals), SMALLEST)
-        gained = math.log(max(min(self.residuals[: half + 1]), SMALLEST)) - math.log(least)
-        if not gained > 0.0:
-            return _MAX_REMAINING_FACTOR * self.work_done
-        steps = (math.log(least) - math.log(target)) * (self.steps - half) / gained
-        return min(max(steps * self.work_done / self.steps, self.work_done), _MAX_REMAINING_FACTOR * self.work_done)
-
-    def __str__(self) -> str:
-        """The method and its progress: 40 steps (300 expected)."""
-        estimate = self.choice.estimate
-        expected = f" ({max(estimate.steps, 1.0):.0f} expected)" if estimate else ""
-        return f"{self.method!r}, {self.steps} step{'' if self.steps == 1 else 's'}{expected}"
-
-
 class Ladder:
     """The methods of a run, in the order that `select_method` states.
 
@@ -236,15 +153,14 @@ class Ladder:
         self.problem = problem
         self.target_reduction = target_reduction
         self.family = family
-        #: the methods that may run; sweeps; what began before the others of rung 4 are estimated
+        #: the methods that may run; sweeps; what began before the others of its rung are estimated
         self.jobs: list[Job] = []
         self.sweeps: list[Job] = []
         self.early: list[Job] = []
         #: for each of the four of rung 4 the ones that follow where it ends
         self.others: list[list[Job]] = []
         sweeps = [self._add_psor, self._add_multilevel, self._add_accelerated, self._pause, self._add_multilevel]
-        if warm_start:
-            sweeps.insert(0, self._add_multilevel)
+        sweeps.insert(0, self._add_multilevel if warm_start else self._add_lemke)
         if family == "paper":
             sweeps = [self._add_accelerated]
         self.rungs = [self._add_direct, *sweeps, self._add_newton, self._add_remaining]
@@ -299,7 +215,7 @@ class Ladder:
             if any(type(method) is type(job.method) for job in self.early):
                 continue
             why_not = method.why_not(self.problem)
-            estimate = None if why_not else estimate_of(method, self.problem.facts, self.target_reduction)
+            estimate = None if why_not else self._estimate(method)
             if not (estimate and work.memory_suffices(estimate.memory)):
                 _LOG.debug("n = %d: %r is left out: %s", self.problem.n, method, why_not or "memory_limit")
                 continue
@@ -308,6 +224,9 @@ class Ladder:
             _LOG.debug("n = %d: %r: %s", self.problem.n, method, why)
             jobs.append(Job(Choice(method, why, estimate)))
         return sorted(jobs, key=lambda job: job.remaining)
+
+    def _estimate(self, method: Method) -> Estimate:
+        return estimate_of(method, self.problem.facts, self.target_reduction)
 
     def _add_direct(self) -> None:
         problem = self.problem
@@ -319,20 +238,31 @@ class Ladder:
             why_not = methods[0].why_not(problem)
             if not why_not:
                 why = "A is tridiagonal" if methods == rules[-1] else f"n = {problem.n} is small"
-                self.jobs = [Job(Choice(method, why)) for method in methods if not method.why_not(problem)]
+                self.early = [Job(Choice(method, why)) for method in methods if not method.why_not(problem)]
+                self.jobs += self.early
                 break
             _LOG.debug("%r is left out: %s", methods[0], why_not)
 
     def _begin_early(self, job: Job, floor: float) -> None:
         """Run `job` before the others of rung 4 are estimated, until it has more than `floor` left."""
-        self.early = [job]
-        self.jobs += self.early
+        self.early.append(job)
+        self.jobs.append(job)
         self.floor = floor
+
+    def _add_lemke(self) -> None:
+        """`Lemke` where it is expected to cost no more than sweeps, or than the shortest trial of them."""
+        if self.family is not None:
+            return
+        pivots, plain = (self._estimate(method) for method in (Lemke(), PSOR()))
+        trial = (_PLAIN_SWEEPS + 2 * _ACCELERATED_SWEEPS) * plain.step  # accelerated ones cost about twice as much
+        if pivots.total <= trial and pivots.total <= self._estimate(self._accelerated()).total:
+            for job in self._estimate_jobs([Lemke()]):
+                self._begin_early(job, job.remaining)
 
     def _add_psor(self) -> None:
         sweeps = PSOR()
         if not sweeps.why_not(self.problem) and work.memory_suffices(32.0 * self.problem.n):
-            step = estimate_of(sweeps, self.problem.facts, self.target_reduction).step
+            step = self._estimate(sweeps).step
             self.floor = _ACCELERATED_SWEEPS * step
             job = Job(Choice(sweeps, f"a trial of {_PLAIN_SWEEPS} sweeps"))
             job.limit = _PLAIN_SWEEPS * step
@@ -366,13 +296,11 @@ class Ladder:
 
         Before any sweeps it has the hierarchy that A keeps: a trial of sweeps would save no set-up.
         """
-        if self.early:
-            return
         problem = self.problem
         is_first = self._add_psor in self.rungs
         least = least_of_others(problem.facts, self.family)
         if self._add_accelerated in self.rungs:
-            sweeps = estimate_of(self._accelerated(), problem.facts, self.target_reduction)
+            sweeps = self._estimate(self._accelerated())
             shortest = math.inf if is_first else 2.0 * _ACCELERATED_SWEEPS * sweeps.step / _TRIAL_SHARE
             least = min(least, sweeps.total, shortest) if problem.matrix.coupled_radius < 1.0 else 0.0
         for job in self._estimate_jobs([Multilevel()]):
@@ -394,35 +322,13 @@ class Ladder:
         rungs: list[list[Method]] = [[Newton()], [Multilevel()], [Proximal()], [Interior()]]
         if self.family == "paper":
             rungs = [[MNMMOD(theta1=AUTO)]]
-        elif self.family is None and self.problem.n > PIVOT_UP_TO:
+        elif self.family is None:
             rungs[0] += [Lemke(), Restarts(tries=TRIES)]
         self.others = list(map(self._estimate_jobs, rungs))
+        self.others[0][:0] = [job for job in self.early if isinstance(job.method, Lemke) and job in self.jobs]
         began = [rung[0] for rung in self.others if rung]
-        self.jobs += began
+        self.jobs += [job for job in began if job not in self.jobs]
         self._try_sweeps(min((job.remaining for job in began), default=math.inf))
 
     def _add_remaining(self) -> None:
         self.jobs += self._estimate_jobs([MNMGS()] if self.family == "paper" else [MNMGS(), MNMMOD(theta1=AUTO)])
-
-
-class MethodSequence:
-    """Methods, each begun when the one before has ended; it offers what `Ladder` offers.
-
-    Parameters
-    ----------
-    methods : Method
-        In their order.
-    why : str
-        Why they are tried.
-    """
-
-    def __init__(self, *methods: Method, why: str = "") -> None:
-        self.jobs = [Job(Choice(method, why)) for method in methods]
-
-    def next(self) -> Job | None:
-        """The method that runs next, None where none is left."""
-        return self.jobs[0] if self.jobs else None
-
-    def end(self, job: Job) -> None:
-        """`job` has ended."""
-        self.jobs.remove(job)

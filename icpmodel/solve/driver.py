@@ -22,8 +22,8 @@ from ..problem.data import ProblemData, ProblemLike, as_problem
 from ..problem.user_code import as_function
 from ..theory.certificates.infeasible import infeasible_as_given
 from .accuracy import solve_to_accuracy
-from .choice import Choice, Job, MethodSequence
 from .goal import RTOL, Goal, Limits, check_family
+from .jobs import Choice, Job, MethodSequence
 from .last_resort import search
 from .newton_josephy import NewtonJosephy
 from .outcome import solution_of, why_none

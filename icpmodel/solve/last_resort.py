@@ -9,7 +9,7 @@ from ..methods.enumeration import Enumerate
 from ..methods.milp import MAX_UNKNOWNS, MixedInteger
 from ..methods.restarts import Restarts
 from ..numerics import work
-from .choice import MethodSequence
+from .jobs import MethodSequence
 from .run import Run
 from .solution import Status
 from .stopping import StopReason

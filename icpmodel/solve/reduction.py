@@ -35,8 +35,9 @@ from ..problem.data import ProblemData
 from ..theory.certificates.bounds import error_bound
 from ..theory.certificates.combination_rows import ProvedBounds
 from ..theory.certificates.infeasible import infeasible
-from .choice import Choice, Job, Ladder
+from .choice import Ladder
 from .goal import Goal
+from .jobs import Choice, Job
 from .run import Run
 from .solution import Status
 from .stopping import StopReason

@@ -20,8 +20,9 @@ from ..numerics.arrays import Vector, locked, norm
 from ..numerics.rounding import is_ctrl_c
 from ..problem.data import ProblemData
 from ..theory.answers import Answer
-from .choice import Job, Ladder, MethodSequence
+from .choice import Ladder
 from .goal import Goal, Limits
+from .jobs import Job, MethodSequence
 from .progress import Bar, Progress, progress_bar
 from .proved_convergence import proved_convergence
 from .solution import Status

@@ -11,10 +11,12 @@ from hypothesis import strategies as st
 
 import icpmodel as icp
 from icpmodel import scenes
+from icpmodel.algebra.affine_lcp import dense_lcp, lcp_rows
 from icpmodel.numerics import work
-from icpmodel.solve.choice import Choice, Job, Ladder, MethodSequence
+from icpmodel.solve.choice import Ladder
 from icpmodel.solve.estimates import Estimate
 from icpmodel.solve.goal import FAMILIES
+from icpmodel.solve.jobs import Choice, Job, MethodSequence
 
 PROBLEMS = {name: scenes.scene(name, 60 if "n" in scenes.parameters(name) else None).problem for name in scenes.names()}
 PROBLEMS = {name: problem for name, problem in PROBLEMS.items() if problem.f is None}
@@ -41,9 +43,27 @@ class TestRule:
             (icp.ICP(line, -np.ones(80)), icp.Tridiagonal),
             (icp.ICP(square[:64, :64], -np.ones(64)), icp.Lemke),
             (icp.ICP(square[:64, :64], -np.ones(64), icp.Elementwise(moving, lambda z: 0.1 * np.cos(z))), icp.Josephy),
-            (icp.ICP(square, -np.ones(81)), icp.PSOR),
+            (icp.ICP(square + np.eye(81), -np.ones(81)), icp.PSOR),
         ):
             assert isinstance(icp.select_method(problem).method, kind)
+
+    def test_pivots_begin_where_they_cost_no_more_than_sweeps(self):
+        """Few sweeps do where A is dominant, and more unknowns take more pivots; the pivots need no diagonal."""
+        rng = np.random.default_rng(0)
+        for n, share, kind in ((100, 0.0, icp.Lemke), (100, 1.0, icp.PSOR), (300, 0.0, icp.PSOR)):
+            B = sp.random_array((n, n), density=3.0 / n, rng=rng, format="csr")
+            A = B @ B.T + share * sp.diags_array((abs(B) @ abs(B).T).sum(axis=1)) + 1e-3 * sp.eye_array(n)
+            assert isinstance(icp.select_method(icp.ICP(A, -np.ones(n))).method, kind)
+            assert isinstance(icp.select_method(icp.ICP(A, -np.ones(n)), warm_start=True).method, icp.PSOR)
+        block = sp.block_array([[None, sp.eye_array(40)], [-sp.eye_array(40), None]])
+        assert isinstance(icp.select_method(icp.ICP(block, np.ones(80))).method, icp.Lemke)
+
+    def test_the_estimate_counts_the_rows_that_the_pivots_have(self):
+        n = 70
+        upper = np.where(np.arange(n) % 3, np.inf, 2.0)
+        for above in (None, upper, np.full(n, 2.0)):
+            problem = icp.ICP(np.eye(n), -np.ones(n), upper=above)
+            assert lcp_rows(problem.facts) == len(dense_lcp(problem).q)
 
     def test_a_method_goes_on_where_no_global_search_can_follow(self):
         """ψ moves, and nothing is known of its derivative."""

@@ -19,7 +19,7 @@ import icpmodel as icp
 from icpmodel import Status
 from icpmodel.errors import MapError, SingularOperator
 from icpmodel.methods.contract import Method
-from icpmodel.solve.choice import MethodSequence
+from icpmodel.solve.jobs import MethodSequence
 
 
 @pytest.fixture(autouse=True)
