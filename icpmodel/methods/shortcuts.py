@@ -104,7 +104,8 @@ class Lemke(Shortcut):
             elif ended != UNFINISHED or first != START:
                 _prove(problem, ray[: problem.n])
             basic = state[6][:rows]
-            if (ended, first) != (UNFINISHED, START) and not lcp.free[basic[basic < rows]].any():  # none was left out
+            left_out = lcp.free[basic[basic < rows]].any()
+            if ended != SINGULAR and (ended, first) != (UNFINISHED, START) and not left_out:
                 break
         if ended == SINGULAR:
             raise SingularOperator("A is singular in the rows and columns without obstacle", int(np.argmax(lcp.free)))

@@ -218,3 +218,12 @@ def test_equations_that_nearly_depend_on_others_make_no_multiplier_large(seed, m
 def test_equations_that_need_all_other_rows_are_eliminated():
     chain = np.roll(np.eye(4), 1, axis=1)
     assert run(icp.ICP(chain, -np.ones(4), [-np.inf, 0.0, 0.0, 0.0])).z.tolist() == [1.0] * 4
+
+
+def test_rows_that_depend_on_others_up_to_rounding_are_tried_as_independent_ones():
+    """A linear program: rows change places, and one with an obstacle depends on others up to 1e-7."""
+    A = np.zeros((5, 5))
+    A[:2, 2:] = [[0.0, 2.0**24, -0.125], [-(2.0**35), 2.0**38, 4096.0]]
+    A -= A.T
+    q = [-64.0, -(2.0**20), -(2.0**17), 2.0**20, 2.0**-6]
+    assert run(icp.ICP(A, q, [0.0, 0.0, 0.0, -np.inf, -np.inf])).solved
