@@ -195,15 +195,37 @@ class ExactRows:
         return _ExactSolutions(_sum(start, span, t), [_sum(none, span, direction) for direction in within[1]])
 
     def lies_in(self, solutions: _ExactSolutions, sides: Any) -> bool:
-        """Whether `solutions`, a set of solutions, is part of the piece `sides`.
+        """Whether `solutions`, a set of solutions, is part of the piece `sides`. Raises OutOfTime.
 
         Its equations have to hold in every direction. A sign that holds at a point of the relative interior holds on
         all of `solutions`.
         """
+        work.check_budget()
         return all(
             _dot(row, solutions.point) + row[-1] == 0 and not any(_dot(row, one) for one in solutions.directions)
             for row in self.equations(sides)
         ) and all(_dot(row, solutions.point) + row[-1] >= 0 for row in self.inequalities(sides))
+
+
+class _Distinct:
+    """Of the sets of solutions found so far those that lie in no other one, each once: `points` and `faces`."""
+
+    def __init__(self, exact: ExactRows) -> None:
+        self.exact = exact
+        self.points: dict[tuple[Fraction, ...], _ExactSolutions] = {}
+        self.faces: list[tuple[Any, _ExactSolutions]] = []
+
+    def add(self, sides: Any, found: _ExactSolutions) -> None:
+        """Add the solutions in the piece `sides`. Raises OutOfTime, and then nothing has changed."""
+        if any(self.exact.lies_in(found, other) for other, _ in self.faces):
+            return
+        if not found.directions:
+            self.points[tuple(found.point)] = found
+            return
+        points = {point: one for point, one in self.points.items() if not self.exact.lies_in(one, sides)}
+        faces = [(other, one) for other, one in self.faces if not self.exact.lies_in(one, sides)]
+        self.points = points
+        self.faces = [*faces, (sides, found)]
 
 
 def _distance_rows(linear: Any, sign: int) -> list[Any]:
@@ -275,19 +297,18 @@ def all_solutions(problem: ProblemLike, *, time_limit: float | None = None) -> S
         raise NotApplicable(
             f"problem has {count:.3g} linear pieces; at most {MAX_PIECES} are examined: solve() finds one solution"
         )
-    candidates: list[tuple[Any, _ExactSolutions]] = []
+    distinct = _Distinct(exact)
     complete = True
     with work.work_limit(np.inf if time_limit is None else time_limit):
         try:
             for sides in exact.consistent(plausible(problem)):
                 one = exact.solve(sides)
                 if one is not None:
-                    candidates.append((sides, one))
+                    distinct.add(sides, one)
         except OutOfTime:
             complete = False
-    distinct = [one.rounded() for one in _distinct(exact, candidates)]
-    points = sorted(one.point.tolist() for one in distinct if not one.directions.size)
-    faces = tuple(one for one in distinct if one.directions.size)
+    points = sorted(_round_exact(point.point).tolist() for point in distinct.points.values())
+    faces = tuple(face.rounded() for _, face in sorted(distinct.faces, key=lambda pair: -len(pair[1].directions)))
     return SolutionSet(np.array(points).reshape(-1, problem.n), faces, int(count), complete)
 
 
@@ -295,12 +316,3 @@ def plausible(problem: ProblemData) -> Any:
     """The pieces that may hold a solution, as far as floats tell. Raises OutOfTime."""
     for batch in LinearRows.of(problem, np.zeros(problem.n)).batches():
         yield from batch.sides[~batch.empty]
-
-
-def _distinct(exact: ExactRows, candidates: list[tuple[Any, _ExactSolutions]]) -> list[_ExactSolutions]:
-    """Of the sets of solutions those that lie in no other one, each once; those of most directions come first."""
-    distinct: list[tuple[Any, _ExactSolutions]] = []
-    for sides, one in sorted(candidates, key=lambda pair: -len(pair[1].directions)):
-        if not any(exact.lies_in(one, other) for other, _ in distinct):
-            distinct.append((sides, one))
-    return [one for _, one in distinct]
