@@ -95,7 +95,9 @@ class ExactNonlinear(ExactProblem):
         p = 0.0
         with suppress(icp.MapError):
             p = self.problem.p(point)
-        return super().residual(z, weights or fractions(self.problem.weights_at(point, p)))
+        # the reciprocal of a slope below 1/max is infinite
+        known = np.minimum(self.problem.weights_at(point, p), sys.float_info.max)
+        return super().residual(z, weights or fractions(known))
 
     def scale(self, z, start):
         """The smaller of Res_D(0), unless that is next to 0, and the size of z."""
