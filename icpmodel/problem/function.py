@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..errors import InputError, MapError, check_arguments
-from ..numerics.arrays import Vector, as_csr, as_float64, axes, locked
+from ..numerics.arrays import Vector, as_csr, as_float64, axes, locked, row_of
 from ..numerics.labels import check_labels
 from .differences import colours, jacobian_by_differences
 from .user_code import Parametrised, as_function, call_user, diagonal_lipschitz, raising_map_error
@@ -28,7 +28,7 @@ class Function(Parametrised):
         Maps z to an element of the generalised Jacobian, shape (n, n), dense or sparse.
     lipschitz : array_like or sparse of shape (n, n), float or array_like of shape (n,), optional
         The matrix G ≥ 0. A number or a vector stands for diag(ℓ), and thus says that ψ_i depends on
-        z_i only.
+        z_i only. A `jacobian` with an entry where G has 0 is an error.
     sparsity : array_like or sparse of shape (n, n), optional
         A matrix with an entry wherever ψ_i may depend on z_j. Where no `jacobian` is given it is then
         made by differences, one value of ψ for each group of columns that share no row.
@@ -98,9 +98,12 @@ class Function(Parametrised):
             function = derivative
             matrix = raising_map_error(lambda: function(z.copy()), "psi.jacobian")
         try:
-            return as_csr(matrix, "psi.jacobian(z)", z.size)
+            J = as_csr(matrix, "psi.jacobian(z)", z.size)
         except InputError as error:
             raise MapError(str(error)) from None
+        if derivative is not None and self.lipschitz is not None:
+            _check_links(J, self.lipschitz)
+        return J
 
     def no_derivative(self) -> str | None:
         known = self.derivative is not None or self.links is not None
@@ -135,3 +138,15 @@ class Function(Parametrised):
 
     def __repr__(self) -> str:
         return f"Function({getattr(self.fun, '__name__', 'psi')})"
+
+
+def _check_links(J: sp.csr_array, G: sp.csr_array) -> None:
+    """Raise MapError where the Jacobian `J` has an entry for which the Lipschitz constants `G` have 0."""
+    outside = sp.csr_array(J - J.multiply(G != 0.0))
+    if outside.data.any():
+        k = int(np.argmax(np.abs(outside.data)))
+        i, j = row_of(outside)[k], outside.indices[k]
+        raise MapError(
+            f"psi.jacobian(z) has the entry {J[i, j]:.6g} in row {i}, column {j}, but by psi.lipschitz psi_{i} does "
+            f"not depend on z_{j}: a number or a vector stands for a diagonal; give a matrix with that entry"
+        )

@@ -138,6 +138,17 @@ def test_wrong_data_of_a_map_is_named(make, words):
         make()
 
 
+def test_a_number_as_lipschitz_says_that_the_jacobian_is_diagonal():
+    """Where it is not, no obstacle counts as fixed, and what needs the Jacobian says so."""
+    swap = icp.Function(lambda z: 0.5 * z[::-1] + 1.0, lambda z: 0.5 * np.eye(2)[::-1], lipschitz=0.5)
+    problem = icp.ICP(np.eye(2), [1.0, 2.0], swap)
+    np.testing.assert_allclose(problem.solve().z, [2.0, 2.0], atol=1e-6)
+    with pytest.raises(
+        icp.MapError, match=r"entry 0.5 in row 0, column 1, but by psi.lipschitz psi_0 does not depend on"
+    ):
+        problem.psi.jacobian(np.zeros(2))
+
+
 def test_a_user_s_function_cannot_spoil_the_iterate():
     def spoil(z):
         z[:] = np.nan
