@@ -5,9 +5,11 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..errors import MapError
+from ..numerics import work
 from ..numerics.arrays import Vector
 from ..numerics.rounding import UNIT_ROUNDOFF
 from ..numerics.sparse_structure import is_diagonal
@@ -49,6 +51,15 @@ class Facts:
     def entries(self) -> int:
         """The entries that a sweep reads, or a Newton step: those of A, and those of ψ where it couples rows."""
         return self.matrix.nnz + (0 if self.psi.links is None else self.psi.links.nnz)
+
+    @cached_property
+    def equations(self) -> Matrix:
+        """A matrix with the pattern of Newton's equations: that of A, and of ψ where it couples rows."""
+        links = self.psi.links
+        if links is None or self.has_fixed_obstacle:
+            return self.matrix
+        work.charge_matrices(self.entries)
+        return Matrix(sp.csr_array(self.matrix.absolute + abs(links)))
 
     @cached_property
     def coupling(self) -> float:

@@ -14,7 +14,7 @@ from icpmodel import scenes
 from icpmodel.algebra.affine_lcp import dense_lcp, lcp_rows
 from icpmodel.numerics import work
 from icpmodel.solve.choice import Ladder
-from icpmodel.solve.estimates import Estimate
+from icpmodel.solve.estimates import Estimate, estimate_of
 from icpmodel.solve.goal import FAMILIES
 from icpmodel.solve.jobs import Choice, Job, MethodSequence
 
@@ -64,6 +64,16 @@ class TestRule:
         for above in (None, upper, np.full(n, 2.0)):
             problem = icp.ICP(np.eye(n), -np.ones(n), upper=above)
             assert lcp_rows(problem.facts) == len(dense_lcp(problem).q)
+
+    def test_the_estimate_of_newton_s_steps_counts_the_entries_of_a_moving_obstacle(self):
+        n = 200
+        A = sp.diags_array([2.0 * np.ones(n), -np.ones(n - 1)], offsets=[0, 1], format="csr")
+        G = 0.1 * sp.eye_array(n, k=-50) - 0.1 * sp.eye_array(n, k=50)
+        fixed, moving = (icp.ICP(A, -np.ones(n), psi).facts for psi in (0.0, icp.Affine(G, 0.0)))
+        assert fixed.equations is fixed.matrix
+        assert ((moving.equations.sparse != 0) != (abs(A) + abs(G) != 0)).nnz == 0
+        for method in (icp.Newton(), icp.Proximal(), icp.Interior()):
+            assert estimate_of(method, moving, 1e-8).step > estimate_of(method, fixed, 1e-8).step
 
     def test_a_method_goes_on_where_no_global_search_can_follow(self):
         """ψ moves, and nothing is known of its derivative."""
