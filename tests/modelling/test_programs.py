@@ -191,6 +191,14 @@ def test_least_squares_without_time_for_a_factorisation_return_where_they_are():
     assert np.isfinite(outcome.x).all()
 
 
+def test_least_squares_begin_by_orthogonal_factors_where_these_cost_less_than_the_icp():
+    """They take no step of a method. B has many rows, or few entries in each."""
+    rng = np.random.default_rng(0)
+    assert icp.solve_lsq(rng.normal(size=(5000, 5)), rng.normal(size=5000), 0.0).nit == 0
+    chain = sp.eye_array(600) - sp.eye_array(600, k=1)
+    assert icp.solve_lsq(chain, rng.normal(size=600), 0.0, 1.0).nit > 0
+
+
 def test_wrong_arguments_of_least_squares_are_named():
     for arguments, sentence in (
         (([[1.0, np.nan]], [1.0]), r"B\[0, 1\] is nan"),

@@ -19,7 +19,7 @@ from ...errors import InputError, NotSolved
 from ...numerics import work
 from ...numerics.arrays import Mask, Vector, as_truth, as_vector, inner, norm
 from ...numerics.factorisation import largest_of_columns
-from ...numerics.fill import dense_cost
+from ...numerics.fill import Fill, factor_cost
 from ...numerics.labels import along_rows, along_unknowns, check_labels
 from ...numerics.rounding import gamma, public_entry
 from ...present.display import Displayable
@@ -27,8 +27,8 @@ from .program import saddle_matrix
 from .program_arguments import bounds, limited, matrix
 from .solve_qp import solve_avi
 
-#: rows and columns up to which x is corrected by an orthogonal factorisation
-_DENSE_UP_TO = 2000
+#: columns up to which x is corrected by orthogonal factorisations, of which there may be as many
+_MAX_COLUMNS = 2000
 #: the cost of an orthogonal factorisation beside that of LU: 3 to 4 were measured for 500 to 2000 rows
 _ORTHOGONAL_COST = 3.0
 #: the largest exponent of the units of x
@@ -195,12 +195,14 @@ def _solve_scaled(B: sp.csr_array, c: Vector, low: Vector, high: Vector, toleran
 
 
 def _solve(B: sp.csr_array, c: Vector, low: Vector, high: Vector, tolerance: float) -> Outcome:
-    x, violations, is_optimal = _by_active_set(B, c, np.clip(0.0, low, high), low, high, tolerance)
-    if is_optimal:
-        return x, violations, 0, "optimal", "solved"
     m, n = B.shape
-    if B.nnz > 0.5 * m * n and work.nanoseconds_left() < _step_cost(m, n):
-        return x, violations, 0, "user_limit", "no time was left"
+    x = np.clip(0.0, low, high)
+    if _step_cost(m, n) <= _icp_cost(B):
+        x, violations, is_optimal = _by_active_set(B, c, x, low, high, tolerance)
+        if is_optimal:
+            return x, violations, 0, "optimal", "solved"
+        if work.nanoseconds_left() < _step_cost(m, n):
+            return x, violations, 0, "user_limit", "no time was left"
     H = saddle_matrix(sp.eye_array(m, format="csr"), sp.csr_array(B.T))
     free = np.full(m, np.inf)
     g = np.concatenate([-c, np.zeros(n)])
@@ -219,11 +221,11 @@ def _solve(B: sp.csr_array, c: Vector, low: Vector, high: Vector, tolerance: flo
 def _by_active_set(
     B: sp.csr_array, c: Vector, x: Vector, low: Vector, high: Vector, tolerance: float
 ) -> tuple[Vector, Vector, bool]:
-    """x after steps by an orthogonal factorisation of the free columns, while they reduce the residual; and two more.
+    """x after steps by orthogonal factorisations of the free columns, while they reduce the residual; and two more.
 
-    They end at a solution, by as many factorisations as that takes. The two are the share of the gradient that no bound
-    holds, and whether it is small beside ‖r‖ and the columns of B. The rounding of r is left out. Rows where r_i = 0 at
-    a solution are known to the rounding of the others only.
+    They end near a solution, by as many factorisations as that takes. The two are the share of the gradient that no
+    bound holds, and whether it is small beside ‖r‖ and the columns of B. The rounding of r is left out. Rows where
+    r_i = 0 at a solution are known to the rounding of the others only.
     """
     r = c - B @ x
     size = abs(B)
@@ -233,12 +235,13 @@ def _by_active_set(
         free = ((low < x) | (gradient > 0)) & ((x < high) | (gradient < 0))
         violations = np.where(free, np.abs(gradient), 0.0)
         small = tolerance * norm(r) * columns
+        is_near = bool((violations <= small).all())
         rounding = gamma(sum(B.shape) + 2) * (size @ np.abs(x) + np.abs(c))
-        if max(B.shape) > _DENSE_UP_TO or work.seconds_left() == 0.0:
+        if is_near or free.size > _MAX_COLUMNS or work.seconds_left() == 0.0:
             break
         # a residual that is rounding may go on to fall for ever
         enough = 0.5 * norm(r) if norm(r) <= norm(rounding) else norm(r)
-        for better in _nearer(B, c, x, low, high, free, bool((violations <= small).all())):
+        for better in _nearer(B, c, x, low, high, free):
             rest = c - B @ better
             if norm(rest) < enough:
                 x = better
@@ -249,41 +252,47 @@ def _by_active_set(
     return x, violations, bool((violations <= small + size.T @ rounding).all())
 
 
-def _nearer(
-    B: sp.csr_array, c: Vector, x: Vector, low: Vector, high: Vector, free: Mask, is_near: bool
-) -> Iterator[Vector]:
+def _nearer(B: sp.csr_array, c: Vector, x: Vector, low: Vector, high: Vector, free: Mask) -> Iterator[Vector]:
     """Points that may have a smaller residual than `x`: first that of a step of all `free` unknowns, cut off at bounds.
 
-    Unless x `is_near` the solution, also those of steps that stop at bounds: of all of them, then of those between
-    bounds and the one with the largest gradient, which has a smaller residual but for rounding (Lawson and Hanson 1995,
-    chapter 23).
+    Then those of steps that stop at bounds: of all of them, and of those between bounds and the one with the largest
+    gradient, which has a smaller residual but for rounding (Lawson and Hanson 1995, chapter 23).
     """
     r = c - B @ x
     yield np.clip(x + _step(B, r, free), low, high)
-    if not is_near:
-        yield _to_bounds(B, c, x, free, low, high)
-        inside = (low < x) & (x < high)
-        gradient = np.where(free & ~inside, np.abs(B.T @ r), 0.0)
-        inside[np.argmax(gradient)] |= gradient.max() > 0.0
-        yield _to_bounds(B, c, x, inside, low, high)
+    yield _to_bounds(B, c, x, free, low, high)
+    inside = (low < x) & (x < high)
+    gradient = np.where(free & ~inside, np.abs(B.T @ r), 0.0)
+    inside[np.argmax(gradient)] |= gradient.max() > 0.0
+    yield _to_bounds(B, c, x, inside, low, high)
 
 
 def _step(B: sp.csr_array, r: Vector, free: Mask) -> Vector:
-    """The step in the free unknowns to the least residual, by an orthogonal factorisation; 0 without time for it."""
+    """The step in the free unknowns to the least residual, by an orthogonal factorisation; 0 beyond a limit."""
     from scipy.linalg import lstsq
 
     step = np.zeros(free.size)
-    cost = _step_cost(r.size, int(free.sum()))
-    if cost <= work.nanoseconds_left():
+    columns = int(free.sum())
+    cost = _step_cost(r.size, columns)
+    if cost <= work.nanoseconds_left() and work.memory_suffices(16.0 * r.size * columns):
         work.count(cost)
         step[free] = lstsq(B[:, free].toarray(), r, lapack_driver="gelsy", check_finite=False)[0]
     return step
 
 
 def _step_cost(rows: int, columns: int) -> float:
-    """The cost of an orthogonal factorisation; where most entries are not 0 the ICP costs more."""
-    short, long = sorted([rows, columns])
-    return _ORTHOGONAL_COST * long / max(short, 1) * dense_cost(short)
+    """The cost of an orthogonal factorisation."""
+    per_entry = work.COSTS.dense_entry + work.COSTS.dense_flop * min(rows, columns) / 3.0
+    return work.COSTS.call + _ORTHOGONAL_COST * rows * columns * per_entry
+
+
+def _icp_cost(B: sp.csr_array) -> float:
+    """The cost of a step for the ICP, whose factors have the entries of B; the products are those of BᵀB or BBᵀ."""
+    n = sum(B.shape)
+    counts = np.diff(B.indptr), np.bincount(B.indices)
+    products = min(float(np.square(count, dtype=float).sum()) for count in counts)
+    fill = Fill(n, 2.0 * (n + B.nnz), products, False, symmetric=True)
+    return work.newton(n, n + 2 * B.nnz, mixed=False) + factor_cost(fill)
 
 
 def _to_bounds(B: sp.csr_array, c: Vector, x: Vector, free: Mask, low: Vector, high: Vector) -> Vector:
