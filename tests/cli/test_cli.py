@@ -460,7 +460,7 @@ def test_letters_that_standard_output_has_not_lose_nothing_else(tmp_path, monkey
     assert (ran.returncode, said(ran.stderr)) == (0, "")
 
 
-def test_a_wrong_limit_of_solvers_is_told_before_the_solve(capsys):
+def test_a_wrong_limit_of_solvers_is_an_error_before_the_solve(capsys):
     code, out, err = call(capsys, "crosscheck", "hand-lcp", "--solver-time-limit", "0")
     assert (code, out) == (2, "")
     assert "--solver-time-limit is 0.0" in err

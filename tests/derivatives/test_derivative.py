@@ -199,7 +199,7 @@ def test_the_gradient_by_A_has_the_pattern_of_A_beside_any_f():
     assert gradient.A.nnz == problem.A.nnz
 
 
-def test_ties_at_either_of_two_obstacles_are_told_apart():
+def test_ties_at_the_lower_and_the_upper_obstacle_are_distinguished():
     problem = icp.ICP(2.0 * np.eye(3), [0.0, -2.0, -1.0], psi=0.0, upper=1.0)
     derivative = problem.solve().derivative()
     assert derivative.undecided.tolist() == [0, 1]

@@ -120,7 +120,7 @@ def test_wrong_arguments_are_named(method, options, words):
         icp.ICP([[2.0]], [-1.0]).explain(method, **options)
 
 
-def test_what_solve_begins_with_is_proved_and_its_steps_are_told():
+def test_what_solve_begins_with_is_proved_and_its_steps_are_counted():
     page = scenes.bai_symmetric(n=400).problem.explain()
     row = next(forecast for forecast in page.forecasts if forecast.title == "PSOR(), newest values")
     assert isinstance(page.picked, icp.PSOR)

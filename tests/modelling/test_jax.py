@@ -215,7 +215,7 @@ def test_what_has_no_array_to_trace_is_solved_within_a_trace():
         assert jax.jit(call)() == pytest.approx(call())
 
 
-def test_a_function_of_jax_that_uses_numpy_is_told_of_jnp():
+def test_the_error_for_numpy_in_a_function_of_jax_names_jnp():
     with pytest.raises(icp.NotSolved, match=r"jnp\.sin in JAX"):
         nonlinear_solution_of(lambda z, t: np.sin(z) - t, 1)(0.5)
 

@@ -29,7 +29,7 @@ def flushing_to_zero():
         libm.fesetenv(before)
 
 
-def test_flushing_to_zero_is_told():
+def test_flushing_to_zero_is_reported():
     problem = icp.ICP([[2.0]], [-1.0])
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -176,7 +176,7 @@ def test_a_psi_that_reuses_its_buffer_does_no_harm():
 
 
 @pytest.mark.parametrize("psi", [math.sin, icp.Elementwise(math.sin), lambda z: 0.1 if z > 0 else 0.0])
-def test_a_function_of_one_number_is_told_that_z_is_an_array(psi):
+def test_the_error_of_a_function_of_one_number_says_that_z_is_an_array(psi):
     with pytest.raises(
         icp.MapError, match=r"(Type|Value)Error: .*; z is an array of all unknowns: use np\.sin, not math"
     ):

@@ -348,7 +348,7 @@ def test_a_row_of_lists_has_its_own_obstacle_and_a_failed_one_its_end():
     assert "was over before its turn" in late.message
 
 
-def test_rows_start_where_they_are_told_where_there_are_several_solutions():
+def test_each_row_starts_at_its_own_z0_where_there_are_several_solutions():
     A = np.array([[1.0, 2.0], [2.0, 1.0]])
     starts = np.array([[1.0, 0.0], [0.0, 1.0]])
     many = icp.solve_many(A, -np.ones((2, 2)), Z0=starts)

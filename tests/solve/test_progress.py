@@ -52,12 +52,12 @@ def test_a_study_says_beforehand_how_much_it_is_and_in_a_page_as_well(caplog):
         assert said in caplog.text
 
 
-def test_nobody_is_told_anything_unasked(capsys):
+def test_nothing_is_printed_by_default(capsys):
     SLOW.solve("mnmj")
     assert capsys.readouterr().err == ""
 
 
-def test_the_logger_says_who_begins_and_why_how_he_ends_and_at_debug_who_else_was_considered(caplog):
+def test_the_log_names_each_method_why_it_begins_and_how_it_ends_and_at_debug_the_others(caplog):
     with caplog.at_level(logging.DEBUG, "icpmodel"):
         solution = icp.scenes.membrane(n=100).problem.solve()
     info = [one.getMessage() for one in caplog.records if one.levelno == logging.INFO]

@@ -112,7 +112,7 @@ class Picky(Exact):
         return found if tolerance == 1e-6 else replace(found, words="infeasible", solved=False)
 
 
-def test_a_failure_at_a_tight_tolerance_is_repeated_more_loosely_and_told():
+def test_a_failure_at_a_tight_tolerance_is_repeated_more_loosely_and_reported():
     solver = Picky()
     report = icp.crosscheck(icp.ICP([[2.0]], [-1.0]), [0.5], [solver])
     assert solver.asked == [1e-12, 1e-9, 1e-6]

@@ -69,7 +69,7 @@ def test_a_suffix_that_no_picture_has_is_refused(solution, path, tmp_path, monke
 @pytest.mark.parametrize(
     "of", [SQUARE.problem, SQUARE.problem.with_q(2 * SQUARE.problem.q), SQUARE.problem.with_psi(0.1)]
 )
-def test_what_lives_in_the_plane_is_a_field_without_being_told_its_points(of):
+def test_points_of_a_plane_grid_need_not_be_given(of):
     """The points go with the unknowns, that is with A, whatever q and ψ are."""
     axes = icp.study.figure(of.solve("psor")).axes[0]
     assert axes.get_title().startswith("z, ")

@@ -51,7 +51,7 @@ def test_without_a_known_answer_the_measure_is_a_bound_that_holds():
             assert true <= entry.error <= true + 1e-10
 
 
-def test_between_two_obstacles_everyone_who_takes_part_reaches_the_same_answer():
+def test_between_two_obstacles_all_competitors_reach_the_same_answer():
     box = icp.scenes.box_manufactured(n=25)
     found = icp.race(box.problem, ["newton"], z_exact=box.z_exact, tolerances=[1e-8], repeats=1)
     assert {"solve()", "newton", "osqp", "clarabel", "piqp", "scs"} <= {one.name for one in found.entries}

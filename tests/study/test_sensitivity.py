@@ -91,7 +91,7 @@ def test_an_estimate_agrees_with_the_exact_number():
     assert large.local == pytest.approx(small.local, rel=0.5)
 
 
-def test_what_cannot_be_told_is_said():
+def test_what_is_not_known_is_reported():
     with pytest.raises(icp.InputError, match="not solved"):
         sensitivity(icp.scenes.hard_jump().problem.solve(raise_on_failure=False))
     with pytest.raises(icp.InputError, match="z = 0"):

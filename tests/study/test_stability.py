@@ -59,7 +59,7 @@ def test_counts_of_steps_are_those_of_solve_from_the_worst_start():
     assert found.steps[0, 1] == max(steps)
 
 
-def test_ends_are_told_apart():
+def test_statuses_are_distinguished():
     """Each end is met on a plane that consists of one problem each: which is which is known by hand."""
     cases = [
         (icp.scenes.hand_lcp().problem, icp.MNMGS(), "solved"),

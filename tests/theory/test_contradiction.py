@@ -76,7 +76,7 @@ def test_rounding_adds_no_condition_on_an_unknown_between_two_ends():
 
 
 @pytest.mark.parametrize("gap", [1.0, 1e-2, 5e-6])
-def test_a_near_contradiction_is_told_from_a_solved_problem(gap):
+def test_a_near_contradiction_is_distinguished_from_a_solved_problem(gap):
     """1 ≥ z₀ ≥ 1 + gap as rows 20 and 21, in a problem of 22 rows whose units go from 1 to 1e4."""
     random = np.random.default_rng(3)
     A = random.uniform(-1, 1, (22, 22))
