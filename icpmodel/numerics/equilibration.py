@@ -14,9 +14,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from . import work
-from .arrays import Vector, row_of
-from .fill import signs_of_symmetry
-from .sparse_structure import absolute
+from .arrays import Vector, read_only, row_of
 
 Exponents = NDArray[np.int64]
 
@@ -134,7 +132,7 @@ def in_units_exactly(X: Any, r: Any, c: Any = 0) -> Any:
 
 
 def balanced(A: sp.csr_array) -> Vector:
-    """The W > 0 that balances the rows of a CSR `A`.
+    """The W > 0 that balances the rows of a CSR `A`, its indices sorted.
 
     After it the sizes √|a_ij a_ji|/√(w_i w_j) are about 1 in the mean of every row in which each
     entry has its own size as weight: an entry next to nothing does not count. Where a_ji = 0 the
@@ -145,15 +143,15 @@ def balanced(A: sp.csr_array) -> Vector:
     ----------
     Knight, Ruiz and Uçar, SIAM J. Matrix Anal. Appl. 35 (2014), for such scalings.
     """
-    if signs_of_symmetry(A) is not None:
-        sizes = absolute(A)
-    else:
-        there = A.data != 0.0
-        # with a count beside it no logarithm is lost, as one that is 0 would be
-        counted = 1.0 + 1j * np.log(np.abs(A.data[there]))
-        M = sp.csr_array((counted, (row_of(A)[there], A.indices[there])), shape=A.shape)
-        M = sp.csr_array(M + M.T)
-        sizes = sp.csr_array((np.exp(M.data.imag / M.data.real), M.indices, M.indptr), shape=A.shape)
+    from .kernels.products import coupling_entries  # loads numba
+
+    rows = row_of(A)
+    entries = coupling_entries(*read_only((A.indptr, A.indices, A.data)), np.ones(A.shape[0]))
+    alone = entries == 0.0
+    entries[alone] = np.abs(A.data[alone])
+    alone &= rows != A.indices
+    sizes = sp.csr_array((entries, A.indices, A.indptr), shape=A.shape)
+    sizes += sp.csr_array((entries[alone], (A.indices[alone], rows[alone])), shape=A.shape)
     squares = sp.csr_array((sizes.data**2, sizes.indices, sizes.indptr), shape=A.shape)
     roots = np.ones(A.shape[0])
     with np.errstate(all="ignore"):
