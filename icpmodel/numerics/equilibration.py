@@ -132,7 +132,7 @@ def in_units_exactly(X: Any, r: Any, c: Any = 0) -> Any:
 
 
 def balanced(A: sp.csr_array) -> Vector:
-    """The W > 0 that balances the rows of a CSR `A`, its indices sorted.
+    """The W > 0 that balances the rows of a CSR `A`, its indices sorted. Raises OutOfTime.
 
     After it the sizes √|a_ij a_ji|/√(w_i w_j) are about 1 in the mean of every row in which each
     entry has its own size as weight: an entry next to nothing does not count. Where a_ji = 0 the
@@ -145,6 +145,7 @@ def balanced(A: sp.csr_array) -> Vector:
     """
     from .kernels.products import coupling_entries  # loads numba
 
+    work.charge_matrices(A.nnz, 4)
     rows = row_of(A)
     entries = coupling_entries(*read_only((A.indptr, A.indices, A.data)), np.ones(A.shape[0]))
     alone = entries == 0.0
@@ -156,6 +157,7 @@ def balanced(A: sp.csr_array) -> Vector:
     roots = np.ones(A.shape[0])
     with np.errstate(all="ignore"):
         for _ in range(_MAX_PASSES):
+            work.charge(2.0 * work.product(A.shape[0], sizes.nnz))
             mean = roots * (squares @ roots**-2.0) / (sizes @ (1.0 / roots))
             before = roots
             roots = np.clip(np.sqrt(np.where(mean > 0.0, mean, 1.0)), 1.0 / _MAX_WEIGHT, _MAX_WEIGHT)

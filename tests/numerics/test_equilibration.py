@@ -7,6 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from known_answers import SEEDS
 
+from icpmodel.errors import OutOfTime
+from icpmodel.numerics import work
 from icpmodel.numerics.equilibration import balanced, equilibrated, in_units, in_units_exactly, row_exponents
 
 
@@ -64,3 +66,11 @@ def test_units_do_not_grow_with_entries_next_to_nothing():
     B = sp.csr_array(np.exp(-np.linspace(0.0, 1.0, 100)[:, None] / np.logspace(-3, 1, 80)))
     W = balanced(sp.csr_array(sp.block_array([[sp.eye_array(100), B], [-B.T, None]])))
     assert W.max() / W.min() <= 2.0**60
+
+
+def test_weights_are_not_begun_without_time_for_them():
+    A = sp.csr_array(np.random.default_rng(0).normal(size=(300, 300)))
+    before = work.counter()
+    balanced(A)
+    with work.work_limit(nanoseconds=0.5 * (work.counter() - before)), pytest.raises(OutOfTime):
+        balanced(A)

@@ -244,8 +244,8 @@ class ProgramRun:
     def polish(self, z: Vector, pattern: Pattern) -> None:
         """Newton steps from `z` with one active set, of the equations and a small multiple of W."""
         steps = ProximalSteps(self.problem, z, reorders=not self.is_good)
-        weights = _REGULARISATION * self.problem.matrix.proximal_weights
         with suppress(IcpError, MemoryError), enforce_limits(None, None):
+            weights = _REGULARISATION * self.problem.matrix.proximal_weights
             for _ in range(_REFINEMENTS):
                 refined = steps.step(z, self.problem.p(z), pattern, z, weights)
                 if refined is None or not np.isfinite(refined[0]).all():
