@@ -148,7 +148,7 @@ def balanced(A: sp.csr_array) -> Vector:
     work.charge_matrices(A.nnz, 4)
     rows = row_of(A)
     entries = coupling_entries(*read_only((A.indptr, A.indices, A.data)), np.ones(A.shape[0]))
-    alone = entries == 0.0
+    alone = entries == 0.0  # on the diagonal, and where a_ji = 0: there both places get |a_ij|
     entries[alone] = np.abs(A.data[alone])
     alone &= rows != A.indices
     sizes = sp.csr_array((entries, A.indices, A.indptr), shape=A.shape)
