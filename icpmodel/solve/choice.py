@@ -325,9 +325,12 @@ class Ladder:
         elif self.family is None:
             rungs[0] += [Lemke(), Restarts(tries=TRIES)]
         self.others = list(map(self._estimate_jobs, rungs))
-        self.others[0][:0] = [job for job in self.early if isinstance(job.method, Lemke) and job in self.jobs]
+        for job in self.early:
+            if isinstance(job.method, Lemke) and job in self.jobs:
+                self.jobs.remove(job)
+                self.others[0] = sorted([job, *self.others[0]], key=lambda job: job.remaining)
         began = [rung[0] for rung in self.others if rung]
-        self.jobs += [job for job in began if job not in self.jobs]
+        self.jobs += began
         self._try_sweeps(min((job.remaining for job in began), default=math.inf))
 
     def _add_remaining(self) -> None:

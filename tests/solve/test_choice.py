@@ -58,6 +58,24 @@ class TestRule:
         block = sp.block_array([[None, sp.eye_array(40)], [-sp.eye_array(40), None]])
         assert isinstance(icp.select_method(icp.ICP(block, np.ones(80))).method, icp.Lemke)
 
+    def test_newton_s_method_does_not_wait_for_pivots_that_cost_more_than_expected(self):
+        rng = np.random.default_rng(0)
+        B = sp.random_array((100, 100), density=0.03, rng=rng, format="csr")
+        for cost in (0.0, 1e12):
+            ladder = Ladder(icp.ICP(B @ B.T + 1e-3 * sp.eye_array(100), -np.ones(100)), 1e-8)
+            first = ladder.next()
+            assert isinstance(first.method, icp.Lemke)
+            assert not first.step(0.0, 1.0, 1e-8)
+            assert first.step(cost, 1.0, 1e-8) == (cost > 0.0)
+            if not cost:
+                ladder.end(first)
+            names = []
+            while (job := ladder.next()) is not None:
+                names.append(job.method.name)
+                ladder.end(job)
+            assert names.count("lemke") == (cost > 0.0)
+            assert not cost or names.index("newton") < names.index("lemke")
+
     def test_the_estimate_counts_the_rows_that_the_pivots_have(self):
         n = 70
         upper = np.where(np.arange(n) % 3, np.inf, 2.0)
