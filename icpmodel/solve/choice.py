@@ -5,11 +5,13 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import replace
 
 from ..algebra.affine_lcp import PIVOT_UP_TO
 from ..algebra.relaxation import AUTO, relaxation
-from ..errors import check_arguments
+from ..algebra.schur import SchurComplement, elimination
+from ..errors import OutOfTime, check_arguments
 from ..methods.accelerated import Accelerated
 from ..methods.aor import MNMAOR, MNMGS
 from ..methods.contract import Method
@@ -118,8 +120,13 @@ def select_method(
     check_family(family)
     as_truth(warm_start, "warm_start")
     target_reduction = max(as_number(rtol, "rtol", minimum=0.0, below=1.0), UNIT_ROUNDOFF)
-    job = Ladder(as_problem(problem), target_reduction, family, warm_start=warm_start).next()
-    return job.choice if job else None
+    data = as_problem(problem)
+    ladder = Ladder(data, target_reduction, family, warm_start=warm_start)
+    if (complement := ladder.complement()) is None:
+        job = ladder.next()
+        return job.choice if job else None
+    job = Ladder(complement.reduced(data), target_reduction, family).next()
+    return replace(job.choice, why=f"{complement!r}; {job.choice.why}") if job else None
 
 
 class Ladder:
@@ -180,7 +187,15 @@ class Ladder:
             self.rungs.pop(0)()
         return bool(self.jobs)
 
-    def cost_without_factors(self) -> float:
+    def complement(self) -> SchurComplement | None:
+        """The elimination of the equations, unless it does not pay or one method solves the problem at once."""
+        if self.family == "paper" or not self.problem.psi.is_constant or self.is_decided:
+            return None
+        with suppress(OutOfTime, MemoryError):
+            return elimination(self.problem, self._cost_without_factors)
+        return None
+
+    def _cost_without_factors(self) -> float:
         """The least that methods without sparse factors are expected to cost, in nanoseconds."""
         jobs = self._estimate_jobs([self._accelerated(), Multilevel(), Lemke()])
         return jobs[0].remaining if jobs else math.inf

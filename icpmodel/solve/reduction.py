@@ -24,9 +24,9 @@ from dataclasses import replace
 import numpy as np
 
 from ..algebra.redundant import without_redundant_rows
-from ..algebra.schur import SchurComplement, elimination
+from ..algebra.schur import SchurComplement
 from ..algebra.subproblems import Blocks, Rows, blocks, restricted, with_fixed_obstacle
-from ..errors import MapError, OutOfTime
+from ..errors import MapError
 from ..methods.contract import Infeasible, Method
 from ..methods.psor import PSOR
 from ..methods.shortcuts import Lemke
@@ -71,14 +71,11 @@ def ladder_steps(run: Run, problem: ProblemData, family: str | None, first: Meth
     """The steps of `run` up its ladder, with the reduction of `problem` before rung 4; `first` as in `Ladder`."""
     reduces = family != "paper"
     ladder = Ladder(problem, run.target_reduction, family, first, run.warm_start, reduces)
-    if reduces and problem.psi.is_constant and not ladder.is_decided:
-        complement = None
-        with suppress(OutOfTime, MemoryError):
-            complement = elimination(problem, ladder.cost_without_factors)
-        if complement is not None:
-            yield from _Parts(run, problem, family).steps(complement)
-            if run.is_over:
-                return
+    complement = ladder.complement()
+    if complement is not None:
+        yield from _Parts(run, problem, family).steps(complement)
+        if run.is_over:
+            return
     yield from run.steps(ladder)
     if ladder.is_paused and not run.is_over:
         yield from solve_parts(run, problem, family)

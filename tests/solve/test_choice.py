@@ -93,6 +93,16 @@ class TestRule:
         for method in (icp.Newton(), icp.Proximal(), icp.Interior()):
             assert estimate_of(method, moving, 1e-8).step > estimate_of(method, fixed, 1e-8).step
 
+    def test_the_choice_is_made_for_what_is_left_when_the_equations_are_eliminated(self):
+        problem = scenes.membrane(n=2500).problem
+        problem = problem.with_psi(np.where(np.arange(2500) < 20, 0.0, -np.inf))
+        choice = icp.select_method(problem)
+        assert isinstance(choice.method, icp.Lemke)
+        assert choice.why.startswith("n = 2500 -> 20 rows")
+        assert choice.why.endswith("n = 20 is small")
+        assert choice.why in " ".join(str(problem.explain()).split())
+        assert isinstance(problem.solve().method, icp.Lemke)
+
     def test_a_method_goes_on_where_no_global_search_can_follow(self):
         """ψ moves, and nothing is known of its derivative."""
         psi = lambda z: np.abs(z) @ [[-0.25, -0.25], [0.25, 0.125]] + 1.0  # noqa: E731
