@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from . import work
 from .arrays import Vector, read_only, row_of
+from .processes import run_apart
 from .sparse_structure import SYMMETRY_RTOL, bandwidths, is_symmetric
-from .threads import run_with_deadline
 from .work import COSTS
 
 #: nanoseconds of a symbolic analysis, whatever the size, per entry, and per squared number of entries of a column: 10⁵
@@ -34,6 +34,8 @@ _WIDE_LAYER = 0.125
 _THIN_FACTOR = 10.0
 #: the diagonal of the matrix that is ordered, next to entries of 1
 _DIAGONAL = 1e3
+#: how much longer than a process takes to begin the worst case is where a graph fills up: it takes .05 of that or more
+_LONG = 100.0
 
 
 class Fill(NamedTuple):
@@ -140,16 +142,37 @@ def ordered(A: sp.csr_array, symmetric: bool = False) -> tuple[Fill, NDArray[np.
 
 
 def _minimum_degree(graph: sp.csc_array) -> NDArray[np.integer]:
-    """The rows in SuperLU's order of minimum degree."""
+    """The rows in SuperLU's order of minimum degree, by a process that can be ended where this may take long."""
     from scipy.sparse.linalg import spilu
 
-    options = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
-    analysis = partial(spilu, graph, drop_tol=0.5, fill_factor=1.0, **options)
-    return np.argsort(run_with_deadline(analysis, _most_expensive_analysis(graph)).perm_c)
+    def place() -> NDArray[np.integer]:
+        options = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
+        return spilu(graph, drop_tol=0.5, fill_factor=1.0, **options).perm_c
+
+    most = _most_expensive_analysis(graph)
+    is_long = most > work.nanoseconds_left() or (most > _LONG * COSTS.process and _is_wide(graph))
+    return np.argsort(run_apart(place, most) if is_long else place())
 
 
 def _most_expensive_analysis(A: Any) -> float:
     return _MAX_COST_FACTOR * float(A.shape[0]) * A.nnz
+
+
+def _widest_layer(A: Any) -> float:
+    """The most rows in a breadth-first layer, which begins far from the row with the most entries."""
+    from .kernels.graph import breadth_first_layers  # loads numba
+
+    n = A.shape[0]
+    last = np.argmax(np.diff(A.indptr))  # with few entries it may be alone
+    for _ in range(2):  # the second time from the far end
+        layer, order = breadth_first_layers(*read_only((A.indptr, A.indices, np.ones(A.nnz))), np.arange(n) == last)
+        last = order[-1]
+    return float(np.bincount(layer[order]).max())
+
+
+def _is_wide(A: Any) -> bool:
+    """Whether one breadth-first layer has so many rows, as in an expander, that A is expected to fill up."""
+    return _widest_layer(A) > _WIDE_LAYER * A.shape[0]
 
 
 def thin_rows(A: Any) -> NDArray[np.bool_]:
@@ -239,7 +262,7 @@ class SymbolicAnalysis:
         if self._sparse is not None:
             if self._sparse.is_exact:
                 return self._sparse
-            # no deadline ends an analysis by SuperLU, which holds the interpreter's lock
+            # nothing ends one that exceeds an allowance of counted work, which no clock tells
             work.charge(_most_expensive_analysis(self.matrix))
         return self._analysed()
 
@@ -299,14 +322,8 @@ class SymbolicAnalysis:
         n = A.shape[0]
         if n <= _SMALL_GRAPH or A.nnz <= _THIN_DEGREE * n:
             return None
-        from .kernels.graph import breadth_first_layers  # loads numba
-
         work.charge(4.0 * work.product(n, A.nnz))
-        last = 0
-        for _ in range(2):  # the second time from the far end
-            layer, order = breadth_first_layers(*read_only((A.indptr, A.indices, np.ones(A.nnz))), np.arange(n) == last)
-            last = order[-1]
-        widest = float(np.bincount(layer[order]).max())
+        widest = _widest_layer(A)
         front = widest + np.count_nonzero(~is_thin)
         rough = Fill(is_thin.size, front**2, front**3 / 3.0, False, symmetric=self.signs is not None)
         return rough if widest > _WIDE_LAYER * n else None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import faulthandler
-import math
 import os
 import pickle
 import select
@@ -15,12 +14,27 @@ from contextlib import suppress
 from typing import Any, TypeVar
 
 from ..errors import OutOfTime
+from .threads import run_with_deadline
+from .work import seconds_left
 
 _T = TypeVar("_T")
 #: whether a process can be begun that has all that this one has
 CAN_FORK = hasattr(os, "fork")
 #: the bytes before an item, which say how long it is
 _LENGTH_BYTES = 8
+#: no process is waited for longer, in milliseconds, as the system counts no more of them
+_LONGEST_WAIT = 2.0**31 - 1.0
+
+
+def run_apart(step: Callable[[], _T], estimate: float) -> _T:
+    """Run a `step` in one piece that holds the interpreter's lock; raises as `run_with_deadline`, which has the rest.
+
+    A process runs it, which ends with the time, and at Ctrl-C. Where there can be none, a thread does.
+    """
+    if CAN_FORK:
+        with suppress(OSError):
+            return next(in_a_process(lambda: iter([step()]), time.perf_counter() + seconds_left()))
+    return run_with_deadline(step, estimate)
 
 
 def in_a_process(items: Callable[[], Iterator[_T]], end: float) -> Iterator[_T]:
@@ -42,16 +56,23 @@ def in_a_process(items: Callable[[], Iterator[_T]], end: float) -> Iterator[_T]:
     """
     reader, writer = os.pipe()
     with warnings.catch_warnings():
-        # of threads, which may hold locks: those of this package are made anew in the other process
-        warnings.simplefilter("ignore", DeprecationWarning)
-        child = os.fork()
+        # of threads, by Python and JAX: they may hold locks; those of this package are made anew in the other process
+        warnings.simplefilter("ignore")
+        try:
+            child = os.fork()
+        except OSError:
+            os.close(reader)
+            os.close(writer)
+            raise
     if not child:
         _send(items, writer)
     os.close(writer)
+    answer = select.poll()  # knows files of any number
+    answer.register(reader, select.POLLIN)
     try:
         while True:
-            seconds_left = None if end == math.inf else max(end - time.perf_counter(), 0.0)
-            if not select.select([reader], [], [], seconds_left)[0]:
+            milliseconds = 1e3 * max(end - time.perf_counter(), 0.0)
+            if not answer.poll(min(milliseconds, _LONGEST_WAIT)):
                 raise OutOfTime("the time is over")
             data = _read(reader, int.from_bytes(_read(reader, _LENGTH_BYTES), "big"))
             if not data:
@@ -90,9 +111,9 @@ def _send(items: Callable[[], Iterator[Any]], writer: int) -> None:
 
 def _write(writer: int, item: Any) -> None:
     data = pickle.dumps(item)
-    data = len(data).to_bytes(_LENGTH_BYTES, "big") + data
-    while data:
-        data = data[os.write(writer, data) :]
+    left = memoryview(len(data).to_bytes(_LENGTH_BYTES, "big") + data)
+    while left:
+        left = left[os.write(writer, left) :]
 
 
 def _read(reader: int, count: int) -> bytearray:

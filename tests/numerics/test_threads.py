@@ -1,5 +1,6 @@
 """One thread of BLAS, and who gets their threads back; and steps that take too long."""
 
+import os
 import time
 from threading import Event, Thread, current_thread
 
@@ -8,7 +9,7 @@ import threadpoolctl
 
 from icpmodel.errors import OutOfTime
 from icpmodel.numerics import threads, work
-from icpmodel.numerics.processes import CAN_FORK, in_a_process
+from icpmodel.numerics.processes import CAN_FORK, in_a_process, run_apart
 from icpmodel.numerics.threads import one_blas_thread, run_with_deadline
 from icpmodel.solvers.foreign import _silence
 
@@ -73,12 +74,23 @@ def test_a_step_that_may_take_too_long_gives_its_result_or_error_or_is_left_at_t
         raise ZeroDivisionError
 
     ended = Event()
-    for most in (0.0, 1e30):  # here or in a thread of its own
+    for run, most in ((run_with_deadline, 0.0), (run_with_deadline, 1e30), (run_apart, 1e30)):
         with work.work_limit(10.0):
-            assert run_with_deadline(lambda: 7, most) == 7
+            assert run(lambda: 7, most) == 7
             with pytest.raises(ZeroDivisionError):
-                run_with_deadline(fails, most)
+                run(fails, most)
     assert run_with_deadline(current_thread, 1e30) is current_thread()  # nothing limits it
-    with work.work_limit(0.05), pytest.raises(OutOfTime):
-        run_with_deadline(ended.wait, 1e30)
+    for run in (run_with_deadline, run_apart):
+        with work.work_limit(0.05), pytest.raises(OutOfTime):
+            run(ended.wait, 1e30)
     ended.set()
+
+
+@pytest.mark.skipif(not CAN_FORK, reason="there are no forks here")
+@pytest.mark.filterwarnings("error")
+def test_a_step_apart_is_silent_and_leaves_no_file_open():
+    """JAX warns of every fork."""
+    pytest.importorskip("jax")
+    before = set(os.listdir("/dev/fd"))
+    assert run_apart(os.getpid, 0.0) != os.getpid()
+    assert set(os.listdir("/dev/fd")) == before
