@@ -471,7 +471,7 @@ class Solution(ReadOnly, Plottable):
         return Card(rows)
 
     def _in_short(self) -> Card:
-        """Status, error bound and method, a line each; why not, where it is not solved."""
+        """Status, error bound (or why there is none) and method; why not, where it is not solved."""
         plural = "" if self.iterations == 1 else "s"
         rows = {
             "status": f"{self.status.value}: residual {self.residual:.3g}",
@@ -497,8 +497,6 @@ class Solution(ReadOnly, Plottable):
                 certificate = certify(self.problem, self.z)
         if certificate is None:
             return "not computed, as it may cost more than the solve did: solution.error_bound computes it"
-        if certificate.bound.value is None:
-            return "no bound is proved: print(solution.summary()) says why"
         self.__dict__["certificate"] = certificate
         return str(certificate.bound.in_words(self.accuracy))
 
