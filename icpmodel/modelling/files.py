@@ -23,12 +23,13 @@ from ..present.whole_files import as_path
 from ..problem.affine import Affine
 from ..problem.data import ProblemLike, as_problem
 from ..problem.two_sided import sides_of
-from .archive import check_kind, content_errors, write_arrays
+from .archive import check_kind, content_errors, text_of, write_arrays
 from .formats import as_values, read_named, read_values
 
 Source = str | PathLike[str]
 
 _PROBLEM = "icpmodel problem 3"
+SOLUTION = "icpmodel solution 3"
 #: obstacle → what the names of its parts begin with
 OBSTACLE_PREFIXES = {"psi": "", "upper": "upper_"}
 #: the parts of a problem in a file
@@ -80,7 +81,7 @@ def load_problem(
     Parameters
     ----------
     path : str or path
-        A whole problem: an `.npz` file by `save_problem`. Or a `.mat` (-v6, -v7) or
+        A whole problem: an `.npz` file by `save_problem` or `save_solution`. Or a `.mat` (-v6, -v7) or
         `numpy.savez` file with the variables A, q, and optionally psi and upper. Or A alone: `.npy`, `.npz` by
         `scipy.sparse.save_npz`, `.mat`, `.mtx`, `.bin` by PETSc, `.csv` or `.txt` without a header.
     q : str or path, optional
@@ -176,10 +177,19 @@ def problem_parts(problem: ProblemLike) -> dict[str, Any]:
     return parts
 
 
+def check_has_problem(path: Path, fields: dict[str, Any]) -> None:
+    """Raise FileError where the `fields` of a saved solution hold no problem."""
+    if "A" not in fields:
+        raise FileError(f"{path}: holds no problem, as psi or f was Python code; give it: load_solution(path, problem)")
+
+
 def _parts_in(path: Path) -> dict[str, Any]:
     """The parts of a problem in a file, A at least."""
     arrays = read_named(path)
-    if "format" in arrays:
+    if text_of(path, arrays, "format") == SOLUTION:
+        check_has_problem(path, arrays)
+        arrays = {name: arrays[name] for name in _PARTS if name in arrays}
+    elif "format" in arrays:
         check_kind(path, arrays, _PROBLEM)
         del arrays["format"]
     if len(arrays) == 1:

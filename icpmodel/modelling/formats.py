@@ -59,8 +59,10 @@ def read_named(path: Path) -> dict[str, Any]:
 def _of_npz(path: Path) -> dict[str, Any]:
     """The matrix by scipy.sparse.save_npz, or all arrays; `format` is the kind of a file of this package."""
     fields = read_arrays(path)
-    if "data" not in fields or "format" not in fields:
-        return {name: one if name == "format" else checked_numbers(path, name, one) for name, one in fields.items()}
+    if "format" not in fields:
+        return {name: checked_numbers(path, name, one) for name, one in fields.items()}
+    if "data" not in fields:  # what it may hold depends on the kind
+        return fields
     size = sum(one.nbytes for one in fields.values())
     with file_errors(path, "read"), content_errors(path):
         # fewer bytes than rows are a huge matrix with next to no entries

@@ -30,10 +30,9 @@ from ..solve.solution import Solution, Status
 from ..theory.answers import Answer
 from ..theory.certificates.infeasible import infeasible
 from .archive import check_free, check_kind, content_errors, read_arrays, text_of, write_arrays
-from .files import Source, problem_of, problem_parts
+from .files import SOLUTION, Source, check_has_problem, problem_of, problem_parts
 from .formats import read_text, read_values
 
-_SOLUTION = "icpmodel solution 3"
 #: the first line of a solution as text
 _HEADS = "z,p,r"
 WRITABLE_SUFFIXES = (".npz", ".csv")
@@ -97,7 +96,7 @@ def save_solution(solution: Solution, path: str | PathLike[str]) -> None:
         parts["witness"] = np.array(solution.infeasible.witness, dtype=np.float64)
     with suppress(InputError):  # ψ may have no file form
         parts |= problem_parts(solution.problem)
-    write_arrays(path, _SOLUTION, parts | {"about": np.array(json.dumps(solution.about()))})
+    write_arrays(path, SOLUTION, parts | {"about": np.array(json.dumps(solution.about()))})
 
 
 def check_place(path: Source) -> None:
@@ -106,7 +105,7 @@ def check_place(path: Source) -> None:
     check_suffix(place, WRITABLE_SUFFIXES)
     with file_errors(place, "written"):
         if place.suffix.lower() == ".npz":
-            check_free(place, _SOLUTION)
+            check_free(place, SOLUTION)
         else:
             check_ours(place, begins=f"{_HEADS}\n".encode())
 
@@ -161,9 +160,9 @@ def load_solution(
         raise FileError(f"{path}: holds numbers alone; an .npz file was expected, or see icpmodel.certify(problem, z)")
     data = None if problem is None else as_problem(problem, nonlinear=True)
     fields = read_arrays(path)
-    check_kind(path, fields, _SOLUTION)
-    if data is None and "A" not in fields:
-        raise FileError(f"{path}: holds no problem, as psi or f was Python code; give it: load_solution(path, problem)")
+    check_kind(path, fields, SOLUTION)
+    if data is None:
+        check_has_problem(path, fields)
     stored = problem_of(fields, dict.fromkeys(fields, path)) if data is None else data
     about = _as_json(f"{path}: field about", text_of(path, fields, "about"))
     return _judge_answer(path, about if isinstance(about, dict) else {}, stored, fields, limits)
@@ -177,7 +176,7 @@ def read_start(path: Path, n: int) -> Vector:
     if path.suffix.lower() == ".csv" and path.is_file() and path.read_bytes().startswith(f"{_HEADS}\n".encode()):
         return _vector(path, read_text(path, _HEADS)[:, 0], n, "z")
     if path.suffix.lower() == ".npz" and "about" in (fields := read_arrays(path)):
-        check_kind(path, fields, _SOLUTION)
+        check_kind(path, fields, SOLUTION)
         return _vector(path, fields.get("z"), n, "z")
     return _vector(path, read_values(path, "z", n), n, "z")
 

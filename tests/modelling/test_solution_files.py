@@ -105,11 +105,19 @@ def test_characters_that_there_are_not_are_refused(tmp_path, field):
         icp.load_solution(path)
 
 
+def test_a_saved_solution_is_the_file_of_its_problem_too(tmp_path):
+    again = icp.load_problem(saved(tmp_path / "s.npz", PROBLEM.solve()))
+    for residual in ("p", "r", "r_upper"):
+        np.testing.assert_array_equal(*(getattr(one, residual)([3.0, -7.0]) for one in (again, PROBLEM)))
+
+
 def test_a_solution_of_psi_from_code_needs_its_problem(tmp_path):
     problem = icp.ICP([[2.0]], [-1.0], psi=lambda z: 0.3 * np.sin(z))
     path = saved(tmp_path / "s.npz", problem.solve())
     with pytest.raises(icp.FileError, match=r"holds no problem.*load_solution\(path, problem\)"):
         icp.load_solution(path)
+    with pytest.raises(icp.FileError, match="holds no problem"):
+        icp.load_problem(path)
     assert icp.load_solution(path, problem).solved
     with pytest.raises(icp.InputError, match="problem is 3; an ICP"):
         icp.load_solution(path, 3)
