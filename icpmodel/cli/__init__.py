@@ -20,11 +20,11 @@ from typing import Any
 
 import click
 
-from ..errors import IcpError, did_you_mean
+from ..errors import FileError, IcpError, InputError, did_you_mean
 from ..numerics.plugins import load_plugins
 from ..numerics.rounding import CTRL_C, is_ctrl_c
 from ..numerics.threads import ABANDONED_THREAD
-from .output import compilation_announced, complain
+from .output import STANDARD_INPUT, compilation_announced, complain
 
 __all__ = ["main"]
 
@@ -73,6 +73,10 @@ class _Commands(click.Group):
             return super().invoke(ctx)
         except BrokenPipeError as error:  # click would end the process with code 1
             raise _NoReaderError(error.strerror) from None
+        except (FileError, InputError) as error:
+            if STANDARD_INPUT not in ctx.meta:
+                raise
+            raise type(error)(str(error).replace(ctx.meta[STANDARD_INPUT], STANDARD_INPUT)) from error
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Examples"):

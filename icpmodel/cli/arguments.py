@@ -24,9 +24,10 @@ from ..present.whole_files import file_errors, in_words
 from ..scenes import Scene, scene
 from ..scenes import names as scene_names
 from ..solvers.foreign import foreign_solvers
+from .output import STANDARD_INPUT
 
 SOURCE_HELP = f"""SOURCE is the name of a built-in scene (see `icpmodel scenes`) or an .npz file written by
---save-problem. It may be a .mat file with A, q, psi and upper.
+--save-problem or -o. It may be a .mat file with A, q, psi and upper.
 Without SOURCE give --A and --q, and --psi and --upper for obstacles other than 0. A file name of A or of a vector ends
 in {in_words(SUFFIXES)}; in .csv and .txt the first line may have names. SOURCE, or one of the
 files of --A, --q, --psi and --upper, may be -, standard input."""
@@ -200,12 +201,14 @@ def _input(name: str | None) -> str | None:
     """`name`, or for "-" a file that has what comes from standard input, until the command ends."""
     if name != "-":
         return name
-    with file_errors(Path("standard input"), "read"):
+    with file_errors(Path(STANDARD_INPUT), "read"):
         data = sys.stdin.buffer.read()
     suffix = next((suffix for begin, suffix in _SUFFIX_OF_PREFIX.items() if data.startswith(begin)), ".csv")
     with NamedTemporaryFile(prefix="standard-input-", suffix=suffix, delete=False) as file:
         file.write(data)
-    click.get_current_context().call_on_close(lambda: os.unlink(file.name))
+    context = click.get_current_context()
+    context.meta[STANDARD_INPUT] = file.name
+    context.call_on_close(lambda: os.unlink(file.name))
     return file.name
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from ..errors import Interrupted
 from ..present.table import Table
 
+STANDARD_INPUT = "standard input"
 AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
 #: one of them for a table; the last one that is typed counts
 FORMS = (

@@ -142,6 +142,18 @@ def test_standard_input_is_a_file_and_the_first_line_of_a_table_may_have_names(c
         assert (code, json.loads(out)["z"]) == (0, [0.5, 0.0])
 
 
+def test_what_is_wrong_in_standard_input_is_said_of_it(capsys, tmp_path, monkeypatch):
+    np.save(tmp_path / "A.npy", PAIR)
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(b"1,nan\n")))
+    code, _, err = call(capsys, "solve", "--A", str(tmp_path / "A.npy"), "--q", "-")
+    assert (code, err) == (2, "icpmodel: standard input: q[1] is nan; a finite number was expected\n")
+
+
+def test_the_card_says_why_there_is_no_error_bound(capsys):
+    assert "no certified bound: it was not computed" in call(capsys, "solve", "hand-lcp", "--no-bound")[1]
+    assert "not proved positive definite" in call(capsys, "solve", "bratu", "--n", "9")[1]
+
+
 def test_closed_standard_input_is_one_line_on_standard_error(capsys, tmp_path, monkeypatch):
     np.save(tmp_path / "A.npy", PAIR)
     monkeypatch.setattr("sys.stdin", None)
