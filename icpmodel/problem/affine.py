@@ -32,13 +32,13 @@ class Constant(Map):
     is_constant = True
 
     def __init__(self, c: Any) -> None:
-        self.index = check_labels({"psi": c})
-        self._is_number = axes(c, "psi") == 0
-        self.c = as_vector(c, 1 if self._is_number else None, "psi", infinite=np.inf)
+        self.index = check_labels({"Constant.c": c})
+        self._is_number = axes(c, "Constant.c") == 0
+        self.c = as_vector(c, 1 if self._is_number else None, "Constant.c", infinite=np.inf)
 
     def bind(self, n: int) -> Constant:
         bound = object.__new__(Constant)
-        bound.c = locked(as_vector(self.c[0] if self._is_number else self.c, n, "psi", infinite=np.inf))
+        bound.c = locked(as_vector(self.c[0] if self._is_number else self.c, n, "Constant.c", infinite=np.inf))
         bound._is_number = False
         bound.lipschitz = zero(n)
         bound.linear = zero(n), bound.c
@@ -100,16 +100,16 @@ class Affine(Map):
 
     @check_arguments
     def __init__(self, G: Any, c: Any = 0.0) -> None:
-        self.index = check_labels({"psi.G": G, "psi.c": c})
-        self.G = as_csr(G, "psi.G")
+        self.index = check_labels({"Affine.G": G, "Affine.c": c})
+        self.G = as_csr(G, "Affine.G")
         n = self.G.shape[0]
-        self.c = locked(as_vector(c, n, "psi.c", infinite=np.inf))
+        self.c = locked(as_vector(c, n, "Affine.c", infinite=np.inf))
         self.lipschitz = self.links = freeze(abs(self.G))
         self.linear = self.G, self.c
 
     def bind(self, n: int) -> Affine:
         if self.G.shape[0] != n:
-            raise InputError(f"psi.G has shape {self.G.shape}; shape ({n}, {n}) was expected")
+            raise InputError(f"Affine.G has shape {self.G.shape}; shape ({n}, {n}) was expected")
         return self
 
     def value(self, z: Vector) -> Vector:

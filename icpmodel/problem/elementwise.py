@@ -64,38 +64,40 @@ class Elementwise(Parametrised):
         parameter_derivative: Callable[[Vector], Any] | None = None,
     ) -> None:
         super().__init__(parameter_derivative)
-        self.index = check_labels({"psi.c": c, "psi.lipschitz": lipschitz})
+        self.index = check_labels({"Elementwise.c": c, "Elementwise.lipschitz": lipschitz})
         self.slope_range = None if slope_range is None else _range(slope_range)
         if lipschitz is None and self.slope_range is not None:
             largest = np.maximum(*(np.abs(side) for side in self.slope_range))
             lipschitz = largest if np.isfinite(largest).all() else None
-        self.f = as_function(f, "psi.f")
-        self.derivative = None if derivative is None else as_function(derivative, "psi.derivative")
-        self.given_lipschitz = None if lipschitz is None else locked(as_float64(lipschitz, "psi.lipschitz"))
-        self.c = locked(as_float64(c, "psi.c"))
+        self.f = as_function(f, "Elementwise.f")
+        self.derivative = None if derivative is None else as_function(derivative, "Elementwise.derivative")
+        self.given_lipschitz = None if lipschitz is None else locked(as_float64(lipschitz, "Elementwise.lipschitz"))
+        self.c = locked(as_float64(c, "Elementwise.c"))
         if is_compiled(f) is not is_compiled(derivative) and derivative is not None:
-            raise InputError("psi.f and psi.derivative: both or neither must be compiled with numba.njit")
+            raise InputError(
+                "Elementwise.f and Elementwise.derivative: both or neither must be compiled with numba.njit"
+            )
 
     def bind(self, n: int) -> Elementwise:
-        c = as_vector(self.c, n, "psi.c", infinite=np.inf)
+        c = as_vector(self.c, n, "Elementwise.c", infinite=np.inf)
         named, slopes = self.parameter_derivative, self.slope_range
         if slopes is not None:
-            m, M = (as_vector(side, n, "psi.slope_range", infinite=np.inf) for side in slopes)
+            m, M = (as_vector(side, n, "Elementwise.slope_range", infinite=np.inf) for side in slopes)
             slopes = (m, M)
         bound = Elementwise(
             self.f, self.derivative, self.given_lipschitz, c, slope_range=slopes, parameter_derivative=named
         )
         if self.given_lipschitz is not None:
-            bound.lipschitz = diagonal_lipschitz(self.given_lipschitz, n)
+            bound.lipschitz = diagonal_lipschitz(self.given_lipschitz, n, "Elementwise.lipschitz")
         return bound
 
     def value(self, z: Vector) -> Vector:
-        return self._entrywise(self.f, z, "psi.f") + self.c
+        return self._entrywise(self.f, z, "Elementwise.f") + self.c
 
     def jacobian(self, z: Vector) -> sp.csr_array | None:
         if self.derivative is None:
             return None
-        slopes = self._entrywise(self.derivative, z, "psi.derivative")
+        slopes = self._entrywise(self.derivative, z, "Elementwise.derivative")
         n = z.size
         return sp.csr_array((slopes, np.arange(n), np.arange(n + 1)), shape=(n, n))
 
@@ -122,8 +124,8 @@ def _range(slope_range: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """(m, M), m finite and m ≤ M. Raises InputError."""
     if not isinstance(slope_range, tuple | list) or len(slope_range) != 2:
         expected = "a pair (m, M) was expected, as (0, inf) for a nondecreasing f"
-        raise InputError(f"psi.slope_range is {slope_range!r}; {expected}")
-    m, M = (as_float64(side, "psi.slope_range") for side in slope_range)
+        raise InputError(f"Elementwise.slope_range is {slope_range!r}; {expected}")
+    m, M = (as_float64(side, "Elementwise.slope_range") for side in slope_range)
     if not (np.isfinite(m).all() and (m <= M).all()):
-        raise InputError(f"psi.slope_range is ({m}, {M}); finite m <= M were expected")
+        raise InputError(f"Elementwise.slope_range is ({m}, {M}); finite m <= M were expected")
     return locked(m), locked(M)

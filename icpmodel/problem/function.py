@@ -56,15 +56,16 @@ class Function(Parametrised):
         parameter_derivative: Callable[[Vector], Any] | None = None,
     ) -> None:
         super().__init__(parameter_derivative)
-        self.index = check_labels({"psi.lipschitz": lipschitz})
-        self.fun = as_function(fun, "psi")
-        self.derivative = None if jacobian is None else as_function(jacobian, "psi.jacobian")
+        self.index = check_labels({"Function.lipschitz": lipschitz})
+        self.fun = as_function(fun, "Function.fun")
+        self.derivative = None if jacobian is None else as_function(jacobian, "Function.jacobian")
         checked: Any = None
         if lipschitz is not None:
-            checked = (as_csr if axes(lipschitz, "psi.lipschitz") == 2 else as_float64)(lipschitz, "psi.lipschitz")
+            name = "Function.lipschitz"
+            checked = (as_csr if axes(lipschitz, name) == 2 else as_float64)(lipschitz, name)
         self.given_lipschitz = locked(checked)
         if sparsity is not None:
-            self.links = as_csr(sparsity, "psi.sparsity")
+            self.links = as_csr(sparsity, "Function.sparsity")
 
     def bind(self, n: int) -> Function:
         bound = Function(
@@ -75,14 +76,14 @@ class Function(Parametrised):
             parameter_derivative=self.parameter_derivative,
         )
         if self.links is not None and self.links.shape != (n, n):
-            raise InputError(f"psi.sparsity has shape {self.links.shape}; shape ({n}, {n}) was expected")
+            raise InputError(f"Function.sparsity has shape {self.links.shape}; shape ({n}, {n}) was expected")
         if sp.issparse(self.given_lipschitz):
-            G = as_csr(self.given_lipschitz, "psi.lipschitz", n)
+            G = as_csr(self.given_lipschitz, "Function.lipschitz", n)
             if (G.data < 0).any():
-                raise InputError(f"psi.lipschitz has the entry {G.data.min()}; entries >= 0 were expected")
+                raise InputError(f"Function.lipschitz has the entry {G.data.min()}; entries >= 0 were expected")
             bound.lipschitz = G
         elif self.given_lipschitz is not None:
-            bound.lipschitz = diagonal_lipschitz(self.given_lipschitz, n)
+            bound.lipschitz = diagonal_lipschitz(self.given_lipschitz, n, "Function.lipschitz")
         return bound
 
     def value(self, z: Vector) -> Vector:
@@ -93,12 +94,14 @@ class Function(Parametrised):
         if derivative is None:
             if self.links is None:
                 return None
+            name = "the Jacobian of psi"
             matrix: Any = jacobian_by_differences(self.value, z, self.links, self._colours)
         else:
             function = derivative
-            matrix = raising_map_error(lambda: function(z.copy()), "psi.jacobian")
+            name = "Function.jacobian(z)"
+            matrix = raising_map_error(lambda: function(z.copy()), "Function.jacobian")
         try:
-            J = as_csr(matrix, "psi.jacobian(z)", z.size)
+            J = as_csr(matrix, name, z.size)
         except InputError as error:
             raise MapError(str(error)) from None
         if derivative is not None and self.lipschitz is not None:
@@ -147,6 +150,6 @@ def _check_links(J: sp.csr_array, G: sp.csr_array) -> None:
         k = int(np.argmax(np.abs(outside.data)))
         i, j = row_of(outside)[k], outside.indices[k]
         raise MapError(
-            f"psi.jacobian(z) has the entry {J[i, j]:.6g} in row {i}, column {j}, but by psi.lipschitz psi_{i} does "
-            f"not depend on z_{j}: a number or a vector stands for a diagonal; give a matrix with that entry"
+            f"Function.jacobian(z) has the entry {J[i, j]:.6g} in row {i}, column {j}, but by Function.lipschitz "
+            f"row {i} does not depend on z_{j}: a number or a vector is a diagonal; give a matrix with that entry"
         )

@@ -20,7 +20,7 @@ from .elementwise import Elementwise
 from .function import Function
 from .map import Map
 from .matrix import MIN_DIAGONAL, Matrix, weights_of
-from .user_code import USER_ULPS
+from .user_code import USER_ULPS, as_function
 
 #: the largest n for which a dense Jacobian is made of n + 1 values of f without the consent of the user
 DENSE_UP_TO = 1000
@@ -62,7 +62,7 @@ class NonlinearTerm(Displayable):
             expected = "a callable, Elementwise, Function or Affine was expected"
             raise InputError(f"f is {described(f)}; {expected}")
         with _about_f():
-            self.map: Map = (f if isinstance(f, Map) else Function(f)).bind(n)
+            self.map: Map = (f if isinstance(f, Map) else Function(as_function(f, "f"))).bind(n)
         self.n = n
         #: the last z and f′(z), which the judge and the next tangent both ask for
         self._last_jacobian: tuple[Vector, sp.csr_array] | None = None

@@ -15,6 +15,7 @@ from ..numerics.arrays import Mask, Vector, as_vector, described, freeze
 from .affine import Constant
 from .function import Function
 from .map import Map
+from .user_code import as_function
 
 
 class ObstaclePair(NamedTuple):
@@ -257,7 +258,7 @@ def _one_side(value: Any, n: int, name: str, none: float) -> Map:
         bound = value.bind(n) if none < 0 else value.bind(n).as_upper()
         return bound if (c := getattr(bound, "c", None)) is None else _check_bound(bound, c, f"{name}.c", none)
     if callable(value) and not isinstance(value, type):
-        return Function(value).bind(n)
+        return Function(as_function(value, name)).bind(n)
     if isinstance(value, str | type) or value is None:
         expected = "a number, a vector, a callable or one of icpmodel's maps"
         raise InputError(f"{name} is {described(value)}; {expected} was expected")

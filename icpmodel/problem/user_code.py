@@ -24,11 +24,11 @@ def is_compiled(f: object) -> bool:
     return hasattr(f, "py_func") and hasattr(f, "nopython_signatures")
 
 
-def diagonal_lipschitz(value: Any, n: int) -> sp.csr_array:
+def diagonal_lipschitz(value: Any, n: int, name: str) -> sp.csr_array:
     """diag(ℓ), CSR, for numbers ℓ ≥ 0 that a user gave, `value` a number or of shape (n,). Raises InputError."""
-    vector = as_vector(value, n, "psi.lipschitz")
+    vector = as_vector(value, n, name)
     if (vector < 0).any():
-        raise InputError(f"psi.lipschitz has the entry {vector.min()}; numbers >= 0 were expected")
+        raise InputError(f"{name} has the entry {vector.min()}; numbers >= 0 were expected")
     return freeze(sp.csr_array((vector, np.arange(n), np.arange(n + 1)), shape=(n, n)))
 
 
@@ -88,7 +88,8 @@ class Parametrised(Map):
 
     def __init__(self, parameter_derivative: Callable[[Vector], Any] | None) -> None:
         function = parameter_derivative
-        self.parameter_derivative = None if function is None else as_function(function, "psi.parameter_derivative")
+        name = f"{type(self).__name__}.parameter_derivative"
+        self.parameter_derivative = None if function is None else as_function(function, name)
 
     def data_change(self, z: Vector, change: Any, name: str) -> tuple[sp.csr_array | None, Vector]:
         if self.parameter_derivative is None:
@@ -102,7 +103,7 @@ class Parametrised(Map):
     def _by_parameters(self, z: Vector) -> Any:
         """∂ψ(z)/∂θ, shape (n, m), m the number of parameters."""
         derivative = self.parameter_derivative
-        name = "psi.parameter_derivative"
+        name = f"{type(self).__name__}.parameter_derivative"
         assert derivative is not None
         D = raising_map_error(lambda: derivative(z.copy()), name)
         try:

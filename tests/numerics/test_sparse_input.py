@@ -47,10 +47,10 @@ def moved(**change):
 DOORS = {
     "A": lambda M: icp.ICP(M, -1.0),
     "B": lambda M: icp.ICP.vertical(np.eye(3), np.ones(3), M, np.ones(3)),
-    "psi.G": icp.Affine,
-    "psi.lipschitz": lambda M: at_one(icp.Function(one_side, lipschitz=M)),
-    "psi.jacobian": lambda M: at_one(icp.Function(one_side, lambda z: M)),
-    "psi.parameter_derivative": lambda M: icp.Function(one_side, parameter_derivative=lambda z: M).data_gradient(
+    "Affine.G": icp.Affine,
+    "Function.lipschitz": lambda M: at_one(icp.Function(one_side, lipschitz=M)),
+    "Function.jacobian": lambda M: at_one(icp.Function(one_side, lambda z: M)),
+    "Function.parameter_derivative": lambda M: icp.Function(one_side, parameter_derivative=lambda z: M).data_gradient(
         np.ones(3), np.ones(3)
     ),
     "jumps": icp.Intervention,

@@ -107,7 +107,7 @@ def raising(z):
     [
         (raising, "psi.z. raised RuntimeError: no value here"),
         (lambda z: z[:1], r"psi\(z\) has shape \(1,\); shape \(2,\)"),
-        (icp.Elementwise(lambda z: z.sum()), r"psi.f\(z\) has shape \(\)"),
+        (icp.Elementwise(lambda z: z.sum()), r"Elementwise.f\(z\) has shape \(\)"),
         (icp.Intervention(lambda z: z), "a tuple .value, target. was expected"),
         (icp.Intervention(lambda z: (z, z)), "target has shape .* float64"),
         (icp.Intervention(lambda z: (z, np.array([0, 2]))), "outside -1 ... 1"),
@@ -126,14 +126,20 @@ def test_a_map_that_misbehaves_says_how(psi, words):
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: icp.Affine(np.ones((2, 3))), r"psi.G has shape \(2, 3\)"),
+        (lambda: icp.Affine(np.ones((2, 3))), r"Affine.G has shape \(2, 3\)"),
+        (lambda: icp.Constant([0.0, np.nan]), r"Constant.c\[1\] is nan"),
+        (lambda: icp.Function(3), "Function.fun is 3"),
+        (lambda: icp.Elementwise(np.exp, 3), "Elementwise.derivative is 3"),
+        (lambda: icp.Elementwise(np.exp, np.exp, slope_range=(1, 0)), "Elementwise.slope_range is"),
+        (lambda: icp.Function(np.exp, parameter_derivative=3), "Function.parameter_derivative is 3"),
         (lambda: icp.Elementwise(kinked, np.sin), "both or neither"),
-        (lambda: icp.Elementwise(np.sin, lipschitz=-1).bind(2), "psi.lipschitz has the entry -1"),
+        (lambda: icp.Elementwise(np.sin, lipschitz=-1).bind(2), "Elementwise.lipschitz has the entry -1"),
         (lambda: icp.Intervention(sp.eye_array(2), best="most"), '"max" or "min"'),
         (lambda: icp.Intervention(sp.coo_array(([1.0, 2.0], ([0, 0], [1, 1])), shape=(2, 2))), "the same jump twice"),
     ],
 )
 def test_wrong_data_of_a_map_is_named(make, words):
+    """By its class: it may become psi, upper or f."""
     with pytest.raises(icp.InputError, match=words):
         make()
 
@@ -144,7 +150,7 @@ def test_a_number_as_lipschitz_says_that_the_jacobian_is_diagonal():
     problem = icp.ICP(np.eye(2), [1.0, 2.0], swap)
     np.testing.assert_allclose(problem.solve().z, [2.0, 2.0], atol=1e-6)
     with pytest.raises(
-        icp.MapError, match=r"entry 0.5 in row 0, column 1, but by psi.lipschitz psi_0 does not depend on"
+        icp.MapError, match=r"entry 0.5 in row 0, column 1, but by Function.lipschitz row 0 does not depend on"
     ):
         problem.psi.jacobian(np.zeros(2))
 

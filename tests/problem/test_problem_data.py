@@ -21,7 +21,7 @@ from icpmodel.numerics.arrays import norm
         (np.eye(2), [1.0, float("inf")], 0, r"q\[1\] is inf"),
         (np.eye(2), [1.0, 1.0], [1.0, float("nan")], r"psi\[1\] is nan"),
         (np.eye(2), [1.0, 1.0], "zero", "psi is 'zero'"),
-        (np.eye(2), [1.0, 1.0], icp.Affine(np.eye(3)), r"psi.G has shape \(3, 3\)"),
+        (np.eye(2), [1.0, 1.0], icp.Affine(np.eye(3)), r"Affine.G has shape \(3, 3\)"),
     ],
 )
 def test_bad_input_is_named_with_what_was_found(A, q, psi, words):
@@ -160,7 +160,7 @@ def test_labels_of_pandas_that_differ_are_named():
             icp.ICP(A, q, wrong)
     with pytest.raises(icp.InputError, match=r"f\.index has other labels than A\.index"):
         icp.ICP(A, q, f=icp.Elementwise(np.sin, c=swapped))
-    with pytest.raises(icp.InputError, match=r"psi\.c\.index has other labels than psi\.G\.index"):
+    with pytest.raises(icp.InputError, match=r"Affine\.c\.index has other labels than Affine\.G\.index"):
         icp.Affine(A, swapped)
     with pytest.raises(icp.InputError, match=r"upper\.index has other labels than psi\.index"):
         icp.ICP(PAIR, np.array([-2.0, 1.0]), q, swapped)
