@@ -27,6 +27,13 @@ class AffineRows(NamedTuple):
         """These rows, in this order."""
         return AffineRows(self.Z[rows], self.W[rows], self.constant[rows])
 
+    def have_nan(self) -> NDArray[np.bool_]:
+        """For each row, whether one of its numbers is NaN."""
+        invalid = np.isnan(self.constant)
+        for one in (self.Z, self.W):
+            invalid[row_of(one)[np.isnan(one.data)]] = True
+        return invalid
+
     def times(self, factor: Vector) -> AffineRows:
         """Row i times factor_i ≠ 0."""
         D = sp.diags_array(factor)

@@ -315,7 +315,15 @@ REFUSED = {
     ),
     "NaN": (
         lambda: icp.Problem(icp.complements(x + np.array([1, np.nan]), x)).icp(),
-        r"q\[1\] is nan; a finite number was expected",
+        r"complements\(x \+ .*, x\), entry \[1\], has NaN; numbers were expected",
+    ),
+    "NaN of a matrix in the second of two conditions": (
+        lambda: icp.Problem([icp.complements(x, x), icp.complements(2 * i, np.array([[1, 0], [np.nan, 1]]) @ i)]).icp(),
+        r"complements\(2.0 \* i, .*\), entry \[1\], has NaN",
+    ),
+    "NaN in an equation": (
+        lambda: icp.Problem([icp.complements(x, x), i == [0, np.nan]]).icp(),
+        r"i == .*, entry \[1\], has NaN",
     ),
 }
 

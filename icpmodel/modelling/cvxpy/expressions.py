@@ -114,7 +114,10 @@ class CvxpyReading:
         return self._by_condition(self._ordered.sign * self.problem.p(z)[self._ordered.owned_columns])
 
     def row_name(self, row: int) -> str:
-        source = int(self._ordered.sources[row])
+        return self._source_name(int(self._ordered.sources[row]))
+
+    def _source_name(self, source: int) -> str:
+        """The words of the row `source` of all p, then all equations, as they were written."""
         if source >= self._m:
             number, place = at([one.expr for one in self._equations], source - self._m)
             return named(self._equations[number]) + (place and f", entry {place},")
@@ -182,8 +185,10 @@ class CvxpyReading:
             rows = rows.of(self._order)
         parts = map(slice, [0, *self._ends[:-1]], self._ends)
         p, r, equations, self._checked, *bounds = map(rows.of, parts)
-        if (invalid := np.isnan(self._checked.constant)).any():
-            raise InputError(f"{self._inequality(int(np.argmax(invalid)))} has NaN; numbers were expected")
+        named_rows = (self._source_name, p, 0), (self._source_name, r, 0), (self._source_name, equations, self._m)
+        for name_of, side, first in (*named_rows, (self._inequality, self._checked, 0)):
+            if (invalid := side.have_nan()).any():
+                raise InputError(f"{name_of(first + int(np.argmax(invalid)))} has NaN; numbers were expected")
         return p, r, equations, *(self._spread(k, bound) for k, bound in enumerate(bounds))
 
     def _spread(self, k: int, bound: AffineRows) -> AffineRows | None:
