@@ -196,6 +196,16 @@ def test_a_wrong_array_is_named_when_it_is_traced(what):
             call(**given)
 
 
+def test_an_argument_that_a_layer_does_not_take_is_named():
+    layer = solution_of(icp.ICP(A, Q, C))
+    for call, words in (
+        (lambda: layer(psy=C), "has no argument psy.*did you mean psi"),
+        (lambda: layer(Q), "without a"),
+    ):
+        with pytest.raises(icp.InputError, match=words):
+            call()
+
+
 def test_without_float64_an_answer_is_refused():
     layer = solution_of(icp.ICP(A, Q, C))
     answer = nonlinear_solution_of(lambda z, theta: z - theta, 1)

@@ -132,6 +132,7 @@ class SolutionFunction(Displayable):
         weakref.finalize(self, self._last.forget)  # what JAX has compiled may live longer
         self._traced: dict[Any, TracedFunction] = {}
 
+    @check_arguments
     def __call__(self, *, A: Any = None, q: Any = None, psi: Any = None, upper: Any = None, z0: Any = None) -> Any:
         """z, shape (n,), float64, of the problem with these arrays; what is left out is the problem's own.
 
