@@ -121,6 +121,15 @@ def test_axes_of_other_coordinates_are_refused(solution, projection):
         solution.plot(ax=Figure().add_subplot(projection=projection))
 
 
+@pytest.mark.parametrize("n", [1, 2, 6])
+def test_the_picture_of_equations_has_no_obstacle_and_no_force_of_rounding(n, tmp_path):
+    A = np.eye(n) + 0.1
+    heights, forces = icp.ICP(A, np.arange(n) / 3 - 1, psi=-np.inf).solve().plot(tmp_path / "z.png").axes
+    assert [text.get_text() for text in heights.get_legend().get_texts()] == ["z"]
+    assert not forces.lines[0].get_ydata().any()
+    assert [tick % 1 for tick in forces.get_xticks()] == [0.0] * len(forces.get_xticks())
+
+
 def test_a_history_shows_its_tolerance_and_where_another_method_took_over():
     solution = SQUARE.problem.solve(history=True)
     history = solution.history

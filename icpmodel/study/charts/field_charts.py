@@ -112,7 +112,7 @@ def clean(axes: Any, whole: bool) -> list[Any]:
     axes.grid(alpha=0.3)
     axes.spines[["top", "right"]].set_visible(False)
     if whole:
-        axes.locator_params(axis="x", integer=True)
+        axes.locator_params(axis="x", integer=True, min_n_ticks=1)
     return []
 
 

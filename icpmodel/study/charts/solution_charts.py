@@ -82,10 +82,11 @@ def _(solution: Solution, points: Any = None, shape: Any = None) -> Drawing:
     problem = solution.problem
     places = places_of(problem, points, shape)
     masks = _contacts(problem, solution.z)
+    force = _without_rounding(solution)
     if places.planes:
         words = places.unknown + _outline(masks)
         z = Field(solution.z, words, places.unknown, "The answer z; the contact set has an outline.", masks=masks)
-        p = Field(solution.p, "force p", "force p", _FORCE, "cividis")
+        p = Field(force, "force p", "force p", _FORCE, "cividis")
         return in_planes(places, [z, p], title(problem))
     contacts = " and ".join(f"{int(rows.sum())} of {rows.size} rows in the {name}" for name, rows in masks.items())
     heights = Panel(
@@ -93,9 +94,7 @@ def _(solution: Solution, points: Any = None, shape: Any = None) -> Drawing:
         caption="The answer z and its obstacle. They touch where there are rings.",
         alt=f"z {in_words(solution.z)}, {contacts}.",
     )
-    forces = Panel(
-        draw=partial(_forces, places, solution.p), caption=_FORCE, alt=f"The force p {in_words(solution.p)}."
-    )
+    forces = Panel(draw=partial(_forces, places, force), caption=_FORCE, alt=f"The force p {in_words(force)}.")
     layout = {"sharex": True, "height_ratios": (2, 1)}
     return Drawing(panels=(heights, forces), size=(7.2, 4.8), mosaic=[[0], [1]], layout=layout, title=title(problem))
 
@@ -108,12 +107,18 @@ def _contacts(problem: ProblemData, z: Vector) -> dict[str, Mask]:
     return {"contact below": active & ~above, "contact above": above}
 
 
+def _without_rounding(solution: Solution) -> Vector:
+    """p, with 0 where it is no more than the rounding of its terms."""
+    in_p, _ = solution.problem.rounding(solution.z)
+    return np.where(np.abs(solution.p) <= in_p, 0.0, solution.p)
+
+
 def _heights(places: Places, solution: Solution, masks: Mapping[str, Mask], axes: Any) -> list[Any]:
     problem = solution.problem
     z = solution.z[places.rows]
     for psi, colour, words in ((problem.psi, ORANGE, "obstacle ψ(z)"), (problem.upper, PURPLE, "upper obstacle")):
-        if psi is not None:
-            obstacle = psi.value(solution.z)[places.rows]
+        obstacle = None if psi is None else psi.value(solution.z)[places.rows]
+        if obstacle is not None and np.isfinite(obstacle).any():
             axes.plot(places.x, obstacle, label=words, **line_style(places, colour, 2.5, "_"))
     axes.plot(places.x, z, label="z", **line_style(places, BLUE, 1.5))
     for name, mask in masks.items():
