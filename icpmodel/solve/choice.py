@@ -55,7 +55,8 @@ def select_method(
     What one method solves at once goes to it:
 
     1. At most 64 unknowns: `Lemke` where ψ is affine, or every ψ_i depends on z_i alone and changes by less. Where it
-       ends in a ray, ten `Restarts` of it follow, and `Enumerate` up to 2¹⁴ choices of active rows. Else `Josephy`.
+       ends in a ray, ten `Restarts` of it follow, and `Enumerate` up to 2¹⁴ choices of active rows. Else `Josephy`,
+       where ψ has a derivative.
     2. A tridiagonal, and every ψ_i fixed, or dependent on z_i alone and changing by less: `Tridiagonal`.
 
     With a z0 the problem counts as one of a sequence with the same A, which keeps the hierarchy of `Multilevel`. Where

@@ -43,6 +43,7 @@ class TestRule:
             (icp.ICP(line, -np.ones(80)), icp.Tridiagonal),
             (icp.ICP(square[:64, :64], -np.ones(64)), icp.Lemke),
             (icp.ICP(square[:64, :64], -np.ones(64), icp.Elementwise(moving, lambda z: 0.1 * np.cos(z))), icp.Josephy),
+            (icp.ICP(square[:64, :64], -np.ones(64), icp.Function(moving)), icp.PSOR),
             (icp.ICP(square + np.eye(81), -np.ones(81)), icp.PSOR),
         ):
             assert isinstance(icp.select_method(problem).method, kind)
