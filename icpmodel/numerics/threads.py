@@ -33,7 +33,7 @@ def _begin_anew() -> None:
     _BLAS_LOCK = Lock()
     if _blas_users:
         _blas_users = 0
-        _blas_limiter.restore_original_limits()
+        _restore_blas()
 
 
 if hasattr(os, "register_at_fork"):
@@ -95,6 +95,7 @@ def one_blas_thread() -> Iterator[None]:
     global _blas_users, _blas_limiter
     with _BLAS_LOCK:
         if not _blas_users:
+            _release_blas()
             _blas_limiter = pools("blas").limit(limits=1)
         _blas_users += 1
     try:
@@ -103,7 +104,20 @@ def one_blas_thread() -> Iterator[None]:
         with _BLAS_LOCK:
             _blas_users -= 1
             if not _blas_users:
-                _blas_limiter.restore_original_limits()
+                _restore_blas()
+
+
+def _restore_blas() -> None:
+    _release_blas()
+    _blas_limiter.restore_original_limits()
+    _release_blas()  # so that others may set limits of theirs
+
+
+def _release_blas() -> None:
+    """Let any thread set limits: threadpoolctl 3.8 does nothing for others than the first one, as long as it lives."""
+    for library in pools("blas").lib_controllers:
+        if hasattr(library, "clear_controlling_thread"):  # OpenBLAS
+            library.clear_controlling_thread(force=True)
 
 
 @cache

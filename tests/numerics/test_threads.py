@@ -2,6 +2,7 @@
 
 import os
 import time
+from concurrent.futures import ThreadPoolExecutor
 from threading import Event, Thread, current_thread
 
 import pytest
@@ -25,17 +26,20 @@ def test_every_blas_has_one_thread_and_gets_its_own_back():
 
 
 def test_who_ends_last_gives_them_back():
-    """Two threads that overlap: the first one to begin is the first one to end."""
-    with one_blas_thread():
-        pass
-    before = threads_of_blas()
+    """Two threads that overlap and live on: the first one to begin is the first one to end. A third has a limit."""
     first, second = one_blas_thread(), one_blas_thread()
-    first.__enter__()
-    second.__enter__()
-    first.__exit__(None, None, None)
-    assert set(threads_of_blas().values()) == {1}
-    second.__exit__(None, None, None)
-    assert threads_of_blas() == before
+    with ThreadPoolExecutor(1) as one, ThreadPoolExecutor(1) as other:
+        all_threads = threads_of_blas()
+        with threadpoolctl.threadpool_limits(2, "blas"):
+            before = threads_of_blas()
+            for pool, step in ((one, first.__enter__), (other, second.__enter__)):
+                pool.submit(step).result()
+                assert set(threads_of_blas().values()) == {1}
+            one.submit(first.__exit__, None, None, None).result()
+            assert set(threads_of_blas().values()) == {1}
+            other.submit(second.__exit__, None, None, None).result()
+            assert threads_of_blas() == before
+        assert threads_of_blas() == all_threads
 
 
 @pytest.mark.skipif(not CAN_FORK, reason="there are no forks here")
