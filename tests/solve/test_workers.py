@@ -24,8 +24,13 @@ def assert_same(found, expected, rows=slice(None)):
     assert np.array_equal(np.array(found.statuses)[rows], np.array(expected.statuses)[rows])
 
 
-@pytest.mark.parametrize("kind", ["maps", "one map", "starts", "obstacles", "affine", "two obstacles", "matrices"])
+KINDS = ["maps", "one map", "starts", "obstacles", "affine", "two obstacles", "one row without one", "matrices"]
+
+
+@pytest.mark.parametrize("kind", KINDS)
 def test_the_answers_are_those_without_workers_bit_by_bit(kind):
+    above = np.where(np.arange(40)[:, None] == 3, [np.inf, 1.0, 1.0], 1.0)  # as no row of another share
+    near = (1.0 + 1e-9) * icp.solve_many(A, Q, upper=above).Z
     given = {
         "maps": (A, Q, [workers.sine, icp.Elementwise(np.tanh, lipschitz=1.0)] * 20),
         "one map": (A, Q, workers.sine),
@@ -33,6 +38,7 @@ def test_the_answers_are_those_without_workers_bit_by_bit(kind):
         "obstacles": (A, Q, RNG.normal(size=(40, 3))),
         "affine": (A, Q, icp.Affine(0.1 * A, -0.1)),
         "two obstacles": (A, Q, -1.0, np.where(RNG.random((40, 3)) < 0.5, np.inf, 1.0)),
+        "one row without one": (A, Q, 0.0, above, near),
         "matrices": ([A + 0.01 * k * np.eye(3) for k in range(40)], Q),
     }[kind]
     options = dict(zip(("A", "Q", "psi", "upper", "Z0"), given, strict=False))

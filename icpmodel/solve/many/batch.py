@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from contextlib import suppress
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -86,11 +86,12 @@ class Batch:
             for row in range(k):
                 self.problem.with_sides(*self.data.sides(row))
 
-    @property
+    @cached_property
     def fits_compiled_code(self) -> bool:
         """Whether compiled code may take the rows together: the kind of ψ, and which rows have an upper obstacle, are
         the same, and A is as well, or small. It knows no starts: with these there must be one solution, as the Jacobi
-        radius says of one A where obstacles are fixed."""
+        radius says of one A where obstacles are fixed. Said of all rows, it holds for their shares, too.
+        """
         problems = self.data.problems
         is_one = len(problems) == 1
         above = self.above
