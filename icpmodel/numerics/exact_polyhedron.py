@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
 
+from . import work
 from .rational import Rationals
 
 Rational = list[Fraction]
@@ -21,7 +22,7 @@ Echelon = tuple[tuple[int, list[int]], ...]
 def row_reduce(rows: Rationals, columns: int) -> list[int]:
     """Gauss–Jordan elimination in place on the first `columns` columns, without fractions on the way.
 
-    Returns the pivot columns; row k then has 1 in the k-th of them, and the others have 0 there.
+    Returns the pivot columns; row k then has 1 in the k-th of them, and the others have 0 there. Raises OutOfTime.
 
     References
     ----------
@@ -31,6 +32,7 @@ def row_reduce(rows: Rationals, columns: int) -> list[int]:
     pivots: list[int] = []
     last = 1
     for column in range(columns):
+        work.check_budget()
         top = len(pivots)
         k = next((k for k in range(top, len(integers)) if integers[k][column]), None)
         if k is None:
@@ -49,9 +51,11 @@ def row_reduce(rows: Rationals, columns: int) -> list[int]:
 
 
 def in_integers(row: Sequence[Fraction | int]) -> list[int]:
-    """A positive multiple of `row` in whole numbers."""
+    """The least positive multiple of `row` in whole numbers."""
     unit = math.lcm(*(entry.denominator for entry in row))
-    return [entry.numerator * (unit // entry.denominator) for entry in row]
+    whole = [entry.numerator * (unit // entry.denominator) for entry in row]
+    divisor = math.gcd(*whole) or 1
+    return [entry // divisor for entry in whole]
 
 
 def with_row(echelon: Echelon, row: list[int]) -> Echelon:

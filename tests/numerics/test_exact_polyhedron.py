@@ -2,10 +2,14 @@
 
 from fractions import Fraction
 from functools import reduce
+from math import gcd
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from icpmodel.errors import OutOfTime
+from icpmodel.numerics import work
 from icpmodel.numerics.exact_polyhedron import in_integers, row_reduce, with_row
 
 ENTRIES = st.one_of(st.integers(-3, 3), st.fractions(max_denominator=7), st.floats(-1e9, 1e9)).map(Fraction)
@@ -31,3 +35,17 @@ def test_rows_added_one_by_one_begin_where_the_reduced_ones_do(rows):
     assert sorted(first) == row_reduce([list(row) for row in rows], len(rows[0]) if rows else 0)
     both = rows + [list(map(Fraction, row)) for _, row in echelon]
     assert len(row_reduce(both, len(both[0]) if both else 0)) == len(first)
+
+
+@given(rows=MATRICES, unit=st.sampled_from([Fraction(6, 7), Fraction(2) ** 1000, Fraction(2) ** -1000]))
+def test_whole_numbers_are_the_least_in_any_units(rows, unit):
+    for row in rows:
+        whole = in_integers(row)
+        assert whole == in_integers([unit * x for x in row])
+        assert gcd(*whole) == any(row)
+        assert all(x * whole[j] == row[j] * y for j in range(len(row)) for x, y in zip(row, whole, strict=True))
+
+
+def test_an_elimination_ends_with_the_time():
+    with work.work_limit(0.0), pytest.raises(OutOfTime):
+        row_reduce([[Fraction(2)]], 1)

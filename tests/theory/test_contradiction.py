@@ -11,6 +11,8 @@ from scipy.optimize import linprog
 
 import icpmodel as icp
 from icpmodel import ICP
+from icpmodel.numerics import work
+from icpmodel.theory.certificates.infeasible import infeasible
 
 ENTRIES = st.integers(-2, 2)
 
@@ -121,3 +123,18 @@ def test_conditions_have_the_labels_of_pandas_objects_and_no_other_ones():
         assert icp.contradiction(problem).conditions == ("supply: p[1] >= 0",)
         assert "supply: p[1] >= 0" in attempt(problem).message
     assert icp.contradiction(ICP(pandas.DataFrame(A), q)).conditions == ("p[1] >= 0",)
+
+
+@pytest.mark.parametrize("unit", [1.0, 2.0**1000])
+def test_an_exact_combination_is_found_in_any_units_unless_its_time_ends(unit):
+    """Its weights are no simple fractions: an elimination gives them. Where that is cut short there is no error."""
+    rng = np.random.default_rng(0)
+    rows = rng.integers(-9, 10, size=(9, 10))
+    weights = rng.integers(1, 1009, size=9)
+    A, q = np.vstack([1009 * rows, weights @ rows]), np.r_[np.zeros(9), 1.0]
+    problem, y = ICP(unit * A, unit * q, -np.inf), np.r_[weights / 1009, -1.0]
+    begun = work.counter()
+    assert infeasible(problem, y).holds
+    cost = work.counter() - begun
+    with work.work_limit(nanoseconds=cost):  # it begins, and nothing is left
+        assert infeasible(problem, y).holds is None

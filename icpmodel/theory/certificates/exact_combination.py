@@ -10,6 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.linalg import qr
 
+from ...errors import OutOfTime
 from ...numerics import work
 from ...numerics.arrays import Mask, Vector
 from ...numerics.equilibration import Exponents
@@ -108,7 +109,10 @@ def exact_combination(rows: CombinationRows, y: Vector, zero: Mask) -> Combinati
     columns = rows.exact_columns(support)
     system = [[columns[j].get(k, Fraction(0)) for k in range(support.size)] for j in map(int, equations)]
     x = [Fraction(float(y[i])) for i in support]
-    basic = row_reduce(system, len(x))
+    try:
+        basic = row_reduce(system, len(x))
+    except OutOfTime:
+        return {}
     others = [j for j in range(len(x)) if j not in basic]
     for row, pivot in zip(system, basic, strict=False):
         x[pivot] = -sum((row[j] * x[j] for j in others), Fraction(0))
