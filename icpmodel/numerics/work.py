@@ -14,7 +14,7 @@ import os
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from typing import NamedTuple
 
 from ..errors import OutOfMemory, OutOfTime
@@ -222,7 +222,19 @@ def work_limit(
         if before.memory < math.inf:
             memory = min(memory, before.memory - max(_used_memory() - before.initial_memory, 0.0))
     initial_memory = _used_memory() if memory < math.inf else 0.0
-    _counted.budget = _Budget(begun, counted, end, initial_memory, memory, most)
+    with _replaced(_Budget(begun, counted, end, initial_memory, memory, most)):
+        yield
+
+
+def unlimited() -> AbstractContextManager[None]:
+    """Lift the limits of this thread in a block, for what an answer needs in any case."""
+    return _replaced(None)
+
+
+@contextmanager
+def _replaced(budget: _Budget | None) -> Iterator[None]:
+    before = _counted.budget
+    _counted.budget = budget
     try:
         yield
     finally:

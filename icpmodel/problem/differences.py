@@ -9,6 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from ..numerics import work
 from ..numerics.arrays import Vector
 from ..numerics.rounding import UNIT_ROUNDOFF
 from .user_code import USER_ULPS
@@ -58,7 +59,7 @@ def jacobian_by_differences(
 ) -> sp.csr_array:
     """∂value/∂z at `z` on the entries of `pattern`, with one value for each `colour` of its columns.
 
-    A column is differenced backwards where forwards there is no finite value.
+    A column is differenced backwards where forwards there is no finite value. Raises OutOfTime.
 
     Examples
     --------
@@ -78,6 +79,7 @@ def jacobian_by_differences(
     rows = np.repeat(np.arange(z.size), np.diff(pattern.indptr))
     with np.errstate(all="ignore"):
         for k in range(int(colour.max(initial=-1)) + 1):
+            work.check_budget()
             chosen = of_entry == k
             moved = np.where(colour == k, h, 0.0)
             change = value(z + moved) - here

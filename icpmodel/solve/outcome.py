@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..errors import MapError
+from ..errors import MapError, OutOfTime
 from ..numerics import work
 from ..numerics.arrays import Vector
 from ..numerics.rounding import public_entry
@@ -33,7 +33,7 @@ def _residual(run: Run, z: Vector) -> float:
 @public_entry
 def _passes_by_rounding(run: Run, z: Vector) -> bool:
     """Whether only rounding makes the residual of `z`, which failed the exact test, small enough."""
-    with contextlib.suppress(MapError):
+    with contextlib.suppress(MapError, OutOfTime):
         goal = run.goal
         problem = run.problem
         if goal.problem is not None:
@@ -52,7 +52,7 @@ def judged(run: Run) -> BestIterate:
         judged.append(run.candidate(run.current, np.inf))
     for one in judged:
         # a ψ that failed may fail again, or take long
-        with contextlib.suppress(MapError, KeyboardInterrupt):
+        with contextlib.suppress(MapError, KeyboardInterrupt, OutOfTime):
             one.residual = _residual(run, one.z)
         if one.residual < best.residual:
             best = one

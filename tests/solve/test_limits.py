@@ -121,3 +121,24 @@ def test_a_run_inside_another_one_keeps_to_the_limit_of_that():
     icp.scenes.membrane(n=100).problem.solve(callback=callback, time_limit=0.05, raise_on_failure=False)
     assert inner[0].status is Status.TIME_LIMIT
     assert "encloses" in inner[0].message
+
+
+@pytest.mark.parametrize(("argument", "limit"), [("psi", 0.0), ("psi", 0.25), ("f", 0.0), ("f", 0.75)])
+def test_a_jacobian_by_differences_ends_with_the_time(argument, limit):
+    """Not the one in the residual of the start, which every answer has."""
+    n, pause = 100, 0.005
+    calls = []
+
+    def slow(z):
+        calls.append(1)
+        time.sleep(pause)
+        return 0.5 * np.sin(z[::-1])
+
+    slow_map = icp.Function(slow, sparsity=np.ones((n, n)))
+    problem = icp.ICP(2.0 * np.eye(n), -np.ones(n), **{argument: slow_map})
+    calls.clear()
+    solution = attempt(problem, "newton" if argument == "psi" else None, time_limit=limit)
+    in_start = n * pause if argument == "f" else 0.0
+    assert len(calls) * pause < max(limit, in_start) + 0.2
+    assert solution.status is Status.TIME_LIMIT
+    assert solution.residual == problem.residual(solution.z)
