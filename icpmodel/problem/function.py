@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from functools import cached_property
 from typing import Any
 
@@ -44,6 +45,8 @@ class Function(Parametrised):
     """
 
     calls_user_code = True
+    #: the argument of `ICP`, for messages
+    name: str = "psi"
 
     @check_arguments
     def __init__(
@@ -86,15 +89,20 @@ class Function(Parametrised):
             bound.lipschitz = diagonal_lipschitz(self.given_lipschitz, n, "Function.lipschitz")
         return bound
 
+    def as_upper(self) -> Function:
+        above = copy(self)
+        above.name = "upper"
+        return above
+
     def value(self, z: Vector) -> Vector:
-        return call_user(lambda: self.fun(z.copy()), z.shape, "psi")
+        return call_user(lambda: self.fun(z.copy()), z.shape, self.name)
 
     def jacobian(self, z: Vector) -> sp.csr_array | None:
         derivative = self.derivative
         if derivative is None:
             if self.links is None:
                 return None
-            name = "the Jacobian of psi"
+            name = f"the Jacobian of {self.name}"
             matrix: Any = jacobian_by_differences(self.value, z, self.links, self._colours)
         else:
             function = derivative

@@ -254,11 +254,11 @@ def _one_side(value: Any, n: int, name: str, none: float) -> Map:
     """The obstacle `value`, called `name` in messages; the infinite number `none` stands for no obstacle."""
     if isinstance(value, TwoSidedObstacle):
         raise InputError(f"{name} has two sides; one obstacle was expected")
+    if callable(value) and not isinstance(value, type):
+        value = Function(as_function(value, name))
     if isinstance(value, Map):
         bound = value.bind(n) if none < 0 else value.bind(n).as_upper()
         return bound if (c := getattr(bound, "c", None)) is None else _check_bound(bound, c, f"{name}.c", none)
-    if callable(value) and not isinstance(value, type):
-        return Function(as_function(value, name)).bind(n)
     if isinstance(value, str | type) or value is None:
         expected = "a number, a vector, a callable or one of icpmodel's maps"
         raise InputError(f"{name} is {described(value)}; {expected} was expected")

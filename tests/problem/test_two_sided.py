@@ -202,3 +202,9 @@ def test_the_residual_of_a_large_problem_is_that_of_the_median(scale, sides):
         expected = scale * np.linalg.norm(problem.natural_map(at, omega=D) / D / scale)
         assert residual == pytest.approx(expected, rel=1e-12, abs=0)
     assert np.isnan(problem.residual(np.where(np.arange(n) == 77, np.nan, z)))
+
+
+def test_a_function_above_is_called_upper_in_messages():
+    for above in (lambda z: z[:1], icp.Function(lambda z: z[:1])):
+        with pytest.raises(icp.MapError, match=r"^upper\(z\) has shape \(1,\)"):
+            icp.ICP(np.eye(2), [1.0, 2.0], upper=above).solve()
