@@ -15,7 +15,7 @@ from ..algebra.descent_directions import descent_directions
 from ..algebra.equations import Pattern, pattern_at, solve_on
 from ..algebra.secants import secant_problem, why_not_rows
 from ..errors import MapError, SingularOperator
-from ..methods.contract import Iterate, LeastValue, Method, with_options
+from ..methods.contract import REDUCTION, Iterate, LeastValue, Method, with_options
 from ..methods.milp import MAX_UNKNOWNS
 from ..methods.newton import NewtonPath, NewtonPoint
 from ..methods.restarts import scale_of_starts, start_above
@@ -35,7 +35,8 @@ _MIN_FORCING, _MAX_FORCING = 1e-4, 0.1
 _ARMIJO, _NONMONOTONE_STEPS = 1e-4, 5
 #: the length t in the test above for a second step by one tangent
 _SECOND_STEP_LENGTH = 0.5
-#: the number of halvings of a step, and of steps without a reduction of the least θ by a tenth
+#: the number of halvings of a step, and of steps without a reduction by a tenth: of the least θ or, where θ is less
+#: still, of the equations. Far above the solution of eᶻ = c these fall by the factor e, but θ, about z − ψ, by 1
 _MAX_HALVINGS, _PATIENCE = 20, 40
 #: the number of sweeps methods with which a ladder begins
 _SWEEP_METHODS = 2
@@ -80,7 +81,6 @@ class NewtonJosephy(Method):
 
     name: ClassVar[str] = "newton-josephy"
     finite: ClassVar[bool] = True
-    to_try: ClassVar[str] = "another start z0"
 
     inner_family: str | None = None
 
@@ -211,12 +211,12 @@ class _Search:
         pattern = pattern_at(linear, to)
         before = self._equations(pattern, self.current, W)
         for enough, new in self._trials(linear, W, to, tolerance):
-            if (
-                new is not None
-                and new.theta <= enough * max(self.recent)
-                and self._equations(pattern, new, W) <= enough * before
-            ):
-                return new
+            if new is not None and new.theta <= enough * max(self.recent):
+                after = self._equations(pattern, new, W)
+                if after <= enough * before:
+                    if new.theta < self.least.least and after <= REDUCTION * before and not W.any():
+                        self.least = LeastValue(new.theta)
+                    return new
         return None
 
     def _with_active_set(self, linear: ProblemData) -> NewtonPoint | None:

@@ -68,7 +68,7 @@ class StagnationTest:
         if residual < self.better_residual:
             self.better_at, self.better_residual = k, residual
         if self.memoryless and residual == self.milestone_residual and np.array_equal(z, self.milestone_z):
-            return self.recurred(k - self.milestone)
+            return self._recurred(k - self.milestone)
         if k >= 2 * self.milestone:
             self.milestone, self.milestone_residual, self.milestone_z = k, residual, z
         if residual < 0.999 * self.progress_residual:
@@ -82,11 +82,11 @@ class StagnationTest:
             return StopReason(Status.STAGNATED, f"no better iterate in {k - self.better_at} iterations")
         return None
 
-    def recurred(self, period: int = 1) -> StopReason:
-        """The reason for the end if an iterate recurred, or if no new iterate comes."""
-        still = "the iterates no longer move, but z is not a solution"
+    def _recurred(self, period: int) -> StopReason:
+        """The reason for the end if an iterate recurred."""
+        still = StopReason(Status.STAGNATED, "the iterates no longer move, but z is not a solution")
         cycled = StopReason(Status.CYCLED, f"the iterates repeat with period {period}")
-        return self.at_floor() or (StopReason(Status.STAGNATED, still) if period == 1 else cycled)
+        return self.at_floor() or (still if period == 1 else cycled)
 
 
 def fault_of_psi(problem: ProblemData, z: Vector) -> str:

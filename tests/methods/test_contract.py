@@ -60,7 +60,7 @@ def test_a_path_that_ends_is_a_run_that_stands_still_or_is_as_good_as_rounding_a
     problem = icp.ICP([[1.0]], [-9.0])
     solution = problem.solve(Short(), raise_on_failure=False)
     assert solution.status is icp.Status.STAGNATED
-    assert "the iterates no longer move, but z is not a solution" in solution.message
+    assert "it has no further step, but z is not a solution" in solution.message
     assert solution.z.tolist() == [2.0]
     third = icp.ICP([[3.0]], [-1.0])
     near = third.solve(Short(), z0=[1 / 3 + 3e-16], rtol=0.0, raise_on_failure=False)

@@ -402,6 +402,8 @@ def test_a_problem_without_a_solution_is_never_called_solved():
     for f in (lambda z: z**2 + 1.0, np.exp):
         solution = attempt(ICP.nonlinear(f, psi=[-np.inf]))
         assert solution.status.name in ("STAGNATED", "DIVERGED", "CYCLED")
+        assert "no longer move" not in solution.message
+        assert solution.message.count("another start") == 1
     hyperbola = icp.Elementwise(lambda z: -1.0 / (1.0 + z * z), lambda z: 2.0 * z / (1.0 + z * z) ** 2)
     for f, start in ((hyperbola, 1e110), (lambda z: -np.exp(-z), 740.0)):
         with np.errstate(over="ignore"):
@@ -413,6 +415,14 @@ def test_a_problem_without_a_solution_is_never_called_solved():
         pytest.raises(icp.MapError, match="at the start; a finite number was expected: give another z0"),
     ):
         ICP.nonlinear(lambda z: 1.0 - 1.0 / z, n=1).solve()
+
+
+@pytest.mark.parametrize("rate", [1.0, 2.0])
+@pytest.mark.parametrize(("q", "start"), [(-1e6, None), (-1e6, 300.0), (-1e3, 300.0), (-2.0, 300.0)])
+def test_full_steps_lead_back_to_the_root_of_an_exponential_from_far_above_it(rate, q, start):
+    """They are 1/rate long, while the residual is z."""
+    solution = ICP([[1.0]], [q], f=lambda z: np.exp(rate * z)).solve(z0=None if start is None else [start])
+    assert solution.z + np.exp(rate * solution.z) == pytest.approx(-q)
 
 
 @pytest.mark.parametrize(
