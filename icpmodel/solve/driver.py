@@ -113,7 +113,7 @@ def solve(
     MapError
         Where ψ fails at the start.
     NotSolved
-        Where the run fails, runs out of time or is interrupted; it carries the best iterate.
+        Where the run fails, runs out of time or, once a method has begun, is interrupted; it carries the best iterate.
 
     Notes
     -----

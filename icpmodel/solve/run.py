@@ -257,9 +257,7 @@ class Run:
             try:
                 z, hint = next(path)
             except StopIteration:
-                return self.at_floor() or StopReason(
-                    Status.STAGNATED, "it has no further step, but z is not a solution"
-                )
+                return stalled.ended()
             spent += work.counter() - before
             if count or self.iteration < 0:  # a later method starts from an iterate that was counted before
                 self.iteration += 1

@@ -82,6 +82,10 @@ class StagnationTest:
             return StopReason(Status.STAGNATED, f"no better iterate in {k - self.better_at} iterations")
         return None
 
+    def ended(self) -> StopReason:
+        """The reason for the end if no new iterate comes."""
+        return self.at_floor() or StopReason(Status.STAGNATED, "it has no further step, but z is not a solution")
+
     def _recurred(self, period: int) -> StopReason:
         """The reason for the end if an iterate recurred."""
         still = StopReason(Status.STAGNATED, "the iterates no longer move, but z is not a solution")
