@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from . import work
 from .arrays import Vector, read_only, row_of
-from .processes import run_apart
+from .processes import run_script
 from .sparse_structure import SYMMETRY_RTOL, bandwidths, is_symmetric
 from .work import COSTS
 
@@ -34,8 +35,17 @@ _WIDE_LAYER = 0.125
 _THIN_FACTOR = 10.0
 #: the diagonal of the matrix that is ordered, next to entries of 1
 _DIAGONAL = 1e3
-#: how much longer than a process takes to begin the worst case is where a graph fills up: it takes .05 of that or more
+#: how much longer than a process takes to begin the worst case is: graphs that fill up take .05 of that or more
 _LONG = 100.0
+#: the most that grids take of the worst case
+_GRID_SHARE = 0.06
+#: the place of each row in SuperLU's order, for a matrix and the options of `spilu`
+_ORDER = """
+import pickle, sys
+from scipy.sparse.linalg import spilu
+matrix, options = pickle.load(sys.stdin.buffer)
+pickle.dump(spilu(matrix, **options).perm_c, sys.stdout.buffer)
+"""
 
 
 class Fill(NamedTuple):
@@ -142,16 +152,20 @@ def ordered(A: sp.csr_array, symmetric: bool = False) -> tuple[Fill, NDArray[np.
 
 
 def _minimum_degree(graph: sp.csc_array) -> NDArray[np.integer]:
-    """The rows in SuperLU's order of minimum degree, by a process that can be ended where this may take long."""
+    """The rows in SuperLU's order of minimum degree, by a process that can be ended where this is expected to be long.
+
+    SuperLU holds the interpreter's lock meanwhile.
+    """
     from scipy.sparse.linalg import spilu
 
-    def place() -> NDArray[np.integer]:
-        options = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
-        return spilu(graph, drop_tol=0.5, fill_factor=1.0, **options).perm_c
-
+    options = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
+    options |= {"drop_tol": 0.5, "fill_factor": 1.0}
     most = _most_expensive_analysis(graph)
-    is_long = most > work.nanoseconds_left() or (most > _LONG * COSTS.process and _is_wide(graph))
-    return np.argsort(run_apart(place, most) if is_long else place())
+    limit = min(work.nanoseconds_left(), _LONG * COSTS.process)
+    if most > limit and (_is_wide(graph) or _GRID_SHARE * most > limit):
+        with suppress(OSError):
+            return np.argsort(run_script(_ORDER, (graph, options)))
+    return np.argsort(spilu(graph, **options).perm_c)
 
 
 def _most_expensive_analysis(A: Any) -> float:

@@ -7,14 +7,16 @@ import os
 import pickle
 import select
 import signal
+import subprocess
+import sys
+import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from typing import Any, TypeVar
 
-from ..errors import OutOfTime
-from .threads import run_with_deadline
+from ..errors import OutOfMemory, OutOfTime
 from .work import seconds_left
 
 _T = TypeVar("_T")
@@ -24,17 +26,39 @@ CAN_FORK = hasattr(os, "fork")
 _LENGTH_BYTES = 8
 #: no process is waited for longer, in milliseconds, as the system counts no more of them
 _LONGEST_WAIT = 2.0**31 - 1.0
+#: filters of warnings belong to all threads
+_FORK_LOCK = threading.Lock()
 
 
-def run_apart(step: Callable[[], _T], estimate: float) -> _T:
-    """Run a `step` in one piece that holds the interpreter's lock; raises as `run_with_deadline`, which has the rest.
+def run_script(script: str, data: Any) -> Any:
+    """What a `script` returns for `data`: it reads one pickle, and writes another one.
 
-    A process runs it, which ends with the time, and at Ctrl-C. Where there can be none, a thread does.
+    A new interpreter runs it, which ends with the time, and at Ctrl-C. A fork could wait for ever for a thread of BLAS.
+
+    Raises
+    ------
+    OutOfTime
+        When the time is over.
+    OutOfMemory
+        Where the system ended the interpreter.
+    OSError
+        Where there is no interpreter, or the script failed.
     """
-    if CAN_FORK:
-        with suppress(OSError):
-            return next(in_a_process(lambda: iter([step()]), time.perf_counter() + seconds_left()))
-    return run_with_deadline(step, estimate)
+    if not sys.executable or getattr(sys, "frozen", False):
+        raise FileNotFoundError("sys.executable is no Python interpreter")
+    command = [sys.executable, "-c", script]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
+        try:
+            answer, _ = process.communicate(pickle.dumps(data), min(seconds_left(), 1e-3 * _LONGEST_WAIT))
+        except subprocess.TimeoutExpired:
+            raise OutOfTime("a step takes longer than the time that is left") from None
+        finally:
+            process.kill()
+    if process.returncode < 0:
+        raise OutOfMemory(f"the system ended a process of {command[0]}")
+    if process.returncode:
+        raise ChildProcessError(f"{command[0]} ended with exit code {process.returncode}")
+    return pickle.loads(answer)
 
 
 def in_a_process(items: Callable[[], Iterator[_T]], end: float) -> Iterator[_T]:
@@ -55,7 +79,7 @@ def in_a_process(items: Callable[[], Iterator[_T]], end: float) -> Iterator[_T]:
         Where the other process died.
     """
     reader, writer = os.pipe()
-    with warnings.catch_warnings():
+    with _FORK_LOCK, warnings.catch_warnings():
         # of threads, by Python and JAX: they may hold locks; those of this package are made anew in the other process
         warnings.simplefilter("ignore")
         try:

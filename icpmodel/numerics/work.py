@@ -80,8 +80,8 @@ class Costs(NamedTuple):
     cycle_entry: float = 7.0
     krylov: float = 130_000.0
     krylov_entry: float = 35.0
-    #: a fork of this process, to its end, with up to 2 GB
-    process: float = 20_000_000.0
+    #: another Python that loads SciPy, to its end
+    process: float = 300_000_000.0
 
 
 class _Counter(threading.local):

@@ -8,9 +8,9 @@ from threading import Event, Thread, current_thread
 import pytest
 import threadpoolctl
 
-from icpmodel.errors import OutOfTime
+from icpmodel.errors import OutOfMemory, OutOfTime
 from icpmodel.numerics import threads, work
-from icpmodel.numerics.processes import CAN_FORK, in_a_process, run_apart
+from icpmodel.numerics.processes import CAN_FORK, in_a_process, run_script
 from icpmodel.numerics.threads import one_blas_thread, run_with_deadline
 from icpmodel.solvers.foreign import _silence
 
@@ -78,23 +78,26 @@ def test_a_step_that_may_take_too_long_gives_its_result_or_error_or_is_left_at_t
         raise ZeroDivisionError
 
     ended = Event()
-    for run, most in ((run_with_deadline, 0.0), (run_with_deadline, 1e30), (run_apart, 1e30)):
+    for most in (0.0, 1e30):  # here or in a thread of its own
         with work.work_limit(10.0):
-            assert run(lambda: 7, most) == 7
+            assert run_with_deadline(lambda: 7, most) == 7
             with pytest.raises(ZeroDivisionError):
-                run(fails, most)
+                run_with_deadline(fails, most)
     assert run_with_deadline(current_thread, 1e30) is current_thread()  # nothing limits it
-    for run in (run_with_deadline, run_apart):
-        with work.work_limit(0.05), pytest.raises(OutOfTime):
-            run(ended.wait, 1e30)
+    with work.work_limit(0.05), pytest.raises(OutOfTime):
+        run_with_deadline(ended.wait, 1e30)
     ended.set()
 
 
-@pytest.mark.skipif(not CAN_FORK, reason="there are no forks here")
-@pytest.mark.filterwarnings("error")
-def test_a_step_apart_is_silent_and_leaves_no_file_open():
-    """JAX warns of every fork."""
-    pytest.importorskip("jax")
-    before = set(os.listdir("/dev/fd"))
-    assert run_apart(os.getpid, 0.0) != os.getpid()
-    assert set(os.listdir("/dev/fd")) == before
+def test_a_script_ends_with_the_time_and_fails_with_its_exit_code():
+    """And leaves no file open."""
+    before = len(os.listdir("/dev/fd"))
+    echo = "import pickle, sys; pickle.dump(pickle.load(sys.stdin.buffer), sys.stdout.buffer)"
+    assert run_script(echo, [7]) == [7]
+    with pytest.raises(ChildProcessError, match="exit code 3"):
+        run_script("raise SystemExit(3)", None)
+    with pytest.raises(OutOfMemory):
+        run_script("import os, signal; os.kill(os.getpid(), signal.SIGKILL)", None)
+    with work.work_limit(0.05), pytest.raises(OutOfTime):
+        run_script("import time; time.sleep(60)", None)
+    assert len(os.listdir("/dev/fd")) == before
