@@ -61,7 +61,7 @@ def select_method(
 
     With a z0 the problem counts as one of a sequence with the same A, which keeps the hierarchy of `Multilevel`. Where
     `Multilevel` without the hierarchy is expected to cost less than any other method could, it begins.
-    Without a z0 `Lemke` begins where it is expected to cost no more than sweeps, or than the trial of rung 3.
+    Without a z0 `Lemke` begins where it is expected to cost no more than sweeps, and than their trial in rung 3.
     The ladder below follows where one of these ends, or has spent twice that.
 
     Rows without any obstacle are equations. They are eliminated where at most √nnz rows have an obstacle, ψ is fixed,
@@ -266,7 +266,7 @@ class Ladder:
         self.floor = floor
 
     def _add_lemke(self) -> None:
-        """`Lemke` where it is expected to cost no more than sweeps, or than the shortest trial of them."""
+        """`Lemke` where it is expected to cost no more than sweeps, and than the shortest trial of them."""
         if self.family is not None:
             return
         pivots, plain = (self._estimate(method) for method in (Lemke(), PSOR()))
@@ -327,7 +327,7 @@ class Ladder:
                 job.choice = replace(job.choice, why=f"{job.choice.why}, and A keeps the hierarchy")
             if job.remaining <= least:
                 if self._add_accelerated in self.rungs:
-                    self.jobs = []
+                    self.jobs = [one for one in self.jobs if one not in self.sweeps]
                 self._try_sweeps(job.remaining)
                 self._begin_early(job, least)
                 if not is_first:

@@ -77,6 +77,20 @@ class TestRule:
             assert names.count("lemke") == (cost > 0.0)
             assert not cost or names.index("newton") < names.index("lemke")
 
+    def test_a_first_method_that_paused_may_go_on_after_multilevel(self):
+        ladder = Ladder(scenes.membrane(n=500**2).problem, 1e-8, None, icp.Newton())
+        names = []
+        while (job := ladder.next()) is not None:
+            names.append(job.method.name)
+            if names.count(names[-1]) > 1:
+                ladder.end(job)
+            else:
+                job.step(0.0, 1.0, 1e-8)
+                job.step(1e12, 1.0, 1e-8)
+        assert names[0] == "newton"
+        assert "multilevel" in names
+        assert names.count("newton") == 2
+
     def test_the_estimate_counts_the_rows_that_the_pivots_have(self):
         n = 70
         upper = np.where(np.arange(n) % 3, np.inf, 2.0)
