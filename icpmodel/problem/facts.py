@@ -59,7 +59,7 @@ class Facts:
         if links is None or self.has_fixed_obstacle:
             return self.matrix
         work.charge_matrices(self.entries)
-        return Matrix(sp.csr_array(self.matrix.absolute + abs(links)))
+        return Matrix(sp.csr_array(0.5 * self.matrix.absolute + 0.5 * abs(links)))  # the sum may overflow
 
     @cached_property
     def coupling(self) -> float:

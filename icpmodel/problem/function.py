@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..errors import InputError, MapError, check_arguments
 from ..numerics.arrays import Vector, as_csr, as_float64, axes, locked, row_of
 from ..numerics.labels import check_labels
+from ..numerics.rounding import UNIT_ROUNDOFF
 from .differences import colours, jacobian_by_differences
 from .user_code import Parametrised, as_function, call_user, diagonal_lipschitz, raising_map_error
 
@@ -152,10 +153,12 @@ class Function(Parametrised):
 
 
 def _check_links(J: sp.csr_array, G: sp.csr_array) -> None:
-    """Raise MapError where the Jacobian `J` has an entry for which the Lipschitz constants `G` have 0."""
+    """Raise MapError where the Jacobian `J` has an entry beyond rounding where the Lipschitz matrix `G` has 0."""
     outside = sp.csr_array(J - J.multiply(G != 0.0))
-    if outside.data.any():
-        k = int(np.argmax(np.abs(outside.data)))
+    rounding = J.shape[0] * UNIT_ROUNDOFF * abs(J).max(axis=1).toarray().reshape(-1)
+    excess = np.abs(outside.data) - rounding[row_of(outside)]
+    if excess.max(initial=0.0) > 0.0:
+        k = int(np.argmax(excess))
         i, j = row_of(outside)[k], outside.indices[k]
         raise MapError(
             f"Function.jacobian(z) has the entry {J[i, j]:.6g} in row {i}, column {j}, but by Function.lipschitz "

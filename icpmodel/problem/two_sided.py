@@ -254,7 +254,7 @@ def _one_side(value: Any, n: int, name: str, none: float) -> Map:
     """The obstacle `value`, called `name` in messages; the infinite number `none` stands for no obstacle."""
     if isinstance(value, TwoSidedObstacle):
         raise InputError(f"{name} has two sides; one obstacle was expected")
-    if callable(value) and not isinstance(value, type):
+    if callable(value) and not isinstance(value, Map | type):
         value = Function(as_function(value, name))
     if isinstance(value, Map):
         bound = value.bind(n) if none < 0 else value.bind(n).as_upper()

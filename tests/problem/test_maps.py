@@ -187,3 +187,25 @@ def test_the_error_of_a_function_of_one_number_says_that_z_is_an_array(psi):
         icp.MapError, match=r"(Type|Value)Error: .*; z is an array of all unknowns: use np\.sin, not math"
     ):
         icp.ICP(np.eye(2), [1.0, -2.0], psi).solve()
+
+
+def test_a_jacobian_that_is_diagonal_up_to_rounding_may_have_a_number_as_lipschitz():
+    Q, _ = np.linalg.qr(np.random.default_rng(0).normal(size=(5, 5)))
+    half = Q @ (0.5 * np.eye(5)) @ Q.T
+    assert np.count_nonzero(half) > 5
+    psi = icp.Function(lambda z: 0.5 * z, lambda z: half, lipschitz=0.5)
+    assert icp.ICP(np.eye(5), -np.ones(5), psi).solve("josephy").solved
+
+
+def test_a_map_that_can_be_called_keeps_its_structure():
+    class Called(icp.Affine):
+        def __call__(self, z):
+            return self.value(z)
+
+    assert icp.ICP(np.eye(2), [1.0, 2.0], Called(0.5 * np.eye(2))).psi.linear is not None
+
+
+def test_a_and_psi_may_be_next_to_overflow_at_the_same_place():
+    large = np.eye(100) + 1.5e308 * np.eye(100, k=1)
+    facts = icp.ICP(large, np.ones(100), icp.Affine(1.5e308 * np.eye(100, k=1))).facts
+    assert facts.equations.nnz == 199
