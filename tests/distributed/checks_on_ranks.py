@@ -262,7 +262,7 @@ def check_what_one_rank_finds_wrong_all_ranks_raise():
     assert told.startswith("MapError: psi is nan in row "), told
     assert told.endswith(f"at the start{where}"), told
     told = raised(lambda: solve(A, q, icp.Elementwise(fails, lipschitz=0.5)))
-    assert told == f"MapError: psi.f(z) raised ZeroDivisionError: division by zero{where}"
+    assert told == f"MapError: Elementwise.f(z) raised ZeroDivisionError: division by zero{where}"
 
     class Broken(Rows):
         def local_rows(self, lo, hi):
