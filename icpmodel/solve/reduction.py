@@ -167,9 +167,10 @@ class _Parts:
             return partition.with_core(unsolved)
         share = _EARLIER_SHARE if partition.after.any() else 1.0
         for rows in partition.parts:
-            part = self._part(
-                restricted(partition.problem, rows, self.z), rows, share * self.tolerance / len(partition.parts) ** 0.5
-            )
+            problem = restricted(partition.problem, rows, self.z)
+            if not np.isfinite(problem.q).all():  # an earlier block has overflowed
+                return None
+            part = self._part(problem, rows, share * self.tolerance / len(partition.parts) ** 0.5)
             yield from self._solve(part, rows)
             if self.run.is_over:
                 return None

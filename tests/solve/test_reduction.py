@@ -338,3 +338,12 @@ def test_no_iterate_that_was_shown_is_better_than_the_answer():
             record = lambda state, shown=shown: shown.append(state.residual)  # noqa: E731
             answer = problem.solve(family=family, raise_on_failure=False, max_iter=max_iter, callback=record)
             assert answer.residual <= np.nanmin(shown)
+
+
+def test_a_part_behind_a_block_that_overflows_is_no_problem_of_its_own():
+    """Its q would be infinite."""
+    A = np.zeros((9, 9))
+    A[[3, 4, 5, 6, 6, 7], [4, 5, 7, 5, 7, 6]] = [1e-320, 1e-320, 1e-320, -1e-320, 1e-320, -1e-320]
+    solution = icp.ICP(A, [0, 0, 0, -1.0, 0, -1.0, 0, 0, 0]).solve(max_iter=100, raise_on_failure=False)
+    assert not solution.solved
+    assert np.isfinite(solution.z).all()
