@@ -58,7 +58,10 @@ def run_script(script: str, data: Any) -> Any:
         raise OutOfMemory(f"the system ended a process of {command[0]}")
     if process.returncode:
         raise ChildProcessError(f"{command[0]} ended with exit code {process.returncode}")
-    return pickle.loads(answer)
+    try:
+        return pickle.loads(answer)
+    except Exception as error:  # others may print as the interpreter begins
+        raise ChildProcessError(f"{command[0]} printed what is no answer") from error
 
 
 def in_a_process(items: Callable[[], Iterator[_T]], end: float) -> Iterator[_T]:

@@ -96,6 +96,8 @@ def test_a_script_ends_with_the_time_and_fails_with_its_exit_code():
     assert run_script(echo, [7]) == [7]
     with pytest.raises(ChildProcessError, match="exit code 3"):
         run_script("raise SystemExit(3)", None)
+    with pytest.raises(ChildProcessError, match="no answer"):
+        run_script("print('hello')", None)
     with pytest.raises(OutOfMemory):
         run_script("import os, signal; os.kill(os.getpid(), signal.SIGKILL)", None)
     with work.work_limit(0.05), pytest.raises(OutOfTime):
