@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..errors import SingularOperator
 from ..numerics import work
-from ..numerics.arrays import Vector, read_only
+from ..numerics.arrays import Mask, Vector, read_only
 from ..numerics.fill import dense_cost
 from ..numerics.threads import one_blas_thread
 from ..problem.data import ProblemData
@@ -38,12 +38,17 @@ INVERSE = 6.0
 
 
 def lcp_rows(facts: Facts) -> int:
-    """The rows of the LCP: one for each unknown, and for each upper obstacle one more."""
+    """The rows of the LCP: one for each unknown, and one more for each upper obstacle that moves by itself."""
     n = facts.matrix.n
     upper = facts.psi.upper
-    if upper is None:
+    if upper is None or in_box(facts):
         return n
     return n + (int(np.count_nonzero(upper.value(np.zeros(n)) < np.inf)) if upper.is_constant else n)
+
+
+def in_box(facts: Facts) -> bool:
+    """Whether bounds of y stand for the two obstacles: both are fixed, or move alike."""
+    return facts.has_fixed_obstacle or bool(facts.psi.parallel)
 
 
 def too_large(facts: Facts) -> str | None:
@@ -55,7 +60,7 @@ def too_large(facts: Facts) -> str | None:
 
 
 class AffineLcp:
-    """The LCP My + q ≥ 0, y ≥ 0 behind an ICP with ψ(z) = Gz + c.
+    """The LCP My + q ≥ 0, y ≥ 0 behind an ICP with ψ(z) = Gz + c, y between bounds where there are two obstacles.
 
     Parameters
     ----------
@@ -67,18 +72,20 @@ class AffineLcp:
         Dense; None for 0.
     above : tuple (d, H), optional
         The upper obstacle, Hz + d, in the same form; None where there is none.
+    adds_rows : bool, default True
+        Whether H differs from G.
+
+    Notes
+    -----
+    `upper` has the bounds of y, as a `kernels.dictionary` takes them. In the rows that are `free`, y has any sign and
+    the inequality is an equation. An upper obstacle with H ≠ G adds a row for each row that has it. The first rows are
+    then Az + q + Ds ≥ 0, d_i = max_j |a_ij|. Behind z, y holds s, whose rows are D(Hz + d − z) ≥ 0. So p < 0 where z is
+    at the upper obstacle.
 
     Raises
     ------
     SingularOperator
         Where I − G is singular.
-
-    Notes
-    -----
-    In the rows that are `free`, y has any sign and the inequality is an equation. An upper obstacle
-    adds a row for each row that has it. The first rows are then Az + q + Ds ≥ 0, d_i = max_j |a_ij|.
-    Behind z, y holds s, whose rows are D(Hz + d − z) ≥ 0. So p < 0 where z is at the upper
-    obstacle.
 
     References
     ----------
@@ -87,18 +94,27 @@ class AffineLcp:
     """
 
     def __init__(
-        self, A: Matrix, q: Vector, c: Vector, G: Matrix | None = None, above: tuple[Vector, Any] | None = None
+        self,
+        A: Matrix,
+        q: Vector,
+        c: Vector,
+        G: Matrix | None = None,
+        above: tuple[Vector, Any] | None = None,
+        adds_rows: bool = True,
     ) -> None:
         self.n = A.shape[-1]
         self.rows: Any = None
-        self.free = c == -np.inf
-        self.c = np.where(self.free, 0.0, c)
+        d = np.full(self.n, np.inf) if above is None or adds_rows else above[0]
+        no_lower = c == -np.inf
+        self.c = np.where(no_lower, np.where(d < np.inf, d, 0.0), c)
+        with np.errstate(over="ignore"):
+            self.upper = np.where(no_lower, np.where(d < np.inf, -np.inf, np.nan), np.maximum(d - self.c, 0.0))
         self.M, self.inverse = A, None
         if G is not None:
             with one_blas_thread():
                 self.inverse = _inverse(G)
                 self.M = A @ self.inverse
-        if above is not None:
+        if above is not None and adds_rows:
             q = self._with_rows_above(A, q, *above)
         self.q = q + self.M @ self.c
 
@@ -117,24 +133,27 @@ class AffineLcp:
         M[..., n:, :n] = -self.weight[..., None] * moves[self.rows]
         M[..., self.rows, n + np.arange(k)] = self.weight
         self.M, self.c = M, np.append(self.c, np.zeros(k))
-        self.free = np.append(self.free, np.zeros(k, dtype=bool))
+        self.upper = np.append(self.upper, np.full(k, np.inf))
         return self.extended(q, d)
+
+    @property
+    def free(self) -> Mask:
+        """The rows without obstacle."""
+        return np.isnan(self.upper)
 
     def extended(self, Q: Any, D: Any) -> Any:
         """Right-hand sides, shape (n,) or one in each row, with those of the rows above, where d is `D`."""
         return Q if self.rows is None else np.concatenate([Q, self.weight * D[..., self.rows]], axis=-1)
 
-    def active_rows(self, y: Vector) -> tuple[Any, Any]:
-        """Masks, shape (n,), of the rows at an obstacle and of those at the upper one, where the pivots end with `y`.
-
-        The second mask is None where there is no upper obstacle.
-        """
-        active = ~self.free[: self.n] & (y[: self.n] == 0.0)
-        if self.rows is None:
-            return active, None
-        above = np.zeros(self.n, dtype=bool)
-        above[self.rows] = y[self.n :] > 0.0
-        return active | above, above
+    def active_rows(self, y: Vector) -> tuple[Mask, Mask]:
+        """The rows at an obstacle and those at the upper one, where the pivots end with `y`; masks of shape (n,)."""
+        own = y[: self.n]
+        upper = self.upper[: self.n]
+        below = (own == 0.0) & (upper >= 0.0)
+        above = ~below & ((own == upper) | ((own == 0.0) & (upper == -np.inf)))
+        if self.rows is not None:
+            above[self.rows] |= y[self.n :] > 0.0
+        return below | above, above
 
     @property
     def covering(self) -> Vector:
@@ -160,10 +179,11 @@ class AffineLcp:
         covering = self.covering if covering is None else covering * self.covering
         if dropped is not None:
             covering = np.where(S[:, dropped] > 0.0, S[:, dropped], covering)
-        return pivoting.first_tableau(S, *units, self.q, self.free, covering)
+        return pivoting.first_tableau(S, *units, self.q, self.upper, covering)
 
     def exchanged(self, rows: NDArray[np.int64]) -> AffineLcp:
-        """The LCP in which w_i and y_i have changed places in `rows`, a principal pivot transform.
+        """The LCP in which w_i and y_i have changed places in `rows`, where y_i has no upper bound; a principal pivot
+        transform.
 
         Raises SingularOperator where the rows and columns `rows` of M are singular.
         """
@@ -210,7 +230,7 @@ def dense_lcp(problem: ProblemData) -> AffineLcp:
     """The LCP behind `problem`, where ψ is affine or amounts to a fixed obstacle. Raises SingularOperator, MapError."""
     A = dense_matrix(problem)
     above = None if problem.upper is None else affine_obstacle(problem.facts, problem.upper)
-    return AffineLcp(A, problem.q, *affine_obstacle(problem.facts, problem.psi), above)
+    return AffineLcp(A, problem.q, *affine_obstacle(problem.facts, problem.psi), above, not in_box(problem.facts))
 
 
 def affine_obstacle(facts: Facts, psi: Map) -> tuple[Vector, Matrix | None]:
@@ -233,7 +253,8 @@ def some_pivots(state: Any, entering: int, max_pivots: int) -> Any:
     n = len(state[0])
     pivot_cost = work.COSTS.pivot_entry * n**2
     piece = work.steps_per_piece(pivot_cost)
-    if entering < 0 and (equations := np.count_nonzero(state[2])):  # they leave in one piece, with all others at most
+    equations = np.count_nonzero(np.isnan(state[2])) if entering < 0 else 0
+    if equations:  # they leave in one piece, with all others at most
         work.check_budget(n * pivot_cost)
         work.count(equations * pivot_cost)
     while True:

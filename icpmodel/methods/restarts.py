@@ -131,7 +131,7 @@ def _pivot(problem: ProblemData, lcp: AffineLcp, rng: np.random.Generator, excha
     """
     from ..algebra.kernels.pivoting import SOLVED, START  # loads numba
 
-    rows = rng.permutation(np.flatnonzero(~lcp.free))[: 2 if exchanges else 0]
+    rows = rng.permutation(np.flatnonzero(lcp.upper == np.inf))[: 2 if exchanges else 0]
     path = lcp
     dropped = None
     if rows.size:

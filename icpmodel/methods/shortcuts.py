@@ -51,10 +51,11 @@ class Lemke(Shortcut):
 
     Notes
     -----
-    **Form.** For ψ = c it is M = A and y = z − c. For ψ = Gz + c it is M = A(I − G)⁻¹ and y = (I − G)z − c. A ψ_i that
-    depends on z_i alone and changes by less is a constant (see `with_fixed_obstacle`). Rows without obstacle are
-    eliminated first. Where A is singular there, other rows change places as well, a principal pivot transform. An
-    equation that nearly depends on others is left out at first.
+    **Form.** For ψ = c it is M = A and y = z − c. For ψ = Gz + c it is M = A(I − G)⁻¹ and y = (I − G)z − c. An upper
+    obstacle with the same G bounds y; another one adds rows. A ψ_i that depends on z_i alone and changes by less is a
+    constant (see `with_fixed_obstacle`). Rows without obstacle are eliminated first. Where A is singular there, other
+    rows change places as well, a principal pivot transform. An equation that nearly depends on others is left out at
+    first.
 
     **Ties** in the ratio test are broken lexicographically, so that no basis comes back. Where one does, rounding has
     hidden a tie. Then the pivots begin again with a q that is perturbed by 1e-8 of its size. The last basis is
@@ -103,7 +104,7 @@ class Lemke(Shortcut):
                     yield z, None
             elif ended != UNFINISHED or first != START:
                 _prove(problem, ray[: problem.n])
-            basic = state[6][:rows]
+            basic = state[6][0, :rows]
             left_out = lcp.free[basic[basic < rows]].any()
             if ended != SINGULAR and (ended, first) != (UNFINISHED, START) and not left_out:
                 break
@@ -122,7 +123,8 @@ def _path(lcp: AffineLcp, state: Any, entering: int) -> Generator[Iterate, None,
         if ended == SINGULAR:
             break
         yield lcp.z(y), None  # where a ray begins because A is nearly singular, t may be as good as 0
-        basis = np.sort(state[6][: len(lcp.q)]).tobytes()
+        basic, _, mirrored = state[6][:3, : len(lcp.q)]
+        basis = np.append(np.sort(basic), mirrored).tobytes()
         if basis in seen:
             break
         seen.add(basis)

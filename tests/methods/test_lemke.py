@@ -201,6 +201,45 @@ def test_between_obstacles_that_meet_in_some_rows_every_path_ends_in_a_solution(
         assert run(problem).solved
 
 
+def solvable(rng, programs):
+    """A monotone problem in integers with a solution, and rows between obstacles, below or above one, or without any.
+
+    The matrix is that of `programs` with equations, or another positive semidefinite one.
+    """
+    n = int(rng.integers(2, 12))
+    B = rng.integers(-2, 3, (n, n // 2)).astype(float)
+    C = rng.integers(-2, 3, (n, n)).astype(float)
+    equations = np.arange(n) >= n - n // 3
+    if programs:
+        C[equations[:, None] == equations] = 0.0
+        B[equations] = 0.0
+    low = rng.integers(-2, 1, n).astype(float)
+    high = low + rng.integers(0, 3, n)
+    low[rng.random(n) < 0.3] = -np.inf
+    high[rng.random(n) < 0.3] = np.inf
+    if programs:
+        low[equations] = -np.inf
+        high[equations] = np.inf
+    inside = np.clip(rng.integers(-1, 2, n), low, high)
+    z = np.where(rng.random(n) < 0.4, low, np.where(rng.random(n) < 0.5, high, inside))
+    z = np.where(np.isfinite(z), z, inside)
+    p = (z == low) * rng.integers(0, 3, n) - (z == high) * rng.integers(0, 3, n)
+    A = B @ B.T + C - C.T
+    return A, p - A @ z, low, high
+
+
+@pytest.mark.parametrize("programs", [False, True])
+@pytest.mark.parametrize("method", ["lemke", None])
+def test_a_solution_is_found_where_some_rows_have_two_obstacles(method, programs):
+    rng = np.random.default_rng(5)
+    for _ in range(150):
+        A, q, low, high = solvable(rng, programs)
+        solution = icp.ICP(A, q, low, high).solve(method)
+        assert np.clip(solution.z - A @ solution.z - q, low, high) == pytest.approx(solution.z, abs=1e-7)
+        assert (low <= solution.z).all()
+        assert (solution.z <= high).all()
+
+
 @pytest.mark.parametrize("method", ["lemke", None])
 @pytest.mark.parametrize("seed", range(20))
 def test_equations_that_nearly_depend_on_others_make_no_multiplier_large(seed, method):

@@ -96,7 +96,10 @@ class TestRule:
         upper = np.where(np.arange(n) % 3, np.inf, 2.0)
         for above in (None, upper, np.full(n, 2.0)):
             problem = icp.ICP(np.eye(n), -np.ones(n), upper=above)
-            assert lcp_rows(problem.facts) == len(dense_lcp(problem).q)
+            assert lcp_rows(problem.facts) == len(dense_lcp(problem).q) == n
+            if above is not None:
+                moving = problem.with_psi(icp.Affine(0.5 * np.eye(n, k=1), -1.0))
+                assert lcp_rows(moving.facts) == len(dense_lcp(moving).q) == n + np.isfinite(above).sum()
 
     def test_the_estimate_of_newton_s_steps_counts_the_entries_of_a_moving_obstacle(self):
         n = 200

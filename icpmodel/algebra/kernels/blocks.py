@@ -26,17 +26,17 @@ def row(indptr, indices, data, i, z):
 
 @compiled
 def _block(indptr, indices, data, q, c, slopes, block, place, z):
-    # the LCP of the rows in `block` over their obstacles, z being what it is in the others: (matrix, f, free). To z
-    # goes the obstacle, or 0 where there is none
+    # the LCP of the rows in `block` over their obstacles, z being what it is in the others: (matrix, f, upper) as a
+    # dictionary takes them. To z goes the obstacle, or 0 where there is none
     b = block.size
     M = np.zeros((b, b))
     f = np.empty(b)
-    free = np.empty(b, np.bool_)
+    upper = np.empty(b)
     for at in range(b):
         i = block[at]
         place[i] = at
-        free[at] = c[i] == -np.inf
-        z[i] = 0.0 if free[at] else c[i] + row(*slopes, i, z)[1]
+        upper[at] = np.nan if c[i] == -np.inf else np.inf
+        z[i] = 0.0 if c[i] == -np.inf else c[i] + row(*slopes, i, z)[1]
     for at in range(b):
         i = block[at]
         f[at] = q[i]
@@ -46,7 +46,7 @@ def _block(indptr, indices, data, q, c, slopes, block, place, z):
                 M[at, place[indices[e]]] += data[e]
     for at in range(b):
         place[block[at]] = -1
-    return M, f, free
+    return M, f, upper
 
 
 @compiled
@@ -74,12 +74,12 @@ def solve_blocks(indptr, indices, data, q, c, slopes, above, rows, starts, selec
                 z[i] = min((r + above[1][i]) / (1.0 - slope), z[i])
             solved[k] = diagonal_entry > 0.0 and slope < 1.0 and math.isfinite(z[i])
             continue
-        M, f, free = _block(indptr, indices, data, q, c, slopes, block, place, z)
+        M, f, upper = _block(indptr, indices, data, q, c, slopes, block, place, z)
         finite = True
         for at in range(b):
             finite = finite and math.isfinite(f[at])
         if finite:
-            tableau = first_tableau(*scale(M), f, free, np.ones(b))
+            tableau = first_tableau(*scale(M), f, upper, np.ones(b))
             code, _, y, _ = continue_pivots(*tableau, np.int64(START), pivots * (b + 1))
             solved[k] = code == SOLVED
             for at in range(b):

@@ -1,9 +1,6 @@
 """Lemke's complementary pivots on a dense dictionary, see `methods.shortcuts`.
 
-The dictionary of w = q + My + d·t, where `covering` is d ≥ 0, has one row per basic variable:
-x_B = D[:, :n + 1] x_N + D[:, n + 1]. Labels of the variables: w_i is i, y_i is n + i, the artificial t is 2n.
-`place[label]` is the row of a basic variable, and −1 less its column for the others. S, r and c are what
-`balancing.scale` returns.
+The dictionary is that of w = q + My + d·t, where `covering` is d ≥ 0. S, r and c are what `balancing.scale` returns.
 """
 
 from __future__ import annotations
@@ -14,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...numerics.kernels import compiled
+from .dictionary import ZERO, Dictionary, exchange, leaving, mirror
 
 #: the ends of a run of pivots
 SOLVED, RAY, UNFINISHED, SINGULAR = range(4)
@@ -25,86 +23,16 @@ PERTURBED = -2
 FULL_RANK = -3
 _PERTURBATION = 1e-8
 _DEPENDENT = 1e-7
-#: in a column of the dictionary, a smaller share of its largest entry counts as zero; ratios so near are ties
-_ZERO = 1e-11
-_TIE = 1e-13
 
 
 @compiled
-def exchange(D, r, e, basic, nonbasic, place):
-    # the variable of column e becomes basic in row r, and that of the row nonbasic
-    pivot = D[r, e]
-    D[r, e] = -1.0
-    for j in range(D.shape[1]):
-        D[r, j] /= -pivot
-    for i in range(D.shape[0]):
-        factor = D[i, e]
-        if i != r and factor != 0.0:
-            D[i, e] = 0.0
-            for j in range(D.shape[1]):
-                D[i, j] += factor * D[r, j]
-    basic[r], nonbasic[e] = nonbasic[e], basic[r]
-    place[basic[r]], place[nonbasic[e]] = r, -1 - e
-
-
-@compiled
-def leaving(D, e, free, basic, place, ties):
-    # the row whose variable reaches 0 first as that of column e grows, or -1; ties are broken by the inverse of the
-    # basis, in the columns of w: the lexicographically least ratio is unique. In rows without obstacle nothing leaves
-    n = D.shape[0]
-    count = 0
-    largest = 0.0
-    least = np.inf
-    for i in range(n):
-        largest = max(largest, abs(D[i, e]))
-    for i in range(n):
-        if -D[i, e] > _ZERO * largest and not (basic[i] < 2 * n and free[basic[i] % n]):
-            ties[count] = i
-            count += 1
-            least = min(least, max(D[i, n + 1], 0.0) / -D[i, e])
-    tied = 0
-    most = least + _TIE * (1.0 + least)
-    for at in range(count):
-        i = ties[at]
-        if max(D[i, n + 1], 0.0) <= most * -D[i, e]:
-            if basic[i] == 2 * n:
-                return i
-            ties[tied] = i
-            tied += 1
-    count = tied
-    if count == 0:
-        return -1
-    for k in range(n):
-        if count == 1:
-            break
-        if free[k]:
-            continue
-        least = np.inf
-        for at in range(count):
-            least = min(least, _of_inverse(D, ties[at], k, place) / -D[ties[at], e])
-        tied = 0
-        for at in range(count):
-            i = ties[at]
-            if _of_inverse(D, i, k, place) / -D[i, e] <= least + _TIE * (1.0 + abs(least)):
-                ties[tied] = i
-                tied += 1
-        count = tied
-    return ties[0]
-
-
-@compiled
-def _of_inverse(D, i, k, place):
-    # entry (i, k) of the inverse of the basis: the column of w_k, with the sign of the equations
-    if place[k] >= 0:
-        return 1.0 if place[k] == i else 0.0
-    return -D[i, -1 - place[k]]
-
-
-@compiled
-def _largest(D, basic, nonbasic, leaves, enters):
+def _largest(T, leaves, enters):
     # row and column of the largest entry in the rows of the w_i that are basic and are to leave, and the columns of
     # the y_j that are nonbasic and may enter; -1 where all are 0
-    n = D.shape[0]
+    n = T.upper.size
+    D = T.D
+    basic = T.basic
+    nonbasic = T.nonbasic
     row: Any = np.int64(-1)
     column: Any = np.int64(-1)
     largest = 0.0
@@ -119,69 +47,103 @@ def _largest(D, basic, nonbasic, leaves, enters):
 
 
 @compiled
-def _agree(D, free, leaves, basic):
+def _agree(T, leaves):
     # whether the rows whose w_i is to leave, but is basic, have no obstacle and do not contradict the others
-    n = D.shape[0]
+    n = T.upper.size
     for i in range(n):
-        if basic[i] < n and leaves[basic[i]] and not (free[basic[i]] and abs(D[i, n + 1]) <= _PERTURBATION):
+        k = T.basic[i]
+        if k < n and leaves[k] and not (np.isnan(T.upper[k]) and abs(T.D[i, n + 1]) <= _PERTURBATION):
             return False
     return True
 
 
 @compiled
-def reach(D, free, basic, nonbasic, place, least):
+def reach(T, least):
     # pivots by which w_i leaves and y_i enters in the rows without obstacle, the largest each time. Where these are
     # singular another y_j enters, and w_j is to leave as well. Rows that depend on others, up to `least`, stay: whether
     # none of these contradicts the others
-    leaves = free.copy()
+    leaves = np.isnan(T.upper)
     first = 0.0
-    for _ in range(D.shape[0]):
-        row, column, largest = _largest(D, basic, nonbasic, leaves, leaves)
+    for _ in range(T.upper.size):
+        row, column, largest = _largest(T, leaves, leaves)
         if not largest > least * first:
-            outer = _largest(D, basic, nonbasic, leaves, ~leaves)
+            outer = _largest(T, leaves, ~leaves)
             if outer[2] > largest:
                 row, column, largest = outer
-        if not largest > _ZERO * first or (not largest > least * first and _agree(D, free, leaves, basic)):
+        if not largest > ZERO * first or (not largest > least * first and _agree(T, leaves)):
             break
         first = max(first, largest)
-        leaves[nonbasic[column] - D.shape[0]] = True
-        exchange(D, row, column, basic, nonbasic, place)
-    return _agree(D, free, leaves, basic)
+        leaves[T.nonbasic[column] - T.upper.size] = True
+        exchange(T, row, column)
+    return _agree(T, leaves)
 
 
 @compiled
-def start(S, q, free, covering, D, basic, nonbasic, place, entering):
-    # the dictionary without the rows that have no obstacle: how the run ended, and the label to enter. q is moved by up
-    # to `_PERTURBATION` in every row its own way where `entering` asks for it, so that no ties are left. d is 0 also
-    # where y_j has entered, as in a vertex of a polytope that z then keeps to; and 1 where the first basis violates the
-    # row, or y_j has entered as 0
-    n = S.shape[0]
-    nudge = _PERTURBATION if entering == PERTURBED else 0.0
+def _fill(T, S, q, nudge):
+    # the first dictionary, t having no part in it; q is moved by up to `nudge` in every row its own way
+    n = T.upper.size
+    D = T.D
+    upper = T.upper
+    basic = T.basic
+    nonbasic = T.nonbasic
+    place = T.place
+    mirrored = T.mirrored
+    relaxed = T.relaxed
+    for i in range(n):
+        mirrored[i] = upper[i] == -np.inf
+        relaxed[i] = False
+        basic[i], nonbasic[i], place[i], place[n + i] = i, n + i, i, -1 - i
+    nonbasic[n] = 2 * n
+    place[2 * n] = -1 - n
+    for j in range(n + 2):
+        D[n, j] = 0.0
     for i in range(n):
         for j in range(n):
             D[i, j] = S[i, j]
         D[i, n] = 0.0
-        D[i, n + 1] = q[i] if free[i] else q[i] + nudge * (1.0 + math.sin((i + 1.0) ** 2))
-        basic[i], nonbasic[i], place[i], place[n + i] = i, n + i, i, -1 - i
-    nonbasic[n] = 2 * n
-    place[2 * n] = -1 - n
-    if not reach(D, free, basic, nonbasic, place, _ZERO if entering == FULL_RANK else _DEPENDENT):
+        D[i, n + 1] = q[i] if np.isnan(upper[i]) else q[i] + nudge * (1.0 + math.sin((i + 1.0) ** 2))
+    for k in range(n):
+        if mirrored[k]:
+            for j in range(n + 2):
+                D[k, j] = -D[k, j]
+            for i in range(n):
+                D[i, k] = -D[i, k]
+
+
+@compiled
+def start(T, S, q, covering, entering):
+    # the dictionary without the rows that have no obstacle: how the run ended, and the label to enter. q is moved where
+    # `entering` asks for it, so that no ties are left. d is 0 also where y_j has entered, as in a vertex of a polytope
+    # that z then keeps to; and 1 where the first basis violates the row, or y_j has entered as 0
+    D = T.D
+    upper = T.upper
+    basic = T.basic
+    n = upper.size
+    _fill(T, S, q, _PERTURBATION if entering == PERTURBED else 0.0)
+    if not reach(T, ZERO if entering == FULL_RANK else _DEPENDENT):
         return SINGULAR, START
     row: Any = np.int64(-1)
     most = 0.0
     for i in range(n):  # the last of equal ones is the lexicographically least
-        if free[basic[i] % n]:
+        has_entered = basic[i] >= n
+        k = basic[i] - n if has_entered else basic[i]
+        if np.isnan(upper[k]):
             continue
-        d = covering[basic[i] % n] if basic[i] < n else 0.0
-        needs_cover = D[i, n + 1] < 0.0 or (D[i, n + 1] == 0.0 and basic[i] >= n)
-        D[i, n] = 1.0 if d == 0.0 and needs_cover else d
-        if D[i, n + 1] < 0.0 and -D[i, n + 1] >= most * D[i, n]:
+        if has_entered and 0.0 <= upper[k] < D[i, n + 1]:
+            mirror(T, i)
+        d = 0.0 if has_entered else covering[k]
+        value = D[i, n + 1]
+        if d == 0.0 and (value < 0.0 or (value == 0.0 and has_entered)):
+            d = 1.0
+            T.relaxed[k] = has_entered
+        D[i, n] = d
+        if value < 0.0 and -value >= most * d:
             row = i
-            most = -D[i, n + 1] / D[i, n]
+            most = -value / d
     if row < 0:
         return SOLVED, START
     entering = complement(basic[row], n)
-    exchange(D, row, n, basic, nonbasic, place)
+    exchange(T, row, n)
     return UNFINISHED, entering
 
 
@@ -192,16 +154,24 @@ def complement(label, n):
 
 
 @compiled
-def pivot(D, free, basic, nonbasic, place, ties, entering, limit):
+def pivot(T, entering, limit):
     # up to `limit` pivots; returns how they ended, and the label of the variable that is to enter
-    n = D.shape[0]
+    n = T.upper.size
+    D = T.D
     for _ in range(limit):
-        e = -1 - place[entering]
-        r = leaving(D, e, free, basic, place, ties)
+        e = -1 - T.place[entering]
+        for j in range(n + 2):
+            D[n, j] = 0.0
+        D[n, e] = 1.0
+        T.basic[n] = entering
+        r = leaving(T, e)
         if r < 0:
             return RAY, entering
-        out = basic[r]
-        exchange(D, r, e, basic, nonbasic, place)
+        if r > n:
+            r -= n + 1
+            mirror(T, r)
+        out = T.basic[r]
+        exchange(T, r, e)
         if out == 2 * n:
             return SOLVED, entering
         entering = complement(out, n)
@@ -209,57 +179,77 @@ def pivot(D, free, basic, nonbasic, place, ties, entering, limit):
 
 
 @compiled
-def _unpack(D, e, basic, y):
-    # to y, what column e of the dictionary holds in the rows of the y that are basic
-    n = D.shape[0]
+def _unpack(T, e, y):
+    # y where column e of the dictionary holds the basic variables, and the nonbasic ones are 0; its change per unit of
+    # the variable of column e, unless that is the last one
+    n = T.upper.size
+    D = T.D
+    upper = T.upper
+    basic = T.basic
+    mirrored = T.mirrored
+    for i in range(n):
+        if mirrored[i] and upper[i] >= 0.0 and e == n + 1:
+            y[i] = upper[i]
     for i in range(n):
         if n <= basic[i] < 2 * n:
-            y[basic[i] - n] = D[i, e]
+            k = basic[i] - n
+            y[k] += -D[i, e] if mirrored[k] else D[i, e]
 
 
 @compiled
-def _refine(S, f, D, basic, nonbasic, y, work):
+def _refine(T, S, f, y):
     # a step of iterative refinement for the y of the dictionary, which holds the inverse of its own equations
-    n = S.shape[0]
+    n = T.upper.size
+    D = T.D
+    basic = T.basic
+    nonbasic = T.nonbasic
+    mirrored = T.mirrored
+    residuals = T.ratios
     for e in range(n + 1):
-        work[e] = 0.0
+        residuals[e] = 0.0
         k = nonbasic[e]
         if k < n:
-            work[e] = f[k]
+            residuals[e] = f[k]
             for j in range(n):
-                work[e] += S[k, j] * y[j]
+                residuals[e] += S[k, j] * y[j]
+            if mirrored[k]:
+                residuals[e] = -residuals[e]
     for i in range(n):
         if n <= basic[i] < 2 * n:
+            k = basic[i] - n
             for e in range(n + 1):
-                y[basic[i] - n] -= D[i, e] * work[e]
+                step = D[i, e] * residuals[e]
+                y[k] += step if mirrored[k] else -step
 
 
 @compiled
-def continue_pivots(S, f, free, covering, units, D, labels, work, entering, limit):
+def continue_pivots(S, f, upper, covering, units, D, labels, work, entering, limit):
     # a start, where nothing enters yet, and up to `limit` pivots: how they ended, what is to enter, y, and of a ray
     # its direction
     n = S.shape[0]
-    basic = labels[:n]
-    nonbasic = labels[n : 2 * n + 1]
-    place = labels[2 * n + 1 : 4 * n + 2]
-    ties = labels[4 * n + 2 :]
+    place = labels[4:6].reshape(-1)
+    ties = labels[6:].reshape(-1)
+    T = Dictionary(D, upper, labels[0], labels[1], place, labels[2], labels[3], ties, work[0], work[1])
     code = UNFINISHED
     if entering < 0:
-        code, entering = start(S, f, free, covering, D, basic, nonbasic, place, entering)
+        code, entering = start(T, S, f, covering, entering)
     if code == UNFINISHED:
-        code, entering = pivot(D, free, basic, nonbasic, place, ties, entering, limit)
+        code, entering = pivot(T, entering, limit)
     y = np.zeros(n)
     ray = np.zeros(n)
     if code != SINGULAR:
-        _unpack(D, n + 1, basic, y)
+        _unpack(T, n + 1, y)
     if code == SOLVED:
-        _refine(S, f, D, basic, nonbasic, y, work)
-        for i in range(n):
-            y[i] = y[i] if free[i] else max(y[i], 0.0)  # what is below 0 is rounding
+        _refine(T, S, f, y)
+        for i in range(n):  # what is outside is rounding
+            if upper[i] >= 0.0:
+                y[i] = min(max(y[i], 0.0), upper[i])
+            elif upper[i] == -np.inf:
+                y[i] = min(y[i], 0.0)
     elif code == RAY:
-        _unpack(D, -1 - place[entering], basic, ray)
+        _unpack(T, -1 - T.place[entering], ray)
         if entering >= n:
-            ray[entering - n] = 1.0
+            ray[entering - n] = -1.0 if T.mirrored[entering - n] else 1.0
     for i in range(n):
         y[i] = math.ldexp(y[i], units[i])
         ray[i] = math.ldexp(ray[i], units[i])
@@ -267,8 +257,8 @@ def continue_pivots(S, f, free, covering, units, D, labels, work, entering, limi
 
 
 @compiled
-def right(q, r, c, f, units):
-    # q in units in which its largest entry is about 1, and the units of y that come with it
+def right(q, r, c, upper, f, units, bounds):
+    # q in units in which its largest entry is about 1, and the units of y and its bounds that come with it
     size = -5000
     for i in range(q.size):
         if q[i] != 0.0:
@@ -277,13 +267,21 @@ def right(q, r, c, f, units):
     for i in range(q.size):
         f[i] = math.ldexp(q[i], r[i] - size)
         units[i] = c[i] + size
+        bounds[i] = math.ldexp(upper[i], -units[i])
 
 
 @compiled
-def first_tableau(S, r, c, q, free, covering):
+def work_arrays(n):
+    # D, the integer arrays of a dictionary and its `slopes` and `ratios`
+    return np.empty((n + 1, n + 2)), np.empty((8, n + 1), np.int64), np.empty((2, 2 * n + 2))
+
+
+@compiled
+def first_tableau(S, r, c, q, upper, covering):
     # all that `continue_pivots` takes but for the last two arguments
     n = S.shape[0]
     f = np.empty(n)
     units = np.empty(n, np.int64)
-    right(q, r, c, f, units)
-    return S, f, free, covering, units, np.empty((n, n + 2)), np.empty(5 * n + 2, np.int64), np.empty(n + 1)
+    bounds = np.empty(n)
+    right(q, r, c, upper, f, units, bounds)
+    return S, f, bounds, covering, units, *work_arrays(n)

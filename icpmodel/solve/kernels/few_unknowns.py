@@ -1,4 +1,4 @@
-"""An LCP of few unknowns from its arrays to the judged answer."""
+"""An LCP of few unknowns between fixed obstacles from its arrays to the judged answer."""
 
 from __future__ import annotations
 
@@ -19,9 +19,10 @@ _MIN_ROW_SIZE = 1e-140
 
 
 @partial(compiled, exact=True)
-def _squared_residuals(M, q, c, z, weights):
-    # Res_D(z)² and the square of its scale, NaN where a row counts as empty; the `weights` are set: what `residual`,
-    # `residual_scale` and `Matrix.row_weights` compute, whose calls take longer than the pivots for so few unknowns
+def _squared_residuals(M, q, c, d, z, weights):
+    # Res_D(z)² and the square of its scale, NaN where a row counts as empty or obstacles cross; the `weights` are set:
+    # what `residual`, `residual_scale` and `Matrix.row_weights` compute, whose calls take longer than the pivots for so
+    # few unknowns
     squares = 0.0
     squares_0 = 0.0
     least = np.inf
@@ -31,12 +32,12 @@ def _squared_residuals(M, q, c, z, weights):
         for j in range(q.size):
             p += M[i, j] * z[j]
             largest = max(largest, abs(M[i, j]))
-        if largest < _MIN_ROW_SIZE:
+        if largest < _MIN_ROW_SIZE or not c[i] <= d[i]:
             return np.nan, np.nan
         weights[i] = 1.0 / largest
-        squares += min(weights[i] * p, z[i] - c[i]) ** 2
-        squares_0 += min(weights[i] * q[i], -c[i]) ** 2
-        for size in (abs(weights[i] * q[i]), abs(c[i])):
+        squares += max(z[i] - d[i], min(weights[i] * p, z[i] - c[i])) ** 2
+        squares_0 += max(-d[i], min(weights[i] * q[i], -c[i])) ** 2
+        for size in (abs(weights[i] * q[i]), abs(c[i]), abs(d[i])):
             if 0.0 < size < least:
                 least = size
     if squares_0 == 0.0 and least < np.inf:
@@ -45,17 +46,19 @@ def _squared_residuals(M, q, c, z, weights):
 
 
 @partial(compiled, exact=True)
-def solve_few(M, q, c, rtol, limit):
-    # (z, Res_D(z), its tolerance) for the LCP of M and q over the obstacle c: NaN where it is for others to judge
+def solve_few(M, q, c, d, rtol, limit):
+    # (z, Res_D(z), its tolerance) for the LCP of M and q between the obstacles c and d: NaN where it is for others to
+    # judge
     n = q.size
     Q = q.reshape(1, n)
     C = c.reshape(1, n)
+    D = d.reshape(1, n)
     Z = np.empty((1, n))
     S, r, units = scale(M)
-    many(S, r, units, M, np.ones(n), Q, C, limit, Z)
+    many(S, r, units, M, np.ones(n), Q, C, D, limit, Z)
     z = Z[0]
     weights = np.empty((1, n))
-    squares, squares_0 = _squared_residuals(M, q, c, z, weights[0])
+    squares, squares_0 = _squared_residuals(M, q, c, d, z, weights[0])
     if not _MIN_SAFE_SQUARE < squares_0 < 1.0 / _MIN_SAFE_SQUARE or not squares < 1.0 / _MIN_SAFE_SQUARE:
         return z, np.nan, np.nan
     residual = np.full(1, math.sqrt(squares))
@@ -66,5 +69,6 @@ def solve_few(M, q, c, rtol, limit):
     for k in range(n * n):
         indices[k] = k % n
     none = np.zeros(n + 1, np.int32), np.empty(0, np.int32), np.empty(0)
-    raise_to_bounds(indptr, indices, M.reshape(1, -1), weights, Q, *none, C, 0.0, Z, tolerance, residual, None, None)
+    above = (*none, D, 0.0)
+    raise_to_bounds(indptr, indices, M.reshape(1, -1), weights, Q, *none, C, 0.0, Z, tolerance, residual, above, None)
     return z, residual[0], tolerance[0]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...algebra.affine_lcp import PIVOT_UP_TO, PIVOTS, AffineLcp, affine_obstacle
+from ...algebra.affine_lcp import PIVOT_UP_TO, PIVOTS, AffineLcp, affine_obstacle, in_box
 from ...methods.contract import Method
 from ...methods.shortcuts import MAX_ROUNDS, STEPS_PER_ROUND, Lemke, Tridiagonal
 from ...numerics import work
@@ -81,7 +81,8 @@ class CompiledSolver:
             arrays = self.Q[rows], C[rows], None if D is None else D[rows]
             if self.small:
                 A = self.problem.dense() if self.stack is None else self.stack[rows]
-                lcp = AffineLcp(A, self.Q[0] if self.stack is None else self.Q[rows], C[0], G, above)
+                q = self.Q[0] if self.stack is None else self.Q[rows]
+                lcp = AffineLcp(A, q, C[0], G, above, not in_box(self.problem.facts))
                 Z = lcp.without_psi(self._pivot(lcp, *arrays))
             else:
                 Z = self._by_thomas(*arrays)
@@ -151,16 +152,17 @@ class CompiledSolver:
 
         size = lcp.M.shape[-1]
         covering = lcp.covering
-        if D is not None:
+        if lcp.rows is not None:
             Q = lcp.extended(Q, D)
             C = np.concatenate([C, np.zeros((len(C), size - lcp.n))], axis=1)
-        M, Q, C = read_only((lcp.M, Q, C))
+        D = np.full(Q.shape, np.inf) if D is None or lcp.rows is not None else D
+        M, Q, C, D = read_only((lcp.M, Q, C, D))
         X = np.empty(Q.shape)
         limit = PIVOTS * (size + 1)
         scaled = scale(M) if self.stack is None else None
 
         def loop(low: int, high: int) -> None:
-            arrays = covering, Q[low:high], C[low:high], limit, X[low:high]
+            arrays = covering, Q[low:high], C[low:high], D[low:high], limit, X[low:high]
             if scaled is None:
                 each(M[low:high], *arrays)
             else:

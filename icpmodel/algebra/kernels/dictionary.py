@@ -1,0 +1,168 @@
+"""The dense dictionary of Lemke's pivots, with variables that may have two bounds.
+
+x_B = D[:n, : n + 1] x_N + D[:n, n + 1] has one row per basic variable; row n is for the one that enters. Labels of the
+variables: w_i is i, y_i is n + i, the artificial t is 2n. `place[label]` is the row of a basic variable, and −1 less
+its column for the others.
+
+0 ≤ y_i ≤ `upper[i]`, where ∞ is none. −∞ stands for y_i ≤ 0, and NaN for y_i of any sign. Where `mirrored[i]`, the
+label of y_i stands for its distance from that bound (or for −y_i), and the label of w_i for −w_i. So all variables are
+≥ 0, and those at 0 are nonbasic. Where `relaxed[i]` the bound is upper_i + t.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...numerics.kernels import compiled
+
+#: in a column of the dictionary, a smaller share of its largest entry counts as zero; ratios so near are ties
+ZERO = 1e-11
+_TIE = 1e-13
+
+
+class Dictionary(NamedTuple):
+    """The arrays, as compiled loops take them."""
+
+    D: Any
+    upper: Any
+    basic: Any
+    nonbasic: Any
+    place: Any
+    mirrored: Any
+    relaxed: Any
+    ties: Any
+    slopes: Any
+    ratios: Any
+
+
+@compiled
+def exchange(T, r, e):
+    # the variable of column e becomes basic in row r, and that of the row nonbasic
+    D = T.D
+    pivot = D[r, e]
+    D[r, e] = -1.0
+    for j in range(D.shape[1]):
+        D[r, j] /= -pivot
+    for i in range(D.shape[0]):
+        factor = D[i, e]
+        if i != r and factor != 0.0:
+            D[i, e] = 0.0
+            for j in range(D.shape[1]):
+                D[i, j] += factor * D[r, j]
+    T.basic[r], T.nonbasic[e] = T.nonbasic[e], T.basic[r]
+    T.place[T.basic[r]], T.place[T.nonbasic[e]] = r, -1 - e
+
+
+@compiled
+def mirror(T, i):
+    # the y_k of row i becomes its distance from its bound, and w_k, which is nonbasic, changes sign
+    n = T.upper.size
+    k = T.basic[i] - n
+    for j in range(n + 2):
+        T.D[i, j] = -T.D[i, j]
+        if T.relaxed[k]:
+            T.D[i, j] += T.D[T.place[2 * n], j]
+    T.D[i, n + 1] += T.upper[k]
+    T.mirrored[k] = not T.mirrored[k]
+    e = -1 - T.place[k]
+    for row in range(n + 1):
+        T.D[row, e] = -T.D[row, e]
+
+
+@compiled
+def _blocking(T, e):
+    # the number of variables that reach 0 or their bound as that of column e grows: to `ties` go their rows, n + 1 more
+    # for a bound, to `slopes` how fast they do so, to `ratios` when
+    n = T.upper.size
+    D = T.D  # (a field of T costs as much as some operations)
+    upper = T.upper
+    basic = T.basic
+    relaxed = T.relaxed
+    ties = T.ties
+    slopes = T.slopes
+    ratios = T.ratios
+    t = T.place[2 * n]
+    largest = 0.0
+    for i in range(n):
+        largest = max(largest, abs(D[i, e]))
+    count = 0
+    for i in range(n + 1):
+        label = basic[i]
+        k = label if label < n else label - n
+        if k < n and np.isnan(upper[k]):
+            continue
+        value = D[i, n + 1]
+        slope = -D[i, e]
+        for code in range(i, i + n + 2, n + 1):
+            if code > n:
+                if not (n <= label < 2 * n and 0.0 <= upper[k] < np.inf):
+                    break
+                value = upper[k] - value
+                slope = -slope
+                if relaxed[k]:
+                    value += D[t, n + 1]
+                    slope -= D[t, e]
+            if slope > ZERO * largest:
+                ties[count] = code
+                slopes[count] = slope
+                ratios[count] = max(value, 0.0) / slope
+                count += 1
+    return count
+
+
+@compiled
+def _least(T, count):
+    # the number of the first `count` of `ties` whose ratio is the least one; they come first from then on
+    ties = T.ties
+    slopes = T.slopes
+    ratios = T.ratios
+    least = np.inf
+    for at in range(count):
+        least = min(least, ratios[at])
+    tied = 0
+    for at in range(count):
+        if ratios[at] <= least + _TIE * (1.0 + abs(least)):
+            ties[tied] = ties[at]
+            slopes[tied] = slopes[at]
+            tied += 1
+    return tied
+
+
+@compiled
+def leaving(T, e):
+    # the row whose variable reaches 0 first as that of column e grows, or n + 1 more where it reaches its bound, or -1;
+    # ties are broken by the inverse of the basis, in the columns of w: the lexicographically least ratio is unique
+    n = T.upper.size
+    t = T.place[2 * n]
+    count = _least(T, _blocking(T, e))
+    for at in range(count):
+        if T.ties[at] == t:
+            return t
+    for k in range(n):
+        if count <= 1:
+            break
+        if np.isnan(T.upper[k]):
+            continue
+        for at in range(count):
+            T.ratios[at] = _of_inverse(T, T.ties[at], k) / T.slopes[at]
+        count = _least(T, count)
+    return T.ties[0] if count else -1
+
+
+@compiled
+def _of_inverse(T, code, k):
+    # entry (code, k) of the inverse of the basis: the column of w_k, with the sign of the equations
+    n = T.upper.size
+    if T.place[k] >= 0:
+        value = 1.0 if T.place[k] == code else 0.0
+    else:
+        column = -1 - T.place[k]
+        i = code if code <= n else code - n - 1
+        value = -T.D[i, column]
+        if code > n:
+            value = -value
+            if T.relaxed[T.basic[i] - n]:
+                value -= T.D[T.place[2 * n], column]
+    return -value if T.mirrored[k] else value
