@@ -276,8 +276,8 @@ class SymbolicAnalysis:
         if self._sparse is not None:
             if self._sparse.is_exact:
                 return self._sparse
-            # nothing ends one that exceeds an allowance of counted work, which no clock tells
-            work.charge(_most_expensive_analysis(self.matrix))
+            if work.seconds_left() == math.inf:  # no clock ends one that exceeds an allowance of counted work
+                work.check_budget(_most_expensive_analysis(self.matrix))
         return self._analysed()
 
     @property

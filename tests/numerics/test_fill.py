@@ -99,3 +99,18 @@ def test_an_estimate_counts_rows_that_are_coupled_to_many():
     H = sp.vstack([sp.random_array((100, n), density=0.3, rng=rng), sp.csr_array((n - 100, n))])
     fill = SymbolicAnalysis(sp.csr_array(G + G.T + H + H.T + 20.0 * sp.eye_array(n))).fill
     assert fill.rows == n
+
+
+def test_an_analysis_counts_what_it_takes_and_not_what_it_might():
+    """Else one whose worst case does not fit into the time that is left would end the run."""
+    A = expander(2500).A
+    analysis = SymbolicAnalysis(A)
+    assert not analysis.fill.is_exact
+    counts = []
+    for analyse in (lambda: ordered(A), lambda: analysis.complete):
+        before = work.counter()
+        analyse()
+        counts.append(work.counter() - before)
+    assert counts[0] == counts[1]
+    with work.work_limit(nanoseconds=2.0 * counts[0]), pytest.raises(OutOfTime):
+        SymbolicAnalysis(A).exact()
