@@ -344,6 +344,9 @@ class Ladder:
         for job in self.early:
             if isinstance(job.method, Lemke) and job in self.jobs:
                 self.jobs.remove(job)
+                for other in self.others[0]:
+                    if isinstance(other.method, Restarts):  # which begins where that ends
+                        other.remaining = max(other.remaining, job.remaining)
                 self.others[0] = sorted([job, *self.others[0]], key=lambda job: job.remaining)
         began = [rung[0] for rung in self.others if rung]
         self.jobs += began
