@@ -102,9 +102,12 @@ def _status_and_note(run: Run, best: BestIterate, limits: Limits) -> tuple[Statu
     elif status in _STALLED and _passes_by_rounding(run, best.z):
         status = Status.PRECISION_LIMIT
         note = "the residual of this z is small enough only as rounded in float64"
-    if status not in (Status.SOLVED, Status.INTERRUPTED, Status.STOPPED) and (gap := _crossing(run.problem, best.z)):
-        status = Status.CROSSED
-        note = gap
+    if status not in (Status.SOLVED, Status.INTERRUPTED, Status.STOPPED) and (gap := _crossing(run, best.z)):
+        if status in (Status.ITERATION_LIMIT, Status.TIME_LIMIT, Status.MEMORY_LIMIT):
+            note = f"{note}; {gap}"
+        else:
+            status = Status.CROSSED
+            note = gap
     may_contradict = run.problem.f is None and status in (*_STALLED, Status.INFEASIBLE)
     try:
         conflict = contradiction(run.problem) if may_contradict else None
@@ -142,14 +145,15 @@ def _message(run: Run, best: BestIterate, status: Status, note: str) -> str:
     return f"{last.method!r} {status.value}: {note}. {residual}. Advice: {advice}"
 
 
-def _crossing(problem: ProblemData, z: Vector) -> str:
-    """In which row ψ > ψ̄ at `z`, beyond rounding; empty where there is none."""
+def _crossing(run: Run, z: Vector) -> str:
+    """In which row ψ > ψ̄ at `z`, beyond rounding and the tolerance; empty where there is none."""
+    problem = run.problem
     with contextlib.suppress(MapError):
         below = problem.r(z)
         above = problem.r_upper(z)
         if above is not None:
             gap = above - below - 2.0 * problem.rounding(z)[1]
-            if (gap > 0.0).any():
+            if (gap > run.goal.tolerance_at(z)).any():
                 i = int(np.argmax(gap))
                 return f"psi_{i} = {z[i] - below[i]:.6g} is above upper_{i} = {z[i] - above[i]:.6g} at this z"
     return ""

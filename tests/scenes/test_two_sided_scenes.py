@@ -59,6 +59,9 @@ def test_where_the_obstacles_cross_no_z_has_a_small_residual_and_the_status_name
     solution = problem.solve("psor", raise_on_failure=False)
     assert solution.status is icp.Status.CROSSED
     assert "psi_0 = " in solution.message
+    stopped = problem.solve("psor", max_iter=2, raise_on_failure=False)
+    assert stopped.status is icp.Status.ITERATION_LIMIT
+    assert "psi_0 = " in stopped.message
 
 
 # --- the game between holder and writer
