@@ -107,8 +107,8 @@ _ADVICE = {
 _IMPROVEMENT = 0.99
 #: the bound of a printed solution may cost this share of what the solve did; the products that end it make up the rest
 _PRINT_SHARE = 0.9
-#: the cost that is allowed in any case, in seconds and in counted nanoseconds
-_PRINT_SECONDS = 0.02
+#: the cost that is allowed in any case, in seconds, which a reader does not notice, and in counted nanoseconds
+_PRINT_SECONDS = 0.1
 _PRINT_COST = 2e6
 
 
