@@ -249,8 +249,7 @@ def _coarser(finest: Level) -> tuple[Any, Any, list[Level]] | NoHierarchy:
 def _coarsen(last: Level) -> Level | None:
     """The next coarser level below `last`, which gets P and `coarse_points`; None if coarsening stalls."""
     work.check_budget(hierarchy_cost(last.A.shape[0], last.A.nnz))
-    # direct interpolation costs least and is made for M-matrices
-    levels = ruge_stuben(last.A, interpolation="direct", max_coarse=MAX_DENSE_ROWS, max_levels=2, keep=True).levels
+    levels = ruge_stuben(last.A, max_coarse=MAX_DENSE_ROWS, max_levels=2, keep=True).levels
     if len(levels) == 1:
         return None
     if not np.isfinite(levels[1].A.data).all():

@@ -42,14 +42,16 @@ def cycle_cost(n: int, nnz: int) -> float:
 def ruge_stuben(A: sp.csr_array, **options: Any) -> Any:
     """PyAMG's algebraic multigrid hierarchy of `A` by Ruge and Stüben (1987), with the `options` of its solver.
 
-    A coarsest level that is still large is left to SuperLU, which raises RuntimeError in the first cycle where it is
-    singular: a dense pseudoinverse would take all memory.
+    Direct interpolation costs least, is made for M-matrices and prints nothing, unlike the classical one. A coarsest
+    level that is still large is left to SuperLU, which raises RuntimeError in the first cycle where it is singular: a
+    dense pseudoinverse would take all memory.
     """
     with _docstrings(), work.COMPILER.busy():
         import pyamg
 
     with _quiet():
-        solver = pyamg.ruge_stuben_solver(sp.csr_matrix(A), **options)  # PyAMG takes the older class only
+        A = sp.csr_matrix(A)  # PyAMG takes the older class only
+        solver = pyamg.ruge_stuben_solver(A, interpolation="direct", **options)
         if solver.levels[-1].A.shape[0] > MAX_COARSEST_IF_STALLED:
             solver.coarse_solver = pyamg.coarse_grid_solver("splu")
         return solver
