@@ -84,18 +84,15 @@ def linear_solve(A: sp.csr_array, b: Vector, tolerance: float = 1e-8) -> Vector:
     >>> linear_solve(sp.csr_array([[2.0, 0.0], [0.0, 4.0]]), np.array([2.0, 4.0])).round(6)
     array([1., 1.])
     """
-    steps: list[float] = []
-    costs = work.COSTS
-    work.charge(costs.hierarchy + costs.hierarchy_entry * A.nnz, HIERARCHY_BYTES * A.nnz)
+    work.charge(hierarchy_cost(len(b), A.nnz), HIERARCHY_BYTES * A.nnz)
     hierarchy = ruge_stuben(A)
-    options = {"maxiter": _LAST_RESORT_STEPS, "accel": "cg" if is_symmetric(A) else "bicgstab", "residuals": steps}
+    step = work.COSTS.krylov + work.COSTS.krylov_entry * A.nnz
+    options = {"maxiter": _LAST_RESORT_STEPS, "accel": "cg" if is_symmetric(A) else "bicgstab"}
     with _quiet():
         try:
-            return np.asarray(hierarchy.solve(b, tol=tolerance, **options))
+            return np.asarray(hierarchy.solve(b, tol=tolerance, callback=lambda _: work.charge(step), **options))
         except _FAILURES as error:
             raise np.linalg.LinAlgError("A is singular on the coarsest level of its hierarchy") from error
-        finally:
-            work.count(len(steps) * (costs.krylov + costs.krylov_entry * A.nnz))
 
 
 @contextmanager

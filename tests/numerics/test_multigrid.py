@@ -1,4 +1,4 @@
-"""Krylov steps with multigrid: to the tolerance, and without warnings."""
+"""Krylov steps with multigrid: to the tolerance, within the limits, and without warnings."""
 
 import warnings
 from contextlib import suppress
@@ -8,7 +8,9 @@ import pytest
 import scipy.sparse as sp
 
 import icpmodel as icp
-from icpmodel.numerics.multigrid import linear_solve
+from icpmodel.errors import OutOfTime
+from icpmodel.numerics import work
+from icpmodel.numerics.multigrid import hierarchy_cost, linear_solve
 
 
 @pytest.mark.parametrize("skew", [0.0, 0.5])
@@ -17,6 +19,13 @@ def test_it_reaches_the_tolerance(skew):
     for seed, tolerance in enumerate((1e-2, 1e-6, 1e-10)):
         f = np.random.default_rng(seed).normal(size=2500)
         assert np.linalg.norm(A @ linear_solve(A, f, tolerance) - f) <= 2 * tolerance * np.linalg.norm(f)
+
+
+def test_its_steps_end_with_the_limit():
+    A = icp.scenes.membrane(n=2500).problem.A
+    steps = 3 * (work.COSTS.krylov + work.COSTS.krylov_entry * A.nnz)
+    with work.work_limit(nanoseconds=hierarchy_cost(2500, A.nnz) + steps), pytest.raises(OutOfTime):
+        linear_solve(A, np.ones(2500), 0.0)
 
 
 def without_weight(n):
