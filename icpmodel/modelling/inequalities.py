@@ -9,13 +9,17 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import MapError
+from ..numerics.arrays import Vector
 from ..numerics.rounding import gamma
+from ..solve.goal import RTOL
 from ..solve.solution import Solution, Status
 from .affine_rows import AffineRows
 
 
 def checked(solution: Solution, rows: AffineRows, name: Callable[[int], str]) -> Solution:
     """`solution` where all `rows`, in the first entries of its z, are ≤ 0; else one that says which is not.
+
+    A row counts as ≤ 0 up to the default rtol of the sum of its terms' absolute values.
 
     Parameters
     ----------
@@ -29,23 +33,25 @@ def checked(solution: Solution, rows: AffineRows, name: Callable[[int], str]) ->
     Returns
     -------
     Solution
-        Its status is INFEASIBLE where it is proved that no solution of the conditions satisfies the inequalities,
-        STAGNATED where they are violated otherwise.
+        It is polished where the solution violates a row. Its status is INFEASIBLE where it is proved that
+        no solution of the conditions satisfies the inequalities, STAGNATED where they are violated otherwise.
     """
-    z = solution.z
-    Z = rows.wider(z.size - rows.Z.shape[1]).Z
-    constant = rows.constant
-    values, sizes = Z @ z + constant, np.asarray(abs(Z).sum(axis=1))
-    terms = abs(Z) @ np.abs(z) + np.where(np.isfinite(constant), np.abs(constant), 0.0)
-    noise = gamma(np.diff(Z.indptr) + 2) * terms
+    rows = rows.wider(solution.z.size - rows.Z.shape[1])
+    values, terms = _values(rows, solution.z)
+    if not (values > RTOL * terms).any():
+        return solution
+    solution = solution.polish()
+    values, terms = _values(rows, solution.z)
+    absolute = abs(rows.Z)
     # a residual is a step in z
-    violated = values > sizes * max(solution.tolerance, solution.residual, solution.accuracy or 0.0) + noise
+    violated = values > RTOL * terms + solution.residual * np.asarray(absolute.sum(axis=1))
     if not violated.any():
         return solution
     error = None
+    noise = gamma(np.diff(rows.Z.indptr) + 2) * terms
     with contextlib.suppress(MapError):
         error = solution.certificate.bound.componentwise
-    proved = np.zeros(violated.size, dtype=bool) if error is None else violated & (values > abs(Z) @ error + noise)
+    proved = np.zeros(violated.size, dtype=bool) if error is None else violated & (values > absolute @ error + noise)
     row = int(np.argmax(np.where(proved if proved.any() else violated, values, -np.inf)))
     if proved[row]:
         status, more = Status.INFEASIBLE, "the conditions have no other solution"
@@ -54,3 +60,10 @@ def checked(solution: Solution, rows: AffineRows, name: Callable[[int], str]) ->
         more = "the conditions may have another solution, or a more accurate one: start elsewhere, or lower rtol"
     message = f"{name(row)} is violated by {values[row]:.3g}: no condition of the model implies it; {more}"
     return replace(solution, status=status, message=message)
+
+
+def _values(rows: AffineRows, z: Vector) -> tuple[Vector, Vector]:
+    """The rows at `z`, and the sums of the absolute values of their terms."""
+    Z, _, constant = rows
+    finite = np.where(np.isfinite(constant), constant, 0.0)
+    return Z @ z + constant, abs(Z) @ np.abs(z) + np.abs(finite)

@@ -180,6 +180,17 @@ def test_a_violated_inequality_proves_nothing_where_there_may_be_other_solutions
     assert problem.status == cp.OPTIMAL
 
 
+def test_what_is_large_elsewhere_hides_no_violation():
+    """A tolerance for all of z would be larger than this one's inequality; an equality that is tight holds."""
+    x, y, low = cp.Variable(), cp.Variable(), cp.Variable(bounds=[0, 0.5])
+    large = icp.complements(x - 1e9, x)
+    for rows in ([icp.complements(y - 1, y), y <= 0.5], [low == 1]):
+        problem = icp.Problem([large, *rows])
+        attempt(problem)
+        assert problem.status == cp.INFEASIBLE
+    assert icp.Problem([large, icp.complements(y - 1, y), y <= 1, y >= 1]).solve().solved
+
+
 # ---------------------------------------------------------------------------------------------- copies and printing
 
 
