@@ -67,8 +67,8 @@ class AffineRows(NamedTuple):
 
 
 class SumOfTerms:
-    """ψ(z) = Gz + c + Vw(z), w being functions that are not affine: `w` has a `value` and a `jacobian` at z. `name` is
-    what messages call it."""
+    """ψ(z) = Gz + c + Vw(z), w being functions that are not affine: `w` has a `value` and a `jacobian` at z, and a
+    `magnitude`, the sums of the absolute values of their terms. `name` is what messages call it."""
 
     def __init__(self, G: sp.csr_array, c: Vector, V: sp.csr_array, w: Any, name: str) -> None:
         self.__name__ = name

@@ -98,22 +98,23 @@ def _shares(reading: Reading, z: Vector) -> Vector:
     size = np.maximum(np.abs(z), max(UNIT_ROUNDOFF * np.abs(z).max(initial=0.0), np.finfo(float).tiny))
     terms_of_p = problem.matrix.magnitude(size) + np.abs(problem.q)
     if problem.f is not None:
-        terms_of_p = terms_of_p + np.abs(problem.f.value(z))
+        terms_of_p = terms_of_p + _terms(problem.f.map, z, size)
     sides = [(problem.p(z), terms_of_p)]
-    sides += [(z - psi.value(z), _terms(psi, z, size)) for psi in sides_of(problem.psi)]
+    sides += [(z - psi.value(z), _terms(psi, z, size, sp.eye_array(z.size))) for psi in sides_of(problem.psi)]
     shares = (np.where(np.isfinite(side / terms), side / terms, side) for side, terms in sides)
     return np.asarray(np.abs(mid(*shares)))
 
 
-def _terms(psi: Map, z: Vector, size: Vector) -> Vector:
-    """The sums of the absolute values of the terms of z − ψ(z), shape (n,), where |z| counts as `size`."""
+def _terms(psi: Map, z: Vector, size: Vector, D: Any = 0.0) -> Vector:
+    """The sums of the absolute values of the terms of Dz − ψ(z), shape (n,), where |z| counts as `size`."""
     nonlinear = 0.0
     if psi.linear is not None:
         G, c = psi.linear
     elif isinstance(psi, Function) and isinstance(psi.fun, SumOfTerms):
         G = psi.fun.G
         c = psi.fun.c
-        nonlinear = abs(psi.fun.V) @ np.abs(psi.fun.w.value(z))
+        nonlinear = abs(psi.fun.V) @ psi.fun.w.magnitude(z)
     else:
-        return size + np.abs(psi.value(z))
-    return np.asarray(abs(sp.eye_array(z.size) - G) @ size + np.abs(c) + nonlinear)
+        G = sp.csr_array((z.size, z.size))
+        c = psi.value(z)
+    return np.asarray(abs(D - G) @ size + np.abs(c) + nonlinear)

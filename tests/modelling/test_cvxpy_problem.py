@@ -191,6 +191,12 @@ def test_what_is_large_elsewhere_hides_no_violation():
     assert icp.Problem([large, icp.complements(y - 1, y), y <= 1, y >= 1]).solve().solved
 
 
+def test_terms_that_cancel_at_the_answer_are_small_beside_their_own_sizes():
+    x = cp.Variable(value=1.0)
+    for rtol in (1e-8, 1e-14):
+        assert icp.Problem([cp.exp(x) == 3 * cp.square(x)]).solve(rtol=rtol).z == pytest.approx([0.91000757248871])
+
+
 # ---------------------------------------------------------------------------------------------- copies and printing
 
 

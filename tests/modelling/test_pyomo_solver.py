@@ -189,6 +189,16 @@ def test_an_inequality_is_checked_at_the_answer(inequality, holds):
         assert "extra is violated by" in results.solver_log
 
 
+@pytest.mark.parametrize("row", [lambda f, x: f, lambda f, x: -2 * f, lambda f, x: f / (1 + x**2)])
+@pytest.mark.parametrize("rtol", [1e-8, 1e-14])
+def test_terms_that_cancel_at_the_answer_are_small_beside_their_own_sizes(row, rtol):
+    model = pyo.ConcreteModel()
+    model.x = pyo.Var(initialize=1.0)
+    model.balance = pyo.Constraint(expr=row(pyo.exp(model.x) - 3 * model.x**2, model.x) == 0)
+    pyo.assert_optimal_termination(old(model, options={"rtol": rtol}))
+    assert model.x.value == pytest.approx(0.91000757248871)
+
+
 def test_the_values_are_the_start():
     """From the answer itself nothing is left to do; variables without value start at 0."""
     model = icp.scenes.membrane(n=100).problem.to_pyomo()

@@ -50,6 +50,10 @@ class Copies:
             values.append(value)
         return np.concatenate([np.zeros(0), *values])
 
+    def magnitude(self, z: Vector) -> Vector:
+        """Their absolute values: an atom is one term."""
+        return np.abs(self.value(z))
+
     def jacobian(self, z: Vector) -> sp.csr_array:
         """In all of z, whose last entries may belong to none of the variables. Raises ArithmeticError where one has no
         gradient at `z`."""

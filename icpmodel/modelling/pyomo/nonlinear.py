@@ -21,6 +21,7 @@ from pyomo.core.expr.calculus.derivatives import Modes, differentiate
 
 from ...errors import InputError
 from ...numerics.arrays import Vector
+from .sums import size_of_terms
 
 #: the functions of one argument that Pyomo can differentiate; NumPy calls them the same
 _FUNCTIONS = ("exp", "log", "log10", "sqrt", "sin", "cos", "tan", "asin", "acos", "atan")
@@ -40,7 +41,7 @@ Flat = tuple[tuple[Any, ...], list[Any], list[float]]
 
 
 class NonlinearRows:
-    """N(z), nonlinear Pyomo expressions `flat`: value, Jacobian, and the expressions for other variables.
+    """N(z), nonlinear Pyomo expressions `flat`: value, terms, Jacobian, and the expressions for other variables.
 
     `columns` says the entry of z of each variable by its id.
     Reference: Griewank and Walther, Evaluating Derivatives (2008), chapter 3; pyomo.core.expr.calculus.
@@ -57,9 +58,16 @@ class NonlinearRows:
 
     def value(self, z: Vector) -> Vector:
         """N(z)."""
+        return self._gathered(_CompiledExpression.value, z)
+
+    def magnitude(self, z: Vector) -> Vector:
+        """The sums of the absolute values of the terms of each."""
+        return self._gathered(_CompiledExpression.magnitude, z)
+
+    def _gathered(self, evaluated: Callable[[_CompiledExpression, Vector], Any], z: Vector) -> Vector:
         result = np.zeros(self.size)
         for one in self.compiled:
-            result[one.rows] = one.value(z)
+            result[one.rows] = evaluated(one, z)
         return result
 
     def jacobian(self, z: Vector) -> sp.csr_array:
@@ -161,13 +169,13 @@ class _CompiledExpression:
         stand_in.x, stand_in.c = pyo.Var(range(len(self.variables))), pyo.Var(range(len(self.constants)))
         x = list(stand_in.x.values())
         c = list(stand_in.c.values())
-        template = _rebuilt(tokens, x, c, pyo)
+        self._template = _rebuilt(tokens, x, c, pyo)
         #: position of every known quantity in the list that a run fills: first x and c, then one per step
         self._place = {id(leaf): k for k, leaf in enumerate([*x, *c])}
         self._steps: list[tuple[Callable[..., Any], tuple[Any, ...]]] = []
-        gradient = differentiate(template, wrt_list=x, mode=Modes.reverse_symbolic)
+        gradient = differentiate(self._template, wrt_list=x, mode=Modes.reverse_symbolic)
         self._gradient = [self._compile(derivative) for derivative in gradient]
-        self._references = (stand_in, template, gradient)  # ids are those of living objects
+        self._references = (stand_in, gradient)  # ids are those of living objects
 
     def _where(self, node: Any) -> Any:
         """A number, or where the value of `node` stands; None if that is not known yet."""
@@ -192,6 +200,16 @@ class _CompiledExpression:
     @np.errstate(all="ignore")  # the judge sees what is not finite
     def value(self, x: Vector) -> Any:
         return _rebuilt(self.tokens, x[self.variables], self.constants, np)
+
+    @np.errstate(all="ignore")
+    def magnitude(self, x: Vector) -> Any:
+        known = [*x[self.variables], *self.constants]
+
+        def value(node: Any) -> Any:
+            tokens, leaves, constants = flattened(node, "a term")
+            return _rebuilt(tokens, [known[self._place[id(leaf)]] for leaf in leaves], constants, np)
+
+        return size_of_terms(self._template, value)
 
     @np.errstate(all="ignore")
     def derivatives(self, x: Vector) -> list[Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import pyomo.environ as pyo
@@ -10,11 +11,15 @@ from pyomo.core.expr.numeric_expr import DivisionExpression, NegationExpression,
 from pyomo.core.expr.visitor import StreamBasedExpressionVisitor
 
 
-def size_of_terms(expression: Any) -> float:
-    """The sum of the absolute values of the terms of `expression`.
+def _number(node: Any) -> float:
+    """0 for a variable without a value: its coefficients are 0."""
+    return float(pyo.value(node, exception=False) or 0.0)
 
-    A variable without a value counts as 0: its coefficients are 0. Sums within products and quotients are multiplied
-    out. Anything else, such as a power, is one term.
+
+def size_of_terms(expression: Any, value: Callable[[Any], Any] = _number) -> Any:
+    """The sum of the absolute values of the terms of `expression`, where `value` says what a part of it is.
+
+    Sums within products and quotients are multiplied out. Anything else, such as a power, is one term.
 
     Examples
     --------
@@ -24,15 +29,14 @@ def size_of_terms(expression: Any) -> float:
     >>> size_of_terms((model.x - 3.0) / 2)
     3.0
     """
-    size: float = StreamBasedExpressionVisitor(exitNode=_of_node).walk_expression(expression)
-    return size
 
+    def of_node(node: Any, parts: list[Any]) -> Any:
+        if isinstance(node, SumExpression | NegationExpression) or (parts and node.is_named_expression_type()):
+            return sum(parts)
+        if isinstance(node, ProductExpression):
+            return math.prod(parts)
+        if isinstance(node, DivisionExpression):
+            return parts[0] / abs(value(node.args[1]))
+        return abs(value(node))
 
-def _of_node(node: Any, parts: list[float]) -> float:
-    if isinstance(node, SumExpression | NegationExpression) or (parts and node.is_named_expression_type()):
-        return sum(parts)
-    if isinstance(node, ProductExpression):
-        return math.prod(parts)
-    if isinstance(node, DivisionExpression):
-        return parts[0] / abs(pyo.value(node.args[1]))
-    return abs(float(pyo.value(node, exception=False) or 0.0))
+    return StreamBasedExpressionVisitor(exitNode=of_node).walk_expression(expression)
