@@ -1,6 +1,7 @@
 """`SolverFactory("icpmodel")` as Pyomo knows solvers: both interfaces, statuses, suffixes, starts, entry points."""
 
 import json
+import threading
 import tomllib
 
 import numpy as np
@@ -247,6 +248,30 @@ def test_what_has_no_use_here_is_refused_with_a_sentence(tmp_path):
     pyo.assert_optimal_termination(
         solver.solve(model, warmstart=True, keepfiles=False, suffixes=None, symbolic_solver_labels=True)
     )
+
+
+def test_the_options_of_a_call_end_with_it_where_another_call_outlasts_it():
+    solver = icp.pyomo_solver()
+    has_begun, may_end = threading.Event(), threading.Event()
+
+    def longer(progress):
+        has_begun.set()
+        may_end.wait(60)
+
+    options = {"method": "mnmgs", "callback": longer}
+    thread = threading.Thread(target=solver.solve, args=(pair(),), kwargs={"options": options})
+
+    def begin_another(progress):
+        if not has_begun.is_set():
+            thread.start()
+            has_begun.wait(60)
+
+    options = {"method": "mnmgs", "max_iter": 1, "callback": begin_another}
+    solver.solve(pair(), options=options, timelimit=77, load_solutions=False)
+    may_end.set()
+    thread.join()
+    assert not dict(solver.options)
+    assert (solver.config.time_limit, solver.config.load_solutions) == (None, True)
 
 
 def test_a_block_is_solved_alone():

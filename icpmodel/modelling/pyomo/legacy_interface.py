@@ -8,6 +8,7 @@ best iterate of a failed run. Here options end with the call, and the results ha
 from __future__ import annotations
 
 import contextlib
+import copy
 from typing import Any
 
 from pyomo.contrib.solver.common.base import LegacySolverWrapper
@@ -53,7 +54,11 @@ class LegacyPyomoSolver(LegacySolverWrapper, PyomoSolver):
             raise InputError("warmstart=False: every solve starts from the values of the variables; change these")
         if isinstance(kwds.get("options"), str):
             kwds["options"] = OptSolver._options_string_to_dict(kwds["options"])
-        saved = self.config
+        # each call has options of its own, and several may run at once
+        once = copy.copy(self)
+        once.__dict__["config"] = self.config(
+            preserve_implicit=True
+        )  # an assignment to it would write into that of all
         with contextlib.ExitStack() as stack:
             if logfile is not None:
                 streams = tee if isinstance(tee, (list, tuple)) else [tee]
@@ -61,9 +66,7 @@ class LegacyPyomoSolver(LegacySolverWrapper, PyomoSolver):
                     tee = [*streams, stack.enter_context(open(logfile, "w", encoding="utf-8"))]
                 except OSError as error:
                     raise FileError(f"logfile {logfile} cannot be written: {error.strerror}") from error
-            stack.callback(self.__dict__.update, config=saved)
-            self.__dict__["config"] = saved(preserve_implicit=True)  # by the attribute Pyomo would write into `saved`
-            return super().solve(model, tee=tee, **kwds)
+            return super(LegacyPyomoSolver, once).solve(model, tee=tee, **kwds)
 
     def set_options(self, options: Any) -> None:
         """For all solves to come: a mapping, or a text, "method=newton rtol=1e-9", as Pyomo's command line has it."""
