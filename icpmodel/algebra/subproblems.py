@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..numerics.arrays import Mask, Vector, read_only, row_of
 from ..problem.affine import Constant
 from ..problem.data import ProblemData
-from ..problem.two_sided import TwoSidedObstacle
+from ..problem.two_sided import TwoSidedObstacle, sides_of
 from .affine_lcp import PIVOT_UP_TO, PIVOTS
 
 #: the largest number of independent parts that get a method each
@@ -165,19 +165,18 @@ def _unsuitable(problem: ProblemData, part: Any, sizes: Any) -> Mask:
     psi = problem.psi
     alone = sizes[part] == 1
     unsuitable: Mask = alone & ~(problem.A.diagonal() > 0)
-    if psi.upper is not None:
-        if psi.upper.linear is None or psi.linear is None:
-            return np.ones(problem.n, dtype=bool)
-        unsuitable |= ~alone | ~(psi.upper.linear[0].diagonal() < 1)
-    if psi.linear is not None:
-        G = psi.linear[0]
-        i = row_of(G)
-        j = G.indices
-        unsuitable |= alone & ~(G.diagonal() < 1)
-        unsuitable[i[~alone[i] & (part[i] == part[j])]] = True
-    elif psi.links is not None:
-        unsuitable |= np.diff(psi.links.indptr) > 0
-        unsuitable[psi.links.indices] = True
+    if psi.upper is not None and (psi.linear is None or psi.upper.linear is None):
+        return np.ones(problem.n, dtype=bool)
+    for one in sides_of(psi):
+        if one.linear is not None:
+            G = one.linear[0]
+            i = row_of(G)
+            j = G.indices
+            unsuitable |= alone & ~(G.diagonal() < 1)
+            unsuitable[i[~alone[i] & (part[i] == part[j])]] = True
+        elif one.links is not None:
+            unsuitable |= np.diff(one.links.indptr) > 0
+            unsuitable[one.links.indices] = True
     return unsuitable
 
 

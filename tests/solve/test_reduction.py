@@ -53,14 +53,15 @@ def solve_in_parts(problem, rtol=1e-11, **shown):
 class TestBlocks:
     @pytest.mark.parametrize("seed", range(12))
     def test_every_row_of_the_answer_is_that_of_the_whole_problem(self, seed):
-        """LCP with blocks of 1 to 9 rows, any couplings below them, rows without obstacle, in any order of the rows;
-        and with large blocks that follow one another."""
+        """LCP with blocks of 1 to 9 rows, any couplings below them, rows without obstacle or with two, in any order of
+        the rows; and with large blocks that follow one another."""
         rng, large = np.random.default_rng(seed), seed % 2
         sizes, coupling = ((90, 1, 80, 3, 100, 2), 0.05) if large else (rng.integers(1, 10, 20), 0.3)
         A, _ = block_triangular(rng, sizes, coupling)
         n = len(A)
         psi = np.where(rng.random(n) < 0.1, -np.inf, rng.standard_normal(n))
-        problem = icp.ICP(A, 3.0 * rng.standard_normal(n), psi)
+        upper = np.where(rng.random(n) < 0.5, np.maximum(psi, -1.0) + rng.random(n), np.inf) if seed % 3 else None
+        problem = icp.ICP(A, 3.0 * rng.standard_normal(n), psi, upper)
         assert 270 <= blocks(problem).core <= n if large else blocks(problem).core == 0
         solution = solve_in_parts(problem)
         assert solution.residual == problem.residual(solution.z) <= solution.tolerance
@@ -95,7 +96,7 @@ class TestBlocks:
         assert "500 follow one by one" in solution.why
         assert np.array_equal(solution.z, np.ones(500))
 
-    @pytest.mark.parametrize("kind", ["affine", "elementwise", "jumps"])
+    @pytest.mark.parametrize("kind", ["affine", "two affine", "elementwise", "jumps"])
     def test_obstacles_that_move(self, kind):
         """ψ couples blocks as A does: the graph is that of both, and what is left out is the same for all maps."""
         rng = np.random.default_rng(5)
@@ -106,14 +107,17 @@ class TestBlocks:
         G = np.zeros((n, n))
         G[place[80], place[3]], G[place[83], place[80]], G[place[90], place[90]] = 0.5, -0.7, 0.4
         G[place[3], place[4]] = 0.1
-        if kind == "affine":
-            psi = icp.Affine(G, rng.standard_normal(n))
+        upper = None
+        if "affine" in kind:
+            c = rng.standard_normal(n)
+            psi = icp.Affine(G, c)
+            upper = icp.Affine(G, c + 0.1) if "two" in kind else None
         elif kind == "elementwise":
             psi = sine(0.5, rng.standard_normal(n))
         else:
             rows, columns = place[[80, 81, 2]], place[[3, 80, 90]]
             psi = icp.Intervention(sp.csr_array(([-0.1, -0.1, 5.0], (rows, columns)), shape=(n, n)))
-        problem = icp.ICP(A, rng.standard_normal(n), psi)
+        problem = icp.ICP(A, rng.standard_normal(n), psi, upper)
         found = blocks(problem)
         assert 80 <= found.core < n
         solution = solve_in_parts(problem)

@@ -6,18 +6,8 @@ import numpy as np
 
 from ...numerics.kernels import compiled
 from .balancing import scale
+from .dictionary import bounds
 from .pivoting import START, continue_pivots, right, work_arrays
-
-
-@compiled
-def _bounds(c, d, base, upper):
-    # of y = z - base, where c <= z <= d, as a dictionary takes them
-    for i in range(c.size):
-        base[i] = c[i]
-        upper[i] = max(d[i] - c[i], 0.0)
-        if c[i] == -np.inf:
-            base[i] = d[i] if d[i] < np.inf else 0.0
-            upper[i] = -np.inf if d[i] < np.inf else np.nan
 
 
 @compiled
@@ -28,17 +18,18 @@ def many(S, r, c, M, covering, Q, C, D, limit, Z):
     units = np.empty(n, np.int64)
     arrays = work_arrays(n)
     upper = np.empty(n)
-    bounds = np.empty(n)
+    scaled = np.empty(n)
     q = np.empty(n)
     for k in range(Q.shape[0]):
-        _bounds(C[k], D[k], Z[k], upper)
+        for i in range(n):
+            Z[k, i], upper[i] = bounds(C[k, i], D[k, i])
         # (loops, as the array expressions of NumPy take three seconds to compile)
         for i in range(n):
             q[i] = Q[k, i]
             for j in range(n):
                 q[i] += M[i, j] * Z[k, j]
-        right(q, r, c, upper, f, units, bounds)
-        y = continue_pivots(S, f, bounds, covering, units, *arrays, np.int64(START), limit)[2]
+        right(q, r, c, upper, f, units, scaled)
+        y = continue_pivots(S, f, scaled, covering, units, *arrays, np.int64(START), limit)[2]
         for i in range(n):
             Z[k, i] = D[k, i] if y[i] == upper[i] else Z[k, i] + y[i]
 

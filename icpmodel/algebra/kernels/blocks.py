@@ -8,6 +8,7 @@ import numpy as np
 
 from ...numerics.kernels import compiled
 from .balancing import scale
+from .dictionary import bounds
 from .pivoting import SOLVED, START, continue_pivots, first_tableau
 
 
@@ -25,18 +26,20 @@ def row(indptr, indices, data, i, z):
 
 
 @compiled
-def _block(indptr, indices, data, q, c, slopes, block, place, z):
-    # the LCP of the rows in `block` over their obstacles, z being what it is in the others: (matrix, f, upper) as a
-    # dictionary takes them. To z goes the obstacle, or 0 where there is none
+def _block(indptr, indices, data, q, c, slopes, above, block, place, z):
+    # the LCP of the rows in `block` between their obstacles, z being what it is in the others: (matrix, f, upper) as a
+    # dictionary takes them, and the upper obstacle. To z goes what y is counted from
     b = block.size
     M = np.zeros((b, b))
     f = np.empty(b)
     upper = np.empty(b)
+    high = np.full(b, np.inf)
     for at in range(b):
         i = block[at]
         place[i] = at
-        upper[at] = np.nan if c[i] == -np.inf else np.inf
-        z[i] = 0.0 if c[i] == -np.inf else c[i] + row(*slopes, i, z)[1]
+        if above is not None:
+            high[at] = above[1][i] + row(*above[0], i, z)[1]
+        z[i], upper[at] = bounds(c[i] + row(*slopes, i, z)[1], high[at])
     for at in range(b):
         i = block[at]
         f[at] = q[i]
@@ -46,15 +49,14 @@ def _block(indptr, indices, data, q, c, slopes, block, place, z):
                 M[at, place[indices[e]]] += data[e]
     for at in range(b):
         place[block[at]] = -1
-    return M, f, upper
+    return M, f, upper, high
 
 
 @compiled
 def solve_blocks(indptr, indices, data, q, c, slopes, above, rows, starts, selected, pivots, z):
     # selected blocks k, rows[starts[k] : starts[k + 1]], in turn: a row is a maximum, more are pivoted, G = `slopes`
     # having no entry there. Returns which are solved: none that is not finite, or need not have one answer. `above` is
-    # None, or (slopes, d) of the upper obstacle; then there are only rows. A block of b rows has up to (b + 1) times
-    # `pivots`
+    # None, or (slopes, d) of the upper obstacle. A block of b rows has up to (b + 1) times `pivots`
     solved = np.zeros(selected.size, np.bool_)
     place = np.empty(z.size, np.int32)
     for i in range(z.size):
@@ -74,7 +76,7 @@ def solve_blocks(indptr, indices, data, q, c, slopes, above, rows, starts, selec
                 z[i] = min((r + above[1][i]) / (1.0 - slope), z[i])
             solved[k] = diagonal_entry > 0.0 and slope < 1.0 and math.isfinite(z[i])
             continue
-        M, f, upper = _block(indptr, indices, data, q, c, slopes, block, place, z)
+        M, f, upper, high = _block(indptr, indices, data, q, c, slopes, above, block, place, z)
         finite = True
         for at in range(b):
             finite = finite and math.isfinite(f[at])
@@ -83,5 +85,6 @@ def solve_blocks(indptr, indices, data, q, c, slopes, above, rows, starts, selec
             code, _, y, _ = continue_pivots(*tableau, np.int64(START), pivots * (b + 1))
             solved[k] = code == SOLVED
             for at in range(b):
-                z[block[at]] += y[at]
+                i = block[at]
+                z[i] = high[at] if y[at] == upper[at] else z[i] + y[at]
     return solved

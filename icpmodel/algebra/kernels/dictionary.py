@@ -38,6 +38,16 @@ class Dictionary(NamedTuple):
 
 
 @compiled
+def bounds(low, high):
+    # (base, upper): low <= z <= high is z = base + y with the bound `upper` of y
+    if low > -np.inf:
+        return low, max(high - low, 0.0)
+    if high < np.inf:
+        return high, -np.inf
+    return 0.0, np.nan
+
+
+@compiled
 def exchange(T, r, e):
     # the variable of column e becomes basic in row r, and that of the row nonbasic
     D = T.D
