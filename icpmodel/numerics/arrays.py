@@ -282,12 +282,18 @@ def row_of(matrix: sp.csr_array) -> NDArray[np.int64]:
 
 
 def _with_stored_diagonal(matrix: sp.csr_array) -> sp.csr_array:
-    n = matrix.shape[0]
-    if np.count_nonzero(matrix.diagonal()) == n:  # the rule, and several times cheaper than to look for zeros
+    """`matrix`, sorted and without stored zeros, with zeros where its diagonal has none."""
+    missing = np.flatnonzero(matrix.diagonal() == 0.0)
+    if not missing.size:
         return matrix
-    diagonal = np.arange(n)
-    places = np.append(row_of(matrix), diagonal), np.append(matrix.indices, diagonal)
-    return sp.csr_array(sp.coo_array((np.append(matrix.data, np.zeros(n)), places), shape=matrix.shape))
+    n = matrix.shape[0]
+    row = row_of(matrix)
+    left_of_diagonal = np.bincount(row[matrix.indices < row], minlength=n)
+    places = matrix.indptr[missing] + left_of_diagonal[missing]
+    data = np.insert(matrix.data, places, 0.0)
+    indices = np.insert(matrix.indices, places, missing)
+    indptr = matrix.indptr + np.searchsorted(missing, np.arange(n + 1))
+    return sp.csr_array((data, indices, indptr), shape=matrix.shape)
 
 
 def as_float64(value: Any, name: str) -> NDArray[np.float64]:
