@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from known_answers import SEEDS
 
 import icpmodel as icp
+from icpmodel.numerics import work
 
 
 def a_program(seed, n=6):
@@ -68,9 +69,17 @@ def test_what_has_no_solution_is_proved_or_raises():
     fails = icp.solve_qp(np.zeros((2, 2)), [-1, 0], lb=0, A=[[1, -1]], b=[0], raise_on_failure=False)
     assert fails.status == "unbounded"
     assert "falls for ever" in repr(fails)
-    late = icp.solve_qp(*a_program(1), time_limit=1e-9, raise_on_failure=False)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("nanoseconds", [1.0, 1e5, 3e5])
+def test_nothing_is_said_of_a_program_but_that_the_limit_has_ended_it(sign, nanoseconds):
+    """Also not that it is convex, or that it is not, which takes time as well."""
+    P, *others, low, high = a_program(1, 30)
+    with work.work_limit(nanoseconds=nanoseconds):
+        late = icp.solve_qp(sign * P, *others, low, high, raise_on_failure=False)
     assert late.status == "user_limit"
-    assert np.isfinite(late.x).all()
+    assert ((low <= late.x) & (late.x <= high)).all()
     assert late.violation > 1e-7
 
 

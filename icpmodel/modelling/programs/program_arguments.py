@@ -74,7 +74,7 @@ def _rows(M: Any, right: Any, n: int, names: str) -> Rows:
 
 @np.errstate(all="ignore")  # sums and differences may overflow
 def check_convex(program: Program) -> None:
-    """Raises InputError where P is not symmetric, or is proved not to be semidefinite."""
+    """Raises InputError where P is not symmetric, or is proved not to be semidefinite, and OutOfTime."""
     P = program.H
     if not program.is_symmetric:
         i, j = divmod(int(abs(P - P.T).argmax()), P.shape[0])
@@ -82,6 +82,7 @@ def check_convex(program: Program) -> None:
             f"P[{i}, {j}] = {P[i, j]:.6g}, but P[{j}, {i}] differs by {P[j, i] - P[i, j]:.3g}; a symmetric matrix "
             "was expected: (P + P.T)/2 has the same objective, and solve_avi takes matrices that are not symmetric"
         )
+    work.charge_matrices(P.nnz, 4)
     if (P.diagonal() >= abs(P).sum(axis=1) - P.diagonal()).all() or semidefinite_up_to_rounding(P).holds:
         return
     answer = definiteness(P)[1]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
+from ...numerics import work
 from ...numerics.arrays import Mask, Vector
 from ...numerics.rounding import gamma
 from ...problem.data import ProblemData
@@ -29,6 +30,7 @@ class Judge:
     """
 
     def __init__(self, problem: ProblemData, is_x: Mask) -> None:
+        work.charge_matrices(problem.A.nnz, 6)
         self.A = problem.A
         self.size = problem.matrix.absolute
         self.diagonal = self.A.diagonal()

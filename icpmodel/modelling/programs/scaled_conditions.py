@@ -11,6 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ...icp import ICP
+from ...numerics import work
 from ...numerics.arrays import Vector, norm
 from ...numerics.equilibration import Exponents, balancing_exponents, in_units, in_units_exactly
 from ...numerics.sparse_structure import absolute
@@ -29,6 +30,11 @@ class ScaledConditions:
         The program.
     last : ScaledConditions, optional
         Those of another program. Where the matrices are equal, what was made of them is used again.
+
+    Raises
+    ------
+    OutOfTime
+        Where the time limit does not leave what it takes.
     """
 
     A: sp.csr_array
@@ -41,10 +47,13 @@ class ScaledConditions:
 
     @np.errstate(all="ignore")
     def __init__(self, program: Program, last: ScaledConditions | None = None) -> None:
+        work.charge_matrices(program.H.nnz + 2 * program.C.nnz, 4)
         A = saddle_matrix(program.H, program.C)
         if last is None or not last.is_scaled or last.A.shape != A.shape or (last.A != A).nnz:
             last = None
         self.A = A if last is None else last.A
+        if last is None:
+            work.charge_matrices(A.nnz, 12)  # scaled, and made a problem of
         self.is_x = np.arange(A.shape[0]) < program.g.size
         self.balanced = self._balanced(program) if last is None else last.balanced
         vectors = np.array(program.vectors)

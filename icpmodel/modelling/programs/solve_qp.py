@@ -10,7 +10,7 @@ import numpy as np
 
 from ...crosscheck import crosscheck
 from ...crosscheck.report import Report
-from ...errors import NotSolved
+from ...errors import NotSolved, OutOfTime
 from ...icp import ICP
 from ...numerics import work
 from ...numerics.arrays import Vector, as_truth, as_vector
@@ -286,7 +286,8 @@ def solve_program(
     before: ProgramRun | None = None,
     start: Vector | None = None,
     begin: float | None = None,
-) -> tuple[ProgramSolution, ProgramRun]:
+    convex: bool = True,
+) -> tuple[ProgramSolution, ProgramRun | None]:
     """Solve a monotone variational inequality.
 
     Parameters
@@ -303,6 +304,8 @@ def solve_program(
         An x near the solution.
     begin
         What the clock of `work` said when it began, by default now.
+    convex
+        Whether H is known to be semidefinite; else InputError is raised where it is proved not to be.
 
     Returns
     -------
@@ -310,13 +313,18 @@ def solve_program(
         Its status is "optimal" if the answer has the tolerance, and "optimal_inaccurate" if it has 1e-4. "infeasible"
         and "unbounded" are proved; for the latter a feasible x was computed. With "_inaccurate" they are proved up to
         rounding. The others are "infeasible_or_unbounded", "user_limit" and "solver_error".
-    run : ProgramRun
+    run : ProgramRun or None
         The start for a program with the same matrices.
     """
     begin = work.clock() if begin is None else begin
     with limited(tolerance, time_limit, begin):
-        presolve = Presolve(program)
-        run = ProgramRun(presolve.program, tolerance, before)
+        try:
+            if not convex:
+                check_convex(program)
+            presolve = Presolve(program)
+            run = ProgramRun(presolve.program, tolerance, before)
+        except OutOfTime as error:
+            return _not_begun(program, f"before the first iterate: {error}", begin), before
         if presolve.contradiction:
             status, message = "infeasible", presolve.contradiction
         else:
@@ -343,16 +351,33 @@ def solve_program(
     return solution, run
 
 
+def _not_begun(program: Program, message: str, begin: float) -> ProgramSolution:
+    """The solution where no iterate is known: the x within the bounds that is next to 0."""
+    x = np.clip(0.0, program.low, program.high)
+    y, z = np.split(np.zeros(program.d.size), [program.equations])
+    values = {"x": x, "y": y, "z": z, "z_box": np.zeros(x.size), "objective": program.objective(x)}
+    seconds = work.clock() - begin
+    return ProgramSolution(
+        **values,
+        status="user_limit",
+        message=message,
+        violation=np.inf,
+        iterations=0,
+        seconds=seconds,
+        _program=program,
+    )
+
+
 def _solve(
     data: tuple[Any, ...], names: str, initvals: Any, tolerance: Any, time_limit: Any, raise_on_failure: Any
 ) -> ProgramSolution:
     begin = work.clock()
     as_truth(raise_on_failure, "raise_on_failure")
     program = read(data, names, initvals)
-    if names == "Pq":
-        check_convex(program)
     start = None if initvals is None else as_vector(initvals, program.g.size, "initvals")
-    solution, _ = solve_program(program, tolerance=tolerance, time_limit=time_limit, start=start, begin=begin)
+    solution, _ = solve_program(
+        program, tolerance=tolerance, time_limit=time_limit, start=start, begin=begin, convex=names != "Pq"
+    )
     if raise_on_failure and not solution.solved:
         raise NotSolved(solution)
     return solution
