@@ -88,6 +88,19 @@ def test_a_short_step_of_the_multipliers_does_not_shorten_that_of_the_unknowns()
     assert solution.iterations < 40
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_one_multiplier_for_many_bounded_unknowns_takes_few_steps(seed):
+    """min qᵀx with 0 ≤ x ≤ 1 and a weighted sum of 30: few of 4000 are not 0, which a predictor far off makes grow."""
+    rng = np.random.default_rng(seed)
+    n = 4000
+    weights = sp.csr_array(rng.uniform(0.5, 2.0, (1, n)))
+    A = sp.block_array([[sp.csr_array((n, n)), weights.T], [-weights, None]])
+    low = np.append(np.zeros(n), -np.inf)
+    solution = run(icp.ICP(A, np.append(rng.normal(size=n), 30.0), low, upper=np.append(np.ones(n), np.inf)))
+    assert solution.solved
+    assert solution.iterations < 45
+
+
 @pytest.mark.parametrize("seed", range(20))
 def test_linear_programs_with_fixed_unknowns_are_solved_up_to_rounding(seed):
     """min cᵀx with Bx = b, rows in units from 1e-3 to 1e3, and x ≥ 0, a third of them fixed: these have no interior."""
