@@ -192,11 +192,11 @@ class NotSolved(IcpError):
 
 
 class Interrupted(KeyboardInterrupt):
-    """Ctrl-C during a cross-check or a measurement; it ends a script as Ctrl-C should.
+    """Ctrl-C during a cross-check, a measurement or a program of CVXPY; it ends a script as Ctrl-C should.
 
     Attributes
     ----------
-    report : Report, Race or StabilityMap
+    report : Report, Race, StabilityMap or ProgramSolution
         The results so far; the rest is marked as not done.
 
     Examples

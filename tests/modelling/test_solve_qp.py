@@ -52,7 +52,8 @@ def test_dense_and_sparse_arguments_a_start_and_single_rows_give_the_same():
     again = icp.solve_qp(P, q, G, h, A, b, low, high, initvals=x)
     assert again.x == pytest.approx(x, abs=1e-8)
     assert again.iterations <= 1
-    assert icp.solve_qp(np.eye(2), [0, 0], A=[1, 1], b=2).x == pytest.approx([1, 1])
+    for row in ([1, 1], sp.coo_array([1, 1])):
+        assert icp.solve_qp(np.eye(2), [0, 0], A=row, b=2).x == pytest.approx([1, 1])
     without = icp.solve_qp(
         np.eye(2), [-3.0, 1.0], G=[[1.0, 0.0], [1.0, 1.0], [2.0, 1.0]], h=[np.inf, np.inf, 2.0], ub=1
     )
@@ -116,6 +117,8 @@ def test_qpsolvers_finds_us_by_name():
     assert qpsolvers.solve_qp(np.eye(1), np.zeros(1), lb=np.ones(1), ub=np.zeros(1), solver=name) is None
     with pytest.raises(qpsolvers.exceptions.ProblemError, match="not positive semidefinite"):
         qpsolvers.solve_qp(-np.eye(1), np.zeros(1), solver=name)
+    with pytest.raises(qpsolvers.exceptions.ProblemError, match="raise_on_failure"):
+        qpsolvers.solve_qp(np.eye(1), np.zeros(1), solver=name, raise_on_failure=True)
 
 
 def test_without_qpsolvers_we_say_what_to_install(monkeypatch):
@@ -135,6 +138,33 @@ def test_bounds_that_cross_by_their_rounding_touch(row):
         icp.solve_qp([[2.0]], [0.0], G=[row], h=[0.2999], lb=low, ub=high, raise_on_failure=False).status
         == "infeasible"
     )
+
+
+def test_an_answer_between_bounds_that_touch_has_a_bound_and_bounds_that_cross_are_named():
+    found = icp.solve_qp([[1.0]], [0.0], lb=0.1 + 0.2, ub=0.3)
+    assert found.error_bound.value < 1e-15
+    assert found.crosscheck(["osqp"]).agrees
+    with pytest.raises(icp.InputError, match=r"lb\[0\] = 1 is above ub\[0\] = 0"):
+        icp.solve_qp([[1.0]], [0.0], lb=1, ub=0, raise_on_failure=False).crosscheck()
+
+
+def test_ctrl_c_loses_no_iterate(monkeypatch):
+    plain = icp.ICP.p
+    calls = []
+
+    def p(self, z):
+        calls.append(z)
+        if len(calls) == 20:
+            raise KeyboardInterrupt
+        return plain(self, z)
+
+    monkeypatch.setattr(icp.ICP, "p", p)
+    program = a_program_of_rank_1(0, 1.0)[1]
+    with pytest.raises(icp.NotSolved, match="Ctrl-C") as raised:
+        icp.solve_qp(*program)
+    assert len(calls) >= 20
+    assert raised.value.solution.status == "user_limit"
+    assert np.isfinite(raised.value.solution.x).all()
 
 
 #: large entries of P in which q disappears: the objective moves along the null space of P alone

@@ -24,7 +24,7 @@ from ...numerics.labels import along_rows, along_unknowns, check_labels
 from ...numerics.rounding import gamma, public_entry
 from ...present.display import Displayable
 from .program import saddle_matrix
-from .program_arguments import bounds, limited, matrix
+from .program_arguments import bounds, check_order, limited, matrix
 from .solve_qp import solve_avi
 
 #: columns up to which x is corrected by orthogonal factorisations, of which there may be as many
@@ -151,9 +151,7 @@ def solve_lsq(
         raise InputError(f"B has shape {B.shape}; at least one column was expected")
     c = as_vector(c, B.shape[0], "c")
     low, high = bounds(lb, ub, n)
-    if (low > high).any():
-        i = np.argmax(low > high)
-        raise InputError(f"lb[{i}] = {low[i]:g} is above ub[{i}] = {high[i]:g}; lb <= ub was expected")
+    check_order(low, high)
     with limited(tolerance, time_limit, begin):
         x, violations, iterations, status, message = _solve_scaled(B, c, low, high, tolerance)
     fun = B @ x - c

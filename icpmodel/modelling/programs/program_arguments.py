@@ -48,10 +48,17 @@ def bounds(lb: Any, ub: Any, n: int) -> tuple[Vector, Vector]:
     return low, high
 
 
+def check_order(low: Vector, high: Vector) -> None:
+    """Raises InputError where bounds cross."""
+    if (low > high).any():
+        i = np.argmax(low > high)
+        raise InputError(f"lb[{i}] = {low[i]:g} is above ub[{i}] = {high[i]:g}; lb <= ub was expected")
+
+
 def matrix(M: Any, name: str, n: int | None = None) -> sp.csr_array:
     """A CSR matrix with n columns, or any number of them, of finite numbers."""
     if axes(M, name) == 1:
-        M = as_array(M, name)[None]
+        M = (M if sp.issparse(M) else as_array(M, name)).reshape(1, -1)
     if axes(M, name) != 2 or np.shape(M)[1] != (n or np.shape(M)[1]):
         raise InputError(f"{name} has shape {np.shape(M)}; shape (m, {n or 'n'}) was expected")
     M = as_rows(M, name)

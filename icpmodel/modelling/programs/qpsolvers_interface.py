@@ -59,7 +59,7 @@ def _solve_problem(problem: Any, initvals: Any = None, verbose: bool = False, **
 
     try:
         answer = solve_qp(*problem.unpack(), initvals=initvals, raise_on_failure=False, **options)
-    except InputError as error:
+    except (InputError, TypeError) as error:  # such as an argument of ours that is given twice
         raise ProblemError(str(error)) from error
     if verbose:
         print(f"icpmodel: {answer.status} after {answer.iterations} steps: {answer.message}")

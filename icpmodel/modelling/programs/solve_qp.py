@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from ...crosscheck import crosscheck
 from ...crosscheck.report import Report
-from ...errors import NotSolved, OutOfTime
+from ...errors import Interrupted, NotSolved, OutOfTime
 from ...icp import ICP
 from ...numerics import work
 from ...numerics.arrays import Vector, as_truth, as_vector
@@ -19,8 +19,10 @@ from ...present.display import Displayable
 from ...theory.certificates.bounds import ErrorBound, limited_bound
 from .distance import distance
 from .program import Presolve, Program, conditions_of
-from .program_arguments import check_convex, limited, read
+from .program_arguments import check_convex, check_order, limited, read
 from .program_run import ProgramRun
+
+_INTERRUPTED = "interrupted by Ctrl-C"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -79,13 +81,14 @@ class ProgramSolution(Displayable):
 
     @property
     def conditions(self) -> ICP:
-        """The conditions of optimality as an ICP, in the unknowns (x, y, z).
+        """The conditions of optimality as an ICP, in the unknowns (x, y, z). Raises InputError where lb > ub.
 
         Examples
         --------
         >>> icp.solve_qp([[2.0]], [-2.0], ub=[0.5]).conditions
         ICP(n=1, nnz=1, psi=Constant(-inf), upper=Constant(0.5))
         """
+        check_order(self._program.low, self._program.high)
         return conditions_of(self._program)
 
     @cached_property
@@ -328,7 +331,12 @@ def solve_program(
         if presolve.contradiction:
             status, message = "infeasible", presolve.contradiction
         else:
-            status, message = run.verdict(start)
+            # bounds that cross by rounding touch
+            program = replace(program, low=np.minimum(program.low, program.high))
+            try:
+                status, message = run.verdict(start)
+            except KeyboardInterrupt:
+                status, message = "user_limit", _INTERRUPTED
     z, box = presolve.postsolve(*run.values())
     is_proved = status.startswith(("infeasible", "unbounded"))
     if is_proved:
@@ -348,6 +356,8 @@ def solve_program(
         seconds=work.clock() - begin,
         _program=program,
     )
+    if message == _INTERRUPTED:
+        raise Interrupted(solution)
     return solution, run
 
 
@@ -375,9 +385,12 @@ def _solve(
     as_truth(raise_on_failure, "raise_on_failure")
     program = read(data, names, initvals)
     start = None if initvals is None else as_vector(initvals, program.g.size, "initvals")
-    solution, _ = solve_program(
-        program, tolerance=tolerance, time_limit=time_limit, start=start, begin=begin, convex=names != "Pq"
-    )
+    try:
+        solution, _ = solve_program(
+            program, tolerance=tolerance, time_limit=time_limit, start=start, begin=begin, convex=names != "Pq"
+        )
+    except Interrupted as error:
+        solution = error.report
     if raise_on_failure and not solution.solved:
         raise NotSolved(solution)
     return solution
