@@ -302,6 +302,18 @@ def test_a_start_takes_no_more_steps_than_none(seed):
     assert warm.iterations <= cold.iterations
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_start_next_to_the_solution_takes_no_step(seed):
+    """As the answer of another solver is, which is not on the bounds themselves."""
+    n = 40
+    random = np.random.default_rng(seed)
+    program = np.diag(1.0 + random.random(n)), random.normal(size=n), None, None, np.ones((1, n)), [1.0], 0.0
+    x = icp.solve_qp(*program).x
+    warm = icp.solve_qp(*program, initvals=x + 1e-9 * random.random(n))
+    assert warm.solved
+    assert warm.iterations == 0
+
+
 @pytest.mark.parametrize("last", [1.0, 2.0])
 def test_a_program_whose_solution_is_known_is_never_called_infeasible(last):
     """x_i = 2^i is exact in floats, and its multipliers are: what is no solution up to rounding proves nothing."""

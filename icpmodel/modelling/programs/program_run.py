@@ -33,7 +33,7 @@ _VIOLATION_RTOL = 1e-13
 #: steps of the refinement, and what of W is added to A in them
 _REFINEMENTS = 3
 _REGULARISATION = 1e-9
-#: the share of the terms of a row up to which it is tight at a start
+#: the share of the terms of a row, or of a bound, up to which it is tight at a start; 1 counts as a term
 _TIGHT_SLACK = 1e-6
 
 
@@ -232,8 +232,10 @@ class ProgramRun:
         """The iterate with `x` and multipliers 0, and the active set of the rows and bounds that are tight at `x`."""
         z = np.concatenate([x, np.zeros(self.z.size - x.size)])
         z = np.nan_to_num(np.ldexp(z, -self.conditions.columns))
-        terms = self.judge.size @ np.abs(z) + np.abs(self.problem.q)
-        is_tight = ~self.judge.is_x & (self.problem.p(z) <= _TIGHT_SLACK * terms)
+        near = _TIGHT_SLACK * np.maximum(np.abs(z), 1.0)
+        z = np.where(z - self.low <= near, self.low, np.where(self.high - z <= near, self.high, z))
+        near = _TIGHT_SLACK * np.maximum(self.judge.size @ np.abs(z) + np.abs(self.problem.q), 1.0)
+        is_tight = ~self.judge.is_x & (self.problem.p(z) <= near)
         free = is_tight | ((self.low < z) & (z < self.high))
         return z, Pattern(z, ~free, ~free & (z >= self.high))
 
