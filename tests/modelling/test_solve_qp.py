@@ -426,6 +426,30 @@ def test_a_large_unknown_excuses_no_rows_that_it_is_not_in(bound, wrong):
     assert found.status.startswith("infeasible")
 
 
+@pytest.mark.parametrize(
+    ("large", "rows", "wrong"),
+    [
+        (1e10, {"A": [[1, 1, 0, 0], [0, 1, -1, -1]], "G": [[0, 0, 1, 1], [0, -1, 0, 0]], "h": [1, -1], "lb": 0}, 4e-6),
+        (1e8, {"A": [[1, 1, 1]], "G": [[0, 1, 1], [0, -1, -1]], "h": [0, 0], "lb": [0, 0, -5e-8]}, 2e-7),
+        (1e15, {"A": [[1, 1, 1]], "G": [[0, 1, 1], [0, -1, -1]], "h": [1, -1]}, 0.5),
+    ],
+)
+def test_rows_beside_a_large_unknown_contradict_each_other_as_without_it(large, rows, wrong):
+    """The unknown x_0 of row 0 of A; the last row of G is tightened. The program is feasible before that."""
+    n = len(rows["A"][0])
+    rows = rows | {"b": [large, 0][: len(rows["A"])]}
+    tightened = rows | {"h": np.array(rows["h"]) - [0, wrong]}
+    assert icp.solve_qp(np.eye(n), np.zeros(n), **rows).solved
+    assert icp.solve_qp(np.eye(n), np.zeros(n), **tightened, raise_on_failure=False).status == "infeasible"
+
+
+@pytest.mark.parametrize(("wrong", "tolerance"), [(2e-9, 1e-9), (1e-4, 1e-3), (0.1, 0.2)])
+def test_what_is_feasible_to_the_tolerance_only_is_not_unbounded(wrong, tolerance):
+    rows = {"G": [[1, 1, 0], [-1, -1, 0]], "h": [1, -1 - wrong]}
+    found = icp.solve_qp(np.zeros((3, 3)), [0, 0, -1], **rows, tolerance=tolerance, raise_on_failure=False)
+    assert found.status == "infeasible"
+
+
 @pytest.mark.parametrize("bound", [1e6, 1e9, 1e12])
 def test_a_loose_bound_hides_no_contradiction(bound):
     G, h = [[5.0, -3.0], [-1.0, 3.0], [-1.0, -7.0]], [-2.0, -5.0, 7.0]

@@ -7,7 +7,7 @@ from scipy.sparse.csgraph import connected_components
 
 from ...numerics import work
 from ...numerics.arrays import Mask, Vector
-from ...numerics.rounding import gamma
+from ...numerics.rounding import UNIT_ROUNDOFF, gamma
 from ...problem.data import ProblemData
 
 #: the share of the largest unknown of its group, or of q, up to which an unknown may be rounding
@@ -53,7 +53,7 @@ class Judge:
         """
         violations = np.abs(p)
         of_q = np.abs(q)
-        terms = self.size @ np.abs(z) + of_q
+        terms = self.terms(q, z)
         of_g = self.largest(of_q)
         most = np.where(self.is_x & (of_g > 0), _NOISE_OF_GRADIENT * np.minimum(of_g, terms), np.inf)
         own = self.loss * terms
@@ -69,6 +69,15 @@ class Judge:
             excess = np.where((room > 0) & (violations > rounding), (violations - rounding) / terms, 0.0)
             shares.append(float(np.nan_to_num(np.maximum(excess.max(), gap), nan=np.inf)))
         return shares[0], shares[1]
+
+    def terms(self, q: Vector, z: Vector) -> Vector:
+        """The sum of the |terms| of each row."""
+        return np.asarray(self.size @ np.abs(z) + np.abs(q))
+
+    def terms_that_count(self, q: Vector, z: Vector) -> Vector:
+        """The terms of each row; 0 where they are less than the rounding of the largest unknowns."""
+        terms = self.terms(q, z)
+        return np.where(terms > UNIT_ROUNDOFF * (self.size @ self.largest(z)), terms, 0.0)
 
     def largest(self, z: Vector) -> Vector:
         """The largest |entry| of each group, at its entries; those of A are about 1."""

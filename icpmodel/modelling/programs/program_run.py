@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any
@@ -17,6 +16,7 @@ from ...errors import IcpError, OutOfTime, SingularOperator
 from ...icp import ICP
 from ...numerics import work
 from ...numerics.arrays import Vector
+from ...problem.data import ProblemData
 from ...solve.solution import Solution, Status
 from ...theory.certificates.bounds import enforce_limits
 from ...theory.certificates.combination_rows import ZERO
@@ -56,10 +56,9 @@ class ProgramRun:
         self.program = program
         self.is_bounded = is_bounded
         self.tolerance = tolerance
-        known = None if last is None else last.conditions
-        self.conditions: ScaledConditions = ScaledConditions(program, known)
+        self.conditions: ScaledConditions = ScaledConditions(program, None if last is None else last.conditions)
         self.problem = self.conditions.problem
-        reused = known is not None and known.problem.matrix is self.problem.matrix
+        reused = last is not None and last.problem.matrix is self.problem.matrix
         self.judge: Judge = last.judge if last is not None and reused else Judge(self.problem, self.conditions.is_x)
         self.low = self.conditions.low
         self.high = self.conditions.high
@@ -78,11 +77,9 @@ class ProgramRun:
             self.polish(z0, pattern)
         elif z0 is not None:
             self.polish(z0, self.pattern_at(z0))
-        if self.is_good:
-            return "optimal", "solved"
         proof = None
         limit: dict[str, int] = {}
-        for method in self._methods():
+        for method in [] if self.is_good else self._methods():
             if method is None and proof is not None:
                 break
             if method is None and self.iterations:  # as many steps as all before: it may go on for thousands in vain
@@ -109,8 +106,8 @@ class ProgramRun:
             if proof is not None and not proof[0].endswith("_inaccurate"):
                 return proof
         if self.is_good:
-            return "optimal", "solved"
-        # a proof up to rounding is none where it was cut short, or where the methods after it were
+            return self._optimal()
+        # a proof up to rounding is none where it or the methods after it were cut short
         is_late = solution.status in (Status.TIME_LIMIT, Status.MEMORY_LIMIT) or work.seconds_left() == 0.0
         if proof is not None and not is_late:
             return proof
@@ -121,6 +118,18 @@ class ProgramRun:
         if is_late:
             return "user_limit", message
         return "optimal_inaccurate" if error <= _MAX_INACCURATE_VIOLATION else "solver_error", message
+
+    def _optimal(self) -> tuple[str, str]:
+        """ "optimal", unless rows contradict each other within what the largest unknowns may lose by rounding."""
+        if not self.is_exact:
+            rows, units = self.conditions.rows_alone(self.judge.terms_that_count(self.problem.q, self.z))
+            limit = {} if self.problem.n <= PIVOT_UP_TO else {"max_iter": max(self.iterations, 1)}
+            with suppress(OutOfTime):
+                y = self._least_violation(rows, **limit)
+                proof = self._proof(np.ldexp(y, units))
+                if np.abs(y).max() > self.tolerance and proof is not None and proof[0] == "infeasible":
+                    return proof
+        return "optimal", "solved"
 
     def _methods(self) -> list[str | None]:
         """The methods in turn; None for the choice of `solve()`, alone where there is a solution."""
@@ -135,7 +144,7 @@ class ProgramRun:
 
     def _solve(self, problem: ICP, method: str | None, **options: Any) -> Solution:
         seconds = work.seconds_left()
-        time_limit = seconds if seconds < math.inf else None
+        time_limit = seconds if seconds < np.inf else None
         solution = problem.solve(method, time_limit=time_limit, raise_on_failure=False, **options)
         if solution.status is Status.INTERRUPTED:
             raise KeyboardInterrupt
@@ -143,35 +152,36 @@ class ProgramRun:
         return solution
 
     def _without_solution(self, solution: Solution) -> tuple[str, str] | None:
-        """Status and message without a solution: proved by the last direction, or by the least violation.
+        """Status and message without a solution: proved by the last direction, or by the least violation."""
+        known = solution.infeasible
+        if known is not None and known.witness is not None:
+            return self._proof(np.array([float(weight) for weight in known.witness]))
+        return self._proof(self._least_violation(self.problem))
 
-        Where that is not 0, its multipliers are a contradiction.
-        """
-        problem = self.problem
-        witness = None if solution.infeasible is None else solution.infeasible.witness
-        if witness is not None:
-            y = np.array([float(weight) for weight in witness])
-        else:
-            nearest, signed = least_violation(problem)
-            least = self._solve(ICP(nearest.A, nearest.q, nearest.psi), None, rtol=_VIOLATION_RTOL)
-            if not least.solved:
-                return None
-            y = np.zeros(problem.n)
+    def _least_violation(self, problem: ProblemData, **limit: int) -> Vector:
+        """The least violation of p ≥ 0 and r ≥ 0, 0 if not found; else a contradiction."""
+        nearest, signed = least_violation(problem)
+        least = self._solve(ICP(nearest.A, nearest.q, nearest.psi), None, rtol=_VIOLATION_RTOL, **limit)
+        y = np.zeros(problem.n)
+        if least.solved:
             y[signed] = least.z[problem.n :]
+        return y
+
+    def _proof(self, y: Vector) -> tuple[str, str] | None:
+        """Status and message by the weights `y` of the rows of the scaled conditions."""
         original = conditions_of(self.program)
         for direction, primal in ((np.where(self.judge.is_x, 0.0, y), True), (y, False)):
-            is_near = misfit(problem, direction) < ZERO
-            if (self.is_bounded and not primal) or not (is_near or witness is not None):
+            if self.is_bounded and not primal:
                 continue
             weights = np.ldexp(direction, self.conditions.rows)
             answer = infeasible(original, weights)
             weights = answer.witness if answer.holds else weights / np.abs(weights).max()
             # next to it may be one with simple weights in these units
-            is_proved = answer.holds or infeasible(problem, direction).holds
-            if not (is_proved or is_near):
+            holds = answer.holds or infeasible(self.problem, direction).holds
+            if not (holds or misfit(self.problem, direction) < ZERO):
                 continue
-            inaccurate = "" if is_proved else "_inaccurate"
-            precision = "proved" if is_proved else "up to rounding"
+            inaccurate = "" if holds else "_inaccurate"
+            precision = "proved" if holds else "up to rounding"
             if primal:
                 used = combination_text(weights, self.program.row_name)
                 message = f"the sum of {used} exceeds its right-hand side wherever {self.program.bounds}: {precision}"
@@ -186,15 +196,18 @@ class ProgramRun:
             return f"infeasible{inaccurate}", f"no x and multipliers meet the conditions: {precision}"
         n = program.g.size
         nearest = replace(program, H=sp.eye_array(n, format="csr"), g=np.zeros(n))
-        feasible = ProgramRun(nearest, self.tolerance, is_bounded=True)
+        feasible = ProgramRun(nearest, 0.0, is_bounded=True)
         status, message = feasible.verdict(None)
         self.iterations += feasible.iterations
-        if feasible.is_good:
-            message = "there is a feasible point, and a direction along which the objective falls for ever"
-            return f"unbounded{inaccurate}", f"{message}: {precision}"
         if status.startswith("infeasible"):
             return status, message
-        return "infeasible_or_unbounded", f"no multipliers exist ({precision}), and no feasible point was computed"
+        if feasible.violation[0] > self.tolerance:
+            return "infeasible_or_unbounded", f"no multipliers exist ({precision}), and no feasible point was computed"
+        if not feasible.is_exact:
+            inaccurate = "_inaccurate"
+            precision = "up to rounding"
+        message = f"there is a feasible point, and a direction along which the objective falls for ever: {precision}"
+        return f"unbounded{inaccurate}", message
 
     @property
     def is_good(self) -> bool:
@@ -234,7 +247,7 @@ class ProgramRun:
         z = np.nan_to_num(np.ldexp(z, -self.conditions.columns))
         near = _TIGHT_SLACK * np.maximum(np.abs(z), 1.0)
         z = np.where(z - self.low <= near, self.low, np.where(self.high - z <= near, self.high, z))
-        near = _TIGHT_SLACK * np.maximum(self.judge.size @ np.abs(z) + np.abs(self.problem.q), 1.0)
+        near = _TIGHT_SLACK * np.maximum(self.judge.terms(self.problem.q, z), 1.0)
         is_tight = ~self.judge.is_x & (self.problem.p(z) <= near)
         free = is_tight | ((self.low < z) & (z < self.high))
         return z, Pattern(z, ~free, ~free & (z >= self.high))

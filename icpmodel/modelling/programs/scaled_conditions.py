@@ -13,12 +13,15 @@ from numpy.typing import NDArray
 from ...icp import ICP
 from ...numerics import work
 from ...numerics.arrays import Vector, norm
-from ...numerics.equilibration import Exponents, balancing_exponents, in_units, in_units_exactly
+from ...numerics.equilibration import Exponents, balancing_exponents, in_units, in_units_exactly, row_exponents
 from ...numerics.sparse_structure import absolute
+from ...problem.data import ProblemData
 from .program import Program, saddle_matrix, with_bounds
 
 #: sides from here on stand for none, as a rule: they tell how large x is only where there are no others
 _INFINITE = 1e15
+#: an exponent by which every float becomes 0
+_OUT = -3000
 
 
 class ScaledConditions:
@@ -92,6 +95,18 @@ class ScaledConditions:
         size = _exponent(of_d or of_g)
         self.rows = self.rows - self.shift * self.is_x - size
         self.columns = self.columns + self.shift * ~self.is_x + size
+
+    def rows_alone(self, terms: Vector) -> tuple[ProblemData, Exponents]:
+        """The conditions of rows alone, each in units of its `terms`, and these units; 0 leaves a row out.
+
+        So a row of large terms hides no other one.
+        """
+        units = np.where(self.is_x | (terms == 0.0), _OUT, -np.frexp(terms)[1].astype(np.int64))
+        A = in_units(self.problem.A, units)
+        columns = row_exponents(sp.csr_array(A.T))
+        q = np.ldexp(self.problem.q, units)
+        low, high = (np.ldexp(side, -columns) for side in (self.low, self.high))
+        return ProblemData(in_units(A, 0 * units, columns), q, low, high), units
 
     def as_returned(self, z: Vector) -> Vector:
         """`z` as it is after the way to the units of the program, where numbers may leave the range of floats."""
