@@ -139,9 +139,10 @@ def as_csr(value: Any, name: str, n: int | None = None, *, keep_diagonal: bool =
 
     Its arrays are read-only. `keep_diagonal` stores every diagonal entry, a zero one explicitly. Raises InputError.
     """
-    if not sp.issparse(value):
-        value = sp.csr_array(as_square(value, name, n))
-    _check_square(value.shape, name, n)
+    if sp.issparse(value):
+        _check_square(value.shape, name, n)
+    else:
+        value = as_square(value, name, n)
     return freeze(as_rows(value, name, keep_diagonal))
 
 
@@ -150,11 +151,14 @@ def as_rows(value: Any, name: str, keep_diagonal: bool = False) -> sp.csr_array:
 
     Every matrix comes in through here, or through `as_square` where it is dense. Raises InputError.
     """
-    value = checked_sparse(value, name) if sp.issparse(value) else sp.coo_array(as_float64(value, name))
-    if value.dtype != np.float64:
-        value.data = as_float64(value.data, name)
-    matrix = sp.csr_array(value, copy=True)
-    matrix.sum_duplicates()
+    if sp.issparse(value):
+        value = checked_sparse(value, name)
+        if value.dtype != np.float64:
+            value.data = as_float64(value.data, name)
+        matrix = sp.csr_array(value, copy=True)
+        matrix.sum_duplicates()
+    else:
+        matrix = sp.csr_array(as_float64(value, name))
     if not np.isfinite(matrix.data).all():
         k = int(np.argmin(np.isfinite(matrix.data)))
         raise _not_finite_entry(name, row_of(matrix)[k], matrix.indices[k], matrix.data[k])
