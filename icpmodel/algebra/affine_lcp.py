@@ -112,7 +112,7 @@ class AffineLcp:
         self.M, self.inverse = A, None
         if G is not None:
             with one_blas_thread():
-                self.inverse = _inverse(G)
+                self.inverse = inverse_of_slope(G)
                 self.M = A @ self.inverse
         if above is not None and adds_rows:
             q = self._with_rows_above(A, q, *above)
@@ -269,7 +269,7 @@ def some_pivots(state: Any, entering: int, max_pivots: int) -> Any:
             return result
 
 
-def _inverse(G: Matrix) -> Matrix:
+def inverse_of_slope(G: Matrix) -> Matrix:
     """(I − G)⁻¹."""
     work.check_budget(INVERSE * dense_cost(len(G)))
     with suppress(np.linalg.LinAlgError):

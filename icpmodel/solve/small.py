@@ -1,35 +1,47 @@
-"""Few unknowns over fixed obstacles: from the arrays to the judged answer in one compiled call, without a run."""
+"""Few unknowns: from the arrays to the judged answer in one compiled call, without a run."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..algebra.affine_lcp import PIVOT_UP_TO, PIVOTS
+from ..algebra.affine_lcp import PIVOT_UP_TO, PIVOTS, inverse_of_slope
+from ..errors import SingularOperator
 from ..methods.shortcuts import Lemke
 from ..numerics import work
+from ..numerics.arrays import read_only
 from ..problem.data import ProblemData
 from .goal import Limits
 from .solution import Solution, Status
 
 _LEMKE = Lemke()
+_NO_INVERSE = np.empty((0, 0))
 
 
 def pivoted(problem: ProblemData, limits: Limits) -> Solution | None:
     """The solution of a problem that `Lemke` solves by one chain of pivots; None where it does not, or is too large.
 
-    It takes dense A, n ≤ 64, and constant obstacles. The refinement of the pivots is all there is.
+    It takes dense A, n ≤ 64, and constant obstacles, or an affine one. The refinement of the pivots is all there is.
     """
-    M = problem.matrix.dense
+    A = problem.matrix.dense
     n = problem.n
-    if M is None or n > PIVOT_UP_TO or not problem.psi.is_constant:
+    psi = problem.psi
+    if A is None or n > PIVOT_UP_TO or psi.linear is None or not (psi.is_constant or psi.upper is None):
         return None
     from .kernels.few_unknowns import solve_few  # loads numba
 
     begun = work.clock()
-    at_0 = np.zeros(n)
-    below = problem.psi.value(at_0)
-    above = np.full(n, np.inf) if problem.upper is None else problem.upper.value(at_0)
-    z, residual, tolerance = solve_few(M, problem.q, below, above, float(limits.rtol), PIVOTS * (n + 1))
+    G, c = psi.linear
+    d = np.full(n, np.inf) if psi.upper is None else psi.upper.value(c)
+    M, inverse = A, _NO_INVERSE
+    try:
+        if not psi.is_constant:
+            inverse = inverse_of_slope(G.toarray())
+            M = A @ inverse
+    except SingularOperator:
+        return None
+    slopes = (G.indptr, G.indices, G.data)
+    arrays = read_only((A, problem.q, slopes, c, d, M, inverse))
+    z, residual, tolerance = solve_few(*arrays, float(limits.rtol), PIVOTS * (n + 1))
     if not residual <= tolerance:
         return None
     cost = work.COSTS.pivot_entry * n**3 / 3.0

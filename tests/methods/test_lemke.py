@@ -228,6 +228,22 @@ def solvable(rng, programs):
     return A, p - A @ z, low, high
 
 
+@pytest.mark.parametrize("n", [1, 7, 40])
+def test_the_compiled_call_for_few_unknowns_agrees_with_the_method(n):
+    rng = np.random.default_rng(n)
+    for _ in range(20):
+        B = rng.normal(size=(n, n))
+        G = rng.normal(size=(n, n)) / (4.0 * n)
+        c = np.where(rng.random(n) < 0.2, -np.inf, rng.normal(size=n))
+        for psi, upper in ((c, None), (c, 1.0 + np.maximum(c, 0.0)), (icp.Affine(G, c), None)):
+            problem = icp.ICP(B @ B.T + np.eye(n), 3.0 * rng.normal(size=n), psi, upper)
+            solution = problem.solve()
+            assert solution.z == pytest.approx(problem.solve("lemke").z, abs=1e-9)
+            assert solution.residual == pytest.approx(problem.residual(solution.z), abs=1e-12)
+    with pytest.raises(icp.NotSolved):
+        icp.ICP([[1.0]], [1.0], icp.Affine([[1.0]], 1.0)).solve()  # no z >= z + 1
+
+
 @pytest.mark.parametrize("programs", [False, True])
 @pytest.mark.parametrize("method", ["lemke", None])
 def test_a_solution_is_found_where_some_rows_have_two_obstacles(method, programs):

@@ -1,4 +1,4 @@
-"""An LCP of few unknowns between fixed obstacles from its arrays to the judged answer."""
+"""An ICP of few unknowns with an affine obstacle, or two fixed ones, from its arrays to the judged answer."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _MIN_ROW_SIZE = 1e-140
 
 
 @partial(compiled, exact=True)
-def _squared_residuals(M, q, c, d, z, weights):
+def _squared_residuals(A, G, q, c, d, z, weights):
     # Res_D(z)² and the square of its scale, NaN where a row counts as empty or obstacles cross; the `weights` are set:
     # what `residual`, `residual_scale` and `Matrix.row_weights` compute, whose calls take longer than the pivots for so
     # few unknowns
@@ -28,14 +28,17 @@ def _squared_residuals(M, q, c, d, z, weights):
     least = np.inf
     for i in range(q.size):
         p = q[i]
+        r = z[i] - c[i]
         largest = 0.0
         for j in range(q.size):
-            p += M[i, j] * z[j]
-            largest = max(largest, abs(M[i, j]))
+            p += A[i, j] * z[j]
+            largest = max(largest, abs(A[i, j]))
+        for k in range(G[0][i], G[0][i + 1]):
+            r -= G[2][k] * z[G[1][k]]
         if largest < _MIN_ROW_SIZE or not c[i] <= d[i]:
             return np.nan, np.nan
         weights[i] = 1.0 / largest
-        squares += max(z[i] - d[i], min(weights[i] * p, z[i] - c[i])) ** 2
+        squares += max(z[i] - d[i], min(weights[i] * p, r)) ** 2
         squares_0 += max(-d[i], min(weights[i] * q[i], -c[i])) ** 2
         for size in (abs(weights[i] * q[i]), abs(c[i]), abs(d[i])):
             if 0.0 < size < least:
@@ -46,9 +49,9 @@ def _squared_residuals(M, q, c, d, z, weights):
 
 
 @partial(compiled, exact=True)
-def solve_few(M, q, c, d, rtol, limit):
-    # (z, Res_D(z), its tolerance) for the LCP of M and q between the obstacles c and d: NaN where it is for others to
-    # judge
+def solve_few(A, q, G, c, d, M, inverse, rtol, limit):
+    # (z, Res_D(z), its tolerance) for the ICP of A and q between the obstacles Gz + c and d, of which G or d is none:
+    # NaN where it is for others to judge. With a G, `inverse` is that of I - G, and M that times A; else it is empty
     n = q.size
     Q = q.reshape(1, n)
     C = c.reshape(1, n)
@@ -57,8 +60,14 @@ def solve_few(M, q, c, d, rtol, limit):
     S, r, units = scale(M)
     many(S, r, units, M, np.ones(n), Q, C, D, limit, Z)
     z = Z[0]
+    if inverse.size:
+        x = z.copy()
+        for i in range(n):
+            z[i] = 0.0
+            for j in range(n):
+                z[i] += inverse[i, j] * x[j]
     weights = np.empty((1, n))
-    squares, squares_0 = _squared_residuals(M, q, c, d, z, weights[0])
+    squares, squares_0 = _squared_residuals(A, G, q, c, d, z, weights[0])
     if not _MIN_SAFE_SQUARE < squares_0 < 1.0 / _MIN_SAFE_SQUARE or not squares < 1.0 / _MIN_SAFE_SQUARE:
         return z, np.nan, np.nan
     residual = np.full(1, math.sqrt(squares))
@@ -68,7 +77,6 @@ def solve_few(M, q, c, d, rtol, limit):
     indices = np.empty(n * n, np.int32)
     for k in range(n * n):
         indices[k] = k % n
-    none = np.zeros(n + 1, np.int32), np.empty(0, np.int32), np.empty(0)
-    above = (*none, D, 0.0)
-    raise_to_bounds(indptr, indices, M.reshape(1, -1), weights, Q, *none, C, 0.0, Z, tolerance, residual, above, None)
+    above = (np.zeros(n + 1, np.int32), np.empty(0, np.int32), np.empty(0), D, 0.0)
+    raise_to_bounds(indptr, indices, A.reshape(1, -1), weights, Q, *G, C, 0.0, Z, tolerance, residual, above, None)
     return z, residual[0], tolerance[0]
