@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
@@ -15,6 +17,14 @@ _NOISE_OF_X = 1e-13
 #: the share of the largest entry of g in its group, and of the terms of its row, up to which what is wrong with the
 #: gradient may be rounding
 _NOISE_OF_GRADIENT = 1e-3
+
+
+class Violation(NamedTuple):
+    """The largest share that is wrong: up to rounding, strictly, and strictly in rows whose terms are not rounding."""
+
+    rounded: float = np.inf
+    strict: float = np.inf
+    of_terms: float = np.inf
 
 
 class Judge:
@@ -46,14 +56,14 @@ class Judge:
         self.starts = np.searchsorted(self.group[self.order], np.arange(self.group.max() + 1))
 
     @np.errstate(all="ignore")
-    def violation(self, q: Vector, z: Vector, p: Vector, room: Vector) -> tuple[float, float]:
-        """The largest share that is wrong at `z`, up to rounding and strictly; inf where it is NaN.
+    def violation(self, q: Vector, z: Vector, p: Vector, room: Vector) -> Violation:
+        """The largest shares that are wrong at `z`; inf where they are NaN.
 
         `p` is p(z), and `room` the distance of z to the obstacle to which p presses it, all of shape (n,).
         """
         violations = np.abs(p)
         of_q = np.abs(q)
-        terms = self.terms(q, z)
+        terms, counts = self.terms(q, z)
         of_g = self.largest(of_q)
         most = np.where(self.is_x & (of_g > 0), _NOISE_OF_GRADIENT * np.minimum(of_g, terms), np.inf)
         own = self.loss * terms
@@ -65,19 +75,16 @@ class Judge:
             of_sides = (z - x) @ q - x @ np.where(room == 0, p, 0.0)
             gap /= max(x @ (self.A @ x), 0.0) + np.abs(x) @ (of_q + noise) + abs(of_sides)
         shares = []
-        for rounding in (noise, own):
-            excess = np.where((room > 0) & (violations > rounding), (violations - rounding) / terms, 0.0)
+        inside = room > 0
+        for rounding, rows in ((noise, inside), (own, inside), (own, inside & counts)):
+            excess = np.where(rows & (violations > rounding), (violations - rounding) / terms, 0.0)
             shares.append(float(np.nan_to_num(np.maximum(excess.max(), gap), nan=np.inf)))
-        return shares[0], shares[1]
+        return Violation(*shares)
 
-    def terms(self, q: Vector, z: Vector) -> Vector:
-        """The sum of the |terms| of each row."""
-        return np.asarray(self.size @ np.abs(z) + np.abs(q))
-
-    def terms_that_count(self, q: Vector, z: Vector) -> Vector:
-        """The terms of each row; 0 where they are less than the rounding of the largest unknowns."""
-        terms = self.terms(q, z)
-        return np.where(terms > UNIT_ROUNDOFF * (self.size @ self.largest(z)), terms, 0.0)
+    def terms(self, q: Vector, z: Vector) -> tuple[Vector, Mask]:
+        """The sum of the |terms| of each row, and whether that is more than the rounding of the largest unknowns."""
+        terms = np.asarray(self.size @ np.abs(z) + np.abs(q))
+        return terms, terms > UNIT_ROUNDOFF * (self.size @ self.largest(z))
 
     def largest(self, z: Vector) -> Vector:
         """The largest |entry| of each group, at its entries; those of A are about 1."""

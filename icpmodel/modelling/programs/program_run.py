@@ -23,7 +23,7 @@ from ...theory.certificates.combination_rows import ZERO
 from ...theory.certificates.infeasible import combination_text, infeasible
 from ...theory.certificates.recession import least_violation, misfit
 from .program import Program, conditions_of
-from .program_judge import Judge
+from .program_judge import Judge, Violation
 from .scaled_conditions import ScaledConditions
 
 #: the largest violation of an answer that is called inaccurate rather than an error
@@ -66,7 +66,7 @@ class ProgramRun:
         self.start = None
         if last is not None and last.z.size == self.z.size:
             self.start = np.nan_to_num(np.ldexp(last.z, last.conditions.columns - self.conditions.columns))
-        self.violation = np.inf, np.inf
+        self.violation = Violation()
         self.iterations = 0
 
     def verdict(self, start: Vector | None) -> tuple[str, str]:
@@ -92,7 +92,7 @@ class ProgramRun:
                 continue
             if solution.status is Status.TIME_LIMIT:
                 break
-            if self.violation[1] > 0.0:  # also where it is good, unless nothing at all is wrong
+            if self.violation.strict > 0.0:  # also where it is good, unless nothing at all is wrong
                 self.polish(self.z, self.pattern_at(self.z))
             if solution.status is Status.MEMORY_LIMIT or self.is_good:
                 break
@@ -111,7 +111,7 @@ class ProgramRun:
         is_late = solution.status in (Status.TIME_LIMIT, Status.MEMORY_LIMIT) or work.seconds_left() == 0.0
         if proof is not None and not is_late:
             return proof
-        error = self.violation[0]
+        error = self.violation.rounded
         message = f"rows or multipliers are wrong by {error:.3g} of their terms"
         if solution.status is not Status.ITERATION_LIMIT:  # which no caller has given
             message += f"; {solution.message}"
@@ -121,8 +121,9 @@ class ProgramRun:
 
     def _optimal(self) -> tuple[str, str]:
         """ "optimal", unless rows contradict each other within what the largest unknowns may lose by rounding."""
-        if not self.is_exact:
-            rows, units = self.conditions.rows_alone(self.judge.terms_that_count(self.problem.q, self.z))
+        if self.violation.of_terms > self.tolerance:
+            terms, counts = self.judge.terms(self.problem.q, self.z)
+            rows, units = self.conditions.rows_alone(np.where(counts, terms, 0.0))
             limit = {} if self.problem.n <= PIVOT_UP_TO else {"max_iter": max(self.iterations, 1)}
             with suppress(OutOfTime):
                 y = self._least_violation(rows, **limit)
@@ -201,7 +202,7 @@ class ProgramRun:
         self.iterations += feasible.iterations
         if status.startswith("infeasible"):
             return status, message
-        if feasible.violation[0] > self.tolerance:
+        if feasible.violation.rounded > self.tolerance:
             return "infeasible_or_unbounded", f"no multipliers exist ({precision}), and no feasible point was computed"
         if not feasible.is_exact:
             inaccurate = "_inaccurate"
@@ -212,19 +213,19 @@ class ProgramRun:
     @property
     def is_good(self) -> bool:
         """Whether the violation is within the tolerance, up to rounding."""
-        return self.violation[0] <= self.tolerance
+        return self.violation.rounded <= self.tolerance
 
     @property
     def is_exact(self) -> bool:
         """Whether the same holds without regard to rounding."""
-        return self.violation[1] <= self.tolerance
+        return self.violation.strict <= self.tolerance
 
     def improve(self, z: Vector) -> bool:
         """Whether `z`, with its active rows on their obstacles, is strictly good, or no better than a good iterate."""
         step = z - self.problem.p(z)
         z = np.where((self.low <= step) & (step <= self.high), z, step)
         z = self.conditions.as_returned(np.clip(z, self.low, self.high))
-        enough = 0.5 * self.violation[1] if self.is_good else self.tolerance
+        enough = 0.5 * self.violation.strict if self.is_good else self.tolerance
         cleaned = np.clip(self.judge.without_noise(self.problem.q, z), self.low, self.high)
         for one in (z,) if np.array_equal(z, cleaned) else (z, cleaned):
             p = self.problem.p(one)
@@ -232,14 +233,14 @@ class ProgramRun:
             if self._rank(violation) <= self._rank(self.violation):
                 self.violation = violation
                 self.z = one
-        return self.is_exact or self.violation[1] > enough > self.tolerance
+        return self.is_exact or self.violation.strict > enough > self.tolerance
 
     def room(self, z: Vector, p: Vector) -> Vector:
         """The distance of z to the obstacle to which p presses it."""
         return np.where(p > 0, z - self.low, self.high - z)
 
-    def _rank(self, violation: tuple[float, float]) -> tuple[float, float]:
-        return max(violation[0], self.tolerance), violation[1]
+    def _rank(self, violation: Violation) -> tuple[float, float]:
+        return max(violation.rounded, self.tolerance), violation.strict
 
     def start_near(self, x: Vector) -> tuple[Vector, Pattern]:
         """The iterate with `x` and multipliers 0, and the active set of the rows and bounds that are tight at `x`."""
@@ -247,7 +248,7 @@ class ProgramRun:
         z = np.nan_to_num(np.ldexp(z, -self.conditions.columns))
         near = _TIGHT_SLACK * np.maximum(np.abs(z), 1.0)
         z = np.where(z - self.low <= near, self.low, np.where(self.high - z <= near, self.high, z))
-        near = _TIGHT_SLACK * np.maximum(self.judge.terms(self.problem.q, z), 1.0)
+        near = _TIGHT_SLACK * np.maximum(self.judge.terms(self.problem.q, z)[0], 1.0)
         is_tight = ~self.judge.is_x & (self.problem.p(z) <= near)
         free = is_tight | ((self.low < z) & (z < self.high))
         return z, Pattern(z, ~free, ~free & (z >= self.high))

@@ -351,7 +351,7 @@ def solve_program(
         objective=program.objective(x),
         status=status,
         message=message,
-        violation=np.nan if is_proved else run.violation[0],
+        violation=np.nan if is_proved else run.violation.rounded,
         iterations=run.iterations,
         seconds=work.clock() - begin,
         _program=program,
