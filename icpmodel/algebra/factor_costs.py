@@ -11,6 +11,8 @@ from weakref import WeakKeyDictionary, ref
 import numpy as np
 
 from ..numerics import work
+from ..numerics.arrays import row_of
+from ..numerics.condensed import product_cost
 from ..numerics.fill import Fill, SymbolicAnalysis, dense_cost, factor_cost, of_part, refactor_cost
 from ..numerics.linear import steps_cost
 from ..problem.facts import Facts
@@ -76,6 +78,18 @@ class FactorCosts:
     def repeated(self) -> float:
         """The cost for a matrix with the pattern of A once another one has been factorised."""
         return refactor_cost(self.fill) if self.reuses_order else self.first
+
+    @cached_property
+    def condensed(self) -> float:
+        """The cost by `condensed_factors` of the rows of sign +1; inf where it is not less, or D no diagonal."""
+        M = self.analysis.matrix
+        if M.nnz == self.n**2 or self.analysis.is_band or (signs := self.analysis.signs) is None:
+            return np.inf
+        kept = int(np.count_nonzero(signs > 0.0))
+        cost = product_cost(kept, self.n - kept) + dense_cost(kept)
+        i = row_of(M)
+        pays = cost < self.repeated and not (signs[i] + signs[M.indices] < 0.0)[i != M.indices].any()
+        return cost if pays else np.inf
 
 
 _COSTS: WeakKeyDictionary[Matrix, FactorCosts] = WeakKeyDictionary()

@@ -36,7 +36,9 @@ from ..algebra.regularised_system import MIN_REGULARISATION, RegularisedSystem, 
 from ..algebra.subproblems import with_fixed_obstacle
 from ..errors import MapError
 from ..numerics import work
-from ..numerics.arrays import Vector, inner, norm
+from ..numerics.arrays import Mask, Vector, inner, norm
+from ..numerics.fill import SymbolicAnalysis
+from ..numerics.symmetric_factors import SymmetricFactors
 from ..problem.data import ProblemData
 from ..problem.two_sided import mid
 from ..theory.certificates.recession import Recession
@@ -122,10 +124,14 @@ class InteriorPath:
         self.problem = problem
         self.steps = ProximalSteps(problem, start, reorders=False)
         self.has_moving_obstacle = self.steps.has_moving_obstacle
-        analysis = None if self.has_moving_obstacle else self.steps.fixed_order_factors or self.steps.costs.analysis
-        signs = None if self.has_moving_obstacle else self.steps.costs.analysis.signs
+        analysis: SymmetricFactors | SymbolicAnalysis | Mask | None = None
         #: or dual: the signs of rows that do not depend on each other are arbitrary
-        self.is_primal = np.ones(problem.n, bool) if signs is None else signs > 0
+        self.is_primal: Mask = np.ones(problem.n, bool)
+        if not self.has_moving_obstacle:
+            costs = self.steps.costs
+            if (signs := costs.analysis.signs) is not None:
+                self.is_primal = signs > 0
+            analysis = self.is_primal if costs.condensed < np.inf else self.steps.fixed_order_factors or costs.analysis
         self.weights = problem.matrix.proximal_weights
         self.root = np.sqrt(self.weights)
         self.system = RegularisedSystem(problem, analysis, self.weights)

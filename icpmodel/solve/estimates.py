@@ -170,7 +170,7 @@ def _proximal(facts: Facts) -> Estimate:
 def _interior(facts: Facts) -> Estimate:
     # medians of 11, 12 and 15 steps were measured at n = 150, 500 and 1500, with three solves each
     costs = factor_costs(facts.equations)
-    factors = costs.repeated if facts.has_fixed_obstacle else costs.unsymmetric
+    factors = min(costs.repeated, costs.condensed) if facts.has_fixed_obstacle else costs.unsymmetric
     step = interior_cost(facts) + factors + 3.0 * solve_cost(costs.fill)
     return Estimate(step, step, 1.25 * (2.0 + math.log2(max(facts.bounded, 1))), 24.0 * costs.fill.entries)
 
