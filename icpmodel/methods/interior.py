@@ -11,8 +11,8 @@ from s to p, which the next step takes into account. As soon as the signs of s �
 tried as the answer: r = 0 or p = 0 in every row.
 
 A predictor has dr/r + ds/s = −1, so that dr ds ≤ rs/4. It is not bounded below: where s is to grow many times over, the
-corrector would make r grow as much, and all rows take the short step that this one allows. It is bounded by the size of
-r and s. That includes their distance from z − ψ(z) and p: where there is no solution, they are to grow.
+corrector would make r grow as much, and all rows take the short step that this one allows. It is bounded by μ, and by
+the sizes of r and s. These include their distance from z − ψ(z) and p: where there is no solution, they are to grow.
 
 References: Mehrotra, SIAM J. Optim. 2 (1992), for the start and the choice of ε; Friedlander and Orban, Math. Program.
 Comput. 4 (2012), for the proximal terms; Wright, Primal-Dual Interior-Point Methods (1997), for the two lengths;
@@ -52,7 +52,7 @@ _STEP_ACCURACY = 1e-12
 _PREDICTOR_ACCURACY = 1e-6
 #: a step goes this share of the way to the boundary
 _BOUNDARY_SHARE = 0.995
-#: no rs is to grow by more than this multiple for the second-order term, as Gondzio's correctors take 10μ at most
+#: the second-order term lets no rs grow by more than this multiple of itself and of their mean μ, Gondzio's bound
 _MAX_CORRECTION = 10.0
 #: the starting r and s are shifted by this multiple of their negative part at least
 _SHIFT = 1.5
@@ -251,7 +251,7 @@ class InteriorPath:
         _, of_r, of_s = self._lengths(dr, ds, 1.0)
         mean_after = inner(r + of_r * dr, s + of_s * ds) / count
         sizes = (r + np.abs(self.gap)) * (s + np.abs(self.dual_residual[self.rows]))
-        second_order = np.maximum(dr * ds, -_MAX_CORRECTION * sizes)
+        second_order = np.maximum(dr * ds, -_MAX_CORRECTION * np.maximum(sizes, mean_product))
         target = r * s + second_order - ((mean_after / mean_product) ** 3 * mean_product if mean_product else 0.0)
         dz, dr, ds = self._direction(solve, target, _STEP_ACCURACY)
         of_z, of_r, of_s = self._lengths(dr, ds, _BOUNDARY_SHARE)
