@@ -197,6 +197,12 @@ def write(path, text):
         path.write_text(text, encoding="utf-8")
 
 
+def on_site(app, docname, source):
+    """A repository shows the scripts of lessons, and what the site includes; the site has pages of them."""
+    text = re.sub(r"\]\(\.\./examples/(\w+)\.py", r"](gallery/\1.md", source[0])
+    source[0] = text.replace("](../examples)", "](gallery/index.md)").replace("](../CONTRIBUTING.md", "](contributing.md")
+
+
 def generate(app):
     PAGES.mkdir(exist_ok=True)
     scripts = sorted(EXAMPLES.glob("*.py"))
@@ -215,4 +221,5 @@ def generate(app):
 
 def setup(app):
     app.connect("builder-inited", generate)
+    app.connect("source-read", on_site)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
