@@ -200,7 +200,8 @@ def write(path, text):
 def on_site(app, docname, source):
     """A repository shows the scripts of lessons, and what the site includes; the site has pages of them."""
     text = re.sub(r"\]\(\.\./examples/(\w+)\.py", r"](gallery/\1.md", source[0])
-    source[0] = text.replace("](../examples)", "](gallery/index.md)").replace("](../CONTRIBUTING.md", "](contributing.md")
+    text = text.replace("](../examples)", "](gallery/index.md)")
+    source[0] = text.replace("](../CONTRIBUTING.md", "](contributing.md")
 
 
 def generate(app):
