@@ -35,6 +35,7 @@ class ICP(ProblemData):
         starts: int = 3,
         max_iter: int = 2000,
         rtol: float = 1e-8,
+        time_limit: float | None = None,
         progress: bool = False,
         command: str = "",
     ) -> StabilityMap: ...

@@ -32,7 +32,7 @@ from .arguments import (
 from .output import FORMS, TO_FIGURE, command_line, exit_code, measured, print_table, wrote
 from .solving import unsolved
 
-_STABILITY_OPTIONS = ("points", "starts", "max_iter", "rtol")
+_STABILITY_OPTIONS = ("points", "starts", "max_iter", "rtol", "time_limit")
 _RACE_OPTIONS = ("repeats", "time_limit")
 
 

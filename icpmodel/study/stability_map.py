@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import IcpError, InputError, Interrupted, MapError, did_you_mean
+from ..errors import IcpError, InputError, Interrupted, MapError, OutOfTime, did_you_mean
 from ..methods.contract import Method
 from ..methods.modulus import ModulusMember
 from ..numerics.arrays import Mask, Vector, as_number, described
 from ..numerics.rounding import public_entry
-from ..numerics.work import memory_suffices
+from ..numerics.work import check_budget, memory_suffices
 from ..present.display import Plottable
 from ..present.rendering import render
 from ..present.table import Table, Tabular
@@ -53,7 +54,7 @@ class StabilityMap(Plottable, Tabular):
     plane : Plane
         The plane, with its axes x and y.
     ends : array of str, shape (len(y), len(x))
-        One of `RUN_ENDS` per point, the worst of several starts.
+        One of `RUN_ENDS` per point, the worst of its runs; "not run" where the time was over.
     steps : array of int
         The steps that a solved point took, 0 elsewhere.
     proved : dict of str to array of bool
@@ -161,6 +162,7 @@ def stability(
     starts: int = 3,
     max_iter: int = 2000,
     rtol: float = 1e-8,
+    time_limit: float | None = None,
     progress: bool = False,
     command: str = "",
 ) -> StabilityMap:
@@ -180,11 +182,13 @@ def stability(
     n : int, default 49
         Wanted number of unknowns of a built-in problem.
     starts : int, default 3
-        Starts per point, 0 and random vectors; the worst run counts.
+        Starts per point, 0 and random vectors, until a run fails; the worst run counts.
     max_iter : int, default 2000
         Steps of a run.
     rtol : float, default 1e-8
         Relative tolerance of a run.
+    time_limit : float, optional
+        Seconds for all points; those that are left then are "not run".
     progress : bool, default False
         Whether a line shows what is going on.
     command : str, optional
@@ -222,7 +226,7 @@ def stability(
         raise InputError("a Plane has its own problems and methods: leave problem and method out")
     shape = (len(plane.y.values), len(plane.x.values))
     _check_room(*shape)
-    limits = Limits(rtol=rtol, atol=0.0, max_iter=max_iter, time_limit=None)
+    limits = Limits(rtol=rtol, atol=0.0, max_iter=max_iter, time_limit=time_limit)
     starts = int(as_number(starts, "starts", minimum=1, whole=True))
     result = StabilityMap(
         plane=plane,
@@ -235,7 +239,8 @@ def stability(
         command=command,
     )
     try:
-        _fill(result, starts, progress)
+        with suppress(OutOfTime), limits.enforced():
+            _fill(result, starts, progress)
     except KeyboardInterrupt:
         raise Interrupted(result) from None
     return result
@@ -258,27 +263,39 @@ def _fill(result: StabilityMap, starts: int, progress: bool) -> None:
         for k, (j, i) in enumerate(np.ndindex(*result.ends.shape)):
             say(f"point {k + 1} of {total}{time_left(begin, k, total)}")
             one, member = plane.at(float(plane.x.values[i]), float(plane.y.values[j]))
-            runs = [_run(one, member, k, result.max_iter, result.rtol) for k in range(starts)]
-            worst = max((end for end, _ in runs), key=RUN_ENDS.index)
+            worst, steps = _worst_run(one, member, starts, result)
             if isinstance(member, ModulusMember) and member.why_not(one) is None:
                 masks = result.proved, result.printed
                 for of, names in zip(masks, holding(one, member, *masks), strict=True):
                     for name in names:
                         of[name][j, i] = True
-            result.steps[j, i] = max(steps for _, steps in runs) if worst == "solved" else 0
+            result.steps[j, i] = steps if worst == "solved" else 0
             result.ends[j, i] = worst
 
 
+def _worst_run(problem: ProblemData, method: Method, starts: int, result: StabilityMap) -> tuple[str, int]:
+    """How the worst run ended, and the most steps of a run. Raises OutOfTime."""
+    runs = list[tuple[str, int]]()
+    for k in range(starts):
+        runs.append(_run(problem, method, k, result.max_iter, result.rtol))
+        if runs[-1][0] in _CONTRADICTING_ENDS:
+            break
+    return max((end for end, _ in runs), key=RUN_ENDS.index), max(steps for _, steps in runs)
+
+
 def _run(problem: ProblemData, method: Method, k: int, max_iter: int, rtol: float) -> tuple[str, int]:
-    """How the run from the k-th start ended, and after how many steps."""
+    """How the run from the k-th start ended, and after how many steps. Raises OutOfTime."""
+    check_budget()
     z0: Vector = 10.0 * np.random.default_rng(k).standard_normal(problem.n) if k else np.zeros(problem.n)
-    run = partial(solve, max_iter=max_iter, rtol=rtol, history=True, raise_on_failure=False)
+    options: dict[str, Any] = {"z0": z0, "max_iter": max_iter, "rtol": rtol, "history": True}
     try:
-        solution = uninterrupted(run(problem, method, z0=z0))
+        solution = uninterrupted(solve(problem, method, **options, raise_on_failure=False))
     except MapError:
         return Status.MAP_FAILED.value, 0  # at the start
     except IcpError:
         return "refused", 0
+    if solution.status is Status.TIME_LIMIT:
+        raise OutOfTime(solution.message)
     end = "slow" if solution.status is Status.ITERATION_LIMIT else solution.status.value
     if end == "diverged" and not np.isfinite(solution.history.residual[-1]):
         end = "overflowed"

@@ -78,6 +78,24 @@ def test_statuses_are_distinguished():
         assert (found.ends == end).any(), (end, found.ends)
 
 
+def test_a_point_is_left_once_a_run_failed():
+    axis, seen = Axis("x", "x", np.array([0.0, 1.0])), list[np.ndarray]()
+    cyclic = icp.scenes.hand_cyclic().problem
+    watched = icp.ICP(cyclic.A, cyclic.q, lambda z: seen.append(z) or cyclic.psi.value(z))
+    found = icp.stability(Plane("cycles", axis, axis, lambda x, y: (watched, icp.MNMGS())), starts=2)
+    second_start = 10.0 * np.random.default_rng(1).standard_normal(watched.n)
+    assert (found.ends == "cycled").all()
+    assert not any(np.array_equal(z, second_start) for z in seen)
+
+
+def test_points_beyond_the_time_limit_are_not_run_and_the_picture_says_so():
+    axis = Axis("x", "x", np.array([0.0, 1.0]))
+    never = icp.ICP([[1.0]], [-1.0], lambda z: 0.0 * z), icp.MNMGS()
+    found = icp.stability(Plane("four points", axis, axis, lambda x, y: never), time_limit=0)
+    assert (found.ends == "not run").all()
+    assert icp.study.figure(found).legends[0].get_texts()[0].get_text() == "not run"
+
+
 @pytest.mark.parametrize("where", ["between two runs", "in a run"])
 def test_ctrl_c_keeps_the_points_that_were_done(where):
     axis, asked = Axis("x", "x", np.array([0.0, 1.0, 2.0])), []

@@ -26,6 +26,7 @@ END_SIGNS = {
     "diverged": ("x", "diverged"),
     "overflowed": ("$\\ast$", "overflowed"),
     "refused": ("$/$", "not applicable"),
+    "not run": ("$\\ldots$", "not run"),
 }
 _INK = "0.25"
 _PLATE = "0.97"
