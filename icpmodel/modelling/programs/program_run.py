@@ -124,9 +124,8 @@ class ProgramRun:
         if self.violation.of_terms > self.tolerance:
             terms, counts = self.judge.terms(self.problem.q, self.z)
             rows, units = self.conditions.rows_alone(np.where(counts, terms, 0.0))
-            limit = {} if self.problem.n <= PIVOT_UP_TO else {"max_iter": max(self.iterations, 1)}
             with suppress(OutOfTime):
-                y = self._least_violation(rows, **limit)
+                y = self._least_violation(rows, max_iter=self.iterations + PIVOT_UP_TO)
                 proof = self._proof(np.ldexp(y, units))
                 if np.abs(y).max() > self.tolerance and proof is not None and proof[0] == "infeasible":
                     return proof
