@@ -27,12 +27,12 @@ from .jobs import Choice, Job, MethodSequence
 from .last_resort import search
 from .newton_josephy import NewtonJosephy
 from .outcome import solution_of, why_none
-from .progress import Progress
+from .progress import CallbackFailure, Progress
 from .reduction import ladder_steps, presolve
-from .run import WORTH_ANOTHER_METHOD, CallbackFailure, Run
+from .run import Run
 from .small import pivoted
 from .solution import Solution, Status
-from .stopping import StopReason, fault_of_psi
+from .stopping import WORTH_ANOTHER_METHOD, StopReason, fault_of_psi
 
 _LOG = logging.getLogger("icpmodel")
 

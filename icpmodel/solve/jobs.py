@@ -9,6 +9,7 @@ from ..methods.contract import Method
 from ..numerics.rounding import SMALLEST
 from ..present.display import Displayable
 from .estimates import Estimate
+from .stopping import StopReason
 
 #: a method stops when it has spent this multiple of its estimate; its remaining cost is then at least what it spent,
 #: and at most the second multiple of that
@@ -51,7 +52,8 @@ class Job:
     def __init__(self, choice: Choice) -> None:
         self.choice = choice
         self.method = choice.method
-        self.outcome = ""
+        #: why it ended; None while it may go on
+        self.stop_reason: StopReason | None = None
         #: whether it began at the start of the run with its own problem
         self.is_fresh = False
         self.steps = 0
@@ -61,6 +63,11 @@ class Job:
         self.remaining = choice.estimate.total if choice.estimate else 0.0
         #: twice its estimate, and what it may spend before it is compared with others
         self.limit = self.max_cost = _MAX_OVERRUN * self.remaining or math.inf
+
+    @property
+    def outcome(self) -> str:
+        """The status with which it ended, or empty."""
+        return self.stop_reason.status.value if self.stop_reason else ""
 
     def step(self, cost: float, residual: float, target: float) -> bool:
         """Count a step to `residual`, where `target` is asked for; return whether to compare with other methods."""

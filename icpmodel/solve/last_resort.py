@@ -1,4 +1,4 @@
-"""What `solve()` tries before it says that it stagnated, cycled or diverged: on a small problem all that may help."""
+"""What `solve()` tries before it says that all methods failed: on a small problem all that may help."""
 
 from __future__ import annotations
 
@@ -12,24 +12,22 @@ from ..numerics import work
 from .jobs import MethodSequence
 from .run import Run
 from .solution import Status
-from .stopping import StopReason
+from .stopping import WORTH_ANOTHER_METHOD, StopReason
 
 _LOG = logging.getLogger("icpmodel")
 #: seconds for all of it where no time limit was given
 DEFAULT_SECONDS = 10.0
-#: the statuses after which a global search may help
-_FAILED_STATUSES = (Status.STAGNATED, Status.CYCLED, Status.DIVERGED)
 
 
 def search(run: Run, run_methods: Callable[[Run, Iterator[None]], None]) -> None:
-    """Go on where `run` ended as stagnated, cycled or diverged, with a problem of up to `MAX_UNKNOWNS` unknowns.
+    """Go on where all methods of `run` failed, with a problem of up to `MAX_UNKNOWNS` unknowns.
 
     In turn: `Enumerate`, which settles what has few active sets in less time than anything else takes; each method that
     began elsewhere, or has spent twice its estimate, now from z⁰; `Restarts`; and `MixedInteger`. Where nothing is
     found `run` ends as it did before, and its note says what was tried.
     """
     before = run.stop_reason
-    if run.best is None or before.status not in _FAILED_STATUSES or run.problem.n > MAX_UNKNOWNS:
+    if run.best is None or before.status not in WORTH_ANOTHER_METHOD or run.problem.n > MAX_UNKNOWNS:
         return
     job = run.job
     limited = run.limits.time_limit is not None
@@ -42,7 +40,7 @@ def search(run: Run, run_methods: Callable[[Run, Iterator[None]], None]) -> None
     run.restart = run.start
     with work.work_limit(seconds):
         run_methods(run, run.steps(MethodSequence(*methods, why=why)))
-    if run.stop_reason.status in _FAILED_STATUSES or (run.stop_reason.status is Status.TIME_LIMIT and not limited):
+    if run.stop_reason.status in WORTH_ANOTHER_METHOD or (run.stop_reason.status is Status.TIME_LIMIT and not limited):
         tried = ", ".join(one.name for one in methods)
         run.stop_reason = StopReason(before.status, f"{before.note}; {limit} found no solution ({tried})")
         run.job = job

@@ -25,6 +25,14 @@ _LOG = logging.getLogger("icpmodel")
 _open_line: ContextVar[Callable[[str], None] | None] = ContextVar("status line", default=None)
 
 
+class CallbackFailure(BaseException):
+    """Carries the `error` of a callback past the run, which would take it for one of a method."""
+
+    def __init__(self, error: Exception) -> None:
+        super().__init__(error)
+        self.error = error
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Progress(Displayable):
     """The state of a run that a callback receives.

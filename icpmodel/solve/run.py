@@ -23,10 +23,10 @@ from ..theory.answers import Answer
 from .choice import Ladder
 from .goal import Goal, Limits
 from .jobs import Job, MethodSequence
-from .progress import Bar, Progress, progress_bar
+from .progress import Bar, CallbackFailure, Progress, progress_bar
 from .proved_convergence import proved_convergence
 from .solution import Status
-from .stopping import StagnationTest, StopReason, fault_of_psi
+from .stopping import WORTH_ANOTHER_METHOD, StagnationTest, StopReason, fault_of_psi
 
 _LOG = logging.getLogger("icpmodel")
 _LOG.addHandler(logging.NullHandler())
@@ -43,16 +43,6 @@ MAX_ROUNDING = 0.1
 _DIVERGENCE = 1e200
 #: outcomes after which the next method starts from the best iterate; "" is a method that was only interrupted by others
 _CONTINUABLE = ("", Status.SOLVED.value, Status.TIME_LIMIT.value, Status.MEMORY_LIMIT.value)
-#: ends after which another method is tried; with MAP_FAILED it may avoid the points where psi fails
-WORTH_ANOTHER_METHOD = (Status.STAGNATED, Status.CYCLED, Status.DIVERGED, Status.MAP_FAILED)
-
-
-class CallbackFailure(BaseException):
-    """Carries the `error` of a callback past the run, which would take it for one of a method."""
-
-    def __init__(self, error: Exception) -> None:
-        super().__init__(error)
-        self.error = error
 
 
 @dataclass
@@ -161,7 +151,7 @@ class Run:
             last: Job | None = None
             while (job := self._next_job(ladder)) is not None:
                 if job is not last:
-                    if last is not None and last.outcome == "":
+                    if last is not None and last.stop_reason is None:
                         _LOG.info("n = %d: %s, then %r", self.problem.n, last, job.method)
                     self.bar.begin(job.method.name)
                     last = job
@@ -178,6 +168,9 @@ class Run:
             self.stop_reason = self.refusal.stop_reason
             if self.refusal.job is not None:
                 self.job = self.refusal.job
+        elif self.best is not None and self.best.job.stop_reason:  # how others ended says nothing of this iterate
+            self.job = self.best.job
+            self.stop_reason = self.best.job.stop_reason
 
     def _next_job(self, ladder: Ladder | MethodSequence) -> Job | None:
         """The next job; None if none is left, or if choosing one would exceed the limits."""
@@ -212,14 +205,14 @@ class Run:
         except SingularOperator as error:
             self.singular = error
             self.tried.remove(job)
-            job.outcome = str(error)
+            job.stop_reason = StopReason(Status.STAGNATED, str(error))
             self._log_end(job)
             return
         except Infeasible as proof:
             self.infeasible = proof.answer
             self.stop_reason = StopReason(Status.INFEASIBLE, proof.answer.reason)
         except KeyboardInterrupt:
-            job.outcome = Status.INTERRUPTED.value
+            job.stop_reason = StopReason(Status.INTERRUPTED, "")
             raise
         except (OutOfTime, MemoryError) as error:
             self.stop_reason = self._refuse(error, job)
@@ -228,12 +221,12 @@ class Run:
                 raise
             self.fault = error
             self.stop_reason = StopReason(Status.MAP_FAILED, str(error))
-        job.outcome = self.stop_reason.status.value
+        job.stop_reason = self.stop_reason
         self._log_end(job)
 
     def _log_end(self, job: Job) -> None:
         best = np.nan if self.best is None else self.best.residual
-        _LOG.info("n = %d: %s: %s; best residual %.3g", self.problem.n, job, job.outcome, best)
+        _LOG.info("n = %d: %s: %s; best residual %.3g", self.problem.n, job, job.stop_reason, best)
 
     def _starting_point(self) -> Vector:
         """The best iterate, or `restart` if that iterate is of a method that failed."""

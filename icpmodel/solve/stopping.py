@@ -14,6 +14,8 @@ from .solution import Status
 
 #: the number of steps that reduce the residual by less than a thousandth before its rounding error is computed
 _PRECISION_CHECK = 50
+#: ends after which another method is tried; with MAP_FAILED it may avoid the points where psi fails
+WORTH_ANOTHER_METHOD = (Status.STAGNATED, Status.CYCLED, Status.DIVERGED, Status.MAP_FAILED)
 _NO_ITERATE: Vector = np.zeros(0)
 
 
@@ -22,6 +24,9 @@ class StopReason(NamedTuple):
 
     status: Status
     note: str
+
+    def __str__(self) -> str:
+        return f"{self.status.value}: {self.note}" if self.note else self.status.value
 
 
 class StagnationTest:

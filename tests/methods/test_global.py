@@ -112,6 +112,28 @@ def test_a_failure_carries_the_best_iterate():
     assert solution.residual <= planted(2, 60).residual(np.zeros(60))
 
 
+def exponential(A, q, G, c):
+    """The problem with ψ(z) = exp(Gz) − c, which soon overflows."""
+    G = np.array(G, dtype=float)
+    return icp.ICP(A, q, icp.Function(lambda z: np.exp(G @ z) - c, lambda z: np.exp(G @ z)[:, None] * G))
+
+
+@pytest.mark.filterwarnings("ignore:overflow")
+def test_the_search_begins_also_where_psi_overflowed():
+    problem = exponential(
+        [[-1, 0, 2], [-1, 3, 4], [-3, -3, -2]], [-1, 1, -2], [[3, -4, 3], [-3, 0, 4], [1, 3, 3]], [2, 42, 32]
+    )
+    assert problem.solve().solved
+
+
+@pytest.mark.filterwarnings("ignore:overflow")
+def test_a_failure_is_that_of_the_method_with_the_best_iterate():
+    """No z is above ψ(z) = exp(8z) + 1."""
+    solution = attempt(exponential([[-1, 2], [2, -1]], [-1, -1], 8 * np.eye(2), -1.0))
+    assert solution.message.startswith(f"{solution.method!r} stagnated: ")
+    assert "there may be no solution" in solution.message
+
+
 def test_crosscheck_asks_the_mixed_integer_form_of_an_indefinite_problem():
     (row,) = icp.crosscheck(planted(4, 8), solvers=["highs-milp"]).rows
     assert row.verdict.value in ("agrees", "other solution")
