@@ -8,8 +8,22 @@ import numpy as np
 
 from ..methods.contract import Method, named, names
 from ..methods.newton import Newton
+from ..numerics.rounding import UNIT_ROUNDOFF, rounded_up
 from ..problem.data import ProblemData
+from ..theory.certificates.enumerated import Disproof, NoSolution
 from ..theory.matrices.classes import MatrixClasses
+
+
+def first_steps(picked: Method | None, why: str, method_named: bool, disproof: Disproof | None) -> Iterator[str]:
+    """What to call, or what to change where it is proved that there is no solution; the rest as in `Explanation`."""
+    if isinstance(disproof, NoSolution):
+        conflict = "`solve(raise_on_failure=False).contradiction` may name the conditions in conflict"
+        yield f"no solution exists: change A, q or psi; {conflict}"
+        return
+    alone = "left to itself " if method_named else ""
+    yield why if picked is None else f"call solve(); {alone}it will run {picked!r} first: {why}"
+    if disproof:
+        yield "there are several solutions: all_solutions() lists them, and other starts z0 may find other ones"
 
 
 def what_to_do(
@@ -62,6 +76,15 @@ def what_to_do_about_f(problem: ProblemData, unique: bool) -> Iterator[str]:
         yield "give slope_range=(m, M) to Elementwise: without it no theorem can be applied"
     else:
         yield "f couples rows, which no theorem here covers: other starts z0 may find other solutions"
+
+
+def what_limits(accuracy: float, largest: float | None) -> Iterator[str]:
+    """A remark where rounding forbids the `accuracy`; `largest`: a bound on the entries of z, if one is known."""
+    if largest is not None and accuracy < UNIT_ROUNDOFF * largest:
+        yield (
+            f"the accuracy {accuracy:g} may be out of reach: entries of z can be as large as {rounded_up(largest)}, "
+            f"and float64 rounds such numbers by up to {rounded_up(UNIT_ROUNDOFF * largest)}"
+        )
 
 
 def methods_for_f(problem: ProblemData) -> Iterator[str]:

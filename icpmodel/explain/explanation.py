@@ -15,7 +15,7 @@ from ..errors import InputError, MapError, NotApplicable, OutOfTime
 from ..methods.contract import Method, named
 from ..methods.modulus import ModulusMember
 from ..numerics.arrays import as_number, as_truth, described
-from ..numerics.rounding import UNIT_ROUNDOFF, public_entry, rounded_up
+from ..numerics.rounding import public_entry
 from ..numerics.threads import one_blas_thread
 from ..present.card import Sections, inner_width
 from ..present.display import Displayable
@@ -31,7 +31,7 @@ from ..theory.certificates.enumerated import Disproof, NoSolution
 from ..theory.convergence.proximal_point import proximal_point
 from ..theory.matrices.classes import CLASS_NAMES, MatrixClasses
 from ..theory.nonuniqueness import solution_facts
-from .advice import is_boxed, methods_for_f, what_to_do, what_to_do_about_f
+from .advice import first_steps, is_boxed, methods_for_f, what_limits, what_to_do, what_to_do_about_f
 from .forecasts import Forecast, factor_text, forecasts_of, members
 
 #: what a page may cost, in products with A and in nanoseconds: for n = 10⁶ and n = 10⁴ that were 5 s and 2 s on the
@@ -210,21 +210,15 @@ class Explanation(Displayable):
                 yield from (f"theorem {name:<8}  {check}" for name, check in one.checks.items())
 
     def _to_do(self) -> Iterator[str]:
-        if self.picked is None:
-            yield self.why
-        else:
-            alone = "left to itself " if self.method_named else ""
-            yield f"call solve(); {alone}it will run {self.picked!r} first: {self.why}"
+        disproof = self.disproof
+        yield from first_steps(self.picked, self.why, self.method_named, disproof)
+        if isinstance(disproof, NoSolution):
+            return
         if self.problem.f is not None:
             yield from what_to_do_about_f(self.problem, self.bound.unique)
         elif self.instead is None and not any(one.proved_by for one in self.forecasts):
-            yield from what_to_do(self.problem, self.classes, self.picked, self.bound.unique or bool(self.disproof))
-        largest = self.bound.value
-        if largest is not None and self.accuracy < UNIT_ROUNDOFF * largest:
-            yield (
-                f"the accuracy {self.accuracy:g} may be out of reach: entries of z can be as large as "
-                f"{rounded_up(largest)}, and float64 rounds such numbers by up to {rounded_up(UNIT_ROUNDOFF * largest)}"
-            )
+            yield from what_to_do(self.problem, self.classes, self.picked, self.bound.unique or bool(disproof))
+        yield from what_limits(self.accuracy, self.bound.value)
 
     def _best_proved(self) -> Iterator[str]:
         if self.problem.f is not None:

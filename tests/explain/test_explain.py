@@ -133,8 +133,11 @@ def test_what_solve_begins_with_is_proved_and_its_steps_are_counted():
     ("problem", "words"),
     [
         (icp.ICP([[2.0]], [-1.0], np.sin), "give psi's Lipschitz matrix"),
-        (icp.ICP([[2.0]], [-1.0], icp.Affine([[3.0]])), "psi moves too much"),
-        (icp.ICP(PAIR, [-1.0, 1.0], icp.Affine([[0, 3.0], [1.0, 0]])), "with the obstacle frozen"),
+        (icp.ICP(2 * np.eye(13), -np.ones(13), icp.Affine(3 * np.eye(13))), "psi moves too much"),
+        (
+            icp.ICP(np.kron(np.eye(7), PAIR), np.ones(14), icp.Affine(np.kron(np.eye(7), [[0, 3], [1, 0]]))),
+            "with the obstacle frozen",
+        ),
         (icp.ICP(-np.eye(13), -np.ones(13)), "no P-matrix: there may be no solution, or many"),
         (scenes.hand_cyclic().problem, "sweeps may cycle: try newton"),
         (
@@ -278,6 +281,18 @@ def test_what_all_linear_pieces_decide_is_said_once(problem, sentence, unique):
     assert text.count("there is no solution:") + text.count("there are two solutions or more:") == (not unique)
     assert "there may be no solution" not in text
     assert "perhaps one of many" not in text
+
+
+@pytest.mark.parametrize(
+    ("name", "row", "words"),
+    [
+        ("hard-infeasible", 0, "no solution exists: change A, q or psi"),
+        ("hard-three", 1, "there are several solutions: all_solutions() lists them, and other starts z0"),
+        ("hard-many", 1, "there are several solutions"),
+    ],
+)
+def test_how_many_solutions_are_proved_decides_what_to_do(name, row, words):
+    assert built(name).explain().about()["what_to_do"][row].startswith(words)
 
 
 def test_a_solution_in_a_box_exists_where_f_is_continuous():
