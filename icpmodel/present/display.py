@@ -53,8 +53,8 @@ class Plottable(Displayable):
         ax : matplotlib axes, optional
             Axes to draw into, one for each panel, or one for the first panel.
         points : array_like of shape (n,), (n, 2) or (n, 3), optional
-            Coordinates of the unknowns, for what has some; by default those of the scene that A is
-            from, else the row numbers.
+            Coordinates of the unknowns, for what has some; by default those of the scene or
+            grid that A is from, else row numbers.
         shape : tuple of int, optional
             Shape (ny, nx) or (nz, ny, nx) of the grid whose unknowns are numbered row by row, in
             place of `points`.

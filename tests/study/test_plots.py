@@ -74,8 +74,8 @@ def test_points_of_a_plane_grid_need_not_be_given(of):
     axes = icp.study.figure(of.solve("psor")).axes[0]
     assert axes.get_title().startswith("z, ")
     assert axes.collections[0].get_array().reshape(10, 10).shape == (10, 10)
-    again = icp.ICP(of.A, of.q, of.psi).solve("psor")  # its A is another one, of which nothing is known
-    assert icp.study.figure(again).axes[0].get_ylabel() == "z"
+    again = icp.ICP(of.A, of.q, of.psi).solve("psor")  # its A is another one, of which the grid is known
+    assert icp.study.figure(again).axes[0].get_ylabel() == "row"
     assert icp.study.figure(again, SQUARE.points).axes[0].get_title().startswith("z, ")
 
 
@@ -87,24 +87,44 @@ def test_where_there_is_no_window_it_is_said_what_to_do_instead(solution):
     assert pyplot.get_fignums() == []
 
 
-def test_an_own_grid_is_drawn_in_the_plane_or_in_slices_and_hinted_at_elsewhere():
-    for shape, m in (((8, 13), 1), ((3, 4, 5), 3)):
+@pytest.mark.parametrize("couples", ["blocks of a grid's size", "every third unknown", "nothing", "a short grid"])
+def test_what_is_no_grid_is_drawn_over_its_rows(couples):
+    chain = np.diag(np.full(8, 2.0)) - np.eye(8, k=1) - np.eye(8, k=-1)
+    matrices = {
+        "blocks of a grid's size": np.kron(np.eye(9), chain),
+        "every third unknown": 4.0 * np.eye(72) - np.eye(72, k=3) - np.eye(72, k=-3),
+        "nothing": np.eye(72),
+        "a short grid": np.kron(np.eye(7), chain) + 2.0 * np.eye(56) - np.eye(56, k=8) - np.eye(56, k=-8),
+    }
+    solution = icp.ICP(matrices[couples], np.ones(len(matrices[couples]))).solve()
+    assert icp.study.figure(solution).axes[-1].get_xlabel() == "row"
+
+
+def test_the_obstacle_of_a_row_is_drawn_whole():
+    """Its tick is as wide as half of the row, and the axis begins half a row before the first one."""
+    axes = icp.study.figure(icp.ICP(np.eye(3), [-1.0, 0.0, 1.0], 0.5).solve()).axes[0]
+    low, high = axes.get_xlim()
+    assert low <= -0.5
+    assert high >= 2.5
+
+
+def test_an_own_grid_is_drawn_in_the_plane_or_in_slices():
+    for shape, m in (((8, 13), 1), ((3, 4, 6), 3)):
         lines = [np.diag(np.full(k, 2.0)) - np.diag(np.ones(k - 1), 1) - np.diag(np.ones(k - 1), -1) for k in shape]
         A = sum(
             np.kron(np.kron(np.eye(int(np.prod(shape[:k]))), line), np.eye(int(np.prod(shape[k + 1 :]))))
             for k, line in enumerate(lines)
         )
         solution = icp.ICP(A, -np.ones(len(A)), -1.0).solve()
-        assert f"shape={shape}" in icp.study.figure(solution).axes[-1].get_xlabel()
-        drawn = icp.study.figure(solution, shape=shape)
+        drawn = icp.study.figure(solution)
         fields = [axes.collections[0] for axes in drawn.axes if axes.get_title()]
         assert len(fields) == 2 * m
         middle = solution.z.reshape(shape)[shape[0] // 2] if m == 3 else solution.z.reshape(shape)
         assert np.array_equal(fields[0].get_array().reshape(shape[-2:]), middle)
         assert all(field.colorbar.ax.get_ylabel() for field in fields)
         points = np.indices(shape)[::-1].reshape(len(shape), -1).T
-        again = icp.study.figure(solution, points)
-        assert np.array_equal(again.axes[0].collections[0].get_array(), fields[0].get_array())
+        for again in (icp.study.figure(solution, points), icp.study.figure(solution, shape=shape)):
+            assert np.array_equal(again.axes[0].collections[0].get_array(), fields[0].get_array())
 
 
 @pytest.mark.parametrize("wrong", [{"shape": (10, 11)}, {"points": np.zeros(3)}, {"shape": (10, 10), "points": [0.0]}])

@@ -15,10 +15,8 @@ from ...present.display import Plottable
 from ...problem.data import ProblemData
 from ...scenes.registry import title
 from .figures import GREY, ORANGE, PURPLE, Drawing, Panel, drawing
-from .places import Places, Slice, places_of
+from .places import MAX_MARKED_POINTS, Places, Slice, places_of
 
-#: the largest number of points or rows drawn one by one
-MAX_MARKED_POINTS = 60
 #: a curve of more points is written as pixels
 MAX_VECTOR_POINTS = 5000
 #: the largest number of fields of a sequence that are drawn, evenly spaced
@@ -108,11 +106,16 @@ def line_style(places: Places, colour: Any, width: float, marker: str = "o") -> 
 
 
 def clean(axes: Any, whole: bool) -> list[Any]:
-    """Draw a grid without a frame; ticks of x at whole numbers only if `whole`. Returns no handles."""
+    """Draw a grid without a frame. If x are `whole`, each has half a unit around it, and ticks are at them alone.
+
+    Returns no handles.
+    """
     axes.grid(alpha=0.3)
     axes.spines[["top", "right"]].set_visible(False)
     if whole:
         axes.locator_params(axis="x", integer=True, min_n_ticks=1)
+        low, high = axes.get_xlim()
+        axes.set_xlim(min(low, axes.dataLim.x0 - 0.5), max(high, axes.dataLim.x1 + 0.5))
     return []
 
 

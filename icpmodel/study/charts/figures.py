@@ -174,7 +174,7 @@ def figure(what: Any, points: Any = None, shape: Any = None) -> Figure:
     what : Solution, list of them, Solutions, Fields, Derivative, Sensitivity, History, Scene, Race or StabilityMap
         What is drawn.
     points : array_like of shape (n,), (n, 2) or (n, 3), optional
-        Coordinates of the unknowns; by default those of the scene that A is from, else the row numbers.
+        Coordinates of the unknowns; by default those of the scene or grid that A is from, else row numbers.
     shape : tuple of int, optional
         Shape (ny, nx) or (nz, ny, nx) of the grid whose unknowns are numbered row by row, in place of `points`.
 
@@ -219,7 +219,7 @@ def plot(what: Any, path: Any = None, *, ax: Any = None, points: Any = None, sha
     ax : matplotlib axes or sequence of them, optional
         Axes to draw into instead: one for the first panel, or one for each panel.
     points : array_like of shape (n,), (n, 2) or (n, 3), optional
-        Coordinates of the unknowns; by default those of the scene that A is from, else the row numbers.
+        Coordinates of the unknowns; by default those of the scene or grid that A is from, else row numbers.
     shape : tuple of int, optional
         Shape (ny, nx) or (nz, ny, nx) of the grid whose unknowns are numbered row by row, in place of `points`.
 

@@ -19,6 +19,8 @@ from ...scenes.registry import placement_of
 #: a curve of more points than this is thinned out before it is drawn, a field of more cells too: a figure has fewer
 #: pixels
 PIXELS = 200_000
+#: the largest number of points or rows drawn one by one
+MAX_MARKED_POINTS = 60
 #: the names of the axes of a grid that is given by its shape
 _GRID_AXES = ("column", "row", "layer")
 
@@ -107,7 +109,7 @@ def places_of(problem: ProblemData, points: Any = None, shape: Any = None) -> Pl
     problem : ProblemData
         The problem.
     points : array_like of shape (n,), (n, 2) or (n, 3), optional
-        Coordinates, by default those of the scene that A is from.
+        Coordinates, by default those of the scene that A is from, else those of the grid that A couples.
     shape : tuple of int, optional
         Shape (ny, nx) or (nz, ny, nx) of the grid, in place of `points`.
 
@@ -126,13 +128,16 @@ def places_of(problem: ProblemData, points: Any = None, shape: Any = None) -> Pl
     labels: tuple[str, ...] = ("x", "y", "z")
     if points is not None and shape is not None:
         raise InputError("points and shape are both given; the unknowns are placed by one of them")
+    if points is None and shape is None:
+        if known is not None:
+            points, labels = known.points, known.coordinates
+        elif problem.n > MAX_MARKED_POINTS:  # a curve over the rows of a grid is a zigzag
+            shape = _grid_shape(problem)
     if shape is not None:
         points, labels = _grid_points(problem.n, shape), _GRID_AXES
-    elif points is None and known is not None:
-        points, labels = known.points, known.coordinates
     if points is None:
         rows = _evenly(problem.n)
-        return Places(rows, rows.astype(np.float64), f"row{_hint(problem)}", unknown, by_row=True)
+        return Places(rows, rows.astype(np.float64), "row", unknown, by_row=True)
     points = as_float64(points, "points")
     if points.shape[:1] != (problem.n,) or points.ndim > 2 or not 1 <= points.size // problem.n <= 3:
         raise InputError(f"points has shape {points.shape}; ({problem.n},), (n, 2) or (n, 3) was expected")
@@ -179,23 +184,25 @@ def _plane(points: Vector, rows: Rows, axes: tuple[int, int], labels: Sequence[s
     return Slice(rows[order], x[order], y[order], (labels[axes[0]], labels[axes[1]]), at)
 
 
-def _hint(problem: ProblemData) -> str:
-    """What to say beside the row numbers of a grid, whose curve is a zigzag: the shape of the grid.
+def _grid_shape(problem: ProblemData) -> tuple[int, ...] | None:
+    """The shape of the grid in which A couples each unknown with its neighbours, and with no other; None without one.
 
-    Neighbours i − 1 and i are coupled but where a row of the grid ends: at every multiple of its length m.
+    Neighbours are 1 apart in a row, m in a column, and the size of a layer from one layer to the next.
     """
-    n = problem.n
-    if n < 4 or not problem.A.diagonal(1).any():
-        return ""
-    ends = np.flatnonzero(problem.A.diagonal(1) == 0.0) + 1
-    m = int(ends[0]) if ends.size else n
-    if m == n or n % m or not np.array_equal(ends, np.arange(m, n, m)):
-        return ""
-    shape = [n // m, m]
-    layers = np.flatnonzero(problem.A.diagonal(m) == 0.0)
-    if layers.size and n % (area := int(layers[0]) + m) == 0:
-        shape = [n // area, area // m, m]
-    return f" (A is that of a grid: see plot(shape={tuple(shape)}))"
+    if problem.A.nnz > 7 * problem.n:  # itself and six neighbours
+        return None
+    rows, columns = problem.A.nonzero()
+    steps = np.unique(columns - rows)
+    steps = steps[steps > 0]
+    shape = tuple(int(size) for size in (np.append(steps[1:], problem.n) // steps)[::-1])
+    if len(shape) not in (2, 3) or prod(shape) != problem.n:
+        return None
+    grid = np.arange(problem.n).reshape(shape)
+    for axis, step in enumerate(steps[::-1]):
+        coupled = np.flatnonzero(problem.A.diagonal(step))
+        if not np.array_equal(coupled, np.delete(grid, -1, axis).ravel()):
+            return None
+    return shape
 
 
 def edges(values: Vector) -> Vector:

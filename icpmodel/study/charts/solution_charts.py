@@ -20,7 +20,6 @@ from ...solve.solutions import Solutions
 from ..sensitivity import Sensitivity
 from .field_charts import (
     CONTACT_STYLES,
-    MAX_MARKED_POINTS,
     MAX_VECTOR_POINTS,
     Field,
     Fields,
@@ -31,7 +30,7 @@ from .field_charts import (
     line_style,
 )
 from .figures import BLUE, GREEN, GREY, ORANGE, PURPLE, ZERO_SHARE, Drawing, Panel, drawing
-from .places import Places, places_of
+from .places import MAX_MARKED_POINTS, Places, places_of
 
 _FORCE = "The force p with which the obstacle pushes back: 0 where z is free."
 
@@ -124,7 +123,7 @@ def _heights(places: Places, solution: Solution, masks: Mapping[str, Mask], axes
     for name, mask in masks.items():
         contact = mask[places.rows]
         if contact.any():
-            ring = {"linestyle": "", "marker": "o", "markersize": 9, "alpha": 0.3, "zorder": 0}
+            ring = {"linestyle": "", "marker": "o", "markersize": 13, "alpha": 0.35, "zorder": 0}
             ring |= {"label": name, "color": CONTACT_STYLES[name][0], "rasterized": z.size > MAX_VECTOR_POINTS}
             axes.plot(places.x[contact], z[contact], **ring)
     for handle in axes.legend(loc="best", frameon=False, fontsize=9).legend_handles:
