@@ -36,13 +36,20 @@ class Constant(Map):
         self._is_number = axes(c, "Constant.c") == 0
         self.c = as_vector(c, 1 if self._is_number else None, "Constant.c", infinite=np.inf)
 
-    def bind(self, n: int) -> Constant:
-        bound = object.__new__(Constant)
-        bound.c = locked(as_vector(self.c[0] if self._is_number else self.c, n, "Constant.c", infinite=np.inf))
+    @classmethod
+    def of_checked(cls, c: Vector) -> Constant:
+        """The obstacle `c` of shape (n,), bound, of a vector that is valid already and not copied."""
+        bound = object.__new__(cls)
+        bound.c = locked(c)
         bound._is_number = False
-        bound.lipschitz = zero(n)
-        bound.linear = zero(n), bound.c
+        bound.lipschitz = zero(c.size)
+        bound.linear = bound.lipschitz, bound.c
         return bound
+
+    def bind(self, n: int) -> Constant:
+        return Constant.of_checked(
+            as_vector(self.c[0] if self._is_number else self.c, n, "Constant.c", infinite=np.inf)
+        )
 
     def value(self, z: Vector) -> Vector:
         return self.c

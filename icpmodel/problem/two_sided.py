@@ -263,7 +263,7 @@ def _one_side(value: Any, n: int, name: str, none: float) -> Map:
         expected = "a number, a vector, a callable or one of icpmodel's maps"
         raise InputError(f"{name} is {described(value)}; {expected} was expected")
     vector = as_vector(value, n, name, infinite=none)
-    bound = Constant(vector).bind(n)
+    bound = Constant.of_checked(vector)
     return bound if none < 0.0 else _check_bound(bound, vector, name, none)  # both infinities pass there
 
 
