@@ -331,8 +331,8 @@ def solve_program(
         if presolve.contradiction:
             status, message = "infeasible", presolve.contradiction
         else:
-            # bounds that cross by rounding touch
-            program = replace(program, low=np.minimum(program.low, program.high))
+            if (program.low > program.high).any():  # by rounding: they touch
+                program = replace(program, low=np.minimum(program.low, program.high))
             try:
                 status, message = run.verdict(start)
             except KeyboardInterrupt:
