@@ -60,9 +60,9 @@ def solve(
 
     Parameters
     ----------
-    problem : ICP or str or object
-        An ICP or the name of a scene. Or an object that holds an ICP: a scene, a solution, an
-        `icpmodel.Problem` written in CVXPY, a Pyomo model that was read.
+    problem : ICP or object
+        An ICP, or an object that holds one: a scene, a solution, an `icpmodel.Problem` written in
+        CVXPY, a Pyomo model that was read.
     method : str or Method, optional
         A name with its `options`, e.g. theta1=1.2, or a `Method`. By default one is chosen by the
         rule of `select_method`. Then each obstacle ψ_i that depends on z_i alone is first replaced
