@@ -44,9 +44,11 @@ class Report(Displayable, Tabular):
     holds : bool
         Whether the answer under test is a solution.
     error_bound : float or None
-        |z − z*| ≤ `error_bound`, else the `reason` why there is none.
+        |z − z*| ≤ `error_bound`, or the same of the `bounded` part, else the `reason` why there is none.
     tolerance : float or None
         Largest difference of two answers that agree.
+    bounded : str
+        The entries that the bound is of: "z", all of them, or a part such as the x of a program.
 
     Examples
     --------
@@ -69,6 +71,7 @@ class Report(Displayable, Tabular):
     error_bound: float | None
     reason: str
     tolerance: float | None
+    bounded: str = "z"
 
     @property
     def agrees(self) -> bool:
@@ -104,7 +107,8 @@ class Report(Displayable, Tabular):
         elif self.error_bound is None:
             answer = f"Solved{ended}; no error bound is known"
         else:
-            answer = f"Solved{ended}; no entry off by more than {rounded_up(self.error_bound)}"
+            part = "" if self.bounded == "z" else f" of {self.bounded}"
+            answer = f"Solved{ended}; no entry{part} off by more than {rounded_up(self.error_bound)}"
         names = {verdict: {row.solver for row in self.rows if row.verdict is verdict} for verdict in Verdict}
         agreeing = names.pop(Verdict.AGREES) - names[Verdict.DISAGREES]
         skipped = names.pop(Verdict.SKIPPED)
@@ -162,9 +166,9 @@ class Report(Displayable, Tabular):
         Card
             The card.
         """
-        bound = (
-            "no certified error bound" if self.error_bound is None else f"|z - z*| <= {rounded_up(self.error_bound)}"
-        )
+        bound = "no certified error bound"
+        if self.error_bound is not None:
+            bound = f"|{self.bounded} - {self.bounded}*| <= {rounded_up(self.error_bound)}"
         residual, tolerance = ("-" if number is None else f"{number:.3g}" for number in (self.residual, self.tolerance))
         answer = f"{self.answer}; residual {residual}, {bound}"
         compared = f"|z_foreign - z| <= {tolerance} in every entry"

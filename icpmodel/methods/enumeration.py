@@ -51,8 +51,7 @@ class Enumerate(Method):
     def why_not(self, problem: ProblemData) -> str | None:
         if (reason := problem.psi.no_derivative()) is not None:
             return reason
-        count = piece_count(problem)
-        return f"there are {count:.3g} choices; at most {MAX_CHOICES} are tried" if count > MAX_CHOICES else None
+        return f"there are too many choices (more than {MAX_CHOICES})" if piece_count(problem) > MAX_CHOICES else None
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         undecided: list[SideChoices] = []

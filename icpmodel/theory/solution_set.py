@@ -294,9 +294,7 @@ def all_solutions(problem: ProblemLike, *, time_limit: float | None = None) -> S
     exact = ExactRows(problem)
     count = piece_count(problem)
     if count > MAX_PIECES:
-        raise NotApplicable(
-            f"problem has {count:.3g} linear pieces; at most {MAX_PIECES} are examined: solve() finds one solution"
-        )
+        raise NotApplicable(f"problem has too many linear pieces (more than {MAX_PIECES}): solve() finds one solution")
     distinct = _Distinct(exact)
     complete = True
     with work.work_limit(np.inf if time_limit is None else time_limit):

@@ -140,10 +140,22 @@ def test_bounds_that_cross_by_their_rounding_touch(row):
     )
 
 
-def test_an_answer_between_bounds_that_touch_has_a_bound_and_bounds_that_cross_are_named():
+def test_an_answer_between_bounds_that_touch_has_a_bound():
     found = icp.solve_qp([[1.0]], [0.0], lb=0.1 + 0.2, ub=0.3)
     assert found.error_bound.value < 1e-15
     assert found.crosscheck(["osqp"]).agrees
+
+
+def test_a_cross_check_states_the_error_bound_of_the_program():
+    """The conditions of these 13 bounds and a row have no bound of their own."""
+    found = icp.solve_qp(2 * np.eye(13), -np.arange(13.0), G=np.ones(13), h=[1.0], lb=0)
+    report = found.crosscheck(["osqp"])
+    assert report.error_bound == found.error_bound.value < 1e-8
+    assert report.conclusion().startswith("Solved; no entry of x off by more than ")
+    assert "|x - x*| <= " in str(report)
+
+
+def test_bounds_that_cross_are_named():
     with pytest.raises(icp.InputError, match=r"lb\[0\] = 1 is above ub\[0\] = 0"):
         icp.solve_qp([[1.0]], [0.0], lb=1, ub=0, raise_on_failure=False).crosscheck()
 

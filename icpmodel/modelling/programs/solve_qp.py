@@ -107,7 +107,7 @@ class ProgramSolution(Displayable):
     def crosscheck(
         self, solvers: Any = None, *, atol: float | None = None, time_limit: float = 60.0, progress: bool = False
     ) -> Report:
-        """Have independent solvers check the same conditions, as `icpmodel.crosscheck`.
+        """Have independent solvers check the same conditions, as `icpmodel.crosscheck`; the error bound is that of x.
 
         Parameters
         ----------
@@ -116,7 +116,7 @@ class ProgramSolution(Displayable):
         atol : float, optional
             Largest difference of two answers in an entry, in the units of z.
         time_limit : float, default 60
-            Seconds in all.
+            Seconds in all, but for the error bound.
         progress : bool, default False
             Whether to show which solver is at work.
 
@@ -131,7 +131,8 @@ class ProgramSolution(Displayable):
         True
         """
         z = np.concatenate([self.x, self.y, self.z])
-        return crosscheck(self.conditions, z, solvers, atol=atol, time_limit=time_limit, progress=progress)
+        report = crosscheck(self.conditions, z, solvers, atol=atol, time_limit=time_limit, progress=progress)
+        return replace(report, error_bound=self.error_bound.value, reason=self.error_bound.reason, bounded="x")
 
     def __repr__(self) -> str:
         if not self.solved:

@@ -52,7 +52,7 @@ def prove(problem: ProblemData) -> EnumeratedProof | str:
     """All pieces are examined; it depends on q as well."""
     count = piece_count(problem)
     if count > MAX_PIECES:
-        return f"there are {count:.3g} linear pieces, which are examined up to {MAX_PIECES}"
+        return f"there are too many linear pieces (more than {MAX_PIECES})"
     exact = ExactRows(problem)
     point = None
     for k, sides in enumerate(exact.consistent(plausible(problem))):
