@@ -96,7 +96,7 @@ def crosscheck(
     end = time.perf_counter() + as_number(time_limit, "time_limit", above=0)
     if solution is None:
         solution = solve(problem, raise_on_failure=False, time_limit=time_limit)
-    # an answer may be infinite: the verdicts allow for that, and a warning would tell the user nothing
+    # products with a large answer may overflow: the verdicts allow for that, and a warning would tell nothing
     with np.errstate(over="ignore", invalid="ignore"):
         checked = AnswerUnderTest(problem, solution, atol)
         rows: dict[str, list[Row]] = {solver.name: [] for solver in chosen}

@@ -92,7 +92,7 @@ class AnswerUnderTest:
 
     def __init__(self, original: ProblemData, solution: Any, atol: float | None = None) -> None:
         self.original = original
-        self.z = original.vector(solution, "solution")
+        self.z = original.vector(solution, "solution", finite=True)
         self.problem = problem = original.linearised(self.z)
         scaled, self.unit = in_typical_units(problem)
         rtol = OWN_RTOL

@@ -128,7 +128,7 @@ def certify(
     """
     problem = as_problem(problem, nonlinear=True)
     bound = as_truth(bound, "bound")
-    z = problem.vector(z)
+    z = problem.vector(z, finite=True)
     how: Any = {"sharp": sharp, "rigorous": rigorous, "time_limit": time_limit, "memory_limit": memory_limit}
     p = problem.p(z)
     r = problem.r(z)
