@@ -28,7 +28,14 @@ Call = TypeVar("Call", bound=Callable[..., Any])
 _OBSTACLES = "; the lower obstacle, z >= psi(z), is called psi, the upper obstacle is called upper"
 HOW_TO_BUILD = "; icpmodel.ICP(A, q, psi) makes a problem of arrays, and icpmodel.ICP(A, q, psi).solve() solves it"
 #: the name of an option in other packages → its name here
-_ELSEWHERE = {"tol": "rtol", "tolerance": "rtol", "eps": "atol", "maxiter": "max_iter", "maxit": "max_iter"}
+_ELSEWHERE = {
+    "tol": "rtol",
+    "tolerance": "rtol",
+    "eps": "atol",
+    "maxiter": "max_iter",
+    "maxit": "max_iter",
+    "derivative": "jacobian",
+}
 
 
 def did_you_mean(name: Any, known: Iterable[str]) -> str:

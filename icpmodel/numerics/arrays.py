@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import reprlib
 from collections.abc import Iterable
 from typing import Any
 
@@ -81,14 +82,15 @@ def axes(value: Any, name: str) -> int:
 
 
 def described(value: Any) -> str:
-    """What a message calls `value`, which was not expected: None, texts and numbers as they are, else the type."""
+    """What a message calls `value`, which was not expected: None, texts, numbers and rows of these as they are, else
+    the type."""
     if isinstance(value, type):
         return f"the class {value.__name__}"
     if isinstance(value, int) and abs(value) >= _MIN_OVERFLOWING_INTEGER:
         return "an integer of hundreds of digits"
-    plain = value is None or isinstance(value, str | int | float | np.number)
-    if plain:
-        return repr(value)
+    items = value if isinstance(value, list | tuple) else [value]
+    if all(one is None or isinstance(one, str | int | float | np.number) for one in items):
+        return repr(value) if items is not value else reprlib.repr(value)
     name = type(value).__name__
     return f"{'an' if name[0] in 'aeioAEIOU' or name.startswith('nd') else 'a'} {name}"
 

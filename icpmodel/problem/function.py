@@ -30,7 +30,8 @@ class Function(Parametrised):
         Maps z to an element of the generalised Jacobian, shape (n, n), dense or sparse.
     lipschitz : array_like or sparse of shape (n, n), float or array_like of shape (n,), optional
         The matrix G ≥ 0. A number or a vector stands for diag(ℓ), and thus says that ψ_i depends on
-        z_i only. A `jacobian` with an entry where G has 0 is an error.
+        z_i only. A `jacobian` with an entry where G has 0 is a MapError at the first z where it is
+        evaluated.
     sparsity : array_like or sparse of shape (n, n), optional
         A matrix with an entry wherever ψ_i may depend on z_j. Where no `jacobian` is given it is then
         made by differences, one value of ψ for each group of columns that share no row.
@@ -119,7 +120,11 @@ class Function(Parametrised):
 
     def no_derivative(self) -> str | None:
         known = self.derivative is not None or self.links is not None
-        return None if known else "psi has no derivative: give `jacobian` to Function"
+        return (
+            None
+            if known
+            else "psi has no derivative: give Function `jacobian`, or sparsity=np.ones((n, n)) for differences"
+        )
 
     @cached_property
     def _colours(self) -> NDArray[np.intp]:

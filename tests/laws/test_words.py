@@ -25,6 +25,8 @@ OTHERS = {"main", "pyomo_solver", "PyomoSolver"}
         (lambda: PROBLEM.solve("mnmgs", tol=1e-6), "did you mean rtol?"),
         (lambda: PROBLEM.solve(maxiter=9), "did you mean max_iter?"),
         (lambda: PROBLEM.solve().history.residual, "history=True"),
+        (lambda: icp.Function(np.sin, derivative=np.cos), "did you mean jacobian?"),
+        (lambda: icp.study.figure(PROBLEM.solve(), shape=(2, 3)), "shape is (2, 3); (ny, nx) or"),
     ],
 )
 def test_the_message_says_what_to_write(call, instead):

@@ -102,6 +102,13 @@ def raising(z):
     raise RuntimeError("no value here")
 
 
+def test_a_psi_without_derivative_is_differenced_on_the_sparsity_that_the_message_names():
+    psi, A, q = lambda z: 0.1 * np.sin(z[::-1]), [[2.0, -1.0], [-1.0, 2.0]], [-1.0, 1.0]
+    with pytest.raises(icp.NotApplicable, match=r"sparsity=np.ones\(\(n, n\)\) for differences"):
+        icp.ICP(A, q, psi).solve("newton")
+    assert icp.ICP(A, q, icp.Function(psi, sparsity=np.ones((2, 2)))).solve("newton").solved
+
+
 @pytest.mark.parametrize(
     ("psi", "words"),
     [
