@@ -24,7 +24,7 @@ from ..errors import FileError, IcpError, InputError, did_you_mean
 from ..numerics.plugins import load_plugins
 from ..numerics.rounding import CTRL_C, is_ctrl_c
 from ..numerics.threads import ABANDONED_THREAD
-from .output import STANDARD_INPUT, compilation_announced, complain
+from .output import STANDARD_INPUT, compilation_announced, complain, keep_standard_output
 
 __all__ = ["main"]
 
@@ -141,6 +141,7 @@ def main(arguments: list[str] | None = None) -> None:
         sys.exit(_run(arguments))
     if any(name in os.environ for name in _RANK_VARIABLES):
         signal.signal(signal.SIGTERM, _leave)
+    keep_standard_output()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # characters outside its encoding are escaped
             stream.reconfigure(errors="backslashreplace")

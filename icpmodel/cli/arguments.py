@@ -8,6 +8,8 @@ import re
 import sys
 from collections.abc import Callable, Iterable
 from contextlib import suppress
+from dataclasses import fields
+from itertools import chain
 from pathlib import Path
 from tempfile import NamedTemporaryFile
 from typing import Any, NamedTuple
@@ -23,6 +25,7 @@ from ..modelling.formats import SUFFIXES
 from ..present.whole_files import file_errors, in_words
 from ..scenes import Scene, scene
 from ..scenes import names as scene_names
+from ..scenes import parameters as parameters_of
 from ..solvers.foreign import foreign_solvers
 from .output import STANDARD_INPUT
 
@@ -116,9 +119,29 @@ def options(*decorators: Decorator) -> Decorator:
     return decorate
 
 
+class _OnProblem(click.Command):
+    """A command that tells how an option of a method, or a parameter of a scene, is typed."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        try:
+            return super().parse_args(ctx, args)
+        except click.NoSuchOption as error:
+            name = error.option_name.lstrip("-").replace("-", "_")
+            known = {
+                "--option": (one.name for method in names() for one in fields(named(method))),
+                "--set": chain.from_iterable(map(parameters_of, scene_names())),
+            }
+            taken = [option for one in self.params for option in one.opts]
+            typed = [f"{option} {name}=VALUE" for option, words in known.items() if option in taken and name in words]
+            if not typed:
+                raise
+            words = f"No such option {error.option_name!r}; {' or '.join(typed)} was expected"
+            raise click.NoSuchOption(error.option_name, words, ctx=ctx) from None
+
+
 def command(*decorators: Decorator) -> Decorator:
     """A command on a problem, with these options and arguments."""
-    return lambda run: click.command(epilog=SOURCE_HELP)(options(*decorators)(run))
+    return lambda run: click.command(cls=_OnProblem, epilog=SOURCE_HELP)(options(*decorators)(run))
 
 
 def from_signature(function: Callable[..., Any], *names: str) -> list[Decorator]:
@@ -203,6 +226,8 @@ def _input(name: str | None) -> str | None:
         return name
     with file_errors(Path(STANDARD_INPUT), "read"):
         data = sys.stdin.buffer.read()
+    if data.startswith((b"{", b"[")):
+        raise InputError(f"{STANDARD_INPUT} is JSON, which is not read; use solve -o answer.npz")
     suffix = next((suffix for begin, suffix in _SUFFIX_OF_PREFIX.items() if data.startswith(begin)), ".csv")
     with NamedTemporaryFile(prefix="standard-input-", suffix=suffix, delete=False) as file:
         file.write(data)
@@ -218,7 +243,7 @@ def _side(text: str | None, option: str) -> float | str | None:
         return None if text is None else float(text)
     except ValueError:
         if not os.path.exists(str(text)):
-            raise InputError(f"{option} is {text!r}; a number or the name of a file was expected") from None
+            raise InputError(f"{option} is {text!r}; that is no number, and there is no such file") from None
         return text
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import logging
 import math
+import os
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
@@ -41,6 +43,19 @@ def print_table(result: Any, table: Table, form: str | None) -> None:
     """Print the results, or their whole table as CSV or LaTeX."""
     formats = {"csv": table.to_csv, "latex": table.to_latex}
     click.echo(formats[form]() if form else str(result), nl=not form)
+
+
+def keep_standard_output() -> None:
+    """Let this process alone write to its standard output: what libraries write to descriptor 1 goes to standard error.
+
+    HiGHS and others print there in the middle of a solve, which no reader of JSON or CSV expects.
+    """
+    with suppress(OSError):  # what stands for it has no descriptor
+        # one that the shell has closed is None
+        if sys.stdout is not None and sys.stderr is not None and sys.stdout.fileno() == 1:
+            kept = open(os.dup(1), "w", encoding=sys.stdout.encoding)  # noqa: SIM115  as long as the process lives
+            os.dup2(2, 1)
+            sys.stdout = kept
 
 
 @contextmanager

@@ -184,7 +184,7 @@ def report(
             solution = uninterrupted(solve(stated, z0=start, history=True, raise_on_failure=False))
         problem = solution.problem
         for heading, question, make in _contents(solution, start, points, z_exact, time_limit):
-            say(heading)
+            say(f"section {len(sections) + 1}: {heading}")
             try:
                 section = make()
             except IcpError as error:

@@ -147,6 +147,9 @@ def test_what_is_wrong_in_standard_input_is_said_of_it(capsys, tmp_path, monkeyp
     monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(b"1,nan\n")))
     code, _, err = call(capsys, "solve", "--A", str(tmp_path / "A.npy"), "--q", "-")
     assert (code, err) == (2, "icpmodel: standard input: q[1] is nan; a finite number was expected\n")
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(call(capsys, "scenes", "--json")[1].encode())))
+    code, _, err = call(capsys, "crosscheck", "-")
+    assert (code, err) == (2, "icpmodel: standard input is JSON, which is not read; use solve -o answer.npz\n")
 
 
 def test_the_card_says_why_there_is_no_error_bound(capsys):
@@ -211,6 +214,10 @@ def test_scenes_are_listed_and_described(capsys):
         (["solve", "membrane", "--method", "nwton"], "method is 'nwton'; did you mean newton?"),
         (["solve", "membrane", "--method", "mnmgs", "--option", "phi"], "--option is 'phi'; NAME=VALUE was expected"),
         (["solve", "membrane", "--option", "phi=1"], "name one with --method"),
+        (["solve", "membrane", "--theta1", "1.2"], "No such option '--theta1'; --option theta1=VALUE was expected"),
+        (["race", "membrane", "--mu", "1"], "No such option '--mu'; --set mu=VALUE was expected"),
+        (["race", "membrane", "--theta1", "1"], "No such option '--theta1'."),
+        (["solve", "--A", "A.npy", "--q", "q.csv", "--psi", "psi.csv"], "no number, and there is no such file"),
         (["solve", "membrane", "--method", "mnmgs", "--option", "phi2=1,2"], "phi2 is '1,2'; real numbers"),
         (
             ["solve", "membrane", "--method", "mnmgs", "--option", "phi=1", "--option", "phi=2"],
@@ -297,6 +304,14 @@ def outside(folder, source):
     (folder / "outside.py").write_text(source)
     announce(folder, "outside", {"icpmodel": {"more": "outside"}})
     return lambda *arguments: run("-c", f"from icpmodel.cli import main; main({list(arguments)})", folder=folder)
+
+
+def test_what_a_library_prints_is_not_in_the_output(tmp_path):
+    (tmp_path / "outside.py").write_text("import os; os.write(1, b'a library says hello\\n')")
+    announce(tmp_path, "outside", {"icpmodel": {"more": "outside"}})
+    ran = run("-m", "icpmodel", "solve", "hand-lcp", "--json", folder=tmp_path)
+    assert json.loads(ran.stdout)["status"] == "solved"
+    assert said(ran.stderr) == "a library says hello\n"
 
 
 def test_ctrl_c_shows_the_best_iterate_and_no_traceback(tmp_path):
@@ -434,7 +449,7 @@ else:
 """
 
 
-@pytest.mark.parametrize(("who", "said"), [("command", "icpmodel ... compiles its loops, once"), ("library", "")])
+@pytest.mark.parametrize(("who", "said"), [("command", "icpmodel ... compiles loops, each once"), ("library", "")])
 def test_a_command_says_that_it_compiles_wherever_standard_error_goes_and_the_library_does_not(tmp_path, who, said):
     heard = run("-c", COMPILES, who, folder=tmp_path).stderr
     assert heard.startswith(said)

@@ -102,7 +102,7 @@ class _CompilerListener(Listener):
             COMPILER.begin()
         elif not _CompilerListener.announced and _is_of_icpmodel(event.data["dispatcher"].py_func):
             _CompilerListener.announced = True
-            _announce("compiles its loops, once per installation")
+            _announce("compiles loops, each once per installation")
 
     def on_end(self, event: Any) -> None:
         if event.kind == _LOCK:
