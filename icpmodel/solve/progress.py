@@ -115,8 +115,8 @@ def status_line(enabled: bool, opening: str = "") -> Iterator[Callable[[str], No
     """A function that shows a sentence on what is going on.
 
     If `enabled`, a terminal or a notebook shows the latest sentence, and a log on standard error one now and then. If
-    not, the logger "icpmodel" gets one now and then, at INFO. Every log gets the `opening`, which says how long it may
-    take. Within another status line the function of that one is returned.
+    not, the logger "icpmodel" gets one now and then, at INFO. Every log gets the `opening`, which says what there
+    is to do. Within another status line the function of that one is returned.
     """
     if (outer := _open_line.get()) is not None:
         if opening:

@@ -255,8 +255,7 @@ def race(
     named = [OwnMethod(), *_own_competitors(methods), *map(ForeignCompetitor, chosen_solvers(solvers, "race"))]
     result = Race(title=f"{scene_title(problem)} ({machine()})", measure="", entries=(), command=command)
     entries: dict[tuple[str, float], Entry] = {}
-    runs = len(named) * (2 + len(goals) * repeats)
-    opening = f"{len(named)} competitors, at most {runs} runs of up to {limit:g} s: {runs * limit:.3g} s at most"
+    opening = f"{len(named)} competitors at up to {len(goals)} tolerances, a run of {limit:g} s at most"
     try:
         with status_line(progress, opening) as say:
             say("the measure of error, and one linear solve")

@@ -259,7 +259,8 @@ def _fill(result: StabilityMap, starts: int, progress: bool) -> None:
     plane = result.plane
     total = result.ends.size
     begin = time.monotonic()
-    with status_line(progress, f"{total} points, {starts} runs of at most {result.max_iter} steps at each") as say:
+    opening = f"{total} points, up to {starts} runs of at most {result.max_iter} steps at each"
+    with status_line(progress, opening) as say:
         for k, (j, i) in enumerate(np.ndindex(*result.ends.shape)):
             say(f"point {k + 1} of {total}{time_left(begin, k, total)}")
             one, member = plane.at(float(plane.x.values[i]), float(plane.y.values[j]))

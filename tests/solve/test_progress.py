@@ -42,7 +42,7 @@ def test_a_study_says_beforehand_how_much_it_is_and_in_a_page_as_well(caplog):
     few = {"tolerances": [1e-4], "repeats": 1, "time_limit": 2}
     studies = {
         "4 points": lambda: icp.stability("relaxation", points=2, n=9, starts=1),
-        "6 s at most": lambda: icp.race(problem, [], [], z_exact=[0.5, 0.0], **few),
+        "a run of 2 s at most": lambda: icp.race(problem, [], [], z_exact=[0.5, 0.0], **few),
         "3 s at most": lambda: icp.crosscheck(problem, [0.5, 0.0], ["osqp"], time_limit=3),
     }
     for said, study in studies.items():
