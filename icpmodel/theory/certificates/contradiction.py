@@ -77,7 +77,7 @@ class Contradiction(ReadOnly, Displayable):
         return f"{how}: {', '.join(self.conditions)}"
 
     def named(self, name: Callable[[int], str]) -> Contradiction:
-        """The same contradiction with names of rows before the conditions.
+        """The same contradiction with names of rows in place of their numbers.
 
         Parameters
         ----------
@@ -93,9 +93,10 @@ class Contradiction(ReadOnly, Displayable):
         --------
         >>> conflict = icp.contradiction(ICP([[0]], [-2]))
         >>> print(conflict.named(["balance"].__getitem__))
-        infeasible by 2: balance: p[0] >= 0
+        infeasible by 2: balance: p >= 0
         """
-        named = (f"{name(int(i))}: {one}" for i, one in zip(self.rows, self.conditions, strict=True))
+        pairs = zip(self.rows, self.conditions, strict=True)
+        named = (f"{name(int(i))}: {one.replace(f'[{i}]', '')}" for i, one in pairs)
         return replace(self, conditions=tuple(named))
 
 
