@@ -245,7 +245,10 @@ def check_budget(nanoseconds: float = 0.0, memory: float = 0.0) -> None:
     """Raise OutOfTime or OutOfMemory if a step needs more counted nanoseconds, or bytes, than are left."""
     if not memory_suffices(memory):
         raise OutOfMemory(f"a step needs about {1e-6 * memory:.3g} MB, which is more than the memory limit leaves")
-    if not nanoseconds <= nanoseconds_left() > 0.0:
+    left = nanoseconds_left()
+    if not left > 0.0:
+        raise OutOfTime("no time is left")
+    if not nanoseconds <= left:
         raise OutOfTime(f"a step of about {1e-9 * nanoseconds:.2g} s does not fit into the time that is left")
 
 

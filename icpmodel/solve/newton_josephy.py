@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from contextlib import suppress
 from typing import ClassVar
 
@@ -90,7 +90,7 @@ class NewtonJosephy(Method):
     def why_not(self, problem: ProblemData) -> str | None:
         return "p is affine, so that its tangent is the problem itself: name no method" if problem.f is None else None
 
-    def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
+    def iterates(self, problem: ProblemData, z: Vector) -> Generator[Iterate, None, str]:
         rng = np.random.default_rng(0)
         with np.errstate(all="ignore"):
             point = NewtonPoint(problem, problem.matrix.weights, z)
@@ -109,6 +109,7 @@ class NewtonJosephy(Method):
                     yield search.current.z, search.current.residual
         if search.psi_error is not None:
             raise search.psi_error
+        return "it has no further step" + (f", nor has it from {tries - left} other starts" if left < tries else "")
 
 
 class _Search:

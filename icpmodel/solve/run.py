@@ -249,8 +249,8 @@ class Run:
             before = work.counter()
             try:
                 z, hint = next(path)
-            except StopIteration:
-                return stalled.ended()
+            except StopIteration as end:
+                return stalled.ended(end.value)
             spent += work.counter() - before
             if count or self.iteration < 0:  # a later method starts from an iterate that was counted before
                 self.iteration += 1

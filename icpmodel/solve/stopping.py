@@ -87,9 +87,10 @@ class StagnationTest:
             return StopReason(Status.STAGNATED, f"no better iterate in {k - self.better_at} iterations")
         return None
 
-    def ended(self) -> StopReason:
-        """The reason for the end if no new iterate comes."""
-        return self.at_floor() or StopReason(Status.STAGNATED, "it has no further step, but z is not a solution")
+    def ended(self, why: str | None) -> StopReason:
+        """The reason for the end if no new iterate comes; `why`: what the method says of it."""
+        why = why or "it has no further step"
+        return self.at_floor() or StopReason(Status.STAGNATED, f"{why}, but z is not a solution")
 
     def _recurred(self, period: int) -> StopReason:
         """The reason for the end if an iterate recurred."""

@@ -26,6 +26,11 @@ def counted(make):
     return work.counter() - before, made
 
 
+def test_where_no_time_is_left_no_step_is_blamed():
+    with work.work_limit(0.0), pytest.raises(OutOfTime, match=r"^no time is left$"):
+        work.check_budget()
+
+
 def test_products_factorisations_and_cycles_are_counted():
     problem = icp.scenes.membrane(n=900).problem
     matrix, f = problem.matrix, np.ones(900)

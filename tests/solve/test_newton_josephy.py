@@ -404,6 +404,7 @@ def test_a_problem_without_a_solution_is_never_called_solved():
         assert solution.status.name in ("STAGNATED", "DIVERGED", "CYCLED")
         assert "no longer move" not in solution.message
         assert solution.message.count("another start") == 1
+    assert "nor has it from 20 other starts" in attempt(ICP.nonlinear(lambda z: -(z**2) - 1.0, n=2)).message
     hyperbola = icp.Elementwise(lambda z: -1.0 / (1.0 + z * z), lambda z: 2.0 * z / (1.0 + z * z) ** 2)
     for f, start in ((hyperbola, 1e110), (lambda z: -np.exp(-z), 740.0)):
         with np.errstate(over="ignore"):
@@ -430,6 +431,7 @@ def test_full_steps_lead_back_to_the_root_of_an_exponential_from_far_above_it(ra
     [
         (ICP.nonlinear(lambda z: z**3 - 2.0, n=2, jacobian=lambda z: np.zeros((2, 2))), "f[0]"),
         (ICP(PAIR, [1.0, 1.0], icp.Function(lambda z: 1.0 - 3.0 * z, lambda z: 3.0 * np.eye(2))), "psi[0]"),
+        (ICP(PAIR, [1.0, 1.0], icp.Function(lambda z: 1.0 - z[::-1] - z, lambda z: np.ones((2, 2)))), "psi[0]"),
     ],
 )
 def test_a_failure_says_which_derivative_does_not_fit_its_map(problem, where):
