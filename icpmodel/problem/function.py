@@ -123,7 +123,7 @@ class Function(Parametrised):
         return (
             None
             if known
-            else "psi has no derivative: give Function `jacobian`, or sparsity=np.ones((n, n)) for differences"
+            else "psi has no derivative: give `jacobian` to Function, or sparsity=np.ones((n, n)) for differences"
         )
 
     @cached_property

@@ -141,7 +141,7 @@ class Map(ReadOnly, Displayable, ABC):
         Examples
         --------
         >>> icp.Function(np.sin).bind(1).no_derivative()
-        'psi has no derivative: give `jacobian` to Function'
+        'psi has no derivative: give `jacobian` to Function, or sparsity=np.ones((n, n)) for differences'
         """
         return None
 
