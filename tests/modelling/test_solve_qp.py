@@ -155,6 +155,12 @@ def test_a_cross_check_states_the_error_bound_of_the_program():
     assert "|x - x*| <= " in str(report)
 
 
+def test_a_program_that_was_proved_infeasible_is_cross_checked_as_such():
+    found = icp.solve_qp([[1.0]], [1.0], G=[[1.0], [-1.0]], h=[0.0, -1.0], A=[[1.0]], b=[0.5], raise_on_failure=False)
+    assert found.status == "infeasible"
+    assert found.crosscheck(["osqp"]).conclusion().startswith("Not solved (infeasible)")
+
+
 def test_bounds_that_cross_are_named():
     with pytest.raises(icp.InputError, match=r"lb\[0\] = 1 is above ub\[0\] = 0"):
         icp.solve_qp([[1.0]], [0.0], lb=1, ub=0, raise_on_failure=False).crosscheck()

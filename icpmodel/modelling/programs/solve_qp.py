@@ -109,6 +109,8 @@ class ProgramSolution(Displayable):
     ) -> Report:
         """Have independent solvers check the same conditions, as `icpmodel.crosscheck`; the error bound is that of x.
 
+        Where there is no x the conditions are solved once more, for the reason.
+
         Parameters
         ----------
         solvers : iterable of str or ForeignSolver, optional
@@ -130,7 +132,7 @@ class ProgramSolution(Displayable):
         >>> icp.solve_qp([[2.0]], [-2.0], ub=[0.5]).crosscheck(["osqp"]).agrees
         True
         """
-        z = np.concatenate([self.x, self.y, self.z])
+        z = np.concatenate([self.x, self.y, self.z]) if np.isfinite(self.x).all() else None
         report = crosscheck(self.conditions, z, solvers, atol=atol, time_limit=time_limit, progress=progress)
         return replace(report, error_bound=self.error_bound.value, reason=self.error_bound.reason, bounded="x")
 
