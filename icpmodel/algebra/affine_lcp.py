@@ -48,7 +48,10 @@ def lcp_rows(facts: Facts) -> int:
 
 def in_box(facts: Facts) -> bool:
     """Whether bounds of y stand for the two obstacles: both are fixed, or move alike."""
-    return facts.has_fixed_obstacle or bool(facts.psi.parallel)
+    psi = facts.psi
+    # an affine ψ that amounts to a fixed obstacle is taken as it is
+    is_fixed = facts.has_fixed_obstacle and (psi.is_constant or psi.linear is None)
+    return is_fixed or bool(psi.parallel)
 
 
 def too_large(facts: Facts) -> str | None:

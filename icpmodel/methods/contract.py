@@ -162,16 +162,16 @@ class Method(ReadOnly, Displayable, ABC):
         z : array of shape (n,)
             The start z⁰.
 
+        Returns
+        -------
+        str, optional
+            Why there is no further step, for the message of the run.
+
         Yields
         ------
         tuple of array and float or None
             zᵏ of shape (n,), which the method does not change afterwards, and its residual. That is None
             where the step does not yield it for free; it is a hint, never the verdict.
-
-        Returns
-        -------
-        str, optional
-            Why there is no further step, for the message of the run.
 
         Raises
         ------

@@ -137,7 +137,7 @@ def _pivot(problem: ProblemData, lcp: AffineLcp, rng: np.random.Generator, excha
     if rows.size:
         dropped = rows[0]
         column = lcp.M[:, dropped]
-        is_raised = (column > 0.0) & ~lcp.free
+        is_raised = (column > 0.0) & (lcp.upper == np.inf)
         is_raised[dropped] = False
         if is_raised.any():
             # y_i alone makes this row feasible last

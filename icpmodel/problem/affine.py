@@ -38,7 +38,18 @@ class Constant(Map):
 
     @classmethod
     def of_checked(cls, c: Vector) -> Constant:
-        """The obstacle `c` of shape (n,), bound, of a vector that is valid already and not copied."""
+        """The obstacle of a vector that is valid already; it is neither checked nor copied.
+
+        Parameters
+        ----------
+        c : array of shape (n,)
+            The obstacle.
+
+        Returns
+        -------
+        Constant
+            Bound to n unknowns.
+        """
         bound = object.__new__(cls)
         bound.c = locked(c)
         bound._is_number = False

@@ -36,7 +36,8 @@ def pivoted(problem: ProblemData, limits: Limits) -> Solution | None:
     try:
         if not psi.is_constant:
             inverse = inverse_of_slope(G.toarray())
-            M = A @ inverse
+            with np.errstate(over="ignore", invalid="ignore"):
+                M = A @ inverse
     except SingularOperator:
         return None
     slopes = (G.indptr, G.indices, G.data)

@@ -244,6 +244,23 @@ def test_the_compiled_call_for_few_unknowns_agrees_with_the_method(n):
         icp.ICP([[1.0]], [1.0], icp.Affine([[1.0]], 1.0)).solve()  # no z >= z + 1
 
 
+def test_two_obstacles_that_move_differently_are_no_box():
+    """Also where both amount to fixed ones: psi = z/2, and upper = 3 - z/2, which is 2."""
+    psi, upper = icp.Affine(0.5 * np.eye(2)), icp.Affine(-0.5 * np.eye(2), 3.0)
+    assert icp.ICP(2.0 * np.eye(2), [-8.0, -8.0], psi, upper).solve("lemke").z.tolist() == [2.0, 2.0]
+
+
+def test_restarts_begin_at_unknowns_without_upper_bound():
+    """Games of two players, half of the strategies bounded: without such starts three of these have no answer."""
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        A, B = rng.integers(1, 9, (2, 6, 6)).astype(float)
+        none = np.zeros((6, 6))
+        upper = np.where(rng.random(12) < 0.5, 0.05, np.inf)
+        problem = icp.ICP(np.block([[none, A], [B.T, none]]), -np.ones(12), 0.0, upper)
+        assert problem.solve("restarts", tries=20, raise_on_failure=False).solved
+
+
 @pytest.mark.parametrize("programs", [False, True])
 @pytest.mark.parametrize("method", ["lemke", None])
 def test_a_solution_is_found_where_some_rows_have_two_obstacles(method, programs):
