@@ -80,10 +80,10 @@ class AffineLcp:
 
     Notes
     -----
-    `upper` has the bounds of y, as a `kernels.dictionary` takes them. In the rows that are `free`, y has any sign and
-    the inequality is an equation. An upper obstacle with H ≠ G adds a row for each row that has it. The first rows are
-    then Az + q + Ds ≥ 0, d_i = max_j |a_ij|. Behind z, y holds s, whose rows are D(Hz + d − z) ≥ 0. So p < 0 where z is
-    at the upper obstacle.
+    y is z minus the obstacle nearer to 0, and `bound` the other one, as in `kernels.dictionary`. In the rows
+    that are `free`, y has any sign and the inequality is an equation. An upper obstacle with H ≠ G adds a row for each
+    row that has it. The first rows are then Az + q + Ds ≥ 0, d_i = max_j |a_ij|. Behind z, y holds s, whose rows are
+    D(Hz + d − z) ≥ 0. So p < 0 where z is at the upper obstacle.
 
     Raises
     ------
@@ -108,10 +108,12 @@ class AffineLcp:
         self.n = A.shape[-1]
         self.rows: Any = None
         d = np.full(self.n, np.inf) if above is None or adds_rows else above[0]
-        no_lower = c == -np.inf
-        self.c = np.where(no_lower, np.where(d < np.inf, d, 0.0), c)
-        with np.errstate(over="ignore"):
-            self.upper = np.where(no_lower, np.where(d < np.inf, -np.inf, np.nan), np.maximum(d - self.c, 0.0))
+        below = np.abs(c) <= np.abs(d)
+        none = (c == -np.inf) & (d == np.inf)
+        self.c = np.where(none, 0.0, np.where(below, c, d))
+        with np.errstate(over="ignore", invalid="ignore"):
+            far = np.where(below, np.maximum(c, d), np.minimum(c, d))
+            self.bound = np.where(none, np.nan, far - self.c)
         self.M, self.inverse = A, None
         if G is not None:
             with one_blas_thread():
@@ -136,13 +138,13 @@ class AffineLcp:
         M[..., n:, :n] = -self.weight[..., None] * moves[self.rows]
         M[..., self.rows, n + np.arange(k)] = self.weight
         self.M, self.c = M, np.append(self.c, np.zeros(k))
-        self.upper = np.append(self.upper, np.full(k, np.inf))
+        self.bound = np.append(self.bound, np.full(k, np.inf))
         return self.extended(q, d)
 
     @property
     def free(self) -> Mask:
         """The rows without obstacle."""
-        return np.isnan(self.upper)
+        return np.isnan(self.bound)
 
     def extended(self, Q: Any, D: Any) -> Any:
         """Right-hand sides, shape (n,) or one in each row, with those of the rows above, where d is `D`."""
@@ -151,9 +153,9 @@ class AffineLcp:
     def active_rows(self, y: Vector) -> tuple[Mask, Mask]:
         """The rows at an obstacle and those at the upper one, where the pivots end with `y`; masks of shape (n,)."""
         own = y[: self.n]
-        upper = self.upper[: self.n]
-        below = (own == 0.0) & (upper >= 0.0)
-        above = ~below & ((own == upper) | ((own == 0.0) & (upper == -np.inf)))
+        bound = self.bound[: self.n]
+        below = np.where(bound < 0.0, own == bound, (own == 0.0) & (bound >= 0.0))
+        above = ~below & np.where(bound < 0.0, own == 0.0, own == bound)
         if self.rows is not None:
             above[self.rows] |= y[self.n :] > 0.0
         return below | above, above
@@ -182,7 +184,7 @@ class AffineLcp:
         covering = self.covering if covering is None else covering * self.covering
         if dropped is not None:
             covering = np.where(S[:, dropped] > 0.0, S[:, dropped], covering)
-        return pivoting.first_tableau(S, *units, self.q, self.upper, covering)
+        return pivoting.first_tableau(S, *units, self.q, np.zeros(len(self.q)), self.bound, covering)
 
     def exchanged(self, rows: NDArray[np.int64]) -> AffineLcp:
         """The LCP in which w_i and y_i have changed places in `rows`, where y_i has no upper bound; a principal pivot
@@ -256,7 +258,7 @@ def some_pivots(state: Any, entering: int, max_pivots: int) -> Any:
     n = len(state[0])
     pivot_cost = work.COSTS.pivot_entry * n**2
     piece = work.steps_per_piece(pivot_cost)
-    equations = np.count_nonzero(np.isnan(state[2])) if entering < 0 else 0
+    equations = np.count_nonzero(np.isnan(state[4])) if entering < 0 else 0
     if equations:  # they leave in one piece, with all others at most
         work.check_budget(n * pivot_cost)
         work.count(equations * pivot_cost)

@@ -131,13 +131,13 @@ def _pivot(problem: ProblemData, lcp: AffineLcp, rng: np.random.Generator, excha
     """
     from ..algebra.kernels.pivoting import SOLVED, START  # loads numba
 
-    rows = rng.permutation(np.flatnonzero(lcp.upper == np.inf))[: 2 if exchanges else 0]
+    rows = rng.permutation(np.flatnonzero(lcp.bound == np.inf))[: 2 if exchanges else 0]
     path = lcp
     dropped = None
     if rows.size:
         dropped = rows[0]
         column = lcp.M[:, dropped]
-        is_raised = (column > 0.0) & (lcp.upper == np.inf)
+        is_raised = (column > 0.0) & (lcp.bound == np.inf)
         is_raised[dropped] = False
         if is_raised.any():
             # y_i alone makes this row feasible last

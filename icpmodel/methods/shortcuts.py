@@ -104,7 +104,7 @@ class Lemke(Shortcut):
                     yield z, None
             elif ended != UNFINISHED or first != START:
                 _prove(problem, ray[: problem.n])
-            basic = state[6][0, :rows]
+            basic = state[8][0, :rows]
             left_out = lcp.free[basic[basic < rows]].any()
             if ended != SINGULAR and (ended, first) != (UNFINISHED, START) and not left_out:
                 break
@@ -123,7 +123,7 @@ def _path(lcp: AffineLcp, state: Any, entering: int) -> Generator[Iterate, None,
         if ended == SINGULAR:
             break
         yield lcp.z(y), None  # where a ray begins because A is nearly singular, t may be as good as 0
-        basic, _, mirrored = state[6][:3, : len(lcp.q)]
+        basic, _, mirrored = state[8][:3, : len(lcp.q)]
         basis = np.append(np.sort(basic), mirrored).tobytes()
         if basis in seen:
             break

@@ -244,6 +244,14 @@ def test_the_compiled_call_for_few_unknowns_agrees_with_the_method(n):
         icp.ICP([[1.0]], [1.0], icp.Affine([[1.0]], 1.0)).solve()  # no z >= z + 1
 
 
+@pytest.mark.parametrize("big", [1e4, 1e8, 1e15])
+def test_a_large_obstacle_costs_the_answer_no_digits(big):
+    for low, high in ((-np.inf, big), (-big, np.inf), (-big, 1.0), (-0.75, big)):
+        problem = icp.ICP([[2.0, 1.0], [1.0, 2.0]], [-1.0, 0.5], low, high)
+        for z in (problem.solve().z, icp.solve_many(problem.A, [problem.q], low, upper=high).Z[0]):
+            assert z == pytest.approx([5 / 6, -2 / 3], rel=1e-14)
+
+
 def test_two_obstacles_that_move_differently_are_no_box():
     """Also where both amount to fixed ones: psi = z/2, and upper = 3 - z/2, which is 2."""
     psi, upper = icp.Affine(0.5 * np.eye(2)), icp.Affine(-0.5 * np.eye(2), 3.0)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...numerics.kernels import compiled
 from .balancing import scale
-from .dictionary import bounds
+from .dictionary import near_and_far
 from .pivoting import SOLVED, START, continue_pivots, first_tableau
 
 
@@ -27,29 +27,31 @@ def row(indptr, indices, data, i, z):
 
 @compiled
 def _block(indptr, indices, data, q, c, slopes, above, block, place, z):
-    # the LCP of the rows in `block` between their obstacles, z being what it is in the others: (matrix, f, upper) as a
-    # dictionary takes them, and the upper obstacle. To z goes what y is counted from
+    # the LCP of the rows in `block` between their obstacles, z being what it is in the others: the matrix, q, and the
+    # obstacles as `near_and_far` has them
     b = block.size
     M = np.zeros((b, b))
     f = np.empty(b)
-    upper = np.empty(b)
-    high = np.full(b, np.inf)
+    near = np.empty(b)
+    far = np.empty(b)
     for at in range(b):
         i = block[at]
         place[i] = at
+        high = np.inf
         if above is not None:
-            high[at] = above[1][i] + row(*above[0], i, z)[1]
-        z[i], upper[at] = bounds(c[i] + row(*slopes, i, z)[1], high[at])
+            high = above[1][i] + row(*above[0], i, z)[1]
+        near[at], far[at] = near_and_far(c[i] + row(*slopes, i, z)[1], high)
     for at in range(b):
         i = block[at]
         f[at] = q[i]
         for e in range(indptr[i], indptr[i + 1]):
-            f[at] += data[e] * z[indices[e]]
             if place[indices[e]] >= 0:
                 M[at, place[indices[e]]] += data[e]
+            else:
+                f[at] += data[e] * z[indices[e]]
     for at in range(b):
         place[block[at]] = -1
-    return M, f, upper, high
+    return M, f, near, far
 
 
 @compiled
@@ -76,15 +78,14 @@ def solve_blocks(indptr, indices, data, q, c, slopes, above, rows, starts, selec
                 z[i] = min((r + above[1][i]) / (1.0 - slope), z[i])
             solved[k] = diagonal_entry > 0.0 and slope < 1.0 and math.isfinite(z[i])
             continue
-        M, f, upper, high = _block(indptr, indices, data, q, c, slopes, above, block, place, z)
+        M, f, near, far = _block(indptr, indices, data, q, c, slopes, above, block, place, z)
         finite = True
         for at in range(b):
-            finite = finite and math.isfinite(f[at])
+            finite = finite and math.isfinite(f[at]) and math.isfinite(near[at])
         if finite:
-            tableau = first_tableau(*scale(M), f, upper, np.ones(b))
-            code, _, y, _ = continue_pivots(*tableau, np.int64(START), pivots * (b + 1))
+            tableau = first_tableau(*scale(M), f, near, far, np.ones(b))
+            code, _, solution, _ = continue_pivots(*tableau, np.int64(START), pivots * (b + 1))
             solved[k] = code == SOLVED
             for at in range(b):
-                i = block[at]
-                z[i] = high[at] if y[at] == upper[at] else z[i] + y[at]
+                z[block[at]] = solution[at]
     return solved

@@ -4,9 +4,10 @@ x_B = D[:n, : n + 1] x_N + D[:n, n + 1] has one row per basic variable; row n is
 variables: w_i is i, y_i is n + i, the artificial t is 2n. `place[label]` is the row of a basic variable, and −1 less
 its column for the others.
 
-0 ≤ y_i ≤ `upper[i]`, where ∞ is none. −∞ stands for y_i ≤ 0, and NaN for y_i of any sign. Where `mirrored[i]`, the
-label of y_i stands for its distance from that bound (or for −y_i), and the label of w_i for −w_i. So all variables are
-≥ 0, and those at 0 are nonbasic. Where `relaxed[i]` the bound is upper_i + t.
+y_i is between 0 and `bound[i]`, of either sign; ±∞ is none, and NaN stands for y_i of any sign. The label of y_i stands
+for ±y_i or for the distance from the bound, such that it rises from 0. Where it falls with y_i, which is `mirrored[i]`,
+the label of w_i stands for −w_i. So all variables are ≥ 0, and those at 0 are nonbasic. Where `relaxed[i]` the bound is
+t further away.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ class Dictionary(NamedTuple):
     """The arrays, as compiled loops take them."""
 
     D: Any
-    upper: Any
+    bound: Any
     basic: Any
     nonbasic: Any
     place: Any
@@ -38,13 +39,13 @@ class Dictionary(NamedTuple):
 
 
 @compiled
-def bounds(low, high):
-    # (base, upper): low <= z <= high is z = base + y with the bound `upper` of y
-    if low > -np.inf:
-        return low, max(high - low, 0.0)
-    if high < np.inf:
-        return high, -np.inf
-    return 0.0, np.nan
+def near_and_far(low, high):
+    # the obstacle that z is counted from, which costs q no digits where it is small, and the other one; NaN for none
+    if low == -np.inf and high == np.inf:
+        return 0.0, np.nan
+    if abs(low) <= abs(high):
+        return low, max(low, high)
+    return high, min(low, high)
 
 
 @compiled
@@ -68,13 +69,13 @@ def exchange(T, r, e):
 @compiled
 def mirror(T, i):
     # the y_k of row i becomes its distance from its bound, and w_k, which is nonbasic, changes sign
-    n = T.upper.size
+    n = T.bound.size
     k = T.basic[i] - n
     for j in range(n + 2):
         T.D[i, j] = -T.D[i, j]
         if T.relaxed[k]:
             T.D[i, j] += T.D[T.place[2 * n], j]
-    T.D[i, n + 1] += T.upper[k]
+    T.D[i, n + 1] += abs(T.bound[k])
     T.mirrored[k] = not T.mirrored[k]
     e = -1 - T.place[k]
     for row in range(n + 1):
@@ -85,9 +86,9 @@ def mirror(T, i):
 def _blocking(T, e):
     # the number of variables that reach 0 or their bound as that of column e grows: to `ties` go their rows, n + 1 more
     # for a bound, to `slopes` how fast they do so, to `ratios` when
-    n = T.upper.size
+    n = T.bound.size
     D = T.D  # (a field of T costs as much as some operations)
-    upper = T.upper
+    bound = T.bound
     basic = T.basic
     relaxed = T.relaxed
     ties = T.ties
@@ -101,15 +102,15 @@ def _blocking(T, e):
     for i in range(n + 1):
         label = basic[i]
         k = label if label < n else label - n
-        if k < n and np.isnan(upper[k]):
+        if k < n and np.isnan(bound[k]):
             continue
         value = D[i, n + 1]
         slope = -D[i, e]
         for code in range(i, i + n + 2, n + 1):
             if code > n:
-                if not (n <= label < 2 * n and 0.0 <= upper[k] < np.inf):
+                if not (n <= label < 2 * n and abs(bound[k]) < np.inf):
                     break
-                value = upper[k] - value
+                value = abs(bound[k]) - value
                 slope = -slope
                 if relaxed[k]:
                     value += D[t, n + 1]
@@ -144,7 +145,7 @@ def _least(T, count):
 def leaving(T, e):
     # the row whose variable reaches 0 first as that of column e grows, or n + 1 more where it reaches its bound, or -1;
     # ties are broken by the inverse of the basis, in the columns of w: the lexicographically least ratio is unique
-    n = T.upper.size
+    n = T.bound.size
     t = T.place[2 * n]
     count = _least(T, _blocking(T, e))
     for at in range(count):
@@ -153,7 +154,7 @@ def leaving(T, e):
     for k in range(n):
         if count <= 1:
             break
-        if np.isnan(T.upper[k]):
+        if np.isnan(T.bound[k]):
             continue
         for at in range(count):
             T.ratios[at] = _of_inverse(T, T.ties[at], k) / T.slopes[at]
@@ -164,7 +165,7 @@ def leaving(T, e):
 @compiled
 def _of_inverse(T, code, k):
     # entry (code, k) of the inverse of the basis: the column of w_k, with the sign of the equations
-    n = T.upper.size
+    n = T.bound.size
     if T.place[k] >= 0:
         value = 1.0 if T.place[k] == code else 0.0
     else:

@@ -29,7 +29,7 @@ _DEPENDENT = 1e-7
 def _largest(T, leaves, enters):
     # row and column of the largest entry in the rows of the w_i that are basic and are to leave, and the columns of
     # the y_j that are nonbasic and may enter; -1 where all are 0
-    n = T.upper.size
+    n = T.bound.size
     D = T.D
     basic = T.basic
     nonbasic = T.nonbasic
@@ -49,10 +49,10 @@ def _largest(T, leaves, enters):
 @compiled
 def _agree(T, leaves):
     # whether the rows whose w_i is to leave, but is basic, have no obstacle and do not contradict the others
-    n = T.upper.size
+    n = T.bound.size
     for i in range(n):
         k = T.basic[i]
-        if k < n and leaves[k] and not (np.isnan(T.upper[k]) and abs(T.D[i, n + 1]) <= _PERTURBATION):
+        if k < n and leaves[k] and not (np.isnan(T.bound[k]) and abs(T.D[i, n + 1]) <= _PERTURBATION):
             return False
     return True
 
@@ -62,9 +62,9 @@ def reach(T, least):
     # pivots by which w_i leaves and y_i enters in the rows without obstacle, the largest each time. Where these are
     # singular another y_j enters, and w_j is to leave as well. Rows that depend on others, up to `least`, stay: whether
     # none of these contradicts the others
-    leaves = np.isnan(T.upper)
+    leaves = np.isnan(T.bound)
     first = 0.0
-    for _ in range(T.upper.size):
+    for _ in range(T.bound.size):
         row, column, largest = _largest(T, leaves, leaves)
         if not largest > least * first:
             outer = _largest(T, leaves, ~leaves)
@@ -73,7 +73,7 @@ def reach(T, least):
         if not largest > ZERO * first or (not largest > least * first and _agree(T, leaves)):
             break
         first = max(first, largest)
-        leaves[T.nonbasic[column] - T.upper.size] = True
+        leaves[T.nonbasic[column] - T.bound.size] = True
         exchange(T, row, column)
     return _agree(T, leaves)
 
@@ -81,16 +81,16 @@ def reach(T, least):
 @compiled
 def _fill(T, S, q, nudge):
     # the first dictionary, t having no part in it; q is moved by up to `nudge` in every row its own way
-    n = T.upper.size
+    n = T.bound.size
     D = T.D
-    upper = T.upper
+    bound = T.bound
     basic = T.basic
     nonbasic = T.nonbasic
     place = T.place
     mirrored = T.mirrored
     relaxed = T.relaxed
     for i in range(n):
-        mirrored[i] = upper[i] == -np.inf
+        mirrored[i] = bound[i] < 0.0
         relaxed[i] = False
         basic[i], nonbasic[i], place[i], place[n + i] = i, n + i, i, -1 - i
     nonbasic[n] = 2 * n
@@ -101,7 +101,7 @@ def _fill(T, S, q, nudge):
         for j in range(n):
             D[i, j] = S[i, j]
         D[i, n] = 0.0
-        D[i, n + 1] = q[i] if np.isnan(upper[i]) else q[i] + nudge * (1.0 + math.sin((i + 1.0) ** 2))
+        D[i, n + 1] = q[i] if np.isnan(bound[i]) else q[i] + nudge * (1.0 + math.sin((i + 1.0) ** 2))
     for k in range(n):
         if mirrored[k]:
             for j in range(n + 2):
@@ -116,9 +116,9 @@ def start(T, S, q, covering, entering):
     # `entering` asks for it, so that no ties are left. d is 0 also where y_j has entered, as in a vertex of a polytope
     # that z then keeps to; and 1 where the first basis violates the row, or y_j has entered as 0
     D = T.D
-    upper = T.upper
+    bound = T.bound
     basic = T.basic
-    n = upper.size
+    n = bound.size
     _fill(T, S, q, _PERTURBATION if entering == PERTURBED else 0.0)
     if not reach(T, ZERO if entering == FULL_RANK else _DEPENDENT):
         return SINGULAR, START
@@ -127,9 +127,9 @@ def start(T, S, q, covering, entering):
     for i in range(n):  # the last of equal ones is the lexicographically least
         has_entered = basic[i] >= n
         k = basic[i] - n if has_entered else basic[i]
-        if np.isnan(upper[k]):
+        if np.isnan(bound[k]):
             continue
-        if has_entered and 0.0 <= upper[k] < D[i, n + 1]:
+        if has_entered and D[i, n + 1] > abs(bound[k]):
             mirror(T, i)
         d = 0.0 if has_entered else covering[k]
         value = D[i, n + 1]
@@ -156,7 +156,7 @@ def complement(label, n):
 @compiled
 def pivot(T, entering, limit):
     # up to `limit` pivots; returns how they ended, and the label of the variable that is to enter
-    n = T.upper.size
+    n = T.bound.size
     D = T.D
     for _ in range(limit):
         e = -1 - T.place[entering]
@@ -180,16 +180,11 @@ def pivot(T, entering, limit):
 
 @compiled
 def _unpack(T, e, y):
-    # y where column e of the dictionary holds the basic variables, and the nonbasic ones are 0; its change per unit of
-    # the variable of column e, unless that is the last one
-    n = T.upper.size
+    # adds to y what column e of the dictionary holds in the rows of the y that are basic
+    n = T.bound.size
     D = T.D
-    upper = T.upper
     basic = T.basic
     mirrored = T.mirrored
-    for i in range(n):
-        if mirrored[i] and upper[i] >= 0.0 and e == n + 1:
-            y[i] = upper[i]
     for i in range(n):
         if n <= basic[i] < 2 * n:
             k = basic[i] - n
@@ -197,9 +192,10 @@ def _unpack(T, e, y):
 
 
 @compiled
-def _refine(T, S, f, y):
-    # a step of iterative refinement for the y of the dictionary, which holds the inverse of its own equations
-    n = T.upper.size
+def _refine(T, S, g, z):
+    # a step of iterative refinement of g + Sz = 0 for the basic y of the dictionary, which holds the inverse of these
+    # equations
+    n = T.bound.size
     D = T.D
     basic = T.basic
     nonbasic = T.nonbasic
@@ -209,9 +205,9 @@ def _refine(T, S, f, y):
         residuals[e] = 0.0
         k = nonbasic[e]
         if k < n:
-            residuals[e] = f[k]
+            residuals[e] = g[k]
             for j in range(n):
-                residuals[e] += S[k, j] * y[j]
+                residuals[e] += S[k, j] * z[j]
             if mirrored[k]:
                 residuals[e] = -residuals[e]
     for i in range(n):
@@ -219,55 +215,73 @@ def _refine(T, S, f, y):
             k = basic[i] - n
             for e in range(n + 1):
                 step = D[i, e] * residuals[e]
-                y[k] += step if mirrored[k] else -step
+                z[k] += step if mirrored[k] else -step
 
 
 @compiled
-def continue_pivots(S, f, upper, covering, units, D, labels, work, entering, limit):
-    # a start, where nothing enters yet, and up to `limit` pivots: how they ended, what is to enter, y, and of a ray
-    # its direction
+def continue_pivots(S, f, g, near, far, covering, units, D, labels, work, entering, limit):
+    # a start, where nothing enters yet, and up to `limit` pivots: how they ended, what is to enter, z = near + y, and
+    # the direction of a ray
     n = S.shape[0]
     place = labels[4:6].reshape(-1)
     ties = labels[6:].reshape(-1)
-    T = Dictionary(D, upper, labels[0], labels[1], place, labels[2], labels[3], ties, work[0], work[1])
+    bound = np.empty(n)
+    for i in range(n):  # (an array expression takes seconds to compile)
+        bound[i] = far[i] - near[i]
+    T = Dictionary(D, bound, labels[0], labels[1], place, labels[2], labels[3], ties, work[0], work[1])
     code = UNFINISHED
     if entering < 0:
         code, entering = start(T, S, f, covering, entering)
     if code == UNFINISHED:
         code, entering = pivot(T, entering, limit)
-    y = np.zeros(n)
+    z = near.copy()
     ray = np.zeros(n)
     if code != SINGULAR:
-        _unpack(T, n + 1, y)
+        for i in range(n):  # counted from the bound
+            if T.mirrored[i] != (bound[i] < 0.0):
+                z[i] = far[i]
+        _unpack(T, n + 1, z)
     if code == SOLVED:
-        _refine(T, S, f, y)
+        _refine(T, S, g, z)
         for i in range(n):  # what is outside is rounding
-            if upper[i] >= 0.0:
-                y[i] = min(max(y[i], 0.0), upper[i])
-            elif upper[i] == -np.inf:
-                y[i] = min(y[i], 0.0)
+            if not np.isnan(far[i]):
+                z[i] = min(max(z[i], min(near[i], far[i])), max(near[i], far[i]))
     elif code == RAY:
         _unpack(T, -1 - T.place[entering], ray)
         if entering >= n:
             ray[entering - n] = -1.0 if T.mirrored[entering - n] else 1.0
     for i in range(n):
-        y[i] = math.ldexp(y[i], units[i])
+        z[i] = math.ldexp(z[i], units[i])
         ray[i] = math.ldexp(ray[i], units[i])
-    return code, entering, y, ray
+    return code, entering, z, ray
 
 
 @compiled
-def right(q, r, c, upper, f, units, bounds):
-    # q in units in which its largest entry is about 1, and the units of y and its bounds that come with it
+def right(S, r, c, q, near, far, units):
+    # (f, g, near, far) in units in which the largest entry of f is about 1: f = q + M near, where z is near, g = q. The
+    # `units` of z are set
+    n = q.size
+    f = np.empty(n)
+    g = np.empty(n)
+    scaled_near = np.empty(n)
+    scaled_far = np.empty(n)
+    for i in range(n):
+        scaled_near[i] = math.ldexp(near[i], -c[i])
     size = -5000
-    for i in range(q.size):
-        if q[i] != 0.0:
-            size = max(size, math.frexp(q[i])[1] + r[i])
+    for i in range(n):
+        f[i] = math.ldexp(q[i], r[i])
+        for j in range(n):
+            f[i] += S[i, j] * scaled_near[j]
+        if f[i] != 0.0:
+            size = max(size, math.frexp(f[i])[1])
     size = size if size > -5000 else 0
-    for i in range(q.size):
-        f[i] = math.ldexp(q[i], r[i] - size)
+    for i in range(n):
+        f[i] = math.ldexp(f[i], -size)
+        g[i] = math.ldexp(q[i], r[i] - size)
         units[i] = c[i] + size
-        bounds[i] = math.ldexp(upper[i], -units[i])
+        scaled_near[i] = math.ldexp(near[i], -units[i])
+        scaled_far[i] = math.ldexp(far[i], -units[i])
+    return f, g, scaled_near, scaled_far
 
 
 @compiled
@@ -277,11 +291,9 @@ def work_arrays(n):
 
 
 @compiled
-def first_tableau(S, r, c, q, upper, covering):
+def first_tableau(S, r, c, q, near, far, covering):
     # all that `continue_pivots` takes but for the last two arguments
     n = S.shape[0]
-    f = np.empty(n)
     units = np.empty(n, np.int64)
-    bounds = np.empty(n)
-    right(q, r, c, upper, f, units, bounds)
-    return S, f, bounds, covering, units, *work_arrays(n)
+    arrays = right(S, r, c, q, near, far, units)
+    return S, *arrays, covering, units, *work_arrays(n)

@@ -58,7 +58,7 @@ def solve_few(A, q, G, c, d, M, inverse, rtol, limit):
     D = d.reshape(1, n)
     Z = np.empty((1, n))
     S, r, units = scale(M)
-    many(S, r, units, M, np.ones(n), Q, C, D, limit, Z)
+    many(S, r, units, np.ones(n), Q, C, D, limit, Z)
     z = Z[0]
     if inverse.size:
         x = z.copy()

@@ -166,7 +166,7 @@ class CompiledSolver:
             if scaled is None:
                 each(M[low:high], *arrays)
             else:
-                many(*scaled, M, *arrays)
+                many(*scaled, *arrays)
 
         self._on_threads(loop, len(Q))
         return X
