@@ -112,9 +112,11 @@ def test_rows_with_obstacles_of_their_own_are_solved_at_once(A, caplog):
     """By pivots and by the tridiagonal pass: with the obstacles of another row they would be solved again, alone."""
     n = A.shape[0]
     Q, C = np.random.default_rng(0).normal(size=(2, 5, n))
-    with caplog.at_level("INFO", "icpmodel"):
-        solve_many(A, Q, C, upper=C + 1.0)
-    assert any(one.startswith(f"5 rows, n = {n}: 5 are solved at once") for one in caplog.messages)
+    for upper in (C + 1.0, np.where(C > 0.0, C + 1.0, np.inf)):
+        caplog.clear()
+        with caplog.at_level("INFO", "icpmodel"):
+            solve_many(A, Q, C, upper=upper)
+        assert any(one.startswith(f"5 rows, n = {n}: 5 are solved at once") for one in caplog.messages)
 
 
 def test_the_rows_that_fail_are_named_and_the_others_are_solved():

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ...algebra.affine_lcp import in_box
 from ...errors import MapError, NotApplicable, OutOfTime, SingularOperator
 from ...numerics import work
 from ...numerics.arrays import Vector, axes
@@ -88,18 +89,19 @@ class Batch:
 
     @cached_property
     def fits_compiled_code(self) -> bool:
-        """Whether compiled code may take the rows together: the kind of ψ, and which rows have an upper obstacle, are
-        the same, and A is as well, or small. It knows no starts: with these there must be one solution, as the Jacobi
-        radius says of one A where obstacles are fixed. Said of all rows, it holds for their shares, too.
+        """Whether compiled code may take the rows together: the kind of ψ is the same, and A is as well, or small; and,
+        unless the obstacles are a box, which rows have an upper one. It knows no starts: with these there must be one
+        solution, as the Jacobi radius says of one A where obstacles are fixed. Said of all rows, it holds for their
+        shares, too.
         """
         problems = self.data.problems
         is_one = len(problems) == 1
         above = self.above
-        fits = (
-            (self.maps is None or self.obstacles is not None)
-            and (is_one or isinstance(problems, Stack))
-            and (self.uppers is None or (above is not None and bool((np.isinf(above) == np.isinf(above[0])).all())))
-        )
+        fits = (self.maps is None or self.obstacles is not None) and (is_one or isinstance(problems, Stack))
+        if self.uppers is not None and above is None:
+            fits = False
+        elif fits and above is not None and not in_box(self.problem.facts):
+            fits = bool((np.isinf(above) == np.isinf(above[0])).all())
         if self.starts is None or not fits:
             return fits
         return is_one and self.problem.facts.has_fixed_obstacle and self.problem.matrix.jacobi_radius < 1.0
