@@ -183,8 +183,9 @@ class Tridiagonal(Shortcut):
     above it may have to follow. Runs of open rows are known by the corners of their inverse, so that two of them are
     joined at once, whatever their length. For tridiagonal M-matrices that finds the active set, but for rounding, which
     Newton's steps correct: z_i = c_i where p_i ≥ a_ii(z_i − c_i), p_i = 0 elsewhere. For other matrices it is where
-    those steps begin; they may fail, and then the method ends. So it is with an upper obstacle: the pass knows the one
-    below alone, and z_i = ψ̄_i where p_i < a_ii(z_i − ψ̄_i). The start z⁰ has no influence.
+    those steps begin; they may fail, and then the method ends. With an upper obstacle z_i = ψ̄_i where
+    p_i < a_ii(z_i − ψ̄_i). As the pass knows one obstacle, the rows at each of the two are then found in turn, those at
+    the other one being held, where ten steps do not settle them. The start z⁰ has no influence.
     Reference: Cryer, ACM Trans. Math. Softw. 9 (1983), for a direct method on tridiagonal M-matrices; Chandrasekaran,
     Opsearch 7 (1970), for rows that once open stay open.
 
@@ -208,7 +209,7 @@ class Tridiagonal(Shortcut):
         return positive_diagonal(problem, "it divides by the diagonal of A")
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
-        from ..algebra.kernels.tridiagonal import SETTLED, UNSETTLED, bands, newton, refine, release  # loads numba
+        from ..algebra.kernels.tridiagonal import SETTLED, UNSETTLED, alternate, bands, newton, refine, release  # numba
 
         yield z, None
         A = problem.A
@@ -226,6 +227,9 @@ class Tridiagonal(Shortcut):
                 yield z, None
             if ended != UNSETTLED:
                 break
+            if top is not None:
+                alternate(*matrix, q, c, top, MAX_ROUNDS, STEPS_PER_ROUND, obstacle, free)
+                work.count(2.0 * MAX_ROUNDS * work.sweep(problem.n, problem.nnz))
         for _ in range(_REFINEMENTS if ended == SETTLED else 0):
             z = refine(*matrix, q, free, z)
             yield z, None

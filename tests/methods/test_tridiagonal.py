@@ -45,6 +45,31 @@ def test_large_ones_are_solved_in_one_step_to_rounding(n):
         assert scaled_residual(problem, solution.z) <= 0.0
 
 
+@pytest.mark.parametrize("n", [300, 20_000])
+@pytest.mark.parametrize("flat", [True, False])
+def test_a_string_between_two_obstacles_is_solved_in_few_steps_however_long(n, flat):
+    x = np.linspace(0.0, 1.0, n)
+    A = tridiagonal(-np.ones(n), np.full(n, 2.0), -np.ones(n))
+    q = 0.01 * np.sin(17.0 * x)
+    top = icp.ICP(A, q).solve().z.max() * (np.full(n, 0.3) if flat else 0.3 + 0.1 * np.sin(40.0 * x))
+    solution = run(icp.ICP(A, q, 0.0, top))
+    assert solution.solved
+    assert solution.iterations <= 2
+    assert np.abs(np.clip(solution.z - A @ solution.z - q, 0.0, top) - solution.z).max() <= 1e-12 * top.max()
+    assert icp.solve_many(A, [q], 0.0, upper=[top]).Z[0] == pytest.approx(solution.z, abs=1e-9 * top.max())
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_m_matrices_between_obstacles_of_all_kinds(seed):
+    rng = np.random.default_rng(seed)
+    for n in (1, 2, 3, 10, 100):
+        A = m_matrix(rng, n, 1e-3)
+        low = np.where(rng.random(n) < 0.3, -np.inf, rng.integers(-2, 1, n).astype(float))
+        high = np.where(rng.random(n) < 0.3, np.inf, np.maximum(low, -1.0) + rng.integers(0, 3, n))
+        problem = icp.ICP(A, rng.normal(size=n), low, high)
+        assert run(problem).z == pytest.approx(problem.solve("newton").z, rel=1e-6, abs=1e-6)
+
+
 def test_where_float64_cannot_hold_a_better_answer_the_run_ends_with_the_reason_after_few_steps():
     """With h = 2π/100001 even z* itself, rounded, leaves a residual of more than 1e-8 Res_D(0)."""
     problem = scenes.bearing(n=100_000).problem

@@ -207,7 +207,58 @@ def release(lower, diagonal, upper, q, c):
 
 
 @compiled
-def many(lower, diagonal, upper, Q, C, D, limit, Z):
+def _one_side(lower, diagonal, upper, q, c, held, values, limit):
+    # z of the LCP over c, where z is `values` in the rows that are held
+    n = q.size
+    lower = lower.copy()
+    diagonal = diagonal.copy()
+    upper = upper.copy()
+    q = q.copy()
+    c = c.copy()
+    for i in range(n):
+        if held[i]:
+            lower[i] = 0.0
+            diagonal[i] = 1.0
+            upper[i] = 0.0
+            q[i] = -values[i]
+            c[i] = values[i]
+            continue
+        if i > 0 and held[i - 1]:
+            q[i] += lower[i] * values[i - 1]
+            lower[i] = 0.0
+        if i < n - 1 and held[i + 1]:
+            q[i] += upper[i] * values[i + 1]
+            upper[i] = 0.0
+    free = release(lower, diagonal, upper, q, c)
+    return newton(lower, diagonal, upper, q, c, None, c, free, limit)[0]
+
+
+@compiled
+def alternate(lower, diagonal, upper, q, c, top, rounds, limit, obstacle, free):
+    # `obstacle` and `free` for Newton's steps between two obstacles: in turn the rows at c of the LCP over c, those at
+    # `top` being held, and the rows at `top` of the LCP below it, those at c being held, until these stay the same
+    n = q.size
+    above = np.zeros(n, np.bool_)
+    below = np.zeros(n, np.bool_)
+    for _ in range(rounds):
+        z = _one_side(lower, diagonal, upper, q, c, above, top, limit)
+        for i in range(n):
+            below[i] = z[i] <= c[i] and not above[i]
+        z = _one_side(lower, diagonal, upper, -q, -top, below, -c, limit)
+        changed = False
+        for i in range(n):
+            at_top = -z[i] >= top[i] and not below[i]
+            changed |= at_top != above[i]
+            above[i] = at_top
+        if not changed:
+            break
+    for i in range(n):
+        obstacle[i] = top[i] if above[i] else c[i]
+        free[i] = not (above[i] or below[i])
+
+
+@compiled
+def many(lower, diagonal, upper, Q, C, D, rounds, limit, Z):
     # the LCPs with the rows of Q and the obstacles in those of C, and above in those of D, or None; z goes to the rows
     # of Z, for the judge to look at
     for k in range(Q.shape[0]):
@@ -215,6 +266,10 @@ def many(lower, diagonal, upper, Q, C, D, limit, Z):
         if D is None:
             z = newton(lower, diagonal, upper, Q[k], C[k], None, C[k], free, limit)[0]
         else:
-            z = newton(lower, diagonal, upper, Q[k], C[k], D[k], C[k].copy(), free, limit)[0]
+            obstacle = C[k].copy()
+            z, ended = newton(lower, diagonal, upper, Q[k], C[k], D[k], obstacle, free, limit)
+            if ended == UNSETTLED:
+                alternate(lower, diagonal, upper, Q[k], C[k], D[k], rounds, limit, obstacle, free)
+                z = newton(lower, diagonal, upper, Q[k], C[k], D[k], obstacle, free, limit)[0]
         for i in range(z.size):
             Z[k, i] = z[i]
