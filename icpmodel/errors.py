@@ -10,7 +10,7 @@ IcpError
 ├── OutOfMemory (also a MemoryError) a step was not begun, as the free memory is too small for it.
 └── NotSolved                        the run ended without a solution; ``solution`` has the best iterate.
 
-Interrupted (a KeyboardInterrupt)    Ctrl-C during a cross-check or measurement; ``report`` has the results so far.
+Interrupted (a KeyboardInterrupt)    Ctrl-C in a cross-check, measurement or CVXPY program; ``report`` has the results.
 """
 
 from __future__ import annotations

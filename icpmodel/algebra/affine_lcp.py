@@ -78,17 +78,17 @@ class AffineLcp:
     adds_rows : bool, default True
         Whether H differs from G.
 
+    Raises
+    ------
+    SingularOperator
+        Where I − G is singular.
+
     Notes
     -----
     y is z minus the obstacle nearer to 0, and `bound` the other one, as in `kernels.dictionary`. In the rows
     that are `free`, y has any sign and the inequality is an equation. An upper obstacle with H ≠ G adds a row for each
     row that has it. The first rows are then Az + q + Ds ≥ 0, d_i = max_j |a_ij|. Behind z, y holds s, whose rows are
     D(Hz + d − z) ≥ 0. So p < 0 where z is at the upper obstacle.
-
-    Raises
-    ------
-    SingularOperator
-        Where I − G is singular.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""What a page of `explain` says where nothing is proved, or p is nonlinear."""
+"""The advice on a page of `explain`."""
 
 from __future__ import annotations
 

@@ -10,9 +10,10 @@ Primal and dual steps then have a length each, α and β. An H in the primal row
 from s to p, which the next step takes into account. As soon as the signs of s − Wr repeat, a step with these signs is
 tried as the answer: r = 0 or p = 0 in every row.
 
-A predictor has dr/r + ds/s = −1, so that dr ds ≤ rs/4. It is not bounded below: where s is to grow many times over, the
-corrector would make r grow as much, and all rows take the short step that this one allows. It is bounded by μ, and by
-the sizes of r and s. These include their distance from z − ψ(z) and p: where there is no solution, they are to grow.
+A predictor has dr/r + ds/s = −1, so that dr ds ≤ rs/4. From below nothing bounds it. Where s is to grow many times
+over, the corrector would make r grow as much. Then all rows take the short step that this one allows. So dr ds is
+bounded from below, by μ and by the sizes of r and s. These include their distance from z − ψ(z) and p: where there is
+no solution, they are to grow.
 
 References: Mehrotra, SIAM J. Optim. 2 (1992), for the start and the choice of ε; Friedlander and Orban, Math. Program.
 Comput. 4 (2012), for the proximal terms; Wright, Primal-Dual Interior-Point Methods (1997), for the two lengths;

@@ -162,7 +162,7 @@ class Josephy(Shortcut):
         with suppress(SingularOperator):
             while best > 0.0:
                 above = None if problem.upper is None else _linearise(problem.upper, z)
-                lcp = AffineLcp(A, problem.q, *_linearise(problem.psi, z), above)
+                lcp = AffineLcp(A, problem.q, *_linearise(problem.psi, z), above, not problem.psi.parallel)
                 ended, _, y, _ = some_pivots(lcp.start(), START, PIVOTS * (len(lcp.q) + 1))
                 if ended != SOLVED:
                     break
@@ -219,7 +219,7 @@ class Tridiagonal(Shortcut):
         matrix = bands(A.indptr, A.indices, A.data)
         obstacle = c if top is None else c.copy()
         free = release(*matrix, q, c)
-        for _ in range(MAX_ROUNDS):
+        for number in range(MAX_ROUNDS if top is None else 2):
             candidate, ended = newton(*matrix, q, c, top, obstacle, free, STEPS_PER_ROUND)
             work.count(work.sweep(problem.n, problem.nnz))
             if np.isfinite(candidate).all():
@@ -227,7 +227,7 @@ class Tridiagonal(Shortcut):
                 yield z, None
             if ended != UNSETTLED:
                 break
-            if top is not None:
+            if top is not None and number == 0:
                 alternate(*matrix, q, c, top, MAX_ROUNDS, STEPS_PER_ROUND, obstacle, free)
                 work.count(2.0 * MAX_ROUNDS * work.sweep(problem.n, problem.nnz))
         for _ in range(_REFINEMENTS if ended == SETTLED else 0):

@@ -19,7 +19,7 @@ def product_cost(kept: int, eliminated: int) -> float:
 def condensed_factors(M: sp.csr_array, kept: Mask) -> DenseFactors | None:
     """Those of M = [[H, B], [−Bᵀ, D]], H in the rows `kept` and D diagonal, by LU of H + BD⁻¹Bᵀ; None where it fails.
 
-    They solve for f of shape (n,) alone. Raises OutOfTime and OutOfMemory.
+    They solve Mx = f alone, not with Mᵀ, for f of shape (n,). Raises OutOfTime and OutOfMemory.
     """
     rows = M[kept].toarray()
     B = rows[:, ~kept]

@@ -70,7 +70,8 @@ class Refusal(NamedTuple):
 class Run:
     """Try methods on a problem, one at a time, until one solves it or no other could do better.
 
-    `steps` is the loop. Afterwards `stop_reason` says why it stopped, `best` is the best iterate, `tried` the jobs.
+    `steps` is the loop. Afterwards `stop_reason` says why it stopped or, where all methods failed, how that of the best
+    iterate ended. `best` is that iterate, `tried` the jobs.
 
     Parameters
     ----------

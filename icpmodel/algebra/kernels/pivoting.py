@@ -258,8 +258,8 @@ def continue_pivots(S, f, g, near, far, covering, units, D, labels, work, enteri
 
 @compiled
 def right(S, r, c, q, near, far, units):
-    # (f, g, near, far) in units in which the largest entry of f is about 1: f = q + M near, where z is near, g = q. The
-    # `units` of z are set
+    # (f, g, near, far) in units in which the largest entry of f is about 1: f = q + M near, which is p at z = near, and
+    # g = q. The `units` of z are set
     n = q.size
     f = np.empty(n)
     g = np.empty(n)

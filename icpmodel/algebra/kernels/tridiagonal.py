@@ -235,8 +235,8 @@ def _one_side(lower, diagonal, upper, q, c, held, values, limit):
 
 @compiled
 def alternate(lower, diagonal, upper, q, c, top, rounds, limit, obstacle, free):
-    # `obstacle` and `free` for Newton's steps between two obstacles: in turn the rows at c of the LCP over c, those at
-    # `top` being held, and the rows at `top` of the LCP below it, those at c being held, until these stay the same
+    # `obstacle` and `free` for Newton's steps between two obstacles. In turn, until they stay the same: the rows at c,
+    # those at `top` being held; the rows at `top`, those at c being held
     n = q.size
     above = np.zeros(n, np.bool_)
     below = np.zeros(n, np.bool_)

@@ -159,7 +159,7 @@ class ProgramRun:
         return self._proof(self._least_violation(self.problem))
 
     def _least_violation(self, problem: ProblemData, **limit: int) -> Vector:
-        """The least violation of p ≥ 0 and r ≥ 0, 0 if not found; else a contradiction."""
+        """The multipliers of the least violation of p ≥ 0 and r ≥ 0, a contradiction unless 0; 0 if it is not found."""
         nearest, signed = least_violation(problem)
         least = self._solve(ICP(nearest.A, nearest.q, nearest.psi), None, rtol=_VIOLATION_RTOL, **limit)
         y = np.zeros(problem.n)

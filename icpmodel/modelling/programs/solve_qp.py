@@ -321,6 +321,13 @@ def solve_program(
         rounding. The others are "infeasible_or_unbounded", "user_limit" and "solver_error".
     run : ProgramRun or None
         The start for a program with the same matrices.
+
+    Raises
+    ------
+    InputError
+        Where a limit is wrong; unless `convex`, where H is not symmetric, or proved not to be semidefinite.
+    Interrupted
+        After Ctrl-C, with the solution so far.
     """
     begin = work.clock() if begin is None else begin
     with limited(tolerance, time_limit, begin):

@@ -56,9 +56,8 @@ class LegacyPyomoSolver(LegacySolverWrapper, PyomoSolver):
             kwds["options"] = OptSolver._options_string_to_dict(kwds["options"])
         # each call has options of its own, and several may run at once
         once = copy.copy(self)
-        once.__dict__["config"] = self.config(
-            preserve_implicit=True
-        )  # an assignment to it would write into that of all
+        # an assignment would write into the config of all
+        once.__dict__["config"] = self.config(preserve_implicit=True)
         with contextlib.ExitStack() as stack:
             if logfile is not None:
                 streams = tee if isinstance(tee, (list, tuple)) else [tee]

@@ -50,9 +50,9 @@ def solve_many(
     """Solve k problems as `solve` would: row i of `Q` with A and ψ, or with the i-th of those that are lists.
 
     Small and tridiagonal problems are solved by a few compiled calls on all cores. They share A, and ψ is affine or
-    amounts to fixed obstacles. An upper one that does not move as ψ does is in the same rows of all. Those with
-    n ≤ 64 are pivoted (see `Lemke`), and a tridiagonal A goes to `Tridiagonal`. So are lists of arrays A of one size,
-    n ≤ 64, where an obstacle that moves is the same for all.
+    amounts to fixed obstacles. Unless both obstacles are fixed or move alike, the same rows have an upper one. Those
+    with n ≤ 64 are pivoted (see `Lemke`), and a tridiagonal A goes to `Tridiagonal`. So are lists of arrays A of one
+    size, n ≤ 64, where an obstacle that moves is the same for all.
 
     All other problems go to `solve` one by one. Facts of a shared A are kept from row to row. The start is the row of
     `Z0`, or the previous answer, but for every 16th row. Ctrl-C leaves the rows that are solved.

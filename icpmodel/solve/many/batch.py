@@ -89,10 +89,11 @@ class Batch:
 
     @cached_property
     def fits_compiled_code(self) -> bool:
-        """Whether compiled code may take the rows together: the kind of ψ is the same, and A is as well, or small; and,
-        unless the obstacles are a box, which rows have an upper one. It knows no starts: with these there must be one
-        solution, as the Jacobi radius says of one A where obstacles are fixed. Said of all rows, it holds for their
-        shares, too.
+        """Whether compiled code may take the rows together.
+
+        The kind of ψ is the same, and A is as well, or small. Unless the obstacles are fixed or move alike, the same
+        rows have an upper one. It knows no starts: with these there must be one solution, as the Jacobi radius says of
+        one A where obstacles are fixed. Said of all rows, it holds for their shares, too.
         """
         problems = self.data.problems
         is_one = len(problems) == 1

@@ -109,7 +109,8 @@ def places_of(problem: ProblemData, points: Any = None, shape: Any = None) -> Pl
     problem : ProblemData
         The problem.
     points : array_like of shape (n,), (n, 2) or (n, 3), optional
-        Coordinates, by default those of the scene that A is from, else those of the grid that A couples.
+        Coordinates, by default those of the scene that A is from, else, for n > 60, those of a grid
+        whose neighbours A couples.
     shape : tuple of int, optional
         Shape (ny, nx) or (nz, ny, nx) of the grid, in place of `points`.
 
