@@ -105,15 +105,14 @@ class AffineLcp:
         above: tuple[Vector, Any] | None = None,
         adds_rows: bool = True,
     ) -> None:
+        from .kernels.dictionary import nearest_obstacles  # loads numba
+
         self.n = A.shape[-1]
         self.rows: Any = None
         d = np.full(self.n, np.inf) if above is None or adds_rows else above[0]
-        below = np.abs(c) <= np.abs(d)
-        none = (c == -np.inf) & (d == np.inf)
-        self.c = np.where(none, 0.0, np.where(below, c, d))
-        with np.errstate(over="ignore", invalid="ignore"):
-            far = np.where(below, np.maximum(c, d), np.minimum(c, d))
-            self.bound = np.where(none, np.nan, far - self.c)
+        self.c, far = nearest_obstacles(*read_only((c, d)))
+        with np.errstate(over="ignore"):
+            self.bound = far - self.c
         self.M, self.inverse = A, None
         if G is not None:
             with one_blas_thread():

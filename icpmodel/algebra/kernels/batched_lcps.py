@@ -6,7 +6,7 @@ import numpy as np
 
 from ...numerics.kernels import compiled
 from .balancing import scale
-from .dictionary import near_and_far
+from .dictionary import nearest_obstacles
 from .pivoting import START, continue_pivots, right, work_arrays
 
 
@@ -16,12 +16,8 @@ def many(S, r, c, covering, Q, C, D, limit, Z):
     n = S.shape[0]
     units = np.empty(n, np.int64)
     arrays = work_arrays(n)
-    near = np.empty(n)
-    far = np.empty(n)
     for k in range(Q.shape[0]):
-        for i in range(n):
-            near[i], far[i] = near_and_far(C[k, i], D[k, i])
-        own = right(S, r, c, Q[k], near, far, units)
+        own = right(S, r, c, Q[k], *nearest_obstacles(C[k], D[k]), units)
         z = continue_pivots(S, *own, covering, units, *arrays, np.int64(START), limit)[2]
         for i in range(n):
             Z[k, i] = min(max(z[i], C[k, i]), D[k, i])  # subnormal numbers lose digits in other units

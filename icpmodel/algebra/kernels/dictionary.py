@@ -49,6 +49,16 @@ def near_and_far(low, high):
 
 
 @compiled
+def nearest_obstacles(low, high):
+    # `near_and_far` of each row
+    near = np.empty(low.size)
+    far = np.empty(low.size)
+    for i in range(low.size):
+        near[i], far[i] = near_and_far(low[i], high[i])
+    return near, far
+
+
+@compiled
 def exchange(T, r, e):
     # the variable of column e becomes basic in row r, and that of the row nonbasic
     D = T.D
