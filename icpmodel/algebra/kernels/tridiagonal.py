@@ -240,11 +240,12 @@ def alternate(lower, diagonal, upper, q, c, top, rounds, limit, obstacle, free):
     n = q.size
     above = np.zeros(n, np.bool_)
     below = np.zeros(n, np.bool_)
+    mirrored = -q, -top, -c
     for _ in range(rounds):
         z = _one_side(lower, diagonal, upper, q, c, above, top, limit)
         for i in range(n):
             below[i] = z[i] <= c[i] and not above[i]
-        z = _one_side(lower, diagonal, upper, -q, -top, below, -c, limit)
+        z = _one_side(lower, diagonal, upper, mirrored[0], mirrored[1], below, mirrored[2], limit)
         changed = False
         for i in range(n):
             at_top = -z[i] >= top[i] and not below[i]
@@ -264,7 +265,7 @@ def many(lower, diagonal, upper, Q, C, D, rounds, limit, Z):
     for k in range(Q.shape[0]):
         free = release(lower, diagonal, upper, Q[k], C[k])
         if D is None:
-            z = newton(lower, diagonal, upper, Q[k], C[k], None, C[k], free, limit)[0]
+            z = newton(lower, diagonal, upper, Q[k], C[k], None, C[k], free, rounds * limit)[0]
         else:
             obstacle = C[k].copy()
             z, ended = newton(lower, diagonal, upper, Q[k], C[k], D[k], obstacle, free, limit)

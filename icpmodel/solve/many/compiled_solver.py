@@ -179,7 +179,7 @@ class CompiledSolver:
         Z = np.zeros(Q.shape)
         Q, C, D = read_only((Q, C, D))
         matrix = bands(A.indptr, A.indices, A.data)
-        limits = MAX_ROUNDS, STEPS_PER_ROUND if D is not None else MAX_ROUNDS * STEPS_PER_ROUND
+        limits = MAX_ROUNDS, STEPS_PER_ROUND
 
         def part(low: int, high: int) -> None:
             many(*matrix, Q[low:high], C[low:high], None if D is None else D[low:high], *limits, Z[low:high])
