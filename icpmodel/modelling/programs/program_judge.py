@@ -63,11 +63,11 @@ class Judge:
         """
         violations = np.abs(p)
         of_q = np.abs(q)
-        terms, counts = self.terms(q, z)
+        terms, of_largest = self.terms(q, z)
         of_g = self.largest(of_q)
         most = np.where(self.is_x & (of_g > 0), _NOISE_OF_GRADIENT * np.minimum(of_g, terms), np.inf)
         own = self.loss * terms
-        noise = np.maximum(own, np.minimum(self.loss * (self.size @ self.largest(z)), most))
+        noise = np.maximum(own, np.minimum(self.loss * of_largest, most))
         x = np.where(self.is_x, z, 0.0)
         reach = np.where(self.diagonal > 0, (self.size @ np.abs(x)) / self.diagonal, np.abs(z))
         gap = np.maximum(violations - np.minimum(own, most), 0.0) @ np.minimum(room, reach)
@@ -76,15 +76,14 @@ class Judge:
             gap /= max(x @ (self.A @ x), 0.0) + np.abs(x) @ (of_q + noise) + abs(of_sides)
         shares = []
         inside = room > 0
-        for rounding, rows in ((noise, inside), (own, inside), (own, inside & counts)):
+        for rounding, rows in ((noise, inside), (own, inside), (own, inside & (terms > UNIT_ROUNDOFF * of_largest))):
             excess = np.where(rows & (violations > rounding), (violations - rounding) / terms, 0.0)
             shares.append(float(np.nan_to_num(np.maximum(excess.max(), gap), nan=np.inf)))
         return Violation(*shares)
 
-    def terms(self, q: Vector, z: Vector) -> tuple[Vector, Mask]:
-        """The sum of the |terms| of each row, and whether that is more than the rounding of the largest unknowns."""
-        terms = np.asarray(self.size @ np.abs(z) + np.abs(q))
-        return terms, terms > UNIT_ROUNDOFF * (self.size @ self.largest(z))
+    def terms(self, q: Vector, z: Vector) -> tuple[Vector, Vector]:
+        """The sum of the |terms| of each row, and what Az adds to it where all unknowns of a group are its largest."""
+        return np.asarray(self.size @ np.abs(z) + np.abs(q)), np.asarray(self.size @ self.largest(z))
 
     def largest(self, z: Vector) -> Vector:
         """The largest |entry| of each group, at its entries; those of A are about 1."""

@@ -16,6 +16,7 @@ from ...errors import IcpError, OutOfTime, SingularOperator
 from ...icp import ICP
 from ...numerics import work
 from ...numerics.arrays import Vector
+from ...numerics.rounding import UNIT_ROUNDOFF
 from ...problem.data import ProblemData
 from ...solve.solution import Solution, Status
 from ...theory.certificates.bounds import enforce_limits
@@ -122,12 +123,12 @@ class ProgramRun:
     def _optimal(self) -> tuple[str, str]:
         """ "optimal", unless rows contradict each other within what the largest unknowns may lose by rounding."""
         if self.violation.of_terms > self.tolerance:
-            terms, counts = self.judge.terms(self.problem.q, self.z)
-            rows, units = self.conditions.rows_alone(np.where(counts, terms, 0.0))
+            terms, of_largest = self.judge.terms(self.problem.q, self.z)
+            rows, units = self.conditions.rows_alone(np.where(terms > UNIT_ROUNDOFF * of_largest, terms, 0.0))
             with suppress(OutOfTime):
                 y = self._least_violation(rows, max_iter=self.iterations + PIVOT_UP_TO)
-                proof = self._proof(np.ldexp(y, units))
-                if np.abs(y).max() > self.tolerance and proof is not None and proof[0] == "infeasible":
+                proof = self._proof(np.ldexp(y, units)) if np.abs(y).max() > self.tolerance else None
+                if proof is not None and proof[0] == "infeasible":
                     return proof
         return "optimal", "solved"
 
