@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import connected_components
 
 from ...numerics import work
 from ...numerics.arrays import Mask, Vector
-from ...numerics.rounding import UNIT_ROUNDOFF, gamma
+from ...numerics.rounding import gamma
 from ...problem.data import ProblemData
 
 #: the share of the largest unknown of its group, or of q, up to which an unknown may be rounding
@@ -61,25 +61,16 @@ class Judge:
 
         `p` is p(z), and `room` the distance of z to the obstacle to which p presses it, all of shape (n,).
         """
-        violations = np.abs(p)
-        of_q = np.abs(q)
-        terms, of_largest = self.terms(q, z)
-        of_g = self.largest(of_q)
-        most = np.where(self.is_x & (of_g > 0), _NOISE_OF_GRADIENT * np.minimum(of_g, terms), np.inf)
-        own = self.loss * terms
-        noise = np.maximum(own, np.minimum(self.loss * of_largest, most))
-        x = np.where(self.is_x, z, 0.0)
-        reach = np.where(self.diagonal > 0, (self.size @ np.abs(x)) / self.diagonal, np.abs(z))
-        gap = np.maximum(violations - np.minimum(own, most), 0.0) @ np.minimum(room, reach)
+        from .kernels.violation import violation_of_rows
+
+        A = self.A
+        shares = np.empty(3)
+        known = (A.indptr, A.indices, A.data, self.diagonal, self.is_x)
+        sizes = (self.largest(z), self.largest(np.abs(q)), self.loss, _NOISE_OF_GRADIENT)
+        gap, curvature, linear, of_sides = violation_of_rows(*known, q, z, p, room, *sizes, shares)
         if gap > 0:
-            of_sides = (z - x) @ q - x @ np.where(room == 0, p, 0.0)
-            gap /= max(x @ (self.A @ x), 0.0) + np.abs(x) @ (of_q + noise) + abs(of_sides)
-        shares = []
-        inside = room > 0
-        for rounding, rows in ((noise, inside), (own, inside), (own, inside & (terms > UNIT_ROUNDOFF * of_largest))):
-            excess = np.where(rows & (violations > rounding), (violations - rounding) / terms, 0.0)
-            shares.append(float(np.nan_to_num(np.maximum(excess.max(), gap), nan=np.inf)))
-        return Violation(*shares)
+            gap /= max(curvature, 0.0) + linear + abs(of_sides)
+        return Violation(*np.maximum(shares, gap).tolist())
 
     def terms(self, q: Vector, z: Vector) -> tuple[Vector, Vector]:
         """The sum of the |terms| of each row, and what Az adds to it where all unknowns of a group are its largest."""

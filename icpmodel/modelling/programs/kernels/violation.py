@@ -1,0 +1,66 @@
+"""The sums and maxima over rows of which the judge of a program makes its shares."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ....numerics.kernels import compiled, uint
+from ....numerics.rounding import UNIT_ROUNDOFF
+
+
+@compiled
+def violation_of_rows(
+    indptr, indices, data, diagonal, is_x, q, z, p, room, largest, largest_q, loss, gradient_noise, shares
+):
+    # `shares`: the largest shares of terms that are wrong in the rows off their obstacles, up to rounding, strictly,
+    # and strictly where the terms are not rounding. Returns Σ|p|d; x'Ax; Σ|x|(|q| + rounding); and what the sides add
+    shares[:] = 0.0
+    gap = 0.0
+    curvature = 0.0
+    linear = 0.0
+    of_sides = 0.0
+    for i in range(uint(q.size)):
+        terms = abs(q[i])
+        of_largest = 0.0
+        of_x = 0.0
+        slope = 0.0
+        for k in range(uint(indptr[i]), uint(indptr[i + uint(1)])):
+            j = uint(indices[k])
+            size = abs(data[k])
+            terms += size * abs(z[j])
+            of_largest += size * largest[j]
+            if is_x[j]:
+                of_x += size * abs(z[j])
+                slope += data[k] * z[j]
+        wrong = abs(p[i])
+        if not wrong + terms < np.inf:
+            shares[:] = np.inf
+        own = loss * terms
+        noise = own
+        strict = wrong
+        if is_x[i] and largest_q[i] > 0.0:
+            most = gradient_noise * min(largest_q[i], terms)
+            noise = max(own, min(loss * of_largest, most))
+            strict -= min(own, most)
+        else:
+            noise = max(own, loss * of_largest)
+            strict -= own
+        reach = of_x / diagonal[i] if diagonal[i] > 0.0 else abs(z[i])
+        if strict > 0.0:
+            gap += strict * min(room[i], reach)
+        if is_x[i]:
+            curvature += z[i] * slope
+            linear += abs(z[i]) * (abs(q[i]) + noise)
+            if room[i] == 0.0:
+                of_sides -= z[i] * p[i]
+        else:
+            of_sides += z[i] * q[i]
+        if room[i] > 0.0:
+            if wrong > noise:
+                shares[0] = max(shares[0], (wrong - noise) / terms)
+            if wrong > own:
+                share = (wrong - own) / terms
+                shares[1] = max(shares[1], share)
+                if terms > UNIT_ROUNDOFF * of_largest:
+                    shares[2] = max(shares[2], share)
+    return gap, curvature, linear, of_sides
