@@ -74,7 +74,11 @@ def semidefinite_up_to_rounding(A: sp.csr_array) -> Answer:
     True proves that all eigenvalues, with the diagonal scaled to about 1, are at least `number`, above −2⁻²⁶.
     """
     T, _, _ = _in_own_units(A)
-    if (T.diagonal() >= 0).all() and within_reach(T):
+    diagonal = T.diagonal()
+    # a row without other entries has its diagonal for eigenvalue
+    coupled = abs(T).sum(axis=1) > diagonal
+    T = T[coupled][:, coupled]
+    if (diagonal >= 0).all() and T.nnz and within_reach(T):
         bound = smallest_eigenvalue_bound(T, -_rounding_of(T))
         if bound > -_MAX_ROUNDING:
             reason = f"semidefinite up to rounding: no eigenvalue is below {bound:.2g} of its diagonal"
