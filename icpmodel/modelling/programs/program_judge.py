@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from ...numerics import work
-from ...numerics.arrays import Mask, Vector
+from ...numerics.arrays import Mask, Vector, row_of
 from ...numerics.rounding import gamma
 from ...problem.data import ProblemData
 
@@ -43,17 +44,16 @@ class Judge:
         work.charge_matrices(problem.A.nnz, 6)
         self.A = problem.A
         self.size = problem.matrix.absolute
-        self.diagonal = self.A.diagonal()
+        self.diagonal = problem.matrix.rows.diagonal
         self.is_x = is_x
         self.loss = float(gamma(3 + np.diff(self.size.indptr).max(initial=0)))
-        links = self.size.tocoo()
-        largest = self.size.max(axis=1).toarray().reshape(-1)
-        links.data = links.data * (links.data > _NOISE_OF_X * np.maximum(largest[links.row], largest[links.col]))
-        links.eliminate_zeros()
+        i = row_of(self.size)
+        j = self.size.indices
+        largest = problem.matrix.rows.largest
+        strong = self.size.data > _NOISE_OF_X * np.maximum(largest[i], largest[j])
+        links = sp.coo_array((strong[strong], (i[strong], j[strong])), self.size.shape)
         #: the group of each unknown: x, or multipliers, that a chain of rows connects, so that they share rounding
-        _, self.group = np.unique(2 * connected_components(links)[1] + self.is_x, return_inverse=True)
-        self.order = np.argsort(self.group)
-        self.starts = np.searchsorted(self.group[self.order], np.arange(self.group.max() + 1))
+        _, self.group = np.unique(2 * connected_components(links)[1] + is_x, return_inverse=True)
 
     @np.errstate(all="ignore")
     def violation(self, q: Vector, z: Vector, p: Vector, room: Vector) -> Violation:
@@ -78,7 +78,9 @@ class Judge:
 
     def largest(self, z: Vector) -> Vector:
         """The largest |entry| of each group, at its entries; those of A are about 1."""
-        return np.asarray(np.maximum.reduceat(np.abs(z)[self.order], self.starts)[self.group])
+        largest = np.zeros(z.size)
+        np.maximum.at(largest, self.group, np.abs(z))
+        return largest[self.group]
 
     def without_noise(self, q: Vector, z: Vector) -> Vector:
         """z with 0 for what may be rounding beside the largest of its group, or beside q."""
