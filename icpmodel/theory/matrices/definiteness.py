@@ -76,7 +76,8 @@ def semidefinite_up_to_rounding(A: sp.csr_array) -> Answer:
     T, _, _ = _in_own_units(A)
     diagonal = T.diagonal()
     # a row without other entries has its diagonal for eigenvalue
-    coupled = abs(T).sum(axis=1) > diagonal
+    i = row_of(T)
+    coupled = np.unique(i[(T.data != 0.0) & (T.indices != i)])
     T = T[coupled][:, coupled]
     if (diagonal >= 0).all() and T.nnz and within_reach(T):
         bound = smallest_eigenvalue_bound(T, -_rounding_of(T))

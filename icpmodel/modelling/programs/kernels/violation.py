@@ -33,18 +33,14 @@ def violation_of_rows(
                 of_x += size * abs(z[j])
                 slope += data[k] * z[j]
         wrong = abs(p[i])
-        if not wrong + terms < np.inf:
+        if np.isnan(wrong) or (room[i] > 0.0 and wrong > 0.0 and not wrong + terms < np.inf):
             shares[:] = np.inf
         own = loss * terms
-        noise = own
-        strict = wrong
+        most = np.inf
         if is_x[i] and largest_q[i] > 0.0:
             most = gradient_noise * min(largest_q[i], terms)
-            noise = max(own, min(loss * of_largest, most))
-            strict -= min(own, most)
-        else:
-            noise = max(own, loss * of_largest)
-            strict -= own
+        noise = max(own, min(loss * of_largest, most))
+        strict = wrong - min(own, most)
         reach = of_x / diagonal[i] if diagonal[i] > 0.0 else abs(z[i])
         if strict > 0.0:
             gap += strict * min(room[i], reach)
