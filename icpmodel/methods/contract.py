@@ -287,7 +287,7 @@ def named(name: str, /, **options: Any) -> Method:
     return cls(**options)
 
 
-def positive_diagonal(problem: ProblemData, use: str) -> str | None:
+def why_not_diagonal(problem: ProblemData, use: str) -> str | None:
     """Why a method that needs a positive diagonal of A refuses; None if the diagonal is positive."""
     if problem.f is not None or problem.matrix.has_positive_diagonal:  # with an f `why_not_rows` asks for more
         return None

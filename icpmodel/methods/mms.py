@@ -13,7 +13,7 @@ from ..algebra.splittings import as_splitting
 from ..errors import MapError
 from ..numerics.arrays import Vector, as_number, as_vector
 from ..problem.data import ProblemData
-from .contract import Iterate, Method, positive_diagonal, with_options
+from .contract import Iterate, Method, why_not_diagonal, with_options
 
 
 @with_options
@@ -73,7 +73,7 @@ class MMS(Method):
             free = free or bool(np.isneginf(problem.psi.value(np.zeros(problem.n))).any())
         if free:
             return "MMS writes z - psi(z) = (|x| + x)/gamma, but a row may have no obstacle (psi = -inf)"
-        return positive_diagonal(problem, "Omega = D/2 must be positive") if self.omega is None else None
+        return why_not_diagonal(problem, "Omega = D/2 must be positive") if self.omega is None else None
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         A = problem.A

@@ -34,7 +34,7 @@ from ..algebra.splittings import AOR, FullSplitting, Splitting, as_splitting
 from ..algebra.steps import Step
 from ..numerics.arrays import Vector, as_number, as_vector
 from ..problem.data import ProblemData
-from .contract import FixedPoint, positive_diagonal, with_options
+from .contract import FixedPoint, why_not_diagonal, with_options
 
 
 class ModulusMember(FixedPoint):
@@ -119,7 +119,7 @@ class FreeOmega(ModulusMember):
         return as_vector(self.phi2, problem.n, "phi2") / as_vector(self.phi1, problem.n, "phi1")
 
     def why_not(self, problem: ProblemData) -> str | None:
-        return positive_diagonal(problem, "Omega = D must be positive") if self.phi2 is None else None
+        return why_not_diagonal(problem, "Omega = D must be positive") if self.phi2 is None else None
 
 
 @with_options
@@ -198,7 +198,7 @@ class NMMS(ModulusMember):
         return problem.matrix.rows.diagonal if self.omega is None else as_vector(self.omega, problem.n, "omega")
 
     def why_not(self, problem: ProblemData) -> str | None:
-        return positive_diagonal(problem, "Omega = D must be positive") if self.omega is None else None
+        return why_not_diagonal(problem, "Omega = D must be positive") if self.omega is None else None
 
 
 @with_options
@@ -238,4 +238,4 @@ class ProjectionFixedPoint(ModulusMember):
         return problem.matrix.rows.diagonal / self.omega
 
     def why_not(self, problem: ProblemData) -> str | None:
-        return positive_diagonal(problem, "the fixed point divides by the diagonal of A")
+        return why_not_diagonal(problem, "the fixed point divides by the diagonal of A")

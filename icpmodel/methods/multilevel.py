@@ -27,7 +27,7 @@ from ..numerics import work
 from ..numerics.arrays import Vector
 from ..numerics.multigrid import cycle_cost
 from ..problem.data import ProblemData
-from .contract import Iterate, Method, positive_diagonal, with_options
+from .contract import Iterate, Method, why_not_diagonal, with_options
 from .newton import Newton
 
 #: a start from z begins on the finest level of which a cycle costs less than this share of a Newton step, which is
@@ -72,7 +72,7 @@ class Multilevel(Method):
     family: ClassVar[str] = "modulus"
 
     def why_not(self, problem: ProblemData) -> str | None:
-        reason = positive_diagonal(problem, "its smoother divides by the diagonal of A")
+        reason = why_not_diagonal(problem, "its smoother divides by the diagonal of A")
         return reason or (None if problem.facts.has_fixed_obstacle else problem.psi.no_derivative())
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:

@@ -23,7 +23,7 @@ from ..algebra.splittings import AOR, Splitting
 from ..algebra.steps import Step, projected_sweep
 from ..numerics.arrays import Vector, as_number
 from ..problem.data import ProblemData
-from .contract import positive_diagonal, with_options
+from .contract import why_not_diagonal, with_options
 from .modulus import ModulusMember
 
 
@@ -63,7 +63,7 @@ class PSOR(ModulusMember):
         as_number(self.omega, "omega", above=0, below=2)
 
     def why_not(self, problem: ProblemData) -> str | None:
-        return positive_diagonal(problem, "projected SOR divides by the diagonal of A")
+        return why_not_diagonal(problem, "projected SOR divides by the diagonal of A")
 
     def splitting_of(self) -> Splitting:
         return AOR(self.omega, self.omega)

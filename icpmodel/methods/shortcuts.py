@@ -24,7 +24,7 @@ from ..problem.data import ProblemData
 from ..problem.map import Map
 from ..theory.certificates.contradiction import multipliers
 from ..theory.certificates.infeasible import infeasible
-from .contract import Infeasible, Iterate, Method, positive_diagonal, with_options
+from .contract import Infeasible, Iterate, Method, why_not_diagonal, with_options
 
 #: the largest number of halvings of a step of Josephy's, and the least reduction of Res as a share of its length
 _MAX_HALVINGS = 6
@@ -206,7 +206,7 @@ class Tridiagonal(Shortcut):
         if max(rows.below, rows.above) > 1:
             reach = f"reach {rows.below} rows below the diagonal and {rows.above} above"
             return f"A is not tridiagonal: its entries {reach}"
-        return positive_diagonal(problem, "it divides by the diagonal of A")
+        return why_not_diagonal(problem, "it divides by the diagonal of A")
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         from ..algebra.kernels.tridiagonal import SETTLED, UNSETTLED, alternate, bands, newton, refine, release  # numba
