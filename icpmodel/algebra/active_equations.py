@@ -13,7 +13,7 @@ import scipy.sparse as sp
 
 from ..numerics import work
 from ..numerics.arrays import Mask, Vector, row_of
-from ..numerics.fill import SymbolicAnalysis, factor_cost, least_factor_cost, of_band
+from ..numerics.fill import SymbolicAnalysis, band_fill, factor_cost, least_factor_cost
 from ..numerics.krylov import NotConverged
 from ..numerics.linear import Solver, solver_of
 from ..problem.data import ProblemData
@@ -101,7 +101,7 @@ def cycles_pay(problem: ProblemData, free: Mask) -> bool:
     count = int(np.count_nonzero(free))
     if matrix.dense is not None or rows.below + rows.above < _MAX_BANDWIDTHS:
         return False
-    if factor_cost(of_band(count, rows.below, rows.above, rows.below == rows.above)) <= most:
+    if factor_cost(band_fill(count, rows.below, rows.above, rows.below == rows.above)) <= most:
         return False
     entries = int(np.count_nonzero(free[row_of(problem.A)] & free[problem.A.indices]))
     if 2.0 * least_factor_cost(count, entries) <= most or not matrix.has_positive_diagonal:

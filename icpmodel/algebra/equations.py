@@ -12,7 +12,7 @@ from ..errors import MapError, SingularOperator
 from ..numerics.arrays import Mask, Vector
 from ..problem.data import ProblemData
 from ..problem.map import Map
-from ..problem.two_sided import chosen
+from ..problem.two_sided import select_obstacle
 from .operators import FactorisedOperator
 
 #: steps of iterative refinement, or of Newton's method with the first derivative kept
@@ -123,7 +123,7 @@ def solve_on(problem: ProblemData, z: Vector, active: Mask, above: Mask | None =
     One factorisation, of the other rows alone where ψ has no derivative, then refinement while the
     residual falls.
     """
-    psi = chosen(problem.psi, above)
+    psi = select_obstacle(problem.psi, above)
     jacobian = psi.jacobian(z)
     with np.errstate(over="ignore", invalid="ignore"):
         return _refine(problem, psi, z, active, jacobian if jacobian is not None and jacobian.nnz else None)
@@ -163,7 +163,7 @@ def _refine(problem: ProblemData, psi: Map, z: Vector, active: Mask, jacobian: s
 def derivative(psi: Map, z: Vector, above: Mask | None = None) -> sp.csr_array:
     """ψ′(z), in the rows `above`, a mask, ψ̄′(z), CSR, shape (n, n), where both have one (`Map.no_derivative`). Raises
     MapError where it is not finite."""
-    J = chosen(psi, above).jacobian(z)
+    J = select_obstacle(psi, above).jacobian(z)
     assert J is not None
     if not np.isfinite(J.data).all():
         raise MapError("psi's derivative is not finite")

@@ -13,7 +13,7 @@ import numpy as np
 from ..numerics import work
 from ..numerics.arrays import row_of
 from ..numerics.condensed import product_cost
-from ..numerics.fill import Fill, SymbolicAnalysis, dense_cost, factor_cost, of_part, refactor_cost
+from ..numerics.fill import Fill, SymbolicAnalysis, dense_cost, factor_cost, part_fill, refactor_cost
 from ..numerics.linear import steps_cost
 from ..problem.facts import Facts
 from ..problem.matrix import Matrix
@@ -69,7 +69,7 @@ class FactorCosts:
 
     def part(self, rows: int, *, symmetric: bool = True) -> float:
         """The cost for `rows` of the rows with their columns, `symmetric` where A is: the sparse or the dense one."""
-        fill = of_part(self.fill, rows)
+        fill = part_fill(self.fill, rows)
         if not symmetric:
             fill = fill._replace(symmetric=False)
         return min(factor_cost(fill), dense_cost(rows, symmetric and self._is_symmetric()))

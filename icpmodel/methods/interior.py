@@ -148,9 +148,9 @@ class InteriorPath:
         self.sides = [np.flatnonzero(np.isfinite(side)) for side in (below, top) if side is not None]
         self.rows = np.concatenate(self.sides)
         self.sign = np.repeat([1.0, -1.0][: len(self.sides)], [rows.size for rows in self.sides])
-        of_r = self.is_primal[self.rows]
+        is_primal_r = self.is_primal[self.rows]
         #: for r and s: whether the step is a primal one; where all signs are equal there is no other
-        self.is_primal_step = np.array([of_r, of_r if self.is_primal.all() else ~of_r])
+        self.is_primal_step = np.array([is_primal_r, is_primal_r if self.is_primal.all() else ~is_primal_r])
         self._start(c)
 
     def _start(self, c: Vector) -> None:
@@ -249,17 +249,17 @@ class InteriorPath:
             _, dr, ds = self._direction(solve, r * s, _PREDICTOR_ACCURACY)
             if self.system.adapt():
                 break
-        _, of_r, of_s = self._lengths(dr, ds, 1.0)
-        mean_after = inner(r + of_r * dr, s + of_s * ds) / count
+        _, length_r, length_s = self._lengths(dr, ds, 1.0)
+        mean_after = inner(r + length_r * dr, s + length_s * ds) / count
         sizes = (r + np.abs(self.gap)) * (s + np.abs(self.dual_residual[self.rows]))
         second_order = np.maximum(dr * ds, -_MAX_CORRECTION * np.maximum(sizes, mean_product))
         target = r * s + second_order - ((mean_after / mean_product) ** 3 * mean_product if mean_product else 0.0)
         dz, dr, ds = self._direction(solve, target, _STEP_ACCURACY)
-        of_z, of_r, of_s = self._lengths(dr, ds, _BOUNDARY_SHARE)
-        self.r = r + of_r * dr
-        self.s = s + of_s * ds
+        length_z, length_r, length_s = self._lengths(dr, ds, _BOUNDARY_SHARE)
+        self.r = r + length_r * dr
+        self.s = s + length_s * ds
         try:
-            self._move_to(self.z + of_z * dz)
+            self._move_to(self.z + length_z * dz)
         except MapError:
             return False
         return bool(np.isfinite(np.concatenate([self.point[1], self.gap])).all())
@@ -281,8 +281,8 @@ class InteriorPath:
         primal, dual = (
             share / np.max(ratios, where=group, initial=share) for group in (self.is_primal_step, ~self.is_primal_step)
         )
-        of_r, of_s = np.where(self.is_primal_step, primal, dual)
-        return np.where(self.is_primal, primal, dual), of_r, of_s
+        length_r, length_s = np.where(self.is_primal_step, primal, dual)
+        return np.where(self.is_primal, primal, dual), length_r, length_s
 
     def _move_to(self, z: Vector) -> None:
         """z with p, z − ψ(z) and z − ψ̄(z), how far these are from r, and the derivatives of obstacles that move."""

@@ -7,7 +7,7 @@ import scipy.sparse as sp
 
 from . import work
 from .arrays import Mask, Vector
-from .factorisation import DenseFactors, of_array
+from .factorisation import DenseFactors, array_factors
 from .threads import one_blas_thread
 
 
@@ -27,7 +27,7 @@ def condensed_factors(M: sp.csr_array, kept: Mask) -> DenseFactors | None:
     work.charge(product_cost(*B.shape), 24.0 * rows.size)
     with one_blas_thread():
         complement = rows[:, kept] + (B / D) @ B.T
-    factors = of_array(np.asfortranarray(complement)) if np.isfinite(complement).all() else None
+    factors = array_factors(np.asfortranarray(complement)) if np.isfinite(complement).all() else None
     if factors is None:
         return None
 

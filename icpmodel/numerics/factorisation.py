@@ -19,8 +19,8 @@ from .fill import (
     SymbolicAnalysis,
     dense_cost,
     factor_cost,
+    fill_and_order,
     least_factor_cost,
-    ordered,
     signs_of_symmetry,
     solve_cost,
 )
@@ -140,9 +140,9 @@ def factorise(
         return None
     analysis = analysis or SymbolicAnalysis(matrix)
     if not triangles and analysis.is_dense:
-        return of_dense(matrix, definite and analysis.is_symmetric)
+        return dense_factors(matrix, definite and analysis.is_symmetric)
     if not triangles and analysis.is_band:
-        return _of_band(matrix, analysis, definite)
+        return _band_factors(matrix, analysis, definite)
     if triangles or not definite:
         return _by_superlu(matrix, analysis, definite)
     signs = analysis.signs if analysis.matrix is matrix else signs_of_symmetry(matrix)
@@ -159,7 +159,7 @@ def factors_and_schur(matrix: sp.csr_array, last: NDArray[np.intp]) -> tuple[Fac
     `matrix` each of the `last` rows but the first has an entry, be it 0, in the column of the one before, so that all
     of them come last.
     """
-    fill, order = ordered(matrix)
+    fill, order = fill_and_order(matrix)
     order = np.concatenate([order[~np.isin(order, last)], last])
     if not _fills_diagonal(matrix, order):  # a zero pivot makes SuperLU exchange rows, which fills up
         return None
@@ -184,14 +184,14 @@ def _fills_diagonal(matrix: sp.csr_array, order: NDArray[np.integer]) -> bool:
     return not is_zero.any()
 
 
-def of_dense(matrix: sp.csr_array, cholesky: bool = False) -> DenseFactors | None:
+def dense_factors(matrix: sp.csr_array, cholesky: bool = False) -> DenseFactors | None:
     """Dense factors of a sparse matrix that stores all entries; raises OutOfTime and OutOfMemory as `factorise`."""
     n = matrix.shape[0]
     work.check_budget(dense_cost(n, cholesky), 16.0 * n**2)
-    return of_array(np.asfortranarray(matrix.toarray()), cholesky)  # SciPy goes the long way over CSC
+    return array_factors(np.asfortranarray(matrix.toarray()), cholesky)  # SciPy goes the long way over CSC
 
 
-def of_array(M: NDArray[np.float64], cholesky: bool = False) -> DenseFactors | None:
+def array_factors(M: NDArray[np.float64], cholesky: bool = False) -> DenseFactors | None:
     """Those of an array in Fortran's order, which is overwritten; None where it is singular, or, by Cholesky's method,
     which takes it for symmetric, not definite. Raises OutOfTime."""
     # lu_factor warns of a zero pivot, and is slower than a small matrix
@@ -211,27 +211,27 @@ def of_array(M: NDArray[np.float64], cholesky: bool = False) -> DenseFactors | N
     return DenseFactors(lambda f, transposed: dgetrs(factors, rows, f, trans=int(transposed)), pivots, M.size)
 
 
-def _of_band(matrix: sp.csr_array, analysis: SymbolicAnalysis, definite: bool) -> DenseFactors | None:
+def _band_factors(matrix: sp.csr_array, analysis: SymbolicAnalysis, definite: bool) -> DenseFactors | None:
     from scipy.linalg.lapack import dgbtrf, dgbtrs, dpbtrf, dpbtrs
 
     from .kernels.graph import fill_band
 
     n = matrix.shape[0]
     below, above = analysis.reach
-    of = (matrix.indptr, matrix.indices, matrix.data)
+    arrays = (matrix.indptr, matrix.indices, matrix.data)
     work.charge(factor_cost(analysis.band), 8.0 * analysis.band.entries)
     # LAPACK goes through narrow bands without calls of BLAS that would take threads
     with one_blas_thread() if max(below, above) > _UNBLOCKED_BAND else nullcontext():
         if below == above and analysis.is_symmetric:
             half = np.zeros((n, below + 1))
-            fill_band(*of, 0, half)
+            fill_band(*arrays, 0, half)
             factor, failed = dpbtrf(half.T, lower=1, overwrite_ab=1)
             if not failed and np.isfinite(factor[0]).all():
                 return DenseFactors(lambda f, transposed: dpbtrs(factor, f, lower=1), factor[0] ** 2, half.size)
             if definite:
                 return None
         band = np.zeros((n, 2 * below + above + 1))
-        fill_band(*of, below + above, band)
+        fill_band(*arrays, below + above, band)
         factors, rows, failed = dgbtrf(band.T, below, above, overwrite_ab=1)
     pivots = factors[below + above]
     if failed or not np.isfinite(pivots).all():

@@ -94,13 +94,13 @@ def dense_cost(n: int, symmetric: bool = False) -> float:
     return COSTS.call + (0.5 * cost if symmetric else cost)
 
 
-def of_part(fill: Fill, rows: int) -> Fill:
+def part_fill(fill: Fill, rows: int) -> Fill:
     """The fill of `rows` of the rows with their columns: that of all, times the square of their share."""
     share = (rows / fill.rows) ** 2
     return fill._replace(rows=rows, entries=share * fill.entries, flops=share * fill.flops)
 
 
-def of_band(n: int, below: int, above: int, symmetric: bool = False) -> Fill:
+def band_fill(n: int, below: int, above: int, symmetric: bool = False) -> Fill:
     """The fill of a band with `below` diagonals below the main one and `above` above it.
 
     There is room for exchanges of rows. For a `symmetric` band it is the fill of Cholesky's factor,
@@ -110,7 +110,7 @@ def of_band(n: int, below: int, above: int, symmetric: bool = False) -> Fill:
     return Fill(n, float(n) * entries, 2.0 * n * below * flops, True, True)
 
 
-def ordered(A: sp.csr_array, symmetric: bool = False) -> tuple[Fill, NDArray[np.integer]]:
+def fill_and_order(A: sp.csr_array, symmetric: bool = False) -> tuple[Fill, NDArray[np.integer]]:
     """The fill of a sparse factorisation of `A` (CSR, n × n), and the order of the rows, shape (n,).
 
     Raises
@@ -245,7 +245,7 @@ class SymbolicAnalysis:
     def band(self) -> Fill:
         """The fill as a band."""
         below, above = self.reach
-        return of_band(self.matrix.shape[0], below, above, below == above and self.is_symmetric)
+        return band_fill(self.matrix.shape[0], below, above, below == above and self.is_symmetric)
 
     @cached_property
     def is_dense(self) -> bool:
@@ -289,7 +289,7 @@ class SymbolicAnalysis:
         return self._order
 
     def _analysed(self) -> Fill:
-        fill, self._order = ordered(self.matrix, self.signs is not None)
+        fill, self._order = fill_and_order(self.matrix, self.signs is not None)
         return fill
 
     def exact(self) -> SymbolicAnalysis:
@@ -312,7 +312,7 @@ class SymbolicAnalysis:
     def band_costs_more(self, limit: float) -> bool:
         """Whether factors of the band cost more than `limit` nanoseconds."""
         below, above = self.reach
-        if factor_cost(of_band(self.matrix.shape[0], below, above, below == above)) > limit:
+        if factor_cost(band_fill(self.matrix.shape[0], below, above, below == above)) > limit:
             return True  # to ask whether A is symmetric takes as long as some products
         return factor_cost(self.band) > limit
 

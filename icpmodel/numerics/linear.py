@@ -22,7 +22,7 @@ import scipy.sparse as sp
 
 from .arrays import Vector, norm
 from .equilibration import Exponents, in_units, row_exponents
-from .factorisation import factorise, largest_of_columns, of_array, of_dense
+from .factorisation import array_factors, dense_factors, factorise, largest_of_columns
 from .fill import SymbolicAnalysis, dense_cost, factor_cost
 from .krylov import conjugate_residuals, gcr_step_cost
 from .work import check_budget, count, product
@@ -96,13 +96,13 @@ def _by_factors(M: Any, analysis: SymbolicAnalysis | None) -> tuple[Solver, Expo
     """The solver by factors of the equilibrated M, and the exponents of the rows and columns."""
     exponents = row_exponents(M)
     if analysis is None:
-        return _solver_with(of_array(np.array(in_units(M, exponents), order="F"))), exponents, 0
+        return _solver_with(array_factors(np.array(in_units(M, exponents), order="F"))), exponents, 0
     if analysis.is_dense or analysis.is_band:
         # Cholesky's factor is as good in all units, and others would take the symmetry
         if analysis.is_symmetric and (factors := factorise(M, definite=True, analysis=analysis)):
             return _solver_with(factors), 0, 0
         scaled = in_units(M, exponents)
-        return _solver_with(of_dense(scaled) if analysis.is_dense else factorise(scaled)), exponents, 0
+        return _solver_with(dense_factors(scaled) if analysis.is_dense else factorise(scaled)), exponents, 0
     if analysis.signs is None:
         return _perturbed_factors(in_units(M, exponents), analysis), exponents, 0
     both = exponents // 2  # as large as before at the most, and as symmetric as it was

@@ -311,8 +311,8 @@ class PointValues(Displayable):
         zero = np.zeros(self.n)
         sides = [psi.value(zero) for psi in sides_of(self.psi)]
         with np.errstate(all="ignore"):
-            of_p = np.where(self.matrix.empty_rows, 0.0, self.matrix.row_weights * self.offset(zero))
-            return smallest_size(of_p, *sides)
+            scaled_p = np.where(self.matrix.empty_rows, 0.0, self.matrix.row_weights * self.offset(zero))
+            return smallest_size(scaled_p, *sides)
 
     def paper_residual(self, z: Any) -> float:
         """Res(z) = ‖min(p(z), r(z))‖₂, the residual of the paper, which `atol` limits; see `residual`.

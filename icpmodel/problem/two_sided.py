@@ -174,7 +174,7 @@ def obstacle_values(psi: Map, z: Vector) -> Any:
     return psi.value(z) if psi.upper is None else ObstaclePair(psi.value(z), psi.upper.value(z))
 
 
-def chosen(psi: Map, above: Mask | None) -> Map:
+def select_obstacle(psi: Map, above: Mask | None) -> Map:
     """`psi` as one obstacle: the upper one in the rows `above`, else the lower; `psi` itself where it has one only."""
     return psi if psi.upper is None or above is None else Rowwise((psi, psi.upper), above.astype(np.intp))
 

@@ -52,7 +52,7 @@ def solve_to_accuracy(run: Run, accuracy: float, run_methods: Callable[[], None]
         before = residual
         residual = run.best.residual
         try:
-            bound = certified(problem, z)
+            bound = certified_error(problem, z)
         except KeyboardInterrupt:
             bound = None
             run.stop_reason = StopReason(Status.INTERRUPTED, "by Ctrl-C")
@@ -68,7 +68,7 @@ def solve_to_accuracy(run: Run, accuracy: float, run_methods: Callable[[], None]
         )
 
 
-def certified(problem: ProblemData, z: Vector) -> float | None:
+def certified_error(problem: ProblemData, z: Vector) -> float | None:
     """The bound on max|z − z*|, None where there is none."""
     with suppress(MapError, OutOfTime, MemoryError):
         return error_bound(problem, z).value

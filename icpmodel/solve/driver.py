@@ -30,7 +30,7 @@ from .outcome import solution_of, why_none
 from .progress import CallbackFailure, Progress
 from .reduction import ladder_steps, presolve
 from .run import Run
-from .small import pivoted
+from .small import solve_small
 from .solution import Solution, Status
 from .stopping import WORTH_ANOTHER_METHOD, StopReason, fault_of_psi
 
@@ -139,7 +139,7 @@ def solve(
     problem = as_problem(problem, nonlinear=True)
     is_default_call = problem.f is method is family is z0 is None and not options
     if is_default_call and limits.is_default and not any(display.values()):
-        solution = pivoted(problem, limits)
+        solution = solve_small(problem, limits)
         if solution is not None:
             return _log_and_return(solution)
     start = _starting_point(problem, z0)

@@ -21,7 +21,7 @@ from ..methods.psor import PSOR
 from ..methods.restarts import Restarts
 from ..methods.shortcuts import Lemke
 from ..numerics import work
-from ..numerics.fill import dense_cost, factor_cost, least_factor_cost, of_band, solve_cost
+from ..numerics.fill import band_fill, dense_cost, factor_cost, least_factor_cost, solve_cost
 from ..numerics.krylov import gcr_step_cost
 from ..numerics.linear import steps_cost
 from ..numerics.multigrid import cycle_cost, hierarchy_cost
@@ -94,7 +94,7 @@ def least_of_others(facts: Facts, family: str | None) -> float:
     matrix = facts.matrix
     n = matrix.n
     rows = matrix.rows
-    band = factor_cost(of_band(n, rows.below, rows.above, rows.below == rows.above))
+    band = factor_cost(band_fill(n, rows.below, rows.above, rows.below == rows.above))
     factors = min(band, least_factor_cost(n, matrix.nnz), dense_cost(n, True))
     system = min(factors, steps_cost(n, matrix.nnz))
     least = _newton_steps(facts) * (newton_cost(facts) + system)

@@ -41,7 +41,7 @@ def _passes_by_rounding(run: Run, z: Vector) -> bool:
     return False
 
 
-def judged(run: Run) -> BestIterate:
+def best_by_exact_residual(run: Run) -> BestIterate:
     """The better one of the best and the last iterate, by exact residuals; the run compared estimates."""
     problem = run.problem
     best = run.best
@@ -61,7 +61,7 @@ def judged(run: Run) -> BestIterate:
 
 def solution_of(run: Run, limits: Limits) -> Solution:
     """The solution of a run."""
-    best = judged(run)
+    best = best_by_exact_residual(run)
     status, note = _status_and_note(run, best, limits)
     last = best.job if status is Status.SOLVED else run.job
     why = [best.job.choice.why] if best.job.choice.why else []

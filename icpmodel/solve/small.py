@@ -17,7 +17,7 @@ _LEMKE = Lemke()
 _NO_INVERSE = np.empty((0, 0))
 
 
-def pivoted(problem: ProblemData, limits: Limits) -> Solution | None:
+def solve_small(problem: ProblemData, limits: Limits) -> Solution | None:
     """The solution of a problem that `Lemke` solves by one chain of pivots; None where it does not, or is too large.
 
     It takes dense A, n ≤ 64, and constant obstacles, or an affine one. The refinement of the pivots is all there is.

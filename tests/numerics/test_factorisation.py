@@ -9,7 +9,7 @@ from known_answers import GENERATORS, SEEDS, chain
 
 from icpmodel.numerics.arrays import as_csr
 from icpmodel.numerics.factorisation import DenseFactors, factorise
-from icpmodel.numerics.fill import SymbolicAnalysis, ordered, signs_of_symmetry
+from icpmodel.numerics.fill import SymbolicAnalysis, fill_and_order, signs_of_symmetry
 from icpmodel.numerics.symmetric_factors import SymmetricFactors
 
 
@@ -69,7 +69,7 @@ def _axes(line):
 def test_factors_of_one_pattern_solve_and_their_pivots_are_those_of_elimination(rng, kind):
     A = patterned(kind, rng)
     n, M = A.shape[0], A.toarray()
-    pattern, free = SymmetricFactors(A, ordered(A, symmetric=True)[0], signs_of_symmetry(A)), rng.random(n) < 0.7
+    pattern, free = SymmetricFactors(A, fill_and_order(A, symmetric=True)[0], signs_of_symmetry(A)), rng.random(n) < 0.7
     factors = pattern.factors(A.data)
     f, x = rng.normal(size=n), rng.normal(size=n)
     assert factors.solve(M @ x) == pytest.approx(x, abs=1e-11)
@@ -105,7 +105,7 @@ def test_no_signs_are_found_where_there_are_none(A):
 
 def test_a_matrix_that_cannot_be_factorised_says_so_and_the_next_one_can():
     A = sp.csr_array([[2.0, 1.0], [1.0, 2.0]])
-    pattern = SymmetricFactors(A, ordered(A, symmetric=True)[0], np.ones(2))
+    pattern = SymmetricFactors(A, fill_and_order(A, symmetric=True)[0], np.ones(2))
     assert pattern.factors(np.array([0.0, 1.0, 1.0, 0.0])) is None
     assert pattern.factors(np.array([2.0, np.nan, np.nan, 2.0])) is None
     assert pattern.factors(A.data).solve(np.array([3.0, 3.0])) == pytest.approx([1.0, 1.0])

@@ -13,20 +13,20 @@ from known_answers import GENERATORS, chain
 from icpmodel.errors import OutOfMemory, OutOfTime
 from icpmodel.numerics import work
 from icpmodel.numerics.factorisation import factorise
-from icpmodel.numerics.fill import SymbolicAnalysis, factor_cost, of_band, ordered
+from icpmodel.numerics.fill import SymbolicAnalysis, band_fill, factor_cost, fill_and_order
 
 
 def test_a_band_a_clique_and_blocks_fill_up_themselves():
     n = 60
     tridiagonal = chain(n, 3.0)
-    assert ordered(tridiagonal)[0].entries == 4 * n - 2
-    assert of_band(n, 1, 1)[1:3] == (4 * n, 4 * n)
-    assert of_band(n, 1, 1, symmetric=True)[1:3] == (2 * n, n)
-    assert SymbolicAnalysis(tridiagonal).fill == of_band(n, 1, 1, symmetric=True)
+    assert fill_and_order(tridiagonal)[0].entries == 4 * n - 2
+    assert band_fill(n, 1, 1)[1:3] == (4 * n, 4 * n)
+    assert band_fill(n, 1, 1, symmetric=True)[1:3] == (2 * n, n)
+    assert SymbolicAnalysis(tridiagonal).fill == band_fill(n, 1, 1, symmetric=True)
     clique = np.eye(n) * n - 1.0
-    assert ordered(sp.csr_array(clique))[0][1:3] == (n**2 + n, sum(c**2 + c for c in range(n)))
+    assert fill_and_order(sp.csr_array(clique))[0][1:3] == (n**2 + n, sum(c**2 + c for c in range(n)))
     blocks = sp.csr_array(sp.block_diag([clique[:6, :6]] * 10))
-    assert ordered(blocks)[0].entries == 10 * (6**2 + 6)
+    assert fill_and_order(blocks)[0].entries == 10 * (6**2 + 6)
 
 
 @given(n=st.integers(1, 45), share=st.floats(0.0, 0.3), rng=GENERATORS)
@@ -35,7 +35,7 @@ def test_the_predicted_fill_is_about_that_of_the_factors(n, share, rng):
     A = sp.csr_array(-(rng.random((n, n)) < share).astype(float))
     A = sp.csr_array(A + A.T)
     A = sp.csr_array(A - sp.diags_array(A.sum(axis=1)) + 2.0 * sp.diags_array(np.ones(n)))
-    fill = ordered(A)[0]
+    fill = fill_and_order(A)[0]
     factors = factorise(A, triangles=True).lu
     stored = factors.L.nnz + factors.U.nnz
     assert stored <= 1.2 * fill.entries
@@ -81,14 +81,14 @@ def test_a_long_ordering_ends_with_the_time():
     rng = np.random.default_rng(0)
     G = sp.random_array((20_000, 40_000), density=3 / 40_000, rng=rng)
     A = sp.csr_array(sp.block_array([[sp.eye_array(40_000), -G.T], [G, sp.eye_array(20_000)]]))
-    ordered(sp.csr_array(A[:9, :9]))  # loads what is compiled
+    fill_and_order(sp.csr_array(A[:9, :9]))  # loads what is compiled
     begun = time.perf_counter()
-    _, order = ordered(A)
+    _, order = fill_and_order(A)
     whole = time.perf_counter() - begun
     assert (np.sort(order) == np.arange(60_000)).all()
     begun = time.perf_counter()
     with work.work_limit(0.1), pytest.raises(OutOfTime):
-        ordered(A)
+        fill_and_order(A)
     assert time.perf_counter() - begun < 0.5 * whole + 0.1
 
 
@@ -107,7 +107,7 @@ def test_an_analysis_counts_what_it_takes_and_not_what_it_might():
     analysis = SymbolicAnalysis(A)
     assert not analysis.fill.is_exact
     counts = []
-    for analyse in (lambda: ordered(A), lambda: analysis.complete):
+    for analyse in (lambda: fill_and_order(A), lambda: analysis.complete):
         before = work.counter()
         analyse()
         counts.append(work.counter() - before)

@@ -24,7 +24,7 @@ from ...numerics.labels import along_rows, along_unknowns, check_labels
 from ...numerics.rounding import gamma, public_entry
 from ...present.display import Displayable
 from .program import saddle_matrix
-from .program_arguments import bounds, check_order, limited, matrix
+from .program_arguments import bounds, check_order, matrix, program_limits
 from .solve_qp import solve_avi
 
 #: columns up to which x is corrected by orthogonal factorisations, of which there may be as many
@@ -152,7 +152,7 @@ def solve_lsq(
     c = as_vector(c, B.shape[0], "c")
     low, high = bounds(lb, ub, n)
     check_order(low, high)
-    with limited(tolerance, time_limit, begin):
+    with program_limits(tolerance, time_limit, begin):
         x, violations, iterations, status, message = _solve_scaled(B, c, low, high, tolerance)
     fun = B @ x - c
     solution = LeastSquares(
@@ -178,18 +178,19 @@ Outcome = tuple[Vector, Vector, int, str, str]
 def _solve_scaled(B: sp.csr_array, c: Vector, low: Vector, high: Vector, tolerance: float) -> Outcome:
     """Solve in units in which the squares of the largest entries are floats."""
     nearest = np.clip(0.0, low, high)
-    of_B, of_c, of_x = (int(np.frexp(np.abs(values).max(initial=0.0))[1]) for values in (B.data, c, nearest))
+    largest = (np.abs(values).max(initial=0.0) for values in (B.data, c, nearest))
+    exponent_B, exponent_c, exponent_x = (int(np.frexp(size)[1]) for size in largest)
     # x and the bounds remain floats, too
-    least = max(of_x, -_MAX_EXPONENT) if nearest.any() else -_MAX_EXPONENT
-    of_c = min(max(of_c, of_B + least), of_B + _MAX_EXPONENT)
-    scaled = sp.csr_array((np.ldexp(B.data, -of_B), B.indices, B.indptr), shape=B.shape)
-    lower, upper = (np.ldexp(side, of_B - of_c) for side in (low, high))
-    x, violations, nit, status, message = _solve(scaled, np.ldexp(c, -of_c), lower, upper, tolerance)
-    x = np.clip(np.ldexp(x, of_c - of_B), low, high)
+    least = max(exponent_x, -_MAX_EXPONENT) if nearest.any() else -_MAX_EXPONENT
+    exponent_c = min(max(exponent_c, exponent_B + least), exponent_B + _MAX_EXPONENT)
+    scaled = sp.csr_array((np.ldexp(B.data, -exponent_B), B.indices, B.indptr), shape=B.shape)
+    lower, upper = (np.ldexp(side, exponent_B - exponent_c) for side in (low, high))
+    x, violations, nit, status, message = _solve(scaled, np.ldexp(c, -exponent_c), lower, upper, tolerance)
+    x = np.clip(np.ldexp(x, exponent_c - exponent_B), low, high)
     if not (np.isfinite(x).all() and np.isfinite(violations).all()):
         status = "solver_error"
         message = "x leaves the range of floats"
-    return x, np.ldexp(violations, of_B + of_c), nit, status, message
+    return x, np.ldexp(violations, exponent_B + exponent_c), nit, status, message
 
 
 def _solve(B: sp.csr_array, c: Vector, low: Vector, high: Vector, tolerance: float) -> Outcome:

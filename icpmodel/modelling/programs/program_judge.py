@@ -67,9 +67,9 @@ class Judge:
         shares = np.empty(3)
         known = (A.indptr, A.indices, A.data, self.diagonal, self.is_x)
         sizes = (self.largest(z), self.largest(np.abs(q)), self.loss, _NOISE_OF_GRADIENT)
-        gap, curvature, linear, of_sides = violation_of_rows(*known, q, z, p, room, *sizes, shares)
+        gap, curvature, linear, side_terms = violation_of_rows(*known, q, z, p, room, *sizes, shares)
         if gap > 0:
-            gap /= max(curvature, 0.0) + linear + abs(of_sides)
+            gap /= max(curvature, 0.0) + linear + abs(side_terms)
         return Violation(*np.maximum(shares, gap).tolist())
 
     def terms(self, q: Vector, z: Vector) -> tuple[Vector, Vector]:

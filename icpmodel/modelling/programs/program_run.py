@@ -123,8 +123,8 @@ class ProgramRun:
     def _optimal(self) -> tuple[str, str]:
         """ "optimal", unless rows contradict each other within what the largest unknowns may lose by rounding."""
         if self.violation.of_terms > self.tolerance:
-            terms, of_largest = self.judge.terms(self.problem.q, self.z)
-            rows, units = self.conditions.rows_alone(np.where(terms > UNIT_ROUNDOFF * of_largest, terms, 0.0))
+            terms, largest_terms = self.judge.terms(self.problem.q, self.z)
+            rows, units = self.conditions.rows_alone(np.where(terms > UNIT_ROUNDOFF * largest_terms, terms, 0.0))
             with suppress(OutOfTime):
                 y = self._least_violation(rows, max_iter=self.iterations + PIVOT_UP_TO)
                 proof = self._proof(np.ldexp(y, units)) if np.abs(y).max() > self.tolerance else None

@@ -82,17 +82,17 @@ class ScaledConditions:
         self.rows = self.balanced[0]
         self.columns = self.balanced[1]
         scaled = self._in_units(vectors)
-        of_g = _mean_size(scaled[0, self.is_x])
+        size_g = _mean_size(scaled[0, self.is_x])
         scaled[0, self.is_x] = 0.0
-        of_d = _mean_size(scaled[np.abs(vectors) < _INFINITE]) or _mean_size(scaled[np.isfinite(vectors)])
+        size_d = _mean_size(scaled[np.abs(vectors) < _INFINITE]) or _mean_size(scaled[np.isfinite(vectors)])
         has_H = program.H.data.any()
         if last is not None and has_H:
             self.shift = last.shift
         else:
-            self.shift = _exponent(np.divide(of_g, of_d))
+            self.shift = _exponent(np.divide(size_g, size_d))
             if has_H:
                 self.shift = max(self.shift, 0)
-        size = _exponent(of_d or of_g)
+        size = _exponent(size_d or size_g)
         self.rows = self.rows - self.shift * self.is_x - size
         self.columns = self.columns + self.shift * ~self.is_x + size
 
@@ -119,8 +119,8 @@ class ScaledConditions:
     def _balanced(self, program: Program) -> NDArray[np.int64]:
         """r and c that make the entries of H and C alike in the mean, and those of each row about 1."""
         sizes = [np.abs(X.data[X.data != 0.0]) for X in (program.H, program.C)]
-        of_H, of_C = (np.log2(size).mean() if size.size else 0.0 for size in sizes)
-        alike = int(np.rint(of_H - of_C)) if all(size.size for size in sizes) else 0
+        mean_H, mean_C = (np.log2(size).mean() if size.size else 0.0 for size in sizes)
+        alike = int(np.rint(mean_H - mean_C)) if all(size.size for size in sizes) else 0
         rows = -alike * self.is_x
         columns = alike * ~self.is_x
         return np.array([rows, columns]) + balancing_exponents(absolute(in_units(self.A, rows, columns)))

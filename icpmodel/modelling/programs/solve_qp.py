@@ -19,7 +19,7 @@ from ...present.display import Displayable
 from ...theory.certificates.bounds import ErrorBound, limited_bound
 from .distance import distance
 from .program import Presolve, Program, conditions_of
-from .program_arguments import check_convex, check_order, limited, read
+from .program_arguments import check_convex, check_order, program_limits, read
 from .program_run import ProgramRun
 
 _INTERRUPTED = "interrupted by Ctrl-C"
@@ -330,7 +330,7 @@ def solve_program(
         After Ctrl-C, with the solution so far.
     """
     begin = work.clock() if begin is None else begin
-    with limited(tolerance, time_limit, begin):
+    with program_limits(tolerance, time_limit, begin):
         try:
             if not convex:
                 check_convex(program)

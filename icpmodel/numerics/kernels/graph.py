@@ -61,14 +61,14 @@ def restricted_data(indptr, indices, data, q, rows, z):
 @inlined
 def _root(i, into, sign):
     # the row that stands for all that have been joined with row i, and the sign of row i against its own
-    of_i = 1.0
+    sign_i = 1.0
     while into[i] != i:
         j = into[i]
         sign[i] *= sign[j]
         into[i] = into[j]
-        of_i *= sign[i]
+        sign_i *= sign[i]
         i = into[i]
-    return i, of_i
+    return i, sign_i
 
 
 @compiled
@@ -95,9 +95,9 @@ def symmetrising_signs(indptr, indices, data, same):
             if not (equal or opposite):
                 return none
             if equal != opposite:
-                (a, of_i) = _root(i, into, sign)
-                (b, of_j) = _root(j, into, sign)
-                relative = of_i * of_j if equal else -of_i * of_j
+                (a, sign_i) = _root(i, into, sign)
+                (b, sign_j) = _root(j, into, sign)
+                relative = sign_i * sign_j if equal else -sign_i * sign_j
                 if a != b:
                     into[a] = b
                     sign[a] = relative

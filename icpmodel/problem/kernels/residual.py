@@ -104,12 +104,12 @@ def is_undefined(value, error):
 
 
 @inlined
-def largest_median(of_p, of_r, of_s):
+def largest_median(p_with_error, r_with_error, s_with_error):
     # the largest |median of p, r and s <= r| that (value, bound on its error) of all three leave possible, and of r and
     # s themselves where these may cross; without an upper obstacle s is -inf, and that is |min(p, r)|
-    (p, rounding_p) = of_p
-    (r, rounding_r) = of_r
-    (s, rounding_s) = of_s
+    (p, rounding_p) = p_with_error
+    (r, rounding_r) = r_with_error
+    (s, rounding_s) = s_with_error
     if is_undefined(p, rounding_p) or is_undefined(r, rounding_r) or is_undefined(s, rounding_s):
         return np.inf
     low = max(s - rounding_s, min(p - rounding_p, r - rounding_r))
@@ -143,12 +143,12 @@ def raise_to_bounds(
             k = uint(indptr[i])
             stop = uint(indptr[i + uint(1)])
             p, rounding_p = row_sum(q[i], 0.0 if left is None else left[row, i], k, stop, 1.0, indices, entries, z)
-            of_p = weighted(weight[i], p, rounding_p)
-            of_r = gap(i, G_indptr, G_indices, G_data, c, known, z)
-            of_s = -np.inf, 0.0
+            p_with_error = weighted(weight[i], p, rounding_p)
+            r_with_error = gap(i, G_indptr, G_indices, G_data, c, known, z)
+            s_with_error = -np.inf, 0.0
             if upper is not None:
-                of_s = gap(i, upper[0], upper[1], upper[2], upper[3][row], upper[4], z)
-            size = largest_median(of_p, of_r, of_s)
+                s_with_error = gap(i, upper[0], upper[1], upper[2], upper[3][row], upper[4], z)
+            size = largest_median(p_with_error, r_with_error, s_with_error)
             if size > scale:
                 squares = 1.0 + squares * (scale / size) ** 2
                 scale = size

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...numerics import work
 from ...numerics.arrays import Vector, norm
-from ...numerics.factorisation import factorise, of_array
+from ...numerics.factorisation import array_factors, factorise
 from ...numerics.fill import SymbolicAnalysis, dense_cost
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, product_upper_bound
 from ...numerics.sparse_structure import is_symmetric
@@ -139,7 +139,7 @@ def within_reach(S: sp.csr_array) -> bool:
 
 def definite_factors(S: Any) -> Any:
     """Factors of the symmetric `S`, as it is stored, by Cholesky or with diagonal pivots; None unless all are > 0."""
-    lu = factorise(S, definite=True) if sp.issparse(S) else of_array(S.copy().T, cholesky=True)
+    lu = factorise(S, definite=True) if sp.issparse(S) else array_factors(S.copy().T, cholesky=True)
     return lu if lu is not None and lu.pivots.min() > 0 else None
 
 
@@ -167,9 +167,9 @@ def _error_of_cholesky(S: NDArray[np.float64], c: float, trace: float) -> float:
     work.check_budget(memory=8.0 * n**2)
     shifted = S.copy()
     shifted.flat[:: n + 1] -= c
-    return (
-        np.inf if of_array(shifted.T, cholesky=True) is None else (n + 8) * (UNIT_ROUNDOFF * trace + 8 * n * SMALLEST)
-    )
+    if array_factors(shifted.T, cholesky=True) is None:
+        return np.inf
+    return (n + 8) * (UNIT_ROUNDOFF * trace + 8 * n * SMALLEST)
 
 
 def _distance_from_definite(S: sp.csr_array, c: float) -> float:

@@ -18,19 +18,19 @@ def violation_of_rows(
     gap = 0.0
     curvature = 0.0
     linear = 0.0
-    of_sides = 0.0
+    side_terms = 0.0
     for i in range(uint(q.size)):
         terms = abs(q[i])
-        of_largest = 0.0
-        of_x = 0.0
+        largest_terms = 0.0
+        terms_of_x = 0.0
         slope = 0.0
         for k in range(uint(indptr[i]), uint(indptr[i + uint(1)])):
             j = uint(indices[k])
             size = abs(data[k])
             terms += size * abs(z[j])
-            of_largest += size * largest[j]
+            largest_terms += size * largest[j]
             if is_x[j]:
-                of_x += size * abs(z[j])
+                terms_of_x += size * abs(z[j])
                 slope += data[k] * z[j]
         wrong = abs(p[i])
         if np.isnan(wrong) or (room[i] > 0.0 and wrong > 0.0 and not wrong + terms < np.inf):
@@ -39,24 +39,24 @@ def violation_of_rows(
         most = np.inf
         if is_x[i] and largest_q[i] > 0.0:
             most = gradient_noise * min(largest_q[i], terms)
-        noise = max(own, min(loss * of_largest, most))
+        noise = max(own, min(loss * largest_terms, most))
         strict = wrong - min(own, most)
-        reach = of_x / diagonal[i] if diagonal[i] > 0.0 else abs(z[i])
+        reach = terms_of_x / diagonal[i] if diagonal[i] > 0.0 else abs(z[i])
         if strict > 0.0:
             gap += strict * min(room[i], reach)
         if is_x[i]:
             curvature += z[i] * slope
             linear += abs(z[i]) * (abs(q[i]) + noise)
             if room[i] == 0.0:
-                of_sides -= z[i] * p[i]
+                side_terms -= z[i] * p[i]
         else:
-            of_sides += z[i] * q[i]
+            side_terms += z[i] * q[i]
         if room[i] > 0.0:
             if wrong > noise:
                 shares[0] = max(shares[0], (wrong - noise) / terms)
             if wrong > own:
                 share = (wrong - own) / terms
                 shares[1] = max(shares[1], share)
-                if terms > UNIT_ROUNDOFF * of_largest:
+                if terms > UNIT_ROUNDOFF * largest_terms:
                     shares[2] = max(shares[2], share)
-    return gap, curvature, linear, of_sides
+    return gap, curvature, linear, side_terms
