@@ -183,7 +183,7 @@ class AffineLcp:
         covering = self.covering if covering is None else covering * self.covering
         if dropped is not None:
             covering = np.where(S[:, dropped] > 0.0, S[:, dropped], covering)
-        return pivoting.first_tableau(S, *units, self.q, np.zeros(len(self.q)), self.bound, covering)
+        return pivoting.first_dictionary(S, *units, self.q, np.zeros(len(self.q)), self.bound, covering)
 
     def exchanged(self, rows: NDArray[np.int64]) -> AffineLcp:
         """The LCP in which w_i and y_i have changed places in `rows`, where y_i has no upper bound; a principal pivot

@@ -209,7 +209,7 @@ class Tridiagonal(Shortcut):
         return why_not_diagonal(problem, "it divides by the diagonal of A")
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
-        from ..algebra.kernels.tridiagonal import SETTLED, UNSETTLED, alternate, bands, newton, refine, release  # numba
+        from ..algebra.kernels.tridiagonal import SETTLED, UNSETTLED, alternate, bands, free_rows, newton, refine
 
         yield z, None
         A = problem.A
@@ -218,7 +218,7 @@ class Tridiagonal(Shortcut):
         top = problem.facts.upper_obstacle
         matrix = bands(A.indptr, A.indices, A.data)
         obstacle = c if top is None else c.copy()
-        free = release(*matrix, q, c)
+        free = free_rows(*matrix, q, c)
         for number in range(MAX_ROUNDS if top is None else 2):
             candidate, ended = newton(*matrix, q, c, top, obstacle, free, STEPS_PER_ROUND)
             work.count(work.sweep(problem.n, problem.nnz))

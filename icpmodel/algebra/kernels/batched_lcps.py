@@ -7,26 +7,26 @@ import numpy as np
 from ...numerics.kernels import compiled
 from .balancing import scale
 from .dictionary import nearest_obstacles
-from .pivoting import START, continue_pivots, right, work_arrays
+from .pivoting import START, continue_pivots, scaled_vectors, work_arrays
 
 
 @compiled
-def many(S, r, c, covering, Q, C, D, limit, Z):
+def solve_lcps(S, r, c, covering, Q, C, D, limit, Z):
     # the LCPs with the rows of Q between the rows of C and D, each from its own start, to the rows of Z
     n = S.shape[0]
     units = np.empty(n, np.int64)
     arrays = work_arrays(n)
     for k in range(Q.shape[0]):
-        own = right(S, r, c, Q[k], *nearest_obstacles(C[k], D[k]), units)
+        own = scaled_vectors(S, r, c, Q[k], *nearest_obstacles(C[k], D[k]), units)
         z = continue_pivots(S, *own, covering, units, *arrays, np.int64(START), limit)[2]
         for i in range(n):
             Z[k, i] = min(max(z[i], C[k, i]), D[k, i])  # subnormal numbers lose digits in other units
 
 
 @compiled
-def each(M, covering, Q, C, D, limit, Z):
+def solve_stack(M, covering, Q, C, D, limit, Z):
     # the same where each row has a matrix of its own
     for k in range(Q.shape[0]):
         S, r, c = scale(M[k])
         own = slice(k, k + 1)
-        many(S, r, c, covering, Q[own], C[own], D[own], limit, Z[own])
+        solve_lcps(S, r, c, covering, Q[own], C[own], D[own], limit, Z[own])

@@ -9,7 +9,7 @@ import numpy as np
 from ...numerics.kernels import compiled
 from .balancing import scale
 from .dictionary import near_and_far
-from .pivoting import SOLVED, START, continue_pivots, first_tableau
+from .pivoting import SOLVED, START, continue_pivots, first_dictionary
 
 
 @compiled
@@ -83,8 +83,8 @@ def solve_blocks(indptr, indices, data, q, c, slopes, above, rows, starts, selec
         for at in range(b):
             finite = finite and math.isfinite(f[at]) and math.isfinite(near[at])
         if finite:
-            tableau = first_tableau(*scale(M), f, near, far, np.ones(b))
-            code, _, solution, _ = continue_pivots(*tableau, np.int64(START), pivots * (b + 1))
+            dictionary = first_dictionary(*scale(M), f, near, far, np.ones(b))
+            code, _, solution, _ = continue_pivots(*dictionary, np.int64(START), pivots * (b + 1))
             solved[k] = code == SOLVED
             for at in range(b):
                 z[block[at]] = solution[at]

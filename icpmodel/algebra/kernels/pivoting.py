@@ -47,7 +47,7 @@ def _largest(T, leaves, enters):
 
 
 @compiled
-def _agree(T, leaves):
+def _is_consistent(T, leaves):
     # whether the rows whose w_i is to leave, but is basic, have no obstacle and do not contradict the others
     n = T.bound.size
     for i in range(n):
@@ -58,7 +58,7 @@ def _agree(T, leaves):
 
 
 @compiled
-def reach(T, least):
+def eliminate_equations(T, least):
     # pivots by which w_i leaves and y_i enters in the rows without obstacle, the largest each time. Where these are
     # singular another y_j enters, and w_j is to leave as well. Rows that depend on others, up to `least`, stay: whether
     # none of these contradicts the others
@@ -70,12 +70,12 @@ def reach(T, least):
             outer = _largest(T, leaves, ~leaves)
             if outer[2] > largest:
                 row, column, largest = outer
-        if not largest > ZERO * first or (not largest > least * first and _agree(T, leaves)):
+        if not largest > ZERO * first or (not largest > least * first and _is_consistent(T, leaves)):
             break
         first = max(first, largest)
         leaves[T.nonbasic[column] - T.bound.size] = True
         exchange(T, row, column)
-    return _agree(T, leaves)
+    return _is_consistent(T, leaves)
 
 
 @compiled
@@ -120,7 +120,7 @@ def start(T, S, q, covering, entering):
     basic = T.basic
     n = bound.size
     _fill(T, S, q, _PERTURBATION if entering == PERTURBED else 0.0)
-    if not reach(T, ZERO if entering == FULL_RANK else _DEPENDENT):
+    if not eliminate_equations(T, ZERO if entering == FULL_RANK else _DEPENDENT):
         return SINGULAR, START
     row: Any = np.int64(-1)
     most = 0.0
@@ -257,7 +257,7 @@ def continue_pivots(S, f, g, near, far, covering, units, D, labels, work, enteri
 
 
 @compiled
-def right(S, r, c, q, near, far, units):
+def scaled_vectors(S, r, c, q, near, far, units):
     # (f, g, near, far) in units in which the largest entry of f is about 1: f = q + M near, which is p at z = near, and
     # g = q. The `units` of z are set
     n = q.size
@@ -291,9 +291,9 @@ def work_arrays(n):
 
 
 @compiled
-def first_tableau(S, r, c, q, near, far, covering):
+def first_dictionary(S, r, c, q, near, far, covering):
     # all that `continue_pivots` takes but for the last two arguments
     n = S.shape[0]
     units = np.empty(n, np.int64)
-    arrays = right(S, r, c, q, near, far, units)
+    arrays = scaled_vectors(S, r, c, q, near, far, units)
     return S, *arrays, covering, units, *work_arrays(n)

@@ -112,7 +112,7 @@ def refine(lower, diagonal, upper, q, free, z):
 
 
 @compiled
-def join(one, two, to, back):
+def join_runs(one, two, to, back):
     # the run of rows that two runs with no row between them make: `to` couples the last row of `one` to the first of
     # `two`, `back` that one to it. Without a positive determinant A is no M-matrix
     first, top, bottom, up, down, y_top, y_bottom = one
@@ -132,7 +132,7 @@ def join(one, two, to, back):
 
 
 @compiled
-def top_down(lower, diagonal, upper, f):
+def rows_off_obstacle(lower, diagonal, upper, f):
     # Which rows leave the obstacle in the LCP with the M-matrix A, rows divided by the diagonal, and f. From the top,
     # one row after the other is added to a problem that is solved; once open, a row stays open. What is known of a run
     # of open rows: its first row; of its inverse the corners top (first, first), bottom (last, last), up (first, last)
@@ -155,7 +155,7 @@ def top_down(lower, diagonal, upper, f):
                 count -= 1
                 first, top, bottom, up, down, y_top, y_bottom = runs[count]
                 above = (first, top, bottom, up, down, y_top, y_bottom)
-                sound, run = join(above, run, upper[k] / diagonal[k], back)
+                sound, run = join_runs(above, run, upper[k] / diagonal[k], back)
                 if not sound:
                     return free, False
             k = int(run[0]) - 1
@@ -168,7 +168,7 @@ def top_down(lower, diagonal, upper, f):
             if f[k] + coupling + to * run[5] >= 0.0:
                 break
             free[k] = True
-            sound, run = join((float(k), 1.0, 1.0, 1.0, 1.0, -f[k], -f[k]), run, to, back)
+            sound, run = join_runs((float(k), 1.0, 1.0, 1.0, 1.0, -f[k], -f[k]), run, to, back)
             if not sound:
                 return free, False
             back = lower[k] / diagonal[k]
@@ -179,7 +179,7 @@ def top_down(lower, diagonal, upper, f):
 
 
 @compiled
-def release(lower, diagonal, upper, q, c):
+def free_rows(lower, diagonal, upper, q, c):
     # the rows that Newton's steps begin with. Where there is no obstacle, a lower bound of z is one: what it would be
     # if there were none anywhere. Where a determinant says that A is no M-matrix, all rows begin on their obstacles
     n = q.size
@@ -200,7 +200,7 @@ def release(lower, diagonal, upper, q, c):
     product(lower, diagonal, upper, q, below, f)
     for i in range(n):
         f[i] /= diagonal[i]
-    free, sound = top_down(lower, diagonal, upper, f)
+    free, sound = rows_off_obstacle(lower, diagonal, upper, f)
     for i in range(n):
         free[i] = (free[i] and sound) or c[i] == -np.inf
     return free
@@ -229,7 +229,7 @@ def _one_side(lower, diagonal, upper, q, c, held, values, limit):
         if i < n - 1 and held[i + 1]:
             q[i] += upper[i] * values[i + 1]
             upper[i] = 0.0
-    free = release(lower, diagonal, upper, q, c)
+    free = free_rows(lower, diagonal, upper, q, c)
     return newton(lower, diagonal, upper, q, c, None, c, free, limit)[0]
 
 
@@ -259,11 +259,11 @@ def alternate(lower, diagonal, upper, q, c, top, rounds, limit, obstacle, free):
 
 
 @compiled
-def many(lower, diagonal, upper, Q, C, D, rounds, limit, Z):
+def solve_rows(lower, diagonal, upper, Q, C, D, rounds, limit, Z):
     # the LCPs with the rows of Q and the obstacles in those of C, and above in those of D, or None; z goes to the rows
     # of Z, for the judge to look at
     for k in range(Q.shape[0]):
-        free = release(lower, diagonal, upper, Q[k], C[k])
+        free = free_rows(lower, diagonal, upper, Q[k], C[k])
         if D is None:
             z = newton(lower, diagonal, upper, Q[k], C[k], None, C[k], free, rounds * limit)[0]
         else:

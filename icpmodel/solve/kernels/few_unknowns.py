@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from ...algebra.kernels.balancing import scale
-from ...algebra.kernels.batched_lcps import many
+from ...algebra.kernels.batched_lcps import solve_lcps
 from ...numerics.kernels import compiled
 from ...numerics.rounding import SMALLEST
 from ...problem.kernels.residual import raise_to_bounds
@@ -58,7 +58,7 @@ def solve_few(A, q, G, c, d, M, inverse, rtol, limit):
     D = d.reshape(1, n)
     Z = np.empty((1, n))
     S, r, units = scale(M)
-    many(S, r, units, np.ones(n), Q, C, D, limit, Z)
+    solve_lcps(S, r, units, np.ones(n), Q, C, D, limit, Z)
     z = Z[0]
     if inverse.size:
         x = z.copy()

@@ -159,7 +159,7 @@ def _by_workers(batch: Batch, make: Any) -> None:
             pool = pool or _pool_of(make)
             with suppress(BrokenExecutor):
                 for share in group:
-                    futures[share] = pool.submit(_solve_share, _rows_of(batch, *share), begun)
+                    futures[share] = pool.submit(_solve_share, _share_of(batch, *share), begun)
             # as late as `time_limit` is kept to
             left = None if limit is None else max(1.1 * limit + 0.2 - batch.elapsed(), 0.0)
             if wait(futures.values(), timeout=left).not_done:
@@ -216,8 +216,8 @@ def _store_results(batch: Batch, shares: RowRanges, futures: Futures) -> RowRang
     return failed
 
 
-def _rows_of(batch: Batch, low: int, high: int) -> Batch:
-    """The rows low ≤ i < high as a batch of their own, which takes the same way."""
+def _share_of(batch: Batch, low: int, high: int) -> Batch:
+    """The rows low ≤ i < high as a batch of their own."""
 
     def cut(rows: Any) -> Any:
         return rows if rows is None or len(rows) == 1 else rows[low:high]

@@ -21,7 +21,7 @@ from ..goal import Limits
 from ..solution import Status
 from ..solutions import BatchData, RunRecord, Solutions
 from .compiled_solver import CompiledSolver
-from .row_arguments import Stack, check_row_labels, common_count, each, list_obstacles, rows_of
+from .row_arguments import Stack, check_row_labels, common_count, list_items, list_obstacles, rows_of
 
 _LOG = logging.getLogger("icpmodel")
 
@@ -40,7 +40,7 @@ class Batch:
         self.limits = limits
         check_row_labels(A, Q=Q, psi=psi, upper=upper, Z0=Z0)
         Q = rows_of(Q, "Q", 0.0)
-        matrices = each(A, lambda one: axes(one, "A") == 2)
+        matrices = list_items(A, lambda one: axes(one, "A") == 2)
         self.maps, self.obstacles = list_obstacles(psi, "psi", -np.inf)
         self.uppers, self.above = list_obstacles(upper, "upper", np.inf)
         self.starts = None if Z0 is None else rows_of(getattr(Z0, "Z", Z0), "Z0", 0.0)

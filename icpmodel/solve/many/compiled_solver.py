@@ -85,7 +85,7 @@ class CompiledSolver:
                 lcp = AffineLcp(A, q, C[0], G, above, not in_box(self.problem.facts))
                 Z = lcp.without_psi(self._pivot(lcp, *arrays))
             else:
-                Z = self._by_thomas(*arrays)
+                Z = self._solve_tridiagonal(*arrays)
             yield rows, (Z, *self._judge(rows, Z, *arrays))
 
     def _affine(self, psi: Map, rows: Matrix | None) -> tuple[Matrix, Any]:
@@ -123,15 +123,15 @@ class CompiledSolver:
         for row in np.flatnonzero(~((at_0 > 0.0) & (at_0 < np.inf))):
             at_0[row] = self.data.problem(rows.start + int(row)).residual_scale()
         tolerances = self.limits.tolerance(at_0)
-        self._raise(rows, known, residuals, tolerances, weights)
+        self._certify(rows, known, residuals, tolerances, weights)
         solved = residuals <= tolerances
         if self.limits.atol:
             paper = row_norms(mid(p, *distances))
-            self._raise(rows, known, paper, np.full(len(Q), self.limits.atol), np.ones_like(weights))
+            self._certify(rows, known, paper, np.full(len(Q), self.limits.atol), np.ones_like(weights))
             solved |= paper <= self.limits.atol
         return residuals, tolerances, solved
 
-    def _raise(self, rows: slice, known: list[Any], residuals: Vector, tolerances: Vector, weights: Any) -> None:
+    def _certify(self, rows: slice, known: list[Any], residuals: Vector, tolerances: Vector, weights: Any) -> None:
         """Replace residuals within the tolerances by upper bounds of the exact ones."""
         Q, Z, *offsets = known
         arrays = [Q, Z, residuals, tolerances, *offsets]
@@ -148,7 +148,7 @@ class CompiledSolver:
     def _pivot(self, lcp: AffineLcp, Q: Matrix, C: Matrix, D: Matrix | None) -> Matrix:
         """Solve the rows by pivoting, one LCP each."""
         from ...algebra.kernels.balancing import scale
-        from ...algebra.kernels.batched_lcps import each, many  # loads numba
+        from ...algebra.kernels.batched_lcps import solve_lcps, solve_stack  # loads numba
 
         size = lcp.M.shape[-1]
         covering = lcp.covering
@@ -164,16 +164,16 @@ class CompiledSolver:
         def loop(low: int, high: int) -> None:
             arrays = covering, Q[low:high], C[low:high], D[low:high], limit, X[low:high]
             if scaled is None:
-                each(M[low:high], *arrays)
+                solve_stack(M[low:high], *arrays)
             else:
-                many(*scaled, *arrays)
+                solve_lcps(*scaled, *arrays)
 
         self._on_threads(loop, len(Q))
         return X
 
-    def _by_thomas(self, Q: Matrix, C: Matrix, D: Matrix | None) -> Matrix:
-        """Solve the rows by the direct method for tridiagonal A."""
-        from ...algebra.kernels.tridiagonal import bands, many  # loads numba
+    def _solve_tridiagonal(self, Q: Matrix, C: Matrix, D: Matrix | None) -> Matrix:
+        """Solve the rows by `Tridiagonal`."""
+        from ...algebra.kernels.tridiagonal import bands, solve_rows  # loads numba
 
         A = self.problem.A
         Z = np.zeros(Q.shape)
@@ -182,7 +182,7 @@ class CompiledSolver:
         limits = MAX_ROUNDS, STEPS_PER_ROUND
 
         def part(low: int, high: int) -> None:
-            many(*matrix, Q[low:high], C[low:high], None if D is None else D[low:high], *limits, Z[low:high])
+            solve_rows(*matrix, Q[low:high], C[low:high], None if D is None else D[low:high], *limits, Z[low:high])
 
         self._on_threads(part, len(Q))
         return Z

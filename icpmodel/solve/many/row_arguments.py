@@ -43,14 +43,14 @@ def rows_of(value: Any, name: str, infinite: float) -> Matrix:
 
 def list_obstacles(value: Any, name: str, none: float) -> tuple[list[Any] | None, Matrix | None]:
     """The obstacles of `value`, one for each problem, or None; and these as a matrix where they are rows of numbers."""
-    maps = each(value, lambda one: isinstance(one, Map) or callable(one))
+    maps = list_items(value, lambda one: isinstance(one, Map) or callable(one))
     if maps is None and isinstance(value, list | tuple | np.ndarray) and axes(value, name) == 2:
         rows = rows_of(value, name, none)
         return list(rows), rows
     return maps, None
 
 
-def each(value: Any, is_one: Callable[[Any], bool]) -> list[Any] | None:
+def list_items(value: Any, is_one: Callable[[Any], bool]) -> list[Any] | None:
     """The items of a list of values, with copies of those that are not `is_one`; None for a single value."""
     listed = isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.ndim > 0)
     if listed and any(map(is_one, value)):
