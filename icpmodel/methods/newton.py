@@ -243,14 +243,14 @@ class NewtonPath(Iterator[Iterate]):
             self.psi_error = error
             return None
 
-    def inside(self, z: Vector) -> Vector:
+    def clip(self, z: Vector) -> Vector:
         """The point of the box next to `z`; z itself without a box."""
         return z if self.box is None else np.clip(z, *self.box)
 
     def point(self, z: Vector) -> NewtonPoint | None:
         """The point next to `z` in the box, None where it has no finite θ."""
         work.check_budget()
-        z = self.inside(z)
+        z = self.clip(z)
         point = self._unless_psi_fails(lambda: NewtonPoint(self.problem, self.omega, z))
         if point is None or np.isfinite(point.theta):
             return point

@@ -326,10 +326,10 @@ class SymbolicAnalysis:
         if self._least + _analysis_cost(self.matrix) > limit:
             return True
         if self._sparse is None:
-            self._sparse = self._without_geometry() or self._analysed()
+            self._sparse = self._expander_fill() or self._analysed()
         return factor_cost(self._sparse) > limit
 
-    def _without_geometry(self) -> Fill | None:
+    def _expander_fill(self) -> Fill | None:
         """An estimated fill if one breadth-first layer has many of the `thin_rows`, as in an expander; else None."""
         is_thin = thin_rows(self.matrix)
         A = self.matrix if is_thin.all() else self.matrix[is_thin][:, is_thin]

@@ -30,7 +30,7 @@ from ..numerics.arrays import as_number, as_truth
 from ..numerics.multigrid import hierarchy_cost
 from ..numerics.rounding import UNIT_ROUNDOFF
 from ..problem.data import ProblemData, ProblemLike, as_problem
-from .estimates import TRIES, Estimate, estimate_of, least_cost, least_of_others
+from .estimates import TRIES, Estimate, estimate_of, least_cost, least_direct_cost
 from .goal import RTOL, check_family
 from .jobs import Choice, Job
 
@@ -314,7 +314,7 @@ class Ladder:
         """
         problem = self.problem
         is_first = self._add_psor in self.rungs
-        least = least_of_others(problem.facts, self.family)
+        least = least_direct_cost(problem.facts, self.family)
         if self._add_accelerated in self.rungs:
             sweeps = self._estimate(self._accelerated())
             shortest = math.inf if is_first else 2.0 * _ACCELERATED_SWEEPS * sweeps.step / _TRIAL_SHARE

@@ -51,7 +51,7 @@ class Estimate(NamedTuple):
 
 def least_cost(facts: Facts, family: str | None) -> float:
     """The least that rung 4 can cost, from n and the entries of A alone."""
-    least = least_of_others(facts, family)
+    least = least_direct_cost(facts, family)
     return least if family == "paper" else min(least, _multilevel(facts).setup)
 
 
@@ -89,7 +89,7 @@ def _newton_steps(facts: Facts) -> float:
     return 1.0 + math.log2(max(facts.bounded, 1)) / 3.0
 
 
-def least_of_others(facts: Facts, family: str | None) -> float:
+def least_direct_cost(facts: Facts, family: str | None) -> float:
     """The least that `Newton`, `Proximal`, `Interior` or `Lemke` can cost, where factors have no fill."""
     matrix = facts.matrix
     n = matrix.n
@@ -175,7 +175,7 @@ def _interior(facts: Facts) -> Estimate:
     return Estimate(step, step, 1.25 * (2.0 + math.log2(max(facts.bounded, 1))), 24.0 * costs.fill.entries)
 
 
-def _factorised_cost(facts: Facts, target_reduction: float) -> Estimate:
+def _factorised(facts: Facts, target_reduction: float) -> Estimate:
     # with θ₁ = √(λ_min λ_max) a step leaves (√κ − 1)/(√κ + 1), where A is symmetric, and κ = (1 + ρ)/(1 − ρ)
     matrix = facts.matrix
     radius = min(matrix.coupled_radius, 1.0 - 1e-6)
@@ -198,7 +198,7 @@ _ESTIMATES: dict[type[Method], Callable[[Facts], Estimate]] = {
 def estimate_of(method: Method, facts: Facts, target_reduction: float) -> Estimate:
     """What `method` is expected to cost until the residual is the share `target_reduction` of the first one."""
     if isinstance(method, MNMMOD):
-        return _factorised_cost(facts, target_reduction)
+        return _factorised(facts, target_reduction)
     if isinstance(method, Multilevel):
         return _multilevel(facts, target_reduction)
     known = _ESTIMATES.get(type(method))

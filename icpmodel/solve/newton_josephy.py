@@ -104,7 +104,7 @@ class NewtonJosephy(Method):
                 break
             size = max(scale_of_starts(problem, z), 1.0) * 10.0 ** rng.uniform(_MIN_START_EXPONENT, _MAX_START_EXPONENT)
             with suppress(MapError):
-                search = _Search(problem, search.path.inside(start_above(problem, z, size, rng)), self.inner_family)
+                search = _Search(problem, search.path.clip(start_above(problem, z, size, rng)), self.inner_family)
                 if np.isfinite(search.current.theta):
                     yield search.current.z, search.current.residual
         if search.psi_error is not None:
@@ -131,7 +131,7 @@ class _Search:
             self.path = NewtonPath(problem, z, box)
         self.current = self.path.current
         self.recent = deque([self.current.theta], _NONMONOTONE_STEPS)
-        self.least = LeastValue()
+        self.thetas = LeastValue()
         self.weight = 0
         #: what solved a linear problem on which plain and accelerated sweeps were tried before
         self.first: Method | None = None
@@ -139,7 +139,7 @@ class _Search:
 
     def steps(self) -> Iterator[NewtonPoint]:
         """Yield the points after the start, until none is better."""
-        while self.current.theta > 0.0 and self.least.add(self.current.theta) < _PATIENCE:
+        while self.current.theta > 0.0 and self.thetas.add(self.current.theta) < _PATIENCE:
             try:
                 with np.errstate(all="ignore"):
                     new = self._next()
@@ -196,7 +196,7 @@ class _Search:
         best = run.best
         if best is None or run.infeasible is not None or not best.residual < start_residual:
             return None
-        return self.path.inside(best.z)
+        return self.path.clip(best.z)
 
     def _on_line(self, linear: ProblemData, W: Vector) -> NewtonPoint | None:
         """The first point to which a step leads at which θ is small enough, and the equations of the step nearer to 0.
@@ -215,8 +215,8 @@ class _Search:
             if new is not None and new.theta <= enough * max(self.recent):
                 after = self._equations(pattern, new, W)
                 if after <= enough * before:
-                    if new.theta < self.least.least and after <= REDUCTION * before and not W.any():
-                        self.least = LeastValue(new.theta)
+                    if new.theta < self.thetas.least and after <= REDUCTION * before and not W.any():
+                        self.thetas = LeastValue(new.theta)
                     return new
         return None
 
@@ -273,7 +273,7 @@ class _Search:
         V, total = point.derivative()
         phi = point.phi / point.theta
         for direction in descent_directions(linear, V, phi, total):
-            step = self.path.inside(point.z + point.theta * direction) - point.z
+            step = self.path.clip(point.z + point.theta * direction) - point.z
             slope = float(phi @ (V @ step)) / point.theta
             if slope < -_ARMIJO and (new := self.path.line_search(self.current, step, slope)):
                 return new

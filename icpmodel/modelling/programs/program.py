@@ -116,14 +116,14 @@ class Presolve:
         low = 0.0 - ends[:n]
         high = ends[n:]
         crossed = low - high > MAX_CROSSING * np.abs(low) + MAX_CROSSING * np.abs(high)  # low − high may overflow
-        self.contradiction = self._said(int(np.argmax(crossed)), low, high) if crossed.any() else ""
+        self.contradiction = self._contradiction(int(np.argmax(crossed)), low, high) if crossed.any() else ""
         low = np.minimum(low, high)
         bounds = f"{original.bounds} and the rows of G with one entry hold" if self.singles.size else original.bounds
         self.program = replace(
             original, C=C[self.rows], d=original.d[self.rows], low=low, high=high, numbers=self.rows, bounds=bounds
         )
 
-    def _said(self, i: int, low: Vector, high: Vector) -> str:
+    def _contradiction(self, i: int, low: Vector, high: Vector) -> str:
         """That the bounds of x_i exclude each other, in words."""
         ends = []
         for relation, values, argument, side in ((">=", low, "lb", i), ("<=", high, "ub", i + low.size)):
