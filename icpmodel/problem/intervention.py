@@ -125,17 +125,15 @@ class Intervention(Map):
         return sp.csr_array((best, jumps.indices, jumps.indptr), shape=jumps.shape)
 
     def nonsmooth_rows(self, z: Vector, delta: Vector) -> Mask:
-        value, target = self.best_jump(z)
         if self.jumps is None:  # a function does not say which jump is second best
-            return target >= 0
-        return np.bincount(row_of(self.jumps)[self._tied_rows(value, z, delta)], minlength=z.size) > 1
+            return self.best_jump(z)[1] >= 0
+        return np.bincount(row_of(self.jumps)[self._tied_jumps(z, delta)], minlength=z.size) > 1
 
     def directional_derivative(self, z: Vector, delta: Vector, change: Any, name: str) -> Map | None:
-        value = self.best_jump(z)[0]
         jumps = self.jumps
         if jumps is None or not self.nonsmooth_rows(z, delta).any():
             return None
-        tied = self._tied_rows(value, z, delta)
+        tied = self._tied_jumps(z, delta)
         rows = row_of(jumps)[tied]
         columns = jumps.indices[tied]
         if sp.issparse(change):
@@ -144,8 +142,8 @@ class Intervention(Map):
             gains = super().data_change(z, change, name)[1][rows]
         return Intervention(sp.csr_array((gains, (rows, columns)), shape=jumps.shape), self.best)
 
-    def _tied_rows(self, value: Vector, z: Vector, delta: Vector) -> Mask:
-        """The jumps that may be the best one at an x with |x − z| ≤ `delta`, where ψ(z) is `value`."""
+    def _tied_jumps(self, z: Vector, delta: Vector) -> Mask:
+        """The jumps that may be the best one at an x with |x − z| ≤ `delta`."""
         jumps = self.jumps
         assert jumps is not None
         sign = 1.0 if self.best == "max" else -1.0

@@ -43,11 +43,11 @@ def _upper_entry(psi, i, z):
 
 
 @compiled_helper
-def median_residual(least, zi, low, top, weight):
-    # mid(weight (z_i - top), p, weight (z_i - low)), `least` = min(p, weight (z_i - low)); that where top is None
+def median_residual(least, zi, low, top):
+    # mid(z_i - top, p, z_i - low), `least` = min(p, z_i - low); that where top is None
     if top is None:
         return least
-    return median(least, weight * (zi - low), weight * (zi - top))
+    return median(least, zi - low, zi - top)
 
 
 @compiled_helper
@@ -127,7 +127,7 @@ def _row(i, forward, indptr, indices, data, diag, weights, q, psi, par, z, out):
     p = rest + old
     obstacle = psi_entry(psi, i, z)
     top = upper_entry(psi, i, z)
-    natural = median_residual(_smaller(weights[i] * p, zi - obstacle), zi, obstacle, top, 1.0)
+    natural = median_residual(_smaller(weights[i] * p, zi - obstacle), zi, obstacle, top)
     out[i] = _next_entry(par, i, zi, diagonal_entry, obstacle, top, p, rest, old, new)
     return natural * natural
 
