@@ -113,7 +113,8 @@ class AffineLcp:
         self.c, far = nearest_obstacles(*read_only((c, d)))
         with np.errstate(over="ignore"):
             self.bound = far - self.c
-        self.M, self.inverse = A, None
+        self.M = A
+        self.inverse = None
         if G is not None:
             with one_blas_thread():
                 self.inverse = inverse_of_slope(G)
@@ -136,7 +137,8 @@ class AffineLcp:
         M[..., :n, :n] = self.M
         M[..., n:, :n] = -self.weight[..., None] * moves[self.rows]
         M[..., self.rows, n + np.arange(k)] = self.weight
-        self.M, self.c = M, np.append(self.c, np.zeros(k))
+        self.M = M
+        self.c = np.append(self.c, np.zeros(k))
         self.bound = np.append(self.bound, np.full(k, np.inf))
         return self.extended(q, d)
 
@@ -267,7 +269,7 @@ def some_pivots(state: Any, entering: int, max_pivots: int) -> Any:
         result = continue_pivots(*state, entering, count)
         # as many pivots as were asked for, or at the end one at least for each entry of y
         work.count(pivot_cost * (count if result[0] == UNFINISHED else np.count_nonzero(result[2]) + 1))
-        max_pivots = max_pivots - count
+        max_pivots -= count
         entering = result[1]
         if result[0] != UNFINISHED or max_pivots == 0:
             return result

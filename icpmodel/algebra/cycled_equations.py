@@ -42,7 +42,10 @@ class CycledEquations:
     """
 
     def __init__(self, hierarchy: Hierarchy, top: int, active: Mask, jacobian: sp.csr_array | None) -> None:
-        self._hierarchy, self._top, self._active, self._J = hierarchy, top, active, jacobian
+        self._hierarchy = hierarchy
+        self._top = top
+        self._active = active
+        self._J = jacobian
         hierarchy.restrict(~active, top)
         psi_diagonal = 0.0 if jacobian is None else jacobian.diagonal()
         self._slope = np.maximum(1.0 - psi_diagonal, LEAST_SLOPE)

@@ -38,7 +38,10 @@ class Level:
 
     def __init__(self, problem: ProblemData) -> None:
         rows = problem.matrix.rows
-        self.problem, self.A, self.diag, self.diagonal = problem, problem.A, rows.diag, rows.diagonal
+        self.problem = problem
+        self.A = problem.A
+        self.diag = rows.diag
+        self.diagonal = rows.diagonal
         if not (self.diagonal > 0).all():
             raise NoHierarchy
         self.inverse = 1.0 / self.diagonal
@@ -56,7 +59,8 @@ class Level:
         """The level of Aᵀ."""
         A = self.A.T.tocsr()
         level = Level(ProblemData.of_checked(A, np.zeros(A.shape[0]), 0.0))
-        level.P, level.coarse_points = self.P, self.coarse_points
+        level.P = self.P
+        level.coarse_points = self.coarse_points
         return level
 
 
@@ -144,7 +148,10 @@ class Hierarchy:
             return self
         new = object.__new__(Hierarchy)
         new.levels = [level.transposed() for level in self.levels]
-        new._dense, new._free, new._rows, new._inverse = self._dense.T, self._free, self._rows, self._inverse.T
+        new._dense = self._dense.T
+        new._free = self._free
+        new._rows = self._rows
+        new._inverse = self._inverse.T
         return new
 
     def _cycle(self, f: Vector, top: int) -> Vector:
@@ -227,7 +234,8 @@ def _with_interpolation(level: Level, problem: ProblemData) -> Level:
         share[level.coarse_points] = 1.0
         P = level.P
         data = P.data * np.repeat(share, np.diff(P.indptr))
-        new.P, new.coarse_points = sp.csr_array((data, P.indices, P.indptr), shape=P.shape), level.coarse_points
+        new.P = sp.csr_array((data, P.indices, P.indptr), shape=P.shape)
+        new.coarse_points = level.coarse_points
     return new
 
 
@@ -254,6 +262,7 @@ def _coarsen(last: Level) -> Level | None:
         return None
     if not np.isfinite(levels[1].A.data).all():
         raise NoHierarchy
-    last.P, last.coarse_points = sp.csr_array(levels[0].P), np.flatnonzero(levels[0].splitting)
+    last.P = sp.csr_array(levels[0].P)
+    last.coarse_points = np.flatnonzero(levels[0].splitting)
     last.P.sort_indices()  # as `row_sum` wants them; PyAMG makes them so, and promises nothing
     return Level(ProblemData(sp.csr_array(levels[1].A), np.zeros(levels[1].A.shape[0])))

@@ -83,5 +83,5 @@ def swept(sweep: Step, z: Vector, count: int) -> Vector:
     while count > 0:
         sweeps = repeated_steps(sweep, z, count)
         z = sweeps[-1][0]
-        count = count - len(sweeps)
+        count -= len(sweeps)
     return z

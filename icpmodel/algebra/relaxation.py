@@ -181,7 +181,9 @@ class AdaptedOmega:
     """
 
     def __init__(self, value: float, max_value: float = 2.0) -> None:
-        self.value, self.max_value, self.plain = value, max_value, False
+        self.value = value
+        self.max_value = max_value
+        self.plain = False
         self._last = self._factor = math.nan
         self._steps = self._since = 0
         self._least = self._milestone = math.inf
@@ -190,12 +192,15 @@ class AdaptedOmega:
         """Whether to change ω, or to stay `plain` from now on, after an iterate with this `residual`."""
         assert residual is not None
         factor = residual / self._last if self._last > 0 else math.nan
-        before, self._factor, self._last = self._factor, factor, residual
+        before = self._factor
+        self._factor = factor
+        self._last = residual
         self._least = min(self._least, residual)
         self._steps += 1
         self._since += 1
         if residual <= self._milestone / 2:
-            self._milestone, self._since = residual, 0
+            self._milestone = residual
+            self._since = 0
         if self.plain:
             return False
         if self._since > self._patience(factor) or not residual <= _MAX_GROWTH * self._least:
@@ -226,6 +231,8 @@ class AdaptedOmega:
         return best_omega(mu) if mu < 1 else 0.0
 
     def _change(self, omega: float) -> None:
-        self.value, self._steps, self._since = omega, 0, 0
+        self.value = omega
+        self._steps = 0
+        self._since = 0
         self._factor = math.nan
         self._milestone = self._last

@@ -27,7 +27,8 @@ class Sweep:
     """A step; `several(z, count)` makes several of them in one call."""
 
     def __init__(self, single: Step, several: Several) -> None:
-        self.single, self.several = single, several
+        self.single = single
+        self.several = several
 
     def __call__(self, z: Vector) -> Stepped:
         return self.single(z)

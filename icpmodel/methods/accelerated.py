@@ -147,7 +147,7 @@ class Accelerated(Method):
                 history.forget()
                 continue
             least = min(least, residual)
-            sweeps = sweeps + 1
+            sweeps += 1
             plain = None
             following = image
             if not phase.accelerates(least):
@@ -170,14 +170,19 @@ class _Phases:
     """The phases of a run: accelerated steps, then plain ones if those did not halve the least residual."""
 
     def __init__(self) -> None:
-        self.steps, self.scale, self.milestone = 0, 1, np.inf
+        self.steps = 0
+        self.scale = 1
+        self.milestone = np.inf
 
     def accelerates(self, least: float) -> bool:
         if least <= self.milestone / 2:
-            self.steps, self.milestone = 0, least
+            self.steps = 0
+            self.milestone = least
         self.steps += 1
         if self.steps > self.scale * (_ACCELERATED_STEPS + _PLAIN_STEPS):
-            self.steps, self.milestone, self.scale = 1, least, 2 * self.scale
+            self.steps = 1
+            self.milestone = least
+            self.scale *= 2
         return self.steps <= self.scale * _ACCELERATED_STEPS
 
 
@@ -189,7 +194,8 @@ class Differences:
         # rows without a diagonal entry count as if theirs were the largest
         self.weight = np.where(weight > 0, weight / (weight.max() or 1.0), 1.0)
         rows = min(size, problem.n) + 1
-        self.F, self.G = np.empty((rows, problem.n)), np.empty((rows, problem.n))
+        self.F = np.empty((rows, problem.n))
+        self.G = np.empty((rows, problem.n))
         self.forget()
 
     def forget(self) -> None:

@@ -36,7 +36,9 @@ class _AdaptedPath(Iterator[Iterate]):
 
     def __init__(self, member: _AdaptiveRelaxation, problem: ProblemData, z: Vector) -> None:
         self.adapted_method: Method = member
-        self.member, self.problem, self.z = member, problem, z
+        self.member = member
+        self.problem = problem
+        self.z = z
         self.step: Any = member.opening(problem)
         self.omega: AdaptedOmega | None = None
         self.ahead: list[Stepped] = []
@@ -59,7 +61,8 @@ class _AdaptedPath(Iterator[Iterate]):
             return
         plain = type(self.member)(phi=self.member.phi)
         self.adapted_method = plain if self.omega.plain else self.member._with_omega(self.problem, self.omega.value)
-        self.step, self.ahead = self.adapted_method.step_of(self.problem), []
+        self.step = self.adapted_method.step_of(self.problem)
+        self.ahead = []
 
 
 @with_options

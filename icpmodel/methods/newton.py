@@ -98,7 +98,9 @@ class NewtonPoint:
     """z and what is evaluated there: p, r of the nearer obstacle, φ, θ = ‖φ‖, on request the residual and ψ′."""
 
     def __init__(self, problem: ProblemData, omega: Vector, z: Vector) -> None:
-        self.problem, self.omega, self.z = problem, omega, z
+        self.problem = problem
+        self.omega = omega
+        self.z = z
         self.p = problem.p(z)
         below = problem.r(z)
         above = problem.r_upper(z)
@@ -162,7 +164,8 @@ class _FischerBurmeister:
     """φ(a, b) = a + b − √(a² + b²), and a where b = ∞."""
 
     def __init__(self, a: Vector, b: Vector) -> None:
-        self.a, self.free = a, np.isposinf(b)
+        self.a = a
+        self.free = np.isposinf(b)
         self.b = np.where(self.free, 0.0, b)
         self.root = np.hypot(a, self.b)
         both = (a > 0) & (self.b > 0)  # there a + b − √(a² + b²) would cancel
@@ -184,7 +187,9 @@ class NewtonPath(Iterator[Iterate]):
     """The iterates of Newton's method, with the state of the watchdog; after the start none leaves the `box`."""
 
     def __init__(self, problem: ProblemData, z: Vector, box: tuple[Any, Any] | None = None) -> None:
-        self.problem, self.omega, self.box = problem, _omega_of(problem), box
+        self.problem = problem
+        self.omega = _omega_of(problem)
+        self.box = box
         with np.errstate(all="ignore"):
             self.current = self.best = NewtonPoint(problem, self.omega, z)
         self.start_theta = self.reference = self.current.theta

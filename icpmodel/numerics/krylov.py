@@ -111,7 +111,7 @@ def conjugate_residuals(M: sp.csr_array, f: Vector, max_steps: int, tolerance: f
     while count < max_steps and first < np.inf:
         iterate = min(max(count, _TRIAL_STEPS), max_steps - count)
         x, _ = steps.iterate(x, tolerance * first, iterate)
-        count = count + iterate
+        count += iterate
         left = norm(steps.residual)
         if left <= tolerance * first:
             return unit * x
@@ -134,7 +134,9 @@ class GCR:
     def __init__(
         self, product: Callable[[Vector], Vector], preconditioned: Callable[[Vector], Vector], residual: Vector
     ) -> None:
-        self._product, self._preconditioned, self.residual = product, preconditioned, residual
+        self._product = product
+        self._preconditioned = preconditioned
+        self.residual = residual
         self._directions: list[tuple[Vector, Vector]] = []
         #: the least |y|/|My| so far
         self._min_length = np.inf

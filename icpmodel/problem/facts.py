@@ -26,7 +26,8 @@ class Facts:
     """The facts about A and ψ, shared by the problems that share the two; those about A alone are in `matrix`."""
 
     def __init__(self, matrix: Matrix, psi: Map) -> None:
-        self.matrix, self.psi = matrix, psi
+        self.matrix = matrix
+        self.psi = psi
 
     @cached_property
     def has_fixed_obstacle(self) -> bool:

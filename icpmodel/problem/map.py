@@ -383,7 +383,11 @@ class ComposedMap(Map):
     """y ↦ t·ψ(Py + s) in some rows, see `Map.composed`."""
 
     def __init__(self, psi: Map, P: Any, shift: Any = 0.0, rows: Any = slice(None), factor: Any = 1.0) -> None:
-        self.psi, self.P, self.shift, self.rows, self.factor = psi, P, shift, rows, factor
+        self.psi = psi
+        self.P = P
+        self.shift = shift
+        self.rows = rows
+        self.factor = factor
         self.calls_user_code = psi.calls_user_code
 
     def bind(self, n: int) -> ComposedMap:

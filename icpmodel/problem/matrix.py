@@ -113,7 +113,8 @@ class Matrix(ReadOnly):
             A as a dense array.
         """
         new = object.__new__(cls)
-        new.dense, new.sparse = dense, freeze(A)
+        new.dense = dense
+        new.sparse = freeze(A)
         if row_weights is not None:
             new.row_weights = locked(row_weights)
         new._measure(A)

@@ -40,7 +40,8 @@ class TwoSidedObstacle(Map):
     upper: Map
 
     def __init__(self, lower: Map, upper: Map) -> None:
-        self.lower, self.upper = lower, upper
+        self.lower = lower
+        self.upper = upper
         self.is_constant = lower.is_constant and upper.is_constant
         self.calls_user_code = lower.calls_user_code or upper.calls_user_code
         self.has_policies = lower.has_policies or upper.has_policies
@@ -122,7 +123,8 @@ class Rowwise(Map):
     """The one obstacle whose row i is that of `maps[which[i]]`; `which` of shape (n,)."""
 
     def __init__(self, maps: Sequence[Map], which: NDArray[np.integer]) -> None:
-        self.maps, self.which = tuple(maps), which
+        self.maps = tuple(maps)
+        self.which = which
         self.is_constant = all(one.is_constant for one in maps)
         self.calls_user_code = any(one.calls_user_code for one in maps)
         self.has_policies = any(one.has_policies for one in maps)

@@ -80,10 +80,15 @@ class _VisibleBar(Bar):
     """The share of the way, on a logarithmic scale, from the first residual of a method to the tolerance."""
 
     def __init__(self, show: _Display, clock: Callable[[], float]) -> None:
-        self.show, self.clock, self.next, self.title, self.first = show, clock, -math.inf, "", 0.0
+        self.show = show
+        self.clock = clock
+        self.next = -math.inf
+        self.title = ""
+        self.first = 0.0
 
     def begin(self, title: str) -> None:
-        self.title, self.first = title, 0.0
+        self.title = title
+        self.first = 0.0
 
     def update(self, iteration: int, residual: float, tolerance: float) -> None:
         self.first = self.first or residual

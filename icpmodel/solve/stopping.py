@@ -60,24 +60,34 @@ class StagnationTest:
         at_floor: Callable[[], StopReason | None],
         is_proved: Callable[[], bool],
     ) -> None:
-        self.memoryless, self.patience, self.at_floor, self.is_proved = memoryless, patience, at_floor, is_proved
+        self.memoryless = memoryless
+        self.patience = patience
+        self.at_floor = at_floor
+        self.is_proved = is_proved
         self.step = self.milestone = 0
-        self.milestone_residual, self.milestone_z = np.nan, _NO_ITERATE
-        self.progress_at, self.progress_residual = 0, np.inf
-        self.better_at, self.better_residual = 0, np.inf
+        self.milestone_residual = np.nan
+        self.milestone_z = _NO_ITERATE
+        self.progress_at = 0
+        self.progress_residual = np.inf
+        self.better_at = 0
+        self.better_residual = np.inf
 
     def check(self, z: Vector, residual: float) -> StopReason | None:
         """The reason to stop at the next iterate `z`, or None."""
         k = self.step
-        self.step = self.step + 1
+        self.step += 1
         if residual < self.better_residual:
-            self.better_at, self.better_residual = k, residual
+            self.better_at = k
+            self.better_residual = residual
         if self.memoryless and residual == self.milestone_residual and np.array_equal(z, self.milestone_z):
             return self._recurred(k - self.milestone)
         if k >= 2 * self.milestone:
-            self.milestone, self.milestone_residual, self.milestone_z = k, residual, z
+            self.milestone = k
+            self.milestone_residual = residual
+            self.milestone_z = z
         if residual < 0.999 * self.progress_residual:
-            self.progress_at, self.progress_residual = k, residual
+            self.progress_at = k
+            self.progress_residual = residual
         elif (k - self.progress_at) % _PRECISION_CHECK == _PRECISION_CHECK - 1 and (stop_reason := self.at_floor()):
             return stop_reason
         if k - self.better_at >= self.patience:

@@ -230,7 +230,9 @@ def _share_of(batch: Batch, low: int, high: int) -> Batch:
         setattr(part, name, getattr(batch, name)[low:high])
     sides = [(one if maps is None else None, cut(maps)) for one, maps in (data.below, data.above)]
     part.data = replace(data, problems=cut(data.problems), Q=data.Q[low:high], below=sides[0], above=sides[1])
-    part.failures, part.records, part.compiled = {}, {}, np.zeros(2)
+    part.failures = {}
+    part.records = {}
+    part.compiled = np.zeros(2)
     return part
 
 

@@ -166,8 +166,11 @@ class Batch:
             self.failures[row] = Status.INTERRUPTED, "interrupted by Ctrl-C before its first iterate"
             self.interrupted = True
         else:
-            self.Z[row], self.residuals[row], self.tolerances[row] = solution.z, solution.residual, solution.tolerance
-            self.solved[row], self.records[row] = solution.solved, RunRecord.of(solution)
+            self.Z[row] = solution.z
+            self.residuals[row] = solution.residual
+            self.tolerances[row] = solution.tolerance
+            self.solved[row] = solution.solved
+            self.records[row] = RunRecord.of(solution)
             if not solution.solved:
                 self.failures[row] = solution.status, solution.message
             self.interrupted = solution.status is Status.INTERRUPTED
