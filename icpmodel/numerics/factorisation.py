@@ -122,7 +122,7 @@ def factorise(
 
     Returns
     -------
-    Factors, DenseFactors, Symmetric or None
+    Factors, DenseFactors, SymmetricFactors or None
         The factors.
 
     Raises
