@@ -37,11 +37,16 @@ def equations_on(problem: ProblemData, active: Mask, jacobian: sp.csr_array) -> 
 
 def submatrix(problem: ProblemData, rows: NDArray[np.intp]) -> sp.csr_array:
     """A in these `rows`, ascending, and the same columns."""
-    from ..numerics.kernels.graph import restricted_data  # loads numba
+    return restricted_data(problem, rows, problem.q)[0]
+
+
+def restricted_data(problem: ProblemData, rows: NDArray[np.intp], z: Vector) -> tuple[sp.csr_array, Vector]:
+    """A in these `rows`, ascending, and the same columns, and q there with the values of `z` for all other unknowns."""
+    from ..numerics.kernels.graph import restricted_arrays  # loads numba
 
     A = problem.A
-    starts, columns, values, _ = restricted_data(A.indptr, A.indices, A.data, problem.q, rows, problem.q)
-    return sp.csr_array((values, columns, starts), shape=(rows.size, rows.size))
+    starts, columns, values, q = restricted_arrays(A.indptr, A.indices, A.data, problem.q, rows, z)
+    return sp.csr_array((values, columns, starts), shape=(rows.size, rows.size)), q
 
 
 class Pattern(NamedTuple):

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..numerics import work
-from ..numerics.arrays import Vector
+from ..numerics.arrays import Vector, largest_size
 from ..numerics.fill import dense_cost
 from ..numerics.rounding import SMALLEST, gamma
 from ..problem.data import ProblemData
@@ -74,8 +74,7 @@ class LinearRows:
     @property
     def scale(self) -> float:
         """The largest |entry| of q, c and d, 1 where all are 0."""
-        sizes = np.concatenate([self.q, self.c, self.d])
-        return float(np.abs(sizes[np.isfinite(sizes)]).max(initial=0.0)) or 1.0
+        return largest_size(self.q, self.c, self.d)
 
     def in_units(self, scale: float) -> LinearRows:
         """The rows for z/scale."""

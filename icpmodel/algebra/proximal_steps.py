@@ -78,9 +78,7 @@ class ProximalSteps:
         J = derivative(self.problem.psi, z, pattern.above)
         equations = Elimination(self.problem, pattern.active, J, D)
         shifted_p = p + D * (z - centre)
-        step = equations.solve(
-            -np.where(pattern.active, pattern.r, shifted_p), _MAX_RELATIVE_RESIDUAL, transposed=False
-        )
+        step = equations.solve(-np.where(pattern.active, pattern.r, shifted_p), _MAX_RELATIVE_RESIDUAL)
         return None if step is None else (z + step, self.problem.p(z + step))
 
     def _fixed_obstacle_step(

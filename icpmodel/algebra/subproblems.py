@@ -14,6 +14,7 @@ from ..problem.affine import Constant
 from ..problem.data import ProblemData
 from ..problem.two_sided import TwoSidedObstacle, sides_of
 from .affine_lcp import PIVOT_UP_TO, PIVOTS
+from .equations import restricted_data
 
 #: the largest number of independent parts that get a method each
 _MAX_PARTS = 32
@@ -37,13 +38,8 @@ def with_fixed_obstacle(problem: ProblemData) -> ProblemData:
 
 def restricted(problem: ProblemData, rows: Rows, z: Vector) -> ProblemData:
     """The ICP in the unknowns `rows`, ascending, with the values of `z`, shape (n,), for all others."""
-    from ..numerics.kernels.graph import restricted_data  # loads numba
-
-    A = problem.A
-    psi = problem.psi
-    starts, columns, values, q = restricted_data(A.indptr, A.indices, A.data, problem.q, rows, z)
-    part = sp.csr_array((values, columns, starts), shape=(rows.size, rows.size))
-    return ProblemData.of_checked(part, q, psi.restricted(rows, z), problem.matrix.row_weights[rows])
+    part, q = restricted_data(problem, rows, z)
+    return ProblemData.of_checked(part, q, problem.psi.restricted(rows, z), problem.matrix.row_weights[rows])
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -41,7 +41,7 @@ from ..numerics.arrays import Mask, Vector, inner, norm
 from ..numerics.fill import SymbolicAnalysis
 from ..numerics.symmetric_factors import SymmetricFactors
 from ..problem.data import ProblemData
-from ..problem.two_sided import mid
+from ..problem.two_sided import balanced_residual
 from ..theory.certificates.recession import Recession
 from .contract import Infeasible, Iterate, LeastValue, with_options
 from .proximal import Regularised
@@ -210,7 +210,7 @@ class InteriorPath:
         Where z grows, neither need be: it is on the way to large multipliers, or there is no solution.
         """
         _, p, below, above = self.point
-        residual = norm(mid(p / self.root, self.root * below, None if above is None else self.root * above))
+        residual = balanced_residual(self.root, p, below, above)
         infeasibility = norm(np.concatenate([self.dual_residual / self.root, self.root[self.rows] * self.gap]))
         size = norm(self.root * self.z)
         growth = self.inverse_sizes.add(1.0 / size if size else np.inf)

@@ -30,9 +30,9 @@ from ..algebra.proximal_steps import ProximalSteps
 from ..algebra.subproblems import with_fixed_obstacle
 from ..errors import MapError
 from ..numerics import work
-from ..numerics.arrays import Vector, norm
+from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
-from ..problem.two_sided import mid
+from ..problem.two_sided import balanced_residual
 from ..theory.certificates.recession import Recession
 from .contract import Infeasible, Iterate, LeastValue, Method, with_options
 
@@ -141,8 +141,7 @@ class ProximalPath:
 
     def size(self, p: Vector) -> float:
         """‖min(p, Wr)‖ in the units of W."""
-        above = None if self.above is None else self.root * self.above
-        return norm(mid(p / self.root, self.root * self.r, above))
+        return balanced_residual(self.root, p, self.r, self.above)
 
     def subproblem_p(self) -> Vector:
         """p of the subproblem: p + μW(z − centre)."""

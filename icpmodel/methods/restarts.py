@@ -12,7 +12,7 @@ import numpy as np
 from ..algebra.affine_lcp import PIVOTS, AffineLcp, dense_lcp, some_pivots
 from ..algebra.equations import solve_on
 from ..errors import MapError, SingularOperator
-from ..numerics.arrays import Vector, as_number
+from ..numerics.arrays import Vector, as_number, largest_size
 from ..problem.data import ProblemData
 from .contract import Iterate, Method, with_options
 from .newton import Newton
@@ -112,9 +112,7 @@ class Restarts(Method):
 
 def scale_of_starts(problem: ProblemData, z: Vector) -> float:
     """The largest entry of D⁻¹q, ψ(z) and z, 1 where all are 0."""
-    sizes = np.concatenate([problem.offset(z) / problem.matrix.weights, problem.psi.value(z), z])
-    largest = float(np.abs(sizes[np.isfinite(sizes)]).max(initial=0.0))
-    return largest or 1.0
+    return largest_size(problem.offset(z) / problem.matrix.weights, problem.psi.value(z), z)
 
 
 def start_above(problem: ProblemData, z: Vector, scale: float, rng: np.random.Generator) -> Vector:

@@ -219,11 +219,10 @@ def norm(x: Vector) -> float:
     return largest * math.sqrt(inner(x, x))
 
 
-def smallest_size(*arrays: Vector) -> float:
-    """The smallest of the absolute values that are neither 0 nor infinite; 0 where there is none."""
-    sizes = np.abs(np.concatenate(arrays))
-    sizes = sizes[(sizes > 0.0) & (sizes < np.inf)]
-    return float(sizes.min()) if sizes.size else 0.0
+def largest_size(*arrays: Vector) -> float:
+    """The largest of the absolute values that are finite; 1 where that is 0."""
+    values = np.concatenate(arrays)
+    return float(np.abs(values[np.isfinite(values)]).max(initial=0.0)) or 1.0
 
 
 def row_norms(F: NDArray[np.float64]) -> Vector:

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..errors import InputError, MapError
-from ..numerics.arrays import Vector, as_array, as_float64, as_vector, norm, not_finite, smallest_size
+from ..numerics.arrays import Vector, as_array, as_float64, as_vector, norm, not_finite
 from ..numerics.labels import check_labels
 from ..numerics.rounding import SMALLEST, gamma
 from ..present.display import Displayable
@@ -312,7 +312,7 @@ class PointValues(Displayable):
         sides = [psi.value(zero) for psi in sides_of(self.psi)]
         with np.errstate(all="ignore"):
             scaled_p = np.where(self.matrix.empty_rows, 0.0, self.matrix.row_weights * self.offset(zero))
-            return smallest_size(scaled_p, *sides)
+            return _smallest_size(scaled_p, *sides)
 
     def paper_residual(self, z: Any) -> float:
         """Res(z) = ‖min(p(z), r(z))‖₂, the residual of the paper, which `atol` limits; see `residual`.
@@ -393,3 +393,10 @@ class PointValues(Displayable):
         """
         rounding_p, rounding_r = self.rounding(z)
         return norm(np.maximum(self.weighted(rounding_p, self.weights_at(self.vector(z))), rounding_r))
+
+
+def _smallest_size(*arrays: Vector) -> float:
+    """The smallest of the absolute values that are neither 0 nor infinite; 0 where there is none."""
+    sizes = np.abs(np.concatenate(arrays))
+    sizes = sizes[(sizes > 0.0) & (sizes < np.inf)]
+    return float(sizes.min()) if sizes.size else 0.0

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..numerics.arrays import Mask, Vector, as_vector, described, freeze
+from ..numerics.arrays import Mask, Vector, as_vector, described, freeze, norm
 from .affine import Constant
 from .function import Function
 from .map import Map
@@ -213,6 +213,11 @@ def mid(p: Vector, below: Vector, above: Vector | None = None) -> Vector:
         larger = np.where(np.abs(above) > np.abs(below), above, below)
         result = np.where(crossed, larger, result)
     return result
+
+
+def balanced_residual(root: Vector, p: Vector, below: Vector, above: Vector | None) -> float:
+    """‖mid(√W(z − ψ̄), p/√W, √W(z − ψ))‖, where `root` is √W: the same in all units where W has those of p/z."""
+    return norm(mid(p / root, root * below, None if above is None else root * above))
 
 
 def as_map(psi: Any, n: int, upper: Any = None) -> Map:

@@ -111,9 +111,7 @@ class Goal:
         """Whether `z`, shape (n,), with Res_D(z) = `residual` meets the test; NaN does not."""
         if residual <= self.tolerance_at(z):
             return True
-        if not self.atol or self.problem is None:
-            return False
-        return self.is_near(z, residual) and satisfies_paper(self.problem, z, self.atol)
+        return self.problem is not None and self.is_near(z, residual) and satisfies_paper(self.problem, z, self.atol)
 
     def in_words(self, z: Vector) -> str:
         """The test in words, for the message of a run that failed it with `z`."""

@@ -26,7 +26,7 @@ def dependence(indptr, indices, part, rows, starts, core):
 
 
 @compiled
-def restricted_data(indptr, indices, data, q, rows, z):
+def restricted_arrays(indptr, indices, data, q, rows, z):
     # A and q in the unknowns `rows` alone, these ascending, all others being what they are in z
     m = rows.size
     place = np.empty(z.size, indices.dtype)

@@ -19,7 +19,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ...numerics import work
-from ...numerics.arrays import Mask, ReadOnly, Vector
+from ...numerics.arrays import Mask, ReadOnly, Vector, largest_size
 from ...numerics.equilibration import times_rows
 from ...numerics.rational import nearest
 from ...numerics.rounding import public_entry
@@ -212,8 +212,7 @@ class _Conditions(NamedTuple):
         right = -scale * rows.offset[self.places]
         E: Any = relaxed[self.places].astype(float)
         E = sp.diags_array(E) if separate else E[:, None]
-        ends = np.concatenate([right, rows.low, rows.high])
-        unit = float(np.abs(ends[np.isfinite(ends)]).max(initial=0.0)) or 1.0  # a solver takes 1e20 for infinite
+        unit = largest_size(right, rows.low, rows.high)  # a solver takes 1e20 for infinite
         iterations = _iteration_limit(K, right)
         if iterations < 1:
             return None
