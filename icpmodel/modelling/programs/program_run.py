@@ -22,7 +22,7 @@ from ...solve.solution import Solution, Status
 from ...theory.certificates.bounds import enforce_limits
 from ...theory.certificates.combination_rows import ZERO
 from ...theory.certificates.infeasible import combination_text, infeasible
-from ...theory.certificates.recession import least_violation, misfit
+from ...theory.certificates.recession import Recession, least_violation
 from .program import Program, conditions_of
 from .program_judge import Judge, Violation
 from .scaled_conditions import ScaledConditions
@@ -179,7 +179,7 @@ class ProgramRun:
             weights = answer.witness if answer.holds else weights / np.abs(weights).max()
             # next to it may be one with simple weights in these units
             holds = answer.holds or infeasible(self.problem, direction).holds
-            if not (holds or misfit(self.problem, direction) < ZERO):
+            if not (holds or Recession(self.problem).misfit(direction) < ZERO):
                 continue
             inaccurate = "" if holds else "_inaccurate"
             precision = "proved" if holds else "up to rounding"

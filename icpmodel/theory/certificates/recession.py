@@ -22,7 +22,7 @@ class Recession:
     ----------
     problem : ProblemData
         The problem; where its obstacles are not constant no proof is tried.
-    origin : array of shape (n,)
+    origin : array of shape (n,), default 0
         An iterate from which directions are measured. If it solves the equations they contain none of what stays
         bounded.
 
@@ -34,40 +34,42 @@ class Recession:
     tried once the quotient of the two is small, and again whenever it is a tenth of the last one.
     """
 
-    def __init__(self, problem: ProblemData, origin: Vector) -> None:
+    def __init__(self, problem: ProblemData, origin: Vector | float = 0.0) -> None:
         self.problem = problem
         self.origin = origin
         self.max_misfit = _MAX_MISFIT
+        self._rows = CombinationRows.of(problem) if problem.psi.is_constant else None
+        self._root = np.sqrt(problem.matrix.proximal_weights)
+        self._transposed = problem.A.T
 
     def proof(self, z: Vector) -> Answer:
         """The proof, if any, by the direction to the iterate `z`, shape (n,)."""
         y = z - self.origin
-        quotient = misfit(self.problem, y)
+        quotient = self.misfit(y)
         if not quotient < self.max_misfit:
             return Answer(None, "the iterates do not diverge along a combination of rows")
         self.max_misfit = 0.1 * quotient
         return infeasible(self.problem, y, accurate=quotient < ZERO)
 
+    @np.errstate(all="ignore")
+    def misfit(self, y: Vector) -> float:
+        """What is wrong with `y`, shape (n,), as a combination as in `infeasible`; inf where obstacles move.
 
-@np.errstate(all="ignore")
-def misfit(problem: ProblemData, y: Vector) -> float:
-    """What is wrong with `y`, shape (n,), as a combination as in `infeasible`; inf where obstacles move.
-
-    It is a share of the decrease that `y` would prove, and below `ZERO` if `y` is one up to rounding.
-    """
-    rows = CombinationRows.of(problem) if problem.psi.is_constant else None
-    if rows is None:
-        return np.inf
-    root = np.sqrt(problem.matrix.proximal_weights)
-    y = rows.with_known_signs(y)
-    columns = (problem.A.T @ y) / root
-    ends = root * np.where(columns > 0.0, rows.high, rows.low)
-    open_ = np.isinf(ends)
-    ends = np.where(open_, 0.0, ends)
-    decrease = -(inner(problem.q, y) + inner(columns, ends))
-    if not decrease > ZERO * (inner(np.abs(problem.q), np.abs(y)) + inner(np.abs(columns), np.abs(ends))):
-        return np.inf
-    return float(np.abs(columns[open_]).max(initial=0.0)) / decrease
+        It is a share of the decrease that `y` would prove, and below `ZERO` if `y` is one up to rounding.
+        """
+        rows = self._rows
+        if rows is None:
+            return np.inf
+        y = rows.with_known_signs(y)
+        columns = (self._transposed @ y) / self._root
+        ends = self._root * np.where(columns > 0.0, rows.high, rows.low)
+        open_ = np.isinf(ends)
+        ends = np.where(open_, 0.0, ends)
+        q = self.problem.q
+        decrease = -(inner(q, y) + inner(columns, ends))
+        if not decrease > ZERO * (inner(np.abs(q), np.abs(y)) + inner(np.abs(columns), np.abs(ends))):
+            return np.inf
+        return float(np.abs(columns[open_]).max(initial=0.0)) / decrease
 
 
 def least_violation(problem: ProblemData) -> tuple[ProblemData, Mask]:

@@ -4,8 +4,26 @@ from __future__ import annotations
 
 import numpy as np
 
-from ....numerics.kernels import compiled, uint
+from ....numerics.kernels import compiled, inlined, uint
 from ....numerics.rounding import UNIT_ROUNDOFF
+
+
+@inlined
+def _row_sums(start, stop, indices, data, is_x, z, largest):
+    # (|A||z|)_i, (|A| largest)_i, (|A||x|)_i and (Ax)_i
+    terms = 0.0
+    largest_terms = 0.0
+    terms_of_x = 0.0
+    slope = 0.0
+    for k in range(uint(start), uint(stop)):
+        j = uint(indices[k])
+        size = abs(data[k])
+        terms += size * abs(z[j])
+        largest_terms += size * largest[j]
+        if is_x[j]:
+            terms_of_x += size * abs(z[j])
+            slope += data[k] * z[j]
+    return terms, largest_terms, terms_of_x, slope
 
 
 @compiled
@@ -20,18 +38,9 @@ def violation_of_rows(
     linear = 0.0
     side_terms = 0.0
     for i in range(uint(q.size)):
-        terms = abs(q[i])
-        largest_terms = 0.0
-        terms_of_x = 0.0
-        slope = 0.0
-        for k in range(uint(indptr[i]), uint(indptr[i + uint(1)])):
-            j = uint(indices[k])
-            size = abs(data[k])
-            terms += size * abs(z[j])
-            largest_terms += size * largest[j]
-            if is_x[j]:
-                terms_of_x += size * abs(z[j])
-                slope += data[k] * z[j]
+        sums = _row_sums(indptr[i], indptr[i + uint(1)], indices, data, is_x, z, largest)
+        terms, largest_terms, terms_of_x, slope = sums
+        terms += abs(q[i])
         wrong = abs(p[i])
         if np.isnan(wrong) or (room[i] > 0.0 and wrong > 0.0 and not wrong + terms < np.inf):
             shares[:] = np.inf
