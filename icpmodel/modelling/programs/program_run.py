@@ -57,10 +57,12 @@ class ProgramRun:
         self.program = program
         self.is_bounded = is_bounded
         self.tolerance = tolerance
-        self.conditions = ScaledConditions(program, None if last is None else last.conditions)
+        self.conditions: ScaledConditions = ScaledConditions(program, None if last is None else last.conditions)
         self.problem = self.conditions.problem
-        reused = last is not None and last.problem.matrix is self.problem.matrix
-        self.judge = last.judge if last is not None and reused else Judge(self.problem, self.conditions.is_x)
+        if last is not None and last.problem.matrix is self.problem.matrix:
+            self.judge: Judge = last.judge
+        else:
+            self.judge = Judge(self.problem, self.conditions.is_x)
         self.low = self.conditions.low
         self.high = self.conditions.high
         self.z = np.clip(0.0, self.low, self.high)
