@@ -473,3 +473,9 @@ def test_a_loose_bound_hides_no_contradiction(bound):
     G, h = [[5.0, -3.0], [-1.0, 3.0], [-1.0, -7.0]], [-2.0, -5.0, 7.0]
     found = icp.solve_qp(np.zeros((2, 2)), [0.0, -2.0], G, h, ub=[bound, np.inf], raise_on_failure=False)
     assert found.status == "infeasible"
+
+
+def test_terms_that_are_all_zero_share_nothing():
+    """The gap is no share of terms where x, g and the sides add nothing."""
+    solution = icp.solve_lsq([[2e-7], [0.0]], [1.0, 1000.0], [1e6], [1e6 + 1e-7])
+    assert solution.x[0] == pytest.approx(1e6)

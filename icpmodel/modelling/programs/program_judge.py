@@ -69,7 +69,7 @@ class Judge:
         sizes = (self.largest(z), self.largest(np.abs(q)), self.loss, _NOISE_OF_GRADIENT)
         gap, curvature, linear, side_terms = violation_of_rows(*known, q, z, p, room, *sizes, shares)
         if gap > 0:
-            gap /= max(curvature, 0.0) + linear + abs(side_terms)
+            gap = np.divide(gap, max(curvature, 0.0) + linear + abs(side_terms))
         return Violation(*np.maximum(shares, gap).tolist())
 
     def terms(self, q: Vector, z: Vector) -> tuple[Vector, Vector]:
