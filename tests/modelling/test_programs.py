@@ -96,8 +96,10 @@ def test_bounded_least_squares_are_as_good_as_those_of_scipy(seed, sparse):
             found = icp.solve_lsq(given, c, low, high)
             theirs = lsq_linear(B, c, (low, high), method="bvls", tol=1e-14)
             rounding = 1e-14 * np.linalg.norm(np.abs(B) @ np.abs(found.x))
+            # of rank 3 but for rounding: an x of 1e12 gains a thousandth
+            theirs_rounding = 1e-14 * np.linalg.norm(np.abs(B) @ np.abs(theirs.x))
             assert found.success
-            assert np.linalg.norm(found.fun) <= np.linalg.norm(theirs.fun) + rounding
+            assert np.linalg.norm(found.fun) <= np.linalg.norm(theirs.fun) + rounding + theirs_rounding
             assert ((low <= found.x) & (found.x <= high)).all()
             assert found.fun == pytest.approx(B @ found.x - c, abs=rounding)
 
@@ -211,3 +213,15 @@ def test_wrong_arguments_of_least_squares_are_named():
         for wrong in (-1, "x"):
             with pytest.raises(icp.InputError, match=f"{name} is"):
                 icp.solve_lsq([[1.0]], [1.0], **{name: wrong})
+
+
+def test_least_squares_with_equal_columns_stay_moderate():
+    """An x whose rounding is larger than the residual is no solution, however small the gradient that it has."""
+    for k in range(40):
+        generator = np.random.default_rng(k)
+        b, c = generator.standard_normal((2, 8))
+        least = np.linalg.norm(b * (b @ c) / (b @ b) - c)
+        for equal in (b, 0.3 + 0.0 * b):
+            solution = icp.solve_lsq(np.column_stack([b, equal, equal]), c, ub=[np.inf, np.inf, 1.0])
+            assert np.abs(solution.x).max() <= 1e3
+            assert np.linalg.norm(solution.fun) <= (1.0 + 1e-9) * least

@@ -21,7 +21,7 @@ from ...numerics.arrays import Mask, Vector, as_truth, as_vector, inner, norm
 from ...numerics.factorisation import largest_of_columns
 from ...numerics.fill import Fill, factor_cost
 from ...numerics.labels import along_rows, along_unknowns, check_labels
-from ...numerics.rounding import gamma, public_entry
+from ...numerics.rounding import UNIT_ROUNDOFF, gamma, public_entry
 from ...present.display import Displayable
 from .program import saddle_matrix
 from .program_arguments import bounds, check_order, matrix, program_limits
@@ -227,6 +227,7 @@ def _by_active_set(
     r_i = 0 at a solution are known to the rounding of the others only.
     """
     r = c - B @ x
+    at_start = norm(r)
     size = abs(B)
     columns = largest_of_columns(B)
     while True:
@@ -248,7 +249,9 @@ def _by_active_set(
                 break
         else:
             break
-    return x, violations, bool((violations <= small + size.T @ rounding).all())
+    # an x so large that its rounding hides the residual at the start is none
+    is_known = norm(rounding) <= max(at_start, norm(c))
+    return x, violations, is_known and bool((violations <= small + size.T @ rounding).all())
 
 
 def _nearer(B: sp.csr_array, c: Vector, x: Vector, low: Vector, high: Vector, free: Mask) -> Iterator[Vector]:
@@ -275,7 +278,12 @@ def _step(B: sp.csr_array, r: Vector, free: Mask) -> Vector:
     cost = _step_cost(r.size, columns)
     if cost <= work.nanoseconds_left() and work.memory_suffices(16.0 * r.size * columns):
         work.count(cost)
-        step[free] = lstsq(B[:, free].toarray(), r, lapack_driver="gelsy", check_finite=False)[0]
+        part = B[:, free].toarray()
+        # columns of length 1, dependent where numpy.linalg.lstsq calls them so
+        sizes = np.linalg.norm(part, axis=0)
+        unit = np.where(sizes > 0.0, sizes, 1.0)
+        dependent = 2.0 * max(part.shape) * UNIT_ROUNDOFF
+        step[free] = lstsq(part / unit, r, dependent, lapack_driver="gelsy", check_finite=False)[0] / unit
     return step
 
 
