@@ -20,15 +20,15 @@ DIFFERENCE_STEP = math.sqrt(np.finfo(np.float64).eps)
 _MISFIT = 1e-3
 
 
-def steps(z: Vector) -> Vector:
-    """The differences h_j, shape (n,), with z_j + h_j exact: a share of |z_j|, of 1 where z_j is small.
+def steps(z: Vector, least_size: float = 1.0) -> Vector:
+    """The differences h_j, shape (n,), with z_j + h_j exact: a share of |z_j|, of `least_size` where z_j is small.
 
     Examples
     --------
     >>> bool(np.allclose(steps(np.array([0.0, 4.0])), 2.0**-26 * np.array([1, 4])))
     True
     """
-    exact: Vector = (z + DIFFERENCE_STEP * np.maximum(np.abs(z), 1.0)) - z
+    exact: Vector = (z + DIFFERENCE_STEP * np.maximum(np.abs(z), least_size)) - z
     return exact
 
 
@@ -101,12 +101,16 @@ def misfit_of_derivative(value: Callable[[Vector], Vector], J: sp.csr_array, z: 
     with np.errstate(all="ignore"):
         # of no pattern: a mean of z, or a difference of neighbours, changes along it
         rng = np.random.default_rng(0)
-        h = steps(z) * rng.choice([-1.0, 1.0], z.size) * rng.uniform(1.0, 2.0, z.size)
+        direction = rng.choice([-1.0, 1.0], z.size) * rng.uniform(1.0, 2.0, z.size)
         here = value(z)
-        changes = np.stack([value(z + h) - here, here - value(z - h)])
-        rounding = USER_ULPS * UNIT_ROUNDOFF * np.abs(here)
-        allowed = _MISFIT * (abs(J) @ np.abs(h) + np.abs(changes).max(axis=0)) + rounding
-        expected = J @ h
-        excess = np.maximum(changes.min(axis=0) - expected, expected - changes.max(axis=0))
-        outside = np.isfinite(excess) & (excess > allowed)
+        outside = np.ones(here.size, dtype=bool)
+        # in units in which all of z is small, a step of the size of 1 says nothing
+        for size in (1.0, np.abs(z).max(initial=0.0) or 1.0):
+            h = steps(z, size) * direction
+            changes = np.stack([value(z + h) - here, here - value(z - h)])
+            rounding = USER_ULPS * UNIT_ROUNDOFF * np.abs(here)
+            allowed = _MISFIT * (abs(J) @ np.abs(h) + np.abs(changes).max(axis=0)) + rounding
+            expected = J @ h
+            excess = np.maximum(changes.min(axis=0) - expected, expected - changes.max(axis=0))
+            outside &= np.isfinite(excess) & (excess > allowed)
     return int(np.argmax(outside)) if outside.any() else None

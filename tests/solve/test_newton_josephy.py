@@ -446,6 +446,15 @@ def test_no_derivative_is_blamed_for_what_is_beyond_the_floats():
         assert misfit_of_derivative(lambda z: 2.0 * z, sp.csr_array(2.0 * np.eye(2)), z) is None
 
 
+@pytest.mark.parametrize("unit", [1.0, 1e-10, 1e-200])
+def test_derivatives_are_held_against_changes_in_the_units_of_z(unit):
+    """A step of √ε·1 would go far beyond all that z can be."""
+    z = np.array([1.0, 2.0]) * unit
+    J = sp.csr_array(np.diag(np.cos(z / unit)))
+    assert misfit_of_derivative(lambda z: unit * np.sin(z / unit), J, z) is None
+    assert misfit_of_derivative(lambda z: unit * np.sin(z / unit), 1.1 * J, z) == 0
+
+
 def test_the_derivative_and_the_polish_have_the_slopes_of_f():
     problem = radiating()
     solution = problem.solve(rtol=1e-12)
