@@ -146,7 +146,7 @@ def _message(run: Run, best: BestIterate, status: Status, note: str) -> str:
 def _crossing(run: Run, z: Vector) -> str:
     """In which row ψ > ψ̄ at `z`, beyond rounding and the tolerance; empty where there is none."""
     problem = run.problem
-    with contextlib.suppress(MapError):
+    with contextlib.suppress(MapError), np.errstate(over="ignore"):
         below = problem.r(z)
         above = problem.r_upper(z)
         if above is not None:

@@ -468,3 +468,9 @@ def test_what_psi_raised_during_the_run_is_the_cause_of_not_solved():
         icp.ICP(4 * np.eye(3) - np.eye(3, k=1), -np.ones(3), psi).solve()
     assert isinstance(failed.value.__cause__, icp.MapError)
     assert isinstance(failed.value.__cause__.__cause__, ZeroDivisionError)
+
+
+def test_obstacles_further_apart_than_floats_reach_cause_no_warning():
+    with np.errstate(all="raise"):
+        solution = icp.ICP([[0.0]], [1.0], psi=-1e308, upper=1e308).solve(max_iter=1, raise_on_failure=False)
+    assert solution.status is icp.Status.ITERATION_LIMIT
