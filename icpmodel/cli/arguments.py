@@ -127,12 +127,13 @@ class _OnProblem(click.Command):
             return super().parse_args(ctx, args)
         except click.NoSuchOption as error:
             name = error.option_name.lstrip("-").replace("-", "_")
+            taken = [option for one in self.params for option in one.opts]
             known = {
                 "--option": (one.name for method in names() for one in fields(named(method))),
                 "--set": chain.from_iterable(map(parameters_of, scene_names())),
             }
-            taken = [option for one in self.params for option in one.opts]
             typed = [f"{option} {name}=VALUE" for option, words in known.items() if option in taken and name in words]
+            typed = [f"--{name} VALUE"] if f"--{name}" in taken else typed
             if not typed:
                 raise
             words = f"No such option {error.option_name!r}; {' or '.join(typed)} was expected"

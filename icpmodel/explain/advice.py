@@ -75,7 +75,7 @@ def what_to_do_about_f(problem: ProblemData, unique: bool) -> Iterator[str]:
     elif problem.f.is_elementwise:
         yield "give slope_range=(m, M) to Elementwise: without it no theorem can be applied"
     else:
-        yield "f couples rows, which no theorem here covers: other starts z0 may find other solutions"
+        yield "f may couple rows, which no theorem here covers: other starts z0 may find other solutions"
 
 
 def what_limits(accuracy: float, largest: float | None) -> Iterator[str]:

@@ -215,6 +215,7 @@ def test_scenes_are_listed_and_described(capsys):
         (["solve", "membrane", "--method", "mnmgs", "--option", "phi"], "--option is 'phi'; NAME=VALUE was expected"),
         (["solve", "membrane", "--option", "phi=1"], "name one with --method"),
         (["solve", "membrane", "--theta1", "1.2"], "No such option '--theta1'; --option theta1=VALUE was expected"),
+        (["solve", "membrane", "-n", "9"], "No such option '-n'; --n VALUE was expected"),
         (["race", "membrane", "--mu", "1"], "No such option '--mu'; --set mu=VALUE was expected"),
         (["race", "membrane", "--theta1", "1"], "No such option '--theta1'."),
         (["solve", "--A", "A.npy", "--q", "q.csv", "--psi", "psi.csv"], "no number, and there is no such file"),
