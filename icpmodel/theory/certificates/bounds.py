@@ -316,7 +316,7 @@ def lipschitz_violation(problem: ProblemData, z: Vector) -> str:
             if (excess > 0.0).any():
                 i = int(np.nanargmax(excess))
                 actual = f"{name}_{i} differs by {moved[i]:.6g} between z and 0, and it allows {allowed[i]:.6g}"
-                advice = "give a larger one, or none; a number stands for a diagonal matrix"
+                advice = "give a larger one, or none: a number stands for a diagonal matrix"
                 return f"{name}.lipschitz is too small: {actual} ({advice})"
     return ""
 
