@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -36,9 +37,11 @@ class StagnationTest:
     memoryless : bool
         Whether the method is, see `Method.memoryless`.
     patience : int
-        The number of steps without a better iterate after which the method stops.
+        The number of steps without a better iterate after which the method stops, unless `is_proved` to converge.
     at_floor : callable
         Returns a reason if rounding explains that the residual does not fall, else None.
+    is_proved : callable
+        Whether a theorem says that the method converges; asked once.
 
     Notes
     -----
@@ -50,10 +53,17 @@ class StagnationTest:
     Brent, BIT 20 (1980).
     """
 
-    def __init__(self, memoryless: bool, patience: int, at_floor: Callable[[], StopReason | None]) -> None:
+    def __init__(
+        self,
+        memoryless: bool,
+        patience: float,
+        at_floor: Callable[[], StopReason | None],
+        is_proved: Callable[[], bool],
+    ) -> None:
         self.memoryless = memoryless
         self.patience = patience
         self.at_floor = at_floor
+        self.is_proved = is_proved
         self.step = self.milestone = 0
         self.milestone_residual = np.nan
         self.milestone_z = _NO_ITERATE
@@ -81,6 +91,9 @@ class StagnationTest:
         elif (k - self.progress_at) % _PRECISION_CHECK == _PRECISION_CHECK - 1 and (stop_reason := self.at_floor()):
             return stop_reason
         if k - self.better_at >= self.patience:
+            if self.is_proved():
+                self.patience = math.inf
+                return None
             return StopReason(Status.STAGNATED, f"no better iterate in {k - self.better_at} iterations")
         return None
 
