@@ -70,7 +70,7 @@ class Judge:
         gap, curvature, linear, side_terms = violation_of_rows(*known, q, z, p, room, *sizes, shares)
         if gap > 0:
             gap = np.divide(gap, max(curvature, 0.0) + linear + abs(side_terms))
-        return Violation(*np.maximum(shares, gap).tolist())
+        return Violation(*np.maximum(shares, np.nan_to_num(gap, nan=np.inf)).tolist())
 
     def terms(self, q: Vector, z: Vector) -> tuple[Vector, Vector]:
         """The sum of the |terms| of each row, and what Az adds to it where all unknowns of a group are its largest."""
