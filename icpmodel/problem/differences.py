@@ -103,12 +103,12 @@ def misfit_of_derivative(value: Callable[[Vector], Vector], J: sp.csr_array, z: 
         rng = np.random.default_rng(0)
         direction = rng.choice([-1.0, 1.0], z.size) * rng.uniform(1.0, 2.0, z.size)
         here = value(z)
+        rounding = USER_ULPS * UNIT_ROUNDOFF * np.abs(here)
         outside = np.ones(here.size, dtype=bool)
         # in units in which all of z is small, a step of the size of 1 says nothing
         for size in (1.0, np.abs(z).max(initial=0.0) or 1.0):
             h = steps(z, size) * direction
             changes = np.stack([value(z + h) - here, here - value(z - h)])
-            rounding = USER_ULPS * UNIT_ROUNDOFF * np.abs(here)
             allowed = _MISFIT * (abs(J) @ np.abs(h) + np.abs(changes).max(axis=0)) + rounding
             expected = J @ h
             excess = np.maximum(changes.min(axis=0) - expected, expected - changes.max(axis=0))
