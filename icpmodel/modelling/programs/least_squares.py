@@ -282,8 +282,9 @@ def _step(B: sp.csr_array, r: Vector, free: Mask) -> Vector:
         # columns of length 1, dependent where numpy.linalg.lstsq calls them so
         sizes = np.linalg.norm(part, axis=0)
         unit = np.where(sizes > 0.0, sizes, 1.0)
+        part /= unit
         dependent = 2.0 * max(part.shape) * UNIT_ROUNDOFF
-        step[free] = lstsq(part / unit, r, dependent, lapack_driver="gelsy", check_finite=False)[0] / unit
+        step[free] = lstsq(part, r, dependent, lapack_driver="gelsy", check_finite=False)[0] / unit
     return step
 
 
