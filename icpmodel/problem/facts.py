@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from functools import cached_property
 
 import numpy as np
@@ -15,6 +16,8 @@ from ..numerics.rounding import UNIT_ROUNDOFF
 from ..numerics.sparse_structure import is_diagonal
 from .map import Map
 from .matrix import Matrix
+from .two_sided import sides_of
+from .user_code import map_violation
 
 #: evaluations of ψ at the most; with a derivative five are the rule
 _MAX_EVALUATIONS = 100
@@ -31,11 +34,20 @@ class Facts:
 
     @cached_property
     def has_fixed_obstacle(self) -> bool:
-        """Whether every ψ_i is known to depend on z_i alone and to change by less: `obstacle` exists."""
+        """Whether every ψ_i is known to depend on z_i alone and to change by less: `obstacle` exists.
+
+        Not where ψ at 0 and at the obstacle contradicts the Lipschitz constants that a user gave.
+        """
         G = self.psi.lipschitz
         if self.psi.is_constant or G is None:
             return self.psi.is_constant
-        return is_diagonal(G) and bool((G.diagonal() < 1).all())
+        if not is_diagonal(G) or (G.diagonal() >= 1).any():
+            return False
+        with suppress(MapError):
+            obstacles = [c for c in (self.obstacle, self.upper_obstacle) if c is not None]
+            points = [np.where(np.isfinite(c), c, 0.0) for c in obstacles]
+            return not any(map(map_violation, sides_of(self.psi), points, ("psi", "upper")))
+        return True
 
     @cached_property
     def bounded(self) -> int:

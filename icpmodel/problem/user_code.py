@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from inspect import signature
 from typing import Any
 
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, MapError
 from ..numerics.arrays import Vector, as_array, as_rows, as_vector, axes, described, freeze
-from ..numerics.rounding import is_ctrl_c
+from ..numerics.rounding import UNIT_ROUNDOFF, is_ctrl_c
 from .map import Map
 
 #: the usual error of a function that does not take z
@@ -49,6 +50,24 @@ def as_function(f: Any, name: str, argument: str = "z") -> Callable[..., Any]:
     except TypeError:
         raise InputError(f"{name} is a function of {parameters}; one of {argument} alone was expected") from None
     return f
+
+
+def map_violation(psi: Map, z: Vector, name: str) -> str:
+    """A sentence if |ψ(z) − ψ(0)| exceeds what the user's Lipschitz matrix allows, beyond rounding; else empty."""
+    allowed = psi.change(np.abs(z)) if psi.calls_user_code else None
+    if allowed is None:
+        return ""
+    with suppress(MapError), np.errstate(all="ignore"):  # ψ may have no value at 0
+        psi_z = psi.value(z)
+        psi_0 = psi.value(np.zeros(z.size))
+        moved = np.abs(psi_z - psi_0)
+        excess = moved - allowed - USER_ULPS * UNIT_ROUNDOFF * (np.abs(psi_z) + np.abs(psi_0))
+        if (excess > 0.0).any():
+            i = int(np.nanargmax(excess))
+            actual = f"{name}_{i} differs by {moved[i]:.6g} between z and 0, and it allows {allowed[i]:.6g}"
+            advice = "give a larger one, or none: a number stands for a diagonal matrix"
+            return f"{name}.lipschitz is too small: {actual} ({advice})"
+    return ""
 
 
 def raising_map_error(call: Callable[[], Any], name: str) -> Any:

@@ -351,3 +351,16 @@ def test_a_part_behind_a_block_that_overflows_is_no_problem_of_its_own():
     solution = icp.ICP(A, [0, 0, 0, -1.0, 0, -1.0, 0, 0, 0]).solve(max_iter=100, raise_on_failure=False)
     assert not solution.solved
     assert np.isfinite(solution.z).all()
+
+
+def test_constants_that_psi_contradicts_are_not_believed():
+    """Each row depends on the mean of z, but a number says that it depends on its own unknown alone."""
+    square = np.linspace(-1.0, 1.0, 20) ** 2
+    hill = 0.5 - np.add.outer(square, square).reshape(-1)
+    A = five_point(20)
+    runs = [
+        icp.ICP(A, np.full(400, 1 / 400), icp.Function(lambda z: hill - 0.3 * z.mean(), lipschitz=number)).solve()
+        for number in (None, 0.3)
+    ]
+    assert runs[0].iterations == runs[1].iterations
+    assert np.array_equal(runs[0].z, runs[1].z)

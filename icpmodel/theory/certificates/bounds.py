@@ -27,7 +27,7 @@ from ...present.display import Displayable
 from ...problem.data import ProblemData, ProblemLike, as_problem
 from ...problem.matrix import Matrix
 from ...problem.two_sided import sides_of
-from ...problem.user_code import USER_ULPS
+from ...problem.user_code import map_violation
 from ..answers import UNDECIDED
 from ..matrices.classes import MatrixClasses
 from .definite import prove as prove_definite
@@ -298,27 +298,11 @@ def _without_fixed_rows(problem: ProblemData) -> ProblemData | None:
 
 
 def lipschitz_violation(problem: ProblemData, z: Vector) -> str:
-    """A sentence if |ψ(z) − ψ(0)| exceeds what the user's Lipschitz matrix allows, beyond rounding; else empty.
-
-    Likewise for ψ̄, and for f and its slopes.
-    """
+    """What contradicts the Lipschitz matrices of ψ, ψ̄ or the slopes of f between `z` and 0; empty if nothing does."""
     if problem.f is not None and (fault := problem.f.slope_violation(z)):
         return fault
-    for name, one in zip(("psi", "upper"), sides_of(problem.psi), strict=False):
-        allowed = one.change(np.abs(z)) if one.calls_user_code else None
-        if allowed is None:
-            continue
-        with suppress(MapError), np.errstate(all="ignore"):  # ψ may have no value at 0
-            psi_z = one.value(z)
-            psi_0 = one.value(np.zeros(z.size))
-            moved = np.abs(psi_z - psi_0)
-            excess = moved - allowed - USER_ULPS * UNIT_ROUNDOFF * (np.abs(psi_z) + np.abs(psi_0))
-            if (excess > 0.0).any():
-                i = int(np.nanargmax(excess))
-                actual = f"{name}_{i} differs by {moved[i]:.6g} between z and 0, and it allows {allowed[i]:.6g}"
-                advice = "give a larger one, or none: a number stands for a diagonal matrix"
-                return f"{name}.lipschitz is too small: {actual} ({advice})"
-    return ""
+    sides = zip(sides_of(problem.psi), ("psi", "upper"), strict=False)
+    return next((fault for side, name in sides if (fault := map_violation(side, z, name))), "")
 
 
 def possible_crossing(problem: ProblemData, z: Vector, delta: Vector) -> int | None:
