@@ -27,7 +27,7 @@ Call = TypeVar("Call", bound=Callable[..., Any])
 #: the end of a message about another name for an obstacle, and of one about a missing problem
 _OBSTACLES = "; the lower obstacle, z >= psi(z), is called psi, the upper obstacle is called upper"
 HOW_TO_BUILD = "; icpmodel.ICP(A, q, psi) makes a problem of arrays, and icpmodel.ICP(A, q, psi).solve() solves it"
-#: the name of an option in other packages → its name here
+#: the name of an argument in other packages → its name here
 _ELSEWHERE = {
     "tol": "rtol",
     "tolerance": "rtol",
@@ -35,6 +35,7 @@ _ELSEWHERE = {
     "maxiter": "max_iter",
     "maxit": "max_iter",
     "derivative": "jacobian",
+    "lower": "psi",
 }
 
 

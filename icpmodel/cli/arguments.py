@@ -134,9 +134,10 @@ class _OnProblem(click.Command):
             }
             typed = [f"{option} {name}=VALUE" for option, words in known.items() if option in taken and name in words]
             typed = [f"--{name} VALUE"] if f"--{name}" in taken else typed
-            if not typed:
+            hint = f"; {' or '.join(typed)} was expected" if typed else did_you_mean(name, taken)
+            if not hint:
                 raise
-            words = f"No such option {error.option_name!r}; {' or '.join(typed)} was expected"
+            words = f"No such option {error.option_name!r}{hint}"
             raise click.NoSuchOption(error.option_name, words, ctx=ctx) from None
 
 

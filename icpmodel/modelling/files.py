@@ -144,7 +144,7 @@ def problem_of(parts: dict[str, Any], sources: dict[str, Path]) -> ICP:
     """
     A = parts["A"]
     if "q" not in parts:
-        raise FileError(f"{sources['A']}: has no q, which the problem needs, here or in another file")
+        raise FileError(f"{sources['A']}: has no q; give q as a file of its own, or write A and q into one")
     with content_errors(sources["A"]):
         problem = ICP(A, np.zeros(A.shape[0] if A.ndim else 1))
     with content_errors(sources["q"]):

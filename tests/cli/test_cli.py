@@ -218,6 +218,8 @@ def test_scenes_are_listed_and_described(capsys):
         (["solve", "membrane", "-n", "9"], "No such option '-n'; --n VALUE was expected"),
         (["race", "membrane", "--mu", "1"], "No such option '--mu'; --set mu=VALUE was expected"),
         (["race", "membrane", "--theta1", "1"], "No such option '--theta1'."),
+        (["solve", "membrane", "--lower", "0"], "No such option '--lower'; did you mean --psi?"),
+        (["solve", "membrane", "--tol", "1e-9"], "No such option '--tol'; did you mean --rtol?"),
         (["solve", "--A", "A.npy", "--q", "q.csv", "--psi", "psi.csv"], "no number, and there is no such file"),
         (["solve", "membrane", "--method", "mnmgs", "--option", "phi2=1,2"], "phi2 is '1,2'; real numbers"),
         (

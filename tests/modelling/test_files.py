@@ -71,7 +71,7 @@ def damage(path, **changed):
 @pytest.mark.parametrize(
     ("changed", "words"),
     [
-        ({"q": None}, "has no q, which"),
+        ({"q": None}, "has no q; give q"),
         ({"A_data": None}, "A_. are not a square CSR matrix"),
         ({"psi": np.zeros(4)}, "A alone, or A, q, psi and upper"),
         ({"c": None, "G_indptr": np.zeros(5, int)}, "G_. are not a square CSR matrix"),
