@@ -10,7 +10,7 @@ import numpy as np
 
 from ..numerics.rounding import public_entry
 from ..present.card import Card
-from ..present.display import Displayable
+from ..present.display import Displayable, counted
 from ..solve.solution import Status
 from .distributed_bound import DistributedCertificate, certify
 from .distributed_icp import DistributedICP
@@ -103,10 +103,9 @@ class DistributedSolution(Displayable):
         dict
             It has the bound once all ranks have called `certify`.
         """
-        many = "s" if self.problem.comm.size > 1 else ""
-        steps = f"{self.iterations} iteration{'' if self.iterations == 1 else 's'}"
+        steps = counted(self.iterations, "iteration")
         rows = {
-            "problem": f"{self.problem.n} unknowns on {self.problem.comm.size} rank{many}",
+            "problem": f"{self.problem.n} unknowns on {counted(self.problem.comm.size, 'rank')}",
             "status": f"{self.status.value} after {steps} and {self.krylov_steps} Krylov steps",
             "method": f"multilevel modulus Newton on {len(self.sizes)} levels",
             "residual": f"{self.residual:.3g} (stop at {self.tolerance:.3g})",

@@ -93,3 +93,8 @@ def brief(value: Any) -> str:
 def cut(text: str, max_length: int) -> str:
     """`text`, or its beginning and dots where it is longer than `max_length` characters."""
     return text if len(text) <= max_length else f"{text[: max_length - 3]}..."
+
+
+def counted(count: int | str, noun: str) -> str:
+    """`count` and the noun: 1 step, 2 steps, no steps."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"

@@ -11,6 +11,7 @@ import scipy.sparse as sp
 from ..errors import InputError, check_arguments
 from ..numerics.arrays import Vector, as_csr, as_vector, axes, freeze, locked, row_of
 from ..numerics.labels import check_labels
+from ..present.display import counted
 from .map import Map
 
 
@@ -77,7 +78,7 @@ class Constant(Map):
 
     def describe(self) -> str:
         free = int(np.isinf(self.c).sum())
-        rows = f"; {free} row{'s' if free > 1 else ''} without obstacle" if free else ""
+        rows = f"; {counted(free, 'row')} without obstacle" if free else ""
         return f"constant: G = 0{rows}"
 
     def __repr__(self) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from ..methods.contract import Method
 from ..numerics.rounding import SMALLEST
-from ..present.display import Displayable
+from ..present.display import Displayable, counted
 from .estimates import Estimate
 from .stopping import StopReason
 
@@ -100,7 +100,7 @@ class Job:
         """The method and its progress: 40 steps (300 expected)."""
         estimate = self.choice.estimate
         expected = f" ({max(estimate.steps, 1.0):.0f} expected)" if estimate else ""
-        return f"{self.method!r}, {self.steps} step{'' if self.steps == 1 else 's'}{expected}"
+        return f"{self.method!r}, {counted(self.steps, 'step')}{expected}"
 
 
 class MethodSequence:

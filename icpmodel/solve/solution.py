@@ -18,7 +18,7 @@ from ..numerics import work
 from ..numerics.arrays import ReadOnly, Vector, locked
 from ..numerics.rounding import public_entry
 from ..present.card import Card
-from ..present.display import Plottable, cut
+from ..present.display import Plottable, counted, cut
 from ..present.table import Table, Tabular
 from ..problem.data import ProblemData
 from ..theory.answers import Answer
@@ -440,7 +440,6 @@ class Solution(ReadOnly, Plottable):
         >>> ICP([[2.0]], [-2.0]).solve("mnmgs").summary()["status"]
         'solved after 1 iteration'
         """
-        plural = "" if self.iterations == 1 else "s"
         try:
             bound = self.certificate.bound
             rows_known = str(self.active_set)
@@ -454,7 +453,7 @@ class Solution(ReadOnly, Plottable):
             adapted += ", which found this z"
         rows = {
             "problem": f"{self.problem!r}",
-            "status": f"{self.status.value} after {self.iterations} iteration{plural}{last}",
+            "status": f"{self.status.value} after {counted(self.iterations, 'iteration')}{last}",
             "method": f"{self.method!r}{adapted}" + (f"\n{self.why}" if self.why else ""),
             "residual": f"{self.residual:.3g}" + ("" if self.accuracy else f" ({self._goal.in_words(self.z)})"),
             "error": bound.in_words(self.accuracy),
@@ -472,11 +471,10 @@ class Solution(ReadOnly, Plottable):
 
     def _in_short(self) -> Card:
         """Status, error bound (or why there is none) and method; why not, where it is not solved."""
-        plural = "" if self.iterations == 1 else "s"
         rows = {
             "status": f"{self.status.value}: residual {self.residual:.3g}",
             "error": self._quick_bound(),
-            "method": f"{self.adapted_method!r}, {self.iterations} iteration{plural}, {self.seconds:.3g} s",
+            "method": f"{self.adapted_method!r}, {counted(self.iterations, 'iteration')}, {self.seconds:.3g} s",
         }
         if not self.accuracy:
             rows["status"] += f" ({self._goal.in_words(self.z)})"

@@ -22,6 +22,7 @@ from ..methods.aor import MNMGS
 from ..numerics.arrays import Vector, as_number
 from ..numerics.rounding import rounded_up
 from ..present.card import Card
+from ..present.display import counted
 from ..present.rendering import render
 from ..present.whole_files import place_of, write_ours
 from ..problem.data import ProblemData, ProblemLike, as_problem
@@ -246,7 +247,7 @@ def _kind(obstacle: Map) -> str:
 
 
 def _answer(solution: Solution, start: Vector | None, points: Vector | None, time_limit: float) -> Section:
-    took = f"{solution.iterations} step{'' if solution.iterations == 1 else 's'}, {solution.seconds:.2g}\u00a0s"
+    took = f"{counted(solution.iterations, 'step')}, {solution.seconds:.2g}\u00a0s"
     short = (
         f"Yes, by {solution.method.name}: {took}. The residual, which is 0 at a solution, is {solution.residual:.2g}."
     )
@@ -274,7 +275,7 @@ def _on_the_way(solution: Solution, start: Vector | None, time_limit: float) -> 
         nonlocal following
         if now.iteration >= following:
             following = max(now.iteration + 1, _PICTURE_RATIO * now.iteration)
-            iterates[f"z after {now.iteration} step{'' if now.iteration == 1 else 's'}"] = now.z
+            iterates[f"z after {counted(now.iteration, 'step')}"] = now.z
 
     problem = solution.problem
     options: dict[str, Any] = {"z0": start, "time_limit": time_limit, "raise_on_failure": False}

@@ -22,7 +22,7 @@ from ..numerics.arrays import ReadOnly, Vector, as_number
 from ..numerics.exact_polyhedron import Echelon, affine_solutions, in_integers, relative_interior, with_row
 from ..numerics.rational import nearest, rationals
 from ..numerics.rounding import public_entry
-from ..present.display import Displayable
+from ..present.display import Displayable, counted
 from ..problem.data import ProblemData, ProblemLike, as_problem
 
 #: problems with more pieces are refused: 2¹⁸ take half a minute
@@ -86,8 +86,8 @@ class SolutionSet(ReadOnly, Displayable):
         return len(self.points) + len(self.faces)
 
     def __str__(self) -> str:
-        isolated = _count_text(len(self.points), "isolated solution")
-        faces = _count_text(len(self.faces), "face")
+        isolated = counted(len(self.points) or "no", "isolated solution")
+        faces = counted(len(self.faces) or "no", "face")
         examined = "all" if self.complete else "the time limit came before all"
         rows = [f"{isolated} and {faces} of solutions; {examined} {self.pieces} linear pieces were examined"]
         rows += [f"z = {listed(point)}" for point in self.points]
@@ -95,10 +95,6 @@ class SolutionSet(ReadOnly, Displayable):
             along = ", ".join(listed(direction) for direction in face.directions)
             rows.append(f"z = {listed(face.point)}, and it may move along {along}")
         return "\n".join(rows)
-
-
-def _count_text(count: int, noun: str) -> str:
-    return f"{count or 'no'} {noun}" + ("" if count == 1 else "s")
 
 
 def listed(z: Vector) -> str:

@@ -101,7 +101,7 @@ def test_wrong_arguments_are_named(arguments, sentence):
         icp.solve_qp(*arguments)
 
 
-def test_qpsolvers_finds_us_by_name():
+def test_qpsolvers_finds_us_by_name(capsys):
     """In its own signs; where there is no solution it says so, and a program that is not convex is its ProblemError."""
     qpsolvers = pytest.importorskip("qpsolvers", reason="qpsolvers is not installed")
     name = icp.qpsolvers_solver()
@@ -114,6 +114,8 @@ def test_qpsolvers_finds_us_by_name():
     found = qpsolvers.solve_problem(problem, solver=name, tolerance=1e-8)
     assert found.is_optimal(1e-6)
     assert found.extras["status"] == "optimal"
+    qpsolvers.solve_qp(np.eye(1), -np.ones(1), solver=name, verbose=True)
+    assert "optimal after 1 step: solved" in capsys.readouterr().out
     assert qpsolvers.solve_qp(np.eye(1), np.zeros(1), lb=np.ones(1), ub=np.zeros(1), solver=name) is None
     with pytest.raises(qpsolvers.exceptions.ProblemError, match="not positive semidefinite"):
         qpsolvers.solve_qp(-np.eye(1), np.zeros(1), solver=name)

@@ -20,7 +20,7 @@ from ...explain.explanation import Explanation
 from ...icp import ICP
 from ...methods.contract import Method
 from ...numerics.arrays import Vector, as_truth, described
-from ...present.display import Displayable
+from ...present.display import Displayable, counted
 from ...solve.solution import Solution, Status
 from ..reading import solved
 from ..running_log import printed_on
@@ -315,7 +315,7 @@ class Problem(Displayable):
         self.solution = answer
         self.solver_stats = SolverStats("ICPMODEL", answer.seconds, seconds, answer.iterations, answer)  # type: ignore[arg-type]
         if verbose:
-            summary = f"{self.status} after {answer.iterations} iterations, {answer.seconds:.3g} s"
+            summary = f"{self.status} after {counted(answer.iterations, 'iteration')}, {answer.seconds:.3g} s"
             print(f"icpmodel: {summary}: {answer.message}")
         failed = raise_on_failure and not answer.solved
         self._write(None if failed else answer.z)

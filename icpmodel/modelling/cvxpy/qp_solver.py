@@ -15,6 +15,7 @@ from cvxpy.reductions.solvers import utilities
 from cvxpy.reductions.solvers.qp_solvers.qp_solver import QpSolver
 
 from ...errors import InputError, check_arguments
+from ...present.display import counted
 from ..programs.program import Program
 from ..programs.solve_qp import ProgramSolution, solve_program
 
@@ -48,7 +49,7 @@ class IcpSolver(QpSolver):
         if solver_cache is not None:
             solver_cache[self.name()] = run
         if verbose:
-            print(f"icpmodel: {solution.status} after {solution.iterations} steps: {solution.message}")
+            print(f"icpmodel: {solution.status} after {counted(solution.iterations, 'step')}: {solution.message}")
         if solution.status == s.SOLVER_ERROR:
             raise cp.SolverError(f"icpmodel: {solution.message}")
         return solution

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from ...errors import InputError, NotApplicable, check_arguments
+from ...present.display import counted
 from .solve_qp import solve_qp
 
 NAME = "icpmodel"
@@ -62,7 +63,7 @@ def _solve_problem(problem: Any, initvals: Any = None, verbose: bool = False, **
     except (InputError, TypeError) as error:  # such as an argument of ours that is given twice
         raise ProblemError(str(error)) from error
     if verbose:
-        print(f"icpmodel: {answer.status} after {answer.iterations} steps: {answer.message}")
+        print(f"icpmodel: {answer.status} after {counted(answer.iterations, 'step')}: {answer.message}")
     solution = Solution(problem, found=answer.solved, solve_time=answer.seconds)
     solution.extras = {"status": answer.status, "message": answer.message, "violation": answer.violation}
     if answer.solved:

@@ -12,6 +12,7 @@ from ...algebra.equations import pattern_at
 from ...derivatives.derivative import Derivative
 from ...errors import InputError
 from ...numerics.arrays import Mask, Vector
+from ...present.display import counted
 from ...problem.data import ProblemData
 from ...scenes import Scene
 from ...scenes.registry import title
@@ -154,7 +155,7 @@ def _outline(masks: Mapping[str, Mask]) -> str:
 def _(history: History) -> Drawing:
     """Res_D(z) of every tested iterate, the tolerance, and the iterates at which another method took over."""
     last = int(history.iteration[-1])
-    ended = f"{history.residual[-1]:.2g} after {last} step{'' if last == 1 else 's'}"
+    ended = f"{history.residual[-1]:.2g} after {counted(last, 'step')}"
     caption = "How far z is from a solution, step by step; the dashed line is the tolerance. On the logarithmic axis a "
     caption += "straight line is a fixed factor a step; a dotted line is a change of the method."
     alt = f"The residual goes from {history.residual[0]:.2g} to {ended}."
