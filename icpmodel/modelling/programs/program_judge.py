@@ -50,8 +50,10 @@ class Judge:
         i = row_of(self.size)
         j = self.size.indices
         largest = problem.matrix.rows.largest
-        strong = self.size.data > _NOISE_OF_X * np.maximum(largest[i], largest[j])
-        links = sp.coo_array((strong[strong], (i[strong], j[strong])), self.size.shape)
+        strong = (i == j) | (self.size.data > _NOISE_OF_X * np.maximum(largest[i], largest[j]))
+        links = self.size
+        if not strong.all():
+            links = sp.coo_array((strong[strong], (i[strong], j[strong])), self.size.shape)
         #: the group of each unknown: x, or multipliers, that a chain of rows connects, so that they share rounding
         _, self.group = np.unique(2 * connected_components(links)[1] + is_x, return_inverse=True)
 

@@ -21,6 +21,7 @@ from ...numerics.arrays import Vector, as_csr, row_of
 from ...numerics.equilibration import in_units, row_exponents, symmetric_exponents
 from ...numerics.rational import as_witness, curvature, exact_sum, rationals
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
+from ...numerics.sparse_structure import is_symmetric
 from ..answers import Answer
 from .comparison_matrix import comparison_matrix
 from .eigenvalue import negative_direction, smallest_eigenvalue_bound, within_reach
@@ -78,7 +79,7 @@ def semidefinite_up_to_rounding(A: sp.csr_array) -> Answer:
     # a row without other entries has its diagonal for eigenvalue
     i = row_of(T)
     coupled = np.unique(i[(T.data != 0.0) & (T.indices != i)])
-    T = T[coupled][:, coupled]
+    T = T if coupled.size == diagonal.size else T[coupled][:, coupled]
     if (diagonal >= 0).all() and T.nnz and within_reach(T):
         bound = smallest_eigenvalue_bound(T, -_rounding_of(T))
         if bound > -_MAX_ROUNDING:
@@ -90,9 +91,9 @@ def semidefinite_up_to_rounding(A: sp.csr_array) -> Answer:
 def _twice_symmetric_part(A: sp.csr_array) -> sp.csr_array | None:
     """A + Aᵀ with its diagonal stored if no entry was rounded, else None."""
     work.charge_matrices(A.nnz, 4)
-    T = sp.csr_array(A.T)
-    if (A != T).nnz == 0:
+    if is_symmetric(A):
         return A
+    T = sp.csr_array(A.T)
     with np.errstate(all="ignore"):
         S = sp.csr_array(A + T)
         # x = fl(a + b) is exact if x - a is b and x - b is a
@@ -107,14 +108,15 @@ def _in_own_units(A: sp.csr_array) -> tuple[sp.csr_array, sp.csr_array, NDArray[
     Where both cannot be, the diagonal is far smaller than the other entries of its row or column: A is indefinite.
     """
     work.charge_matrices(A.nnz, 5)
-    largest = -np.minimum(row_exponents(A), row_exponents(sp.csr_array(A.T)))
+    columns = A if is_symmetric(A) else sp.csr_array(A.T)
+    largest = -np.minimum(row_exponents(A), row_exponents(columns))
     # (900 - E_i)/2 + (900 - E_j)/2 + min(E_i, E_j) is at most 900
     limit = (900 - largest) // 2
     diagonal = A.diagonal()
     e = np.where(diagonal > 0, np.minimum(symmetric_exponents(diagonal), limit), limit)
     M = in_units(A, e, e)
     with np.errstate(under="ignore"):
-        return sp.csr_array(0.5 * M + 0.5 * M.T), M, e
+        return M if columns is A else sp.csr_array(0.5 * M + 0.5 * M.T), M, e
 
 
 def _rounding_of(T: sp.csr_array) -> float:
