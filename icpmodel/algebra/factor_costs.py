@@ -81,7 +81,7 @@ class FactorCosts:
 
     @cached_property
     def condensed(self) -> float:
-        """The cost by `condensed_factors` of the rows of sign +1; inf where it is not less, or D no diagonal."""
+        """The cost by `CondensedFactors` that keep the rows of sign +1; inf where it is not less, or D no diagonal."""
         M = self.analysis.matrix
         if M.nnz == self.n**2 or self.analysis.is_band or (signs := self.analysis.signs) is None:
             return np.inf

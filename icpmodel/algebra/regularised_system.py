@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import scipy.sparse as sp
 
-from ..numerics.arrays import Mask, Vector
-from ..numerics.condensed import condensed_factors
+from ..numerics.arrays import Vector
+from ..numerics.condensed import CondensedFactors
 from ..numerics.factorisation import factorise
 from ..numerics.fill import SymbolicAnalysis
 from ..numerics.linear import refine
@@ -37,14 +37,16 @@ class RegularisedSystem:
     problem
         The problem.
     analysis
-        The factorisation that keeps its order, a symbolic analysis, or the rows that `condensed_factors` keep; None if
-        each matrix is to be analysed.
+        The factorisation that keeps its pattern, or a symbolic analysis; None if each matrix is to be analysed.
     weights
         The diagonal of W, shape (n,).
     """
 
     def __init__(
-        self, problem: ProblemData, analysis: SymmetricFactors | SymbolicAnalysis | Mask | None, weights: Vector
+        self,
+        problem: ProblemData,
+        analysis: SymmetricFactors | CondensedFactors | SymbolicAnalysis | None,
+        weights: Vector,
     ) -> None:
         self.problem = problem
         self.weights = weights
@@ -81,10 +83,8 @@ class RegularisedSystem:
         M.data *= unit[M.indices]
         if self.analysis is None or isinstance(self.analysis, SymbolicAnalysis):  # symmetric at most by chance
             factors = factorise(M, definite=True, analysis=self.analysis or SymbolicAnalysis(M, lambda: False))
-        elif isinstance(self.analysis, SymmetricFactors):
-            factors = self.analysis.factors(M.data)
         else:
-            factors = condensed_factors(M, self.analysis)
+            factors = self.analysis.factors(M.data)
 
         def solve(f: Vector, accuracy: float) -> Vector:
             if factors is None:

@@ -38,6 +38,7 @@ from ..algebra.subproblems import with_fixed_obstacle
 from ..errors import MapError
 from ..numerics import work
 from ..numerics.arrays import Mask, Vector, inner, norm
+from ..numerics.condensed import CondensedFactors
 from ..numerics.fill import SymbolicAnalysis
 from ..numerics.symmetric_factors import SymmetricFactors
 from ..problem.data import ProblemData
@@ -125,14 +126,17 @@ class InteriorPath:
         self.problem = problem
         self.steps = ProximalSteps(problem, start, reorders=False)
         self.has_moving_obstacle = self.steps.has_moving_obstacle
-        analysis: SymmetricFactors | SymbolicAnalysis | Mask | None = None
+        analysis: SymmetricFactors | CondensedFactors | SymbolicAnalysis | None = None
         #: or dual: the signs of rows that do not depend on each other are arbitrary
         self.is_primal: Mask = np.ones(problem.n, bool)
         if not self.has_moving_obstacle:
             costs = self.steps.costs
             if (signs := costs.analysis.signs) is not None:
                 self.is_primal = signs > 0
-            analysis = self.is_primal if costs.condensed < np.inf else self.steps.fixed_order_factors or costs.analysis
+            if costs.condensed < np.inf:
+                analysis = CondensedFactors(problem.A, self.is_primal)
+            else:
+                analysis = self.steps.fixed_order_factors or costs.analysis
         self.weights = problem.matrix.proximal_weights
         self.root = np.sqrt(self.weights)
         self.system = RegularisedSystem(problem, analysis, self.weights)

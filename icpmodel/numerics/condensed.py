@@ -6,7 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from . import work
-from .arrays import Mask, Vector
+from .arrays import Mask, Vector, row_of
 from .factorisation import DenseFactors, array_factors
 from .threads import one_blas_thread
 
@@ -16,25 +16,48 @@ def product_cost(kept: int, eliminated: int) -> float:
     return work.COSTS.call + (work.COSTS.dense_entry + work.COSTS.dense_flop * kept) * kept * eliminated
 
 
-def condensed_factors(M: sp.csr_array, kept: Mask) -> DenseFactors | None:
-    """Those of M = [[H, B], [−Bᵀ, D]], H in the rows `kept` and D diagonal, by LU of H + BD⁻¹Bᵀ; None where it fails.
+class CondensedFactors:
+    """Factors of one matrix M = [[H, B], [−Bᵀ, D]] after another, all with one pattern, by LU of H + BD⁻¹Bᵀ.
 
-    They solve Mx = f alone, not with Mᵀ, for f of shape (n,). Raises OutOfTime and OutOfMemory.
+    Parameters
+    ----------
+    A : CSR array of shape (n, n)
+        The pattern, its diagonal stored.
+    kept : array of bool, shape (n,)
+        The rows of H; D is diagonal.
     """
-    rows = M[kept].toarray()
-    B = rows[:, ~kept]
-    D = M.diagonal()[~kept]
-    work.charge(product_cost(*B.shape), 24.0 * rows.size)
-    with one_blas_thread():
-        complement = rows[:, kept] + (B / D) @ B.T
-    factors = array_factors(np.asfortranarray(complement)) if np.isfinite(complement).all() else None
-    if factors is None:
-        return None
 
-    def solve(f: Vector, transposed: bool) -> tuple[Vector]:
-        x = f.copy()
-        x[kept] = y = factors.solve(f[kept] - B @ (f[~kept] / D))
-        x[~kept] = (f[~kept] + y @ B) / D
-        return (x,)
+    def __init__(self, A: sp.csr_array, kept: Mask) -> None:
+        self._kept = kept
+        row = row_of(A)
+        self._stored = kept[row]
+        self._diagonal = (row == A.indices) & ~kept[row]
+        # the columns of H stand before those of B
+        self._size = int(np.count_nonzero(kept))
+        place = np.argsort(np.argsort(~kept, kind="stable"))
+        self._places = place[row[self._stored]], place[A.indices[self._stored]]
+        self._rows = np.zeros((self._size, kept.size))
 
-    return DenseFactors(solve, factors.pivots, 2 * B.size)
+    def factors(self, data: Vector) -> DenseFactors | None:
+        """The factors of the matrix with these entries, None where they fail; those before are lost.
+
+        They solve Mx = f alone, not with Mᵀ, for f of shape (n,). Raises OutOfTime and OutOfMemory.
+        """
+        kept = self._kept
+        self._rows[self._places] = data[self._stored]
+        H, B = np.split(self._rows, [self._size], axis=1)
+        D = data[self._diagonal]
+        work.charge(product_cost(*B.shape), 24.0 * self._rows.size)
+        with one_blas_thread():
+            complement = H + (B / D) @ B.T
+        factors = array_factors(np.asfortranarray(complement)) if np.isfinite(complement).all() else None
+        if factors is None:
+            return None
+
+        def solve(f: Vector, transposed: bool) -> tuple[Vector]:
+            x = f.copy()
+            x[kept] = y = factors.solve(f[kept] - B @ (f[~kept] / D))
+            x[~kept] = (f[~kept] + y @ B) / D
+            return (x,)
+
+        return DenseFactors(solve, factors.pivots, 2 * B.size)
