@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from ..algebra.affine_lcp import INVERSE, lcp_rows
+from ..algebra.affine_lcp import INVERSE, PIVOT_UP_TO, lcp_rows
 from ..algebra.factor_costs import factor_costs, interior_cost, newton_cost, system_cost
 from ..algebra.newton_steps import SWEEPS
 from ..algebra.relaxation import sor_speed
@@ -147,6 +147,11 @@ def _multilevel(facts: Facts, target_reduction: float = _MEASURED_AT) -> Estimat
 def _lemke(facts: Facts) -> Estimate:
     # dense arrays of A, and the equations of the last basis
     return Estimate(2.0 * work.COSTS.assembly, _pivots(facts), 1.0, 24.0 * lcp_rows(facts) ** 2)
+
+
+def pivots_cost_less(facts: Facts) -> bool:
+    """Whether `Lemke` costs less than `Interior`, whose estimate costs more than the pivots of a small problem."""
+    return facts.matrix.n <= PIVOT_UP_TO or _lemke(facts).total <= _interior(facts).total
 
 
 def _proximal(facts: Facts) -> Estimate:

@@ -174,7 +174,7 @@ def test_ctrl_c_loses_no_iterate(monkeypatch):
 
     def p(self, z):
         calls.append(z)
-        if len(calls) == 20:
+        if len(calls) == 3:
             raise KeyboardInterrupt
         return plain(self, z)
 
@@ -182,7 +182,7 @@ def test_ctrl_c_loses_no_iterate(monkeypatch):
     program = a_program_of_rank_1(0, 1.0)[1]
     with pytest.raises(icp.NotSolved, match="Ctrl-C") as raised:
         icp.solve_qp(*program)
-    assert len(calls) >= 20
+    assert len(calls) >= 3
     assert raised.value.solution.status == "user_limit"
     assert np.isfinite(raised.value.solution.x).all()
 
@@ -481,3 +481,26 @@ def test_terms_that_are_all_zero_share_nothing():
     """The gap is no share of terms where x, g and the sides add nothing."""
     solution = icp.solve_lsq([[2e-7], [0.0]], [1.0, 1000.0], [1e6], [1e6 + 1e-7])
     assert solution.x[0] == pytest.approx(1e6)
+
+
+@pytest.mark.parametrize(("assets", "first"), [(40, "Lemke"), (120, "Lemke"), (1200, "Interior")])
+def test_a_program_is_pivoted_where_that_costs_less_than_interior_steps(assets, first, caplog):
+    """A dense portfolio of some assets; the conditions of a thin chain of many have sparse factors."""
+    random = np.random.default_rng(1)
+    if first == "Lemke":
+        returns = random.normal(size=(10, assets))
+        program = {
+            "P": returns.T @ returns,
+            "q": -random.random(assets),
+            "A": np.ones((1, assets)),
+            "b": [1.0],
+            "lb": 0,
+        }
+    else:
+        rise = sp.diags_array([1.0, -1.0], offsets=[0, 1], shape=(assets - 1, assets))
+        program = {"P": sp.eye_array(assets), "q": random.normal(size=assets), "G": rise, "h": np.zeros(assets - 1)}
+    with caplog.at_level("INFO", "icpmodel"):
+        assert icp.solve_qp(**program).solved
+    began = [record.getMessage() for record in caplog.records if "begins" in record.getMessage()]
+    assert len(began) == 1
+    assert f"{first}() begins" in began[0]

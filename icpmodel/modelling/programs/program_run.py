@@ -18,6 +18,7 @@ from ...numerics import work
 from ...numerics.arrays import Vector
 from ...numerics.rounding import UNIT_ROUNDOFF
 from ...problem.data import ProblemData
+from ...solve.estimates import pivots_cost_less
 from ...solve.solution import Solution, Status
 from ...theory.certificates.bounds import enforce_limits
 from ...theory.certificates.combination_rows import ZERO
@@ -140,9 +141,8 @@ class ProgramRun:
         in_box = np.isfinite(self.low).all() and np.isfinite(self.high).all()
         if in_box or self.problem.matrix.jacobi_radius < 1.0:
             return [None]
-        is_small = self.problem.n <= PIVOT_UP_TO
         # Newton's steps often fail, but sometimes the interior method does
-        first, last = (["lemke"], ["newton"]) if is_small else ([], [])
+        first, last = (["lemke"], ["newton"]) if pivots_cost_less(self.problem.facts) else ([], [])
         return [*first, "interior", "proximal", *last, None]
 
     def _solve(self, problem: ICP, method: str | None, **options: Any) -> Solution:
