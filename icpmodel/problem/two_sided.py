@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..numerics.arrays import Mask, Vector, as_vector, described, freeze, norm
+from ..numerics.arrays import Mask, Vector, as_vector, axes, described, freeze, norm
 from .affine import Constant
 from .function import Function
 from .map import Map
@@ -269,6 +269,8 @@ def _one_side(value: Any, n: int, name: str, none: float) -> Map:
     if isinstance(value, str | type) or value is None:
         expected = "a number, a vector, a callable or one of icpmodel's maps"
         raise InputError(f"{name} is {described(value)}; {expected} was expected")
+    if isinstance(value, list | tuple) and len(value) == 2 and axes(value[0], name) == 2:
+        raise InputError(f"{name} is a matrix G and a vector c; Affine(G, c) was expected")
     vector = as_vector(value, n, name, infinite=none)
     bound = Constant.of_checked(vector)
     return bound if none < 0.0 else _check_bound(bound, vector, name, none)  # both infinities pass there
