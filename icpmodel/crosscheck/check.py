@@ -189,11 +189,11 @@ def _why_not(solver: ForeignSolver, checked: AnswerUnderTest) -> list[str]:
 
 def _claim(solver: ForeignSolver, target: Target, time_limit: float) -> Claim:
     """The claim of the solver at the first of its tight tolerances where it claims success, else at the last."""
-    begin = time.perf_counter()
+    start_time = time.perf_counter()
     claim = ask(solver, target, solver.tight[0], time_limit)
     seconds = claim.seconds
     for tolerance in solver.tight[1:]:
-        seconds_left = time_limit - (time.perf_counter() - begin)
+        seconds_left = time_limit - (time.perf_counter() - start_time)
         if claim.solved or seconds_left <= 0.0:
             break
         claim = ask(solver, target, tolerance, seconds_left)

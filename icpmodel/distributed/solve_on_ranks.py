@@ -139,7 +139,7 @@ def solve(
 def _watch(comm: Any, limits: Limits) -> Iterator[Callable[[], Status | None]]:
     """What tells, on all ranks the same, whether Ctrl-C was pressed or the time is over. Ctrl-C, and what mpiexec sends
     then, perhaps twice, is a flag as long as the block lasts; a second Ctrl-C is what it was before."""
-    begin = time.perf_counter()
+    start_time = time.perf_counter()
     pressed = list[int]()
     old: dict[int, Any] = {}
 
@@ -152,7 +152,7 @@ def _watch(comm: Any, limits: Limits) -> Iterator[Callable[[], Status | None]]:
         old = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
 
     def ended() -> Status | None:
-        late = comm.rank == 0 and limits.time_limit is not None and time.perf_counter() - begin > limits.time_limit
+        late = comm.rank == 0 and limits.time_limit is not None and time.perf_counter() - start_time > limits.time_limit
         stop, over = totals(comm, float(bool(pressed)), float(late))
         return Status.INTERRUPTED if stop else Status.TIME_LIMIT if over else None
 
@@ -170,7 +170,11 @@ class _Run:
         self, problem: DistributedICP, limits: Limits, watch: Callable[[], Status | None], say: Callable[[str], None]
     ) -> None:
         self.problem, self.limits, self.watch, self.say = problem, limits, watch, say
-        self.begin, self.iterations, self.scale, self.tolerance, self.target = time.perf_counter(), 0, np.inf, 0.0, 0.0
+        self.start_time = time.perf_counter()
+        self.iterations = 0
+        self.scale = np.inf
+        self.tolerance = 0.0
+        self.target = 0.0
         self.levels: DistributedLevels | None = None
         self.best, self.least = problem.vector(), np.inf
 
@@ -304,7 +308,7 @@ class _Run:
             iterations=self.iterations,
             krylov_steps=0 if levels is None else levels.steps,
             sizes=(problem.n,) if levels is None else tuple(one.matrix.n for one in levels.levels),
-            seconds=time.perf_counter() - self.begin,
+            seconds=time.perf_counter() - self.start_time,
             levels=levels,
         )
 

@@ -138,10 +138,10 @@ _NEGLIGIBLE_BYTES = 2.0**24
 
 
 class _Budget(NamedTuple):
-    """When it began, by the clock and by the count; when it ends; the bytes held at its begin and their limit; and the
+    """When it began, by the clock and by the count; when it ends; the bytes held then and their limit; and the
     count at which it ends."""
 
-    begun: float
+    start_time: float
     counted: float
     end: float
     initial_memory: float = 0.0
@@ -193,36 +193,36 @@ def clock() -> float:
 
 @contextmanager
 def work_limit(
-    seconds: float = math.inf, memory: float = math.inf, nanoseconds: float = math.inf, begun: float | None = None
+    seconds: float = math.inf, memory: float = math.inf, nanoseconds: float = math.inf, start_time: float | None = None
 ) -> Iterator[None]:
     """Limit the work of this thread in a block: `check_budget` raises beyond it. Outer limits hold as well.
 
     Parameters
     ----------
     seconds : float
-        By the clock, from `begun` on, by default from now on.
+        By the clock, from `start_time` on, by default from now on.
     memory : float
         Bytes beyond what the process holds now.
     nanoseconds : float
         Work that is counted: the same on every machine.
-    begun : float, optional
+    start_time : float, optional
         What `clock` said when the time began.
     """
     before = _counted.budget
-    begun = clock() if begun is None else begun
+    start_time = clock() if start_time is None else start_time
     counted = counter()
-    end = begun + seconds
+    end = start_time + seconds
     most = counted + nanoseconds
     if before is not None:
         end = min(end, before.end)
         most = min(most, before.most)
         if seconds == math.inf:  # the pace of the machine is known already
-            begun = before.begun
+            start_time = before.start_time
             counted = before.counted
         if before.memory < math.inf:
             memory = min(memory, before.memory - max(_used_memory() - before.initial_memory, 0.0))
     initial_memory = _used_memory() if memory < math.inf else 0.0
-    with _replaced(_Budget(begun, counted, end, initial_memory, memory, most)):
+    with _replaced(_Budget(start_time, counted, end, initial_memory, memory, most)):
         yield
 
 
@@ -267,7 +267,7 @@ def nanoseconds_left() -> float:
     if budget is None:
         return math.inf
     now = clock()
-    pace = max((now - budget.begun + _PACE_OFFSET) / (1e-9 * (counter() - budget.counted) + _PACE_OFFSET), 1.0)
+    pace = max((now - budget.start_time + _PACE_OFFSET) / (1e-9 * (counter() - budget.counted) + _PACE_OFFSET), 1.0)
     return min(1e9 * (budget.end - now) / pace, budget.most - counter())
 
 

@@ -59,12 +59,12 @@ class Limits:
         """`rtol`·`scale`, a number or an array of them."""
         return rounded_share(scale, self.rtol)
 
-    def enforced(self, begun: float | None = None) -> AbstractContextManager[None]:
-        """Enforce the limits of time, counted from `begun` or now, and memory in a block: see `work_limit`."""
+    def enforced(self, start_time: float | None = None) -> AbstractContextManager[None]:
+        """Enforce the limits of time, counted from `start_time` or now, and memory in a block: see `work_limit`."""
         from ..numerics import kernels  # noqa: F401  loads numba, before the clock begins
 
         seconds, memory = (math.inf if limit is None else limit for limit in (self.time_limit, self.memory_limit))
-        return work.work_limit(seconds, memory, begun=begun)
+        return work.work_limit(seconds, memory, start_time=start_time)
 
 
 def check_family(family: Any) -> None:

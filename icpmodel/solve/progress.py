@@ -186,9 +186,9 @@ def _write(text: str) -> None:
         print(f"icpmodel ... {text}", file=sys.stderr, flush=True)
 
 
-def time_left(begin: float, done: int, total: int) -> str:
-    """The estimated remaining time in words, with `done` of `total` pieces finished since `begin`."""
+def time_left(start_time: float, done: int, total: int) -> str:
+    """The estimated remaining time in words, with `done` of `total` pieces finished since `start_time`."""
     if not done:
         return ""
-    seconds = (time.monotonic() - begin) / done * (total - done)
+    seconds = (time.monotonic() - start_time) / done * (total - done)
     return f", about {seconds:.2g} s more"

@@ -29,7 +29,7 @@ def solve_small(problem: ProblemData, limits: Limits) -> Solution | None:
         return None
     from .kernels.few_unknowns import solve_few  # loads numba
 
-    begun = work.clock()
+    start_time = work.clock()
     G, c = psi.linear
     d = np.full(n, np.inf) if psi.upper is None else psi.upper.value(c)
     M, inverse = A, _NO_INVERSE
@@ -60,6 +60,6 @@ def solve_small(problem: ProblemData, limits: Limits) -> Solution | None:
         tolerance=tolerance,
         atol=limits.atol,
         iterations=1,
-        seconds=work.clock() - begun,
+        seconds=work.clock() - start_time,
         cost=cost,
     )

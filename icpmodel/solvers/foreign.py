@@ -380,14 +380,14 @@ def ask(solver: ForeignSolver, target: Target, tolerance: float, time_limit: flo
     >>> icp.solvers.ask(solver, target, 1e-9, 10.0).z.round(6)
     array([0.5])
     """
-    begin = time.perf_counter()
+    start_time = time.perf_counter()
     setup = None
     try:
         with _silence(), np.errstate(all="ignore"):
             stated = solver.pose(target)
-            begin = time.perf_counter()
+            start_time = time.perf_counter()
             model = solver.set_up(target, tolerance, time_limit)
-            setup = time.perf_counter() - begin
+            setup = time.perf_counter() - start_time
             claim = solver.run(model)
             if isinstance(stated, QP) and np.shape(claim.z) == stated.q.shape:
                 claim = replace(claim, z=claim.z[: target.problem.n])
@@ -395,4 +395,4 @@ def ask(solver: ForeignSolver, target: Target, tolerance: float, time_limit: flo
         if is_ctrl_c(error):
             raise KeyboardInterrupt from error
         claim = Claim(None, f"{type(error).__name__}: {error}", False)
-    return replace(claim, seconds=time.perf_counter() - begin, setup=setup, tolerance=tolerance)
+    return replace(claim, seconds=time.perf_counter() - start_time, setup=setup, tolerance=tolerance)

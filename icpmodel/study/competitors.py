@@ -79,11 +79,11 @@ class Competitor(ABC):
 
     def run(self, case: Case, tolerance: float, time_limit: float) -> Claim:
         """Solve `case` from scratch; call it only where `why_not` is None."""
-        begin = time.perf_counter()
+        start_time = time.perf_counter()
         try:
             return self.attempt(case, tolerance, time_limit)
         except self.raises as error:
-            return Claim(None, f"{type(error).__name__}: {error}", False, time.perf_counter() - begin)
+            return Claim(None, f"{type(error).__name__}: {error}", False, time.perf_counter() - start_time)
 
     @abstractmethod
     def attempt(self, case: Case, tolerance: float, time_limit: float) -> Claim:
@@ -106,11 +106,11 @@ class OwnMethod(Competitor):
 
     def attempt(self, case: Case, tolerance: float, time_limit: float) -> Claim:
         problem = fresh(case.problem)
-        begin = time.perf_counter()
+        start_time = time.perf_counter()
         method = self._method if self._tune is None else self._tune(problem)
-        setup = None if self._tune is None else time.perf_counter() - begin
+        setup = None if self._tune is None else time.perf_counter() - start_time
         solution = uninterrupted(problem.solve(method, rtol=tolerance, time_limit=time_limit, raise_on_failure=False))
-        seconds = time.perf_counter() - begin
+        seconds = time.perf_counter() - start_time
         words = solution.status.value + ("" if method is not None else f" by {solution.method.name}")
         return Claim(solution.z, words, solution.solved, seconds, setup)
 
@@ -150,9 +150,9 @@ class LinearSolve(Competitor):
     def attempt(self, case: Case, tolerance: float, time_limit: float) -> Claim:
         A = case.problem.A
         b = np.ones(case.problem.n)
-        begin = time.perf_counter()
+        start_time = time.perf_counter()
         x = linear_solve(A, b)
-        seconds = time.perf_counter() - begin
+        seconds = time.perf_counter() - start_time
         floor = 16 * UNIT_ROUNDOFF * np.linalg.norm(case.problem.matrix.absolute @ np.abs(x))
         solved = bool(np.linalg.norm(A @ x - b) <= max(2 * tolerance * np.linalg.norm(b), floor) < np.inf)
         return Claim(None, "solved" if solved else "does not converge", solved, seconds)

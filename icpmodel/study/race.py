@@ -325,11 +325,11 @@ def _run(
     reached = dict.fromkeys(builds, 1.0)  # 0 for one that is asked for no more
     repeated = {}
     entries = {}
-    begin = time.monotonic()
+    start_time = time.monotonic()
     for done, (tolerance, one) in enumerate(product(goals, entered)):
         if tolerance >= reached[one.name]:
             continue
-        left = time_left(begin, done, len(goals) * len(entered))
+        left = time_left(start_time, done, len(goals) * len(entered))
         say(f"round 1 of {repeats}: {one.name} at {tolerance:.0e}{left}")
         key = one.name, tolerance
         run = timed_run(case, one, tolerance, limit)

@@ -258,11 +258,11 @@ def _check_room(rows: int, columns: int) -> None:
 def _fill(result: StabilityMap, starts: int, progress: bool) -> None:
     plane = result.plane
     total = result.ends.size
-    begin = time.monotonic()
+    start_time = time.monotonic()
     opening = f"{total} points, up to {starts} runs of at most {result.max_iter} steps at each"
     with status_line(progress, opening) as say:
         for k, (j, i) in enumerate(np.ndindex(*result.ends.shape)):
-            say(f"point {k + 1} of {total}{time_left(begin, k, total)}")
+            say(f"point {k + 1} of {total}{time_left(start_time, k, total)}")
             one, member = plane.at(float(plane.x.values[i]), float(plane.y.values[j]))
             worst, steps = _worst_run(one, member, starts, result)
             if isinstance(member, ModulusMember) and member.why_not(one) is None:

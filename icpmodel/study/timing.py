@@ -25,9 +25,9 @@ def clocked(call: Callable[..., Any], prepare: Callable[[], Any] | None = None) 
 
     def run() -> float:
         arguments = () if prepare is None else (prepare(),)
-        begin = time.perf_counter()
+        start_time = time.perf_counter()
         call(*arguments)
-        return time.perf_counter() - begin
+        return time.perf_counter() - start_time
 
     return run
 

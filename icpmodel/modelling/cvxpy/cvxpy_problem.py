@@ -300,9 +300,9 @@ class Problem(Displayable):
             as_truth(flag, name)
         _check_solver(method, options)
         reading = self._reading
-        begin = time.perf_counter()
+        start_time = time.perf_counter()
         problem = self.icp()
-        seconds = time.perf_counter() - begin
+        seconds = time.perf_counter() - start_time
         if z0 is None and not warm_start:
             z0 = np.zeros(problem.n)
         if verbose:

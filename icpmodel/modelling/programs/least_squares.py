@@ -141,7 +141,7 @@ def solve_lsq(
     >>> icp.solve_lsq(B, [1, 0, 1], lb=0, ub=[0.1, np.inf]).x.round(6)
     array([0.      , 0.142857])
     """
-    begin = work.clock()
+    start_time = work.clock()
     as_truth(raise_on_failure, "raise_on_failure")
     check_labels({"B": along_rows(B), "c": c})
     check_labels({"B": along_unknowns(B), "lb": lb, "ub": ub})
@@ -152,7 +152,7 @@ def solve_lsq(
     c = as_vector(c, B.shape[0], "c")
     low, high = bounds(lb, ub, n)
     check_order(low, high)
-    with program_limits(tolerance, time_limit, begin):
+    with program_limits(tolerance, time_limit, start_time):
         x, violations, iterations, status, message = _solve_scaled(B, c, low, high, tolerance)
     fun = B @ x - c
     solution = LeastSquares(
@@ -164,7 +164,7 @@ def solve_lsq(
         nit=iterations,
         status=status,
         message=message,
-        seconds=work.clock() - begin,
+        seconds=work.clock() - start_time,
     )
     if raise_on_failure and not solution.success:
         raise NotSolved(solution)

@@ -31,11 +31,11 @@ def read(data: tuple[Any, ...], names: str, initvals: Any = None) -> Program:
 
 
 @contextmanager
-def program_limits(tolerance: Any, time_limit: Any, begin: float) -> Iterator[None]:
-    """Limit the work of the block from `begin` on. Raises InputError unless the limits are above 0, or no limit."""
+def program_limits(tolerance: Any, time_limit: Any, start_time: float) -> Iterator[None]:
+    """Limit the work of the block from `start_time` on. Raises InputError unless the limits are > 0, or no limit."""
     as_number(tolerance, "tolerance", above=0, below=1)  # a share of terms is at most 1
     seconds = math.inf if time_limit is None else as_number(time_limit, "time_limit", above=0)
-    with one_blas_thread(), work.work_limit(seconds, begun=begin):
+    with one_blas_thread(), work.work_limit(seconds, start_time=start_time):
         yield
 
 

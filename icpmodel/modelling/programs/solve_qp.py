@@ -291,7 +291,7 @@ def solve_program(
     time_limit: float | None = None,
     before: ProgramRun | None = None,
     start: Vector | None = None,
-    begin: float | None = None,
+    start_time: float | None = None,
     convex: bool = True,
 ) -> tuple[ProgramSolution, ProgramRun | None]:
     """Solve a monotone variational inequality.
@@ -303,12 +303,12 @@ def solve_program(
     tolerance
         Nothing is wrong by more than that share of its terms, up to rounding.
     time_limit
-        In seconds from `begin`.
+        In seconds from `start_time`.
     before
         The run of a program of the same size, from which this one begins.
     start
         An x near the solution.
-    begin
+    start_time
         What the clock of `work` said when it began, by default now.
     convex
         Whether H is known to be semidefinite; else InputError is raised where it is proved not to be.
@@ -329,15 +329,15 @@ def solve_program(
     Interrupted
         After Ctrl-C, with the solution so far.
     """
-    begin = work.clock() if begin is None else begin
-    with program_limits(tolerance, time_limit, begin):
+    start_time = work.clock() if start_time is None else start_time
+    with program_limits(tolerance, time_limit, start_time):
         try:
             if not convex:
                 check_convex(program)
             presolve = Presolve(program)
             run = ProgramRun(presolve.program, tolerance, before)
         except OutOfTime as error:
-            return _not_begun(program, f"before the first iterate: {error}", begin), before
+            return _not_begun(program, f"before the first iterate: {error}", start_time), before
         if presolve.contradiction:
             status, message = "infeasible", presolve.contradiction
         else:
@@ -363,7 +363,7 @@ def solve_program(
         message=message,
         violation=np.nan if is_proved else run.violation.rounded,
         iterations=run.iterations,
-        seconds=work.clock() - begin,
+        seconds=work.clock() - start_time,
         _program=program,
     )
     if message == _INTERRUPTED:
@@ -371,12 +371,12 @@ def solve_program(
     return solution, run
 
 
-def _not_begun(program: Program, message: str, begin: float) -> ProgramSolution:
+def _not_begun(program: Program, message: str, start_time: float) -> ProgramSolution:
     """The solution where no iterate is known: the x within the bounds that is next to 0."""
     x = np.clip(0.0, program.low, program.high)
     y, z = np.split(np.zeros(program.d.size), [program.equations])
     values = {"x": x, "y": y, "z": z, "z_box": np.zeros(x.size), "objective": program.objective(x)}
-    seconds = work.clock() - begin
+    seconds = work.clock() - start_time
     return ProgramSolution(
         **values,
         status="user_limit",
@@ -391,13 +391,18 @@ def _not_begun(program: Program, message: str, begin: float) -> ProgramSolution:
 def _solve(
     data: tuple[Any, ...], names: str, initvals: Any, tolerance: Any, time_limit: Any, raise_on_failure: Any
 ) -> ProgramSolution:
-    begin = work.clock()
+    start_time = work.clock()
     as_truth(raise_on_failure, "raise_on_failure")
     program = read(data, names, initvals)
     start = None if initvals is None else as_vector(initvals, program.g.size, "initvals")
     try:
         solution, _ = solve_program(
-            program, tolerance=tolerance, time_limit=time_limit, start=start, begin=begin, convex=names != "Pq"
+            program,
+            tolerance=tolerance,
+            time_limit=time_limit,
+            start=start,
+            start_time=start_time,
+            convex=names != "Pq",
         )
     except Interrupted as error:
         solution = error.report

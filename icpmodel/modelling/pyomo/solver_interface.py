@@ -143,7 +143,7 @@ class PyomoSolver(SolverBase):
             Where the run failed, `load_solutions` is set and `raise_exception_on_nonoptimal_result` is
             not. With neither, the best iterate is in `results.solution_loader`.
         """
-        begin = time.perf_counter()
+        start_time = time.perf_counter()
         results = Results()
         results.timing_info.start_timestamp = datetime.datetime.now(datetime.UTC)
         results.solver_name, results.solver_version = self.name, self.version()
@@ -162,7 +162,7 @@ class PyomoSolver(SolverBase):
         timer.stop("read")
         _say(config.tee, reading.problem)
         limit = config.time_limit
-        used = time.perf_counter() - begin
+        used = time.perf_counter() - start_time
         left = math.inf if limit is None else max(limit - used, 0.0)
         timer.start("solve")
         for stream in config.tee:
@@ -179,7 +179,7 @@ class PyomoSolver(SolverBase):
             self._refuse(results, config)
         elif config.load_solutions:
             results.solution_loader.load_solution()
-        results.timing_info.wall_time = time.perf_counter() - begin
+        results.timing_info.wall_time = time.perf_counter() - start_time
         return results
 
     def _refuse(self, results: Results, config: Any) -> None:

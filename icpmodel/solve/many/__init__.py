@@ -120,13 +120,13 @@ def solve_many(
 
 
 @public_entry
-def _solve_share(batch: Batch, begun: float) -> dict[str, Any]:
-    """A worker's results for a share; `begun` is the wall-clock time of the start of all shares."""
-    batch.start_time = work.clock() - max(time.time() - begun, 0.0)
-    if len(batch.Z) and begun not in _INTERRUPTED:
+def _solve_share(batch: Batch, start_time: float) -> dict[str, Any]:
+    """A worker's results for a share; `start_time` is the wall-clock time of the start of all shares."""
+    batch.start_time = work.clock() - max(time.time() - start_time, 0.0)
+    if len(batch.Z) and start_time not in _INTERRUPTED:
         batch.run()
     if batch.interrupted:
-        _INTERRUPTED.add(begun)
+        _INTERRUPTED.add(start_time)
     return {name: getattr(batch, name) for name in (*_ROW_FIELDS, *_OTHER_FIELDS)}
 
 
@@ -149,7 +149,7 @@ def _by_workers(batch: Batch, make: Any) -> None:
     limit = batch.limits.time_limit
     size = ROWS_PER_CHAIN if row_cost is None else ROWS_PER_CHAIN * int(np.ceil(SHARE_COST / row_cost / ROWS_PER_CHAIN))
     groups = [[(low, min(low + size, k)) for low in range(0, k, size)], [_EMPTY_RANGE]]
-    begun = time.time() - batch.elapsed()
+    start_time = time.time() - batch.elapsed()
     pool = None
     futures: Futures = {}
     tried: set[tuple[int, int]] = set()
@@ -159,7 +159,7 @@ def _by_workers(batch: Batch, make: Any) -> None:
             pool = pool or _pool_of(make)
             with suppress(BrokenExecutor):
                 for share in group:
-                    futures[share] = pool.submit(_solve_share, _share_of(batch, *share), begun)
+                    futures[share] = pool.submit(_solve_share, _share_of(batch, *share), start_time)
             # as late as `time_limit` is kept to
             left = None if limit is None else max(1.1 * limit + 0.2 - batch.elapsed(), 0.0)
             if wait(futures.values(), timeout=left).not_done:
