@@ -337,7 +337,7 @@ def _target_reduction(problem: ProblemData, limits: Limits) -> float:
 def run_methods(run: Run, steps: Iterator[None]) -> None:
     """Exhaust the `steps` of the run; once a method has begun, Ctrl-C sets `run.stop_reason` and is not raised."""
     try:
-        if run.problem.upper is not None and _fixed_obstacles_cross(run):
+        if run.problem.upper is not None and _end_at_crossed_obstacles(run):
             return
         for _ in steps:
             pass
@@ -361,8 +361,8 @@ def _log_and_return(solution: Solution) -> Solution:
     return solution
 
 
-def _fixed_obstacles_cross(run: Run) -> bool:
-    """Whether fixed obstacles cross, so that no solution exists; if so the best iterate becomes a z that shows it."""
+def _end_at_crossed_obstacles(run: Run) -> bool:
+    """Where fixed obstacles cross, return True with a z that shows it as the best iterate: no solution exists."""
     with contextlib.suppress(MapError):
         row = run.problem.facts.crossed
         if row is not None:

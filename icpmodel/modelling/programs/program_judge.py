@@ -25,7 +25,7 @@ class Violation(NamedTuple):
 
     rounded: float = np.inf
     strict: float = np.inf
-    of_terms: float = np.inf
+    significant: float = np.inf
 
 
 class Judge:

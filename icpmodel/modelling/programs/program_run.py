@@ -106,7 +106,7 @@ class ProgramRun:
                 limit = {"max_iter": max(solution.iterations, 1)}
             if method == "proximal" or solution.status is Status.INFEASIBLE:
                 with suppress(OutOfTime):
-                    proof = proof or self._without_solution(solution)
+                    proof = proof or self._prove_no_solution(solution)
             if proof is not None and not proof[0].endswith("_inaccurate"):
                 return proof
         if self.is_good:
@@ -125,7 +125,7 @@ class ProgramRun:
 
     def _optimal(self) -> tuple[str, str]:
         """ "optimal", unless rows contradict each other within what the largest unknowns may lose by rounding."""
-        if self.violation.of_terms > self.tolerance:
+        if self.violation.significant > self.tolerance:
             terms, largest_terms = self.judge.terms(self.problem.q, self.z)
             rows, units = self.conditions.rows_alone(np.where(terms > UNIT_ROUNDOFF * largest_terms, terms, 0.0))
             with suppress(OutOfTime):
@@ -154,8 +154,8 @@ class ProgramRun:
         self.iterations += solution.iterations
         return solution
 
-    def _without_solution(self, solution: Solution) -> tuple[str, str] | None:
-        """Status and message without a solution: proved by the last direction, or by the least violation."""
+    def _prove_no_solution(self, solution: Solution) -> tuple[str, str] | None:
+        """Status and message of a proof by the last direction of `solution`, or by the least violation."""
         known = solution.infeasible
         if known is not None and known.witness is not None:
             return self._proof(np.array([float(weight) for weight in known.witness]))
@@ -189,10 +189,10 @@ class ProgramRun:
                 used = combination_text(weights, self.program.row_name)
                 message = f"the sum of {used} exceeds its right-hand side wherever {self.program.bounds}: {precision}"
                 return f"infeasible{inaccurate}", message
-            return self._without_multipliers(inaccurate, precision)
+            return self._infeasible_or_unbounded(inaccurate, precision)
         return None
 
-    def _without_multipliers(self, inaccurate: str, precision: str) -> tuple[str, str]:
+    def _infeasible_or_unbounded(self, inaccurate: str, precision: str) -> tuple[str, str]:
         """Status and message where no multipliers exist: "unbounded" only if a feasible point is computed."""
         program = self.program
         if not program.is_symmetric:
