@@ -310,4 +310,6 @@ def _onto_diagonal(matrix: sp.csr_array) -> NDArray[np.int32] | None:
 
 def largest_of_columns(matrix: sp.csr_array) -> Vector:
     """The largest size of an entry in each column, shape (n,)."""
-    return np.asarray(abs(matrix).max(axis=0).toarray()).ravel()
+    largest = np.zeros(matrix.shape[1])
+    np.maximum.at(largest, matrix.indices, np.abs(matrix.data))
+    return largest
