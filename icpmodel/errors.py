@@ -10,7 +10,7 @@ IcpError
 ├── OutOfMemory (also a MemoryError) a step was not begun, as the free memory is too small for it.
 └── NotSolved                        the run ended without a solution; ``solution`` has the best iterate.
 
-Interrupted (a KeyboardInterrupt)    Ctrl-C in a cross-check, measurement or CVXPY program; ``report`` has the results.
+Interrupted (a KeyboardInterrupt)    Ctrl-C where no status can tell; ``report`` has the results so far.
 """
 
 from __future__ import annotations
@@ -200,11 +200,11 @@ class NotSolved(IcpError):
 
 
 class Interrupted(KeyboardInterrupt):
-    """Ctrl-C during a cross-check, a measurement or a program of CVXPY; it ends a script as Ctrl-C should.
+    """Ctrl-C in a cross-check, a measurement, a program of CVXPY or `all_solutions`; it ends a script as Ctrl-C should.
 
     Attributes
     ----------
-    report : Report, Race, StabilityMap or ProgramSolution
+    report : Report, Race, StabilityMap, ProgramSolution or SolutionSet
         The results so far; the rest is marked as not done.
 
     Examples

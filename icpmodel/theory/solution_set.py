@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..algebra.linear_rows import FREE, LOWER, UPPER, LinearRows, piece_count
-from ..errors import NotApplicable, OutOfTime
+from ..errors import Interrupted, NotApplicable, OutOfTime
 from ..numerics import work
 from ..numerics.arrays import ReadOnly, Vector, as_number
 from ..numerics.exact_polyhedron import Echelon, affine_solutions, in_integers, relative_interior, with_row
@@ -66,7 +66,7 @@ class SolutionSet(ReadOnly, Displayable):
     pieces : int
         The number of linear pieces that were examined.
     complete : bool
-        Whether these are all solutions: every piece was examined before the time limit.
+        Whether these are all solutions: every piece was examined.
 
     Examples
     --------
@@ -88,7 +88,7 @@ class SolutionSet(ReadOnly, Displayable):
     def __str__(self) -> str:
         isolated = counted(len(self.points) or "no", "isolated solution")
         faces = counted(len(self.faces) or "no", "face")
-        examined = "all" if self.complete else "the time limit came before all"
+        examined = "all" if self.complete else "not all"
         rows = [f"{isolated} and {faces} of solutions; {examined} {self.pieces} linear pieces were examined"]
         rows += [f"z = {listed(point)}" for point in self.points]
         for face in self.faces:
@@ -220,8 +220,8 @@ class _Distinct:
             return
         points = {point: one for point, one in self.points.items() if not self.exact.lies_in(one, sides)}
         faces = [(other, one) for other, one in self.faces if not self.exact.lies_in(one, sides)]
-        self.points = points
         self.faces = [*faces, (sides, found)]
+        self.points = points
 
 
 def _distance_rows(linear: Any, sign: int) -> list[Any]:
@@ -268,6 +268,8 @@ def all_solutions(problem: ProblemLike, *, time_limit: float | None = None) -> S
     ------
     NotApplicable
         Where an obstacle is not affine, or there are too many pieces.
+    Interrupted
+        After Ctrl-C; it carries what is found until then.
 
     Notes
     -----
@@ -292,18 +294,21 @@ def all_solutions(problem: ProblemLike, *, time_limit: float | None = None) -> S
     if count > MAX_PIECES:
         raise NotApplicable(f"problem has too many linear pieces (more than {MAX_PIECES}): solve() finds one solution")
     distinct = _Distinct(exact)
-    complete = True
+    end: BaseException | None = None
     with work.work_limit(np.inf if time_limit is None else time_limit):
         try:
             for sides in exact.consistent(plausible(problem)):
                 one = exact.solve(sides)
                 if one is not None:
                     distinct.add(sides, one)
-        except OutOfTime:
-            complete = False
+        except (OutOfTime, KeyboardInterrupt) as error:
+            end = error
     points = sorted(_round_exact(point.point).tolist() for point in distinct.points.values())
     faces = tuple(face.rounded() for _, face in sorted(distinct.faces, key=lambda pair: -len(pair[1].directions)))
-    return SolutionSet(np.array(points).reshape(-1, problem.n), faces, int(count), complete)
+    solutions = SolutionSet(np.array(points).reshape(-1, problem.n), faces, int(count), end is None)
+    if isinstance(end, KeyboardInterrupt):
+        raise Interrupted(solutions) from None
+    return solutions
 
 
 def plausible(problem: ProblemData) -> Any:

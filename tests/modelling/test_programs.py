@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import scipy.linalg
 import scipy.sparse as sp
 from hypothesis import given
 from known_answers import GENERATORS, SEEDS
@@ -199,6 +200,35 @@ def test_least_squares_begin_by_orthogonal_factors_where_these_cost_less_than_th
     assert icp.solve_lsq(rng.normal(size=(5000, 5)), rng.normal(size=5000), 0.0).nit == 0
     chain = sp.eye_array(600) - sp.eye_array(600, k=1)
     assert icp.solve_lsq(chain, rng.normal(size=600), 0.0, 1.0).nit > 0
+
+
+@pytest.mark.parametrize(
+    ("place", "name", "last", "B"),
+    [
+        (scipy.linalg, "lstsq", 2, np.random.default_rng(0).normal(size=(60, 40))),
+        (icp.ICP, "p", 12, sp.eye_array(600) - sp.eye_array(600, k=1)),
+    ],
+    ids=["orthogonal", "ICP"],
+)
+def test_ctrl_c_loses_no_iterate_of_least_squares(monkeypatch, place, name, last, B):
+    plain = getattr(place, name)
+    calls = []
+
+    def interrupted(*args, **options):
+        calls.append(args)
+        if len(calls) == last:
+            raise KeyboardInterrupt
+        return plain(*args, **options)
+
+    monkeypatch.setattr(place, name, interrupted)
+    c = np.random.default_rng(1).normal(size=B.shape[0])
+    with pytest.raises(icp.NotSolved, match="Ctrl-C") as raised:
+        icp.solve_lsq(B, c, 0.0, 1.0)
+    assert len(calls) >= last
+    solution = raised.value.solution
+    assert ((solution.x >= 0.0) & (solution.x <= 1.0)).all()
+    assert solution.cost == pytest.approx(0.5 * np.sum((B @ solution.x - c) ** 2))
+    assert solution.cost < 0.5 * c @ c
 
 
 def test_wrong_arguments_of_least_squares_are_named():

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import signal
 from fractions import Fraction
 
 import numpy as np
@@ -144,6 +145,22 @@ def test_a_bimatrix_game_has_all_its_equilibria():
     found = icp.all_solutions(icp.ICP(A, -np.ones(4)))
     strategies = {tuple((point[:2] / point[:2].sum()).round(9)) for point in found.points}
     assert strategies == {(1.0, 0.0), (0.0, 1.0), (0.6, 0.4)}
+
+
+def test_ctrl_c_leaves_what_is_found_until_then():
+    """The alarm raises what Ctrl-C does. All 2¹⁸ corners of a cube are solutions, which takes far longer."""
+    before = signal.signal(signal.SIGALRM, signal.default_int_handler)
+    signal.setitimer(signal.ITIMER_REAL, 1.0)
+    try:
+        with pytest.raises(icp.Interrupted) as pressed:
+            icp.all_solutions(icp.ICP(-np.eye(18), np.ones(18)))
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+    found = pressed.value.report
+    assert not found.complete
+    assert set(np.unique(found.points)) <= {0.0, 1.0}
+    assert "not all 262144 linear pieces were examined" in str(found)
 
 
 def test_what_cannot_be_enumerated_is_refused():

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ...errors import InputError, NotSolved
+from ...errors import InputError, Interrupted, NotSolved
 from ...numerics import work
 from ...numerics.arrays import Mask, Vector, as_truth, as_vector, inner, norm
 from ...numerics.factorisation import largest_of_columns
@@ -25,7 +25,7 @@ from ...numerics.rounding import UNIT_ROUNDOFF, gamma, public_entry
 from ...present.display import Displayable
 from .program import saddle_matrix
 from .program_arguments import bounds, check_order, matrix, program_limits
-from .solve_qp import solve_avi
+from .solve_qp import INTERRUPTED, solve_avi
 
 #: columns up to which x is corrected by orthogonal factorisations, of which there may be as many
 _MAX_COLUMNS = 2000
@@ -185,7 +185,10 @@ def _solve_scaled(B: sp.csr_array, c: Vector, low: Vector, high: Vector, toleran
     exponent_c = min(max(exponent_c, exponent_B + least), exponent_B + _MAX_EXPONENT)
     scaled = sp.csr_array((np.ldexp(B.data, -exponent_B), B.indices, B.indptr), shape=B.shape)
     lower, upper = (np.ldexp(side, exponent_B - exponent_c) for side in (low, high))
-    x, violations, nit, status, message = _solve(scaled, np.ldexp(c, -exponent_c), lower, upper, tolerance)
+    try:
+        x, violations, nit, status, message = _solve(scaled, np.ldexp(c, -exponent_c), lower, upper, tolerance)
+    except Interrupted as error:
+        x, violations, nit, status, message = error.report
     x = np.clip(np.ldexp(x, exponent_c - exponent_B), low, high)
     if not (np.isfinite(x).all() and np.isfinite(violations).all()):
         status = "solver_error"
@@ -209,7 +212,8 @@ def _solve(B: sp.csr_array, c: Vector, low: Vector, high: Vector, tolerance: flo
     ub = np.concatenate([free, high])
     outcome = solve_avi(H, g, lb=lb, ub=ub, tolerance=tolerance, raise_on_failure=False)
     last = outcome.x[m:]
-    x, violations, is_optimal = _by_active_set(B, c, np.where(np.isnan(last), x, last), low, high, tolerance)
+    with work.work_limit(0.0 if outcome.message == INTERRUPTED else np.inf):
+        x, violations, is_optimal = _by_active_set(B, c, np.where(np.isnan(last), x, last), low, high, tolerance)
     if is_optimal:
         return x, violations, outcome.iterations, "optimal", "solved"
     if outcome.solved:
@@ -224,7 +228,7 @@ def _by_active_set(
 
     They end near a solution, by as many factorisations as that takes. The two are the share of the gradient that no
     bound holds, and whether it is small beside ‖r‖ and the columns of B. The rounding of r is left out. Rows where
-    r_i = 0 at a solution are known to the rounding of the others only.
+    r_i = 0 at a solution are known to the rounding of the others only. Raises Interrupted with an `Outcome`.
     """
     r = c - B @ x
     at_start = norm(r)
@@ -241,14 +245,14 @@ def _by_active_set(
             break
         # a residual that is rounding may go on to fall for ever
         enough = 0.5 * norm(r) if norm(r) <= norm(rounding) else norm(r)
-        for better in _nearer(B, c, x, low, high, free):
-            rest = c - B @ better
-            if norm(rest) < enough:
-                x = better
-                r = rest
-                break
-        else:
+        try:
+            better = next((y for y in _nearer(B, c, x, low, high, free) if norm(c - B @ y) < enough), None)
+        except KeyboardInterrupt:
+            raise Interrupted((x, violations, 0, "user_limit", INTERRUPTED)) from None
+        if better is None:
             break
+        x = better
+        r = c - B @ x
     # an x so large that its rounding hides the residual at the start is none
     is_known = norm(rounding) <= max(at_start, norm(c))
     return x, violations, is_known and bool((violations <= small + size.T @ rounding).all())

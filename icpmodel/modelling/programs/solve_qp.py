@@ -22,7 +22,8 @@ from .program import Presolve, Program, conditions_of
 from .program_arguments import check_convex, check_order, program_limits, read
 from .program_run import ProgramRun
 
-_INTERRUPTED = "interrupted by Ctrl-C"
+#: the message after Ctrl-C
+INTERRUPTED = "interrupted by Ctrl-C"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -346,7 +347,7 @@ def solve_program(
             try:
                 status, message = run.verdict(start)
             except KeyboardInterrupt:
-                status, message = "user_limit", _INTERRUPTED
+                status, message = "user_limit", INTERRUPTED
     z, box = presolve.postsolve(*run.values())
     is_proved = status.startswith(("infeasible", "unbounded"))
     if is_proved:
@@ -366,7 +367,7 @@ def solve_program(
         seconds=work.clock() - start_time,
         _program=program,
     )
-    if message == _INTERRUPTED:
+    if message == INTERRUPTED:
         raise Interrupted(solution)
     return solution, run
 
