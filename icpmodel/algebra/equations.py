@@ -70,16 +70,16 @@ class Pattern(NamedTuple):
     def at(cls, problem: ProblemData, z: Vector, p: Vector, omega: Vector) -> Pattern:
         """At `z`, where Az + q = `p`: rows with r_i < p_i/Ω_i, and those with z_i − ψ̄_i > p_i/Ω_i."""
         r = problem.r(z)
-        above = problem.r_upper(z)
-        return cls.of(r, above, p / omega)
+        r_upper = problem.r_upper(z)
+        return cls.of(r, r_upper, p / omega)
 
     @classmethod
-    def of(cls, r: Vector, above: Vector | None, a: Vector) -> Pattern:
-        """From r = z − ψ, `above` = z − ψ̄ and a = p/Ω; rows whose obstacles meet are active."""
-        if above is None:
+    def of(cls, r: Vector, r_upper: Vector | None, a: Vector) -> Pattern:
+        """From r = z − ψ, `r_upper` = z − ψ̄ and a = p/Ω; rows whose obstacles meet are active."""
+        if r_upper is None:
             return cls(r, r < a)
-        at_upper = above > a
-        return cls(np.where(at_upper, above, r), (r < a) | at_upper | (r <= above), at_upper)
+        at_upper = r_upper > a
+        return cls(np.where(at_upper, r_upper, r), (r < a) | at_upper | (r <= r_upper), at_upper)
 
     def sides(self) -> tuple[Mask, ...]:
         """The rows that take the lower obstacle, and if there is an upper one, those that take it."""

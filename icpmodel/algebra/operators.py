@@ -44,11 +44,11 @@ class Operator(ABC):
         def step(z: Vector) -> tuple[Vector, float]:
             p = problem.matrix.product(z) + problem.offset(z)
             r = z - problem.psi.value(z)
-            above = problem.r_upper(z)
+            r_upper = problem.r_upper(z)
             moved = np.minimum(p, omega * r)
-            if above is not None:
-                moved = np.maximum(omega * above, moved)
-            return z - 2.0 * self.solve(moved), problem.residual_of(p, r, above, problem.weights_at(z, p))
+            if r_upper is not None:
+                moved = np.maximum(omega * r_upper, moved)
+            return z - 2.0 * self.solve(moved), problem.residual_of(p, r, r_upper, problem.weights_at(z, p))
 
         return step
 

@@ -136,7 +136,7 @@ class _Point:
 
     def __init__(self, problem: DistributedICP, z: Any) -> None:
         self.problem, self.z = problem, z
-        self.p, self.below, self.above = problem.sides(z)
+        self.p, self.r, self.r_upper = problem.sides(z)
 
     @cached_property
     def rounding(self) -> tuple[Vector, Vector]:
@@ -146,7 +146,7 @@ class _Point:
     def certificate(self, bound: ErrorBound, rows: tuple[Mask, ...] = ()) -> DistributedCertificate:
         """The certificate with this bound, and with the masks of the decided `rows`, if any. Collective."""
         comm = self.problem.comm
-        residual = norm(comm, mid(self.problem.matrix.row_weights * self.p, self.below, self.above))
+        residual = norm(comm, mid(self.problem.matrix.row_weights * self.p, self.r, self.r_upper))
         masks = rows or (np.zeros(self.p.size, dtype=bool),) * 3
         active, inactive, above = (int(x) for x in totals(comm, *(float(mask.sum()) for mask in masks)))
         undecided = self.problem.n - active - inactive - above
@@ -157,8 +157,8 @@ class _Point:
         _, v, alpha, beta = proof
         rounding_p, rounding_r = self.rounding
         with np.errstate(over="ignore", invalid="ignore"):
-            top = None if self.above is None else self.above / beta
-            F = np.abs(mid(self.p / alpha, self.below / beta, top))
+            top = None if self.r_upper is None else self.r_upper / beta
+            F = np.abs(mid(self.p / alpha, self.r / beta, top))
             own = float(np.max(F + np.maximum(rounding_p / alpha, rounding_r / beta), initial=0.0))
             factor = largest(self.problem.comm, own)[0] + SMALLEST
             return np.nextafter(v * (factor * (1 + 8 * UNIT_ROUNDOFF)), np.inf)
@@ -170,10 +170,10 @@ class _Point:
         of_p = (rounding_p + self.problem.matrix.absolute(delta)) * inflate
         of_r = (rounding_r + delta + change) * inflate
         active = self.p > of_p
-        inactive = self.below > of_r
+        inactive = self.r > of_r
         at_upper = np.zeros(delta.size, dtype=bool)
-        if self.above is not None:
-            inactive = inactive & (-self.above > of_r)
+        if self.r_upper is not None:
+            inactive = inactive & (-self.r_upper > of_r)
             at_upper = self.p < -of_p
         return active & ~inactive, inactive & ~active & ~at_upper, at_upper & ~inactive
 
@@ -205,12 +205,12 @@ def obstacle_change(problem: DistributedICP, delta: Vector) -> Vector:
 
 def _may_cross(problem: DistributedICP, here: _Point, change: Vector) -> bool:
     """Whether ψ > ψ̄ is possible at an x within the bound of z. Fixed obstacles were checked before."""
-    if here.above is None or all(one.is_fixed for one in problem.maps):
+    if here.r_upper is None or all(one.is_fixed for one in problem.maps):
         return False
     rounding_r = here.rounding[1]
     with np.errstate(invalid="ignore"):
-        safe = np.isinf(here.below) | np.isinf(here.above)
-        safe |= here.below - here.above > (2.0 * change + 2.0 * rounding_r) * (1 + 8 * UNIT_ROUNDOFF)
+        safe = np.isinf(here.r) | np.isinf(here.r_upper)
+        safe |= here.r - here.r_upper > (2.0 * change + 2.0 * rounding_r) * (1 + 8 * UNIT_ROUNDOFF)
     return totals(problem.comm, float((~safe).sum()))[0] > 0
 
 

@@ -172,8 +172,8 @@ class DistributedICP(Displayable):
             On all ranks, where ψ fails.
         """
         p = self.matrix.product(z).array_r + self.q
-        above = None if self.upper is None else z.array_r - self.upper.value(z)
-        return p, z.array_r - self.psi.value(z), above
+        r_upper = None if self.upper is None else z.array_r - self.upper.value(z)
+        return p, z.array_r - self.psi.value(z), r_upper
 
     def residual(self, z: Any) -> float:
         """Res_D(z) = ‖min(D⁻¹p, r)‖₂, see `ProblemData.residual`.
@@ -188,8 +188,8 @@ class DistributedICP(Displayable):
         float
             The residual.
         """
-        p, below, above = self.sides(checked_point(self, z, "z"))
-        return norm(self.comm, mid(self.matrix.row_weights * p, below, above))
+        p, r, r_upper = self.sides(checked_point(self, z, "z"))
+        return norm(self.comm, mid(self.matrix.row_weights * p, r, r_upper))
 
     def paper_residual(self, z: Any) -> float:
         """Res(z) = ‖min(p, r)‖₂.

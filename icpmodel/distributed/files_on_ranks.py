@@ -216,8 +216,8 @@ def save_solution(solution: DistributedSolution, path: Source) -> None:
     path = as_path(path)
     vectors = {"z": solution.z}
     if path.suffix.lower() == ".h5":
-        p, below, _ = problem.sides(solution.z)
-        vectors |= {"p": problem.vector(p), "r": problem.vector(below)}
+        p, r, _ = problem.sides(solution.z)
+        vectors |= {"p": problem.vector(p), "r": problem.vector(r)}
     try:
         _written(path, vectors, problem.comm)
     except IcpError:  # which all ranks raise

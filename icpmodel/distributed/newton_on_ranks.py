@@ -33,19 +33,19 @@ _COARSE_REDUCTION = 0.02
 
 
 class Evaluation:
-    """p, z − ψ `below`, z − ψ̄ `above`, the active set and the residual at z; one product and one reduction.
+    """p, `r` = z − ψ, `r_upper` = z − ψ̄, the active set and the residual at z; one product and one reduction.
 
     `pattern_changed` says whether the active set differs from `last_pattern` on any rank.
     """
 
     def __init__(self, problem: DistributedICP, z: Any, last_pattern: Pattern | None) -> None:
         self.problem, self.z = problem, z
-        self.p, self.below, self.above = problem.sides(z)
+        self.p, self.r, self.r_upper = problem.sides(z)
         with np.errstate(all="ignore"):
             # p and r then change alike with z_i
             a = self.p / problem.matrix.diagonal * problem.psi.own_slope
-            self.pattern = Pattern.of(self.below, self.above, a)
-            own = mid(problem.matrix.row_weights * self.p, self.below, self.above)
+            self.pattern = Pattern.of(self.r, self.r_upper, a)
+            own = mid(problem.matrix.row_weights * self.p, self.r, self.r_upper)
         pattern_changed = last_pattern is None or not self.pattern.same_sides(last_pattern)
         squares, changes = totals(problem.comm, inner(own, own), float(pattern_changed))
         self.residual, self.pattern_changed = norm_from(problem.comm, squares, own), changes > 0
@@ -63,9 +63,9 @@ class Evaluation:
         at = self.z.copy()
         A = matrix.block
         rows = (A.indptr, A.indices, A.data, matrix.block_diagonal, matrix.row_weights)
-        psi: Any = z - self.below
-        if self.above is not None:
-            psi = ObstaclePair(psi, z - self.above)
+        psi: Any = z - self.r
+        if self.r_upper is not None:
+            psi = ObstaclePair(psi, z - self.r_upper)
         z, out = z.copy(), np.empty(z.size)
         for k in range(count):
             q = matrix.with_others(problem.q, at)

@@ -315,8 +315,8 @@ class _Run:
 
 def _check_maps(problem: DistributedICP, z: Any, when: str) -> None:
     """Raise MapError, on all ranks, where an obstacle has no value at a `z` that has one. Collective."""
-    _, below, above = problem.sides(z)
+    _, r, r_upper = problem.sides(z)
     with together(problem.comm):
-        for name, side in (("psi", below), ("upper", above)):
+        for name, side in (("psi", r), ("upper", r_upper)):
             if side is not None and (is_nan := np.isnan(side) & np.isfinite(z.array_r)).any():
                 raise MapError(f"{name} is nan in row {problem.low + int(np.argmax(is_nan))} {when}")

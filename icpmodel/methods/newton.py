@@ -102,14 +102,14 @@ class NewtonPoint:
         self.omega = omega
         self.z = z
         self.p = problem.p(z)
-        below = problem.r(z)
-        above = problem.r_upper(z)
-        self.sides = below, above
+        r = problem.r(z)
+        r_upper = problem.r_upper(z)
+        self.distances = r, r_upper
         a = self.p / omega
-        pattern = Pattern.of(below, above, a if above is None else _clipped_multipliers(problem, a, below - above))
+        pattern = Pattern.of(r, r_upper, a if r_upper is None else _clipped_multipliers(problem, a, r - r_upper))
         self.r, self.active, self.above = pattern
-        self.inner = None if above is None else _FischerBurmeister(-a, -above)
-        self.outer = _FischerBurmeister(a if self.inner is None else -self.inner.phi, below)
+        self.inner = None if r_upper is None else _FischerBurmeister(-a, -r_upper)
+        self.outer = _FischerBurmeister(a if self.inner is None else -self.inner.phi, r)
         self.phi = self.outer.phi
         self.theta = norm(self.phi)
 
@@ -117,7 +117,7 @@ class NewtonPoint:
     @np.errstate(all="ignore")
     def residual(self) -> float:
         """Res_D(z)."""
-        return self.problem.residual_of(self.p, *self.sides, self.problem.weights_at(self.z, self.p))
+        return self.problem.residual_of(self.p, *self.distances, self.problem.weights_at(self.z, self.p))
 
     @cached_property
     def jacobian(self) -> sp.csr_array:

@@ -137,11 +137,11 @@ class ProximalPath:
     @np.errstate(all="ignore")
     def residual(self) -> float:
         """Res_D(z)."""
-        return self.problem.residual_of(self.p, self.r, self.above)
+        return self.problem.residual_of(self.p, self.r, self.r_upper)
 
     def size(self, p: Vector) -> float:
         """‖min(p, Wr)‖ in the units of W."""
-        return balanced_residual(self.root, p, self.r, self.above)
+        return balanced_residual(self.root, p, self.r, self.r_upper)
 
     def subproblem_p(self) -> Vector:
         """p of the subproblem: p + μW(z − centre)."""
@@ -181,7 +181,7 @@ class ProximalPath:
         return z, p, self.problem.r(z), self.problem.r_upper(z)
 
     def _move(self, point: Point) -> None:
-        self.point = self.z, self.p, self.r, self.above = point
+        self.point = self.z, self.p, self.r, self.r_upper = point
 
     def _begin(self, centre: Point, shift: float) -> None:
         self._move(centre)
@@ -192,7 +192,7 @@ class ProximalPath:
 
     def _step(self) -> bool:
         """Make the Newton step: z = ψ(z) in active rows, the p of the subproblem 0 in the others; False if it fails."""
-        pattern = Pattern.of(self.r, self.above, self.subproblem_p() / ((1.0 + self.shift) * self.weights))
+        pattern = Pattern.of(self.r, self.r_upper, self.subproblem_p() / ((1.0 + self.shift) * self.weights))
         try:
             moved = self.steps.step(self.z, self.p, pattern, self.centre[0], self.shift * self.weights)
             if moved is None:

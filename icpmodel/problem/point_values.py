@@ -184,8 +184,8 @@ class PointValues(Displayable):
         omega = as_vector(omega, self.n, "omega")
         if not (omega > 0).all():
             raise InputError(f"omega has the entry {omega.min()}; positive numbers were expected")
-        above = self.r_upper(z)
-        return mid(self.p(z), omega * self.r(z), None if above is None else omega * above)
+        r_upper = self.r_upper(z)
+        return mid(self.p(z), omega * self.r(z), None if r_upper is None else omega * r_upper)
 
     @np.errstate(over="ignore", invalid="ignore", under="ignore")
     def residual(self, z: Any) -> float:
@@ -221,9 +221,9 @@ class PointValues(Displayable):
         """
         z = self.vector(z)
         psi = self.psi.value(z)
-        above = None if self.psi.upper is None else z - self.psi.upper.value(z)
+        r_upper = None if self.psi.upper is None else z - self.psi.upper.value(z)
         p = self.product(z) + self.offset(z)
-        return self.residual_of(p, z - psi, above, self.weights_at(z, p))
+        return self.residual_of(p, z - psi, r_upper, self.weights_at(z, p))
 
     def weights_at(self, z: Vector, p: Any = 0.0) -> Vector:
         """The diagonal of D⁻¹ in Res_D(z), shape (n,): the row weights of `matrix`, with an f increased by its slopes.
@@ -241,10 +241,8 @@ class PointValues(Displayable):
             return self.f.weights_at(self.matrix, z, p)
         return self.matrix.row_weights
 
-    def residual_of(
-        self, p: Vector, below: Vector, above: Vector | None = None, weights: Vector | None = None
-    ) -> float:
-        """Res_D from `p`, `below` = z − ψ and `above` = z − ψ̄, with the diagonal `weights` of D⁻¹.
+    def residual_of(self, p: Vector, r: Vector, r_upper: Vector | None = None, weights: Vector | None = None) -> float:
+        """Res_D from `p`, `r` = z − ψ and `r_upper` = z − ψ̄, with the diagonal `weights` of D⁻¹.
 
         By default the weights are those of the `matrix`. With an f the result is then a lower bound of Res_D.
 
@@ -253,7 +251,7 @@ class PointValues(Displayable):
         >>> ICP([[3.0]], [-6.0]).residual_of(np.array([-3.0]), np.array([1.0]), None)
         1.0
         """
-        return norm(mid(self.weighted(p, self.matrix.row_weights if weights is None else weights), below, above))
+        return norm(mid(self.weighted(p, self.matrix.row_weights if weights is None else weights), r, r_upper))
 
     def weighted(self, p: Vector, weights: Vector) -> Vector:
         """The `weights` times p, 0 where p is, although a weight may be ∞."""
@@ -322,9 +320,9 @@ class PointValues(Displayable):
         >>> ICP([[3.0]], [-6.0]).paper_residual([1.0])
         3.0
         """
-        above = self.r_upper(z)
+        r_upper = self.r_upper(z)
         with np.errstate(over="ignore", invalid="ignore"):
-            return norm(mid(self.p(z), self.r(z), above))
+            return norm(mid(self.p(z), self.r(z), r_upper))
 
     @np.errstate(over="ignore", invalid="ignore", under="ignore")
     def rounding(self, z: Any) -> tuple[Vector, Vector]:

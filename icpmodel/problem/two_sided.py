@@ -181,22 +181,22 @@ def select_obstacle(psi: Map, above: Mask | None) -> Map:
     return psi if psi.upper is None or above is None else Rowwise((psi, psi.upper), above.astype(np.intp))
 
 
-def mid(p: Vector, below: Vector, above: Vector | None = None) -> Vector:
+def mid(p: Vector, r: Vector, r_upper: Vector | None = None) -> Vector:
     """mid(z − ψ̄, p, z − ψ), the median of the three; min(p, z − ψ) without an upper obstacle.
 
     Parameters
     ----------
     p : array of shape (n,)
         Az + q.
-    below : array of shape (n,)
+    r : array of shape (n,)
         z − ψ.
-    above : array of shape (n,), optional
+    r_upper : array of shape (n,), optional
         z − ψ̄ ≤ z − ψ.
 
     Returns
     -------
     array of shape (n,)
-        The median. Where the obstacles cross, ψ_i > ψ̄_i, it is the one of `below` and `above` with
+        The median. Where the obstacles cross, ψ_i > ψ̄_i, it is the one of `r` and `r_upper` with
         the larger absolute value, which is never 0.
 
     Examples
@@ -204,20 +204,20 @@ def mid(p: Vector, below: Vector, above: Vector | None = None) -> Vector:
     >>> mid(np.array([3.0, -3.0, 0.5]), np.ones(3), -np.ones(3))
     array([ 1. , -1. ,  0.5])
     """
-    least: Vector = np.minimum(p, below)
-    if above is None:
+    least: Vector = np.minimum(p, r)
+    if r_upper is None:
         return least
-    result: Vector = np.maximum(above, least)
-    crossed = above > below
+    result: Vector = np.maximum(r_upper, least)
+    crossed = r_upper > r
     if crossed.any():
-        larger = np.where(np.abs(above) > np.abs(below), above, below)
+        larger = np.where(np.abs(r_upper) > np.abs(r), r_upper, r)
         result = np.where(crossed, larger, result)
     return result
 
 
-def balanced_residual(root: Vector, p: Vector, below: Vector, above: Vector | None) -> float:
+def balanced_residual(root: Vector, p: Vector, r: Vector, r_upper: Vector | None) -> float:
     """‖mid(√W(z − ψ̄), p/√W, √W(z − ψ))‖, where `root` is √W: the same in all units where W has those of p/z."""
-    return norm(mid(p / root, root * below, None if above is None else root * above))
+    return norm(mid(p / root, root * r, None if r_upper is None else root * r_upper))
 
 
 def as_map(psi: Any, n: int, upper: Any = None) -> Map:

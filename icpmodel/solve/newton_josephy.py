@@ -257,9 +257,9 @@ class _Search:
     def _equations(self, pattern: Pattern, point: NewtonPoint, W: Vector) -> float:
         """‖·‖ of r in the active rows of the `pattern`, and of p and the proximal term in its free rows, at `point`."""
         r = self.problem.r(point.z)
-        above = self.problem.r_upper(point.z)
-        if pattern.above is not None and above is not None:
-            r = np.where(pattern.above, above, r)
+        r_upper = self.problem.r_upper(point.z)
+        if pattern.above is not None and r_upper is not None:
+            r = np.where(pattern.above, r_upper, r)
         p = point.p + W * (point.z - self.current.z)
         return norm(np.where(pattern.active, r, p / self.path.omega))
 

@@ -149,13 +149,13 @@ def _crossing(run: Run, z: Vector) -> str:
     """In which row ψ > ψ̄ at `z`, beyond rounding and the tolerance; empty where there is none."""
     problem = run.problem
     with contextlib.suppress(MapError), np.errstate(over="ignore"):
-        below = problem.r(z)
-        above = problem.r_upper(z)
-        if above is not None:
-            gap = above - below - 2.0 * problem.rounding(z)[1]
+        r = problem.r(z)
+        r_upper = problem.r_upper(z)
+        if r_upper is not None:
+            gap = r_upper - r - 2.0 * problem.rounding(z)[1]
             if (gap > run.goal.tolerance_at(z)).any():
                 i = int(np.argmax(gap))
-                return f"psi_{i} = {z[i] - below[i]:.6g} is above upper_{i} = {z[i] - above[i]:.6g} at this z"
+                return f"psi_{i} = {z[i] - r[i]:.6g} is above upper_{i} = {z[i] - r_upper[i]:.6g} at this z"
     return ""
 
 

@@ -128,9 +128,9 @@ class CvxpyReading:
         """The conditions without bounds, each with its r, as it was written, at `z`."""
         columns = self._ordered.owned_columns
         r = self.problem.r(z)[columns]
-        above = self.problem.r_upper(z)
-        if above is not None:
-            r = np.where(self._ordered.sign < 0, -above[columns], r)
+        r_upper = self.problem.r_upper(z)
+        if r_upper is not None:
+            r = np.where(self._ordered.sign < 0, -r_upper[columns], r)
         distances = self._by_condition(r * self._ordered.r.Z.diagonal()[columns])
         return [(one, value) for one, value in distances if not one.is_bounded]
 

@@ -311,16 +311,16 @@ def possible_crossing(problem: ProblemData, z: Vector, delta: Vector) -> int | N
     Where the obstacles cross, a zero of the modulus equation need not be a solution.
     """
     psi = problem.psi
-    above = problem.r_upper(z)
-    if above is None or psi.parallel:
+    r_upper = problem.r_upper(z)
+    if r_upper is None or psi.parallel:
         return None
-    below = problem.r(z)
+    r = problem.r(z)
     change = psi.change(delta)
     rounding_r = problem.rounding(z)[1]
     with np.errstate(over="ignore", invalid="ignore"):
-        safe = np.isinf(below) | np.isinf(above)
+        safe = np.isinf(r) | np.isinf(r_upper)
         if change is not None:
-            safe |= below - above > (2.0 * change + 2.0 * rounding_r) * (1 + 8 * UNIT_ROUNDOFF)
+            safe |= r - r_upper > (2.0 * change + 2.0 * rounding_r) * (1 + 8 * UNIT_ROUNDOFF)
     return None if safe.all() else int(np.argmin(safe))
 
 

@@ -132,17 +132,17 @@ def certify(
     how: Any = {"sharp": sharp, "rigorous": rigorous, "time_limit": time_limit, "memory_limit": memory_limit}
     p = problem.p(z)
     r = problem.r(z)
-    above = problem.r_upper(z)
+    r_upper = problem.r_upper(z)
     beyond = np.maximum(-r, 0.0)
     violation = np.maximum(-p, 0.0)
-    if above is not None:
+    if r_upper is not None:
         # p < 0 where nothing is above, p > 0 where nothing is below
-        beyond = np.maximum(beyond, above)
-        violation = np.where(np.isneginf(above), violation, 0.0)
+        beyond = np.maximum(beyond, r_upper)
+        violation = np.where(np.isneginf(r_upper), violation, 0.0)
         violation = np.where(np.isposinf(r), np.maximum(p, violation), violation)
     return Certificate(
         residual=problem.residual(z),
-        residual_max=float(np.abs(mid(problem.weighted(p, problem.weights_at(z, p)), r, above)).max()),
+        residual_max=float(np.abs(mid(problem.weighted(p, problem.weights_at(z, p)), r, r_upper)).max()),
         residual_of_paper=problem.paper_residual(z),
         violation_p=float(violation.max()),
         violation_r=float(beyond.max()),
@@ -253,10 +253,10 @@ def active_set(problem: ProblemLike, z: Any, bound: ErrorBound) -> ActiveSet:
     if delta is not None and delta.size != problem.n:
         raise InputError(f"bound is that of {delta.size} unknowns; {problem.n} were expected")
     change = None if delta is None else problem.psi.change(delta)
-    below = problem.r(z)
-    above = problem.r_upper(z)
+    r = problem.r(z)
+    r_upper = problem.r_upper(z)
     if delta is None or change is None:
-        return ActiveSet(nothing, nothing, None if above is None else nothing)
+        return ActiveSet(nothing, nothing, None if r_upper is None else nothing)
     rounding_p, rounding_r = problem.rounding(z)
     inflate = 1 + 8 * UNIT_ROUNDOFF
     error_p = (rounding_p + product_upper_bound(problem.matrix.absolute, delta)) * inflate
@@ -265,10 +265,10 @@ def active_set(problem: ProblemLike, z: Any, bound: ErrorBound) -> ActiveSet:
     error_r = (rounding_r + delta + change) * inflate
     p = problem.p(z)
     active = p > error_p
-    inactive = below > error_r
-    if above is None:
+    inactive = r > error_r
+    if r_upper is None:
         return ActiveSet(active & ~inactive, inactive & ~active)
     # where a row is proved to be both, something is wrong with the bound, and nothing is said
-    inactive &= -above > error_r
+    inactive &= -r_upper > error_r
     at_upper = p < -error_p
     return ActiveSet(active & ~inactive, inactive & ~active & ~at_upper, at_upper & ~inactive)

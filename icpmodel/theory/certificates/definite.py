@@ -243,12 +243,12 @@ def _reflect(problem: ProblemData, z: Vector) -> tuple[Vector, Vector, Any, Vect
     """
     p = problem.p(z)
     r = problem.r(z)
-    above = problem.r_upper(z)
-    if above is None:
+    r_upper = problem.r_upper(z)
+    if r_upper is None:
         return p, r, 1.0, r
-    is_upper = (above > 0) | ((p < 0) & (r >= 0))
+    is_upper = (r_upper > 0) | ((p < 0) & (r >= 0))
     sign = np.where(is_upper, -1.0, 1.0)
-    return sign * p, np.where(is_upper, -above, r), sign, np.minimum(r, -above)
+    return sign * p, np.where(is_upper, -r_upper, r), sign, np.minimum(r, -r_upper)
 
 
 def _slopes(psi: Map, n: int) -> tuple[sp.csr_array, sp.csr_array]:

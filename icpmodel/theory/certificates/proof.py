@@ -64,8 +64,8 @@ def no_lipschitz(psi: Map) -> str:
 
 def natural_map(problem: ProblemData, z: Vector, a: Vector, b: Vector | float) -> Vector:
     """min(p/a, r/b) at `z`, with an upper obstacle the median of these and (z − ψ̄)/b."""
-    above = problem.r_upper(z)
-    return mid(problem.p(z) / a, problem.r(z) / b, None if above is None else above / b)
+    r_upper = problem.r_upper(z)
+    return mid(problem.p(z) / a, problem.r(z) / b, None if r_upper is None else r_upper / b)
 
 
 def norm_up(x: Vector) -> float:

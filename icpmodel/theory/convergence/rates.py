@@ -93,10 +93,10 @@ class Rate(Displayable, ABC):
         with np.errstate(all="ignore"):
             r = problem.r(z0)
             omega = step.omega
-            above = problem.r_upper(z0)
+            r_upper = problem.r_upper(z0)
             F = np.minimum(problem.p(z0), omega * r)
-            if above is not None:  # where the obstacles cross as well: what the step is made of
-                F = np.maximum(F, omega * above)
+            if r_upper is not None:  # where the obstacles cross as well: what the step is made of
+                F = np.maximum(F, omega * r_upper)
             rounding_p, rounding_r = problem.rounding(z0)
             # either side may be the smaller one, within its error
             rounding_F = np.maximum(rounding_p, omega * rounding_r) + 4 * UNIT_ROUNDOFF * np.abs(F)
