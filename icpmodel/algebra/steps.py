@@ -13,31 +13,29 @@ from ..problem.data import ProblemData
 from ..problem.map import Map
 from ..problem.two_sided import ObstaclePair, obstacle_values, sides_of
 
-#: sweeps in one call at the most
-STEPS_PER_PASS = 4
-#: z⁺, and Res_D(z) or None where it does not fall out of the step
-Stepped = tuple[Vector, float | None]
+#: the largest number of sweeps in one call
+_MAX_STEPS_PER_CALL = 4
+#: z⁺, and Res_D(z), None where the step does not yield it for free
+StepResult = tuple[Vector, float | None]
 #: z ↦ (z⁺, Res_D(z))
-Step = Callable[[Vector], Stepped]
-#: (z, count) ↦ the results of `count` steps in a row, or of fewer
-Several = Callable[[Vector, int], list[Stepped]]
+Step = Callable[[Vector], StepResult]
 
 
 class Sweep:
-    """A step; `several(z, count)` makes several of them in one call."""
+    """A `step`, callable as one; `repeat(z, count)` makes `count` of them in one call, and returns their results."""
 
-    def __init__(self, single: Step, several: Several) -> None:
-        self.single = single
-        self.several = several
+    def __init__(self, step: Step, repeat: Callable[[Vector, int], list[StepResult]]) -> None:
+        self.step = step
+        self.repeat = repeat
 
-    def __call__(self, z: Vector) -> Stepped:
-        return self.single(z)
+    def __call__(self, z: Vector) -> StepResult:
+        return self.step(z)
 
 
-def repeated_steps(step: Step, z: Vector, count: int = STEPS_PER_PASS) -> list[Stepped]:
+def repeated_steps(step: Step, z: Vector, count: int = _MAX_STEPS_PER_CALL) -> list[StepResult]:
     """Up to `count` ≥ 1 steps from `z`, one after the other: one step, or as many as one call makes."""
-    several = min(count, STEPS_PER_PASS)
-    return step.several(z, several) if isinstance(step, Sweep) and several > 1 else [step(z)]
+    count = min(count, _MAX_STEPS_PER_CALL)
+    return step.repeat(z, count) if isinstance(step, Sweep) and count > 1 else [step(z)]
 
 
 def compiled_step(problem: ProblemData, parameters: tuple[Any, ...], forward: bool = True) -> Step:
@@ -46,34 +44,34 @@ def compiled_step(problem: ProblemData, parameters: tuple[Any, ...], forward: bo
     An affine ψ is evaluated inside the sweep, and several sweeps are then made in one call; any other
     is called once for each.
     """
-    from .kernels.sweeps import several_sweeps, sweep_rows
+    from .kernels.sweeps import repeated_sweeps, sweep_rows
 
     psi = problem.psi
     A = problem.A
-    inside = read_only(_compiled_obstacle(psi))
-    before = read_only((A.indptr, A.indices, A.data, problem.matrix.rows.diag, problem.matrix.row_weights, problem.q))
+    compiled_psi = read_only(_compiled_obstacle(psi))
+    rows = read_only((A.indptr, A.indices, A.data, problem.matrix.rows.diag, problem.matrix.row_weights, problem.q))
     parameters = read_only(parameters)
     sweep_cost = work.sweep(problem.n, problem.facts.entries)
 
     def step(z: Vector) -> tuple[Vector, float]:
         work.count(sweep_cost)
         out = np.empty(z.size)
-        obstacle = read_only(obstacle_values(psi, z)) if inside is None else inside
-        squares = sweep_rows(*before, obstacle, parameters, forward, z, out)
+        obstacle = read_only(obstacle_values(psi, z)) if compiled_psi is None else compiled_psi
+        squares = sweep_rows(*rows, obstacle, parameters, forward, z, out)
         return out, float(np.sqrt(squares))
 
-    if inside is None:
+    if compiled_psi is None:
         return step
 
-    def several(z: Vector, count: int) -> list[Stepped]:
+    def repeat(z: Vector, count: int) -> list[StepResult]:
         work.count(sweep_cost * count)
         Z = np.empty((count + 1, z.size))
         squares = np.empty(count)
         Z[0] = z
-        several_sweeps(*before, inside, parameters, forward, Z, squares)
+        repeated_sweeps(*rows, compiled_psi, parameters, forward, Z, squares)
         return list(zip(Z[1:], np.sqrt(squares).tolist(), strict=True))
 
-    return Sweep(step, several)
+    return Sweep(step, repeat)
 
 
 def _compiled_obstacle(psi: Map) -> Any:

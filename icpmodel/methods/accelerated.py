@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..algebra.relaxation import AUTO, jacobi_step, relaxation
-from ..algebra.steps import Stepped, repeated_steps
+from ..algebra.steps import StepResult, repeated_steps
 from ..errors import InputError, MapError
 from ..numerics import work
 from ..numerics.arrays import Vector, as_number, described
@@ -121,7 +121,7 @@ class Accelerated(Method):
         step = opening or of.step_of(problem)
         history = Differences(problem, self.history_size)
         phase = _Phases()
-        ahead: list[Stepped] = []
+        ahead: list[StepResult] = []
         sweeps = 0
         plain = None
         least = np.inf

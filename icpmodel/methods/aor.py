@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 from ..algebra.relaxation import MIN_ADAPTED_OMEGA, AdaptedOmega, a_number, is_auto, leave_out, relaxation, sor
 from ..algebra.splittings import AOR, Splitting
-from ..algebra.steps import Stepped, repeated_steps
+from ..algebra.steps import StepResult, repeated_steps
 from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
 from .contract import Iterate, Method, with_options
@@ -41,7 +41,7 @@ class _AdaptedPath(Iterator[Iterate]):
         self.z = z
         self.step: Any = member.opening(problem)
         self.omega: AdaptedOmega | None = None
-        self.ahead: list[Stepped] = []
+        self.ahead: list[StepResult] = []
         self.residual: float | None = None
 
     def __next__(self) -> Iterate:

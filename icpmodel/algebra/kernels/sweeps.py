@@ -144,7 +144,7 @@ def sweep_rows(indptr, indices, data, diag, weights, q, psi, par, forward, z, ou
 
 
 @compiled
-def several_sweeps(indptr, indices, data, diag, weights, q, psi, par, forward, Z, squares):
+def repeated_sweeps(indptr, indices, data, diag, weights, q, psi, par, forward, Z, squares):
     # sweeps one after the other, Z[0] -> Z[1] -> ...
     for k in range(squares.size):
         squares[k] = sweep_rows(indptr, indices, data, diag, weights, q, psi, par, forward, Z[k], Z[k + 1])
