@@ -29,8 +29,8 @@ from .steps import Step
 
 #: the value of theta1 that is no number
 AUTO = "auto"
-#: steps between two changes of ω, which wait until two factors agree to this share of their gap to 1
-STEPS_PER_CHANGE = 12
+#: the least number of steps between two changes of ω, and the share of its gap to 1 by which two factors may differ
+_MIN_STEPS_PER_CHANGE = 12
 _FACTOR_AGREEMENT = 0.05
 #: the factor of the ω that follows from the rate, as too large a one costs more than too small a one; and the least
 #: share by which a new ω must come nearer to 2
@@ -65,14 +65,14 @@ def is_auto(theta1: Any) -> bool:
     return False
 
 
-def a_number(theta1: Any) -> float:
+def theta1_number(theta1: Any) -> float:
     """θ₁, which must be a number here. Raises InputError."""
     if is_auto(theta1):
         raise InputError(f"theta1 is {AUTO!r}; adapt(problem) is the member with numbers, which was expected")
     return float(theta1)
 
 
-def leave_out(method: Any, *names: str) -> None:
+def check_defaults(method: Any, *names: str) -> None:
     """Raise InputError where one of the options `names`, which θ₁ = "auto" decides, differs from its default."""
     for option in fields(method):
         value = getattr(method, option.name)
@@ -92,7 +92,7 @@ def check_diagonal(method: Any, name: str, *, positive: bool = True) -> None:
     object.__setattr__(method, name, value if np.ndim(option) else float(value[0]))
 
 
-def sor(problem: ProblemData, omega: float) -> tuple[float, Vector]:
+def sor_parameters(problem: ProblemData, omega: float) -> tuple[float, Vector]:
     """θ₁ = 1/(2/ω − s) and the diagonal of Ω = sD, s = 2 − ω, shape (n,): then D/θ₁ + Ω = 2D/ω.
 
     The small Ω keeps overrelaxed rows near the contact set from flipping sides; 0 < `omega` < 2.
@@ -106,7 +106,7 @@ def best_omega(radius: float) -> float:
     return 2.0 / (1.0 + math.sqrt(1.0 - min(radius, _MAX_RADIUS) ** 2))
 
 
-def sor_speed(omega: float, radius: float) -> float:
+def sor_log_reduction(omega: float, radius: float) -> float:
     """The log reduction of the error in a sweep with ω, for the Jacobi radius ρ = `radius`.
 
     By the largest λ with (λ + ω − 1)² = ω²ρ²λ, for ω from the best one on ω − 1 (Young 1971, chapter 6). From ρ = 1 on
@@ -119,7 +119,7 @@ def sor_speed(omega: float, radius: float) -> float:
     return -math.log(max(rate, _MIN_ERROR_FACTOR))
 
 
-def relaxation(problem: ProblemData) -> float:
+def cautious_omega(problem: ProblemData) -> float:
     """A cautious ω for a run that does not adapt it: 2/(1 + √(1 − ρ²)), at most 1.4.
 
     ρ is `coupled_radius`; ω = 1 if ρ ≥ 1. On the rows that do not touch the obstacle the best ω is
@@ -174,7 +174,7 @@ class AdaptedOmega:
     """An ω that follows the rate: from `value` up to `max_value`, and back where the residual grows or hardly falls.
 
     Every step back halves ω − 1, sets ω = 1 where ω ≤ 1.2, and is final. Where ω = 1 does no
-    better, the run is `plain` from then on, with MNMGS. MNMGS solves every problem with an
+    better, the run `is_plain` from then on: it is MNMGS. MNMGS solves every problem with an
     H₊-matrix and a ψ of small slope, so hardly one of these is lost. The patience is several times
     the number of steps that should halve the error, by the observed rate or by the one for which ω
     is best.
@@ -183,33 +183,32 @@ class AdaptedOmega:
     def __init__(self, value: float, max_value: float = 2.0) -> None:
         self.value = value
         self.max_value = max_value
-        self.plain = False
-        self._last = self._factor = math.nan
-        self._steps = self._since = 0
+        self.is_plain = False
+        self._last_residual = self._last_factor = math.nan
+        self._steps_since_change = self._idle_steps = 0
         self._least = self._milestone = math.inf
 
-    def changes(self, residual: float | None) -> bool:
-        """Whether to change ω, or to stay `plain` from now on, after an iterate with this `residual`."""
-        assert residual is not None
-        factor = residual / self._last if self._last > 0 else math.nan
-        before = self._factor
-        self._factor = factor
-        self._last = residual
+    def update(self, residual: float) -> bool:
+        """Add the `residual` of the last iterate; return whether ω changes, or the run becomes plain."""
+        factor = residual / self._last_residual if self._last_residual > 0 else math.nan
+        last_factor = self._last_factor
+        self._last_factor = factor
+        self._last_residual = residual
         self._least = min(self._least, residual)
-        self._steps += 1
-        self._since += 1
+        self._steps_since_change += 1
+        self._idle_steps += 1
         if residual <= self._milestone / 2:
             self._milestone = residual
-            self._since = 0
-        if self.plain:
+            self._idle_steps = 0
+        if self.is_plain:
             return False
-        if self._since > self._patience(factor) or not residual <= _MAX_GROWTH * self._least:
-            self.plain = self.value == 1.0
+        if self._idle_steps > self._patience(factor) or not residual <= _MAX_GROWTH * self._least:
+            self.is_plain = self.value == 1.0
             self.max_value = 1.0 + 0.5 * (self.value - 1.0) if self.value > MIN_ADAPTED_OMEGA else 1.0
             self._change(self.max_value)
             return True
-        agree = abs(factor - before) < _FACTOR_AGREEMENT * (1.0 - factor)
-        if self.value < self.max_value and self._steps >= STEPS_PER_CHANGE and agree:
+        agree = abs(factor - last_factor) < _FACTOR_AGREEMENT * (1.0 - factor)
+        if self.value < self.max_value and self._steps_since_change >= _MIN_STEPS_PER_CHANGE and agree:
             omega = min(_CAUTION * self._best(factor), self.max_value)
             if omega > self.value + _MIN_GAIN * (2.0 - self.value):
                 self._change(omega)
@@ -224,7 +223,7 @@ class AdaptedOmega:
         return _PATIENCE + _HALVINGS_OF_PATIENCE * steps
 
     def _best(self, factor: float) -> float:
-        """The ω of the least rate, from the `factor` observed at the present ω; 0 if that is no evidence."""
+        """The ω of the least rate, from the `factor` observed at the present ω; 0 where it tells nothing of ρ."""
         if not 0 < factor < 1:
             return 0.0
         mu = (factor + self.value - 1.0) / (self.value * math.sqrt(factor))
@@ -232,7 +231,7 @@ class AdaptedOmega:
 
     def _change(self, omega: float) -> None:
         self.value = omega
-        self._steps = 0
-        self._since = 0
-        self._factor = math.nan
-        self._milestone = self._last
+        self._steps_since_change = 0
+        self._idle_steps = 0
+        self._last_factor = math.nan
+        self._milestone = self._last_residual

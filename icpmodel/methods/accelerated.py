@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..algebra.relaxation import AUTO, jacobi_step, relaxation
+from ..algebra.relaxation import AUTO, cautious_omega, jacobi_step
 from ..algebra.steps import StepResult, repeated_steps
 from ..errors import InputError, MapError
 from ..numerics import work
@@ -47,7 +47,7 @@ class Accelerated(Method):
         A method whose iterates are those of one map: a member of the modulus family, `PSOR`, or a
         `FixedPoint` of your own. One with theta1="auto" runs with the numbers of `adapt(problem)`.
         The default is MNMAOR(theta1="auto"). Where every ψ_i depends on z_i alone and changes by
-        less, it is PSOR with the ω of `algebra.relaxation.relaxation`, after one Jacobi step.
+        less, it is PSOR with the ω of `algebra.relaxation.cautious_omega`, after one Jacobi step.
     history_size : int, default 7
         Number of differences, at least 1.
     mixing_frequency : int, default 3
@@ -163,7 +163,7 @@ class Accelerated(Method):
 
 def _default(problem: ProblemData) -> FixedPoint:
     """The default of the method that is accelerated."""
-    return PSOR(omega=relaxation(problem)) if problem.facts.has_fixed_obstacle else MNMAOR(theta1=AUTO)
+    return PSOR(omega=cautious_omega(problem)) if problem.facts.has_fixed_obstacle else MNMAOR(theta1=AUTO)
 
 
 class _Phases:

@@ -6,7 +6,15 @@ from abc import abstractmethod
 from collections.abc import Iterator
 from typing import Any, ClassVar
 
-from ..algebra.relaxation import MIN_ADAPTED_OMEGA, AdaptedOmega, a_number, is_auto, leave_out, relaxation, sor
+from ..algebra.relaxation import (
+    MIN_ADAPTED_OMEGA,
+    AdaptedOmega,
+    cautious_omega,
+    check_defaults,
+    is_auto,
+    sor_parameters,
+    theta1_number,
+)
 from ..algebra.splittings import AOR, Splitting
 from ..algebra.steps import StepResult, repeated_steps
 from ..numerics.arrays import Vector
@@ -57,10 +65,10 @@ class _AdaptedPath(Iterator[Iterate]):
         """Change ω if the `residual` of the last iterate calls for it."""
         if self.omega is None:
             self.omega = self.member._starting_omega(self.problem)
-        elif not self.omega.changes(residual):
+        elif not self.omega.update(residual):
             return
         plain = type(self.member)(phi=self.member.phi)
-        self.adapted_method = plain if self.omega.plain else self.member._with_omega(self.problem, self.omega.value)
+        self.adapted_method = plain if self.omega.is_plain else self.member._with_omega(self.problem, self.omega.value)
         self.step = self.adapted_method.step_of(self.problem)
         self.ahead = []
 
@@ -102,12 +110,12 @@ class MNMAOR(_AdaptiveRelaxation):
     def __post_init__(self) -> None:
         super().__post_init__()
         if is_auto(self.theta1):
-            leave_out(self, "theta2", "phi1", "phi2")
+            check_defaults(self, "theta2", "phi1", "phi2")
         else:
             AOR(self.theta1, self.theta2)
 
     def adapt(self, problem: ProblemData) -> MNMAOR:
-        """This method with numbers in place of "auto": ω = `relaxation`, which is enough for acceleration.
+        """This method with numbers in place of "auto": ω = `cautious_omega`, which is enough for acceleration.
 
         Parameters
         ----------
@@ -119,17 +127,17 @@ class MNMAOR(_AdaptiveRelaxation):
         MNMAOR
             Itself where it has numbers.
         """
-        return self._with_omega(problem, relaxation(problem)) if is_auto(self.theta1) else self
+        return self._with_omega(problem, cautious_omega(problem)) if is_auto(self.theta1) else self
 
     def _starting_omega(self, problem: ProblemData) -> AdaptedOmega:
-        omega = relaxation(problem)
+        omega = cautious_omega(problem)
         return AdaptedOmega(omega, max_value=omega) if 1.0 < omega < MIN_ADAPTED_OMEGA else AdaptedOmega(1.0)
 
     def _with_omega(self, problem: ProblemData, omega: float) -> MNMAOR:
         return overrelaxed(problem, omega, self.phi)
 
     def splitting_of(self) -> Splitting:
-        return AOR(a_number(self.theta1), self.theta2)
+        return AOR(theta1_number(self.theta1), self.theta2)
 
 
 @with_options
@@ -160,7 +168,7 @@ class MNMSOR(_AdaptiveRelaxation):
     def __post_init__(self) -> None:
         super().__post_init__()
         if is_auto(self.theta1):
-            leave_out(self, "phi1", "phi2")
+            check_defaults(self, "phi1", "phi2")
 
     def adapt(self, problem: ProblemData) -> MNMSOR:
         """This method with θ₁ = 1 and Ω = D: that is proved, and the best start for acceleration.
@@ -178,15 +186,15 @@ class MNMSOR(_AdaptiveRelaxation):
         return MNMSOR(phi=self.phi) if is_auto(self.theta1) else self
 
     def _starting_omega(self, problem: ProblemData) -> AdaptedOmega:
-        omega = relaxation(problem)
+        omega = cautious_omega(problem)
         return AdaptedOmega(omega, max_value=omega)
 
     def _with_omega(self, problem: ProblemData, omega: float) -> MNMSOR:
-        theta1, phi2 = sor(problem, omega)
+        theta1, phi2 = sor_parameters(problem, omega)
         return MNMSOR(phi=self.phi, phi2=phi2, theta1=theta1)
 
     def splitting_of(self) -> Splitting:
-        theta1 = a_number(self.theta1)
+        theta1 = theta1_number(self.theta1)
         return AOR(theta1, theta1)
 
 
@@ -237,5 +245,5 @@ def overrelaxed(problem: ProblemData, omega: float, phi: Any = 0.0) -> MNMAOR:
 
     Parameters: `omega` in (0, 2). Reference: `algebra.relaxation`.
     """
-    theta1, phi2 = sor(problem, omega)
+    theta1, phi2 = sor_parameters(problem, omega)
     return MNMAOR(phi=phi, phi2=phi2, theta1=theta1, theta2=2.0 * theta1)

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..algebra.relaxation import a_number, check_diagonal, is_auto, scale_of
+from ..algebra.relaxation import check_diagonal, is_auto, scale_of, theta1_number
 from ..algebra.splittings import FullSplitting, Splitting
 from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
@@ -91,4 +91,4 @@ class MNMMOD(MNMOD):
         return MNMMOD(phi=self.phi, theta1=scale_of(problem)) if is_auto(self.theta1) else self
 
     def omega_of(self, problem: ProblemData) -> Vector:
-        return np.full(problem.n, a_number(self.theta1))
+        return np.full(problem.n, theta1_number(self.theta1))

@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import replace
 
 from ..algebra.affine_lcp import PIVOT_UP_TO
-from ..algebra.relaxation import AUTO, relaxation
+from ..algebra.relaxation import AUTO, cautious_omega
 from ..algebra.schur import SchurComplement, elimination
 from ..errors import OutOfTime, check_arguments
 from ..methods.accelerated import Accelerated
@@ -202,7 +202,7 @@ class Ladder:
         return jobs[0].remaining if jobs else math.inf
 
     def _accelerated(self) -> Accelerated:
-        return Accelerated(of=PSOR(omega=relaxation(self.problem)))
+        return Accelerated(of=PSOR(omega=cautious_omega(self.problem)))
 
     def next(self) -> Job | None:
         """The method that runs next; None if none is left or the ladder is paused."""

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from ..algebra.affine_lcp import INVERSE, PIVOT_UP_TO, lcp_rows
 from ..algebra.factor_costs import factor_costs, interior_cost, newton_cost, system_cost
 from ..algebra.newton_steps import SWEEPS
-from ..algebra.relaxation import sor_speed
+from ..algebra.relaxation import sor_log_reduction
 from ..methods.accelerated import Accelerated
 from ..methods.contract import Method
 from ..methods.factorised import MNMMOD
@@ -72,15 +72,15 @@ def _sweeps(method: Method, facts: Facts, target_reduction: float) -> Estimate:
     costs = work.COSTS
     step = costs.iterate + work.sweep(n, facts.entries)
     omega = method.of.omega if isinstance(method, Accelerated) and isinstance(method.of, PSOR) else 1.0
-    speed = sor_speed(omega, max(facts.matrix.coupled_radius, facts.coupling))
+    log_reduction = sor_log_reduction(omega, max(facts.matrix.coupled_radius, facts.coupling))
     vectors = 0.0
     if isinstance(method, Accelerated):
-        root = math.sqrt(1.0 - math.exp(-speed))
-        speed = 0.5 * math.log((1.0 + root) / (1.0 - root))
+        root = math.sqrt(1.0 - math.exp(-log_reduction))
+        log_reduction = 0.5 * math.log((1.0 + root) / (1.0 - root))
         # of the sweeps between two combinations each adds to the history
         vectors = 2.0 + 3.0 * (method.history_size + 1) / method.mixing_frequency
         step += 2.0 * costs.call + vectors * costs.vector * n
-    steps = math.log(1.0 / target_reduction) / speed + 1.0
+    steps = math.log(1.0 / target_reduction) / log_reduction + 1.0
     return Estimate(costs.call, step, steps, 8.0 * n * (4.0 + vectors))
 
 
