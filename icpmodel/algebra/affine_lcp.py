@@ -24,7 +24,7 @@ Matrix = NDArray[np.float64]
 
 
 #: the largest number of pivots for a small LCP, in units of n + 1
-PIVOTS = 50
+MAX_PIVOTS_PER_ROW = 50
 #: the largest number of rows of a problem, or a block of one, that is solved by pivoting
 PIVOT_UP_TO = MAX_DENSE_ROWS
 #: arrays of n² entries that are held at once: A, its exponents and units, its scaled copy, and the dictionary
@@ -34,7 +34,7 @@ _SETUP_COST = 45.0
 #: rows whose block of M has a larger condition number are not exchanged
 _MAX_CONDITION = 1e8
 #: the cost of an inverse and a product with it, in factorisations
-INVERSE = 6.0
+INVERSE_COST = 6.0
 
 
 def lcp_rows(facts: Facts) -> int:
@@ -73,7 +73,7 @@ class AffineLcp:
         The vectors; with k matrices q has the shape (k, n).
     G : array of shape (n, n), optional
         Dense; None for 0.
-    above : tuple (d, H), optional
+    upper : tuple (d, H), optional
         The upper obstacle, Hz + d, in the same form; None where there is none.
     adds_rows : bool, default True
         Whether H differs from G.
@@ -86,9 +86,9 @@ class AffineLcp:
     Notes
     -----
     y is z minus the obstacle nearer to 0, and `bound` the other one, as in `kernels.dictionary`. In the rows
-    that are `free`, y has any sign and the inequality is an equation. An upper obstacle with H ≠ G adds a row for each
-    row that has it. The first rows are then Az + q + Ds ≥ 0, d_i = max_j |a_ij|. Behind z, y holds s, whose rows are
-    D(Hz + d − z) ≥ 0. So p < 0 where z is at the upper obstacle.
+    `without_obstacle`, y has any sign and the inequality is an equation. An upper obstacle with H ≠ G adds a row for
+    each row that has it. The first rows are then Az + q + Ds ≥ 0, d_i = max_j |a_ij|. Behind z, y holds s, whose rows
+    are D(Hz + d − z) ≥ 0. So p < 0 where z is at the upper obstacle.
 
     References
     ----------
@@ -102,14 +102,14 @@ class AffineLcp:
         q: Vector,
         c: Vector,
         G: Matrix | None = None,
-        above: tuple[Vector, Any] | None = None,
+        upper: tuple[Vector, Any] | None = None,
         adds_rows: bool = True,
     ) -> None:
         from .kernels.dictionary import nearest_obstacles  # loads numba
 
         self.n = A.shape[-1]
         self.rows: Any = None
-        d = np.full(self.n, np.inf) if above is None or adds_rows else above[0]
+        d = np.full(self.n, np.inf) if upper is None or adds_rows else upper[0]
         self.c, far = nearest_obstacles(*read_only((c, d)))
         with np.errstate(over="ignore"):
             self.bound = far - self.c
@@ -119,12 +119,12 @@ class AffineLcp:
             with one_blas_thread():
                 self.inverse = inverse_of_slope(G)
                 self.M = A @ self.inverse
-        if above is not None and adds_rows:
-            q = self._with_rows_above(A, q, *above)
+        if upper is not None and adds_rows:
+            q = self._add_upper_rows(A, q, *upper)
         self.q = q + self.M @ self.c
 
-    def _with_rows_above(self, A: Matrix, q: Vector, d: Vector, H: Any) -> Vector:
-        """M and c with the rows for the upper obstacle; returns q with them."""
+    def _add_upper_rows(self, A: Matrix, q: Vector, d: Vector, H: Any) -> Vector:
+        """Add the rows for the upper obstacle to M, c and `bound`; return q with them."""
         n = self.n
         self.rows = np.flatnonzero(d < np.inf)
         k = self.rows.size
@@ -140,15 +140,15 @@ class AffineLcp:
         self.M = M
         self.c = np.append(self.c, np.zeros(k))
         self.bound = np.append(self.bound, np.full(k, np.inf))
-        return self.extended(q, d)
+        return self.right_sides(q, d)
 
     @property
-    def free(self) -> Mask:
-        """The rows without obstacle."""
+    def without_obstacle(self) -> Mask:
+        """The rows without obstacle, a mask of the shape of q."""
         return np.isnan(self.bound)
 
-    def extended(self, Q: Any, D: Any) -> Any:
-        """Right-hand sides, shape (n,) or one in each row, with those of the rows above, where d is `D`."""
+    def right_sides(self, Q: Any, D: Any) -> Any:
+        """q of the LCP, shape (n,) or one in each row, from those of the ICP and d of its upper obstacle."""
         return Q if self.rows is None else np.concatenate([Q, self.weight * D[..., self.rows]], axis=-1)
 
     def active_rows(self, y: Vector) -> tuple[Mask, Mask]:
@@ -163,16 +163,16 @@ class AffineLcp:
 
     @property
     def covering(self) -> Vector:
-        """The vector d in w = q + My + d·t: 1, and 0 in rows for an upper obstacle, where `start` takes 1 if y = 0
-        violates them.
+        """The vector d in w = q + My + d·t, shape (m,) for m rows: 1, but 0 in the added rows.
 
-        So z keeps to both obstacles along the path, which ends in a solution if all rows have both.
+        Where y = 0 violates an added row, `first_dictionary` takes 1 there. So z keeps to both obstacles
+        along the path, which ends in a solution if all rows have both.
         """
         d = np.ones(self.M.shape[-1])
         d[self.n :] = 0.0
         return d
 
-    def start(self, covering: Vector | None = None, dropped: int | None = None) -> Any:
+    def first_dictionary(self, covering: Vector | None = None, dropped: int | None = None) -> Any:
         """The first dictionary, as `kernels.pivoting.continue_pivots` takes it.
 
         `covering` is the vector d in w = q + My + d·t, in the units of the rows, by default that of the same name. With
@@ -187,9 +187,8 @@ class AffineLcp:
             covering = np.where(S[:, dropped] > 0.0, S[:, dropped], covering)
         return pivoting.first_dictionary(S, *units, self.q, np.zeros(len(self.q)), self.bound, covering)
 
-    def exchanged(self, rows: NDArray[np.int64]) -> AffineLcp:
-        """The LCP in which w_i and y_i have changed places in `rows`, where y_i has no upper bound; a principal pivot
-        transform.
+    def pivot_transform(self, rows: NDArray[np.int64]) -> AffineLcp:
+        """The principal pivot transform: w_i and y_i change places in `rows`, where y_i has no upper bound.
 
         Raises SingularOperator where the rows and columns `rows` of M are singular.
         """
@@ -210,16 +209,24 @@ class AffineLcp:
         new.q[rows] = -inverse @ self.q[rows]
         return new
 
+    def solve(self, covering: Vector | None = None, dropped: int | None = None) -> Vector | None:
+        """The solution y by Lemke's pivots from `first_dictionary`, None where they find none. Raises OutOfTime."""
+        from .kernels.pivoting import SOLVED, START  # loads numba
+
+        state = self.first_dictionary(covering, dropped)
+        ended, _, y, _ = run_pivots(state, START, MAX_PIVOTS_PER_ROW * (len(self.q) + 1))
+        return y if ended == SOLVED else None
+
     def w(self, y: Vector) -> Vector:
         """q + My."""
         return self.q + self.M @ y
 
     def z(self, y: Vector) -> Vector:
         """The z that belongs to y."""
-        return self.without_psi(y + self.c)
+        return self.solve_I_minus_G(y + self.c)
 
-    def without_psi(self, x: Any) -> Any:
-        """(I − G)⁻¹x, for x of shape (n,) or for all rows of a matrix, and without the entries for rows above."""
+    def solve_I_minus_G(self, x: Any) -> Any:
+        """(I − G)⁻¹x, for x of shape (n,) or for all rows of a matrix, and without the entries for the added rows."""
         if self.rows is not None:
             x = x[..., : self.n]
         return x if self.inverse is None else x @ self.inverse.T
@@ -235,8 +242,8 @@ def dense_matrix(problem: ProblemData) -> Matrix:
 def dense_lcp(problem: ProblemData) -> AffineLcp:
     """The LCP behind `problem`, where ψ is affine or amounts to a fixed obstacle. Raises SingularOperator, MapError."""
     A = dense_matrix(problem)
-    above = None if problem.upper is None else affine_obstacle(problem.facts, problem.upper)
-    return AffineLcp(A, problem.q, *affine_obstacle(problem.facts, problem.psi), above, not in_box(problem.facts))
+    upper = None if problem.upper is None else affine_obstacle(problem.facts, problem.upper)
+    return AffineLcp(A, problem.q, *affine_obstacle(problem.facts, problem.psi), upper, not in_box(problem.facts))
 
 
 def affine_obstacle(facts: Facts, psi: Map) -> tuple[Vector, Matrix | None]:
@@ -252,7 +259,7 @@ def affine_obstacle(facts: Facts, psi: Map) -> tuple[Vector, Matrix | None]:
     return c, G.toarray()
 
 
-def some_pivots(state: Any, entering: int, max_pivots: int) -> Any:
+def run_pivots(state: Any, entering: int, max_pivots: int) -> Any:
     """Up to `max_pivots` pivots, as `kernels.pivoting.continue_pivots` returns them, in pieces. Raises OutOfTime."""
     from .kernels.pivoting import UNFINISHED, continue_pivots  # loads numba
 
@@ -277,7 +284,7 @@ def some_pivots(state: Any, entering: int, max_pivots: int) -> Any:
 
 def inverse_of_slope(G: Matrix) -> Matrix:
     """(I − G)⁻¹."""
-    work.check_budget(INVERSE * dense_cost(len(G)))
+    work.check_budget(INVERSE_COST * dense_cost(len(G)))
     with suppress(np.linalg.LinAlgError):
         return np.asarray(np.linalg.inv(np.eye(len(G)) - G), dtype=np.float64)
     raise SingularOperator("I - G is singular", 0)

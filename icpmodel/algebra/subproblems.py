@@ -13,7 +13,7 @@ from ..numerics.arrays import Mask, Vector, read_only, row_of
 from ..problem.affine import Constant
 from ..problem.data import ProblemData
 from ..problem.two_sided import TwoSidedObstacle, sides_of
-from .affine_lcp import PIVOT_UP_TO, PIVOTS
+from .affine_lcp import MAX_PIVOTS_PER_ROW, PIVOT_UP_TO
 from .equations import restricted_data
 
 #: the largest number of independent parts that get a method each
@@ -30,10 +30,10 @@ def with_fixed_obstacle(problem: ProblemData) -> ProblemData:
     if problem.psi.is_constant or not problem.facts.has_fixed_obstacle:
         return problem
     n = problem.n
-    above = problem.facts.upper_obstacle
+    upper = problem.facts.upper_obstacle
     psi = Constant(problem.facts.obstacle).bind(n)
     # whether they cross is judged with the answer
-    return problem.with_psi(psi if above is None else TwoSidedObstacle(psi, Constant(above).bind(n)))
+    return problem.with_psi(psi if upper is None else TwoSidedObstacle(psi, Constant(upper).bind(n)))
 
 
 def restricted(problem: ProblemData, rows: Rows, z: Vector) -> ProblemData:
@@ -105,14 +105,14 @@ class Blocks:
         z = z.copy()
         # rows of a best jump are never in a block
         psi = self.problem.psi
-        above = None
+        upper = None
         G, c = psi.linear or (sp.csr_array(A.shape), np.full(z.size, -np.inf))
         slopes = (G.indptr, G.indices, G.data)
         if psi.upper is not None and psi.upper.linear is not None:
             H, d = psi.upper.linear
-            above = (H.indptr, H.indices, H.data), d
-        arrays = read_only((A.indptr, A.indices, A.data, self.problem.q, c, slopes, above))
-        return z, solve_blocks(*arrays, self.rows, self.starts, selected, PIVOTS, z)
+            upper = (H.indptr, H.indices, H.data), d
+        arrays = read_only((A.indptr, A.indices, A.data, self.problem.q, c, slopes, upper))
+        return z, solve_blocks(*arrays, self.rows, self.starts, selected, MAX_PIVOTS_PER_ROW, z)
 
 
 def blocks(problem: ProblemData, core: Mask | None = None) -> Blocks | None:
@@ -143,15 +143,15 @@ def blocks(problem: ProblemData, core: Mask | None = None) -> Blocks | None:
     # SciPy numbers the components so that each depends only on those before it
     fixed = with_fixed_obstacle(problem)
     sizes = np.bincount(part, minlength=count)
-    heavy = sizes > PIVOT_UP_TO
-    heavy[part[_unsuitable(fixed, part, sizes)]] = True
+    needs_method = sizes > PIVOT_UP_TO
+    needs_method[part[_unsuitable(fixed, part, sizes)]] = True
     if core is not None:
-        heavy[part[core]] = True
+        needs_method[part[core]] = True
     rows = np.argsort(part, kind="stable")
     starts = np.concatenate([[0], np.cumsum(sizes)])
     from ..numerics.kernels.graph import dependence  # loads numba
 
-    follows, needed = dependence(graph.indptr, graph.indices, part, rows, starts, heavy)
+    follows, needed = dependence(graph.indptr, graph.indices, part, rows, starts, needs_method)
     parts = _parts(graph, np.flatnonzero((follows & needed)[part]))
     return Blocks(fixed, rows, starts, ~follows, follows & ~needed, parts)
 
@@ -159,8 +159,8 @@ def blocks(problem: ProblemData, core: Mask | None = None) -> Blocks | None:
 def _unsuitable(problem: ProblemData, part: Any, sizes: Any) -> Mask:
     """The rows that `Blocks.forward` does not solve: rows without a unique solution, and moving ψ inside a block."""
     psi = problem.psi
-    alone = sizes[part] == 1
-    unsuitable: Mask = alone & ~(problem.A.diagonal() > 0)
+    single = sizes[part] == 1
+    unsuitable: Mask = single & ~(problem.A.diagonal() > 0)
     if psi.upper is not None and (psi.linear is None or psi.upper.linear is None):
         return np.ones(problem.n, dtype=bool)
     for one in sides_of(psi):
@@ -168,8 +168,8 @@ def _unsuitable(problem: ProblemData, part: Any, sizes: Any) -> Mask:
             G = one.linear[0]
             i = row_of(G)
             j = G.indices
-            unsuitable |= alone & ~(G.diagonal() < 1)
-            unsuitable[i[~alone[i] & (part[i] == part[j])]] = True
+            unsuitable |= single & ~(G.diagonal() < 1)
+            unsuitable[i[~single[i] & (part[i] == part[j])]] = True
         elif one.links is not None:
             unsuitable |= np.diff(one.links.indptr) > 0
             unsuitable[one.links.indices] = True

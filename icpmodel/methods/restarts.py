@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..algebra.affine_lcp import PIVOTS, AffineLcp, dense_lcp, some_pivots
+from ..algebra.affine_lcp import AffineLcp, dense_lcp
 from ..algebra.equations import solve_on
 from ..errors import MapError, SingularOperator
 from ..numerics.arrays import Vector, as_number, largest_size
@@ -127,8 +127,6 @@ def _pivot(problem: ProblemData, lcp: AffineLcp, rng: np.random.Generator, excha
 
     The covering vector is random. With `exchanges` the path is that of Lemke and Howson from a random y_i.
     """
-    from ..algebra.kernels.pivoting import SOLVED, START  # loads numba
-
     rows = rng.permutation(np.flatnonzero(lcp.bound == np.inf))[: 2 if exchanges else 0]
     path = lcp
     dropped = None
@@ -141,12 +139,12 @@ def _pivot(problem: ProblemData, lcp: AffineLcp, rng: np.random.Generator, excha
             # y_i alone makes this row feasible last
             rows[-1] = np.argmin(np.where(is_raised, lcp.q / np.where(is_raised, column, 1.0), np.inf))
         try:
-            path = lcp.exchanged(rows)
+            path = lcp.pivot_transform(rows)
         except SingularOperator:
             return None
     covering = np.exp(rng.uniform(-6.0, 0.0, len(lcp.q)))
-    ended, _, y, _ = some_pivots(path.start(covering, dropped), START, PIVOTS * (len(lcp.q) + 1))
-    if ended != SOLVED:
+    y = path.solve(covering, dropped)
+    if y is None:
         return None
     y[rows] = np.where(y[rows] > 0.0, 0.0, path.w(y)[rows])
     with suppress(SingularOperator, MapError):

@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..algebra.affine_lcp import PIVOTS, AffineLcp, dense_lcp, dense_matrix, some_pivots, too_large
+from ..algebra.affine_lcp import AffineLcp, dense_lcp, dense_matrix, run_pivots, too_large
 from ..algebra.equations import linearised, solve_on
 from ..errors import SingularOperator
 from ..numerics import work
@@ -92,7 +92,7 @@ class Lemke(Shortcut):
         yield z, None
         lcp = dense_lcp(problem)
         rows = len(lcp.q)
-        state = lcp.start()
+        state = lcp.first_dictionary()
         ended = UNFINISHED
         for first in (START, PERTURBED, FULL_RANK):
             if first == PERTURBED and ended != UNFINISHED:
@@ -105,11 +105,13 @@ class Lemke(Shortcut):
             elif ended != UNFINISHED or first != START:
                 _prove(problem, ray[: problem.n])
             basic = state[8][0, :rows]
-            left_out = lcp.free[basic[basic < rows]].any()
+            left_out = lcp.without_obstacle[basic[basic < rows]].any()
             if ended != SINGULAR and (ended, first) != (UNFINISHED, START) and not left_out:
                 break
         if ended == SINGULAR:
-            raise SingularOperator("A is singular in the rows and columns without obstacle", int(np.argmax(lcp.free)))
+            raise SingularOperator(
+                "A is singular in the rows and columns without obstacle", int(np.argmax(lcp.without_obstacle))
+            )
 
 
 def _path(lcp: AffineLcp, state: Any, entering: int) -> Generator[Iterate, None, tuple[int, Vector, Vector]]:
@@ -119,7 +121,7 @@ def _path(lcp: AffineLcp, state: Any, entering: int) -> Generator[Iterate, None,
     seen = set[bytes]()
     ended = UNFINISHED
     while ended == UNFINISHED:
-        ended, entering, y, ray = some_pivots(state, entering, len(lcp.q))
+        ended, entering, y, ray = run_pivots(state, entering, len(lcp.q))
         if ended == SINGULAR:
             break
         yield lcp.z(y), None  # where a ray begins because A is nearly singular, t may be as good as 0
@@ -154,17 +156,15 @@ class Josephy(Shortcut):
         return too_large(problem.facts) or problem.psi.no_derivative()
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
-        from ..algebra.kernels.pivoting import SOLVED, START  # loads numba
-
         best = problem.residual(z)
         yield z, best
         A = dense_matrix(problem)
         with suppress(SingularOperator):
             while best > 0.0:
-                above = None if problem.upper is None else _linearise(problem.upper, z)
-                lcp = AffineLcp(A, problem.q, *_linearise(problem.psi, z), above, not problem.psi.parallel)
-                ended, _, y, _ = some_pivots(lcp.start(), START, PIVOTS * (len(lcp.q) + 1))
-                if ended != SOLVED:
+                upper = None if problem.upper is None else _linearise(problem.upper, z)
+                lcp = AffineLcp(A, problem.q, *_linearise(problem.psi, z), upper, not problem.psi.parallel)
+                y = lcp.solve()
+                if y is None:
                     break
                 step = lcp.z(y) - z
                 following = _shorten_step(problem, z, step, best)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from ..algebra.affine_lcp import INVERSE, PIVOT_UP_TO, lcp_rows
+from ..algebra.affine_lcp import INVERSE_COST, PIVOT_UP_TO, lcp_rows
 from ..algebra.factor_costs import factor_costs, interior_cost, newton_cost, system_cost
 from ..algebra.newton_steps import SWEEPS
 from ..algebra.relaxation import sor_log_reduction
@@ -57,7 +57,7 @@ def least_cost(facts: Facts, family: str | None) -> float:
 
 def _pivots(facts: Facts) -> float:
     """n/2 pivots, as half of the unknowns leave an obstacle, be there one or two; and (I − G)⁻¹ where it moves."""
-    inverse = 0.0 if facts.has_fixed_obstacle else INVERSE * dense_cost(facts.matrix.n)
+    inverse = 0.0 if facts.has_fixed_obstacle else INVERSE_COST * dense_cost(facts.matrix.n)
     return 0.5 * facts.matrix.n * lcp_rows(facts) ** 2 * work.COSTS.pivot_entry + inverse
 
 

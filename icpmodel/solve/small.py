@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..algebra.affine_lcp import PIVOT_UP_TO, PIVOTS, inverse_of_slope
+from ..algebra.affine_lcp import MAX_PIVOTS_PER_ROW, PIVOT_UP_TO, inverse_of_slope
 from ..errors import SingularOperator
 from ..methods.shortcuts import Lemke
 from ..numerics import work
@@ -42,7 +42,7 @@ def solve_small(problem: ProblemData, limits: Limits) -> Solution | None:
         return None
     slopes = (G.indptr, G.indices, G.data)
     arrays = read_only((A, problem.q, slopes, c, d, M, inverse))
-    z, residual, tolerance = solve_few(*arrays, float(limits.rtol), PIVOTS * (n + 1))
+    z, residual, tolerance = solve_few(*arrays, float(limits.rtol), MAX_PIVOTS_PER_ROW * (n + 1))
     if not residual <= tolerance:
         return None
     cost = work.COSTS.pivot_entry * n**3 / 3.0

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...algebra.affine_lcp import PIVOT_UP_TO, PIVOTS, AffineLcp, affine_obstacle, in_box
+from ...algebra.affine_lcp import MAX_PIVOTS_PER_ROW, PIVOT_UP_TO, AffineLcp, affine_obstacle, in_box
 from ...methods.contract import Method
 from ...methods.shortcuts import MAX_ROUNDS, STEPS_PER_ROUND, Lemke, Tridiagonal
 from ...numerics import work
@@ -83,7 +83,7 @@ class CompiledSolver:
                 A = self.problem.dense() if self.stack is None else self.stack[rows]
                 q = self.Q[0] if self.stack is None else self.Q[rows]
                 lcp = AffineLcp(A, q, C[0], G, above, not in_box(self.problem.facts))
-                Z = lcp.without_psi(self._pivot(lcp, *arrays))
+                Z = lcp.solve_I_minus_G(self._pivot(lcp, *arrays))
             else:
                 Z = self._solve_tridiagonal(*arrays)
             yield rows, (Z, *self._judge(rows, Z, *arrays))
@@ -153,12 +153,12 @@ class CompiledSolver:
         size = lcp.M.shape[-1]
         covering = lcp.covering
         if lcp.rows is not None:
-            Q = lcp.extended(Q, D)
+            Q = lcp.right_sides(Q, D)
             C = np.concatenate([C, np.zeros((len(C), size - lcp.n))], axis=1)
         D = np.full(Q.shape, np.inf) if D is None or lcp.rows is not None else D
         M, Q, C, D = read_only((lcp.M, Q, C, D))
         X = np.empty(Q.shape)
-        limit = PIVOTS * (size + 1)
+        limit = MAX_PIVOTS_PER_ROW * (size + 1)
         scaled = scale(M) if self.stack is None else None
 
         def loop(low: int, high: int) -> None:
