@@ -1,4 +1,4 @@
-"""The linear systems of an active set by V-cycles of A's hierarchy on the free rows, in Krylov's methods."""
+"""The linear systems of an active set by Krylov's method with V-cycles of A's hierarchy on the free rows."""
 
 from __future__ import annotations
 
@@ -45,16 +45,18 @@ class CycledEquations:
         self._hierarchy = hierarchy
         self._top = top
         self._active = active
-        self._J = jacobian
+        self._psi_jacobian = jacobian
         hierarchy.restrict(~active, top)
         psi_diagonal = 0.0 if jacobian is None else jacobian.diagonal()
         self._slope = np.maximum(1.0 - psi_diagonal, LEAST_SLOPE)
-        self._coupled = jacobian is not None and not is_diagonal(jacobian)
-        #: whether x_I follows from the own rows of I
-        self._is_decoupled = not self._coupled and bool(np.all((self._slope == 1.0 - psi_diagonal) | ~active))
+        self._psi_couples_rows = jacobian is not None and not is_diagonal(jacobian)
+        #: whether each active row gives its own entry of x
+        self._has_diagonal_rows = not self._psi_couples_rows and bool(
+            np.all((self._slope == 1.0 - psi_diagonal) | ~active)
+        )
 
     def start(self, f: Vector) -> Vector:
-        """x_I = S⁻¹f_I, x_F = 0."""
+        """x_I = S⁻¹f_I in the active rows I, S the diagonal of I − ψ′, at least `LEAST_SLOPE`; x_F = 0 elsewhere."""
         return np.where(self._active, f / self._slope, 0.0)
 
     def product(self, y: Vector, transposed: bool = False) -> Vector:
@@ -62,21 +64,23 @@ class CycledEquations:
         if transposed:
             y_active = np.where(self._active, y, 0.0)
             image = self._level(True).problem.product(y - y_active) + y_active
-            return image if self._J is None else image - self._J.T @ y_active
+            return image if self._psi_jacobian is None else image - self._psi_jacobian.T @ y_active
         image = self._level(False).problem.product(y)
-        np.copyto(image, y if self._J is None else y - self._J @ y, where=self._active)
+        np.copyto(image, y if self._psi_jacobian is None else y - self._psi_jacobian @ y, where=self._active)
         return image
 
     def preconditioned(self, f: Vector) -> Vector:
         """An approximation of J⁻¹f. For a diagonal ψ′ f_I must be 0."""
-        return self._in_blocks(f, self._cycle, False) if self._coupled else self._cycle(f)
+        return self._block_solve(f, self._cycle, False) if self._psi_couples_rows else self._cycle(f)
 
     def solve(self, f: Vector, tolerance: float, transposed: bool = False) -> Vector:
         """x with Jx = f, or Jᵀx = f. Raises NotConverged."""
-        if self._is_decoupled:
-            return self._in_blocks(f, partial(self._on_free, tolerance=tolerance, transposed=transposed), transposed)
+        if self._has_diagonal_rows:
+            return self._block_solve(
+                f, partial(self._solve_free, tolerance=tolerance, transposed=transposed), transposed
+            )
         cycle = partial(self._cycle, transposed=transposed)
-        x, steps = self.steps(f, lambda residual: self._in_blocks(residual, cycle, transposed), transposed)
+        x, steps = self.steps(f, lambda residual: self._block_solve(residual, cycle, transposed), transposed)
         return steps.solve(x, tolerance * norm(self._units(transposed) * f), KRYLOV_STEPS)
 
     def steps(
@@ -93,7 +97,7 @@ class CycledEquations:
     def _units(self, transposed: bool) -> Vector:
         return np.ones(self._active.size) if transposed else np.where(self._active, 1.0, self._level(False).inverse)
 
-    def _on_free(self, f: Vector, tolerance: float, transposed: bool) -> Vector:
+    def _solve_free(self, f: Vector, tolerance: float, transposed: bool) -> Vector:
         """x with A_FF x_F = f_F, or with its transpose, and x_I = 0."""
         level = self._level(transposed)
         cycle = partial(self._cycle, transposed=transposed)
@@ -106,13 +110,13 @@ class CycledEquations:
         steps = GCR(lambda y: units * product(y), lambda residual: cycle(residual / units), units * f)
         return steps.solve(np.zeros(f.size), tolerance * norm(steps.residual), KRYLOV_STEPS)
 
-    def _in_blocks(self, f: Vector, on_free: Callable[[Vector], Vector], transposed: bool) -> Vector:
-        """J⁻¹f or J⁻ᵀf, with `on_free` in place of A_FF⁻¹; an approximation if ψ′ is not diagonal."""
+    def _block_solve(self, f: Vector, solve_free: Callable[[Vector], Vector], transposed: bool) -> Vector:
+        """J⁻¹f or J⁻ᵀf, with `solve_free` in place of A_FF⁻¹; an approximation if ψ′ is not diagonal."""
         if transposed:
-            y = on_free(f)
+            y = solve_free(f)
             return y + self.start(f - self._level(True).problem.product(y))
         step = self.start(f)
-        return step + on_free(f - self._level(False).problem.product(step))
+        return step + solve_free(f - self._level(False).problem.product(step))
 
     def _cycle(self, f: Vector, transposed: bool = False) -> Vector:
         return self._hierarchy_for(transposed).cycle(f, self._top)

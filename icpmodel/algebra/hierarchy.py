@@ -48,7 +48,7 @@ class Level:
         self.P: Any = None
         self.coarse_points: Any = None
         #: of the coarsest level: the rows whose inverse was made last, and that inverse
-        self.inverted: tuple[Any, Any] = (None, None)
+        self.last_inverse: tuple[Any, Any] = (None, None)
 
     @cached_property
     def R(self) -> Any:
@@ -106,17 +106,17 @@ class Hierarchy:
         for level in self.levels[top:-1]:
             free = free[level.coarse_points]
             self._free.append(free)
-        self._rows = np.flatnonzero(free)
+        self._coarsest_rows = np.flatnonzero(free)
         vars(self).pop("_inverse", None)
 
     @cached_property
     def _inverse(self) -> NDArray[np.float64]:
         """The inverse of the free rows of the coarsest level, which is kept: these rows seldom change."""
         level = self.levels[-1]
-        rows, inverse = level.inverted
-        if not np.array_equal(rows, self._rows):
-            inverse = _inverse_of(self._dense[np.ix_(self._rows, self._rows)])
-            level.inverted = self._rows, inverse
+        rows, inverse = level.last_inverse
+        if not np.array_equal(rows, self._coarsest_rows):
+            inverse = _inverse_of(self._dense[np.ix_(self._coarsest_rows, self._coarsest_rows)])
+            level.last_inverse = self._coarsest_rows, inverse
         return inverse
 
     def cycle(self, f: Vector, top: int = 0) -> Vector:
@@ -150,7 +150,7 @@ class Hierarchy:
         new.levels = [level.transposed() for level in self.levels]
         new._dense = self._dense.T
         new._free = self._free
-        new._rows = self._rows
+        new._coarsest_rows = self._coarsest_rows
         new._inverse = self._inverse.T
         return new
 
@@ -160,7 +160,7 @@ class Hierarchy:
         level = self.levels[top]
         if level.P is None:
             x = np.zeros(f.size)
-            x[self._rows] = self._inverse @ f[self._rows]
+            x[self._coarsest_rows] = self._inverse @ f[self._coarsest_rows]
             return x
         x = np.empty(f.size)  # the first sweep writes all of it
         A = level.A

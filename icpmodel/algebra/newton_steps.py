@@ -37,16 +37,16 @@ _MIN_UPWARD_FLOW = 1.1
 def newton_steps(hierarchy: Hierarchy, problem: ProblemData, z: Vector, top: int) -> Iterator[tuple[Vector, float]]:
     """Newton's steps on level `top` of `hierarchy`, whose problem is `problem`: (z, residual) after each step."""
     level = hierarchy.levels[top]
-    moves = not problem.psi.is_constant
+    has_moving_obstacle = not problem.psi.is_constant
     omega = level.diagonal
     sweep = sweep_with_flow(problem)
-    newton: GCR | None = None
+    krylov: GCR | None = None
     last_pattern: Pattern | None = None
     # where the active set has moved, and at first, sweeps move its border further
-    z = swept(sweep, z, SWEEPS)
+    z = after_sweeps(sweep, z, SWEEPS)
     while True:
         p = problem.p(z)
-        if moves:
+        if has_moving_obstacle:
             # the sign of p says which obstacle holds a row
             slopes = derivative(problem.psi, z, None if problem.upper is None else p < 0).diagonal()
             # p and r then change alike with z_i
@@ -54,21 +54,20 @@ def newton_steps(hierarchy: Hierarchy, problem: ProblemData, z: Vector, top: int
         pattern = Pattern.at(problem, z, p, omega)
         work.count(0.5 * work.COSTS.newton)
         if last_pattern is not None and not pattern.same_sides(last_pattern):
-            # whose residual is that of the z before, if the pattern comes back
-            z = swept(sweep, z, SWEEPS)
-            newton = None
+            z = after_sweeps(sweep, z, SWEEPS)
+            krylov = None  # its residual is that of the z before the sweeps
             p = problem.p(z)
             pattern = Pattern.at(problem, z, p, omega)
         yield z, problem.residual_of(p, problem.r(z), problem.r_upper(z))
-        renewed = newton is None or last_pattern is None or moves or not pattern.same_sides(last_pattern)
-        if newton is None or renewed:
+        is_new = krylov is None or last_pattern is None or has_moving_obstacle or not pattern.same_sides(last_pattern)
+        if krylov is None or is_new:
             last_pattern = pattern
-            J = derivative(problem.psi, z, pattern.above) if moves else None
+            J = derivative(problem.psi, z, pattern.above) if has_moving_obstacle else None
             equations = CycledEquations(hierarchy, top, pattern.active, J)
-            step, newton = equations.steps(-np.where(pattern.active, pattern.r, p), equations.preconditioned)
+            step, krylov = equations.steps(-np.where(pattern.active, pattern.r, p), equations.preconditioned)
             z = z + step
-        z, moved = newton.iterate(z, KRYLOV_REDUCTION * norm(newton.residual), MAX_KRYLOV_STEPS)
-        if not (moved or renewed):
+        z, moved = krylov.iterate(z, KRYLOV_REDUCTION * norm(krylov.residual), MAX_KRYLOV_STEPS)
+        if not (moved or is_new):
             return
 
 
@@ -78,7 +77,7 @@ def sweep_with_flow(problem: ProblemData) -> Step:
     return projected_sweep(problem, forward=rows.upper <= _MIN_UPWARD_FLOW * rows.lower)
 
 
-def swept(sweep: Step, z: Vector, count: int) -> Vector:
+def after_sweeps(sweep: Step, z: Vector, count: int) -> Vector:
     """`z` after `count` sweeps."""
     while count > 0:
         sweeps = repeated_steps(sweep, z, count)

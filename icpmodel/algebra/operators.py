@@ -45,10 +45,10 @@ class Operator(ABC):
             p = problem.matrix.product(z) + problem.offset(z)
             r = z - problem.psi.value(z)
             r_upper = problem.r_upper(z)
-            moved = np.minimum(p, omega * r)
+            F = np.minimum(p, omega * r)
             if r_upper is not None:
-                moved = np.maximum(omega * r_upper, moved)
-            return z - 2.0 * self.solve(moved), problem.residual_of(p, r, r_upper, problem.weights_at(z, p))
+                F = np.maximum(omega * r_upper, F)
+            return z - 2.0 * self.solve(F), problem.residual_of(p, r, r_upper, problem.weights_at(z, p))
 
         return step
 

@@ -41,7 +41,7 @@ def redundant_values(problem: ProblemData) -> Vector:
     c = np.full(problem.n, np.nan)
     if problem.psi.is_constant:
         low, high = _obstacles(problem)
-        _of_empty_rows(problem, low, high, c)
+        _fix_empty_rows(problem, low, high, c)
         with np.errstate(invalid="ignore"):
             fixed = (low >= high) & (low - high <= MAX_CROSSING * (np.abs(low) + np.abs(high)))
         c[fixed] = low[fixed]
@@ -49,20 +49,22 @@ def redundant_values(problem: ProblemData) -> Vector:
 
 
 def _obstacles(problem: ProblemData) -> tuple[Vector, Vector]:
+    """The constant ψ and ψ̄, each of shape (n,); ψ̄ is ∞ where there is no upper obstacle."""
     high = problem.facts.upper_obstacle
     return problem.facts.obstacle, np.full(problem.n, np.inf) if high is None else high
 
 
-def _of_empty_rows(problem: ProblemData, low: Vector, high: Vector, c: Vector) -> None:
+def _fix_empty_rows(problem: ProblemData, low: Vector, high: Vector, c: Vector) -> None:
+    """Set c_i in the redundant rows among the empty ones."""
     empty = problem.matrix.empty_rows
     if not empty.any():
         return
     A = problem.A
     q = problem.q
-    side = np.where(q > 0, low, np.where(q < 0, high, np.minimum(np.maximum(0.0, low), high)))
-    unseen = np.bincount(A.indices[A.data != 0], minlength=problem.n) == 0
-    redundant = empty & np.isfinite(side) & ((q != 0) | unseen)
-    c[redundant] = side[redundant]
+    value = np.where(q > 0, low, np.where(q < 0, high, np.minimum(np.maximum(0.0, low), high)))
+    empty_columns = np.bincount(A.indices[A.data != 0], minlength=problem.n) == 0
+    redundant = empty & np.isfinite(value) & ((q != 0) | empty_columns)
+    c[redundant] = value[redundant]
 
 
 def _substitute(problem: ProblemData, known: Mask, c: Vector) -> ProblemData:

@@ -58,7 +58,7 @@ class SchurComplement:
         self._factors = factors
         self._shifted = shifted
         S = as_csr(shifted - sp.diags_array(shift), "S", keep_diagonal=True)
-        self._of_schur = ProblemData.of_checked(S, np.zeros(rows.size), 0.0, matrix.row_weights[rows])
+        self._schur_problem = ProblemData.of_checked(S, np.zeros(rows.size), 0.0, matrix.row_weights[rows])
 
     def __repr__(self) -> str:
         return f"n = {self.n} -> {self.rows.size} rows with an obstacle: the others are equations, and are eliminated"
@@ -73,7 +73,7 @@ class SchurComplement:
     def reduced(self, problem: ProblemData) -> ProblemData:
         """The problem in the unknowns of `rows`; problems that share A share the facts of its matrix."""
         q = problem.q[self.rows] - self._equations(problem.q)[1]
-        return self._of_schur.with_q(q).with_psi(problem.psi.restricted(self.rows, np.zeros(self.n)))
+        return self._schur_problem.with_q(q).with_psi(problem.psi.restricted(self.rows, np.zeros(self.n)))
 
     def extended(self, problem: ProblemData, z: Vector) -> Vector:
         """The point with p_F = 0 that has z in the `rows`; a step of refinement takes the rounding back."""
@@ -112,8 +112,8 @@ def elimination(problem: ProblemData, max_cost: Callable[[], float]) -> SchurCom
     if not 0 < rows.size < problem.n or rows.size**2 > matrix.nnz:
         return None
     costs = factor_costs(matrix)
-    limit = min(max_cost() - _OVERHEAD_IN_STEPS * work.COSTS.newton, costs.dense)
-    if costs.analysis.costs_more(limit) or not costs.fill.is_exact or costs.unsymmetric > limit:
+    max_factor_cost = min(max_cost() - _OVERHEAD_IN_STEPS * work.COSTS.newton, costs.dense)
+    if costs.analysis.costs_more(max_factor_cost) or not costs.fill.is_exact or costs.unsymmetric > max_factor_cost:
         return None
     key = rows.tobytes()
     known = _CACHE.get(matrix)

@@ -37,8 +37,8 @@ _ROUNDING_ULPS = 16.0
 def least_diagonal(problem: ProblemData) -> Vector:
     """a_ii + m_i, the least slope of row i in z_i; a_ii where m is not known."""
     diagonal = problem.matrix.rows.diagonal
-    known = None if problem.f is None else problem.f.slope_range
-    return diagonal if known is None else diagonal + known[0]
+    slope_range = None if problem.f is None else problem.f.slope_range
+    return diagonal if slope_range is None else diagonal + slope_range[0]
 
 
 def why_not_rows(problem: ProblemData) -> str | None:
@@ -62,8 +62,8 @@ def secant_step(problem: ProblemData, step_of: Callable[[ProblemData], Step]) ->
 
     def step(z: Vector) -> tuple[Vector, float]:
         affine, p = secant_problem(problem, z)
-        moved, _ = step_of(affine)(z)
-        return moved, problem.residual_of(p, problem.r(z), problem.r_upper(z), problem.weights_at(z, p))
+        following, _ = step_of(affine)(z)
+        return following, problem.residual_of(p, problem.r(z), problem.r_upper(z), problem.weights_at(z, p))
 
     return step
 
@@ -85,32 +85,34 @@ def with_slopes(problem: ProblemData, slopes: Vector, q: Vector) -> ProblemData:
     return problem.with_matrix(problem.matrix.plus_diagonal(slopes, problem.matrix.row_weights), q)
 
 
-def _mean_slopes(problem: ProblemData, f: NonlinearTerm, z: Vector, here: Vector, p: Vector) -> Vector:
-    """The mean slopes of f between `z`, where f is `here`, and the zeros of the rows.
+def _mean_slopes(problem: ProblemData, f: NonlinearTerm, z: Vector, value: Vector, p: Vector) -> Vector:
+    """The mean slopes of f, shape (n,), between `z`, where f has this `value`, and the zero of each row.
 
-    Where Newton's step is near to these the slopes of f at `z` are taken.
+    In rows that Newton's step solves up to a tenth of p_i they are the slopes at `z`.
     """
     diagonal = problem.matrix.rows.diagonal
     slopes = f.slopes(z)
     t = z - p / (diagonal + slopes)
-    first = z
-    last = z - p / least_diagonal(problem)
-    enough = _MAX_RESIDUAL_SHARE * np.abs(p) + _ROUNDING_ULPS * UNIT_ROUNDOFF * (np.abs(diagonal * z) + np.abs(here))
-    coarse = np.zeros(z.size, dtype=bool)
+    near = z
+    far = z - p / least_diagonal(problem)
+    tolerance = _MAX_RESIDUAL_SHARE * np.abs(p) + _ROUNDING_ULPS * UNIT_ROUNDOFF * (
+        np.abs(diagonal * z) + np.abs(value)
+    )
+    bisected = np.zeros(z.size, dtype=bool)
     for _ in range(_MAX_HALVINGS):
         with np.errstate(all="ignore"):
-            residual = p + diagonal * (t - z) + (f.value(t) - here)
-            rough = ~(np.abs(residual) <= enough)
-        if not rough.any():
+            residual = p + diagonal * (t - z) + (f.value(t) - value)
+            unsolved = ~(np.abs(residual) <= tolerance)
+        if not unsolved.any():
             break
-        coarse |= rough
+        bisected |= unsolved
         # p at z has the sign of p at all points before the zero; what is not finite is beyond it
         before = np.sign(residual) == np.sign(p)
-        first = np.where(before, t, first)
-        last = np.where(before, last, t)
-        t = np.where(rough, 0.5 * (first + last), t)
-    if not coarse.any():
+        near = np.where(before, t, near)
+        far = np.where(before, far, t)
+        t = np.where(unsolved, 0.5 * (near + far), t)
+    if not bisected.any():
         return slopes
     with np.errstate(all="ignore"):
-        mean = (f.value(t) - here) / (t - z)
-    return np.where(coarse & np.isfinite(mean), mean, slopes)
+        mean = (f.value(t) - value) / (t - z)
+    return np.where(bisected & np.isfinite(mean), mean, slopes)
