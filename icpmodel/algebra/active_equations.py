@@ -18,7 +18,7 @@ from ..numerics.krylov import NotConverged
 from ..numerics.linear import Solver, solver_of
 from ..problem.data import ProblemData
 from .cycled_equations import CycledEquations, cycles_cost
-from .equations import equations_on, submatrix
+from .equations import newton_matrix, submatrix
 from .hierarchy import Hierarchy, NoHierarchy
 
 #: the sum of the bandwidths above which multigrid is for a matrix
@@ -56,18 +56,18 @@ class ActiveEquations:
     def __init__(
         self, problem: ProblemData, active: Mask, jacobian: sp.csr_array, by_cycles: bool | None = None
     ) -> None:
-        self._of = (problem, active, jacobian)
+        self._arguments = (problem, active, jacobian)
         self._cycled: CycledEquations | None = None
-        # whether cycles end once they have cost as much as factors, and what they have cost
-        self._ends = by_cycles is None
+        # whether factors replace the cycles once these have cost as much, and what they have cost
+        self._may_end = by_cycles is None
         self._spent = 0.0
-        if by_cycles or (self._ends and cycles_pay(problem, ~active)):
+        if by_cycles or (self._may_end and cycles_pay(problem, ~active)):
             with suppress(NoHierarchy):
                 self._cycled = CycledEquations(Hierarchy(problem), 0, active, jacobian if jacobian.nnz else None)
 
     @cached_property
     def _elimination(self) -> Elimination:
-        return Elimination(*self._of)
+        return Elimination(*self._arguments)
 
     def solve(self, f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
         """x with Jx = f, or Jᵀx = f, shape (n,), its free rows to the relative `tolerance` where that is inexact.
@@ -76,7 +76,7 @@ class ActiveEquations:
         """
         with np.errstate(all="ignore"):
             # the first system needs no elimination to compare with
-            if self._cycled is not None and self._ends and self._spent and self._spent >= self._elimination.cost:
+            if self._cycled is not None and self._may_end and self._spent and self._spent >= self._elimination.cost:
                 self._cycled = None
             if self._cycled is not None:
                 before = work.counter()
@@ -88,23 +88,19 @@ class ActiveEquations:
                     self._spent += work.counter() - before
             return self._elimination.solve(f, tolerance, transposed)
 
-    def transposed(self, f: Vector, tolerance: float) -> Vector | None:
-        """x with Jᵀx = f, in the same manner."""
-        return self.solve(f, tolerance, transposed=True)
-
 
 def cycles_pay(problem: ProblemData, free: Mask) -> bool:
     """Whether V-cycles suit A, and are predicted to cost less than factors of its `free` rows and columns."""
     matrix = problem.matrix
     rows = matrix.rows
-    most = cycles_cost(problem)
+    cost = cycles_cost(problem)
     count = int(np.count_nonzero(free))
     if matrix.dense is not None or rows.below + rows.above < _MAX_BANDWIDTHS:
         return False
-    if factor_cost(band_fill(count, rows.below, rows.above, rows.below == rows.above)) <= most:
+    if factor_cost(band_fill(count, rows.below, rows.above, rows.below == rows.above)) <= cost:
         return False
     entries = int(np.count_nonzero(free[row_of(problem.A)] & free[problem.A.indices]))
-    if 2.0 * least_factor_cost(count, entries) <= most or not matrix.has_positive_diagonal:
+    if 2.0 * least_factor_cost(count, entries) <= cost or not matrix.has_positive_diagonal:
         return False
     return np.count_nonzero(problem.A.data > 0) == problem.n
 
@@ -125,10 +121,10 @@ class Elimination:
         self._active = active
         self._free = np.flatnonzero(~active)
         self._whole = jacobian.nnz > 0
-        M = equations_on(problem, active, jacobian) if self._whole else submatrix(problem, self._free)
+        M = newton_matrix(problem, active, jacobian) if self._whole else submatrix(problem, self._free)
         if shift is not None:
-            more = np.where(active, 0.0, shift)
-            M = sp.csr_array(M + sp.diags_array(more if self._whole else more[self._free]))
+            shift = np.where(active, 0.0, shift)
+            M = sp.csr_array(M + sp.diags_array(shift if self._whole else shift[self._free]))
         self._M = M
 
     @cached_property
@@ -154,11 +150,11 @@ class Elimination:
         matrix = self._problem.matrix
         free = self._free
         x_active = np.where(self._active, f, 0.0)
-        part = self._solver(f[free] if transposed else (f - matrix.product(x_active))[free], tolerance, transposed)
-        if part is None:
+        x_free = self._solver(f[free] if transposed else (f - matrix.product(x_active))[free], tolerance, transposed)
+        if x_free is None:
             return None
         x = x_active
-        x[free] = part
+        x[free] = x_free
         if transposed:
             y = np.where(self._active, 0.0, x)
             x -= np.where(self._active, matrix.product(y) if matrix.is_symmetric else matrix.sparse.T @ y, 0.0)

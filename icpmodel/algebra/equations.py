@@ -19,8 +19,8 @@ from .operators import FactorisedOperator
 _REFINEMENTS = 4
 
 
-def equations_on(problem: ProblemData, active: Mask, jacobian: sp.csr_array) -> sp.csr_array:
-    """The matrix with the rows of I − ψ′ where `active` and those of A elsewhere; CSR, shape (n, n).
+def newton_matrix(problem: ProblemData, active: Mask, jacobian: sp.csr_array) -> sp.csr_array:
+    """The matrix of Newton's method, the rows of I − ψ′ where `active` and those of A elsewhere; CSR, shape (n, n).
 
     Parameters
     ----------
@@ -31,8 +31,8 @@ def equations_on(problem: ProblemData, active: Mask, jacobian: sp.csr_array) -> 
     jacobian : CSR array of shape (n, n)
         ψ′(z).
     """
-    keep, follow = (sp.diags_array(mask.astype(np.float64)) for mask in (~active, active))
-    return sp.csr_array(keep @ problem.A + follow @ (sp.eye_array(problem.n) - jacobian))
+    free_rows, active_rows = (sp.diags_array(mask.astype(np.float64)) for mask in (~active, active))
+    return sp.csr_array(free_rows @ problem.A + active_rows @ (sp.eye_array(problem.n) - jacobian))
 
 
 def submatrix(problem: ProblemData, rows: NDArray[np.intp]) -> sp.csr_array:
@@ -138,7 +138,7 @@ def _refine(problem: ProblemData, psi: Map, z: Vector, active: Mask, jacobian: s
     free = np.flatnonzero(~active)
     try:
         if jacobian is not None:
-            operator = FactorisedOperator(equations_on(problem, active, jacobian))
+            operator = FactorisedOperator(newton_matrix(problem, active, jacobian))
         elif free.size:
             operator = FactorisedOperator(submatrix(problem, free))
     except SingularOperator as error:
@@ -166,8 +166,10 @@ def _refine(problem: ProblemData, psi: Map, z: Vector, active: Mask, jacobian: s
 
 
 def derivative(psi: Map, z: Vector, above: Mask | None = None) -> sp.csr_array:
-    """ψ′(z), in the rows `above`, a mask, ψ̄′(z), CSR, shape (n, n), where both have one (`Map.no_derivative`). Raises
-    MapError where it is not finite."""
+    """ψ′(z), and ψ̄′(z) in the rows of the mask `above`; CSR, shape (n, n). Raises MapError where it is not finite.
+
+    Both must have a derivative, see `Map.no_derivative`.
+    """
     J = select_obstacle(psi, above).jacobian(z)
     assert J is not None
     if not np.isfinite(J.data).all():

@@ -29,7 +29,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..algebra.active_equations import ActiveEquations
-from ..algebra.equations import derivative, equations_on, pattern_at
+from ..algebra.equations import derivative, newton_matrix, pattern_at
 from ..errors import InputError, MapError, NotApplicable, OutOfTime, SingularOperator, check_arguments
 from ..numerics.arrays import Mask, ReadOnly, Vector, described, norm
 from ..numerics.rounding import SMALLEST, UNIT_ROUNDOFF, public_entry
@@ -142,7 +142,7 @@ class Derivative(ReadOnly, Plottable):
 
     @cached_property
     def equations(self) -> ActiveEquations:
-        """J and Jᵀ, solved for any right-hand side: `equations.solve(f, tolerance)` and `.transposed(f, tolerance)`.
+        """J and Jᵀ, solved for any right-hand side by `equations.solve(f, tolerance, transposed)`.
 
         Examples
         --------
@@ -253,9 +253,8 @@ class Derivative(ReadOnly, Plottable):
         >>> Derivative(ICP([[2.0]], [-2.0]).solve()).solved(np.ones(1))
         array([0.5])
         """
-        solve = self.equations.transposed if transposed else self.equations.solve
         with np.errstate(over="ignore", invalid="ignore"):
-            x = solve(f, self._tolerance)
+            x = self.equations.solve(f, self._tolerance, transposed)
             # all of f within the rounding of Jx: J is singular but for rounding
             if x is None or (f.any() and (np.abs(f) <= 16 * UNIT_ROUNDOFF * self._sizes(x, transposed)).all()):
                 reason = "the equations of the active set are singular, or their solution overflows"
@@ -392,7 +391,7 @@ class Derivative(ReadOnly, Plottable):
         return self._bound(sp.csr_array(self._matrix().T), zbar, w, np.zeros(w.size))
 
     def _matrix(self) -> sp.csr_array:
-        return equations_on(self.problem, self.pattern.active, self._jacobian)
+        return newton_matrix(self.problem, self.pattern.active, self._jacobian)
 
     def _bound(self, J: sp.csr_array, f: Vector, x: Vector, error: Vector) -> float | None:
         """max|x − x*| for Jx* = f, f wrong by up to `error`."""

@@ -34,7 +34,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from ...algebra.equations import equations_on
+from ...algebra.equations import newton_matrix
 from ...errors import MapError
 from ...numerics.arrays import Vector
 from ...numerics.equilibration import times_rows
@@ -147,7 +147,7 @@ def _policy_step(problem: ProblemData, weight: Vector, m: float, s: Vector) -> V
     jumps = s - psi < problem.p(s) / weight
     J = problem.psi.jacobian(s)
     assert J is not None  # of a best jump
-    lu = factorise(times_rows(np.where(jumps, 1.0, 1.0 / weight), equations_on(problem, jumps, J)))
+    lu = factorise(times_rows(np.where(jumps, 1.0, 1.0 / weight), newton_matrix(problem, jumps, J)))
     if lu is None:
         return None
     # not a correction of s: with the same jumps the step is the same to the last digit
