@@ -14,7 +14,7 @@ from ..numerics import work
 from ..numerics.arrays import Vector, as_number, described
 from ..problem.data import ProblemData
 from .aor import MNMAOR
-from .contract import SAFE_HINT, FixedPoint, Iterate, Method, named, with_options
+from .contract import SAFE_RESIDUALS, FixedPoint, Iterate, Method, named, with_options
 from .psor import PSOR
 
 #: an accelerated iterate may have this many times the least residual so far
@@ -116,7 +116,7 @@ class Accelerated(Method):
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         # rejected iterates are yielded as well, so that every sweep counts
-        of = self.of or _default(problem)
+        of = self.of or _default_method(problem)
         opening = of.opening(problem) if self.of else jacobi_step(problem)
         step = opening or of.step_of(problem)
         history = Differences(problem, self.history_size)
@@ -144,14 +144,14 @@ class Accelerated(Method):
                 z = plain
                 plain = None
                 ahead = []
-                history.forget()
+                history.clear()
                 continue
             least = min(least, residual)
             sweeps += 1
             plain = None
             following = image
             if not phase.accelerates(least):
-                history.forget()
+                history.clear()
             else:
                 history.add(z, image)
                 if sweeps % self.mixing_frequency == 0 and (combined := history.combined()) is not None:
@@ -161,8 +161,8 @@ class Accelerated(Method):
             z = following
 
 
-def _default(problem: ProblemData) -> FixedPoint:
-    """The default of the method that is accelerated."""
+def _default_method(problem: ProblemData) -> FixedPoint:
+    """The method that is accelerated where `of` is not given."""
     return PSOR(omega=cautious_omega(problem)) if problem.facts.has_fixed_obstacle else MNMAOR(theta1=AUTO)
 
 
@@ -175,6 +175,7 @@ class _Phases:
         self.milestone = np.inf
 
     def accelerates(self, least: float) -> bool:
+        """Whether the next step is an accelerated one, `least` being the least residual so far."""
         if least <= self.milestone / 2:
             self.steps = 0
             self.milestone = least
@@ -196,9 +197,10 @@ class Differences:
         rows = min(size, problem.n) + 1
         self.F = np.empty((rows, problem.n))
         self.G = np.empty((rows, problem.n))
-        self.forget()
+        self.clear()
 
-    def forget(self) -> None:
+    def clear(self) -> None:
+        """Drop all pairs."""
         self.count = self.newest = 0
 
     def add(self, z: Vector, image: Vector) -> None:
@@ -222,5 +224,5 @@ class Differences:
 
 def _residual(problem: ProblemData, z: Vector, hint: float | None) -> float:
     """The residual of z: the hint of the sweep, unless its squares may have over- or underflown."""
-    low, high = SAFE_HINT
+    low, high = SAFE_RESIDUALS
     return hint if hint is not None and (low < hint < high or np.isnan(hint)) else problem.residual(z)

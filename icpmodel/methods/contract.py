@@ -26,38 +26,38 @@ from ..theory.answers import Answer
 _REGISTRY: dict[str, type[Method]] = {}
 Class = TypeVar("Class", bound=type[Any])
 
-#: outside this range the squares that a sweep sums for its hint over- or underflow; `ICP.residual` does not
-SAFE_HINT = (1e-140, 1e140)
+#: outside this range the squares that a sweep sums for Res_D over- or underflow; `ICP.residual` does not
+SAFE_RESIDUALS = (1e-140, 1e140)
 
 #: a value below this share of the least one so far counts as reduced
 REDUCTION = 0.9
 
-#: z with Res_D(z), or None where that does not fall out of the step for free
+#: z with Res_D(z), or None where the step does not yield it for free
 Iterate = tuple[Vector, float | None]
 
 
 class LeastValue:
-    """The `least` value so far, and the number of values since its last reduction by a tenth: `waited`."""
+    """The `least` value so far, and `idle`, the number of values since its last reduction by a tenth."""
 
     def __init__(self, least: float = np.inf) -> None:
         self.least = least
-        self.waited = 0
+        self.idle = 0
 
     def add(self, value: float) -> int:
-        """Add a value; return `waited`."""
-        self.waited += 1
+        """Add a value; return `idle`."""
+        self.idle += 1
         if value < REDUCTION * self.least:
             self.least = value
-            self.waited = 0
-        return self.waited
+            self.idle = 0
+        return self.idle
 
 
 #: the sentence for a nonlinear p
 NONLINEAR_P = "p is nonlinear, and this method needs affine p: leave out the method, or solve problem.linearised(z)"
 
 
-def _of_affine_p(own: Callable[[Any, ProblemData], str | None]) -> Callable[[Any, ProblemData], str | None]:
-    """A method's `why_not`, `own`, preceded by the check for a nonlinear p."""
+def _check_f_first(own: Callable[[Any, ProblemData], str | None]) -> Callable[[Any, ProblemData], str | None]:
+    """The `why_not` of a method that asks `why_not_f` first, then its `own`."""
 
     @wraps(own)
     def why_not(self: Any, problem: ProblemData) -> str | None:
@@ -108,7 +108,7 @@ class Method(ReadOnly, Displayable, ABC):
 
     def __init_subclass__(cls) -> None:
         if "why_not" in cls.__dict__:
-            cls.why_not = _of_affine_p(cls.why_not)  # type: ignore[assignment, method-assign]
+            cls.why_not = _check_f_first(cls.why_not)  # type: ignore[assignment, method-assign]
         if cls.__dict__.get("name"):  # one of its own
             _REGISTRY[cls.name] = cls
 

@@ -97,7 +97,7 @@ class Interior(Regularised):
             yield path.z, None
             if not path.makes_progress():
                 return
-            if path.infeasibilities.waited and (answer := recession.proof(path.z)).holds:
+            if path.infeasibilities.idle and (answer := recession.proof(path.z)).holds:
                 raise Infeasible(answer)
             if path.signs_repeat() and (solution := path.step_by_signs()) is not None:
                 yield solution, None
@@ -118,7 +118,7 @@ class InteriorPath:
     Raises
     ------
     MapError
-        Where ψ fails at the first place.
+        Where ψ fails at the start.
     """
 
     @np.errstate(all="ignore")
@@ -169,7 +169,7 @@ class InteriorPath:
         distances = self._distances()
         z = c + self._solver()(-self.point[1] - self._in_rows(self.sign * weights * distances), _STEP_ACCURACY)
         root = self.root[self.rows]
-        v = root * (distances + self._change(z - c))
+        v = root * (distances + self._distance_change(z - c))
         sizes = self.problem.matrix.absolute
         coupled = np.asarray(sizes.sum(axis=1)) > np.asarray(sizes.diagonal())  # unknowns that are fixed are not
         size = norm(self.root * z * coupled) / max(int(np.count_nonzero(coupled)), 1) ** 0.5
@@ -187,7 +187,7 @@ class InteriorPath:
 
     @property
     def dual_residual(self) -> Vector:
-        """The difference of s and p."""
+        """s − p in every row, with s₁ − s₂ where there are two obstacles."""
         return self._in_rows(self.sign * self.s) - self.point[1]
 
     def _in_rows(self, x: Vector) -> Vector:
@@ -195,13 +195,13 @@ class InteriorPath:
         return np.asarray(np.bincount(self.rows, x, self.problem.n), dtype=np.float64)
 
     def _distances(self) -> Vector:
-        """z − ψ(z), and ψ̄(z) − z."""
+        """z − ψ(z), and ψ̄(z) − z, in the rows of r and s."""
         _, _, below, above = self.point
         distances = below[self.sides[0]]
         return distances if above is None else np.concatenate([distances, -above[self.sides[1]]])
 
-    def _change(self, dz: Vector) -> Vector:
-        """How much the room changes along `dz`."""
+    def _distance_change(self, dz: Vector) -> Vector:
+        """The change of the distances from the obstacles along `dz`."""
         if not self.has_moving_obstacle:
             return self.sign * dz[self.rows]
         pairs = zip(self.slopes, self.sides, strict=True)
@@ -273,7 +273,7 @@ class InteriorPath:
         r = self.r
         s = self.s
         dz = solve(self.dual_residual - self._in_rows(self.sign * (target + s * self.gap) / r), accuracy)
-        dr = self._change(dz) + self.gap
+        dr = self._distance_change(dz) + self.gap
         return dz, dr, -(target + s * dr) / r
 
     def _lengths(self, dr: Vector, ds: Vector, share: float) -> tuple[Vector, Vector, Vector]:

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import MapError, OutOfTime, SingularOperator
-from ..methods.contract import SAFE_HINT, Infeasible, Iterate, Method
+from ..methods.contract import SAFE_RESIDUALS, Infeasible, Iterate, Method
 from ..numerics import work
 from ..numerics.arrays import Vector, locked, norm
 from ..numerics.rounding import is_ctrl_c
@@ -287,7 +287,7 @@ class Run:
         Whatever watches a run on the `presolved` problem is shown the exact one as well, so that none is better than
         the answer.
         """
-        low, high = SAFE_HINT
+        low, high = SAFE_RESIDUALS
         if hint is not None and z is not self.start and low < hint < high and not self.goal.is_near(z, hint):
             if self.presolved is not None and self.is_watched:
                 with suppress(MapError):
