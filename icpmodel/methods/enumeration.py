@@ -63,7 +63,7 @@ class Enumerate(Method):
 
         yield from linearised_in_turn(problem, z, candidates)
         if problem.psi.linear is not None:
-            yield from _exactly(problem, np.concatenate(undecided))
+            yield from _exact_solutions(problem, np.concatenate(undecided))
 
 
 def linearised_in_turn(
@@ -85,7 +85,7 @@ def linearised_in_turn(
         z = best[1]
 
 
-def _exactly(problem: ProblemData, undecided: SideChoices) -> Iterator[Iterate]:
+def _exact_solutions(problem: ProblemData, undecided: SideChoices) -> Iterator[Iterate]:
     """Solutions of the `undecided` pieces in fractions, rounded. Raises Infeasible where there are none."""
     exact = ExactRows(problem)
     any_solution = False

@@ -98,7 +98,7 @@ def _solutions(problem: ProblemData, z: Vector) -> Iterator[Vector]:
 def active_set(rows: LinearRows, bound: float, cuts: list[Vector]) -> ActiveRows | None:
     """An active set with |p_i|, r_i ≤ `bound`, and none of the `cuts`; None where HiGHS finds none.
 
-    Raises OutOfTime where HiGHS had no time to tell.
+    Raises OutOfTime where the time limit ended the search.
     """
     from scipy.optimize import Bounds, LinearConstraint, milp
 
@@ -109,8 +109,8 @@ def active_set(rows: LinearRows, bound: float, cuts: list[Vector]) -> ActiveRows
     for cut in cuts:
         sign = np.where(cut > 0.5, 1.0, -1.0)
         constraints.append((np.append(np.zeros(n), sign)[None, :], -np.inf, sign[cut > 0.5].sum() - 1.0))
-    direction = (below & ~above).astype(float) - (above & ~below)  # p and r have a sign in rows with one obstacle
-    objective = direction @ (rows.A + np.where(below[:, None], rows.R, rows.S))
+    signs = (below & ~above).astype(float) - (above & ~below)  # of p and r in rows with one obstacle
+    objective = signs @ (rows.A + np.where(below[:, None], rows.R, rows.S))
     lowest = np.concatenate([np.full(n, -np.inf), ~below, ~above])
     highest = np.concatenate([np.full(n, np.inf), np.ones(2 * n)])
     options = {"mip_rel_gap": _MIP_GAP, "time_limit": work.seconds_left()}
@@ -137,14 +137,15 @@ def _constraints(rows: LinearRows, bound: float) -> list[tuple[Any, Any, Any]]:
     y_i = 1: above the lower obstacle, so p_i ≤ 0; y'_i = 1: below the upper one, so p_i ≥ 0.
     """
     n = rows.n
-    (below, above) = (np.isfinite(rows.c), np.isfinite(rows.d))
-    nothing = sp.csr_array((n, n))
-    most = bound * sp.eye_array(n)
+    below = np.isfinite(rows.c)
+    above = np.isfinite(rows.d)
+    zero = sp.csr_array((n, n))
+    big_M = bound * sp.eye_array(n)
     return [
-        (sp.hstack([rows.A, most, nothing]), -np.inf, bound - rows.q),
-        (sp.hstack([rows.A, nothing, -most]), -bound - rows.q, np.inf),
-        (sp.hstack([rows.R, -most, nothing]).tocsr()[below], -np.inf, rows.c[below]),
-        (sp.hstack([rows.R, nothing, nothing]).tocsr()[below], rows.c[below], np.inf),
-        (sp.hstack([-rows.S, nothing, -most]).tocsr()[above], -np.inf, -rows.d[above]),
-        (sp.hstack([rows.S, nothing, nothing]).tocsr()[above], -np.inf, rows.d[above]),
+        (sp.hstack([rows.A, big_M, zero]), -np.inf, bound - rows.q),
+        (sp.hstack([rows.A, zero, -big_M]), -bound - rows.q, np.inf),
+        (sp.hstack([rows.R, -big_M, zero]).tocsr()[below], -np.inf, rows.c[below]),
+        (sp.hstack([rows.R, zero, zero]).tocsr()[below], rows.c[below], np.inf),
+        (sp.hstack([-rows.S, zero, -big_M]).tocsr()[above], -np.inf, -rows.d[above]),
+        (sp.hstack([rows.S, zero, zero]).tocsr()[above], -np.inf, rows.d[above]),
     ]

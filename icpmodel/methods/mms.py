@@ -68,10 +68,10 @@ class MMS(Method):
         # x has no value where ψ_i = −∞; a ψ without a value at 0 is asked where the run begins
         if problem.upper is not None:
             return "MMS has one |x| for each row, and a row may have two obstacles: the members of Method 3.1 take them"
-        free = problem.psi.has_policies
+        has_free_rows = problem.psi.has_policies
         with suppress(MapError):
-            free = free or bool(np.isneginf(problem.psi.value(np.zeros(problem.n))).any())
-        if free:
+            has_free_rows = has_free_rows or bool(np.isneginf(problem.psi.value(np.zeros(problem.n))).any())
+        if has_free_rows:
             return "MMS writes z - psi(z) = (|x| + x)/gamma, but a row may have no obstacle (psi = -inf)"
         return why_not_diagonal(problem, "Omega = D/2 must be positive") if self.omega is None else None
 

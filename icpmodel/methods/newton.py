@@ -121,12 +121,13 @@ class NewtonPoint:
 
     @cached_property
     def jacobian(self) -> sp.csr_array:
+        """ψ′(z), and ψ̄′(z) in the rows that take the upper obstacle."""
         return derivative(self.problem.psi, self.z, self.above)
 
-    def derivative(self) -> tuple[sp.csr_array, Vector]:
-        """V, an element of the generalised derivative of φ at z, and per row the sum of the slopes in V."""
+    def generalised_derivative(self) -> tuple[sp.csr_array, Vector]:
+        """V, CSR, (n, n), an element of the generalised derivative of φ at z, and the sum of its slopes per row."""
         problem = self.problem
-        (slope_p, slope_r) = self.outer.slopes()
+        slope_p, slope_r = self.outer.slopes()
         identity = sp.eye_array(problem.n)
         total = slope_r
         V = 0
@@ -156,8 +157,8 @@ def _clipped_multipliers(problem: ProblemData, a: Vector, gap: Vector) -> Vector
     """`a` = p/Ω, in rows without diagonal dominance clipped to half the `gap` between the obstacles."""
     rows = problem.matrix.rows
     half = 0.5 * gap
-    free = (rows.off_diagonal_sums > np.abs(rows.diagonal)) & (half > 0)
-    return np.where(free, np.clip(a, -half, half), a)
+    clipped = (rows.off_diagonal_sums > np.abs(rows.diagonal)) & (half > 0)
+    return np.where(clipped, np.clip(a, -half, half), a)
 
 
 class _FischerBurmeister:
@@ -165,21 +166,21 @@ class _FischerBurmeister:
 
     def __init__(self, a: Vector, b: Vector) -> None:
         self.a = a
-        self.free = np.isposinf(b)
-        self.b = np.where(self.free, 0.0, b)
+        self.is_unbounded = np.isposinf(b)
+        self.b = np.where(self.is_unbounded, 0.0, b)
         self.root = np.hypot(a, self.b)
         both = (a > 0) & (self.b > 0)  # there a + b − √(a² + b²) would cancel
         total = np.where(both, a + self.b + self.root, 1.0)
         self.phi = np.where(both, 2.0 * a * (self.b / total), a + self.b - self.root)
-        self.phi[self.free] = a[self.free]
+        self.phi[self.is_unbounded] = a[self.is_unbounded]
 
     def slopes(self) -> tuple[Vector, Vector]:
         """(∂φ/∂a, ∂φ/∂b), an element of the generalised derivative where a = b = 0."""
         corner = self.root == 0
         root = np.where(corner, 1.0, self.root)
         slope_a, slope_b = (np.where(corner, 1.0 - np.sqrt(0.5), 1.0 - side / root) for side in (self.a, self.b))
-        slope_a[self.free] = 1.0
-        slope_b[self.free] = 0.0
+        slope_a[self.is_unbounded] = 1.0
+        slope_b[self.is_unbounded] = 0.0
         return slope_a, slope_b
 
 
@@ -278,13 +279,13 @@ class NewtonPath(Iterator[Iterate]):
         if new is None:
             return None
         moved = new.z - self.current.z
-        before = self.direction
+        last_direction = self.direction
         down = -float(moved.min(initial=0.0))
         up = float(moved.max(initial=0.0))
         self.direction = int(down <= _ROUNDING_SHARE * up) - int(up <= _ROUNDING_SHARE * down)
         self.last_active = active
         if not self.shrinking_steps:
-            self.counted_steps += 1.0 / new.z.size if self.direction == before != 0 else 1.0
+            self.counted_steps += 1.0 / new.z.size if self.direction == last_direction != 0 else 1.0
         return new if self._is_reduced(new) or self.counted_steps <= self.allowed_steps else None
 
     def _predicted_active_set(self) -> Mask:
@@ -298,16 +299,16 @@ class NewtonPath(Iterator[Iterate]):
 
         active = self.current.active
         last_active = self.last_active
-        free = last_active & ~active
-        before = self.freed
-        self.freed = int(np.count_nonzero(free))
+        newly_freed = last_active & ~active
+        last_freed = self.freed
+        self.freed = int(np.count_nonzero(newly_freed))
         self.shrinking_steps = self.shrinking_steps + 1 if self.freed and not (active & ~last_active).any() else 0
-        if not (self.shrinking_steps > self.delay and 2 * self.freed > before):
+        if not (self.shrinking_steps > self.delay and 2 * self.freed > last_freed):
             return active
-        after = self.problem.matrix.absolute.T
+        graph = self.problem.matrix.absolute.T
         # no path is longer than n, and a larger power may overflow
-        most = min(2 ** (self.shrinking_steps - self.delay - 1), self.problem.n)
-        layer = dijkstra(after, indices=np.flatnonzero(free), unweighted=True, min_only=True, limit=most)
+        max_layers = min(2 ** (self.shrinking_steps - self.delay - 1), self.problem.n)
+        layer = dijkstra(graph, indices=np.flatnonzero(newly_freed), unweighted=True, min_only=True, limit=max_layers)
         return active & np.isinf(layer)
 
     def _solution_on(self, active: Mask) -> NewtonPoint | None:
@@ -332,7 +333,7 @@ class NewtonPath(Iterator[Iterate]):
         if best.theta == 0 or self.descents > _MAX_DESCENTS:
             return None
         work.count(work.newton(self.problem.n, self.problem.facts.entries, mixed=True))
-        V, total = best.derivative()
+        V, total = best.generalised_derivative()
         phi = best.phi / best.theta
         for direction in descent_directions(self.problem, V, phi, total):
             slope = float(phi @ (V @ direction))

@@ -270,7 +270,7 @@ class _Search:
         point = NewtonPoint(linear, self.path.omega, self.current.z)
         if point.theta == 0.0:  # as p of `linear` is rounded
             return None
-        V, total = point.derivative()
+        V, total = point.generalised_derivative()
         phi = point.phi / point.theta
         for direction in descent_directions(linear, V, phi, total):
             step = self.path.clip(point.z + point.theta * direction) - point.z
