@@ -262,15 +262,15 @@ class Derivative(ReadOnly, Plottable):
         return x
 
     def _sizes(self, x: Vector, transposed: bool) -> Vector:
-        """|J||x| or |J|ᵀ|x|."""
+        """|J||x| or |J|ᵀ|x|, shape (n,): what the rounding of Jx is relative to."""
         matrix = self.problem.matrix
         G = self._jacobian
         active = self.pattern.active
         x = np.abs(x)
         A = matrix.absolute if matrix.dense is None else np.abs(matrix.dense)
         x_active = np.where(active, x, 0.0) if transposed else x
-        moved = (abs(G).T if transposed else abs(G)) @ x_active + x_active if G.nnz else x_active
-        return A.T @ (x - x_active) + moved if transposed else np.where(active, moved, A @ x)
+        terms = (abs(G).T if transposed else abs(G)) @ x_active + x_active if G.nnz else x_active
+        return A.T @ (x - x_active) + terms if transposed else np.where(active, terms, A @ x)
 
     @public_entry
     def one_sided(self, *, dA: Any = None, dq: Any = None, dpsi: Any = None, dupper: Any = None) -> OneSided:
@@ -306,16 +306,17 @@ class Derivative(ReadOnly, Plottable):
         (array([ 0., -1.,  0.]), array([-1., -1.,  0.]))
         """
         direction = Direction.of(self.problem, dA, dq, dpsi, dupper)
-        # which say what is wrong with the direction
+        # both raise InputError where the direction is wrong
         f = direction.right_side(self.z, self.pattern)
         direction.times(-1.0).right_side(self.z, self.pattern)
         if self.certain:
             dz = self.solved(f)
             return OneSided(dz, dz)
         near = Derivative(self.solution.polish())
-        return OneSided(*(sign * near._to_the_right(direction.times(sign)) + 0.0 for sign in (1.0, -1.0)))
+        return OneSided(*(sign * near._right_derivative(direction.times(sign)) + 0.0 for sign in (1.0, -1.0)))
 
-    def _to_the_right(self, direction: Direction) -> Vector:
+    def _right_derivative(self, direction: Direction) -> Vector:
+        """dz for t ↓ 0 in this `direction`, by its tangent problem. Raises NotSolved."""
         problem = tangent_problem(self.z, self.pattern, self._ties, direction)
         # numbers below SMALLEST/UNIT_ROUNDOFF have fewer digits than rtol asks for
         return solve(problem, rtol=_RTOL, atol=SMALLEST / UNIT_ROUNDOFF).polish().z
@@ -357,8 +358,8 @@ class Derivative(ReadOnly, Plottable):
         dz = self.problem.vector(dz, "dz")
         direction = Direction.of(self.problem, dA, dq, dpsi, dupper)
         f = direction.right_side(self.z, self.pattern)
-        known = self.solution.certificate.bound.componentwise
-        error = np.zeros(dz.size) if known is None else direction.error(self.z, known, self.pattern)
+        delta = self.solution.certificate.bound.componentwise
+        error = np.zeros(dz.size) if delta is None else direction.error(self.z, delta, self.pattern)
         return self._bound(self._matrix(), f, dz, error)
 
     @public_entry
@@ -391,6 +392,7 @@ class Derivative(ReadOnly, Plottable):
         return self._bound(sp.csr_array(self._matrix().T), zbar, w, np.zeros(w.size))
 
     def _matrix(self) -> sp.csr_array:
+        """J, CSR, shape (n, n)."""
         return newton_matrix(self.problem, self.pattern.active, self._jacobian)
 
     def _bound(self, J: sp.csr_array, f: Vector, x: Vector, error: Vector) -> float | None:
@@ -407,9 +409,9 @@ class Derivative(ReadOnly, Plottable):
     @np.errstate(all="ignore")
     def _delta(self) -> Vector:
         """The proved bound of |z − z*|, or twice the length of Newton steps if nothing is proved."""
-        known = self.solution.certificate.bound.componentwise
-        if known is not None:
-            return known
+        delta = self.solution.certificate.bound.componentwise
+        if delta is not None:
+            return delta
         problem = self.problem
         z = self.z
         active = self.pattern.active
@@ -434,27 +436,27 @@ class Derivative(ReadOnly, Plottable):
         z = self.z
         delta = self._delta
         rounding_p, rounding_r = problem.rounding(z)
-        reach = rounding_r + delta + abs(self._jacobian) @ delta
-        candidates = self._open & (np.abs(problem.p(z)) <= rounding_p + problem.matrix.absolute @ delta)
+        max_distance = rounding_r + delta + abs(self._jacobian) @ delta
+        candidates = self._undecided_rows & (np.abs(problem.p(z)) <= rounding_p + problem.matrix.absolute @ delta)
         below, above = (
-            np.zeros_like(candidates) if r is None else candidates & (np.abs(r) <= reach)
+            np.zeros_like(candidates) if r is None else candidates & (np.abs(r) <= max_distance)
             for r in (problem.r(z), problem.r_upper(z))
         )
         return Ties(below, above, delta)
 
     @cached_property
-    def _open(self) -> Mask:
-        """The rows that are not proved to be at an obstacle or off it."""
+    def _undecided_rows(self) -> Mask:
+        """The rows that are not proved to be at an obstacle or off it, a mask of shape (n,)."""
         return self.solution.active_set.undecided
 
     @cached_property
     def _tied_jumps(self) -> Mask:
         """The rows that are, or may be, at the best of several jumps, where another jump may be as good."""
         delta = self.solution.certificate.bound.componentwise
-        tied = np.zeros_like(self._open)
+        tied = np.zeros_like(self._undecided_rows)
         for psi, rows in zip(sides_of(self.problem.psi), self.pattern.sides(), strict=True):
             if delta is not None:
-                tied |= (rows | self._open) & psi.nonsmooth_rows(self.z, delta)
+                tied |= (rows | self._undecided_rows) & psi.nonsmooth_rows(self.z, delta)
         return tied
 
     @cached_property
@@ -477,7 +479,7 @@ class Derivative(ReadOnly, Plottable):
         >>> Derivative(ICP([[1.0]], [0.0]).solve()).undecided
         array([0])
         """
-        return np.flatnonzero(self._open | self._tied_jumps | self._misplaced_rows)
+        return np.flatnonzero(self._undecided_rows | self._tied_jumps | self._misplaced_rows)
 
     @property
     def certain(self) -> bool:
@@ -510,15 +512,15 @@ class Derivative(ReadOnly, Plottable):
             row = int(np.argmax(self._misplaced_rows))
             return f"z is too far from z*: row {row} of z* has another active set; solve to a smaller tolerance"
         element = "an element of the B-subdifferential, see one_sided"
-        if self._open.any():
-            return f"p = r = 0 cannot be excluded in {_row_names(self._open)}: {element}"
+        if self._undecided_rows.any():
+            return f"p = r = 0 cannot be excluded in {_row_names(self._undecided_rows)}: {element}"
         if self._tied_jumps.any():
             return f"two equally good jumps cannot be excluded in {_row_names(self._tied_jumps)}: {element}"
         smooth = "continuously differentiable where z* may be"
-        word = f"{ASSUMED_PSI} and {smooth}" if self.problem.psi.calls_user_code else ""
+        assumed = f"{ASSUMED_PSI} and {smooth}" if self.problem.psi.calls_user_code else ""
         if self.solution.problem.f is not None:
-            word += f"{ASSUMED_F}, and is {smooth}"
-        return f"every row is proved to be at an obstacle or off it{word}"
+            assumed += f"{ASSUMED_F}, and is {smooth}"
+        return f"every row is proved to be at an obstacle or off it{assumed}"
 
     def __str__(self) -> str:
         active = self.pattern.active

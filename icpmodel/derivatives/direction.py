@@ -39,11 +39,11 @@ class Direction:
         return cls(problem, matrix, None if dq is None else problem.vector(dq, "dq", finite=True), dpsi, dupper)
 
     def sides(self) -> list[tuple[str, Map, Any]]:
-        """Of each obstacle the name that the user gave its change, the map, and the change, or 0."""
+        """(name of the argument, map, its change or None) of each obstacle, the lower one first."""
         columns = ("dpsi", "dupper"), sides_of(self.problem.psi), (self.below, self.above)
         return list(zip(*columns, strict=False))
 
-    def of_p(self, z: Vector) -> Vector:
+    def p_change(self, z: Vector) -> Vector:
         """dA z + dq."""
         return linear_value(self.matrix, self.q, z)
 
@@ -54,8 +54,8 @@ class Direction:
         ψ's data.
         """
         with np.errstate(over="ignore", invalid="ignore"):
-            f = -self.of_p(z)
-            changes = [linear_value(*psi, z) for psi in self._parts(z)]
+            f = -self.p_change(z)
+            changes = [linear_value(*psi, z) for psi in self._map_changes(z)]
             for change, rows in zip(changes, pattern.sides(), strict=True):
                 f = np.where(rows, change, f)
         if self.problem.upper is not None and self.problem.psi.is_constant:  # else it depends on dz
@@ -71,13 +71,14 @@ class Direction:
         return f
 
     def error(self, z: Vector, delta: Vector, pattern: Pattern) -> Vector:
-        """How wrong f is at most, where z is wrong by up to `delta`, rounding included."""
+        """A bound, shape (n,), on the error of f where z is wrong by up to `delta`, rounding included."""
         error = _error(self.matrix, self.q, z, delta)
-        for psi, rows in zip(self._parts(z), pattern.sides(), strict=True):
+        for psi, rows in zip(self._map_changes(z), pattern.sides(), strict=True):
             error = np.where(rows, _error(*psi, z, delta), error)
         return error
 
-    def _parts(self, z: Vector) -> list[Linear]:
+    def _map_changes(self, z: Vector) -> list[Linear]:
+        """The change of each map as (H, d): ψ changes by Hz + d."""
         sides = self.sides()
         return [(None, None) if change is None else psi.data_change(z, change, name) for name, psi, change in sides]
 

@@ -27,8 +27,10 @@ from .direction import Direction, linear_value
 
 
 class Ties(NamedTuple):
-    """The rows, masks of shape (n,), that may leave the obstacle `below`, or the one `above`, and may not; z* is within
-    `delta` of z."""
+    """The rows, masks of shape (n,), in which p = r = 0 is possible at the obstacle `below` or at the one `above`.
+
+    `delta`, shape (n,), bounds |z − z*|.
+    """
 
     below: Mask
     above: Mask
@@ -36,32 +38,32 @@ class Ties(NamedTuple):
 
 
 def tangent_problem(z: Vector, pattern: Pattern, ties: Ties, direction: Direction) -> ProblemData:
-    """The problem that dz solves, p in the units of z: Res, by which it is solved, adds p and r up."""
+    """The problem that dz solves, with p in the units of z, as Res, by which it is solved, adds p and r up."""
     sides = direction.sides()
     maps: list[Map] = [_tangent(name, psi, change, z, ties.delta) for name, psi, change in sides]
     tied = ties.below | ties.above
     certain = [rows & ~tied for rows in pattern.sides()]
     obstacles = []
     for k, (rows, none) in enumerate(((ties.below, -np.inf), (ties.above, np.inf))):
-        # an active row is between its obstacle and the same one
-        which = np.zeros(z.size, dtype=np.intp)
+        # an active row has its obstacle on both sides
+        map_of_row = np.zeros(z.size, dtype=np.intp)
         for side, at_side in enumerate(certain, 1):
-            which[at_side] = side
+            map_of_row[at_side] = side
         if k < len(maps):
-            which[rows] = k + 1
-        obstacles.append(Rowwise((Constant(none).bind(z.size), *maps), which) if which.any() else None)
+            map_of_row[rows] = k + 1
+        obstacles.append(Rowwise((Constant(none).bind(z.size), *maps), map_of_row) if map_of_row.any() else None)
     below, above = obstacles
     matrix = direction.problem.matrix
     # one unit for all rows, so that A stays as symmetric as it is, and a power of two, so that nothing is rounded
     exponents = np.full(z.size, -np.frexp(np.median(matrix.weights))[1])
     with np.errstate(over="ignore"):
         A = in_units(matrix.sparse, exponents)
-        q = np.ldexp(direction.of_p(z), exponents)
+        q = np.ldexp(direction.p_change(z), exponents)
     return ProblemData(A, q).with_sides(-np.inf if below is None else below, above)
 
 
 def _tangent(name: str, psi: Map, change: object, z: Vector, delta: Vector) -> Map:
-    """ψ′(z; ·) + dψ."""
+    """ψ′(z; ·) + dψ as a map of dz."""
     change = 0.0 if change is None else change
     one_sided = psi.directional_derivative(z, delta, change, name)
     if one_sided is not None:
