@@ -14,22 +14,22 @@ from ..theory.certificates.enumerated import Disproof, NoSolution
 from ..theory.matrices.classes import MatrixClasses
 
 
-def first_steps(picked: Method | None, why: str, method_named: bool, disproof: Disproof | None) -> Iterator[str]:
+def first_steps(first_method: Method | None, why: str, method_named: bool, disproof: Disproof | None) -> Iterator[str]:
     """What to call, or what to change where it is proved that there is no solution; the rest as in `Explanation`."""
     if isinstance(disproof, NoSolution):
         conflict = "`solve(raise_on_failure=False).contradiction` may name the conditions in conflict"
         yield f"no solution exists: change A, q or psi; {conflict}"
         return
     alone = "left to itself " if method_named else ""
-    yield why if picked is None else f"call solve(); {alone}it will run {picked!r} first: {why}"
+    yield why if first_method is None else f"call solve(); {alone}it will run {first_method!r} first: {why}"
     if disproof:
         yield "there are several solutions: all_solutions() lists them, and other starts z0 may find other ones"
 
 
-def what_to_do(
-    problem: ProblemData, classes: MatrixClasses, picked: Method | None = None, is_decided: bool = False
+def convergence_advice(
+    problem: ProblemData, classes: MatrixClasses, first_method: Method | None = None, is_decided: bool = False
 ) -> Iterator[str]:
-    """Advice if no member of the family is proved to converge; `picked` is the first method of `solve()`.
+    """Advice if no member of the family is proved to converge; `first_method` is the first method of `solve()`.
 
     Whether there are solutions, and how many, `is_decided` where all linear pieces were examined.
     """
@@ -52,7 +52,7 @@ def what_to_do(
         obstacles = "the obstacles" if both else "the obstacle"
         yield f"A is positive definite: with {obstacles} frozen at an iterate, mnmod and mnmmod are proved"
     elif classes.p.holds:
-        later = "" if isinstance(picked, Newton) else ", on which solve() falls back"
+        later = "" if isinstance(first_method, Newton) else ", on which solve() falls back"
         obstacles = "obstacles that do not move" if both else "constant psi"
         yield f"A is a P-matrix, so with {obstacles} the solution is unique, but sweeps may cycle: try newton{later}"
     elif is_decided:
@@ -65,7 +65,7 @@ def what_to_do(
         yield "A is no P-matrix: there may be no solution, or many; check signs and units of the model"
 
 
-def what_to_do_about_f(problem: ProblemData, unique: bool) -> Iterator[str]:
+def nonlinear_advice(problem: ProblemData, unique: bool) -> Iterator[str]:
     """Advice for a nonlinear p; `unique`: whether the solution is proved to be unique."""
     assert problem.f is not None
     if unique:
@@ -78,7 +78,7 @@ def what_to_do_about_f(problem: ProblemData, unique: bool) -> Iterator[str]:
         yield "f may couple rows, which no theorem here covers: other starts z0 may find other solutions"
 
 
-def what_limits(accuracy: float, largest: float | None) -> Iterator[str]:
+def accuracy_advice(accuracy: float, largest: float | None) -> Iterator[str]:
     """A remark where rounding forbids the `accuracy`; `largest`: a bound on the entries of z, if one is known."""
     if largest is not None and accuracy < UNIT_ROUNDOFF * largest:
         yield (

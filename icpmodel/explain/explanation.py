@@ -31,13 +31,13 @@ from ..theory.certificates.enumerated import Disproof, NoSolution
 from ..theory.convergence.proximal_point import proximal_point
 from ..theory.matrices.classes import CLASS_NAMES, MatrixClasses
 from ..theory.nonuniqueness import solution_facts
-from .advice import first_steps, is_boxed, methods_for_f, what_limits, what_to_do, what_to_do_about_f
+from .advice import accuracy_advice, convergence_advice, first_steps, is_boxed, methods_for_f, nonlinear_advice
 from .forecasts import Forecast, factor_text, forecasts_of, members
 
 #: what a page may cost, in products with A and in nanoseconds: for n = 10⁶ and n = 10⁴ that were 5 s and 2 s on the
 #: machine of `work.Costs`; and the share of it that one question may cost
-_MAX_PRODUCTS = 600.0
-_MAX_NANOSECONDS = 0.8e9
+MAX_PRODUCTS = 600.0
+MAX_NANOSECONDS = 0.8e9
 _QUESTION_SHARE = 0.2
 #: and the largest number of nanoseconds a row, where rows are long, and no less than 10⁶ rows would get
 _NANOSECONDS_PER_ROW = 3_000.0
@@ -58,15 +58,15 @@ class Explanation(Displayable):
         The bound at z = 0, whose proof says whether the solution exists and is unique.
     forecasts : tuple of Forecast
         One for each method.
-    picked : Method or None
+    first_method : Method or None
         The method that `solve()` tries first.
     why : str
-        Why `picked` is picked, or why no method is.
+        Why `solve()` takes it, or why it has no method.
     accuracy : float
         The accuracy of the predicted numbers of steps.
     method_named : bool
         Whether the user named one method.
-    instead : Forecast or None
+    alternative : Forecast or None
         Another method, proved where the named one is not.
 
     Examples
@@ -79,11 +79,11 @@ class Explanation(Displayable):
     classes: MatrixClasses
     bound: ErrorBound
     forecasts: tuple[Forecast, ...]
-    picked: Method | None
+    first_method: Method | None
     why: str
     accuracy: float
     method_named: bool = False
-    instead: Forecast | None = None
+    alternative: Forecast | None = None
 
     @property
     def recommended(self) -> Forecast | None:
@@ -149,20 +149,20 @@ class Explanation(Displayable):
         """
         return {title.replace(" ", "_"): text.splitlines() for title, text in self.sections().items()} | {
             "n": self.problem.n,
-            "classes": {name: _plain(getattr(self.classes, name)) for name in CLASS_NAMES},
+            "classes": {name: _as_data(getattr(self.classes, name)) for name in CLASS_NAMES},
             "unique": self.bound.unique or (False if self.disproof else None),
             "accuracy": self.accuracy,
             "methods": [
                 {
                     "title": forecast.title,
                     "method": repr(forecast.method),
-                    "theorems": {name: _plain(check) for name, check in forecast.checks.items()},
+                    "theorems": {name: _as_data(check) for name, check in forecast.checks.items()},
                     "factor": forecast.factor,
                     "steps": forecast.steps,
                 }
                 for forecast in self.forecasts
             ],
-            "picked": None if self.picked is None else repr(self.picked),
+            "first_method": None if self.first_method is None else repr(self.first_method),
         }
 
     def _methods(self) -> Iterator[str]:
@@ -196,10 +196,10 @@ class Explanation(Displayable):
                 "the obstacles may cross for some z: the point that a method is proved to converge to is the solution "
                 "if psi <= upper there, and else there is none"
             )
-        if left := [one for one in self.forecasts if one.undecided]:
-            within = left[0].checks[left[0].undecided[0]].reason
-            of = "; ".join(one.title for one in left)
-            yield f"{within}, which explain(thorough=True) lifts: theorems on {of}"
+        if undecided := [one for one in self.forecasts if one.undecided]:
+            reason = undecided[0].checks[undecided[0].undecided[0]].reason
+            titles = "; ".join(one.title for one in undecided)
+            yield f"{reason}, which explain(thorough=True) lifts: theorems on {titles}"
         if any(one.isotone for one in self.forecasts):
             yield (
                 "(isotone): the step keeps the order, and is monotone from super- and subsolutions (theorem monotone); "
@@ -211,14 +211,15 @@ class Explanation(Displayable):
 
     def _to_do(self) -> Iterator[str]:
         disproof = self.disproof
-        yield from first_steps(self.picked, self.why, self.method_named, disproof)
+        yield from first_steps(self.first_method, self.why, self.method_named, disproof)
         if isinstance(disproof, NoSolution):
             return
         if self.problem.f is not None:
-            yield from what_to_do_about_f(self.problem, self.bound.unique)
-        elif self.instead is None and not any(one.proved_by for one in self.forecasts):
-            yield from what_to_do(self.problem, self.classes, self.picked, self.bound.unique or bool(disproof))
-        yield from what_limits(self.accuracy, self.bound.value)
+            yield from nonlinear_advice(self.problem, self.bound.unique)
+        elif self.alternative is None and not any(one.proved_by for one in self.forecasts):
+            is_decided = self.bound.unique or bool(disproof)
+            yield from convergence_advice(self.problem, self.classes, self.first_method, is_decided)
+        yield from accuracy_advice(self.accuracy, self.bound.value)
 
     def _best_proved(self) -> Iterator[str]:
         if self.problem.f is not None:
@@ -232,7 +233,7 @@ class Explanation(Displayable):
                 cost = "one solve with X = M1 + phi + Omega per step, factorised once"
             enough = "" if best.steps is None else f", {best.steps} steps suffice"
             yield f"{best.title}: each step leaves at most {factor_text(best.factor)} of the error{enough}; {cost}"
-            if self.picked is not None and not _same(best.method, self.picked):
+            if self.first_method is not None and not _same(best.method, self.first_method):
                 yield "solve() chooses by expected cost, not by proved rates alone"
         elif proved is not None:
             by = proved.proved_by[0]
@@ -241,13 +242,13 @@ class Explanation(Displayable):
         elif self.method_named:
             for one in self.forecasts:
                 yield f"no theorem covers {one.title} on this problem, which does not mean that it fails"
-            if self.instead is not None:
+            if self.alternative is not None:
                 also = "without a method, explain examines more of them"
-                yield f"{self.instead.title} is proved here (theorem {self.instead.theorems}); {also}"
+                yield f"{self.alternative.title} is proved here (theorem {self.alternative.theorems}); {also}"
         # printing a page computes no further facts of A
         if proved is None and self.classes.semidefinite.holds and (answer := proximal_point(self.problem)).holds:
             yield f"Proximal() is proved (theorem proximal): {answer.reason}"
-        elif proved is None and self.instead is None:
+        elif proved is None and self.alternative is None:
             yield "no method that was examined is proved to converge"
 
     def __str__(self) -> str:
@@ -320,41 +321,42 @@ def explain(
             f"explain has no option {next(iter(options))}; it takes method, accuracy, thorough, and the options of a "
             "method only where that is named"
         )
-    unit = problem.matrix.product_cost
-    page = min(_MAX_PRODUCTS * unit + _MAX_NANOSECONDS, _NANOSECONDS_PER_ROW * max(problem.n, _MIN_ROWS))
+    product_cost = problem.matrix.product_cost
+    max_cost = min(MAX_PRODUCTS * product_cost + MAX_NANOSECONDS, _NANOSECONDS_PER_ROW * max(problem.n, _MIN_ROWS))
     if as_truth(thorough, "thorough"):
-        page = sys.float_info.max  # without any limit a bound would take a minute at most
-    products = page / unit
-    with Allowance(products, unit).enforced(), one_blas_thread():
-        return _make_explanation(problem, method, accuracy, Allowance(_QUESTION_SHARE * products, unit), options)
+        max_cost = sys.float_info.max  # without any limit a bound would take a minute at most
+    products = max_cost / product_cost
+    with Allowance(products, product_cost).enforced(), one_blas_thread():
+        limit = Allowance(_QUESTION_SHARE * products, product_cost)
+        return _make_explanation(problem, method, accuracy, limit, options)
 
 
 def _make_explanation(
     problem: ProblemData, method: str | Method | None, accuracy: float, limit: Allowance, options: dict[str, Any]
 ) -> Explanation:
     method_named = method is not None
-    instead = None
+    alternative = None
     classes = classes_of(problem).decided(limit)
-    picked, why = _chosen_method(problem, limit)
+    first_method, why = _first_method(problem, limit)
     methods: dict[str, Method] = {}
     if method is not None:
         member = _member(problem, method, options)
         methods[repr(member)] = member
     elif problem.f is None:
         methods = members(problem)
-        if picked is not None and not any(_same(picked, one) for one in methods.values()):
-            title = f"{type(picked).__name__}, first choice of solve()"
-            methods[title] = picked.adapt(problem) if isinstance(picked, ModulusMember) else picked
+        if first_method is not None and not any(_same(first_method, one) for one in methods.values()):
+            title = f"{type(first_method).__name__}, first choice of solve()"
+            methods[title] = first_method.adapt(problem) if isinstance(first_method, ModulusMember) else first_method
     bound = _bound_at_zero(problem, limit)
-    # the first choice first, since the limit may not allow all forecasts
-    first = sorted(methods, key=lambda title: not (picked is not None and _same(methods[title], picked)))
-    in_turn = {title: methods[title] for title in first}
-    by_title = {one.title: one for one in forecasts_of(problem, in_turn, accuracy, limit)}
+    # the first method of solve() first, since the limit may not allow all forecasts
+    titles = sorted(methods, key=lambda title: not (first_method is not None and _same(methods[title], first_method)))
+    in_order = {title: methods[title] for title in titles}
+    by_title = {one.title: one for one in forecasts_of(problem, in_order, accuracy, limit)}
     forecasts = tuple(by_title[title] for title in methods if title in by_title)
     if method_named and not any(one.proved_by for one in forecasts):
         others = forecasts_of(problem, members(problem), accuracy, limit)
-        instead = next((one for one in others if one.proved_by), None)
-    return Explanation(problem, classes, bound, forecasts, picked, why, accuracy, method_named, instead)
+        alternative = next((one for one in others if one.proved_by), None)
+    return Explanation(problem, classes, bound, forecasts, first_method, why, accuracy, method_named, alternative)
 
 
 def _member(problem: ProblemData, method: str | Method, options: dict[str, Any]) -> ModulusMember:
@@ -380,7 +382,7 @@ def _bound_at_zero(problem: ProblemData, limit: Allowance) -> ErrorBound:
         return ErrorBound.none(f"{error}, at z = 0")
 
 
-def _chosen_method(problem: ProblemData, limit: Allowance) -> tuple[Method | None, str]:
+def _first_method(problem: ProblemData, limit: Allowance) -> tuple[Method | None, str]:
     """The method that `solve` begins with, and why; or None, and a sentence on why there is none."""
     if problem.f is not None:
         return NewtonJosephy(), "p is nonlinear"
@@ -399,5 +401,5 @@ def _same(one: Method, other: Method) -> bool:
     return type(one) is type(other) and all(np.array_equal(x, vars(other)[name]) for name, x in vars(one).items())
 
 
-def _plain(answer: Answer) -> dict[str, Any]:
+def _as_data(answer: Answer) -> dict[str, Any]:
     return {"holds": answer.holds, "reason": answer.reason, "number": answer.number}

@@ -11,7 +11,7 @@ from known_answers import PAIR
 
 import icpmodel as icp
 from icpmodel import scenes
-from icpmodel.explain.explanation import _MAX_NANOSECONDS, _MAX_PRODUCTS, explain
+from icpmodel.explain.explanation import MAX_NANOSECONDS, MAX_PRODUCTS, explain
 from icpmodel.explain.forecasts import forecasts_of
 from icpmodel.numerics import work
 from icpmodel.theory.answers import Allowance
@@ -89,7 +89,7 @@ def test_the_classes_are_the_known_ones(name, facts):
 def test_the_method_that_solve_begins_with_is_named_with_its_reason(name, n):
     problem = scenes.scene(name, n=n).problem
     page, begun = problem.explain(), problem.solve(max_iter=1, raise_on_failure=False)
-    assert repr(page.picked) == repr(begun.last_method)
+    assert repr(page.first_method) == repr(begun.last_method)
     assert begun.why.startswith(page.why)
     assert page.about()["what_to_do"][0] == f"call solve(); it will run {begun.last_method!r} first: {page.why}"
 
@@ -123,7 +123,7 @@ def test_wrong_arguments_are_named(method, options, words):
 def test_what_solve_begins_with_is_proved_and_its_steps_are_counted():
     page = scenes.bai_symmetric(n=400).problem.explain()
     row = next(forecast for forecast in page.forecasts if forecast.title == "PSOR(), newest values")
-    assert isinstance(page.picked, icp.PSOR)
+    assert isinstance(page.first_method, icp.PSOR)
     assert row.proved_by == ["rowwise"]
     assert row.factor < min(forecast.factor for forecast in page.forecasts if "MNM" in forecast.title)
     assert row.steps > 0
@@ -206,7 +206,7 @@ def test_a_page_costs_no_more_than_so_many_products_and_says_what_it_left_open()
     page = problem.explain()
     told = str(page)
     unit = problem.matrix.product_cost
-    assert work.counter() - before < 1.2 * (_MAX_PRODUCTS * unit + _MAX_NANOSECONDS)
+    assert work.counter() - before < 1.2 * (MAX_PRODUCTS * unit + MAX_NANOSECONDS)
     assert "not decided within" in told
     assert "thorough=True" in told
     assert page.bound.unique
