@@ -98,7 +98,7 @@ def _mip(target: Target) -> Any:
     import cvxpy as cp
 
     if target.bounds is None:
-        raise NotApplicable(f"no bounds on p and r for a mixed-integer program: {target.at_zero.reason}")
+        raise NotApplicable(f"no bounds on p and r for a mixed-integer program: {target.bound_at_zero.reason}")
     z_max, p_max, r_max = target.bounds
     # without bounds on z HiGHS 1.15 crashes on some of these programs
     z = cp.Variable(target.problem.n, bounds=[-z_max, z_max], name="z")
@@ -124,8 +124,8 @@ def _conditions(target: Target, z: Any) -> tuple[list[Any], list[Any]]:
     r = target.I_minus_G[has_obstacle] @ z - target.near[has_obstacle]
     free = p[~has_obstacle] == 0
     p = p[has_obstacle]
-    if target.capped.any():
-        sign = np.where(target.capped, -1.0, 1.0)[has_obstacle]
+    if target.upper_only.any():
+        sign = np.where(target.upper_only, -1.0, 1.0)[has_obstacle]
         p = cp.multiply(sign, p)
         r = cp.multiply(sign, r)
     pairs = [(p, r, has_obstacle)]

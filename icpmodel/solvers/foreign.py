@@ -232,51 +232,50 @@ class ForeignSolver(Displayable, ABC):
         """
 
 
-#: the streams of a process can be turned away for one at a time
+#: one thread at a time redirects the streams of the process
 _STREAMS = threading.Lock()
 
 
-def _begin_anew() -> None:
-    """In a fork the thread that holds the lock does not go on."""
+def _renew_lock() -> None:
+    """In a forked process no thread would release the old lock."""
     global _STREAMS
     _STREAMS = threading.Lock()
 
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_begin_anew)
+    os.register_at_fork(after_in_child=_renew_lock)
 
 
 @contextlib.contextmanager
 def _silence() -> Iterator[None]:
     """Suppress all output in a block, also of compiled code: PIQP, for one, prints warnings.
 
-    Python's own standard error stays, where a line of progress may be drawn. Of several threads one is let in at a
-    time.
+    Python's own standard error stays, for the line of progress. One thread at a time is in such a block.
     """
     with (
         _STREAMS,
         contextlib.redirect_stdout(io.StringIO()),
-        contextlib.ExitStack() as after,
-        open(os.devnull, "wb") as nowhere,
+        contextlib.ExitStack() as cleanup,
+        open(os.devnull, "wb") as devnull,
     ):
-        after.callback(logging.disable, logging.root.manager.disable)
+        cleanup.callback(logging.disable, logging.root.manager.disable)
         # OSQP prints about polishing whatever one asks, Pyomo logs failures
         logging.disable(logging.CRITICAL)
-        own = None
+        stderr_number = None
         with contextlib.suppress(OSError, AttributeError, ValueError):  # Python's may be no file, or none
-            own = sys.stderr.fileno()
+            stderr_number = sys.stderr.fileno()
         if sys.stderr is None:  # Pyomo flushes it
-            after.enter_context(contextlib.redirect_stderr(io.StringIO()))
+            cleanup.enter_context(contextlib.redirect_stderr(io.StringIO()))
         for stream in (1, 2):
             with contextlib.suppress(OSError, AttributeError):  # there may be no such stream
                 saved = os.dup(stream)
-                after.callback(os.close, saved)
-                after.callback(os.dup2, saved, stream)
-                if stream == own:
-                    terminal = after.enter_context(open(saved, "w", buffering=1, closefd=False))
-                    after.enter_context(contextlib.redirect_stderr(terminal))
-                after.callback(ctypes.CDLL(None).fflush, None)
-                os.dup2(nowhere.fileno(), stream)
+                cleanup.callback(os.close, saved)
+                cleanup.callback(os.dup2, saved, stream)
+                if stream == stderr_number:
+                    terminal = cleanup.enter_context(open(saved, "w", buffering=1, closefd=False))
+                    cleanup.enter_context(contextlib.redirect_stderr(terminal))
+                cleanup.callback(ctypes.CDLL(None).fflush, None)
+                os.dup2(devnull.fileno(), stream)
         yield
 
 
@@ -285,9 +284,13 @@ def missing(module: str, extra: str | None = None) -> str | None:
     try:
         importlib.import_module(module)
     except Exception as error:  # not ImportError alone: under `python -OO` some miss their docstrings
-        absent = isinstance(error, ModuleNotFoundError) and error.name == module
-        brings = module if extra is None else f'"icpmodel[{extra}]"'
-        return f"{module} is not installed: pip install {brings}" if absent else f"{module} cannot be imported: {error}"
+        is_absent = isinstance(error, ModuleNotFoundError) and error.name == module
+        requirement = module if extra is None else f'"icpmodel[{extra}]"'
+        return (
+            f"{module} is not installed: pip install {requirement}"
+            if is_absent
+            else f"{module} cannot be imported: {error}"
+        )
     return None
 
 
@@ -384,12 +387,12 @@ def ask(solver: ForeignSolver, target: Target, tolerance: float, time_limit: flo
     setup = None
     try:
         with _silence(), np.errstate(all="ignore"):
-            stated = solver.pose(target)
+            form = solver.pose(target)
             start_time = time.perf_counter()
             model = solver.set_up(target, tolerance, time_limit)
             setup = time.perf_counter() - start_time
             claim = solver.run(model)
-            if isinstance(stated, QP) and np.shape(claim.z) == stated.q.shape:
+            if isinstance(form, QP) and np.shape(claim.z) == form.q.shape:
                 claim = replace(claim, z=claim.z[: target.problem.n])
     except Exception as error:  # whatever a foreign package may raise; KeyboardInterrupt is none of these
         if is_ctrl_c(error):

@@ -144,7 +144,7 @@ class Target(Displayable):
         return np.isfinite(self.near)
 
     @cached_property
-    def capped(self) -> np.ndarray:
+    def upper_only(self) -> np.ndarray:
         """The rows whose only obstacle is above z, shape (n,), bool: p and r have the other sign there."""
         return np.zeros(self.problem.n, dtype=bool) if self.d is None else np.isneginf(self.c) & self.has_obstacle
 
@@ -161,8 +161,8 @@ class Target(Displayable):
         """
         G = self._sides[0]
         if self.d is not None:
-            G = _rows(~self.capped) @ G + _rows(self.capped) @ self._sides[1]
-        return sp.csr_array(sp.eye_array(self.problem.n) - _rows(self.has_obstacle) @ G)
+            G = _row_selector(~self.upper_only) @ G + _row_selector(self.upper_only) @ self._sides[1]
+        return sp.csr_array(sp.eye_array(self.problem.n) - _row_selector(self.has_obstacle) @ G)
 
     @cached_property
     def I_minus_H(self) -> sp.csr_array:
@@ -180,7 +180,7 @@ class Target(Displayable):
 
     @cached_property
     def parallel(self) -> bool:
-        """Whether the obstacles of every row with two of them move alike."""
+        """Whether both obstacles move alike in every row that has two."""
         return not self.two_sided.any() or abs(self.I_minus_G[self.two_sided] - self.I_minus_H).sum() == 0.0
 
     @cached_property
@@ -190,7 +190,7 @@ class Target(Displayable):
         return classify(half + half.T)
 
     @cached_property
-    def at_zero(self) -> ErrorBound:
+    def bound_at_zero(self) -> ErrorBound:
         """δ with |z*| ≤ δ from the certificate at z = 0, thus independent of the answer under test.
 
         Not sharpened: that would hand |z*| itself to a solver that is asked for it.
@@ -199,24 +199,25 @@ class Target(Displayable):
 
     @cached_property
     def bounds(self) -> tuple[Vector, Vector, Vector] | None:
-        """δ of `at_zero`, |q| + |A|δ and |I − G|δ + |c|, each of shape (n,) and a little larger, as these sums round.
+        """Bounds on |z*|, |p*| and |r*|, each of shape (n,): δ of `bound_at_zero`, |q| + |A|δ and |I − G|δ + |c|.
 
-        They bound |z*|, |p*| and |r*| (∞ in free rows), and |s*| as well. Without δ a box bounds z; else None.
+        They are a little larger, as these sums round. The last one bounds |s*| as well, and is ∞ in free rows.
+        Without δ a box bounds z; None without a box.
         """
-        z_max = self.at_zero.componentwise
-        larger = 1 + 1e-9
+        z_max = self.bound_at_zero.componentwise
+        margin = 1 + 1e-9
         if z_max is None:
             if self.d is None or not (self.problem.psi.is_constant and self.two_sided.all()):
                 return None
             z_max = np.maximum(np.abs(self.c), np.abs(self.d))
-        z_max = z_max * larger
-        p_max = (np.abs(self.problem.q) + self.problem.matrix.absolute @ z_max) * larger
+        z_max = z_max * margin
+        p_max = (np.abs(self.problem.q) + self.problem.matrix.absolute @ z_max) * margin
         r_max = abs(self.I_minus_G) @ z_max + np.abs(self.near)
         if self.two_sided.any():
             assert self.d is not None
             s_max = abs(self.I_minus_H) @ z_max + np.abs(self.d[self.two_sided])
             r_max[self.two_sided] = np.maximum(r_max[self.two_sided], s_max)
-        return z_max, p_max, r_max * larger
+        return z_max, p_max, r_max * margin
 
     @cached_property
     def unique(self) -> bool:
@@ -225,8 +226,8 @@ class Target(Displayable):
         For two solutions (p − p′)ᵀ(r − r′) = −pᵀr′ − p′ᵀr ≤ 0, and it equals ½(z − z′)ᵀS(z − z′). Between obstacles
         that move alike r ∈ [0, d − c] and a larger p_i goes with an r_i that is not larger: it is ≤ 0 there, too.
         """
-        if self.problem.f is not None or self.at_zero.unique:
-            return self.at_zero.unique
+        if self.problem.f is not None or self.bound_at_zero.unique:
+            return self.bound_at_zero.unique
         return self.parallel and self.curvature.definite.holds is True
 
     def why_not(self, form: str) -> str | None:
@@ -262,8 +263,8 @@ class Target(Displayable):
         if convex.holds:
             return None
         matrix = "A + A'" if constant else "A'(I - G) + (I - G)'A"
-        failed = "is not" if convex.holds is False else "could not be shown to be"
-        return f"{matrix} {failed} positive semidefinite: {convex.reason}"
+        verdict = "is not" if convex.holds is False else "could not be shown to be"
+        return f"{matrix} {verdict} positive semidefinite: {convex.reason}"
 
     def qp(self, form: str) -> QP:
         """The problem as a quadratic program, made once; call it only where `why_not` is None.
@@ -298,8 +299,8 @@ class Target(Displayable):
         has_obstacle = self.has_obstacle
         linear = self.I_minus_G.T @ q - A.T @ np.where(has_obstacle, self.near, 0.0)
         lower, upper = (side[has_obstacle] for side in self._range)
-        least = np.where(self.capped, -np.inf, -q)
-        most = np.where(has_obstacle & ~self.capped, np.inf, -q)
+        least = np.where(self.upper_only, -np.inf, -q)
+        most = np.where(has_obstacle & ~self.upper_only, np.inf, -q)
         K = sp.csc_array(sp.vstack([A, self.I_minus_G[has_obstacle]]))
         P = sp.csc_array(self.curvature.A)
         if not (k := int(self.two_sided.sum())):
@@ -328,6 +329,6 @@ def targets(problem: ProblemData, y: Vector, tangent: bool = False) -> list[Targ
     return problems
 
 
-def _rows(mask: np.ndarray) -> sp.dia_array:
+def _row_selector(mask: np.ndarray) -> sp.dia_array:
     """The diagonal matrix that keeps the rows `mask` and makes the others 0."""
     return sp.diags_array(mask.astype(np.float64))

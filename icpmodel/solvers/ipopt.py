@@ -56,16 +56,16 @@ class Ipopt(ForeignSolver):
         n = target.problem.n
         program = _program(target)
         options = {**_OPTIONS, "tol": tolerance, "max_wall_time": float(time_limit)}
-        quiet: dict[str, Any] = {"print_time": False, "error_on_fail": False, "ipopt": options}
+        settings: dict[str, Any] = {"print_time": False, "error_on_fail": False, "ipopt": options}
         f = None
         if target.problem.f is not None:
             f = _as_casadi(target.problem.f)
             program["g"][:n] += f(program["x"][:n])
-            quiet["hess_lag"] = _curvature(program)
+            settings["hess_lag"] = _curvature(program)
             # on 14 of 15 problems of the literature it took 27 steps at most; on the other one it did not end
             options |= {"mehrotra_algorithm": "no", "max_iter": 300}
         # CasADi does not keep f alive; at 0 the slope of a power is 0
-        return ca.nlpsol("icp", "ipopt", program, quiet), {"x0": 0.0 if f is None else 1.0, **_bounds(target)}, n, f
+        return ca.nlpsol("icp", "ipopt", program, settings), {"x0": 0.0 if f is None else 1.0, **_bounds(target)}, n, f
 
     def run(self, model: Any) -> Claim:
         solver, data, n, _ = model
@@ -84,7 +84,7 @@ def _program(target: Target) -> dict[str, Any]:
     with_obstacle = np.flatnonzero(target.has_obstacle)
     two_sided = np.flatnonzero(target.two_sided)
     unit = sp.eye_array(n, format="csr")
-    sign = np.where(target.capped, -1.0, 1.0)
+    sign = np.where(target.upper_only, -1.0, 1.0)
     sizes = (n, n, with_obstacle.size, two_sided.size, two_sided.size)
     z, u, r, v, s = parts = [ca.MX.sym(name, size) for name, size in zip("zurvs", sizes, strict=True)]
 
@@ -125,9 +125,9 @@ def _as_casadi(f: NonlinearTerm) -> Any:
         return ca.project(ca.DM(sp.csc_matrix(f.jacobian(z))), pattern)
 
     class Code(ca.Callback):
-        def __init__(self, name: str, of: Callable[[Vector], Any], inputs: int, output: Any) -> None:
+        def __init__(self, name: str, function: Callable[[Vector], Any], inputs: int, output: Any) -> None:
             super().__init__()
-            self.of = of
+            self.function = function
             self.inputs = inputs
             self.output = output
             self.construct(name, {})
@@ -143,7 +143,7 @@ def _as_casadi(f: NonlinearTerm) -> Any:
 
         def eval(self, arguments: Any) -> Any:
             try:
-                return [ca.DM(self.of(np.asarray(arguments[0]).ravel()))]
+                return [ca.DM(self.function(np.asarray(arguments[0]).ravel()))]
             except MapError:
                 return [ca.DM(self.output, np.nan)]
 
@@ -171,11 +171,12 @@ def _bounds(target: Target) -> dict[str, Any]:
     n = target.problem.n
     has_obstacle = target.has_obstacle
     two_sided = target.two_sided
-    pinned = two_sided & (target.near == target.d) & target.parallel
-    below = np.where(pinned, -np.inf, 0.0)
-    room = np.where(pinned, 0.0, np.inf)
+    meet = two_sided & (target.near == target.d) & target.parallel
+    u_min = np.where(meet, -np.inf, 0.0)
+    distance_max = np.where(meet, 0.0, np.inf)
     count = int(two_sided.sum())
-    least = (np.full(n, -np.inf), below, np.zeros(int(has_obstacle.sum())), np.zeros(count), below[two_sided])
-    of_p = np.where(has_obstacle, np.inf, 0.0)
-    most = (np.full(n, np.inf), of_p, room[has_obstacle], room[two_sided], np.full(count, np.inf))
-    return {"lbx": np.concatenate(least), "ubx": np.concatenate(most), "lbg": 0.0, "ubg": 0.0}
+    lower = (np.full(n, -np.inf), u_min, np.zeros(int(has_obstacle.sum())), np.zeros(count), u_min[two_sided])
+    u_max = np.where(has_obstacle, np.inf, 0.0)
+    r_max = distance_max[has_obstacle]
+    upper = (np.full(n, np.inf), u_max, r_max, distance_max[two_sided], np.full(count, np.inf))
+    return {"lbx": np.concatenate(lower), "ubx": np.concatenate(upper), "lbg": 0.0, "ubg": 0.0}

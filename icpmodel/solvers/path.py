@@ -59,9 +59,11 @@ class PathSolver(ForeignSolver):
 
     def set_up(self, target: Target, tolerance: float, time_limit: float) -> Any:
         end = time.perf_counter() + time_limit
-        M, b, least, most = mixed(target)
-        vectors = {key: _list(one, np.arange(b.size)) for key, one in {"b": b, "least": least, "most": most}.items()}
-        model = _MODEL.format(n=b.size, seconds=float(time_limit), M=_list(M.data, *M.coords), **vectors)
+        M, b, least, most = mixed_problem(target)
+        vectors = {
+            key: _gams_list(one, np.arange(b.size)) for key, one in {"b": b, "least": least, "most": most}.items()
+        }
+        model = _MODEL.format(n=b.size, seconds=float(time_limit), M=_gams_list(M.data, *M.coords), **vectors)
         return {"icp.gms": model, "path.opt": f"convergence_tolerance {tolerance!r}\n"}, target.problem.n, end
 
     def run(self, model: Any) -> Claim:
@@ -87,8 +89,8 @@ class PathSolver(ForeignSolver):
         return Claim(z, words, words == "solution found")
 
 
-def mixed(target: Target) -> tuple[sp.coo_array, Vector, Vector, Vector]:
-    """(M, b, l, h) of the mixed complementarity problem Mx + b ⟂ l ≤ x ≤ h whose solutions begin with those z."""
+def mixed_problem(target: Target) -> tuple[sp.coo_array, Vector, Vector, Vector]:
+    """(M, b, l, h) of the mixed complementarity problem Mx + b ⟂ l ≤ x ≤ h with x = (z, u, v); M in COO form."""
     problem = target.problem
     n = target.problem.n
     unit = sp.eye_array(n, format="csr")
@@ -116,7 +118,7 @@ def _sides(target: Target) -> Iterator[tuple[float, Any, Vector, Any]]:
             yield sign, G, c, np.isfinite(c) & (np.diff(G.indptr) > 0)
 
 
-def _list(values: Vector, *places: Any) -> str:
+def _gams_list(values: Vector, *places: Any) -> str:
     """The `values` as a list of GAMS data, with the numbers of their `places`, from 1."""
     form = ".".join(["%d"] * len(places)) + " %r"
     return "\n".join(map(form.__mod__, zip(*((one + 1).tolist() for one in places), values.tolist(), strict=True)))

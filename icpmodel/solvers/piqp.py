@@ -36,18 +36,18 @@ class Piqp(ForeignSolver):
         equal = qp.lower == qp.upper
         single = (np.diff(K.indptr) == 1) & ~equal
         single[single] = K.data[K.indptr[:-1][single]] == 1.0
-        of = K.indices[K.indptr[:-1][single]]
-        least = np.full(qp.q.size, -np.inf)
-        most = -least
-        two = np.isfinite(qp.upper[~equal]).any()
-        np.maximum.at(least, of, qp.lower[single])
-        np.minimum.at(most, of, qp.upper[single])
+        columns = K.indices[K.indptr[:-1][single]]
+        lower = np.full(qp.q.size, -np.inf)
+        upper = -lower
+        has_upper = np.isfinite(qp.upper[~equal]).any()
+        np.maximum.at(lower, columns, qp.lower[single])
+        np.minimum.at(upper, columns, qp.upper[single])
         rows = ~equal & ~single
         matrix: Any = operator.methodcaller("toarray") if dense else sp.csc_matrix
         A, b = (matrix(K[equal]), qp.lower[equal]) if equal.any() else (None, None)
         G, h = (matrix(K[rows]), qp.lower[rows]) if rows.any() else (None, None)
-        tops = (qp.upper[rows] if rows.any() else None, most) if two else (None, None)
-        model.setup(matrix(qp.P), qp.q, A, b, G, h, tops[0], least, tops[1])
+        h_upper, upper = (qp.upper[rows] if rows.any() else None, upper) if has_upper else (None, None)
+        model.setup(matrix(qp.P), qp.q, A, b, G, h, h_upper, lower, upper)
         return model
 
     def run(self, model: Any) -> Claim:

@@ -76,9 +76,9 @@ def to_pyomo(problem: ProblemLike) -> Any:
     p = _forces(problem, z)
     below, has_below = _side(problem, sides_of(problem.psi)[0], z)
     above, has_above = _side(problem, problem.upper, z)
-    two = [i for i in z if has_below[i] and has_above[i]]
+    two_sided = [i for i in z if has_below[i] and has_above[i]]
     fixed = problem.psi.is_constant
-    model.v = pyo.Var([] if fixed else two)
+    model.v = pyo.Var([] if fixed else two_sided)
     for i, v in model.v.items():
         p[i] = p[i] + v
 
@@ -196,20 +196,20 @@ class _Symbol:
         return lambda: _Symbol(getattr(pyo, name.replace("arc", "a"))(self.expression))
 
 
-def _arithmetic(operation: Callable[[Any, Any], Any], turned: bool) -> Callable[[_Symbol, Any], Any]:
+def _arithmetic(operation: Callable[[Any, Any], Any], reflected: bool) -> Callable[[_Symbol, Any], Any]:
     def method(self: _Symbol, other: Any) -> Any:
         if isinstance(other, np.ndarray):
             return NotImplemented  # NumPy goes through the entries
         other = other.expression if isinstance(other, _Symbol) else float(other)
-        pair = (other, self.expression) if turned else (self.expression, other)
+        pair = (other, self.expression) if reflected else (self.expression, other)
         return _Symbol(operation(*pair))
 
     return method
 
 
 for _name in ("add", "sub", "mul", "truediv", "pow"):
-    setattr(_Symbol, f"__{_name}__", _arithmetic(getattr(operator, _name), turned=False))
-    setattr(_Symbol, f"__r{_name}__", _arithmetic(getattr(operator, _name), turned=True))
+    setattr(_Symbol, f"__{_name}__", _arithmetic(getattr(operator, _name), reflected=False))
+    setattr(_Symbol, f"__r{_name}__", _arithmetic(getattr(operator, _name), reflected=True))
 
 
 class PyomoHighs(ForeignSolver):
@@ -226,7 +226,7 @@ class PyomoHighs(ForeignSolver):
 
     def why_not(self, target: Target) -> str | None:
         if (reason := missing("pyomo") or super().why_not(target)) is None and target.bounds is None:
-            return f"no bounds on p and r for the big-M form: {target.at_zero.reason}"
+            return f"no bounds on p and r for the big-M form: {target.bound_at_zero.reason}"
         return reason
 
     def set_up(self, target: Target, tolerance: float, time_limit: float) -> Any:
@@ -236,7 +236,7 @@ class PyomoHighs(ForeignSolver):
         solver.config.time_limit = float(time_limit)
         solver.config.load_solution = False
         solver.highs_options = {f"{of}_feasibility_tolerance": tolerance for of in ("mip", "primal", "dual")}
-        return _bounded(target), solver
+        return _big_m_model(target), solver
 
     def run(self, model: Any) -> Claim:
         from pyomo.contrib.appsi.base import TerminationCondition
@@ -249,7 +249,7 @@ class PyomoHighs(ForeignSolver):
         return Claim([values[one] for one in program.z.values()], "optimal", True)
 
 
-def _bounded(target: Target) -> Any:
+def _big_m_model(target: Target) -> Any:
     """`target` as a mixed-integer Pyomo model: that of `to_pyomo` with bounds on z, from which Pyomo takes M."""
     import pyomo.environ as pyo
 

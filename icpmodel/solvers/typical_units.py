@@ -25,7 +25,7 @@ def in_typical_units(problem: ProblemData) -> tuple[ProblemData, float]:
     is, and 1, where something would overflow.
     """
     diagonal = np.abs(problem.A.diagonal())
-    size_A = _typical(diagonal) or _typical(np.abs(problem.A.data)) or 1.0
+    size_A = _typical_size(diagonal) or _typical_size(np.abs(problem.A.data)) or 1.0
     with np.errstate(over="ignore", under="ignore"):
         from_q = np.abs(problem.q) / np.where(diagonal > 0, diagonal, size_A)
         obstacle = np.zeros(0)
@@ -36,7 +36,7 @@ def in_typical_units(problem: ProblemData) -> tuple[ProblemData, float]:
                 from_q = np.minimum(from_q, np.maximum(np.abs(obstacle), np.abs(above)))
                 obstacle = np.maximum(obstacle, -above)
         i = math.frexp(size_A)[1]
-        k = math.frexp(max(_typical(from_q), _typical(obstacle)) or 1.0)[1]
+        k = math.frexp(max(_typical_size(from_q), _typical_size(obstacle)) or 1.0)[1]
         A = in_units(problem.A, np.full(problem.n, -i), np.zeros(problem.n, dtype=int))
         q = np.ldexp(problem.q, -i - k)
         unit = float(np.ldexp(1.0, k))
@@ -49,7 +49,7 @@ def in_units_of_z(problem: ProblemData, unit: float) -> ProblemData:
     """A problem with nonlinear p in y = z/`unit`, a power of two, with typical entries of A + f′ near 1."""
     f = problem.f
     assert f is not None
-    scale = 2.0 ** -math.frexp(_typical(1.0 / problem.matrix.row_weights) or 1.0)[1]
+    scale = 2.0 ** -math.frexp(_typical_size(1.0 / problem.matrix.row_weights) or 1.0)[1]
     scaled_f = Function(
         lambda y: scale / unit * f.value(unit * y),
         lambda y: scale * f.jacobian(unit * y),
@@ -59,7 +59,7 @@ def in_units_of_z(problem: ProblemData, unit: float) -> ProblemData:
     return ProblemData(scale * problem.A, scale / unit * problem.q, psi, f=scaled_f)
 
 
-def _typical(sizes: Vector) -> float:
-    """The median of the positive finite `sizes`, 0 where there are none: one odd row must not set the unit."""
+def _typical_size(sizes: Vector) -> float:
+    """The lower median of the positive finite `sizes`, 0 where there are none: one odd row must not set the unit."""
     positive = sizes[np.isfinite(sizes) & (sizes > 0)]
     return float(np.quantile(positive, 0.5, method="lower")) if positive.size else 0.0

@@ -15,7 +15,7 @@ from test_two_sided_targets import box
 
 import icpmodel as icp
 from icpmodel.solvers import Target, ask, foreign_solvers
-from icpmodel.solvers.path import mixed
+from icpmodel.solvers.path import mixed_problem
 
 posix = pytest.mark.skipif(os.name != "posix", reason="makes an executable shell script")
 
@@ -52,7 +52,7 @@ def test_what_has_no_solution_is_not_called_solved(solver):
 def test_the_mixed_problem_has_the_solution_with_the_multipliers_of_what_moves(seed, kind):
     problem, z = box(seed, kind=kind)
     target = Target(problem)
-    M, b, least, most = mixed(target)
+    M, b, least, most = mixed_problem(target)
     p, moves = problem.p(z), not problem.psi.is_constant
     u, v = np.maximum(p, 0.0)[np.isfinite(target.c)], np.maximum(-p, 0.0)[np.isfinite(target.d)]
     x = np.concatenate([z, u, v]) if moves else z

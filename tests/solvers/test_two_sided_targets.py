@@ -65,7 +65,7 @@ def test_the_gap_is_zero_at_the_solution_and_nowhere_below_zero_on_its_constrain
     u[both] += v
     gap = np.where(u == 0, 0.0, u) @ np.where(np.isinf(r), 0.0, r) + v @ s[both]
     free = ~target.has_obstacle
-    gap += p[free] @ x[free] - p[target.capped] @ s[target.capped]  # in free rows p has to be 0
+    gap += p[free] @ x[free] - p[target.upper_only] @ s[target.upper_only]  # in free rows p has to be 0
     w = np.append(x, v)
     assert 0.5 * w @ qp.P @ w + qp.q @ w - constant == pytest.approx(gap, abs=1e-10)
 
@@ -97,7 +97,7 @@ def test_typical_units_pass_both_obstacles_on_and_a_box_bounds_the_unit():
 def test_a_box_bounds_what_no_certificate_does_and_branch_and_bound_finds_one_of_three_solutions():
     problem = icp.scenes.hard_three().problem
     target = Target(problem)
-    assert target.at_zero.componentwise is None
+    assert target.bound_at_zero.componentwise is None
     z_max, p_max, r_max = target.bounds
     assert (z_max[0], p_max[0], r_max[0]) == pytest.approx((1.0, 1.25, 2.0))
     report = icp.crosscheck(problem, [1.0], ["osqp", "pyomo-highs"])
