@@ -186,7 +186,7 @@ class Derivative(ReadOnly, Plottable):
         array([-0.5])
         """
         change = Direction.of(self.problem, dA, dq, dpsi, dupper)
-        return self.solved(change.right_side(self.z, self.pattern))
+        return self.solve(change.right_side(self.z, self.pattern))
 
     @public_entry
     def adjoint(self, zbar: Any) -> Gradient:
@@ -216,7 +216,7 @@ class Derivative(ReadOnly, Plottable):
         (array([-0.5]), array([-0.5]))
         """
         zbar = self.problem.vector(zbar, "zbar", finite=True)
-        return Gradient(self.solution.problem, self.z, self.pattern, self.solved(zbar, transposed=True))
+        return Gradient(self.solution.problem, self.z, self.pattern, self.solve(zbar, transposed=True))
 
     @cached_property
     def _tolerance(self) -> float:
@@ -228,7 +228,7 @@ class Derivative(ReadOnly, Plottable):
                 tolerance = self.solution.tolerance / scale
         return min(max(tolerance, _MIN_RTOL), RTOL)
 
-    def solved(self, f: Vector, transposed: bool = False) -> Vector:
+    def solve(self, f: Vector, transposed: bool = False) -> Vector:
         """J⁻¹f, or J⁻ᵀf.
 
         Parameters
@@ -250,7 +250,7 @@ class Derivative(ReadOnly, Plottable):
 
         Examples
         --------
-        >>> Derivative(ICP([[2.0]], [-2.0]).solve()).solved(np.ones(1))
+        >>> Derivative(ICP([[2.0]], [-2.0]).solve()).solve(np.ones(1))
         array([0.5])
         """
         with np.errstate(over="ignore", invalid="ignore"):
@@ -310,7 +310,7 @@ class Derivative(ReadOnly, Plottable):
         f = direction.right_side(self.z, self.pattern)
         direction.times(-1.0).right_side(self.z, self.pattern)
         if self.certain:
-            dz = self.solved(f)
+            dz = self.solve(f)
             return OneSided(dz, dz)
         near = Derivative(self.solution.polish())
         return OneSided(*(sign * near._right_derivative(direction.times(sign)) + 0.0 for sign in (1.0, -1.0)))
@@ -424,7 +424,7 @@ class Derivative(ReadOnly, Plottable):
     def _step(self, F: Vector) -> Vector:
         """J⁻¹F, or F in the units of z if J is singular."""
         try:
-            return self.solved(F)
+            return self.solve(F)
         except SingularOperator:
             return np.where(self.pattern.active, F, F / self.problem.matrix.weights)
 

@@ -164,10 +164,10 @@ def _local(answer: Solution, of_p: Vector, of_sides: list[Vector]) -> tuple[floa
     signs = np.eye(E.size) if exact else np.random.default_rng(0).choice([-1.0, 1.0], (_RANDOM_SIGNS, E.size))
 
     def back(x: Vector) -> Vector:
-        return derivative.solved(E * np.ravel(x))
+        return derivative.solve(E * np.ravel(x))
 
     def times(x: Vector) -> Vector:
-        return E * derivative.solved(np.ravel(x), transposed=True)
+        return E * derivative.solve(np.ravel(x), transposed=True)
 
     try:
         columns = np.abs([back(one) for one in signs])
