@@ -284,13 +284,10 @@ def missing(module: str, extra: str | None = None) -> str | None:
     try:
         importlib.import_module(module)
     except Exception as error:  # not ImportError alone: under `python -OO` some miss their docstrings
-        is_absent = isinstance(error, ModuleNotFoundError) and error.name == module
-        requirement = module if extra is None else f'"icpmodel[{extra}]"'
-        return (
-            f"{module} is not installed: pip install {requirement}"
-            if is_absent
-            else f"{module} cannot be imported: {error}"
-        )
+        if isinstance(error, ModuleNotFoundError) and error.name == module:
+            requirement = module if extra is None else f'"icpmodel[{extra}]"'
+            return f"{module} is not installed: pip install {requirement}"
+        return f"{module} cannot be imported: {error}"
     return None
 
 

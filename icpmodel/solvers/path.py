@@ -60,10 +60,9 @@ class PathSolver(ForeignSolver):
     def set_up(self, target: Target, tolerance: float, time_limit: float) -> Any:
         end = time.perf_counter() + time_limit
         M, b, least, most = mixed_problem(target)
-        vectors = {
-            key: _gams_list(one, np.arange(b.size)) for key, one in {"b": b, "least": least, "most": most}.items()
-        }
-        model = _MODEL.format(n=b.size, seconds=float(time_limit), M=_gams_list(M.data, *M.coords), **vectors)
+        vectors = {"b": b, "least": least, "most": most}
+        lists = {name: _gams_list(vector, np.arange(b.size)) for name, vector in vectors.items()}
+        model = _MODEL.format(n=b.size, seconds=float(time_limit), M=_gams_list(M.data, *M.coords), **lists)
         return {"icp.gms": model, "path.opt": f"convergence_tolerance {tolerance!r}\n"}, target.problem.n, end
 
     def run(self, model: Any) -> Claim:
