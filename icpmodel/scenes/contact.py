@@ -11,7 +11,7 @@ from ..numerics.arrays import Vector, as_number
 from ..problem.affine import Affine
 from ..problem.by_rows import ByRows
 from .grid import index, points, rows_on_grid, side, square_points
-from .registry import Quantity, Scene, assembles, farthest, register, size
+from .registry import Quantity, Scene, assembles, max_distance, register, size
 
 #: half the side of the ball obstacle's square, and its contact radius a; outside of it u = SLOPE·ln(r/HALF)
 HALF = 2.0
@@ -77,7 +77,7 @@ def membrane(n: int = 900, mu: float = 0.0, skew: float = 0.0) -> Scene:
 @assembles("ball")
 def _ball(n: int) -> ByRows:
     m = side(size(n, 16))
-    return ByRows((m, m), partial(rows_on_grid, (m, m), -HALF, HALF, _ball_obstacle, _ball_solution, (4.0,)))
+    return ByRows((m, m), partial(rows_on_grid, (m, m), -HALF, HALF, _ball_obstacle, ball_solution, (4.0,)))
 
 
 @register
@@ -127,9 +127,9 @@ def ball(n: int = 900) -> Scene:
     h = 2 * HALF / (rows.shape[0] + 1)
     points = square_points(rows.shape[0], -HALF, HALF)
     problem = ICP(*rows.local_rows(0, rows.n))
-    u = _ball_solution(points)
+    u = ball_solution(points)
     known = {
-        "u": Quantity(0.0, partial(farthest, u), order=2.0),
+        "u": Quantity(0.0, partial(max_distance, u), order=2.0),
         "contact radius": Quantity(RADIUS, partial(_radius, problem), order=2.0),
     }
     models = "A membrane held along the edge of a square and lifted by a ball from below."
@@ -139,7 +139,7 @@ def ball(n: int = 900) -> Scene:
 @assembles("obstacle-3d")
 def _obstacle_3d(n: int) -> ByRows:
     shape = (side(size(n, 27), 3),) * 3
-    return ByRows(shape, partial(rows_on_grid, shape, -1.0, 1.0, _warmth, _solution_3d, (6.0,)))
+    return ByRows(shape, partial(rows_on_grid, shape, -1.0, 1.0, _paraboloid_3d, obstacle_3d_solution, (6.0,)))
 
 
 @register
@@ -175,7 +175,7 @@ def obstacle_3d(n: int = 1000) -> Scene:
     at = index(rows.shape, 0, rows.n)
     h = 2.0 / (rows.shape[0] + 1)
     places = points(-1.0, 1.0, rows.shape, at)
-    u = Quantity(0.0, partial(farthest, _solution_3d(places)), order=2.0)
+    u = Quantity(0.0, partial(max_distance, obstacle_3d_solution(places)), order=2.0)
     models = "A cube that sources keep at least as warm as a given profile: where they must heat, and how much."
     return Scene(problem=ICP(*rows.local_rows(0, rows.n)), models=models, quantities={"u": u}, h=h, points=places)
 
@@ -239,19 +239,21 @@ def _ball_obstacle(x: Vector) -> Vector:
     return np.where(r < 1.0, np.sqrt(np.maximum(1.0 - r**2, 0.0)), -1.0)
 
 
-def _ball_solution(x: Vector) -> Vector:
+def ball_solution(x: Vector) -> Vector:
+    """u of the scene `ball` at points x of shape (k, 2), shape (k,)."""
     r = np.hypot(x[:, 0], x[:, 1])
     inside = np.sqrt(np.maximum(1.0 - r**2, 0.0))
     return np.where(r <= RADIUS, inside, SLOPE * np.log(np.maximum(r, RADIUS) / HALF))
 
 
-def _warmth(x: Vector) -> Vector:
+def _paraboloid_3d(x: Vector) -> Vector:
     return 1.0 - 2.0 * (x**2).sum(axis=1)
 
 
-def _solution_3d(x: Vector) -> Vector:
+def obstacle_3d_solution(x: Vector) -> Vector:
+    """u of the scene `obstacle_3d` at points x of shape (k, 3), shape (k,)."""
     r = np.sqrt((x**2).sum(axis=1))
-    return np.where(r <= RADIUS_3D, _warmth(x), RADIUS_3D / np.maximum(r, RADIUS_3D) - RADIUS_3D)
+    return np.where(r <= RADIUS_3D, _paraboloid_3d(x), RADIUS_3D / np.maximum(r, RADIUS_3D) - RADIUS_3D)
 
 
 def _slip(problem: ICP, z: Vector) -> float:

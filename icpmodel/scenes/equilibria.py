@@ -14,7 +14,8 @@ from ..numerics.rounding import UNIT_ROUNDOFF
 from .registry import Quantity, Scene, register
 
 
-def _nearest(*solutions: Any) -> dict[str, Quantity]:
+def _nearest_distance(*solutions: Any) -> dict[str, Quantity]:
+    """The quantity "z", the distance of z to the nearest of the known `solutions` in the maximum norm."""
     known = np.array(solutions, dtype=float)
     return {"z": Quantity(0.0, partial(_distance, known), order=None)}
 
@@ -39,19 +40,20 @@ def five_firms() -> Scene:
     ----------
     Murphy, Sherali and Soyster, Math. Programming 24 (1982), doi:10.1007/BF01585096.
     """
-    problem = ICP.nonlinear(_marginal_loss, n=5)
+    problem = ICP.nonlinear(marginal_loss, n=5)
     models = "Five firms choose how much to sell, each to its own profit, at a price that falls with the total."
     start = np.full(5, 10.0)
-    return Scene(problem=problem, models=models, quantities=_nearest(_outputs(start)), z0=start)
+    return Scene(problem=problem, models=models, quantities=_nearest_distance(_equilibrium(start)), z0=start)
 
 
-def _outputs(start: Vector) -> Vector:
-    """Where all firms sell, and none can earn more."""
-    outputs: Vector = root(_marginal_loss, start, tol=UNIT_ROUNDOFF).x
+def _equilibrium(start: Vector) -> Vector:
+    """The z > 0 at which no marginal profit is left, by Newton's method from `start`."""
+    outputs: Vector = root(marginal_loss, start, tol=UNIT_ROUNDOFF).x
     return outputs
 
 
-def _marginal_loss(z: Vector) -> Vector:
+def marginal_loss(z: Vector) -> Vector:
+    """p of the scene `five_firms`, shape (5,)."""
     total = z.sum()
     with np.errstate(divide="ignore", invalid="ignore"):
         price = (5000.0 / total) ** (1.0 / 1.1)
@@ -78,7 +80,7 @@ def kojima_shindo() -> Scene:
     ----------
     Kojima and Shindo, J. Oper. Res. Soc. Japan 29 (1986), doi:10.15807/jorsj.29.352.
     """
-    solutions = _nearest([1.5**0.5, 0.0, 0.0, 0.5], [1.0, 0.0, 3.0, 0.0])
+    solutions = _nearest_distance([1.5**0.5, 0.0, 0.0, 0.5], [1.0, 0.0, 3.0, 0.0])
     models = (
         "A test of methods for nonlinear complementarity: two solutions, at one of which a row touches without force."
     )
@@ -127,7 +129,7 @@ def exchange(delta: float = 0.01) -> Scene:
     delta = as_number(delta, "delta", above=0)
     problem = ICP.nonlinear(_excess_supply, psi=[delta, delta])
     models = "Two consumers trade three goods, of which nobody wants one: its price falls to the floor."
-    return Scene(problem=problem, models=models, quantities=_nearest([2.0 * (1.0 + delta), delta]))
+    return Scene(problem=problem, models=models, quantities=_nearest_distance([2.0 * (1.0 + delta), delta]))
 
 
 def _excess_supply(z: Vector) -> Vector:

@@ -45,8 +45,11 @@ def rows_of(n: int, lo: int, hi: int, entries: dict[int, Any]) -> sp.csr_array:
 
 
 def difference_rows(shape: tuple[int, ...], at: Index, lo: int, middle: float, skew: float = 0.0) -> sp.csr_array:
-    """The rows from `lo` on, which stand `at` these places, of the differences of second order on a grid: `middle` on
-    the diagonal, −(1+s) for the neighbour before along each axis and −(1−s) for the one behind, s = `skew`."""
+    """The rows from `lo` on, `at` these places of a grid, of its second differences.
+
+    They have `middle` on the diagonal and, along each axis, −(1+s) for the neighbour before and −(1−s) for the one
+    behind, s = `skew`.
+    """
     stride = 1
     entries: dict[int, Any] = {0: middle}
     for where, m in zip(reversed(at), reversed(shape), strict=True):
@@ -58,9 +61,11 @@ def difference_rows(shape: tuple[int, ...], at: Index, lo: int, middle: float, s
 
 
 def five_point(m: int, mu: float = 0.0, skew: float = 0.0) -> sp.csr_array:
-    """h² times the 5-point operator on m × m interior points, zero boundary values, plus `mu` on the diagonal.
-    Tridiag(−(1+s)I, S, −(1−s)I) + μI with S = tridiag(−(1+s), 4, −(1−s)) and s = `skew`. Unknown i·m + j stands at (x,
-    y) = ((j + 1)h, (i + 1)h). s = 0 is h²(−Δ); s ≠ 0 adds a flow of velocity (b, b), s = bh/2."""
+    """h² times the 5-point operator on m × m interior points with zero boundary values, plus `mu` on the diagonal.
+
+    It is Tridiag(−(1+s)I, S, −(1−s)I) + μI with S = tridiag(−(1+s), 4, −(1−s)) and s = `skew`, CSR. Unknown i·m + j
+    stands at (x, y) = ((j + 1)h, (i + 1)h). s = 0 is h²(−Δ); s ≠ 0 adds a flow of velocity (b, b), s = bh/2.
+    """
     return difference_rows((m, m), index((m, m), 0, m * m), 0, 4.0 + mu, skew)
 
 
@@ -85,10 +90,10 @@ def rows_on_grid(
     q = np.zeros(hi - lo)
     for axis, m in enumerate(shape):
         for last, outside in ((0, -1), (m - 1, m)) if edge else ():
-            there = np.flatnonzero(at[axis] == last)
-            neighbours = [i[there] for i in at]
-            neighbours[axis] = np.full(there.size, outside)
-            q[there] -= edge(points(low, high, shape, tuple(neighbours)))
+            rows = np.flatnonzero(at[axis] == last)
+            neighbours = [i[rows] for i in at]
+            neighbours[axis] = np.full(rows.size, outside)
+            q[rows] -= edge(points(low, high, shape, tuple(neighbours)))
     return LocalRows(difference_rows(shape, at, lo, *stencil), q, psi(points(low, high, shape, at)))
 
 
@@ -98,14 +103,18 @@ def adjacency(m: int) -> sp.csr_array:
 
 
 def tridiagonal(n: int, left: Any = -1.0, middle: Any = 2.0, right: Any = -1.0) -> sp.csr_array:
-    """The n × n matrix with these entries in each row: numbers, or arrays of shape (n,), of which the first one of
-    `left` and the last one of `right` are dropped. Zeros are not stored."""
+    """The n × n tridiagonal matrix with these entries in each row: numbers, or arrays of shape (n,).
+
+    The first of `left` and the last of `right` are dropped. Zeros are not stored.
+    """
     return rows_of(n, 0, n, {-1: left, 0: middle, 1: right})
 
 
 def value_equation(n: int, h: float, rate: float, drift: float, volatility: float) -> tuple[Vector, Vector, Vector]:
-    """The entries left of, on and right of the diagonal of ρV − ½σ²V″ − μV′ by central differences, for `tridiagonal`;
-    the equation of the value of what follows dX = μdt + σdW, discounted at the rate ρ."""
+    """The entries left of, on and right of the diagonal of ρV − ½σ²V″ − μV′ by central differences, for `tridiagonal`.
+
+    V is the value of what follows dX = μdt + σdW, discounted at the rate ρ.
+    """
     diffusion = 0.5 * volatility**2 / h**2
     flow = 0.5 * drift / h
     return np.full(n, flow - diffusion), np.full(n, rate + 2.0 * diffusion), np.full(n, -flow - diffusion)

@@ -16,6 +16,7 @@ PAIR = tridiagonal(2).toarray()
 
 
 def by_hand(A: Any, q: Any, psi: Any, z: Any, models: str, z0: Any = None, upper: Any = None) -> Scene:
+    """The scene of these data whose solution is `z`."""
     start = None if z0 is None else np.array(z0, dtype=float)
     return Scene(problem=ICP(A, q, psi, upper), models=models, z_exact=np.array(z, dtype=float), z0=start)
 

@@ -11,7 +11,7 @@ from ..problem.elementwise import Elementwise
 from ..problem.function import Function
 from .grid import five_point, rows_of, side, square_points, tridiagonal
 from .hand import PAIR, by_hand
-from .manufactured import BOXED, boxed, complementary, manufactured, random_numbers
+from .manufactured import BOX_ROWS, manufactured, random_box, random_complementary, random_numbers
 from .registry import Quantity, Scene, register, size
 
 
@@ -105,7 +105,7 @@ def hard_skew(n: int = 100, skew: float = 10.0, seed: int = 0) -> Scene:
     """
     n = size(n, 2)
     s = as_number(skew, "skew")
-    z, p, r = complementary(n, seed)
+    z, p, r = random_complementary(n, seed)
     A = tridiagonal(n, -s, 1.0, s)
     return manufactured(A, z, p, z - r, "A ring of gyroscopes, each turning the next, with little friction and stops.")
 
@@ -158,7 +158,7 @@ def hard_degenerate(n: int = 100, seed: int = 0) -> Scene:
         Seed ≥ 0 of the random numbers.
     """
     m = side(n)
-    z, p, r = complementary(m * m, seed, degenerate=0.5)
+    z, p, r = random_complementary(m * m, seed, degenerate=0.5)
     models = "A membrane laid on a support of its own shape."
     return manufactured(five_point(m), z, p, z - r, models, points=square_points(m))
 
@@ -196,7 +196,7 @@ def hard_scaled(n: int = 100, decades: float = 75.0, seed: int = 0) -> Scene:
         Seed ≥ 0 of the random numbers.
     """
     n = size(n, 2)
-    z, p, r = complementary(n, seed)
+    z, p, r = random_complementary(n, seed)
     most = as_number(decades, "decades", minimum=0, maximum=75)
     S = 10.0 ** np.random.default_rng(seed).uniform(-most, most, n)
     A = tridiagonal(n, -S * np.roll(S, 1), 4.0 * S * S, -S * np.roll(S, -1))
@@ -245,7 +245,7 @@ def hard_pinned(n: int = 100, seed: int = 0) -> Scene:
     """
     m = side(n)
     pinned = [(0.0, 0.0)] * 2
-    z, p, r, s = boxed(m * m, seed, [*pinned, *(BOXED[kind] for kind in ("at psi", "at upper", "between"))])
+    z, p, r, s = random_box(m * m, seed, [*pinned, *(BOX_ROWS[kind] for kind in ("at psi", "at upper", "between"))])
     p = np.where(r + s == 0.0, z, p)
     models = "A membrane between two plates, glued where they meet."
     points = square_points(m)

@@ -20,20 +20,24 @@ def random_numbers(seed: Any) -> np.random.Generator:
     return np.random.default_rng(int(as_number(seed, "seed", minimum=0, whole=True)))
 
 
-def complementary(n: int, seed: Any, degenerate: float = 0.0) -> tuple[Vector, Vector, Vector]:
-    """Random z* in [−1, 1] and p*, r* ≥ 0 with p*ᵀr* = 0, entries in [.5, 1.5], half of the rows at the obstacle.
-    `degenerate` is the share of all rows with p* = r* = 0. Raises InputError for a bad seed."""
+def random_complementary(n: int, seed: Any, degenerate: float = 0.0) -> tuple[Vector, Vector, Vector]:
+    """Random z* in [−1, 1], and p*, r* ≥ 0 with p*ᵀr* = 0 and entries in [.5, 1.5], each of shape (n,).
+
+    `degenerate` is the share of rows with p* = r* = 0; half of the others are at the obstacle. Raises InputError for a
+    bad seed.
+    """
     random = random_numbers(seed)
     z = random.uniform(-1.0, 1.0, n)
     size = random.uniform(0.5, 1.5, n)
-    place = random.permutation(n)
-    size[place >= round((1.0 - degenerate) * n)] = 0.0
-    at_obstacle = place < round((1.0 - degenerate) * n) // 2
+    order = random.permutation(n)
+    strict = round((1.0 - degenerate) * n)
+    size[order >= strict] = 0.0
+    at_obstacle = order < strict // 2
     return z, np.where(at_obstacle, size, 0.0), np.where(at_obstacle, 0.0, size)
 
 
-#: kinds of rows between two obstacles: whether z* is at (0), near (1) or without (inf) each
-BOXED = {
+#: kind of row → the distance of z* from ψ and from ψ̄, in units of a random size; inf without that obstacle
+BOX_ROWS = {
     "at psi": (0.0, 1.0),
     "at upper": (1.0, 0.0),
     "between": (1.0, 1.0),
@@ -43,9 +47,12 @@ BOXED = {
 }
 
 
-def boxed(n: int, seed: Any, kinds: Iterable[tuple[float, float]]) -> tuple[Vector, Vector, Vector, Vector]:
-    """Random z* in [−1, 1], p*, z* − ψ* and ψ̄* − z*, sizes in [.5, 1.5], each of the `kinds` of rows equally often.
-    p* has the sign of the obstacle that z* is at, and is 0 where it is at both. Raises InputError for a bad seed."""
+def random_box(n: int, seed: Any, kinds: Iterable[tuple[float, float]]) -> tuple[Vector, Vector, Vector, Vector]:
+    """Random z* in [−1, 1], p*, r* = z* − ψ* and s* = ψ̄* − z*, sizes in [.5, 1.5], each of shape (n,).
+
+    Each of the `kinds` of rows, values of `BOX_ROWS`, is equally frequent. p* has the sign of the obstacle that z* is
+    at, and is 0 where it is at both. Raises InputError for a bad seed.
+    """
     random = random_numbers(seed)
     table = np.array(tuple(kinds))
     z = random.uniform(-1.0, 1.0, n)
@@ -132,7 +139,7 @@ def manufactured_affine(n: int = 900, mu: float = 4.0, seed: int = 0, skew: floa
     Bai, Numer. Linear Algebra Appl. 17 (2010), doi:10.1002/nla.680, for A.
     """
     m, A = _bai_matrix(n, mu, skew)
-    z, p, r = complementary(m * m, seed)
+    z, p, r = random_complementary(m * m, seed)
     G = (0.9 / 4.0) * adjacency(m)
     models = "A grid of cells, each resting on its own neighbours, with forces chosen so that the answer is known."
     psi = Affine(G, z - r - G @ z)
@@ -161,7 +168,7 @@ def manufactured_elementwise(n: int = 900, mu: float = 4.0, seed: int = 0, skew:
     Bai, Numer. Linear Algebra Appl. 17 (2010), doi:10.1002/nla.680, for A.
     """
     m, A = _bai_matrix(n, mu, skew)
-    z, p, r = complementary(m * m, seed)
+    z, p, r = random_complementary(m * m, seed)
     models = "A grid of cells whose obstacles bend with them, with forces chosen so that the answer is known."
     psi = Elementwise(_sine, _cosine, lipschitz=0.3, c=z - r - _sine(z))
     return manufactured(A, z, p, psi, models, points=square_points(m))
@@ -189,7 +196,7 @@ def manufactured_vertical(n: int = 900, mu: float = 4.0, seed: int = 0) -> Scene
     Lions and Mercier, RAIRO Anal. Numér. 14 (1980), for such equations.
     """
     m, A = _bai_matrix(n, mu, 0.5)
-    z, p, r = complementary(m * m, seed)
+    z, p, r = random_complementary(m * m, seed)
     B = A.T
     problem = ICP.vertical(A, p - A @ z, B, r * B.diagonal() - B @ z)
     models = "A grid of cells that drift in one of two winds, in each the one that serves it, with a known answer."
@@ -231,7 +238,7 @@ def box_manufactured(n: int = 900, mu: float = 4.0, skew: float = 0.0, coupling:
     """
     m, A = _bai_matrix(n, mu, skew)
     coupling = as_number(coupling, "coupling", minimum=0)
-    z, p, r, s = boxed(m * m, seed, BOXED.values())
+    z, p, r, s = random_box(m * m, seed, BOX_ROWS.values())
     G = (coupling / 4.0) * adjacency(m)
     low = z - r - G @ z
     high = z + s - G @ z

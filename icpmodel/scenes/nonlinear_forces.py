@@ -110,7 +110,7 @@ def bratu(n: int = 100, heat: float = 1.0) -> Scene:
     """
     heat = as_number(heat, "heat", above=0)
     h2 = (n + 1.0) ** -2
-    tops = [top for top in _free_tops(heat) if top < CEILING]
+    tops = [top for top in free_tops(heat) if top < CEILING]
     tops += [CEILING] * (_half_width(CEILING, heat) < 0.5)
     steepest = heat * h2 * np.exp(CEILING)
     f = Elementwise(partial(_heating, heat * h2), partial(_heating_slope, heat * h2), slope_range=(-steepest, 0.0))
@@ -141,7 +141,7 @@ def _half_width(top: float, heat: float) -> float:
     return float(np.arccosh(np.exp(top / 2.0)) / np.sqrt(heat * np.exp(top) / 2.0))
 
 
-def _free_tops(heat: float) -> list[float]:
+def free_tops(heat: float) -> list[float]:
     """The values of c with x_c = ½, none beyond the fold; x_c is largest at c = 1.1868…."""
     widest = 1.18684216
     if _half_width(widest, heat) < 0.5:

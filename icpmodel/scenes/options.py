@@ -10,7 +10,7 @@ import numpy as np
 from ..icp import ICP
 from ..numerics.arrays import Vector, as_number
 from .grid import smooth_fit, tridiagonal, value_equation
-from .registry import Quantity, Scene, farthest, register, size
+from .registry import Quantity, Scene, max_distance, register, size
 
 #: interest and volatility, a year; the bounded solution of the equation decays as s^-DECAY
 INTEREST = 0.05
@@ -68,7 +68,7 @@ def game_put(n: int = 201, delta: float = 0.05) -> Scene:
     problem = ICP(A, q, payoff, payoff + delta)
     value, k = game_put_value(delta)
     known = {
-        "V": Quantity(0.0, partial(farthest, value(s)), order=2.0),
+        "V": Quantity(0.0, partial(max_distance, value(s)), order=2.0),
         "k": Quantity(k, partial(_exercise, problem, y), order=2.0),
     }
     models = "The value of a put for ever, which its holder may exercise and its writer cancel at a penalty."

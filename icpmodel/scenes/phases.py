@@ -9,7 +9,7 @@ import numpy as np
 from ..icp import ICP
 from ..numerics.arrays import Vector
 from .grid import tridiagonal
-from .registry import Quantity, Scene, farthest, register, size
+from .registry import Quantity, Scene, max_distance, register, size
 
 #: the interface is πε wide
 EPSILON = 0.2
@@ -61,7 +61,7 @@ def phase_step(n: int = 201) -> Scene:
     share = np.where((x == x[0]) | (x == x[-1]), 0.5, 1.0)
     A = tridiagonal(n, -stiff, share * (1.0 / STEP - 1.0 + 2.0 * stiff), -stiff)
     known = {
-        "u": Quantity(0.0, partial(farthest, u), order=2.0),
+        "u": Quantity(0.0, partial(max_distance, u), order=2.0),
         "energy": Quantity(np.pi / 2, partial(_energy, h), order=2.0),
     }
     models = "Two phases of an alloy side by side, and the interface between them."

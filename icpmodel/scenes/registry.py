@@ -70,7 +70,7 @@ class Quantity(Displayable):
         return abs(float(self.measure(z)) - self.exact)
 
 
-def farthest(exact: Vector, z: Vector) -> float:
+def max_distance(exact: Vector, z: Vector) -> float:
     """The largest |z_i − exact_i|, a measure for `Quantity`."""
     return float(np.abs(z - exact).max())
 
@@ -203,7 +203,7 @@ def placement_of(problem: ProblemData) -> Placement | None:
     return _PLACEMENTS.get(problem.matrix)
 
 
-#: the scene that a problem is
+#: the name of the scene whose problem it is
 _NAMES: WeakKeyDictionary[ProblemData, str] = WeakKeyDictionary()
 
 
@@ -218,7 +218,7 @@ MAX_UNKNOWNS = 100_000_000
 MAX_UNKNOWNS_BY_ROWS = int(0.5 / UNIT_ROUNDOFF)
 
 _BUILDERS: dict[str, Builder] = {}
-#: name of a scene → the function that assembles its rows
+#: name of a scene → the function that assembles its rows, for `by_rows`
 ASSEMBLIES: dict[str, Callable[..., ByRows]] = {}
 
 
@@ -291,7 +291,7 @@ def check_parameters(name: str, parameters: Iterable[str], known: Iterable[str])
 
 
 def assembles(name: str) -> Callable[[Callable[Arguments, ByRows]], Callable[Arguments, ByRows]]:
-    """Make the function, which takes the parameters of the scene called `name`, what `by_rows` asks for its rows."""
+    """Decorator: register the function as the assembly of the scene `name`, whose parameters it takes."""
     return lambda build: ASSEMBLIES.setdefault(name, build)
 
 
@@ -301,5 +301,5 @@ def title_of(build: Builder) -> str:
 
 
 def size(n: Any, minimum: int = 1, maximum: int = MAX_UNKNOWNS_BY_ROWS) -> int:
-    """`n`, a number of unknowns that a scene can have. Raises InputError."""
+    """`n` as an int, checked to be a number of unknowns that a scene can have. Raises InputError."""
     return int(as_number(n, "the number of unknowns n", minimum=minimum, maximum=maximum, whole=True))

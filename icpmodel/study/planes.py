@@ -19,7 +19,7 @@ from ..problem.affine import Affine
 from ..problem.data import ProblemData
 from ..scenes import scene
 from ..scenes.grid import adjacency, five_point, side
-from ..scenes.manufactured import complementary
+from ..scenes.manufactured import random_complementary
 from ..scenes.registry import title
 
 
@@ -160,7 +160,7 @@ def _in_units(n: int, sweep: Method, x: float, y: float) -> tuple[ProblemData, M
 def _grid(A: Any, norm: float) -> ICP:
     """z* random and complementary, ψ(z) = Gz + c with G = (norm/4)·adjacency of the m × m grid."""
     m = round(A.shape[0] ** 0.5)
-    z, p, r = complementary(m * m, seed=0)
+    z, p, r = random_complementary(m * m, seed=0)
     G = (norm / 4.0) * adjacency(m)
     return ICP(A, float(A.diagonal().mean()) * p - A @ z, Affine(G, z - r - G @ z))
 

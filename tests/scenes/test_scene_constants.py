@@ -12,13 +12,13 @@ from icpmodel.scenes import impulse_control as control
 def test_the_ball_touches_where_the_radial_equation_says():
     a = brentq(lambda a: a**2 * np.log(2 / a) - (1 - a**2), 0.5, 0.9, xtol=1e-15)
     slope = -(a**2) / np.sqrt(1 - a**2)
-    level = contact._ball_solution(np.array([[1.0, 0.0]]))
+    level = contact.ball_solution(np.array([[1.0, 0.0]]))
     np.testing.assert_allclose([contact.RADIUS, contact.SLOPE, *level], [a, slope, -slope * np.log(2)], rtol=1e-13)
 
 
 def test_the_obstacle_in_space_is_left_smoothly():
     a = contact.RADIUS_3D
-    level = contact._solution_3d(np.array([[0.0, 0.0, 1.0]])) - a
+    level = contact.obstacle_3d_solution(np.array([[0.0, 0.0, 1.0]])) - a
     np.testing.assert_allclose([a / a + level[0], -a / a**2], [1 - 2 * a**2, -4 * a], rtol=1e-15)
 
 
@@ -52,7 +52,7 @@ def test_the_dividend_constants_solve_the_smooth_fit_equations():
 
 
 def test_the_five_firms_are_where_no_marginal_profit_is_left():
-    found = root(equilibria._marginal_loss, np.full(5, 40.0), tol=1e-14)
+    found = root(equilibria.marginal_loss, np.full(5, 40.0), tol=1e-14)
     outputs = [36.93251081574, 41.81814166044, 43.70657852227, 42.65923974331, 39.17895251663]
     np.testing.assert_allclose(outputs, found.x, rtol=1e-9)
     assert scenes.five_firms().errors(outputs)["z"] < 1e-9
@@ -61,9 +61,9 @@ def test_the_five_firms_are_where_no_marginal_profit_is_left():
 def test_the_tops_of_bratu_solve_its_textbook_equation_and_meet_at_the_fold():
     """θ = √(2λ) cosh(θ/4), u(½) = 2 ln cosh(θ/4); the fold is at λ = 3.513830719…."""
     for heat in (0.1, 1.0, 3.5):
-        for top in nonlinear_forces._free_tops(heat):
+        for top in nonlinear_forces.free_tops(heat):
             theta = 4 * np.arccosh(np.exp(top / 2))
             np.testing.assert_allclose(theta, np.sqrt(2 * heat) * np.cosh(theta / 4), rtol=1e-9)
-    low, high = nonlinear_forces._free_tops(3.513830)
+    low, high = nonlinear_forces.free_tops(3.513830)
     np.testing.assert_allclose(low, high, rtol=2e-3)
-    assert nonlinear_forces._free_tops(3.513831) == []
+    assert nonlinear_forces.free_tops(3.513831) == []
