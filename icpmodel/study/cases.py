@@ -17,8 +17,8 @@ from ..solvers.formulations import Target
 from ..solvers.typical_units import in_typical_units
 
 
-def fresh(problem: ProblemData) -> ICP:
-    """A copy of the problem without its cached facts."""
+def uncached_copy(problem: ProblemData) -> ICP:
+    """The same problem as a new ICP, which has no cached facts."""
     return ICP(problem.A, problem.q, problem.psi)
 
 
@@ -31,7 +31,7 @@ def uninterrupted(solution: Solution) -> Solution:
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """The `problem` of a comparison."""
+    """The `problem` of a comparison, with the scale of its residuals and its form for foreign solvers."""
 
     problem: ProblemData
 
@@ -54,7 +54,7 @@ class Case:
         problem, unit = in_typical_units(self.problem)
         return Target(problem), unit
 
-    def judged(self, z: Any) -> float | None:
+    def relative_residual(self, z: Any) -> float | None:
         """Res_D(z)/Res_D(0), None where z is no finite vector of shape (n,)."""
         try:
             ratio = self.problem.residual(as_float64(z, "z")) / self.scale

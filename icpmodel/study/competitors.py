@@ -20,7 +20,7 @@ from ..numerics.multigrid import linear_solve
 from ..numerics.rounding import UNIT_ROUNDOFF
 from ..present.display import Displayable
 from ..solvers.foreign import Claim, ForeignSolver, ask
-from .cases import Case, fresh, uninterrupted
+from .cases import Case, uncached_copy, uninterrupted
 
 
 @dataclass(frozen=True, repr=False)
@@ -67,7 +67,7 @@ class Competitor(ABC):
     #: exceptions that count as its claim; any other is an error of this package
     raises: tuple[type[Exception], ...] = (IcpError, MemoryError)
     #: whether it keeps to the time limit by itself
-    stops = False
+    keeps_time_limit = False
 
     def why_not(self, case: Case) -> str | None:
         """Why it cannot take `case`, or None."""
@@ -75,7 +75,7 @@ class Competitor(ABC):
 
     def build(self, case: Case) -> Any:
         """Build the input of `run`, outside of its time: the ICP, and for a peer the QP from it."""
-        return fresh(case.problem)
+        return uncached_copy(case.problem)
 
     def run(self, case: Case, tolerance: float, time_limit: float) -> Claim:
         """Solve `case` from scratch; call it only where `why_not` is None."""
@@ -91,9 +91,9 @@ class Competitor(ABC):
 
 
 class OwnMethod(Competitor):
-    """A `method` of this package, without one `solve()` itself; with `tune` it is tune(problem), part of its time."""
+    """A `method` of this package, or `solve()` without one; with `tune` it is tune(problem), part of its time."""
 
-    stops = True
+    keeps_time_limit = True
 
     def __init__(
         self, name: str = "solve()", method: Method | None = None, tune: Callable[[ICP], Method] | None = None
@@ -105,7 +105,7 @@ class OwnMethod(Competitor):
         return None if self._method is None else self._method.why_not(case.problem)
 
     def attempt(self, case: Case, tolerance: float, time_limit: float) -> Claim:
-        problem = fresh(case.problem)
+        problem = uncached_copy(case.problem)
         start_time = time.perf_counter()
         method = self._method if self._tune is None else self._tune(problem)
         setup = None if self._tune is None else time.perf_counter() - start_time
@@ -130,7 +130,7 @@ class ForeignCompetitor(Competitor):
         return self.solver.why_not(case.formulation[0])
 
     def build(self, case: Case) -> Any:
-        formulation = Case(fresh(case.problem)).formulation
+        formulation = Case(uncached_copy(case.problem)).formulation
         return None if formulation is None else self.solver.pose(formulation[0])
 
     def attempt(self, case: Case, tolerance: float, time_limit: float) -> Claim:

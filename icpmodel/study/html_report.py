@@ -37,7 +37,7 @@ from .cases import uninterrupted
 from .charts.field_charts import Fields
 from .charts.figures import Panel, drawing, panel_figure
 from .charts.places import places_of
-from .planes import relaxation
+from .planes import relaxation_plane
 from .race import DEFAULT_TOLERANCES, race
 from .sensitivity import sensitivity
 from .stability_map import stability
@@ -162,17 +162,17 @@ def report(
     (True, True)
     """
     time_limit = as_number(time_limit, "time_limit", above=0.0)
-    place = None if path is None else page_file(path)
+    file = None if path is None else page_file(path)
     scene = problem if isinstance(problem, Scene) else None
     if scene is not None:
         known = scene_texts(scene)
         about = about or known["about"]
         z_exact = known["z_exact"] if z_exact is None else z_exact
-    stated = as_problem(problem, nonlinear=True)
+    data = as_problem(problem, nonlinear=True)
     if z_exact is not None:
-        stated.vector(z_exact, "z_exact", finite=True)
+        data.vector(z_exact, "z_exact", finite=True)
     if points is not None:
-        places_of(stated, points, None)
+        places_of(data, points, None)
     start = None if scene is None else scene.z0
     sections: list[Section] = []
     limit = min(_RACE_LIMIT, time_limit)
@@ -182,7 +182,7 @@ def report(
             solution = problem
         else:
             say("solving")
-            solution = uninterrupted(solve(stated, z0=start, history=True, raise_on_failure=False))
+            solution = uninterrupted(solve(data, z0=start, history=True, raise_on_failure=False))
         problem = solution.problem
         for heading, question, make in _contents(solution, start, points, z_exact, time_limit):
             say(f"section {len(sections) + 1}: {heading}")
@@ -203,8 +203,8 @@ def report(
         command=command,
         sections=sections,
     )
-    if place is not None:
-        write_ours(place, page.encode("utf-8", "backslashreplace"), holds=GENERATOR)
+    if file is not None:
+        write_ours(file, page.encode("utf-8", "backslashreplace"), holds=GENERATOR)
     return Page(page)
 
 
@@ -257,7 +257,7 @@ def _answer(solution: Solution, start: Vector | None, points: Vector | None, tim
     if solution.history_or_none is not None and solution.history.residual.size > 1:
         panels += drawing(solution.history).panels
     with suppress(IcpError):
-        panels += drawing(_on_the_way(solution, start, min(_RACE_LIMIT, time_limit)), points=points).panels
+        panels += drawing(_sweep_iterates(solution, start, min(_RACE_LIMIT, time_limit)), points=points).panels
     return Section(
         short=short,
         introduction="Last, a run of the paper's sweeps: z as the contact closes in.",
@@ -266,7 +266,7 @@ def _answer(solution: Solution, start: Vector | None, points: Vector | None, tim
     )
 
 
-def _on_the_way(solution: Solution, start: Vector | None, time_limit: float) -> Fields:
+def _sweep_iterates(solution: Solution, start: Vector | None, time_limit: float) -> Fields:
     """z at iterates in geometric progression of a run of the paper's sweeps. Raises IcpError."""
     iterates: dict[str, Vector] = {}
     following = 0
@@ -342,7 +342,7 @@ def _race(problem: ProblemData, z_exact: Vector | None, time_limit: float) -> Se
 def _map(problem: ProblemData) -> Section:
     if problem.n > _MAP_UP_TO:
         raise InputError(f"a map solves the problem {_MAP_POINTS**2} times, which is done up to n = {_MAP_UP_TO}")
-    result = stability(relaxation(_MAP_POINTS, problem), starts=1, max_iter=_MAP_STEPS)
+    result = stability(relaxation_plane(_MAP_POINTS, problem), starts=1, max_iter=_MAP_STEPS)
     return Section(
         introduction=f"What relaxation does to the paper's method: at each point {result.plane.title} is solved.",
         panels=drawing(result).panels,
@@ -368,8 +368,8 @@ def _svg(panel: Panel) -> str:
     svg = text.getvalue()
     svg = svg[svg.index("<svg") :].replace("#000000", "currentColor")
     for k, (_, element, words) in enumerate(tips):
-        tipped = partial(_tipped, element, iter(words))
-        svg = re.sub(rf'<g id="m{k}">.*?(?=<g id=)', tipped, svg, count=1, flags=re.DOTALL)
+        add_titles = partial(_with_titles, element, iter(words))
+        svg = re.sub(rf'<g id="m{k}">.*?(?=<g id=)', add_titles, svg, count=1, flags=re.DOTALL)
     prefix = f"f{zlib.crc32(svg.encode()):x}-"
     svg = re.sub(r'(\bid="|url\(#|href="#)', lambda match: match.group(1) + prefix, svg)
     return svg.replace("<svg", f'<svg role="img" aria-label="{escape(panel.alt)}" fill="currentColor"', 1)
@@ -387,7 +387,7 @@ def _tips(axes: Any) -> Iterator[tuple[Any, str, list[str]]]:
             yield cells, "path", [f"{label}: {value}" for value in cells.get_array().ravel().tolist()]
 
 
-def _tipped(element: str, words: Iterator[str], group: re.Match[str]) -> str:
+def _with_titles(element: str, words: Iterator[str], group: re.Match[str]) -> str:
     """The elements of a group, each with the next of the words as its title."""
 
     def with_title(one: re.Match[str]) -> str:

@@ -14,13 +14,13 @@ from ..solvers.foreign import Claim
 from ..solvers.time_limited import time_limited
 from .cases import Case
 from .competitors import Competitor, LinearSolve
-from .timing import timed
+from .timing import time_calls
 
 
 def first_run(case: Case, one: Competitor, tolerance: float, limit: float) -> str | None:
     """Why `one` does not take part, or None. Its first run imports and compiles what it needs.
 
-    What nothing can stop is done first in a process that can be ended.
+    What nothing can interrupt runs in a process first, which is killed at the `limit` in seconds.
     """
 
     def first() -> None:
@@ -28,14 +28,14 @@ def first_run(case: Case, one: Competitor, tolerance: float, limit: float) -> st
         one.run(case, tolerance, limit)
 
     try:
-        if not one.stops:
-            _ended(lambda: one.why_not(case), case, limit)
+        if not one.keeps_time_limit:
+            _run_limited(lambda: one.why_not(case), case, limit)
         if reason := one.why_not(case):
             return reason
-        if one.stops:
+        if one.keeps_time_limit:
             one.run(case, tolerance, limit)
         else:
-            _ended(first, case, limit)
+            _run_limited(first, case, limit)
     except OutOfTime:
         return f"its set-up and first run take longer than time_limit = {limit:g} s"
     except ChildProcessError as error:
@@ -43,17 +43,17 @@ def first_run(case: Case, one: Competitor, tolerance: float, limit: float) -> st
     return None
 
 
-def _ended(call: Callable[[], Any], case: Case, limit: float) -> Any:
+def _run_limited(call: Callable[[], Any], case: Case, limit: float) -> Any:
     """The result of `call`, in a process that is killed at the limit if it may take longer. Raises OutOfTime."""
     return next(time_limited(lambda: iter([call()]), case.problem, 1, time.perf_counter() + limit))
 
 
 def timed_run(case: Case, one: Competitor, tolerance: float, limit: float) -> Claim:
-    """A run, ended at the limit."""
-    if one.stops:
+    """A run of `one`, ended at the `limit` in seconds."""
+    if one.keeps_time_limit:
         return one.run(case, tolerance, limit)
     try:
-        claim: Claim = _ended(lambda: one.run(case, tolerance, limit), case, limit)
+        claim: Claim = _run_limited(lambda: one.run(case, tolerance, limit), case, limit)
     except (OutOfTime, ChildProcessError) as error:
         return Claim(None, str(error), False, limit)
     return claim
@@ -64,5 +64,5 @@ def linear_solve(case: Case, repeats: int, limit: float) -> float | None:
     one = LinearSolve()
     if first_run(case, one, RTOL, limit) is not None or not one.run(case, RTOL, limit).solved:
         return None
-    seconds = timed({"solve": lambda: one.run(case, RTOL, limit).seconds}, repeats, warm=False)["solve"]
+    seconds = time_calls({"solve": lambda: one.run(case, RTOL, limit).seconds}, repeats, warm=False)["solve"]
     return float(np.median(seconds))

@@ -91,7 +91,7 @@ class Plane(Displayable):
 _LARGEST = (2.5, 6.0)
 
 
-def relaxation(points: int, one: ProblemData) -> Plane:
+def relaxation_plane(points: int, one: ProblemData) -> Plane:
     """θ₁ and θ₂ of MNMAOR on `one`, θ₂ beyond θ₁: the fewest steps are where θ₂ is two or three θ₁."""
     theta1 = Axis("theta1", "relaxation θ₁", np.linspace(0.1, _LARGEST[0], points))
     theta2 = Axis("theta2", "acceleration θ₂", np.linspace(0.0, _LARGEST[1], points))
@@ -166,17 +166,17 @@ def _grid(A: Any, norm: float) -> ICP:
 
 
 #: name → builder, of the planes that vary a method, and of those that vary the problem
-_OF_METHOD = {"relaxation": relaxation, "shift": _shift}
-_OF_PROBLEM = {"coupling": _coupling, "transport": _transport, "units": _units}
-PLANES = (*_OF_METHOD, *_OF_PROBLEM)
+_METHOD_PLANES = {"relaxation": relaxation_plane, "shift": _shift}
+_PROBLEM_PLANES = {"coupling": _coupling, "transport": _transport, "units": _units}
+PLANES = (*_METHOD_PLANES, *_PROBLEM_PLANES)
 
 
 def plane(name: str, points: int, n: int, problem: ProblemData | None, method: str | None) -> Plane:
     """The plane called `name`, one of `PLANES`, on the `problem` or with the `method`, None for the default ones."""
-    if name in _OF_PROBLEM:
+    if name in _PROBLEM_PLANES:
         if problem is not None:
             raise InputError("problem: this plane makes its own; only the planes relaxation and shift take one")
-        return _OF_PROBLEM[name](points, n, named(method or "mnmgs"))
+        return _PROBLEM_PLANES[name](points, n, named(method or "mnmgs"))
     if method is not None:
         raise InputError(f"method is {method!r}; this plane varies the parameters of its own method: leave it out")
-    return _OF_METHOD[name](points, problem or scene("manufactured-affine", n, mu=0.5).problem)
+    return _METHOD_PLANES[name](points, problem or scene("manufactured-affine", n, mu=0.5).problem)

@@ -29,7 +29,7 @@ from ..solvers.foreign import Claim, ForeignSolver, chosen_solvers
 from .cases import Case, uninterrupted
 from .competitors import Competitor, Entry, ForeignCompetitor, LinearSolve, OwnMethod, tuned_methods
 from .limited_runs import first_run, linear_solve, timed_run
-from .timing import clocked, interleaved, machine
+from .timing import machine, run_interleaved, timer
 
 #: the tolerances that each competitor is asked for
 DEFAULT_TOLERANCES = tuple(10.0**-k for k in range(2, 13))
@@ -252,24 +252,24 @@ def race(
     repeats = int(as_number(repeats, "repeats", minimum=1, whole=True))
     limit = as_number(time_limit, "time_limit", above=0.0)
     goals = _goals(tolerances)
-    named = [OwnMethod(), *_own_competitors(methods), *map(ForeignCompetitor, chosen_solvers(solvers, "race"))]
+    competitors = [OwnMethod(), *_own_competitors(methods), *map(ForeignCompetitor, chosen_solvers(solvers, "race"))]
     result = Race(title=f"{scene_title(problem)} ({machine()})", measure="", entries=(), command=command)
     entries: dict[tuple[str, float], Entry] = {}
-    opening = f"{len(named)} competitors at up to {len(goals)} tolerances, a run of {limit:g} s at most"
+    opening = f"{len(competitors)} competitors at up to {len(goals)} tolerances, a run of {limit:g} s at most"
     try:
         with status_line(progress, opening) as say:
             say("the measure of error, and one linear solve")
             measure, error = _measure(case, z_exact, limit)
             result = replace(result, measure=measure)
             result = replace(result, limit=linear_solve(case, repeats, limit))
-            entered = []
-            for one in named:
+            admitted = []
+            for one in competitors:
                 say(f"{one.name}: warming up")
                 if reason := first_run(case, one, goals[0], limit):
                     result = replace(result, skipped=(*result.skipped, (one.name, reason)))
                 else:
-                    entered.append(one)
-            for entry in _run(case, entered, goals, repeats, limit, error, say):
+                    admitted.append(one)
+            for entry in _run(case, admitted, goals, repeats, limit, error, say):
                 entries[entry.name, entry.tolerance] = entry
                 result = replace(result, entries=tuple(entries.values()))
     except KeyboardInterrupt:
@@ -307,7 +307,7 @@ def _measure(case: Case, z_exact: Any, limit: float) -> tuple[str, _Error]:
             known = best.error_bound or 0.0
             words = "certified bound on max |z - z*|"
     if z_exact is None:
-        return "Res_D(z) / Res_D(0)", case.judged
+        return "Res_D(z) / Res_D(0)", case.relative_residual
     exact = problem.vector(z_exact, "z_exact", finite=True)
 
     def error(z: Any) -> float | None:
@@ -318,18 +318,18 @@ def _measure(case: Case, z_exact: Any, limit: float) -> tuple[str, _Error]:
 
 
 def _run(
-    case: Case, entered: list[Competitor], goals: list[float], repeats: int, limit: float, error: _Error, say: _Say
+    case: Case, competitors: list[Competitor], goals: list[float], repeats: int, limit: float, error: _Error, say: _Say
 ) -> Iterator[Entry]:
     """Run every competitor once, to find its tolerances and its time; then repeat the short runs."""
-    builds = {one.name: _build_seconds(case, one) for one in entered}
+    builds = {one.name: _build_seconds(case, one) for one in competitors}
     reached = dict.fromkeys(builds, 1.0)  # 0 for one that is asked for no more
     repeated = {}
     entries = {}
     start_time = time.monotonic()
-    for done, (tolerance, one) in enumerate(product(goals, entered)):
+    for done, (tolerance, one) in enumerate(product(goals, competitors)):
         if tolerance >= reached[one.name]:
             continue
-        left = time_left(start_time, done, len(goals) * len(entered))
+        left = time_left(start_time, done, len(goals) * len(competitors))
         say(f"round 1 of {repeats}: {one.name} at {tolerance:.0e}{left}")
         key = one.name, tolerance
         run = timed_run(case, one, tolerance, limit)
@@ -341,7 +341,7 @@ def _run(
             reached[one.name] = entry.residual
         if run.z is not None and run.seconds <= limit and entry.seconds[0] < _TIMED_ONCE_SECONDS:
             repeated[key] = partial(timed_run, case, one, tolerance, limit)
-    for key, run in interleaved(repeated, repeats - 1, say=lambda k: say(f"round {k + 1} of {repeats}")):
+    for key, run in run_interleaved(repeated, repeats - 1, say=lambda k: say(f"round {k + 1} of {repeats}")):
         if run.seconds > limit or run.z is None:
             del repeated[key]
             reason = run.words if run.z is None else f"longer than time_limit = {limit:g} s"
@@ -353,13 +353,13 @@ def _run(
 
 def _build_seconds(case: Case, one: Competitor) -> float:
     """The median of the times of `build`, or its time where that is long."""
-    build = clocked(partial(one.build, case))
+    build = timer(partial(one.build, case))
     seconds = build()
     return seconds if seconds >= _TIMED_ONCE_SECONDS else float(np.median([seconds, build(), build()]))
 
 
 def _entry(case: Case, one: Competitor, tolerance: float, build: float, run: Claim, error: _Error) -> Entry:
-    residual = None if run.z is None else case.judged(run.z)
+    residual = None if run.z is None else case.relative_residual(run.z)
     return Entry(
         one.name,
         one.kind,

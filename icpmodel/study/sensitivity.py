@@ -118,14 +118,14 @@ def sensitivity(solution: Solution) -> Sensitivity:
     answer = solution.polish()
     problem = solution.problem
     z = answer.z
-    of_p, *of_sides = _relative_changes(problem, z, size)
-    of_r = np.maximum.reduce(of_sides)
+    change_p, *changes_r = _relative_changes(problem, z, size)
+    change_r = np.maximum.reduce(changes_r)
     unit = _RELATIVE_CHANGE * size
     certified = None
     if solution.certificate.unique:  # a proof for the tangent problem alone is not one for this
         with np.errstate(over="ignore", invalid="ignore"):
-            certified = perturbation_bound(problem.linearised(z), z, unit * of_p, unit * of_r)
-    local, rows = _local(answer, of_p, of_sides)
+            certified = perturbation_bound(problem.linearised(z), z, unit * change_p, unit * change_r)
+    local, rows = _local(answer, change_p, changes_r)
     return Sensitivity(
         problem=problem,
         local=local,
@@ -137,8 +137,10 @@ def sensitivity(solution: Solution) -> Sensitivity:
 
 
 def _relative_changes(problem: ProblemData, z: Vector, size: float) -> list[Vector]:
-    """E/size where p counts, |A||z| + |q|, and where each obstacle does, |G||z| + |c| or |ψ(z)|; divided first, so
-    none overflows."""
+    """E/size, each of shape (n,): (|A||z| + |q|)/size for p, and (|G||z| + |c|)/size or |ψ(z)|/size for each obstacle.
+
+    The terms are divided before they are added, so that none overflows.
+    """
     x = np.abs(z) / size
     changes = [problem.matrix.absolute @ x + np.abs(problem.q) / size]
     for psi in sides_of(problem.psi):
@@ -148,7 +150,7 @@ def _relative_changes(problem: ProblemData, z: Vector, size: float) -> list[Vect
     return changes
 
 
-def _local(answer: Solution, of_p: Vector, of_sides: list[Vector]) -> tuple[float | None, Vector | None]:
+def _local(answer: Solution, change_p: Vector, changes_r: list[Vector]) -> tuple[float | None, Vector | None]:
     """‖|J⁻¹|E‖_∞/max|z| and |J⁻¹|E/max|z|, computed or estimated, None where J is singular.
 
     Reference: Higham, ACM Trans. Math. Softw. 14 (1988), for the estimate."""
@@ -157,25 +159,25 @@ def _local(answer: Solution, of_p: Vector, of_sides: list[Vector]) -> tuple[floa
     if answer.problem.psi.no_derivative() is not None:
         return None, None
     derivative = Derivative(answer)
-    E = of_p
-    for rows_of_side, of_side in zip(derivative.pattern.sides(), of_sides, strict=True):
-        E = np.where(rows_of_side, of_side, E)
+    E = change_p
+    for rows, change_r in zip(derivative.pattern.sides(), changes_r, strict=True):
+        E = np.where(rows, change_r, E)
     exact = E.size <= _INVERT_UP_TO
     signs = np.eye(E.size) if exact else np.random.default_rng(0).choice([-1.0, 1.0], (_RANDOM_SIGNS, E.size))
 
-    def back(x: Vector) -> Vector:
+    def adjoint_product(x: Vector) -> Vector:
         return derivative.solve(E * np.ravel(x))
 
-    def times(x: Vector) -> Vector:
+    def matrix_product(x: Vector) -> Vector:
         return E * derivative.solve(np.ravel(x), transposed=True)
 
     try:
-        columns = np.abs([back(one) for one in signs])
+        columns = np.abs([adjoint_product(one) for one in signs])
         if exact:
             rows = columns.sum(axis=0)
             return float(rows.max()), rows
         rows = columns.max(axis=0)
-        product = LinearOperator((E.size, E.size), matvec=times, rmatvec=back, dtype=np.float64)
+        product = LinearOperator((E.size, E.size), matvec=matrix_product, rmatvec=adjoint_product, dtype=np.float64)
         # with t = 1, as more columns are drawn from NumPy's global state; what that may miss, the draws show
         return max(float(onenormest(product, t=1)), float(rows.max())), rows
     except SingularOperator:

@@ -218,14 +218,14 @@ def stability(
             )
         points = int(as_number(points, "points", minimum=2, whole=True))
         n = int(as_number(n, "n", minimum=1, whole=True))
-        _check_room(points, points)
+        _check_memory(points, points)
         plane = plane_named(plane, points, n, None if problem is None else as_problem(problem), method)
     elif not isinstance(plane, Plane):
         raise InputError(f"plane is {described(plane)}; one of {', '.join(PLANES)} or a Plane was expected")
     elif problem is not None or method is not None:
         raise InputError("a Plane has its own problems and methods: leave problem and method out")
     shape = (len(plane.y.values), len(plane.x.values))
-    _check_room(*shape)
+    _check_memory(*shape)
     limits = Limits(rtol=rtol, atol=0.0, max_iter=max_iter, time_limit=time_limit)
     starts = int(as_number(starts, "starts", minimum=1, whole=True))
     result = StabilityMap(
@@ -246,7 +246,7 @@ def stability(
     return result
 
 
-def _check_room(rows: int, columns: int) -> None:
+def _check_memory(rows: int, columns: int) -> None:
     """Raise InputError where a map of so many points exceeds the free memory."""
     size = _POINT_BYTES * rows * columns
     if not memory_suffices(size):
@@ -267,9 +267,9 @@ def _fill(result: StabilityMap, starts: int, progress: bool) -> None:
             worst, steps = _worst_run(one, member, starts, result)
             if isinstance(member, ModulusMember) and member.why_not(one) is None:
                 masks = result.proved, result.printed
-                for of, names in zip(masks, holding(one, member, *masks), strict=True):
+                for mask_of, names in zip(masks, holding(one, member, *masks), strict=True):
                     for name in names:
-                        of[name][j, i] = True
+                        mask_of[name][j, i] = True
             result.steps[j, i] = steps if worst == "solved" else 0
             result.ends[j, i] = worst
 

@@ -17,7 +17,7 @@ Name = TypeVar("Name", bound=Hashable)
 Run = TypeVar("Run")
 
 
-def clocked(call: Callable[..., Any], prepare: Callable[[], Any] | None = None) -> Callable[[], float]:
+def timer(call: Callable[..., Any], prepare: Callable[[], Any] | None = None) -> Callable[[], float]:
     """A timer of `call`, whose argument `prepare`, if given, makes before the clock starts.
 
     What it returns is freed at once: kept, it would make the next run pay for fresh memory.
@@ -32,7 +32,7 @@ def clocked(call: Callable[..., Any], prepare: Callable[[], Any] | None = None) 
     return run
 
 
-def interleaved(
+def run_interleaved(
     calls: Mapping[Name, Callable[[], Run]], rounds: int, say: Callable[[int], None] = lambda done: None
 ) -> Iterator[tuple[Name, Run]]:
     """(name, run) of all `calls`, `rounds` times in turn, each round beginning with another one.
@@ -48,13 +48,13 @@ def interleaved(
                 yield name, calls[name]()
 
 
-def timed(calls: Mapping[Name, Callable[[], float]], rounds: int, warm: bool = True) -> dict[Name, Vector]:
+def time_calls(calls: Mapping[Name, Callable[[], float]], rounds: int, warm: bool = True) -> dict[Name, Vector]:
     """The seconds of the `calls`, which return them, one for each round; if `warm` after a first run, which compiles
     and takes fresh memory."""
     if warm:
         for call in calls.values():
             call()
-    runs = list(interleaved(calls, rounds))
+    runs = list(run_interleaved(calls, rounds))
     return {name: np.array([seconds for one, seconds in runs if one == name]) for name in calls}
 
 

@@ -5,9 +5,9 @@ from functools import partial
 import numpy as np
 
 import icpmodel as icp
-from icpmodel.study.timing import clocked, timed
+from icpmodel.study.timing import time_calls, timer
 
-from .harness import compared, fresh, linear_solve
+from .harness import compared, linear_solve, uncached_copy
 
 
 def table(n=1_000_000, repeats=5):
@@ -29,17 +29,17 @@ def table(n=1_000_000, repeats=5):
     plain, full = partial(icp.error_bound, z=z, sharp=False), partial(icp.error_bound, z=z)
 
     def solved():
-        new = fresh(problem)
+        new = uncached_copy(problem)
         new.solve("multilevel")
         return new
 
     calls = {
-        "of z itself": (plain, clocked(plain, partial(fresh, problem))),
-        "after solve": (full, clocked(full, solved)),
-        "from scratch": (full, clocked(full, partial(fresh, problem))),
+        "of z itself": (plain, timer(plain, partial(uncached_copy, problem))),
+        "after solve": (full, timer(full, solved)),
+        "from scratch": (full, timer(full, partial(uncached_copy, problem))),
     }
-    linear = clocked(partial(linear_solve, problem.A, np.ones(problem.n)))
-    taken = timed({name: call for name, (_, call) in calls.items()} | {"linear": linear}, repeats)
+    linear = timer(partial(linear_solve, problem.A, np.ones(problem.n)))
+    taken = time_calls({name: call for name, (_, call) in calls.items()} | {"linear": linear}, repeats)
     for name, (bound, _) in calls.items():
         certified = bound(problem)
         decided = 1.0 - icp.theory.active_set(problem, z, certified).undecided.mean()

@@ -6,7 +6,7 @@ import numpy as np
 
 import icpmodel as icp
 from icpmodel.solvers import Target, ask, foreign_solvers
-from icpmodel.study.timing import timed
+from icpmodel.study.timing import time_calls
 
 from .families import drawn_sizes, family_names, problem_of
 from .harness import compared, relaxed, run, scene
@@ -107,7 +107,7 @@ def contest(problem, makers, solvers, limit, repeats):
     rivals = {solver.name: peer(problem, solver, min(limit, max(PATIENCE * mine, LEAST))) for solver in solvers}
     calls |= {name: call for name, call in rivals.items() if call is not None}
     brief = {name: (lambda call=call: twice(call)[0]) for name, call in calls.items()}
-    taken = timed(brief, repeats, warm=False)
+    taken = time_calls(brief, repeats, warm=False)
     medians = {name: float(np.median(seconds)) for name, seconds in taken.items()}
     best = min((name for name in makers if name in calls), key=medians.get, default=None)
     ratios = [compared(taken, "solve()", name)[2] if name in calls else None for name in (best, *rivals)]

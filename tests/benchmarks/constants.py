@@ -10,7 +10,7 @@ from scipy.optimize import nnls
 
 import icpmodel as icp
 from icpmodel.numerics.work import COSTS
-from icpmodel.study.timing import clocked
+from icpmodel.study.timing import timer
 
 #: the number of sweeps timed together, as a method may make some of them in one pass
 TOGETHER = 8
@@ -41,7 +41,7 @@ def table(sizes=(100, 1_000, 10_000, 100_000), repeats=9):
 
 def least(call, repeats):
     call()  # compiles
-    return min(clocked(call)() for _ in range(repeats))
+    return min(timer(call)() for _ in range(repeats))
 
 
 def tasks(n):

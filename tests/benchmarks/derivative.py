@@ -7,7 +7,7 @@ from importlib.util import find_spec
 import numpy as np
 
 import icpmodel as icp
-from icpmodel.study.timing import clocked, timed
+from icpmodel.study.timing import time_calls, timer
 
 from .harness import compared, linear_solve, pair, warm
 
@@ -37,12 +37,12 @@ def table(sizes=(10_000, 100_000, 1_000_000), layers=(400, 1600), repeats=5):
         solution = problem.solve()
         derivative = solution.derivative()
         calls = {
-            "first adjoint": clocked(lambda new, ones=ones: new.derivative().adjoint(ones), partial(replace, solution)),
-            "next adjoint": clocked(partial(derivative.adjoint, ones)),
-            "next forward": clocked(partial(derivative.forward, dq=ones)),
-            "linear solve": clocked(partial(linear_solve, problem.A, ones)),
+            "first adjoint": timer(lambda new, ones=ones: new.derivative().adjoint(ones), partial(replace, solution)),
+            "next adjoint": timer(partial(derivative.adjoint, ones)),
+            "next forward": timer(partial(derivative.forward, dq=ones)),
+            "linear solve": timer(partial(linear_solve, problem.A, ones)),
         }
-        taken = timed(calls, repeats)
+        taken = time_calls(calls, repeats)
         *names, other = calls
         for name in names:
             yield problem.n, name, other, *compared(taken, name, other)

@@ -15,7 +15,7 @@ from shutil import which
 import numpy as np
 
 import icpmodel as icp
-from icpmodel.study.timing import interleaved
+from icpmodel.study.timing import run_interleaved
 
 from .harness import scene
 
@@ -61,7 +61,7 @@ def table(
             keys = [("serial multilevel", 0), *(("distributed", one) for one in ranks)]
             calls = {key: partial(launched, *key, name, n, time_limit) for key in keys}
             runs = {key: [] for key in calls}
-            for key, run in interleaved(calls, repeats):
+            for key, run in run_interleaved(calls, repeats):
                 runs[key].append(run)
             if n <= snesvi:
                 runs |= {("SNESVI", one): [launched("SNESVI", one, name, n, time_limit)] for one in ranks}

@@ -8,10 +8,10 @@ import numpy as np
 import scipy.sparse as sp
 
 import icpmodel as icp
-from icpmodel.study.timing import clocked, timed
+from icpmodel.study.timing import time_calls, timer
 
 
-def fresh(problem):
+def uncached_copy(problem):
     """The problem, of which nothing is known yet."""
     return icp.ICP(problem.A, problem.q, problem.psi)
 
@@ -24,7 +24,7 @@ def scene(text, n):
 
 def on_new(problem, call):
     """A timed `call` of the problem, each time of a new object."""
-    return clocked(call, partial(fresh, problem))
+    return timer(call, partial(uncached_copy, problem))
 
 
 def linear_solve(A, b):
@@ -38,7 +38,7 @@ def linear_solve(A, b):
 
 def pair(ours, other, repeats, unit=1.0):
     """The numbers of `compared` of two calls, timed in turn."""
-    return compared(timed({"ours": ours, "other": other}, repeats), "ours", "other", unit)
+    return compared(time_calls({"ours": ours, "other": other}, repeats), "ours", "other", unit)
 
 
 def compared(taken, ours, other, unit=1.0):
@@ -84,7 +84,7 @@ def elementwise(problem, steep):
 
 def run(problem, method, **limits):
     """Seconds of one solve of a new object, by a method or a function that makes it of the problem; the solution."""
-    new = fresh(problem)
+    new = uncached_copy(problem)
     begin = time.perf_counter()
     made = method(new) if inspect.isfunction(method) else method
     solution = new.solve(made, raise_on_failure=False, **limits)

@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 
 import icpmodel as icp
-from icpmodel.study.timing import clocked, timed
+from icpmodel.study.timing import time_calls, timer
 
 from .harness import affine, compared, elementwise, linear_solve, on_new, warm
 
@@ -30,10 +30,10 @@ def table(sizes=(10_000, 100_000, 1_000_000), repeats=5):
             b = np.ones(problem.n)
             calls = {
                 "ours": on_new(problem, icp.ICP.solve),
-                "other": clocked(partial(linear_solve, problem.A, b)),
+                "other": timer(partial(linear_solve, problem.A, b)),
                 "product": warm(partial(problem.A.dot, b)),
             }
-            taken = timed(calls, repeats)
+            taken = time_calls(calls, repeats)
             products = compared(taken, "ours", "product")[2]
             yield name, problem.n, problem.solve().method.name, *compared(taken, "ours", "other"), products
 

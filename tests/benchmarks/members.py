@@ -6,9 +6,9 @@ from functools import partial
 import numpy as np
 
 import icpmodel as icp
-from icpmodel.study.timing import clocked, timed
+from icpmodel.study.timing import time_calls, timer
 
-from .harness import fresh, run, scene
+from .harness import run, scene, uncached_copy
 
 #: Bai's two matrices without ψ, with an affine and with an elementwise one, hard and easy
 PROBLEMS = tuple(
@@ -87,7 +87,7 @@ def column(text, m, methods, atol, repeats):
         if method.why_not(problem) is None:
             _, found[k] = run(problem, method, **limits)
             if found[k].solved:
-                calls[k] = clocked(partial(run, method=method, **limits), partial(fresh, problem))
-    taken = timed(calls, repeats, warm=False)
+                calls[k] = timer(partial(run, method=method, **limits), partial(uncached_copy, problem))
+    taken = time_calls(calls, repeats, warm=False)
     cells = {k: (found[k].iterations, float(np.median(taken[k])), found[k].residual) for k in calls}
     return [cells.get(k, (None, None, None)) for k in range(len(methods))]

@@ -5,7 +5,7 @@ from functools import partial
 
 import icpmodel as icp
 from icpmodel import modelling
-from icpmodel.study.timing import clocked
+from icpmodel.study.timing import timer
 
 from .harness import affine, elementwise, pair
 
@@ -24,7 +24,7 @@ def table(cvxpy_n=1_000_000, pyomo_n=100_000, repeats=3):
     """
     yield "language", "model", "n", "read, s", "its own writer, s", "ratio", "lowest", "highest"
     for language, name, problem, read, write in (*in_cvxpy(cvxpy_n), *in_pyomo(pyomo_n)):
-        yield language, name, problem.n, *pair(clocked(read), clocked(write), repeats)
+        yield language, name, problem.n, *pair(timer(read), timer(write), repeats)
 
 
 def in_cvxpy(n):

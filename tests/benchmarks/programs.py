@@ -3,7 +3,7 @@
 import numpy as np
 
 import icpmodel as icp
-from icpmodel.study.timing import clocked
+from icpmodel.study.timing import timer
 
 from .harness import pair
 
@@ -30,7 +30,7 @@ def table(size=200, repeats=15):
             def solve(program, solver=solver, seen=seen):
                 seen.append(program.solve(solver=solver))
 
-            calls.append(clocked(solve, make()))
+            calls.append(timer(solve, make()))
         times = pair(*calls, repeats)
         off = max(abs(a - b) / max(abs(b), 1.0) for a, b in zip(*values, strict=True))
         yield name, against, *times, off

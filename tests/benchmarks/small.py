@@ -7,7 +7,7 @@ import numpy as np
 import scipy.sparse as sp
 
 import icpmodel as icp
-from icpmodel.study.timing import clocked
+from icpmodel.study.timing import timer
 
 from .harness import pair
 
@@ -49,7 +49,7 @@ def table(n=16, k=10_000, repeats=15):
         for words, settings in SETTINGS.items():
             with contextlib.redirect_stdout(io.StringIO()):  # OSQP prints about polishing whatever one asks
                 theirs = other([arrays(A, q) for A, q in given[: len(problems)]], Q, settings)
-                times = pair(clocked(ours), clocked(theirs), repeats, unit=1e-6 * len(given))
+                times = pair(timer(ours), timer(theirs), repeats, unit=1e-6 * len(given))
                 residuals = worst(given, ours()), worst(given, theirs())
             yield name, n, words, *times[:3], *residuals
 

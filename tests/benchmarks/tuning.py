@@ -6,7 +6,7 @@ from itertools import product
 import numpy as np
 
 import icpmodel as icp
-from icpmodel.study.timing import timed
+from icpmodel.study.timing import time_calls
 
 from .harness import relaxed, run, scene
 
@@ -43,7 +43,7 @@ def table(scenes=(), n=900, repeats=5):
         compared = (by_hand, searched, automatic, icp.Accelerated(of=automatic), icp.Accelerated())
         steps = [None if method is None else solved_in(one, method)[1] for method in compared]
         calls = {k: partial(seconds_of, one, compared[k]) for k in range(5) if steps[k] is not None}
-        taken = timed(calls, repeats, warm=False)
+        taken = time_calls(calls, repeats, warm=False)
         seconds = [1e3 * float(np.median(taken[k])) if k in calls else None for k in range(5)]
         yield name, one.problem.n, theta, omega, *steps, *seconds
 
