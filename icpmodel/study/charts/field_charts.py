@@ -63,11 +63,11 @@ def _(fields: Fields, points: Any = None, shape: Any = None) -> Drawing:
     if not values:
         raise InputError("values is empty; at least one vector was expected")
     if places.planes:
-        chosen = evenly(values)
+        chosen = evenly_spaced(values)
         limits = min(one.min() for one in chosen.values()), max(one.max() for one in chosen.values())
         label = places.unknown if len(values) > 1 else next(iter(values))
-        drawn = [Field(one, name, label, name, limits=limits) for name, one in chosen.items()]
-        return in_planes(places, drawn, title(problem))
+        chosen_fields = [Field(one, name, label, name, limits=limits) for name, one in chosen.items()]
+        return in_planes(places, chosen_fields, title(problem))
     panel = Panel(
         draw=partial(_curves, places, values),
         caption="Vectors over the unknowns, the first one darkest.",
@@ -76,8 +76,8 @@ def _(fields: Fields, points: Any = None, shape: Any = None) -> Drawing:
     return Drawing(panels=(panel,), size=(7.2, 4.0), title=title(problem))
 
 
-def evenly(values: Mapping[str, Vector]) -> dict[str, Vector]:
-    """At most `_MAX_FIELDS` of the vectors."""
+def evenly_spaced(values: Mapping[str, Vector]) -> dict[str, Vector]:
+    """At most `_MAX_FIELDS` of the vectors, evenly spaced, by name."""
     names = [*values]
     chosen = np.unique(np.linspace(0, len(names) - 1, _MAX_FIELDS).round().astype(int))
     return {names[k]: values[names[k]] for k in chosen}
@@ -92,20 +92,20 @@ def _curves(places: Places, values: Mapping[str, Vector], axes: Any) -> list[Any
     axes.set(xlabel=places.label, ylabel=places.unknown if len(values) > 1 else next(iter(values)))
     if len(values) > 1:
         axes.legend(frameon=False, fontsize=9)
-    return clean(axes, whole=places.by_row)
+    return style_axes(axes, whole=places.by_row)
 
 
 def line_style(places: Places, colour: Any, width: float, marker: str = "o") -> dict[str, Any]:
-    """Rows have nothing between them: few of them are markers, many are steps."""
-    many = places.x.size
-    if places.by_row and many <= MAX_MARKED_POINTS:
-        size = 6 if marker == "o" else max(400 / max(many, 8), 8)
+    """The options of `Axes.plot` for a curve; few rows are markers and many are steps, as nothing is between them."""
+    count = places.x.size
+    if places.by_row and count <= MAX_MARKED_POINTS:
+        size = 6 if marker == "o" else max(400 / max(count, 8), 8)
         return {"color": colour, "linestyle": "", "marker": marker, "markersize": size}
-    style = {"color": colour, "linewidth": width, "marker": "o" if many <= MAX_MARKED_POINTS else "", "markersize": 3}
-    return style | {"drawstyle": "steps-mid" if places.by_row else "default", "rasterized": many > MAX_VECTOR_POINTS}
+    style = {"color": colour, "linewidth": width, "marker": "o" if count <= MAX_MARKED_POINTS else "", "markersize": 3}
+    return style | {"drawstyle": "steps-mid" if places.by_row else "default", "rasterized": count > MAX_VECTOR_POINTS}
 
 
-def clean(axes: Any, whole: bool) -> list[Any]:
+def style_axes(axes: Any, whole: bool) -> list[Any]:
     """Draw a grid without a frame. If x are `whole`, each has half a unit around it, and ticks are at them alone.
 
     Returns no handles.
@@ -140,13 +140,13 @@ def in_planes(places: Places, fields: Sequence[Field], heading: str) -> Drawing:
         for plane in places.planes:
             draw = partial(_field, plane, field._replace(limits=limits))
             panels.append(Panel(draw=draw, caption=field.caption, alt=f"{field.words}: {in_words(field.values)}."))
-    wide = len(places.planes) if len(places.planes) > 1 else min(len(panels), 3)
+    columns = len(places.planes) if len(places.planes) > 1 else min(len(panels), 3)
     rows: list[list[Any]] = [
-        [k if k < len(panels) else "." for k in range(low, low + wide)] for low in range(0, len(panels), wide)
+        [k if k < len(panels) else "." for k in range(low, low + columns)] for low in range(0, len(panels), columns)
     ]
     share = len(places.planes) == 1 and len(panels) > 1
     layout = {"sharex": True, "sharey": True} if share else {}
-    size = (4.8 * wide if wide < 3 else 12.0, 3.6 * len(rows) if wide == 3 else 4.2)
+    size = (4.8 * columns if columns < 3 else 12.0, 3.6 * len(rows) if columns == 3 else 4.2)
     return Drawing(panels=panels, size=size, mosaic=rows, layout=layout, title=heading)
 
 
@@ -170,4 +170,5 @@ def _field(plane: Slice, field: Field, axes: Any) -> list[Any]:
 
 
 def in_words(values: Vector) -> str:
+    """The range of the `values`, for the text of a picture."""
     return f"between {values.min():.3g} and {values.max():.3g}"

@@ -55,8 +55,8 @@ def styles(names: Iterable[Name]) -> dict[Name, tuple[str, str]]:
     No two of six names in a row have the same colour, so a panel of six can be told apart by colour alone.
     """
     others = [name for name in names if name != "solve()"]
-    many = len(COLOURS)
-    pairs = {name: (COLOURS[k % many], MARKERS[(k + k // many) % many]) for k, name in enumerate(others)}
+    count = len(COLOURS)
+    pairs = {name: (COLOURS[k % count], MARKERS[(k + k // count) % count]) for k, name in enumerate(others)}
     return {name: pairs.get(name, ("black", "o")) for name in names}
 
 
@@ -133,12 +133,12 @@ class Drawing:
         from matplotlib.axes import Axes
 
         axes = [ax] if isinstance(ax, Axes) else list(np.ravel(np.array(ax, dtype=object)))
-        many = len(self.panels)
+        count = len(self.panels)
         if wrong := [one.name for one in axes if isinstance(one, Axes) and one.name != "rectilinear"]:
             raise InputError(f"ax has {wrong[0]} coordinates; rectilinear ones were expected")
-        if not all(isinstance(one, Axes) for one in axes) or len(axes) not in (1, many):
+        if not all(isinstance(one, Axes) for one in axes) or len(axes) not in (1, count):
             actual = described(ax) if not axes or not isinstance(axes[0], Axes) else f"{len(axes)} of them"
-            expected = "matplotlib axes were" if many == 1 else f"one matplotlib axes, or {many} for all panels, were"
+            expected = "matplotlib axes were" if count == 1 else f"one matplotlib axes, or {count} for all panels, were"
             raise InputError(f"ax is {actual}; {expected} expected")
         for panel, one in zip(self.panels, axes, strict=False):
             if handles := panel.draw(one):

@@ -38,12 +38,12 @@ _PAPER = ("4.1", "4.2", "4.3", "4.4")
 @drawing.register
 def _(result: StabilityMap) -> Drawing:
     ends = {end: int((result.ends == end).sum()) for end in np.unique(result.ends)}
-    counted = ", ".join(f"{many} {end}" for end, many in sorted(ends.items(), key=lambda pair: -pair[1]))
+    counts = ", ".join(f"{count} {end}" for end, count in sorted(ends.items(), key=lambda pair: -pair[1]))
     caption = (
         "Each cell is a pair of parameters; its colour is the number of steps, its sign how it failed. "
         "Within a line it is proved that the method converges, whatever the start."
     )
-    alt = f"Map over {result.plane.x.label} and {result.plane.y.label}. Of {result.ends.size} points {counted}."
+    alt = f"Map over {result.plane.x.label} and {result.plane.y.label}. Of {result.ends.size} points {counts}."
     panel = Panel(draw=partial(_map, result), caption=caption, alt=alt, height=5.2)
     return Drawing(panels=(panel,), size=(8.2, 5.6), columns=2, title=result.plane.title)
 

@@ -51,7 +51,7 @@ class Slice:
 
     @cached_property
     def axes(self) -> tuple[Vector, Vector]:
-        """The different x and y."""
+        """The different x and y, ascending."""
         return np.unique(self.x), np.unique(self.y)
 
     @property
@@ -137,14 +137,14 @@ def places_of(problem: ProblemData, points: Any = None, shape: Any = None) -> Pl
     if shape is not None:
         points, labels = _grid_points(problem.n, shape), _GRID_AXES
     if points is None:
-        rows = _evenly(problem.n)
+        rows = _evenly_spaced_rows(problem.n)
         return Places(rows, rows.astype(np.float64), "row", unknown, by_row=True)
     points = as_float64(points, "points")
     if points.shape[:1] != (problem.n,) or points.ndim > 2 or not 1 <= points.size // problem.n <= 3:
         raise InputError(f"points has shape {points.shape}; ({problem.n},), (n, 2) or (n, 3) was expected")
     points = points.reshape(problem.n, -1)
     if points.shape[1] == 1:
-        rows = np.argsort(points[:, 0], kind="stable")[_evenly(problem.n)]
+        rows = np.argsort(points[:, 0], kind="stable")[_evenly_spaced_rows(problem.n)]
         return Places(rows, points[rows, 0], labels[0], unknown)
     return Places(np.arange(0), np.zeros(0), "", unknown, _planes(points, labels))
 
@@ -156,7 +156,8 @@ def _grid_points(n: int, shape: Any) -> Vector:
     return np.indices(sizes).reshape(len(sizes), n)[::-1].T.astype(np.float64)
 
 
-def _evenly(n: int) -> Rows:
+def _evenly_spaced_rows(n: int) -> Rows:
+    """Up to `PIXELS` of the rows 0 … n − 1."""
     return np.unique(np.linspace(0, n - 1, min(n, PIXELS)).astype(np.intp))
 
 
@@ -200,8 +201,8 @@ def _grid_shape(problem: ProblemData) -> tuple[int, ...] | None:
         return None
     grid = np.arange(problem.n).reshape(shape)
     for axis, step in enumerate(steps[::-1]):
-        coupled = np.flatnonzero(problem.A.diagonal(step))
-        if not np.array_equal(coupled, np.delete(grid, -1, axis).ravel()):
+        coupled_rows = np.flatnonzero(problem.A.diagonal(step))
+        if not np.array_equal(coupled_rows, np.delete(grid, -1, axis).ravel()):
             return None
     return shape
 
@@ -216,11 +217,11 @@ def edges(values: Vector) -> Vector:
 
 def outline(x: Vector, y: Vector, mask: NDArray[np.bool_]) -> tuple[Vector, Vector]:
     """The borders, between the edges `x` and `y`, of the cells in `mask`, as one line with gaps at NaN."""
-    wide = np.pad(mask, 1)
-    upright = np.argwhere(wide[1:-1, 1:] != wide[1:-1, :-1])
-    level = np.argwhere(wide[1:, 1:-1] != wide[:-1, 1:-1])
+    padded = np.pad(mask, 1)
+    vertical = np.argwhere(padded[1:-1, 1:] != padded[1:-1, :-1])
+    horizontal = np.argwhere(padded[1:, 1:-1] != padded[:-1, 1:-1])
     gap = np.nan
-    pieces = [((x[i], x[i], gap), (y[j], y[j + 1], gap)) for j, i in upright]
-    pieces += [((x[i], x[i + 1], gap), (y[j], y[j], gap)) for j, i in level]
-    along, across = np.array(pieces, dtype=np.float64).reshape(-1, 2, 3).transpose(1, 0, 2).reshape(2, -1)
-    return along, across
+    pieces = [((x[i], x[i], gap), (y[j], y[j + 1], gap)) for j, i in vertical]
+    pieces += [((x[i], x[i + 1], gap), (y[j], y[j], gap)) for j, i in horizontal]
+    x_line, y_line = np.array(pieces, dtype=np.float64).reshape(-1, 2, 3).transpose(1, 0, 2).reshape(2, -1)
+    return x_line, y_line

@@ -49,11 +49,11 @@ def _(race: Race) -> Drawing:
         alt=f"Times to the default accuracy. {took or 'None reached it'}.",
         height=_LINE_HEIGHT * (4 + max(len(first), 4)),
     )
-    many = len(panels)
+    count = len(panels)
     return Drawing(
         panels=(*panels, times),
-        size=(11.5, max(4.4, 3.7 * many)),
-        mosaic=[[k, many] for k in range(many)],
+        size=(11.5, max(4.4, 3.7 * count)),
+        mosaic=[[k, count] for k in range(count)],
         layout={"width_ratios": (1.5, 1)},
         title=race.title,
     )
@@ -77,7 +77,8 @@ def _parts(kinds: Mapping[str, str]) -> list[tuple[str, list[str]]]:
     return [(heading, [name for name in group if name in kinds]) for heading, group in parts]
 
 
-def _judged(race: Race, name: str) -> list[Entry]:
+def _entries_with_error(race: Race, name: str) -> list[Entry]:
+    """The entries of one competitor that have an error, in the order of the race."""
     return [run for run in race.entries if run.name == name and run.error is not None]
 
 
@@ -104,7 +105,7 @@ def _times(
     axes.set_title(heading, fontsize=10)
     ends = []
     for name, style in style_by_name.items():
-        runs = sorted(_judged(race, name), key=lambda run: -(run.error or 0.0))
+        runs = sorted(_entries_with_error(race, name), key=lambda run: -(run.error or 0.0))
         if runs:
             errors = np.maximum([run.error or 0.0 for run in runs], limits["floor"])
             ends.append((runs[-1].median, _runs(axes, runs, errors, *style)))
@@ -115,8 +116,8 @@ def _times(
     if any(run.loose for run in race.entries if run.name in style_by_name):
         hollow = {"color": GREY, "markerfacecolor": "none", "label": "claims success,\nnot in our measure"}
         ends += [(0.0, line) for line in axes.plot([], [], "o", **hollow)]
-    beside = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5), "fontsize": 8, "frameon": False}
-    axes.legend(handles=[line for _, line in ends], **beside)
+    legend_style = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5), "fontsize": 8, "frameon": False}
+    axes.legend(handles=[line for _, line in ends], **legend_style)
     axes.grid(alpha=0.3)
     return []
 

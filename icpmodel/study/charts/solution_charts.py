@@ -24,11 +24,11 @@ from .field_charts import (
     MAX_VECTOR_POINTS,
     Field,
     Fields,
-    clean,
-    evenly,
+    evenly_spaced,
     in_planes,
     in_words,
     line_style,
+    style_axes,
 )
 from .figures import BLUE, GREEN, GREY, ORANGE, PURPLE, ZERO_SHARE, Drawing, Panel, drawing
 from .places import MAX_MARKED_POINTS, Places, places_of
@@ -47,7 +47,7 @@ def _(solutions: Any, **where: Any) -> Drawing:
 
 @drawing.register
 def _(solutions: Solutions, **where: Any) -> Drawing:
-    values = evenly({f"row {k}": z for k, z in enumerate(solutions.Z)})
+    values = evenly_spaced({f"row {k}": z for k, z in enumerate(solutions.Z)})
     return drawing(Fields(solutions[0].problem, values), **where)
 
 
@@ -131,7 +131,7 @@ def _heights(places: Places, solution: Solution, masks: Mapping[str, Mask], axes
         if handle.get_linestyle() == "None":
             handle.set_markersize(7)
     axes.set(xlabel=places.label, ylabel=places.unknown)
-    return clean(axes, whole=places.by_row)
+    return style_axes(axes, whole=places.by_row)
 
 
 def _forces(places: Places, p: Vector, axes: Any) -> list[Any]:
@@ -139,7 +139,7 @@ def _forces(places: Places, p: Vector, axes: Any) -> list[Any]:
         axes.vlines(places.x, 0.0, p[places.rows], color=GREEN, linewidth=1.5)
     axes.plot(places.x, p[places.rows], label="p", **line_style(places, GREEN, 1.5))
     axes.set(xlabel=places.label, ylabel="force p")
-    return clean(axes, whole=places.by_row)
+    return style_axes(axes, whole=places.by_row)
 
 
 def _outline(masks: Mapping[str, Mask]) -> str:
@@ -182,7 +182,7 @@ def _residuals(history: History, ended: str, axes: Any) -> list[Any]:
     axes.set(yscale="log", xlabel="iteration", ylabel=f"residual Res_D(z){lowest}")
     axes.set_title(ended, loc="right", fontsize=9)
     axes.margins(x=0.03, y=0.12)
-    return clean(axes, whole=True)
+    return style_axes(axes, whole=True)
 
 
 def _changes(history: History) -> Iterable[tuple[int, str]]:
