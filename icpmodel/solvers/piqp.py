@@ -46,8 +46,8 @@ class Piqp(ForeignSolver):
         matrix: Any = operator.methodcaller("toarray") if dense else sp.csc_matrix
         A, b = (matrix(K[equal]), qp.lower[equal]) if equal.any() else (None, None)
         G, h = (matrix(K[rows]), qp.lower[rows]) if rows.any() else (None, None)
-        h_upper, upper = (qp.upper[rows] if rows.any() else None, upper) if has_upper else (None, None)
-        model.setup(matrix(qp.P), qp.q, A, b, G, h, h_upper, lower, upper)
+        uppers = (qp.upper[rows] if rows.any() else None, upper) if has_upper else (None, None)
+        model.setup(matrix(qp.P), qp.q, A, b, G, h, uppers[0], lower, uppers[1])
         return model
 
     def run(self, model: Any) -> Claim:
