@@ -22,7 +22,7 @@ from ..present.card import Card
 from ..present.display import Displayable
 from ..problem.two_sided import mid
 from ..theory.certificates.bounds import ASSUMED_PSI, ErrorBound
-from .distributed_icp import DistributedICP, checked_point
+from .distributed_icp import DistributedICP, check_point
 from .distributed_levels import DistributedLevels
 from .distributed_matrix import DistributedMatrix
 from .ranks import largest, norm, totals
@@ -111,7 +111,7 @@ def certify(problem: DistributedICP, z: Any, levels: DistributedLevels | None = 
     >>> icp.distributed.certify(problem, problem.vector([1.5])).bound.value >= 0.5
     True
     """
-    here = _Point(problem, checked_point(problem, z, "z"))
+    here = _Point(problem, check_point(problem, z, "z"))
     if levels is not None and not isinstance(levels, DistributedLevels):
         raise InputError(f"levels is {described(levels)}; the levels of a DistributedSolution were expected")
     proof = _proof(problem, levels)
@@ -120,7 +120,7 @@ def certify(problem: DistributedICP, z: Any, levels: DistributedLevels | None = 
     delta = here.bound(proof)
     value = largest(problem.comm, float(delta.max(initial=0.0)))[0]
     change = obstacle_change(problem, delta)
-    sentence = f"A is an H+-matrix ({proof[0]})" + (ASSUMED_PSI if problem.calls_users else "")
+    sentence = f"A is an H+-matrix ({proof[0]})" + (ASSUMED_PSI if problem.calls_user_code else "")
     if _may_cross(problem, here, change):
         return here.certificate(ErrorBound.none("psi <= upper is not proved near z, where z* would be"))
     if not np.isfinite(value):
@@ -135,7 +135,8 @@ class _Point:
     """A `Vec` z, and all that a bound needs of it in the own rows. Collective."""
 
     def __init__(self, problem: DistributedICP, z: Any) -> None:
-        self.problem, self.z = problem, z
+        self.problem = problem
+        self.z = z
         self.p, self.r, self.r_upper = problem.sides(z)
 
     @cached_property
@@ -153,7 +154,7 @@ class _Point:
         return DistributedCertificate(residual, bound, active, inactive, above, undecided, *masks[:2])
 
     def bound(self, proof: HPlusVectors) -> Vector:
-        """δ with |z − z*| ≤ δ."""
+        """δ with |z − z*| ≤ δ in the own rows. Collective."""
         _, v, alpha, beta = proof
         rounding_p, rounding_r = self.rounding
         with np.errstate(over="ignore", invalid="ignore"):
@@ -167,14 +168,14 @@ class _Point:
         """The masks of the rows that |z − z*| ≤ `delta` proves to be active, off both obstacles, at the upper one."""
         inflate = 1 + 8 * UNIT_ROUNDOFF
         rounding_p, rounding_r = self.rounding
-        of_p = (rounding_p + self.problem.matrix.absolute(delta)) * inflate
-        of_r = (rounding_r + delta + change) * inflate
-        active = self.p > of_p
-        inactive = self.r > of_r
+        error_p = (rounding_p + self.problem.matrix.absolute(delta)) * inflate
+        error_r = (rounding_r + delta + change) * inflate
+        active = self.p > error_p
+        inactive = self.r > error_r
         at_upper = np.zeros(delta.size, dtype=bool)
         if self.r_upper is not None:
-            inactive = inactive & (-self.r_upper > of_r)
-            at_upper = self.p < -of_p
+            inactive = inactive & (-self.r_upper > error_r)
+            at_upper = self.p < -error_p
         return active & ~inactive, inactive & ~active & ~at_upper, at_upper & ~inactive
 
 
@@ -245,6 +246,6 @@ def _candidates(matrix: DistributedMatrix, levels: DistributedLevels | None) -> 
     if levels is None or comparison is not matrix:
         levels = DistributedLevels(comparison)
     levels.restrict(np.ones(size), 0)
-    v = levels.solved(matrix.vector(comparison.diagonal), 0, None, None, 1.0)
+    v = levels.solve(matrix.vector(comparison.diagonal), 0, None, None, 1.0)
     if not largest(matrix.comm, float((~(v.array_r > 0)).any()))[0]:
         yield "v = <A>^-1 D1", v.array.copy()

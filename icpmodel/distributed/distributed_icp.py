@@ -134,7 +134,7 @@ class DistributedICP(Displayable):
         return (self.psi,) if self.upper is None else (self.psi, self.upper)
 
     @property
-    def calls_users(self) -> bool:
+    def calls_user_code(self) -> bool:
         """Whether an obstacle is computed by a user's function."""
         return any(one.has_function for one in self.maps)
 
@@ -188,7 +188,7 @@ class DistributedICP(Displayable):
         float
             The residual.
         """
-        p, r, r_upper = self.sides(checked_point(self, z, "z"))
+        p, r, r_upper = self.sides(check_point(self, z, "z"))
         return norm(self.comm, mid(self.matrix.row_weights * p, r, r_upper))
 
     def paper_residual(self, z: Any) -> float:
@@ -204,13 +204,13 @@ class DistributedICP(Displayable):
         float
             The residual.
         """
-        return norm(self.comm, mid(*self.sides(checked_point(self, z, "z"))))
+        return norm(self.comm, mid(*self.sides(check_point(self, z, "z"))))
 
     def __repr__(self) -> str:
         return f"DistributedICP(n={self.n}, ranks={self.comm.size})"
 
 
-def checked_point(problem: Any, z: Any, name: str, finite: bool = False) -> Any:
+def check_point(problem: Any, z: Any, name: str, finite: bool = False) -> Any:
     """`z`, a `Vec` with the layout of A.
 
     Collective. Raises InputError on all ranks.

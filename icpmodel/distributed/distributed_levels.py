@@ -53,16 +53,18 @@ class DistributedLevel:
     """
 
     def __init__(self, matrix: DistributedMatrix, coarser: Any, P: Any) -> None:
-        self.matrix, self.coarser, self.P = matrix, coarser, P
+        self.matrix = matrix
+        self.coarser = coarser
+        self.P = P
         if P is not None:
             self.coarse_points, self.weight, self._points_are_local = _representatives(P, matrix)
 
     @cached_property
     def J(self) -> Any:
-        """Room for the masked matrix; on the finest level it is not always needed."""
+        """The memory of the masked matrix; the finest level does not always need it."""
         return self.matrix.mat.duplicate(copy=True)
 
-    def injected(self, fine: Any) -> Vector:
+    def inject(self, fine: Any) -> Vector:
         """The values at the coarse points, in the own rows of the coarser level, from those of all. Collective."""
         if self._points_are_local:
             return np.asarray(fine.array_r[self.coarse_points])
@@ -82,23 +84,25 @@ class DistributedLevel:
 
     @cached_property
     def injection(self) -> Any:
-        """Injection to the coarser level, a `Mat` with one 1 in each row. (For a part of a matrix PETSc wants no row
-        twice, and a point may represent two.) Collective, the first time."""
+        """Injection to the coarser level, a `Mat` with one 1 in each row. Collective, the first time.
+
+        (A submatrix of PETSc has no row twice, but a point may represent two.)
+        """
         columns = (self.matrix.low + self.coarse_points).astype(petsc().IntType)
-        (fine, coarse) = self.P.getSizes()
+        fine, coarse = self.P.getSizes()
         places = np.arange(columns.size + 1, dtype=columns.dtype)
         mat = petsc().Mat().createAIJ((coarse, fine), csr=(places, columns, np.ones(columns.size)), comm=self.P.comm)
         mat.assemble()
         return mat
 
-    def interpolated(self, coarse: Any) -> Any:
-        """Pz_c."""
+    def interpolate(self, coarse: Any) -> Any:
+        """Pz_c, a `Vec` of this level. Collective."""
         fine = self.matrix.vector()
         self.P.mult(coarse, fine)
         return fine
 
-    def restricted(self, fine: Any) -> Vector:
-        """Pᵀf, in the own rows of the coarser level."""
+    def restrict_residual(self, fine: Any) -> Vector:
+        """Pᵀf, in the own rows of the coarser level. Collective."""
         coarse = self.coarser.vector()
         self.P.multTranspose(fine, coarse)
         return coarse.array.copy()
@@ -131,10 +135,10 @@ class DistributedLevels:
             level.J.diagonalScale(mask, mask)
             level.J.setDiagonal(level.matrix.vector(np.where(free > 0, 1.0, weight) * level.matrix.diagonal))
             if level.P is not None:
-                free = level.injected(mask)
+                free = level.inject(mask)
                 weight = _DECOUPLING_FACTOR
 
-    def solved(self, f: Any, top: int, J: Any, share: float | None, target: float | None) -> Any:
+    def solve(self, f: Any, top: int, J: Any, share: float | None, target: float | None) -> Any:
         """Solve A_FF x = f_F on level `top`, with x = 0 elsewhere, or Jx = f where a `J` is given.
 
         The solve stops at ‖f − Jx‖ ≤ `share` ‖f‖, after at most `MAX_KRYLOV_STEPS` steps. With `target` it stops at
@@ -142,15 +146,15 @@ class DistributedLevels:
         """
         largest_entry = f.norm(petsc().NormType.INFINITY)
         if not 0.0 < largest_entry < np.inf or _LEAST_ENTRY < largest_entry < _MOST_ENTRY:
-            return self._solved(f, top, J, share, target)
+            return self._solve(f, top, J, share, target)
         scaled = f.duplicate()
         scaled.setArray(f.array_r / largest_entry)
-        x = self._solved(scaled, top, J, share, None if target is None else target / largest_entry)
+        x = self._solve(scaled, top, J, share, None if target is None else target / largest_entry)
         x.scale(largest_entry)
         return x
 
-    def _solved(self, f: Any, top: int, J: Any, share: float | None, target: float | None) -> Any:
-        """`solved`, for an f whose squares are numbers."""
+    def _solve(self, f: Any, top: int, J: Any, share: float | None, target: float | None) -> Any:
+        """`solve` for an f whose squares do not over- or underflow."""
         ksp = self.krylov_solver(top, J)
         x = f.duplicate()
         if target is None:
@@ -164,7 +168,7 @@ class DistributedLevels:
         self.steps += ksp.getIterationNumber()
         if ksp.getConvergedReason() in _INDEFINITE and self.krylov == "cg":
             self.krylov = "gmres"
-            return self._solved(f, top, J, share, target)
+            return self._solve(f, top, J, share, target)
         return x
 
     def krylov_solver(self, top: int, J: Any) -> Any:
@@ -174,7 +178,8 @@ class DistributedLevels:
         if self._top != top:
             if self._solver is not None:
                 self._solver.destroy()
-            self._top, self._solver = top, PETSc.KSP().create(self.levels[0].matrix.mat.comm)
+            self._top = top
+            self._solver = PETSc.KSP().create(self.levels[0].matrix.mat.comm)
             _make_cycle(self._solver.getPC(), levels)
         ksp = self._solver
         ksp.setOperators(levels[0].J if J is None else J, levels[0].J)
@@ -187,8 +192,10 @@ class DistributedLevels:
 
 
 def _make_cycle(pc: Any, levels: list[DistributedLevel]) -> None:
-    """Make `pc` a V(1, 1)-cycle with Gauss–Seidel in each rank, forwards before and backwards after: its own adjoint
-    where A is symmetric."""
+    """Make `pc` a V(1, 1)-cycle with Gauss–Seidel in each rank, forwards before and backwards after.
+
+    It is its own adjoint where A is symmetric.
+    """
     PETSc = petsc()
     if len(levels) == 1 and levels[0].matrix.n > _DIRECT_UP_TO:
         pc.setType("bjacobi")  # with an incomplete factorisation in each rank
@@ -215,8 +222,10 @@ def _make_cycle(pc: Any, levels: list[DistributedLevel]) -> None:
 
 
 def _hierarchy(matrix: DistributedMatrix) -> list[tuple[Any, Any]]:
-    """(A of a coarser level, the interpolation to the finer one) level by level, as PETSc makes them; none where it
-    fails, or where a coarse diagonal is not positive."""
+    """(A of a coarser level, the interpolation to the finer one) of each coarser level, as PETSc makes them.
+
+    None where PETSc fails, or where a coarse diagonal is not positive.
+    """
     PETSc = petsc()
     pc = PETSc.PC().create(matrix.mat.comm)
     options = PETSc.Options(_PREFIX)
@@ -236,8 +245,8 @@ def _hierarchy(matrix: DistributedMatrix) -> list[tuple[Any, Any]]:
     count = pc.getMGLevels()
     levels = [(pc.getMGSmoother(k).getOperators()[0], pc.getMGInterpolation(k + 1)) for k in range(count - 2, -1, -1)]
     pc.destroy()
-    low = sum(float((mat.getDiagonal().array_r <= 0).sum()) for mat, _ in levels)
-    return [] if totals(matrix.comm, low)[0] else levels
+    not_positive = sum(float((mat.getDiagonal().array_r <= 0).sum()) for mat, _ in levels)
+    return [] if totals(matrix.comm, not_positive)[0] else levels
 
 
 def _representatives(P: Any, matrix: DistributedMatrix) -> tuple[NDArray[np.integer], Vector, bool]:

@@ -18,7 +18,7 @@ from ..problem.facts import Facts
 from ..problem.map import Map
 from ..problem.matrix import Matrix
 from ..problem.two_sided import as_map
-from .distributed_matrix import DistributedMatrix, check_aij, with_entries
+from .distributed_matrix import DistributedMatrix, check_aij, map_entries
 from .ranks import largest, petsc, together, totals
 
 _EXPECTED = (
@@ -36,7 +36,10 @@ class DistributedMap:
     def __init__(
         self, matrix: DistributedMatrix, local_map: Map | None, G: Any = None, has_function: bool = False
     ) -> None:
-        self.matrix, self.local_map, self.G, self.has_function = matrix, local_map, G, has_function
+        self.matrix = matrix
+        self.local_map = local_map
+        self.G = G
+        self.has_function = has_function
 
     @classmethod
     def constant(cls, matrix: DistributedMatrix, c: Vector, G: Any = None) -> DistributedMap:
@@ -99,23 +102,27 @@ class DistributedMap:
         return np.zeros(0) if self.local_map is None else self.local_map.value(z.array_r)
 
     def slopes(self, z: Any) -> Vector:
-        """f′ in the own rows, at the `Vec` `z`, or a difference quotient. Collective. Raises MapError
-        on all ranks."""
+        """f′ in the own rows, at the `Vec` `z`, or a difference quotient.
+
+        Collective. Raises MapError on all ranks.
+        """
         if not self.has_function:
             return np.zeros(self.matrix.high - self.matrix.low)
         with together(self.matrix.comm):
             if self.local_map is None or self.local_map.is_constant:
                 return np.zeros(self.matrix.high - self.matrix.low)
-            at = z.array_r
-            J = self.local_map.jacobian(at)
+            z = z.array_r
+            J = self.local_map.jacobian(z)
             if J is not None:
                 return J.diagonal()
-            step = DIFFERENCE_STEP * (1.0 + np.abs(at))
-            return (self.local_map.value(at + step) - self.local_map.value(at)) / ((at + step) - at)
+            step = DIFFERENCE_STEP * (1.0 + np.abs(z))
+            return (self.local_map.value(z + step) - self.local_map.value(z)) / ((z + step) - z)
 
     def fixed(self) -> Vector:
-        """c with c_i = f_i(c_i) in the own rows, which serves in place of f, see `Facts.obstacle`. Local. Raises
-        MapError, and NotApplicable where f is not known to move by less than z."""
+        """c with c_i = f_i(c_i) in the own rows, which stands for f, see `Facts.obstacle`. Local.
+
+        Raises MapError, and NotApplicable where f is not known to move by less than z.
+        """
         if self.local_map is None:
             return np.zeros(0)
         facts = Facts(Matrix.of_checked(sp.csr_array(sp.eye_array(self.matrix.high - self.matrix.low))), self.local_map)
@@ -131,10 +138,10 @@ class DistributedMap:
     @cached_property
     def _lipschitz(self) -> tuple[Vector, Any]:
         """ℓ in the own rows and |G|, or None, with |ψ(x) − ψ(y)| ≤ ℓ|x − y| + |G||x − y|. Collective."""
-        local_map = np.zeros(self.matrix.high - self.matrix.low)
+        lipschitz = np.zeros(self.matrix.high - self.matrix.low)
         if self.local_map is not None and self.local_map.lipschitz is not None:
-            local_map = self.local_map.lipschitz.diagonal()
-        return local_map, None if self.G is None else with_entries(self.G, np.abs)
+            lipschitz = self.local_map.lipschitz.diagonal()
+        return lipschitz, None if self.G is None else map_entries(self.G, np.abs)
 
     @cached_property
     def terms(self) -> int:
@@ -146,7 +153,7 @@ class DistributedMap:
 
     def change(self, delta: Vector) -> Vector:
         """ℓδ + |G|δ in the own rows, without its rounding. Collective."""
-        local_map, G = self._lipschitz
+        lipschitz, G = self._lipschitz
         with np.errstate(over="ignore", invalid="ignore"):
-            total: Vector = local_map * delta
+            total: Vector = lipschitz * delta
             return total if G is None else total + self.matrix.image(G, self.matrix.vector(delta)).array

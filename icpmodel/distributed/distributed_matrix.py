@@ -25,7 +25,8 @@ class DistributedMatrix:
     """A square `mat` of PETSc (aij) on the ranks of `comm`; this one holds the rows `low` ≤ i < `high` of `n`."""
 
     def __init__(self, mat: Any) -> None:
-        self.mat, self.comm = mat, mat.comm.tompi4py()
+        self.mat = mat
+        self.comm = mat.comm.tompi4py()
         self.low, self.high = mat.getOwnershipRange()
         self.n = mat.getSize()[0]
 
@@ -57,11 +58,11 @@ class DistributedMatrix:
         """Where the diagonal entries of the block are stored."""
         return diagonal_positions(self.block)
 
-    def with_others(self, q: Vector, z: Any) -> Vector:
-        """`q` and what the unknowns of other ranks add to Az in the own rows, at the `Vec` `z`. Collective."""
+    def add_other_ranks(self, q: Vector, z: Any) -> Vector:
+        """`q` plus the part of Az in the own rows that comes from the unknowns of other ranks. Collective."""
         return q if self.comm.size == 1 else q + (self.product(z).array_r - self.block @ z.array_r)
 
-    def forget_block(self) -> None:
+    def free_block(self) -> None:
         """Free the arrays of sweeps on this level."""
         for name in ("block", "block_diagonal"):
             vars(self).pop(name, None)
@@ -85,7 +86,7 @@ class DistributedMatrix:
 
     @cached_property
     def _signs(self) -> tuple[int, bool]:
-        """The first two of all ranks."""
+        """The first two of `own_entries`, over all ranks. Collective, the first time."""
         longest, signs, *_ = self.own_entries
         most, other = largest(self.comm, float(longest), float(not signs))
         return int(most), not other
@@ -100,7 +101,7 @@ class DistributedMatrix:
         """⟨A⟩, |a_ii| on the diagonal and −|a_ij| off it: this matrix itself where these are its signs."""
         if self._signs[1]:
             return self
-        new = DistributedMatrix(with_entries(self.mat, lambda data: -np.abs(data)))
+        new = DistributedMatrix(map_entries(self.mat, lambda data: -np.abs(data)))
         new.mat.setDiagonal(self.vector(np.abs(self.diagonal)))
         new.mat.assemble()
         return new
@@ -151,7 +152,7 @@ class DistributedMatrix:
         return result
 
 
-def with_entries(mat: Any, entries_of: Callable[[Vector], Vector]) -> Any:
+def map_entries(mat: Any, entries_of: Callable[[Vector], Vector]) -> Any:
     """The `Mat` whose entries `entries_of` makes of those of `mat`. Collective."""
     indptr, indices, data = mat.getValuesCSR()
     new = petsc().Mat().createAIJ(mat.getSizes(), csr=(indptr, indices, entries_of(data)), comm=mat.comm)

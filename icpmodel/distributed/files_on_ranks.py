@@ -83,7 +83,7 @@ def load_problem(
     problem = None
     with together(comm):
         place = as_path(path)
-        parted = _is_parted(place)
+        parted = _is_read_in_parts(place)
         if parted and q is None:
             raise FileError(f"{place}: has no q, which the problem needs, here or in another file")
         if not parted and comm.rank == 0:
@@ -103,7 +103,7 @@ def _side_in(source: Any, mat: Any, name: str) -> Any:
     return source if source is None or is_number(source) else vector_in(source, mat, name)
 
 
-def _is_parted(path: Path) -> bool:
+def _is_read_in_parts(path: Path) -> bool:
     return path.suffix.lower() == ".bin"
 
 
@@ -150,7 +150,7 @@ def vector_in(source: Source, mat: Any, name: str) -> Vector:
     ends = comm.gather(high)
     with together(comm):
         path = as_path(source, name)
-        parted = _is_parted(path)
+        parted = _is_read_in_parts(path)
         own = np.empty(0)
         if parted:
             file = PetscFile(path, comm.size)
@@ -219,7 +219,7 @@ def save_solution(solution: DistributedSolution, path: Source) -> None:
         p, r, _ = problem.sides(solution.z)
         vectors |= {"p": problem.vector(p), "r": problem.vector(r)}
     try:
-        _written(path, vectors, problem.comm)
+        _write(path, vectors, problem.comm)
     except IcpError:  # which all ranks raise
         problem.comm.barrier()
         raise
@@ -246,7 +246,7 @@ def _check_vector(path: Path) -> None:
         raise FileError(f"{path}: holds a matrix")
 
 
-def _written(path: Path, vectors: dict[str, Any], comm: Any) -> None:
+def _write(path: Path, vectors: dict[str, Any], comm: Any) -> None:
     """Write them to a file that then takes its place. Collective. Raises FileError on all ranks."""
     file: BinaryIO | None = None
     with ExitStack() as stack:
@@ -259,9 +259,9 @@ def _written(path: Path, vectors: dict[str, Any], comm: Any) -> None:
                     _check_free_space(file, size + _MAX_HEADER_BYTES)
         beside = comm.bcast(file and Path(file.name))
         hdf5 = path.suffix.lower() == ".h5"
-        fault = _viewed(beside, hdf5, "w", vectors, comm)
+        fault = _view(beside, hdf5, "w", vectors, comm)
         copies = {name: vector.duplicate() for name, vector in vectors.items()}
-        fault = fault or _viewed(beside, hdf5, "r", copies, comm)
+        fault = fault or _view(beside, hdf5, "r", copies, comm)
         # MPI reports no error when a disk is full
         same = all(np.array_equal(copies[name].array_r, one.array_r, equal_nan=True) for name, one in vectors.items())
         with together(comm):
@@ -280,7 +280,7 @@ def _check_free_space(file: BinaryIO, size: int) -> None:
         file.truncate(0)
 
 
-def _viewed(path: Path, hdf5: bool, mode: str, vectors: dict[str, Any], comm: Any) -> str:
+def _view(path: Path, hdf5: bool, mode: str, vectors: dict[str, Any], comm: Any) -> str:
     """Write, or read, the vectors by PETSc and MPI, and say what went wrong. Collective."""
     PETSc = petsc()
     viewer = PETSc.Viewer()

@@ -39,7 +39,8 @@ class Evaluation:
     """
 
     def __init__(self, problem: DistributedICP, z: Any, last_pattern: Pattern | None) -> None:
-        self.problem, self.z = problem, z
+        self.problem = problem
+        self.z = z
         self.p, self.r, self.r_upper = problem.sides(z)
         with np.errstate(all="ignore"):
             # p and r then change alike with z_i
@@ -48,9 +49,10 @@ class Evaluation:
             own = mid(problem.matrix.row_weights * self.p, self.r, self.r_upper)
         pattern_changed = last_pattern is None or not self.pattern.same_sides(last_pattern)
         squares, changes = totals(problem.comm, inner(own, own), float(pattern_changed))
-        self.residual, self.pattern_changed = norm_from(problem.comm, squares, own), changes > 0
+        self.residual = norm_from(problem.comm, squares, own)
+        self.pattern_changed = changes > 0
 
-    def swept(self, count: int) -> Any:
+    def after_sweeps(self, count: int) -> Any:
         """z after `count` sweeps of projected Gauss–Seidel in the rows of each rank. Collective.
 
         Ranks exchange their values between two sweeps; the obstacles stay as they were.
@@ -66,9 +68,10 @@ class Evaluation:
         psi: Any = z - self.r
         if self.r_upper is not None:
             psi = ObstaclePair(psi, z - self.r_upper)
-        z, out = z.copy(), np.empty(z.size)
+        z = z.copy()
+        out = np.empty(z.size)
         for k in range(count):
-            q = matrix.with_others(problem.q, at)
+            q = matrix.add_other_ranks(problem.q, at)
             if z.size:
                 sweep_rows(*rows, q, psi, (1.0,), k % 2 == 0, z, out)
                 z, out = out, z
@@ -79,7 +82,7 @@ class Evaluation:
 def newton_steps(
     levels: DistributedLevels, problem: DistributedICP, z: Any, top: int, target: float | None = None
 ) -> Generator[Evaluation, float | None, None]:
-    """Newton's steps on level `top`, whose problem is `problem`, as `simplified` makes it: the evaluation after each.
+    """Newton's steps on level `top`, whose problem is `problem`, as `simplify` makes it: the evaluation after each.
 
     Send the residual to aim at from then on, or None.
     """
@@ -87,10 +90,10 @@ def newton_steps(
     before = np.inf
     while True:
         at = Evaluation(problem, z, last_pattern)
-        enough = target or 0.0
-        for most in (np.inf, _SWEEP_RANGE * enough):
-            if at.pattern_changed and enough < at.residual <= most:
-                at = Evaluation(problem, at.swept(SWEEPS), last_pattern)
+        tolerance = target or 0.0
+        for max_residual in (np.inf, _SWEEP_RANGE * tolerance):
+            if at.pattern_changed and tolerance < at.residual <= max_residual:
+                at = Evaluation(problem, at.after_sweeps(SWEEPS), last_pattern)
         target = yield at
         if at.pattern_changed:
             last_pattern = at.pattern
@@ -106,22 +109,24 @@ def _newton_step(levels: DistributedLevels, at: Evaluation, top: int, target: fl
     problem = at.problem
     active = at.pattern.active
     J = _newton_matrix(at)
-    at_rest = np.where(active, at.pattern.r, 0.0)
+    r_active = np.where(active, at.pattern.r, 0.0)
     if J is None:  # z = ψ(z) in the active rows needs no equations
-        z = problem.vector(at.z.array_r - at_rest)
+        z = problem.vector(at.z.array_r - r_active)
         f = np.where(active, 0.0, -(problem.matrix.product(z).array_r + problem.q))
     else:
         z = at.z
-        f = np.where(active, -at_rest * problem.matrix.diagonal, -at.p)
-    step = levels.solved(problem.vector(f), top, J, KRYLOV_REDUCTION if target is None else None, target)
+        f = np.where(active, -r_active * problem.matrix.diagonal, -at.p)
+    step = levels.solve(problem.vector(f), top, J, KRYLOV_REDUCTION if target is None else None, target)
     if np.isfinite(largest(problem.comm, float(np.abs(step.array_r).max(initial=0.0)))[0]):
         z.axpy(1.0, step)
     return z
 
 
 def _newton_matrix(at: Evaluation) -> Any:
-    """The Newton matrix where an obstacle moves with other unknowns, else None: rows of A, and of D(I − F′ − G) where
-    active."""
+    """The Newton matrix where an obstacle moves with other unknowns, else None.
+
+    It has the rows of A, and those of D(I − F′ − G) where active.
+    """
     problem = at.problem
     pattern = at.pattern
     if all(one.G is None for one in problem.maps):
@@ -129,45 +134,48 @@ def _newton_matrix(at: Evaluation) -> Any:
     Mat = petsc().Mat
     matrix = problem.matrix
     J = matrix.mat.duplicate(copy=True)
-    own = np.where(pattern.active, matrix.diagonal, 0.0)
+    diagonal = np.where(pattern.active, matrix.diagonal, 0.0)
     J.diagonalScale(matrix.vector(np.where(pattern.active, 0.0, 1.0)))
     for one, rows in zip(problem.maps, pattern.sides(), strict=True):
-        own -= np.where(rows, matrix.diagonal * one.slopes(at.z), 0.0)
+        diagonal -= np.where(rows, matrix.diagonal * one.slopes(at.z), 0.0)
         if one.G is not None:
             G = one.G.duplicate(copy=True)
             G.diagonalScale(matrix.vector(np.where(rows, -matrix.diagonal, 0.0)))
             J.axpy(1.0, G, Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-    J.setDiagonal(matrix.vector(own), addv=True)
+    J.setDiagonal(matrix.vector(diagonal), addv=True)
     return J
 
 
-def start(levels: DistributedLevels, problem: DistributedICP) -> Any:
-    """z from the coarser levels, each started from the answer of the next coarser one; see `methods.multilevel`."""
+def coarse_start(levels: DistributedLevels, problem: DistributedICP) -> Any:
+    """The start z, a `Vec`, from the coarser levels; see `methods.multilevel`.
+
+    Each level starts from the answer of the next coarser one. Collective.
+    """
     problems = [problem]
     shifts = []
     for level, coarser in pairwise(levels.levels):
-        coarse, shift = _coarse(problems[-1], level, coarser)
+        coarse, shift = _coarse_problem(problems[-1], level, coarser)
         problems.append(coarse)
         shifts.append(shift)
     z = problems[-1].vector()
     for top in range(len(problems) - 1, 0, -1):
         path = newton_steps(levels, problems[top], z, top)
         at = next(path)
-        enough = _COARSE_REDUCTION * at.residual
+        tolerance = _COARSE_REDUCTION * at.residual
         for _ in range(MAX_COARSE_STEPS - 1):
-            if at.residual <= enough:
+            if at.residual <= tolerance:
                 break
-            at = path.send(enough)
-        problems[top].matrix.forget_block()
-        z = levels.levels[top - 1].interpolated(at.z)
+            at = path.send(tolerance)
+        problems[top].matrix.free_block()
+        z = levels.levels[top - 1].interpolate(at.z)
         z.array = z.array_r + shifts[top - 1]
     return z
 
 
-def _coarse(
+def _coarse_problem(
     problem: DistributedICP, level: DistributedLevel, coarser: DistributedLevel
 ) -> tuple[DistributedICP, Vector]:
-    """The problem on the level below `level`, and the shift s: Pz + s is what its answer z is worth on `level`."""
+    """The problem on the level below `level`, and the shift s: on `level` its answer z is Pz + s."""
     shift = np.where(level.coarse_mask(), 0.0, -problem.q / problem.matrix.diagonal)
     at_shift = problem.vector(shift)
     p = problem.matrix.product(at_shift)
@@ -177,7 +185,7 @@ def _coarse(
         if one is None:
             maps.append(None)
             continue
-        c = level.injected(problem.vector(one.value(at_shift) - shift))
+        c = level.inject(problem.vector(one.value(at_shift) - shift))
         with np.errstate(divide="ignore", invalid="ignore"):
             c = np.where(level.weight > 0, c / level.weight, none)
         G = None
@@ -185,10 +193,10 @@ def _coarse(
             G = level.injection.matMult(one.G).matMult(level.P)
             G.diagonalScale(coarser.matrix.vector(np.where(level.weight > 0, 1.0 / level.weight, 0.0)))
         maps.append(DistributedMap.constant(coarser.matrix, c, G))
-    return DistributedICP.of_checked(coarser.matrix, level.restricted(p), *maps), shift
+    return DistributedICP.of_checked(coarser.matrix, level.restrict_residual(p), *maps), shift
 
 
-def simplified(problem: DistributedICP, start: bool = False) -> DistributedICP:
+def simplify(problem: DistributedICP, start: bool = False) -> DistributedICP:
     """An equivalent problem that calls a user's function f only where it must.
 
     That is where the obstacle is Gz + f(z). For a `start` f is not called there either: it is then

@@ -36,12 +36,12 @@ def petsc() -> Any:
         from petsc4py import PETSc
     except ImportError as error:
         raise NotApplicable(f"{_MISSING} ({error})") from error
-    _watch_the_end()
+    _abort_at_failing_exit()
     return PETSc
 
 
 @cache
-def _watch_the_end() -> None:
+def _abort_at_failing_exit() -> None:
     """End all ranks where a script ends by an error on this one: at its exit PETSc would wait for the others."""
     from mpi4py import MPI
 
@@ -90,12 +90,12 @@ def together(comm: Any) -> Iterator[None]:
     first = comm.allreduce(comm.rank if fault is not None else comm.size, op=MPI.MIN)
     if first == comm.size:
         return
-    kind, text = comm.bcast(_sent(fault) if comm.rank == first else None, root=first)
+    kind, text = comm.bcast(_error_message(fault) if comm.rank == first else None, root=first)
     text = f"{text} (rank {first} of {comm.size})" if first else text
     raise (kind or FailedOnRank)(text) from fault
 
 
-def _sent(fault: BaseException | None) -> tuple[type[Exception] | None, str]:
+def _error_message(fault: BaseException | None) -> tuple[type[Exception] | None, str]:
     """What the other ranks are sent: a class that all have and that is made of one text, or None, and the error in
     words; with its name where it is none of the package's."""
     kind = next((one for one in _SENT_ERRORS if isinstance(fault, one)), None)

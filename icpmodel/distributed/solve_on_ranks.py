@@ -26,10 +26,10 @@ from ..solve.progress import status_line
 from ..solve.run import MAX_ROUNDING
 from ..solve.solution import Status
 from .distributed_bound import rounding
-from .distributed_icp import DistributedICP, checked_point
+from .distributed_icp import DistributedICP, check_point
 from .distributed_levels import DistributedLevels
 from .distributed_solution import DistributedSolution
-from .newton_on_ranks import Evaluation, newton_steps, simplified, start
+from .newton_on_ranks import Evaluation, coarse_start, newton_steps, simplify
 from .ranks import largest, norm, release, together, totals
 
 #: Newton steps without a reduction before sweeps take over
@@ -122,13 +122,13 @@ def solve(
         raise InputError("A is a DistributedICP, which has its q; leave out q, psi and upper")
     limits = Limits(rtol=rtol, atol=atol, max_iter=max_iter, time_limit=time_limit)
     if z0 is not None:
-        z0 = checked_point(problem, z0, "z0", finite=True)
+        z0 = check_point(problem, z0, "z0", finite=True)
     as_truth(progress, "progress"), as_truth(raise_on_failure, "raise_on_failure")
     if largest(problem.comm, float((problem.matrix.diagonal <= 0).any()))[0]:
         raise NotApplicable("the diagonal of A has an entry that is not positive, which sweeps and multigrid divide by")
     with _watch(problem.comm, limits) as watch, status_line(progress and problem.comm.rank == 0) as say:
         run = _Run(problem, limits, watch, say)
-        status, note = run.status_from(z0)
+        status, note = run.solve_from(z0)
     solution = run.solution(status, note)
     if raise_on_failure and not solution.solved:
         raise NotSolved(solution)
@@ -137,8 +137,11 @@ def solve(
 
 @contextmanager
 def _watch(comm: Any, limits: Limits) -> Iterator[Callable[[], Status | None]]:
-    """What tells, on all ranks the same, whether Ctrl-C was pressed or the time is over. Ctrl-C, and what mpiexec sends
-    then, perhaps twice, is a flag as long as the block lasts; a second Ctrl-C is what it was before."""
+    """A function that returns, the same on all ranks, the status after Ctrl-C or at the time limit, else None.
+
+    In the block Ctrl-C, and the signal that mpiexec then sends, perhaps twice, only sets a flag. A second Ctrl-C has
+    its old effect.
+    """
     start_time = time.perf_counter()
     pressed = list[int]()
     old: dict[int, Any] = {}
@@ -169,17 +172,20 @@ class _Run:
     def __init__(
         self, problem: DistributedICP, limits: Limits, watch: Callable[[], Status | None], say: Callable[[str], None]
     ) -> None:
-        self.problem, self.limits, self.watch, self.say = problem, limits, watch, say
+        self.problem = problem
+        self.limits = limits
+        self.watch = watch
+        self.say = say
         self.start_time = time.perf_counter()
         self.iterations = 0
         self.scale = np.inf
-        self.tolerance = 0.0
-        self.target = 0.0
+        self.tolerance = self.target = 0.0
         self.levels: DistributedLevels | None = None
-        self.best, self.least = problem.vector(), np.inf
+        self.best = problem.vector()
+        self.least = np.inf
 
-    def status_from(self, z0: Any) -> tuple[Status, str]:
-        """(status, message)."""
+    def solve_from(self, z0: Any) -> tuple[Status, str]:
+        """Run from `z0`, a `Vec`, or 0 where it is None; return the status and a note on it. Collective."""
         problem = self.problem
         at_0 = problem.residual(problem.vector())
         z, first = (problem.vector(), at_0) if z0 is None else (z0.copy(), problem.residual(z0))
@@ -197,7 +203,7 @@ class _Run:
         self._keep_best(z, first)
         if self._reached(z, first):
             return Status.SOLVED, ""
-        fixed = simplified(problem) if problem.calls_users else problem
+        fixed = simplify(problem) if problem.calls_user_code else problem
         self.say("making the levels")
         self.levels = DistributedLevels(problem.matrix)
         if (stop := self.watch()) is not None:
@@ -205,7 +211,7 @@ class _Run:
         try:
             if not first <= GOOD_START * at_0:
                 self.say(f"starting from {len(self.levels.levels)} levels")
-                z = start(self.levels, simplified(fixed, start=True) if fixed.calls_users else fixed)
+                z = coarse_start(self.levels, simplify(fixed, start=True) if fixed.calls_user_code else fixed)
             return self._steps(fixed, z)
         except MapError as error:
             return Status.MAP_FAILED, str(error)
@@ -213,7 +219,7 @@ class _Run:
     def _steps(self, fixed: DistributedICP, z: Any) -> tuple[Status, str]:
         assert self.levels is not None
         milestone = np.inf
-        since = 0
+        idle = 0
         extra_sweeps = 0
         path = newton_steps(self.levels, fixed, z, 0, self.target)
         at = next(path)
@@ -229,20 +235,20 @@ class _Run:
                 return stop, f"in iteration {self.iterations}"
             if np.isnan(residual):
                 _check_maps(self.problem, at.z, f"in iteration {self.iterations}")
-            since += 1
+            idle += 1
             if residual <= REDUCTION * milestone:
                 milestone = residual
-                since = 0
-            if since > _PATIENCE or not np.isfinite(residual):
+                idle = 0
+            if idle > _PATIENCE or not np.isfinite(residual):
                 if self.least <= 2.0 * (noise := self._rounding()[0]) < MAX_ROUNDING * self.scale:
                     return Status.PRECISION_LIMIT, f"rounding leaves a residual of up to about {noise:.2g} at this z"
                 extra_sweeps += 1
-                swept = self._swept(fixed) if extra_sweeps <= _MAX_EXTRA_SWEEPS else None
+                swept = self._after_sweeps(fixed) if extra_sweeps <= _MAX_EXTRA_SWEEPS else None
                 if swept is None:
                     return Status.STAGNATED, "neither Newton's steps nor sweeps reduce the residual any more"
                 path = newton_steps(self.levels, fixed, swept, 0, self.target)
                 at = next(path)
-                since = 0
+                idle = 0
             else:
                 at = path.send(self.target)
             self.iterations += 1
@@ -253,7 +259,7 @@ class _Run:
             return residual <= self.tolerance
         return self.problem.paper_residual(z) <= self.limits.atol
 
-    def _swept(self, fixed: DistributedICP) -> Any:
+    def _after_sweeps(self, fixed: DistributedICP) -> Any:
         """z from the best iterate by sweeps, with a residual that counts as reduced, or None."""
         z = self.best
         for _ in range(_MAX_ROUNDS):
@@ -262,21 +268,22 @@ class _Run:
                 return at.z
             if self.iterations >= self.limits.max_iter or not np.isfinite(at.residual):
                 return None
-            z = at.swept(_SWEEPS_PER_ROUND)
+            z = at.after_sweeps(_SWEEPS_PER_ROUND)
             release(self.problem.comm)
             self.iterations += 1
         return None
 
     def _rounding(self) -> tuple[float, float]:
         """Bounds on the rounding errors of Res_D and Res at the best iterate. Collective."""
-        (rounding_p, rounding_r) = rounding(self.problem, self.best)
+        rounding_p, rounding_r = rounding(self.problem, self.best)
         comm = self.problem.comm
         weighted = np.maximum(self.problem.matrix.row_weights * rounding_p, rounding_r)
         return norm(comm, weighted), norm(comm, np.maximum(rounding_p, rounding_r))
 
     def _keep_best(self, z: Any, residual: float) -> None:
         if residual < self.least or not np.isfinite(self.least):
-            self.best, self.least = z.copy(), residual
+            self.best = z.copy()
+            self.least = residual
 
     def solution(self, status: Status, note: str) -> DistributedSolution:
         """The best iterate, judged once more, rounding included."""
