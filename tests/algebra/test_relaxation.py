@@ -16,7 +16,7 @@ def tridiagonal(n, b):
 
 
 @pytest.mark.parametrize("b", [0.1, 0.45])
-def test_the_relaxation_is_young_s(b):
+def test_the_cautious_omega_is_that_of_young_from_a_lower_bound_of_the_radius(b):
     """ω = 2/(1 + √(1 − ρ²)), ρ = 2b cos(π/(n + 1)) the Jacobi radius."""
     n = 60
     rho = 2 * b * np.cos(np.pi / (n + 1))

@@ -102,7 +102,7 @@ def test_relaxation_does_not_factorise():
 
 
 class TestSingularOperatorNamesTheRow:
-    def test_diagonal_that_cancels(self):
+    def test_a_diagonal_of_x_that_cancels_is_singular_and_its_row_is_named(self):
         problem = icp.ICP(np.diag([2.0, 3.0, 4.0]), np.zeros(3))
         with pytest.raises(icp.SingularOperator, match="row 1") as error:
             problem.solve("mnmj", phi=[0.0, -6.0, 0.0])
@@ -115,7 +115,7 @@ class TestSingularOperatorNamesTheRow:
             FactorisedOperator(sp.csr_array(A))
         assert error.value.row in (3, 4)
 
-    def test_different_units_do_not_look_like_singularity(self):
+    def test_rows_and_columns_in_different_units_are_not_called_singular(self):
         n = 20_000
         D = sp.diags_array(np.where(np.arange(n) % 2, 1e-12, 1.0))
         T = chain(n, 2.5)

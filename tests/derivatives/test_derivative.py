@@ -228,7 +228,7 @@ def test_without_a_certificate_nothing_is_certain_and_the_sides_are_those_of_z()
     np.testing.assert_allclose([right, left], derivative.forward(dq=[1.0])[None].repeat(2, 0))
 
 
-def test_bad_input_is_named():
+def test_wrong_arguments_of_the_derivative_are_named():
     problem = icp.ICP(PAIR, [-1.0, 3.0])
     derivative = problem.solve().derivative()
     with pytest.raises(icp.InputError, match=r"dq has shape \(3,\); shape \(2,\) was expected"):

@@ -117,7 +117,7 @@ def test_units_of_rows_and_columns_change_nothing(name):
         ([[1.0, 0.0, 2.0], [2.0, 1.0, 0.0], [0.0, 2.0, 1.0]], [-1.0, -1.0, -1.0], 0.0, [1 / 3, 1 / 3, 1 / 3]),
     ],
 )
-def test_small_and_singular_cases_by_hand(name, A, q, psi, z):
+def test_small_and_singular_problems_have_the_answers_found_by_hand(name, A, q, psi, z):
     for start in itertools.product([0.0, 1.0], repeat=len(z)):
         solution = icp.ICP(A, q, psi).solve(name, z0=start, rtol=1e-11, max_iter=5000)
         np.testing.assert_allclose(solution.z, z, atol=1e-8)

@@ -25,7 +25,7 @@ def test_solve_finds_a_planted_solution(n, seed):
 
 
 @pytest.mark.parametrize("method", [None, *METHODS])
-def test_four_by_four_that_made_newton_run_away(method):
+def test_a_problem_on_which_newton_diverges_is_solved(method):
     problem = icp.ICP([[3, -5, -4, -3], [-4, 3, 4, 1], [-5, -4, -2, -1], [1, 0, -3, -4]], [4, 2, 20, -1])
     assert problem.solve(method).residual <= 1e-9
 

@@ -47,7 +47,7 @@ def test_equations_are_eliminated_with_other_rows_where_they_are_singular(n):
     assert z[:n].sum() == pytest.approx(1.0)
 
 
-def test_a_large_cyclic_p_matrix():
+def test_on_a_cyclic_p_matrix_with_ties_everywhere_the_pivots_end():
     """Every ratio is a tie at first: without the lexicographic rule the pivots do not end."""
     n = 31
     A = np.eye(n) + 2 * np.eye(n, k=1)
@@ -95,7 +95,7 @@ def test_a_vector_proves_what_it_should_and_nothing_else(problem, y, proof):
         assert run(problem).status is icp.Status.SOLVED or problem.q[0] == -1.0
 
 
-def test_by_a_hair_is_not_infeasible():
+def test_what_one_rounding_makes_infeasible_is_not_called_so():
     """A = [[1, -1], [-1, 1 + ε]] has a solution for every q, if far away; with ε = 0 the sign of q₁ + q₂ decides."""
     eps = 2.0**-52
     far = icp.ICP([[1.0, -1.0], [-1.0, 1.0 + eps]], [-1.0, 0.0])

@@ -26,7 +26,7 @@ def covering(methods, scenes, every=6):
 
 
 @pytest.mark.parametrize(("method", "scene"), [*covering(METHODS, SCENES)])
-def test_every_method_on_every_scene(method, scene):
+def test_on_every_scene_each_method_solves_or_fails_honestly(method, scene):
     """Solved, certified by the judge and at its reference; or it must fail, and ends as is honest for the scene."""
     scene_, method_ = SCENES[scene], METHODS[method]
     reason = MUST_FAIL.get((method, scene), scene_.why_no_solution)

@@ -106,7 +106,7 @@ class TestAnswers:
         counts = [membrane(m * m).solve(icp.Multilevel()).iterations for m in (20, 60, 120)]
         assert max(counts) <= 6
 
-    def test_scattered_active_rows(self):
+    def test_random_active_rows_are_found_to_the_accuracy_of_the_run(self):
         """Half of the rows active, at random: the free ones fall into pieces that no coarse grid sees."""
         A, rng = membrane().A, np.random.default_rng(2)
         exact = np.where(rng.random(A.shape[0]) < 0.5, 0.0, rng.random(A.shape[0]))
@@ -115,7 +115,7 @@ class TestAnswers:
         assert isinstance(solution.method, icp.Multilevel)
         assert solution.z == pytest.approx(exact, abs=1e-5)
 
-    def test_a_triangular_matrix_takes_one_look_in_either_direction(self):
+    def test_a_triangular_matrix_takes_one_iteration_in_either_direction(self):
         for skew in (1.0, -1.0):
             assert membrane(skew=skew).solve(icp.Multilevel()).iterations == 1
 
@@ -129,7 +129,7 @@ class TestAnswers:
 class TestMatricesThatMultigridIsNotMadeFor:
     """They cost a moment, not all time and memory: the method ends, and `solve` has others."""
 
-    def test_coarsening_that_stalls(self):
+    def test_where_coarsening_stalls_there_is_no_hierarchy_and_solve_takes_another_method(self):
         """Nothing is coupled: the coarsest level would be all of A, dense."""
         with pytest.raises(NoHierarchy):
             Hierarchy(icp.ICP(sp.eye_array(100_000), np.ones(100_000)))
@@ -137,7 +137,7 @@ class TestMatricesThatMultigridIsNotMadeFor:
         assert len(list(icp.Multilevel().iterates(problem, np.zeros(1000)))) == 1
         assert np.array_equal(problem.solve().z, np.ones(1000))
 
-    def test_levels_that_fill_in(self):
+    def test_where_the_levels_fill_in_there_is_no_hierarchy(self):
         """A saddle point with random constraints: its Galerkin products are nearly dense."""
         rng = np.random.default_rng(0)
         K, n = five_point(100, 0.0), 10_000
@@ -147,7 +147,7 @@ class TestMatricesThatMultigridIsNotMadeFor:
             Hierarchy(icp.ICP(A, np.ones(13_000)))
 
 
-def test_units_in_which_a_length_underflows_are_no_foreign_exception():
+def test_units_in_which_a_norm_underflows_raise_no_exception_of_numpy():
     """Found by the fuzz: a cycle's direction whose norm is 0 while that of its image is not."""
     upper = icp.Affine([[0.0, 0.0], [1.0, -0.1]], [1.0, -1.0])
     problem = icp.ICP([[1e-298, 1e-298], [0.0, 1.0]], [0.0, 0.0], 0.0, upper=upper)

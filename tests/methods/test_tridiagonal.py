@@ -35,7 +35,7 @@ def scaled_residual(problem, z):
 
 
 @pytest.mark.parametrize("n", [2, 100_000])
-def test_large_ones_are_solved_in_one_step_to_rounding(n):
+def test_large_tridiagonal_problems_are_solved_in_one_step_to_rounding(n):
     rng = np.random.default_rng(n)
     for dominance in (1e-4, 1.0):
         problem = icp.ICP(m_matrix(rng, n, dominance), rng.normal(size=n), rng.normal(size=n))
@@ -60,7 +60,7 @@ def test_a_string_between_two_obstacles_is_solved_in_few_steps_however_long(n, f
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_m_matrices_between_obstacles_of_all_kinds(seed):
+def test_m_matrices_between_obstacles_of_all_kinds_are_solved(seed):
     rng = np.random.default_rng(seed)
     for n in (1, 2, 3, 10, 100):
         A = m_matrix(rng, n, 1e-3)
@@ -96,7 +96,7 @@ def test_whatever_the_matrix_no_false_answer_and_solve_finds_the_right_one_for_p
     assert gave_up > 0
 
 
-def test_matrices_that_are_no_p_matrices_are_given_up_honestly():
+def test_without_a_p_matrix_infeasibility_is_proved():
     """A pivot that is not positive: [[1, -2], [-2, 1]] has the determinant -3; the singular one has no solution."""
     for A, q, status in (
         ([[1.0, -2.0], [-2.0, 1.0]], [-1.0, -1.0], icp.Status.INFEASIBLE),

@@ -89,7 +89,7 @@ def test_one_that_exceeds_its_time_is_not_asked_for_more():
     assert asked == [1e-2]
 
 
-def test_a_set_up_that_nothing_can_stop_is_within_the_limit_or_left_out():
+def test_a_set_up_that_cannot_be_interrupted_is_within_the_limit_or_left_out():
     class Sleeper(Liar):
         name = "sleeper"
 
@@ -165,7 +165,7 @@ def test_ctrl_c_keeps_what_was_measured():
         ({"z_exact": [1.0]}, "z_exact has shape"),
     ],
 )
-def test_wrong_wishes_are_named(arguments, words):
+def test_wrong_arguments_are_named(arguments, words):
     with pytest.raises(icp.InputError, match=words):
         icp.race(BAI.problem, **arguments)
 

@@ -152,7 +152,7 @@ def test_each_part_of_the_problem_is_described_as_it_is(arguments, says):
         {"points": "here"},
     ],
 )
-def test_wrong_wishes_are_named(wrong):
+def test_wrong_arguments_are_named(wrong):
     arguments = {"problem": icp.scenes.hand_lcp().problem.solve(), "title": "x"} | wrong
     with pytest.raises(icp.InputError, match=f"^{next(iter(wrong))}(\\[1\\])? (is|has) "):
         icp.report(**arguments)

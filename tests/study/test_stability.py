@@ -59,7 +59,7 @@ def test_counts_of_steps_are_those_of_solve_from_the_worst_start():
     assert found.steps[0, 1] == max(steps)
 
 
-def test_statuses_are_distinguished():
+def test_each_way_to_fail_has_an_end_of_its_own():
     """Each end is met on a plane that consists of one problem each: which is which is known by hand."""
     cases = [
         (icp.scenes.hand_lcp().problem, icp.MNMGS(), "solved"),
@@ -149,7 +149,7 @@ def test_a_map_is_written_with_its_data_and_its_command(tmp_path):
         ({"plane": "shift", "problem": icp.ICP([[0.0]], [1.0])}, "A.0, 0. = 0; the plane shift needs"),
     ],
 )
-def test_wrong_wishes_are_named(arguments, words):
+def test_wrong_arguments_are_named(arguments, words):
     with pytest.raises(icp.InputError, match=words):
         icp.stability(**arguments)
 
