@@ -135,6 +135,7 @@ def solve_on(problem: ProblemData, z: Vector, active: Mask, above: Mask | None =
 
 
 def _refine(problem: ProblemData, psi: Map, z: Vector, active: Mask, jacobian: sp.csr_array | None) -> Vector:
+    """`solve_on` for one obstacle `psi`, whose `jacobian` is None where it is constant or has none."""
     free = np.flatnonzero(~active)
     try:
         if jacobian is not None:

@@ -19,7 +19,7 @@ from ..numerics.threads import one_blas_thread
 from ..problem.data import ProblemData
 from ..problem.matrix import MAX_DENSE_ROWS, Matrix
 
-#: an inverse has digits where the condition number is below this; else that of Moore and Penrose is taken
+#: matrices with a larger condition number get the pseudoinverse, as their inverse has no correct digits
 _MAX_CONDITION = 1e-2 / UNIT_ROUNDOFF
 #: a level with more than this multiple of the entries of A costs more than it helps
 _MAX_FILL = 4
@@ -81,9 +81,9 @@ class Hierarchy:
 
     Notes
     -----
-    A matrix with an `origin`, from which it differs by a diagonal D, has the levels of that one: the
-    rows of P are scaled to solve their own equations, and PᵀDP is lumped. The diagonal matrix of Pᵀd
-    replaces it, which does the same to a constant where the rows of P have the sum 1.
+    A matrix with an `origin`, from which it differs by a diagonal D, has the levels of that one. The
+    rows of P are scaled to solve their own equations, and PᵀDP is lumped: the diagonal matrix of Pᵀd
+    replaces it. Both have the same product with a constant where the rows of P have the sum 1.
 
     On every level the points whose own row is not free keep the value 0. That truncates the
     interpolation without another Galerkin product. The neglected terms are next to the border of F.
@@ -155,6 +155,7 @@ class Hierarchy:
         return new
 
     def _cycle(self, f: Vector, top: int) -> Vector:
+        """`cycle`, without a check of the budget."""
         from ..numerics.kernels.vcycle import ascend, descend
 
         level = self.levels[top]
@@ -175,7 +176,7 @@ class Hierarchy:
 
 
 def _inverse_of(A: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A⁻¹, or that of Moore and Penrose where it has no digits."""
+    """A⁻¹, or the pseudoinverse where A⁻¹ has no correct digits."""
     with one_blas_thread():
         with suppress(np.linalg.LinAlgError):
             inverse = np.asarray(np.linalg.inv(A), np.float64)  # a tenth of the cost of the other

@@ -101,6 +101,7 @@ class LinearRows:
 
     @np.errstate(all="ignore")
     def _solve_pieces(self, sides: SideChoices) -> PieceBatch:
+        """The pieces `sides`, solved by approximate inverses with bounds on their errors."""
         lower = sides == LOWER
         upper = sides == UPPER
         B = np.where(lower[:, :, None], self.R, np.where(upper[:, :, None], self.S, self.A))

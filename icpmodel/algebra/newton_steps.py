@@ -1,8 +1,8 @@
 """Inexact Newton steps on the modulus equation by multigrid; the active set is updated between them.
 
-1. Sweeps of projected Gauss–Seidel move the border of the active set,
-2. the active rows take z = ψ(z), linearised,
-3. a few steps of a Krylov method (GCR), preconditioned by V-cycles on the free rows, reduce Az + q there.
+1. Sweeps of projected Gauss–Seidel move the border of the active set.
+2. The active rows take z = ψ(z), linearised.
+3. A few steps of a Krylov method (GCR), preconditioned by V-cycles on the free rows, reduce Az + q there.
 
 References
 ----------

@@ -116,6 +116,7 @@ class ProximalSteps:
         return x
 
     def _by_all_rows(self, active: Mask, D: Vector, f: Vector) -> Vector | None:
+        """`_on_free_rows` by the factors of all rows in their fixed order."""
         if self.fixed_order_factors is None:
             return None
         problem = self.problem

@@ -216,6 +216,7 @@ class AdaptedOmega:
         return False
 
     def _patience(self, factor: float) -> float:
+        """The largest number of steps that need not halve the residual, at the observed `factor`."""
         # where omega is best, 1 - rho is about (2 - omega)^2 / 8 for the Jacobi radius rho, and Gauss-Seidel sweeps
         # halve the error in ln(2) / (1 - rho^2)
         slow = min(4.0 / (2.0 - self.value) ** 2, _MAX_HALVING_STEPS)

@@ -124,6 +124,7 @@ def elimination(problem: ProblemData, max_cost: Callable[[], float]) -> SchurCom
 
 
 def _schur_complement(matrix: Matrix, rows: NDArray[np.intp]) -> SchurComplement | None:
+    """The complement in the `rows`; None where the factorisation fails."""
     shift = 1.0 / matrix.row_weights[rows]
     A = _link_rows(matrix.sparse, rows, shift)
     factors = factors_and_schur(A, rows)

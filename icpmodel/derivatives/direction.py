@@ -107,6 +107,7 @@ def _error(H: sp.csr_array | None, d: Vector | None, z: Vector, delta: Vector) -
 
 
 def _times(factor: float, change: Any) -> Any:
+    """`change` in its own form, times `factor`; None stays None."""
     if change is None:
         return None
     if isinstance(change, tuple):

@@ -96,8 +96,11 @@ def together(comm: Any) -> Iterator[None]:
 
 
 def _error_message(fault: BaseException | None) -> tuple[type[Exception] | None, str]:
-    """What the other ranks are sent: a class that all have and that is made of one text, or None, and the error in
-    words; with its name where it is none of the package's."""
+    """(class, text) of an error, for the other ranks.
+
+    The class is one that all ranks have and that takes one text, else None. The text begins with the name of the error
+    where it is none of the package's.
+    """
     kind = next((one for one in _SENT_ERRORS if isinstance(fault, one)), None)
     try:
         text = str(fault)

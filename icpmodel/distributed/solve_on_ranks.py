@@ -217,6 +217,7 @@ class _Run:
             return Status.MAP_FAILED, str(error)
 
     def _steps(self, fixed: DistributedICP, z: Any) -> tuple[Status, str]:
+        """Newton's steps from `z`, and sweeps where they fail; the status and a note on it. Collective."""
         assert self.levels is not None
         milestone = np.inf
         idle = 0

@@ -334,6 +334,7 @@ def explain(
 def _make_explanation(
     problem: ProblemData, method: str | Method | None, accuracy: float, limit: Allowance, options: dict[str, Any]
 ) -> Explanation:
+    """The page, each question of which may cost up to the `limit`; the rest as in `explain`."""
     method_named = method is not None
     alternative = None
     classes = classes_of(problem).decided(limit)

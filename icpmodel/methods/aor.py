@@ -243,7 +243,18 @@ class MNMJ(FreeOmega):
 def overrelaxed(problem: ProblemData, omega: float, phi: Any = 0.0) -> MNMAOR:
     """MNMAOR with X = 2(D/ω − L) and Ω = (2 − ω)D: on the rows where p < Ωr it is successive overrelaxation.
 
-    Parameters: `omega` in (0, 2). Reference: `algebra.relaxation`.
+    Parameters
+    ----------
+    problem : ProblemData
+        The problem.
+    omega : float
+        ω in (0, 2).
+    phi : float or array of shape (n,), default 0
+        The diagonal of φ.
+
+    References
+    ----------
+    The module `algebra.relaxation`.
     """
     theta1, phi2 = sor_parameters(problem, omega)
     return MNMAOR(phi=phi, phi2=phi2, theta1=theta1, theta2=2.0 * theta1)

@@ -297,6 +297,7 @@ class InteriorPath:
             self.slopes = [derivative(psi, z) for psi in (problem.psi, problem.upper) if psi is not None]
 
     def _solver(self) -> Solve:
+        """The solver of the system for dz at the current r, s and slopes of the obstacles."""
         slopes = self.s / self.r
         if not self.has_moving_obstacle:
             return self.system.solver(self._in_rows(slopes))

@@ -184,6 +184,7 @@ class ProximalPath:
         self.point = self.z, self.p, self.r, self.r_upper = point
 
     def _begin(self, centre: Point, shift: float) -> None:
+        """Begin a subproblem at its `centre`, with μ = `shift`."""
         self._move(centre)
         self.centre = centre
         self.shift = shift

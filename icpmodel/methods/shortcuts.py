@@ -103,7 +103,7 @@ class Lemke(Shortcut):
                     z = solve_on(problem, lcp.z(y), *lcp.active_rows(y))
                     yield z, None
             elif ended != UNFINISHED or first != START:
-                _prove(problem, ray[: problem.n])
+                _raise_if_infeasible(problem, ray[: problem.n])
             basic = state[8][0, :rows]
             left_out = lcp.without_obstacle[basic[basic < rows]].any()
             if ended != SINGULAR and (ended, first) != (UNFINISHED, START) and not left_out:
@@ -115,7 +115,10 @@ class Lemke(Shortcut):
 
 
 def _path(lcp: AffineLcp, state: Any, entering: int) -> Generator[Iterate, None, tuple[int, Vector, Vector]]:
-    """A path from its start, n pivots an iterate, until it ends or a basis comes back: how, y, and the ray."""
+    """Yield an iterate after every n pivots, until the path ends or a basis comes back.
+
+    Returns (how it ended, y, the direction of the ray).
+    """
     from ..algebra.kernels.pivoting import SINGULAR, UNFINISHED  # loads numba
 
     seen = set[bytes]()
@@ -140,8 +143,11 @@ class Josephy(Shortcut):
     Near a solution where these affine problems have one answer each the steps converge quadratically. A step that does
     not reduce the residual is halved. Where that does not help, I − ψ′ is singular, or the pivots
     end in a ray, z stands still.
-    Reference: Josephy, Newton's method for generalized equations, MRC Technical Summary Report 1965 (1979); Cottle,
-    Pang and Stone, The Linear Complementarity Problem (1992), section 4.4, for the pivots.
+
+    References
+    ----------
+    Josephy, Newton's method for generalized equations, MRC Technical Summary Report 1965 (1979). Cottle, Pang and
+    Stone, The Linear Complementarity Problem (1992), section 4.4, for the pivots.
 
     Examples
     --------
@@ -177,17 +183,24 @@ class Josephy(Shortcut):
 
 @with_options
 class Tridiagonal(Shortcut):
-    """One pass over the rows says which of them leave the obstacle, and one tridiagonal system gives z.
+    """Find the rows off the obstacle in one pass, and z by one tridiagonal system.
 
-    The rows are added one by one, from the top, to a problem that is solved; where a row leaves the obstacle, rows
-    above it may have to follow. Runs of open rows are known by the corners of their inverse, so that two of them are
-    joined at once, whatever their length. For tridiagonal M-matrices that finds the active set, but for rounding, which
-    Newton's steps correct: z_i = c_i where p_i ≥ a_ii(z_i − c_i), p_i = 0 elsewhere. For other matrices it is where
-    those steps begin; they may fail, and then the method ends. With an upper obstacle z_i = ψ̄_i where
-    p_i < a_ii(z_i − ψ̄_i). As the pass knows one obstacle, the rows at each of the two are then found in turn, those at
-    the other one being held, where ten steps do not settle them. The start z⁰ has no influence.
-    Reference: Cryer, ACM Trans. Math. Softw. 9 (1983), for a direct method on tridiagonal M-matrices; Chandrasekaran,
-    Opsearch 7 (1970), for rows that once open stay open.
+    The rows are added one by one, from the top, to a problem that is solved. Where a row leaves the obstacle, rows
+    above it may have to follow. A run of free rows is known by the corners of its inverse, so that two of them are
+    joined at once, whatever their length.
+
+    For tridiagonal M-matrices this finds the active set up to rounding. Newton's steps correct that: z_i = c_i where
+    p_i ≥ a_ii(z_i − c_i), p_i = 0 elsewhere. For other matrices these steps begin there, and the method ends where they
+    fail.
+
+    With an upper obstacle z_i = ψ̄_i where p_i < a_ii(z_i − ψ̄_i). The pass knows one obstacle only. Where ten steps do
+    not find the active set, the rows at each obstacle are found in turn, with those at the other one held. The start z⁰
+    has no influence.
+
+    References
+    ----------
+    Cryer, ACM Trans. Math. Softw. 9 (1983), for a direct method on tridiagonal M-matrices. Chandrasekaran, Opsearch 7
+    (1970): rows that have left the obstacle stay off it.
 
     Examples
     --------
@@ -235,8 +248,8 @@ class Tridiagonal(Shortcut):
             yield z, None
 
 
-def _prove(problem: ProblemData, ray: Vector) -> None:
-    """Raises Infeasible where `ray` proves that p ≥ 0 and r ≥ 0 contradict each other, or the y of a linear program."""
+def _raise_if_infeasible(problem: ProblemData, ray: Vector) -> None:
+    """Raise Infeasible where `ray` proves that p ≥ 0 and r ≥ 0 contradict each other, or the y of a linear program."""
     answer = infeasible(problem, ray)
     if not answer.holds and (y := multipliers(problem)) is not None:
         answer = infeasible(problem, y)

@@ -24,6 +24,7 @@ def _bearing(n: int) -> ByRows:
 
 
 def _film_rows(n: int, lo: int, hi: int) -> LocalRows:
+    """Rows lo ≤ i < hi of the scene `bearing`."""
     h = 2.0 * np.pi / (n + 1)
     H = 1.0 + ECCENTRICITY * np.cos((np.arange(lo, hi + 1) + 0.5) * h)
     cubes = H**3

@@ -26,6 +26,7 @@ def _torsion(n: int) -> ByRows:
 
 
 def _twisted_rows(m: int, lo: int, hi: int) -> LocalRows:
+    """Rows lo ≤ i < hi of the scene `torsion`."""
     at = index((m, m), lo, hi)
     x = points(0.0, 1.0, (m, m), at)
     distance = np.minimum(x, 1.0 - x).min(axis=1)

@@ -99,6 +99,7 @@ def relaxation_plane(points: int, one: ProblemData) -> Plane:
 
 
 def _shift(points: int, one: ProblemData) -> Plane:
+    """φ/D and Ω/D of MNMGS on `one`."""
     D = one.A.diagonal()
     if not (D > 0).all():
         i = int(np.argmax(D <= 0))
@@ -109,6 +110,7 @@ def _shift(points: int, one: ProblemData) -> Plane:
 
 
 def _coupling(points: int, n: int, sweep: Method) -> Plane:
+    """The shift μ of A and ‖G‖∞, for one method."""
     mu = Axis("mu", "shift μ of the diagonal (A = 5-point matrix + μI)", np.geomspace(0.01, 10.0, points), log=True)
     norm = Axis("norm of G", "‖G‖∞ of ψ(z) = Gz + c", np.linspace(0.0, 2.0, points))
     about = f"{_name(sweep)}: dominance against coupling of the obstacle"
@@ -116,6 +118,7 @@ def _coupling(points: int, n: int, sweep: Method) -> Plane:
 
 
 def _transport(points: int, n: int, sweep: Method) -> Plane:
+    """The skewness and the shift μ of A, for one method."""
     skew = Axis("skew", "skewness s (neighbours −1 − s and −1 + s)", np.linspace(0.0, 6.0, points))
     mu = Axis("mu", "shift μ of the diagonal", np.geomspace(0.01, 30.0, points), log=True)
     about = f"{_name(sweep)}: transport against dominance"
@@ -123,7 +126,7 @@ def _transport(points: int, n: int, sweep: Method) -> Plane:
 
 
 def _units(points: int, n: int, sweep: Method) -> Plane:
-    """No method with Ω = D feels the scale, but the conditions as printed do."""
+    """The scale of A, on which no step with Ω = D depends but the conditions as printed do, and ‖G‖∞."""
     scale = Axis("scale of A", "diagonal of A", np.geomspace(0.1, 10.0, points), log=True)
     norm = Axis("norm of G", "‖G‖∞ of ψ(z) = Gz + c", np.linspace(0.0, 4.0, points))
     about = f"{_name(sweep)}: a change of units against coupling of the obstacle"

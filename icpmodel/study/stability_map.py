@@ -256,6 +256,7 @@ def _check_memory(rows: int, columns: int) -> None:
 
 
 def _fill(result: StabilityMap, starts: int, progress: bool) -> None:
+    """Fill the arrays of `result`, point by point. Raises OutOfTime."""
     plane = result.plane
     total = result.ends.size
     start_time = time.monotonic()

@@ -198,6 +198,7 @@ def figure(what: Any, points: Any = None, shape: Any = None) -> Figure:
 
 
 def _drawing(what: Any, points: Any, shape: Any) -> Drawing:
+    """`drawing`, which refuses places for what has no unknowns. Raises InputError."""
     where = {name: value for name, value in (("points", points), ("shape", shape)) if value is not None}
     if where and len(signature(drawing.dispatch(type(what))).parameters) == 1:
         raise InputError(f"{next(iter(where))} is given; {described(what)} has no unknowns to be placed: leave it out")
