@@ -181,7 +181,7 @@ def solve_qp(
     b : array of shape (k,), optional
         Their right-hand sides.
     lb, ub : float or array of shape (n,), optional
-        −inf and +inf where there is no bound.
+        −inf and +inf where there is no bound. A large number, such as ±1e20, is a bound; other solvers read it as none.
     initvals : array of shape (n,), optional
         An x near the solution.
     tolerance : float, default 1e-9
