@@ -61,11 +61,12 @@ class NewtonJosephy(Method):
     share of its residual. Where rows are known to increase with their own unknowns, mean slopes take
     the place of f′ far from the solution: see `algebra.secants`. The merit function is that of
     `Newton`, the Fischer-Burmeister θ; the equations of the step must fall, too. A step that is too
-    long is followed by a second one by the same tangent, or made shorter. Where none reduces θ, a
-    proximal term μW(z⁺ − z) is added to the tangent, W its diagonal. Then a descent direction of θ is
-    tried, and with few unknowns other starts. Fixed obstacles are never crossed, so that f need not
-    have values beyond them. An iteration is one step, whatever its inner solves take. The convergence
-    is quadratic at a strongly regular solution.
+    long is followed by a second one by the same tangent, or made shorter. Where steps shrink by a
+    constant factor, as at a double root, their limit is tried before. Where none reduces θ, a proximal
+    term μW(z⁺ − z) is added to the tangent, W its diagonal. Then a descent direction of θ is tried, and
+    with few unknowns other starts. Fixed obstacles are never crossed, so that f need not have values
+    beyond them. An iteration is one step, whatever its inner solves take. The convergence is quadratic
+    at a strongly regular solution.
 
     References
     ----------
@@ -130,6 +131,7 @@ class _Search:
         with np.errstate(all="ignore"):
             self.path = NewtonPath(problem, z, box)
         self.current = self.path.current
+        self.last_z = z
         self.recent = deque([self.current.theta], _NONMONOTONE_STEPS)
         self.thetas = LeastValue()
         self.weight = 0
@@ -148,6 +150,7 @@ class _Search:
                 return
             if new is None:
                 return
+            self.last_z = self.current.z
             self.current = new
             self.recent.append(new.theta)
             yield new
@@ -239,11 +242,16 @@ class _Search:
     ) -> Iterator[tuple[float, NewtonPoint | None]]:
         """The step to `z`, a second one by the same tangent, that to a nearer solution, and shorter ones.
 
-        Each comes with the share of θ that may be left, the third one only where it leaves little.
+        The limit of the steps comes first where they shrink by a constant factor. Each comes with the share of θ that
+        may be left, the limit and the nearer solution only where they leave little.
         Along curved equations steps are short, unless a second one, with their values at z, returns to them (Fletcher,
         Lecture Notes in Math. 912, 1982).
         """
         step = z - self.current.z
+        last = self.current.z - self.last_z
+        ratio = (step @ last) / (last @ last)
+        if _MAX_FORCING < ratio < 1.0 - _MAX_FORCING:  # as at a singular solution (Griewank, SIAM Rev. 27, 1985)
+            yield _MAX_FORCING, self.path.point(self.current.z + step / (1.0 - ratio))
         new = self.path.point(z)
         yield 1.0 - _ARMIJO, new
         if new is not None:

@@ -489,3 +489,11 @@ def test_solvers_of_linear_problems_check_the_answer_by_its_tangent():
     assert not problem.crosscheck(wrong, solvers=["osqp"]).agrees
     # a bound of the tangent is none of the problem, whose f has unknown slopes
     assert problem.crosscheck(solvers=["osqp"]).error_bound is None
+
+
+@pytest.mark.parametrize("m", [2, 3, 4])
+def test_a_multiple_root_is_the_limit_of_steps_that_shrink_by_a_constant_factor(m):
+    at_0 = ICP.nonlinear(lambda z: z**m, lambda z: np.diag(m * z ** (m - 1)), n=1)
+    assert at_0.solve(z0=[1.0], max_iter=20).z[0] < 1e-8
+    beside = ICP.nonlinear(lambda z: [(z[0] - 1) ** m, z[0] + z[1] - 3], psi=[0.0, -np.inf])
+    assert beside.solve(z0=[2.0, 7.0], max_iter=20).z == pytest.approx([1.0, 2.0], abs=1e-7)
