@@ -261,13 +261,20 @@ class PointValues(Displayable):
     def residual_at_0(self) -> float:
         """Res_D(0) = ‖min(D⁻¹p(0), −ψ(0))‖₂, without a product with A.
 
+        With an f it is by the slopes near z = 1, or by those at 0 where that is more, up to 1.
+
         Examples
         --------
         >>> ICP([[3.0]], [-6.0]).residual_at_0()
         2.0
         """
         zero = np.zeros(self.n)
-        return self.residual_of(self.offset(zero), *(-psi.value(zero) for psi in sides_of(self.psi)))
+        p = self.offset(zero)
+        r, r_upper = (*(-psi.value(zero) for psi in sides_of(self.psi)), None)[:2]
+        residual = self.residual_of(p, r, r_upper)
+        if self.f is not None and residual < 1.0:
+            residual = max(residual, min(self.residual_of(p, r, r_upper, self.weights_at(zero, p)), 1.0))
+        return residual
 
     def residual_scale(self, at_0: float | None = None) -> float:
         """The reference of a relative tolerance: Res_D(0).

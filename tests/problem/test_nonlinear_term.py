@@ -70,6 +70,18 @@ def test_no_scaling_of_rows_of_p_changes_the_residual(t):
     assert scaled.residual(Z) == pytest.approx(ICP(A, Q, f=cubes).residual(Z), rel=1e-6)
 
 
+@pytest.mark.parametrize("width", [1.0, 0.1, 0.02, 0.005, 1e-4])
+def test_slopes_that_are_far_larger_near_1_leave_a_tolerance_above_rounding(width):
+    """The root of exp(z/w) = c is w·log c, where the slope is c/w; near 1 it is exp(1/w)/w."""
+    c = np.linspace(1.5, 3.0, 20)
+    problem = ICP.nonlinear(
+        lambda z: np.exp(z / width) - c, lambda z: np.diag(np.exp(z / width) / width), psi=np.full(20, -np.inf)
+    )
+    with np.errstate(over="ignore"):
+        solution = problem.solve()
+    assert solution.z == pytest.approx(width * np.log(c), rel=1e-7)
+
+
 def test_a_slope_without_bound_hides_no_p():
     """p = √z − 1 < 0 at z next to 0, where its slope is 1e10: no solution."""
     problem = ICP.nonlinear(lambda z: np.sqrt(z) - 1.0, n=1)
