@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..errors import MapError, SingularOperator
 from ..numerics.arrays import Mask, Vector
+from ..numerics.equilibration import times_rows
 from ..problem.data import ProblemData
 from ..problem.map import Map
 from ..problem.two_sided import select_obstacle
@@ -31,8 +32,9 @@ def newton_matrix(problem: ProblemData, active: Mask, jacobian: sp.csr_array) ->
     jacobian : CSR array of shape (n, n)
         ψ′(z).
     """
-    free_rows, active_rows = (sp.diags_array(mask.astype(np.float64)) for mask in (~active, active))
-    return sp.csr_array(free_rows @ problem.A + active_rows @ (sp.eye_array(problem.n) - jacobian))
+    share = active.astype(np.float64)
+    slopes = sp.csr_array(sp.eye_array(problem.n) - jacobian)
+    return sp.csr_array(times_rows(1.0 - share, problem.A) + times_rows(share, slopes))
 
 
 def submatrix(problem: ProblemData, rows: NDArray[np.intp]) -> sp.csr_array:

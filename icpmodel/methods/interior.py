@@ -27,7 +27,6 @@ from contextlib import suppress
 from typing import ClassVar
 
 import numpy as np
-import scipy.sparse as sp
 
 from ..algebra.equations import Pattern, derivative
 from ..algebra.factor_costs import interior_cost
@@ -39,6 +38,7 @@ from ..errors import MapError
 from ..numerics import work
 from ..numerics.arrays import Mask, Vector, inner, norm
 from ..numerics.condensed import CondensedFactors
+from ..numerics.equilibration import times_rows
 from ..numerics.fill import SymbolicAnalysis
 from ..numerics.symmetric_factors import SymmetricFactors
 from ..problem.data import ProblemData
@@ -301,8 +301,7 @@ class InteriorPath:
         slopes = self.s / self.r
         if not self.has_moving_obstacle:
             return self.system.solver(self._in_rows(slopes))
-        moved = sp.csr_array(self.problem.A.shape)
-        parts = np.split(slopes, [self.sides[0].size])
-        for J, rows, values in zip(self.slopes, self.sides, parts, strict=False):
-            moved += sp.diags_array(1.0 * np.bincount(rows, values, self.problem.n)) @ J
+        terms = zip(self.slopes, self.sides, np.split(slopes, [self.sides[0].size]), strict=False)
+        n = self.problem.n
+        moved = sum(times_rows(np.bincount(rows, values, n).astype(np.float64), J) for J, rows, values in terms)
         return self.system.solver(self._in_rows(slopes), moved)

@@ -42,6 +42,7 @@ from ..algebra.factor_costs import newton_cost
 from ..errors import MapError
 from ..numerics import work
 from ..numerics.arrays import Mask, Vector, norm
+from ..numerics.equilibration import times_rows
 from ..problem.data import ProblemData
 from .contract import REDUCTION, Iterate, Method, with_options
 
@@ -138,10 +139,10 @@ class NewtonPoint:
             slope_p = slope_p * inner
             J = derivative(problem.upper, self.z)
             total = total + slope_s
-            V = sp.diags_array(slope_s) @ (identity - J)
+            V = times_rows(slope_s, sp.csr_array(identity - J))
         J = self.jacobian if self.above is None else derivative(problem.psi, self.z)
-        V = V + sp.diags_array(slope_p / self.omega) @ problem.A + sp.diags_array(slope_r) @ (identity - J)
-        return sp.csr_array(V), total + slope_p
+        V = V + times_rows(slope_p / self.omega, problem.A) + times_rows(slope_r, sp.csr_array(identity - J))
+        return V, total + slope_p
 
 
 def _omega_of(problem: ProblemData) -> Vector:
