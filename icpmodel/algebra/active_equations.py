@@ -17,9 +17,9 @@ from ..numerics.fill import SymbolicAnalysis, band_fill, factor_cost, least_fact
 from ..numerics.krylov import NotConverged
 from ..numerics.linear import Solver, solver_of
 from ..problem.data import ProblemData
-from .cycled_equations import CycledEquations, cycles_cost
 from .equations import newton_matrix, submatrix
 from .hierarchy import Hierarchy, NoHierarchy
+from .multigrid_equations import MultigridEquations, cycles_cost
 
 #: the sum of the bandwidths above which multigrid is for a matrix
 _MAX_BANDWIDTHS = 16
@@ -57,13 +57,13 @@ class ActiveEquations:
         self, problem: ProblemData, active: Mask, jacobian: sp.csr_array, by_cycles: bool | None = None
     ) -> None:
         self._arguments = (problem, active, jacobian)
-        self._cycled: CycledEquations | None = None
+        self._multigrid: MultigridEquations | None = None
         # whether factors replace the cycles once these have cost as much, and what they have cost
         self._may_end = by_cycles is None
         self._spent = 0.0
         if by_cycles or (self._may_end and cycles_pay(problem, ~active)):
             with suppress(NoHierarchy):
-                self._cycled = CycledEquations(Hierarchy(problem), 0, active, jacobian if jacobian.nnz else None)
+                self._multigrid = MultigridEquations(Hierarchy(problem), 0, active, jacobian if jacobian.nnz else None)
 
     @cached_property
     def _elimination(self) -> Elimination:
@@ -76,14 +76,14 @@ class ActiveEquations:
         """
         with np.errstate(all="ignore"):
             # the first system needs no elimination to compare with
-            if self._cycled is not None and self._may_end and self._spent and self._spent >= self._elimination.cost:
-                self._cycled = None
-            if self._cycled is not None:
+            if self._multigrid is not None and self._may_end and self._spent and self._spent >= self._elimination.cost:
+                self._multigrid = None
+            if self._multigrid is not None:
                 before = work.counter()
                 try:
-                    return self._cycled.solve(f, tolerance, transposed)
+                    return self._multigrid.solve(f, tolerance, transposed)
                 except NotConverged:
-                    self._cycled = None
+                    self._multigrid = None
                 finally:
                     self._spent += work.counter() - before
             return self._elimination.solve(f, tolerance, transposed)

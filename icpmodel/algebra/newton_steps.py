@@ -20,9 +20,9 @@ from ..numerics import work
 from ..numerics.arrays import Vector, norm
 from ..numerics.krylov import GCR
 from ..problem.data import ProblemData
-from .cycled_equations import LEAST_SLOPE, CycledEquations
 from .equations import Pattern, derivative
 from .hierarchy import Hierarchy
+from .multigrid_equations import LEAST_SLOPE, MultigridEquations
 from .steps import Step, projected_sweep, repeated_steps
 
 #: sweeps where the active set has moved
@@ -63,7 +63,7 @@ def newton_steps(hierarchy: Hierarchy, problem: ProblemData, z: Vector, top: int
         if krylov is None or is_new:
             last_pattern = pattern
             J = derivative(problem.psi, z, pattern.above) if has_moving_obstacle else None
-            equations = CycledEquations(hierarchy, top, pattern.active, J)
+            equations = MultigridEquations(hierarchy, top, pattern.active, J)
             step, krylov = equations.steps(-np.where(pattern.active, pattern.r, p), equations.preconditioned)
             z = z + step
         z, moved = krylov.iterate(z, KRYLOV_REDUCTION * norm(krylov.residual), MAX_KRYLOV_STEPS)

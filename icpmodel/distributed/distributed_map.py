@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ..algebra.cycled_equations import LEAST_SLOPE
+from ..algebra.multigrid_equations import LEAST_SLOPE
 from ..errors import InputError, NotApplicable
 from ..numerics.arrays import Vector, described
 from ..problem.affine import Constant

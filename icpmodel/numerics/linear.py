@@ -5,7 +5,7 @@
 3. Sparse and symmetric up to the signs of rows: QDLDL. SuperLU follows where pivots fail.
 4. Other sparse matrices: SuperLU. The fill of 3 and 4 is known before.
 5. GCR. It is for D > 0, where 100 steps cost less than the factorisation.
-6. Krylov steps with V-cycles, for M-matrices, where ten of them cost less: see `algebra.cycled_equations`.
+6. Krylov steps with V-cycles, for M-matrices, where ten of them cost less: see `algebra.multigrid_equations`.
 
 Rows are brought to one size first. Where GCR does not converge M is factorised as well. The costs
 and the fill are those of `numerics.fill`.

@@ -22,11 +22,11 @@ LEAST_SLOPE = 0.1
 
 
 def cycles_cost(problem: ProblemData) -> float:
-    """The cost of one system by `CycledEquations`, with a typical number of Krylov steps."""
+    """The cost of one system by `MultigridEquations`, with a typical number of Krylov steps."""
     return _TYPICAL_STEPS * (cycle_cost(problem.n, problem.nnz) + gcr_step_cost(problem.n, problem.nnz))
 
 
-class CycledEquations:
+class MultigridEquations:
     """J on level `top` of a hierarchy of A, never assembled: products, V-cycles on the free rows, and solves.
 
     Parameters
