@@ -46,20 +46,20 @@ def restricted(problem: ProblemData, rows: Rows, z: Vector) -> ProblemData:
 class Blocks:
     """The rows of `problem` in blocks that depend on earlier ones only: the strong components of A and ψ.
 
-    Block k is `rows[starts[k] : starts[k + 1]]`. The blocks in `before` are so small that they are
-    solved one after the other. So are those in `after`, once the rest is known. The rest is the
+    Block k is `rows[starts[k] : starts[k + 1]]`. The blocks in `before_core` are so small that they are
+    solved one after the other. So are those in `after_core`, once the rest is known. The rest is the
     core; its `parts` do not interact. Many parts are joined into one.
     """
 
     problem: ProblemData
     rows: Rows
     starts: Rows
-    before: Mask
-    after: Mask
+    before_core: Mask
+    after_core: Mask
     parts: tuple[Rows, ...]
 
     def __repr__(self) -> str:
-        small = np.diff(self.starts)[self.before | self.after]
+        small = np.diff(self.starts)[self.before_core | self.after_core]
         single = np.count_nonzero(small == 1)
         facts = {
             f"{single} follow one by one": single,
@@ -71,7 +71,7 @@ class Blocks:
     @property
     def is_pivoted(self) -> bool:
         """Whether a small block has several rows."""
-        return bool((np.diff(self.starts)[self.before | self.after] > 1).any())
+        return bool((np.diff(self.starts)[self.before_core | self.after_core] > 1).any())
 
     @property
     def largest(self) -> int:
@@ -84,13 +84,13 @@ class Blocks:
         return sum(part.size for part in self.parts)
 
     def with_core(self, unsolved: Mask) -> Blocks | None:
-        """The blocks, with the `unsolved` ones, which `forward` cannot solve, added to the core."""
+        """The blocks, with the `unsolved` ones, which `substitute` cannot solve, added to the core."""
         core = np.zeros(self.problem.n, dtype=bool)
         core[self.rows[np.repeat(unsolved, np.diff(self.starts))]] = True
         core[np.concatenate([*self.parts, self.rows[:0]])] = True
         return blocks(self.problem, core)
 
-    def forward(self, z: Vector, selected: Mask) -> tuple[Vector, Mask]:
+    def substitute(self, z: Vector, selected: Mask) -> tuple[Vector, Mask]:
         """`z` with the `selected` blocks solved in turn, and which of them are solved, as far as the kernel knows.
 
         References
@@ -157,7 +157,7 @@ def blocks(problem: ProblemData, core: Mask | None = None) -> Blocks | None:
 
 
 def _unsuitable(problem: ProblemData, part: Any, sizes: Any) -> Mask:
-    """The rows that `Blocks.forward` does not solve: rows without a unique solution, and moving ψ inside a block."""
+    """The rows that `Blocks.substitute` does not solve: rows without a unique solution, and moving ψ inside a block."""
     psi = problem.psi
     single = sizes[part] == 1
     unsuitable: Mask = single & ~(problem.A.diagonal() > 0)

@@ -123,7 +123,7 @@ class Accelerated(Method):
         phase = _Phases()
         ahead: list[StepResult] = []
         sweeps = 0
-        plain = None
+        fallback = None
         least = np.inf
         while True:
             if sweeps == 1 and opening:
@@ -133,22 +133,22 @@ class Accelerated(Method):
                 ahead = ahead or repeated_steps(step, z, self.mixing_frequency - sweeps % self.mixing_frequency)
                 image, hint = ahead.pop(0)
             except MapError:
-                if plain is None:
+                if fallback is None:
                     raise
                 image = z
                 hint = np.nan
             residual = _residual(problem, z, hint)
-            if plain is None or residual <= _MAX_ITERATE_RESIDUAL * least:
+            if fallback is None or residual <= _MAX_ITERATE_RESIDUAL * least:
                 yield z, residual
-            if plain is not None and not residual <= _MAX_GROWTH * least:
-                z = plain
-                plain = None
+            if fallback is not None and not residual <= _MAX_GROWTH * least:
+                z = fallback
+                fallback = None
                 ahead = []
                 history.clear()
                 continue
             least = min(least, residual)
             sweeps += 1
-            plain = None
+            fallback = None
             following = image
             if not phase.accelerates(least):
                 history.clear()
@@ -156,7 +156,7 @@ class Accelerated(Method):
                 history.add(z, image)
                 if sweeps % self.mixing_frequency == 0 and (combined := history.combined()) is not None:
                     following = combined
-                    plain = image
+                    fallback = image
                     ahead = []
             z = following
 

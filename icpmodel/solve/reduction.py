@@ -162,10 +162,10 @@ class _Parts:
 
     def _in_blocks(self, partition: Blocks) -> PartSteps:
         """The small blocks before the core, its parts, and the small blocks after it."""
-        self.z, solved = partition.forward(self.z, partition.before)
-        if (unsolved := partition.before & ~solved).any():
+        self.z, solved = partition.substitute(self.z, partition.before_core)
+        if (unsolved := partition.before_core & ~solved).any():
             return partition.with_core(unsolved)
-        share = _EARLIER_SHARE if partition.after.any() else 1.0
+        share = _EARLIER_SHARE if partition.after_core.any() else 1.0
         for rows in partition.parts:
             problem = restricted(partition.problem, rows, self.z)
             if not np.isfinite(problem.q).all():  # an earlier block has overflowed
@@ -174,8 +174,8 @@ class _Parts:
             yield from self._solve(part, rows)
             if self.run.is_over:
                 return None
-        self.z, solved = partition.forward(self.z, partition.after)
-        unsolved = partition.after & ~solved
+        self.z, solved = partition.substitute(self.z, partition.after_core)
+        unsolved = partition.after_core & ~solved
         return partition.with_core(unsolved) if unsolved.any() else None
 
     def _solve_complement(self, complement: SchurComplement) -> Iterator[None]:
