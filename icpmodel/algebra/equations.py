@@ -69,11 +69,12 @@ class Pattern(NamedTuple):
     above: Mask | None = None
 
     @classmethod
-    def at(cls, problem: ProblemData, z: Vector, p: Vector, omega: Vector) -> Pattern:
-        """At `z`, where Az + q = `p`: rows with r_i < p_i/Ω_i, and those with z_i − ψ̄_i > p_i/Ω_i."""
-        r = problem.r(z)
-        r_upper = problem.r_upper(z)
-        return cls.of(r, r_upper, p / omega)
+    def at(cls, problem: ProblemData, z: Vector, p: Vector | None = None, omega: Vector | None = None) -> Pattern:
+        """At `z`, where Az + q = `p`: rows with r_i < p_i/Ω_i, and those with z_i − ψ̄_i > p_i/Ω_i; Ω = `weights`."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            p = problem.p(z) if p is None else p
+            omega = problem.matrix.weights if omega is None else omega
+            return cls.of(problem.r(z), problem.r_upper(z), p / omega)
 
     @classmethod
     def of(cls, r: Vector, r_upper: Vector | None, a: Vector) -> Pattern:
@@ -91,12 +92,6 @@ class Pattern(NamedTuple):
         """Whether every row takes the same side."""
         same = np.array_equal(self.active, other.active)
         return same and (self.above is None or other.above is None or np.array_equal(self.above, other.above))
-
-
-def pattern_at(problem: ProblemData, z: Vector) -> Pattern:
-    """The rows that take an obstacle's side at `z`, with Ω = `weights`."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        return Pattern.at(problem, z, problem.p(z), problem.matrix.weights)
 
 
 def solve_on(problem: ProblemData, z: Vector, active: Mask, above: Mask | None = None) -> Vector:

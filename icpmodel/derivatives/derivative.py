@@ -29,7 +29,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..algebra.active_equations import ActiveEquations
-from ..algebra.equations import derivative, newton_matrix, pattern_at
+from ..algebra.equations import Pattern, derivative, newton_matrix
 from ..errors import InputError, MapError, NotApplicable, OutOfTime, SingularOperator, check_arguments
 from ..numerics.arrays import Mask, ReadOnly, Vector, described, norm
 from ..numerics.rounding import SMALLEST, UNIT_ROUNDOFF, public_entry
@@ -134,7 +134,7 @@ class Derivative(ReadOnly, Plottable):
         if (missing := problem.psi.no_derivative()) is not None:
             raise NotApplicable(missing)
         self.solution, self.problem, self.z = solution, problem, z
-        self.pattern = pattern_at(problem, z)
+        self.pattern = Pattern.at(problem, z)
         self._jacobian = derivative(problem.psi, z, self.pattern.above)
 
     def __reduce__(self) -> tuple[Any, ...]:  # factors cannot be sent

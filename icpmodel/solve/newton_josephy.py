@@ -12,7 +12,7 @@ import scipy.sparse as sp
 
 from ..algebra.affine_lcp import PIVOT_UP_TO
 from ..algebra.descent_directions import descent_directions
-from ..algebra.equations import Pattern, pattern_at, solve_on
+from ..algebra.equations import Pattern, solve_on
 from ..algebra.secants import secant_problem, why_not_rows
 from ..errors import MapError, SingularOperator
 from ..methods.contract import REDUCTION, Iterate, LeastValue, Method, with_options
@@ -212,7 +212,7 @@ class _Search:
         to = self._solve_tangent(linear, z, tolerance)
         if to is None:
             return None
-        pattern = pattern_at(linear, to)
+        pattern = Pattern.at(linear, to)
         before = self._equations(pattern, self.current, W)
         for enough, new in self._trials(linear, W, to, tolerance):
             if new is not None and new.theta <= enough * max(self.recent):
@@ -230,7 +230,7 @@ class _Search:
         """
         if linear.n > PIVOT_UP_TO:
             return None
-        pattern = pattern_at(linear, self.current.z)
+        pattern = Pattern.at(linear, self.current.z)
         with suppress(SingularOperator):
             new = self.path.point(solve_on(linear, self.current.z, pattern.active, pattern.above))
             if new and new.theta <= _MAX_FORCING * self.current.theta:

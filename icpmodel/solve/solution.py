@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..algebra.equations import pattern_at, solve_on
+from ..algebra.equations import Pattern, solve_on
 from ..errors import IcpError, InputError, MapError, OutOfTime, check_arguments
 from ..methods.contract import Method
 from ..numerics import work
@@ -338,7 +338,7 @@ class Solution(ReadOnly, Plottable):
         known = self.active_set
         try:
             with enforce_limits(self.time_limit, self.memory_limit):
-                z = solve_on(problem.linearised(self.z), self.z, *known.completed(pattern_at(problem, self.z)))
+                z = solve_on(problem.linearised(self.z), self.z, *known.completed(Pattern.at(problem, self.z)))
             residual = problem.residual(z)
             if not self.accuracy:
                 residual = self._goal.judged(z, residual)

@@ -19,7 +19,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..algebra.equations import pattern_at
+from ..algebra.equations import Pattern
 from ..algebra.linear_rows import FREE, LOWER, UPPER, has_linear_pieces
 from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
@@ -86,7 +86,7 @@ def face_at(problem: ProblemData, z: Vector) -> Face | None:
     """
     if problem.f is not None or problem.n > _MAX_UNKNOWNS or not has_linear_pieces(problem):
         return None
-    pattern = pattern_at(problem, z)
+    pattern = Pattern.at(problem, z)
     sides = np.where(pattern.active, LOWER, FREE)
     if pattern.above is not None:
         sides[pattern.above] = UPPER

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...algebra.equations import pattern_at
+from ...algebra.equations import Pattern
 from ...derivatives.derivative import Derivative
 from ...errors import InputError
 from ...numerics.arrays import Mask, Vector
@@ -101,7 +101,7 @@ def _(solution: Solution, points: Any = None, shape: Any = None) -> Drawing:
 
 def _contacts(problem: ProblemData, z: Vector) -> dict[str, Mask]:
     """Name of the obstacle's contact → its rows."""
-    _, active, above = pattern_at(problem, z)
+    _, active, above = Pattern.at(problem, z)
     if above is None:
         return {"contact set": active}
     return {"contact below": active & ~above, "contact above": above}

@@ -17,7 +17,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import scipy.sparse as sp
 
-from ...algebra.equations import Pattern, pattern_at
+from ...algebra.equations import Pattern
 from ...algebra.linear_rows import has_linear_pieces
 from ...errors import MapError, OutOfTime
 from ...numerics import work
@@ -417,7 +417,7 @@ def _newton_points(problem: ProblemData, z: Vector, proof: Proof) -> Iterator[Ve
     length = math.inf
     while np.isfinite(z).all():
         if has_linear_pieces(problem):
-            pattern = pattern_at(problem, z)
+            pattern = Pattern.at(problem, z)
             repeated = before is not None and before.same_sides(pattern)
             before = pattern
         iterate = None if repeated and problem.f is None else proof.newton_step(problem, z)

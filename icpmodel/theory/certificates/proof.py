@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ...algebra.equations import pattern_at, solve_on
+from ...algebra.equations import Pattern, solve_on
 from ...errors import IcpError
 from ...numerics.arrays import Vector, norm
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
@@ -38,7 +38,7 @@ class Proof(ABC):
         """
         try:
             problem = problem.linearised(z)
-            pattern = pattern_at(problem, z)
+            pattern = Pattern.at(problem, z)
             return solve_on(problem, z, pattern.active, pattern.above)
         except IcpError:  # the equations are singular, or ψ or its Jacobian fails
             return None
