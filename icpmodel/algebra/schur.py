@@ -79,9 +79,9 @@ class SchurComplement:
         """The point with p_F = 0 that has z in the `rows`; a step of refinement takes the rounding back."""
         x = z.copy()
         for _ in range(2):
-            change, _ = self._equations(-problem.p(x))
+            change, coupling = self._equations(-problem.p(x))
             f = np.zeros(self.n)
-            f[self.rows] = -(self._shifted @ change[self.rows])
+            f[self.rows] = coupling
             change += self._factors.solve(f)
             change[self.rows] = 0.0
             x += change
