@@ -79,8 +79,8 @@ def eliminate_equations(T, least):
 
 
 @compiled
-def _fill(T, S, q, nudge):
-    # the first dictionary, t having no part in it; q is moved by up to `nudge` in every row its own way
+def _fill(T, S, q, perturbation):
+    # the first dictionary, t having no part in it; q is moved by up to `perturbation` in every row its own way
     n = T.bound.size
     D = T.D
     bound = T.bound
@@ -101,7 +101,7 @@ def _fill(T, S, q, nudge):
         for j in range(n):
             D[i, j] = S[i, j]
         D[i, n] = 0.0
-        D[i, n + 1] = q[i] if np.isnan(bound[i]) else q[i] + nudge * (1.0 + math.sin((i + 1.0) ** 2))
+        D[i, n + 1] = q[i] if np.isnan(bound[i]) else q[i] + perturbation * (1.0 + math.sin((i + 1.0) ** 2))
     for k in range(n):
         if mirrored[k]:
             for j in range(n + 2):

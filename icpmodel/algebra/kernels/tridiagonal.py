@@ -9,7 +9,7 @@ import numpy as np
 
 from ...numerics.kernels import compiled
 
-#: the ends of Newton's steps: the signs no longer change, too many are needed, or a pivot is not positive
+#: how Newton's steps end: the signs no longer change, too many steps are needed, or a pivot is not positive
 SETTLED, UNSETTLED, NO_PIVOT = range(3)
 
 
@@ -82,16 +82,16 @@ def newton(lower, diagonal, upper, q, c, top, obstacle, free, limit):
         product(lower, diagonal, upper, q, z, p)
         changed = False
         for i in range(q.size):
-            opens = p[i] < diagonal[i] * (z[i] - c[i])
+            is_free = p[i] < diagonal[i] * (z[i] - c[i])
             if top is not None:
                 at = c[i]
-                if opens and p[i] < diagonal[i] * (z[i] - top[i]):
-                    opens = False
+                if is_free and p[i] < diagonal[i] * (z[i] - top[i]):
+                    is_free = False
                     at = top[i]
-                changed |= not opens and at != obstacle[i]
+                changed |= not is_free and at != obstacle[i]
                 obstacle[i] = at
-            changed |= opens != free[i]
-            free[i] = opens
+            changed |= is_free != free[i]
+            free[i] = is_free
         if not changed:
             return z, SETTLED
     return z, UNSETTLED
@@ -134,24 +134,24 @@ def join_runs(one, two, to, back):
 @compiled
 def rows_off_obstacle(lower, diagonal, upper, f):
     # Which rows leave the obstacle in the LCP with the M-matrix A, rows divided by the diagonal, and f. From the top,
-    # one row after the other is added to a problem that is solved; once open, a row stays open. What is known of a run
-    # of open rows: its first row; of its inverse the corners top (first, first), bottom (last, last), up (first, last)
-    # and down (last, first); y at both ends, as long as the rows around it are at 0
+    # one row after the other is added to a problem that is solved; a row that has left it stays off it. What is known
+    # of a run of free rows: its first row; of its inverse the corners top (first, first), bottom (last, last), up
+    # (first, last) and down (last, first); y at both ends, as long as the rows around it are at 0
     n = f.size
     free = np.zeros(n, np.bool_)
     runs = np.empty((n // 2 + 2, 7))
     count = 0
     for i in range(n):
         run = (float(i), 1.0, 1.0, 1.0, 1.0, -f[i], -f[i])
-        meets = i > 0 and free[i - 1]
+        joins_run = i > 0 and free[i - 1]
         back = lower[i] / diagonal[i]
-        if f[i] + (back * runs[count - 1, 6] if meets else 0.0) >= 0.0:
+        if f[i] + (back * runs[count - 1, 6] if joins_run else 0.0) >= 0.0:
             continue
         free[i] = True
         k = i - 1
         # the row above the run has to follow where it is pulled below 0
         while True:
-            if meets:
+            if joins_run:
                 count -= 1
                 first, top, bottom, up, down, y_top, y_bottom = runs[count]
                 above = (first, top, bottom, up, down, y_top, y_bottom)
@@ -163,8 +163,8 @@ def rows_off_obstacle(lower, diagonal, upper, f):
                 break
             to = upper[k] / diagonal[k]
             back = lower[k + 1] / diagonal[k + 1]
-            meets = k > 0 and free[k - 1]
-            coupling = lower[k] / diagonal[k] * runs[count - 1, 6] if meets else 0.0
+            joins_run = k > 0 and free[k - 1]
+            coupling = lower[k] / diagonal[k] * runs[count - 1, 6] if joins_run else 0.0
             if f[k] + coupling + to * run[5] >= 0.0:
                 break
             free[k] = True
@@ -261,7 +261,7 @@ def alternate(lower, diagonal, upper, q, c, top, rounds, limit, obstacle, free):
 @compiled
 def solve_rows(lower, diagonal, upper, Q, C, D, rounds, limit, Z):
     # the LCPs with the rows of Q and the obstacles in those of C, and above in those of D, or None; z goes to the rows
-    # of Z, for the judge to look at
+    # of Z, unjudged
     for k in range(Q.shape[0]):
         free = free_rows(lower, diagonal, upper, Q[k], C[k])
         if D is None:
