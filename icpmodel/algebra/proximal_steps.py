@@ -86,10 +86,10 @@ class ProximalSteps:
     ) -> tuple[Vector, Vector] | None:
         """A step with a fixed obstacle."""
         active = pattern.active
-        c, top = self.obstacles
-        z = np.where(active, c, z)
-        if pattern.above is not None and top is not None:
-            z = np.where(pattern.above, top, z)
+        lower, upper = self.obstacles
+        z = np.where(active, lower, z)
+        if pattern.above is not None and upper is not None:
+            z = np.where(pattern.above, upper, z)
         if not active.all():
             f = D * (centre - z) - self.problem.p(z)
             x = self._on_free_rows(active, D, np.where(active, 0.0, f))
@@ -108,11 +108,11 @@ class ProximalSteps:
         rows = np.flatnonzero(~active)
         M = submatrix(self.problem, rows)
         M.data[diagonal_positions(M)] += D[rows]
-        part_of_x = _solution(M, f[rows])
-        if part_of_x is None:
+        x_free = _solution(M, f[rows])
+        if x_free is None:
             return None
         x = np.zeros(f.size)
-        x[rows] = part_of_x
+        x[rows] = x_free
         return x
 
     def _by_all_rows(self, active: Mask, D: Vector, f: Vector) -> Vector | None:

@@ -145,11 +145,11 @@ class InteriorPath:
         self.inverse_sizes = LeastValue()
         self.signs = np.zeros(0, bool)
         self.repetitions = 0
-        below, top = self.steps.obstacles
-        # 0, or what is nearest to it and not above, in the rows without obstacle below
-        c = np.where(np.isneginf(below), 0.0 if top is None else np.minimum(top, 0.0), below)
+        lower, upper = self.steps.obstacles
+        # in rows without a lower obstacle 0, or the upper one where that is below 0
+        c = np.where(np.isneginf(lower), 0.0 if upper is None else np.minimum(upper, 0.0), lower)
         #: the rows of r and s, for one obstacle and the other
-        self.sides = [np.flatnonzero(np.isfinite(side)) for side in (below, top) if side is not None]
+        self.sides = [np.flatnonzero(np.isfinite(side)) for side in (lower, upper) if side is not None]
         self.rows = np.concatenate(self.sides)
         self.sign = np.repeat([1.0, -1.0][: len(self.sides)], [rows.size for rows in self.sides])
         is_primal_r = self.is_primal[self.rows]
