@@ -117,7 +117,7 @@ class AffineLcp:
         self.inverse = None
         if G is not None:
             with one_blas_thread():
-                self.inverse = inverse_of_slope(G)
+                self.inverse = inverse_of_I_minus_G(G)
                 self.M = A @ self.inverse
         if upper is not None and adds_rows:
             q = self._add_upper_rows(A, q, *upper)
@@ -282,8 +282,8 @@ def run_pivots(state: Any, entering: int, max_pivots: int) -> Any:
             return result
 
 
-def inverse_of_slope(G: Matrix) -> Matrix:
-    """(I − G)⁻¹."""
+def inverse_of_I_minus_G(G: Matrix) -> Matrix:
+    """(I − G)⁻¹, shape (n, n). Raises SingularOperator."""
     work.check_budget(INVERSE_COST * dense_cost(len(G)))
     with suppress(np.linalg.LinAlgError):
         return np.asarray(np.linalg.inv(np.eye(len(G)) - G), dtype=np.float64)

@@ -87,7 +87,7 @@ class FactorisedOperator(Operator):
     def __init__(self, X: sp.csr_array) -> None:
         X = sp.csr_array(X)
         work.check_budget(2.0 * least_factor_cost(X.shape[0], X.nnz))
-        # so that units do not look like singularity
+        # so that different units are not taken for singularity
         scaled, self._rows, self._columns = equilibrated(X)
         self._lu = factorise(scaled)
         if self._lu is not None:

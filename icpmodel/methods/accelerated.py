@@ -19,7 +19,7 @@ from .psor import PSOR
 
 #: an accelerated iterate may have this many times the least residual so far
 _MAX_GROWTH = 10.0
-#: beyond this it is not even shown, as it would be taken for divergence
+#: beyond this multiple it is not yielded, as the run would take it for divergence
 _MAX_ITERATE_RESIDUAL = 1e100
 #: accelerated steps that have to halve the least residual, and the plain ones that follow where they do not
 _ACCELERATED_STEPS = 100

@@ -61,12 +61,12 @@ class Enumerate(Method):
                 undecided.append(batch.sides[~batch.empty])
                 yield from batch.z[~batch.empty & np.isfinite(batch.z).all(axis=1)]
 
-        yield from linearised_in_turn(problem, z, candidates)
+        yield from successive_linearisations(problem, z, candidates)
         if problem.psi.linear is not None:
             yield from _exact_solutions(problem, np.concatenate(undecided))
 
 
-def linearised_in_turn(
+def successive_linearisations(
     problem: ProblemData, z: Vector, candidates: Callable[[Vector], Iterator[Vector]]
 ) -> Iterator[Iterate]:
     """Yield `z`, then the `candidates`, with their residuals.

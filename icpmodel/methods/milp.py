@@ -18,7 +18,7 @@ from ..numerics import work
 from ..numerics.arrays import Mask, Vector
 from ..problem.data import ProblemData
 from .contract import Iterate, Method, with_options
-from .enumeration import linearised_in_turn
+from .enumeration import successive_linearisations
 
 #: problems with more unknowns are refused
 MAX_UNKNOWNS = 150
@@ -74,7 +74,7 @@ class MixedInteger(Method):
         return None
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
-        return linearised_in_turn(problem, z, partial(_solutions, problem))
+        return successive_linearisations(problem, z, partial(_solutions, problem))
 
 
 def _solutions(problem: ProblemData, z: Vector) -> Iterator[Vector]:

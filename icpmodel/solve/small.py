@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..algebra.affine_lcp import MAX_PIVOTS_PER_ROW, PIVOT_UP_TO, inverse_of_slope
+from ..algebra.affine_lcp import MAX_PIVOTS_PER_ROW, PIVOT_UP_TO, inverse_of_I_minus_G
 from ..errors import SingularOperator
 from ..methods.shortcuts import Lemke
 from ..numerics import work
@@ -35,7 +35,7 @@ def solve_small(problem: ProblemData, limits: Limits) -> Solution | None:
     M, inverse = A, _NO_INVERSE
     try:
         if not psi.is_constant:
-            inverse = inverse_of_slope(G.toarray())
+            inverse = inverse_of_I_minus_G(G.toarray())
             with np.errstate(over="ignore", invalid="ignore"):
                 M = A @ inverse
     except SingularOperator:

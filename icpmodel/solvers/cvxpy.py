@@ -178,7 +178,7 @@ class CvxpyClarabel(_ThroughCvxpy):
 class CvxpyHighs(_ThroughCvxpy):
     """HiGHS's active-set QP solver through CVXPY, of n ≤ 1000.
 
-    It takes the gap first, where it is quicker and where no other solver looks when the energy applies. About one
+    It takes the gap first, where it is quicker, and which no other solver gets when the energy applies. About one
     problem in twenty, at any settings, it ends with "Solve error" as its own constraints are violated by 1e-6 to 1e-4
     (HiGHS 1.15.1); a report then says failed.
     """

@@ -164,9 +164,9 @@ def _(history: History) -> Drawing:
 
 
 def _residuals(history: History, ended: str, axes: Any) -> list[Any]:
-    above_0 = history.residual[history.residual > 0.0]
-    shown = [*above_0, history.tolerance] if history.tolerance > 0.0 else [*above_0]
-    zero = ZERO_SHARE * min(shown, default=1.0 / ZERO_SHARE)
+    positive = history.residual[history.residual > 0.0]
+    drawn = [*positive, history.tolerance] if history.tolerance > 0.0 else [*positive]
+    zero = ZERO_SHARE * min(drawn, default=1.0 / ZERO_SHARE)
     residuals = np.maximum(history.residual, zero)
     style = {"marker": "o", "markersize": 4} if residuals.size <= MAX_MARKED_POINTS else {}
     axes.plot(history.iteration, residuals, color=BLUE, linewidth=1.5, label="residual", **style)
