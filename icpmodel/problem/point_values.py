@@ -270,7 +270,8 @@ class PointValues(Displayable):
         """
         zero = np.zeros(self.n)
         p = self.offset(zero)
-        r, r_upper = (*(-psi.value(zero) for psi in sides_of(self.psi)), None)[:2]
+        r, *upper = (-psi.value(zero) for psi in sides_of(self.psi))
+        r_upper = upper[0] if upper else None
         residual = self.residual_of(p, r, r_upper)
         if self.f is not None and residual < 1.0:
             residual = max(residual, min(self.residual_of(p, r, r_upper, self.weights_at(zero, p)), 1.0))
