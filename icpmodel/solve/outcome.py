@@ -16,7 +16,10 @@ from ..problem.differences import misfit_of_derivative
 from ..problem.elementwise import Elementwise
 from ..problem.function import Function
 from ..problem.two_sided import sides_of
-from ..theory.certificates.contradiction import contradiction
+from ..theory.certificates.combination_rows import ZERO, CombinationRows
+from ..theory.certificates.contradiction import contradiction, multipliers
+from ..theory.certificates.infeasible import combination_text
+from ..theory.certificates.recession import Recession
 from .goal import Limits
 from .run import BestIterate, Run
 from .solution import History, Solution, Status
@@ -114,7 +117,10 @@ def _status_and_note(run: Run, best: BestIterate, limits: Limits) -> tuple[Statu
     except KeyboardInterrupt:
         return Status.INTERRUPTED, "by Ctrl-C"
     if conflict is None:
-        return status, note + (_derivative_note(run.problem, best.z) if status in _STALLED else "")
+        if status in _STALLED:
+            note += _derivative_note(run.problem, best.z)
+            note += _rounded_contradiction(run.problem) if may_contradict else ""
+        return status, note
     proof = run.infeasible if status is Status.INFEASIBLE and run.infeasible is not None else conflict.proof
     run.infeasible = replace(proof, reason=f"{proof.reason}; {conflict}")
     return Status.INFEASIBLE, run.infeasible.reason
@@ -131,6 +137,18 @@ def _derivative_note(problem: ProblemData, z: Vector) -> str:
             J = one.jacobian(z)
             if J is not None and (row := misfit_of_derivative(one.value, J, z)) is not None:
                 return f"; at this z {name}[{row}] does not change as its derivative says: check the derivative"
+    return ""
+
+
+def _rounded_contradiction(problem: ProblemData) -> str:
+    """Which rows contradict each other up to rounding, where obstacles are fixed; empty where none do."""
+    with contextlib.suppress(OutOfTime):
+        y = multipliers(problem) if problem.psi.is_constant else None
+        if y is not None and Recession(problem).misfit(y) < ZERO:
+            rows = CombinationRows.of(problem)
+            assert rows is not None
+            negative = combination_text(y, rows.name)
+            return f"; up to rounding there is no solution, as {negative} is negative between the obstacles"
     return ""
 
 

@@ -474,3 +474,17 @@ def test_obstacles_further_apart_than_floats_reach_cause_no_warning():
     with np.errstate(all="raise"):
         solution = icp.ICP([[0.0]], [1.0], psi=-1e308, upper=1e308).solve(max_iter=1, raise_on_failure=False)
     assert solution.status is icp.Status.ITERATION_LIMIT
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_contradiction_up_to_rounding_is_in_the_message(seed):
+    """A = I − yyᵀ has Ay = 0 but for rounding, and yᵀq < 0: a frame beyond its limit load."""
+    y = np.random.default_rng(seed).random(3) + 0.1
+    y /= np.linalg.norm(y)
+    solution = icp.ICP(np.eye(3) - np.outer(y, y), -np.ones(3)).solve("lemke", raise_on_failure=False)
+    assert solution.status is icp.Status.INFEASIBLE or "up to rounding there is no solution" in solution.message
+
+
+def test_no_contradiction_is_claimed_where_a_method_fails_by_itself():
+    problem = icp.ICP([[1, 0, 2], [2, 1, 0], [0, 2, 1]], [-1, -1, -1])
+    assert "up to rounding" not in problem.solve("mnmgs", raise_on_failure=False).message
