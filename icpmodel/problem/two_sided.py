@@ -269,7 +269,8 @@ def _one_side(value: Any, n: int, name: str, none: float) -> Map:
     if isinstance(value, str | type) or value is None:
         expected = "a number, a vector, a callable or one of icpmodel's maps"
         raise InputError(f"{name} is {described(value)}; {expected} was expected")
-    if isinstance(value, list | tuple) and len(value) == 2 and axes(value[0], name) == 2:
+    is_pair = isinstance(value, list | tuple) and len(value) == 2 and not isinstance(value[0], int | str)
+    if is_pair and axes(value[0], name) == 2:
         raise InputError(f"{name} is a matrix G and a vector c; Affine(G, c) was expected")
     vector = as_vector(value, n, name, infinite=none)
     bound = Constant.of_checked(vector)
