@@ -277,6 +277,12 @@ def seconds_left() -> float:
     return math.inf if budget is None else max(budget.end - clock(), 0.0)
 
 
+def inner_time_limit() -> float | None:
+    """The `time_limit` of a solve inside another one: `seconds_left`, None where nothing limits them."""
+    seconds = seconds_left()
+    return seconds if seconds < math.inf else None
+
+
 def steps_per_piece(nanoseconds: float) -> int:
     """How many steps of this cost, one at least, are a piece of a loop that asks `check_budget`, and may be
     interrupted, between its pieces."""

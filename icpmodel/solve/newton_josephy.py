@@ -15,9 +15,11 @@ from ..algebra.descent_directions import descent_directions
 from ..algebra.equations import Pattern, solve_on
 from ..algebra.secants import secant_problem, why_not_rows
 from ..errors import MapError, SingularOperator
+from ..methods.accelerated import Accelerated
 from ..methods.contract import REDUCTION, Iterate, LeastValue, Method, with_options
 from ..methods.milp import MAX_UNKNOWNS
 from ..methods.newton import NewtonPath, NewtonPoint
+from ..methods.psor import PSOR
 from ..methods.restarts import scale_of_starts, start_above
 from ..numerics import work
 from ..numerics.arrays import Vector, norm, not_finite
@@ -61,7 +63,8 @@ class NewtonJosephy(Method):
     share of its residual. Where rows are known to increase with their own unknowns, mean slopes take
     the place of f′ far from the solution: see `algebra.secants`. The merit function is that of
     `Newton`, the Fischer-Burmeister θ; the equations of the step must fall, too. A step that is too
-    long is followed by a second one by the same tangent, or made shorter. Where steps shrink by a
+    long is followed by a second one by the same tangent, or made shorter. Beyond 64 unknowns the
+    solution with the active set of z is tried first, unless sweeps suffice. Where steps shrink by a
     constant factor, as at a double root, their limit is tried before. Where none reduces θ, a proximal
     term μW(z⁺ − z) is added to the tangent, W its diagonal. Then a descent direction of θ is tried, and
     with few unknowns other starts. Fixed obstacles are never crossed, so that f need not have values
@@ -137,6 +140,8 @@ class _Search:
         self.weight = 0
         #: what solved a linear problem on which plain and accelerated sweeps were tried before
         self.first: Method | None = None
+        #: whether the last linear problem took more than sweeps or the pivots of few unknowns
+        self.tries_active_set = False
         self.psi_error: MapError | None = None
 
     def steps(self) -> Iterator[NewtonPoint]:
@@ -173,11 +178,17 @@ class _Search:
         return self.problem.linearised(z)
 
     def _solve_tangent(self, linear: ProblemData, z: Vector, tolerance: float) -> Vector | None:
-        """A solution of the `linear` problem to the `tolerance`, from `z`; None where there is none to be found."""
+        """A solution of the `linear` problem to the `tolerance`, from `z`; None where there is none to be found.
+
+        Once one took more than sweeps or pivots, the solution with the active set of z is tried first.
+        """
+        if self.tries_active_set:
+            near = self._on_active_set(linear, z)
+            if near is not None and linear.residual(near) <= tolerance:
+                return near
         start_residual = linear.residual(z)
         share = min(tolerance / start_residual, _MAX_FORCING) if start_residual > 0.0 else _MAX_FORCING
-        seconds = work.seconds_left()
-        limits = Limits(rtol=share, atol=0.0, max_iter=100_000, time_limit=seconds if seconds < np.inf else None)
+        limits = Limits(rtol=share, atol=0.0, max_iter=100_000, time_limit=work.inner_time_limit())
         run = Run(
             linear,
             z,
@@ -192,6 +203,8 @@ class _Search:
         run.presolved = None if fixed is linear else fixed
         for _ in ladder_steps(run, fixed, self.family, self.first):
             pass
+        sweeps = run.tried and isinstance(run.tried[-1].method, PSOR | Accelerated)
+        self.tries_active_set = self.family is None and linear.n > PIVOT_UP_TO and not sweeps
         if run.stop_reason.status is Status.SOLVED and len(run.tried) > _SWEEP_METHODS:
             self.first = run.tried[-1].method
         if run.is_refused and run.refusal is not None:
@@ -228,13 +241,16 @@ class _Search:
 
         For few unknowns: Lemke's pivots begin elsewhere, and may end at a solution that is far from z.
         """
-        if linear.n > PIVOT_UP_TO:
+        if linear.n > PIVOT_UP_TO or (z := self._on_active_set(linear, self.current.z)) is None:
             return None
-        pattern = Pattern.at(linear, self.current.z)
+        new = self.path.point(z)
+        return new if new and new.theta <= _MAX_FORCING * self.current.theta else None
+
+    def _on_active_set(self, linear: ProblemData, z: Vector) -> Vector | None:
+        """The solution of the equations of the `linear` problem with the active set of `z`, if there is one."""
+        pattern = Pattern.at(linear, z)
         with suppress(SingularOperator):
-            new = self.path.point(solve_on(linear, self.current.z, pattern.active, pattern.above))
-            if new and new.theta <= _MAX_FORCING * self.current.theta:
-                return new
+            return self.path.clip(solve_on(linear, z, pattern.active, pattern.above))
         return None
 
     def _trials(

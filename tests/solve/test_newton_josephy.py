@@ -497,3 +497,24 @@ def test_a_multiple_root_is_the_limit_of_steps_that_shrink_by_a_constant_factor(
     assert at_0.solve(z0=[1.0], max_iter=20).z[0] < 1e-8
     beside = ICP.nonlinear(lambda z: [(z[0] - 1) ** m, z[0] + z[1] - 3], psi=[0.0, -np.inf])
     assert beside.solve(z0=[2.0, 7.0], max_iter=20).z == pytest.approx([1.0, 2.0], abs=1e-7)
+
+
+def test_the_active_set_at_hand_spares_the_last_tangents_a_method(caplog):
+    """Entropy of 100 shares with given means: the rows without a diagonal rule sweeps out."""
+    random = np.random.default_rng(0)
+    n = 100
+    B = random.random((20, n))
+    A = np.block([[np.zeros((n, n)), -B.T], [B, np.zeros((20, 20))]])
+    q = np.append(random.normal(size=n), -B @ random.uniform(0.2, 1.0, n))
+
+    def f(z):
+        return np.append(np.log(np.maximum(z[:n], 1e-12)), np.zeros(20))
+
+    def slope(z):
+        return np.diag(np.append(1.0 / np.maximum(z[:n], 1e-12), np.zeros(20)))
+
+    problem = ICP(A, q, psi=np.repeat([1e-9, 0.0], [n, 20]), f=icp.Function(f, slope))
+    with caplog.at_level("INFO", "icpmodel"):
+        solution = problem.solve(z0=np.repeat([0.5, 0.0], [n, 20]))
+    tangents = [record for record in caplog.records if "begins" in record.getMessage()][1:]
+    assert len(tangents) < solution.iterations

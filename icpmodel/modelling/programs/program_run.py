@@ -146,9 +146,7 @@ class ProgramRun:
         return [*first, "interior", "proximal", *last, None]
 
     def _solve(self, problem: ICP, method: str | None, **options: Any) -> Solution:
-        seconds = work.seconds_left()
-        time_limit = seconds if seconds < np.inf else None
-        solution = problem.solve(method, time_limit=time_limit, raise_on_failure=False, **options)
+        solution = problem.solve(method, time_limit=work.inner_time_limit(), raise_on_failure=False, **options)
         if solution.status is Status.INTERRUPTED:
             raise KeyboardInterrupt
         self.iterations += solution.iterations
