@@ -114,12 +114,12 @@ def _status_and_note(run: Run, best: BestIterate, limits: Limits) -> tuple[Statu
     may_contradict = run.problem.f is None and status in (*_STALLED, Status.INFEASIBLE)
     try:
         conflict = contradiction(run.problem) if may_contradict else None
+        if conflict is None and status in _STALLED:
+            note += _derivative_note(run.problem, best.z)
+            note += _rounded_contradiction(run.problem) if may_contradict else ""
     except KeyboardInterrupt:
         return Status.INTERRUPTED, "by Ctrl-C"
     if conflict is None:
-        if status in _STALLED:
-            note += _derivative_note(run.problem, best.z)
-            note += _rounded_contradiction(run.problem) if may_contradict else ""
         return status, note
     proof = run.infeasible if status is Status.INFEASIBLE and run.infeasible is not None else conflict.proof
     run.infeasible = replace(proof, reason=f"{proof.reason}; {conflict}")

@@ -488,3 +488,15 @@ def test_a_contradiction_up_to_rounding_is_in_the_message(seed):
 def test_no_contradiction_is_claimed_where_a_method_fails_by_itself():
     problem = icp.ICP([[1, 0, 2], [2, 1, 0], [0, 2, 1]], [-1, -1, -1])
     assert "up to rounding" not in problem.solve("mnmgs", raise_on_failure=False).message
+
+
+def test_ctrl_c_in_the_check_of_a_stalled_run_keeps_the_iterate():
+    """The sweeps need no derivative: only the message asks for it."""
+
+    def interrupted(z):
+        raise KeyboardInterrupt
+
+    psi = icp.Function(np.zeros_like, interrupted, lipschitz=0.0)
+    solution = icp.ICP([[1, 0, 2], [2, 1, 0], [0, 2, 1]], [-1, -1, -1], psi).solve("mnmgs", raise_on_failure=False)
+    assert solution.status is icp.Status.INTERRUPTED
+    assert np.isfinite(solution.z).all()
