@@ -5,9 +5,10 @@ from functools import partial
 import numpy as np
 
 import icpmodel as icp
+from icpmodel.study.cases import uncached_copy
 from icpmodel.study.timing import time_calls, timer
 
-from .harness import compared, linear_solve, uncached_copy
+from .harness import compared, linear_solve
 
 
 def table(n=1_000_000, repeats=5):

@@ -8,12 +8,8 @@ import numpy as np
 import scipy.sparse as sp
 
 import icpmodel as icp
+from icpmodel.study.cases import uncached_copy
 from icpmodel.study.timing import time_calls, timer
-
-
-def uncached_copy(problem):
-    """The problem, of which nothing is known yet."""
-    return icp.ICP(problem.A, problem.q, problem.psi)
 
 
 def scene(text, n):

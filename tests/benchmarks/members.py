@@ -6,9 +6,10 @@ from functools import partial
 import numpy as np
 
 import icpmodel as icp
+from icpmodel.study.cases import uncached_copy
 from icpmodel.study.timing import time_calls, timer
 
-from .harness import run, scene, uncached_copy
+from .harness import run, scene
 
 #: Bai's two matrices without ψ, with an affine and with an elementwise one, hard and easy
 PROBLEMS = tuple(
