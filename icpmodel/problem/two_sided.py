@@ -270,7 +270,7 @@ def _one_side(value: Any, n: int, name: str, none: float) -> Map:
         expected = "a number, a vector, a callable or one of icpmodel's maps"
         raise InputError(f"{name} is {described(value)}; {expected} was expected")
     is_pair = isinstance(value, list | tuple) and len(value) == 2 and not isinstance(value[0], int | str)
-    if is_pair and axes(value[0], name) == 2:
+    if is_pair and axes(value[0], f"{name}[0]") == 2:
         raise InputError(f"{name} is a matrix G and a vector c; Affine(G, c) was expected")
     vector = as_vector(value, n, name, infinite=none)
     bound = Constant.of_checked(vector)

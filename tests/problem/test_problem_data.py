@@ -204,6 +204,7 @@ _ALONE = "one of {} alone was expected"
         (lambda: icp.ICP([[1.0]], [1.0], lower=0), _LOWER),
         (lambda: icp.solve_many([[1.0]], [[1.0]], ub=0), _OBSTACLES),
         (lambda: icp.load_problem("A.npy", lower=0), _LOWER),
+        (lambda: icp.ICP([[1.0]], [1.0], psi=[None, 1.0]), r"psi\[0\] is None; real numbers were"),
         (lambda: icp.ICP([[1.0]], [1.0], psi=([[0.5]], [1.0])), r"psi is a matrix G and .*; Affine\(G, c\) was"),
         (lambda: icp.ICP([[1.0]], [1.0], upper=(sp.eye_array(1), 1.0)), r"upper is a matrix G .*; Affine\(G, c\) was"),
         (lambda: icp.complements(1), "complements was not given r; it takes p, r, lower, upper"),
