@@ -27,7 +27,7 @@ _blas_users = 0
 _blas_limiter: Any = None
 
 
-def _begin_anew() -> None:
+def _reset_after_fork() -> None:
     """In a fork nobody holds the lock, and BLAS has its own threads: those who asked for one are not there."""
     global _BLAS_LOCK, _blas_users
     _BLAS_LOCK = Lock()
@@ -37,7 +37,7 @@ def _begin_anew() -> None:
 
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_begin_anew)
+    os.register_at_fork(after_in_child=_reset_after_fork)
 
 
 def cores() -> int:

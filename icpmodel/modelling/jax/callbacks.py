@@ -70,7 +70,7 @@ def _in_float64(thread: list[int], call: Callable[..., Any], *arguments: Any) ->
         thread.clear()
 
 
-def _begin_anew() -> None:
+def _renew_threads() -> None:
     """Threads do not survive a fork."""
     if worker_threads.cache_info().currsize:
         worker_threads.cache_clear()
@@ -78,7 +78,7 @@ def _begin_anew() -> None:
 
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_begin_anew)
+    os.register_at_fork(after_in_child=_renew_threads)
 
 
 class LastDerivative:
