@@ -113,7 +113,8 @@ def test_nonnegative_least_squares_are_never_worse_than_those_of_scipy(rng):
     x, rnorm = icp.solve_nnls(B, c)
     assert (x >= 0).all()
     assert rnorm == pytest.approx(np.linalg.norm(B @ x - c))
-    assert rnorm <= nnls(B, c, maxiter=1000)[1] + 1e-9
+    # SciPy 1.15 may state the norm of another x
+    assert rnorm <= np.linalg.norm(B @ nnls(B, c, maxiter=1000)[0] - c) + 1e-9
 
 
 @pytest.mark.parametrize(("rows", "columns", "seed"), [(200, 60, 0), (150, 120, 2), (300, 150, 3)])
