@@ -196,9 +196,9 @@ class InteriorPath:
 
     def _distances(self) -> Vector:
         """z − ψ(z), and ψ̄(z) − z, in the rows of r and s."""
-        _, _, below, above = self.point
-        distances = below[self.sides[0]]
-        return distances if above is None else np.concatenate([distances, -above[self.sides[1]]])
+        _, _, r, r_upper = self.point
+        distances = r[self.sides[0]]
+        return distances if r_upper is None else np.concatenate([distances, -r_upper[self.sides[1]]])
 
     def _distance_change(self, dz: Vector) -> Vector:
         """The change of the distances from the obstacles along `dz`."""
@@ -213,8 +213,8 @@ class InteriorPath:
 
         Where z grows, neither need be: it is on the way to large multipliers, or there is no solution.
         """
-        _, p, below, above = self.point
-        residual = balanced_residual(self.root, p, below, above)
+        _, p, r, r_upper = self.point
+        residual = balanced_residual(self.root, p, r, r_upper)
         infeasibility = norm(np.concatenate([self.dual_residual / self.root, self.root[self.rows] * self.gap]))
         size = norm(self.root * self.z)
         growth = self.inverse_sizes.add(1.0 / size if size else np.inf)
@@ -232,8 +232,8 @@ class InteriorPath:
     @np.errstate(all="ignore")
     def step_by_signs(self) -> Vector | None:
         """z after a step with the signs of the modulus at z, None where its equations are not solved."""
-        z, p, below, above = self.point
-        pattern = Pattern.of(below, above, p / self.weights)
+        z, p, r, r_upper = self.point
+        pattern = Pattern.of(r, r_upper, p / self.weights)
         with suppress(MapError):
             step = self.steps.step(z, p, pattern, z, MIN_REGULARISATION * self.weights)
             if step is not None and np.isfinite(step[1]).all():

@@ -476,13 +476,17 @@ def test_obstacles_further_apart_than_floats_reach_cause_no_warning():
     assert solution.status is icp.Status.ITERATION_LIMIT
 
 
-@pytest.mark.parametrize("seed", range(6))
-def test_a_contradiction_up_to_rounding_is_in_the_message(seed):
+def test_a_contradiction_up_to_rounding_is_in_the_message():
     """A = I − yyᵀ has Ay = 0 but for rounding, and yᵀq < 0: a frame beyond its limit load."""
-    y = np.random.default_rng(seed).random(3) + 0.1
-    y /= np.linalg.norm(y)
-    solution = icp.ICP(np.eye(3) - np.outer(y, y), -np.ones(3)).solve("lemke", raise_on_failure=False)
-    assert solution.status is icp.Status.INFEASIBLE or "up to rounding there is no solution" in solution.message
+    stalled = 0
+    for seed in range(12):
+        y = np.random.default_rng(seed).random(3) + 0.1
+        y /= np.linalg.norm(y)
+        solution = icp.ICP(np.eye(3) - np.outer(y, y), -np.ones(3)).solve("lemke", raise_on_failure=False)
+        if solution.status is not icp.Status.INFEASIBLE:
+            stalled += 1
+            assert "up to rounding there is no solution" in solution.message
+    assert stalled
 
 
 def test_no_contradiction_is_claimed_where_a_method_fails_by_itself():

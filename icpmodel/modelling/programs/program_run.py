@@ -255,7 +255,7 @@ class ProgramRun:
 
     def pattern_at(self, z: Vector) -> Pattern:
         """The active set at the iterate `z`."""
-        return Pattern.at(self.problem, z, self.problem.p(z), np.ones(z.size))
+        return Pattern.at(self.problem, z, omega=np.ones(z.size))
 
     def polish(self, z: Vector, pattern: Pattern) -> None:
         """Newton steps from `z` with one active set, of the equations and a small multiple of W."""
