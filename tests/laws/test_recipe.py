@@ -26,7 +26,7 @@ def said():
 
 def conda_name(requirement):
     """A requirement of PyPI as conda-forge writes it: "name >=version"."""
-    name, at_least = re.fullmatch(r"([\w-]+)(>=[\d.]+)", requirement).groups()
+    name, at_least = re.fullmatch(r"([\w-]+)(>=[\w.]+)", requirement).groups()
     return f"{CALLED.get(name, name)} {at_least}"
 
 
