@@ -73,6 +73,7 @@ def solved_and_judged(drawn, asked, seen, exact_of):
     try:
         answer, late = solved()
         if late:  # again, now that all loops are compiled
+            path.clear()
             answer, late = solved()
     except icp.IcpError:
         return None
