@@ -22,7 +22,7 @@ from .combination_rows import ZERO, CombinationRows
 Combination = dict[int, Fraction]
 
 #: the largest denominator that is tried first: the rays of problems in small whole numbers have none above it
-_FIRST_DENOMINATOR = 1000
+FIRST_DENOMINATOR = 1000
 #: after so many steps of a continued fraction denominators are larger
 _FRACTION_STEPS = 16
 #: nanoseconds for an entry of A in fractions, by cProfile; how many are too many
@@ -71,14 +71,14 @@ def _simple_fractions(x: Vector) -> tuple[Vector, Vector]:
             inverse = 1.0 / rest
             whole = np.floor(inverse)
             next_q = whole * q + last_q
-            goes_on = next_q <= _FIRST_DENOMINATOR
+            goes_on = next_q <= FIRST_DENOMINATOR
             rest = np.where(goes_on, inverse - whole, 0.0)
         next_p = np.where(goes_on, whole, 0.0) * p + last_p
         last_p = np.where(goes_on, p, last_p)
         p = np.where(goes_on, next_p, p)
         last_q = np.where(goes_on, q, last_q)
         q = np.where(goes_on, next_q, q)
-    count = np.floor((_FIRST_DENOMINATOR - last_q) / q)
+    count = np.floor((FIRST_DENOMINATOR - last_q) / q)
     other_p = last_p + count * p
     other_q = last_q + count * q
     is_nearer = np.abs(other_p / other_q - x) < np.abs(p / q - x)
