@@ -364,3 +364,10 @@ def test_constants_that_psi_contradicts_are_not_believed():
     ]
     assert runs[0].iterations == runs[1].iterations
     assert np.array_equal(runs[0].z, runs[1].z)
+
+
+def test_a_solved_part_is_no_end_of_the_whole():
+    """Where the other parts fail the run goes on, to the search."""
+    rng = np.random.default_rng(255)
+    A = rng.integers(1, 9, (15, 15)) * (rng.random((15, 15)) < 0.15)
+    assert icp.ICP(A, rng.integers(-9, 9, 15)).solve().solved
