@@ -14,7 +14,9 @@ from ..algebra.equations import solve_on
 from ..errors import MapError, SingularOperator
 from ..numerics.arrays import Vector, as_number, largest_size
 from ..problem.data import ProblemData
-from .contract import Iterate, Method, with_options
+from ..theory.certificates.contradiction import multipliers
+from ..theory.certificates.infeasible import infeasible
+from .contract import Infeasible, Iterate, Method, with_options
 from .newton import Newton
 from .shortcuts import Lemke
 
@@ -49,6 +51,9 @@ class Restarts(Method):
     Where the obstacle is neither affine nor fixed there are no pivots. Newton's starts are z = ψ + s|x| with x normal,
     half of its entries 0, and s the largest entry of D⁻¹q, ψ and z⁰. The iterates are those that have a smaller
     residual than all before.
+
+    After the last try the y of a linear program is tried as a proof that p ≥ 0 and r ≥ 0 contradict each other. If it
+    is one, `Infeasible` is raised.
 
     References
     ----------
@@ -87,6 +92,10 @@ class Restarts(Method):
             if residual < best:
                 best = residual
                 yield candidate, residual
+        if (y := multipliers(problem)) is not None:
+            answer = infeasible(problem, y)
+            if answer.holds:
+                raise Infeasible(answer)
 
     def _candidates(self, problem: ProblemData, z: Vector) -> Iterator[tuple[Vector, float]]:
         """The candidates of all tries, with their residuals."""

@@ -22,7 +22,6 @@ from ..numerics import work
 from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
 from ..problem.map import Map
-from ..theory.certificates.contradiction import multipliers
 from ..theory.certificates.infeasible import infeasible
 from .contract import Infeasible, Iterate, Method, why_not_diagonal, with_options
 
@@ -62,9 +61,8 @@ class Lemke(Shortcut):
     refined, for q itself.
 
     **What it solves.** It finds a solution where A is a P-matrix, or all rows have two fixed obstacles. Where A is
-    positive semidefinite (copositive-plus) it finds one if there is any. Otherwise it may end in a ray. The ray, and
-    the y of a linear program, are tried as proofs that p ≥ 0 and r ≥ 0 contradict each other. If one is, it raises
-    `Infeasible`, else it stands still.
+    positive semidefinite (copositive-plus) it finds one if there is any. Otherwise it may end in a ray, which is tried
+    as a proof that p ≥ 0 and r ≥ 0 contradict each other. If it is one, `Infeasible` is raised, else z stands still.
 
     References
     ----------
@@ -103,7 +101,9 @@ class Lemke(Shortcut):
                     z = solve_on(problem, lcp.z(y), *lcp.active_rows(y))
                     yield z, None
             elif ended != UNFINISHED or first != START:
-                _raise_if_infeasible(problem, ray[: problem.n])
+                answer = infeasible(problem, ray[: problem.n])
+                if answer.holds:
+                    raise Infeasible(answer)
             basic = state[8][0, :rows]
             left_out = lcp.without_obstacle[basic[basic < rows]].any()
             if ended != SINGULAR and (ended, first) != (UNFINISHED, START) and not left_out:
@@ -246,15 +246,6 @@ class Tridiagonal(Shortcut):
         for _ in range(_REFINEMENTS if ended == SETTLED else 0):
             z = refine(*matrix, q, free, z)
             yield z, None
-
-
-def _raise_if_infeasible(problem: ProblemData, ray: Vector) -> None:
-    """Raise Infeasible where `ray` proves that p ≥ 0 and r ≥ 0 contradict each other, or the y of a linear program."""
-    answer = infeasible(problem, ray)
-    if not answer.holds and (y := multipliers(problem)) is not None:
-        answer = infeasible(problem, y)
-    if answer.holds:
-        raise Infeasible(answer)
 
 
 def _shorten_step(problem: ProblemData, z: Vector, step: Vector, residual: float) -> tuple[Vector, float] | None:

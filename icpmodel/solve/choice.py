@@ -55,14 +55,14 @@ def select_method(
     What one method solves at once goes to it:
 
     1. At most 64 unknowns: `Lemke` where ψ is affine, or every ψ_i depends on z_i alone and changes by less. Where it
-       ends in a ray, ten `Restarts` of it follow, and `Enumerate` up to 2¹⁴ choices of active rows. Else `Josephy`,
-       where ψ has a derivative.
+       ends in a ray, ten `Restarts` of it follow, and `Enumerate` up to 2¹⁴ choices of active rows. What they leave is
+       for a global search. Else `Josephy`, where ψ has a derivative.
     2. A tridiagonal, and every ψ_i fixed, or dependent on z_i alone and changing by less: `Tridiagonal`.
 
     With a z0 the problem counts as one of a sequence with the same A, which keeps the hierarchy of `Multilevel`. Where
     `Multilevel` without the hierarchy is expected to cost less than any other method could, it begins.
     Without a z0 `Lemke` begins where it is expected to cost no more than sweeps, and than their trial in rung 3.
-    The ladder below follows where one of these ends, or has spent twice that.
+    The ladder below follows where `Josephy`, `Tridiagonal` or one of these ends, or has spent twice its estimate.
 
     Rows without any obstacle are equations. They are eliminated where at most √nnz rows have an obstacle, ψ is fixed,
     and that is expected to cost less than sweeps, `Multilevel` or `Lemke`: a factorisation of A and the calls of two
@@ -256,6 +256,8 @@ class Ladder:
                 why = "A is tridiagonal" if methods == rules[-1] else f"n = {problem.n} is small"
                 self.early = [Job(Choice(method, why)) for method in methods if not method.why_not(problem)]
                 self.jobs += self.early
+                if isinstance(methods[0], Lemke) and problem.psi.linear is not None:
+                    self.rungs = [self._pause]
                 break
             _LOG.debug("%r is left out: %s", methods[0], why_not)
 

@@ -6,7 +6,10 @@ import logging
 from collections.abc import Callable, Iterator
 
 from ..methods.enumeration import Enumerate
+from ..methods.interior import Interior
 from ..methods.milp import MAX_UNKNOWNS, MixedInteger
+from ..methods.newton import Newton
+from ..methods.proximal import Proximal
 from ..methods.restarts import Restarts
 from ..numerics import work
 from .jobs import MethodSequence
@@ -23,8 +26,9 @@ def search(run: Run, run_methods: Callable[[Run, Iterator[None]], None]) -> None
     """Go on where all methods of `run` failed, with a problem of up to `MAX_UNKNOWNS` unknowns.
 
     In turn: `Enumerate`, which settles what has few active sets in less time than anything else takes; each method that
-    began elsewhere, or has spent twice its estimate, now from z⁰; `Restarts`; and `MixedInteger`. Where nothing is
-    found `run` ends as it did before, and its note says what was tried.
+    began elsewhere, or has spent twice its estimate, now from z⁰; `Restarts`; `Newton`, `Proximal` and `Interior`, if
+    they have not run; and `MixedInteger`. Where nothing is found `run` ends as it did before, and its note says what
+    was tried.
     """
     before = run.stop_reason
     if run.best is None or before.status not in WORTH_ANOTHER_METHOD or run.problem.n > MAX_UNKNOWNS:
@@ -35,7 +39,9 @@ def search(run: Run, run_methods: Callable[[Run, Iterator[None]], None]) -> None
     limit = f"a search of at most {seconds:.3g} s" + ("" if limited else " (no time_limit was given)")
     why = f"the methods before it {before.status.value}; {limit}"
     again = [one.method for one in run.tried if not (one.is_fresh and one.outcome)]
-    methods = [one for one in (Enumerate(), *again, Restarts(), MixedInteger()) if one.why_not(run.problem) is None]
+    new = [one for one in (Newton(), Proximal(), Interior()) if one not in (job.method for job in run.tried)]
+    methods = [Enumerate(), *again, Restarts(), *new, MixedInteger()]
+    methods = [one for one in methods if one.why_not(run.problem) is None]
     _LOG.info("n = %d: %s begins: %s", run.problem.n, limit, ", ".join(map(repr, methods)))
     run.restart = run.start
     with work.work_limit(seconds):
