@@ -17,14 +17,17 @@ from ..algebra.secants import secant_problem, why_not_rows
 from ..errors import MapError, SingularOperator
 from ..methods.accelerated import Accelerated
 from ..methods.contract import REDUCTION, Iterate, LeastValue, Method, with_options
+from ..methods.enumeration import Enumerate
 from ..methods.milp import MAX_UNKNOWNS
 from ..methods.newton import NewtonPath, NewtonPoint
 from ..methods.psor import PSOR
 from ..methods.restarts import scale_of_starts, start_above
+from ..methods.shortcuts import Lemke
 from ..numerics import work
 from ..numerics.arrays import Vector, norm, not_finite
 from ..problem.data import ProblemData
 from .goal import Goal, Limits
+from .jobs import MethodSequence
 from .reduction import ladder_steps, presolve
 from .run import Run
 from .solution import Status
@@ -60,16 +63,17 @@ class NewtonJosephy(Method):
     Notes
     -----
     The tangent problem has A + f′(z), q + f(z) − f′(z)z and the same ψ. `solve` solves it from z to a
-    share of its residual. Where rows are known to increase with their own unknowns, mean slopes take
-    the place of f′ far from the solution: see `algebra.secants`. The merit function is that of
-    `Newton`, the Fischer-Burmeister θ; the equations of the step must fall, too. A step that is too
-    long is followed by a second one by the same tangent, or made shorter. Beyond 64 unknowns the
-    solution with the active set of z is tried first, unless sweeps suffice. Where steps shrink by a
-    constant factor, as at a double root, their limit is tried before. Where none reduces θ, a proximal
-    term μW(z⁺ − z) is added to the tangent, W its diagonal. Then a descent direction of θ is tried, and
-    with few unknowns other starts. Fixed obstacles are never crossed, so that f need not have values
-    beyond them. An iteration is one step, whatever its inner solves take. The convergence is quadratic
-    at a strongly regular solution.
+    share of its residual, but does not search: up to 64 unknowns it takes `Lemke` and `Enumerate`
+    alone. Where rows are known to increase with their own unknowns, mean slopes take the place of f′
+    far from the solution: see `algebra.secants`. The merit function is that of `Newton`, the
+    Fischer-Burmeister θ; the equations of the step must fall, too. A step that is too long is followed
+    by a second one by the same tangent, or made shorter. Beyond 64 unknowns the solution with the
+    active set of z is tried first, unless sweeps suffice. Where steps shrink by a constant factor, as
+    at a double root, their limit is tried before. Where none reduces θ, a proximal term μW(z⁺ − z) is
+    added to the tangent, W its diagonal. Then a descent direction of θ is tried, and with few unknowns
+    other starts. Fixed obstacles are never crossed, so that f need not have values beyond them. An
+    iteration is one step, whatever its inner solves take. The convergence is quadratic at a strongly
+    regular solution.
 
     References
     ----------
@@ -201,7 +205,7 @@ class _Search:
         )
         fixed = presolve(linear)
         run.presolved = None if fixed is linear else fixed
-        for _ in ladder_steps(run, fixed, self.family, self.first):
+        for _ in self._steps(run, fixed):
             pass
         sweeps = run.tried and isinstance(run.tried[-1].method, PSOR | Accelerated)
         self.tries_active_set = self.family is None and linear.n > PIVOT_UP_TO and not sweeps
@@ -213,6 +217,13 @@ class _Search:
         if best is None or run.infeasible is not None or not best.residual < start_residual:
             return None
         return self.path.clip(best.z)
+
+    def _steps(self, run: Run, linear: ProblemData) -> Iterator[None]:
+        """The steps of `run`; with few unknowns those of pivots alone: where they fail, other tangents are cheaper."""
+        if linear.n > PIVOT_UP_TO or linear.psi.linear is None or self.family is not None:
+            return ladder_steps(run, linear, self.family, self.first)
+        methods = [method for method in (Lemke(), Enumerate()) if method.why_not(linear) is None]
+        return run.steps(MethodSequence(*methods))
 
     def _on_line(self, linear: ProblemData, W: Vector) -> NewtonPoint | None:
         """The first point to which a step leads at which θ is small enough, and the equations of the step nearer to 0.
