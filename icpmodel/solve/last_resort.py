@@ -25,10 +25,10 @@ DEFAULT_SECONDS = 10.0
 def search(run: Run, run_methods: Callable[[Run, Iterator[None]], None]) -> None:
     """Go on where all methods of `run` failed, with a problem of up to `MAX_UNKNOWNS` unknowns.
 
-    In turn: `Enumerate`, which settles what has few active sets in less time than anything else takes; each method that
-    began elsewhere, or has spent twice its estimate, now from z⁰; `Restarts`; `Newton`, `Proximal` and `Interior`, if
-    they have not run; and `MixedInteger`. Where nothing is found `run` ends as it did before, and its note says what
-    was tried.
+    First comes `Enumerate`, which settles what has few active sets in less time than anything else takes. Each method
+    that began elsewhere, or has spent twice its estimate, begins again from z⁰. Then come `Restarts`, those of
+    `Newton`, `Proximal` and `Interior` that have not run, and `MixedInteger`. Where nothing is found `run` ends as it
+    did before, and its note says what was tried.
     """
     before = run.stop_reason
     if run.best is None or before.status not in WORTH_ANOTHER_METHOD or run.problem.n > MAX_UNKNOWNS:

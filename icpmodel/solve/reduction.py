@@ -26,7 +26,7 @@ import numpy as np
 from ..algebra.redundant import without_redundant_rows
 from ..algebra.schur import SchurComplement
 from ..algebra.subproblems import Blocks, Rows, blocks, restricted, with_fixed_obstacle
-from ..errors import MapError
+from ..errors import MapError, OutOfTime
 from ..methods.contract import Infeasible, Method
 from ..methods.psor import PSOR
 from ..methods.shortcuts import Lemke
@@ -40,7 +40,7 @@ from .goal import Goal
 from .jobs import Choice, Job
 from .run import Run
 from .solution import Status
-from .stopping import StopReason
+from .stopping import WORTH_ANOTHER_METHOD, StopReason
 
 _LOG = logging.getLogger("icpmodel")
 #: a part with more than this share of the rows is no smaller problem
@@ -145,6 +145,8 @@ class _Parts:
     def _join(self) -> None:
         """Judge z as an answer of the whole problem."""
         run = self.run
+        if (end := self.job.stop_reason) and end.status not in WORTH_ANOTHER_METHOD:
+            self.job.stop_reason = None  # that a part is solved, or has no solution, is no end of the whole
         run.job = self.job
         run.path = iter(())
         run.tried.append(self.job)
@@ -256,8 +258,9 @@ class _Parts:
         y = np.zeros((len(witness), problem.n))
         y[:, rows] = witness
         answer = infeasible(problem, y.ravel())
-        if answer.holds is None and (known := proved_of_earlier(problem, rows, self.z)):
-            answer = infeasible(problem, y.ravel(), known)
+        with suppress(OutOfTime):
+            if answer.holds is None and (known := proved_of_earlier(problem, rows, self.z)):
+                answer = infeasible(problem, y.ravel(), known)
         if answer.holds:
             raise Infeasible(answer)
 

@@ -169,10 +169,9 @@ class Run:
             self.stop_reason = self.refusal.stop_reason
             if self.refusal.job is not None:
                 self.job = self.refusal.job
-        # how others ended says nothing of this iterate, nor does that a part of it is solved
-        elif self.best is not None and (end := self.best.job.stop_reason) and end.status is not Status.SOLVED:
+        elif self.best is not None and self.best.job.stop_reason:  # how others ended says nothing of this iterate
             self.job = self.best.job
-            self.stop_reason = end
+            self.stop_reason = self.best.job.stop_reason
 
     def _next_job(self, ladder: Ladder | MethodSequence) -> Job | None:
         """The next job; None if none is left, or if choosing one would exceed the limits."""

@@ -371,3 +371,11 @@ def test_a_solved_part_is_no_end_of_the_whole():
     rng = np.random.default_rng(255)
     A = rng.integers(1, 9, (15, 15)) * (rng.random((15, 15)) < 0.15)
     assert icp.ICP(A, rng.integers(-9, 9, 15)).solve().solved
+
+
+def test_an_infeasible_part_is_no_proof_where_the_values_of_others_are_unknown():
+    """z = (0, 4e317, -1, -4000), a solution beyond the floats: row 3 is infeasible for all z_1 that are none."""
+    t = 1e-317
+    A = [[1e5 * t, 2 * t, t, 0], [-1e5 * t, -t, -4 * t, 0], [2e5 * t, 3 * t, 2 * t, 0], [1e5 * t, 2 * t, -3 * t, 0]]
+    problem = icp.ICP(A, [4.0, 4.0, 1.0, -2.0], [0.0, 2.0, -1.0, -4000.0])
+    assert problem.solve(raise_on_failure=False).status is icp.Status.STAGNATED
