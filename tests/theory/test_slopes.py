@@ -123,3 +123,9 @@ def test_a_better_point_makes_the_bound_sharp_where_p_is_nonlinear(matrix):
     assert (error <= bound.componentwise).all()
     assert bound.value <= 1.01 * error.max()
     assert error_bound(problem, z, sharp=False).value > 100 * error.max()
+
+
+def test_why_there_is_no_bound_names_the_matrix_with_the_slopes():
+    falls = icp.Elementwise(lambda z: -np.tanh(z), slope_range=(-1, 0))
+    reasons = str(icp.error_bound(ICP([[2.0, 0.0], [0.0, 0.5]], [-1.0, -1.0], f=falls), np.zeros(2)))
+    assert "with the least slopes of f added to its diagonal, A is not an H+-matrix: A[1, 1] = -0.5" in reasons

@@ -69,18 +69,21 @@ def proofs_by_slopes(problem: ProblemData) -> Iterator[Proof | str]:
         yield f"p is nonlinear, and the slopes of f are not known{advice}"
         return
     matrix = problem.matrix
+    added = ""
     if bounds[0].any():
         A, diagonal = problem.A.copy(), problem.A.diagonal()
         # rounded down, so that a_ii + m_i is no larger than it is
         A.setdiag(np.nextafter(diagonal + bounds[0], -np.inf))
         matrix = Matrix(A)
-    yield prove_h_plus(matrix, problem.psi)
+        added = "with the least slopes of f added to its diagonal, "
+    h_plus = prove_h_plus(matrix, problem.psi)
+    yield added + h_plus if isinstance(h_plus, str) else h_plus
     if not problem.psi.is_constant:
         yield "where the obstacles move, strong monotonicity of a nonlinear p proves nothing"
         return
     definite = prove_definite(matrix, problem.psi)
     yield (
-        definite
+        added + definite
         if isinstance(definite, str)
         else MonotoneProof(f"p is strongly monotone: {definite.sentence}", definite)
     )
