@@ -138,3 +138,9 @@ def test_an_exact_combination_is_found_in_any_units_unless_its_time_ends(unit):
     cost = work.counter() - begun
     with work.work_limit(nanoseconds=cost):  # it begins, and nothing is left
         assert infeasible(problem, y).holds is None
+
+
+def test_many_conditions_are_counted_not_listed():
+    conflict = icp.contradiction(ICP(np.eye(70) * 2 - 0.1, -np.ones(70)))
+    assert len(conflict.conditions) == 71
+    assert str(conflict).endswith("p[16] >= 0 and 63 more")

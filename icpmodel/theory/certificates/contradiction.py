@@ -35,6 +35,8 @@ _MAX_ENTRIES = 100_000
 #: nanoseconds of an iteration of the simplex method, per entry and row (3 to 15 were measured with HiGHS, n = 100 to
 #: 10 000)
 _ITERATION_COST = 5.0
+#: conditions that fit in a sentence
+_MAX_SHOWN = 8
 #: the distance of the columns of Mᵀy from 0, where Σ|y| = 1: far above rounding, and above HiGHS's tolerance
 _MARGIN = 1e-8
 
@@ -74,7 +76,9 @@ class Contradiction(ReadOnly, Displayable):
 
     def __str__(self) -> str:
         how = "infeasible by its obstacles alone" if self.violation == np.inf else f"infeasible by {self.violation:.3g}"
-        return f"{how}: {', '.join(self.conditions)}"
+        rest = len(self.conditions) - _MAX_SHOWN
+        more = f" and {rest} more" if rest > 0 else ""
+        return f"{how}: {', '.join(self.conditions[:_MAX_SHOWN])}{more}"
 
     def named(self, name: Callable[[int], str]) -> Contradiction:
         """The same contradiction with names of rows in place of their numbers.
