@@ -26,9 +26,9 @@ def search(run: Run, run_methods: Callable[[Run, Iterator[None]], None]) -> None
     """Go on where all methods of `run` failed, with a problem of up to `MAX_UNKNOWNS` unknowns.
 
     First comes `Enumerate`, which settles what has few active sets in less time than anything else takes. Each method
-    that began elsewhere, or has spent twice its estimate, begins again from z⁰. Then come `Restarts`, those of
-    `Newton`, `Proximal` and `Interior` that have not run, and `MixedInteger`. Where nothing is found `run` ends as it
-    did before, and its note says what was tried.
+    that began elsewhere, or has spent twice its estimate, begins again from z⁰. Then come `Restarts`, `Newton`,
+    `Proximal`, `Interior` and `MixedInteger`. None runs twice from z⁰. Where nothing is found `run` ends as it did
+    before, and its note says what was tried.
     """
     before = run.stop_reason
     if run.best is None or before.status not in WORTH_ANOTHER_METHOD or run.problem.n > MAX_UNKNOWNS:
@@ -38,10 +38,11 @@ def search(run: Run, run_methods: Callable[[Run, Iterator[None]], None]) -> None
     seconds = work.seconds_left() if limited else DEFAULT_SECONDS
     limit = f"a search of at most {seconds:.3g} s" + ("" if limited else " (no time_limit was given)")
     why = f"the methods before it {before.status.value}; {limit}"
-    again = [one.method for one in run.tried if not (one.is_fresh and one.outcome)]
-    new = [one for one in (Newton(), Proximal(), Interior()) if one not in (job.method for job in run.tried)]
-    methods = [Enumerate(), *again, Restarts(), *new, MixedInteger()]
-    methods = [one for one in methods if one.why_not(run.problem) is None]
+    done = {repr(job.method) for job in run.tried if job.is_fresh and job.outcome}
+    tried = (job.method for job in run.tried)
+    listed = (Enumerate(), *tried, Restarts(), Newton(), Proximal(), Interior(), MixedInteger())
+    by_name = {repr(one): one for one in listed}
+    methods = [one for name, one in by_name.items() if name not in done and one.why_not(run.problem) is None]
     _LOG.info("n = %d: %s begins: %s", run.problem.n, limit, ", ".join(map(repr, methods)))
     run.restart = run.start
     with work.work_limit(seconds):

@@ -150,6 +150,7 @@ class _Parts:
         run.job = self.job
         run.path = iter(())
         run.tried.append(self.job)
+        self.job.is_fresh = False  # it began with another problem
         if not np.isfinite(self.z).all():  # a block has overflowed
             self.z = run.start
         run.current = self.z
