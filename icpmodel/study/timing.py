@@ -9,10 +9,6 @@ from collections.abc import Callable, Hashable, Iterator, Mapping
 from datetime import date
 from typing import Any, TypeVar
 
-import numpy as np
-
-from ..numerics.arrays import Vector
-
 Name = TypeVar("Name", bound=Hashable)
 Run = TypeVar("Run")
 
@@ -46,16 +42,6 @@ def run_interleaved(
         for name in names[first:] + names[:first]:
             if name in calls:
                 yield name, calls[name]()
-
-
-def time_calls(calls: Mapping[Name, Callable[[], float]], rounds: int, warm: bool = True) -> dict[Name, Vector]:
-    """The seconds of the `calls`, which return them, one for each round; if `warm` after a first run, which compiles
-    and takes fresh memory."""
-    if warm:
-        for call in calls.values():
-            call()
-    runs = list(run_interleaved(calls, rounds))
-    return {name: np.array([seconds for one, seconds in runs if one == name]) for name in calls}
 
 
 def machine() -> str:

@@ -6,9 +6,9 @@ import numpy as np
 
 import icpmodel as icp
 from icpmodel.study.cases import uncached_copy
-from icpmodel.study.timing import time_calls, timer
+from icpmodel.study.timing import timer
 
-from .harness import compared, linear_solve
+from .harness import compared, linear_solve, time_calls
 
 
 def table(n=1_000_000, repeats=5):

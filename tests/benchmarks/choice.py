@@ -6,10 +6,9 @@ import numpy as np
 
 import icpmodel as icp
 from icpmodel.solvers import Target, ask, foreign_solvers
-from icpmodel.study.timing import time_calls
 
 from .families import drawn_sizes, family_names, problem_of
-from .harness import compared, relaxed, run, scene
+from .harness import compared, relaxed, run, scene, time_calls
 
 #: a proximal and an interior point method, operator splitting, an active set
 PEERS = ("piqp", "clarabel", "osqp", "highs")

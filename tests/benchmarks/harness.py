@@ -9,7 +9,7 @@ import scipy.sparse as sp
 
 import icpmodel as icp
 from icpmodel.study.cases import uncached_copy
-from icpmodel.study.timing import time_calls, timer
+from icpmodel.study.timing import run_interleaved, timer
 
 
 def scene(text, n):
@@ -21,6 +21,16 @@ def scene(text, n):
 def on_new(problem, call):
     """A timed `call` of the problem, each time of a new object."""
     return timer(call, partial(uncached_copy, problem))
+
+
+def time_calls(calls, rounds, warm=True):
+    """The seconds of the `calls`, which return them, one for each round; if `warm` after a first run, which compiles
+    and takes fresh memory."""
+    if warm:
+        for call in calls.values():
+            call()
+    runs = list(run_interleaved(calls, rounds))
+    return {name: np.array([seconds for one, seconds in runs if one == name]) for name in calls}
 
 
 def linear_solve(A, b):

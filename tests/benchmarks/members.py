@@ -7,9 +7,9 @@ import numpy as np
 
 import icpmodel as icp
 from icpmodel.study.cases import uncached_copy
-from icpmodel.study.timing import time_calls, timer
+from icpmodel.study.timing import timer
 
-from .harness import run, scene
+from .harness import run, scene, time_calls
 
 #: Bai's two matrices without ψ, with an affine and with an elementwise one, hard and easy
 PROBLEMS = tuple(

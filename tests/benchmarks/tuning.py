@@ -6,9 +6,8 @@ from itertools import product
 import numpy as np
 
 import icpmodel as icp
-from icpmodel.study.timing import time_calls
 
-from .harness import relaxed, run, scene
+from .harness import relaxed, run, scene, time_calls
 
 #: a run that needs more is given up
 MOST = 20_000
