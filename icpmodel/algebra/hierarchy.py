@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..numerics import work
-from ..numerics.arrays import Mask, Vector
+from ..numerics.arrays import Mask, Vector, with_entries
 from ..numerics.multigrid import HIERARCHY_BYTES, MAX_COARSEST_IF_STALLED, cycle_cost, hierarchy_cost, ruge_stuben
 from ..numerics.rounding import UNIT_ROUNDOFF
 from ..numerics.threads import one_blas_thread
@@ -235,7 +235,7 @@ def _with_interpolation(level: Level, problem: ProblemData) -> Level:
         share[level.coarse_points] = 1.0
         P = level.P
         data = P.data * np.repeat(share, np.diff(P.indptr))
-        new.P = sp.csr_array((data, P.indices, P.indptr), shape=P.shape)
+        new.P = with_entries(P, data)
         new.coarse_points = level.coarse_points
     return new
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ..numerics.arrays import Mask, Vector, row_of
+from ..numerics.arrays import Mask, Vector, row_of, with_entries
 from ..numerics.rounding import UNIT_ROUNDOFF
 from ..problem.affine import Constant
 from ..problem.data import ProblemData
@@ -74,7 +74,7 @@ def _substitute(problem: ProblemData, known: Mask, c: Vector) -> ProblemData:
     unknown = ~known
     row = row_of(A)
     data = np.where(unknown[row] & unknown[A.indices], A.data, 0.0)
-    reduced = sp.csr_array((data, A.indices, A.indptr), shape=A.shape) + sp.diags_array(known.astype(np.float64))
+    reduced = with_entries(A, data) + sp.diags_array(known.astype(np.float64))
     with np.errstate(over="ignore", invalid="ignore"):
         q = np.where(known, -c, problem.q + problem.product(c))
     if not np.isfinite(q).all():

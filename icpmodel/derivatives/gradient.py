@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..algebra.equations import Pattern
-from ..numerics.arrays import ReadOnly, Vector, freeze, locked, row_of
+from ..numerics.arrays import ReadOnly, Vector, freeze, locked, row_of, with_entries
 from ..present.display import Displayable, brief
 from ..problem.data import ProblemData
 from ..problem.two_sided import sides_of
@@ -65,7 +65,7 @@ class Gradient(ReadOnly, Displayable):
         array([[-0.5]])
         """
         A = self.problem.A
-        return freeze(sp.csr_array((self.q[row_of(A)] * self.z[A.indices], A.indices, A.indptr), shape=A.shape))
+        return freeze(with_entries(A, self.q[row_of(A)] * self.z[A.indices]))
 
     @cached_property
     @np.errstate(over="ignore", invalid="ignore", under="ignore")

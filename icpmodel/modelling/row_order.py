@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..numerics.arrays import Vector, row_of
+from ..numerics.arrays import Vector, row_of, with_entries
 from .affine_rows import AffineRows
 from .matching import arranged, left_over, own_entries, resemblance_to_r
 
@@ -116,7 +116,7 @@ def _signs(R: sp.csr_array) -> Vector:
     R = R[matched]
     R.eliminate_zeros()
     sizes = np.where(R.data > 0.0, R.data, -_NEGATIVE_SHARE * R.data)
-    owned = own_entries(sp.csr_array((sizes, R.indices, R.indptr), shape=R.shape))
+    owned = own_entries(with_entries(R, sizes))
     if owned is not None:
         i = row_of(R)
         turned = (R.indices == owned[i]) & (R.data < 0.0)

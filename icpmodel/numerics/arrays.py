@@ -286,6 +286,11 @@ def row_of(matrix: sp.csr_array) -> NDArray[np.int64]:
     return np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
 
 
+def with_entries(matrix: sp.csr_array, entries: Any) -> sp.csr_array:
+    """The CSR matrix with the pattern of `matrix`, whose index arrays it shares, and these `entries`, shape (nnz,)."""
+    return sp.csr_array((entries, matrix.indices, matrix.indptr), shape=matrix.shape)
+
+
 def _with_stored_diagonal(matrix: sp.csr_array) -> sp.csr_array:
     """`matrix`, sorted and without stored zeros, with zeros where its diagonal has none."""
     missing = np.flatnonzero(matrix.diagonal() == 0.0)

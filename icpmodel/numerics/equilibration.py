@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from . import work
-from .arrays import Vector, read_only, row_of
+from .arrays import Vector, read_only, row_of, with_entries
 
 Exponents = NDArray[np.int64]
 
@@ -116,7 +116,7 @@ def in_units(X: Any, r: Any, c: Any = 0) -> Any:
             return np.ldexp(X, (r[:, None] + c).astype(np.int32))
         exponents = np.repeat(r, np.diff(X.indptr)) + (c[X.indices] if np.ndim(c) else c)
         data = np.ldexp(X.data, exponents.astype(np.int32))
-    return sp.csr_array((data, X.indices, X.indptr), shape=X.shape)
+    return with_entries(X, data)
 
 
 def in_units_exactly(X: Any, r: Any, c: Any = 0) -> Any:
@@ -151,9 +151,9 @@ def balanced(A: sp.csr_array) -> Vector:
     alone = entries == 0.0  # on the diagonal, and where a_ji = 0: there both places get |a_ij|
     entries[alone] = np.abs(A.data[alone])
     alone &= rows != A.indices
-    sizes = sp.csr_array((entries, A.indices, A.indptr), shape=A.shape)
+    sizes = with_entries(A, entries)
     sizes += sp.csr_array((entries[alone], (A.indices[alone], rows[alone])), shape=A.shape)
-    squares = sp.csr_array((sizes.data**2, sizes.indices, sizes.indptr), shape=A.shape)
+    squares = with_entries(sizes, sizes.data**2)
     roots = np.ones(A.shape[0])
     with np.errstate(all="ignore"):
         for _ in range(_MAX_PASSES):
@@ -169,4 +169,4 @@ def balanced(A: sp.csr_array) -> Vector:
 def times_rows(d: Vector, matrix: sp.csr_array) -> sp.csr_array:
     """diag(d)·`matrix`, CSR; a product of two sparse matrices takes twenty times as long where they are small."""
     data = np.repeat(d, np.diff(matrix.indptr)) * matrix.data
-    return sp.csr_array((data, matrix.indices, matrix.indptr), shape=matrix.shape)
+    return with_entries(matrix, data)

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from . import work
-from .arrays import Vector, inner, norm
+from .arrays import Vector, inner, norm, with_entries
 from .rounding import UNIT_ROUNDOFF
 
 #: a radius up to which its size makes no difference to any choice
@@ -45,7 +45,7 @@ def couplings(A: sp.csr_array) -> sp.csr_array:
 
     work.check_budget(_COUPLING_COST * A.nnz)
     weight = 1.0 / np.sqrt(np.abs(A.diagonal()))
-    return sp.csr_array((coupling_entries(A.indptr, A.indices, A.data, weight), A.indices, A.indptr), shape=A.shape)
+    return with_entries(A, coupling_entries(A.indptr, A.indices, A.data, weight))
 
 
 def radius_of(S: sp.csr_array, share: float = _RADIUS_AGREEMENT) -> float:

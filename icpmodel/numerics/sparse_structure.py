@@ -6,7 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from .arrays import read_only, row_of
+from .arrays import read_only, row_of, with_entries
 
 #: entries that differ by a smaller share are the same up to rounding
 SYMMETRY_RTOL = 1e-13
@@ -19,7 +19,7 @@ def diagonal_positions(matrix: sp.csr_array) -> NDArray[np.int32] | NDArray[np.i
 
 def absolute(matrix: sp.csr_array) -> sp.csr_array:
     """|A|, entry by entry, CSR; it shares the index arrays of A, which `abs` copies."""
-    return sp.csr_array((np.abs(matrix.data), matrix.indices, matrix.indptr), shape=matrix.shape)
+    return with_entries(matrix, np.abs(matrix.data))
 
 
 def is_diagonal(matrix: sp.csr_array) -> bool:

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..errors import InputError, check_arguments
-from ..numerics.arrays import Vector, as_csr, as_vector, axes, freeze, locked, row_of
+from ..numerics.arrays import Vector, as_csr, as_vector, axes, freeze, locked, row_of, with_entries
 from ..numerics.labels import check_labels
 from ..present.display import counted
 from .map import Map
@@ -155,7 +155,7 @@ class Affine(Map):
 
     def data_gradient(self, z: Vector, weight: Vector) -> AffineData:
         G = self.G
-        return AffineData(sp.csr_array((weight[row_of(G)] * z[G.indices], G.indices, G.indptr), shape=G.shape), weight)
+        return AffineData(with_entries(G, weight[row_of(G)] * z[G.indices]), weight)
 
     def __repr__(self) -> str:
         return f"Affine(G with {self.G.nnz} entries)"
@@ -170,7 +170,7 @@ def vertical_map(B: Any, d: Any, n: int) -> Affine:
     largest = np.maximum(abs(B).max(axis=1).toarray(), np.where(np.isinf(d), 0.0, np.abs(d)))
     positive = B.diagonal() > largest / np.finfo(np.float64).max  # else the quotients overflow
     unit = np.where(positive, B.diagonal(), np.where(largest > 0, largest, 1.0))
-    scaled = sp.csr_array((B.data / unit[row_of(B)], B.indices, B.indptr), shape=B.shape)
+    scaled = with_entries(B, B.data / unit[row_of(B)])
     return Affine(sp.eye_array(n) - scaled, -d / unit)
 
 

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..numerics import work
-from ..numerics.arrays import Vector
+from ..numerics.arrays import Vector, with_entries
 from ..numerics.rounding import UNIT_ROUNDOFF
 from .user_code import USER_ULPS
 
@@ -86,7 +86,7 @@ def jacobian_by_differences(
             if not np.isfinite(change[rows[chosen]]).all():
                 moved, change = -moved, here - value(z - moved)
             entries[chosen] = change[rows[chosen]] / np.abs(moved)[pattern.indices[chosen]]
-    return sp.csr_array((entries, pattern.indices, pattern.indptr), shape=pattern.shape)
+    return with_entries(pattern, entries)
 
 
 def misfit_of_derivative(value: Callable[[Vector], Vector], J: sp.csr_array, z: Vector) -> int | None:

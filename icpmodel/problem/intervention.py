@@ -9,7 +9,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..errors import InputError, MapError, check_arguments
-from ..numerics.arrays import Mask, Vector, as_csr, described, freeze, row_of
+from ..numerics.arrays import Mask, Vector, as_csr, described, freeze, row_of, with_entries
 from ..numerics.rounding import UNIT_ROUNDOFF
 from .map import Map
 from .user_code import call_user, raising_map_error, returned
@@ -62,7 +62,7 @@ class Intervention(Map):
         self.calls_user_code = self.jumps is None
         if self.jumps is not None:
             ones = np.ones(self.jumps.nnz)
-            links = sp.csr_array((ones, self.jumps.indices, self.jumps.indptr), shape=self.jumps.shape)
+            links = with_entries(self.jumps, ones)
             self.lipschitz = self.links = freeze(links)
 
     def bind(self, n: int) -> Intervention:
@@ -122,7 +122,7 @@ class Intervention(Map):
             return weight
         rows = row_of(jumps)
         best = np.where(jumps.indices == self.best_jump(z)[1][rows], weight[rows], 0.0)
-        return sp.csr_array((best, jumps.indices, jumps.indptr), shape=jumps.shape)
+        return with_entries(jumps, best)
 
     def nonsmooth_rows(self, z: Vector, delta: Vector) -> Mask:
         if self.jumps is None:  # a function does not say which jump is second best

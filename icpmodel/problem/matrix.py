@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..numerics import work
-from ..numerics.arrays import ReadOnly, Vector, as_csr, as_square, freeze, locked
+from ..numerics.arrays import ReadOnly, Vector, as_csr, as_square, freeze, locked, with_entries
 from ..numerics.equilibration import balanced, in_units, row_exponents
 from ..numerics.krylov import SMALL_RADIUS, couplings, radius_of
 from ..numerics.sparse_input import checked_sparse
@@ -139,7 +139,7 @@ class Matrix(ReadOnly):
         A = self.sparse
         data = A.data.copy()
         data[self.rows.diag] += d
-        new = Matrix.of_checked(sp.csr_array((data, A.indices, A.indptr), shape=A.shape), row_weights)
+        new = Matrix.of_checked(with_entries(A, data), row_weights)
         new.origin = self.origin or self
         new.index = self.index
         return new

@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...errors import InputError, NotApplicable
-from ...numerics.arrays import described, row_of
+from ...numerics.arrays import described, row_of, with_entries
 from ...problem.affine import Affine, Constant
 from ...problem.data import ProblemData
 from ...problem.elementwise import Elementwise
@@ -108,7 +108,7 @@ def _real(value: Any, name: str, shapes: Sequence[Shape]) -> Any:
 
 def _on(pattern: sp.csr_array, data: Any) -> Any:
     """The matrix with other `data` on a pattern; a dense one as it is."""
-    return data if data.ndim == 2 else sp.csr_array((data, pattern.indices, pattern.indptr), shape=pattern.shape)
+    return data if data.ndim == 2 else with_entries(pattern, data)
 
 
 def _of_parameters(name: str, make: Callable[[Any], Any], theta: Any) -> Map:

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 
 from ...errors import InputError, check_arguments
 from ...icp import ICP
-from ...numerics.arrays import Vector, as_csr, as_number, as_vector, described, row_of
+from ...numerics.arrays import Vector, as_csr, as_number, as_vector, described, row_of, with_entries
 from ...numerics.factorisation import factorise
 from ...problem.differences import colours
 from ...solve.goal import RTOL, Limits
@@ -140,7 +140,7 @@ class _Jacobian:
         self._jax = jax
         self.F = F
         # a sum drops entries that are 0
-        there = sp.csr_array((np.ones(pattern.nnz), pattern.indices, pattern.indptr), shape=pattern.shape)
+        there = with_entries(pattern, np.ones(pattern.nnz))
         self._pattern = sp.csr_array(there + sp.eye_array(pattern.shape[0]))
         self._rows = row_of(self._pattern)
         self._columns = self._pattern.indices
@@ -157,7 +157,7 @@ class _Jacobian:
 
     def matrix(self, entries: Any) -> sp.csr_array:
         pattern = self._pattern
-        return sp.csr_array((np.array(entries), pattern.indices, pattern.indptr), shape=pattern.shape)
+        return with_entries(pattern, np.array(entries))
 
     def at_bound(self, z: Any, theta: Any, p: Any, low: Any, high: Any) -> Any:
         """The rows that are nearer to a bound than to p = 0, in the units of z."""

@@ -17,7 +17,7 @@ import scipy.sparse as sp
 
 from ...errors import InputError, Interrupted, NotSolved
 from ...numerics import work
-from ...numerics.arrays import Mask, Vector, as_truth, as_vector, inner, norm
+from ...numerics.arrays import Mask, Vector, as_truth, as_vector, inner, norm, with_entries
 from ...numerics.factorisation import largest_of_columns
 from ...numerics.fill import Fill, factor_cost
 from ...numerics.labels import along_rows, along_unknowns, check_labels
@@ -183,7 +183,7 @@ def _solve_scaled(B: sp.csr_array, c: Vector, low: Vector, high: Vector, toleran
     # x and the bounds remain floats, too
     least = max(exponent_x, -_MAX_EXPONENT) if nearest.any() else -_MAX_EXPONENT
     exponent_c = min(max(exponent_c, exponent_B + least), exponent_B + _MAX_EXPONENT)
-    scaled = sp.csr_array((np.ldexp(B.data, -exponent_B), B.indices, B.indptr), shape=B.shape)
+    scaled = with_entries(B, np.ldexp(B.data, -exponent_B))
     lower, upper = (np.ldexp(side, exponent_B - exponent_c) for side in (low, high))
     try:
         x, violations, nit, status, message = _solve(scaled, np.ldexp(c, -exponent_c), lower, upper, tolerance)

@@ -67,7 +67,7 @@ import scipy.sparse as sp
 from ...algebra.splittings import AOR, Member
 from ...errors import InputError
 from ...numerics import work
-from ...numerics.arrays import Vector, as_csr, as_vector, described, row_of
+from ...numerics.arrays import Vector, as_csr, as_vector, described, row_of, with_entries
 from ...numerics.equilibration import times_rows
 from ...numerics.rounding import UNIT_ROUNDOFF
 from ...numerics.sparse_structure import absolute, diagonal_positions
@@ -138,7 +138,7 @@ def off_diagonal(matrix: sp.csr_array) -> sp.csr_array:
     data = np.abs(matrix.data)
     own = matrix.indices == row_of(matrix)
     data[own] -= data[own]  # NaN where it is infinite
-    return sp.csr_array((data, matrix.indices, matrix.indptr), shape=matrix.shape)
+    return with_entries(matrix, data)
 
 
 def total(*terms: Any) -> sp.csr_array:
@@ -149,7 +149,7 @@ def total(*terms: Any) -> sp.csr_array:
 def _add_to_diagonal(matrix: sp.csr_array, positions: Any, by: Vector) -> sp.csr_array:
     data = matrix.data.copy()
     data[positions] += by
-    return sp.csr_array((data, matrix.indices, matrix.indptr), shape=matrix.shape)
+    return with_entries(matrix, data)
 
 
 def sharper(step: StepMatrices) -> MonotoneMap:

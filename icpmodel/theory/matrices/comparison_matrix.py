@@ -11,7 +11,7 @@ import scipy.sparse as sp
 
 from ...errors import check_arguments
 from ...numerics import work
-from ...numerics.arrays import Vector, as_csr, row_of
+from ...numerics.arrays import Vector, as_csr, row_of, with_entries
 from ...numerics.equilibration import times_rows
 from ...numerics.factorisation import factorise
 from ...numerics.multigrid import linear_solve
@@ -55,7 +55,7 @@ def comparison_matrix(A: Any) -> sp.csr_array:
         return A  # a copy of a large matrix is memory that nobody has touched before
     data = -np.abs(A.data)
     data[diagonal] = -data[diagonal]
-    return sp.csr_array((data, A.indices, A.indptr), shape=A.shape)
+    return with_entries(A, data)
 
 
 def z_matrix(A: sp.csr_array) -> Answer:

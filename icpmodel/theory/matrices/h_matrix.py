@@ -28,7 +28,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ...numerics import work
-from ...numerics.arrays import Mask, Vector, row_of
+from ...numerics.arrays import Mask, Vector, row_of, with_entries
 from ...numerics.equilibration import in_units, natural_exponents
 from ...numerics.rational import Rationals, as_witness, exact_sum, m_matrix, rationals
 from ...numerics.rounding import SMALLEST, product_lower_bound, product_upper_bound
@@ -102,7 +102,7 @@ def by_row_sums(A: sp.csr_array) -> tuple[Answer, Mask]:
 def within_blocks(A: sp.csr_array, block: NDArray[np.int32]) -> sp.csr_array:
     """`A` with zeros for the entries between the blocks whose labels, shape (n,), are `block`."""
     data = np.where(block[row_of(A)] == block[A.indices], A.data, 0.0)
-    return sp.csr_array((data, A.indices, A.indptr), shape=A.shape)
+    return with_entries(A, data)
 
 
 def h_matrix(A: sp.csr_array) -> Answer:
