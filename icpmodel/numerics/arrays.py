@@ -225,13 +225,6 @@ def largest_size(*arrays: Vector) -> float:
     return float(np.abs(values[np.isfinite(values)]).max(initial=0.0)) or 1.0
 
 
-def row_norms(F: NDArray[np.float64]) -> Vector:
-    """The norms of the rows of `F`, safe against over- and underflow of the squares; NaN where an entry is."""
-    largest = np.abs(F).max(axis=1, keepdims=True)
-    unit = np.where((largest > 0.0) & (largest < np.inf), largest, 1.0)
-    return unit[:, 0] * np.linalg.norm(F / unit, axis=1)
-
-
 class ReadOnly:
     """A base of what never changes: its arrays cannot be written to, nor can those of a copy or where it is sent."""
 

@@ -12,7 +12,7 @@ from ...algebra.affine_lcp import MAX_PIVOTS_PER_ROW, PIVOT_UP_TO, AffineLcp, af
 from ...methods.contract import Method
 from ...methods.shortcuts import MAX_ROUNDS, STEPS_PER_ROUND, Lemke, Tridiagonal
 from ...numerics import work
-from ...numerics.arrays import Vector, read_only, row_norms
+from ...numerics.arrays import Vector, read_only
 from ...numerics.threads import cores, run_in_threads
 from ...problem.map import Map
 from ...problem.matrix import weights_of
@@ -118,15 +118,15 @@ class CompiledSolver:
         else:
             weights = weights_of(np.abs(self.stack[rows]).max(2))
             p = np.einsum("kij,kj->ki", self.stack[rows], Z) + Q
-        residuals = row_norms(mid(weights * p, *distances))
-        at_0 = row_norms(mid(weights * Q, *distances_at_0))
+        residuals = _row_norms(mid(weights * p, *distances))
+        at_0 = _row_norms(mid(weights * Q, *distances_at_0))
         for row in np.flatnonzero(~((at_0 > 0.0) & (at_0 < np.inf))):
             at_0[row] = self.data.problem(rows.start + int(row)).residual_scale()
         tolerances = self.limits.tolerance(at_0)
         self._certify(rows, known, residuals, tolerances, weights)
         solved = residuals <= tolerances
         if self.limits.atol:
-            paper = row_norms(mid(p, *distances))
+            paper = _row_norms(mid(p, *distances))
             self._certify(rows, known, paper, np.full(len(Q), self.limits.atol), np.ones_like(weights))
             solved |= paper <= self.limits.atol
         return residuals, tolerances, solved
@@ -186,3 +186,10 @@ class CompiledSolver:
 
         self._on_threads(part, len(Q))
         return Z
+
+
+def _row_norms(F: Matrix) -> Vector:
+    """The norms of the rows of `F`, safe against over- and underflow of the squares; NaN where an entry is."""
+    largest = np.abs(F).max(axis=1, keepdims=True)
+    unit = np.where((largest > 0.0) & (largest < np.inf), largest, 1.0)
+    return unit[:, 0] * np.linalg.norm(F / unit, axis=1)
