@@ -146,12 +146,12 @@ class Target(Displayable):
     @cached_property
     def upper_only(self) -> np.ndarray:
         """The rows whose only obstacle is above z, shape (n,), bool: p and r have the other sign there."""
-        return np.zeros(self.problem.n, dtype=bool) if self.d is None else np.isneginf(self.c) & self.has_obstacle
+        return np.isneginf(self.c) & self.has_obstacle
 
     @cached_property
     def two_sided(self) -> np.ndarray:
         """The rows with an obstacle on either side, shape (n,), bool."""
-        return np.zeros(self.problem.n, dtype=bool) if self.d is None else np.isfinite(self.c) & np.isfinite(self.d)
+        return np.isfinite(self.c) & np.isfinite(self._range[1])
 
     @cached_property
     def I_minus_G(self) -> sp.csr_array:

@@ -201,13 +201,16 @@ class Contraction(Rate):
         return min((number for number in numbers if number is not None), default=None)
 
     def _distance(self, problem: ProblemData, z0: Vector, F: Vector, rounding_F: Vector) -> float:
+        moved = self._first_step(F, rounding_F)
+        return float((moved / self.v).max()) / (1.0 - self.factor) * (1 + 16 * UNIT_ROUNDOFF)
+
+    def _first_step(self, F: Vector, rounding_F: Vector) -> Vector:
         """With d about z⁰ − z¹ = 2X⁻¹F it is |z⁰ − z¹| ≤ |d| + |X⁻¹||Xd − 2F|."""
         step = self._step
         d = step.splitting.operator(step.A, step.phi + step.omega).solve(2.0 * F)
         defect = np.abs(step.X @ d - 2.0 * F) + 2.0 * rounding_F + rounding_bound(step.size, d)
         defect = defect * (1 + 8 * UNIT_ROUNDOFF) + np.finfo(np.float64).tiny
-        moved = np.abs(d) + sharper(step).inverse.upper(defect)
-        return float((moved / self.v).max()) / (1.0 - self.factor) * (1 + 16 * UNIT_ROUNDOFF)
+        return np.abs(d) + sharper(step).inverse.upper(defect)
 
 
 class RowwiseContraction(Contraction):
@@ -216,10 +219,10 @@ class RowwiseContraction(Contraction):
     def _map(self) -> SweepMap:
         return SweepMap(self._step)
 
-    def _distance(self, problem: ProblemData, z0: Vector, F: Vector, rounding_F: Vector) -> float:
+    def _first_step(self, F: Vector, rounding_F: Vector) -> Vector:
         """|z⁰ − z¹| ≤ the d with d_i = |F_i|/Ω_i + (ω/a_ii)Σ_{j<i} |a_ij|d_j, Ω = D/ω up to rounding."""
         own = (np.abs(F) + rounding_F) / self._step.omega * (1 + 16 * UNIT_ROUNDOFF) + SMALLEST
-        return float((self._map().solve_lower(own) / self.v).max()) / (1.0 - self.factor) * (1 + 16 * UNIT_ROUNDOFF)
+        return self._map().solve_lower(own)
 
 
 class PeacemanRachford(Rate):
