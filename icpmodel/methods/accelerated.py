@@ -116,7 +116,9 @@ class Accelerated(Method):
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
         # rejected iterates are yielded as well, so that every sweep counts
-        of = self.of or _default_method(problem)
+        of = self.of
+        if of is None:
+            of = PSOR(omega=cautious_omega(problem)) if problem.facts.has_fixed_obstacle else MNMAOR(theta1=AUTO)
         opening = of.opening(problem) if self.of else jacobi_step(problem)
         step = opening or of.step_of(problem)
         history = Differences(problem, self.history_size)
@@ -159,11 +161,6 @@ class Accelerated(Method):
                     fallback = image
                     ahead = []
             z = following
-
-
-def _default_method(problem: ProblemData) -> FixedPoint:
-    """The method that is accelerated where `of` is not given."""
-    return PSOR(omega=cautious_omega(problem)) if problem.facts.has_fixed_obstacle else MNMAOR(theta1=AUTO)
 
 
 class _Phases:

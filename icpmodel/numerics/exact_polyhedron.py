@@ -190,9 +190,8 @@ def _maximise(tableau: Rationals, basis: list[int], cost: Rational, columns: int
     A label of `basis` beyond `columns` has the value 0, and stays 0: it leaves as soon as its row has an entry.
     """
     while True:
-        prices = [cost[label] for label in basis]
-        used = [(price, row) for price, row in zip(prices, tableau, strict=True) if price]
-        entering = next((j for j in range(columns) if _reduced_cost(cost[j], used, j) > 0), None)
+        used = [(cost[label], row) for label, row in zip(basis, tableau, strict=True) if cost[label]]
+        entering = next((j for j in range(columns) if cost[j] > sum(price * row[j] for price, row in used)), None)
         if entering is None:
             return sum((price * row[-1] for price, row in used), Fraction(0))
         ratios = [
@@ -203,7 +202,3 @@ def _maximise(tableau: Rationals, basis: list[int], cost: Rational, columns: int
         _, _, leaving = min(ratios)  # Σu is bounded, so that there is one
         _eliminate(tableau, leaving, entering)
         basis[leaving] = entering
-
-
-def _reduced_cost(cost: Fraction, used: Sequence[tuple[Fraction, Rational]], column: int) -> Fraction:
-    return cost - sum((price * row[column] for price, row in used), Fraction(0))

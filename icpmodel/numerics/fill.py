@@ -162,7 +162,7 @@ def _minimum_degree(graph: sp.csc_array) -> NDArray[np.integer]:
     options |= {"drop_tol": 0.5, "fill_factor": 1.0}
     most = _most_expensive_analysis(graph)
     limit = min(work.nanoseconds_left(), _LONG * COSTS.process)
-    if most > limit and (_is_wide(graph) or _GRID_SHARE * most > limit):
+    if most > limit and (_widest_layer(graph) > _WIDE_LAYER * graph.shape[0] or _GRID_SHARE * most > limit):
         with suppress(OSError):
             return np.argsort(run_script(_ORDER, (graph, options)))
     return np.argsort(spilu(graph, **options).perm_c)
@@ -182,11 +182,6 @@ def _widest_layer(A: Any) -> float:
         layer, order = breadth_first_layers(*read_only((A.indptr, A.indices, np.ones(A.nnz))), np.arange(n) == last)
         last = order[-1]
     return float(np.bincount(layer[order]).max())
-
-
-def _is_wide(A: Any) -> bool:
-    """Whether one breadth-first layer has so many rows, as in an expander, that A is expected to fill up."""
-    return _widest_layer(A) > _WIDE_LAYER * A.shape[0]
 
 
 def thin_rows(A: Any) -> NDArray[np.bool_]:

@@ -77,11 +77,6 @@ def _parts(kinds: Mapping[str, str]) -> list[tuple[str, list[str]]]:
     return [(heading, [name for name in group if name in kinds]) for heading, group in parts]
 
 
-def _entries_with_error(race: Race, name: str) -> list[Entry]:
-    """The entries of one competitor that have an error, in the order of the race."""
-    return [run for run in race.entries if run.name == name and run.error is not None]
-
-
 def _limits(race: Race) -> dict[str, Any]:
     """The limits of all panels, and what is drawn where the error is 0, or nothing beside the largest."""
     errors = [run.error for run in race.entries if run.error]
@@ -105,7 +100,8 @@ def _times(
     axes.set_title(heading, fontsize=10)
     ends = []
     for name, style in style_by_name.items():
-        runs = sorted(_entries_with_error(race, name), key=lambda run: -(run.error or 0.0))
+        runs = [run for run in race.entries if run.name == name and run.error is not None]
+        runs.sort(key=lambda run: -(run.error or 0.0))
         if runs:
             errors = np.maximum([run.error or 0.0 for run in runs], limits["floor"])
             ends.append((runs[-1].median, _runs(axes, runs, errors, *style)))
