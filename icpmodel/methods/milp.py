@@ -32,11 +32,12 @@ _MAX_CUTS = 5
 
 
 class ActiveRows(NamedTuple):
-    """The rows at an obstacle, those of them at the upper one, and the binary variables that say so."""
+    """The rows at an obstacle, those of them at the upper one, the binary variables that say so, and their z."""
 
     active: Mask
     above: Mask
     binaries: Vector
+    z: Vector
 
 
 @with_options
@@ -50,7 +51,8 @@ class MixedInteger(Method):
 
     The objective, the sum of p and r, leads the search; the first active set ends it. With an upper obstacle
     p_i ≥ −M(1 − y'_i) and s_i ≤ M y'_i, s = ψ̄ − z. An active set whose z does not solve the problem is excluded by a
-    cut. An obstacle that is not affine is linearised at the last point.
+    cut. Where its equations depend on each other z is that of HiGHS. An obstacle that is not affine is linearised at
+    the last point.
 
     References
     ----------
@@ -84,14 +86,18 @@ def _solutions(problem: ProblemData, z: Vector) -> Iterator[Vector]:
     """
     dense_matrix(problem)  # raises OutOfMemory where it does not fit
     rows = LinearRows.of(problem, z)
-    rows = rows.in_units(rows.scale)
+    scale = rows.scale
+    rows = rows.in_units(scale)
     if not np.isfinite(rows.q).all():  # no float in units in which the entries of A are about 1
         return
     for bound in BOUNDS:
         cuts: list[Vector] = []
         while len(cuts) < _MAX_CUTS and (choice := active_set(rows, bound, cuts)) is not None:
-            with suppress(SingularOperator, MapError):
-                yield solve_on(problem, z, choice.active, choice.above if problem.upper is not None else None)
+            with suppress(MapError):
+                try:
+                    yield solve_on(problem, z, choice.active, choice.above if problem.upper is not None else None)
+                except SingularOperator:  # the active set has several solutions, one of which HiGHS found
+                    yield scale * choice.z
             cuts.append(choice.binaries)
 
 
@@ -128,7 +134,7 @@ def active_set(rows: LinearRows, bound: float, cuts: list[Vector]) -> ActiveRows
         return None
     lower = result.x[n : 2 * n] < 0.5
     upper = result.x[2 * n :] < 0.5
-    return ActiveRows(lower | upper, upper & ~lower, np.round(result.x[n:]))
+    return ActiveRows(lower | upper, upper & ~lower, np.round(result.x[n:]), result.x[:n])
 
 
 def _constraints(rows: LinearRows, bound: float) -> list[tuple[Any, Any, Any]]:

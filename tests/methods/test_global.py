@@ -24,6 +24,15 @@ def test_solve_finds_a_planted_solution(n, seed):
     assert planted(seed, n).solve().residual <= 1e-6
 
 
+@pytest.mark.parametrize("seed", [1, 16, 33])
+def test_an_active_set_whose_equations_depend_on_each_other_has_a_solution(seed):
+    rng = np.random.default_rng(seed)
+    A = np.tile(rng.integers(-1, 2, (8, 8))[:4].astype(float), (2, 1))
+    z = np.where(rng.random(8) < 0.3, 0.0, rng.integers(1, 5, 8))
+    p = np.where(z > 0, 0, rng.integers(0, 3, 8))
+    assert icp.ICP(A, p - A @ z).solve("milp").solved
+
+
 @pytest.mark.parametrize("method", [None, *METHODS])
 def test_a_problem_on_which_newton_diverges_is_solved(method):
     problem = icp.ICP([[3, -5, -4, -3], [-4, 3, 4, 1], [-5, -4, -2, -1], [1, 0, -3, -4]], [4, 2, 20, -1])
