@@ -243,10 +243,12 @@ class Matrix(ReadOnly):
     @cached_property
     def is_nearly_symmetric(self) -> bool:
         """Whether Au = Aᵀu, up to rounding and in the units of the diagonal, for a u without pattern."""
-        root = np.sqrt(self.weights)
-        u = np.cos(np.arange(self.n) ** 2.0) / root
-        image = self.product(u)
-        return bool(np.abs((image - self.sparse.T @ u) / root).max() <= SYMMETRY_RTOL * np.abs(image / root).max())
+        with np.errstate(over="ignore", invalid="ignore"):
+            root = np.sqrt(self.weights)
+            u = np.cos(np.arange(self.n) ** 2.0) / root
+            image = self.product(u)
+            difference = np.abs((image - self.sparse.T @ u) / root).max()
+            return bool(difference <= SYMMETRY_RTOL * np.abs(image / root).max())
 
     @cached_property
     def jacobi_radius(self) -> float:

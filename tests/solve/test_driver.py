@@ -2,6 +2,7 @@
 
 import signal
 import time
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
@@ -504,3 +505,11 @@ def test_ctrl_c_in_the_check_of_a_stalled_run_keeps_the_iterate():
     solution = icp.ICP([[1, 0, 2], [2, 1, 0], [0, 2, 1]], [-1, -1, -1], psi).solve("mnmgs", raise_on_failure=False)
     assert solution.status is icp.Status.INTERRUPTED
     assert np.isfinite(solution.z).all()
+
+
+def test_rows_that_overflow_raise_no_warning_where_a_run_fails():
+    A = [[1.0, 0.0, -1.0], [0.0, 1e307, -1e300], [0.0, -1.0, 1e-150]]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        solution = icp.ICP(A, np.zeros(3), [0.0, 1.0, 0.0]).solve("accelerated", max_iter=100, raise_on_failure=False)
+    assert not solution.solved
