@@ -23,11 +23,12 @@ from ..errors import SingularOperator
 from ..numerics import work
 from ..numerics.arrays import Vector
 from ..numerics.equilibration import equilibrated
-from ..numerics.factorisation import factorise
+from ..numerics.factorisation import array_factors, factorise
 from ..numerics.fill import least_factor_cost
 from ..numerics.rounding import UNIT_ROUNDOFF
 from ..numerics.sparse_structure import diagonal_positions
 from ..problem.data import ProblemData
+from ..problem.matrix import MAX_DENSE_ROWS
 from .steps import Step, compiled_step
 
 
@@ -79,22 +80,23 @@ class AOROperator(Operator):
 
 
 class FactorisedOperator(Operator):
-    """X⁻¹ by a sparse LU factorisation of the CSR matrix `X`, made once.
+    """X⁻¹ by an LU factorisation of the CSR matrix `X`, made once, dense for few rows.
 
     Raises SingularOperator where X is singular to working precision.
     """
 
     def __init__(self, X: sp.csr_array) -> None:
-        X = sp.csr_array(X)
-        work.check_budget(2.0 * least_factor_cost(X.shape[0], X.nnz))
+        n = X.shape[0]
+        work.check_budget(2.0 * least_factor_cost(n, X.nnz))
+        few = n <= MAX_DENSE_ROWS
         # so that different units are not taken for singularity
-        scaled, self._rows, self._columns = equilibrated(X)
-        self._lu = factorise(scaled)
+        scaled, self._rows, self._columns = equilibrated(X.toarray() if few else sp.csr_array(X))
+        self._lu = array_factors(np.array(scaled, order="F")) if few else factorise(scaled)
         if self._lu is not None:
             pivots = np.abs(self._lu.pivots)
             if pivots.min() > 16 * UNIT_ROUNDOFF * pivots.max():
                 return
-        row = _dependent_row(scaled)
+        row = _dependent_row(sp.csr_array(scaled))
         raise SingularOperator(
             f"X = M1 + phi + Omega is singular to working precision: row {row} is a linear combination of the others; "
             "change phi or phi2",
