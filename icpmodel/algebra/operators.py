@@ -91,9 +91,10 @@ class FactorisedOperator(Operator):
         few = n <= MAX_DENSE_ROWS
         # so that different units are not taken for singularity
         scaled, self._rows, self._columns = equilibrated(X.toarray() if few else sp.csr_array(X))
-        self._lu = array_factors(np.array(scaled, order="F")) if few else factorise(scaled)
-        if self._lu is not None:
-            pivots = np.abs(self._lu.pivots)
+        factors: Any = array_factors(np.array(scaled, order="F")) if few else factorise(scaled)
+        self._lu = factors
+        if factors is not None:
+            pivots = np.abs(factors.pivots)
             if pivots.min() > 16 * UNIT_ROUNDOFF * pivots.max():
                 return
         row = _dependent_row(sp.csr_array(scaled))

@@ -39,8 +39,8 @@ def search(run: Run, run_methods: Callable[[Run, Iterator[None]], None]) -> None
     limit = f"a search of at most {seconds:.3g} s" + ("" if limited else " (no time_limit was given)")
     why = f"the methods before it {before.status.value}; {limit}"
     done = {repr(job.method) for job in run.tried if job.is_fresh and job.outcome}
-    tried = (job.method for job in run.tried)
-    listed = (Enumerate(), *tried, Restarts(), Newton(), Proximal(), Interior(), MixedInteger())
+    again = (job.method for job in run.tried)
+    listed = (Enumerate(), *again, Restarts(), Newton(), Proximal(), Interior(), MixedInteger())
     by_name = {repr(one): one for one in listed}
     methods = [one for name, one in by_name.items() if name not in done and one.why_not(run.problem) is None]
     _LOG.info("n = %d: %s begins: %s", run.problem.n, limit, ", ".join(map(repr, methods)))
