@@ -55,7 +55,7 @@ class Gradient(ReadOnly, Displayable):
         self.lock()
 
     @cached_property
-    @np.errstate(all="ignore")
+    @np.errstate(over="ignore", invalid="ignore", under="ignore")
     def A(self) -> sp.csr_array:
         """The gradient in the entries of A that are stored, CSR, shape (n, n).
 
@@ -68,7 +68,7 @@ class Gradient(ReadOnly, Displayable):
         return freeze(with_entries(A, self.q[row_of(A)] * self.z[A.indices]))
 
     @cached_property
-    @np.errstate(all="ignore")
+    @np.errstate(over="ignore", invalid="ignore", under="ignore")
     def psi(self) -> Any:
         """The gradient in ψ's own data, in their form.
 
@@ -80,7 +80,7 @@ class Gradient(ReadOnly, Displayable):
         return locked(sides_of(self.problem.psi)[0].data_gradient(self.z, self.psi_values))
 
     @cached_property
-    @np.errstate(all="ignore")
+    @np.errstate(over="ignore", invalid="ignore", under="ignore")
     def upper(self) -> Any:
         """The same of the upper obstacle, None where there is none.
 

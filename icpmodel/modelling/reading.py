@@ -88,7 +88,7 @@ def _with_names(reading: Reading, solution: Solution) -> Solution:
     return solution
 
 
-@np.errstate(all="ignore")
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def _shares(reading: Reading, z: Vector) -> Vector:
     """|mid(z − ψ̄, p, z − ψ)|, row by row, where each of the three is divided by the sum of its terms' absolute values.
 

@@ -265,7 +265,7 @@ class Matrix(ReadOnly):
     @cached_property
     def coupled_radius(self) -> float:
         """The mean row sum of `couplings`: a Rayleigh quotient for their spectral radius, the same in all units."""
-        with np.errstate(all="ignore"):
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             mean = float(couplings(self.sparse).data.sum()) / self.n
         return mean if mean < np.inf else np.inf
 

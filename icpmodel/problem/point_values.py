@@ -152,7 +152,7 @@ class PointValues(Displayable):
         z = self.vector(z)
         return z - self.upper.value(z)
 
-    @np.errstate(all="ignore")
+    @np.errstate(over="ignore", invalid="ignore", under="ignore")
     def natural_map(self, z: Any, omega: Any = 1.0) -> Vector:
         """F_Ω(z) = min(Az + q, Ω(z − ψ(z))): zero exactly at the solutions, for every Ω > 0.
 
@@ -187,7 +187,7 @@ class PointValues(Displayable):
         r_upper = self.r_upper(z)
         return mid(self.p(z), omega * self.r(z), None if r_upper is None else omega * r_upper)
 
-    @np.errstate(all="ignore")
+    @np.errstate(over="ignore", invalid="ignore", under="ignore")
     def residual(self, z: Any) -> float:
         """Res_D(z) = ‖min(D⁻¹p(z), r(z))‖₂ with d_i = max_j |a_ij|.
 
@@ -332,7 +332,7 @@ class PointValues(Displayable):
         with np.errstate(over="ignore", invalid="ignore"):
             return norm(mid(self.p(z), self.r(z), r_upper))
 
-    @np.errstate(all="ignore")
+    @np.errstate(over="ignore", invalid="ignore", under="ignore")
     def rounding(self, z: Any) -> tuple[Vector, Vector]:
         """Bounds on the rounding errors of p(z) and of r(z) as computed, entry by entry.
 

@@ -90,7 +90,7 @@ class DefiniteProof(Proof):
     needs_sharpening = True  # δ knows the Euclidean norm of the error only
 
     def bound(self, problem: ProblemData, z: Vector, rounding_p: Vector, rounding_r: Vector) -> tuple[Vector, float]:
-        with np.errstate(all="ignore"), one_blas_thread():
+        with np.errstate(over="ignore", invalid="ignore", under="ignore"), one_blas_thread():
             p, r, sign, room = _reflect(problem, z)
             exponents = np.array([self.exponent, self.exponent_r])
             scaled = np.ldexp([p, r], exponents)

@@ -67,7 +67,7 @@ def _simple_fractions(x: Vector) -> tuple[Vector, Vector]:
     q = last_p = np.ones(x.size)
     last_q = np.zeros(x.size)
     for _ in range(_FRACTION_STEPS):
-        with np.errstate(all="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             inverse = 1.0 / rest
             whole = np.floor(inverse)
             next_q = whole * q + last_q
