@@ -15,10 +15,9 @@ from ..errors import MapError, SingularOperator
 from ..numerics.arrays import Vector, as_number, largest_size
 from ..problem.data import ProblemData
 from ..theory.certificates.contradiction import multipliers
-from ..theory.certificates.infeasible import infeasible
-from .contract import Infeasible, Iterate, Method, with_options
+from .contract import Iterate, Method, with_options
 from .newton import Newton
-from .shortcuts import Lemke
+from .shortcuts import Lemke, raise_if_infeasible
 
 #: Newton's steps from one start
 _NEWTON_STEPS = 60
@@ -93,9 +92,7 @@ class Restarts(Method):
                 best = residual
                 yield candidate, residual
         if (y := multipliers(problem)) is not None:
-            answer = infeasible(problem, y)
-            if answer.holds:
-                raise Infeasible(answer)
+            raise_if_infeasible(problem, y)
 
     def _candidates(self, problem: ProblemData, z: Vector) -> Iterator[tuple[Vector, float]]:
         """The candidates of all tries, with their residuals."""

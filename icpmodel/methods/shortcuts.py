@@ -101,9 +101,7 @@ class Lemke(Shortcut):
                     z = solve_on(problem, lcp.z(y), *lcp.active_rows(y))
                     yield z, None
             elif ended != UNFINISHED or first != START:
-                answer = infeasible(problem, ray[: problem.n])
-                if answer.holds:
-                    raise Infeasible(answer)
+                raise_if_infeasible(problem, ray[: problem.n])
             basic = state[8][0, :rows]
             left_out = lcp.without_obstacle[basic[basic < rows]].any()
             if ended != SINGULAR and (ended, first) != (UNFINISHED, START) and not left_out:
@@ -112,6 +110,13 @@ class Lemke(Shortcut):
             raise SingularOperator(
                 "A is singular in the rows and columns without obstacle", int(np.argmax(lcp.without_obstacle))
             )
+
+
+def raise_if_infeasible(problem: ProblemData, y: Vector) -> None:
+    """Raise Infeasible where `y` proves that p ≥ 0 and r ≥ 0 contradict each other."""
+    answer = infeasible(problem, y)
+    if answer.holds:
+        raise Infeasible(answer)
 
 
 def _path(lcp: AffineLcp, state: Any, entering: int) -> Generator[Iterate, None, tuple[int, Vector, Vector]]:
