@@ -10,6 +10,9 @@ from hypothesis import strategies as st
 from known_answers import SEEDS
 
 import icpmodel as icp
+from icpmodel.modelling.programs.program_arguments import read
+from icpmodel.modelling.programs.program_judge import Judge
+from icpmodel.modelling.programs.program_run import ProgramRun
 from icpmodel.numerics import work
 
 
@@ -504,3 +507,22 @@ def test_a_program_is_pivoted_where_that_costs_less_than_interior_steps(assets, 
     began = [record.getMessage() for record in caplog.records if "begins" in record.getMessage()]
     assert len(began) == 1
     assert f"{first}() begins" in began[0]
+
+
+class CountingJudge(Judge):
+    calls = 0
+
+    def violation(self, *args):
+        self.calls += 1
+        return super().violation(*args)
+
+
+def test_sweeps_are_judged_no_more_often_than_they_cost():
+    """To judge an iterate costs some sweeps."""
+    path = sp.diags_array([-np.ones(29), 2 * np.ones(30), -np.ones(29)], offsets=[-1, 0, 1])
+    grid = sp.kron(path, sp.eye_array(30)) + sp.kron(sp.eye_array(30), path) + 0.02 * sp.eye_array(900)
+    q = np.sin(np.arange(900.0) ** 2)
+    run = ProgramRun(read((grid, q, None, None, None, None, 0.0, 1.0), "Pq"), 1e-9)
+    run.judge = CountingJudge(run.problem, run.conditions.is_x)
+    assert run.verdict(None)[0] == "optimal"
+    assert run.judge.calls < run.iterations / 3
