@@ -8,6 +8,7 @@ Reference: Björck, Numerical Methods for Least Squares Problems (1996), section
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -222,7 +223,7 @@ def _solve(B: sp.csr_array, c: Vector, low: Vector, high: Vector, tolerance: flo
 
 
 def _by_active_set(
-    B: sp.csr_array, c: Vector, x: Vector, low: Vector, high: Vector, tolerance: float
+    B: Any, c: Vector, x: Vector, low: Vector, high: Vector, tolerance: float
 ) -> tuple[Vector, Vector, bool]:
     """x after steps by orthogonal factorisations of the free columns, while they reduce the residual; and two more.
 
@@ -230,10 +231,12 @@ def _by_active_set(
     bound holds, and whether it is small beside ‖r‖ and the columns of B. The rounding of r is left out. Rows where
     r_i = 0 at a solution are known to the rounding of the others only. Raises Interrupted with an `Outcome`.
     """
-    r = c - B @ x
-    at_start = norm(r)
     size = abs(B)
     columns = largest_of_columns(B)
+    if 3 * B.nnz >= 2 * math.prod(B.shape):  # an array takes no more memory
+        B = B.toarray()
+    r = c - B @ x
+    at_start = norm(r)
     while True:
         gradient = B.T @ r
         free = ((low < x) | (gradient > 0)) & ((x < high) | (gradient < 0))
@@ -258,7 +261,7 @@ def _by_active_set(
     return x, violations, is_known and bool((violations <= small + size.T @ rounding).all())
 
 
-def _nearer(B: sp.csr_array, c: Vector, x: Vector, low: Vector, high: Vector, free: Mask) -> Iterator[Vector]:
+def _nearer(B: Any, c: Vector, x: Vector, low: Vector, high: Vector, free: Mask) -> Iterator[Vector]:
     """Points that may have a smaller residual than `x`: first that of a step of all `free` unknowns, cut off at bounds.
 
     Then those of steps that stop at bounds: of all of them, and of those between bounds and the one with the largest
@@ -273,7 +276,7 @@ def _nearer(B: sp.csr_array, c: Vector, x: Vector, low: Vector, high: Vector, fr
     yield _to_bounds(B, c, x, inside, low, high)
 
 
-def _step(B: sp.csr_array, r: Vector, free: Mask) -> Vector:
+def _step(B: Any, r: Vector, free: Mask) -> Vector:
     """The step in the free unknowns to the least residual, by an orthogonal factorisation; 0 beyond a limit."""
     from scipy.linalg import lstsq
 
@@ -282,7 +285,7 @@ def _step(B: sp.csr_array, r: Vector, free: Mask) -> Vector:
     cost = _step_cost(r.size, columns)
     if cost <= work.nanoseconds_left() and work.memory_suffices(16.0 * r.size * columns):
         work.count(cost)
-        part = B[:, free].toarray()
+        part = B[:, free] if isinstance(B, np.ndarray) else B[:, free].toarray()
         # columns of length 1, dependent where numpy.linalg.lstsq calls them so
         sizes = np.linalg.norm(part, axis=0)
         unit = np.where(sizes > 0.0, sizes, 1.0)
@@ -307,7 +310,7 @@ def _icp_cost(B: sp.csr_array) -> float:
     return work.newton(n, n + 2 * B.nnz, mixed=False) + factor_cost(fill)
 
 
-def _to_bounds(B: sp.csr_array, c: Vector, x: Vector, free: Mask, low: Vector, high: Vector) -> Vector:
+def _to_bounds(B: Any, c: Vector, x: Vector, free: Mask, low: Vector, high: Vector) -> Vector:
     """The least residual in the free unknowns, where one that meets its bound on the way stays there."""
     while free.any() and work.seconds_left() > 0.0:
         step = _step(B, c - B @ x, free)
