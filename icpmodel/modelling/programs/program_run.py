@@ -37,8 +37,6 @@ _REFINEMENTS = 3
 _REGULARISATION = 1e-9
 #: the share of the terms of a row, or of a bound, up to which it is tight at a start; 1 counts as a term
 _TIGHT_SLACK = 1e-6
-#: products with A that cost as much as to judge an iterate, measured for a membrane with n = 22 500
-_JUDGEMENT = 10.0
 
 
 class ProgramRun:
@@ -74,8 +72,6 @@ class ProgramRun:
             self.start = np.nan_to_num(np.ldexp(last.z, last.conditions.columns - self.conditions.columns))
         self.violation = Violation()
         self.iterations = 0
-        #: the work that was counted when an iterate was judged
-        self.counted = 0.0
 
     def verdict(self, start: Vector | None) -> tuple[str, str]:
         """The status and the message at the end of the run, from an x near the solution where it is known."""
@@ -94,14 +90,19 @@ class ProgramRun:
                 limit = {"max_iter": self.iterations}
             try:
                 solution = self._solve(
-                    self.problem, method, z0=z0, callback=lambda progress: self._judge(progress.z), rtol=0.0, **limit
+                    self.problem,
+                    method,
+                    z0=z0,
+                    callback=lambda now: self.judge.is_due() and self.improve(now.z),
+                    rtol=0.0,
+                    **limit,
                 )
             except SingularOperator:
                 continue
             self.improve(solution.z)
             if solution.status is Status.TIME_LIMIT:
                 break
-            if self.violation.strict > 0.0:  # also where it is good, unless nothing at all is wrong
+            if self.violation.strict:  # also where it is good, unless nothing at all is wrong
                 self.polish(self.z, self.pattern_at(self.z))
             if solution.status is Status.MEMORY_LIMIT or self.is_good:
                 break
@@ -224,14 +225,6 @@ class ProgramRun:
     def is_exact(self) -> bool:
         """Whether the same holds without regard to rounding."""
         return self.violation.strict <= self.tolerance
-
-    def _judge(self, z: Vector) -> bool:
-        """`improve`, where the steps since the last time have cost as much."""
-        if work.counter() - self.counted < _JUDGEMENT * self.problem.matrix.product_cost:
-            return False
-        is_enough = self.improve(z)
-        self.counted = work.counter()
-        return is_enough
 
     def improve(self, z: Vector) -> bool:
         """Whether `z`, with its active rows on their obstacles, is strictly good, or no better than a good iterate."""
