@@ -14,7 +14,7 @@ from ..numerics import work
 from ..numerics.arrays import Vector, as_number, described
 from ..problem.data import ProblemData
 from .aor import MNMAOR
-from .contract import SAFE_RESIDUALS, FixedPoint, Iterate, Method, named, with_options
+from .contract import SAFE_SIZE, FixedPoint, Iterate, Method, named, with_options
 from .psor import PSOR
 
 #: an accelerated iterate may have this many times the least residual so far
@@ -221,5 +221,4 @@ class Differences:
 
 def _residual(problem: ProblemData, z: Vector, hint: float | None) -> float:
     """The residual of z: the hint of the sweep, unless its squares may have over- or underflown."""
-    low, high = SAFE_RESIDUALS
-    return hint if hint is not None and (low < hint < high or np.isnan(hint)) else problem.residual(z)
+    return hint if hint is not None and (SAFE_SIZE < hint < 1.0 / SAFE_SIZE or np.isnan(hint)) else problem.residual(z)

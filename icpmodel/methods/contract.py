@@ -26,8 +26,8 @@ from ..theory.answers import Answer
 _REGISTRY: dict[str, type[Method]] = {}
 Class = TypeVar("Class", bound=type[Any])
 
-#: outside this range the squares that a sweep sums for Res_D over- or underflow; `ICP.residual` does not
-SAFE_RESIDUALS = (1e-140, 1e140)
+#: squares of numbers between this one and its reciprocal, as a sweep sums them for Res_D, do not over- or underflow
+SAFE_SIZE = 1e-140
 
 #: a value below this share of the least one so far counts as reduced
 REDUCTION = 0.9

@@ -14,10 +14,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import MapError, OutOfTime, SingularOperator
-from ..methods.contract import SAFE_RESIDUALS, Infeasible, Iterate, Method
+from ..methods.contract import SAFE_SIZE, Infeasible, Iterate, Method
 from ..numerics import work
 from ..numerics.arrays import Vector, locked, norm
-from ..numerics.rounding import is_ctrl_c
+from ..numerics.rounding import UNIT_ROUNDOFF, is_ctrl_c
 from ..problem.data import ProblemData
 from ..theory.answers import Answer
 from .choice import Ladder
@@ -287,8 +287,8 @@ class Run:
         Whatever watches a run on the `presolved` problem is shown the exact one as well, so that none is better than
         the answer.
         """
-        low, high = SAFE_RESIDUALS
-        if hint is not None and z is not self.start and low < hint < high and not self.goal.is_near(z, hint):
+        hint = None if z is self.start else hint
+        if hint is not None and SAFE_SIZE < hint < 1.0 / SAFE_SIZE and not self.goal.is_near(z, hint):
             if self.presolved is not None and self.is_watched:
                 with suppress(MapError):
                     return self.goal.judged(z, self.problem.residual(z))

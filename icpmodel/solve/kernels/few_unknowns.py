@@ -9,13 +9,10 @@ import numpy as np
 
 from ...algebra.kernels.balancing import scale
 from ...algebra.kernels.batched_lcps import solve_lcps
+from ...methods.contract import SAFE_SIZE
 from ...numerics.kernels import compiled
 from ...numerics.rounding import SMALLEST
 from ...problem.kernels.residual import raise_to_bounds
-
-#: squares of norms from here to its reciprocal do not over- or underflow; smaller rows count as empty
-_MIN_SAFE_SQUARE = 1e-280
-_MIN_ROW_SIZE = 1e-140
 
 
 @partial(compiled, exact=True)
@@ -35,7 +32,7 @@ def _squared_residuals(A, G, q, c, d, z, weights):
             largest = max(largest, abs(A[i, j]))
         for k in range(G[0][i], G[0][i + 1]):
             r -= G[2][k] * z[G[1][k]]
-        if largest < _MIN_ROW_SIZE or not c[i] <= d[i]:
+        if largest < SAFE_SIZE or not c[i] <= d[i]:
             return np.nan, np.nan
         weights[i] = 1.0 / largest
         squares += max(z[i] - d[i], min(weights[i] * p, r)) ** 2
@@ -68,11 +65,12 @@ def solve_few(A, q, G, c, d, M, inverse, rtol, limit):
                 z[i] += inverse[i, j] * x[j]
     weights = np.empty((1, n))
     squares, squares_0 = _squared_residuals(A, G, q, c, d, z, weights[0])
-    if not _MIN_SAFE_SQUARE < squares_0 < 1.0 / _MIN_SAFE_SQUARE or not squares < 1.0 / _MIN_SAFE_SQUARE:
+    size_0 = math.sqrt(squares_0)
+    if not SAFE_SIZE < size_0 < 1.0 / SAFE_SIZE or not squares < 1.0 / SAFE_SIZE**2:
         return z, np.nan, np.nan
     residual = np.full(1, math.sqrt(squares))
     # as `rounded_share` rounds it
-    tolerance = np.full(1, max(rtol * math.sqrt(squares_0) - SMALLEST, 0.0))
+    tolerance = np.full(1, max(rtol * size_0 - SMALLEST, 0.0))
     indptr = np.arange(0, n * n + 1, n).astype(np.int32)
     indices = np.empty(n * n, np.int32)
     for k in range(n * n):
