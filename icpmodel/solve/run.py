@@ -34,9 +34,6 @@ _LOG.addHandler(logging.NullHandler())
 #: information may have to cross all unknowns
 PATIENCE = 1000
 _LONGEST_PATIENCE = 50_000
-#: costs are estimated for a reduction between these two; rounding may not allow a smaller one
-_LEAST_REDUCTION = 1e-14
-_MOST_REDUCTION = 0.5
 #: the largest share of the first residual that rounding may explain; beyond it the iterates have diverged
 MAX_ROUNDING = 0.1
 #: a residual of this many times the first one counts as divergence, before it overflows
@@ -143,8 +140,9 @@ class Run:
         self.refusal: Refusal | None = None
         self.singular: SingularOperator | None = None
         self.bar = Bar()
-        self.target_reduction = min(max(self.target_reduction, _LEAST_REDUCTION), _MOST_REDUCTION)
-        self.target = self.target_reduction * (self.scale or self.start_residual) or _LEAST_REDUCTION
+        # rounding may not allow a smaller one
+        self.target_reduction = min(max(self.target_reduction, UNIT_ROUNDOFF), 1.0)
+        self.target = self.target_reduction * (self.scale or self.start_residual) or UNIT_ROUNDOFF
 
     def steps(self, ladder: Ladder | MethodSequence) -> Iterator[None]:
         """Run the loop; yield after each tested iterate but the last one of a method."""
