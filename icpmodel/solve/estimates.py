@@ -26,12 +26,11 @@ from ..numerics.krylov import gcr_step_cost
 from ..numerics.linear import steps_cost
 from ..numerics.multigrid import cycle_cost, hierarchy_cost
 from ..problem.facts import Facts
+from .goal import RTOL
 
 #: restarts of Lemke's pivots where these end in a ray: of 9 kinds of problems that are not monotone, n = 20, five were
 #: solved with nine of ten
 TRIES = 10
-#: the reduction of the residual for which the steps of `Multilevel` were counted
-_MEASURED_AT = 1e-8
 
 
 class Estimate(NamedTuple):
@@ -117,7 +116,7 @@ def _part_cost(facts: Facts, symmetric: bool) -> float:
     return factor_costs(facts.equations).part(facts.matrix.n - facts.bounded // 2, symmetric=symmetric)
 
 
-def _multilevel(facts: Facts, target_reduction: float = _MEASURED_AT) -> Estimate:
+def _multilevel(facts: Facts, target_reduction: float = RTOL) -> Estimate:
     matrix = facts.matrix
     n = matrix.n
     python = 0.5 * work.COSTS.newton
@@ -136,11 +135,11 @@ def _multilevel(facts: Facts, target_reduction: float = _MEASURED_AT) -> Estimat
         step += 3.0 * cycle + mixed
         setup += 4.0 * math.log2(max(n / 64.0, 1.0)) * python + 2.0 * mixed
     # for matrices with ρ ≤ 1 the median of 67 problems, n = 300 … 4000, was five steps, and three quarters took six at
-    # most; of the others, for which it is not made, few end
+    # most, to RTOL; of the others, for which it is not made, few end
     radius = max(matrix.coupled_radius, 1.0)
     squared = radius * radius  # overflows to infinity, where a power would raise
     # fewer for a larger residual, as each reduces it by about the same factor
-    steps = min(max(5.0 * math.log(target_reduction) / math.log(_MEASURED_AT), 1.0), 5.0)
+    steps = min(max(5.0 * math.log(target_reduction) / math.log(RTOL), 1.0), 5.0)
     return Estimate(setup, step, steps * squared * squared, 40.0 * matrix.nnz)
 
 
