@@ -17,10 +17,10 @@ from .run import Run
 from .solution import Status
 from .stopping import StopReason
 
-#: a bound falls about as a residual does: the tolerance becomes this share of what would then do, within the other two
-_SAFETY_FACTOR = 0.5
-_MIN_FACTOR = 1e-3
+#: a bound falls about as a residual does: the tolerance becomes this share of what would then do, or of the last
+#: residual if that is less; and the least share
 _MAX_FACTOR = 0.5
+_MIN_FACTOR = 1e-3
 
 
 def solve_to_accuracy(run: Run, accuracy: float, run_methods: Callable[[], None]) -> None:
@@ -42,7 +42,7 @@ def solve_to_accuracy(run: Run, accuracy: float, run_methods: Callable[[], None]
     bound = None if first is None else first.value
     z = run.start
     while bound is None or bound > accuracy or run.iteration < 0:
-        share = _MIN_FACTOR if bound is None else min(max(_SAFETY_FACTOR * accuracy / bound, _MIN_FACTOR), _MAX_FACTOR)
+        share = _MIN_FACTOR if bound is None else max(_MAX_FACTOR * min(accuracy / bound, 1.0), _MIN_FACTOR)
         run.goal = replace(run.goal, tolerance=share * residual if bound is None or bound > accuracy else np.inf)
         run.is_over = False
         run_methods()
