@@ -23,8 +23,6 @@ from .batch import ROWS_PER_CHAIN, SHARE_COST, Batch
 #: the rows low ≤ i < high, several of these, and what comes back of each
 RowRanges = list[tuple[int, int]]
 Futures = dict[tuple[int, int], Future[Any]]
-#: a share without rows, which is sent first: whether anything can be
-_EMPTY_RANGE = (0, 0)
 #: the results of a share: by row, and others
 _ROW_FIELDS = ("Z", "residuals", "tolerances", "solved")
 _OTHER_FIELDS = ("failures", "records", "compiled")
@@ -148,7 +146,8 @@ def _by_workers(batch: Batch, make: Any) -> None:
     row_cost = batch.row_cost()
     limit = batch.limits.time_limit
     size = ROWS_PER_CHAIN if row_cost is None else ROWS_PER_CHAIN * int(np.ceil(SHARE_COST / row_cost / ROWS_PER_CHAIN))
-    groups = [[(low, min(low + size, k)) for low in range(0, k, size)], [_EMPTY_RANGE]]
+    # a share without rows is sent first: whether anything can be
+    groups = [[(low, min(low + size, k)) for low in range(0, k, size)], [(k, k)]]
     start_time = time.time() - batch.elapsed()
     pool = None
     futures: Futures = {}
