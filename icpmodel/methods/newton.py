@@ -50,13 +50,12 @@ from .contract import REDUCTION, Iterate, Method, with_options
 _ALLOWED_STEPS = 8
 #: moves against the common direction are rounding up to this share of the largest move (1e-11 was seen, with z = 1e5)
 _ROUNDING_SHARE = 1e-6
-#: the share of the slope in Armijo's rule, and how often a step is halved
-_ARMIJO = 1e-4
-_MAX_HALVINGS = 30
-#: a direction is tried if its slope, relative to θ², is below minus this number
-_MIN_SLOPE = 1e-6
+#: the share of the slope in Armijo's rule, and the slope relative to θ² that a direction has at least; how often a step
+#: is halved
+ARMIJO = 1e-4
+MAX_HALVINGS = 30
 #: the largest number of descent steps without a new reference
-_MAX_DESCENTS = 40
+MAX_DESCENTS = 40
 #: the relative tolerance of an inexact solve, in the first steps and near the solution
 _LOOSE_RTOL = 1e-3
 _TIGHT_RTOL = 1e-8
@@ -331,23 +330,27 @@ class NewtonPath(Iterator[Iterate]):
         self.counted_steps = 0.0
         self.direction = 0
         self.descents += 1
-        if best.theta == 0 or self.descents > _MAX_DESCENTS:
+        if self.descents > MAX_DESCENTS:
             return None
         work.count(work.newton(self.problem.n, self.problem.facts.entries, mixed=True))
-        V, total = best.generalised_derivative()
-        phi = best.phi / best.theta
-        for direction in descent_directions(self.problem, V, phi, total):
-            slope = float(phi @ (V @ direction))
-            if slope < -_MIN_SLOPE and (new := self.line_search(best, best.theta * direction, slope)):
-                return new
-        return None
+        return self.descend(best, best)
 
-    def line_search(self, best: NewtonPoint, step: Vector, slope: float) -> NewtonPoint | None:
-        """The first point z + tΔz, t = 1, ½, …, from `best` that satisfies Armijo's rule; None if none does."""
-        for k in range(_MAX_HALVINGS):
-            t = 0.5**k
-            new = self.point(best.z + t * step)
-            growth = np.inf if new is None else new.theta / best.theta
-            if new and growth * growth <= 1.0 + 2.0 * _ARMIJO * t * slope:  # growth**2 raises if it is inf
-                return new
+    def descend(self, start: NewtonPoint, model: NewtonPoint) -> NewtonPoint | None:
+        """The first point from `start` that satisfies Armijo's rule in a direction in which Ψ of `model` falls.
+
+        `model` is `start`, or the same z in a problem with the tangent of a nonlinear p. None if no point does.
+        """
+        if model.theta == 0:  # where p of the tangent is rounded, that of `start` need not be 0
+            return None
+        V, total = model.generalised_derivative()
+        phi = model.phi / model.theta
+        for direction in descent_directions(model.problem, V, phi, total):
+            step = self.clip(start.z + model.theta * direction) - start.z
+            slope = float(phi @ (V @ step)) / model.theta
+            for k in range(MAX_HALVINGS if slope < -ARMIJO else 0):
+                t = 0.5**k
+                new = self.point(start.z + t * step)
+                growth = np.inf if new is None else new.theta / start.theta
+                if new and growth * growth <= 1.0 + 2.0 * ARMIJO * t * slope:  # growth**2 raises if it is inf
+                    return new
         return None

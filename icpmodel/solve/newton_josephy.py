@@ -11,7 +11,6 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..algebra.affine_lcp import PIVOT_UP_TO
-from ..algebra.descent_directions import descent_directions
 from ..algebra.equations import Pattern, solve_on
 from ..algebra.secants import secant_problem, why_not_rows
 from ..errors import MapError, SingularOperator
@@ -19,7 +18,7 @@ from ..methods.accelerated import Accelerated
 from ..methods.contract import REDUCTION, Iterate, LeastValue, Method, with_options
 from ..methods.enumeration import Enumerate
 from ..methods.milp import MAX_UNKNOWNS
-from ..methods.newton import NewtonPath, NewtonPoint
+from ..methods.newton import ARMIJO, MAX_DESCENTS, MAX_HALVINGS, NewtonPath, NewtonPoint
 from ..methods.psor import PSOR
 from ..methods.restarts import scale_of_starts, start_above
 from ..methods.shortcuts import Lemke
@@ -36,13 +35,11 @@ from .solution import Status
 _PROXIMAL_WEIGHTS = (0.0, 1e-2, 1.0, 1e2)
 #: a linearised problem is solved to the share θ/θ⁰ of its residual, kept within these (Eisenstat and Walker 1996)
 _MIN_FORCING, _MAX_FORCING = 1e-4, 0.1
-#: a step of length t is taken where θ ≤ (1 − σt) times the largest of the last ones, by number (Grippo and others 1986)
-_ARMIJO, _NONMONOTONE_STEPS = 1e-4, 5
+#: a step of length t is taken where θ ≤ (1 − σt) times the largest of this number of last ones, σ = `ARMIJO` (Grippo
+#: and others 1986)
+_NONMONOTONE_STEPS = 5
 #: the length t in the test above for a second step by one tangent
 _SECOND_STEP_LENGTH = 0.5
-#: the number of halvings of a step, and of steps without a reduction by a tenth: of the least θ or, where θ is less
-#: still, of the equations. Far above the solution of eᶻ = c these fall by the factor e, but θ, about z − ψ, by 1
-_MAX_HALVINGS, _PATIENCE = 20, 40
 #: the number of sweeps methods with which a ladder begins
 _SWEEP_METHODS = 2
 #: random starts after the last step that helps, for problems small enough for a search
@@ -150,7 +147,9 @@ class _Search:
 
     def steps(self) -> Iterator[NewtonPoint]:
         """Yield the points after the start, until none is better."""
-        while self.current.theta > 0.0 and self.thetas.add(self.current.theta) < _PATIENCE:
+        # the least θ has to fall or, where θ is less still, the equations of the step: far above the solution of eᶻ = c
+        # these fall by the factor e, but θ, about z − ψ, by 1
+        while self.current.theta > 0.0 and self.thetas.add(self.current.theta) < MAX_DESCENTS:
             try:
                 with np.errstate(all="ignore"):
                     new = self._next()
@@ -280,14 +279,14 @@ class _Search:
         if _MAX_FORCING < ratio < 1.0 - _MAX_FORCING:  # as at a singular solution (Griewank, SIAM Rev. 27, 1985)
             yield _MAX_FORCING, self.path.point(self.current.z + step / (1.0 - ratio))
         new = self.path.point(z)
-        yield 1.0 - _ARMIJO, new
+        yield 1.0 - ARMIJO, new
         if new is not None:
             q = linear.q + new.p + W * step - linear.p(z)
             again = self._solve_tangent(linear.with_q(q), z, tolerance) if np.isfinite(q).all() else None
             yield _SECOND_STEP_LENGTH, None if again is None else self.path.point(again)
         yield np.inf, self._with_active_set(linear)
-        for k in range(1, _MAX_HALVINGS):
-            yield 1.0 - _ARMIJO * 0.5**k, self.path.point(self.current.z + 0.5**k * step)
+        for k in range(1, MAX_HALVINGS):
+            yield 1.0 - ARMIJO * 0.5**k, self.path.point(self.current.z + 0.5**k * step)
 
     def _equations(self, pattern: Pattern, point: NewtonPoint, W: Vector) -> float:
         """‖·‖ of r in the active rows of the `pattern`, and of p and the proximal term in its free rows, at `point`."""
@@ -302,17 +301,7 @@ class _Search:
         """A point at which θ is smaller, in a direction in which it falls; None without a derivative of ψ."""
         if linear.psi.no_derivative() is not None:
             return None
-        point = NewtonPoint(linear, self.path.omega, self.current.z)
-        if point.theta == 0.0:  # as p of `linear` is rounded
-            return None
-        V, total = point.generalised_derivative()
-        phi = point.phi / point.theta
-        for direction in descent_directions(linear, V, phi, total):
-            step = self.path.clip(point.z + point.theta * direction) - point.z
-            slope = float(phi @ (V @ step)) / point.theta
-            if slope < -_ARMIJO and (new := self.path.line_search(self.current, step, slope)):
-                return new
-        return None
+        return self.path.descend(self.current, NewtonPoint(linear, self.path.omega, self.current.z))
 
 
 def _proximal(linear: ProblemData, z: Vector, W: Vector) -> ProblemData:
