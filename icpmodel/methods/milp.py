@@ -25,8 +25,6 @@ MAX_UNKNOWNS = 150
 #: bounds on p and r that are tried in turn, in units of the largest entry of q, c and d; beyond the second one the
 #: tolerance of HiGHS, 1e-6 for y, leaves p and r too much room
 BOUNDS = (1e2, 1e4)
-#: the first active set ends the search, whatever the objective could be
-_MIP_GAP = 1e9
 #: active sets that are excluded because their solution does not hold
 _MAX_CUTS = 5
 
@@ -119,7 +117,8 @@ def active_set(rows: LinearRows, bound: float, cuts: list[Vector]) -> ActiveRows
     objective = signs @ (rows.A + np.where(below[:, None], rows.R, rows.S))
     lowest = np.concatenate([np.full(n, -np.inf), ~below, ~above])
     highest = np.concatenate([np.full(n, np.inf), np.ones(2 * n)])
-    options = {"mip_rel_gap": _MIP_GAP, "time_limit": work.seconds_left()}
+    # the first active set ends the search, whatever the objective could be
+    options = {"mip_rel_gap": np.inf, "time_limit": work.seconds_left()}
     work.check_budget()
     result = milp(
         np.append(objective, np.zeros(2 * n)),
