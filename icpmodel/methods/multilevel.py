@@ -27,7 +27,7 @@ from ..numerics import work
 from ..numerics.arrays import Vector
 from ..numerics.multigrid import cycle_cost
 from ..problem.data import ProblemData
-from .contract import Iterate, Method, why_not_diagonal, with_options
+from .contract import Iterate, LeastValue, Method, why_not_diagonal, with_options
 from .newton import Newton
 
 #: a start from z begins on the finest level of which a cycle costs less than this share of a Newton step, which is
@@ -36,7 +36,7 @@ from .newton import Newton
 _MAX_CYCLE_SHARE = 0.5
 #: a coarser level ends at this share of its first residual: below the error of interpolation to the next level, as in
 #: full multigrid. It ends at the second share of its Res_D(0) at the latest, and after the number of steps
-_COARSE_REDUCTION = 0.05
+COARSE_REDUCTION = 0.05
 _MIN_COARSE_RTOL = 1e-8
 MAX_COARSE_STEPS = 8
 #: if ψ is an intervention, it ends at the second share or after this number of steps, which are cheap on coarse levels
@@ -44,9 +44,8 @@ _MAX_POLICY_STEPS = 30
 #: a start with at most this share of Res_D(0), ten times the default tolerance, is used as it is; with more the error
 #: may be smooth and large, as after sweeps
 GOOD_START = 1e-7
-#: the method ends if this number of steps does not halve the residual, or the second number does not reduce it
-_PATIENCE = 12
-_SHORT_PATIENCE = 5
+#: the method ends if this number of steps does not reduce the residual by a tenth
+PATIENCE = 5
 
 
 @with_options
@@ -120,7 +119,7 @@ class Multilevel(Method):
                 if residual is None:
                     continue
                 if not (step or jumps):
-                    target = max(target, _COARSE_REDUCTION * residual)
+                    target = max(target, COARSE_REDUCTION * residual)
                 if residual <= target:
                     break
             z = hierarchy.levels[top - 1].P @ answer + shifts[top - 1]
@@ -156,21 +155,12 @@ def _while_residual_falls(
     hierarchy: Hierarchy, problem: ProblemData, fixed: ProblemData, start: Vector
 ) -> Iterator[Iterate]:
     """Newton's steps on the finest level from `start`, while the residual falls; `fixed` has fixed obstacles."""
-    milestone = np.inf
-    least = np.inf
-    halved_at = 0
-    better_at = 0
-    for step, (iterate, residual) in enumerate(newton_steps(hierarchy, fixed, start, 0)):
+    residuals = LeastValue()
+    for iterate, residual in newton_steps(hierarchy, fixed, start, 0):
         if not residual < np.inf:
             break
         yield iterate, residual if fixed is problem else None
-        if residual < least:
-            least = residual
-            better_at = step
-        if residual <= 0.5 * milestone:
-            milestone = residual
-            halved_at = step
-        if step - halved_at >= _PATIENCE or step - better_at >= _SHORT_PATIENCE:
+        if residuals.add(residual) >= PATIENCE:
             break
 
 
