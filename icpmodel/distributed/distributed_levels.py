@@ -35,12 +35,9 @@ _DIRECT_UP_TO = 2000
 #: Krylov's steps at the most after the active set has settled, to this part of the residual that is wanted
 _MAX_STEPS = 60
 _TARGET_SHARE = 0.3
-#: factor of the diagonal that decouples a row: it returns no correction
-_DECOUPLING_FACTOR = 1e100
-#: the largest entries of f between which the products of Krylov's method neither over- nor underflow
-_LEAST_ENTRY, _MOST_ENTRY = 1e-100, 1e100
-#: PETSc's words for: A, or the cycle, is not positive definite
-_INDEFINITE = (-8, -10)
+#: factor of the diagonal that decouples a row: it returns no correction. Where the largest entry of f is between its
+#: reciprocal and itself, the products of Krylov's method neither over- nor underflow
+_LARGE = 1e100
 #: options of what makes the levels begin with this in PETSc's database
 _PREFIX = "icpmodel_"
 
@@ -136,7 +133,7 @@ class DistributedLevels:
             level.J.setDiagonal(level.matrix.vector(np.where(free > 0, 1.0, weight) * level.matrix.diagonal))
             if level.P is not None:
                 free = level.inject(mask)
-                weight = _DECOUPLING_FACTOR
+                weight = _LARGE
 
     def solve(self, f: Any, top: int, J: Any, share: float | None, target: float | None) -> Any:
         """Solve A_FF x = f_F on level `top`, with x = 0 elsewhere, or Jx = f where a `J` is given.
@@ -145,7 +142,7 @@ class DistributedLevels:
         ‖D⁻¹(f − Jx)‖ ≤ `_TARGET_SHARE` · `target`, after at most `_MAX_STEPS` steps.
         """
         largest_entry = f.norm(petsc().NormType.INFINITY)
-        if not 0.0 < largest_entry < np.inf or _LEAST_ENTRY < largest_entry < _MOST_ENTRY:
+        if not 0.0 < largest_entry < np.inf or 1.0 / _LARGE < largest_entry < _LARGE:
             return self._solve(f, top, J, share, target)
         scaled = f.duplicate()
         scaled.setArray(f.array_r / largest_entry)
@@ -166,7 +163,9 @@ class DistributedLevels:
         x.zeroEntries()
         ksp.solve(f, x)
         self.steps += ksp.getIterationNumber()
-        if ksp.getConvergedReason() in _INDEFINITE and self.krylov == "cg":
+        ends = petsc().KSP.ConvergedReason
+        indefinite = (ends.DIVERGED_INDEFINITE_PC, ends.DIVERGED_INDEFINITE_MAT)
+        if ksp.getConvergedReason() in indefinite and self.krylov == "cg":
             self.krylov = "gmres"
             return self._solve(f, top, J, share, target)
         return x

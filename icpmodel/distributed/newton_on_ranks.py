@@ -16,7 +16,7 @@ import numpy as np
 
 from ..algebra.equations import Pattern
 from ..algebra.newton_steps import KRYLOV_REDUCTION, SWEEPS
-from ..methods.multilevel import MAX_COARSE_STEPS
+from ..methods.multilevel import COARSE_REDUCTION, MAX_COARSE_STEPS
 from ..numerics.arrays import Vector, inner
 from ..problem.two_sided import ObstaclePair, mid
 from .distributed_icp import DistributedICP
@@ -28,8 +28,6 @@ from .ranks import largest, norm_from, petsc, release, together, totals
 _SETTLED_REDUCTION = 0.5
 #: multiple of the wanted residual below which sweeps are tried once more, as a Newton step costs several times as much
 _SWEEP_RANGE = 2.0
-#: share of its first residual at which a coarser level ends: below the error of interpolation, as in full multigrid
-_COARSE_REDUCTION = 0.02
 
 
 class Evaluation:
@@ -161,7 +159,7 @@ def coarse_start(levels: DistributedLevels, problem: DistributedICP) -> Any:
     for top in range(len(problems) - 1, 0, -1):
         path = newton_steps(levels, problems[top], z, top)
         at = next(path)
-        tolerance = _COARSE_REDUCTION * at.residual
+        tolerance = COARSE_REDUCTION * at.residual
         for _ in range(MAX_COARSE_STEPS - 1):
             if at.residual <= tolerance:
                 break

@@ -18,7 +18,7 @@ import numpy as np
 
 from ..errors import InputError, MapError, NotApplicable, NotSolved
 from ..methods.contract import REDUCTION
-from ..methods.multilevel import GOOD_START
+from ..methods.multilevel import GOOD_START, PATIENCE
 from ..numerics.arrays import as_truth
 from ..numerics.rounding import public_entry
 from ..solve.goal import RTOL, Limits
@@ -32,8 +32,6 @@ from .distributed_solution import DistributedSolution
 from .newton_on_ranks import Evaluation, coarse_start, newton_steps, simplify
 from .ranks import largest, norm, release, together, totals
 
-#: Newton steps without a reduction before sweeps take over
-_PATIENCE = 5
 #: rounds of sweeps that may take over, and how many sweeps a round has
 _MAX_ROUNDS = 100
 _SWEEPS_PER_ROUND = 8
@@ -240,7 +238,7 @@ class _Run:
             if residual <= REDUCTION * milestone:
                 milestone = residual
                 idle = 0
-            if idle > _PATIENCE or not np.isfinite(residual):
+            if idle > PATIENCE or not np.isfinite(residual):
                 if self.least <= 2.0 * (noise := self._rounding()[0]) < MAX_ROUNDING * self.scale:
                     return Status.PRECISION_LIMIT, f"rounding leaves a residual of up to about {noise:.2g} at this z"
                 extra_sweeps += 1
