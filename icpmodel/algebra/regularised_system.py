@@ -29,6 +29,11 @@ _INCREASE = 100.0
 Solve = Callable[[Vector, float], Vector]
 
 
+def first_regularisation(problem: ProblemData) -> float:
+    """The first δ, which depends on whether A is symmetric."""
+    return _FIRST_REGULARISATION if problem.matrix.is_nearly_symmetric else FIRST_REGULARISATION_SKEW
+
+
 class RegularisedSystem:
     """A + D + δW with the A of a problem.
 
@@ -52,9 +57,7 @@ class RegularisedSystem:
         self.weights = weights
         self.analysis = analysis
         self.matrix = sp.csr_array(problem.A, dtype=np.float64, copy=True)
-        self.delta = self.first_delta = (
-            _FIRST_REGULARISATION if problem.matrix.is_nearly_symmetric else FIRST_REGULARISATION_SKEW
-        )
+        self.delta = self.first_delta = first_regularisation(problem)
         # larger where factors have been inaccurate with less
         self.least_delta = MIN_REGULARISATION
         self.error = 0.0

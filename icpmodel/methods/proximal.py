@@ -27,6 +27,7 @@ import numpy as np
 from ..algebra.equations import Pattern
 from ..algebra.factor_costs import newton_cost
 from ..algebra.proximal_steps import ProximalSteps
+from ..algebra.regularised_system import MIN_REGULARISATION, first_regularisation
 from ..algebra.subproblems import with_fixed_obstacle
 from ..errors import MapError
 from ..numerics import work
@@ -36,22 +37,15 @@ from ..problem.two_sided import balanced_residual
 from ..theory.certificates.recession import Recession
 from .contract import Infeasible, Iterate, LeastValue, Method, with_options
 
-#: the first μ, in units of W; its factor after a subproblem of at most `_QUICK_STEPS` steps, and after a slower one
+#: the first μ, in units of W, and its factor after a subproblem; it grows by as much where the steps of one do not
+#: reduce its residual
 _FIRST_SHIFT = 0.1
 _DECREASE = 0.2
-_SLOW_DECREASE = 0.5
+#: the largest number of steps of a quick subproblem, and of steps that do not reduce its residual by a tenth
 _QUICK_STEPS = 3
-#: after this number of steps that do not reduce the residual of the subproblem by a tenth, μ grows by this factor
 _PATIENCE = 5
-_INCREASE = 5.0
 #: a subproblem is solved when its residual is below this share of that of the LCP
 _INNER_REDUCTION = 0.1
-#: a smaller μ does not change the pivots
-_MIN_SHIFT = 1e-12
-#: μ after a quick first subproblem: where A is singular the iterates drift by rounding over μ, and where A is not
-#: symmetric pivots may be as small as μ²
-_SECOND_SHIFT = 1e-10
-_SECOND_SHIFT_SKEW = 1e-6
 #: the largest number of steps without a better iterate
 _MAX_IDLE_STEPS = 100
 
@@ -156,18 +150,17 @@ class ProximalPath:
         if residual == 0.0 or idle > _MAX_IDLE_STEPS:
             return False
         inner_residual = self.size(self.subproblem_p())
-        is_slow = self.inner_steps > _QUICK_STEPS
         if self.inner_steps and inner_residual <= _INNER_REDUCTION * residual:
             first = not self.last_solved_shift
             self.last_solved_shift = self.shift
-            shift = max((_SLOW_DECREASE if is_slow else _DECREASE) * self.shift, _MIN_SHIFT)
-            if first and not is_slow:
-                shift = _SECOND_SHIFT if self.problem.matrix.is_nearly_symmetric else _SECOND_SHIFT_SKEW
+            shift = max(_DECREASE * self.shift, MIN_REGULARISATION)
+            if first and self.inner_steps <= _QUICK_STEPS:
+                shift = first_regularisation(self.problem)
             self._begin(self.point, shift)
         elif not (np.isfinite(inner_residual) and self.inner_residuals.add(inner_residual) <= _PATIENCE):
             self._enlarge_shift()
         while not self._step():
-            if not self.shift < 1.0 / _MIN_SHIFT:
+            if not self.shift < 1.0 / MIN_REGULARISATION:
                 return False
             self._enlarge_shift()
         self.inner_steps += 1
@@ -175,7 +168,7 @@ class ProximalPath:
 
     def _enlarge_shift(self) -> None:
         """Begin the subproblem again with a larger μ, at least the one that follows the last solved subproblem."""
-        self._begin(self.centre, max(_INCREASE * self.shift, _DECREASE * self.last_solved_shift))
+        self._begin(self.centre, max(self.shift / _DECREASE, _DECREASE * self.last_solved_shift))
 
     def _at(self, z: Vector, p: Vector) -> Point:
         return z, p, self.problem.r(z), self.problem.r_upper(z)
