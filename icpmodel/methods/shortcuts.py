@@ -23,11 +23,10 @@ from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
 from ..problem.map import Map
 from ..theory.certificates.infeasible import infeasible
-from .contract import Infeasible, Iterate, Method, why_not_diagonal, with_options
+from .contract import REDUCTION, Infeasible, Iterate, Method, why_not_diagonal, with_options
 
-#: the largest number of halvings of a step of Josephy's, and the least reduction of Res as a share of its length
+#: the largest number of halvings of a step of Josephy's
 _MAX_HALVINGS = 6
-_MIN_REDUCTION = 0.1
 #: rounds of Newton's steps, and steps in a round; where A is an M-matrix one step is the rule
 MAX_ROUNDS = 5
 STEPS_PER_ROUND = 10
@@ -258,7 +257,7 @@ def _shorten_step(problem: ProblemData, z: Vector, step: Vector, residual: float
     for k in range(_MAX_HALVINGS + 1):
         following = z + 0.5**k * step
         reduced = problem.residual(following)
-        if reduced <= (1.0 - _MIN_REDUCTION * 0.5**k) * residual:
+        if reduced <= (1.0 - (1.0 - REDUCTION) * 0.5**k) * residual:
             return following, reduced
     return None
 
