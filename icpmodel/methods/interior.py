@@ -49,17 +49,14 @@ from .proximal import Regularised
 
 #: the largest number of steps that reduce neither the residual nor the infeasibility of r and s
 _PATIENCE = 20
-#: the relative residuals of the system for the step and for its predictor, of which only the length is used
+#: the relative residual of the system for a step
 _STEP_ACCURACY = 1e-12
-_PREDICTOR_ACCURACY = 1e-6
 #: a step goes this share of the way to the boundary
 _BOUNDARY_SHARE = 0.995
 #: the second-order term lets no rs grow by more than this multiple of itself and of their mean μ, Gondzio's bound
 _MAX_CORRECTION = 10.0
 #: the starting r and s are shifted by this multiple of their negative part at least
 _SHIFT = 1.5
-#: the method ends when the infeasibility exceeds this multiple of its least value and the least residual
-_MAX_ERROR_GROWTH = 1e4
 
 
 @with_options
@@ -219,8 +216,7 @@ class InteriorPath:
         size = norm(self.root * self.z)
         growth = self.inverse_sizes.add(1.0 / size if size else np.inf)
         idle = min(growth, self.residuals.add(residual), self.infeasibilities.add(infeasibility))
-        least = max(self.infeasibilities.least, self.residuals.least)
-        return residual > 0.0 and idle < _PATIENCE and infeasibility <= _MAX_ERROR_GROWTH * least
+        return residual > 0.0 and idle < _PATIENCE and infeasibility < np.inf
 
     def signs_repeat(self) -> bool:
         """Whether the signs of the modulus have been the same for 1, 3, 7, … steps."""
@@ -250,7 +246,7 @@ class InteriorPath:
         mean_product = inner(r, s) / count
         while True:
             solve = self._solver()
-            _, dr, ds = self._direction(solve, r * s, _PREDICTOR_ACCURACY)
+            _, dr, ds = self._direction(solve, r * s)
             if self.system.adapt():
                 break
         _, length_r, length_s = self._lengths(dr, ds, 1.0)
@@ -258,7 +254,7 @@ class InteriorPath:
         sizes = (r + np.abs(self.gap)) * (s + np.abs(self.dual_residual[self.rows]))
         second_order = np.maximum(dr * ds, -_MAX_CORRECTION * np.maximum(sizes, mean_product))
         target = r * s + second_order - ((mean_after / mean_product) ** 3 * mean_product if mean_product else 0.0)
-        dz, dr, ds = self._direction(solve, target, _STEP_ACCURACY)
+        dz, dr, ds = self._direction(solve, target)
         length_z, length_r, length_s = self._lengths(dr, ds, _BOUNDARY_SHARE)
         self.r = r + length_r * dr
         self.s = s + length_s * ds
@@ -268,11 +264,11 @@ class InteriorPath:
             return False
         return bool(np.isfinite(np.concatenate([self.point[1], self.gap])).all())
 
-    def _direction(self, solve: Solve, target: Vector, accuracy: float) -> tuple[Vector, Vector, Vector]:
+    def _direction(self, solve: Solve, target: Vector) -> tuple[Vector, Vector, Vector]:
         """The step of z, r and s that reduces rs by `target`."""
         r = self.r
         s = self.s
-        dz = solve(self.dual_residual - self._in_rows(self.sign * (target + s * self.gap) / r), accuracy)
+        dz = solve(self.dual_residual - self._in_rows(self.sign * (target + s * self.gap) / r), _STEP_ACCURACY)
         dr = self._distance_change(dz) + self.gap
         return dz, dr, -(target + s * dr) / r
 
