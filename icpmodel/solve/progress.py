@@ -17,8 +17,9 @@ from ..numerics.plugins import in_notebook
 from ..present.display import Displayable
 from ..present.rendering import render
 
-#: seconds between two drawings of a bar; and the largest interval of the lines of a log, after 1, 2, 4, … seconds
-_DRAW_INTERVAL = 0.1
+#: what takes less is done at once, for a reader: the seconds between two drawings of a bar
+NOTICED_SECONDS = 0.1
+#: the largest interval of the lines of a log, in seconds, after 1, 2, 4, …
 _MAX_LOG_INTERVAL = 60.0
 _LOG = logging.getLogger("icpmodel")
 #: the function of the open status line
@@ -93,7 +94,7 @@ class _VisibleBar(Bar):
     def update(self, iteration: int, residual: float, tolerance: float) -> None:
         self.first = self.first or residual
         if (now := self.clock()) >= self.next:
-            self.next = now + _DRAW_INTERVAL
+            self.next = now + NOTICED_SECONDS
             share = 0.0
             if 0 < tolerance < self.first and residual > 0:
                 share = math.log(self.first / residual) / math.log(self.first / tolerance)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..algebra.equations import Pattern, solve_on
 from ..errors import IcpError, InputError, MapError, OutOfTime, check_arguments
-from ..methods.contract import Method
+from ..methods.contract import REDUCTION, Method
 from ..numerics import work
 from ..numerics.arrays import ReadOnly, Vector, locked
 from ..numerics.rounding import public_entry
@@ -27,6 +27,7 @@ from ..theory.certificates.certificate import NOT_COMPUTED, ActiveSet, Certifica
 from ..theory.certificates.contradiction import Contradiction, contradiction
 from ..theory.nonuniqueness import solution_facts
 from .goal import Goal
+from .progress import NOTICED_SECONDS
 
 
 class Status(Enum):
@@ -103,12 +104,7 @@ _ADVICE = {
     "WORKER_LOST": "solve it alone to see why, or give its worker more memory",
 }
 
-#: a residual or a bound counts as better than another one if it is at most this share of it
-_IMPROVEMENT = 0.99
-#: the bound of a printed solution may cost this share of what the solve did; the products that end it make up the rest
-_PRINT_SHARE = 0.9
-#: the cost that is allowed in any case, in seconds, which a reader does not notice, and in counted nanoseconds
-_PRINT_SECONDS = 0.1
+#: the cost that the bound of a printed solution may have in any case, in counted nanoseconds
 _PRINT_COST = 2e6
 
 
@@ -324,7 +320,7 @@ class Solution(ReadOnly, Plottable):
         Returns
         -------
         Solution
-            The new solution if its residual or its error bound is smaller by at least a hundredth, else
+            The new solution if its residual or its error bound is smaller by at least a tenth, else
             this one. It is SOLVED where it reaches what was asked for. Where the equations cannot be
             solved, `why` of this one says so.
 
@@ -344,7 +340,7 @@ class Solution(ReadOnly, Plottable):
                 residual = self._goal.judged(z, residual)
         except (IcpError, MemoryError) as error:
             return self._with(why=self._and_why(f"not polished: {error}"))
-        if not (residual < _IMPROVEMENT * self.residual or self._closer(z)):
+        if not (residual < REDUCTION * self.residual or self._closer(z)):
             return self
         undecided = int(known.undecided.sum())
         guessed = f", {undecided} of these rows not proved" if undecided else ""
@@ -387,7 +383,7 @@ class Solution(ReadOnly, Plottable):
         if known is None:
             return False
         bound = error_bound(self.problem, z, time_limit=self.time_limit, memory_limit=self.memory_limit).value
-        return bound is not None and bound < _IMPROVEMENT * known
+        return bound is not None and bound < REDUCTION * known
 
     def _and_why(self, reason: str) -> str:
         return f"{self.why}; {reason}" if self.why else reason
@@ -483,14 +479,14 @@ class Solution(ReadOnly, Plottable):
         return Card(rows)
 
     def _quick_bound(self) -> str:
-        """The error bound if it is known, or costs no more than the solve did, or less than `_PRINT_SECONDS`."""
+        """The error bound if it is known, or costs no more than the solve did, or less than `NOTICED_SECONDS`."""
         certificate = self.__dict__.get("certificate")
         if certificate is None:
-            seconds = max(self.seconds, _PRINT_SECONDS)
+            seconds = max(self.seconds, NOTICED_SECONDS)
             if self.time_limit is not None:
                 seconds = min(seconds, self.time_limit)
             memory = np.inf if self.memory_limit is None else self.memory_limit
-            limits = work.work_limit(seconds, memory, max(_PRINT_SHARE * self.cost, _PRINT_COST))
+            limits = work.work_limit(seconds, memory, max(self.cost, _PRINT_COST))
             with suppress(MapError, OutOfTime, MemoryError), limits:
                 certificate = certify(self.problem, self.z)
         if certificate is None:
