@@ -14,16 +14,13 @@ from ..numerics import work
 from ..numerics.arrays import Vector, as_number, described
 from ..problem.data import ProblemData
 from .aor import MNMAOR
-from .contract import SAFE_SIZE, FixedPoint, Iterate, Method, named, with_options
+from .contract import SAFE_SIZE, FixedPoint, Iterate, LeastValue, Method, named, with_options
 from .psor import PSOR
 
 #: an accelerated iterate may have this many times the least residual so far
 _MAX_GROWTH = 10.0
-#: beyond this multiple it is not yielded, as the run would take it for divergence
-_MAX_ITERATE_RESIDUAL = 1e100
-#: accelerated steps that have to halve the least residual, and the plain ones that follow where they do not
+#: accelerated steps that have to reduce the least residual by a tenth; where they do not, as many plain ones follow
 _ACCELERATED_STEPS = 100
-_PLAIN_STEPS = 25
 #: calls in Python that a step takes beside the sweep
 _CALLS_PER_STEP = 2.0
 #: directions of the history that are less independent than this say nothing but rounding errors
@@ -68,12 +65,12 @@ class Accelerated(Method):
 
     **Safeguard.** A combination is kept only if its residual is at most ten times the least one so
     far. The next sweep yields that residual for free. Otherwise the plain step is taken and the
-    history forgotten. Where a hundred steps have not halved the least residual, 25 plain ones follow,
-    and both numbers double.
+    history forgotten. Where a hundred steps have not reduced the least residual by a tenth, a hundred
+    plain ones follow, and the number doubles.
 
     **Convergence.** The method converges where g contracts in some norm and the residual bounds the
-    error, as for H₊-matrices and ψ of small slope. Then K plain steps halve the least residual from
-    any point, for some K. If combinations fail often enough, K plain steps are made.
+    error, as for H₊-matrices and ψ of small slope. Then K plain steps reduce the least residual by a
+    tenth from any point, for some K. If combinations fail often enough, K plain steps are made.
 
     References
     ----------
@@ -115,7 +112,6 @@ class Accelerated(Method):
         return (self.of or MNMAOR(theta1=AUTO)).why_not(problem)
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
-        # rejected iterates are yielded as well, so that every sweep counts
         of = self.of
         if of is None:
             of = PSOR(omega=cautious_omega(problem)) if problem.facts.has_fixed_obstacle else MNMAOR(theta1=AUTO)
@@ -140,19 +136,18 @@ class Accelerated(Method):
                 image = z
                 hint = np.nan
             residual = _residual(problem, z, hint)
-            if fallback is None or residual <= _MAX_ITERATE_RESIDUAL * least:
-                yield z, residual
             if fallback is not None and not residual <= _MAX_GROWTH * least:
                 z = fallback
                 fallback = None
                 ahead = []
                 history.clear()
                 continue
+            yield z, residual
             least = min(least, residual)
             sweeps += 1
             fallback = None
             following = image
-            if not phase.accelerates(least):
+            if not phase.accelerates(residual):
                 history.clear()
             else:
                 history.add(z, image)
@@ -164,24 +159,20 @@ class Accelerated(Method):
 
 
 class _Phases:
-    """The phases of a run: accelerated steps, then plain ones if those did not halve the least residual."""
+    """The phases of a run: accelerated steps, then as many plain ones if those did not reduce the residual."""
 
     def __init__(self) -> None:
-        self.steps = 0
-        self.scale = 1
-        self.milestone = np.inf
+        self.most_steps = _ACCELERATED_STEPS
+        self.residuals = LeastValue()
 
-    def accelerates(self, least: float) -> bool:
-        """Whether the next step is an accelerated one, `least` being the least residual so far."""
-        if least <= self.milestone / 2:
-            self.steps = 0
-            self.milestone = least
-        self.steps += 1
-        if self.steps > self.scale * (_ACCELERATED_STEPS + _PLAIN_STEPS):
-            self.steps = 1
-            self.milestone = least
-            self.scale *= 2
-        return self.steps <= self.scale * _ACCELERATED_STEPS
+    def accelerates(self, residual: float) -> bool:
+        """Whether the next step is an accelerated one, after a step to `residual`."""
+        idle = self.residuals.add(residual)
+        if idle > 2 * self.most_steps:
+            self.most_steps *= 2
+            self.residuals = LeastValue(residual)
+            return True
+        return idle <= self.most_steps
 
 
 class Differences:
