@@ -29,13 +29,12 @@ from .steps import Step
 
 #: the value of theta1 that is no number
 AUTO = "auto"
-#: the least number of steps between two changes of ω, and the share of its gap to 1 by which two factors may differ
+#: the least number of steps between two changes of ω
 _MIN_STEPS_PER_CHANGE = 12
-_FACTOR_AGREEMENT = 0.05
-#: the factor of the ω that follows from the rate, as too large a one costs more than too small a one; and the least
-#: share by which a new ω must come nearer to 2
+#: the share of its gap to 1 by which two factors may differ, and the one by which a new ω must come nearer to 2
+_SMALL_SHARE = 0.05
+#: the factor of the ω that follows from the rate, as too large a one costs more than too small a one
 _CAUTION = 0.98
-_MIN_GAIN = 0.05
 #: the least factor by which sweeps reduce the error, because of rounding and of matrices that are not normal
 _MIN_ERROR_FACTOR = 1e-4
 #: a radius counts as at most this one
@@ -207,10 +206,10 @@ class AdaptedOmega:
             self.max_value = 1.0 + 0.5 * (self.value - 1.0) if self.value > MIN_ADAPTED_OMEGA else 1.0
             self._change(self.max_value)
             return True
-        agree = abs(factor - last_factor) < _FACTOR_AGREEMENT * (1.0 - factor)
+        agree = abs(factor - last_factor) < _SMALL_SHARE * (1.0 - factor)
         if self.value < self.max_value and self._steps_since_change >= _MIN_STEPS_PER_CHANGE and agree:
             omega = min(_CAUTION * self._best(factor), self.max_value)
-            if omega > self.value + _MIN_GAIN * (2.0 - self.value):
+            if omega > self.value + _SMALL_SHARE * (2.0 - self.value):
                 self._change(omega)
                 return True
         return False
