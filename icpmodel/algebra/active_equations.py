@@ -21,9 +21,6 @@ from .equations import newton_matrix, submatrix
 from .hierarchy import Hierarchy, NoHierarchy
 from .multigrid_equations import MultigridEquations, cycles_cost
 
-#: the sum of the bandwidths above which multigrid is for a matrix
-_MAX_BANDWIDTHS = 16
-
 
 class ActiveEquations:
     """Jx = f and Jᵀx = f for many f: by V-cycles of A's hierarchy where these pay, or by elimination.
@@ -95,7 +92,7 @@ def cycles_pay(problem: ProblemData, free: Mask) -> bool:
     rows = matrix.rows
     cost = cycles_cost(problem)
     count = int(np.count_nonzero(free))
-    if matrix.dense is not None or rows.below + rows.above < _MAX_BANDWIDTHS:
+    if matrix.dense is not None:
         return False
     if factor_cost(band_fill(count, rows.below, rows.above, rows.below == rows.above)) <= cost:
         return False

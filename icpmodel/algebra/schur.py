@@ -25,9 +25,6 @@ from ..problem.data import ProblemData
 from ..problem.matrix import Matrix
 from .factor_costs import factor_costs
 
-#: the Newton steps whose calls cost as much as those of an elimination; 1 ms was measured at n = 100
-_OVERHEAD_IN_STEPS = 2.0
-
 
 class SchurComplement:
     """The factors of the rows of A without an obstacle, and the Schur complement of the others.
@@ -105,14 +102,14 @@ def elimination(problem: ProblemData, max_cost: Callable[[], float]) -> SchurCom
 
     Notes
     -----
-    S is to have no more entries than A. Besides the factors it costs as much as some Newton steps do.
+    S is to have no more entries than A. Besides the factors it costs about as much as the calls of a Newton step.
     """
     matrix = problem.matrix
     rows = problem.facts.bounded_rows
     if not 0 < rows.size < problem.n or rows.size**2 > matrix.nnz:
         return None
     costs = factor_costs(matrix)
-    max_factor_cost = min(max_cost() - _OVERHEAD_IN_STEPS * work.COSTS.newton, costs.dense)
+    max_factor_cost = min(max_cost() - work.COSTS.newton, costs.dense)
     if costs.analysis.costs_more(max_factor_cost) or not costs.fill.is_exact or costs.unsymmetric > max_factor_cost:
         return None
     key = rows.tobytes()
