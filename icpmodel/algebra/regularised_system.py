@@ -20,11 +20,10 @@ from ..problem.data import ProblemData
 _FIRST_REGULARISATION = 1e-9
 FIRST_REGULARISATION_SKEW = 1e-7
 MIN_REGULARISATION = 1e-13
-#: a solve with a relative residual of at most √ε reduces δ to a tenth; one above ε^¼ is repeated with a hundred times δ
+#: a solve with a relative residual of at most √ε reduces δ to a tenth; one above ε^¼ is repeated with ten times δ
 _ACCURATE_SOLVE = np.sqrt(np.finfo(np.float64).eps)
 _ROUGH_SOLVE = np.sqrt(_ACCURATE_SOLVE)
 _DECREASE = 0.1
-_INCREASE = 100.0
 #: solves the system for a vector, up to a relative residual
 Solve = Callable[[Vector, float], Vector]
 
@@ -65,7 +64,7 @@ class RegularisedSystem:
     def adapt(self) -> bool:
         """Change δ after a solve; False if that was so rough that it is to be repeated."""
         if self.error > _ROUGH_SOLVE and self.delta < self.first_delta:
-            self.delta = self.least_delta = min(_INCREASE * self.delta, self.first_delta)
+            self.delta = self.least_delta = min(self.delta / _DECREASE, self.first_delta)
             return False
         if self.error <= _ACCURATE_SOLVE:
             self.delta = max(_DECREASE * self.delta, self.least_delta)
