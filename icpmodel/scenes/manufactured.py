@@ -36,13 +36,15 @@ def random_complementary(n: int, seed: Any, degenerate: float = 0.0) -> tuple[Ve
     return z, np.where(at_obstacle, size, 0.0), np.where(at_obstacle, 0.0, size)
 
 
-#: kind of row → the distance of z* from ψ and from ψ̄, in units of a random size; inf without that obstacle
+#: the distance of z* from an obstacle, in units of a random size; inf where there is none
+AT, OFF = 0.0, 1.0
+#: kind of row → the distances from ψ and from ψ̄
 BOX_ROWS = {
-    "at psi": (0.0, 1.0),
-    "at upper": (1.0, 0.0),
-    "between": (1.0, 1.0),
-    "at psi, the only one": (0.0, np.inf),
-    "at upper, the only one": (np.inf, 0.0),
+    "at psi": (AT, OFF),
+    "at upper": (OFF, AT),
+    "between": (OFF, OFF),
+    "at psi, the only one": (AT, np.inf),
+    "at upper, the only one": (np.inf, AT),
     "equation": (np.inf, np.inf),
 }
 
