@@ -10,7 +10,7 @@ from known_answers import chain, definite, sine
 import icpmodel as icp
 from icpmodel import Status
 from icpmodel.solve.many import solve_many
-from icpmodel.solve.many.compiled_solver import ROWS_A_THREAD, UNKNOWNS_A_THREAD
+from icpmodel.solve.many.compiled_solver import UNKNOWNS_A_THREAD
 
 SMALL = [[2.0, -1.0], [-1.0, 2.0]]
 TRIDIAGONAL = chain(100)
@@ -100,7 +100,7 @@ def test_what_is_not_pivoted_is_solved_one_by_one():
 
 def test_threads_give_the_rows_in_their_order():
     rng = np.random.default_rng(2)
-    A, (Q, C) = definite(rng, 4), rng.normal(size=(2, 3 * ROWS_A_THREAD + 7, 4))
+    A, (Q, C) = definite(rng, 4), rng.normal(size=(2, UNKNOWNS_A_THREAD, 4))
     parts = [np.array_split(rows, 5) for rows in (Q, C, C + 1.0)]
     whole = solve_many(A, Q, C, upper=C + 1.0)
     by_part = [solve_many(A, q, c, upper=d).Z for q, c, d in zip(*parts, strict=True)]

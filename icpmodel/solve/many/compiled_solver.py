@@ -24,9 +24,8 @@ Matrix = NDArray[np.float64]
 
 #: arrays of the size of Q that the rows at once take
 _WORK_ARRAYS = 6
-#: the number of rows, or of unknowns for a tridiagonal A, for which a further thread pays
-ROWS_A_THREAD = 200
-UNKNOWNS_A_THREAD = 20_000
+#: the number of unknowns for which a further thread pays
+UNKNOWNS_A_THREAD = 10_000
 
 
 class CompiledSolver:
@@ -95,7 +94,7 @@ class CompiledSolver:
 
     def _on_threads(self, loop: Callable[[int, int], Any], rows: int) -> None:
         """Call `loop` for parts of the `rows`, on as many threads as they are worth."""
-        worth = -(-rows // ROWS_A_THREAD) if self.small else -(-rows * self.problem.n // UNKNOWNS_A_THREAD)
+        worth = -(-rows * self.problem.n // UNKNOWNS_A_THREAD)
         run_in_threads(rows, min(cores(), rows, worth), loop)
 
     def _values(self, psi: Map, Z: Matrix, C: Any) -> Matrix:
