@@ -23,12 +23,9 @@ from ..problem.data import ProblemData
 from .equations import Pattern, derivative
 from .hierarchy import Hierarchy
 from .multigrid_equations import LEAST_SLOPE, MultigridEquations
-from .steps import Step, projected_sweep, repeated_steps
+from .steps import INNER_REDUCTION, SWEEPS, Step, projected_sweep, repeated_steps
 
-#: sweeps where the active set has moved
-SWEEPS = 4
-#: share of the rest that Krylov's steps leave between two updates of the active set, and how many there are at most
-KRYLOV_REDUCTION = 0.1
+#: the largest number of Krylov's steps between two updates of the active set
 MAX_KRYLOV_STEPS = 8
 #: entries above the diagonal that weigh so much more than those below make the sweeps go backwards
 _MIN_UPWARD_FLOW = 1.1
@@ -43,7 +40,7 @@ def newton_steps(hierarchy: Hierarchy, problem: ProblemData, z: Vector, top: int
     krylov: GCR | None = None
     last_pattern: Pattern | None = None
     # where the active set has moved, and at first, sweeps move its border further
-    z = after_sweeps(sweep, z, SWEEPS)
+    z = after_sweeps(sweep, z)
     while True:
         p = problem.p(z)
         if has_moving_obstacle:
@@ -54,7 +51,7 @@ def newton_steps(hierarchy: Hierarchy, problem: ProblemData, z: Vector, top: int
         pattern = Pattern.at(problem, z, p, omega)
         work.count(0.5 * work.COSTS.newton)
         if last_pattern is not None and not pattern.same_sides(last_pattern):
-            z = after_sweeps(sweep, z, SWEEPS)
+            z = after_sweeps(sweep, z)
             krylov = None  # its residual is that of the z before the sweeps
             p = problem.p(z)
             pattern = Pattern.at(problem, z, p, omega)
@@ -66,7 +63,7 @@ def newton_steps(hierarchy: Hierarchy, problem: ProblemData, z: Vector, top: int
             equations = MultigridEquations(hierarchy, top, pattern.active, J)
             step, krylov = equations.steps(-np.where(pattern.active, pattern.r, p), equations.preconditioned)
             z = z + step
-        z, moved = krylov.iterate(z, KRYLOV_REDUCTION * norm(krylov.residual), MAX_KRYLOV_STEPS)
+        z, moved = krylov.iterate(z, INNER_REDUCTION * norm(krylov.residual), MAX_KRYLOV_STEPS)
         if not (moved or is_new):
             return
 
@@ -77,7 +74,7 @@ def sweep_with_flow(problem: ProblemData) -> Step:
     return projected_sweep(problem, forward=rows.upper <= _MIN_UPWARD_FLOW * rows.lower)
 
 
-def after_sweeps(sweep: Step, z: Vector, count: int) -> Vector:
+def after_sweeps(sweep: Step, z: Vector, count: int = SWEEPS) -> Vector:
     """`z` after `count` sweeps."""
     while count > 0:
         sweeps = repeated_steps(sweep, z, count)

@@ -25,13 +25,11 @@ from ..numerics.arrays import Vector
 from ..numerics.rounding import UNIT_ROUNDOFF
 from ..problem.data import ProblemData
 from ..problem.nonlinear_term import NonlinearTerm
-from .steps import Step
+from ..problem.user_code import USER_ULPS
+from .steps import INNER_REDUCTION, Step
 
-#: the share of p_i that may be left at t, and the halvings of the interval that t is in
-_MAX_RESIDUAL_SHARE = 0.1
+#: the largest number of halvings of the interval that t is in
 _MAX_HALVINGS = 100
-#: units in the last place that rounding may leave of a row
-_ROUNDING_ULPS = 16.0
 
 
 def least_diagonal(problem: ProblemData) -> Vector:
@@ -95,9 +93,7 @@ def _mean_slopes(problem: ProblemData, f: NonlinearTerm, z: Vector, value: Vecto
     t = z - p / (diagonal + slopes)
     near = z
     far = z - p / least_diagonal(problem)
-    tolerance = _MAX_RESIDUAL_SHARE * np.abs(p) + _ROUNDING_ULPS * UNIT_ROUNDOFF * (
-        np.abs(diagonal * z) + np.abs(value)
-    )
+    tolerance = INNER_REDUCTION * np.abs(p) + USER_ULPS * UNIT_ROUNDOFF * (np.abs(diagonal * z) + np.abs(value))
     bisected = np.zeros(z.size, dtype=bool)
     for _ in range(_MAX_HALVINGS):
         with np.errstate(all="ignore"):

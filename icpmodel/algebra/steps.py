@@ -13,8 +13,10 @@ from ..problem.data import ProblemData
 from ..problem.map import Map
 from ..problem.two_sided import ObstaclePair, obstacle_values, sides_of
 
-#: the largest number of sweeps in one call
-_MAX_STEPS_PER_CALL = 4
+#: the sweeps that are made in one call
+SWEEPS = 4
+#: the share of a residual that inner iterations leave
+INNER_REDUCTION = 0.1
 #: z⁺, and Res_D(z), None where the step does not yield it for free
 StepResult = tuple[Vector, float | None]
 #: z ↦ (z⁺, Res_D(z))
@@ -32,9 +34,9 @@ class Sweep:
         return self.step(z)
 
 
-def repeated_steps(step: Step, z: Vector, count: int = _MAX_STEPS_PER_CALL) -> list[StepResult]:
+def repeated_steps(step: Step, z: Vector, count: int = SWEEPS) -> list[StepResult]:
     """Up to `count` ≥ 1 steps from `z`, one after the other: one step, or as many as one call makes."""
-    count = min(count, _MAX_STEPS_PER_CALL)
+    count = min(count, SWEEPS)
     return step.repeat(z, count) if isinstance(step, Sweep) and count > 1 else [step(z)]
 
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..algebra.equations import Pattern
-from ..algebra.newton_steps import KRYLOV_REDUCTION, SWEEPS
+from ..algebra.steps import INNER_REDUCTION, SWEEPS
 from ..methods.multilevel import COARSE_REDUCTION, MAX_COARSE_STEPS
 from ..numerics.arrays import Vector, inner
 from ..problem.two_sided import ObstaclePair, mid
@@ -114,7 +114,7 @@ def _newton_step(levels: DistributedLevels, at: Evaluation, top: int, target: fl
     else:
         z = at.z
         f = np.where(active, -r_active * problem.matrix.diagonal, -at.p)
-    step = levels.solve(problem.vector(f), top, J, KRYLOV_REDUCTION if target is None else None, target)
+    step = levels.solve(problem.vector(f), top, J, INNER_REDUCTION if target is None else None, target)
     if np.isfinite(largest(problem.comm, float(np.abs(step.array_r).max(initial=0.0)))[0]):
         z.axpy(1.0, step)
     return z

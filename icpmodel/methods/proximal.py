@@ -28,6 +28,7 @@ from ..algebra.equations import Pattern
 from ..algebra.factor_costs import newton_cost
 from ..algebra.proximal_steps import ProximalSteps
 from ..algebra.regularised_system import MIN_REGULARISATION, first_regularisation
+from ..algebra.steps import INNER_REDUCTION
 from ..algebra.subproblems import with_fixed_obstacle
 from ..errors import MapError
 from ..numerics import work
@@ -44,8 +45,6 @@ _DECREASE = 0.2
 #: the largest number of steps of a quick subproblem, and of steps that do not reduce its residual by a tenth
 _QUICK_STEPS = 3
 _PATIENCE = 5
-#: a subproblem is solved when its residual is below this share of that of the LCP
-_INNER_REDUCTION = 0.1
 #: the largest number of steps without a better iterate
 _MAX_IDLE_STEPS = 100
 
@@ -150,7 +149,7 @@ class ProximalPath:
         if residual == 0.0 or idle > _MAX_IDLE_STEPS:
             return False
         inner_residual = self.size(self.subproblem_p())
-        if self.inner_steps and inner_residual <= _INNER_REDUCTION * residual:
+        if self.inner_steps and inner_residual <= INNER_REDUCTION * residual:
             first = not self.last_solved_shift
             self.last_solved_shift = self.shift
             shift = max(_DECREASE * self.shift, MIN_REGULARISATION)

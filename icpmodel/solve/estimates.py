@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 from ..algebra.affine_lcp import INVERSE_COST, PIVOT_UP_TO, lcp_rows
 from ..algebra.factor_costs import factor_costs, interior_cost, newton_cost, system_cost
-from ..algebra.newton_steps import SWEEPS
 from ..algebra.relaxation import sor_log_reduction
+from ..algebra.steps import SWEEPS
 from ..methods.accelerated import Accelerated
 from ..methods.contract import Method
 from ..methods.factorised import MNMMOD

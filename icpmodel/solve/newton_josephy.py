@@ -13,6 +13,7 @@ import scipy.sparse as sp
 from ..algebra.affine_lcp import PIVOT_UP_TO
 from ..algebra.equations import Pattern, solve_on
 from ..algebra.secants import secant_problem, why_not_rows
+from ..algebra.steps import INNER_REDUCTION
 from ..errors import MapError, SingularOperator
 from ..methods.accelerated import Accelerated
 from ..methods.contract import REDUCTION, Iterate, LeastValue, Method, with_options
@@ -33,8 +34,9 @@ from .solution import Status
 
 #: the weights μ of the proximal term beside A + f′ in the units of its diagonal, the next one where a step fails
 _PROXIMAL_WEIGHTS = (0.0, 1e-2, 1.0, 1e2)
-#: a linearised problem is solved to the share θ/θ⁰ of its residual, kept within these (Eisenstat and Walker 1996)
-_MIN_FORCING, _MAX_FORCING = 1e-4, 0.1
+#: a linearised problem is solved to the share θ/θ⁰ of its residual, at least this one and at most `INNER_REDUCTION`
+#: (Eisenstat and Walker 1996)
+_MIN_FORCING = 1e-4
 #: a step of length t is taken where θ ≤ (1 − σt) times the largest of this number of last ones, σ = `ARMIJO` (Grippo
 #: and others 1986)
 _NONMONOTONE_STEPS = 5
@@ -190,7 +192,7 @@ class _Search:
             if near is not None and linear.residual(near) <= tolerance:
                 return near
         start_residual = linear.residual(z)
-        share = min(tolerance / start_residual, _MAX_FORCING) if start_residual > 0.0 else _MAX_FORCING
+        share = min(tolerance / start_residual, INNER_REDUCTION) if start_residual > 0.0 else INNER_REDUCTION
         limits = Limits(rtol=share, atol=0.0, max_iter=100_000, time_limit=work.inner_time_limit())
         run = Run(
             linear,
@@ -230,7 +232,7 @@ class _Search:
         θ alone may fall although the rows that are free at z⁺ move away from p = 0, in short steps that lead nowhere.
         """
         z = self.current.z
-        share = min(max(self.current.theta / self.path.start_theta, _MIN_FORCING), _MAX_FORCING)
+        share = min(max(self.current.theta / self.path.start_theta, _MIN_FORCING), INNER_REDUCTION)
         tolerance = share * linear.residual(z)
         to = self._solve_tangent(linear, z, tolerance)
         if to is None:
@@ -254,7 +256,7 @@ class _Search:
         if linear.n > PIVOT_UP_TO or (z := self._on_active_set(linear, self.current.z)) is None:
             return None
         new = self.path.point(z)
-        return new if new and new.theta <= _MAX_FORCING * self.current.theta else None
+        return new if new and new.theta <= INNER_REDUCTION * self.current.theta else None
 
     def _on_active_set(self, linear: ProblemData, z: Vector) -> Vector | None:
         """The solution of the equations of the `linear` problem with the active set of `z`, if there is one."""
@@ -276,8 +278,8 @@ class _Search:
         step = z - self.current.z
         last = self.current.z - self.last_z
         ratio = (step @ last) / (last @ last)
-        if _MAX_FORCING < ratio < 1.0 - _MAX_FORCING:  # as at a singular solution (Griewank, SIAM Rev. 27, 1985)
-            yield _MAX_FORCING, self.path.point(self.current.z + step / (1.0 - ratio))
+        if INNER_REDUCTION < ratio < 1.0 - INNER_REDUCTION:  # as at a singular solution (Griewank, SIAM Rev. 27, 1985)
+            yield INNER_REDUCTION, self.path.point(self.current.z + step / (1.0 - ratio))
         new = self.path.point(z)
         yield 1.0 - ARMIJO, new
         if new is not None:

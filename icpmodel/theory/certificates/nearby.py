@@ -19,7 +19,7 @@ from itertools import islice
 import numpy as np
 
 from ...algebra.hierarchy import Hierarchy, NoHierarchy
-from ...algebra.newton_steps import SWEEPS, after_sweeps, newton_steps, sweep_with_flow
+from ...algebra.newton_steps import after_sweeps, newton_steps, sweep_with_flow
 from ...algebra.subproblems import with_fixed_obstacle
 from ...numerics.arrays import Vector
 from ...problem.data import ProblemData
@@ -53,7 +53,7 @@ def points_near(problem: ProblemData, z: Vector, proof: HPlusProof, bound: float
     residuals = [np.inf, np.inf]
     for better, residual in islice(newton_steps(hierarchy, fixed, z, 0), 1, None):
         # sweeps make the largest residual, which decides, several times smaller
-        yield after_sweeps(sweep, better, SWEEPS)
+        yield after_sweeps(sweep, better)
         if not 2.0 * residual <= residuals[-2]:  # a change of the active set may leave as much as there was
             return
         residuals.append(residual)
