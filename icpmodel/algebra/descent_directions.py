@@ -10,11 +10,10 @@ from ..numerics.arrays import Vector, norm
 from ..numerics.linear import solver_of
 from ..problem.data import ProblemData
 from .factor_costs import factor_costs
+from .regularised_system import FIRST_REGULARISATION_SKEW
 
-#: the regularisation of a singular Newton matrix of φ
-_REGULARISATION = 1e-6
-#: the relative tolerance of the Newton direction
-_RTOL = 1e-8
+#: the relative tolerance of a Newton direction near the solution
+NEWTON_RTOL = 1e-8
 
 
 def descent_directions(problem: ProblemData, V: sp.csr_array, phi: Vector, shift: Vector) -> Iterator[Vector]:
@@ -29,13 +28,13 @@ def descent_directions(problem: ProblemData, V: sp.csr_array, phi: Vector, shift
     phi : array of shape (n,)
         φ.
     shift : array of shape (n,)
-        The diagonal that is added to a singular V, times 1e-6.
+        The diagonal that is added to a singular V, times `FIRST_REGULARISATION_SKEW`.
     """
     analysis = factor_costs(problem.matrix).analysis
-    step = solver_of(V, analysis.of_similar(V))(-phi, _RTOL)
+    step = solver_of(V, analysis.of_similar(V))(-phi, NEWTON_RTOL)
     if step is None:
-        regularised = sp.csr_array(V + sp.diags_array(_REGULARISATION * shift))
-        step = solver_of(regularised, analysis.of_similar(regularised))(-phi, _RTOL)
+        regularised = sp.csr_array(V + sp.diags_array(FIRST_REGULARISATION_SKEW * shift))
+        step = solver_of(regularised, analysis.of_similar(regularised))(-phi, NEWTON_RTOL)
     if step is not None:
         yield step
     gradient = V.T @ phi

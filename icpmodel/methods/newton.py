@@ -36,7 +36,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..algebra.active_equations import ActiveEquations
-from ..algebra.descent_directions import descent_directions
+from ..algebra.descent_directions import NEWTON_RTOL, descent_directions
 from ..algebra.equations import Pattern, derivative
 from ..algebra.factor_costs import newton_cost
 from ..errors import MapError
@@ -56,9 +56,8 @@ ARMIJO = 1e-4
 MAX_HALVINGS = 30
 #: the largest number of descent steps without a new reference
 MAX_DESCENTS = 40
-#: the relative tolerance of an inexact solve, in the first steps and near the solution
+#: the relative tolerance of an inexact solve in the first steps
 _LOOSE_RTOL = 1e-3
-_TIGHT_RTOL = 1e-8
 
 
 @with_options
@@ -316,7 +315,7 @@ class NewtonPath(Iterator[Iterate]):
         current = self.current
         J = current.jacobian
         # inexact solves follow the residual
-        tolerance = min(_LOOSE_RTOL, max(_TIGHT_RTOL, current.theta / self.start_theta))
+        tolerance = min(_LOOSE_RTOL, max(NEWTON_RTOL, current.theta / self.start_theta))
         if self.factorised is None or self.factorised[1] is not J or not np.array_equal(self.factorised[0], active):
             self.factorised = None  # frees the old factorisation before the new one is made
             self.factorised = (active, J, ActiveEquations(self.problem, active, J, by_cycles=False))
