@@ -16,11 +16,9 @@ from ..numerics.arrays import Vector, as_number, largest_size
 from ..problem.data import ProblemData
 from ..theory.certificates.contradiction import multipliers
 from .contract import Iterate, Method, with_options
-from .newton import Newton
+from .newton import MAX_DESCENTS, Newton
 from .shortcuts import Lemke, raise_if_infeasible
 
-#: Newton's steps from one start
-_NEWTON_STEPS = 60
 #: tries for each start of Newton's method, where pivots make them and where nothing else does: at n = 20 a start took
 #: as long as 1500 tries with pivots, and succeeded five times as often
 _TRIES_WITH_PIVOTS = 100
@@ -111,7 +109,7 @@ class Restarts(Method):
                     yield candidate, problem.residual(candidate)
             if has_newton and (k + 1) % every == 0:
                 with suppress(MapError):
-                    for candidate, residual in islice(Newton().iterates(problem, start), _NEWTON_STEPS):
+                    for candidate, residual in islice(Newton().iterates(problem, start), MAX_DESCENTS):
                         yield candidate, problem.residual(candidate) if residual is None else residual
                 start = start_above(problem, z, scale, rng)
 

@@ -24,9 +24,8 @@ from ..problem.data import ProblemData
 from ..problem.map import Map
 from ..theory.certificates.infeasible import infeasible
 from .contract import REDUCTION, Infeasible, Iterate, Method, why_not_diagonal, with_options
+from .newton import MAX_HALVINGS
 
-#: the largest number of halvings of a step of Josephy's
-_MAX_HALVINGS = 6
 #: rounds of Newton's steps, and steps in a round; where A is an M-matrix one step is the rule
 MAX_ROUNDS = 5
 STEPS_PER_ROUND = 10
@@ -254,7 +253,7 @@ class Tridiagonal(Shortcut):
 
 def _shorten_step(problem: ProblemData, z: Vector, step: Vector, residual: float) -> tuple[Vector, float] | None:
     """z + t·step and its residual for the first t of 1, 1/2, 1/4, … that reduces `residual` enough, None for none."""
-    for k in range(_MAX_HALVINGS + 1):
+    for k in range(MAX_HALVINGS):
         following = z + 0.5**k * step
         reduced = problem.residual(following)
         if reduced <= (1.0 - (1.0 - REDUCTION) * 0.5**k) * residual:
