@@ -7,9 +7,7 @@ import math
 import numpy as np
 
 from ...numerics.kernels import compiled
-
-#: columns with a larger entry than this, where those of the rows are about 1, need no balancing
-_BALANCED = 2.0**-40
+from .dictionary import ZERO
 
 
 @compiled
@@ -41,7 +39,7 @@ def scale(M):
             S[i, j] = M[i, j] * unit if unit < np.inf else math.ldexp(M[i, j], r[i])
             columns[j] = max(columns[j], abs(S[i, j]))
     for largest in columns:
-        if 0.0 < largest < _BALANCED:
+        if 0.0 < largest < ZERO:  # no pivot could be told from rounding
             c = _row_units(S.T)
             break
     for j in range(n):
