@@ -29,16 +29,16 @@ from .steps import Step
 
 #: the value of theta1 that is no number
 AUTO = "auto"
-#: the least number of steps between two changes of ω
-_MIN_STEPS_PER_CHANGE = 12
+#: the number of steps from which a rate is read off
+STEPS_PER_RATE = 12
 #: the share of its gap to 1 by which two factors may differ, and the one by which a new ω must come nearer to 2
 _SMALL_SHARE = 0.05
 #: the factor of the ω that follows from the rate, as too large a one costs more than too small a one
 _CAUTION = 0.98
 #: the least factor by which sweeps reduce the error, because of rounding and of matrices that are not normal
 _MIN_ERROR_FACTOR = 1e-4
-#: a radius counts as at most this one
-_MAX_RADIUS = 1.0 - 1e-6
+#: a radius counts as at most 1 less this
+_MIN_GAP = 1e-6
 #: largest ω of a run that does not adapt it
 _MAX_FIXED_OMEGA = 1.4
 #: below this ω there is nothing to adapt
@@ -102,7 +102,7 @@ def sor_parameters(problem: ProblemData, omega: float) -> tuple[float, Vector]:
 
 def best_omega(radius: float) -> float:
     """The ω of the least SOR rate, 2/(1 + √(1 − ρ²)), for the Jacobi radius ρ, which counts as at most 1 − 1e-6."""
-    return 2.0 / (1.0 + math.sqrt(1.0 - min(radius, _MAX_RADIUS) ** 2))
+    return 2.0 / (1.0 + math.sqrt(1.0 - min(radius, 1.0 - _MIN_GAP) ** 2))
 
 
 def sor_log_reduction(omega: float, radius: float) -> float:
@@ -111,7 +111,7 @@ def sor_log_reduction(omega: float, radius: float) -> float:
     By the largest λ with (λ + ω − 1)² = ω²ρ²λ, for ω from the best one on ω − 1 (Young 1971, chapter 6). From ρ = 1 on
     it is that of ρ = 1 − 1e-6: what touches the obstacle does not count, so that nothing is said by ρ there.
     """
-    radius = min(radius, _MAX_RADIUS)
+    radius = min(radius, 1.0 - _MIN_GAP)
     half = (omega * radius) ** 2 / 2.0 - (omega - 1.0)
     discriminant = half**2 - (omega - 1.0) ** 2
     rate = half + math.sqrt(discriminant) if discriminant > 0.0 and half > 0.0 else omega - 1.0
@@ -207,7 +207,7 @@ class AdaptedOmega:
             self._change(self.max_value)
             return True
         agree = abs(factor - last_factor) < _SMALL_SHARE * (1.0 - factor)
-        if self.value < self.max_value and self._steps_since_change >= _MIN_STEPS_PER_CHANGE and agree:
+        if self.value < self.max_value and self._steps_since_change >= STEPS_PER_RATE and agree:
             omega = min(_CAUTION * self._best(factor), self.max_value)
             if omega > self.value + _SMALL_SHARE * (2.0 - self.value):
                 self._change(omega)

@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import replace
 
 from ..algebra.affine_lcp import PIVOT_UP_TO
-from ..algebra.relaxation import AUTO, cautious_omega
+from ..algebra.relaxation import AUTO, STEPS_PER_RATE, cautious_omega
 from ..algebra.schur import SchurComplement, elimination
 from ..errors import OutOfTime, check_arguments
 from ..methods.accelerated import Accelerated
@@ -39,8 +39,6 @@ _LOG = logging.getLogger("icpmodel")
 #: are expected to cost more; sweeps that would have ended soon go on by the rate that was seen. Not tested for matrices
 #: whose rows have more than some hundred entries
 _TRIAL_SHARE = 0.25
-#: plain sweeps that are made before a rate is read off
-_PLAIN_SWEEPS = 12
 #: accelerated sweeps that are made before a rate is read off, twice their history; plain ones go on where this
 #: number of them will do
 _ACCELERATED_SWEEPS = 20
@@ -272,7 +270,7 @@ class Ladder:
         if self.family is not None:
             return
         pivots, plain = (self._estimate(method) for method in (Lemke(), PSOR()))
-        trial = (_PLAIN_SWEEPS + 2 * _ACCELERATED_SWEEPS) * plain.step  # accelerated ones cost about twice as much
+        trial = (STEPS_PER_RATE + 2 * _ACCELERATED_SWEEPS) * plain.step  # accelerated ones cost about twice as much
         if pivots.total <= trial and pivots.total <= self._estimate(self._accelerated()).total:
             for job in self._estimate_jobs([Lemke()]):
                 self._begin_early(job, job.remaining)
@@ -282,8 +280,8 @@ class Ladder:
         if not sweeps.why_not(self.problem) and work.memory_suffices(32.0 * self.problem.n):
             step = self._estimate(sweeps).step
             self.floor = _ACCELERATED_SWEEPS * step
-            job = Job(Choice(sweeps, f"a trial of {_PLAIN_SWEEPS} sweeps"))
-            job.limit = _PLAIN_SWEEPS * step
+            job = Job(Choice(sweeps, f"a trial of {STEPS_PER_RATE} sweeps"))
+            job.limit = STEPS_PER_RATE * step
             self.sweeps = [job]
             self.jobs += self.sweeps
 
