@@ -30,10 +30,9 @@ from .stopping import WORTH_ANOTHER_METHOD, StagnationTest, StopReason, fault_of
 
 _LOG = logging.getLogger("icpmodel")
 _LOG.addHandler(logging.NullHandler())
-#: a run stagnates after max(`PATIENCE`, 2n) steps without a better iterate, at most `_LONGEST_PATIENCE`; 2n because
-#: information may have to cross all unknowns
+#: a run stagnates after max(`PATIENCE`, 2n) steps without a better iterate; 2n because information may have to cross
+#: all unknowns
 PATIENCE = 1000
-_LONGEST_PATIENCE = 50_000
 #: the largest share of the first residual that rounding may explain; beyond it the iterates have diverged
 MAX_ROUNDING = 0.1
 #: a residual of this many times the first one counts as divergence, before it overflows
@@ -238,8 +237,8 @@ class Run:
         start = self._starting_point()
         job.is_fresh = start is self.start and self.presolved is None
         path = job.method.iterates(self.presolved or self.problem, start)
-        longest = min(max(PATIENCE, 2 * self.problem.n), _LONGEST_PATIENCE)
-        stalled = StagnationTest(job.method.memoryless, longest, self.at_floor, self._is_proved)
+        patience = max(PATIENCE, 2 * self.problem.n)
+        stalled = StagnationTest(job.method.memoryless, patience, self.at_floor, self._is_proved)
         count = 0
         spent = 0.0
         while True:
