@@ -29,7 +29,7 @@ WRITABLE_SUFFIXES = (".bin", ".h5")
 #: the number that stands for no obstacle
 _INFINITE = {"psi": -np.inf, "upper": np.inf}
 #: beyond the numbers themselves, what a file may have
-_MAX_HEADER_BYTES = 1 << 16
+_MAX_HEADER_BYTES = 65_536
 
 
 @check_arguments

@@ -14,7 +14,7 @@ from .goal import Limits
 from .solution import Solution, Status
 
 _LEMKE = Lemke()
-_NO_INVERSE = np.empty((0, 0))
+_NO_INVERSE = np.array([[]])
 
 
 def solve_small(problem: ProblemData, limits: Limits) -> Solution | None:

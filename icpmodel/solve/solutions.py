@@ -28,8 +28,8 @@ class RunRecord(NamedTuple):
     adapted_method: Method
     last_method: Method
     why: str
-    iterations: int
-    seconds: float
+    iterations: int = 0
+    seconds: float = 0.0
     infeasible: Answer | None = None
     cost: float = 0.0
 
@@ -46,7 +46,7 @@ class RunRecord(NamedTuple):
 
 
 #: the outcome of a row that was not tried
-NOT_BEGUN = RunRecord(MNMGS(), MNMGS(), MNMGS(), "no method was tried", 0, 0.0)
+NOT_BEGUN = RunRecord(MNMGS(), MNMGS(), MNMGS(), "no method was tried")
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,6 @@ from .solution import Status
 _PRECISION_CHECK = 50
 #: ends after which another method is tried; with MAP_FAILED it may avoid the points where psi fails
 WORTH_ANOTHER_METHOD = (Status.STAGNATED, Status.CYCLED, Status.DIVERGED, Status.MAP_FAILED)
-_NO_ITERATE: Vector = np.zeros(0)
 
 
 class StopReason(NamedTuple):
@@ -66,7 +65,7 @@ class StagnationTest:
         self.is_proved = is_proved
         self.step = self.milestone = 0
         self.milestone_residual = np.nan
-        self.milestone_z = _NO_ITERATE
+        self.milestone_z: Vector = np.array([])
         self.progress_at = 0
         self.progress_residual = np.inf
         self.better_at = 0
