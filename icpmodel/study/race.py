@@ -8,6 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
+from timeit import timeit
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,7 @@ from ..solvers.foreign import Claim, ForeignSolver, chosen_solvers
 from .cases import Case, uninterrupted
 from .competitors import Competitor, Entry, ForeignCompetitor, LinearSolve, OwnMethod, tuned_methods
 from .limited_runs import first_run, linear_solve, timed_run
-from .timing import machine, run_interleaved, timer
+from .timing import machine, run_interleaved
 
 #: the tolerances that each competitor is asked for
 DEFAULT_TOLERANCES = tuple(10.0**-k for k in range(2, 13))
@@ -353,7 +354,7 @@ def _run(
 
 def _build_seconds(case: Case, one: Competitor) -> float:
     """The median of the times of `build`, or its time where that is long."""
-    build = timer(partial(one.build, case))
+    build = partial(timeit, partial(one.build, case), number=1)
     seconds = build()
     return seconds if seconds >= _TIMED_ONCE_SECONDS else float(np.median([seconds, build(), build()]))
 

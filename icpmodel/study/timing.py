@@ -4,28 +4,12 @@ from __future__ import annotations
 
 import os
 import platform
-import time
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from datetime import date
-from typing import Any, TypeVar
+from typing import TypeVar
 
 Name = TypeVar("Name", bound=Hashable)
 Run = TypeVar("Run")
-
-
-def timer(call: Callable[..., Any], prepare: Callable[[], Any] | None = None) -> Callable[[], float]:
-    """A timer of `call`, whose argument `prepare`, if given, makes before the clock starts.
-
-    What it returns is freed at once: kept, it would make the next run pay for fresh memory.
-    """
-
-    def run() -> float:
-        arguments = () if prepare is None else (prepare(),)
-        start_time = time.perf_counter()
-        call(*arguments)
-        return time.perf_counter() - start_time
-
-    return run
 
 
 def run_interleaved(

@@ -6,9 +6,8 @@ import numpy as np
 
 import icpmodel as icp
 from icpmodel.study.cases import uncached_copy
-from icpmodel.study.timing import timer
 
-from .harness import compared, linear_solve, time_calls
+from .harness import compared, linear_solve, time_calls, timer
 
 
 def table(n=1_000_000, repeats=5):

@@ -10,7 +10,8 @@ from scipy.optimize import nnls
 
 import icpmodel as icp
 from icpmodel.numerics.work import COSTS
-from icpmodel.study.timing import timer
+
+from .harness import timer
 
 #: the number of sweeps timed together, as a method may make some of them in one pass
 TOGETHER = 8

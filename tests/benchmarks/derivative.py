@@ -7,9 +7,8 @@ from importlib.util import find_spec
 import numpy as np
 
 import icpmodel as icp
-from icpmodel.study.timing import timer
 
-from .harness import compared, linear_solve, pair, time_calls, warm
+from .harness import compared, linear_solve, pair, time_calls, timer, warm
 
 
 def table(sizes=(10_000, 100_000, 1_000_000), layers=(400, 1600), repeats=5):

@@ -9,13 +9,28 @@ import scipy.sparse as sp
 
 import icpmodel as icp
 from icpmodel.study.cases import uncached_copy
-from icpmodel.study.timing import run_interleaved, timer
+from icpmodel.study.timing import run_interleaved
 
 
 def scene(text, n):
     """The scene NAME or NAME,PARAMETER=NUMBER with about `n` unknowns, if it has a size."""
     has_size = "n" in icp.scenes.parameters(text.partition(",")[0])
     return icp.scenes.scene(text, n if has_size else None)
+
+
+def timer(call, prepare=None):
+    """A timer of `call`, whose argument `prepare`, if given, makes before the clock starts.
+
+    What it returns is freed at once: kept, it would make the next run pay for fresh memory.
+    """
+
+    def run():
+        arguments = () if prepare is None else (prepare(),)
+        start_time = time.perf_counter()
+        call(*arguments)
+        return time.perf_counter() - start_time
+
+    return run
 
 
 def on_new(problem, call):

@@ -5,9 +5,8 @@ from functools import partial
 import numpy as np
 
 import icpmodel as icp
-from icpmodel.study.timing import timer
 
-from .harness import affine, compared, elementwise, linear_solve, on_new, time_calls, warm
+from .harness import affine, compared, elementwise, linear_solve, on_new, time_calls, timer, warm
 
 #: the height of the lid of the membrane: a quarter of its rows touch it
 LID = 0.2

@@ -7,9 +7,8 @@ import numpy as np
 
 import icpmodel as icp
 from icpmodel.study.cases import uncached_copy
-from icpmodel.study.timing import timer
 
-from .harness import run, scene, time_calls
+from .harness import run, scene, time_calls, timer
 
 #: Bai's two matrices without ψ, with an affine and with an elementwise one, hard and easy
 PROBLEMS = tuple(

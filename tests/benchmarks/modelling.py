@@ -5,9 +5,8 @@ from functools import partial
 
 import icpmodel as icp
 from icpmodel import modelling
-from icpmodel.study.timing import timer
 
-from .harness import affine, elementwise, pair
+from .harness import affine, elementwise, pair, timer
 
 
 def table(cvxpy_n=1_000_000, pyomo_n=100_000, repeats=3):

@@ -3,9 +3,8 @@
 import numpy as np
 
 import icpmodel as icp
-from icpmodel.study.timing import timer
 
-from .harness import pair
+from .harness import pair, timer
 
 
 def table(size=200, repeats=15):

@@ -7,9 +7,8 @@ import numpy as np
 import scipy.sparse as sp
 
 import icpmodel as icp
-from icpmodel.study.timing import timer
 
-from .harness import pair
+from .harness import pair, timer
 
 #: its defaults, and what it takes to come near to the residual of a pivoting method
 SETTINGS = {

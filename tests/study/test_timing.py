@@ -1,9 +1,9 @@
 """The harness: who runs when, and what is counted. Times are told, not taken."""
 
 import pytest
-from benchmarks.harness import time_calls
+from benchmarks.harness import time_calls, timer
 
-from icpmodel.study.timing import run_interleaved, timer
+from icpmodel.study.timing import run_interleaved
 
 
 def told(log, name, *seconds):
