@@ -25,7 +25,7 @@ from ..numerics.arrays import Vector, as_number, as_vector, axes
 from ..numerics.factorisation import factorise
 from ..problem.data import ProblemData
 from .operators import AOROperator, inverse_diagonal
-from .steps import Step
+from .steps import MAX_IDLE_STEPS, Step
 
 #: the value of theta1 that is no number
 AUTO = "auto"
@@ -43,9 +43,8 @@ _MIN_GAP = 1e-6
 _MAX_FIXED_OMEGA = 1.4
 #: below this ω there is nothing to adapt
 MIN_ADAPTED_OMEGA = 1.2
-#: the least patience in steps; the multiple of the steps that halve the error, by the observed rate or by the one for
-#: which ω is best; and the growth that reduces ω at once
-_PATIENCE = 100
+#: the patience beside `MAX_IDLE_STEPS`, as a multiple of the steps that halve the error, by the observed rate or by the
+#: one for which ω is best; and the growth that reduces ω at once
 _HALVINGS_OF_PATIENCE = 3.0
 _MAX_GROWTH = 1e3
 #: the largest number of steps to halve the error that is assumed without a rate. The patience is 724 then: SOR with
@@ -220,7 +219,7 @@ class AdaptedOmega:
         # halve the error in ln(2) / (1 - rho^2)
         slow = min(4.0 / (2.0 - self.value) ** 2, _MAX_HALVING_STEPS)
         steps = math.log(2.0) * (max(slow, 1.0 / (1.0 - factor)) if factor < 1.0 else slow)
-        return _PATIENCE + _HALVINGS_OF_PATIENCE * steps
+        return MAX_IDLE_STEPS + _HALVINGS_OF_PATIENCE * steps
 
     def _best(self, factor: float) -> float:
         """The ω of the least rate, from the `factor` observed at the present ω; 0 where it tells nothing of ρ."""

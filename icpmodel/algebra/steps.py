@@ -17,6 +17,8 @@ from ..problem.two_sided import ObstaclePair, obstacle_values, sides_of
 SWEEPS = 4
 #: the share of a residual that inner iterations leave
 INNER_REDUCTION = 0.1
+#: the number of steps without a reduction after which a method ends, or goes on in another way
+MAX_IDLE_STEPS = 100
 #: z⁺, and Res_D(z), None where the step does not yield it for free
 StepResult = tuple[Vector, float | None]
 #: z ↦ (z⁺, Res_D(z))

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, MapError, NotApplicable, NotSolved
-from ..methods.contract import REDUCTION
-from ..methods.multilevel import GOOD_START, PATIENCE
+from ..methods.contract import PATIENCE, REDUCTION
+from ..methods.multilevel import GOOD_START
 from ..numerics.arrays import as_truth
 from ..numerics.rounding import public_entry
 from ..solve.goal import RTOL, Limits

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..algebra.relaxation import AUTO, cautious_omega, jacobi_step
-from ..algebra.steps import StepResult, repeated_steps
+from ..algebra.steps import MAX_IDLE_STEPS, StepResult, repeated_steps
 from ..errors import InputError, MapError
 from ..numerics import work
 from ..numerics.arrays import Vector, as_number, described
@@ -19,8 +19,6 @@ from .psor import PSOR
 
 #: an accelerated iterate may have this many times the least residual so far
 _MAX_GROWTH = 10.0
-#: accelerated steps that have to reduce the least residual by a tenth; where they do not, as many plain ones follow
-_ACCELERATED_STEPS = 100
 #: calls in Python that a step takes beside the sweep
 _CALLS_PER_STEP = 2.0
 #: directions of the history that are less independent than this say nothing but rounding errors
@@ -162,7 +160,7 @@ class _Phases:
     """The phases of a run: accelerated steps, then as many plain ones if those did not reduce the residual."""
 
     def __init__(self) -> None:
-        self.most_steps = _ACCELERATED_STEPS
+        self.most_steps = MAX_IDLE_STEPS
         self.residuals = LeastValue()
 
     def accelerates(self, residual: float) -> bool:

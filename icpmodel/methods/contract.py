@@ -29,8 +29,10 @@ Class = TypeVar("Class", bound=type[Any])
 #: squares of numbers between this one and its reciprocal, as a sweep sums them for Res_D, do not over- or underflow
 SAFE_SIZE = 1e-140
 
-#: a value below this share of the least one so far counts as reduced
+#: a value below this share of the least one so far counts as reduced; and the steps without a reduction after which
+#: inner iterations are given up
 REDUCTION = 0.9
+PATIENCE = 5
 
 #: z with Res_D(z), or None where the step does not yield it for free
 Iterate = tuple[Vector, float | None]

@@ -27,7 +27,7 @@ from ..numerics import work
 from ..numerics.arrays import Vector
 from ..numerics.multigrid import cycle_cost
 from ..problem.data import ProblemData
-from .contract import Iterate, LeastValue, Method, why_not_diagonal, with_options
+from .contract import PATIENCE, Iterate, LeastValue, Method, why_not_diagonal, with_options
 from .newton import Newton
 
 #: a start from z begins on the finest level of which a cycle costs less than this share of a Newton step, which is
@@ -44,8 +44,6 @@ _MAX_POLICY_STEPS = 30
 #: a start with at most this share of Res_D(0), ten times the default tolerance, is used as it is; with more the error
 #: may be smooth and large, as after sweeps
 GOOD_START = 1e-7
-#: the method ends if this number of steps does not reduce the residual by a tenth
-PATIENCE = 5
 
 
 @with_options

@@ -28,7 +28,7 @@ from ..algebra.equations import Pattern
 from ..algebra.factor_costs import newton_cost
 from ..algebra.proximal_steps import ProximalSteps
 from ..algebra.regularised_system import MIN_REGULARISATION, first_regularisation
-from ..algebra.steps import INNER_REDUCTION
+from ..algebra.steps import INNER_REDUCTION, MAX_IDLE_STEPS
 from ..algebra.subproblems import with_fixed_obstacle
 from ..errors import MapError
 from ..numerics import work
@@ -36,17 +36,14 @@ from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
 from ..problem.two_sided import balanced_residual
 from ..theory.certificates.recession import Recession
-from .contract import Infeasible, Iterate, LeastValue, Method, with_options
+from .contract import PATIENCE, Infeasible, Iterate, LeastValue, Method, with_options
 
 #: the first μ, in units of W, and its factor after a subproblem; it grows by as much where the steps of one do not
 #: reduce its residual
 _FIRST_SHIFT = 0.1
 _DECREASE = 0.2
-#: the largest number of steps of a quick subproblem, and of steps that do not reduce its residual by a tenth
+#: the largest number of steps of a quick subproblem
 _QUICK_STEPS = 3
-_PATIENCE = 5
-#: the largest number of steps without a better iterate
-_MAX_IDLE_STEPS = 100
 
 
 class Regularised(Method):
@@ -146,7 +143,7 @@ class ProximalPath:
         residual = self.size(self.p)
         idle = self.residuals.add(residual)
         work.count(self.step_cost)
-        if residual == 0.0 or idle > _MAX_IDLE_STEPS:
+        if residual == 0.0 or idle > MAX_IDLE_STEPS:
             return False
         inner_residual = self.size(self.subproblem_p())
         if self.inner_steps and inner_residual <= INNER_REDUCTION * residual:
@@ -156,7 +153,7 @@ class ProximalPath:
             if first and self.inner_steps <= _QUICK_STEPS:
                 shift = first_regularisation(self.problem)
             self._begin(self.point, shift)
-        elif not (np.isfinite(inner_residual) and self.inner_residuals.add(inner_residual) <= _PATIENCE):
+        elif not (np.isfinite(inner_residual) and self.inner_residuals.add(inner_residual) <= PATIENCE):
             self._enlarge_shift()
         while not self._step():
             if not self.shift < 1.0 / MIN_REGULARISATION:
