@@ -209,20 +209,20 @@ def work_limit(
         What `clock` said when the time began.
     """
     before = _counted.budget
-    start_time = clock() if start_time is None else start_time
+    pace_start = clock()
     counted = counter()
-    end = start_time + seconds
+    end = (pace_start if start_time is None else start_time) + seconds
     most = counted + nanoseconds
     if before is not None:
         end = min(end, before.end)
         most = min(most, before.most)
         if seconds == math.inf:  # the pace of the machine is known already
-            start_time = before.start_time
+            pace_start = before.start_time
             counted = before.counted
         if before.memory < math.inf:
             memory = min(memory, before.memory - max(_used_memory() - before.initial_memory, 0.0))
     initial_memory = _used_memory() if memory < math.inf else 0.0
-    with _replaced(_Budget(start_time, counted, end, initial_memory, memory, most)):
+    with _replaced(_Budget(pace_start, counted, end, initial_memory, memory, most)):
         yield
 
 

@@ -31,6 +31,11 @@ def test_where_no_time_is_left_no_step_is_blamed():
         work.check_budget()
 
 
+def test_time_before_the_block_does_not_make_its_steps_slower():
+    with work.work_limit(10_000.0, start_time=work.clock() - 5_000.0):
+        assert work.nanoseconds_left() > 1e12
+
+
 def test_products_factorisations_and_cycles_are_counted():
     problem = icp.scenes.membrane(n=900).problem
     matrix, f = problem.matrix, np.ones(900)
