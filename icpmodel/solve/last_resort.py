@@ -49,6 +49,7 @@ def search(run: Run, run_methods: Callable[[Run, Iterator[None]], None]) -> None
         run_methods(run, run.steps(MethodSequence(*methods, why=why)))
     if run.stop_reason.status in WORTH_ANOTHER_METHOD or (run.stop_reason.status is Status.TIME_LIMIT and not limited):
         tried = ", ".join(one.name for one in methods)
-        run.stop_reason = StopReason(before.status, f"{before.note}; {limit} found no solution ({tried})")
+        note = f"{before.note}; {limit} found no solution ({tried})".removeprefix("; ")
+        run.stop_reason = StopReason(before.status, note)
         run.job = job
         run.search_notes = (f"then {limit} found nothing",)

@@ -15,3 +15,9 @@ def test_no_method_runs_twice_from_the_same_start(caplog):
     methods = begins.split(" begins: ")[1].split(", ")
     assert "Newton()" in methods
     assert len(methods) == len(set(methods))
+
+
+def test_the_message_names_the_search_alone_where_no_method_came_to_an_end():
+    problem = icp.ICP([[0.0]], [1.0], lambda z: 0.3 * np.cos(z) - 0.09)
+    message = problem.solve(raise_on_failure=False).message
+    assert "stagnated: a search of at most" in message
