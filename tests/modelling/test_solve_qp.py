@@ -10,9 +10,11 @@ from hypothesis import strategies as st
 from known_answers import SEEDS
 
 import icpmodel as icp
+from icpmodel.modelling.programs.program import Presolve
 from icpmodel.modelling.programs.program_arguments import read
 from icpmodel.modelling.programs.program_judge import Judge
 from icpmodel.modelling.programs.program_run import ProgramRun
+from icpmodel.modelling.programs.solve_qp import solve_program
 from icpmodel.numerics import work
 
 
@@ -24,6 +26,18 @@ def a_program(seed, n=6):
     low, high = inside - random.random(n), inside + random.random(n)
     low[0], high[1] = -np.inf, np.inf
     return L.T @ L, random.normal(size=n), G, G @ inside + random.random(4), A, A @ inside, low, high
+
+
+@pytest.mark.parametrize("rest", [0, 1])
+def test_a_limit_that_is_reached_before_a_method_is_chosen_is_a_status(rest):
+    n = 300
+    P = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(n, n))
+    G = sp.eye_array(20, n) + sp.eye_array(20, n, k=100)
+    program = read((P, -np.ones(n), G, np.ones(20), None, None, None, None), "Pq")
+    before = work.counter()
+    ProgramRun(Presolve(program).program, 1e-9)
+    with work.work_limit(nanoseconds=work.counter() - before + rest):
+        assert solve_program(program)[0].status == "user_limit"
 
 
 @settings(max_examples=40)

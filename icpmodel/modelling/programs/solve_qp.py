@@ -348,6 +348,8 @@ def solve_program(
                 status, message = run.verdict(start)
             except KeyboardInterrupt:
                 status, message = "user_limit", INTERRUPTED
+            except OutOfTime as error:
+                status, message = "user_limit", str(error)
     z, box = presolve.postsolve(*run.values())
     is_proved = status.startswith(("infeasible", "unbounded"))
     if is_proved:
