@@ -1,4 +1,4 @@
-"""Krylov's methods: linear systems, and the spectral radius that steers a choice of parameters."""
+"""Krylov's methods for linear systems, and the couplings of rows, whose spectral radius says how hard these are."""
 
 from __future__ import annotations
 
@@ -11,14 +11,6 @@ from . import work
 from .arrays import Vector, inner, norm, with_entries
 from .rounding import UNIT_ROUNDOFF
 
-#: a radius up to which its size makes no difference to any choice
-SMALL_RADIUS = 0.7
-#: Lanczos steps between two estimates of the radius
-_CHECK_EVERY = 4
-#: an estimate is accepted if it exceeds the one before by at most this share of its distance from 1
-_RADIUS_AGREEMENT = 0.3
-#: Lanczos steps, after which the estimate is accepted in any case
-_MAX_LANCZOS_STEPS = 60
 #: nanoseconds for which a_ji is found, in rows of thousands of entries
 _COUPLING_COST = 40.0
 #: directions that GCR keeps, and its steps before the rate is asked for
@@ -46,49 +38,6 @@ def couplings(A: sp.csr_array) -> sp.csr_array:
     work.check_budget(_COUPLING_COST * A.nnz)
     weight = 1.0 / np.sqrt(np.abs(A.diagonal()))
     return with_entries(A, coupling_entries(A.indptr, A.indices, A.data, weight))
-
-
-def radius_of(S: sp.csr_array, share: float = _RADIUS_AGREEMENT) -> float:
-    """An estimate, usually from below, of the spectral radius ρ of a symmetric `S` ≥ 0; inf if it is not finite.
-
-    By Lanczos steps from the vector of ones; `share` of 1 − ρ is what four more of them must gain for the next four to
-    be made. Reference: Saad, Numerical Methods for Large Eigenvalue Problems (2011), chapter 6.
-    """
-    n = S.shape[0]
-    step_cost = work.product(n, S.nnz) + 6 * work.COSTS.vector * n
-    work.charge(step_cost)
-    sums = S @ np.ones(n)
-    bound = float(sums.max())
-    if not SMALL_RADIUS < bound < np.inf:
-        return bound if bound <= SMALL_RADIUS else np.inf
-    # vᵀSv
-    before = np.zeros(n)
-    v = np.full(n, 1.0 / np.sqrt(n))
-    radius = float(sums.mean())
-    diagonal: list[float] = []
-    off_diagonal: list[float] = []
-    w = sums / np.sqrt(n)
-    last = min(_MAX_LANCZOS_STEPS, n)
-    for step in range(1, last + 1):
-        diagonal.append(inner(v, w))
-        w -= diagonal[-1] * v
-        size = norm(w)
-        invariant = size <= 1e-12 * bound
-        if invariant or step == last or step % _CHECK_EVERY == 0:
-            # eigvalsh reads the lower triangle
-            try:
-                known = radius
-                radius = float(np.linalg.eigvalsh(np.diag(diagonal) + np.diag(off_diagonal, -1))[-1])
-            except np.linalg.LinAlgError:  # what overflowed
-                return np.inf
-            if invariant or radius - known <= share * abs(1.0 - radius):
-                break
-        off_diagonal.append(size)
-        before = v
-        v = w / size
-        work.charge(step_cost)
-        w = S @ v - size * before
-    return radius
 
 
 def conjugate_residuals(M: sp.csr_array, f: Vector, max_steps: int, tolerance: float) -> Vector | None:

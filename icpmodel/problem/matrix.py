@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from ..numerics import work
 from ..numerics.arrays import ReadOnly, Vector, as_csr, as_square, freeze, locked, with_entries
 from ..numerics.equilibration import balanced, in_units, row_exponents
-from ..numerics.krylov import SMALL_RADIUS, couplings, radius_of
+from ..numerics.krylov import couplings
 from ..numerics.sparse_input import checked_sparse
 from ..numerics.sparse_structure import SYMMETRY_RTOL, absolute, is_symmetric
 from ..numerics.threads import THREADS_FROM, run_in_threads, threads_for
@@ -249,18 +249,6 @@ class Matrix(ReadOnly):
             image = self.product(u)
             difference = np.abs((image - self.sparse.T @ u) / root).max()
             return bool(difference <= SYMMETRY_RTOL * np.abs(image / root).max())
-
-    @cached_property
-    def jacobi_radius(self) -> float:
-        """An estimate of the spectral radius of I − D⁻¹A, by row sums where they show it to be small; inf unless D > 0.
-
-        See `numerics.krylov`.
-        """
-        if not self.has_positive_diagonal:
-            return np.inf
-        with np.errstate(over="ignore"):
-            bound = float((self.rows.off_diagonal_sums / self.rows.diagonal).max())
-        return bound if bound <= SMALL_RADIUS else radius_of(couplings(self.sparse))
 
     @cached_property
     def coupled_radius(self) -> float:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.sparse.linalg import eigsh
 
 from ..algebra.relaxation import best_omega
 from ..errors import IcpError
@@ -16,11 +17,16 @@ from ..icp import ICP
 from ..methods.aor import overrelaxed
 from ..methods.contract import Method, named
 from ..numerics.arrays import as_float64
+from ..numerics.krylov import couplings
 from ..numerics.multigrid import linear_solve
 from ..numerics.rounding import UNIT_ROUNDOFF
 from ..present.display import Displayable
+from ..problem.matrix import MAX_DENSE_ROWS
 from ..solvers.foreign import Claim, ForeignSolver, ask
 from .cases import Case, uncached_copy, uninterrupted
+
+#: the residual of the eigenvector of the Jacobi radius
+_RADIUS_TOLERANCE = 1e-4
 
 
 @dataclass(frozen=True, repr=False)
@@ -159,12 +165,19 @@ class LinearSolve(Competitor):
 
 
 def tuned_methods() -> list[Competitor]:
-    """Methods that gain by relaxation with the ω of the estimated Jacobi radius ρ, ω = 2/(1 + √(1 − ρ²))."""
-
-    def omega(problem: ICP) -> float:
-        return best_omega(problem.matrix.jacobi_radius)
-
+    """Methods that gain by relaxation with the `tuned_omega`."""
     return [
-        OwnMethod("psor, tuned", named("psor"), lambda problem: named("psor", omega=omega(problem))),
-        OwnMethod("mnmaor, tuned", named("mnmaor"), lambda problem: overrelaxed(problem, omega(problem))),
+        OwnMethod("psor, tuned", named("psor"), lambda problem: named("psor", omega=tuned_omega(problem))),
+        OwnMethod("mnmaor, tuned", named("mnmaor"), lambda problem: overrelaxed(problem, tuned_omega(problem))),
     ]
+
+
+def tuned_omega(problem: ICP) -> float:
+    """ω = 2/(1 + √(1 − ρ²)) of the Jacobi radius ρ, by ARPACK for many unknowns; 1 unless D > 0."""
+    S = couplings(problem.A)
+    if not np.isfinite(S.data).all() or not problem.matrix.has_positive_diagonal:
+        return 1.0
+    if problem.n <= MAX_DENSE_ROWS:
+        return best_omega(float(np.linalg.eigvalsh(S.toarray())[-1]))
+    start = np.ones(problem.n)
+    return best_omega(float(eigsh(S, 1, which="LA", v0=start, tol=_RADIUS_TOLERANCE, return_eigenvectors=False)[0]))

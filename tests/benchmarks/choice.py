@@ -6,6 +6,7 @@ import numpy as np
 
 import icpmodel as icp
 from icpmodel.solvers import Target, ask, foreign_solvers
+from icpmodel.study.competitors import tuned_omega
 
 from .families import drawn_sizes, family_names, problem_of
 from .harness import compared, relaxed, run, scene, time_calls
@@ -68,13 +69,9 @@ def named(beginnings):
 def own_methods():
     """Name ↦ problem ↦ method."""
 
-    def omega(problem):
-        radius = min(problem.matrix.jacobi_radius, 1.0 - 1e-6)
-        return 2.0 / (1.0 + np.sqrt(1.0 - radius**2))
-
     makers = {name: lambda problem, name=name: icp.methods.named(name) for name in icp.methods.names()}
-    makers["psor, tuned"] = lambda problem: icp.PSOR(omega=omega(problem))
-    makers["mnmaor, tuned"] = lambda problem: relaxed(problem, omega(problem))
+    makers["psor, tuned"] = lambda problem: icp.PSOR(omega=tuned_omega(problem))
+    makers["mnmaor, tuned"] = lambda problem: relaxed(problem, tuned_omega(problem))
     for name in ("mnmaor", "mnmmod"):
         makers[f"{name}, auto"] = lambda problem, name=name: icp.methods.named(name, theta1="auto")
     return makers

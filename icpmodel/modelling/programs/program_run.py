@@ -20,7 +20,7 @@ from ...numerics.rounding import UNIT_ROUNDOFF
 from ...problem.data import ProblemData
 from ...solve.estimates import pivots_cost_less
 from ...solve.solution import Solution, Status
-from ...theory.certificates.bounds import enforce_limits
+from ...theory.certificates.bounds import enforce_limits, h_plus_proof
 from ...theory.certificates.combination_rows import ZERO
 from ...theory.certificates.infeasible import combination_text, infeasible
 from ...theory.certificates.recession import Recession, least_violation
@@ -143,9 +143,9 @@ class ProgramRun:
 
     def _methods(self) -> list[str | None]:
         """The methods in turn; None for the choice of `solve()`, alone where there is a solution."""
-        # in a bounded box, or by dominant diagonals, no proof is needed
+        # in a bounded box, or for an H₊-matrix, no proof is needed
         in_box = np.isfinite(self.low).all() and np.isfinite(self.high).all()
-        if in_box or self.problem.matrix.jacobi_radius < 1.0:
+        if in_box or not isinstance(h_plus_proof(self.problem), str):
             return [None]
         # Newton's steps often fail, but sometimes the interior method does
         first, last = (["lemke"], ["newton"]) if pivots_cost_less(self.problem.facts) else ([], [])

@@ -16,6 +16,7 @@ from ...numerics.arrays import Vector, axes
 from ...numerics.rounding import is_ctrl_c
 from ...problem.data import ProblemData
 from ...problem.two_sided import sides_of
+from ...theory.certificates.bounds import h_plus_proof
 from ..driver import solve
 from ..goal import Limits
 from ..solution import Status
@@ -92,8 +93,8 @@ class Batch:
         """Whether compiled code may take the rows together.
 
         The kind of ψ is the same, and A is as well, or small. Unless the obstacles are fixed or move alike, the same
-        rows have an upper one. It knows no starts: with these there must be one solution, as the Jacobi radius says of
-        one A where obstacles are fixed. Said of all rows, it holds for their shares, too.
+        rows have an upper one. It knows no starts: with these there must be one solution, as is proved of an H₊-matrix,
+        the same one in all rows, where obstacles are fixed. Said of all rows, it holds for their shares, too.
         """
         problems = self.data.problems
         is_one = len(problems) == 1
@@ -105,7 +106,7 @@ class Batch:
             fits = bool((np.isinf(above) == np.isinf(above[0])).all())
         if self.starts is None or not fits:
             return fits
-        return is_one and self.problem.facts.has_fixed_obstacle and self.problem.matrix.jacobi_radius < 1.0
+        return is_one and self.problem.facts.has_fixed_obstacle and not isinstance(h_plus_proof(self.problem), str)
 
     def elapsed(self) -> float:
         """The seconds since it began."""
