@@ -28,13 +28,13 @@ from numpy.typing import NDArray
 from ...numerics import work
 from ...numerics.arrays import row_of
 from ...numerics.equilibration import in_units, natural_exponents
-from ...numerics.rational import Rationals, eliminate, rationals
+from ...numerics.rational import eliminate, rationals
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
 from ..answers import Answer
 from .h_matrix import by_row_sums, irreducible_blocks
 
 MAX_BLOCK_SIZE = 26  #: irreducible blocks up to this size are decided by all of their minors: a second or two
-_RATIONAL_UP_TO = 10  #: rows up to which all minors are computed in rational arithmetic: a tenth of a second
+_RATIONAL_UP_TO = 10  #: rows up to which all minors are computed in rational arithmetic: half a second
 _MINOR_COST = 15.0  #: nanoseconds that a minor takes
 _MAX_EXACT_PAIRS = 1000  #: the largest number of nearly singular pairs checked in rational arithmetic
 
@@ -87,14 +87,14 @@ def by_pivots(A: sp.csr_array) -> Answer:
     index_set, undecided = search_minors(scaled, rad, 10**6 // n**3 + 1)
     if index_set:
         return _not_p(_members(index_set))
-    for bits in undecided:  # mostly it is 0
+    exactly = undecided.size > 0 and n <= _RATIONAL_UP_TO
+    for bits in range(1, 2**n) if exactly else undecided:
         chosen = _members(bits)
         failed = eliminate(rationals(A), chosen)
-        if failed is not None:
+        if failed is not None:  # mostly it is 0
             return _not_p(chosen[: failed + 1])
-    if undecided.size and n <= _RATIONAL_UP_TO:
-        minor = _failing_minor(rationals(A), [], list(range(n)))
-        return Answer(True, "all principal minors are positive, exactly") if minor is None else _not_p(minor)
+    if exactly:
+        return Answer(True, "all principal minors are positive, exactly")
     if undecided.size:
         return Answer(None, "undecided within rounding: some of its principal minors are nearly zero")
     return Answer(True, "all principal minors are positive, rounding considered")
@@ -102,17 +102,6 @@ def by_pivots(A: sp.csr_array) -> Answer:
 
 def _members(bits: int) -> list[int]:
     return [k for k in range(int(bits).bit_length()) if int(bits) >> k & 1]
-
-
-def _failing_minor(M: Rationals, chosen: list[int], rest: list[int]) -> list[int] | None:
-    """A principal minor ≤ 0 with the indices `chosen`, whose Schur complement in the `rest` is `M`."""
-    if not rest:
-        return None
-    if M[0][0] <= 0:
-        return [*chosen, rest[0]]
-    without = [row[1:] for row in M[1:]]
-    complement = [[x - row[0] / M[0][0] * y for x, y in zip(row[1:], M[0][1:], strict=True)] for row in M[1:]]
-    return _failing_minor(without, chosen, rest[1:]) or _failing_minor(complement, [*chosen, rest[0]], rest[1:])
 
 
 def _not_p(minor: list[int]) -> Answer:
