@@ -1,7 +1,6 @@
-"""Polyhedra {t : Ct + e ≥ 0} in rational arithmetic, for a few unknowns: a point inside, and which rows are equations.
+"""Linear equations and inequalities in rational arithmetic, for a few unknowns.
 
-Reference: Freund, Roundy and Todd, Identifying the set of always-active constraints in a system of linear inequalities
-by a single linear program, MIT Working Paper 1674-85 (1985).
+Reference: Schrijver, Theory of Linear and Integer Programming (1986), chapter 12.
 """
 
 from __future__ import annotations
@@ -78,16 +77,6 @@ def with_row(echelon: Echelon, row: list[int]) -> Echelon:
     return *echelon, (first, [entry // divisor for entry in row])
 
 
-def _eliminate(rows: Rationals, top: int, column: int) -> None:
-    """Make the entry of row `top` in the `column` 1, and the others there 0, in place."""
-    pivot = rows[top][column]
-    rows[top] = [entry / pivot for entry in rows[top]]
-    for i, row in enumerate(rows):
-        if i != top and row[column]:
-            factor = row[column]
-            rows[i] = [a - factor * b for a, b in zip(row, rows[top], strict=True)]
-
-
 def affine_solutions(rows: Sequence[Any], columns: int) -> tuple[Rational, Rationals] | None:
     """A point of {x : row · (x, 1) = 0 for every row} and a basis of its directions; None where it is empty.
 
@@ -107,98 +96,43 @@ def affine_solutions(rows: Sequence[Any], columns: int) -> tuple[Rational, Ratio
     return point, basis
 
 
-def relative_interior(C: Rationals, e: Rational) -> tuple[Rational, list[int]] | None:
-    """A point t in the relative interior of {t : Ct + e ≥ 0}, and the rows that are equations on all of it.
+def relative_interior(rows: Sequence[Sequence[Any]], columns: int) -> Rational | None:
+    """A point t in the relative interior of {t : row · (t, 1) ≥ 0 for every row}; None where that is empty.
 
-    Parameters
-    ----------
-    C : list of m rows with k entries, k ≥ 1
-        Rational coefficients.
-    e : list of m entries
-        Rational constants.
-
-    Returns
-    -------
-    tuple or None
-        The point and the rows; None where the polyhedron is empty.
+    t has `columns` entries. Rows that are 0 there are 0 on all of the polyhedron. Raises OutOfTime.
 
     Notes
     -----
-    One linear program: maximise Σu for Ct + eτ − u ≥ 0, 0 ≤ u ≤ 1, τ ≥ 1. Then t/τ is inside, and
-    u_j = 0 exactly in the rows that are equations. It is solved in units in which the largest entry of each
-    row of C and of e is 1, so that the point is the same in all units.
+    Fourier and Motzkin's elimination: sums of two rows without t_1 describe the projection. Above a point of its
+    relative interior, the middle of the segment is one of that of the polyhedron.
+
+    References
+    ----------
+    Rockafellar, Convex Analysis (1970), theorem 6.8.
 
     Examples
     --------
-    >>> one, two = Fraction(1), Fraction(2)
-    >>> (
-    ...     relative_interior([[one], [-one]], [one, one])[1],
-    ...     relative_interior([[one], [-one]], [-two, one]),
-    ... )
-    ([], None)
+    >>> relative_interior([[1, 1], [-1, 3]], 1), relative_interior([[1, -2], [-1, 1]], 1)
+    ([Fraction(1, 1)], None)
     """
-    m = len(C)
-    k = len(C[0])
-    sizes = [max(map(abs, row)) for row in C]
-    unit = max((abs(x) / size for x, size in zip(e, sizes, strict=True) if size), default=Fraction(0)) or Fraction(1)
-    C = [[x / (size or 1) for x in row] for row, size in zip(C, sizes, strict=True)]
-    e = [x / (size * unit or abs(x) or 1) for x, size in zip(e, sizes, strict=True)]
-    tableau, basis = _tableau(C, e)
-    columns = len(tableau[0]) - 1
-    artificial = range(columns - m, columns)
-    if _maximise(tableau, basis, [Fraction(-int(j in artificial)) for j in range(columns)], columns) < 0:
+    work.check_budget()
+    if any(row[-1] < 0 and not any(row[:-1]) for row in rows):
         return None
-    _maximise(tableau, basis, [Fraction(int(2 * k < j <= 2 * k + m)) for j in range(columns)], columns - m)
-    x = [Fraction(0)] * columns
-    for row, label in zip(tableau, basis, strict=True):
-        x[label] = row[-1]
-    tau = 1 + x[2 * k]
-    point = [unit * (x[i] - x[k + i]) / tau for i in range(k)]
-    return point, [j for j in range(m) if x[2 * k + 1 + j] == 0]
+    if not columns:
+        return []
+    rising = [row for row in rows if row[0] > 0]
+    falling = [row for row in rows if row[0] < 0]
+    pairs = [[up[0] * y - down[0] * x for x, y in zip(up, down, strict=True)] for up in rising for down in falling]
+    shadow = {tuple(in_integers(row[1:])) for row in pairs + [row for row in rows if not row[0]]}
+    point = relative_interior(list(shadow), columns - 1)
+    if point is None:
+        return None
+    lows, highs = ([-dot(row[1:], [*point, 1]) / row[0] for row in side] for side in (rising, falling))
+    low = max(lows, default=min(highs, default=Fraction(1)) - 2)
+    high = min(highs, default=low + 2)
+    return [(low + high) / 2, *point]
 
 
-def _tableau(C: Rationals, e: Rational) -> tuple[Rationals, list[int]]:
-    """The rows of the linear program with their right-hand sides, and the basic unknowns.
-
-    The unknowns are t⁺, t⁻, τ − 1, u, the slacks of the rows and those of u ≤ 1, and artificial ones
-    where e_j < 0.
-    """
-    m = len(C)
-    k = len(C[0])
-    columns = 2 * k + 1 + 3 * m + m
-    none = [Fraction(0)] * m
-    tableau = []
-    basis = []
-    for j in range(m):
-        unit = [Fraction(int(i == j)) for i in range(m)]
-        row = [*C[j], *(-c for c in C[j]), e[j], *(-x for x in unit + unit), *none, *unit, -e[j]]
-        if e[j] >= 0:
-            row = [-x for x in row]
-            row[columns - m + j] = Fraction(0)
-        basis.append(2 * k + 1 + m + j if e[j] >= 0 else columns - m + j)
-        tableau.append(row)
-    for j in range(m):
-        unit = [Fraction(int(i == j)) for i in range(m)]
-        tableau.append([*([Fraction(0)] * (2 * k + 1)), *unit, *none, *unit, *none, Fraction(1)])
-        basis.append(2 * k + 1 + 2 * m + j)
-    return tableau, basis
-
-
-def _maximise(tableau: Rationals, basis: list[int], cost: Rational, columns: int) -> Fraction:
-    """The simplex method with Bland's rule, in place, on the first `columns` unknowns; returns the maximum.
-
-    A label of `basis` beyond `columns` has the value 0, and stays 0: it leaves as soon as its row has an entry.
-    """
-    while True:
-        used = [(cost[label], row) for label, row in zip(basis, tableau, strict=True) if cost[label]]
-        entering = next((j for j in range(columns) if cost[j] > sum(price * row[j] for price, row in used)), None)
-        if entering is None:
-            return sum((price * row[-1] for price, row in used), Fraction(0))
-        ratios = [
-            (Fraction(0) if basis[i] >= columns else row[-1] / row[entering], basis[i], i)
-            for i, row in enumerate(tableau)
-            if row[entering] > 0 or (basis[i] >= columns and row[entering])
-        ]
-        _, _, leaving = min(ratios)  # Σu is bounded, so that there is one
-        _eliminate(tableau, leaving, entering)
-        basis[leaving] = entering
+def dot(row: Sequence[Fraction | int], x: Sequence[Fraction | int]) -> Fraction:
+    """The sum of the products of entries that both have."""
+    return sum((a * b for a, b in zip(row, x, strict=False) if a and b), Fraction(0))

@@ -8,7 +8,7 @@ directions.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
@@ -19,7 +19,7 @@ from ..algebra.linear_rows import FREE, LOWER, UPPER, LinearRows, piece_count
 from ..errors import Interrupted, NotApplicable, OutOfTime
 from ..numerics import work
 from ..numerics.arrays import ReadOnly, Vector, as_number
-from ..numerics.exact_polyhedron import Echelon, affine_solutions, in_integers, relative_interior, with_row
+from ..numerics.exact_polyhedron import Echelon, affine_solutions, dot, in_integers, relative_interior, with_row
 from ..numerics.rational import nearest, rationals
 from ..numerics.rounding import public_entry
 from ..present.display import Displayable, counted
@@ -173,19 +173,12 @@ class ExactRows:
         if solutions is None:
             return None
         start, span = solutions
-        signs = self.inequalities(sides)
-        constants = [_dot(row, start) + row[-1] for row in signs]
-        slopes = [[_dot(row, direction) for direction in span] for row in signs]
-        # a sign that is wrong in all of them needs no linear program
-        if any(one < 0 and not any(row) for one, row in zip(constants, slopes, strict=True)):
+        signs = [[*(dot(row, one) for one in span), dot(row, start) + row[-1]] for row in self.inequalities(sides)]
+        t = relative_interior(signs, len(span))
+        if t is None:
             return None
-        if not span:
-            return _ExactSolutions(start, [])
-        inside = relative_interior(slopes, constants) if signs else ([Fraction(0)] * len(span), [])
-        if inside is None:
-            return None
-        t, equations = inside
-        within = affine_solutions([[*slopes[j], Fraction(0)] for j in equations], len(span))
+        equations = [[*row[:-1], Fraction(0)] for row in signs if dot(row, [*t, 1]) == 0]
+        within = affine_solutions(equations, len(span))
         assert within is not None  # 0 is in it
         none = [Fraction(0)] * self.n
         return _ExactSolutions(_sum(start, span, t), [_sum(none, span, direction) for direction in within[1]])
@@ -198,9 +191,9 @@ class ExactRows:
         """
         work.check_budget()
         return all(
-            _dot(row, solutions.point) + row[-1] == 0 and not any(_dot(row, one) for one in solutions.directions)
+            dot(row, solutions.point) + row[-1] == 0 and not any(dot(row, one) for one in solutions.directions)
             for row in self.equations(sides)
-        ) and all(_dot(row, solutions.point) + row[-1] >= 0 for row in self.inequalities(sides))
+        ) and all(dot(row, solutions.point) + row[-1] >= 0 for row in self.inequalities(sides))
 
 
 class _Distinct:
@@ -237,10 +230,6 @@ def _distance_rows(linear: Any, sign: int) -> list[Any]:
 
 def _round_exact(x: Rational) -> Vector:
     return np.array([nearest(entry) for entry in x])
-
-
-def _dot(row: Sequence[Fraction | int], x: Rational) -> Fraction:
-    return sum((a * b for a, b in zip(row, x, strict=False) if a and b), Fraction(0))
 
 
 def _sum(start: Rational, span: list[Rational], t: Rational) -> Rational:

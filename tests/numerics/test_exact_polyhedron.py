@@ -4,13 +4,15 @@ from fractions import Fraction
 from functools import reduce
 from math import gcd
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.optimize import linprog
 
 from icpmodel.errors import OutOfTime
 from icpmodel.numerics import work
-from icpmodel.numerics.exact_polyhedron import in_integers, row_reduce, with_row
+from icpmodel.numerics.exact_polyhedron import dot, in_integers, relative_interior, row_reduce, with_row
 
 ENTRIES = st.one_of(st.integers(-3, 3), st.fractions(max_denominator=7), st.floats(-1e9, 1e9)).map(Fraction)
 MATRICES = st.integers(1, 5).flatmap(lambda n: st.lists(st.lists(ENTRIES, min_size=n, max_size=n), max_size=6))
@@ -44,6 +46,21 @@ def test_whole_numbers_are_the_least_in_any_units(rows, unit):
         assert whole == in_integers([unit * x for x in row])
         assert gcd(*whole) == any(row)
         assert all(x * whole[j] == row[j] * y for j in range(len(row)) for x, y in zip(row, whole, strict=True))
+
+
+@given(rows=st.lists(st.lists(st.integers(-3, 3), min_size=4, max_size=4), max_size=8))
+def test_in_the_relative_interior_only_those_rows_are_0_that_are_0_everywhere(rows):
+    """As linear programs say it of each row."""
+    t = relative_interior(rows, 3)
+    C = np.array(rows, dtype=float).reshape(-1, 4)
+    for objective in C[:, :3] if rows else []:
+        found = linprog(-objective, -C[:, :3], C[:, 3], bounds=(None, 1e3))
+        assert (found.status == 2) == (t is None)
+    for row, objective in zip(rows, C, strict=True) if t is not None else []:
+        value = dot(row, [*t, 1])
+        assert value >= 0
+        most = linprog(-objective[:3], -C[:, :3], C[:, 3], bounds=(-1e3, 1e3))
+        assert (value > 0) == (objective[3] - most.fun > 1e-6)
 
 
 def test_an_elimination_ends_with_the_time():
