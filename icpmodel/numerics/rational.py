@@ -1,18 +1,27 @@
-"""Elimination in rational arithmetic, for small matrices on which rounding leaves a question open."""
+"""Rational arithmetic, for small matrices on which rounding leaves a question open.
+
+All elimination is that of `reduced`, on whole numbers: a row may have any positive unit.
+References: Bareiss, Math. Comp. 22 (1968); Schrijver, Theory of Linear and Integer Programming (1986), chapter 12.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
+from functools import reduce
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
+from . import work
 from .arrays import Vector
 
-Rationals = list[list[Fraction]]
+Rational = list[Fraction]
+Rationals = list[Rational]
+#: rows, each with the column of its pivot, in which the rows after it are 0
+Echelon = tuple[tuple[int, list[int]], ...]
 
 
 def rationals(A: Any) -> Rationals:
@@ -29,72 +38,162 @@ def exact_sum(entries: Any) -> Fraction | float:
         return sum(map(Fraction, np.asarray(entries).tolist()), Fraction(0))
 
 
-def eliminate(M: Rationals, order: Sequence[int]) -> int | None:
-    """Gaussian elimination in place, diagonal pivots in the `order` given, on the rows and columns `order`.
+def in_integers(row: Sequence[Fraction | int]) -> list[int]:
+    """The least positive multiple of `row` in whole numbers."""
+    unit = math.lcm(*(entry.denominator for entry in row))
+    whole = [entry.numerator * (unit // entry.denominator) for entry in row]
+    divisor = math.gcd(*whole) or 1
+    return [entry // divisor for entry in whole]
 
-    Stops at the first pivot ≤ 0 and returns its place in `order`: the minor of the indices up to there is ≤ 0, those
-    before it are positive. Returns None where all are positive.
+
+def dot(row: Sequence[Any], x: Sequence[Any]) -> Fraction:
+    """The sum of the products of entries that both have."""
+    return sum((a * b for a, b in zip(row, x, strict=False) if a and b), Fraction(0))
+
+
+def reduced(echelon: Echelon, row: list[int]) -> list[int]:
+    """A multiple of `row` less multiples of the rows of the `echelon`, 0 in their pivot columns.
+
+    It is a positive one if their pivots are positive. All entries are minors, so that divisions have no remainder, if
+    the rows of the `echelon` were reduced in turn. Raises OutOfTime.
     """
-    for step, k in enumerate(order):
-        if M[k][k] <= 0:
-            return step
-        subtract_row(M, k, order[step + 1 :])
+    work.check_budget()
+    last = 1
+    for column, other in echelon:
+        pivot = other[column]
+        factor = row[column]
+        row = [(pivot * x - factor * y) // last for x, y in zip(row, other, strict=True)]
+        last = pivot
+    return row
+
+
+def with_row(echelon: Echelon, row: list[int]) -> Echelon:
+    """The `echelon` and `row`, reduced by it, with its first entry for pivot; the `echelon` alone if that is 0.
+
+    Examples
+    --------
+    >>> with_row(((0, [2, 1]),), [1, 1]), with_row(((0, [2, 1]),), [4, 2])
+    (((0, [2, 1]), (1, [0, 1])), ((0, [2, 1]),))
+    """
+    row = reduced(echelon, row)
+    first = next((column for column, entry in enumerate(row) if entry), None)
+    return echelon if first is None else (*echelon, (first, row))
+
+
+def echelon_of(rows: Iterable[Sequence[Fraction | int]]) -> Echelon:
+    """The echelon with the span of these `rows`."""
+    return reduce(with_row, map(in_integers, rows), ())
+
+
+def substitute(echelon: Echelon, x: Sequence[Fraction | int]) -> Rational:
+    """`x` with other entries in the pivot columns, so that its product with each row is 0."""
+    solution = [Fraction(entry) for entry in x]
+    for column, row in reversed(echelon):
+        solution[column] = Fraction(0)
+        solution[column] = -dot(row, solution) / row[column]
+    return solution
+
+
+def unit_vector(k: int, n: int) -> list[int]:
+    """1 in entry `k` of `n`, else 0."""
+    return [int(i == k) for i in range(n)]
+
+
+def affine_solutions(rows: Iterable[Sequence[Fraction | int]], columns: int) -> tuple[Rational, Rationals] | None:
+    """A point of {x : row · (x, 1) = 0 for every row} and a basis of its directions; None where it is empty.
+
+    x has `columns` entries, and each row one more: its constant.
+    """
+    echelon = echelon_of(rows)
+    pivots = {column for column, _ in echelon}
+    if columns in pivots:
+        return None
+    free = [column for column in range(columns + 1) if column not in pivots]
+    *basis, point = (substitute(echelon, unit_vector(column, columns + 1))[:columns] for column in free)
+    return point, basis
+
+
+def relative_interior(rows: Sequence[Sequence[Any]], columns: int) -> Rational | None:
+    """A point t in the relative interior of {t : row · (t, 1) ≥ 0 for every row}; None where that is empty.
+
+    t has `columns` entries. Rows that are 0 there are 0 on all of the polyhedron. Raises OutOfTime.
+
+    Notes
+    -----
+    Fourier and Motzkin's elimination: sums of two rows without t_1 describe the projection. Above a point of its
+    relative interior, the middle of the segment is one of that of the polyhedron.
+
+    References
+    ----------
+    Rockafellar, Convex Analysis (1970), theorem 6.8.
+
+    Examples
+    --------
+    >>> relative_interior([[1, 1], [-1, 3]], 1), relative_interior([[1, -2], [-1, 1]], 1)
+    ([Fraction(1, 1)], None)
+    """
+    work.check_budget()
+    if any(row[-1] < 0 and not any(row[:-1]) for row in rows):
+        return None
+    if not columns:
+        return []
+    rising = [row for row in rows if row[0] > 0]
+    falling = [row for row in rows if row[0] < 0]
+    pairs = [[up[0] * y - down[0] * x for x, y in zip(up, down, strict=True)] for up in rising for down in falling]
+    shadow = {tuple(in_integers(row[1:])) for row in pairs + [row for row in rows if not row[0]]}
+    point = relative_interior(list(shadow), columns - 1)
+    if point is None:
+        return None
+    lows, highs = ([-dot(row[1:], [*point, 1]) / row[0] for row in side] for side in (rising, falling))
+    low = max(lows, default=min(highs, default=Fraction(1)) - 2)
+    high = min(highs, default=low + 2)
+    return [(low + high) / 2, *point]
+
+
+def leading_minor(M: Rationals) -> tuple[int, Echelon] | None:
+    """The number of rows before that of the first leading minor ≤ 0, and their echelon; None where all are positive."""
+    echelon: Echelon = ()
+    for k, row in enumerate(M):
+        left = reduced(echelon, in_integers(row))
+        if left[k] <= 0:
+            return k, echelon
+        echelon = (*echelon, (k, left))
     return None
 
 
-def subtract_row(M: Rationals, k: int, below: Sequence[int]) -> None:
-    """One step of elimination with pivot `M`[k][k] in the rows and columns `below`; row k stays."""
-    pivot = M[k][k]
-    row = M[k]
-    for i in below:
-        if M[i][k]:
-            factor = M[i][k] / pivot
-            for j in below:
-                if row[j]:
-                    M[i][j] -= factor * row[j]
-
-
-def substitute_back(M: Rationals, count: int, known: dict[int, Fraction | int]) -> list[Fraction]:
-    """x with these entries `known`, such that the rows before `count`, eliminated in turn, give zero, and 0 elsewhere.
-
-    Indices with pivot 0, whose row is zero, get 0.
-    """
-    x = [Fraction(known.get(i, 0)) for i in range(len(M))]
-    for i in reversed(range(count)):
-        if M[i][i]:
-            x[i] = -sum((M[i][j] * x[j] for j in range(len(x)) if x[j] and M[i][j]), Fraction(0)) / M[i][i]
-    return x
-
-
-def m_matrix(C: Any) -> list[Fraction] | None:
+def m_matrix(C: Any) -> Rational | None:
     """An x ≥ 0, x ≠ 0 with Cx ≤ 0 for the Z-matrix `C`; None where it is a nonsingular M-matrix.
 
     It is one where its leading minors are positive. Reference: Berman and Plemmons (1994), chapter 6.
     """
     M = rationals(C)
-    failed = eliminate(M, range(len(M)))
-    return None if failed is None else substitute_back(M, failed, {failed: 1})
+    failed = leading_minor(M)
+    return None if failed is None else substitute(failed[1], unit_vector(failed[0], len(M)))
 
 
-def curvature(M: Rationals) -> tuple[bool, list[Fraction] | None]:
-    """Whether the symmetric `M`, which is overwritten, is semidefinite; and, unless it is definite, an x.
+def curvature(M: Rationals) -> tuple[bool, Rational | None]:
+    """Whether the symmetric `M` is semidefinite; and, unless it is definite, an x.
 
     x ≠ 0 has xᵀMx < 0, or = 0 where M is semidefinite.
     """
     n = len(M)
     flat = None
+    echelon: Echelon = ()
     for k in range(n):
-        if M[k][k] < 0:
-            return False, substitute_back(M, k, {k: 1})
-        if M[k][k] > 0:
-            subtract_row(M, k, range(k + 1, n))
-        elif (partner := next((j for j in range(k + 1, n) if M[k][j]), None)) is not None:
+        row = reduced(echelon, in_integers(M[k]))
+        if row[k] > 0:
+            echelon = (*echelon, (k, row))
+        elif row[k] < 0:
+            return False, substitute(echelon, unit_vector(k, n))
+        elif (partner := next((j for j in range(k + 1, n) if row[j]), None)) is not None:
             # along x_k the form is linear where x_partner = 1
-            along: dict[int, Fraction | int] = {partner: 1, k: -(M[partner][partner] + 1) / (2 * M[k][partner])}
-            return False, substitute_back(M, k, along)
+            other = reduced(echelon, in_integers(M[partner]))
+            x: list[Any] = unit_vector(partner, n)
+            x[k] = Fraction(-(other[partner] + 1), 2 * other[k])
+            return False, substitute(echelon, x)
         elif flat is None:
             flat = k
-    return True, None if flat is None else substitute_back(M, flat, {flat: 1})
+    return True, None if flat is None else substitute(echelon, unit_vector(flat, n))
 
 
 def nearest(x: Fraction | float) -> float:

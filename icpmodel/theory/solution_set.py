@@ -19,16 +19,23 @@ from ..algebra.linear_rows import FREE, LOWER, UPPER, LinearRows, piece_count
 from ..errors import Interrupted, NotApplicable, OutOfTime
 from ..numerics import work
 from ..numerics.arrays import ReadOnly, Vector, as_number
-from ..numerics.exact_polyhedron import Echelon, affine_solutions, dot, in_integers, relative_interior, with_row
-from ..numerics.rational import nearest, rationals
+from ..numerics.rational import (
+    Echelon,
+    Rational,
+    affine_solutions,
+    dot,
+    in_integers,
+    nearest,
+    rationals,
+    relative_interior,
+    with_row,
+)
 from ..numerics.rounding import public_entry
 from ..present.display import Displayable, counted
 from ..problem.data import ProblemData, ProblemLike, as_problem
 
 #: problems with more pieces are refused: 2¹⁸ take half a minute
 MAX_PIECES = 2**18
-
-Rational = list[Fraction]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -14,8 +14,7 @@ from ...errors import OutOfTime
 from ...numerics import work
 from ...numerics.arrays import Mask, Vector
 from ...numerics.equilibration import Exponents
-from ...numerics.exact_polyhedron import row_reduce
-from ...numerics.rational import nearest
+from ...numerics.rational import echelon_of, nearest, substitute
 from ...numerics.rounding import product_lower_bound, product_upper_bound
 from .combination_rows import ZERO, CombinationRows
 
@@ -108,14 +107,10 @@ def exact_combination(rows: CombinationRows, y: Vector, zero: Mask) -> Combinati
     work.count(cost)
     columns = rows.exact_columns(support)
     system = [[columns[j].get(k, Fraction(0)) for k in range(support.size)] for j in map(int, equations)]
-    x = [Fraction(float(y[i])) for i in support]
     try:
-        basic = row_reduce(system, len(x))
+        x = substitute(echelon_of(system), [Fraction(float(y[i])) for i in support])
     except OutOfTime:
         return {}
-    others = [j for j in range(len(x)) if j not in basic]
-    for row, pivot in zip(system, basic, strict=False):
-        x[pivot] = -sum((row[j] * x[j] for j in others), Fraction(0))
     return dict(zip(map(int, support), x, strict=True))
 
 

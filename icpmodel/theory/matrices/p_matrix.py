@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from ...numerics import work
 from ...numerics.arrays import row_of
 from ...numerics.equilibration import in_units, natural_exponents
-from ...numerics.rational import eliminate, rationals
+from ...numerics.rational import leading_minor, rationals
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
 from ..answers import Answer
 from .h_matrix import by_row_sums, irreducible_blocks
@@ -68,7 +68,7 @@ def minor_of_order_two(A: sp.csr_array) -> Indices | None:
     for k in near[np.argsort(-ratio[near])][:_MAX_EXACT_PAIRS]:
         pair = np.array([i[k], j[k]], dtype=np.intp)
         minor = [[A[row, column] for column in pair] for row in pair]
-        if eliminate(rationals(minor), [0, 1]) is not None:
+        if leading_minor(rationals(minor)) is not None:
             return pair
     return None
 
@@ -90,9 +90,9 @@ def by_pivots(A: sp.csr_array) -> Answer:
     exactly = undecided.size > 0 and n <= _RATIONAL_UP_TO
     for bits in range(1, 2**n) if exactly else undecided:
         chosen = _members(bits)
-        failed = eliminate(rationals(A), chosen)
+        failed = leading_minor(rationals(A[chosen][:, chosen]))
         if failed is not None:  # mostly it is 0
-            return _not_p(chosen[: failed + 1])
+            return _not_p(chosen[: failed[0] + 1])
     if exactly:
         return Answer(True, "all principal minors are positive, exactly")
     if undecided.size:

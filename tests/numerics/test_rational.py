@@ -1,7 +1,6 @@
 """Elimination in rational arithmetic."""
 
 from fractions import Fraction
-from functools import reduce
 from math import gcd
 
 import numpy as np
@@ -12,31 +11,25 @@ from scipy.optimize import linprog
 
 from icpmodel.errors import OutOfTime
 from icpmodel.numerics import work
-from icpmodel.numerics.exact_polyhedron import dot, in_integers, relative_interior, row_reduce, with_row
+from icpmodel.numerics.rational import dot, echelon_of, in_integers, reduced, relative_interior, substitute, unit_vector
 
 ENTRIES = st.one_of(st.integers(-3, 3), st.fractions(max_denominator=7), st.floats(-1e9, 1e9)).map(Fraction)
 MATRICES = st.integers(1, 5).flatmap(lambda n: st.lists(st.lists(ENTRIES, min_size=n, max_size=n), max_size=6))
 
 
 @given(rows=MATRICES)
-def test_reduced_rows_are_a_basis_of_the_row_space(rows):
-    reduced = [list(row) for row in rows]
-    pivots = row_reduce(reduced, len(rows[0]) if rows else 0)
-    for k, pivot in enumerate(pivots):
-        assert [row[pivot] for row in reduced] == [int(i == k) for i in range(len(rows))]
-    assert not any(map(any, reduced[len(pivots) :]))
-    for row in rows:
-        pairs = list(zip([row[pivot] for pivot in pivots], reduced, strict=False))
-        assert row == [sum((x * one[j] for x, one in pairs), Fraction(0)) for j in range(len(row))]
-
-
-@given(rows=MATRICES)
-def test_rows_added_one_by_one_begin_where_the_reduced_ones_do(rows):
-    echelon = reduce(with_row, map(in_integers, rows), ())
-    first = [column for column, _ in echelon]
-    assert sorted(first) == row_reduce([list(row) for row in rows], len(rows[0]) if rows else 0)
-    both = rows + [list(map(Fraction, row)) for _, row in echelon]
-    assert len(row_reduce(both, len(both[0]) if both else 0)) == len(first)
+def test_an_echelon_has_the_span_of_its_rows(rows):
+    n = len(rows[0]) if rows else 0
+    echelon = echelon_of(rows)
+    for k, (column, row) in enumerate(echelon):
+        assert row[column] != 0
+        assert not any(row[other] for other, _ in echelon[:k])
+    free = set(range(n)) - {column for column, _ in echelon}
+    assert len(free) == n - len(echelon)
+    for column in free:
+        x = substitute(echelon, unit_vector(column, n))
+        assert x[column] == 1
+        assert not any(dot(row, x) for row in rows)
 
 
 @given(rows=MATRICES, unit=st.sampled_from([Fraction(6, 7), Fraction(2) ** 1000, Fraction(2) ** -1000]))
@@ -65,4 +58,4 @@ def test_in_the_relative_interior_only_those_rows_are_0_that_are_0_everywhere(ro
 
 def test_an_elimination_ends_with_the_time():
     with work.work_limit(0.0), pytest.raises(OutOfTime):
-        row_reduce([[Fraction(2)]], 1)
+        reduced((), [2])
