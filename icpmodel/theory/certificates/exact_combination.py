@@ -22,9 +22,7 @@ Combination = dict[int, Fraction]
 
 #: the largest denominator that is tried first: the rays of problems in small whole numbers have none above it
 FIRST_DENOMINATOR = 1000
-#: after so many steps of a continued fraction denominators are larger
-_FRACTION_STEPS = 16
-#: nanoseconds for an entry of A in fractions, by cProfile; how many are too many
+#: nanoseconds for an entry of A in fractions, by cProfile, and six times as many for a weight; how many are too many
 _FRACTION_COST = 3000.0
 _MAX_COST = 4e8
 #: the largest number of rows of a combination that is sought exactly: 60 equations in random floats take .6 s
@@ -43,12 +41,13 @@ def candidates_near(
     If it `solves`, at most 60 rows are also combined by an exact solution of the equations.
     """
     support = np.flatnonzero(shares)
-    if _FRACTION_COST * float(np.diff(rows.matrix.indptr)[support].sum()) > min(_MAX_COST, work.nanoseconds_left()):
+    entries = 6.0 * support.size + float(np.diff(rows.matrix.indptr)[support].sum())
+    if _FRACTION_COST * entries > min(_MAX_COST, work.nanoseconds_left()):
         return
     units = exponents[support]
-    for p, q in (_simple_fractions(shares[support]), (shares[support], np.ones(support.size))):
-        if not _is_hopeless(rows, support, np.ldexp(p / q, units)):
-            weights = [Fraction(float(a)) / Fraction(float(b)) for a, b in zip(p, q, strict=True)]
+    exact = [Fraction(share) for share in shares[support].tolist()]
+    for weights in ([share.limit_denominator(FIRST_DENOMINATOR) for share in exact], exact):
+        if not _is_hopeless(rows, support, np.ldexp(np.array(weights, dtype=float), units)):
             yield {int(i): w * Fraction(2) ** int(e) for i, w, e in zip(support, weights, units, strict=True)}
     y = np.ldexp(shares, exponents)
     if solves:
@@ -56,32 +55,6 @@ def candidates_near(
         own[support[support < own.size]] = True
         yield exact_combination(rows, y, own | rows.free)  # a ray has zeros there, a linear program need not
         yield exact_combination(rows, y, rows.free)
-
-
-def _simple_fractions(x: Vector) -> tuple[Vector, Vector]:
-    """p and q, the nearest p/q to each entry whose denominator is not too large, as `Fraction.limit_denominator`."""
-    whole = np.floor(x)
-    rest = x - whole
-    p = whole
-    q = last_p = np.ones(x.size)
-    last_q = np.zeros(x.size)
-    for _ in range(_FRACTION_STEPS):
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            inverse = 1.0 / rest
-            whole = np.floor(inverse)
-            next_q = whole * q + last_q
-            goes_on = next_q <= FIRST_DENOMINATOR
-            rest = np.where(goes_on, inverse - whole, 0.0)
-        next_p = np.where(goes_on, whole, 0.0) * p + last_p
-        last_p = np.where(goes_on, p, last_p)
-        p = np.where(goes_on, next_p, p)
-        last_q = np.where(goes_on, q, last_q)
-        q = np.where(goes_on, next_q, q)
-    count = np.floor((FIRST_DENOMINATOR - last_q) / q)
-    other_p = last_p + count * p
-    other_q = last_q + count * q
-    is_nearer = np.abs(other_p / other_q - x) < np.abs(p / q - x)
-    return np.where(is_nearer, other_p, p), np.where(is_nearer, other_q, q)
 
 
 def exact_combination(rows: CombinationRows, y: Vector, zero: Mask) -> Combination:
