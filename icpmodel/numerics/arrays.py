@@ -289,14 +289,9 @@ def _with_stored_diagonal(matrix: sp.csr_array) -> sp.csr_array:
     missing = np.flatnonzero(matrix.diagonal() == 0.0)
     if not missing.size:
         return matrix
-    n = matrix.shape[0]
-    row = row_of(matrix)
-    left_of_diagonal = np.bincount(row[matrix.indices < row], minlength=n)
-    places = matrix.indptr[missing] + left_of_diagonal[missing]
-    data = np.insert(matrix.data, places, 0.0)
-    indices = np.insert(matrix.indices, places, missing)
-    indptr = matrix.indptr + np.searchsorted(missing, np.arange(n + 1))
-    return sp.csr_array((data, indices, indptr), shape=matrix.shape)
+    rows = np.append(row_of(matrix), missing)
+    columns = np.append(matrix.indices, missing)
+    return sp.csr_array((np.append(matrix.data, np.zeros(missing.size)), (rows, columns)), shape=matrix.shape)
 
 
 def as_float64(value: Any, name: str) -> NDArray[np.float64]:
