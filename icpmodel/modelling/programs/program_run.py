@@ -145,8 +145,9 @@ class ProgramRun:
         """The methods in turn; None for the choice of `solve()`, alone where there is a solution."""
         # in a bounded box, or for an H₊-matrix, no proof is needed
         in_box = np.isfinite(self.low).all() and np.isfinite(self.high).all()
-        if in_box or not isinstance(h_plus_proof(self.problem), str):
-            return [None]
+        with suppress(OutOfTime, MemoryError):
+            if in_box or not isinstance(h_plus_proof(self.problem), str):
+                return [None]
         # Newton's steps often fail, but sometimes the interior method does
         first, last = (["lemke"], ["newton"]) if pivots_cost_less(self.problem.facts) else ([], [])
         return [*first, "interior", "proximal", *last, None]

@@ -106,7 +106,9 @@ class Batch:
             fits = bool((np.isinf(above) == np.isinf(above[0])).all())
         if self.starts is None or not fits:
             return fits
-        return is_one and self.problem.facts.has_fixed_obstacle and not isinstance(h_plus_proof(self.problem), str)
+        with suppress(OutOfTime, MemoryError):
+            return is_one and self.problem.facts.has_fixed_obstacle and not isinstance(h_plus_proof(self.problem), str)
+        return False
 
     def elapsed(self) -> float:
         """The seconds since it began."""
