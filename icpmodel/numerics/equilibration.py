@@ -24,11 +24,6 @@ _BALANCED_RANGE = 30
 _MAX_STEPS = 60
 #: below the exponent of every float
 _ZERO_EXPONENT = -(2**20)
-#: in `balancing_exponents` an entry counts above this share of the largest of its row or of its column
-_NEGLIGIBLE_ENTRY = 1e-12
-#: its steps at the most, and the last step of the exponents
-_MAX_SCALING_STEPS = 50
-_SETTLED_STEP = 0.1
 #: weights go half the way to where rows are balanced so often at the most, 2^200 takes all, and so far do their roots
 #: go; they stay where none moves by more than this share: of .03, .1 and .3, .1 took the fewest proximal steps
 _MAX_PASSES = 100
@@ -86,26 +81,6 @@ def natural_exponents(A: sp.csr_array) -> tuple[Exponents, Exponents]:
     balanced, _ = cg(laplacian, right, rtol=1e-6, maxiter=_MAX_STEPS, M=sp.diags_array(1.0 / (degree + 1e-6)))
     shift = np.rint(balanced).astype(np.int64)
     return -size - shift, shift
-
-
-def balancing_exponents(size: sp.csr_array) -> Exponents:
-    """Whole e such that log₂|a_ij| + e_i + e_j is about 0 in the mean of the entries of a row that count, from |A|."""
-    i = row_of(size)
-    j = size.indices
-    largest = np.zeros(size.shape[0])
-    np.maximum.at(largest, i, size.data)
-    counts = size.data > _NEGLIGIBLE_ENTRY * np.minimum(largest[i], largest[j])
-    rows = i[counts]
-    columns = j[counts]
-    logarithms = np.log2(size.data[counts])
-    count = np.maximum(np.bincount(rows, minlength=largest.size), 1)
-    e = np.zeros(largest.size)
-    for _ in range(_MAX_SCALING_STEPS):
-        step = 0.5 * np.bincount(rows, logarithms + e[rows] + e[columns], largest.size) / count
-        e -= step
-        if np.abs(step).max() <= _SETTLED_STEP or work.seconds_left() == 0.0:
-            break
-    return np.rint(e).astype(np.int64)
 
 
 def in_units(X: Any, r: Any, c: Any = 0) -> Any:

@@ -1,7 +1,6 @@
 """The conditions of a program in units in which entries are about 1, and multipliers about as large as x.
 
 Starts, regularisations and tolerances then mean the same in every row, whatever the units of the program are.
-Reference: Curtis and Reid, J. Inst. Math. Appl. 10 (1972).
 """
 
 from __future__ import annotations
@@ -13,8 +12,7 @@ from numpy.typing import NDArray
 from ...icp import ICP
 from ...numerics import work
 from ...numerics.arrays import Vector, norm
-from ...numerics.equilibration import Exponents, balancing_exponents, in_units, in_units_exactly, row_exponents
-from ...numerics.sparse_structure import absolute
+from ...numerics.equilibration import Exponents, balanced, in_units, in_units_exactly, row_exponents
 from ...problem.data import ProblemData
 from .program import Program, saddle_matrix, with_bounds
 
@@ -123,7 +121,10 @@ class ScaledConditions:
         alike = int(np.rint(mean_H - mean_C)) if all(size.size for size in sizes) else 0
         rows = -alike * self.is_x
         columns = alike * ~self.is_x
-        return np.array([rows, columns]) + balancing_exponents(absolute(in_units(self.A, rows, columns)))
+        M = in_units(self.A, rows, columns)
+        units = row_exponents(M)
+        weights = np.rint((units - np.log2(balanced(in_units(M, units)))) / 2)
+        return np.array([rows, columns]) + weights.astype(np.int64)
 
 
 def _mean_size(x: Vector) -> float:
