@@ -94,16 +94,11 @@ def in_units(X: Any, r: Any, c: Any = 0) -> Any:
     return with_entries(X, data)
 
 
-def in_units_exactly(X: Any, r: Any, c: Any = 0) -> Any:
+def in_units_exactly(X: Any, r: Any, c: Any) -> Any:
     """The result of `in_units` if it rounds no entry, and so can be undone; else None."""
-    if sp.issparse(X):
-        scaled = in_units(X, r, c)
-        return scaled if np.array_equal(in_units(scaled, -r, -c).data, X.data) else None
-    with np.errstate(all="ignore"):
-        left = np.ldexp(1.0, r)[:, None]
-        right = np.ldexp(1.0, c)
-        scaled = X * left * right
-        return scaled if np.array_equal(scaled / left / right, X) else None
+    scaled = in_units(X, r, c)
+    before, after = (M.data if sp.issparse(M) else M for M in (X, in_units(scaled, -r, -c)))
+    return scaled if np.array_equal(before, after) else None
 
 
 def balanced(A: sp.csr_array) -> Vector:
