@@ -8,7 +8,7 @@ from typing import Any, TextIO
 from ..solve.progress import Progress
 
 
-def printed_on(stream: TextIO, callback: Callable[[Progress], Any] | None = None) -> Callable[[Progress], Any]:
+def printed_on(stream: TextIO, callback: Callable[[Progress], Any] | None) -> Callable[[Progress], Any]:
     """A callback that prints the residuals of the iterates 0, 1, 2, 5, 10, 20, … on `stream`, then calls `callback`.
 
     The logger "icpmodel" says at INFO which methods run.

@@ -382,7 +382,7 @@ class Map(ReadOnly, Displayable, ABC):
 class ComposedMap(Map):
     """y ↦ t·ψ(Py + s) in some rows, see `Map.composed`."""
 
-    def __init__(self, psi: Map, P: Any, shift: Any = 0.0, rows: Any = slice(None), factor: Any = 1.0) -> None:
+    def __init__(self, psi: Map, P: Any, shift: Any, rows: Any, factor: Any) -> None:
         self.psi = psi
         self.P = P
         self.shift = shift

@@ -40,10 +40,7 @@ class CvxpyReading:
     the last entries of z."""
 
     def __init__(
-        self,
-        conditions: Sequence[Any],
-        equations: Sequence[cp.Constraint] = (),
-        inequalities: Sequence[cp.Constraint] = (),
+        self, conditions: Sequence[Any], equations: Sequence[cp.Constraint], inequalities: Sequence[cp.Constraint]
     ) -> None:
         variables = unique(x for one in (*conditions, *equations, *inequalities) for x in one.variables())
         inequalities = [*inequalities, *(one for x in variables for one in bounds_of(x))]

@@ -29,7 +29,7 @@ class ScaledConditions:
     ----------
     program : Program
         The program.
-    last : ScaledConditions, optional
+    last : ScaledConditions or None
         Those of another program. Where the matrices are equal, what was made of them is used again.
 
     Raises
@@ -47,7 +47,7 @@ class ScaledConditions:
     problem: ICP
 
     @np.errstate(all="ignore")
-    def __init__(self, program: Program, last: ScaledConditions | None = None) -> None:
+    def __init__(self, program: Program, last: ScaledConditions | None) -> None:
         work.charge_matrices(program.H.nnz + 2 * program.C.nnz, 4)
         A = saddle_matrix(program.H, program.C)
         if last is None or not last.is_scaled or last.A.shape != A.shape or (last.A != A).nnz:

@@ -41,6 +41,8 @@ from .rounded_combination import rounded_combination
 
 #: how far, as a share of the largest weight, simple fractions are from what they round
 _MAX_MOVE = 1.0 / FIRST_DENOMINATOR
+#: rows that fit in a sentence
+_MAX_SHOWN = 4
 
 
 @np.errstate(all="ignore")  # what overflows proves nothing
@@ -135,11 +137,11 @@ def _reason(rows: CombinationRows, known: ProvedBounds | None, y: Any, number: f
     return f"no z has Az + q >= 0 and z >= psi(z): wherever z >= psi(z), {sums}, and with Az + q >= 0 it is >= 0"
 
 
-def combination_text(y: Any, name: Callable[[int], str], several: int = 4) -> str:
+def combination_text(y: Any, name: Callable[[int], str]) -> str:
     """Which rows a combination takes, by `name`, and how often: as many as fit in a sentence."""
     used = [i for i, weight in enumerate(y) if weight]
-    first = " and ".join(f"{_weight_text(y[i])} times {name(i)}" for i in used[:several])
-    return first + (f" and {len(used) - several} rows more" if len(used) > several else "")
+    first = " and ".join(f"{_weight_text(y[i])} times {name(i)}" for i in used[:_MAX_SHOWN])
+    return first + (f" and {len(used) - _MAX_SHOWN} rows more" if len(used) > _MAX_SHOWN else "")
 
 
 def _weight_text(weight: Any) -> str:
