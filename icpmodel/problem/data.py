@@ -463,22 +463,17 @@ def as_problem(problem: ProblemLike, *, nonlinear: bool = False) -> ProblemData:
     NotApplicable
         Where p is nonlinear, unless `nonlinear` says that it may be.
     """
-    data = _problem_data(problem)
-    if data.f is not None and not nonlinear:
-        raise NotApplicable(NONLINEAR)
-    return data
-
-
-def _problem_data(problem: ProblemLike) -> ProblemData:
-    if isinstance(problem, ProblemData):
-        return problem
     if isinstance(problem, str):
         raise InputError(f"problem is {problem!r}; an ICP was expected: icpmodel.scenes.scene makes a scene of a name")
-    make = getattr(problem, "icp", None)
-    candidate = make() if callable(make) else getattr(problem, "problem", None)
-    if not isinstance(candidate, ProblemData):
+    data: Any = problem
+    if not isinstance(problem, ProblemData):
+        make = getattr(problem, "icp", None)
+        data = make() if callable(make) else getattr(problem, "problem", None)
+    if not isinstance(data, ProblemData):
         expected = "an ICP, or what holds one such as a scene, was expected"
         if isinstance(problem, list | tuple) or hasattr(problem, "shape"):
             expected = f"{expected}{HOW_TO_BUILD}"
         raise InputError(f"problem is {described(problem)}; {expected}")
-    return candidate
+    if data.f is not None and not nonlinear:
+        raise NotApplicable(NONLINEAR)
+    return data
