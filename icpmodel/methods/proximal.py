@@ -13,6 +13,15 @@ LCP itself mostly converge. A subproblem ends as soon as its residual is a share
 all 0 < μ_k ≤ μ and for errors of the steps with a finite sum: see `theory.convergence.proximal_point`. For large μ the
 matrix A + μW is diagonally dominant, and Newton's steps converge: there is always a μ that works.
 
+**Negative curvature.** Where sᵀAs < 0 is seen for a step s, A is not monotone, and D = μ_k W + κ_k V takes the place of
+μ_k W; V is W in the rows of A + Aᵀ that are not 0, and 0 elsewhere, as in those of multipliers. From κ = −sᵀAs/sᵀVs on,
+κ is halved after every subproblem. It grows where Newton's steps do not converge, and where dᵀAd < −κ dᵀVd for the step
+d = zᵏ⁺¹ − zᵏ of a subproblem; these are then discarded. Let A be symmetric and the obstacles fixed. As zᵏ is feasible,
+(p(zᵏ⁺¹) + Dd)ᵀd ≤ 0 for the exact solution of a subproblem, and f(z) = ½zᵀAz + qᵀz falls by at least
+dᵀDd + ½dᵀAd ≥ ½κ dᵀVd. Every κ ≥ −λ_min(V^(-½)AV^(-½)) will do. Between two finite obstacles f is bounded below: the
+steps tend to 0 where κ does not, and where they do zᵏ tends to the solutions. For A = [P −Gᵀ; G 0] the same holds of
+½xᵀPx + cᵀx where the constraints are met.
+
 Where the obstacle moves, the problem for large μ is nearly z = max(ψ(z), zᵏ), which has one solution if ψ contracts.
 Where zᵏ⁺¹ = zᵏ that is a solution of the ICP. That zᵏ converges is not proved.
 """
@@ -20,6 +29,7 @@ Where zᵏ⁺¹ = zᵏ that is a solution of the ICP. That zᵏ converges is not
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -33,6 +43,7 @@ from ..algebra.subproblems import with_fixed_obstacle
 from ..errors import MapError
 from ..numerics import work
 from ..numerics.arrays import Vector
+from ..numerics.sparse_structure import SYMMETRY_RTOL, absolute
 from ..problem.data import ProblemData
 from ..problem.two_sided import balanced_residual
 from ..theory.certificates.recession import Recession
@@ -71,8 +82,13 @@ class Proximal(Regularised):
     Their direction is tried as a proof, and the method raises `Infeasible` or ends. An obstacle that
     moves with other unknowns is followed by its derivative; then nothing is proved.
 
-    It ends where a hundred steps do not reduce the residual by a tenth. Units of z and p have no
-    influence on the path where A is symmetric, and little where it is not.
+    Where sᵀAs < 0 is seen for a step s, A is not monotone. Rows of A + Aᵀ that are not 0 then get a
+    larger diagonal, so large that for symmetric A every step reduces ½zᵀAz + qᵀz: a point where that
+    has no descent is a solution. This serves quadratic programs that are not convex, too.
+
+    It ends where a hundred steps do not reduce the residual by a tenth, or a hundred subproblems where
+    A is not monotone. Units of z and p have no influence on the path where A is symmetric, and little
+    where it is not.
 
     References
     ----------
@@ -114,14 +130,22 @@ class ProximalPath:
         self.weights = problem.matrix.proximal_weights
         self.root = np.sqrt(self.weights)
         self._move(self._at(z, problem.p(z)))
-        self.centre = self.point
-        self.shift = _FIRST_SHIFT
-        self.inner_steps = 0
+        # κ, and the largest −sᵀAs/sᵀVs of a step s
+        self.concave_shift = 0.0
+        self.negative_curvature = 0.0
         self.last_solved_shift = 0.0
-        # the residuals of the LCP, and of the subproblem
+        # the residuals of the LCP
         self.residuals = LeastValue()
-        self.inner_residuals = LeastValue()
         self.step_cost = newton_cost(problem.facts) if self.steps.has_moving_obstacle else work.COSTS.newton
+        self._begin(self.point, _FIRST_SHIFT)
+
+    @cached_property
+    def concave_weights(self) -> Vector:
+        """V: W in the rows of A + Aᵀ that are not 0 up to rounding, and 0 in the others."""
+        matrix = self.problem.matrix
+        work.charge_matrices(matrix.nnz, 2)
+        largest = absolute(matrix.sparse + matrix.sparse.T).max(axis=1).toarray().reshape(-1)
+        return np.where(largest > SYMMETRY_RTOL * matrix.rows.largest, self.weights, 0.0)
 
     @property
     @np.errstate(all="ignore")
@@ -134,25 +158,25 @@ class ProximalPath:
         return balanced_residual(self.root, p, self.r, self.r_upper)
 
     def subproblem_p(self) -> Vector:
-        """p of the subproblem: p + μW(z − centre)."""
-        return self.p + self.shift * self.weights * (self.z - self.centre[0])
+        """p of the subproblem: p + D(z − centre)."""
+        return self.p + self.diagonal * (self.z - self.centre[0])
 
     @np.errstate(all="ignore")
     def advance(self) -> bool:
         """Make one Newton step; False if no step is left."""
         residual = self.size(self.p)
-        idle = self.residuals.add(residual)
+        if not self.negative_curvature or self.inner_steps < 2:  # where f falls, the residual need not
+            self.residuals.add(residual)
         work.count(self.step_cost)
-        if residual == 0.0 or idle > MAX_IDLE_STEPS:
+        if residual == 0.0 or self.residuals.idle > MAX_IDLE_STEPS:
             return False
         inner_residual = self.size(self.subproblem_p())
         if self.inner_steps and inner_residual <= INNER_REDUCTION * residual:
-            first = not self.last_solved_shift
-            self.last_solved_shift = self.shift
-            shift = max(_DECREASE * self.shift, MIN_REGULARISATION)
-            if first and self.inner_steps <= _QUICK_STEPS:
-                shift = first_regularisation(self.problem)
-            self._begin(self.point, shift)
+            if self._curvature(self.centre) > self.concave_shift:
+                self._enlarge_concave_shift()
+                self._begin(self.centre, self.shift)
+            else:
+                self._begin_next()
         elif not (np.isfinite(inner_residual) and self.inner_residuals.add(inner_residual) <= PATIENCE):
             self._enlarge_shift()
         while not self._step():
@@ -162,8 +186,35 @@ class ProximalPath:
         self.inner_steps += 1
         return True
 
+    def _begin_next(self) -> None:
+        """Begin the next subproblem, with smaller shifts."""
+        first = not self.last_solved_shift
+        self.last_solved_shift = self.shift
+        shift = max(_DECREASE * self.shift, MIN_REGULARISATION)
+        if first and self.inner_steps <= _QUICK_STEPS and not self.negative_curvature:
+            shift = first_regularisation(self.problem)
+        self.concave_shift *= 0.5
+        self._begin(self.point, shift)
+
+    def _curvature(self, before: Point) -> float:
+        """−sᵀAs/sᵀVs for the step s from `before`, if that is positive beyond rounding; else 0."""
+        s = self.z - before[0]
+        if not s @ (self.p - before[1]) < 0.0:
+            return 0.0
+        matrix = self.problem.matrix
+        work.charge(2.0 * matrix.product_cost)
+        value = -float(s @ matrix.product(s))
+        rounding = SYMMETRY_RTOL * float(np.abs(s) @ matrix.magnitude(s))
+        square = float(s @ (self.concave_weights * s))
+        return value / square if value > rounding and square > 0.0 else 0.0
+
+    def _enlarge_concave_shift(self) -> None:
+        """Make κ larger, at least the largest curvature that was seen."""
+        self.concave_shift = max(self.concave_shift / _DECREASE, self.negative_curvature)
+
     def _enlarge_shift(self) -> None:
         """Begin the subproblem again with a larger μ, at least the one that follows the last solved subproblem."""
+        self._enlarge_concave_shift()
         self._begin(self.centre, max(self.shift / _DECREASE, _DECREASE * self.last_solved_shift))
 
     def _at(self, z: Vector, p: Vector) -> Point:
@@ -177,17 +228,23 @@ class ProximalPath:
         self._move(centre)
         self.centre = centre
         self.shift = shift
+        # D
+        self.diagonal = shift * self.weights
+        if self.concave_shift:
+            self.diagonal = self.diagonal + self.concave_shift * self.concave_weights
         self.inner_steps = 0
         self.inner_residuals = LeastValue(self.size(self.p))
 
     def _step(self) -> bool:
         """Make the Newton step: z = ψ(z) in active rows, the p of the subproblem 0 in the others; False if it fails."""
-        pattern = Pattern.of(self.r, self.r_upper, self.subproblem_p() / ((1.0 + self.shift) * self.weights))
+        pattern = Pattern.of(self.r, self.r_upper, self.subproblem_p() / (self.weights + self.diagonal))
         try:
-            moved = self.steps.step(self.z, self.p, pattern, self.centre[0], self.shift * self.weights)
+            moved = self.steps.step(self.z, self.p, pattern, self.centre[0], self.diagonal)
             if moved is None:
                 return False
+            before = self.point
             self._move(self._at(*moved))
+            self.negative_curvature = max(self.negative_curvature, self._curvature(before))
         except MapError:
             return False
         return bool(np.isfinite(self.size(self.p)))

@@ -259,11 +259,12 @@ class Matrix(ReadOnly):
 
     @cached_property
     def proximal_weights(self) -> Vector:
-        """W with p/W in the units of z, entries being about 1 beside it: D where A is symmetric, else `balanced`.
+        """W with p/W in the units of z, entries being about 1 beside it.
 
-        Rows with entries of about 1 are balanced, so that W has their units.
+        D where A is symmetric and D ≥ 0, else `balanced`. Rows with entries of about 1 are balanced, so that W has
+        their units.
         """
-        if self.is_nearly_symmetric:
+        if self.is_nearly_symmetric and (self.rows.diagonal >= 0.0).all():
             return self.weights
         units = row_exponents(self.sparse)
         return np.ldexp(balanced(in_units(self.sparse, units)), -units)

@@ -76,6 +76,7 @@ def select_method(
        ten `Restarts` of it; `Multilevel`, unless it ran before; `Proximal`; `Interior`. Their estimates follow from ρ
        and the fill of the factors of A. That fill is not asked for before `Multilevel` has more left than the others
        would cost without any.
+       Where an a_ii < 0 shows that A is not monotone, `Proximal` and `Lemke` begin, which descend or pivot then, too.
     5. Where one of these has ended, another that rung 4 names; after all of them MNMGS and MNMMOD. With at most 150
        unknowns they end after twice their estimates, as a global search follows.
 
@@ -169,7 +170,7 @@ class Ladder:
         sweeps.insert(0, self._add_multilevel if warm_start else self._add_lemke)
         if family == "paper":
             sweeps = [self._add_accelerated]
-        self.rungs = [self._add_direct, *sweeps, self._add_newton, self._add_remaining]
+        self.rungs = [self._add_direct, *sweeps, self._add_proximal, self._add_newton, self._add_remaining]
         #: whether the problem is to be reduced before rung 4; and whether that is next
         self.reduces = reduces
         self.floor = 0.0
@@ -332,6 +333,12 @@ class Ladder:
                 self._begin_early(job, least)
                 if not is_first:
                     self._pause()
+
+    def _add_proximal(self) -> None:
+        """`Proximal` and `Lemke` before the others of rung 4 where an a_ii < 0 shows that A is not monotone."""
+        if self.family != "paper" and (self.problem.matrix.rows.diagonal < 0.0).any():
+            for job in self._estimate_jobs([Proximal()] if self.family else [Proximal(), Lemke()]):
+                self._begin_early(job, job.remaining)
 
     def _add_newton(self) -> None:
         self.floor = math.inf

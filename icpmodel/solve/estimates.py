@@ -155,7 +155,8 @@ def pivots_cost_less(facts: Facts) -> bool:
 
 def _proximal(facts: Facts) -> Estimate:
     # medians of 6 and 10 steps were measured at n = 120 and 1000 where rows are dominant; 2.5 times as many on average
-    # over 84 other problems with a diagonal; medians of 24, 35 and 125 at n = 120, 500 and 2000 where there is none
+    # over 84 other problems with a diagonal; medians of 24, 35 and 125 at n = 120, 500 and 2000 where there is none;
+    # 67, 98 and 175 at n = 100, 500 and 2000 where an entry of it is negative
     matrix = facts.matrix
     fixed = facts.has_fixed_obstacle
     factors = _part_cost(facts, fixed)
@@ -167,7 +168,8 @@ def _proximal(facts: Facts) -> Estimate:
     if matrix.has_positive_diagonal:
         steps = (1.0 if matrix.coupled_radius <= 1.0 else 2.5) * (3.0 + math.log2(rows))
     else:
-        steps = 2.0 * math.sqrt(rows)
+        is_monotone = bool((matrix.rows.diagonal >= 0.0).all())  # for all that is known
+        steps = (2.0 if is_monotone else 4.0) * math.sqrt(rows)
     return Estimate(step, step, steps, memory)
 
 

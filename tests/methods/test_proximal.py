@@ -5,6 +5,7 @@ import itertools
 import hypothesis.strategies as st
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from hypothesis import given, settings
 from known_answers import GENERATORS
 
@@ -74,6 +75,30 @@ def test_what_is_not_monotone_may_fail_but_ends():
         problem = icp.ICP(A + A.T, rng.normal(size=20))
         path = icp.Proximal().iterates(problem, np.zeros(20))
         assert sum(1 for _ in itertools.islice(path, 5000)) < 5000
+
+
+def indefinite(seed, n, constraints):
+    """The conditions of optimality of min ½xᵀPx + cᵀx, 0 ≤ x ≤ 1, Gx ≤ h, with `constraints` rows G and a sparse P."""
+    rng = np.random.default_rng(seed)
+    S = sp.random_array((n, n), density=4 / n, rng=rng, data_sampler=rng.standard_normal)
+    P = (S + S.T) / 2 + sp.diags_array(rng.uniform(-1.0, 3.0, n))
+    G = sp.random_array((constraints, n), density=4 / n, rng=rng)
+    h = 0.5 * G.sum(axis=1) + 0.1
+    A = sp.csr_array(sp.block_array([[P, G.T], [-G, None]]) if constraints else P)
+    return icp.ICP(A, np.r_[rng.normal(size=n), h], upper=np.r_[np.ones(n), np.full(constraints, np.inf)])
+
+
+@pytest.mark.parametrize(("n", "constraints"), [(600, 0), (400, 100)])
+@pytest.mark.parametrize("seed", range(4))
+def test_it_descends_to_a_solution_in_a_box_where_the_objective_is_not_convex(seed, n, constraints):
+    problem = indefinite(seed, n, constraints)
+    solution = run(problem)
+    z, p = solution.z, problem.A @ solution.z + problem.q
+    residual = np.maximum(np.minimum(p, z), z - np.r_[np.ones(n), np.full(constraints, np.inf)])
+    assert solution.solved
+    assert np.abs(residual).max() < 1e-6
+    x = z[:n]
+    assert 0.5 * x @ (problem.A[:n, :n] @ x) + problem.q[:n] @ x < 0.0
 
 
 def test_a_proof_of_infeasibility_meets_no_overflow():
