@@ -102,7 +102,13 @@ class NewtonJosephy(Method):
         with np.errstate(all="ignore"):
             point = NewtonPoint(problem, problem.matrix.weights, z)
         yield z, point.residual
-        search = _Search(problem, z, self.inner_family)
+        family = self.inner_family
+        search = _Search(problem, z, family)
+        nearest = search.path.clip(z)
+        # steps from beyond an obstacle may all be refused
+        if not np.array_equal(nearest, z) and np.isfinite((inside := _Search(problem, nearest, family)).current.theta):
+            search = inside
+            yield search.current.z, search.current.residual
         tries = _MAX_RESTARTS if problem.n <= MAX_UNKNOWNS else 0
         for left in range(tries, -1, -1):
             for point in search.steps():
@@ -111,7 +117,7 @@ class NewtonJosephy(Method):
                 break
             size = max(scale_of_starts(problem, z), 1.0) * 10.0 ** rng.uniform(_MIN_START_EXPONENT, _MAX_START_EXPONENT)
             with suppress(MapError):
-                search = _Search(problem, search.path.clip(start_above(problem, z, size, rng)), self.inner_family)
+                search = _Search(problem, search.path.clip(start_above(problem, z, size, rng)), family)
                 if np.isfinite(search.current.theta):
                     yield search.current.z, search.current.residual
         if search.psi_error is not None:

@@ -518,3 +518,39 @@ def test_the_active_set_at_hand_spares_the_last_tangents_a_method(caplog):
         solution = problem.solve(z0=np.repeat([0.5, 0.0], [n, 20]))
     tangents = [record for record in caplog.records if "begins" in record.getMessage()][1:]
     assert len(tangents) < solution.iterations
+
+
+def test_a_start_beyond_an_obstacle():
+    """A plane net of springs that begins within the ball it lies on: in the plane no spring has a vertical force."""
+    side = np.linspace(-1, 1, 8)
+    x, y = (one.ravel() for one in np.meshgrid(side, side))
+    i = np.arange(64).reshape(8, 8)
+    pairs = (i[:-1], i[1:]), (i[:, :-1], i[:, 1:]), (i[:-1, :-1], i[1:, 1:]), (i[1:, :-1], i[:-1, 1:])
+    ends = np.hstack([[one.ravel(), other.ravel()] for one, other in pairs])
+    D = sp.csr_array(
+        sp.kron(sp.eye_array(64, format="csr")[ends[0]] - sp.eye_array(64, format="csr")[ends[1]], np.eye(3))
+    )
+    plane = np.stack([x, y, np.full(64, -0.1)], axis=1).ravel()
+    rest = np.linalg.norm((D @ plane).reshape(-1, 3), axis=1)
+    ball = np.full(192, -np.inf)
+    ball[2::3] = np.sqrt(np.maximum(0.49 - x**2 - y**2, 0.0)) - 0.7
+
+    def tension(z):
+        d = (D @ z).reshape(-1, 3)
+        length = np.linalg.norm(d, axis=1)
+        return d / length[:, None], 200.0 * (1.0 - rest / length), length
+
+    def force(z):
+        u, t, length = tension(z)
+        return D.T @ ((t * length)[:, None] * u).ravel() + 3.3 * (z - plane)
+
+    def stiffness(z):
+        u, t, _ = tension(z)
+        along = u[:, :, None] * u[:, None, :]
+        blocks = t[:, None, None] * np.eye(3) + (200.0 - t)[:, None, None] * along
+        k = np.arange(len(blocks) + 1)
+        return D.T @ sp.bsr_array((blocks, k[:-1], k)) @ D + 3.3 * sp.eye_array(192)
+
+    problem = icp.ICP.nonlinear(force, stiffness, ball)
+    solution = problem.solve(z0=plane)
+    assert np.abs(problem.natural_map(solution.z)).max() < 1e-5
