@@ -87,7 +87,7 @@ class ProgramRun:
             if method is None and proof is not None:
                 break
             if method is None and self.iterations:  # as many steps as all before: it may go on for thousands in vain
-                limit = {"max_iter": self.iterations}
+                limit["max_iter"] = self.iterations
             try:
                 solution = self._solve(
                     self.problem,
@@ -109,7 +109,7 @@ class ProgramRun:
             limit = {}
             if method == "interior":  # where that ended at a solution up to rounding, the next one takes a few steps
                 z0 = solution.z
-                limit = {"max_iter": max(solution.iterations, 1)}
+                limit["max_iter"] = max(solution.iterations, 1)
             if method == "proximal" or solution.status is Status.INFEASIBLE:
                 with suppress(OutOfTime):
                     proof = proof or self._prove_no_solution(solution)
@@ -144,13 +144,13 @@ class ProgramRun:
     def _methods(self) -> list[str | None]:
         """The methods in turn; None for the choice of `solve()`, alone where there is a solution."""
         # in a bounded box, or for an H₊-matrix, no proof is needed
-        in_box = np.isfinite(self.low).all() and np.isfinite(self.high).all()
+        in_box = np.isfinite([self.low, self.high]).all()
         with suppress(OutOfTime, MemoryError):
             if in_box or not isinstance(h_plus_proof(self.problem), str):
                 return [None]
         # Newton's steps often fail, but sometimes the interior method does
-        first, last = (["lemke"], ["newton"]) if pivots_cost_less(self.problem.facts) else ([], [])
-        return [*first, "interior", "proximal", *last, None]
+        others = ["interior", "proximal"]
+        return ["lemke", *others, "newton", None] if pivots_cost_less(self.problem.facts) else [*others, None]
 
     def _solve(self, problem: ICP, method: str | None, **options: Any) -> Solution:
         solution = problem.solve(method, time_limit=work.inner_time_limit(), raise_on_failure=False, **options)
