@@ -13,14 +13,15 @@ LCP itself mostly converge. A subproblem ends as soon as its residual is a share
 all 0 < μ_k ≤ μ and for errors of the steps with a finite sum: see `theory.convergence.proximal_point`. For large μ the
 matrix A + μW is diagonally dominant, and Newton's steps converge: there is always a μ that works.
 
-**Negative curvature.** Where sᵀAs < 0 is seen for a step s, A is not monotone, and D = μ_k W + κ_k V takes the place of
-μ_k W; V is W in the rows of A + Aᵀ that are not 0, and 0 elsewhere, as in those of multipliers. From κ = −sᵀAs/sᵀVs on,
-κ is halved after every subproblem. It grows where Newton's steps do not converge, and where dᵀAd < −κ dᵀVd for the step
-d = zᵏ⁺¹ − zᵏ of a subproblem; these are then discarded. Let A be symmetric and the obstacles fixed. As zᵏ is feasible,
-(p(zᵏ⁺¹) + Dd)ᵀd ≤ 0 for the exact solution of a subproblem, and f(z) = ½zᵀAz + qᵀz falls by at least
-dᵀDd + ½dᵀAd ≥ ½κ dᵀVd. Every κ ≥ −λ_min(V^(-½)AV^(-½)) will do. Between two finite obstacles f is bounded below: the
-steps tend to 0 where κ does not, and where they do zᵏ tends to the solutions. For A = [P −Gᵀ; G 0] the same holds of
-½xᵀPx + cᵀx where the constraints are met.
+**Negative curvature.** Where sᵀAs < 0 is seen for a step s, A is not monotone. D = μ_k W + κ_k V then takes the place
+of μ_k W. V is W in the rows of A + Aᵀ that are not 0; it is 0 elsewhere, as in the rows of multipliers. κ begins as
+−sᵀAs/sᵀVs and is halved after every subproblem. It grows where Newton's steps do not converge, and where
+dᵀAd < −κ dᵀVd for the step d = zᵏ⁺¹ − zᵏ of a subproblem. These are then discarded.
+
+Let A be symmetric and the obstacles fixed. As zᵏ is feasible, (p(zᵏ⁺¹) + Dd)ᵀd ≤ 0 for the exact solution of a
+subproblem. So f(z) = ½zᵀAz + qᵀz falls by at least dᵀDd + ½dᵀAd ≥ ½κ dᵀVd. Every κ ≥ −λ_min(V^(-½)AV^(-½)) will do.
+Between two finite obstacles f is bounded below. So the steps tend to 0 while κ does not, and then zᵏ tends to the
+solutions. For A = [P −Gᵀ; G 0] the same holds of ½xᵀPx + cᵀx where the constraints are met.
 
 Where the obstacle moves, the problem for large μ is nearly z = max(ψ(z), zᵏ), which has one solution if ψ contracts.
 Where zᵏ⁺¹ = zᵏ that is a solution of the ICP. That zᵏ converges is not proved.
