@@ -224,8 +224,10 @@ def _starting_point(problem: ProblemData, z0: Any) -> Vector:
     return start
 
 
-def _option_names() -> list[str]:
-    return list(inspect.signature(solve).parameters)[2:-1]
+def _own_options(options: dict[str, Any]) -> str:
+    """What `solve` itself takes, and which of it may be meant by one of the `options`."""
+    names = list(inspect.signature(solve).parameters)[2:-1]
+    return f"takes {', '.join(names)}" + "".join(did_you_mean(one, names) for one in options)
 
 
 def _display_options(callback: Any, history: Any, progress: Any) -> dict[str, Any]:
@@ -251,26 +253,16 @@ def _limits(rtol: Any, atol: Any, accuracy: Any, max_iter: Any, time_limit: Any,
 
 def _method_of(method: str | Method | None, problem: ProblemData, options: dict[str, Any]) -> Method | None:
     """The method that the user names; None if one is to be chosen."""
+    if options and not isinstance(method, str):
+        expected = "an option of a method goes beside its name, or into the constructor of a Method"
+        raise InputError(f"solve has no option {next(iter(options))}; it {_own_options(options)}; {expected}")
     if method is None:
-        for option in options:
-            option_names = _option_names()
-            actual = f"solve has no option {option}; it takes {', '.join(option_names)}"
-            expected = "and the options of a method only where one is named"
-            raise InputError(f"{actual}, {expected}{did_you_mean(option, option_names)}")
         return None
-    if isinstance(method, Method):
-        if options:
-            raise InputError(f"{next(iter(options))}: the options of a Method object go into its constructor")
-    else:
+    if not isinstance(method, Method):
         try:
             method = named(method, **options)
         except InputError as error:
-            more = ""
-            if "has no option" in str(error):
-                option_names = _option_names()
-                more = f"; solve itself takes {', '.join(option_names)}" + "".join(
-                    did_you_mean(one, option_names) for one in options
-                )
+            more = f"; solve itself {_own_options(options)}" if "has no option" in str(error) else ""
             raise InputError(f"{error}{more}") from None
     why_not = method.why_not(problem)
     if why_not is not None:

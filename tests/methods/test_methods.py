@@ -117,7 +117,8 @@ def test_mms_is_the_recursion_of_hong_and_li():
         ("psor", {"omega": 2.0}, "omega is 2.0; a finite number > 0 and < 2 was expected"),
         ("mnmgs", {"phi1": 0.0}, "positive"),
         (None, {"theta1": 1.0}, "solve has no option theta1; it takes z0, rtol"),
-        (icp.MNMGS(), {"phi": 1.0}, "go into its constructor"),
+        (icp.MNMGS(), {"phi": 1.0}, "solve has no option phi; .* into the constructor of a Method"),
+        (icp.MNMGS(), {"max_iterations": 9}, "did you mean max_iter"),
     ],
 )
 def test_a_wrong_method_or_option_is_named(method, options, words):
