@@ -22,6 +22,8 @@ Rational = list[Fraction]
 Rationals = list[Rational]
 #: rows, each with the column of its pivot, in which the rows after it are 0
 Echelon = tuple[tuple[int, list[int]], ...]
+#: a sum of rows: which ones, and their sum
+Sum = tuple[frozenset[int], tuple[int, ...]]
 
 
 def rationals(A: Any) -> Rationals:
@@ -121,32 +123,43 @@ def relative_interior(rows: Sequence[Sequence[Any]], columns: int) -> Rational |
     Notes
     -----
     Fourier and Motzkin's elimination: sums of two rows without t_1 describe the projection. Above a point of its
-    relative interior, the middle of the segment is one of that of the polyhedron.
+    relative interior, the middle of the segment is one of that of the polyhedron. A sum of more than k + 1 of the
+    `rows` is superfluous without t_1 … t_k (Chernikov).
 
     References
     ----------
-    Rockafellar, Convex Analysis (1970), theorem 6.8.
+    Rockafellar, Convex Analysis (1970), theorem 6.8. Schrijver, Theory of Linear and Integer Programming (1986), 12.2.
 
     Examples
     --------
     >>> relative_interior([[1, 1], [-1, 3]], 1), relative_interior([[1, -2], [-1, 1]], 1)
     ([Fraction(1, 1)], None)
     """
-    work.check_budget()
-    if any(row[-1] < 0 and not any(row[:-1]) for row in rows):
+    return _interior({(frozenset([k]), tuple(in_integers(row))) for k, row in enumerate(rows)}, columns, 2)
+
+
+def _interior(sums: set[Sum], columns: int, max_terms: int) -> Rational | None:
+    """`relative_interior` of `sums` of rows; sums without t_1 may have `max_terms` rows."""
+    if any(row[-1] < 0 and not any(row[:-1]) for _, row in sums):
         return None
     if not columns:
         return []
-    rising = [row for row in rows if row[0] > 0]
-    falling = [row for row in rows if row[0] < 0]
-    pairs = [[up[0] * y - down[0] * x for x, y in zip(up, down, strict=True)] for up in rising for down in falling]
-    shadow = {tuple(in_integers(row[1:])) for row in pairs + [row for row in rows if not row[0]]}
-    point = relative_interior(list(shadow), columns - 1)
+    rising = [one for one in sums if one[1][0] > 0]
+    falling = [one for one in sums if one[1][0] < 0]
+    shadow = {(terms, row[1:]) for terms, row in sums if not row[0]}
+    for terms, up in rising:
+        work.check_budget()
+        for others, down in falling:
+            if len(terms | others) <= max_terms:
+                row = in_integers([up[0] * y - down[0] * x for x, y in zip(up, down, strict=True)])
+                shadow.add((terms | others, tuple(row[1:])))
+    point = _interior(shadow, columns - 1, max_terms + 1)
     if point is None:
         return None
-    lows, highs = ([-dot(row[1:], [*point, 1]) / row[0] for row in side] for side in (rising, falling))
-    low = max(lows, default=min(highs, default=Fraction(1)) - 2)
-    high = min(highs, default=low + 2)
+    lows, highs = ([-dot(row[1:], [*point, 1]) / row[0] for _, row in side] for side in (rising, falling))
+    unit = max(map(abs, lows + highs), default=Fraction(0)) or Fraction(1)  # in which an open end is set
+    low = max(lows, default=min(highs, default=unit) - 2 * unit)
+    high = min(highs, default=low + 2 * unit)
     return [(low + high) / 2, *point]
 
 

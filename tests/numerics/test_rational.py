@@ -56,6 +56,15 @@ def test_in_the_relative_interior_only_those_rows_are_0_that_are_0_everywhere(ro
         assert (value > 0) == (objective[3] - most.fun > 1e-6)
 
 
+def test_all_rows_are_positive_inside_a_body_with_many_facets():
+    """Of all sums of these rows that leave out seven unknowns there are millions."""
+    rng = np.random.default_rng(18)
+    rows = np.hstack([rng.integers(-9, 10, (18, 7)), rng.integers(1, 9, (18, 1))]).tolist()
+    t = relative_interior(rows, 7)
+    assert t is not None
+    assert all(dot(row, [*t, 1]) > 0 for row in rows)
+
+
 def test_an_elimination_ends_with_the_time():
     with work.work_limit(0.0), pytest.raises(OutOfTime):
         reduced((), [2])
