@@ -6,7 +6,7 @@ import scipy.linalg
 import scipy.sparse as sp
 from hypothesis import given
 from known_answers import GENERATORS, SEEDS
-from scipy.optimize import lsq_linear, nnls
+from scipy.optimize import linprog, lsq_linear, nnls
 
 import icpmodel as icp
 
@@ -50,6 +50,22 @@ def test_symmetric_inequalities_are_quadratic_programs_and_others_are_checked():
     assert icp.solve_avi([[1.0, 2.0], [-2.0, 1.0]], q, **rows).crosscheck(["osqp"]).agrees
     with pytest.raises(icp.InputError, match="solve_avi"):
         icp.solve_qp([[1.0, 2.0], [-2.0, 1.0]], q)
+
+
+@pytest.mark.parametrize("n", [50, 400])
+@pytest.mark.parametrize("seed", range(3))
+def test_no_direction_descends_from_the_answer_of_a_program_that_is_not_convex(seed, n):
+    rng = np.random.default_rng(seed)
+    S = sp.random_array((n, n), density=4 / n, rng=rng, data_sampler=rng.standard_normal)
+    H = (S + S.T) / 2 + sp.diags_array(rng.uniform(-1.0, 3.0, n))
+    g = rng.normal(size=n)
+    G = sp.random_array((n // 4, n), density=4 / n, rng=rng)
+    h = 0.5 * G.sum(axis=1) + 0.1
+    with pytest.raises(icp.InputError, match=r"solve_avi\(P, q, ...\)"):
+        icp.solve_qp(H, g, G, h, lb=0.0, ub=1.0)
+    x = icp.solve_avi(H, g, G, h, lb=0.0, ub=1.0).x
+    gradient = H @ x + g
+    assert linprog(gradient, G, h, bounds=(0.0, 1.0)).fun == pytest.approx(gradient @ x, abs=1e-6)
 
 
 def test_inequalities_without_solution_are_proved():

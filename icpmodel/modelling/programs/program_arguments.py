@@ -94,4 +94,7 @@ def check_convex(program: Program) -> None:
         return
     answer = definiteness(P)[1]
     if answer.holds is False:
-        raise InputError(f"P is not positive semidefinite, so that the program is not convex: {answer.reason}")
+        raise InputError(
+            f"P is not positive semidefinite, so that the program is not convex: {answer.reason}; "
+            "solve_avi(P, q, ...) looks for a point that meets the conditions of optimality"
+        )

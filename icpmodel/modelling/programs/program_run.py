@@ -75,12 +75,9 @@ class ProgramRun:
 
     def verdict(self, start: Vector | None) -> tuple[str, str]:
         """The status and the message at the end of the run, from an x near the solution where it is known."""
-        z0 = self.start
-        if start is not None:
-            z0, pattern = self.start_near(start)
+        z0, pattern = (self.start, None) if start is None else self.start_near(start)
+        if z0 is not None:
             self.polish(z0, pattern)
-        elif z0 is not None:
-            self.polish(z0, self.pattern_at(z0))
         proof = None
         limit: dict[str, int] = {}
         for method in [] if self.is_good else self._methods():
@@ -103,7 +100,7 @@ class ProgramRun:
             if solution.status is Status.TIME_LIMIT:
                 break
             if self.violation.strict:  # also where it is good, unless nothing at all is wrong
-                self.polish(self.z, self.pattern_at(self.z))
+                self.polish(self.z)
             if solution.status is Status.MEMORY_LIMIT or self.is_good:
                 break
             limit = {}
@@ -148,8 +145,9 @@ class ProgramRun:
         with suppress(OutOfTime, MemoryError):
             if in_box or not isinstance(h_plus_proof(self.problem), str):
                 return [None]
+        # where A is not monotone no other descends
+        others = ["proximal"] if (self.problem.matrix.rows.diagonal < 0.0).any() else ["interior", "proximal"]
         # Newton's steps often fail, but sometimes the interior method does
-        others = ["interior", "proximal"]
         return ["lemke", *others, "newton", None] if pivots_cost_less(self.problem.facts) else [*others, None]
 
     def _solve(self, problem: ICP, method: str | None, **options: Any) -> Solution:
@@ -260,12 +258,9 @@ class ProgramRun:
         free = is_tight | ((self.low < z) & (z < self.high))
         return z, Pattern(z, ~free, ~free & (z >= self.high))
 
-    def pattern_at(self, z: Vector) -> Pattern:
-        """The active set at the iterate `z`."""
-        return Pattern.at(self.problem, z, omega=np.ones(z.size))
-
-    def polish(self, z: Vector, pattern: Pattern) -> None:
-        """Newton steps from `z` with one active set, of the equations and a small multiple of W."""
+    def polish(self, z: Vector, pattern: Pattern | None = None) -> None:
+        """Newton steps from `z` with one active set, by default its own, of the equations and a small multiple of W."""
+        pattern = pattern or Pattern.at(self.problem, z, omega=np.ones(z.size))
         steps = ProximalSteps(self.problem, z, reorders=not self.is_good)
         with suppress(IcpError, MemoryError), enforce_limits(None, None):
             weights = _REGULARISATION * self.problem.matrix.proximal_weights
