@@ -198,7 +198,7 @@ class ProximalPath:
         self._begin(self.point, shift)
 
     def _curvature(self, before: Point) -> float:
-        """−sᵀAs/sᵀVs for the step s from `before`, if that is positive beyond rounding; else 0."""
+        """−sᵀAs/sᵀVs for the step s from `before`, if that is positive beyond rounding; else 0. The largest is kept."""
         s = self.z - before[0]
         if not s @ (self.p - before[1]) < 0.0:
             return 0.0
@@ -207,7 +207,9 @@ class ProximalPath:
         value = -float(s @ matrix.product(s))
         rounding = SYMMETRY_RTOL * float(np.abs(s) @ matrix.magnitude(s))
         square = float(s @ (self.concave_weights * s))
-        return value / square if value > rounding and square > 0.0 else 0.0
+        curvature = value / square if value > rounding and square > 0.0 else 0.0
+        self.negative_curvature = max(self.negative_curvature, curvature)
+        return curvature
 
     def _enlarge_concave_shift(self) -> None:
         """Make κ larger, at least the largest curvature that was seen."""
@@ -245,7 +247,7 @@ class ProximalPath:
                 return False
             before = self.point
             self._move(self._at(*moved))
-            self.negative_curvature = max(self.negative_curvature, self._curvature(before))
+            self._curvature(before)
         except MapError:
             return False
         return bool(np.isfinite(self.size(self.p)))

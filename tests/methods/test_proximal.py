@@ -101,6 +101,14 @@ def test_it_descends_to_a_solution_in_a_box_where_the_objective_is_not_convex(se
     assert 0.5 * x @ (problem.A[:n, :n] @ x) + problem.q[:n] @ x < 0.0
 
 
+def test_it_descends_where_only_several_steps_together_see_negative_curvature():
+    """Every problem in a bounded box has a solution; with a diagonal of 0 the step of one unknown has no curvature."""
+    for seed in range(30):
+        rng = np.random.default_rng(seed)
+        A = np.triu(rng.integers(-3, 4, (3, 3)).astype(float), 1)
+        assert run(icp.ICP(A + A.T, rng.normal(size=3), upper=np.ones(3))).solved, seed
+
+
 def test_a_proof_of_infeasibility_meets_no_overflow():
     problem = icp.ICP(1e-320 * np.eye(6), [0.0, 0.0, 0.0, 0.0, 0.0, -1.0])
     assert not run(problem, max_iter=100).solved
