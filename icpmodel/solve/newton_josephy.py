@@ -105,10 +105,12 @@ class NewtonJosephy(Method):
         family = self.inner_family
         search = _Search(problem, z, family)
         nearest = search.path.clip(z)
-        # steps from beyond an obstacle may all be refused
-        if not np.array_equal(nearest, z) and np.isfinite((inside := _Search(problem, nearest, family)).current.theta):
-            search = inside
-            yield search.current.z, search.current.residual
+        if not np.array_equal(nearest, z):  # steps from beyond an obstacle may all be refused
+            with suppress(MapError):
+                inside = _Search(problem, nearest, family)
+                if np.isfinite(inside.current.theta):
+                    search = inside
+                    yield search.current.z, search.current.residual
         tries = _MAX_RESTARTS if problem.n <= MAX_UNKNOWNS else 0
         for left in range(tries, -1, -1):
             for point in search.steps():

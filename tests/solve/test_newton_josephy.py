@@ -554,3 +554,13 @@ def test_a_start_beyond_an_obstacle():
     problem = icp.ICP.nonlinear(force, stiffness, ball)
     solution = problem.solve(z0=plane)
     assert np.abs(problem.natural_map(solution.z)).max() < 1e-5
+
+
+def test_a_start_beyond_an_obstacle_on_which_p_has_no_value():
+    def force(z):
+        if not z.all():
+            raise ValueError("a pole")
+        return -1.0 / z - 2.0
+
+    problem = icp.ICP.nonlinear(force, lambda z: sp.diags_array(z**-2.0), [-5.0, -5.0], upper=[0.0, 0.0])
+    assert problem.solve(z0=[1.0, -1.0]).z == pytest.approx([-0.5, -0.5])
