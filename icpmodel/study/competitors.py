@@ -173,9 +173,9 @@ def tuned_methods() -> list[Competitor]:
 
 
 def tuned_omega(problem: ICP) -> float:
-    """ω = 2/(1 + √(1 − ρ²)) of the Jacobi radius ρ, by ARPACK for many unknowns; 1 unless D > 0."""
+    """ω = 2/(1 + √(1 − ρ²)) of the Jacobi radius ρ, by ARPACK for many unknowns; 1 unless D > 0 and rows are coupled."""
     S = couplings(problem.A)
-    if not np.isfinite(S.data).all() or not problem.matrix.has_positive_diagonal:
+    if not (np.isfinite(S.data).all() and S.data.any() and problem.matrix.has_positive_diagonal):
         return 1.0
     if problem.n <= MAX_DENSE_ROWS:
         return best_omega(float(np.linalg.eigvalsh(S.toarray())[-1]))

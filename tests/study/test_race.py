@@ -4,9 +4,11 @@ import time
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 import icpmodel as icp
 from icpmodel.solvers import Claim, ForeignSolver
+from icpmodel.study.competitors import tuned_omega
 
 BAI = icp.scenes.bai_symmetric(n=100)
 TOLERANCES = (1e-2, 1e-6, 1e-10)
@@ -185,3 +187,7 @@ def test_the_time_of_a_later_round_that_fails_is_not_counted():
     (entry,) = (one for one in found.entries if one.name == "liar")
     assert len(entry.seconds) < 3
     assert "licence lost" in entry.claim
+
+
+def test_rows_without_couplings_need_no_relaxation():
+    assert tuned_omega(icp.ICP(sp.eye_array(5000), -np.ones(5000))) == 1.0
