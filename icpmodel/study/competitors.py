@@ -173,7 +173,7 @@ def tuned_methods() -> list[Competitor]:
 
 
 def tuned_omega(problem: ICP) -> float:
-    """ω = 2/(1 + √(1 − ρ²)) of the Jacobi radius ρ, by ARPACK for many unknowns; 1 unless D > 0 and rows are coupled."""
+    """ω = 2/(1 + √(1 − ρ²)) of the Jacobi radius ρ, by ARPACK for many unknowns; 1 unless D > 0 and A couples rows."""
     S = couplings(problem.A)
     if not (np.isfinite(S.data).all() and S.data.any() and problem.matrix.has_positive_diagonal):
         return 1.0
