@@ -19,7 +19,7 @@ from ..numerics.threads import THREADS_FROM, run_in_threads, threads_for
 #: the largest number of rows of a dense A that stays dense until its sparse form is needed
 MAX_DENSE_ROWS = 64
 #: the size of a row without entries, and the least d_i of which 1/d_i is made
-_EMPTY_ROW_SIZE = 2.0**-520
+EMPTY_ROW_SIZE = 2.0**-520
 MIN_DIAGONAL = 2.0**-1000
 
 
@@ -54,8 +54,8 @@ class Rows(NamedTuple):
 
 def weights_of(largest: Vector) -> Vector:
     """The weights of rows whose `largest` |entries| are these, shape (n,), read-only: see `Matrix.row_weights`."""
-    if largest.size and largest.min() < _EMPTY_ROW_SIZE:
-        largest = np.where(largest > 0.0, np.maximum(largest, MIN_DIAGONAL), _EMPTY_ROW_SIZE)
+    if largest.size and largest.min() < EMPTY_ROW_SIZE:
+        largest = np.where(largest > 0.0, np.maximum(largest, MIN_DIAGONAL), EMPTY_ROW_SIZE)
     weights: Vector = 1.0 / largest
     weights.flags.writeable = False
     return weights
@@ -228,7 +228,7 @@ class Matrix(ReadOnly):
     @property
     def empty_rows(self) -> Any:
         """Which rows have no entries, a mask of shape (n,)."""
-        return self.row_weights == 1.0 / _EMPTY_ROW_SIZE
+        return self.row_weights == 1.0 / EMPTY_ROW_SIZE
 
     @cached_property
     def has_positive_diagonal(self) -> bool:

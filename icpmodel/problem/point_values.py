@@ -318,7 +318,7 @@ class PointValues(Displayable):
         sides = [psi.value(zero) for psi in sides_of(self.psi)]
         with np.errstate(all="ignore"):
             scaled_p = np.where(self.matrix.empty_rows, 0.0, self.matrix.row_weights * self.offset(zero))
-            return _smallest_size(scaled_p, *sides)
+            return float(smallest_size(scaled_p, *sides))
 
     def paper_residual(self, z: Any) -> float:
         """Res(z) = ‖min(p(z), r(z))‖₂, the residual of the paper, which `atol` limits; see `residual`.
@@ -401,8 +401,8 @@ class PointValues(Displayable):
         return norm(np.maximum(self.weighted(rounding_p, self.weights_at(self.vector(z))), rounding_r))
 
 
-def _smallest_size(*arrays: Vector) -> float:
-    """The smallest of the absolute values that are neither 0 nor infinite; 0 where there is none."""
-    sizes = np.abs(np.concatenate(arrays))
-    sizes = sizes[(sizes > 0.0) & (sizes < np.inf)]
-    return float(sizes.min()) if sizes.size else 0.0
+def smallest_size(*arrays: Any) -> Any:
+    """The smallest |entry| in each row of all `arrays` that is neither 0 nor infinite; 0 where there is none."""
+    sizes = np.abs(np.concatenate(arrays, axis=-1))
+    least = np.where(sizes > 0.0, sizes, np.inf).min(axis=-1, initial=np.inf)
+    return np.where(least < np.inf, least, 0.0)

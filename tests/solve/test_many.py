@@ -274,6 +274,19 @@ def test_what_is_wrong_in_a_row_is_said_before_another_one_is_solved():
         solve_many(good, Q, [never, icp.Constant([1.0, 2.0, 3.0])])
 
 
+@pytest.mark.parametrize("psi", [0.0, [-0.5, 0.0, -2.0]])
+@pytest.mark.parametrize("upper", [None, 3.0])
+def test_each_row_has_the_tolerance_of_its_own_problem_where_0_is_a_solution(psi, upper):
+    A = [np.diag([2.0, 3.0, 4.0]) + 0.1 * k for k in range(4)]
+    A[3][1] = 0.0
+    Q = np.array([[1.0, 2.0, 0.0], [0.0, 0.0, 0.0], [-1.0, 2.0, 3.0], [0.0, 1e-3, 0.0]])
+    for matrices in (A, A[0], A[3]):
+        rows = solve_many(matrices, Q, psi, upper=upper)
+        for row, M, q in zip(rows, [matrices] * 4 if matrices is not A else A, Q, strict=True):
+            expected = 1e-8 * icp.ICP(M, q, psi, upper=upper).residual_scale()
+            assert row.tolerance == pytest.approx(expected, rel=1e-12)
+
+
 def test_the_row_before_is_no_measure_of_what_is_small():
     """Where 0 is the solution the answer of the row before does not set the scale of this one."""
     psi = icp.Elementwise(lambda x: np.abs(x) / 2, c=np.zeros(1))

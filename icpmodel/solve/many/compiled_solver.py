@@ -15,7 +15,8 @@ from ...numerics import work
 from ...numerics.arrays import Vector, read_only
 from ...numerics.threads import cores, run_in_threads
 from ...problem.map import Map
-from ...problem.matrix import weights_of
+from ...problem.matrix import EMPTY_ROW_SIZE, weights_of
+from ...problem.point_values import smallest_size
 from ...problem.two_sided import mid, sides_of
 from ...problem.verdict import certify_rows, entries_of
 from ..solutions import BatchData
@@ -118,10 +119,7 @@ class CompiledSolver:
             weights = weights_of(np.abs(self.stack[rows]).max(2))
             p = np.einsum("kij,kj->ki", self.stack[rows], Z) + Q
         residuals = _row_norms(mid(weights * p, *distances))
-        at_0 = _row_norms(mid(weights * Q, *distances_at_0))
-        for row in np.flatnonzero(~((at_0 > 0.0) & (at_0 < np.inf))):
-            at_0[row] = self.data.problem(rows.start + int(row)).residual_scale()
-        tolerances = self.limits.tolerance(at_0)
+        tolerances = self.limits.tolerance(self._scales(rows, weights, Q, distances_at_0))
         self._certify(rows, known, residuals, tolerances, weights)
         solved = residuals <= tolerances
         if self.limits.atol:
@@ -129,6 +127,17 @@ class CompiledSolver:
             self._certify(rows, known, paper, np.full(len(Q), self.limits.atol), np.ones_like(weights))
             solved |= paper <= self.limits.atol
         return residuals, tolerances, solved
+
+    def _scales(self, rows: slice, weights: Matrix, Q: Matrix, distances_at_0: list[Matrix]) -> Vector:
+        """The `residual_scale` of each of the `rows`, shape (rows,)."""
+        scales = _row_norms(mid(weights * Q, *distances_at_0))
+        if not scales.all():
+            scaled_p = np.where(weights == 1.0 / EMPTY_ROW_SIZE, 0.0, weights * Q)
+            sizes = smallest_size(*np.broadcast_arrays(scaled_p, *distances_at_0))
+            scales = np.where(scales == 0.0, sizes, scales)
+        for row in np.flatnonzero(~(scales < np.inf)):
+            scales[row] = self.data.problem(rows.start + int(row)).residual_scale()
+        return scales
 
     def _certify(self, rows: slice, known: list[Any], residuals: Vector, tolerances: Vector, weights: Any) -> None:
         """Replace residuals within the tolerances by upper bounds of the exact ones."""
