@@ -236,6 +236,11 @@ class Matrix(ReadOnly):
         return bool((self.rows.diagonal > 0).all())
 
     @cached_property
+    def has_negative_diagonal(self) -> bool:
+        """Whether a_ii < 0 for an i, so that A is not monotone."""
+        return bool((self.rows.diagonal < 0.0).any())
+
+    @cached_property
     def is_symmetric(self) -> bool:
         """Whether A = Aᵀ, to the last digit."""
         return is_symmetric(self.sparse) if self.origin is None else self.origin.is_symmetric
@@ -264,7 +269,7 @@ class Matrix(ReadOnly):
         D where A is symmetric and D ≥ 0, else `balanced`. Rows with entries of about 1 are balanced, so that W has
         their units.
         """
-        if self.is_nearly_symmetric and (self.rows.diagonal >= 0.0).all():
+        if self.is_nearly_symmetric and not self.has_negative_diagonal:
             return self.weights
         units = row_exponents(self.sparse)
         return np.ldexp(balanced(in_units(self.sparse, units)), -units)

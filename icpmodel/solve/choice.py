@@ -336,7 +336,7 @@ class Ladder:
 
     def _add_proximal(self) -> None:
         """`Proximal` and `Lemke` before the others of rung 4 where an a_ii < 0 shows that A is not monotone."""
-        if self.family != "paper" and (self.problem.matrix.rows.diagonal < 0.0).any():
+        if self.family != "paper" and self.problem.matrix.has_negative_diagonal:
             for job in self._estimate_jobs([Proximal()] if self.family else [Proximal(), Lemke()]):
                 self._begin_early(job, job.remaining)
 

@@ -171,8 +171,7 @@ def _proximal(facts: Facts) -> Estimate:
     if matrix.has_positive_diagonal:
         steps = (1.0 if matrix.coupled_radius <= 1.0 else 2.5) * (3.0 + math.log2(rows))
     else:
-        is_monotone = bool((matrix.rows.diagonal >= 0.0).all())  # for all that is known
-        steps = (2.0 if is_monotone else 4.0) * math.sqrt(rows)
+        steps = (4.0 if matrix.has_negative_diagonal else 2.0) * math.sqrt(rows)
     return Estimate(step, step, steps, memory)
 
 

@@ -146,7 +146,7 @@ class ProgramRun:
             if in_box or not isinstance(h_plus_proof(self.problem), str):
                 return [None]
         # where A is not monotone no other descends
-        others = ["proximal"] if (self.problem.matrix.rows.diagonal < 0.0).any() else ["interior", "proximal"]
+        others = ["proximal"] if self.problem.matrix.has_negative_diagonal else ["interior", "proximal"]
         # Newton's steps often fail, but sometimes the interior method does
         return ["lemke", *others, "newton", None] if pivots_cost_less(self.problem.facts) else [*others, None]
 
