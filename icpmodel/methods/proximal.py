@@ -173,7 +173,7 @@ class ProximalPath:
             return False
         inner_residual = self.size(self.subproblem_p())
         if self.inner_steps and inner_residual <= INNER_REDUCTION * residual:
-            if self._curvature(self.centre) > self.concave_shift:
+            if self._observe_curvature(self.centre) > self.concave_shift:
                 self._enlarge_concave_shift()
                 self._begin(self.centre, self.shift)
             else:
@@ -197,8 +197,8 @@ class ProximalPath:
         self.concave_shift *= 0.5
         self._begin(self.point, shift)
 
-    def _curvature(self, before: Point) -> float:
-        """−sᵀAs/sᵀVs for the step s from `before`, if that is positive beyond rounding; else 0. The largest is kept."""
+    def _observe_curvature(self, before: Point) -> float:
+        """−sᵀAs/sᵀVs for the step s from `before`, 0 unless it is above rounding; the largest is kept."""
         s = self.z - before[0]
         if not s @ (self.p - before[1]) < 0.0:
             return 0.0
@@ -247,7 +247,7 @@ class ProximalPath:
                 return False
             before = self.point
             self._move(self._at(*moved))
-            self._curvature(before)
+            self._observe_curvature(before)
         except MapError:
             return False
         return bool(np.isfinite(self.size(self.p)))

@@ -225,7 +225,7 @@ def _starting_point(problem: ProblemData, z0: Any) -> Vector:
 
 
 def _own_options(options: dict[str, Any]) -> str:
-    """What `solve` itself takes, and which of it may be meant by one of the `options`."""
+    """What `solve` itself takes, and which of these names one of the `options` resembles."""
     names = list(inspect.signature(solve).parameters)[2:-1]
     return f"takes {', '.join(names)}" + "".join(did_you_mean(one, names) for one in options)
 

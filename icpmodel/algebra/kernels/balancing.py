@@ -39,7 +39,7 @@ def scale(M):
             S[i, j] = M[i, j] * unit if unit < np.inf else math.ldexp(M[i, j], r[i])
             columns[j] = max(columns[j], abs(S[i, j]))
     for largest in columns:
-        if 0.0 < largest < ZERO:  # no pivot could be told from rounding
+        if 0.0 < largest < ZERO:  # a pivot may be rounding
             c = _row_units(S.T)
             break
     for j in range(n):
