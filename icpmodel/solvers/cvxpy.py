@@ -9,9 +9,6 @@ from __future__ import annotations
 import warnings
 from typing import Any, ClassVar
 
-import numpy as np
-import scipy.sparse as sp
-
 from ..errors import InputError, NotApplicable, check_arguments
 from ..numerics.arrays import described
 from ..problem.data import ProblemLike, as_problem
@@ -85,13 +82,13 @@ def _qp(target: Target, form: str) -> Any:
 
     qp = target.qp(form)
     z = cp.Variable(target.problem.n, name="z")
-    pairs, rows = _conditions(target, z)
-    y = cp.hstack([z, pairs[1][0]]) if qp.q.size > target.problem.n else z
+    _, r, v, rows = _conditions(target, z)
+    y = cp.hstack([z, v]) if qp.q.size > target.problem.n else z
     # definiteness was decided before, so that CVXPY need not
     value = 0.5 * cp.quad_form(y, cp.psd_wrap(qp.P)) + qp.q @ y
     if form == "energy":
-        return _program(value, [r >= 0 for _, r, _ in pairs])
-    return _program(value - target.problem.q @ np.where(target.has_obstacle, target.near, 0.0), rows)
+        return _program(value, [r >= 0])
+    return _program(value + target.problem.q @ (target.conditions.T.T @ target.conditions.b), rows)
 
 
 def _mip(target: Target) -> Any:
@@ -102,41 +99,25 @@ def _mip(target: Target) -> Any:
     z_max, p_max, r_max = target.bounds
     # without bounds on z HiGHS 1.15 crashes on some of these programs
     z = cp.Variable(target.problem.n, bounds=[-z_max, z_max], name="z")
-    pairs, rows = _conditions(target, z)
-    for (p, r, rows_of_pair), name in zip(pairs, ("b", "b above"), strict=False):
-        b = cp.Variable(int(rows_of_pair.sum()), boolean=True, name=name)
-        rows += [p <= cp.multiply(p_max[rows_of_pair], b), r <= cp.multiply(r_max[rows_of_pair], 1 - b)]
-    return _program(0, rows)
+    u, r, _, rows = _conditions(target, z)
+    b = cp.Variable(r.size, boolean=True, name="b")
+    u_max = p_max[target.conditions.rows[: r.size]]
+    return _program(0, [*rows, u <= cp.multiply(u_max, b), r <= cp.multiply(r_max[: r.size], 1 - b)])
 
 
-def _conditions(target: Target, z: Any) -> tuple[list[Any], list[Any]]:
-    """The complementary pairs and the constraints of `target` at `z`.
-
-    The first list has (p, r, rows) for the rows with one obstacle. For rows with two it has (u, r,
-    rows) and (v, s, rows) with u = p + v. The second list has the constraints: these are ≥ 0, and
-    p_i = 0 in the free rows.
-    """
+def _conditions(target: Target, z: Any) -> tuple[Any, Any, Any, list[Any]]:
+    """u and r with 0 ≤ u ⟂ r ≥ 0 at `z`, the variable v in them, and what is linear in the conditions."""
     import cvxpy as cp
 
-    has_obstacle = target.has_obstacle
-    two_sided = target.two_sided
-    p = target.problem.A @ z + target.problem.q
-    r = target.I_minus_G[has_obstacle] @ z - target.near[has_obstacle]
-    free = p[~has_obstacle] == 0
-    p = p[has_obstacle]
-    if target.upper_only.any():
-        sign = np.where(target.upper_only, -1.0, 1.0)[has_obstacle]
-        p = cp.multiply(sign, p)
-        r = cp.multiply(sign, r)
-    pairs = [(p, r, has_obstacle)]
-    if target.d is not None and two_sided.any():
-        v = cp.Variable(int(two_sided.sum()), name="v")
-        s = target.d[two_sided] - target.I_minus_H @ z
-        pairs = [
-            (p + sp.eye_array(two_sided.size).tocsc()[:, two_sided][has_obstacle] @ v, r, has_obstacle),
-            (v, s, two_sided),
-        ]
-    return pairs, [*(p >= 0 for p, _, _ in pairs), free, *(r >= 0 for _, r, _ in pairs)]
+    conditions = target.conditions
+    with_obstacle = sum(conditions.sizes[:2])
+    v = cp.Variable(conditions.V.shape[1], name="v")
+    u = conditions.T @ (target.problem.A @ z + target.problem.q)
+    if v.size:
+        u += conditions.V @ v
+    r = (conditions.R @ z + conditions.b)[:with_obstacle]
+    u, free = u[:with_obstacle], u[with_obstacle:]
+    return u, r, v, [u >= 0, free == 0, r >= 0]
 
 
 def _program(value: Any, rows: list[Any]) -> Any:

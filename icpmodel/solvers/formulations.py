@@ -8,12 +8,11 @@ p_i = 0):
     mpec     p ≥ 0 ⟂ r ≥ 0         and p_i = 0 (i free)                              always.
     nlp      the same with p(z) = Az + q + f(z)                                      p nonlinear.
 
-An upper obstacle, s = ψ̄(z) − z = d + Hz − z ≥ 0, adds its side to energy. In mpec, with p = u −
-v, it makes two conditions: 0 ≤ u ⟂ r ≥ 0 and 0 ≤ v ⟂ s ≥ 0.
-
-The gap is then uᵀr + vᵀs = pᵀr + vᵀ(d − c) with u = p + v. The unknowns v ≥ 0 stand in the rows
-with two obstacles. There the two have to move alike, H = G: else vᵀ(H − G)z is not convex. In a row
-with an upper obstacle alone r stands for −s, and both p and r are ≤ 0.
+An upper obstacle, s = ψ̄(z) − z = d + Hz − z ≥ 0, adds its side to energy. In a row without another
+one the condition is −p ≥ 0 ⟂ s ≥ 0. A row with two obstacles has an unknown v and the two
+conditions p + v ≥ 0 ⟂ r ≥ 0 and v ≥ 0 ⟂ s ≥ 0. The gap is the sum of the products of all
+conditions, pᵀr + vᵀ(d − c) where there are two obstacles. There the two have to move alike, H = G:
+else vᵀ(H − G)z is not convex.
 
 z itself has no sign. The affine ψ stays in the constraints: A(I − G)⁻¹ would be dense. For a ψ that
 is not constant there is another problem, with its *frozen obstacle* c = ψ(z), z the answer under
@@ -29,12 +28,14 @@ from __future__ import annotations
 import contextlib
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from ..errors import InputError, check_arguments
-from ..numerics.arrays import Vector
+from ..numerics.arrays import Mask, Vector
 from ..numerics.rounding import UNIT_ROUNDOFF
 from ..present.display import Displayable
 from ..problem.data import ProblemData
@@ -93,6 +94,21 @@ class QP(Displayable):
         return sp.csc_matrix(M), b, int(equal.sum())
 
 
+class Conditions(NamedTuple):
+    """The conditions of a `Target`: Tp(z) + Vv ≥ 0 ⟂ Rz + b ≥ 0, but Tp(z) = 0 in the last rows, which are free.
+
+    They are those of ψ, of ψ̄ and of the free rows, `sizes` in number; `rows` are their rows of the problem. v has an
+    entry for each row with two obstacles.
+    """
+
+    rows: NDArray[np.integer]
+    sizes: tuple[int, ...]
+    T: sp.csr_array
+    V: sp.csr_array
+    R: sp.csr_array
+    b: Vector
+
+
 @check_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Target(Displayable):
@@ -119,74 +135,66 @@ class Target(Displayable):
     tangent: bool = False
 
     @cached_property
+    def below(self) -> tuple[sp.csr_array, Vector]:
+        """G and c of ψ(z) = Gz + c; c is −inf in rows without an obstacle below."""
+        assert self.problem.psi.linear is not None
+        return self.problem.psi.linear
+
+    @cached_property
+    def above(self) -> tuple[sp.csr_array, Vector]:
+        """H and d of ψ̄(z) = Hz + d; d is +inf in rows without an upper obstacle."""
+        if self.problem.upper is None:
+            return self.below[0], np.full(self.problem.n, np.inf)
+        assert self.problem.upper.linear is not None
+        return self.problem.upper.linear
+
+    @property
     def c(self) -> Vector:
         """c of ψ(z) = Gz + c, shape (n,); −inf in rows without an obstacle below."""
-        assert self.problem.psi.linear is not None
-        return self.problem.psi.linear[1]
+        return self.below[1]
+
+    @property
+    def d(self) -> Vector:
+        """d of ψ̄(z) = Hz + d, shape (n,); +inf in rows without an upper obstacle."""
+        return self.above[1]
+
+    @property
+    def two_sided(self) -> Mask:
+        """The rows with an obstacle on either side, shape (n,)."""
+        return np.isfinite(self.c) & np.isfinite(self.d)
 
     @cached_property
-    def d(self) -> Vector | None:
-        """d of ψ̄(z) = Hz + d, shape (n,); +inf in rows without an upper obstacle, None where no row has one."""
-        if self.problem.upper is None:
-            return None
-        assert self.problem.upper.linear is not None
-        d = self.problem.upper.linear[1]
-        return None if np.isposinf(d).all() else d
-
-    @cached_property
-    def near(self) -> Vector:
-        """c, and d in the rows that have no other obstacle: what r is the distance to; ±inf in free rows."""
-        return self.c if self.d is None else np.where(np.isneginf(self.c), self.d, self.c)
-
-    @cached_property
-    def has_obstacle(self) -> np.ndarray:
-        """The rows with an obstacle, shape (n,), bool; p_i = 0 must hold in the others, which are free."""
-        return np.isfinite(self.near)
-
-    @cached_property
-    def upper_only(self) -> np.ndarray:
-        """The rows whose only obstacle is above z, shape (n,), bool: p and r have the other sign there."""
-        return np.isneginf(self.c) & self.has_obstacle
-
-    @cached_property
-    def two_sided(self) -> np.ndarray:
-        """The rows with an obstacle on either side, shape (n,), bool."""
-        return np.isfinite(self.c) & np.isfinite(self._range[1])
-
-    @cached_property
-    def I_minus_G(self) -> sp.csr_array:
-        """I − G, or I − H where r is the distance from above, shape (n, n).
-
-        Its free rows are those of I: p_i = 0 there, so any r_i gives the same pᵀr.
-        """
-        G = self._sides[0]
-        if self.d is not None:
-            G = _row_selector(~self.upper_only) @ G + _row_selector(self.upper_only) @ self._sides[1]
-        return sp.csr_array(sp.eye_array(self.problem.n) - _row_selector(self.has_obstacle) @ G)
-
-    @cached_property
-    def I_minus_H(self) -> sp.csr_array:
-        """I − H of the rows with two obstacles, shape (k, n), for the distance s = d − (I − H)z from the second."""
-        return sp.csr_array((sp.eye_array(self.problem.n) - self._sides[1])[self.two_sided])
-
-    @cached_property
-    def _sides(self) -> tuple[sp.csr_array, sp.csr_array]:
-        """G and H."""
-        below = self.problem.psi
-        above = self.problem.upper or self.problem.psi
-        assert below.linear is not None
-        assert above.linear is not None
-        return below.linear[0], above.linear[0]
+    def conditions(self) -> Conditions:
+        """The conditions of the form "mpec"."""
+        G, c = self.below
+        H, d = self.above
+        below = np.isfinite(c)
+        above = np.isfinite(d)
+        free = ~(below | above)
+        rows = np.concatenate([np.flatnonzero(mask) for mask in (below, above, free)])
+        one = sp.eye_array(self.problem.n, format="csr")
+        T = sp.vstack([one[below], -sp.diags_array(1.0 * ~below).tocsr()[above], one[free]], format="csr")
+        T.eliminate_zeros()
+        R = sp.vstack([(one - G)[below], (H - one)[above], one[free]], format="csr")
+        b = np.concatenate([-c[below], d[above], np.zeros(int(free.sum()))])
+        sizes = tuple(int(mask.sum()) for mask in (below, above, free))
+        return Conditions(rows, sizes, T, one[:, below & above][rows], R, b)
 
     @cached_property
     def parallel(self) -> bool:
         """Whether both obstacles move alike in every row that has two."""
-        return not self.two_sided.any() or abs(self.I_minus_G[self.two_sided] - self.I_minus_H).sum() == 0.0
+        conditions = self.conditions
+        return abs(conditions.V.T @ conditions.R).sum() == 0.0
+
+    @cached_property
+    def _map(self) -> sp.csr_array:
+        """M of the gap (Az + q)ᵀ(Mz + m) + vᵀ(d − c): I − G, or I − H, and I in the free rows, where p_i = 0."""
+        return sp.csr_array(self.conditions.T.T @ self.conditions.R)
 
     @cached_property
     def curvature(self) -> MatrixClasses:
-        """S = Aᵀ(I − G) + (I − G)ᵀA, the Hessian of pᵀr, shape (n, n): whether it is positive (semi)definite."""
-        half = self.problem.A.T @ self.I_minus_G
+        """S = AᵀM + MᵀA, the Hessian of the gap in z, shape (n, n): whether it is positive (semi)definite."""
+        half = self.problem.A.T @ self._map
         return classify(half + half.T)
 
     @cached_property
@@ -199,25 +207,20 @@ class Target(Displayable):
 
     @cached_property
     def bounds(self) -> tuple[Vector, Vector, Vector] | None:
-        """Bounds on |z*|, |p*| and |r*|, each of shape (n,): δ of `bound_at_zero`, |q| + |A|δ and |I − G|δ + |c|.
+        """Bounds on |z*| and |p*|, shape (n,), and on the distances Rz* + b.
 
-        They are a little larger, as these sums round. The last one bounds |s*| as well, and is ∞ in free rows.
+        They are δ of `bound_at_zero`, |q| + |A|δ and |R|δ + |b|, and a little larger, as these sums round.
         Without δ a box bounds z; None without a box.
         """
         z_max = self.bound_at_zero.componentwise
         margin = 1 + 1e-9
         if z_max is None:
-            if self.d is None or not (self.problem.psi.is_constant and self.two_sided.all()):
+            if not (self.problem.psi.is_constant and self.two_sided.all()):
                 return None
             z_max = np.maximum(np.abs(self.c), np.abs(self.d))
         z_max = z_max * margin
         p_max = (np.abs(self.problem.q) + self.problem.matrix.absolute @ z_max) * margin
-        r_max = abs(self.I_minus_G) @ z_max + np.abs(self.near)
-        if self.two_sided.any():
-            assert self.d is not None
-            s_max = abs(self.I_minus_H) @ z_max + np.abs(self.d[self.two_sided])
-            r_max[self.two_sided] = np.maximum(r_max[self.two_sided], s_max)
-        return z_max, p_max, r_max * margin
+        return z_max, p_max, (abs(self.conditions.R) @ z_max + np.abs(self.conditions.b)) * margin
 
     @cached_property
     def unique(self) -> bool:
@@ -283,36 +286,26 @@ class Target(Displayable):
 
     @cached_property
     def _energy(self) -> QP:
-        K = sp.csc_array(self.I_minus_G[self.has_obstacle])
-        lower, upper = (side[self.has_obstacle] for side in self._range)
-        return QP(sp.csc_array(self.curvature.A / 2), self.problem.q, K, lower, upper)
-
-    @cached_property
-    def _range(self) -> tuple[Vector, Vector]:
-        """c ≤ (I − G)z ≤ d, in rows whose obstacles move alike."""
-        return self.c, np.full(self.problem.n, np.inf) if self.d is None else self.d
+        rows = np.isfinite(self.c) | np.isfinite(self.d)
+        K = sp.csc_array(sp.eye_array(self.problem.n, format="csr")[rows])
+        return QP(sp.csc_array(self.curvature.A / 2), self.problem.q, K, self.c[rows], self.d[rows])
 
     @cached_property
     def _gap(self) -> QP:
         A = self.problem.A
         q = self.problem.q
-        has_obstacle = self.has_obstacle
-        linear = self.I_minus_G.T @ q - A.T @ np.where(has_obstacle, self.near, 0.0)
-        lower, upper = (side[has_obstacle] for side in self._range)
-        least = np.where(self.upper_only, -np.inf, -q)
-        most = np.where(has_obstacle & ~self.upper_only, np.inf, -q)
-        K = sp.csc_array(sp.vstack([A, self.I_minus_G[has_obstacle]]))
-        P = sp.csc_array(self.curvature.A)
-        if not (k := int(self.two_sided.sum())):
-            return QP(P, linear, K, np.append(least, lower), np.append(most, upper))
-        # p + v ≥ 0, r, and v ≥ 0
-        v = sp.eye_array(self.problem.n).tocsc()[:, self.two_sided]
-        K = sp.csc_array(sp.block_array([[A, v], [self.I_minus_G[has_obstacle], None], [None, sp.eye_array(k)]]))
-        width = (self._range[1] - self.c)[self.two_sided]
-        lower = np.append(lower, np.zeros(k))
-        upper = np.append(upper, np.full(k, np.inf))
-        P = sp.csc_array(sp.block_diag([P, sp.csc_array((k, k))]))
-        return QP(P, np.append(linear, width), K, np.append(least, lower), np.append(most, upper))
+        conditions = self.conditions
+        T, V, R, b = conditions.T, conditions.V, conditions.R, conditions.b
+        below, above, _ = conditions.sizes
+        # where there are two obstacles r ≤ d − c stands for s ≥ 0
+        distances = np.r_[:below, below + np.flatnonzero(~self.two_sided[conditions.rows[below : below + above]])]
+        K = sp.block_array([[T @ A, V], [R[distances], None]], format="csc")
+        lower = -np.concatenate([T @ q, b[distances]])
+        upper = np.full(lower.size, np.inf)
+        upper[below + above : b.size] = lower[below + above : b.size]
+        upper[b.size : b.size + below] = self.d[conditions.rows[:below]]
+        P = sp.block_diag([self.curvature.A, sp.csc_array((V.shape[1],) * 2)], format="csc")
+        return QP(sp.csc_array(P), np.append(self._map.T @ q + A.T @ (T.T @ b), V.T @ b), sp.csc_array(K), lower, upper)
 
 
 def targets(problem: ProblemData, y: Vector, tangent: bool = False) -> list[Target]:
@@ -327,8 +320,3 @@ def targets(problem: ProblemData, y: Vector, tangent: bool = False) -> list[Targ
         with contextlib.suppress(InputError):  # they are not finite, or cross
             problems.append(Target(problem.frozen(y), frozen=True, tangent=tangent))
     return problems
-
-
-def _row_selector(mask: np.ndarray) -> sp.dia_array:
-    """The diagonal matrix that keeps the rows `mask` and makes the others 0."""
-    return sp.diags_array(mask.astype(np.float64))

@@ -1,10 +1,10 @@
 """IPOPT, which CasADi's wheel holds as a library: it minimises the products of the conditions, convex or not.
 
-    min uᵀr + vᵀs   subject to   u, r, v, s ≥ 0,   Az + q = u − v,   r = (I − G)z − c,   s = d − (I − H)z.
+    min uᵀr   subject to   u, r ≥ 0,   u = Tp(z) + Vv,   r = Rz + b,   and Tp(z) = 0 in the free rows.
 
-With nonlinear p, f(z) stands beside Az + q. The rows are those of `icpmodel.solvers.formulations`.
+The matrices are those of `icpmodel.solvers.formulations.Conditions`.
 Let p be affine, ψ constant and A row sufficient, for example a P-matrix. Then every point at which
-it may stop is a solution. Otherwise it may stop where uᵀr + vᵀs > 0.
+it may stop is a solution. Otherwise it may stop where uᵀr > 0.
 
 References
 ----------
@@ -54,13 +54,11 @@ class Ipopt(ForeignSolver):
         import casadi as ca
 
         n = target.problem.n
-        program = _program(target)
+        f = None if target.problem.f is None else _as_casadi(target.problem.f)
+        program = _program(target, f)
         options = {**_OPTIONS, "tol": tolerance, "max_wall_time": float(time_limit)}
         settings: dict[str, Any] = {"print_time": False, "error_on_fail": False, "ipopt": options}
-        f = None
-        if target.problem.f is not None:
-            f = _as_casadi(target.problem.f)
-            program["g"][:n] += f(program["x"][:n])
+        if f is not None:
             settings["hess_lag"] = _curvature(program)
             # on 14 of 15 problems of the literature it took 27 steps at most; on the other one it did not end
             options |= {"mehrotra_algorithm": "no", "max_iter": 300}
@@ -76,30 +74,25 @@ class Ipopt(ForeignSolver):
         return Claim(np.asarray(x).ravel()[:n], stats["return_status"], stats["success"])
 
 
-def _program(target: Target) -> dict[str, Any]:
-    """The variables, the objective and the equations, in symbols of CasADi, without f."""
+def _program(target: Target, f: Any) -> dict[str, Any]:
+    """The variables (z, v, u, r), the objective and the equations, in symbols of CasADi."""
     import casadi as ca
 
+    conditions = target.conditions
+    with_obstacle = sum(conditions.sizes[:2])
     n = target.problem.n
-    with_obstacle = np.flatnonzero(target.has_obstacle)
-    two_sided = np.flatnonzero(target.two_sided)
-    unit = sp.eye_array(n, format="csr")
-    sign = np.where(target.upper_only, -1.0, 1.0)
-    sizes = (n, n, with_obstacle.size, two_sided.size, two_sided.size)
-    z, u, r, v, s = parts = [ca.MX.sym(name, size) for name, size in zip("zurvs", sizes, strict=True)]
+    sizes = (n, conditions.V.shape[1], conditions.b.size, with_obstacle)
+    z, v, u, r = parts = [ca.MX.sym(name, size) for name, size in zip("zvur", sizes, strict=True)]
 
     def times(matrix: Any, x: Any) -> Any:
         return ca.mtimes(ca.DM(sp.csc_matrix(matrix)), x)
 
-    p = times(target.problem.A, z) + target.problem.q
+    p = times(target.problem.A, z) + target.problem.q + (0.0 if f is None else f(z))
     zero = [
-        p - times(sp.diags_array(sign), u) + times(unit[:, two_sided], v),
-        times(target.I_minus_G[with_obstacle], z) - target.near[with_obstacle] - sign[with_obstacle] * r,
+        times(conditions.T, p) + times(conditions.V, v) - u,
+        times(conditions.R[:with_obstacle], z) + conditions.b[:with_obstacle] - r,
     ]
-    if target.d is not None:
-        zero.append(target.d[two_sided] - times(target.I_minus_H, z) - s)
-    gap = ca.dot(times(unit[with_obstacle], u), r) + ca.dot(v, s)
-    return {"x": ca.vertcat(*parts), "f": gap, "g": ca.vertcat(*zero)}
+    return {"x": ca.vertcat(*parts), "f": ca.dot(u[:with_obstacle], r), "g": ca.vertcat(*zero)}
 
 
 def _curvature(program: dict[str, Any]) -> Any:
@@ -164,19 +157,17 @@ def _as_casadi(f: NonlinearTerm) -> Any:
 
 
 def _bounds(target: Target) -> dict[str, Any]:
-    """The bounds of (z, u, r, v, s), and of the equations.
+    """The bounds of (z, v, u, r), and of the equations.
 
-    Where the obstacles touch there is no room between them: r = 0, which makes s = 0, and u alone stands for both.
+    Where the obstacles touch there is no room between them: r = 0, which makes s = 0, and p + v alone stands for both.
     """
-    n = target.problem.n
-    has_obstacle = target.has_obstacle
-    two_sided = target.two_sided
-    meet = two_sided & (target.near == target.d) & target.parallel
-    u_min = np.where(meet, -np.inf, 0.0)
-    distance_max = np.where(meet, 0.0, np.inf)
-    count = int(two_sided.sum())
-    lower = (np.full(n, -np.inf), u_min, np.zeros(int(has_obstacle.sum())), np.zeros(count), u_min[two_sided])
-    u_max = np.where(has_obstacle, np.inf, 0.0)
-    r_max = distance_max[has_obstacle]
-    upper = (np.full(n, np.inf), u_max, r_max, distance_max[two_sided], np.full(count, np.inf))
-    return {"lbx": np.concatenate(lower), "ubx": np.concatenate(upper), "lbg": 0.0, "ubg": 0.0}
+    rows = target.conditions.rows
+    below, above, free = target.conditions.sizes
+    unbounded = np.full(target.problem.n + target.conditions.V.shape[1], np.inf)
+    meet = target.parallel & (target.c == target.d)[rows[: below + above]]
+    first = np.arange(below + above) < below
+    u_min, r_min = (np.where(meet & of, -np.inf, 0.0) for of in (first, ~first))
+    u_max, r_max = (np.where(meet & of, 0.0, np.inf) for of in (~first, first))
+    lower = np.concatenate([-unbounded, u_min, np.zeros(free), r_min])
+    upper = np.concatenate([unbounded, u_max, np.zeros(free), r_max])
+    return {"lbx": lower, "ubx": upper, "lbg": 0.0, "ubg": 0.0}

@@ -111,10 +111,8 @@ def mixed_problem(target: Target) -> tuple[sp.coo_array, Vector, Vector, Vector]
 
 def _sides(target: Target) -> Iterator[tuple[float, Any, Vector, Any]]:
     """(1, G, c) of the lower obstacle and (−1, H, d) of the upper one, each with the mask of the rows that move."""
-    for sign, psi in ((1.0, target.problem.psi), (-1.0, target.problem.upper)):
-        if psi is not None and psi.linear is not None:
-            G, c = psi.linear
-            yield sign, G, c, np.isfinite(c) & (np.diff(G.indptr) > 0)
+    for sign, (G, c) in ((1.0, target.below), (-1.0, target.above)):
+        yield sign, G, c, np.isfinite(c) & (np.diff(G.indptr) > 0)
 
 
 def _gams_list(values: Vector, *places: Any) -> str:

@@ -52,8 +52,8 @@ def test_the_gap_is_zero_at_the_solution_and_nowhere_below_zero_on_its_constrain
     problem, z = box(seed, kind=kind)
     target = Target(problem)
     qp, both = target.qp("gap"), target.two_sided
-    c = problem.psi.linear[1]
-    constant = problem.q @ np.where(target.has_obstacle, target.near, 0.0)
+    below, above = np.isfinite(target.c), np.isfinite(target.d)
+    constant = problem.q @ np.where(below, target.c, np.where(above, target.d, 0.0))
     y = np.append(z, np.maximum(-problem.p(z), 0.0)[both])
     assert (qp.K @ y >= qp.lower - 1e-12).all()
     assert (qp.K @ y <= qp.upper + 1e-12).all()
@@ -61,11 +61,10 @@ def test_the_gap_is_zero_at_the_solution_and_nowhere_below_zero_on_its_constrain
     random = np.random.default_rng(seed)
     x, v = random.normal(size=8), random.uniform(0, 2, both.sum())
     p, r, s = problem.p(x), problem.r(x), -problem.r_upper(x)
-    u = np.where(np.isneginf(c), 0.0, p)
+    u = p.copy()
     u[both] += v
-    gap = np.where(u == 0, 0.0, u) @ np.where(np.isinf(r), 0.0, r) + v @ s[both]
-    free = ~target.has_obstacle
-    gap += p[free] @ x[free] - p[target.upper_only] @ s[target.upper_only]  # in free rows p has to be 0
+    gap = u[below] @ r[below] + v @ s[both] - p[~below & above] @ s[~below & above]
+    gap += p[~below & ~above] @ x[~below & ~above]  # in free rows p has to be 0
     w = np.append(x, v)
     assert 0.5 * w @ qp.P @ w + qp.q @ w - constant == pytest.approx(gap, abs=1e-10)
 
@@ -114,9 +113,7 @@ def test_the_bounds_hold_for_p_and_both_distances():
         z_max, p_max, r_max = target.bounds
         assert (np.abs(z) <= z_max).all()
         assert (np.abs(problem.p(z)) <= p_max).all()
-        for distance in (problem.r(z), -problem.r_upper(z)):
-            of_both = target.two_sided & np.isfinite(distance)
-            assert (distance[of_both] <= r_max[of_both]).all()
+        assert (target.conditions.R @ z + target.conditions.b <= r_max).all()
 
 
 @pytest.mark.parametrize(("kind", "formulation"), [("symmetric", "qp"), ("skew", "qp"), ("alike", "mip")])
