@@ -11,7 +11,7 @@ from ..numerics.arrays import Vector, as_number
 from ..problem.affine import Affine
 from ..problem.by_rows import ByRows
 from .grid import index, points, rows_on_grid, side, square_points
-from .registry import Quantity, Scene, assembles, max_distance, register, size
+from .registry import Quantity, Scene, assembles, distance_to, register, size
 
 #: half the side of the ball obstacle's square, and its contact radius a; outside of it u = SLOPE·ln(r/HALF)
 HALF = 2.0
@@ -127,9 +127,8 @@ def ball(n: int = 900) -> Scene:
     h = 2 * HALF / (rows.shape[0] + 1)
     points = square_points(rows.shape[0], -HALF, HALF)
     problem = ICP(*rows.local_rows(0, rows.n))
-    u = ball_solution(points)
     known = {
-        "u": Quantity(0.0, partial(max_distance, u), order=2.0),
+        "u": distance_to(ball_solution(points)),
         "contact radius": Quantity(RADIUS, partial(_radius, problem), order=2.0),
     }
     models = "A membrane held along the edge of a square and lifted by a ball from below."
@@ -175,7 +174,7 @@ def obstacle_3d(n: int = 1000) -> Scene:
     at = index(rows.shape, 0, rows.n)
     h = 2.0 / (rows.shape[0] + 1)
     places = points(-1.0, 1.0, rows.shape, at)
-    u = Quantity(0.0, partial(max_distance, obstacle_3d_solution(places)), order=2.0)
+    u = distance_to(obstacle_3d_solution(places))
     models = "A cube that sources keep at least as warm as a given profile: where they must heat, and how much."
     return Scene(problem=ICP(*rows.local_rows(0, rows.n)), models=models, quantities={"u": u}, h=h, points=places)
 

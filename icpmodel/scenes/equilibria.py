@@ -43,13 +43,8 @@ def five_firms() -> Scene:
     problem = ICP.nonlinear(marginal_loss, n=5)
     models = "Five firms choose how much to sell, each to its own profit, at a price that falls with the total."
     start = np.full(5, 10.0)
-    return Scene(problem=problem, models=models, quantities=_nearest_distance(_equilibrium(start)), z0=start)
-
-
-def _equilibrium(start: Vector) -> Vector:
-    """The z > 0 at which no marginal profit is left, by Newton's method from `start`."""
-    outputs: Vector = root(marginal_loss, start, tol=UNIT_ROUNDOFF).x
-    return outputs
+    solution = root(marginal_loss, start, tol=UNIT_ROUNDOFF).x  # all firms sell, and no marginal profit is left
+    return Scene(problem=problem, models=models, quantities=_nearest_distance(solution), z0=start)
 
 
 def marginal_loss(z: Vector) -> Vector:

@@ -10,7 +10,7 @@ import numpy as np
 from ..icp import ICP
 from ..numerics.arrays import Vector, as_number
 from .grid import smooth_fit, tridiagonal, value_equation
-from .registry import Quantity, Scene, max_distance, register, size
+from .registry import Quantity, Scene, distance_to, register, size
 
 #: interest and volatility, a year; the bounded solution of the equation decays as s^-DECAY
 INTEREST = 0.05
@@ -67,10 +67,7 @@ def game_put(n: int = 201, delta: float = 0.05) -> Scene:
     payoff = np.maximum(1.0 - s, 0.0)
     problem = ICP(A, q, payoff, payoff + delta)
     value, k = game_put_value(delta)
-    known = {
-        "V": Quantity(0.0, partial(max_distance, value(s)), order=2.0),
-        "k": Quantity(k, partial(_exercise, problem, y), order=2.0),
-    }
+    known = {"V": distance_to(value(s)), "k": Quantity(k, partial(_exercise, problem, y), order=2.0)}
     models = "The value of a put for ever, which its holder may exercise and its writer cancel at a penalty."
     return Scene(
         problem=problem, models=models, quantities=known, h=h, points=y, axes=_AXES, unknown="option value z, strikes"

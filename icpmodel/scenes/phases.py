@@ -9,7 +9,7 @@ import numpy as np
 from ..icp import ICP
 from ..numerics.arrays import Vector
 from .grid import tridiagonal
-from .registry import Quantity, Scene, max_distance, register, size
+from .registry import Quantity, Scene, distance_to, register, size
 
 #: the interface is πε wide
 EPSILON = 0.2
@@ -60,10 +60,7 @@ def phase_step(n: int = 201) -> Scene:
     stiff = EPSILON**2 / h**2
     share = np.where((x == x[0]) | (x == x[-1]), 0.5, 1.0)
     A = tridiagonal(n, -stiff, share * (1.0 / STEP - 1.0 + 2.0 * stiff), -stiff)
-    known = {
-        "u": Quantity(0.0, partial(max_distance, u), order=2.0),
-        "energy": Quantity(np.pi / 2, partial(_energy, h), order=2.0),
-    }
+    known = {"u": distance_to(u), "energy": Quantity(np.pi / 2, partial(_energy, h), order=2.0)}
     models = "Two phases of an alloy side by side, and the interface between them."
     problem = ICP(A, -share * u / STEP, -1.0, 1.0)
     return Scene(problem=problem, models=models, quantities=known, h=h, points=x, unknown="order parameter z")

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import functools
 import inspect
 import sys
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial, wraps
 from typing import Any, ParamSpec
 from weakref import WeakKeyDictionary
 
@@ -70,9 +70,13 @@ class Quantity(Displayable):
         return abs(float(self.measure(z)) - self.exact)
 
 
-def max_distance(exact: Vector, z: Vector) -> float:
-    """The largest |z_i − exact_i|, a measure for `Quantity`."""
-    return float(np.abs(z - exact).max())
+def distance_to(u: Vector) -> Quantity:
+    """The largest |z_i − u_i|, which shrinks as h², for the solution `u` of the continuous problem."""
+    return Quantity(0.0, partial(_max_distance, u), order=2.0)
+
+
+def _max_distance(u: Vector, z: Vector) -> float:
+    return float(np.abs(z - u).max())
 
 
 @check_arguments
@@ -269,7 +273,7 @@ def register(build: Callable[Arguments, Scene]) -> Callable[Arguments, Scene]:
     if name in _BUILDERS:
         raise InputError(f"there is already a scene called {name}")
 
-    @functools.wraps(build)
+    @wraps(build)
     def checked(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Scene:
         check_parameters(name, kwargs, signature.parameters)
         bound = signature.bind(*args, **kwargs)
