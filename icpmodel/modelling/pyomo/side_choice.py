@@ -22,15 +22,14 @@ _MAX_LISTED = 5
 
 def as_matrices(sides: Sequence[Side], columns: dict[int, int]) -> AffineRows:
     """The `sides` in the variables, by the `columns` of their ids; W has one column for each nonlinear part."""
-    counts = [len(linear) for _, linear, _ in sides]
-    places = [columns[key] for _, linear, _ in sides for key in linear]
-    data = np.array([value for _, linear, _ in sides for value in linear.values()], dtype=np.float64)
-    entries = np.repeat(np.arange(len(sides)), counts), np.array(places, dtype=np.int64)
-    Z = sp.csr_array(sp.coo_array((data, entries), shape=(len(sides), len(columns))))
-    nonlinear = np.flatnonzero([rest is not None for _, _, rest in sides])
-    ones = np.ones(nonlinear.size), (nonlinear, np.arange(nonlinear.size))
-    W = sp.csr_array(sp.coo_array(ones, shape=(len(sides), nonlinear.size)))
-    return AffineRows(Z, W, np.array([constant for constant, _, _ in sides], dtype=np.float64))
+    ends = np.cumsum([0, *(len(one.linear) for one in sides)])
+    places = np.array([columns[key] for one in sides for key in one.linear], dtype=np.int64)
+    data = np.array([value for one in sides for value in one.linear.values()], dtype=np.float64)
+    Z = sp.csr_array((data, places, ends), shape=(len(sides), len(columns)))
+    Z.sort_indices()
+    has_rest = np.array([one.nonlinear is not None for one in sides], dtype=np.float64)
+    W = sp.diags_array(has_rest, format="csr")[:, has_rest > 0]
+    return AffineRows(Z, sp.csr_array(W), np.array([one.constant for one in sides], dtype=np.float64))
 
 
 def which_is_r(both: AffineRows) -> NDArray[np.intp]:
@@ -57,37 +56,29 @@ def which_is_r(both: AffineRows) -> NDArray[np.intp]:
 
 def ordered_rows(rows: ConditionRows, variables: Sequence[Any], columns: dict[int, int]) -> OrderedRows:
     """The rows in the order of z, which begins with the `variables`. Raises InputError where they cannot be paired."""
-    sides = rows.rows()
+    sides = rows.sides()
     stacked = as_matrices(sides, columns)
-    m = len(rows.owners)
+    m = len(rows.conditions)
     every = np.arange(m)
-    with_width = np.array(list(rows.widths), dtype=np.intp)
-    numbers = np.concatenate([every, every, with_width, m + np.arange(len(rows.equations))])
-    inner = [[columns[id(one)] for one in nonlinear[1]] for _, _, nonlinear in sides if nonlinear is not None]
-    _check_pairing(rows.all_owners(), variables, numbers, stacked, inner)
+    with_width = np.flatnonzero([one.width is not None for one in rows.conditions])
+    end = 2 * m + with_width.size
+    owner_of_side = np.concatenate([every, every, with_width, m + np.arange(len(rows.equations))])
+    _check_pairing(rows.owners(), variables, owner_of_side, [[columns[key] for key in one.ids()] for one in sides])
     which = which_is_r(stacked.of(slice(2 * m)))
     which[with_width] = 0
     p, r = (stacked.of(every + m * side) for side in (1 - which, which))
-    end = 2 * m + with_width.size
     width = stacked.of(slice(2 * m, end))
-    upper = stacked.constants(m, np.inf).replaced(with_width, width) if rows.widths else None
+    upper = stacked.constants(m, np.inf).replaced(with_width, width) if with_width.size else None
     return in_order(p, r, stacked.of(slice(end, None)), None, upper)
 
 
 def _check_pairing(
-    owners: Sequence[Any],
-    variables: Sequence[Any],
-    numbers: NDArray[np.intp],
-    stacked: AffineRows,
-    columns: Sequence[Sequence[int]],
+    owners: Sequence[Any], variables: Sequence[Any], owner_of_side: NDArray[np.intp], columns: Sequence[list[int]]
 ) -> None:
-    """Raise InputError where `owners` and `variables` cannot be paired. The rows `stacked` belong to the owners of
-    these `numbers`; the nonlinear parts have variables in these `columns`."""
-    counts = [len(inner) for inner in columns]
-    data = np.ones(sum(counts)), np.concatenate([np.zeros(0), *columns]), np.append(0, np.cumsum(counts))
-    inner = sp.csr_array(data, shape=(len(columns), len(variables)))
-    row, column = sp.coo_array(abs(stacked.Z) + stacked.W @ inner).coords
-    rows, unowned = left_over(numbers[row], column, (len(owners), len(variables)))
+    """Raise InputError where `owners` and `variables` cannot be paired; each side has variables in these `columns`."""
+    row = np.repeat(owner_of_side, list(map(len, columns)))
+    column = np.concatenate([np.zeros(0, dtype=np.intp), *columns]).astype(np.intp)
+    rows, unowned = left_over(row, column, (len(owners), len(variables)))
     left = ("condition", variables, unowned), ("free variable", owners, rows)
     parts = [f"no {what} is left for {list_names([some[k].name for k in ks])}" for what, some, ks in left if ks.size]
     if parts:
