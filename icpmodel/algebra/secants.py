@@ -89,7 +89,7 @@ def _mean_slopes(problem: ProblemData, f: NonlinearTerm, z: Vector, value: Vecto
     In rows that Newton's step solves up to a tenth of p_i they are the slopes at `z`.
     """
     diagonal = problem.matrix.rows.diagonal
-    slopes = f.slopes(z)
+    slopes = f.jacobian(z).diagonal()
     t = z - p / (diagonal + slopes)
     near = z
     far = z - p / least_diagonal(problem)

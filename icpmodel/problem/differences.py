@@ -59,7 +59,7 @@ def jacobian_by_differences(
 ) -> sp.csr_array:
     """∂value/∂z at `z` on the entries of `pattern`, with one value for each `colour` of its columns.
 
-    A column is differenced backwards where forwards there is no finite value. Raises OutOfTime.
+    An entry is made backwards where forwards it is not finite. Raises OutOfTime.
 
     Examples
     --------
@@ -84,8 +84,8 @@ def jacobian_by_differences(
             moved = np.where(colour == k, h, 0.0)
             change = value(z + moved) - here
             if not np.isfinite(change[rows[chosen]]).all():
-                moved, change = -moved, here - value(z - moved)
-            entries[chosen] = change[rows[chosen]] / np.abs(moved)[pattern.indices[chosen]]
+                change = np.where(np.isfinite(change), change, here - value(z - moved))
+            entries[chosen] = change[rows[chosen]] / moved[pattern.indices[chosen]]
     return with_entries(pattern, entries)
 
 

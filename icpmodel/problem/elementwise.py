@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import scipy.sparse as sp
@@ -13,10 +13,11 @@ from ..errors import InputError, check_arguments
 from ..numerics.arrays import Vector, as_float64, as_vector, locked
 from ..numerics.labels import check_labels
 from .map import Map
-from .user_code import Parametrised, as_function, call_user, diagonal_lipschitz, is_compiled
+from .user_code import call_for_vector, is_compiled
+from .user_map import UserMap
 
 
-class Elementwise(Parametrised):
+class Elementwise(UserMap):
     """ψ_i(z) = f(z_i) + c_i: every row's obstacle moves with its own unknown.
 
     Parameters
@@ -50,7 +51,7 @@ class Elementwise(Parametrised):
     array([0.3, 0.3])
     """
 
-    calls_user_code = True
+    function_names = ("f", "derivative")
 
     @check_arguments
     def __init__(
@@ -63,40 +64,32 @@ class Elementwise(Parametrised):
         slope_range: Any = None,
         parameter_derivative: Callable[[Vector], Any] | None = None,
     ) -> None:
-        super().__init__(parameter_derivative)
         self.index = check_labels({"Elementwise.c": c, "Elementwise.lipschitz": lipschitz})
         self.slope_range = None if slope_range is None else _range(slope_range)
         if lipschitz is None and self.slope_range is not None:
-            largest = np.maximum(*(np.abs(side) for side in self.slope_range))
+            largest = np.maximum(*map(np.abs, self.slope_range))
             lipschitz = largest if np.isfinite(largest).all() else None
-        self.f = as_function(f, "Elementwise.f")
-        self.derivative = None if derivative is None else as_function(derivative, "Elementwise.derivative")
-        self.given_lipschitz = None if lipschitz is None else locked(as_float64(lipschitz, "Elementwise.lipschitz"))
+        super().__init__(f, derivative, lipschitz, parameter_derivative)
         self.c = locked(as_float64(c, "Elementwise.c"))
         if is_compiled(f) is not is_compiled(derivative) and derivative is not None:
             raise InputError(
                 "Elementwise.f and Elementwise.derivative: both or neither must be compiled with numba.njit"
             )
 
-    def bind(self, n: int) -> Elementwise:
-        c = as_vector(self.c, n, "Elementwise.c", infinite=np.inf)
-        named, slopes = self.parameter_derivative, self.slope_range
-        if slopes is not None:
-            m, M = (as_vector(side, n, "Elementwise.slope_range", infinite=np.inf) for side in slopes)
-            slopes = (m, M)
-        bound = Elementwise(
-            self.f, self.derivative, self.given_lipschitz, c, slope_range=slopes, parameter_derivative=named
-        )
-        if self.given_lipschitz is not None:
-            bound.lipschitz = diagonal_lipschitz(self.given_lipschitz, n, "Elementwise.lipschitz")
+    def bind(self, n: int) -> Self:
+        bound = super().bind(n)
+        vars(bound)["c"] = locked(as_vector(self.c, n, "Elementwise.c", infinite=np.inf))
+        if self.slope_range is not None:
+            sides = (as_vector(side, n, "Elementwise.slope_range", infinite=np.inf) for side in self.slope_range)
+            vars(bound)["slope_range"] = locked(tuple(sides))
         return bound
 
     def value(self, z: Vector) -> Vector:
-        return self._entrywise(self.f, z, "Elementwise.f") + self.c
+        return self._entrywise(self.fun, z, "Elementwise.f") + self.c
 
     def jacobian(self, z: Vector) -> sp.csr_array | None:
         if self.derivative is None:
-            return None
+            return super().jacobian(z)
         slopes = self._entrywise(self.derivative, z, "Elementwise.derivative")
         n = z.size
         return sp.csr_array((slopes, np.arange(n), np.arange(n + 1)), shape=(n, n))
@@ -107,17 +100,14 @@ class Elementwise(Parametrised):
     def restricted(self, rows: NDArray[np.intp], z: Vector) -> Map:
         constants = self.given_lipschitz
         lipschitz = constants if constants is None or constants.ndim == 0 else constants[rows]
-        return Elementwise(self.f, self.derivative, lipschitz, self.c[rows]).bind(rows.size)
+        return Elementwise(self.fun, self.derivative, lipschitz, self.c[rows]).bind(rows.size)
 
     def _entrywise(self, f: Callable[[Any], Any], z: Vector, name: str) -> Vector:
         if is_compiled(f):
             from .kernels.obstacle import entrywise  # loads numba
 
-            return call_user(lambda: entrywise(f)(z), z.shape, name)
-        return call_user(lambda: f(z.copy()), z.shape, name)
-
-    def __repr__(self) -> str:
-        return f"Elementwise({getattr(self.f, '__name__', 'f')})"
+            f = entrywise(f)
+        return call_for_vector(f, z, name)
 
 
 def _range(slope_range: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

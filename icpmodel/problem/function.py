@@ -4,22 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from copy import copy
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
-from ..errors import InputError, MapError, check_arguments
-from ..numerics.arrays import Vector, as_csr, as_float64, axes, locked, row_of
+from ..errors import MapError, check_arguments
+from ..numerics.arrays import Vector, as_csr, row_of
 from ..numerics.labels import check_labels
 from ..numerics.rounding import UNIT_ROUNDOFF
-from .differences import colours, jacobian_by_differences
-from .user_code import Parametrised, as_function, call_user, diagonal_lipschitz, raising_map_error
+from .user_code import as_map_error, call, call_for_vector
+from .user_map import UserMap
 
 
-class Function(Parametrised):
+class Function(UserMap):
     """ψ given by a Python function of the whole vector.
 
     Parameters
@@ -46,7 +44,7 @@ class Function(Parametrised):
     array([2., 1.])
     """
 
-    calls_user_code = True
+    function_names = ("fun", "jacobian")
     #: the argument of `ICP`, for messages
     name: str = "psi"
 
@@ -60,36 +58,10 @@ class Function(Parametrised):
         sparsity: Any = None,
         parameter_derivative: Callable[[Vector], Any] | None = None,
     ) -> None:
-        super().__init__(parameter_derivative)
+        super().__init__(fun, jacobian, lipschitz, parameter_derivative)
         self.index = check_labels({"Function.lipschitz": lipschitz})
-        self.fun = as_function(fun, "Function.fun")
-        self.derivative = None if jacobian is None else as_function(jacobian, "Function.jacobian")
-        checked: Any = None
-        if lipschitz is not None:
-            name = "Function.lipschitz"
-            checked = (as_csr if axes(lipschitz, name) == 2 else as_float64)(lipschitz, name)
-        self.given_lipschitz = locked(checked)
         if sparsity is not None:
             self.links = as_csr(sparsity, "Function.sparsity")
-
-    def bind(self, n: int) -> Function:
-        bound = Function(
-            self.fun,
-            self.derivative,
-            self.given_lipschitz,
-            sparsity=self.links,
-            parameter_derivative=self.parameter_derivative,
-        )
-        if self.links is not None and self.links.shape != (n, n):
-            raise InputError(f"Function.sparsity has shape {self.links.shape}; shape ({n}, {n}) was expected")
-        if sp.issparse(self.given_lipschitz):
-            G = as_csr(self.given_lipschitz, "Function.lipschitz", n)
-            if (G.data < 0).any():
-                raise InputError(f"Function.lipschitz has the entry {G.data.min()}; entries >= 0 were expected")
-            bound.lipschitz = G
-        elif self.given_lipschitz is not None:
-            bound.lipschitz = diagonal_lipschitz(self.given_lipschitz, n, "Function.lipschitz")
-        return bound
 
     def as_upper(self) -> Function:
         above = copy(self)
@@ -97,24 +69,15 @@ class Function(Parametrised):
         return above
 
     def value(self, z: Vector) -> Vector:
-        return call_user(lambda: self.fun(z.copy()), z.shape, self.name)
+        return call_for_vector(self.fun, z, self.name)
 
     def jacobian(self, z: Vector) -> sp.csr_array | None:
-        derivative = self.derivative
-        if derivative is None:
-            if self.links is None:
-                return None
-            name = f"the Jacobian of {self.name}"
-            matrix: Any = jacobian_by_differences(self.value, z, self.links, self._colours)
-        else:
-            function = derivative
-            name = "Function.jacobian(z)"
-            matrix = raising_map_error(lambda: function(z.copy()), "Function.jacobian")
-        try:
-            J = as_csr(matrix, name, z.size)
-        except InputError as error:
-            raise MapError(str(error)) from None
-        if derivative is not None and self.lipschitz is not None:
+        if self.derivative is None:
+            return super().jacobian(z)
+        matrix = call(self.derivative, z, "Function.jacobian")
+        with as_map_error():
+            J = as_csr(matrix, "Function.jacobian(z)", z.size)
+        if self.lipschitz is not None:
             _check_links(J, self.lipschitz)
         return J
 
@@ -125,36 +88,6 @@ class Function(Parametrised):
             if known
             else "psi has no derivative: give `jacobian` to Function, or sparsity=np.ones((n, n)) for differences"
         )
-
-    @cached_property
-    def _colours(self) -> NDArray[np.intp]:
-        return colours(self.links)
-
-    def with_sparsity(self, pattern: Any) -> Function:
-        """The same function with a Jacobian made by differences on a sparsity pattern.
-
-        Parameters
-        ----------
-        pattern : array_like or sparse matrix of shape (n, n)
-            Its nonzero entries are those of the Jacobian that may be nonzero.
-
-        Returns
-        -------
-        Function
-            A copy.
-
-        Examples
-        --------
-        >>> psi = Function(lambda z: z**2).bind(1).with_sparsity(np.ones((1, 1)))
-        >>> psi.jacobian(np.ones(1)).toarray().round(6)
-        array([[2.]])
-        """
-        named = self.parameter_derivative
-        new = Function(self.fun, None, self.given_lipschitz, sparsity=pattern, parameter_derivative=named)
-        return new.bind(np.shape(pattern)[0])
-
-    def __repr__(self) -> str:
-        return f"Function({getattr(self.fun, '__name__', 'psi')})"
 
 
 def _check_links(J: sp.csr_array, G: sp.csr_array) -> None:

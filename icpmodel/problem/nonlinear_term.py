@@ -15,12 +15,12 @@ from ..numerics.arrays import Vector, described, not_finite
 from ..numerics.rounding import UNIT_ROUNDOFF
 from ..present.display import Displayable
 from .affine import Affine
-from .differences import steps
 from .elementwise import Elementwise
 from .function import Function
 from .map import Map
 from .matrix import MIN_DIAGONAL, Matrix, weights_of
 from .user_code import USER_ULPS, as_function
+from .user_map import UserMap
 
 #: the largest n for which a dense Jacobian is made of n + 1 values of f without the consent of the user
 DENSE_UP_TO = 1000
@@ -66,13 +66,13 @@ class NonlinearTerm(Displayable):
         self.n = n
         #: the last z and f′(z), which the judge and the next tangent both ask for
         self._last_jacobian: tuple[Vector, sp.csr_array] | None = None
-        if isinstance(self.map, Function) and self.map.no_derivative() is not None:
-            if n > DENSE_UP_TO:
+        if isinstance(self.map, UserMap) and self.map.no_derivative() is not None:
+            if n > DENSE_UP_TO and not self.is_elementwise:
                 advice = (
                     f"for more than {DENSE_UP_TO} unknowns give Function(f, jacobian) or Function(f, sparsity=pattern)"
                 )
                 raise InputError(f"f has no derivative: {advice}, or Elementwise(f) where f_i depends on z_i alone")
-            self.map = self.map.with_sparsity(np.ones((n, n)))
+            self.map = self.map.with_sparsity(sp.eye_array(n) if self.is_elementwise else np.ones((n, n)))
 
     @property
     def is_elementwise(self) -> bool:
@@ -95,32 +95,13 @@ class NonlinearTerm(Displayable):
         last = self._last_jacobian
         if last is not None and np.array_equal(last[0], z):
             return last[1]
-        J = self._jacobian(z)
-        self._last_jacobian = (z.copy(), J)
-        return J
-
-    def _jacobian(self, z: Vector) -> sp.csr_array:
-        if self.is_elementwise:
-            slopes = self.slopes(z)
-            if fault := not_finite(slopes, "the derivative of f"):
-                raise MapError(f"{fault}; a finite number was expected")
-            return sp.csr_array(sp.diags_array(slopes))
         with _about_f():
             J = self.map.jacobian(z)
-        assert J is not None, "a Function without a derivative was given a sparsity"
+        assert J is not None, "a map without a derivative was given a sparsity"
+        if fault := not_finite(J.data, "the derivative of f"):
+            raise MapError(f"{fault}; a finite number was expected")
+        self._last_jacobian = (z.copy(), J)
         return J
-
-    def slopes(self, z: Vector) -> Vector:
-        """∂f_i/∂z_i, shape (n,), of an elementwise f."""
-        with _about_f():
-            known = self.map.jacobian(z)
-        if known is not None:
-            return known.diagonal()
-        h = steps(z)
-        with np.errstate(all="ignore"):
-            here = self.value(z)
-            ahead = (self.value(z + h) - here) / h
-            return np.where(np.isfinite(ahead), ahead, (here - self.value(z - h)) / h)
 
     def rounding(self, value: Vector) -> Vector:
         """What rounding may make of a `value` of f, which is taken as exact to some units in the last place."""

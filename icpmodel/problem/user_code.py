@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from inspect import signature
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..errors import InputError, MapError
-from ..numerics.arrays import Vector, as_array, as_rows, as_vector, axes, described, freeze
+from ..numerics.arrays import Vector, as_array, described
 from ..numerics.rounding import UNIT_ROUNDOFF, is_ctrl_c
 from .map import Map
 
@@ -23,14 +22,6 @@ _WHOLE = "z is an array of all unknowns: use np.sin, not math.sin, and np.where,
 def is_compiled(f: object) -> bool:
     """Whether `f` was compiled with `numba.njit`. Does not import numba."""
     return hasattr(f, "py_func") and hasattr(f, "nopython_signatures")
-
-
-def diagonal_lipschitz(value: Any, n: int, name: str) -> sp.csr_array:
-    """diag(ℓ), CSR, for numbers ℓ ≥ 0 that a user gave, `value` a number or of shape (n,). Raises InputError."""
-    vector = as_vector(value, n, name)
-    if (vector < 0).any():
-        raise InputError(f"{name} has the entry {vector.min()}; numbers >= 0 were expected")
-    return freeze(sp.csr_array((vector, np.arange(n), np.arange(n + 1)), shape=(n, n)))
 
 
 #: units in the last place to which the values of a user's function are taken as exact
@@ -70,10 +61,19 @@ def map_violation(psi: Map, z: Vector, name: str) -> str:
     return ""
 
 
-def raising_map_error(call: Callable[[], Any], name: str) -> Any:
-    """Call the user's function; its exceptions become a MapError about `name`."""
+@contextmanager
+def as_map_error() -> Iterator[None]:
+    """A block in which what a user's function returned is checked: an InputError becomes a MapError."""
     try:
-        return call()
+        yield
+    except InputError as error:
+        raise MapError(str(error)) from None
+
+
+def call(f: Callable[[Vector], Any], z: Vector, name: str) -> Any:
+    """What the user's function returns at a copy of `z`; its exceptions become a MapError about `name`."""
+    try:
+        return f(z.copy())
     except Exception as error:
         if is_ctrl_c(error):
             raise KeyboardInterrupt from error
@@ -81,54 +81,18 @@ def raising_map_error(call: Callable[[], Any], name: str) -> Any:
         raise MapError(f"{name}(z) raised {type(error).__name__}: {error}{hint}") from error
 
 
-def returned(value: Any, name: str) -> NDArray[Any]:
-    """The result of a user's function as an array of any kind. Raises MapError if it is no array."""
-    try:
-        return as_array(value, name)
-    except InputError as error:
-        raise MapError(str(error)) from None
+def vector_of(value: Any, shape: tuple[int, ...], name: str, kinds: str = "biuf") -> NDArray[Any]:
+    """What a user's function returned, which must have this `shape` and a dtype of these `kinds`. NaN passes."""
+    with as_map_error():
+        vector = as_array(value, name)
+    if vector.shape != shape:
+        raise MapError(f"{name} has shape {vector.shape}; shape {shape} was expected")
+    if vector.dtype.kind not in kinds:
+        expected = "real numbers" if "f" in kinds else "integers"
+        raise MapError(f"{name} has shape {shape} and dtype {vector.dtype}; {expected} were expected")
+    return vector
 
 
-def call_user(call: Callable[[], Any], shape: tuple[int, ...], name: str) -> Vector:
-    """What the user's function returns, as float64 of `shape`. NaN passes: the judge sees it.
-
-    Raises MapError where it raises or returns another shape or no real numbers.
-    """
-    value = returned(raising_map_error(call, name), f"{name}(z)")
-    if value.shape != shape:
-        raise MapError(f"{name}(z) has shape {value.shape}; shape {shape} was expected")
-    if value.dtype.kind not in "biuf":
-        raise MapError(f"{name}(z) has dtype {value.dtype}; real numbers were expected")
-    return value.astype(np.float64)
-
-
-class Parametrised(Map):
-    """A map by a user's functions; one of them may be the derivative of ψ by the user's own parameters."""
-
-    def __init__(self, parameter_derivative: Callable[[Vector], Any] | None) -> None:
-        function = parameter_derivative
-        name = f"{type(self).__name__}.parameter_derivative"
-        self.parameter_derivative = None if function is None else as_function(function, name)
-
-    def data_change(self, z: Vector, change: Any, name: str) -> tuple[sp.csr_array | None, Vector]:
-        if self.parameter_derivative is None:
-            return super().data_change(z, change, name)
-        D = self._by_parameters(z)
-        return None, np.asarray(D @ as_vector(change, D.shape[1], name))
-
-    def data_gradient(self, z: Vector, weight: Vector) -> Any:
-        return weight if self.parameter_derivative is None else np.asarray(self._by_parameters(z).T @ weight)
-
-    def _by_parameters(self, z: Vector) -> Any:
-        """∂ψ(z)/∂θ, shape (n, m), m the number of parameters."""
-        derivative = self.parameter_derivative
-        name = f"{type(self).__name__}.parameter_derivative"
-        assert derivative is not None
-        D = raising_map_error(lambda: derivative(z.copy()), name)
-        try:
-            D = as_rows(D if axes(D, name) != 1 else as_array(D, name)[:, None], f"{name}(z)")
-        except InputError as error:
-            raise MapError(str(error)) from None
-        if D.shape[0] != z.size:
-            raise MapError(f"{name}(z) has shape {D.shape}; a row for each unknown, ({z.size}, m), was expected")
-        return D
+def call_for_vector(f: Callable[[Vector], Any], z: Vector, name: str) -> Vector:
+    """What the user's function returns at `z`, as float64 of shape (n,). Raises MapError where it is anything else."""
+    return vector_of(call(f, z, name), z.shape, f"{name}(z)").astype(np.float64)

@@ -127,7 +127,7 @@ def _expressions(psi: Map, z: Any, name: str) -> list[Any]:
     symbols = np.array([_Symbol(variable) for variable in variables], dtype=object)
     try:
         if isinstance(psi, Elementwise):
-            f: Any = psi.f
+            f: Any = psi.fun
             values = [f.py_func(one) for one in symbols] if is_compiled(f) else np.asarray(f(symbols))
             expressions = [c if np.isinf(c) else one + c for one, c in zip(values, psi.c.tolist(), strict=True)]
         elif isinstance(psi, Function):

@@ -147,7 +147,7 @@ def argument(name: str, value: Any, problem: ProblemData, make: Callable[[Any], 
     if isinstance(psi, Constant):
         return Argument(name, (number_too,), Constant)
     if isinstance(psi, Elementwise) and psi.parameter_derivative is None:
-        return Argument(name, (number_too,), lambda c: Elementwise(psi.f, psi.derivative, psi.given_lipschitz, c))
+        return Argument(name, (number_too,), lambda c: Elementwise(psi.fun, psi.derivative, psi.given_lipschitz, c))
     if isinstance(psi, Intervention) and psi.jumps is not None:
         jumps = psi.jumps
         best = psi.best
