@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from ..errors import InputError, MapError, check_arguments
 from ..numerics.arrays import Mask, Vector, as_csr, described, freeze, row_of, with_entries
 from ..numerics.rounding import UNIT_ROUNDOFF
 from .map import Map
-from .user_code import call_user, raising_map_error, returned
+from .user_code import call, vector_of
 
 
 class Intervention(Map):
@@ -61,9 +62,7 @@ class Intervention(Map):
         self.jumps = None if callable(jumps) else _check_jumps(jumps)
         self.calls_user_code = self.jumps is None
         if self.jumps is not None:
-            ones = np.ones(self.jumps.nnz)
-            links = with_entries(self.jumps, ones)
-            self.lipschitz = self.links = freeze(links)
+            self.lipschitz = self.links = freeze(with_entries(self.jumps, np.ones(self.jumps.nnz)))
 
     def bind(self, n: int) -> Intervention:
         if self.jumps is not None and self.jumps.shape[0] != n:
@@ -81,31 +80,20 @@ class Intervention(Map):
     def change(self, delta: Vector) -> Vector:
         if self.jumps is None:
             return np.full(delta.size, delta.max())
-        largest = np.zeros(delta.size)
-        rows = np.flatnonzero(np.diff(self.jumps.indptr))
-        if rows.size:
-            largest[rows] = np.maximum.reduceat(delta[self.jumps.indices], self.jumps.indptr[rows])
-        return largest
+        return _largest(self.jumps, delta[self.jumps.indices], 0.0)
 
     def isotone(self) -> bool:
         return True
 
     def restricted(self, rows: NDArray[np.intp], z: Vector) -> Map:
-        if self.jumps is None or self._leave(rows):
-            return super().restricted(rows, z)
-        left = Intervention(self.jumps[rows][:, rows], self.best)
+        if self.jumps is None or (jumps := self.jumps[rows]).nnz > (inner := jumps[:, rows]).nnz:
+            return super().restricted(rows, z)  # a jump leads to another row
+        left = Intervention(inner, self.best)
         return left if self.none < 0 else left.as_upper()
 
-    def _leave(self, rows: NDArray[np.intp]) -> bool:
-        """Whether a jump from one of the `rows` leads to another one."""
-        assert self.jumps is not None
-        out = np.ones(self.jumps.shape[0], dtype=bool)
-        out[rows] = False
-        return bool(out[self.jumps[rows].indices].any())
-
     def as_upper(self) -> Map:
-        above = Intervention(self.jumps if self.fun is None else self.fun, self.best)
-        above.none = np.inf
+        above = copy(self)
+        vars(above)["none"] = np.inf
         return above
 
     def data_change(self, z: Vector, change: Any, name: str) -> tuple[sp.csr_array | None, Vector]:
@@ -146,14 +134,15 @@ class Intervention(Map):
         """The jumps that may be the best one at an x with |x − z| ≤ `delta`."""
         jumps = self.jumps
         assert jumps is not None
-        sign = 1.0 if self.best == "max" else -1.0
-        gains = sign * (z[jumps.indices] + jumps.data)
-        off = delta[jumps.indices]
-        off = off + 4.0 * UNIT_ROUNDOFF * (np.abs(z[jumps.indices]) + np.abs(jumps.data))
-        rows = row_of(jumps)
-        least = np.full(z.size, -np.inf)
-        np.maximum.at(least, rows, gains - off)
-        return gains + off >= least[rows]
+        ends = z[jumps.indices]
+        gains = self._sign * (ends + jumps.data)
+        off = delta[jumps.indices] + 4.0 * UNIT_ROUNDOFF * (np.abs(ends) + np.abs(jumps.data))
+        return gains + off >= _largest(jumps, gains - off, -np.inf)[row_of(jumps)]
+
+    @property
+    def _sign(self) -> float:
+        """The jump of the largest `_sign` times z_j + k_ij is the best one."""
+        return 1.0 if self.best == "max" else -1.0
 
     def _of_gains(self, change: Any, name: str) -> sp.csr_array:
         """`change` as a matrix with entries where there are jumps, and nowhere else."""
@@ -192,39 +181,26 @@ class Intervention(Map):
         >>> Intervention(costs).best_jump(np.array([0.0, 2.0]))
         (array([  3., -inf]), array([ 1, -1]))
         """
-        if self.fun is not None:
+        jumps = self.jumps
+        if jumps is None:
             return self._call_best_jump(z)
-        assert self.jumps is not None
-        n = z.size
-        indptr = self.jumps.indptr
-        gains = z[self.jumps.indices] + self.jumps.data
-        rows = np.flatnonzero(np.diff(indptr))
-        value = np.full(n, self.none)
-        target = np.full(n, -1)
-        if rows.size:
-            reduce = np.maximum if self.best == "max" else np.minimum
-            value[rows] = reduce.reduceat(gains, indptr[rows])
-            entry_row = row_of(self.jumps)
-            hits = np.flatnonzero(gains == value[entry_row])
-            # reversed, so that among equal jumps the first one is written last
-            target[entry_row[hits[::-1]]] = self.jumps.indices[hits[::-1]]
-        return value, target
+        gains = self._sign * (z[jumps.indices] + jumps.data)
+        value = _largest(jumps, gains, -np.inf)
+        rows = row_of(jumps)
+        hits = np.flatnonzero(gains == value[rows])[::-1]
+        target = np.full(z.size, -1)
+        target[rows[hits]] = jumps.indices[hits]  # among equal jumps the first one is written last
+        return np.where(np.diff(jumps.indptr) > 0, self._sign * value, self.none), target
 
     def _call_best_jump(self, z: Vector) -> tuple[Vector, np.ndarray]:
-        fun = self.fun
-        assert fun is not None
-        pair = raising_map_error(lambda: fun(z.copy()), "psi")
+        assert self.fun is not None
+        pair = call(self.fun, z, "psi")
         if not isinstance(pair, tuple) or len(pair) != 2:
             raise MapError(f"psi(z) returned {described(pair)}; a tuple (value, target) was expected")
-        target = returned(pair[1], "psi(z): target")
-        if target.shape != z.shape or target.dtype.kind not in "iu":
-            raise MapError(
-                f"psi(z): target has shape {target.shape} and dtype {target.dtype}; "
-                f"integers of shape {z.shape} were expected"
-            )
+        target = vector_of(pair[1], z.shape, "psi(z): target", "iu")
         if ((target < -1) | (target >= z.size)).any():
             raise MapError(f"psi(z): target has an entry outside -1 ... {z.size - 1}")
-        value = call_user(lambda: pair[0], z.shape, "psi")
+        value = vector_of(pair[0], z.shape, "psi(z)").astype(np.float64)
         if (invalid := (target < 0) & (value != self.none) & ~np.isnan(value)).any():
             i = int(np.argmax(invalid))
             actual = f"psi(z): row {i} has the value {value[i]:g} and the target -1, which stands for no jump"
@@ -234,6 +210,13 @@ class Intervention(Map):
     def __repr__(self) -> str:
         source = "a function" if self.jumps is None else f"{self.jumps.nnz} jumps"
         return f"Intervention({source}, {self.best})"
+
+
+def _largest(jumps: sp.csr_array, of_jump: Vector, least: float) -> Vector:
+    """The largest of the numbers `of_jump` of the jumps of each row, `least` without a jump."""
+    largest = np.full(jumps.shape[0], least)
+    np.maximum.at(largest, row_of(jumps), of_jump)
+    return largest
 
 
 def _check_jumps(jumps: Any) -> sp.csr_array:
