@@ -72,7 +72,7 @@ class Constant(Map):
     def isotone(self) -> bool:
         return True
 
-    def composed(self, P: Any, shift: Any = 0.0, rows: Any = slice(None), factor: Any = 1.0) -> Map:
+    def composed(self, P: sp.csr_array, shift: Any = 0.0, rows: Any = slice(None), factor: float = 1.0) -> Map:
         c = factor * self.c[rows]
         return Constant(c).bind(c.size)
 
@@ -140,11 +140,9 @@ class Affine(Map):
     def isotone(self) -> bool:
         return bool((self.G.data >= 0).all())
 
-    def composed(self, P: Any, shift: Any = 0.0, rows: Any = slice(None), factor: Any = 1.0) -> Map:
-        G = self.G[rows]
-        G = G @ P if sp.issparse(P) else G * P
+    def composed(self, P: sp.csr_array, shift: Any = 0.0, rows: Any = slice(None), factor: float = 1.0) -> Map:
         c = self.value(np.broadcast_to(shift, self.c.shape))[rows]
-        return Affine(sp.diags_array(np.broadcast_to(factor, c.shape)) @ G, factor * c)
+        return Affine(factor * (self.G[rows] @ P), factor * c)
 
     def data_change(self, z: Vector, change: Any, name: str) -> tuple[sp.csr_array | None, Vector]:
         if not isinstance(change, tuple):

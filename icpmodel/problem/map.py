@@ -207,18 +207,18 @@ class Map(ReadOnly, Displayable, ABC):
         into = sp.csr_array((np.ones(rows.size), (rows, np.arange(rows.size))), shape=(z.size, rows.size))
         return self.composed(into, others, rows)
 
-    def composed(self, P: Any, shift: Any = 0.0, rows: Any = slice(None), factor: Any = 1.0) -> Map:
+    def composed(self, P: sp.csr_array, shift: Any = 0.0, rows: Any = slice(None), factor: float = 1.0) -> Map:
         """y ↦ t·ψ(Py + s) in some rows: ψ on a coarser level, or in other units.
 
         Parameters
         ----------
-        P : CSR array of shape (n, m) or float
+        P : CSR array of shape (n, m)
             The matrix.
         shift : array of shape (n,) or 0
             The vector s.
         rows : array of int, optional
             The m rows that are kept; by default all.
-        factor : float or array of the length of the rows, default 1
+        factor : float, default 1
             The factor t > 0.
 
         Returns
@@ -382,7 +382,7 @@ class Map(ReadOnly, Displayable, ABC):
 class ComposedMap(Map):
     """y ↦ t·ψ(Py + s) in some rows, see `Map.composed`."""
 
-    def __init__(self, psi: Map, P: Any, shift: Any, rows: Any, factor: Any) -> None:
+    def __init__(self, psi: Map, P: sp.csr_array, shift: Any, rows: Any, factor: float) -> None:
         self.psi = psi
         self.P = P
         self.shift = shift
@@ -393,36 +393,28 @@ class ComposedMap(Map):
     def bind(self, n: int) -> ComposedMap:
         return self
 
-    def _inner(self, y: Vector) -> Vector:
-        inner: Vector = (self.P @ y if sp.issparse(self.P) else self.P * y) + self.shift
-        return inner
-
     def value(self, z: Vector) -> Vector:
-        value: Vector = self.factor * self.psi.value(self._inner(z))[self.rows]
+        value: Vector = self.factor * self.psi.value(self.P @ z + self.shift)[self.rows]
         return value
 
     def jacobian(self, z: Vector) -> sp.csr_array | None:
-        J = self.psi.jacobian(self._inner(z))
-        return None if J is None else self._chain_rule(J, self.P, self.factor)
+        return self._chain_rule(self.psi.jacobian(self.P @ z + self.shift), self.P)
 
     def no_derivative(self) -> str | None:
         return self.psi.no_derivative()
 
     @cached_property
     def lipschitz(self) -> sp.csr_array | None:  # type: ignore[override]
-        G = self.psi.lipschitz
-        return None if G is None else self._chain_rule(G, abs(self.P), np.abs(self.factor))
+        return self._chain_rule(self.psi.lipschitz, abs(self.P))
 
-    def _chain_rule(self, matrix: sp.csr_array, P: Any, factor: Any) -> sp.csr_array:
-        matrix = matrix[self.rows] @ P if sp.issparse(P) else matrix[self.rows] * P
-        return sp.csr_array(sp.diags_array(np.broadcast_to(factor, matrix.shape[:1])) @ matrix)
+    def _chain_rule(self, matrix: sp.csr_array | None, P: sp.csr_array) -> sp.csr_array | None:
+        return None if matrix is None else sp.csr_array(self.factor * (matrix[self.rows] @ P))
 
-    def composed(self, P: Any, shift: Any = 0.0, rows: Any = slice(None), factor: Any = 1.0) -> Map:
-        if not (sp.issparse(self.P) and sp.issparse(P)) or np.ndim(self.factor):
-            return super().composed(P, shift, rows, factor)
+    def composed(self, P: sp.csr_array, shift: Any = 0.0, rows: Any = slice(None), factor: float = 1.0) -> Map:
         # level upon level, ψ is asked once
         selected = np.arange(self.P.shape[0])[self.rows][rows]
-        return ComposedMap(self.psi, self.P @ P, self._inner(shift), selected, factor * self.factor)
+        inner = self.P @ np.broadcast_to(shift, P.shape[:1]) + self.shift
+        return ComposedMap(self.psi, self.P @ P, inner, selected, factor * self.factor)
 
     def __repr__(self) -> str:
         return f"Substituted({self.psi!r})"

@@ -53,25 +53,26 @@ class TwoSidedObstacle(Map):
     def bind(self, n: int) -> TwoSidedObstacle:
         return TwoSidedObstacle(self.lower.bind(n), self.upper.bind(n))
 
-    def crossed_everywhere(self) -> int | None:
-        """A row where ψ_i > ψ̄_i at every z; found for constant and affine maps only, else None."""
+    @cached_property
+    def _fixed_rows(self) -> tuple[Any, Mask] | None:
+        """The rows in which ψ̄ − ψ does not depend on z, and those in which c > c̄; None unless both are affine."""
         if self.linear is None or self.upper.linear is None:
             return None
         (G, c) = self.linear
         (H, d) = self.upper.linear
-        crossed = c > d
-        if G.nnz or H.nnz:
-            crossed &= np.diff(sp.csr_array(G - H).indptr) == 0
-        return int(np.argmax(crossed)) if crossed.any() else None
+        return G is H or np.diff(sp.csr_array(G - H).indptr) == 0, c > d
+
+    def crossed_everywhere(self) -> int | None:
+        """A row where ψ_i > ψ̄_i at every z; found for constant and affine maps only, else None."""
+        fixed, crossed = self._fixed_rows or (False, np.zeros(1, dtype=bool))
+        crossed = fixed & crossed
+        return int(np.argmax(crossed)) if np.any(crossed) else None
 
     @cached_property
     def parallel(self) -> bool:  # type: ignore[override]
         """Whether ψ = Gz + c and ψ̄ = Gz + c̄, with one G and c ≤ c̄, so that ψ ≤ ψ̄ at every z."""
-        if self.linear is None or self.upper.linear is None:
-            return False
-        (G, c) = self.linear
-        (H, d) = self.upper.linear
-        return bool((c <= d).all() and not (G - H).nnz)
+        fixed, crossed = self._fixed_rows or (False, np.zeros(1, dtype=bool))
+        return bool(np.all(fixed & ~crossed))
 
     @cached_property
     def lipschitz(self) -> sp.csr_array | None:  # type: ignore[override]
@@ -103,7 +104,7 @@ class TwoSidedObstacle(Map):
     def restricted(self, rows: NDArray[np.intp], z: Vector) -> Map:
         return self._of_both(lambda one: one.restricted(rows, z))
 
-    def composed(self, P: Any, shift: Any = 0.0, rows: Any = slice(None), factor: Any = 1.0) -> Map:
+    def composed(self, P: sp.csr_array, shift: Any = 0.0, rows: Any = slice(None), factor: float = 1.0) -> Map:
         return self._of_both(lambda one: one.composed(P, shift, rows, factor))
 
     def _of_both(self, transform: Callable[[Map], Map]) -> TwoSidedObstacle:
@@ -133,7 +134,7 @@ class Rowwise(Map):
         return self
 
     def value(self, z: Vector) -> Vector:
-        return self._select([one.value(z) for one in self.maps])
+        return np.choose(self.which, [one.value(z) for one in self.maps])
 
     def jacobian(self, z: Vector) -> sp.csr_array | None:
         return self._matrix([one.jacobian(z) for one in self.maps])
@@ -144,26 +145,15 @@ class Rowwise(Map):
 
     @cached_property
     def linear(self) -> tuple[sp.csr_array, Vector] | None:  # type: ignore[override]
-        known = [one.linear for one in self.maps if one.linear is not None]
-        G = self._matrix([G for G, _ in known]) if len(known) == len(self.maps) else None
-        return None if G is None else (G, self._select([c for _, c in known]))
-
-    def _select(self, vectors: Sequence[Vector]) -> Vector:
-        result = vectors[0]
-        for k, vector in enumerate(vectors[1:], 1):
-            result = np.where(self.which == k, vector, result)
-        return result
+        known = [one.linear or (None, None) for one in self.maps]
+        G = self._matrix([G for G, _ in known])
+        return None if G is None else (G, np.choose(self.which, [c for _, c in known]))
 
     def _matrix(self, matrices: Sequence[sp.csr_array | None]) -> sp.csr_array | None:
-        known = [matrix for matrix in matrices if matrix is not None]
-        if len(known) < len(matrices):
+        if any(matrix is None for matrix in matrices):
             return None
-        if not any(matrix.nnz for matrix in known):
-            return known[0]
-        parts = (sp.diags_array((self.which == k).astype(np.float64)) @ matrix for k, matrix in enumerate(known))
-        matrix = sp.csr_array(sum(parts, start=sp.csr_array(known[0].shape)))
-        matrix.sort_indices()  # impossible once it is read-only
-        return matrix
+        n = self.which.size
+        return sp.csr_array(sp.vstack(matrices, format="csr")[self.which * n + np.arange(n)])
 
 
 def sides_of(psi: Map) -> tuple[Map, ...]:

@@ -13,6 +13,7 @@ from ..numerics.arrays import Vector
 from ..numerics.equilibration import in_units
 from ..problem.data import ProblemData
 from ..problem.function import Function
+from ..problem.map import Map
 
 
 def in_typical_units(problem: ProblemData) -> tuple[ProblemData, float]:
@@ -42,7 +43,7 @@ def in_typical_units(problem: ProblemData) -> tuple[ProblemData, float]:
         unit = float(np.ldexp(1.0, k))
     if not (np.isfinite(A.data).all() and np.isfinite(q).all() and 0.0 < unit < math.inf):
         return problem, 1.0
-    return ProblemData(A, q, problem.psi.composed(unit, factor=1.0 / unit)), unit
+    return ProblemData(A, q, _in_unit(problem.psi, problem.n, unit)), unit
 
 
 def in_units_of_z(problem: ProblemData, unit: float) -> ProblemData:
@@ -55,8 +56,12 @@ def in_units_of_z(problem: ProblemData, unit: float) -> ProblemData:
         lambda y: scale * f.jacobian(unit * y),
         sparsity=sp.eye_array(problem.n) if f.is_elementwise else f.map.links,
     )
-    psi = problem.psi.composed(unit, factor=1.0 / unit)
+    psi = _in_unit(problem.psi, problem.n, unit)
     return ProblemData(scale * problem.A, scale / unit * problem.q, psi, f=scaled_f)
+
+
+def _in_unit(psi: Map, n: int, unit: float) -> Map:
+    return psi.composed(unit * sp.eye_array(n, format="csr"), factor=1.0 / unit)
 
 
 def _typical_size(sizes: Vector) -> float:

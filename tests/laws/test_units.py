@@ -27,7 +27,11 @@ OF_SYMMETRIC = ("proximal", "accelerated", "multilevel")
 def scaled(problem, rows, unit=1.0):
     """The problem with row i of (A, q) times `rows`[i], in other units of z."""
     A, q = sp.csr_array(sp.diags_array(rows) @ problem.A), rows * problem.q * unit
-    return icp.ICP(A, q, problem.psi if unit == 1.0 else problem.psi.composed(1.0 / unit, factor=unit))
+    return icp.ICP(
+        A,
+        q,
+        problem.psi if unit == 1.0 else problem.psi.composed(sp.eye_array(q.size, format="csr") / unit, factor=unit),
+    )
 
 
 def alike(one, other, unit, exact):

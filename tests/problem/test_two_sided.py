@@ -68,7 +68,7 @@ def test_both_sides_go_along_wherever_the_map_goes(rng):
     for made, at, expected in (
         (both.restricted(rows, z), z[rows], lambda one: one.value(z)[rows]),
         (both.composed(P, shift, kept), y, lambda one: one.value(P @ y + shift)[kept]),
-        (both.composed(4.0, factor=0.25), z, lambda one: one.value(4.0 * z) / 4.0),
+        (both.composed(4.0 * sp.eye_array(z.size, format="csr"), factor=0.25), z, lambda one: one.value(4.0 * z) / 4.0),
     ):
         assert made.value(at) == pytest.approx(expected(both.lower), rel=1e-12, abs=1e-12)
         assert made.upper.value(at) == pytest.approx(expected(both.upper), rel=1e-12, abs=1e-12)
