@@ -42,7 +42,7 @@ from ..numerics.equilibration import times_rows
 from ..numerics.fill import SymbolicAnalysis
 from ..numerics.symmetric_factors import SymmetricFactors
 from ..problem.data import ProblemData
-from ..problem.two_sided import balanced_residual
+from ..problem.two_sided import mid
 from ..theory.certificates.recession import Recession
 from .contract import Infeasible, Iterate, LeastValue, with_options
 from .proximal import Regularised
@@ -211,7 +211,7 @@ class InteriorPath:
         Where z grows, neither need be: it is on the way to large multipliers, or there is no solution.
         """
         _, p, r, r_upper = self.point
-        residual = balanced_residual(self.root, p, r, r_upper)
+        residual = norm(mid(p / self.root, r, r_upper, self.root))
         infeasibility = norm(np.concatenate([self.dual_residual / self.root, self.root[self.rows] * self.gap]))
         size = norm(self.root * self.z)
         growth = self.inverse_sizes.add(1.0 / size if size else np.inf)

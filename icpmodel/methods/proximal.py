@@ -43,10 +43,10 @@ from ..algebra.steps import INNER_REDUCTION, MAX_IDLE_STEPS
 from ..algebra.subproblems import with_fixed_obstacle
 from ..errors import MapError
 from ..numerics import work
-from ..numerics.arrays import Vector
+from ..numerics.arrays import Vector, norm
 from ..numerics.sparse_structure import SYMMETRY_RTOL, absolute
 from ..problem.data import ProblemData
-from ..problem.two_sided import balanced_residual
+from ..problem.two_sided import mid
 from ..theory.certificates.recession import Recession
 from .contract import PATIENCE, Infeasible, Iterate, LeastValue, Method, with_options
 
@@ -156,7 +156,7 @@ class ProximalPath:
 
     def size(self, p: Vector) -> float:
         """‖min(p, Wr)‖ in the units of W."""
-        return balanced_residual(self.root, p, self.r, self.r_upper)
+        return norm(mid(p / self.root, self.r, self.r_upper, self.root))
 
     def subproblem_p(self) -> Vector:
         """p of the subproblem: p + D(z − centre)."""

@@ -184,8 +184,7 @@ class PointValues(Displayable):
         omega = as_vector(omega, self.n, "omega")
         if not (omega > 0).all():
             raise InputError(f"omega has the entry {omega.min()}; positive numbers were expected")
-        r_upper = self.r_upper(z)
-        return mid(self.p(z), omega * self.r(z), None if r_upper is None else omega * r_upper)
+        return mid(self.p(z), self.r(z), self.r_upper(z), omega)
 
     @np.errstate(over="ignore", invalid="ignore", under="ignore")
     def residual(self, z: Any) -> float:
@@ -220,10 +219,9 @@ class PointValues(Displayable):
         (1.0, 1.0)
         """
         z = self.vector(z)
-        psi = self.psi.value(z)
-        r_upper = None if self.psi.upper is None else z - self.psi.upper.value(z)
-        p = self.product(z) + self.offset(z)
-        return self.residual_of(p, z - psi, r_upper, self.weights_at(z, p))
+        r = self.r(z)
+        p = self.p(z)
+        return self.residual_of(p, r, self.r_upper(z), self.weights_at(z, p))
 
     def weights_at(self, z: Vector, p: Any = 0.0) -> Vector:
         """The diagonal of D⁻¹ in Res_D(z), shape (n,): the row weights of `matrix`, with an f increased by its slopes.
@@ -328,9 +326,7 @@ class PointValues(Displayable):
         >>> ICP([[3.0]], [-6.0]).paper_residual([1.0])
         3.0
         """
-        r_upper = self.r_upper(z)
-        with np.errstate(over="ignore", invalid="ignore"):
-            return norm(mid(self.p(z), self.r(z), r_upper))
+        return norm(self.natural_map(z))
 
     @np.errstate(over="ignore", invalid="ignore", under="ignore")
     def rounding(self, z: Any) -> tuple[Vector, Vector]:

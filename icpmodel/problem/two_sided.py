@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..numerics.arrays import Mask, Vector, as_vector, axes, described, freeze, norm
+from ..numerics.arrays import Mask, Vector, as_vector, axes, described, freeze
 from .affine import Constant
 from .function import Function
 from .map import Map
@@ -171,8 +171,8 @@ def select_obstacle(psi: Map, above: Mask | None) -> Map:
     return psi if psi.upper is None or above is None else Rowwise((psi, psi.upper), above.astype(np.intp))
 
 
-def mid(p: Vector, r: Vector, r_upper: Vector | None = None) -> Vector:
-    """mid(z − ψ̄, p, z − ψ), the median of the three; min(p, z − ψ) without an upper obstacle.
+def mid(p: Vector, r: Vector, r_upper: Vector | None = None, scale: Any = None) -> Vector:
+    """mid(Ω(z − ψ̄), p, Ω(z − ψ)), the median of the three; min(p, Ω(z − ψ)) without an upper obstacle.
 
     Parameters
     ----------
@@ -182,6 +182,8 @@ def mid(p: Vector, r: Vector, r_upper: Vector | None = None) -> Vector:
         z − ψ.
     r_upper : array of shape (n,), optional
         z − ψ̄ ≤ z − ψ.
+    scale : float or array of shape (n,), optional
+        The diagonal of Ω; by default 1.
 
     Returns
     -------
@@ -194,6 +196,9 @@ def mid(p: Vector, r: Vector, r_upper: Vector | None = None) -> Vector:
     >>> mid(np.array([3.0, -3.0, 0.5]), np.ones(3), -np.ones(3))
     array([ 1. , -1. ,  0.5])
     """
+    if scale is not None:
+        r = scale * r
+        r_upper = None if r_upper is None else scale * r_upper
     least: Vector = np.minimum(p, r)
     if r_upper is None:
         return least
@@ -203,11 +208,6 @@ def mid(p: Vector, r: Vector, r_upper: Vector | None = None) -> Vector:
         larger = np.where(np.abs(r_upper) > np.abs(r), r_upper, r)
         result = np.where(crossed, larger, result)
     return result
-
-
-def balanced_residual(root: Vector, p: Vector, r: Vector, r_upper: Vector | None) -> float:
-    """‖mid(√W(z − ψ̄), p/√W, √W(z − ψ))‖, where `root` is √W: the same in all units where W has those of p/z."""
-    return norm(mid(p / root, root * r, None if r_upper is None else root * r_upper))
 
 
 def as_map(psi: Any, n: int, upper: Any = None) -> Map:
