@@ -113,6 +113,14 @@ def test_errors_speak_of_f(made, error, told):
         made()
 
 
+def test_differences_go_backwards_in_the_rows_alone_that_end_forwards():
+    """z² ends at 0 below in one row and at 1 above in the other; both columns share one colour."""
+    ends = np.array([0.0, -1.0]), np.array([2.0, 1.0])
+    f = icp.Function(lambda z: np.where((ends[0] <= z) & (z <= ends[1]), z**2, np.nan), sparsity=np.eye(2))
+    tangent = ICP(np.eye(2), np.ones(2), f=f).linearised([0.0, 1.0])
+    assert tangent.dense() == pytest.approx(np.diag([1.0, 3.0]), abs=1e-6)
+
+
 REFUSING = {
     "race": lambda problem: problem.race(),
     "stability": lambda problem: problem.stability(),
