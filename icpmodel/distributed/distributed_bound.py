@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -25,7 +24,8 @@ from ..theory.certificates.bounds import ASSUMED_PSI, ErrorBound
 from .distributed_icp import DistributedICP, check_point
 from .distributed_levels import DistributedLevels
 from .distributed_matrix import DistributedMatrix
-from .ranks import largest, norm, totals
+from .evaluation import Evaluation
+from .ranks import anywhere, count, largest, norm
 
 #: (how it was found, v, α, β)
 HPlusVectors = tuple[str, Vector, Vector, Vector]
@@ -111,128 +111,79 @@ def certify(problem: DistributedICP, z: Any, levels: DistributedLevels | None = 
     >>> icp.distributed.certify(problem, problem.vector([1.5])).bound.value >= 0.5
     True
     """
-    here = _Point(problem, check_point(problem, z, "z"))
+    here = Evaluation(problem, check_point(problem, z, "z"))
     if levels is not None and not isinstance(levels, DistributedLevels):
         raise InputError(f"levels is {described(levels)}; the levels of a DistributedSolution were expected")
     proof = _proof(problem, levels)
     if isinstance(proof, str):
-        return here.certificate(ErrorBound.none(proof))
-    delta = here.bound(proof)
-    value = largest(problem.comm, float(delta.max(initial=0.0)))[0]
-    change = obstacle_change(problem, delta)
-    sentence = f"A is an H+-matrix ({proof[0]})" + (ASSUMED_PSI if problem.calls_user_code else "")
-    if _may_cross(problem, here, change):
-        return here.certificate(ErrorBound.none("psi <= upper is not proved near z, where z* would be"))
+        return _certificate(here, ErrorBound.none(proof))
+    name, v, alpha, beta = proof
+    comm = problem.comm
+    rounding_p, rounding_r = here.rounding
+    with np.errstate(over="ignore", invalid="ignore"):
+        top = None if here.r_upper is None else here.r_upper / beta
+        F = np.abs(mid(here.p / alpha, here.r / beta, top)) + np.maximum(rounding_p / alpha, rounding_r / beta)
+        delta = np.nextafter(v * ((largest(comm, F) + SMALLEST) * (1 + 8 * UNIT_ROUNDOFF)), np.inf)
+    value = largest(comm, delta)
+    sentence = f"A is an H+-matrix ({name})" + (ASSUMED_PSI if problem.calls_user_code else "")
+    change = problem.change(delta)
+    if _may_cross(here, change):
+        return _certificate(here, ErrorBound.none("psi <= upper is not proved near z, where z* would be"))
     if not np.isfinite(value):
         reason = "the proof gives no bound at this z: it is too far from z*, or not finite"
-        return here.certificate(ErrorBound.none(reason, sentence))
-    squares = totals(problem.comm, float(np.sum((delta / value) ** 2)))[0] if value else 0.0
-    euclidean = value * float(np.sqrt(squares)) * (1 + (problem.n + 8) * UNIT_ROUNDOFF)
-    return here.certificate(ErrorBound(value, delta, euclidean, sentence, ""), here.rows(delta, change))
+        return _certificate(here, ErrorBound.none(reason, sentence))
+    euclidean = norm(comm, delta) * (1 + (problem.n + 8) * UNIT_ROUNDOFF)
+    return _certificate(here, ErrorBound(value, delta, euclidean, sentence, ""), _decided_rows(here, delta, change))
 
 
-class _Point:
-    """A `Vec` z, and all that a bound needs of it in the own rows. Collective."""
-
-    def __init__(self, problem: DistributedICP, z: Any) -> None:
-        self.problem = problem
-        self.z = z
-        self.p, self.r, self.r_upper = problem.sides(z)
-
-    @cached_property
-    def rounding(self) -> tuple[Vector, Vector]:
-        """Bounds on the rounding errors of p and r. Collective, the first time; A has a positive diagonal."""
-        return rounding(self.problem, self.z)
-
-    def certificate(self, bound: ErrorBound, rows: tuple[Mask, ...] = ()) -> DistributedCertificate:
-        """The certificate with this bound, and with the masks of the decided `rows`, if any. Collective."""
-        comm = self.problem.comm
-        residual = norm(comm, mid(self.problem.matrix.row_weights * self.p, self.r, self.r_upper))
-        masks = rows or (np.zeros(self.p.size, dtype=bool),) * 3
-        active, inactive, above = (int(x) for x in totals(comm, *(float(mask.sum()) for mask in masks)))
-        undecided = self.problem.n - active - inactive - above
-        return DistributedCertificate(residual, bound, active, inactive, above, undecided, *masks[:2])
-
-    def bound(self, proof: HPlusVectors) -> Vector:
-        """δ with |z − z*| ≤ δ in the own rows. Collective."""
-        _, v, alpha, beta = proof
-        rounding_p, rounding_r = self.rounding
-        with np.errstate(over="ignore", invalid="ignore"):
-            top = None if self.r_upper is None else self.r_upper / beta
-            F = np.abs(mid(self.p / alpha, self.r / beta, top))
-            own = float(np.max(F + np.maximum(rounding_p / alpha, rounding_r / beta), initial=0.0))
-            factor = largest(self.problem.comm, own)[0] + SMALLEST
-            return np.nextafter(v * (factor * (1 + 8 * UNIT_ROUNDOFF)), np.inf)
-
-    def rows(self, delta: Vector, change: Vector) -> tuple[Mask, Mask, Mask]:
-        """The masks of the rows that |z − z*| ≤ `delta` proves to be active, off both obstacles, at the upper one."""
-        inflate = 1 + 8 * UNIT_ROUNDOFF
-        rounding_p, rounding_r = self.rounding
-        error_p = (rounding_p + self.problem.matrix.absolute(delta)) * inflate
-        error_r = (rounding_r + delta + change) * inflate
-        active = self.p > error_p
-        inactive = self.r > error_r
-        at_upper = np.zeros(delta.size, dtype=bool)
-        if self.r_upper is not None:
-            inactive = inactive & (-self.r_upper > error_r)
-            at_upper = self.p < -error_p
-        return active & ~inactive, inactive & ~active & ~at_upper, at_upper & ~inactive
+def _certificate(here: Evaluation, bound: ErrorBound, rows: tuple[Mask, ...] = ()) -> DistributedCertificate:
+    """The certificate with this bound, and with the masks of the decided `rows`, if any. Collective."""
+    masks = rows or (np.zeros(here.p.size, dtype=bool),) * 3
+    active, inactive, above = (count(here.problem.comm, mask) for mask in masks)
+    undecided = here.problem.n - active - inactive - above
+    return DistributedCertificate(here.residual, bound, active, inactive, above, undecided, *masks[:2])
 
 
-def rounding(problem: DistributedICP, z: Any) -> tuple[Vector, Vector]:
-    """Bounds on the rounding errors of p(z) and r(z) in the own rows, as `ProblemData.rounding`. Collective."""
-    size = np.abs(z.array_r)
-    k = problem.matrix.terms + 2
-    rounding_p = gamma(k) * (problem.matrix.absolute(size) + np.abs(problem.q)) + k * SMALLEST
-    rounding_r = np.zeros(size.size)
-    for one in problem.maps:
-        value = np.abs(one.value(z))
-        total = size + one.change(size) + np.where(np.isinf(value), 0.0, value)
-        lost = gamma(one.terms) * total + one.terms * SMALLEST
-        rounding_r = np.maximum(rounding_r, np.where(np.isinf(value), 0.0, lost))
-    return rounding_p, rounding_r
+def _decided_rows(here: Evaluation, delta: Vector, change: Vector) -> tuple[Mask, Mask, Mask]:
+    """The masks of the rows that |z − z*| ≤ `delta` proves to be active, off both obstacles, at the upper one."""
+    inflate = 1 + 8 * UNIT_ROUNDOFF
+    rounding_p, rounding_r = here.rounding
+    error_p = (rounding_p + here.problem.matrix.absolute(delta)) * inflate
+    error_r = (rounding_r + delta + change) * inflate
+    active = here.p > error_p
+    inactive = here.r > error_r
+    at_upper = np.zeros(delta.size, dtype=bool)
+    if here.r_upper is not None:
+        inactive &= -here.r_upper > error_r
+        at_upper = here.p < -error_p
+    return active & ~inactive, inactive & ~active & ~at_upper, at_upper & ~inactive
 
 
-def obstacle_change(problem: DistributedICP, delta: Vector) -> Vector:
-    """A bound on |ψ(x) − ψ(y)|, and on that of ψ̄, for |x − y| ≤ `delta`, in the own rows. Collective."""
-    most = np.zeros(delta.size)
-    for one in problem.maps:
-        k = one.terms
-        with np.errstate(over="ignore"):
-            total = one.change(delta) * (1 + 2 * gamma(k)) + (0.0 if one.is_fixed else k * SMALLEST)
-        most = np.maximum(most, total)
-    return most
-
-
-def _may_cross(problem: DistributedICP, here: _Point, change: Vector) -> bool:
+def _may_cross(here: Evaluation, change: Vector) -> bool:
     """Whether ψ > ψ̄ is possible at an x within the bound of z. Fixed obstacles were checked before."""
-    if here.r_upper is None or all(one.is_fixed for one in problem.maps):
+    if here.r_upper is None or all(one.is_fixed for one in here.problem.maps):
         return False
-    rounding_r = here.rounding[1]
     with np.errstate(invalid="ignore"):
         safe = np.isinf(here.r) | np.isinf(here.r_upper)
-        safe |= here.r - here.r_upper > (2.0 * change + 2.0 * rounding_r) * (1 + 8 * UNIT_ROUNDOFF)
-    return totals(problem.comm, float((~safe).sum()))[0] > 0
+        safe |= here.r - here.r_upper > (2.0 * change + 2.0 * here.rounding[1]) * (1 + 8 * UNIT_ROUNDOFF)
+    return anywhere(here.problem.comm, ~safe)
 
 
 def _proof(problem: DistributedICP, levels: DistributedLevels | None) -> HPlusVectors | str:
     """(name, v, α, β), or why there is none. Collective."""
     matrix = problem.matrix
-    comm = problem.comm
-    if largest(comm, float((matrix.diagonal <= 0).any()))[0]:
+    if anywhere(matrix.comm, matrix.diagonal <= 0):
         return "A is not an H+-matrix: its diagonal is not positive"
     dominated = False
     for name, v in _candidates(matrix, levels):
         image = matrix.comparison.product(matrix.vector(v)).array
-        size = matrix.absolute(v)
         k = matrix.terms + 2
-        alpha = image - 2.0 * gamma(k) * size - k * SMALLEST
-        beta = v - obstacle_change(problem, v) - 2.0 * UNIT_ROUNDOFF * v
-        bad = (float((~(one > 0)).any()) for one in (alpha, beta))
-        not_alpha, not_beta = largest(comm, *bad)
-        if not (not_alpha or not_beta):
-            return name, v, alpha, beta
-        dominated |= not not_alpha
+        alpha = image - 2.0 * gamma(k) * matrix.absolute(v) - k * SMALLEST
+        beta = v - problem.change(v) - 2.0 * UNIT_ROUNDOFF * v
+        if not anywhere(matrix.comm, ~(alpha > 0)):
+            if not anywhere(matrix.comm, ~(beta > 0)):
+                return name, v, alpha, beta
+            dominated = True
     if dominated:
         return "A is an H+-matrix, but no v > 0 found gives both <A>v > 0 and (I - G)v > 0: psi moves too much"
     return "A is not proved to be an H+-matrix: no v > 0 found gives <A>v > 0"
@@ -240,12 +191,12 @@ def _proof(problem: DistributedICP, levels: DistributedLevels | None) -> HPlusVe
 
 def _candidates(matrix: DistributedMatrix, levels: DistributedLevels | None) -> Iterator[tuple[str, Vector]]:
     """v = 1, and the solution of ⟨A⟩v = D1 to a residual of at most half of it in every row. Collective."""
-    size = matrix.high - matrix.low
-    yield "v = 1", np.ones(size)
+    ones = np.ones(matrix.high - matrix.low)
+    yield "v = 1", ones
     comparison = matrix.comparison
     if levels is None or comparison is not matrix:
         levels = DistributedLevels(comparison)
-    levels.restrict(np.ones(size), 0)
-    v = levels.solve(matrix.vector(comparison.diagonal), 0, None, None, 1.0)
-    if not largest(matrix.comm, float((~(v.array_r > 0)).any()))[0]:
-        yield "v = <A>^-1 D1", v.array.copy()
+    levels.restrict(ones, 0)
+    v = levels.solve(matrix.vector(comparison.diagonal), 0, None, None, 1.0).array_r.copy()
+    if not anywhere(matrix.comm, ~(v > 0)):
+        yield "v = <A>^-1 D1", v

@@ -9,15 +9,17 @@ import numpy as np
 
 from ..errors import InputError, check_arguments
 from ..numerics.arrays import Vector, as_array, as_float64, as_number, described
+from ..numerics.rounding import SMALLEST, gamma
 from ..present.display import Displayable
 from ..problem.affine import Affine, Constant
 from ..problem.by_rows import ByRows
 from ..problem.data import ProblemData, as_problem
 from ..problem.elementwise import Elementwise
-from ..problem.two_sided import mid, sides_of
+from ..problem.two_sided import sides_of
 from .distributed_map import DistributedMap
 from .distributed_matrix import DistributedMatrix, check_aij, check_counts, from_rows
-from .ranks import largest, norm, petsc, together, totals, world
+from .evaluation import Evaluation
+from .ranks import count, petsc, together, world
 
 
 class DistributedICP(Displayable):
@@ -71,13 +73,12 @@ class DistributedICP(Displayable):
         matrix = DistributedMatrix(A)
         with together(comm):
             q = _own_entries(q, matrix.low, matrix.high)
-        if 0 < totals(comm, upper is not None)[0] < comm.size:
+        if 0 < count(comm, upper is not None) < comm.size:
             raise InputError("upper is None on some ranks only; inf stands for no upper obstacle")
         below = DistributedMap.of(psi, matrix, "psi")
         self._set(matrix, q, below, None if upper is None else DistributedMap.of(upper, matrix, "upper"))
-        finite = matrix.own_entries[2]
         with together(comm):
-            if not finite:
+            if not matrix.own_rows[3]:
                 raise InputError("A has an entry that is not finite; finite numbers were expected")
             self._check_sides()
 
@@ -188,8 +189,7 @@ class DistributedICP(Displayable):
         float
             The residual.
         """
-        p, r, r_upper = self.sides(check_point(self, z, "z"))
-        return norm(self.comm, mid(self.matrix.row_weights * p, r, r_upper))
+        return Evaluation(self, check_point(self, z, "z")).residual
 
     def paper_residual(self, z: Any) -> float:
         """Res(z) = ‖min(p, r)‖₂.
@@ -204,7 +204,27 @@ class DistributedICP(Displayable):
         float
             The residual.
         """
-        return norm(self.comm, mid(*self.sides(check_point(self, z, "z"))))
+        return Evaluation(self, check_point(self, z, "z")).paper_residual
+
+    def change(self, delta: Vector) -> Vector:
+        """Bound |ψ(x) − ψ(y)|, and the same of ψ̄, for |x − y| ≤ `delta`, in the own rows.
+
+        Parameters
+        ----------
+        delta : array
+            The own entries.
+
+        Returns
+        -------
+        array
+            The bound.
+        """
+        most = np.zeros(delta.size)
+        for one in self.maps:
+            with np.errstate(over="ignore"):
+                total = one.change(delta) * (1 + 2 * gamma(one.terms)) + (0.0 if one.is_fixed else one.terms * SMALLEST)
+            most = np.maximum(most, total)
+        return most
 
     def __repr__(self) -> str:
         return f"DistributedICP(n={self.n}, ranks={self.comm.size})"
@@ -302,9 +322,9 @@ def by_rows(problem: Any, comm: Any = None) -> DistributedICP:
     with together(comm):
         checked = _as_by_rows(problem)
         check_counts(checked.n, 0)
-    least, most = largest(comm, float(-checked.n), float(checked.n))
-    if -least != most:
-        raise InputError(f"problem.n is between {-least:.0f} and {most:.0f} on the ranks; one number was expected")
+    sizes = comm.allgather(checked.n)
+    if min(sizes) != max(sizes):
+        raise InputError(f"problem.n is between {min(sizes)} and {max(sizes)} on the ranks; one number was expected")
     layout = PETSc.Vec().createMPI(checked.n, comm=comm)
     with together(comm):
         A, q, psi, upper = checked.local_rows(*layout.getOwnershipRange())
@@ -351,21 +371,18 @@ def distribute(problem: Any, comm: Any = None) -> DistributedICP:
     DistributedICP(n=100, ranks=1)
     """
     comm = world(comm)
-    everywhere = totals(comm, problem is not None)[0] == comm.size
+    everywhere = count(comm, problem is not None) == comm.size
     with together(comm):
-        mine = comm.rank == 0 or everywhere
-        data = as_problem(problem) if mine else None
-        bounds = None if data is None else [data.n * k // comm.size for k in range(comm.size + 1)]
-        if data is not None and bounds is not None and everywhere:
-            share = _share(data, bounds[comm.rank], bounds[comm.rank + 1])
-        elif data is not None and bounds is not None:
+        shares: list[Any] = []
+        if everywhere or comm.rank == 0:
+            data = as_problem(problem)
+            bounds = [data.n * k // comm.size for k in range(comm.size + 1)]
+            shares = [_share(data, *bounds[k : k + 2]) for k in ([comm.rank] if everywhere else range(comm.size))]
             # a function that cannot be pickled must not be found out when the others wait already
-            sent = [pickle.dumps(_share(data, *bounds[k : k + 2])) for k in range(comm.size)]
-    if not everywhere:
-        content = comm.scatter(sent if comm.rank == 0 else None)
-        with together(comm):
-            share = pickle.loads(content)
-    A, q, sides = share
+            shares = shares if everywhere else [pickle.dumps(one) for one in shares]
+    share = shares[0] if everywhere else comm.scatter(shares or None)
+    with together(comm):
+        A, q, sides = share if everywhere else pickle.loads(share)
     maps = [own if G is None else (from_rows(G, comm), own) for own, G in sides]
     return DistributedICP(from_rows(A, comm), q, *maps)
 

@@ -13,12 +13,9 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..numerics.arrays import Vector
 from ..numerics.rounding import SMALLEST, gamma
-from ..numerics.sparse_structure import diagonal_positions
+from ..numerics.sparse_structure import SYMMETRY_RTOL, diagonal_positions
 from ..problem.matrix import weights_of
-from .ranks import largest, petsc, together, totals
-
-#: the largest Au − Aᵀu that counts as rounding, as a share of ‖Au‖, both in the maximum norm
-_SYMMETRY_RTOL = 1e-10
+from .ranks import anywhere, largest, petsc, together
 
 
 class DistributedMatrix:
@@ -40,12 +37,12 @@ class DistributedMatrix:
     @property
     def row_weights(self) -> Vector:
         """The weights of the own rows: see `problem.Matrix.row_weights`."""
-        return self.own_entries[3]
+        return self.own_rows[0]
 
     @cached_property
     def smallest_row(self) -> float:
         """min_i d_i: ‖D⁻¹x‖ ≤ ‖x‖/min d_i. Collective, the first time."""
-        return 1.0 / largest(self.comm, float(self.row_weights.max(initial=0.0)))[0]
+        return 1.0 / largest(self.comm, self.row_weights)
 
     @cached_property
     def block(self) -> sp.csr_array:
@@ -58,19 +55,15 @@ class DistributedMatrix:
         """Where the diagonal entries of the block are stored."""
         return diagonal_positions(self.block)
 
-    def add_other_ranks(self, q: Vector, z: Any) -> Vector:
-        """`q` plus the part of Az in the own rows that comes from the unknowns of other ranks. Collective."""
-        return q if self.comm.size == 1 else q + (self.product(z).array_r - self.block @ z.array_r)
-
     def free_block(self) -> None:
         """Free the arrays of sweeps on this level."""
         for name in ("block", "block_diagonal"):
             vars(self).pop(name, None)
 
     @cached_property
-    def own_entries(self) -> tuple[int, bool, bool, Vector]:
-        """(the entries of the longest own row, whether D > 0 and nothing is positive off it, whether all are finite,
-        the weights of the own rows).
+    def own_rows(self) -> tuple[Vector, int, bool, bool]:
+        """(their weights, the entries of the longest one, whether D > 0 and nothing is positive off it, whether all
+        entries are finite).
 
         Local. PETSc hands out copies, with ranks two of them: best asked for before there are levels.
         """
@@ -82,24 +75,17 @@ class DistributedMatrix:
         full = entries > 0
         if full.any():
             largest_of_rows[full] = np.maximum.reduceat(np.abs(data, out=data), indptr[:-1][full])
-        return int(entries.max(initial=0)), bool(signs), finite, weights_of(largest_of_rows)
+        return weights_of(largest_of_rows), int(entries.max(initial=0)), bool(signs), finite
 
     @cached_property
-    def _signs(self) -> tuple[int, bool]:
-        """The first two of `own_entries`, over all ranks. Collective, the first time."""
-        longest, signs, *_ = self.own_entries
-        most, other = largest(self.comm, float(longest), float(not signs))
-        return int(most), not other
-
-    @property
     def terms(self) -> int:
-        """How many entries the longest row has: what bounds the rounding of a product."""
-        return self._signs[0]
+        """How many entries the longest row has: what bounds the rounding of a product. Collective, the first time."""
+        return int(largest(self.comm, self.own_rows[1]))
 
     @cached_property
     def comparison(self) -> DistributedMatrix:
-        """⟨A⟩, |a_ii| on the diagonal and −|a_ij| off it: this matrix itself where these are its signs."""
-        if self._signs[1]:
+        """⟨A⟩, |a_ii| on the diagonal and −|a_ij| off it: this matrix itself where these are its signs. Collective."""
+        if not anywhere(self.comm, not self.own_rows[2]):
             return self
         new = DistributedMatrix(map_entries(self.mat, lambda data: -np.abs(data)))
         new.mat.setDiagonal(self.vector(np.abs(self.diagonal)))
@@ -119,16 +105,12 @@ class DistributedMatrix:
 
         It decides which Krylov method is tried, and nothing that is proved.
         """
-        known, symmetric = self.mat.isSymmetricKnown()
-        if known:
-            return bool(symmetric)
         u = self.vector(np.cos(np.arange(self.low, self.high) ** 2.0))
         image = self.product(u)
-        difference = image.duplicate()
-        self.mat.multTranspose(u, difference)
+        difference = self.image(self.mat, u, transposed=True)
         difference.axpy(-1.0, image)
         largest_entry = petsc().NormType.INFINITY  # whose squares are not needed
-        return bool(difference.norm(largest_entry) <= _SYMMETRY_RTOL * image.norm(largest_entry))
+        return bool(difference.norm(largest_entry) <= SYMMETRY_RTOL * image.norm(largest_entry))
 
     def vector(self, own: Vector | None = None) -> Any:
         """A new PETSc vector of shape (n,), with the `own` entries, or zeros."""
@@ -145,10 +127,10 @@ class DistributedMatrix:
         """Az, a new PETSc vector."""
         return self.image(self.mat, z)
 
-    def image(self, mat: Any, z: Any) -> Any:
-        """Mz for a `mat` of the same layout, a new PETSc vector."""
+    def image(self, mat: Any, z: Any, transposed: bool = False) -> Any:
+        """Mz, or Mᵀz, for a `mat` whose rows, or columns, have this layout, a new PETSc vector."""
         result = self._template.duplicate()
-        mat.mult(z, result)
+        (mat.multTranspose if transposed else mat.mult)(z, result)
         return result
 
 
@@ -181,7 +163,7 @@ def from_rows(rows: sp.csr_array, comm: Any) -> Any:
     """PETSc's square matrix of the `rows` that each rank gives, CSR with all columns. Collective. Raises InputError."""
     PETSc = petsc()
     local_rows = rows.shape[0]
-    n = int(totals(comm, local_rows)[0])
+    n = comm.allreduce(local_rows)
     with together(comm):
         if rows.shape[1] != n:
             raise InputError(f"A has {rows.shape[1]} columns in the rows of this rank; {n} were expected")

@@ -8,98 +8,102 @@ common rows.
 
 from __future__ import annotations
 
-from collections.abc import Generator
-from itertools import pairwise
+from collections.abc import Iterator
+from itertools import islice, pairwise
 from typing import Any
 
 import numpy as np
 
-from ..algebra.equations import Pattern
 from ..algebra.steps import INNER_REDUCTION, SWEEPS
+from ..methods.contract import PATIENCE, REDUCTION
 from ..methods.multilevel import COARSE_REDUCTION, MAX_COARSE_STEPS
-from ..numerics.arrays import Vector, inner
-from ..problem.two_sided import ObstaclePair, mid
+from ..numerics.arrays import Vector
+from ..solve.run import MAX_ROUNDING
 from .distributed_icp import DistributedICP
 from .distributed_levels import DistributedLevel, DistributedLevels
 from .distributed_map import DistributedMap
-from .ranks import largest, norm_from, petsc, release, together, totals
+from .evaluation import Evaluation
+from .ranks import anywhere, largest, petsc, release, together
 
 #: share of the residual that a step leaves when the active set has settled but for a few rows
 _SETTLED_REDUCTION = 0.5
 #: multiple of the wanted residual below which sweeps are tried once more, as a Newton step costs several times as much
 _SWEEP_RANGE = 2.0
+#: rounds of sweeps that may take over, and how many sweeps a round has
+_MAX_ROUNDS = 100
+_SWEEPS_PER_ROUND = 8
+#: the largest number of times that sweeps take over
+_MAX_EXTRA_SWEEPS = 10
 
 
-class Evaluation:
-    """p, `r` = z − ψ, `r_upper` = z − ψ̄, the active set and the residual at z; one product and one reduction.
+def iterates(
+    levels: DistributedLevels, problem: DistributedICP, z: Any, target: float, scale: float
+) -> Iterator[Evaluation]:
+    """Newton's steps from `z`, and sweeps where they do not reduce the residual, until both fail. Collective.
 
-    `pattern_changed` says whether the active set differs from `last_pattern` on any rank.
+    Rounding explains a residual that is a small part of `scale`.
     """
+    best: Evaluation | None = None
+    milestone = np.inf
+    for _ in range(_MAX_EXTRA_SWEEPS + 1):
+        idle = 0
+        for at in newton_steps(levels, problem, z, 0, target):
+            yield at
+            if best is None or at.residual < best.residual or not np.isfinite(best.residual):
+                best = at
+            idle += 1
+            if at.residual <= REDUCTION * milestone:
+                milestone = at.residual
+                idle = 0
+            if idle > PATIENCE or not np.isfinite(at.residual):
+                break
+        if best is None or is_at_floor(best, scale):
+            return
+        at = best
+        for _ in range(_MAX_ROUNDS):
+            at = at.after_sweeps(_SWEEPS_PER_ROUND)
+            release(problem.comm)
+            yield at
+            if at.residual <= REDUCTION * best.residual or not np.isfinite(at.residual):
+                break
+        if not at.residual <= REDUCTION * best.residual:
+            return
+        z = at.z
 
-    def __init__(self, problem: DistributedICP, z: Any, last_pattern: Pattern | None) -> None:
-        self.problem = problem
-        self.z = z
-        self.p, self.r, self.r_upper = problem.sides(z)
-        with np.errstate(all="ignore"):
-            # p and r then change alike with z_i
-            a = self.p / problem.matrix.diagonal * problem.psi.own_slope
-            self.pattern = Pattern.of(self.r, self.r_upper, a)
-            own = mid(problem.matrix.row_weights * self.p, self.r, self.r_upper)
-        pattern_changed = last_pattern is None or not self.pattern.same_sides(last_pattern)
-        squares, changes = totals(problem.comm, inner(own, own), float(pattern_changed))
-        self.residual = norm_from(problem.comm, squares, own)
-        self.pattern_changed = changes > 0
 
-    def after_sweeps(self, count: int) -> Any:
-        """z after `count` sweeps of projected Gauss–Seidel in the rows of each rank. Collective.
-
-        Ranks exchange their values between two sweeps; the obstacles stay as they were.
-        """
-        from ..algebra.kernels.sweeps import sweep_rows  # loads numba
-
-        problem = self.problem
-        matrix = self.problem.matrix
-        z = self.z.array_r
-        at = self.z.copy()
-        A = matrix.block
-        rows = (A.indptr, A.indices, A.data, matrix.block_diagonal, matrix.row_weights)
-        psi: Any = z - self.r
-        if self.r_upper is not None:
-            psi = ObstaclePair(psi, z - self.r_upper)
-        z = z.copy()
-        out = np.empty(z.size)
-        for k in range(count):
-            q = matrix.add_other_ranks(problem.q, at)
-            if z.size:
-                sweep_rows(*rows, q, psi, (1.0,), k % 2 == 0, z, out)
-                z, out = out, z
-            at.setArray(z)
-        return at
+def is_at_floor(at: Evaluation, scale: float) -> bool:
+    """Whether rounding explains the residual, and is a small part of `scale`. Collective."""
+    return at.residual <= 2.0 * at.rounding_of_residuals[0] < MAX_ROUNDING * scale
 
 
 def newton_steps(
     levels: DistributedLevels, problem: DistributedICP, z: Any, top: int, target: float | None = None
-) -> Generator[Evaluation, float | None, None]:
+) -> Iterator[Evaluation]:
     """Newton's steps on level `top`, whose problem is `problem`, as `simplify` makes it: the evaluation after each.
 
-    Send the residual to aim at from then on, or None.
+    They aim at the residual `target`, by default at a share of the first one.
     """
-    last_pattern: Pattern | None = None
-    before = np.inf
+    last = None
     while True:
-        at = Evaluation(problem, z, last_pattern)
+        at = Evaluation(problem, z)
         tolerance = target or 0.0
         for max_residual in (np.inf, _SWEEP_RANGE * tolerance):
-            if at.pattern_changed and tolerance < at.residual <= max_residual:
-                at = Evaluation(problem, at.after_sweeps(SWEEPS), last_pattern)
-        target = yield at
-        if at.pattern_changed:
-            last_pattern = at.pattern
-            levels.restrict(np.where(last_pattern.active, 0.0, 1.0), top)
-        is_stable = not at.pattern_changed or at.residual <= _SETTLED_REDUCTION * before < np.inf
-        z = _newton_step(levels, at, top, target if is_stable else None)
-        before = at.residual
+            if tolerance < at.residual <= max_residual and _has_moved(at, last):
+                at = at.after_sweeps(SWEEPS)
+        yield at
+        target = COARSE_REDUCTION * at.residual if target is None else target
+        moved = _has_moved(at, last)
+        if moved:
+            levels.restrict(np.where(at.pattern.active, 0.0, 1.0), top)
+        settles = last is not None and at.residual <= _SETTLED_REDUCTION * last.residual < np.inf
+        z = _newton_step(levels, at, top, target if settles or not moved else None)
+        last = at
         release(problem.comm)
+
+
+def _has_moved(at: Evaluation, last: Evaluation | None) -> bool:
+    """Whether the active set differs from that of the `last` step on any rank. Collective."""
+    return last is None or anywhere(at.problem.comm, not at.pattern.same_sides(last.pattern))
 
 
 def _newton_step(levels: DistributedLevels, at: Evaluation, top: int, target: float | None) -> Any:
@@ -112,10 +116,10 @@ def _newton_step(levels: DistributedLevels, at: Evaluation, top: int, target: fl
         z = problem.vector(at.z.array_r - r_active)
         f = np.where(active, 0.0, -(problem.matrix.product(z).array_r + problem.q))
     else:
-        z = at.z
+        z = at.z.copy()
         f = np.where(active, -r_active * problem.matrix.diagonal, -at.p)
     step = levels.solve(problem.vector(f), top, J, INNER_REDUCTION if target is None else None, target)
-    if np.isfinite(largest(problem.comm, float(np.abs(step.array_r).max(initial=0.0)))[0]):
+    if np.isfinite(largest(problem.comm, np.abs(step.array_r))):
         z.axpy(1.0, step)
     return z
 
@@ -157,15 +161,13 @@ def coarse_start(levels: DistributedLevels, problem: DistributedICP) -> Any:
         shifts.append(shift)
     z = problems[-1].vector()
     for top in range(len(problems) - 1, 0, -1):
-        path = newton_steps(levels, problems[top], z, top)
-        at = next(path)
-        tolerance = COARSE_REDUCTION * at.residual
-        for _ in range(MAX_COARSE_STEPS - 1):
-            if at.residual <= tolerance:
-                break
-            at = path.send(tolerance)
+        steps = islice(newton_steps(levels, problems[top], z, top), MAX_COARSE_STEPS)
+        at = first = next(steps)
+        while at.residual > COARSE_REDUCTION * first.residual and (following := next(steps, None)) is not None:
+            at = following
         problems[top].matrix.free_block()
-        z = levels.levels[top - 1].interpolate(at.z)
+        finer = levels.levels[top - 1]
+        z = finer.matrix.image(finer.P, at.z)
         z.array = z.array_r + shifts[top - 1]
     return z
 
@@ -174,7 +176,9 @@ def _coarse_problem(
     problem: DistributedICP, level: DistributedLevel, coarser: DistributedLevel
 ) -> tuple[DistributedICP, Vector]:
     """The problem on the level below `level`, and the shift s: on `level` its answer z is Pz + s."""
-    shift = np.where(level.coarse_mask(), 0.0, -problem.q / problem.matrix.diagonal)
+    ones = coarser.matrix.vector(np.ones(coarser.matrix.high - coarser.matrix.low))
+    is_coarse = problem.matrix.image(level.injection, ones, transposed=True).array_r > 0
+    shift = np.where(is_coarse, 0.0, -problem.q / problem.matrix.diagonal)
     at_shift = problem.vector(shift)
     p = problem.matrix.product(at_shift)
     p.array = p.array_r + problem.q
@@ -183,7 +187,7 @@ def _coarse_problem(
         if one is None:
             maps.append(None)
             continue
-        c = level.inject(problem.vector(one.value(at_shift) - shift))
+        c = coarser.matrix.image(level.injection, problem.vector(one.value(at_shift) - shift)).array_r
         with np.errstate(divide="ignore", invalid="ignore"):
             c = np.where(level.weight > 0, c / level.weight, none)
         G = None
@@ -191,7 +195,8 @@ def _coarse_problem(
             G = level.injection.matMult(one.G).matMult(level.P)
             G.diagonalScale(coarser.matrix.vector(np.where(level.weight > 0, 1.0 / level.weight, 0.0)))
         maps.append(DistributedMap.constant(coarser.matrix, c, G))
-    return DistributedICP.of_checked(coarser.matrix, level.restrict_residual(p), *maps), shift
+    q = coarser.matrix.image(level.P, p, transposed=True).array.copy()
+    return DistributedICP.of_checked(coarser.matrix, q, *maps), shift
 
 
 def simplify(problem: DistributedICP, start: bool = False) -> DistributedICP:
@@ -200,6 +205,8 @@ def simplify(problem: DistributedICP, start: bool = False) -> DistributedICP:
     That is where the obstacle is Gz + f(z). For a `start` f is not called there either: it is then
     its value at its own fixed point. Raises MapError, NotApplicable.
     """
+    if not problem.calls_user_code:
+        return problem
     maps: list[Any] = []
     for one in (problem.psi, problem.upper):
         if one is not None and one.has_function and (one.G is None or start):

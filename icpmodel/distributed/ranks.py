@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import atexit
-import math
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import FileError, InputError, MapError, NotApplicable
-from ..numerics.arrays import Vector, described, inner
+from ..numerics import arrays
+from ..numerics.arrays import Vector, described
 
 _MISSING = (
     "icpmodel.distributed needs petsc4py and mpi4py, which pip install 'icpmodel[petsc]' builds from sources; "
@@ -56,11 +56,10 @@ def _abort_at_failing_exit() -> None:
 def world(comm: Any = None) -> Any:
     """`comm` as an mpi4py communicator: all ranks where it is None. Raises InputError, NotApplicable."""
     PETSc = petsc()
-    if comm is None:
-        return PETSc.COMM_WORLD.tompi4py()
+    comm = PETSc.COMM_WORLD if comm is None else comm
     if isinstance(comm, PETSc.Comm):
         return comm.tompi4py()
-    if not hasattr(comm, "Allreduce"):
+    if not hasattr(comm, "Allgather"):
         raise InputError(f"comm is {described(comm)}; a communicator of mpi4py or petsc4py was expected")
     return comm
 
@@ -85,11 +84,10 @@ def together(comm: Any) -> Iterator[None]:
         yield
     except (Exception, SystemExit) as error:
         fault = error
-    from mpi4py import MPI
-
-    first = comm.allreduce(comm.rank if fault is not None else comm.size, op=MPI.MIN)
-    if first == comm.size:
+    failed = np.flatnonzero(_of_all(comm, fault is not None))
+    if not failed.size:
         return
+    first = int(failed[0])
     kind, text = comm.bcast(_error_message(fault) if comm.rank == first else None, root=first)
     text = f"{text} (rank {first} of {comm.size})" if first else text
     raise (kind or FailedOnRank)(text) from fault
@@ -109,40 +107,28 @@ def _error_message(fault: BaseException | None) -> tuple[type[Exception] | None,
     return kind, text if kind in _OWN_ERRORS else f"{type(fault).__name__}: {text}"
 
 
-def totals(comm: Any, *numbers: float) -> list[float]:
-    """The sums of the `numbers` over all ranks, in one reduction."""
-    mine = np.array(numbers, dtype=np.float64)
-    every = np.empty(len(numbers))
-    comm.Allreduce(mine, every)
-    return [float(x) for x in every]
+def _of_all(comm: Any, number: float) -> Vector:
+    """The `number` of each rank, shape (ranks,), on all of them."""
+    every = np.empty(comm.size)
+    comm.Allgather(np.array([number], dtype=np.float64), every)
+    return every
+
+
+def count(comm: Any, mask: Any) -> int:
+    """How many entries of the own `mask`, or bool, are true over all ranks."""
+    return int(_of_all(comm, int(np.count_nonzero(mask))).sum())
+
+
+def anywhere(comm: Any, mask: Any) -> bool:
+    """Whether an entry of the own `mask`, or bool, is true on any rank."""
+    return count(comm, mask) > 0
+
+
+def largest(comm: Any, own: Any) -> float:
+    """The largest of the `own` entries over all ranks, at least 0; NaN where one of them is."""
+    return float(_of_all(comm, np.max(own, initial=0.0)).max())
 
 
 def norm(comm: Any, own: Vector) -> float:
-    """‖x‖₂, where each rank has its `own` entries of x, in one reduction; see `norm_from`."""
-    return norm_from(comm, totals(comm, inner(own, own))[0], own)
-
-
-def norm_from(comm: Any, squares: float, own: Vector) -> float:
-    """‖x‖₂ from the sum of the `squares` over all ranks. Collective.
-
-    Where that may have over- or underflowed, x is scaled first, as in `numerics.arrays.norm`.
-    """
-    if 1e-280 < squares < 1e280:
-        return math.sqrt(squares)
-    top = largest(comm, float(np.abs(own).max(initial=0.0)))[0]
-    if top == 0.0 or not math.isfinite(top):
-        return top
-    scaled = own / top
-    return top * math.sqrt(totals(comm, inner(scaled, scaled))[0])
-
-
-def largest(comm: Any, *numbers: float) -> list[float]:
-    """The largest of the `numbers` over all ranks, in one reduction; NaN where one of them is."""
-    from mpi4py import MPI
-
-    mine = np.array(numbers, dtype=np.float64)
-    # MPI.MAX may lose a NaN
-    both = np.concatenate([np.where(np.isnan(mine), -np.inf, mine), np.isnan(mine)])
-    every = np.empty(both.size)
-    comm.Allreduce(both, every, op=MPI.MAX)
-    return [float("nan") if nan else float(x) for x, nan in zip(*np.split(every, 2), strict=True)]
+    """‖x‖₂, where each rank has its `own` entries of x; see `numerics.arrays.norm`."""
+    return arrays.norm(_of_all(comm, arrays.norm(own) if own.size else 0.0))

@@ -17,26 +17,18 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, MapError, NotApplicable, NotSolved
-from ..methods.contract import PATIENCE, REDUCTION
 from ..methods.multilevel import GOOD_START
 from ..numerics.arrays import as_truth
 from ..numerics.rounding import public_entry
 from ..solve.goal import RTOL, Limits
 from ..solve.progress import status_line
-from ..solve.run import MAX_ROUNDING
 from ..solve.solution import Status
-from .distributed_bound import rounding
 from .distributed_icp import DistributedICP, check_point
 from .distributed_levels import DistributedLevels
 from .distributed_solution import DistributedSolution
-from .newton_on_ranks import Evaluation, coarse_start, newton_steps, simplify
-from .ranks import largest, norm, release, together, totals
-
-#: rounds of sweeps that may take over, and how many sweeps a round has
-_MAX_ROUNDS = 100
-_SWEEPS_PER_ROUND = 8
-#: the largest number of times that sweeps take over
-_MAX_EXTRA_SWEEPS = 10
+from .evaluation import Evaluation
+from .newton_on_ranks import coarse_start, is_at_floor, iterates, simplify
+from .ranks import anywhere, together
 
 
 @public_entry
@@ -122,7 +114,7 @@ def solve(
     if z0 is not None:
         z0 = check_point(problem, z0, "z0", finite=True)
     as_truth(progress, "progress"), as_truth(raise_on_failure, "raise_on_failure")
-    if largest(problem.comm, float((problem.matrix.diagonal <= 0).any()))[0]:
+    if anywhere(problem.comm, problem.matrix.diagonal <= 0):
         raise NotApplicable("the diagonal of A has an entry that is not positive, which sweeps and multigrid divide by")
     with _watch(problem.comm, limits) as watch, status_line(progress and problem.comm.rank == 0) as say:
         run = _Run(problem, limits, watch, say)
@@ -154,8 +146,9 @@ def _watch(comm: Any, limits: Limits) -> Iterator[Callable[[], Status | None]]:
 
     def ended() -> Status | None:
         late = comm.rank == 0 and limits.time_limit is not None and time.perf_counter() - start_time > limits.time_limit
-        stop, over = totals(comm, float(bool(pressed)), float(late))
-        return Status.INTERRUPTED if stop else Status.TIME_LIMIT if over else None
+        if anywhere(comm, bool(pressed)):
+            return Status.INTERRUPTED
+        return Status.TIME_LIMIT if anywhere(comm, late) else None
 
     try:
         yield ended
@@ -176,153 +169,102 @@ class _Run:
         self.say = say
         self.start_time = time.perf_counter()
         self.iterations = 0
-        self.scale = np.inf
-        self.tolerance = self.target = 0.0
+        self.tolerance = 0.0
         self.levels: DistributedLevels | None = None
-        self.best = problem.vector()
-        self.least = np.inf
+        self.best = Evaluation(problem, problem.vector())
 
     def solve_from(self, z0: Any) -> tuple[Status, str]:
         """Run from `z0`, a `Vec`, or 0 where it is None; return the status and a note on it. Collective."""
         problem = self.problem
-        at_0 = problem.residual(problem.vector())
-        z, first = (problem.vector(), at_0) if z0 is None else (z0.copy(), problem.residual(z0))
-        scale = at_0 if np.isfinite(at_0) else first
+        at_0 = self.best.residual
+        first = self.best if z0 is None else Evaluation(problem, z0.copy())
+        scale = at_0 if np.isfinite(at_0) else first.residual
         if not np.isfinite(scale):
-            _check_maps(problem, z, "at the start")
+            _check_maps(first, "at the start")
             raise MapError("the residual at the start is not finite")
         if not scale:  # Res(0) = 0: no start is nearer
-            self._keep_best(problem.vector(), 0.0)
             return Status.SOLVED, ""
-        self.scale = scale
-        self.tolerance = self.target = float(self.limits.tolerance(self.scale))
-        if self.limits.atol and (paper := problem.paper_residual(z)) > 0:
-            self.target = max(self.target, self.limits.atol * first / paper)  # about what Res ≤ atol takes
-        self._keep_best(z, first)
-        if self._reached(z, first):
+        self.tolerance = target = float(self.limits.tolerance(scale))
+        self.best = first
+        if self._is_reached(first):
             return Status.SOLVED, ""
-        fixed = simplify(problem) if problem.calls_user_code else problem
+        if self.limits.atol:  # about what Res ≤ atol takes
+            target = max(target, self.limits.atol * first.residual / first.paper_residual)
+        fixed = simplify(problem)
         self.say("making the levels")
         self.levels = DistributedLevels(problem.matrix)
         if (stop := self.watch()) is not None:
             return stop, "while the levels were made"
+        z = first.z
         try:
-            if not first <= GOOD_START * at_0:
+            if not first.residual <= GOOD_START * at_0:
                 self.say(f"starting from {len(self.levels.levels)} levels")
-                z = coarse_start(self.levels, simplify(fixed, start=True) if fixed.calls_user_code else fixed)
-            return self._steps(fixed, z)
+                z = coarse_start(self.levels, simplify(fixed, start=True))
+            return self._steps(fixed, iterates(self.levels, fixed, z, target, scale), scale)
         except MapError as error:
             return Status.MAP_FAILED, str(error)
 
-    def _steps(self, fixed: DistributedICP, z: Any) -> tuple[Status, str]:
-        """Newton's steps from `z`, and sweeps where they fail; the status and a note on it. Collective."""
-        assert self.levels is not None
-        milestone = np.inf
-        idle = 0
-        extra_sweeps = 0
-        path = newton_steps(self.levels, fixed, z, 0, self.target)
-        at = next(path)
-        while True:
-            residual = at.residual if fixed is self.problem else self.problem.residual(at.z)
-            self._keep_best(at.z, residual)
-            self.say(f"iteration {self.iterations}, residual {residual:.2e} -> {self.tolerance:.2e}")
-            if self._reached(at.z, residual):
+    def _steps(self, fixed: DistributedICP, path: Iterator[Evaluation], scale: float) -> tuple[Status, str]:
+        """Judge the iterates of the problem `fixed`; the status and a note on it. Collective."""
+        for self.iterations, iterate in enumerate(path):
+            at = iterate if fixed is self.problem else Evaluation(self.problem, iterate.z)
+            if at.residual < self.best.residual or not np.isfinite(self.best.residual):
+                self.best = at
+            self.say(f"iteration {self.iterations}, residual {at.residual:.2e} -> {self.tolerance:.2e}")
+            if self._is_reached(at):
+                self.best = at
                 return Status.SOLVED, ""
             if self.iterations >= self.limits.max_iter:
                 return Status.ITERATION_LIMIT, f"{self.iterations} iterations"
             if (stop := self.watch()) is not None:
                 return stop, f"in iteration {self.iterations}"
-            if np.isnan(residual):
-                _check_maps(self.problem, at.z, f"in iteration {self.iterations}")
-            idle += 1
-            if residual <= REDUCTION * milestone:
-                milestone = residual
-                idle = 0
-            if idle > PATIENCE or not np.isfinite(residual):
-                if self.least <= 2.0 * (noise := self._rounding()[0]) < MAX_ROUNDING * self.scale:
-                    return Status.PRECISION_LIMIT, f"rounding leaves a residual of up to about {noise:.2g} at this z"
-                extra_sweeps += 1
-                swept = self._after_sweeps(fixed) if extra_sweeps <= _MAX_EXTRA_SWEEPS else None
-                if swept is None:
-                    return Status.STAGNATED, "neither Newton's steps nor sweeps reduce the residual any more"
-                path = newton_steps(self.levels, fixed, swept, 0, self.target)
-                at = next(path)
-                idle = 0
-            else:
-                at = path.send(self.target)
-            self.iterations += 1
+            if np.isnan(at.residual):
+                _check_maps(at, f"in iteration {self.iterations}")
+        if is_at_floor(self.best, scale):
+            noise = self.best.rounding_of_residuals[0]
+            return Status.PRECISION_LIMIT, f"rounding leaves a residual of up to about {noise:.2g} at this z"
+        return Status.STAGNATED, "neither Newton's steps nor sweeps reduce the residual any more"
 
-    def _reached(self, z: Any, residual: float) -> bool:
-        """Whether `z`, with Res_D(z) = `residual`, is what was asked for. Collective."""
-        if residual <= self.tolerance or not self.limits.atol:
-            return residual <= self.tolerance
-        return self.problem.paper_residual(z) <= self.limits.atol
-
-    def _after_sweeps(self, fixed: DistributedICP) -> Any:
-        """z from the best iterate by sweeps, with a residual that counts as reduced, or None."""
-        z = self.best
-        for _ in range(_MAX_ROUNDS):
-            at = Evaluation(fixed, z, None)
-            if at.residual <= REDUCTION * self.least:
-                return at.z
-            if self.iterations >= self.limits.max_iter or not np.isfinite(at.residual):
-                return None
-            z = at.after_sweeps(_SWEEPS_PER_ROUND)
-            release(self.problem.comm)
-            self.iterations += 1
-        return None
-
-    def _rounding(self) -> tuple[float, float]:
-        """Bounds on the rounding errors of Res_D and Res at the best iterate. Collective."""
-        rounding_p, rounding_r = rounding(self.problem, self.best)
-        comm = self.problem.comm
-        weighted = np.maximum(self.problem.matrix.row_weights * rounding_p, rounding_r)
-        return norm(comm, weighted), norm(comm, np.maximum(rounding_p, rounding_r))
-
-    def _keep_best(self, z: Any, residual: float) -> None:
-        if residual < self.least or not np.isfinite(self.least):
-            self.best = z.copy()
-            self.least = residual
+    def _is_reached(self, at: Evaluation) -> bool:
+        """Whether `at` has what was asked for. Collective."""
+        if at.residual <= self.tolerance or not self.limits.atol:
+            return at.residual <= self.tolerance
+        return at.paper_residual <= self.limits.atol
 
     def solution(self, status: Status, note: str) -> DistributedSolution:
         """The best iterate, judged once more, rounding included."""
-        problem = self.problem
-        residual = self.least
-        if status is Status.SOLVED:
-            error, paper_error = self._rounding()
-            atol = self.limits.atol
-            is_certain = residual + error <= self.tolerance
-            if atol and not is_certain:
-                is_certain = problem.paper_residual(self.best) + paper_error <= atol
-            if not is_certain and max(self.tolerance, atol) > 0:
+        best = self.best
+        atol = self.limits.atol
+        if status is Status.SOLVED and max(self.tolerance, atol) > 0:
+            error, paper_error = best.rounding_of_residuals
+            is_certain = best.residual + error <= self.tolerance
+            if not is_certain and not (atol and best.paper_residual + paper_error <= atol):
                 status = Status.PRECISION_LIMIT
                 note = f"rounding may account for {error:.3g} of it"
         message = "solved"
         if status is not Status.SOLVED:
-            message = (
-                f"{status.value}: {note}. Best residual {residual:.3g} (stop at {self.tolerance:.3g}). "
-                f"Advice: {status.advice}"
-            )
+            stop = f"Best residual {best.residual:.3g} (stop at {self.tolerance:.3g})"
+            message = f"{status.value}: {note}. {stop}. Advice: {status.advice}"
         levels = self.levels
         return DistributedSolution(
-            problem=problem,
-            z=self.best,
+            problem=self.problem,
+            z=best.z,
             status=status,
             message=message,
-            residual=residual,
+            residual=best.residual,
             tolerance=self.tolerance,
             iterations=self.iterations,
             krylov_steps=0 if levels is None else levels.steps,
-            sizes=(problem.n,) if levels is None else tuple(one.matrix.n for one in levels.levels),
+            sizes=(self.problem.n,) if levels is None else tuple(one.matrix.n for one in levels.levels),
             seconds=time.perf_counter() - self.start_time,
             levels=levels,
         )
 
 
-def _check_maps(problem: DistributedICP, z: Any, when: str) -> None:
-    """Raise MapError, on all ranks, where an obstacle has no value at a `z` that has one. Collective."""
-    _, r, r_upper = problem.sides(z)
+def _check_maps(at: Evaluation, when: str) -> None:
+    """Raise MapError, on all ranks, where an obstacle has no value at a z that has one. Collective."""
+    problem = at.problem
     with together(problem.comm):
-        for name, side in (("psi", r), ("upper", r_upper)):
-            if side is not None and (is_nan := np.isnan(side) & np.isfinite(z.array_r)).any():
+        for name, side in (("psi", at.r), ("upper", at.r_upper)):
+            if side is not None and (is_nan := np.isnan(side) & np.isfinite(at.z.array_r)).any():
                 raise MapError(f"{name} is nan in row {problem.low + int(np.argmax(is_nan))} {when}")
