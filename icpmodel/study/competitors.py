@@ -5,14 +5,17 @@ from __future__ import annotations
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import partial
+from timeit import repeat
+from typing import Any, TypeVar
 
 import numpy as np
 from scipy.sparse.linalg import eigsh
 
 from ..algebra.relaxation import best_omega
-from ..errors import IcpError
+from ..errors import IcpError, OutOfTime
 from ..icp import ICP
 from ..methods.aor import overrelaxed
 from ..methods.contract import Method, named
@@ -22,8 +25,12 @@ from ..numerics.multigrid import linear_solve
 from ..numerics.rounding import UNIT_ROUNDOFF
 from ..present.display import Displayable
 from ..problem.matrix import MAX_DENSE_ROWS
+from ..solve.goal import RTOL
 from ..solvers.foreign import Claim, ForeignSolver, ask
+from ..solvers.time_limited import time_limited
 from .cases import Case, uncached_copy, uninterrupted
+
+T = TypeVar("T")
 
 #: the residual of the eigenvector of the Jacobi radius
 _RADIUS_TOLERANCE = 1e-4
@@ -66,14 +73,12 @@ class Entry(Displayable):
 
 
 class Competitor(ABC):
-    """A competitor in a race; its `kind` is "solve", "own", "peer" or "limit"."""
+    """A competitor in a race; its `kind` is "solve", "own" or "peer"."""
 
     kind: str
     name: str
-    #: exceptions that count as its claim; any other is an error of this package
-    raises: tuple[type[Exception], ...] = (IcpError, MemoryError)
-    #: whether it keeps to the time limit by itself
-    keeps_time_limit = False
+    #: how many set-ups a run has that cannot be interrupted
+    setups = 0
 
     def why_not(self, case: Case) -> str | None:
         """Why it cannot take `case`, or None."""
@@ -83,23 +88,41 @@ class Competitor(ABC):
         """Build the input of `run`, outside of its time: the ICP, and for a peer the QP from it."""
         return uncached_copy(case.problem)
 
+    @abstractmethod
     def run(self, case: Case, tolerance: float, time_limit: float) -> Claim:
         """Solve `case` from scratch; call it only where `why_not` is None."""
+
+    def first_run(self, case: Case, tolerance: float, limit: float) -> str | None:
+        """Why it does not take part, or None. Its first run imports and compiles what it needs."""
+
+        def first() -> str | None:
+            if reason := self.why_not(case):
+                return reason
+            self.build(case)
+            with suppress(IcpError, MemoryError):
+                self.run(case, tolerance, limit)
+            return None
+
+        try:  # what was done in a process is not known here
+            return within(case, self.setups, limit, first) or self.why_not(case)
+        except OutOfTime:
+            return f"its set-up and first run take longer than time_limit = {limit:g} s"
+        except ChildProcessError as error:
+            return str(error)
+
+    def timed_run(self, case: Case, tolerance: float, limit: float) -> Claim:
+        """A run, ended at the `limit` in seconds; what goes wrong in it is its claim."""
         start_time = time.perf_counter()
         try:
-            return self.attempt(case, tolerance, time_limit)
-        except self.raises as error:
+            return within(case, self.setups, limit, lambda: self.run(case, tolerance, limit))
+        except (OutOfTime, ChildProcessError) as error:
+            return Claim(None, str(error), False, limit)
+        except (IcpError, MemoryError) as error:
             return Claim(None, f"{type(error).__name__}: {error}", False, time.perf_counter() - start_time)
-
-    @abstractmethod
-    def attempt(self, case: Case, tolerance: float, time_limit: float) -> Claim:
-        """`run`, where an exception becomes the claim."""
 
 
 class OwnMethod(Competitor):
     """A `method` of this package, or `solve()` without one; with `tune` it is tune(problem), part of its time."""
-
-    keeps_time_limit = True
 
     def __init__(
         self, name: str = "solve()", method: Method | None = None, tune: Callable[[ICP], Method] | None = None
@@ -110,7 +133,7 @@ class OwnMethod(Competitor):
     def why_not(self, case: Case) -> str | None:
         return None if self._method is None else self._method.why_not(case.problem)
 
-    def attempt(self, case: Case, tolerance: float, time_limit: float) -> Claim:
+    def run(self, case: Case, tolerance: float, time_limit: float) -> Claim:
         problem = uncached_copy(case.problem)
         start_time = time.perf_counter()
         method = self._method if self._tune is None else self._tune(problem)
@@ -125,7 +148,7 @@ class ForeignCompetitor(Competitor):
     """A foreign `solver`. Its QP is made before the clock starts, turning that into its own format is its own time."""
 
     kind = "peer"
-    raises = (IcpError, MemoryError, TypeError, ValueError)
+    setups = 1
 
     def __init__(self, solver: ForeignSolver) -> None:
         self.name, self.solver = solver.name, solver
@@ -139,29 +162,34 @@ class ForeignCompetitor(Competitor):
         formulation = Case(uncached_copy(case.problem)).formulation
         return None if formulation is None else self.solver.pose(formulation[0])
 
-    def attempt(self, case: Case, tolerance: float, time_limit: float) -> Claim:
+    def run(self, case: Case, tolerance: float, time_limit: float) -> Claim:
         assert case.formulation is not None
         target, unit = case.formulation
         claim = ask(self.solver, target, tolerance, time_limit)
         return claim if claim.z is None else replace(claim, z=as_float64(claim.z, "its z") * unit)
 
 
-class LinearSolve(Competitor):
-    """One linear solve with A by PyAMG, to ‖Ax − b‖ ≤ 1e-8‖b‖ or as rounding allows: what bounds every method."""
+def within(case: Case, setups: int, limit: float, call: Callable[[], T]) -> T:
+    """The result of `call`, in a process that is killed at the `limit` in seconds where set-ups may take longer.
 
-    name = "PyAMG, one solve"
-    kind = "limit"
-    raises = (MemoryError, RuntimeError, ValueError)
+    Raises OutOfTime, ChildProcessError.
+    """
+    return next(time_limited(lambda: iter([call()]), case.problem, setups, time.perf_counter() + limit))
 
-    def attempt(self, case: Case, tolerance: float, time_limit: float) -> Claim:
-        A = case.problem.A
-        b = np.ones(case.problem.n)
-        start_time = time.perf_counter()
-        x = linear_solve(A, b)
-        seconds = time.perf_counter() - start_time
+
+def linear_solve_seconds(case: Case, repeats: int, limit: float) -> float | None:
+    """The median time of one solve with A by PyAMG, to ‖Ax − b‖ ≤ 1e-8‖b‖ or as rounding allows: a bound of methods.
+
+    None where it fails or takes longer than `limit`.
+    """
+    A = case.problem.A
+    b = np.ones(case.problem.n)
+    with suppress(OutOfTime, ChildProcessError, MemoryError, RuntimeError, ValueError):
+        x = within(case, 1, limit, partial(linear_solve, A, b))
         floor = 16 * UNIT_ROUNDOFF * np.linalg.norm(case.problem.matrix.absolute @ np.abs(x))
-        solved = bool(np.linalg.norm(A @ x - b) <= max(2 * tolerance * np.linalg.norm(b), floor) < np.inf)
-        return Claim(None, "solved" if solved else "does not converge", solved, seconds)
+        if np.linalg.norm(A @ x - b) <= max(2 * RTOL * np.linalg.norm(b), floor) < np.inf:
+            return float(np.median(repeat(partial(linear_solve, A, b), number=1, repeat=repeats)))
+    return None
 
 
 def tuned_methods() -> list[Competitor]:

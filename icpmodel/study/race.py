@@ -28,8 +28,7 @@ from ..solve.goal import RTOL, Limits
 from ..solve.progress import status_line, time_left
 from ..solvers.foreign import Claim, ForeignSolver, chosen_solvers
 from .cases import Case, uninterrupted
-from .competitors import Competitor, Entry, ForeignCompetitor, LinearSolve, OwnMethod, tuned_methods
-from .limited_runs import first_run, linear_solve, timed_run
+from .competitors import Competitor, Entry, ForeignCompetitor, OwnMethod, linear_solve_seconds, tuned_methods
 from .timing import machine, run_interleaved
 
 #: the tolerances that each competitor is asked for
@@ -96,7 +95,7 @@ class Race(Plottable, Tabular):
             outcome = (one.error, one.residual, one.claim, one.note)
             rows.append((one.name, one.kind, one.tolerance, *times, *outcome))
         if self.limit is not None:
-            rows.append((LinearSolve.name, LinearSolve.kind, RTOL, *[self.limit] * 3, *[None] * 4, "", ""))
+            rows.append(("PyAMG, one solve", "limit", RTOL, *[self.limit] * 3, *[None] * 4, "", ""))
         return Table(self.title, (*heads, self.measure, "Res_D(z) / Res_D(0)", "claim", "note"), tuple(rows))
 
     def left_out(self) -> list[str]:
@@ -262,11 +261,11 @@ def race(
             say("the measure of error, and one linear solve")
             measure, error = _measure(case, z_exact, limit)
             result = replace(result, measure=measure)
-            result = replace(result, limit=linear_solve(case, repeats, limit))
+            result = replace(result, limit=linear_solve_seconds(case, repeats, limit))
             admitted = []
             for one in competitors:
                 say(f"{one.name}: warming up")
-                if reason := first_run(case, one, goals[0], limit):
+                if reason := one.first_run(case, goals[0], limit):
                     result = replace(result, skipped=(*result.skipped, (one.name, reason)))
                 else:
                     admitted.append(one)
@@ -333,7 +332,7 @@ def _run(
         left = time_left(start_time, done, len(goals) * len(competitors))
         say(f"round 1 of {repeats}: {one.name} at {tolerance:.0e}{left}")
         key = one.name, tolerance
-        run = timed_run(case, one, tolerance, limit)
+        run = one.timed_run(case, tolerance, limit)
         entries[key] = entry = _entry(case, one, tolerance, builds[one.name], run, error)
         yield entry
         if run.seconds > limit or run.z is None:
@@ -341,7 +340,7 @@ def _run(
         elif entry.residual is not None:
             reached[one.name] = entry.residual
         if run.z is not None and run.seconds <= limit and entry.seconds[0] < _TIMED_ONCE_SECONDS:
-            repeated[key] = partial(timed_run, case, one, tolerance, limit)
+            repeated[key] = partial(one.timed_run, case, tolerance, limit)
     for key, run in run_interleaved(repeated, repeats - 1, say=lambda k: say(f"round {k + 1} of {repeats}")):
         if run.seconds > limit or run.z is None:
             del repeated[key]
