@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from ...algebra.affine_lcp import PIVOT_UP_TO
 from ...algebra.equations import Pattern
 from ...algebra.proximal_steps import ProximalSteps
-from ...errors import IcpError, OutOfTime, SingularOperator
+from ...errors import IcpError, NotApplicable, OutOfTime
 from ...icp import ICP
 from ...numerics import work
 from ...numerics.arrays import Vector
@@ -20,7 +20,7 @@ from ...numerics.rounding import UNIT_ROUNDOFF
 from ...problem.data import ProblemData
 from ...solve.estimates import pivots_cost_less
 from ...solve.solution import Solution, Status
-from ...theory.certificates.bounds import enforce_limits, h_plus_proof
+from ...theory.certificates.bounds import enforce_limits
 from ...theory.certificates.combination_rows import ZERO
 from ...theory.certificates.infeasible import combination_text, infeasible
 from ...theory.certificates.recession import Recession, least_violation
@@ -79,49 +79,33 @@ class ProgramRun:
         if z0 is not None:
             self.polish(z0, pattern)
         proof = None
-        limit: dict[str, int] = {}
         for method in [] if self.is_good else self._methods():
-            if method is None and proof is not None:
-                break
-            if method is None and self.iterations:  # as many steps as all before: it may go on for thousands in vain
-                limit["max_iter"] = self.iterations
+            limit = {"max_iter": self.iterations} if method is None and self.iterations else {}
+            options = {"z0": z0, "callback": lambda now: self.judge.is_due() and self.improve(now.z), "rtol": 0.0}
             try:
-                solution = self._solve(
-                    self.problem,
-                    method,
-                    z0=z0,
-                    callback=lambda now: self.judge.is_due() and self.improve(now.z),
-                    rtol=0.0,
-                    **limit,
-                )
-            except SingularOperator:
+                solution = self._solve(self.problem, method, **options, **limit)
+            except NotApplicable:
+                if method is None:
+                    raise
                 continue
-            self.improve(solution.z)
-            if solution.status is Status.TIME_LIMIT:
-                break
-            if self.violation.strict:  # also where it is good, unless nothing at all is wrong
+            z0 = solution.z
+            self.improve(z0)
+            is_late = work.seconds_left() == 0.0 or solution.status in (Status.TIME_LIMIT, Status.MEMORY_LIMIT)
+            if self.violation.strict and not is_late:  # also where it is good, unless nothing at all is wrong
                 self.polish(self.z)
-            if solution.status is Status.MEMORY_LIMIT or self.is_good:
+            if is_late or self.is_good:
                 break
-            limit = {}
-            if method == "interior":  # where that ended at a solution up to rounding, the next one takes a few steps
-                z0 = solution.z
-                limit["max_iter"] = max(solution.iterations, 1)
-            if method == "proximal" or solution.status is Status.INFEASIBLE:
+            if method != "lemke" or solution.status is Status.INFEASIBLE:
                 with suppress(OutOfTime):
                     proof = proof or self._prove_no_solution(solution)
             if proof is not None and not proof[0].endswith("_inaccurate"):
                 return proof
         if self.is_good:
             return self._optimal()
-        # a proof up to rounding is none where it or the methods after it were cut short
-        is_late = solution.status in (Status.TIME_LIMIT, Status.MEMORY_LIMIT) or work.seconds_left() == 0.0
         if proof is not None and not is_late:
             return proof
         error = self.violation.rounded
-        message = f"rows or multipliers are wrong by {error:.3g} of their terms"
-        if solution.status is not Status.ITERATION_LIMIT:  # which no caller has given
-            message += f"; {solution.message}"
+        message = f"rows or multipliers are wrong by {error:.3g} of their terms; {solution.message}"
         if is_late:
             return "user_limit", message
         return "optimal_inaccurate" if error <= _MAX_INACCURATE_VIOLATION else "solver_error", message
@@ -139,16 +123,10 @@ class ProgramRun:
         return "optimal", "solved"
 
     def _methods(self) -> list[str | None]:
-        """The methods in turn; None for the choice of `solve()`, alone where there is a solution."""
-        # in a bounded box, or for an H₊-matrix, no proof is needed
-        in_box = np.isfinite([self.low, self.high]).all()
-        with suppress(OutOfTime, MemoryError):
-            if in_box or not isinstance(h_plus_proof(self.problem), str):
-                return [None]
-        # where A is not monotone no other descends
-        others = ["proximal"] if self.problem.matrix.has_negative_diagonal else ["interior", "proximal"]
-        # Newton's steps often fail, but sometimes the interior method does
-        return ["lemke", *others, "newton", None] if pivots_cost_less(self.problem.facts) else [*others, None]
+        """The methods in turn; None for the choice of `solve()`, which takes longer to choose where there are rows."""
+        if self.judge.is_x.all() or self.problem.matrix.has_negative_diagonal:
+            return [None]
+        return ["lemke", "interior", None] if pivots_cost_less(self.problem.facts) else ["interior", None]
 
     def _solve(self, problem: ICP, method: str | None, **options: Any) -> Solution:
         solution = problem.solve(method, time_limit=work.inner_time_limit(), raise_on_failure=False, **options)
