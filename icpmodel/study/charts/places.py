@@ -16,8 +16,7 @@ from ...numerics.arrays import Mask, Vector, as_float64, as_list, as_number, des
 from ...problem.data import ProblemData
 from ...scenes.registry import placement_of
 
-#: a curve of more points than this is thinned out before it is drawn, a field of more cells too: a figure has fewer
-#: pixels
+#: a curve of more points than this is thinned out, a field of more cells too: a figure has fewer pixels
 PIXELS = 200_000
 #: the largest number of points or rows drawn one by one
 MAX_MARKED_POINTS = 60
@@ -136,15 +135,16 @@ def places_of(problem: ProblemData, points: Any = None, shape: Any = None) -> Pl
             shape = _grid_shape(problem)
     if shape is not None:
         points, labels = _grid_points(problem.n, shape), _GRID_AXES
+    step = -(-problem.n // PIXELS)
     if points is None:
-        rows = _evenly_spaced_rows(problem.n)
+        rows = np.arange(0, problem.n, step)
         return Places(rows, rows.astype(np.float64), "row", unknown, by_row=True)
     points = as_float64(points, "points")
     if points.shape[:1] != (problem.n,) or points.ndim > 2 or not 1 <= points.size // problem.n <= 3:
         raise InputError(f"points has shape {points.shape}; ({problem.n},), (n, 2) or (n, 3) was expected")
     points = points.reshape(problem.n, -1)
     if points.shape[1] == 1:
-        rows = np.argsort(points[:, 0], kind="stable")[_evenly_spaced_rows(problem.n)]
+        rows = np.argsort(points[:, 0], kind="stable")[::step]
         return Places(rows, points[rows, 0], labels[0], unknown)
     return Places(np.arange(0), np.zeros(0), "", unknown, _planes(points, labels))
 
@@ -156,34 +156,28 @@ def _grid_points(n: int, shape: Any) -> Vector:
     return np.indices(sizes).reshape(len(sizes), n)[::-1].T.astype(np.float64)
 
 
-def _evenly_spaced_rows(n: int) -> Rows:
-    """Up to `PIXELS` of the rows 0 … n − 1."""
-    return np.unique(np.linspace(0, n - 1, min(n, PIXELS)).astype(np.intp))
-
-
 def _planes(points: Vector, labels: Sequence[str]) -> list[Slice]:
     """The plane that the points are in, or for each axis of three dimensions the slice through its middle."""
     if points.shape[1] == 2:
-        return [_plane(points, np.arange(len(points)), (0, 1), labels)]
+        return [_plane(points, np.arange(len(points)), labels)]
     planes = []
     for axis in (2, 1, 0):
         values = np.unique(points[:, axis])
         middle = values[values.size // 2]
-        first, second = (other for other in range(3) if other != axis)
         rows = np.flatnonzero(points[:, axis] == middle)
-        planes.append(_plane(points, rows, (first, second), labels, f"{labels[axis]} = {middle:.3g}"))
+        others = np.delete(labels, axis).tolist()
+        planes.append(_plane(np.delete(points, axis, 1), rows, others, f"{labels[axis]} = {middle:.3g}"))
     return planes
 
 
-def _plane(points: Vector, rows: Rows, axes: tuple[int, int], labels: Sequence[str], at: str = "") -> Slice:
-    """Every k-th point along both axes, with the smallest k that leaves about `PIXELS` of them."""
-    x, y = points[rows][:, axes].T
+def _plane(points: Vector, rows: Rows, labels: Sequence[str], at: str = "") -> Slice:
+    """The points of these rows by y, then by x: every k-th along both axes, with the smallest k that is enough."""
     step = int(np.ceil(np.sqrt(rows.size / PIXELS)))
-    selected = np.ones(rows.size, dtype=bool)
-    for coordinate in (x, y):
-        selected &= np.unique(coordinate, return_inverse=True)[1] % step == 0
-    order = np.flatnonzero(selected)[np.lexsort((x[selected], y[selected]))]
-    return Slice(rows[order], x[order], y[order], (labels[axes[0]], labels[axes[1]]), at)
+    places = np.array([np.unique(one, return_inverse=True)[1] for one in points[rows].T])
+    rows = rows[(places % step == 0).all(axis=0)]
+    rows = rows[np.lexsort(points[rows].T)]
+    x, y = points[rows].T
+    return Slice(rows, x, y, (labels[0], labels[1]), at)
 
 
 def _grid_shape(problem: ProblemData) -> tuple[int, ...] | None:
