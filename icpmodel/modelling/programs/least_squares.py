@@ -16,11 +16,10 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ...errors import InputError, Interrupted, NotSolved
+from ...errors import InputError, NotSolved
 from ...numerics import work
 from ...numerics.arrays import Mask, Vector, as_truth, as_vector, inner, norm, with_entries
 from ...numerics.factorisation import largest_of_columns
-from ...numerics.fill import Fill, factor_cost
 from ...numerics.labels import along_rows, along_unknowns, check_labels
 from ...numerics.rounding import UNIT_ROUNDOFF, gamma, public_entry
 from ...present.display import Displayable
@@ -186,10 +185,7 @@ def _solve_scaled(B: sp.csr_array, c: Vector, low: Vector, high: Vector, toleran
     exponent_c = min(max(exponent_c, exponent_B + least), exponent_B + _MAX_EXPONENT)
     scaled = with_entries(B, np.ldexp(B.data, -exponent_B))
     lower, upper = (np.ldexp(side, exponent_B - exponent_c) for side in (low, high))
-    try:
-        x, violations, nit, status, message = _solve(scaled, np.ldexp(c, -exponent_c), lower, upper, tolerance)
-    except Interrupted as error:
-        x, violations, nit, status, message = error.report
+    x, violations, nit, status, message = _solve(scaled, np.ldexp(c, -exponent_c), lower, upper, tolerance)
     x = np.clip(np.ldexp(x, exponent_c - exponent_B), low, high)
     if not (np.isfinite(x).all() and np.isfinite(violations).all()):
         status = "solver_error"
@@ -200,12 +196,11 @@ def _solve_scaled(B: sp.csr_array, c: Vector, low: Vector, high: Vector, toleran
 def _solve(B: sp.csr_array, c: Vector, low: Vector, high: Vector, tolerance: float) -> Outcome:
     m, n = B.shape
     x = np.clip(0.0, low, high)
-    if _step_cost(m, n) <= _icp_cost(B):
-        x, violations, is_optimal = _by_active_set(B, c, x, low, high, tolerance)
-        if is_optimal:
-            return x, violations, 0, "optimal", "solved"
-        if work.nanoseconds_left() < _step_cost(m, n):
-            return x, violations, 0, "user_limit", "no time was left"
+    # where its orthogonal factors cost no more than those of the ICP, or than a step without factors
+    if _is_dense(B) or _step_cost(m, n) <= work.newton(m + n, m + n + 2 * B.nnz, mixed=False):
+        x, violations, status, message = _by_active_set(B, c, x, low, high, tolerance)
+        if status != "solver_error":
+            return x, violations, 0, status, message
     H = saddle_matrix(sp.eye_array(m, format="csr"), sp.csr_array(B.T))
     free = np.full(m, np.inf)
     g = np.concatenate([-c, np.zeros(n)])
@@ -214,62 +209,66 @@ def _solve(B: sp.csr_array, c: Vector, low: Vector, high: Vector, tolerance: flo
     outcome = solve_avi(H, g, lb=lb, ub=ub, tolerance=tolerance, raise_on_failure=False)
     last = outcome.x[m:]
     with work.work_limit(0.0 if outcome.message == INTERRUPTED else np.inf):
-        x, violations, is_optimal = _by_active_set(B, c, np.where(np.isnan(last), x, last), low, high, tolerance)
-    if is_optimal:
-        return x, violations, outcome.iterations, "optimal", "solved"
-    if outcome.solved:
-        return x, violations, outcome.iterations, "solver_error", "the gradient has a wrong sign"
-    return x, violations, outcome.iterations, outcome.status, outcome.message
+        start = np.where(np.isnan(last), x, last)
+        x, violations, status, message = _by_active_set(B, c, start, low, high, tolerance)
+    if status == "solver_error" and not outcome.solved:
+        status = outcome.status
+        message = outcome.message
+    return x, violations, outcome.iterations, status, message
+
+
+def _is_dense(B: sp.csr_array) -> bool:
+    """Whether an array takes no more memory."""
+    return 3 * B.nnz >= 2 * math.prod(B.shape)
 
 
 def _by_active_set(
     B: Any, c: Vector, x: Vector, low: Vector, high: Vector, tolerance: float
-) -> tuple[Vector, Vector, bool]:
-    """x after steps by orthogonal factorisations of the free columns, while they reduce the residual; and two more.
+) -> tuple[Vector, Vector, str, str]:
+    """x after steps by orthogonal factorisations of the free columns, while they reduce the residual.
 
-    They end near a solution, by as many factorisations as that takes. The two are the share of the gradient that no
-    bound holds, and whether it is small beside ‖r‖ and the columns of B. The rounding of r is left out. Rows where
-    r_i = 0 at a solution are known to the rounding of the others only. Raises Interrupted with an `Outcome`.
+    They end near a solution, by as many factorisations as that takes. Also the share of the gradient that no bound
+    holds; and status and message: "optimal" where it is small beside ‖r‖ and the columns of B. The rounding of r is
+    left out. Rows where r_i = 0 at a solution are known to the rounding of the others only.
     """
     size = abs(B)
     columns = largest_of_columns(B)
-    if 3 * B.nnz >= 2 * math.prod(B.shape):  # an array takes no more memory
+    if _is_dense(B):
         B = B.toarray()
-    r = c - B @ x
-    at_start = norm(r)
+    at_start = norm(c - B @ x)
     while True:
+        r = c - B @ x
         gradient = B.T @ r
         free = ((low < x) | (gradient > 0)) & ((x < high) | (gradient < 0))
         violations = np.where(free, np.abs(gradient), 0.0)
         small = tolerance * norm(r) * columns
-        is_near = bool((violations <= small).all())
         rounding = gamma(sum(B.shape) + 2) * (size @ np.abs(x) + np.abs(c))
-        if is_near or free.size > _MAX_COLUMNS or work.seconds_left() == 0.0:
+        if (violations <= small).all() or free.size > _MAX_COLUMNS or work.seconds_left() == 0.0:
             break
         # a residual that is rounding may go on to fall for ever
         enough = 0.5 * norm(r) if norm(r) <= norm(rounding) else norm(r)
         try:
             better = next((y for y in _nearer(B, c, x, low, high, free) if norm(c - B @ y) < enough), None)
         except KeyboardInterrupt:
-            raise Interrupted((x, violations, 0, "user_limit", INTERRUPTED)) from None
+            return x, violations, "user_limit", INTERRUPTED
         if better is None:
             break
         x = better
-        r = c - B @ x
     # an x so large that its rounding hides the residual at the start is none
     is_known = norm(rounding) <= max(at_start, norm(c))
-    return x, violations, is_known and bool((violations <= small + size.T @ rounding).all())
+    if is_known and (violations <= small + size.T @ rounding).all():
+        return x, violations, "optimal", "solved"
+    return x, violations, "solver_error", "the gradient has a wrong sign"
 
 
 def _nearer(B: Any, c: Vector, x: Vector, low: Vector, high: Vector, free: Mask) -> Iterator[Vector]:
     """Points that may have a smaller residual than `x`: first that of a step of all `free` unknowns, cut off at bounds.
 
-    Then those of steps that stop at bounds: of all of them, and of those between bounds and the one with the largest
-    gradient, which has a smaller residual but for rounding (Lawson and Hanson 1995, chapter 23).
+    Then that of steps, which stop at bounds, of the unknowns between bounds and the one with the largest gradient. It
+    has a smaller residual but for rounding (Lawson and Hanson 1995, chapter 23).
     """
     r = c - B @ x
     yield np.clip(x + _step(B, r, free), low, high)
-    yield _to_bounds(B, c, x, free, low, high)
     inside = (low < x) & (x < high)
     gradient = np.where(free & ~inside, np.abs(B.T @ r), 0.0)
     inside[np.argmax(gradient)] |= gradient.max() > 0.0
@@ -299,15 +298,6 @@ def _step_cost(rows: int, columns: int) -> float:
     """The cost of an orthogonal factorisation."""
     per_entry = work.COSTS.dense_entry + work.COSTS.dense_flop * min(rows, columns) / 3.0
     return work.COSTS.call + _ORTHOGONAL_COST * rows * columns * per_entry
-
-
-def _icp_cost(B: sp.csr_array) -> float:
-    """The cost of a step for the ICP, whose factors have the entries of B; the products are those of BᵀB or BBᵀ."""
-    n = sum(B.shape)
-    counts = np.diff(B.indptr), np.bincount(B.indices)
-    products = min(float(np.square(count, dtype=float).sum()) for count in counts)
-    fill = Fill(n, 2.0 * (n + B.nnz), products, False, symmetric=True)
-    return work.newton(n, n + 2 * B.nnz, mixed=False) + factor_cost(fill)
 
 
 def _to_bounds(B: Any, c: Vector, x: Vector, free: Mask, low: Vector, high: Vector) -> Vector:

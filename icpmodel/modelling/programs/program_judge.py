@@ -9,8 +9,8 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from ...numerics import work
-from ...numerics.arrays import Mask, Vector, row_of
-from ...numerics.rounding import gamma
+from ...numerics.arrays import Mask, Vector, inner, row_of
+from ...numerics.rounding import UNIT_ROUNDOFF, gamma
 from ...problem.data import ProblemData
 
 #: the share of the largest unknown of its group, or of q, up to which an unknown may be rounding
@@ -76,16 +76,27 @@ class Judge:
 
         `p` is p(z), and `room` the distance of z to the obstacle to which p presses it, all of shape (n,).
         """
-        from .kernels.violation import violation_of_rows
-
-        A = self.A
-        shares = np.empty(3)
-        known = (A.indptr, A.indices, A.data, self.diagonal, self.is_x)
-        sizes = (self.largest(z), self.largest(np.abs(q)), self.loss, _NOISE_OF_GRADIENT)
-        gap, curvature, linear, side_terms = violation_of_rows(*known, q, z, p, room, *sizes, shares)
+        terms, largest_terms = self.terms(q, z)
+        wrong = np.where(room > 0, np.abs(p), 0.0)
+        if np.isnan(p).any() or not (wrong + terms)[wrong > 0].max(initial=0.0) < np.inf:
+            return Violation()
+        own = self.loss * terms
+        size_q = np.abs(q)
+        largest_q = self.largest(size_q)
+        least = np.where(self.is_x & (largest_q > 0), _NOISE_OF_GRADIENT * np.minimum(largest_q, terms), np.inf)
+        noise = np.maximum(own, np.minimum(self.loss * largest_terms, least))
+        x = np.where(self.is_x, z, 0.0)
+        reach = np.where(self.diagonal > 0, self.size @ np.abs(x) / self.diagonal, np.abs(z))
+        strict = np.maximum(wrong - np.minimum(own, least), 0.0)
+        gap = np.where(strict > 0, strict * np.minimum(room, reach), 0.0).sum()
         if gap > 0:
-            gap = np.divide(gap, max(curvature, 0.0) + linear + abs(side_terms))
-        return Violation(*np.maximum(shares, np.nan_to_num(gap, nan=np.inf)).tolist())
+            sides = np.where(self.is_x, np.where(room > 0, 0.0, -z * p), z * q).sum()
+            gap /= max(inner(x, self.A @ x), 0.0) + inner(np.abs(x), size_q + noise) + abs(sides)
+        gap = np.nan_to_num(gap, nan=np.inf)
+        shares = (wrong - own) / terms
+        significant = shares[terms > UNIT_ROUNDOFF * largest_terms]
+        every = ((wrong - noise) / terms, shares, significant)
+        return Violation(*(float(np.fmax.reduce(one, initial=gap)) for one in every))
 
     def terms(self, q: Vector, z: Vector) -> tuple[Vector, Vector]:
         """The sum of the |terms| of each row, and what Az adds to it where all unknowns of a group are its largest."""
