@@ -16,7 +16,7 @@ import scipy.sparse as sp
 
 from ..errors import FileError, InputError
 from ..numerics import work
-from ..numerics.sparse_input import is_compressed
+from ..numerics.sparse_input import checked_sparse
 from ..present.whole_files import check_replaceable, check_suffix, file_errors, write_whole
 
 #: NumPy's letters for the kinds of real numbers
@@ -110,12 +110,14 @@ def _matrix(path: Path, name: str, fields: dict[str, Any]) -> sp.csr_array:
     parts = [fields.pop(f"{name}_{part}", np.empty((0, 0))) for part in _CSR]
     data, indices, indptr = parts
     n = indptr.size - 1
-    whole = all(one.ndim == 1 for one in parts) and data.size == indices.size and data.dtype.kind in REAL_KINDS
-    whole = whole and indices.dtype.kind in "iu" and indptr.dtype.kind in "iu"
-    if not whole or not is_compressed(indptr, indices, n, n):
-        raise FileError(f"{path}: fields {name}_* are not a square CSR matrix")
-    places = indices.astype(np.int64), indptr.astype(np.int64)
-    return sp.csr_array((data.astype(np.float64), *places), shape=(n, n))
+    kinds = [one.dtype.kind in allowed for one, allowed in zip(parts, (REAL_KINDS, "iu", "iu"), strict=True)]
+    try:
+        if not all(kinds):
+            raise ValueError
+        places = indices.astype(np.int64), indptr.astype(np.int64)
+        return checked_sparse(sp.csr_array((data.astype(np.float64), *places), shape=(n, n)), name)
+    except ValueError:
+        raise FileError(f"{path}: fields {name}_* are not a square CSR matrix") from None
 
 
 def text_of(path: Path, fields: dict[str, Any], name: str) -> str:
