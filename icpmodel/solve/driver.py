@@ -147,7 +147,7 @@ def solve(
         named_method = _method_of(method, problem, options)
         by_method = method is not None
         with work.unlimited():  # every answer has the residual of its z
-            run = _new_run(problem, start, limits, warm_start=z0 is not None, follows_theorems=by_method, **display)
+            run = _new_run(problem, start, limits, warm_start=z0 is not None, **display)
 
         def run_all() -> None:
             _run_all(run, named_method, family)

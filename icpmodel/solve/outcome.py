@@ -157,8 +157,6 @@ def _message(run: Run, best: BestIterate, status: Status, note: str) -> str:
     last = run.job
     by = "" if last is best.job else f" by {best.job.method!r}"
     advice = status.advice_with(last.method.to_try if len(run.tried) < 2 else "")
-    if run.proof and status in (Status.ITERATION_LIMIT, Status.TIME_LIMIT):
-        note = f"{note}; {run.proof}"
     residual = f"Best residual {best.residual:.3g}{by} ({run.goal.in_words(best.z)})"
     return f"{last.method!r} {status.value}: {note}. {residual}. Advice: {advice}"
 

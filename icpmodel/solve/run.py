@@ -24,7 +24,6 @@ from .choice import Ladder
 from .goal import Goal, Limits
 from .jobs import Job, MethodSequence
 from .progress import Bar, CallbackFailure, Progress, progress_bar
-from .proved_convergence import proved_convergence
 from .solution import Status
 from .stopping import WORTH_ANOTHER_METHOD, StagnationTest, StopReason, fault_of_psi
 
@@ -87,9 +86,6 @@ class Run:
         Whether the user gave the start.
     presolved : ProblemData, optional
         A problem with the same solutions that the methods get in place of `problem`.
-    follows_theorems : bool
-        Whether a method that is proved to converge continues although its residual does not fall; then without
-        `presolved`.
     watch : function, optional
         Called with every iterate and its residual in place of `callback`; it ends the run by returning a `StopReason`.
     callback, history, progress
@@ -109,7 +105,6 @@ class Run:
     restart: Vector | None = None
     warm_start: bool = False
     presolved: ProblemData | None = None
-    follows_theorems: bool = False
     watch: Callable[[Vector, float], StopReason | None] | None = None
     callback: Callable[[Progress], Any] | None = None
     history: bool = False
@@ -121,8 +116,6 @@ class Run:
         self.records: list[tuple[int, float, float, str]] | None = [] if self.history else None
         self.current = self.start
         self.iteration = -1
-        self.previous = self.start
-        self.proof = ""
         self.job: Job
         self.path: Iterator[Iterate] = iter(())
         self.best: BestIterate | None = None
@@ -238,7 +231,7 @@ class Run:
         job.is_fresh = start is self.start and self.presolved is None
         path = job.method.iterates(self.presolved or self.problem, start)
         patience = max(PATIENCE, 2 * self.problem.n)
-        stalled = StagnationTest(job.method.memoryless, patience, self.at_floor, self._is_proved)
+        stalled = StagnationTest(job.method.memoryless, patience, self.at_floor)
         count = 0
         spent = 0.0
         while True:
@@ -252,7 +245,6 @@ class Run:
             spent += work.counter() - before
             if count or self.iteration < 0:  # a later method starts from an iterate that was counted before
                 self.iteration += 1
-            self.previous = self.current
             self.current = z
             residual = self._residual(z, hint)
             seconds = work.clock() - self.start_time
@@ -348,15 +340,6 @@ class Run:
             enclosing = "the time limit of what encloses this run"
             return StopReason(Status.TIME_LIMIT, enclosing if time_limit is None else f"time_limit = {time_limit:g} s")
         return None
-
-    def _is_proved(self) -> bool:
-        """Whether a theorem proves that the method converges from here; its sentence goes to `proof`."""
-        if self.follows_theorems:
-            tolerance = self.goal.tolerance_at(self.current)
-            self.proof = proved_convergence(
-                self.problem, self.job.method, self.previous, self.current, tolerance, self.iteration
-            )
-        return bool(self.proof)
 
     def at_floor(self) -> StopReason | None:
         """PRECISION_LIMIT if rounding explains the residual of the best iterate, else None."""

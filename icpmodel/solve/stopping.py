@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -36,11 +35,9 @@ class StagnationTest:
     memoryless : bool
         Whether the method is, see `Method.memoryless`.
     patience : int
-        The number of steps without a better iterate after which the method stops, unless `is_proved` to converge.
+        The number of steps without a better iterate after which the method stops.
     at_floor : callable
         Returns a reason if rounding explains that the residual does not fall, else None.
-    is_proved : callable
-        Whether a theorem says that the method converges; asked once.
 
     Notes
     -----
@@ -52,17 +49,10 @@ class StagnationTest:
     Brent, BIT 20 (1980).
     """
 
-    def __init__(
-        self,
-        memoryless: bool,
-        patience: float,
-        at_floor: Callable[[], StopReason | None],
-        is_proved: Callable[[], bool],
-    ) -> None:
+    def __init__(self, memoryless: bool, patience: int, at_floor: Callable[[], StopReason | None]) -> None:
         self.memoryless = memoryless
         self.patience = patience
         self.at_floor = at_floor
-        self.is_proved = is_proved
         self.step = self.milestone = 0
         self.milestone_residual = np.nan
         self.milestone_z: Vector = np.array([])
@@ -90,9 +80,6 @@ class StagnationTest:
         elif (k - self.progress_at) % _PRECISION_CHECK == _PRECISION_CHECK - 1 and (stop_reason := self.at_floor()):
             return stop_reason
         if k - self.better_at >= self.patience:
-            if self.is_proved():
-                self.patience = math.inf
-                return None
             return StopReason(Status.STAGNATED, f"no better iterate in {k - self.better_at} iterations")
         return None
 

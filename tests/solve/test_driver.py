@@ -513,3 +513,18 @@ def test_rows_that_overflow_raise_no_warning_where_a_run_fails():
         warnings.simplefilter("error")
         solution = icp.ICP(A, np.zeros(3), [0.0, 1.0, 0.0]).solve("accelerated", max_iter=100, raise_on_failure=False)
     assert not solution.solved
+
+
+@pytest.mark.parametrize("method", ["psor", "mnmj"])
+@pytest.mark.parametrize(
+    "problem",
+    [
+        icp.ICP([[1, -1], [-1, 1]], [-1, -1]),
+        icp.ICP([[1, -1], [-1, 1]], [1, 1], -np.inf),
+        icp.ICP(np.eye(2), [1, 1], icp.Affine([[0, 1], [1, 0]], [1, 1])),
+    ],
+)
+def test_iterates_that_move_on_for_ever_are_no_solution(method, problem):
+    """There is no solution: z grows or falls by the same step for ever."""
+    solution = problem.solve(method, raise_on_failure=False)
+    assert solution.status is icp.Status.INFEASIBLE
