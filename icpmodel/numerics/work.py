@@ -148,6 +148,12 @@ class _Budget(NamedTuple):
     memory: float = math.inf
     most: float = math.inf
 
+    def memory_left(self) -> float:
+        """The bytes that the limit leaves."""
+        if self.memory == math.inf:
+            return math.inf
+        return max(self.memory - max(_used_memory() - self.initial_memory, 0.0), 0.0)
+
 
 class _Compiler(threading.local):
     """The seconds that a thread has spent on compiling code, waiting for the compiler, or loading code from the disk.
@@ -219,8 +225,7 @@ def work_limit(
         if seconds == math.inf:  # the pace of the machine is known already
             pace_start = before.start_time
             counted = before.counted
-        if before.memory < math.inf:
-            memory = min(memory, before.memory - max(_used_memory() - before.initial_memory, 0.0))
+        memory = min(memory, before.memory_left())
     initial_memory = _used_memory() if memory < math.inf else 0.0
     with _replaced(_Budget(pace_start, counted, end, initial_memory, memory, most)):
         yield
@@ -289,22 +294,12 @@ def steps_per_piece(nanoseconds: float) -> int:
     return max(int(_PIECE_NANOSECONDS / nanoseconds), 1)
 
 
-def free_memory() -> float:
-    """The bytes that may still be asked for: what the system has, or half of all where it does not say, and the limit
-    leaves."""
-    budget = _counted.budget
-    within_limit = math.inf
-    if budget is not None and budget.memory < math.inf:
-        within_limit = max(budget.memory - max(_used_memory() - budget.initial_memory, 0.0), 0.0)
-    return min(within_limit, _system_memory())
-
-
 def memory_suffices(memory: float) -> bool:
     """Whether an allocation of `memory` bytes is within the limits."""
-    budget = _counted.budget
-    if memory <= (_NEGLIGIBLE_BYTES if budget is None else min(budget.memory, _NEGLIGIBLE_BYTES)):
+    budget = _counted.budget or _Budget(0.0, 0.0, math.inf)
+    if memory <= min(budget.memory, _NEGLIGIBLE_BYTES):
         return True
-    return memory <= free_memory()
+    return memory <= min(budget.memory_left(), _system_memory())
 
 
 def _system_memory() -> float:
