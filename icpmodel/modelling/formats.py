@@ -12,6 +12,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Callable
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -27,36 +28,8 @@ from .matlab import read_variables
 from .matrix_market import check_end, read_matrix
 from .petsc_binary import read_petsc
 
-#: the end of the name → what is between two numbers in a line, None for any spaces
-_SEPARATORS = {".csv": ",", ".txt": None}
-SUFFIXES = (".npy", ".npz", ".mat", ".mtx", ".bin", *_SEPARATORS)
 
-
-def read_named(path: Path) -> dict[str, Any]:
-    """Name → array or sparse matrix, of a file that names what it holds; "" is the name of the only thing in others.
-
-    Raises FileError.
-    """
-    suffix = path.suffix.lower()
-    with file_errors(path, "read"):
-        path.stat()
-    if suffix == ".npz":
-        return _of_npz(path)
-    if suffix == ".mat":
-        return read_variables(path)
-    if suffix == ".npy":
-        with open_to_read(path) as (file, _):
-            return {"": checked_numbers(path, "it", array_of(file.read(), f"{path}: it"))}
-    if suffix == ".mtx":
-        return {"": read_matrix(path)}
-    if suffix == ".bin":
-        return {"": read_petsc(path)}
-    if suffix in _SEPARATORS:
-        return {"": read_text(path)}
-    raise FileError(f"{path}: a file name that ends in one of {', '.join(SUFFIXES)} was expected")
-
-
-def _of_npz(path: Path) -> dict[str, Any]:
+def _of_npz(path: Path) -> Any:
     """The matrix by scipy.sparse.save_npz, or all arrays; `format` is the kind of a file of this package."""
     fields = read_arrays(path)
     if "format" not in fields:
@@ -68,7 +41,7 @@ def _of_npz(path: Path) -> dict[str, Any]:
         # fewer bytes than rows are a huge matrix with next to no entries
         if np.max(fields.get("shape", 0), initial=0) > size:
             raise FileError(f"{path}: has the shape {tuple(fields['shape'].tolist())}, but only {size} bytes")
-        return {"": checked_sparse(sp.load_npz(path), "it").astype(np.float64)}
+        return checked_sparse(sp.load_npz(path), "it").astype(np.float64)
 
 
 def checked_numbers(path: Path, name: str, value: Any) -> Any:
@@ -104,7 +77,7 @@ def _has_names(line: str, between: str | None) -> bool:
 
 def read_text(path: Path, heads: str = "") -> np.ndarray:
     """The table of numbers in a text file, of two axes, below `heads`, or a line of names, where there is one."""
-    between = _SEPARATORS[path.suffix.lower()]
+    between = "," if path.suffix.lower() == ".csv" else None
     with open_to_read(path) as (raw, size):
         check_room(str(path), 8.0 * size / 2)  # a number has a digit and what ends it
         check_end(path, raw, size)
@@ -117,3 +90,35 @@ def read_text(path: Path, heads: str = "") -> np.ndarray:
         lines = file if heads or _has_names(first, between) else chain([first], file)
         expected = f"numbers with {'commas' if between else 'spaces'} between, and names in the first line at most,"
         return table_of(path, lines, expected, delimiter=between, ndmin=2)
+
+
+def _of_npy(path: Path) -> Any:
+    with open_to_read(path) as (file, _):
+        return checked_numbers(path, "it", array_of(file.read(), f"{path}: it"))
+
+
+#: the end of the name → its reader
+_READERS: dict[str, Callable[[Path], Any]] = {
+    ".npy": _of_npy,
+    ".npz": _of_npz,
+    ".mat": read_variables,
+    ".mtx": read_matrix,
+    ".bin": read_petsc,
+    ".csv": read_text,
+    ".txt": read_text,
+}
+SUFFIXES = tuple(_READERS)
+
+
+def read_named(path: Path) -> dict[str, Any]:
+    """Name → array or sparse matrix, of a file that names what it holds; "" is the name of the only thing in others.
+
+    Raises FileError.
+    """
+    with file_errors(path, "read"):
+        path.stat()
+    reader = _READERS.get(path.suffix.lower())
+    if reader is None:
+        raise FileError(f"{path}: a file name that ends in one of {', '.join(SUFFIXES)} was expected")
+    content = reader(path)
+    return content if isinstance(content, dict) else {"": content}

@@ -11,7 +11,6 @@ import io
 import math
 import struct
 import zlib
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +41,7 @@ def read_variables(path: Path) -> dict[str, Any]:
             raise FileError(f"{path}: is of version 7.3; save it with the option -v7")
         _check_room(path, content, order)
         if CAN_FORK:
-            next(in_a_process(lambda: _names(content), math.inf))
+            next(in_a_process(lambda: iter([list(_load(content))]), math.inf))
         variables = _load(content)
     return {name: _numbers(path, name, value) for name, value in variables.items()}
 
@@ -67,10 +66,6 @@ def _load(content: bytes) -> dict[str, Any]:
 
     variables = loadmat(io.BytesIO(content), spmatrix=False)
     return {name: value for name, value in variables.items() if not name.startswith("__")}
-
-
-def _names(content: bytes) -> Iterator[list[str]]:
-    yield list(_load(content))
 
 
 def _numbers(path: Path, name: str, value: Any) -> Any:

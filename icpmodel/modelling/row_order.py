@@ -13,11 +13,9 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..numerics.arrays import Vector, row_of, with_entries
+from ..numerics.rounding import UNIT_ROUNDOFF
 from .affine_rows import AffineRows
 from .matching import arranged, left_over, own_entries, resemblance_to_r
-
-#: a negative entry counts as so much smaller, so that of two alike the positive one is owned
-_NEGATIVE_SHARE = 1 - 1e-3
 
 
 class OrderedRows(NamedTuple):
@@ -115,7 +113,8 @@ def _signs(R: sp.csr_array) -> Vector:
     matched = np.setdiff1d(np.arange(R.shape[0]), left_over(i[there], R.indices[there], R.shape)[0])
     R = R[matched]
     R.eliminate_zeros()
-    sizes = np.where(R.data > 0.0, R.data, -_NEGATIVE_SHARE * R.data)
+    # of two alike the positive one is owned
+    sizes = np.where(R.data > 0.0, R.data, (np.sqrt(UNIT_ROUNDOFF) - 1.0) * R.data)
     owned = own_entries(with_entries(R, sizes))
     if owned is not None:
         i = row_of(R)

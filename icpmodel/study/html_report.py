@@ -47,11 +47,9 @@ from .timing import machine
 GENERATOR = b'<meta name="generator" content="icpmodel">'
 #: a map solves the problem some hundreds of times
 _MAP_UP_TO = 1000
-#: the steps of a run of the map, and its points per axis
-_MAP_STEPS = 5000
+#: the points per axis of the map
 _MAP_POINTS = 9
-#: the tolerances of the race, and the seconds that each of its runs may take
-_TOLERANCES = DEFAULT_TOLERANCES[::2]
+#: the seconds that each run of the race may take
 _RACE_LIMIT = 3.0
 #: the ratio of the numbers of two iterates of a run that are pictured
 _PICTURE_RATIO = 3
@@ -327,7 +325,7 @@ def _explanation(problem: ProblemData) -> Section:
 
 def _race(problem: ProblemData, z_exact: Vector | None, time_limit: float) -> Section:
     limit = min(_RACE_LIMIT, time_limit)
-    outcome = race(problem, z_exact=z_exact, tolerances=_TOLERANCES, repeats=1, time_limit=limit)
+    outcome = race(problem, z_exact=z_exact, tolerances=DEFAULT_TOLERANCES[::2], repeats=1, time_limit=limit)
     folded = [("Every run", outcome.table().to_html())]
     if left := outcome.left_out():
         folded.append(("Solvers that did not take part", render("folded.html", text="\n".join(left))))
@@ -342,7 +340,7 @@ def _race(problem: ProblemData, z_exact: Vector | None, time_limit: float) -> Se
 def _map(problem: ProblemData) -> Section:
     if problem.n > _MAP_UP_TO:
         raise InputError(f"a map solves the problem {_MAP_POINTS**2} times, which is done up to n = {_MAP_UP_TO}")
-    result = stability(relaxation_plane(_MAP_POINTS, problem), starts=1, max_iter=_MAP_STEPS)
+    result = stability(relaxation_plane(_MAP_POINTS, problem), starts=1)
     return Section(
         introduction=f"What relaxation does to the paper's method: at each point {result.plane.title} is solved.",
         panels=drawing(result).panels,

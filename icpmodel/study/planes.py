@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -89,6 +88,10 @@ class Plane(Displayable):
 #: the largest θ₁ and θ₂: on eight scenes with n from 49 to 400 the fewest steps are at θ₂ from 2 to 4.7; on larger
 #: problems it was not tested
 _LARGEST = (2.5, 6.0)
+#: the planes of a method's parameters, and those of a problem's
+_METHOD_PLANES = ("relaxation", "shift")
+_PROBLEM_PLANES = ("coupling", "transport", "units")
+PLANES = (*_METHOD_PLANES, *_PROBLEM_PLANES)
 
 
 def relaxation_plane(points: int, one: ProblemData) -> Plane:
@@ -98,7 +101,7 @@ def relaxation_plane(points: int, one: ProblemData) -> Plane:
     return Plane(f"MNMAOR on {title(one)}", theta1, theta2, partial(_with_relaxation, one), default=(1.0, 1.0))
 
 
-def _shift(points: int, one: ProblemData) -> Plane:
+def _shift_plane(points: int, one: ProblemData) -> Plane:
     """φ/D and Ω/D of MNMGS on `one`."""
     D = one.A.diagonal()
     if not (D > 0).all():
@@ -109,32 +112,22 @@ def _shift(points: int, one: ProblemData) -> Plane:
     return Plane(f"MNMGS on {title(one)}", phi, omega, partial(_with_shift, one, D), default=(0.0, 1.0))
 
 
-def _coupling(points: int, n: int, sweep: Method) -> Plane:
-    """The shift μ of A and ‖G‖∞, for one method."""
-    mu = Axis("mu", "shift μ of the diagonal (A = 5-point matrix + μI)", np.geomspace(0.01, 10.0, points), log=True)
-    norm = Axis("norm of G", "‖G‖∞ of ψ(z) = Gz + c", np.linspace(0.0, 2.0, points))
-    about = f"{_name(sweep)}: dominance against coupling of the obstacle"
-    return Plane(about, mu, norm, partial(_with_coupling, n, sweep))
-
-
-def _transport(points: int, n: int, sweep: Method) -> Plane:
-    """The skewness and the shift μ of A, for one method."""
-    skew = Axis("skew", "skewness s (neighbours −1 − s and −1 + s)", np.linspace(0.0, 6.0, points))
-    mu = Axis("mu", "shift μ of the diagonal", np.geomspace(0.01, 30.0, points), log=True)
-    about = f"{_name(sweep)}: transport against dominance"
-    return Plane(about, skew, mu, partial(_with_transport, n, sweep))
-
-
-def _units(points: int, n: int, sweep: Method) -> Plane:
-    """The scale of A, on which no step with Ω = D depends but the conditions as printed do, and ‖G‖∞."""
-    scale = Axis("scale of A", "diagonal of A", np.geomspace(0.1, 10.0, points), log=True)
-    norm = Axis("norm of G", "‖G‖∞ of ψ(z) = Gz + c", np.linspace(0.0, 4.0, points))
-    about = f"{_name(sweep)}: a change of units against coupling of the obstacle"
-    return Plane(about, scale, norm, partial(_in_units, n, sweep))
-
-
-def _name(sweep: Method) -> str:
-    return repr(sweep).removesuffix("()")
+def _problem_plane(name: str, points: int, n: int, sweep: Method) -> Plane:
+    """Grids for one method: shift μ or skewness of A, or its scale, on which no step with Ω = D depends; and ‖G‖∞."""
+    norm = Axis("norm of G", "‖G‖∞ of ψ(z) = Gz + c", np.linspace(0.0, 4.0 if name == "units" else 2.0, points))
+    if name == "coupling":
+        mu = np.geomspace(0.01, 10.0, points)
+        axes = Axis("mu", "shift μ of the diagonal (A = 5-point matrix + μI)", mu, log=True), norm
+        about = "dominance against coupling of the obstacle"
+    elif name == "transport":
+        skew = Axis("skew", "skewness s (neighbours −1 − s and −1 + s)", np.linspace(0.0, 6.0, points))
+        axes = skew, Axis("mu", "shift μ of the diagonal", np.geomspace(0.01, 30.0, points), log=True)
+        about = "transport against dominance"
+    else:
+        axes = Axis("scale of A", "diagonal of A", np.geomspace(0.1, 10.0, points), log=True), norm
+        about = "a change of units against coupling of the obstacle"
+    method = repr(sweep).removesuffix("()")
+    return Plane(f"{method}: {about}", *axes, partial(_on_a_grid, name, side(n), sweep))
 
 
 # functions of the file, as what is public can be sent to another process
@@ -148,30 +141,17 @@ def _with_shift(one: ProblemData, D: Vector, x: float, y: float) -> tuple[Proble
     return one, MNMGS(phi=x * D, phi2=y * D)
 
 
-def _with_coupling(n: int, sweep: Method, x: float, y: float) -> tuple[ProblemData, Method]:
-    return _grid(five_point(side(n), x), y), sweep
-
-
-def _with_transport(n: int, sweep: Method, x: float, y: float) -> tuple[ProblemData, Method]:
-    return _grid(five_point(side(n), y, x), 0.5), sweep
-
-
-def _in_units(n: int, sweep: Method, x: float, y: float) -> tuple[ProblemData, Method]:
-    return _grid((x / 8.0) * five_point(side(n), 4.0), -y), sweep
-
-
-def _grid(A: Any, norm: float) -> ICP:
+def _on_a_grid(name: str, m: int, sweep: Method, x: float, y: float) -> tuple[ProblemData, Method]:
     """z* random and complementary, ψ(z) = Gz + c with G = (norm/4)·adjacency of the m × m grid."""
-    m = round(A.shape[0] ** 0.5)
+    if name == "coupling":
+        A, norm = five_point(m, x), y
+    elif name == "transport":
+        A, norm = five_point(m, y, x), 0.5
+    else:
+        A, norm = (x / 8.0) * five_point(m, 4.0), -y
     z, p, r = random_complementary(m * m, seed=0)
     G = (norm / 4.0) * adjacency(m)
-    return ICP(A, float(A.diagonal().mean()) * p - A @ z, Affine(G, z - r - G @ z))
-
-
-#: name → builder, of the planes that vary a method, and of those that vary the problem
-_METHOD_PLANES = {"relaxation": relaxation_plane, "shift": _shift}
-_PROBLEM_PLANES = {"coupling": _coupling, "transport": _transport, "units": _units}
-PLANES = (*_METHOD_PLANES, *_PROBLEM_PLANES)
+    return ICP(A, float(A.diagonal().mean()) * p - A @ z, Affine(G, z - r - G @ z)), sweep
 
 
 def plane(name: str, points: int, n: int, problem: ProblemData | None, method: str | None) -> Plane:
@@ -179,7 +159,8 @@ def plane(name: str, points: int, n: int, problem: ProblemData | None, method: s
     if name in _PROBLEM_PLANES:
         if problem is not None:
             raise InputError("problem: this plane makes its own; only the planes relaxation and shift take one")
-        return _PROBLEM_PLANES[name](points, n, named(method or "mnmgs"))
+        return _problem_plane(name, points, n, named(method or "mnmgs"))
     if method is not None:
         raise InputError(f"method is {method!r}; this plane varies the parameters of its own method: leave it out")
-    return _METHOD_PLANES[name](points, problem or scene("manufactured-affine", n, mu=0.5).problem)
+    one = problem or scene("manufactured-affine", n, mu=0.5).problem
+    return relaxation_plane(points, one) if name == "relaxation" else _shift_plane(points, one)

@@ -260,8 +260,7 @@ def race(
         with status_line(progress, opening) as say:
             say("the measure of error, and one linear solve")
             measure, error = _measure(case, z_exact, limit)
-            result = replace(result, measure=measure)
-            result = replace(result, limit=linear_solve_seconds(case, repeats, limit))
+            result = replace(result, measure=measure, limit=linear_solve_seconds(case, repeats, limit))
             admitted = []
             for one in competitors:
                 say(f"{one.name}: warming up")
@@ -321,7 +320,7 @@ def _run(
     case: Case, competitors: list[Competitor], goals: list[float], repeats: int, limit: float, error: _Error, say: _Say
 ) -> Iterator[Entry]:
     """Run every competitor once, to find its tolerances and its time; then repeat the short runs."""
-    builds = {one.name: _build_seconds(case, one) for one in competitors}
+    builds = {one.name: timeit(partial(one.build, case), number=1) for one in competitors}
     reached = dict.fromkeys(builds, 1.0)  # 0 for one that is asked for no more
     repeated = {}
     entries = {}
@@ -349,13 +348,6 @@ def _run(
         else:
             entries[key] = replace(entries[key], seconds=(*entries[key].seconds, builds[key[0]] + run.seconds))
         yield entries[key]
-
-
-def _build_seconds(case: Case, one: Competitor) -> float:
-    """The median of the times of `build`, or its time where that is long."""
-    build = partial(timeit, partial(one.build, case), number=1)
-    seconds = build()
-    return seconds if seconds >= _TIMED_ONCE_SECONDS else float(np.median([seconds, build(), build()]))
 
 
 def _entry(case: Case, one: Competitor, tolerance: float, build: float, run: Claim, error: _Error) -> Entry:

@@ -40,9 +40,8 @@ RUN_ENDS = ("solved", *_UNDECIDING_ENDS, *_CONTRADICTING_ENDS, "refused", "not r
 GLOBAL_THEOREMS = tuple(name for name in theorems() if name != "monotone")
 #: the theorems that the paper prints otherwise
 MISPRINTED_THEOREMS = ("4.2", "4.3", "4.4")
-#: the type of an end, and the bytes of a point: its end, its steps and what is proved there
+#: the type of an end, which takes most of the memory of a point
 _END = np.dtype(f"<U{max(map(len, RUN_ENDS))}")
-_POINT_BYTES = float(_END.itemsize + np.dtype(np.int64).itemsize + len(GLOBAL_THEOREMS) + len(MISPRINTED_THEOREMS))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -248,7 +247,7 @@ def stability(
 
 def _check_memory(rows: int, columns: int) -> None:
     """Raise InputError where a map of so many points exceeds the free memory."""
-    size = _POINT_BYTES * rows * columns
+    size = float(_END.itemsize * rows * columns)
     if not memory_suffices(size):
         raise InputError(
             f"the map has {rows:g} x {columns:g} points, which take {1e-9 * size:.3g} GB of memory, more than is free"

@@ -122,13 +122,7 @@ class Presolve:
         low = np.minimum(low, high)
         bounds = f"{original.bounds} and the rows of G with one entry hold" if self.singles.size else original.bounds
         self.program = replace(
-            original,
-            C=C[self.rows] if self.singles.size else C,
-            d=original.d[self.rows],
-            low=low,
-            high=high,
-            numbers=self.rows,
-            bounds=bounds,
+            original, C=C[self.rows], d=original.d[self.rows], low=low, high=high, numbers=self.rows, bounds=bounds
         )
 
     def _contradiction(self, i: int, low: Vector, high: Vector) -> str:

@@ -12,14 +12,12 @@ from numpy.typing import NDArray
 from ...icp import ICP
 from ...numerics import work
 from ...numerics.arrays import Vector, norm
-from ...numerics.equilibration import Exponents, balanced, in_units, in_units_exactly, row_exponents
+from ...numerics.equilibration import Exponents, balanced, in_units, in_units_exactly, row_exponents, times_rows
 from ...problem.data import ProblemData
 from .program import Program, saddle_matrix, with_bounds
 
 #: sides from here on stand for none, as a rule: they tell how large x is only where there are no others
 _INFINITE = 1e15
-#: an exponent by which every float becomes 0
-_OUT = -3000
 
 
 class ScaledConditions:
@@ -99,10 +97,11 @@ class ScaledConditions:
 
         So a row of large terms hides no other one.
         """
-        units = np.where(self.is_x | (terms == 0.0), _OUT, -np.frexp(terms)[1].astype(np.int64))
-        A = in_units(self.problem.A, units)
+        alone = np.where(self.is_x, 0.0, np.sign(terms))
+        units = -np.frexp(terms)[1].astype(np.int64)
+        A = in_units(times_rows(alone, self.problem.A), units)
         columns = row_exponents(sp.csr_array(A.T))
-        q = np.ldexp(self.problem.q, units)
+        q = np.ldexp(alone * self.problem.q, units)
         low, high = (np.ldexp(side, -columns) for side in (self.low, self.high))
         return ProblemData(in_units(A, 0 * units, columns), q, low, high), units
 

@@ -331,64 +331,40 @@ def solve_program(
         After Ctrl-C, with the solution so far.
     """
     start_time = work.clock() if start_time is None else start_time
+
+    def solution(z: Vector, box: Vector, status: str, message: str, violation: float, steps: int) -> ProgramSolution:
+        x, y, multiplier = np.split(z, [box.size, box.size + program.equations])
+        value = program.objective(x)
+        seconds = work.clock() - start_time
+        return ProgramSolution(x, y, multiplier, box, value, status, message, violation, steps, seconds, program)
+
     with program_limits(tolerance, time_limit, start_time):
         try:
             if not convex:
                 check_convex(program)
             presolve = Presolve(program)
             run = ProgramRun(presolve.program, tolerance, before)
-        except OutOfTime as error:
-            return _not_begun(program, f"before the first iterate: {error}", start_time), before
-        if presolve.contradiction:
-            status, message = "infeasible", presolve.contradiction
-        else:
-            if (program.low > program.high).any():  # by rounding: they touch
-                program = replace(program, low=np.minimum(program.low, program.high))
-            try:
-                status, message = run.verdict(start)
-            except KeyboardInterrupt:
-                status, message = "user_limit", INTERRUPTED
-            except OutOfTime as error:
-                status, message = "user_limit", str(error)
+        except OutOfTime as error:  # the x within the bounds that is next to 0
+            z = np.concatenate([np.clip(0.0, program.low, program.high), np.zeros(program.d.size)])
+            message = f"before the first iterate: {error}"
+            return solution(z, np.zeros(program.g.size), "user_limit", message, np.inf, 0), before
+        if not presolve.contradiction:  # bounds that cross by rounding touch
+            program = replace(program, low=np.minimum(program.low, program.high))
+        try:
+            status, message = ("infeasible", presolve.contradiction) if presolve.contradiction else run.verdict(start)
+        except (KeyboardInterrupt, OutOfTime) as error:
+            status = "user_limit"
+            message = str(error) if isinstance(error, OutOfTime) else INTERRUPTED
     z, box = presolve.postsolve(*run.values())
-    is_proved = status.startswith(("infeasible", "unbounded"))
-    if is_proved:
+    violation = run.violation.rounded
+    if status.startswith(("infeasible", "unbounded")):  # which is proved
         z[:] = np.nan
         box[:] = np.nan
-    x, y, multiplier = np.split(z, [box.size, box.size + program.equations])
-    solution = ProgramSolution(
-        x=x,
-        y=y,
-        z=multiplier,
-        z_box=box,
-        objective=program.objective(x),
-        status=status,
-        message=message,
-        violation=np.nan if is_proved else run.violation.rounded,
-        iterations=run.iterations,
-        seconds=work.clock() - start_time,
-        _program=program,
-    )
+        violation = np.nan
+    answer = solution(z, box, status, message, violation, run.iterations)
     if message == INTERRUPTED:
-        raise Interrupted(solution)
-    return solution, run
-
-
-def _not_begun(program: Program, message: str, start_time: float) -> ProgramSolution:
-    """The solution where no iterate is known: the x within the bounds that is next to 0."""
-    x = np.clip(0.0, program.low, program.high)
-    y, z = np.split(np.zeros(program.d.size), [program.equations])
-    values = {"x": x, "y": y, "z": z, "z_box": np.zeros(x.size), "objective": program.objective(x)}
-    seconds = work.clock() - start_time
-    return ProgramSolution(
-        **values,
-        status="user_limit",
-        message=message,
-        violation=np.inf,
-        iterations=0,
-        seconds=seconds,
-        _program=program,
-    )
+        raise Interrupted(answer)
+    return answer, run
 
 
 def _solve(
