@@ -32,18 +32,15 @@ class CompiledExpressions:
     def __init__(self, sides: Sequence[cp.Expression]) -> None:
         self.sides, self.atoms = list(sides), dict[cp.Variable, cp.Expression]()
         parts = [_separate_atoms(side, self.atoms) for side in sides]
-        # CVXPY would add rows for what it knows of a variable
-        bound = unique(x for part in parts for x in part.variables() if any(x.attributes.values()))
-        self._plain = {x: cp.Variable(x.shape, name=x.name()) for x in bound}
-        copies: dict[int, Any] = {id(x): plain for x, plain in self._plain.items()}
-        self._model = cp.Problem(cp.Minimize(0), [(copied(part, copies) if copies else part) == 0 for part in parts])
-        self.is_dpp = self._model.is_dpp()
-        self._rows = sum(side.size for side in sides)
         self.parameters = unique(x for side in sides for x in side.parameters())
-        inner = unique(x for atom in self.atoms.values() for x in atom.variables())
-        known = {plain: x for x, plain in self._plain.items()}
-        compiled = [known.get(x, x) for x in self._model.variables()]
-        self.variables = unique([x for x in compiled if x not in self.atoms] + inner)
+        inner = (x for part in (*parts, *self.atoms.values()) for x in part.variables())
+        self.variables = unique(x for x in inner if x not in self.atoms)
+        # CVXPY would add rows for what it knows of a variable
+        plain = {id(x): cp.Variable(x.shape) for x in self.variables}
+        # the rows of the variables themselves say which columns they have
+        parts = [*(copied(part, plain) for part in parts), *plain.values(), *self.atoms]
+        self._model = cp.Problem(cp.Minimize(0), [part == 0 for part in parts])
+        self.is_dpp = self._model.is_dpp()
 
     def parameter_values(self) -> list[Any]:
         """Copies of what the parameters are now. Raises InputError where one has no value."""
@@ -67,14 +64,15 @@ class CompiledExpressions:
             except ValueError:  # of diag(X) @ c in the SciPy backend, which the model would keep
                 self._model = cp.Problem(self._model.objective, self._model.constraints)
                 data, *_ = self._model.get_problem_data(solver, ignore_dpp=ignore)
-        columns = data[cp.settings.PARAM_PROB].var_id_to_col
         M = sp.csr_array(data[cp.settings.A])
-        constant = -data[cp.settings.B]
-        assert M.shape[0] == self._rows, "CVXPY has added rows of its own"
+        m = sum(side.size for side in self.sides)
+        n = sum(x.size for x in self.variables)
+        columns = M.indices[M.indptr[m] :]
+        assert M.shape[0] == m + n + sum(x.size for x in self.atoms), "CVXPY has added rows of its own"
+        M = M[:m]
         M.eliminate_zeros()
-        variables = [self._plain.get(x, x) for x in self.variables]
-        Z, W = (_columns(M, part, columns) for part in (variables, list(self.atoms)))
-        return AffineRows(Z, W, constant)
+        Z, W = (M[:, part] for part in (columns[:n], columns[n:]))
+        return AffineRows(Z, W, -data[cp.settings.B][:m])
 
 
 def _separate_atoms(expression: cp.Expression, atoms: dict[cp.Variable, cp.Expression]) -> cp.Expression:
@@ -114,15 +112,3 @@ def _as_product(cumsum: cp.cumsum, atoms: dict[cp.Variable, cp.Expression]) -> c
     L = np.tril(np.ones((x.shape[axis], x.shape[axis])))
     along = sp.kron(sp.eye_array(after), sp.kron(L, sp.eye_array(before)))
     return cp.reshape(along @ cp.vec(x, order="F"), x.shape, order="F")
-
-
-def _columns(M: sp.csr_array, variables: list[cp.Variable], columns: dict[int, int]) -> sp.csr_array:
-    """The columns of `M` that belong to `variables`, in their order; zero for one that the compiled model has not."""
-    none = M.shape[1]
-    parts = [np.arange(x.size) + columns[x.id] if x.id in columns else np.full(x.size, none) for x in variables]
-    selected = np.concatenate(parts) if parts else np.zeros(0, dtype=np.int64)
-    if np.array_equal(selected, np.arange(none)):
-        return M
-    if (selected == none).any():
-        M = sp.csr_array((M.data, M.indices, M.indptr), shape=(M.shape[0], none + 1))
-    return sp.csr_array(M[:, selected])
