@@ -255,22 +255,12 @@ class Derivative(ReadOnly, Plottable):
         """
         with np.errstate(over="ignore", invalid="ignore"):
             x = self.equations.solve(f, self._tolerance, transposed)
+            sizes = self._absolute.T if transposed else self._absolute
             # all of f within the rounding of Jx: J is singular but for rounding
-            if x is None or (f.any() and (np.abs(f) <= 16 * UNIT_ROUNDOFF * self._sizes(x, transposed)).all()):
+            if x is None or (f.any() and (np.abs(f) <= 16 * UNIT_ROUNDOFF * (sizes @ np.abs(x))).all()):
                 reason = "the equations of the active set are singular, or their solution overflows"
                 raise SingularOperator(f"{reason}; where rows are undecided, one_sided may have an answer", 0)
         return x
-
-    def _sizes(self, x: Vector, transposed: bool) -> Vector:
-        """|J||x| or |J|ᵀ|x|, shape (n,): what the rounding of Jx is relative to."""
-        matrix = self.problem.matrix
-        G = self._jacobian
-        active = self.pattern.active
-        x = np.abs(x)
-        A = matrix.absolute if matrix.dense is None else np.abs(matrix.dense)
-        x_active = np.where(active, x, 0.0) if transposed else x
-        terms = (abs(G).T if transposed else abs(G)) @ x_active + x_active if G.nnz else x_active
-        return A.T @ (x - x_active) + terms if transposed else np.where(active, terms, A @ x)
 
     @public_entry
     def one_sided(self, *, dA: Any = None, dq: Any = None, dpsi: Any = None, dupper: Any = None) -> OneSided:
@@ -360,7 +350,7 @@ class Derivative(ReadOnly, Plottable):
         f = direction.right_side(self.z, self.pattern)
         delta = self.solution.certificate.bound.componentwise
         error = np.zeros(dz.size) if delta is None else direction.error(self.z, delta, self.pattern)
-        return self._bound(self._matrix(), f, dz, error)
+        return self._bound(self._matrix, f, dz, error)
 
     @public_entry
     def adjoint_bound(self, zbar: Any, gradient: Gradient) -> float | None:
@@ -389,11 +379,17 @@ class Derivative(ReadOnly, Plottable):
         w = gradient.psi_values - gradient.q
         w = w if gradient.upper_values is None else w + gradient.upper_values
         zbar = self.problem.vector(zbar, "zbar", finite=True)
-        return self._bound(sp.csr_array(self._matrix().T), zbar, w, np.zeros(w.size))
+        return self._bound(sp.csr_array(self._matrix.T), zbar, w, np.zeros(w.size))
 
+    @cached_property
     def _matrix(self) -> sp.csr_array:
         """J, CSR, shape (n, n)."""
         return newton_matrix(self.problem, self.pattern.active, self._jacobian)
+
+    @cached_property
+    def _absolute(self) -> sp.csr_array:
+        """|J|: the rounding of Jx is relative to |J||x|."""
+        return abs(self._matrix)
 
     def _bound(self, J: sp.csr_array, f: Vector, x: Vector, error: Vector) -> float | None:
         """max|x − x*| for Jx* = f, f wrong by up to `error`."""
