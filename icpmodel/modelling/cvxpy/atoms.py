@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import textwrap
 from collections.abc import Iterable, Sequence
+from functools import reduce
 from typing import Any
 
 import cvxpy as cp
@@ -126,19 +127,11 @@ def copied(expression: Any, copies: dict[int, Any]) -> Any:
     if isinstance(expression, QuadForm) and not arguments[1].is_constant():
         return cp.sum(cp.multiply(arguments[0], arguments[1] @ arguments[0]))
     if isinstance(expression, _POWER) and (exponent := expression.p.value) is not None and exponent in range(3, 100):
-        return _whole_power(arguments[0], int(exponent))
+        return reduce(cp.multiply, [arguments[0]] * int(exponent))
     data = expression.get_data() or []
     if not any(isinstance(x, cp.Expression) for x in data):
         return expression.copy(arguments)
     return type(expression)(*arguments, *(cp.Constant(x.value) if isinstance(x, cp.Expression) else x for x in data))
-
-
-def _whole_power(x: cp.Expression, exponent: int) -> cp.Expression:
-    """xᵏ, k ≥ 2, by squares."""
-    if exponent <= 3:
-        return cp.square(x) if exponent == 2 else cp.multiply(x, cp.square(x))
-    half = cp.square(_whole_power(x, exponent // 2))
-    return cp.multiply(x, half) if exponent % 2 else half
 
 
 def named(expression: cp.Expression | cp.Constraint) -> str:
