@@ -161,20 +161,17 @@ class Callbacks:
     def many(self, rows: MappedArrays) -> dict[str, Any]:
         """The arguments of `solve_many`: lists, or matrices with a row per problem, where problems differ."""
         problem = self.problem
-        arguments = {}
-        sides = obstacles(problem)
+        arguments: dict[str, Any] = {"A": problem.A, "q": problem.q, "z0": None, **obstacles(problem)}
         for name, form in self.forms.items():
+            several = rows.arrays[name]
             if name not in rows.mapped:
-                arguments[name] = form.to_icp(*rows.at(0)[name])
+                arguments[name] = form.to_icp(*(one[0] for one in several))
             elif form.make in (None, Constant):
-                arguments[name] = rows.arrays[name][0]
+                arguments[name] = several[0]
             else:
-                arguments[name] = [form.to_icp(*rows.at(row)[name]) for row in range(rows.count)]
-        Q = np.broadcast_to(arguments.get("q", problem.q), (rows.count, self.problem.n))
-        A = arguments.get("A", problem.A)
-        start = arguments.get("z0")
-        psi, upper = (arguments.get(name, sides[name]) for name in ("psi", "upper"))
-        return {"A": A, "Q": Q, "psi": psi, "upper": upper, "Z0": start}
+                arguments[name] = list(map(form.to_icp, *several))
+        Q = np.broadcast_to(arguments.pop("q"), (rows.count, problem.n))
+        return {"Q": Q, "Z0": arguments.pop("z0"), **arguments}
 
     def answer(self, row: Arrays) -> Solution | None:
         """The solution of one row."""
