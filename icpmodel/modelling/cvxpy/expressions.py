@@ -26,9 +26,9 @@ from ...solve.solution import Solution
 from ..affine_rows import AffineRows, SumOfTerms, obstacle
 from ..inequalities import checked
 from ..row_order import OrderedRows, in_order, p_before_r
-from .atoms import at, frozen, named, unique, unstacked
+from .atoms import at, frozen, unique, unstacked
 from .compiled import CompiledExpressions
-from .statement_checks import bounds_of, check_constraints, check_variables, pair
+from .statement_checks import Part, bounds_of, check_parts
 
 #: the names of the bounds of r, and the number that means none
 _BOUNDS = (("lower", -np.inf), ("upper", np.inf))
@@ -44,14 +44,17 @@ class CvxpyReading:
     ) -> None:
         variables = unique(x for one in (*conditions, *equations, *inequalities) for x in one.variables())
         inequalities = [*inequalities, *(one for x in variables for one in bounds_of(x))]
-        self._conditions, self._equations, self._inequalities = conditions, equations, inequalities
-        self._pairs = [pair(one) for one in conditions]
-        check_constraints(equations, inequalities)
-        self._m = sum(p.size for p, _ in self._pairs)
-        parts = self._parts_of_sides()
-        check_variables(variables, self._m + sum(one.expr.size for one in equations), bool(inequalities))
-        self.compiled = CompiledExpressions([side for part in parts for side in part])
-        self._ends = np.cumsum([sum(side.size for side in part) for part in parts])
+        bounded = [[one for one in conditions if one.bounds[k] is not None] for k in (0, 1)]
+        self._p = Part(conditions, [one.sides[0] for one in conditions])
+        self._r = Part(conditions, [one.sides[1] for one in conditions])
+        self._equations = Part(equations, [one.expr for one in equations])
+        least = [-one.expr if isinstance(one, cp.NonNeg) else one.expr for one in inequalities]
+        self._inequalities = Part(inequalities, least)
+        self._bounds = [Part(owners, [one.bounds[k] for one in owners]) for k, owners in enumerate(bounded)]
+        parts = [self._p, self._r, self._equations, self._inequalities, *self._bounds]
+        check_parts(parts, self._inequalities, variables, self._p.size + self._equations.size)
+        self.compiled = CompiledExpressions([side for part in parts for side in part.expressions])
+        self._ends = np.cumsum([part.size for part in parts])
         self.variables, self.parameters = self.compiled.variables, self.compiled.parameters
         self.is_dpp = self.compiled.is_dpp
         self._order: np.ndarray | None = None  # in which the compiled rows are those of p, then those of r
@@ -61,13 +64,6 @@ class CvxpyReading:
         self._values: list[Any] = []
         self._checked: AffineRows
         self._ordered: OrderedRows
-
-    def _parts_of_sides(self) -> list[list[cp.Expression]]:
-        """The expressions of p, of r, of the equations, of the inequalities, at most 0, and of both bounds."""
-        bounds = [[one.bounds[k] for one in self._conditions if one.bounds[k] is not None] for k in (0, 1)]
-        zero = [one.expr for one in self._equations]
-        least = [-one.expr if isinstance(one, cp.NonNeg) else one.expr for one in self._inequalities]
-        return [[p for p, _ in self._pairs], [r for _, r in self._pairs], zero, least, *bounds]
 
     @property
     def problem(self) -> ICP:
@@ -111,15 +107,9 @@ class CvxpyReading:
         return self._by_condition(self._ordered.sign * self.problem.p(z)[self._ordered.owned_columns])
 
     def row_name(self, row: int) -> str:
-        return self._source_name(int(self._ordered.sources[row]))
-
-    def _source_name(self, source: int) -> str:
-        """The words of the row `source` of all p, then all equations, as they were written."""
-        if source >= self._m:
-            number, place = at([one.expr for one in self._equations], source - self._m)
-            return named(self._equations[number]) + (place and f", entry {place},")
-        number, place = at([p for p, _ in self._pairs], source)
-        return f"{self._conditions[number]}" + (place and f", entry {place},")
+        source = int(self._ordered.sources[row])
+        m = self._p.size
+        return self._p.row_name(source) if source < m else self._equations.row_name(source - m)
 
     def distances(self, z: Vector) -> list[tuple[Any, Any]]:
         """The conditions without bounds, each with its r, as it was written, at `z`."""
@@ -133,14 +123,10 @@ class CvxpyReading:
 
     def checked(self, solution: Solution) -> Solution:
         """`solution`, unless it violates an inequality."""
-        return checked(solution, self._checked, self._inequality)
-
-    def _inequality(self, row: int) -> str:
-        number, place = at([one.expr for one in self._inequalities], row)
-        return named(self._inequalities[number]) + (place and f", entry {place},")
+        return checked(solution, self._checked, self._inequalities.row_name)
 
     def _by_condition(self, rows: Vector) -> list[tuple[Any, Any]]:
-        return list(zip(self._conditions, unstacked(rows, [p for p, _ in self._pairs]), strict=True))
+        return list(zip(self._p.owners, unstacked(rows, self._p.expressions), strict=True))
 
     def _read(self, last: ICP | None) -> ICP:
         self._ordered = in_order(*self._parts(self.compiled.rows()))
@@ -176,32 +162,32 @@ class CvxpyReading:
         """The compiled `rows` of p, of r, of the equations, and of the bounds of r, None where no condition has such a
         one; those of the inequalities are kept."""
         if self._order is None:
-            may_swap = [not one.is_bounded for one in self._conditions]
-            self._order = p_before_r(rows.Z, [p.size for p, _ in self._pairs], may_swap)
+            may_swap = [not one.is_bounded for one in self._p.owners]
+            self._order = p_before_r(rows.Z, [p.size for p in self._p.expressions], may_swap)
         if not np.array_equal(self._order, np.arange(self._ends[-1])):  # it would copy a matrix that may be large
             rows = rows.of(self._order)
         parts = map(slice, [0, *self._ends[:-1]], self._ends)
         p, r, equations, self._checked, *bounds = map(rows.of, parts)
-        named_rows = (self._source_name, p, 0), (self._source_name, r, 0), (self._source_name, equations, self._m)
-        for name_of, side, first in (*named_rows, (self._inequality, self._checked, 0)):
+        stated = (self._p, p), (self._r, r), (self._equations, equations), (self._inequalities, self._checked)
+        for part, side in stated:
             if (invalid := side.have_nan()).any():
-                raise InputError(f"{name_of(first + int(np.argmax(invalid)))} has NaN; numbers were expected")
+                raise InputError(f"{part.row_name(int(np.argmax(invalid)))} has NaN; numbers were expected")
         return p, r, equations, *(self._spread(k, bound) for k, bound in enumerate(bounds))
 
     def _spread(self, k: int, bound: AffineRows) -> AffineRows | None:
         """The lower (k = 0) or upper bounds with a row for each of r. Raises InputError for what is none."""
         name, none = _BOUNDS[k]
-        bounded = [one for one in self._conditions if one.bounds[k] is not None]
-        if not bounded:
+        part = self._bounds[k]
+        if not part.owners:
             return None
         invalid = np.isnan(bound.constant) | (bound.constant == -none)
         if invalid.any():
             row = int(np.argmax(invalid))
-            number, place = at([one.bounds[k] for one in bounded], row)
-            actual = f"{name}{place} of {bounded[number]} is {bound.constant[row]}"
+            number, place = at(part.expressions, row)
+            actual = f"{name}{place} of {part.owners[number]} is {bound.constant[row]}"
             raise InputError(f"{actual}; a number was expected, or {none} for none")
-        rows = np.concatenate([np.full(one.sides[1].size, one.bounds[k] is not None) for one in self._conditions])
-        return bound.constants(self._m, none if k else 0.0).replaced(np.flatnonzero(rows), bound)
+        rows = np.concatenate([np.full(one.sides[1].size, one.bounds[k] is not None) for one in self._p.owners])
+        return bound.constants(self._p.size, none if k else 0.0).replaced(np.flatnonzero(rows), bound)
 
     def _check_crossing(self, psi: Any, upper: Any) -> None:
         if isinstance(psi, np.ndarray) and isinstance(upper, np.ndarray) and (psi > upper).any():

@@ -1,24 +1,34 @@
-"""What conditions, equations and inequalities in CVXPY's terms have to be for an ICP."""
+"""The parts of a statement in CVXPY's terms, and what they have to be for an ICP."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import cvxpy as cp
 
 from ...errors import InputError
-from .atoms import named
-from .complementarity import BOUND_ATTRIBUTES, own_bounds
+from .atoms import at, named
+from .complementarity import BOUND_ATTRIBUTES, Complementarity, own_bounds
 
 
-def pair(condition: Any) -> tuple[cp.Expression, cp.Expression]:
-    """p and r as they were given. Raises InputError where they, or the bounds, are complex."""
-    for side in (*condition.sides, *condition.bounds):
-        if side is not None and side.is_complex():
-            raise InputError(f"{named(side)} is complex; real expressions were expected: ICP is stated over the reals")
-    p, r = condition.sides
-    return p, r
+class Part(NamedTuple):
+    """Expressions, stacked column by column, each with the constraint that it is in."""
+
+    owners: Sequence[Any]
+    expressions: list[cp.Expression]
+
+    @property
+    def size(self) -> int:
+        """The number of rows."""
+        return sum(one.size for one in self.expressions)
+
+    def row_name(self, row: int) -> str:
+        """The constraint of the `row` as it was written, and the entry."""
+        number, place = at(self.expressions, row)
+        owner = self.owners[number]
+        words = str(owner) if isinstance(owner, Complementarity) else named(owner)
+        return words + (place and f", entry {place},")
 
 
 def bounds_of(x: cp.Variable) -> list[cp.Constraint]:
@@ -27,17 +37,15 @@ def bounds_of(x: cp.Variable) -> list[cp.Constraint]:
     return [one for one in (low is not None and x >= low, high is not None and x <= high) if one is not False]
 
 
-def check_constraints(equations: Sequence[cp.Constraint], inequalities: Sequence[cp.Constraint]) -> None:
-    for one in (*equations, *inequalities):
+def check_parts(parts: list[Part], inequalities: Part, variables: list[cp.Variable], rows: int) -> None:
+    """Raise InputError where a part is complex, an inequality not affine, or the `rows` are not as many as unknowns."""
+    for one in (one for part in parts for one in part.expressions):
         if one.is_complex():
-            raise InputError(f"{named(one)} is complex; real expressions were expected")
-    for one in inequalities:
-        if not one.expr.is_affine():
+            raise InputError(f"{named(one)} is complex; real expressions were expected: ICP is stated over the reals")
+    for constraint, one in zip(*inequalities, strict=True):
+        if not one.is_affine():
             expected = "only affine ones are checked; ask its violation() after the solve"
-            raise InputError(f"the inequality {named(one)} is not affine in the variables; {expected}")
-
-
-def check_variables(variables: list[cp.Variable], rows: int, inequalities: bool) -> None:
+            raise InputError(f"the inequality {named(constraint)} is not affine in the variables; {expected}")
     for x in variables:
         attributes = [name for name, value in x.attributes.items() if value and name not in BOUND_ATTRIBUTES]
         if attributes:
@@ -49,4 +57,4 @@ def check_variables(variables: list[cp.Variable], rows: int, inequalities: bool)
         actual = f"the conditions and equations have {rows} entries, the variables {unknowns} ({entries})"
         expected = "each entry of a variable needs one row of its own, a condition or an equation"
         more = "; inequalities are only checked: a <= b with a multiplier of its own is complements(b - a, multiplier)"
-        raise InputError(f"{actual}; {expected}{more if inequalities else ''}")
+        raise InputError(f"{actual}; {expected}{more if inequalities.owners else ''}")
