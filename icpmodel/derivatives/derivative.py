@@ -185,7 +185,7 @@ class Derivative(ReadOnly, Plottable):
         >>> Derivative(ICP([[2.0]], [-2.0]).solve()).forward(dA=[[1.0]])
         array([-0.5])
         """
-        change = Direction.of(self.problem, dA, dq, dpsi, dupper)
+        change = Direction(self.problem, dA, dq, dpsi, dupper)
         return self.solve(change.right_side(self.z, self.pattern))
 
     @public_entry
@@ -295,21 +295,22 @@ class Derivative(ReadOnly, Plottable):
         >>> tuple(Derivative(problem.solve()).one_sided(dq=[0.0, 1.0, 0.0]))
         (array([ 0., -1.,  0.]), array([-1., -1.,  0.]))
         """
-        direction = Direction.of(self.problem, dA, dq, dpsi, dupper)
+        direction = Direction(self.problem, dA, dq, dpsi, dupper)
         # both raise InputError where the direction is wrong
         f = direction.right_side(self.z, self.pattern)
-        direction.times(-1.0).right_side(self.z, self.pattern)
+        opposite = direction.opposite()
+        opposite.right_side(self.z, self.pattern)
         if self.certain:
             dz = self.solve(f)
             return OneSided(dz, dz)
         near = Derivative(self.solution.polish())
-        return OneSided(*(sign * near._right_derivative(direction.times(sign)) + 0.0 for sign in (1.0, -1.0)))
+        return OneSided(near._right_derivative(direction), 0.0 - near._right_derivative(opposite))
 
     def _right_derivative(self, direction: Direction) -> Vector:
         """dz for t ↓ 0 in this `direction`, by its tangent problem. Raises NotSolved."""
         problem = tangent_problem(self.z, self.pattern, self._ties, direction)
         # numbers below SMALLEST/UNIT_ROUNDOFF have fewer digits than rtol asks for
-        return solve(problem, rtol=_RTOL, atol=SMALLEST / UNIT_ROUNDOFF).polish().z
+        return solve(problem, rtol=_RTOL, atol=SMALLEST / UNIT_ROUNDOFF).polish().z + 0.0
 
     @public_entry
     def bound(self, dz: Any, *, dA: Any = None, dq: Any = None, dpsi: Any = None, dupper: Any = None) -> float | None:
@@ -346,7 +347,7 @@ class Derivative(ReadOnly, Plottable):
         True
         """
         dz = self.problem.vector(dz, "dz")
-        direction = Direction.of(self.problem, dA, dq, dpsi, dupper)
+        direction = Direction(self.problem, dA, dq, dpsi, dupper)
         f = direction.right_side(self.z, self.pattern)
         delta = self.solution.certificate.bound.componentwise
         error = np.zeros(dz.size) if delta is None else direction.error(self.z, delta, self.pattern)

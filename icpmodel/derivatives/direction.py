@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,25 +17,19 @@ from ..problem.map import Map
 from ..problem.two_sided import sides_of
 
 
-@dataclass(frozen=True, eq=False)
 class Direction:
-    """The changes of A, CSR, of q, shape (n,), and of the obstacles below and above in the form of their own data; None
-    for what does not move."""
+    """The changes of A, of q, shape (n,), and of the obstacles below and above in the form of their own data; None for
+    what does not move. Raises InputError."""
 
-    problem: ProblemData
-    matrix: sp.csr_array | None
-    q: Vector | None
-    below: Any
-    above: Any
-
-    @classmethod
-    def of(cls, problem: ProblemData, dA: Any, dq: Any, dpsi: Any, dupper: Any) -> Direction:
-        """Check a user's direction. Raises InputError."""
+    def __init__(self, problem: ProblemData, dA: Any, dq: Any, dpsi: Any, dupper: Any) -> None:
         check_labels({"A": problem.matrix, "dA": dA, **parts_of("dpsi", dpsi), **parts_of("dupper", dupper)})
         if dupper is not None and problem.upper is None:
             raise InputError("dupper was given, but the problem has no upper obstacle")
-        matrix = None if dA is None else as_csr(dA, "dA", problem.n)
-        return cls(problem, matrix, None if dq is None else problem.vector(dq, "dq", finite=True), dpsi, dupper)
+        self.problem = problem
+        self.matrix = None if dA is None else as_csr(dA, "dA", problem.n)
+        self.q = None if dq is None else problem.vector(dq, "dq", finite=True)
+        self.below = dpsi
+        self.above = dupper
 
     def sides(self) -> list[tuple[str, Map, Any]]:
         """(name of the argument, map, its change or None) of each obstacle, the lower one first."""
@@ -82,9 +75,9 @@ class Direction:
         sides = self.sides()
         return [(None, None) if change is None else psi.data_change(z, change, name) for name, psi, change in sides]
 
-    def times(self, factor: float) -> Direction:
-        """The direction times `factor`, without new checks: call `right_side` of this one first."""
-        return Direction(self.problem, *(_times(factor, one) for one in (self.matrix, self.q, self.below, self.above)))
+    def opposite(self) -> Direction:
+        """The direction times −1."""
+        return Direction(self.problem, *map(_negative, (self.matrix, self.q, self.below, self.above)))
 
 
 #: H and d of Hz + d, None for 0
@@ -106,10 +99,8 @@ def _error(H: sp.csr_array | None, d: Vector | None, z: Vector, delta: Vector) -
     return (size @ delta) * (1 + gamma(terms)) + gamma(terms) * (size @ np.abs(z) + (0.0 if d is None else np.abs(d)))
 
 
-def _times(factor: float, change: Any) -> Any:
-    """`change` in its own form, times `factor`; None stays None."""
-    if change is None:
-        return None
+def _negative(change: Any) -> Any:
+    """−`change` in its own form; None stays None."""
     if isinstance(change, tuple):
-        return tuple(_times(factor, one) for one in change)
-    return factor * (change if sp.issparse(change) else np.asarray(change))
+        return tuple(map(_negative, change))
+    return change if change is None else -1.0 * (change if sp.issparse(change) else np.asarray(change))
