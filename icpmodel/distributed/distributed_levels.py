@@ -72,8 +72,6 @@ class DistributedLevels:
         self.krylov = "cg" if matrix.is_symmetric else "gmres"
         #: Krylov steps so far, on all levels
         self.steps = 0
-        self._top = -1
-        self._solver: Any = None
         release(matrix.comm, matrices[-1].comm)  # hypre's levels have a communicator of their own
 
     def restrict(self, free: Vector, top: int) -> None:
@@ -100,7 +98,7 @@ class DistributedLevels:
             return x
         scaled = f.duplicate()  # the squares of its entries do not over- or underflow
         scaled.setArray(f.array_r / size)
-        ksp = self.krylov_solver(top, J)
+        ksp = self._krylov_solver(top, J)
         if target is None:
             ksp.setTolerances(rtol=share, atol=0.0, max_it=MAX_KRYLOV_STEPS)
         else:
@@ -109,31 +107,26 @@ class DistributedLevels:
             ksp.setTolerances(rtol=0.0, atol=_TARGET_SHARE * target / size * row, max_it=_MAX_STEPS)
         ksp.solve(scaled, x)
         self.steps += ksp.getIterationNumber()
+        end = ksp.getConvergedReason()
+        ksp.destroy()
         ends = petsc().KSP.ConvergedReason
-        indefinite = (ends.DIVERGED_INDEFINITE_PC, ends.DIVERGED_INDEFINITE_MAT)
-        if ksp.getConvergedReason() in indefinite and self.krylov == "cg":
+        if end in (ends.DIVERGED_INDEFINITE_PC, ends.DIVERGED_INDEFINITE_MAT) and self.krylov == "cg":
             self.krylov = "gmres"
             return self.solve(f, top, J, share, target)
         x.scale(size)
         return x
 
-    def krylov_solver(self, top: int, J: Any) -> Any:
-        """CG or GMRES with a cycle of level `top`; it is kept until another level's is asked for."""
+    def _krylov_solver(self, top: int, J: Any) -> Any:
+        """CG or GMRES with a cycle of level `top`."""
         PETSc = petsc()
         levels = self.levels[top:]
-        if self._top != top:
-            if self._solver is not None:
-                self._solver.destroy()
-            self._top = top
-            self._solver = PETSc.KSP().create(self.levels[0].matrix.mat.comm)
-            _make_cycle(self._solver.getPC(), levels)
-        ksp = self._solver
+        ksp = PETSc.KSP().create(self.levels[0].matrix.mat.comm)
+        _make_cycle(ksp.getPC(), levels)
         ksp.setOperators(levels[0].J if J is None else J, levels[0].J)
-        kind = self.krylov if J is None else "gmres"
-        if ksp.getType() != kind:
-            ksp.setType(kind)
-            ksp.setPCSide(PETSc.PC.Side.LEFT if kind == "cg" else PETSc.PC.Side.RIGHT)
-            ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
+        symmetric = J is None and self.krylov == "cg"
+        ksp.setType("cg" if symmetric else "gmres")
+        ksp.setPCSide(PETSc.PC.Side.LEFT if symmetric else PETSc.PC.Side.RIGHT)
+        ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
         return ksp
 
 

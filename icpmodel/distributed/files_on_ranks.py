@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from os import PathLike
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 
-from ..errors import FileError, IcpError, InputError, NotApplicable, check_arguments
+from ..errors import FileError, InputError, NotApplicable, check_arguments
 from ..modelling.archive import content_errors
 from ..modelling.files import is_number
 from ..modelling.files import load_problem as load_whole
@@ -218,12 +218,7 @@ def save_solution(solution: DistributedSolution, path: Source) -> None:
     if path.suffix.lower() == ".h5":
         p, r, _ = problem.sides(solution.z)
         vectors |= {"p": problem.vector(p), "r": problem.vector(r)}
-    try:
-        _write(path, vectors, problem.comm)
-    except IcpError:  # which all ranks raise
-        problem.comm.barrier()
-        raise
-    problem.comm.barrier()  # no rank goes on before rank 0 has removed its temporary files
+    _write(path, vectors, problem.comm)
 
 
 def check_place_on_ranks(path: Source, comm: Any) -> None:
@@ -250,13 +245,13 @@ def _write(path: Path, vectors: dict[str, Any], comm: Any) -> None:
     """Write them to a file that then takes its place. Collective. Raises FileError on all ranks."""
     file: BinaryIO | None = None
     with ExitStack() as stack:
-        with together(comm):
+        with together(comm), file_errors(path, "written"), ExitStack() as begun:
             if comm.rank == 0:
-                with file_errors(path, "written"):
-                    file = stack.enter_context(part_of(path))
-                    stack.callback(Path(f"{file.name}.info").unlink, missing_ok=True)  # which PETSc writes beside
-                    size = sum(8 * vector.getSize() for vector in vectors.values())
-                    _check_free_space(file, size + _MAX_HEADER_BYTES)
+                file = begun.enter_context(part_of(path))
+                begun.callback(Path(f"{file.name}.info").unlink, missing_ok=True)  # which PETSc writes beside
+                size = sum(8 * vector.getSize() for vector in vectors.values())
+                _check_free_space(file, size + _MAX_HEADER_BYTES)
+            stack.push(begun.pop_all())
         beside = comm.bcast(file and Path(file.name))
         hdf5 = path.suffix.lower() == ".h5"
         fault = _view(beside, hdf5, "w", vectors, comm)
@@ -264,10 +259,10 @@ def _write(path: Path, vectors: dict[str, Any], comm: Any) -> None:
         fault = fault or _view(beside, hdf5, "r", copies, comm)
         # MPI reports no error when a disk is full
         same = all(np.array_equal(copies[name].array_r, one.array_r, equal_nan=True) for name, one in vectors.items())
-        with together(comm):
-            if fault or not same:
+        written = not any(comm.allgather(bool(fault) or not same))
+        with together(comm), file_errors(path, "written"), stack:  # no rank goes on before its files are removed
+            if not written:
                 raise FileError(f"{path}: cannot be written ({fault or 'what was written is not what is read'})")
-        with together(comm), file_errors(path, "written"):
             if file is not None:
                 put_in_place(file, path)
 
@@ -284,17 +279,14 @@ def _view(path: Path, hdf5: bool, mode: str, vectors: dict[str, Any], comm: Any)
     """Write, or read, the vectors by PETSc and MPI, and say what went wrong. Collective."""
     PETSc = petsc()
     viewer = PETSc.Viewer()
-    faults = list[str]()
-    create = viewer.createHDF5 if hdf5 else viewer.createMPIIO
     try:
-        create(str(path), mode, comm=comm)
+        (viewer.createHDF5 if hdf5 else viewer.createMPIIO)(str(path), mode, comm=comm)
         for name, vector in vectors.items():
             vector.setName(name)
             vector.view(viewer) if mode == "w" else vector.load(viewer)
-    except PETSc.Error as error:
-        faults.append(str(error).splitlines()[-1])
-    try:
         viewer.destroy()
     except PETSc.Error as error:
-        faults.append(str(error).splitlines()[-1])
-    return "; ".join(faults)
+        with suppress(PETSc.Error):
+            viewer.destroy()
+        return str(error).splitlines()[-1]
+    return ""
