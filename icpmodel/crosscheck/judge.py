@@ -16,14 +16,14 @@ from ..numerics.arrays import Vector, norm
 from ..numerics.rounding import rounded_down, rounded_share, rounded_up
 from ..problem.data import ProblemData
 from ..problem.verdict import certified_residual
+from ..solve.goal import RTOL
 from ..solve.solution import Solution
 from ..solvers.foreign import Claim
 from ..solvers.formulations import Target, targets
 from ..solvers.typical_units import in_typical_units, in_units_of_z
 from ..theory.certificates.bounds import error_bound
 
-#: the largest Res_D(z) of a solution, as a share of `residual_scale`, for an answer under test and for a foreign one
-OWN_RTOL = 1e-8
+#: the largest Res_D(z) of a foreign solution, as a share of `residual_scale`; of an answer under test `RTOL`
 FOREIGN_RTOL = 1e-7
 #: a Solution may have been stopped at a looser tolerance, but at most at this one
 MAX_RTOL = 1e-4
@@ -95,12 +95,12 @@ class AnswerUnderTest:
         self.z = original.vector(solution, "solution", finite=True)
         self.problem = problem = original.linearised(self.z)
         scaled, self.unit = in_typical_units(problem)
-        rtol = OWN_RTOL
+        rtol = RTOL
         scale = problem.residual_scale() or norm(self.z)
         self.y = self.z / self.unit
         is_own = isinstance(solution, Solution) and solution.problem is original
         if is_own and solution.solved and scale > 0:
-            rtol = min(max(OWN_RTOL, solution.tolerance / scale, solution.residual / scale), MAX_RTOL)
+            rtol = min(max(RTOL, solution.tolerance / scale, solution.residual / scale), MAX_RTOL)
         self.holds = solves(problem, self.z, rtol)
         # the unit may be far larger than z: it counts only for an answer that is known to be a solution
         default = AGREE * float(np.abs(self.z).max()) + (AGREE_NEAR_ZERO * self.unit if self.holds else 0.0)

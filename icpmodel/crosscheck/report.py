@@ -17,8 +17,6 @@ from ..present.whole_files import as_path, write_ours
 from ..solve.solution import Status
 from .judge import Row, Verdict
 
-#: columns of a report that goes to no terminal
-_FILE_COLUMNS = 118
 #: the columns that are printed
 _PRINTED_COLUMNS = ("solver", "formulation", "verdict", "residual", "difference", "seconds", "note")
 #: the first line of a report in CSV
@@ -151,7 +149,7 @@ class Report(Displayable, Tabular):
         str
             The text.
         """
-        columns = width(_FILE_COLUMNS)
+        columns = width()
         verdict, coverage = (
             textwrap.fill(one, columns, break_on_hyphens=False) for one in (self.conclusion(), self.coverage())
         )

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ..algebra.steps import INNER_REDUCTION, SWEEPS
+from ..algebra.steps import INNER_REDUCTION, MAX_IDLE_STEPS, SWEEPS
 from ..methods.contract import PATIENCE, REDUCTION
 from ..methods.multilevel import COARSE_REDUCTION, MAX_COARSE_STEPS
 from ..numerics.arrays import Vector
@@ -29,11 +29,6 @@ from .ranks import anywhere, largest, petsc, release, together
 _SETTLED_REDUCTION = 0.5
 #: multiple of the wanted residual below which sweeps are tried once more, as a Newton step costs several times as much
 _SWEEP_RANGE = 2.0
-#: rounds of sweeps that may take over, and how many sweeps a round has
-_MAX_ROUNDS = 100
-_SWEEPS_PER_ROUND = 8
-#: the largest number of times that sweeps take over
-_MAX_EXTRA_SWEEPS = 10
 
 
 def iterates(
@@ -45,7 +40,7 @@ def iterates(
     """
     best: Evaluation | None = None
     milestone = np.inf
-    for _ in range(_MAX_EXTRA_SWEEPS + 1):
+    while True:
         idle = 0
         for at in newton_steps(levels, problem, z, 0, target):
             yield at
@@ -60,8 +55,8 @@ def iterates(
         if best is None or is_at_floor(best, scale):
             return
         at = best
-        for _ in range(_MAX_ROUNDS):
-            at = at.after_sweeps(_SWEEPS_PER_ROUND)
+        for _ in range(MAX_IDLE_STEPS):
+            at = at.after_sweeps(SWEEPS)
             release(problem.comm)
             yield at
             if at.residual <= REDUCTION * best.residual or not np.isfinite(at.residual):

@@ -8,12 +8,10 @@ from collections.abc import Iterator, Mapping
 from ..errors import check_arguments
 from .display import Displayable, brief
 from .rendering import render
-from .table import width
+from .table import PAGE_WIDTH, width
 
-#: the longest lines of a card, the columns of its names, and the longest lines of sections
-_MAX_CARD_WIDTH = 100
+#: the least number of columns for the names of a card
 _NAME_COLUMNS = 9
-_MAX_PAGE_WIDTH = 116
 
 
 @check_arguments
@@ -47,7 +45,7 @@ class Card(Displayable, Mapping[str, str]):
 
     def __str__(self) -> str:
         indent = max([_NAME_COLUMNS, *map(len, self.rows)]) + 1
-        columns = min(width(_MAX_CARD_WIDTH), _MAX_CARD_WIDTH) - indent
+        columns = page_width() - indent
         lines = []
         for name, text in self.rows.items():
             parts = [part for line in text.splitlines() for part in textwrap.wrap(line, columns)]
@@ -85,12 +83,17 @@ class Sections:
         return render("sections.html", sections=self.sections)
 
 
+def page_width() -> int:
+    """The longest line of a card, or of sections."""
+    return min(width(), PAGE_WIDTH)
+
+
 def inner_width() -> int:
     """The columns that a table in a section may have."""
-    return min(width(_MAX_PAGE_WIDTH), _MAX_PAGE_WIDTH) - 2
+    return page_width() - 2
 
 
 def _indent(line: str) -> str:
     if len(line) <= inner_width():  # a line of a table keeps its columns
         return f"  {line}"
-    return textwrap.fill(line, inner_width() + 2, initial_indent="  ", subsequent_indent="    ")
+    return textwrap.fill(line, page_width(), initial_indent="  ", subsequent_indent="    ")

@@ -18,14 +18,14 @@ from .display import Displayable
 from .latex import as_latex
 from .rendering import render
 
+#: the columns of a page, in a cell of a notebook as well, which nothing tells: what rich takes for it
+PAGE_WIDTH = 115
 #: in a file or a pipe a line is as long as it needs to be
 _UNBOUNDED = 10_000
 #: texts are wrapped to no fewer columns
 _MIN_TEXT_WIDTH = 12
 #: the spaces between two columns
 _COLUMN_GAP = 2
-#: the columns of a cell of a notebook, which nothing tells: what rich takes for it, unless JUPYTER_COLUMNS is set
-_NOTEBOOK_WIDTH = 115
 
 
 @check_arguments
@@ -244,12 +244,14 @@ def folded(text: str) -> str:
     return textwrap.fill(text, width(_UNBOUNDED), subsequent_indent="  ", break_on_hyphens=False)
 
 
-def width(otherwise: int) -> int:
-    """The columns of the terminal, or the cell of a notebook, that standard output is; `otherwise` where it is neither,
-    such as a file or a pipe."""
+def width(otherwise: int = PAGE_WIDTH) -> int:
+    """The columns of the terminal, or the cell of a notebook, that standard output is.
+
+    `otherwise` where it is neither, such as a file or a pipe. JUPYTER_COLUMNS may set those of a notebook.
+    """
     if in_notebook():
         columns = os.environ.get("JUPYTER_COLUMNS", "")
-        return int(columns) if columns.isdigit() else _NOTEBOOK_WIDTH
+        return int(columns) if columns.isdigit() else PAGE_WIDTH
     if sys.stdout is None or not sys.stdout.isatty():
         return otherwise
     return max(shutil.get_terminal_size().columns, 40)
