@@ -347,13 +347,10 @@ def _make_explanation(
         methods = members(problem)
         if first_method is not None and not any(_same(first_method, one) for one in methods.values()):
             title = f"{type(first_method).__name__}, first choice of solve()"
-            methods[title] = first_method.adapt(problem) if isinstance(first_method, ModulusMember) else first_method
+            adapted = first_method.adapt(problem) if isinstance(first_method, ModulusMember) else first_method
+            methods = {title: adapted} | methods  # the limit may not allow all forecasts
     bound = _bound_at_zero(problem, limit)
-    # the first method of solve() first, since the limit may not allow all forecasts
-    titles = sorted(methods, key=lambda title: not (first_method is not None and _same(methods[title], first_method)))
-    in_order = {title: methods[title] for title in titles}
-    by_title = {one.title: one for one in forecasts_of(problem, in_order, accuracy, limit)}
-    forecasts = tuple(by_title[title] for title in methods if title in by_title)
+    forecasts = tuple(forecasts_of(problem, methods, accuracy, limit))
     if method_named and not any(one.proved_by for one in forecasts):
         others = forecasts_of(problem, members(problem), accuracy, limit)
         alternative = next((one for one in others if one.proved_by), None)

@@ -85,24 +85,19 @@ class Table(Displayable):
         console = Console(file=out, width=columns, color_system=None, force_jupyter=False)
         if self.title:
             console.print(Text(self.title))
-        least = [self._least(cells, k) for k in range(len(self.heads))]
+        numbers = self._numbers()
+        least = [_least(head, [row[k] for row in cells], numbers[k]) for k, head in enumerate(self.heads)]
         for number, block in enumerate(_blocks(least, columns)):
             if number:
                 console.print()
             grid = Grid(box=None, pad_edge=False, header_style="")
             for k in block:
-                justify: Any = "left" if self._is_text(k) else "right"
+                justify: Any = "right" if numbers[k] else "left"
                 grid.add_column(Text(self.heads[k]), justify=justify, overflow="fold", min_width=least[k])
             for row in cells:
                 grid.add_row(*(Text(row[k]) for k in block))
             console.print(grid, crop=False)
         return "\n".join(line.rstrip() for line in out.getvalue().splitlines())
-
-    def _least(self, cells: list[list[str]], k: int) -> int:
-        """The fewest characters that column `k` can have: numbers and words are not cut, texts not too short."""
-        longest = max((len(row[k]) for row in cells), default=0)
-        word = max(map(len, self.heads[k].split()), default=0)
-        return max(min(longest, _MIN_TEXT_WIDTH) if self._is_text(k) else longest, word)
 
     def records(self) -> list[dict[str, Any]]:
         """The rows as head → cell.
@@ -193,13 +188,10 @@ class Table(Displayable):
 
     def _numbers(self) -> list[bool]:
         """Which columns have no texts."""
-        return [not self._is_text(k) for k in range(len(self.heads))]
+        return [not any(isinstance(row[k], str) for row in self.rows) for k in range(len(self.heads))]
 
     def _cells(self) -> list[list[str]]:
         return [[_text(cell) for cell in row] for row in self.rows]
-
-    def _is_text(self, k: int) -> bool:
-        return any(isinstance(row[k], str) for row in self.rows)
 
 
 class Tabular(ABC):
@@ -219,6 +211,13 @@ class Tabular(ABC):
             Where pandas is not installed.
         """
         return self.table().to_dataframe()
+
+
+def _least(head: str, cells: list[str], is_number: bool) -> int:
+    """The fewest characters that a column can have: numbers and words are not cut, texts not too short."""
+    longest = max(map(len, cells), default=0)
+    word = max(map(len, head.split()), default=0)
+    return max(longest if is_number else min(longest, _MIN_TEXT_WIDTH), word)
 
 
 def _blocks(least: list[int], columns: int) -> list[list[int]]:

@@ -74,26 +74,25 @@ def to_pyomo(problem: ProblemLike) -> Any:
     model = pyo.ConcreteModel()
     z = model.z = pyo.Var(range(problem.n))
     p = _forces(problem, z)
-    below, has_below = _side(problem, sides_of(problem.psi)[0], z)
-    above, has_above = _side(problem, problem.upper, z)
-    two_sided = [i for i in z if has_below[i] and has_above[i]]
+    below = _side(sides_of(problem.psi)[0], z)
+    above = _side(problem.upper, z)
+    two_sided = below.keys() & above.keys()
     fixed = problem.psi.is_constant
-    model.v = pyo.Var([] if fixed else two_sided)
+    model.v = pyo.Var([] if fixed else sorted(two_sided))
     for i, v in model.v.items():
         p[i] = p[i] + v
 
     def rule(_: Any, i: int) -> Any:
-        if has_below[i] and has_above[i] and fixed:
+        if i in two_sided and fixed:
             low, high = below[i], above[i]
             return complements(z[i] == low if low == high else pyo.inequality(low, z[i], high), p[i])
-        if has_below[i]:
+        if i in below:
             return complements(p[i] >= 0, z[i] - below[i] >= 0)
         return complements(p[i] <= 0, z[i] - above[i] <= 0)
 
-    with_obstacle = [i for i in z if has_below[i] or has_above[i]]
-    model.complementarity = Complementarity(with_obstacle, rule=rule)
+    model.complementarity = Complementarity([i for i in z if i in below or i in above], rule=rule)
     model.above = Complementarity([*model.v], rule=lambda m, i: complements(m.v[i] >= 0, above[i] - z[i] >= 0))
-    model.equation = pyo.Constraint(sorted({*model.z} - {*with_obstacle}), rule=lambda _, i: p[i] == 0)
+    model.equation = pyo.Constraint([i for i in z if i not in below and i not in above], rule=lambda _, i: p[i] == 0)
     model.objective = pyo.Objective(expr=0.0)
     return model
 
@@ -104,10 +103,10 @@ def _forces(problem: ProblemData, z: Any) -> list[Any]:
     return affine if problem.f is None else list(map(operator.add, affine, _expressions(problem.f.map, z, "f")))
 
 
-def _side(problem: ProblemData, psi: Map | None, z: Any) -> tuple[list[Any], list[bool]]:
-    """The obstacles of one side as expressions, and which rows have one."""
-    expressions = [np.inf] * problem.n if psi is None else _expressions(psi, z, "psi")
-    return expressions, [not (isinstance(one, float) and np.isinf(one)) for one in expressions]
+def _side(psi: Map | None, z: Any) -> dict[int, Any]:
+    """Row → the obstacle of one side as an expression, where there is one."""
+    expressions = [] if psi is None else _expressions(psi, z, "psi")
+    return {i: one for i, one in enumerate(expressions) if not (isinstance(one, float) and np.isinf(one))}
 
 
 def _expressions(psi: Map, z: Any, name: str) -> list[Any]:
