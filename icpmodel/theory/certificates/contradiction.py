@@ -141,7 +141,7 @@ def contradiction(problem: ProblemLike) -> Contradiction | None:
     minimum = _least_violation(problem)
     if minimum is None:
         return None
-    rows = minimum.conditions.rows
+    rows = minimum.rows
     exact = exact_combination(rows, minimum.y, rows.free)
     highest = highest_value(rows, exact)
     if highest is None:
@@ -151,17 +151,13 @@ def contradiction(problem: ProblemLike) -> Contradiction | None:
     exact = {i: weight for i, weight in exact.items() if weight}
     conditions = {_condition(i // n, i % n, weight > 0): weight for i, weight in exact.items()}
     conditions |= {_condition(1, j, entry < 0): entry for j, entry in columns.items()}
-    change = None
-    violation = np.inf
-    if sizes := [abs(weight) / Fraction(float(minimum.conditions.units[i])) for i, weight in exact.items() if i < n]:
-        violation = nearest(-total / sum(sizes))
-        change = minimum.change(problem)
+    sizes = [abs(weight) / Fraction(float(minimum.units[i])) for i, weight in exact.items() if i < n]
     contradictory = Contradiction(
         rows=np.array([*(i % n for i in exact), *columns], dtype=np.intp),
         conditions=tuple(conditions),
         weights=np.array([nearest(abs(weight)) for weight in conditions.values()]),
-        violation=violation,
-        change=change,
+        violation=nearest(-total / sum(sizes)) if sizes else np.inf,
+        change=_change(problem, minimum) if sizes else None,
         proof=answer_of(rows, exact, total),
     )
     labels = problem.matrix.index
@@ -184,97 +180,17 @@ def _condition(side: int, i: int, is_lower: bool) -> str:
     return f"p[{i}] >= 0" if is_lower else f"p[{i}] <= 0"
 
 
-class _Conditions(NamedTuple):
-    """Mz + m ≥ 0 in the rows that rise, ≤ 0 in those that fall; row i is taken in the units 1/`units`_i."""
+class _Minimum(NamedTuple):
+    """A z that violates the conditions on `rows` by the least possible `value`, and the multipliers y of that minimum.
+
+    Row i is taken in the units 1/`units`_i.
+    """
 
     rows: CombinationRows
     units: Vector
-    places: NDArray[np.intp]
-    sign: Vector
-
-    @classmethod
-    def of(cls, rows: CombinationRows, units: Vector, selected: Mask) -> _Conditions:
-        """Those on the rows that are `selected`."""
-        rising = np.flatnonzero(rows.nonnegative & selected)
-        falling = np.flatnonzero(rows.nonpositive & selected)
-        return cls(rows, units, np.append(rising, falling), np.repeat([1.0, -1.0], [rising.size, falling.size]))
-
-    def minimise(
-        self, relaxed: Mask, *, separate: bool = False, max_violation: float = np.inf, margin: float = 0
-    ) -> _Minimum | None:
-        """Minimise Σs, 0 ≤ s ≤ `max_violation`, where s relaxes the conditions on the `relaxed` rows.
-
-        s is one number for all rows, or with `separate` one for each. An unknown with one end is rewarded with `margin`
-        per unit of its distance from that end. Then the columns of Mᵀy are at least as far from 0.
-        """
-        from scipy.optimize import linprog
-
-        rows = self.rows
-        n = rows.low.size
-        scale = self.sign * self.units[self.places]
-        K = times_rows(scale, rows.matrix[self.places])
-        right = -scale * rows.offset[self.places]
-        E: Any = relaxed[self.places].astype(float)
-        E = sp.diags_array(E) if separate else E[:, None]
-        unit = largest_size(right, rows.low, rows.high)  # a solver takes 1e20 for infinite
-        iterations = _iteration_limit(K, right)
-        if iterations < 1:
-            return None
-        result = linprog(
-            np.concatenate([margin * (np.isfinite(rows.high) * 1.0 - np.isfinite(rows.low)), np.ones(E.shape[1])]),
-            A_ub=-sp.hstack([K, E]).tocsr(),
-            b_ub=-right / unit,
-            bounds=[*zip(rows.low / unit, rows.high / unit, strict=True), *[(0.0, max_violation / unit)] * E.shape[1]],
-            method="highs-ds",
-            options={"maxiter": iterations, "primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
-        )
-        if result.status != 0:
-            return None
-        weights = -result.ineqlin.marginals
-        weights[weights <= ZERO * weights.max(initial=0.0)] = 0.0
-        y = np.zeros(rows.offset.size)
-        np.add.at(y, self.places, scale * weights)
-        return _Minimum(self, unit * result.x[:n], y, unit * float(result.fun))
-
-    def violation_of_empty_rows(self, q: Vector) -> _Minimum | None:
-        """The largest violation by `q` in the rows of A that are 0; None where there is none.
-
-        The linear program is without them: in the units of q_i the ends of z may be as good as 0, or q_i beside them.
-        """
-        violation = self.rows.with_known_signs(-q)
-        i = int(np.argmax(np.abs(violation)))
-        y = np.zeros(self.rows.offset.size)
-        y[i] = np.sign(violation[i])
-        z = np.clip(np.zeros(q.size), self.rows.low, self.rows.high)
-        return _Minimum(self, z, y, abs(float(violation[i]))) if y[i] else None
-
-
-def _iteration_limit(K: sp.csr_array, right: Vector) -> int:
-    """How many iterations of the simplex method the work limit leaves for Kz ≥ `right`; none where it is not finite."""
-    if K.nnz > _MAX_ENTRIES or not (np.isfinite(K.data).all() and np.isfinite(right).all()):
-        return 0
-    nanoseconds = work.COSTS.call + _ITERATION_COST * (K.nnz + sum(K.shape))
-    return int(min(MAX_COST, work.nanoseconds_left()) / nanoseconds)
-
-
-class _Minimum(NamedTuple):
-    """A z that violates the conditions by the least possible `value`, and the multipliers y of that minimum."""
-
-    conditions: _Conditions
     z: Vector
     y: Vector
     value: float
-
-    def change(self, problem: ProblemData) -> Vector | None:
-        """The dq with |dq_i|/d_i ≤ `value` of the smallest Σ|dq_i|/d_i, or the one for `z` if that is not found."""
-        rows = self.conditions.rows
-        n = problem.n
-        of_p = np.arange(rows.offset.size) < n
-        sparse = self.conditions.minimise(of_p, separate=True, max_violation=(1.0 + ZERO) * self.value)
-        p = problem.p(self.z if sparse is None else sparse.z)
-        change = rows.with_known_signs(-p)
-        change[np.abs(change) * self.conditions.units[:n] < ZERO * self.value] = 0.0
-        return change if np.isfinite(change).all() else None
 
 
 @np.errstate(all="ignore")
@@ -291,13 +207,81 @@ def _least_violation(problem: ProblemData, margin: float = 0.0) -> _Minimum | No
     units = np.ones(rows.offset.size)
     units[:n] = np.where(empty, 1.0, problem.matrix.row_weights)
     of_p = np.arange(units.size) < n
-    selected = np.append(~empty, np.ones(units.size - n, dtype=bool))
-    conditions = _Conditions.of(rows, units, selected)
-    minimum = conditions.minimise(of_p, separate=margin > 0.0, margin=margin)
+    # in the units of q_i the ends of z may be as good as 0, or q_i beside them: the program is without rows of zeros
+    selected = np.append(~empty, ~of_p[n:])
+    minimum = _minimise(rows, units, selected, of_p, separate=margin > 0.0, margin=margin)
     if minimum is None and units.size > n:
-        minimum = _Conditions.of(rows, units, ~of_p).minimise(~of_p)
+        minimum = _minimise(rows, units, ~of_p, ~of_p)
     else:
-        of_zeros = conditions.violation_of_empty_rows(np.where(empty, problem.q, 0.0))
-        if of_zeros and (margin or minimum is None or of_zeros.value > minimum.value):
-            minimum = of_zeros
+        violation = rows.with_known_signs(np.where(empty, -problem.q, 0.0))
+        i = int(np.argmax(np.abs(violation)))
+        value = abs(float(violation[i]))
+        if value and (margin or minimum is None or value > minimum.value):
+            z = np.clip(np.zeros(n), rows.low, rows.high)
+            minimum = _Minimum(rows, units, z, np.where(np.arange(units.size) == i, np.sign(violation[i]), 0.0), value)
     return minimum if minimum is not None and (margin or minimum.value > 0.0) else None
+
+
+def _minimise(
+    rows: CombinationRows,
+    units: Vector,
+    selected: Mask,
+    relaxed: Mask,
+    *,
+    separate: bool = False,
+    max_violation: float = np.inf,
+    margin: float = 0,
+) -> _Minimum | None:
+    """Minimise Σs, 0 ≤ s ≤ `max_violation`, where s relaxes the conditions on those of the `selected` rows `relaxed`.
+
+    s is one number for all rows, or with `separate` one for each. An unknown with one end is rewarded with `margin`
+    per unit of its distance from that end. Then the columns of Mᵀy are at least as far from 0.
+    """
+    from scipy.optimize import linprog
+
+    rising = np.flatnonzero(rows.nonnegative & selected)
+    falling = np.flatnonzero(rows.nonpositive & selected)
+    places = np.append(rising, falling)
+    scale = np.append(units[rising], -units[falling])
+    K = times_rows(scale, rows.matrix[places])
+    right = -scale * rows.offset[places]
+    E: Any = relaxed[places].astype(float)
+    E = sp.diags_array(E) if separate else E[:, None]
+    unit = largest_size(right, rows.low, rows.high)  # a solver takes 1e20 for infinite
+    iterations = _iteration_limit(K, right)
+    if iterations < 1:
+        return None
+    result = linprog(
+        np.concatenate([margin * (np.isfinite(rows.high) * 1.0 - np.isfinite(rows.low)), np.ones(E.shape[1])]),
+        A_ub=-sp.hstack([K, E]).tocsr(),
+        b_ub=-right / unit,
+        bounds=[*zip(rows.low / unit, rows.high / unit, strict=True), *[(0.0, max_violation / unit)] * E.shape[1]],
+        method="highs-ds",
+        options={"maxiter": iterations, "primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
+    )
+    if result.status != 0:
+        return None
+    weights = -result.ineqlin.marginals
+    weights[weights <= ZERO * weights.max(initial=0.0)] = 0.0
+    y = np.zeros(units.size)
+    np.add.at(y, places, scale * weights)
+    return _Minimum(rows, units, unit * result.x[: rows.low.size], y, unit * float(result.fun))
+
+
+def _change(problem: ProblemData, minimum: _Minimum) -> Vector | None:
+    """The dq of the `minimum` with the smallest Σ|dq_i|/d_i, or the one for its z if that is not found."""
+    rows, units, z, _, value = minimum
+    of_p = np.arange(units.size) < problem.n
+    selected = np.append(~problem.matrix.empty_rows, ~of_p[problem.n :])
+    sparse = _minimise(rows, units, selected, of_p, separate=True, max_violation=(1.0 + ZERO) * value)
+    change = rows.with_known_signs(-problem.p(z if sparse is None else sparse.z))
+    change[np.abs(change) * units[: problem.n] < ZERO * value] = 0.0
+    return change if np.isfinite(change).all() else None
+
+
+def _iteration_limit(K: sp.csr_array, right: Vector) -> int:
+    """How many iterations of the simplex method the work limit leaves for Kz ≥ `right`; none where it is not finite."""
+    if K.nnz > _MAX_ENTRIES or not (np.isfinite(K.data).all() and np.isfinite(right).all()):
+        return 0
+    nanoseconds = work.COSTS.call + _ITERATION_COST * (K.nnz + sum(K.shape))
+    return int(min(MAX_COST, work.nanoseconds_left()) / nanoseconds)
