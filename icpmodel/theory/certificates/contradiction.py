@@ -142,7 +142,7 @@ def contradiction(problem: ProblemLike) -> Contradiction | None:
     if minimum is None:
         return None
     rows = minimum.rows
-    exact = exact_combination(rows, minimum.y, rows.free)
+    exact = exact_combination(rows, minimum.y)
     highest = highest_value(rows, exact)
     if highest is None:
         return None

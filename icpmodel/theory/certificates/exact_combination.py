@@ -12,7 +12,7 @@ from scipy.linalg import qr
 
 from ...errors import OutOfTime
 from ...numerics import work
-from ...numerics.arrays import Mask, Vector
+from ...numerics.arrays import Vector
 from ...numerics.equilibration import Exponents
 from ...numerics.rational import echelon_of, nearest, substitute
 from ...numerics.rounding import product_lower_bound, product_upper_bound
@@ -29,8 +29,6 @@ _MAX_COST = 4e8
 _MAX_SUPPORT = 60
 #: nanoseconds for a number that a pivot changes, in random floats
 _ELIMINATION_COST = 80.0
-#: the share of the largest pivot below which an equation depends on those before it
-_RANK_TOLERANCE = 1e-10
 
 
 def candidates_near(
@@ -49,16 +47,12 @@ def candidates_near(
     for weights in ([share.limit_denominator(FIRST_DENOMINATOR) for share in exact], exact):
         if not _is_hopeless(rows, support, np.ldexp(np.array(weights, dtype=float), units)):
             yield {int(i): w * Fraction(2) ** int(e) for i, w, e in zip(support, weights, units, strict=True)}
-    y = np.ldexp(shares, exponents)
     if solves:
-        own = np.zeros(rows.low.size, dtype=bool)
-        own[support[support < own.size]] = True
-        yield exact_combination(rows, y, own | rows.free)  # a ray has zeros there, a linear program need not
-        yield exact_combination(rows, y, rows.free)
+        yield exact_combination(rows, np.ldexp(shares, exponents))
 
 
-def exact_combination(rows: CombinationRows, y: Vector, zero: Mask) -> Combination:
-    """x on the support of `y` with (Mᵀx)_j = 0 exactly in the columns `zero`, and where (Mᵀy)_j is about 0.
+def exact_combination(rows: CombinationRows, y: Vector) -> Combination:
+    """x on the support of `y` with (Mᵀx)_j = 0 exactly where z_j has no bound, and where (Mᵀy)_j is about 0.
 
     Of equations that depend on each other up to rounding some are left out. Empty for more than 60 rows, or if there is
     too little time left.
@@ -69,11 +63,11 @@ def exact_combination(rows: CombinationRows, y: Vector, zero: Mask) -> Combinati
     with np.errstate(over="ignore", invalid="ignore"):
         terms = y[support, None] * rows.matrix[support].toarray()
         size = np.abs(terms).sum(axis=0)
-        tight = (size > 0.0) & (zero | (np.abs(terms.sum(axis=0)) <= ZERO * size))
+        tight = (size > 0.0) & (rows.free | (np.abs(terms.sum(axis=0)) <= ZERO * size))
         terms = np.nan_to_num(terms[:, tight] / size[tight])
     _, triangle, order = qr(terms, mode="economic", pivoting=True)
     pivots = np.abs(triangle.diagonal())
-    equations = np.flatnonzero(tight)[order[: np.count_nonzero(pivots > _RANK_TOLERANCE * pivots.max(initial=0.0))]]
+    equations = np.flatnonzero(tight)[order[: np.count_nonzero(pivots > ZERO * pivots.max(initial=0.0))]]
     cost = _ELIMINATION_COST * support.size**2 * equations.size**2
     if cost > work.nanoseconds_left():
         return {}

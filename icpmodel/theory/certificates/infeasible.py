@@ -26,7 +26,6 @@ from fractions import Fraction
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 
 from ...algebra.redundant import redundant_values
 from ...algebra.subproblems import with_fixed_obstacle
@@ -36,11 +35,9 @@ from ...numerics.rounding import rounded_up
 from ...problem.data import ProblemData
 from ..answers import Answer
 from .combination_rows import ZERO, CombinationRows, ProvedBounds
-from .exact_combination import FIRST_DENOMINATOR, Combination, candidates_near, highest_value
+from .exact_combination import Combination, candidates_near, highest_value
 from .rounded_combination import rounded_combination
 
-#: how far, as a share of the largest weight, simple fractions are from what they round
-_MAX_MOVE = 1.0 / FIRST_DENOMINATOR
 #: rows that fit in a sentence
 _MAX_SHOWN = 4
 
@@ -61,8 +58,7 @@ def infeasible(problem: ProblemData, y: Vector, known: ProvedBounds | None = Non
     if rows is None or y.size != rows.offset.size or not np.isfinite(y).all():
         return unknown
     y = rows.with_known_signs(y)
-    sizes = abs(rows.matrix)
-    largest = sizes.max(axis=1).toarray().reshape(-1)
+    largest = abs(rows.matrix).max(axis=1).toarray().reshape(-1)
     size = np.where(largest > 0.0, largest, np.where(rows.offset != 0.0, np.abs(rows.offset), 1.0))
     # row i times 2^exponent_i has entries of about 1, and the weight share_i in these units
     exponents = -np.frexp(size)[1].astype(np.int64)
@@ -71,8 +67,6 @@ def infeasible(problem: ProblemData, y: Vector, known: ProvedBounds | None = Non
         return unknown
     shares = shares / np.abs(shares).max()
     shares[np.abs(shares) <= ZERO] = 0.0
-    if _is_far_off(rows, sizes, np.where(shares != 0.0, np.ldexp(1.0, exponents), 0.0), shares):
-        return unknown
     top = int(exponents[shares != 0.0].max())
     for exact in candidates_near(rows, shares, exponents - top, solves=accurate):
         if (highest := highest_value(rows, exact)) is not None:
@@ -84,20 +78,6 @@ def infeasible(problem: ProblemData, y: Vector, known: ProvedBounds | None = Non
     y = np.ldexp(shares, exponents - top)
     nearby = f"{combination_text(y, rows.name)}, or a combination next to that, is at most {rounded_up(number)}"
     return Answer(True, f"no z is a solution: {nearby}, every rounding error being bounded", y, number)
-
-
-def _is_far_off(rows: CombinationRows, sizes: sp.csr_array, units: Vector, shares: Vector) -> bool:
-    """Whether `units` · `shares` is farther from any combination than what is tried next to it; `sizes` is |M|."""
-    y = units * shares
-    columns = rows.matrix.T @ y
-    reach = _MAX_MOVE * float((sizes.T @ units).max())
-    low = columns < -reach
-    high = columns > reach
-    if (low & np.isneginf(rows.low) | high & np.isposinf(rows.high)).any():
-        return True
-    ends = np.where(high, rows.high, np.where(low, rows.low, 0.0))
-    value = float(rows.offset @ y + columns @ ends)
-    return value > _MAX_MOVE * float(np.abs(rows.offset) @ units) + reach * float(np.abs(ends).sum())
 
 
 def infeasible_as_given(problem: ProblemData, answer: Answer) -> Answer:
