@@ -26,10 +26,8 @@ from ..problem.data import ProblemData
 from .certificates.bounds import enumerated_proof
 from .certificates.enumerated import Disproof, EnumeratedProof
 from .matrices.classes import MatrixClasses
+from .matrices.definiteness import RATIONAL_UP_TO
 from .solution_set import ExactRows, Face, listed
-
-#: unknowns up to which the equations of an active set are solved in fractions
-_MAX_UNKNOWNS = 20
 
 
 def solution_facts(problem: ProblemData, classes: MatrixClasses, z: Vector | None = None) -> Iterator[str]:
@@ -84,7 +82,7 @@ def face_at(problem: ProblemData, z: Vector) -> Face | None:
     >>> face_at(ICP([[1, 1], [1, 1]], [-2, -2]), np.ones(2)).directions
     array([[-1.,  1.]])
     """
-    if problem.f is not None or problem.n > _MAX_UNKNOWNS or not has_linear_pieces(problem):
+    if problem.f is not None or problem.n > RATIONAL_UP_TO or not has_linear_pieces(problem):
         return None
     pattern = Pattern.at(problem, z)
     sides = np.where(pattern.active, LOWER, FREE)

@@ -29,7 +29,7 @@ from .h_matrix import by_row_sums, row_sum_signs
 
 _SHIFT = 2.0**-38  #: S − cI is factorised for this c, which is about what rounding needs, or for a larger one
 #: the rows up to which LDLᵀ in fractions decides: 30 take .2 s
-_RATIONAL_UP_TO = 30
+RATIONAL_UP_TO = 30
 #: the largest error that counts as rounding, for a diagonal of about 1: 2⁻²⁶, half the digits
 _MAX_ROUNDING = float(np.sqrt(np.finfo(np.float64).eps))
 
@@ -63,7 +63,7 @@ def definiteness(A: sp.csr_array) -> tuple[Answer, Answer]:
         by_pivots = _by_pivots(A)
         if by_pivots.holds is not None:
             return by_pivots, by_pivots
-        if n <= _RATIONAL_UP_TO:
+        if n <= RATIONAL_UP_TO:
             return _in_fractions(A)
         definite, semidefinite = (by_pivots if answer.holds is None else answer for answer in (definite, semidefinite))
     return definite, semidefinite
@@ -75,12 +75,7 @@ def semidefinite_up_to_rounding(A: sp.csr_array) -> Answer:
     True proves that all eigenvalues, with the diagonal scaled to about 1, are at least `number`, above −2⁻²⁶.
     """
     T, _, _ = _in_own_units(A)
-    diagonal = T.diagonal()
-    # a row without other entries has its diagonal for eigenvalue
-    i = row_of(T)
-    coupled = np.unique(i[(T.data != 0.0) & (T.indices != i)])
-    T = T if coupled.size == diagonal.size else T[coupled][:, coupled]
-    if (diagonal >= 0).all() and T.nnz and within_reach(T):
+    if (T.diagonal() >= 0).all() and within_reach(T):
         bound = smallest_eigenvalue_bound(T, -_rounding_of(T))
         if bound > -_MAX_ROUNDING:
             reason = f"semidefinite up to rounding: no eigenvalue is below {bound:.2g} of its diagonal"
