@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -77,16 +76,11 @@ class ComparisonInverse:
         unknown = np.full(w.size, np.inf)
         if self._solve is None or not np.isfinite(w).all():
             return unknown
-        margin = rounding_bound(self._size, self._solve(w))
-        for _ in range(3):
-            y = self._solve(w + 2 * margin)
-            if not (np.isfinite(y).all() and (y > 0).all()):
-                break
-            if (self._C @ y - rounding_bound(self._size, y) >= w).all():
-                self._proof = y
-                return y
-            margin = 100 * margin
-        return unknown
+        y = self._solve(w + 2 * rounding_bound(self._size, self._solve(w)))
+        if not ((y > 0).all() and np.isfinite(y).all() and (self._C @ y - rounding_bound(self._size, y) >= w).all()):
+            return unknown
+        self._proof = y
+        return y
 
     def lower(self, w: Vector) -> Vector:
         """0 ≤ y ≤ |X⁻¹|w for `w` ≥ 0; zero where nothing is proved. What `upper` found before helps."""
@@ -150,36 +144,28 @@ class DenseInverse:
             return None
 
 
-class HomogeneousMap(ABC):
+class HomogeneousMap(Protocol):
     """T ≥ 0 on v ≥ 0, monotone and positively homogeneous, known from both sides; `limit` as in `MonotoneMap`."""
 
-    limit: float = 1.0
+    @property
+    def limit(self) -> float: ...
 
     @property
-    @abstractmethod
     def entries(self) -> int:
-        """How many entries of matrices one evaluation reads."""
+        """How many entries of matrices one evaluation reads; solves with X and sweeps count themselves."""
 
-    @property
-    def cost(self) -> float:
-        """The cost of one evaluation, without solves with X and sweeps, which count themselves."""
-        return 2.0 * work.product(0, self.entries)
-
-    @abstractmethod
     def upper(self, v: Vector) -> Vector:
         """At least T(`v`), entry by entry, for `v` > 0 of shape (n,)."""
 
-    @abstractmethod
     def lower(self, v: Vector) -> Vector:
         """At most T(`v`), entry by entry, for `v` ≥ 0 of shape (n,); zero where nothing is known."""
 
-    @abstractmethod
     def resolvent(self, mu: float, v: Vector) -> Vector | None:
         """(μI − T_v)⁻¹v with T_v the linear map that T is at `v`: one step of Noda's iteration, unproved."""
 
 
 @dataclass(frozen=True, eq=False)
-class MonotoneMap(HomogeneousMap):
+class MonotoneMap:
     """T(v) = |X⁻¹| max_k F_k v, the maximum entry by entry.
 
     `inverse` is |X⁻¹|, `parts` are the F_k ≥ 0 (CSR, shape (n, n)), `size` a matrix ≥ F_k/2 of which the F_k are known
@@ -267,17 +253,21 @@ def radius(T: HomogeneousMap, starts: Iterable[Vector], target: float = 0.0) -> 
         best, last = _power(T, best, int(np.clip(_MAX_READ_ENTRIES // T.entries, 3, 100)), target)
         if best.upper < 1:
             return best._replace(holds=True)
-        if _invariant_part(T, last) or _invariant_part(T, best.v):
+        if _invariant_part(T, last):
             return best._replace(holds=False)
-        work.check_budget(T.cost)
+        work.check_budget(_cost(T))
         return best
+
+
+def _cost(T: HomogeneousMap) -> float:
+    return 2.0 * work.product(0, T.entries)
 
 
 def _quotient(T: HomogeneousMap, v: Vector) -> tuple[float, Vector]:
     """(max_i T(v)_i/v_i rounded up, T(v)); infinite for a v that is not positive."""
     if not ((v > 0).all() and np.isfinite(v).all()):
         return np.inf, v
-    work.count(T.cost)
+    work.count(_cost(T))
     image = T.upper(v)
     return float(np.nextafter((image / v).max(), np.inf)), image
 
@@ -295,17 +285,16 @@ def _worthwhile(before: float, after: float) -> bool:
 
 
 def _noda(T: HomogeneousMap, best: Radius, target: float) -> Radius:
+    mu = 1.0  # where rho < 1 this start alone proves it: T(v) = v - start
+    gains = True
     with contextlib.suppress(OutOfTime, MemoryError):
-        # where rho < 1 this start alone proves it: T(v) = v - start
-        if best.upper >= target:
-            best = _improve(T, T.resolvent(1.0, best.v), best)
-        for _ in range(20):
-            if best.upper < target:
+        for _ in range(21):
+            if best.upper < target or not gains:
                 break
-            before = best
-            best = _improve(T, T.resolvent(best.upper, best.v), best)
-            if not _worthwhile(before.upper, best.upper):
-                break
+            before = best.upper
+            best = _improve(T, T.resolvent(mu, best.v), best)
+            gains = mu == 1.0 or _worthwhile(before, best.upper)
+            mu = best.upper
     return best
 
 
@@ -313,7 +302,7 @@ def _power(T: HomogeneousMap, best: Radius, steps: int, target: float) -> tuple[
     """Power steps for as long as they gain, or until T(v) ≥ v: the best bound and the last v."""
     v = best.v
     for step in range(steps):
-        if best.upper < target or work.nanoseconds_left() < T.cost:
+        if best.upper < target or work.nanoseconds_left() < _cost(T):
             break
         before = best.upper
         quotient, image = _quotient(T, v)
@@ -331,9 +320,9 @@ def _invariant_part(T: HomogeneousMap, v: Vector) -> bool:
     """Whether T(u) ≥ u on the support of some u ≤ v, u ≠ 0, that arises by dropping the entries that fail."""
     u = v.copy()
     for _ in range(50):
-        if work.nanoseconds_left() < T.cost:
+        if work.nanoseconds_left() < _cost(T):
             break
-        work.count(T.cost)
+        work.count(_cost(T))
         short = (u > 0) & ~(T.lower(u) >= u)
         if not short.any():
             return bool((u > 0).any())

@@ -50,14 +50,15 @@ from ...numerics.factorisation import factorise
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, product_lower_bound, product_upper_bound
 from ..matrices.comparison_matrix import positive_diagonal
 from .conditions import StepMatrices
-from .contraction import HomogeneousMap
 
 
-class SweepMap(HomogeneousMap):
+class SweepMap:
     """T(v) = w of the module's docstring; all terms are positive, so that every row is rounded in its direction.
 
     It asks for D > 0, a Lipschitz matrix of ψ, and M₁ = D/ω − L.
     """
+
+    limit = 1.0
 
     def __init__(self, step: StepMatrices) -> None:
         matrix = step.problem.matrix
