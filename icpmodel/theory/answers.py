@@ -55,8 +55,8 @@ class Allowance:
     `undecided` says where that, or another limit, was not enough.
     """
 
-    products: float
-    unit: float
+    products: float = math.inf
+    unit: float = 1.0
 
     def enforced(self) -> AbstractContextManager[None]:
         """Limit the cost of a block: beyond it OutOfTime is raised."""
@@ -69,4 +69,4 @@ class Allowance:
         return f"{UNDECIDED} within {self.products:.3g} products with A"
 
 
-UNLIMITED = Allowance(math.inf, 1.0)
+UNLIMITED = Allowance()

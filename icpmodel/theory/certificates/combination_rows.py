@@ -16,6 +16,8 @@ from ...problem.two_sided import sides_of
 
 #: an entry of a computed y below this share of the largest one counts as zero
 ZERO = 1e-9
+#: the largest misfit of a combination that is tried or proved, as a share of its largest entry
+MAX_MISFIT = 1e-5
 #: nanoseconds that the search for a combination in floats may take
 MAX_COST = 2e9
 

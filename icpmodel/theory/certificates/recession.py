@@ -8,11 +8,8 @@ import scipy.sparse as sp
 from ...numerics.arrays import Mask, Vector, inner
 from ...problem.data import ProblemData
 from ..answers import Answer
-from .combination_rows import ZERO, CombinationRows
+from .combination_rows import MAX_MISFIT, ZERO, CombinationRows
 from .infeasible import infeasible
-
-#: the largest misfit of a direction that is tried: simple fractions next to it may be a proof
-_MAX_MISFIT = 1e-5
 
 
 class Recession:
@@ -37,7 +34,7 @@ class Recession:
     def __init__(self, problem: ProblemData, origin: Vector | float = 0.0) -> None:
         self.problem = problem
         self.origin = origin
-        self.max_misfit = _MAX_MISFIT
+        self.max_misfit = MAX_MISFIT
         self._rows = CombinationRows.of(problem) if problem.psi.is_constant else None
         self._root = np.sqrt(problem.matrix.proximal_weights)
         self._transposed = problem.A.T

@@ -12,10 +12,7 @@ from ...numerics.arrays import Mask, Vector
 from ...numerics.equilibration import Exponents, times_rows
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
 from ..convergence.contraction import DenseInverse
-from .combination_rows import MAX_COST, CombinationRows
-
-#: the largest distance of a proof from the combination, as a share of its largest entry
-_MAX_MISFIT = 1e-5
+from .combination_rows import MAX_COST, MAX_MISFIT, CombinationRows
 
 
 @np.errstate(all="ignore")
@@ -101,4 +98,4 @@ def _entry_moves(columns: sp.csr_array, y: Vector, signed: Mask, misfit: Vector)
     moved = np.zeros(m)
     moved[basis] = inverse.upper(misfit)
     # farther away y would not be a witness
-    return moved if moved.max() <= _MAX_MISFIT * size.max() and not (signed & (size < moved)).any() else None
+    return moved if moved.max() <= MAX_MISFIT * size.max() and not (signed & (size < moved)).any() else None

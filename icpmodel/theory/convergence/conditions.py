@@ -67,15 +67,13 @@ import scipy.sparse as sp
 from ...algebra.splittings import AOR, Member
 from ...errors import InputError
 from ...numerics import work
-from ...numerics.arrays import Vector, as_csr, as_vector, described, row_of, with_entries
+from ...numerics.arrays import Mask, Vector, as_csr, as_vector, described, row_of, with_entries
 from ...numerics.equilibration import times_rows
 from ...numerics.rounding import UNIT_ROUNDOFF
 from ...numerics.sparse_structure import absolute, diagonal_positions
 from ...problem.data import ProblemData, as_problem
 from ..matrices.comparison_matrix import positive_diagonal
 from .contraction import ComparisonInverse, MonotoneMap, absolute_inverse
-
-_NEARLY_1 = 1.0 - 8.0 * UNIT_ROUNDOFF  #: φ₂ ≥ φ₁D is read up to the rounding of φ₂/φ₁
 
 
 class StepMatrices:
@@ -230,7 +228,7 @@ def printed_44(step: StepMatrices) -> MonotoneMap | str:
 
     Case (1) has φ₂ ≥ φ₁D in every row, case (2) φ₂ < φ₁D in every row. φ stands as printed, not multiplied by φ₁.
     """
-    above = step.omega >= step.D * _NEARLY_1
+    above = _reaches_diagonal(step)
     if above.any() and not above.all():
         return "neither phi2 >= phi1 D nor phi2 < phi1 D holds in every row"
     splitting = _h_splitting(step)
@@ -250,7 +248,12 @@ def _not_as_printed(step: StepMatrices) -> str:
     """Which of D > 0 and φ₂ ≥ φ₁D, which 4.2 and 4.3 as printed ask for, does not hold; empty where both do."""
     if not (positive := positive_diagonal(step.A)).holds:
         return f"A is not an H+-matrix: {positive.reason}"
-    return "" if (step.omega >= step.D * _NEARLY_1).all() else "phi2 >= phi1 D does not hold"
+    return "" if _reaches_diagonal(step).all() else "phi2 >= phi1 D does not hold"
+
+
+def _reaches_diagonal(step: StepMatrices) -> Mask:
+    """Where φ₂ ≥ φ₁D, up to the rounding of φ₂/φ₁."""
+    return step.omega >= step.D * (1.0 - 8.0 * UNIT_ROUNDOFF)
 
 
 def theta_factor(theta: AOR) -> float:

@@ -15,11 +15,10 @@ from ...numerics.fill import SymbolicAnalysis, dense_cost
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF, product_upper_bound
 from ...numerics.sparse_structure import is_symmetric
 from ...numerics.threads import one_blas_thread
+from ...problem.matrix import MAX_DENSE_ROWS
 
 #: shares of the estimated eigenvalue that are tried as a bound; the first one does unless rounding is felt
-_TRIED_SHARES = (0.99, 0.9, 0.5)
-#: the number of rows up to which dense factorisations are quicker, whatever the pattern
-_DENSE_UP_TO = 64
+_TRIED_SHARES = (0.99, 0.5)
 _MAX_FACTORISATION_COST = 5e9  #: in counted nanoseconds
 _TRIDIAGONALISATION_COST = 4  #: the time to make a dense matrix tridiagonal, in factorisations
 #: steps of the inverse iteration, in which eigenvalues next to the smallest one serve as well, and of the power method,
@@ -119,7 +118,7 @@ def _least_pair(S: NDArray[np.float64]) -> tuple[float, Vector | None]:
 def is_dense(S: sp.csr_array) -> bool:
     """Whether dense factorisations of `S` (CSR) are quicker than sparse ones."""
     n = S.shape[0]
-    return n <= _DENSE_UP_TO or 8 * S.nnz >= n * n
+    return n <= MAX_DENSE_ROWS or 8 * S.nnz >= n * n
 
 
 def in_storage(S: Any) -> Any:
@@ -145,7 +144,7 @@ def definite_factors(S: Any) -> Any:
 
 def _estimate(S: Any, lu: Any) -> float:
     """About the smallest eigenvalue, or something ≤ 0 where S is seen to be indefinite; no proof."""
-    if S.shape[0] <= _DENSE_UP_TO:
+    if S.shape[0] <= MAX_DENSE_ROWS:
         return _least_pair(S)[0]
     lu = lu or definite_factors(S)
     if lu is None:

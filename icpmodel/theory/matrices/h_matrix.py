@@ -36,8 +36,7 @@ from ..answers import Answer
 from .comparison_matrix import comparison_matrix, solve_for_diagonal
 
 _MAX_POWER_STEPS = 30  #: this number of steps of the power method costs less than a linear solve
-#: the limits of what rational elimination is asked to decide: stored entries, rows of a block
-_MAX_EXACT_ENTRIES = 2000
+#: the largest block, or as many entries in several, that rational elimination is asked to decide
 _MAX_EXACT_ROWS = 40
 
 
@@ -139,7 +138,7 @@ def decide(C: sp.csr_array, count: int, block: NDArray[np.int32]) -> Answer:
                 return Answer(True, f"<A>v > 0 with v from {name}", _in_old_units(y, c) if count == 1 else None)
             if holds is False:
                 return Answer(False, f"<A>x <= 0 with x >= 0 from {name}", _in_old_units(y, c))
-    if C.nnz <= _MAX_EXACT_ENTRIES and np.bincount(block).max() <= _MAX_EXACT_ROWS:
+    if C.nnz <= _MAX_EXACT_ROWS**2 and np.bincount(block).max() <= _MAX_EXACT_ROWS:
         return _exactly(C, block, count)
     return Answer(None, "neither v > 0 with <A>v > 0 nor x >= 0 with <A>x <= 0 was found, rounding considered")
 
