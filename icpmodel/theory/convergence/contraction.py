@@ -65,8 +65,7 @@ class ComparisonInverse:
     def __init__(self, X: sp.csr_array, size: sp.csr_array) -> None:
         self._C, self._size = comparison_matrix(X), size
         self.exact = bool((self._C.data == X.data).all())
-        #: the last y > 0 with ⟨X⟩y > 0 that was found
-        self._proof: Vector | None = None
+        self._is_m_matrix = False  # not known: no y > 0 with ⟨X⟩y > 0 was found yet
         self._solve: Any = None
         with contextlib.suppress(SingularOperator):
             self._solve = UserSplitting(self._C).operator(self._C, np.zeros(X.shape[0])).solve
@@ -79,17 +78,15 @@ class ComparisonInverse:
         y = self._solve(w + 2 * rounding_bound(self._size, self._solve(w)))
         if not ((y > 0).all() and np.isfinite(y).all() and (self._C @ y - rounding_bound(self._size, y) >= w).all()):
             return unknown
-        self._proof = y
+        self._is_m_matrix = True
         return y
 
     def lower(self, w: Vector) -> Vector:
-        """0 ≤ y ≤ |X⁻¹|w for `w` ≥ 0; zero where nothing is proved. What `upper` found before helps."""
-        if not self.exact or self._proof is None or not w.any():
+        """0 ≤ y ≤ |X⁻¹|w for `w` ≥ 0; zero where nothing is proved, and before `upper` has proved anything."""
+        if not self.exact or not self._is_m_matrix:
             return np.zeros(w.size)
-        # y with ⟨X⟩y ≤ w lies below ⟨X⟩⁻¹w whatever its signs; a little of the proof brings it below where w = 0
-        y = self._solve(w)
-        share = 2.0**-50 * float((y / self._proof)[w > 0].min())
-        y = self._solve(w - 2 * rounding_bound(self._size, y)) - share * self._proof
+        # y with ⟨X⟩y ≤ w lies below ⟨X⟩⁻¹w whatever its signs
+        y = self._solve(w - 2 * rounding_bound(self._size, self._solve(w)))
         good = np.isfinite(y).all() and (self._C @ y + rounding_bound(self._size, y) <= w).all()
         return np.maximum(y, 0.0) if good else np.zeros(w.size)
 
@@ -285,16 +282,14 @@ def _worthwhile(before: float, after: float) -> bool:
 
 
 def _noda(T: HomogeneousMap, best: Radius, target: float) -> Radius:
-    mu = 1.0  # where rho < 1 this start alone proves it: T(v) = v - start
-    gains = True
     with contextlib.suppress(OutOfTime, MemoryError):
-        for _ in range(21):
-            if best.upper < target or not gains:
+        for _ in range(20):
+            if best.upper < target:
                 break
             before = best.upper
-            best = _improve(T, T.resolvent(mu, best.v), best)
-            gains = mu == 1.0 or _worthwhile(before, best.upper)
-            mu = best.upper
+            best = _improve(T, T.resolvent(before, best.v), best)
+            if not _worthwhile(before, best.upper):
+                break
     return best
 
 
