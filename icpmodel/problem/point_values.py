@@ -219,9 +219,10 @@ class PointValues(Displayable):
         (1.0, 1.0)
         """
         z = self.vector(z)
-        r = self.r(z)
-        p = self.p(z)
-        return self.residual_of(p, r, self.r_upper(z), self.weights_at(z, p))
+        psi = self.psi.value(z)
+        r_upper = None if self.psi.upper is None else z - self.psi.upper.value(z)
+        p = self.product(z) + self.offset(z)
+        return self.residual_of(p, z - psi, r_upper, self.weights_at(z, p))
 
     def weights_at(self, z: Vector, p: Any = 0.0) -> Vector:
         """The diagonal of D⁻¹ in Res_D(z), shape (n,): the row weights of `matrix`, with an f increased by its slopes.
