@@ -16,7 +16,8 @@ Columns = NDArray[np.intp]
 def resemblance_to_r(R: sp.csr_array) -> int:
     """How much Rz + … looks like z − ψ(z), R without stored zeros: 2 one positive entry alone in each row, no column
     twice; 1 a 1 in each row; 0 neither."""
-    if _is_alone(R) and np.bincount(R.indices, minlength=1).max() == 1:
+    is_alone = R.nnz == R.shape[0] and bool((np.diff(R.indptr) == 1).all() and (R.data > 0).all())
+    if is_alone and np.unique(R.indices).size == R.nnz:
         return 2
     return int(np.unique(row_of(R)[R.data == 1.0]).size == R.shape[0])
 
@@ -25,8 +26,6 @@ def own_entries(R: sp.csr_array) -> Columns | None:
     """The own column of each row of `R`, CSR (m, n): positive entries, none in one column; None if that cannot be. It
     costs least in all: 1 for a 1, as z − ψ(z) is mostly written so, else 2 + log(the row's largest / entry)."""
     n = R.shape[0]
-    if _is_alone(R):
-        return R.indices.astype(np.intp) if np.bincount(R.indices, minlength=1).max() <= 1 else None
     rows, positive = row_of(R), R.data > 0
     rows, columns, entries = rows[positive], R.indices[positive], R.data[positive]
     largest = np.zeros(n)
@@ -80,8 +79,3 @@ def left_over(rows: Columns, columns: Columns, shape: tuple[int, int]) -> tuple[
     graph = sp.csr_array((np.ones(rows.size), (rows, columns)), shape=shape)
     of_row: Any = maximum_bipartite_matching(graph, perm_type="column")
     return np.flatnonzero(of_row < 0), np.setdiff1d(np.arange(shape[1]), of_row)
-
-
-def _is_alone(R: sp.csr_array) -> bool:
-    """Whether each row has one entry, and that is positive."""
-    return R.nnz == R.shape[0] and bool((np.diff(R.indptr) == 1).all() and (R.data > 0).all())

@@ -331,13 +331,6 @@ def solve_program(
         After Ctrl-C, with the solution so far.
     """
     start_time = work.clock() if start_time is None else start_time
-
-    def solution(z: Vector, box: Vector, status: str, message: str, violation: float, steps: int) -> ProgramSolution:
-        x, y, multiplier = np.split(z, [box.size, box.size + program.equations])
-        value = program.objective(x)
-        seconds = work.clock() - start_time
-        return ProgramSolution(x, y, multiplier, box, value, status, message, violation, steps, seconds, program)
-
     with program_limits(tolerance, time_limit, start_time):
         try:
             if not convex:
@@ -347,7 +340,8 @@ def solve_program(
         except OutOfTime as error:  # the x within the bounds that is next to 0
             z = np.concatenate([np.clip(0.0, program.low, program.high), np.zeros(program.d.size)])
             message = f"before the first iterate: {error}"
-            return solution(z, np.zeros(program.g.size), "user_limit", message, np.inf, 0), before
+            values = (z, np.zeros(program.g.size), "user_limit", message, np.inf, 0)
+            return _solution(program, start_time, *values), before
         if not presolve.contradiction:  # bounds that cross by rounding touch
             program = replace(program, low=np.minimum(program.low, program.high))
         try:
@@ -361,10 +355,20 @@ def solve_program(
         z[:] = np.nan
         box[:] = np.nan
         violation = np.nan
-    answer = solution(z, box, status, message, violation, run.iterations)
+    answer = _solution(program, start_time, z, box, status, message, violation, run.iterations)
     if message == INTERRUPTED:
         raise Interrupted(answer)
     return answer, run
+
+
+def _solution(
+    program: Program, start_time: float, z: Vector, box: Vector, status: str, message: str, violation: float, steps: int
+) -> ProgramSolution:
+    """The solution with x and the multipliers of rows in `z`, and those of bounds in `box`."""
+    x, y, multiplier = np.split(z, [box.size, box.size + program.equations])
+    value = program.objective(x)
+    seconds = work.clock() - start_time
+    return ProgramSolution(x, y, multiplier, box, value, status, message, violation, steps, seconds, program)
 
 
 def _solve(

@@ -137,9 +137,8 @@ class Drawing:
         if wrong := [one.name for one in axes if isinstance(one, Axes) and one.name != "rectilinear"]:
             raise InputError(f"ax has {wrong[0]} coordinates; rectilinear ones were expected")
         if not all(isinstance(one, Axes) for one in axes) or len(axes) not in (1, count):
-            actual = described(ax) if not axes or not isinstance(axes[0], Axes) else f"{len(axes)} of them"
-            expected = "matplotlib axes were" if count == 1 else f"one matplotlib axes, or {count} for all panels, were"
-            raise InputError(f"ax is {actual}; {expected} expected")
+            actual = described(ax) if axes[:1] and not isinstance(axes[0], Axes) else f"{len(axes)} of them"
+            raise InputError(f"ax is {actual}; one matplotlib axes, or {count} for all panels, were expected")
         for panel, one in zip(self.panels, axes, strict=False):
             if handles := panel.draw(one):
                 one.legend(handles=handles, fontsize=8, frameon=False)

@@ -153,7 +153,6 @@ def _quickest(first: Mapping[str, Entry], style_of: Mapping[str, Style], axes: A
 
 def in_seconds(t: float) -> str:
     """`t` seconds to two digits, in the unit that people would use."""
-    for unit, words in ((1.0, "s"), (1e-3, "ms")):
-        if t >= unit:
-            return f"{float(f'{t / unit:.1e}'):g} {words}"
-    return f"{float(f'{t / 1e-6:.1e}'):g} µs"
+    from matplotlib.ticker import EngFormatter
+
+    return str(EngFormatter("s")(float(f"{t:.1e}")))
