@@ -80,6 +80,8 @@ class ProgramRun:
             self.polish(z0, pattern)
         proof = None
         for method in [] if self.is_good else self._methods():
+            if method is None and proof is not None:
+                break
             limit = {"max_iter": self.iterations} if method is None and self.iterations else {}
             options = {"z0": z0, "callback": lambda now: self.judge.is_due() and self.improve(now.z), "rtol": 0.0}
             try:
@@ -95,7 +97,7 @@ class ProgramRun:
                 self.polish(self.z)
             if is_late or self.is_good:
                 break
-            if method != "lemke" or solution.status is Status.INFEASIBLE:
+            if method in ("interior", None) or solution.status is Status.INFEASIBLE:
                 with suppress(OutOfTime):
                     proof = proof or self._prove_no_solution(solution)
             if proof is not None and not proof[0].endswith("_inaccurate"):
@@ -126,7 +128,8 @@ class ProgramRun:
         """The methods in turn; None for the choice of `solve()`, which takes longer to choose where there are rows."""
         if self.judge.is_x.all() or self.problem.matrix.has_negative_diagonal:
             return [None]
-        return ["lemke", "interior", None] if pivots_cost_less(self.problem.facts) else ["interior", None]
+        # Newton's steps often fail, but sometimes the interior method does
+        return ["lemke", "interior", "newton", None] if pivots_cost_less(self.problem.facts) else ["interior", None]
 
     def _solve(self, problem: ICP, method: str | None, **options: Any) -> Solution:
         solution = problem.solve(method, time_limit=work.inner_time_limit(), raise_on_failure=False, **options)
