@@ -34,7 +34,7 @@ from ..errors import InputError, MapError, NotApplicable, OutOfTime, SingularOpe
 from ..numerics.arrays import Mask, ReadOnly, Vector, described, norm
 from ..numerics.rounding import SMALLEST, UNIT_ROUNDOFF, public_entry
 from ..present.card import Card
-from ..present.display import Displayable, Plottable
+from ..present.display import Displayable, Plottable, listed
 from ..problem.data import ProblemData
 from ..problem.two_sided import sides_of
 from ..solve.driver import solve
@@ -47,8 +47,6 @@ from .tangent import Ties, tangent_problem
 
 #: the number of random weights: all of them cancel to a hundredth once in 10⁶ times
 _RANDOM_WEIGHTS = 3
-#: the largest number of rows that a message names
-_MAX_NAMED_ROWS = 5
 #: the relative tolerance of tangent problems, and the least one of linear systems that are solved by steps
 _RTOL = 1e-10
 _MIN_RTOL = 1e-14
@@ -536,6 +534,4 @@ class Derivative(ReadOnly, Plottable):
 def _row_names(mask: Mask) -> str:
     """The rows of `mask`, the first ones by number."""
     rows = np.flatnonzero(mask)
-    numbers = ", ".join(map(str, rows[:_MAX_NAMED_ROWS]))
-    more = f", ... ({rows.size} rows)" if rows.size > _MAX_NAMED_ROWS else ""
-    return f"row{'s' if rows.size > 1 else ''} {numbers}{more}"
+    return f"row{'s' if rows.size > 1 else ''} {listed(rows.tolist())}"

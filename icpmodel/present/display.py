@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import Field, fields, is_dataclass
 from typing import Any
 
@@ -14,6 +14,8 @@ from .rendering import render
 #: a line on a terminal or two for a field, and a screenful is too long for all of them
 _MAX_FIELD_LENGTH = 72
 _MAX_REPR_LENGTH = 480
+#: names that fit in a sentence
+_MAX_LISTED = 8
 
 
 class Displayable:
@@ -98,3 +100,9 @@ def cut(text: str, max_length: int) -> str:
 def counted(count: int | str, noun: str) -> str:
     """`count` and the noun: 1 step, 2 steps, no steps."""
     return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
+def listed(items: Sequence[Any]) -> str:
+    """The first few of the `items`, and how many more there are."""
+    more = f" and {len(items) - _MAX_LISTED} more" if len(items) > _MAX_LISTED else ""
+    return ", ".join(map(str, items[:_MAX_LISTED])) + more

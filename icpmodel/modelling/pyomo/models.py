@@ -18,13 +18,14 @@ from pyomo.core.expr.visitor import identify_variables
 from ...errors import InputError, check_arguments
 from ...icp import ICP
 from ...numerics.arrays import Vector, described
+from ...present.display import listed
 from ...problem.function import Function
 from ...solve.solution import Solution
 from ..affine_rows import AffineRows, SumOfTerms, obstacle
 from ..inequalities import checked
 from .condition_rows import ConditionRows, Side
 from .nonlinear import NonlinearRows
-from .side_choice import as_matrices, list_names, ordered_rows
+from .side_choice import as_matrices, ordered_rows
 
 
 class PyomoReading:
@@ -95,7 +96,7 @@ class PyomoReading:
             owner = self.owners[self.ordered.sources[np.argmax(bad)]]
             expressions = getattr(owner, "_args", None) or [owner.expr]
             used = {id(one) for expression in expressions for one in identify_variables(expression)}
-            at = list_names([f"{one.name} = {x[k]:g}" for k, one in enumerate(self.variables) if id(one) in used])
+            at = listed([f"{one.name} = {x[k]:g}" for k, one in enumerate(self.variables) if id(one) in used])
             raise InputError(
                 f"{owner.name} has no finite value at the start, where {at}: give its variables other values"
             )

@@ -11,13 +11,11 @@ from numpy.typing import NDArray
 
 from ...errors import InputError
 from ...numerics.arrays import row_of
+from ...present.display import listed
 from ..affine_rows import AffineRows
 from ..matching import left_over
 from ..row_order import OrderedRows, in_order
 from .condition_rows import ConditionRows, Side
-
-#: the number of names in a message
-_MAX_LISTED = 5
 
 
 def as_matrices(sides: Sequence[Side], columns: dict[int, int]) -> AffineRows:
@@ -80,13 +78,7 @@ def _check_pairing(
     column = np.concatenate([np.zeros(0, dtype=np.intp), *columns]).astype(np.intp)
     rows, unowned = left_over(row, column, (len(owners), len(variables)))
     left = ("condition", variables, unowned), ("free variable", owners, rows)
-    parts = [f"no {what} is left for {list_names([some[k].name for k in ks])}" for what, some, ks in left if ks.size]
+    parts = [f"no {what} is left for {listed([some[k].name for k in ks])}" for what, some, ks in left if ks.size]
     if parts:
         actual = f"{len(owners)} conditions for {len(variables)} variables that are not fixed: {', and '.join(parts)}"
         raise InputError(f"{actual}; every condition needs a variable of its own, so fix or deactivate the surplus")
-
-
-def list_names(names: list[str]) -> str:
-    """The first few of `names`, and how many more there are."""
-    more = f" and {len(names) - _MAX_LISTED} more" if len(names) > _MAX_LISTED else ""
-    return ", ".join(names[:_MAX_LISTED]) + more

@@ -23,7 +23,7 @@ from ...numerics.arrays import Mask, ReadOnly, Vector, largest_size
 from ...numerics.equilibration import times_rows
 from ...numerics.rational import nearest
 from ...numerics.rounding import public_entry
-from ...present.display import Displayable
+from ...present.display import Displayable, listed
 from ...problem.data import ProblemData, ProblemLike, as_problem
 from ..answers import Answer
 from .combination_rows import MAX_COST, ZERO, CombinationRows
@@ -35,8 +35,6 @@ _MAX_ENTRIES = 100_000
 #: nanoseconds of an iteration of the simplex method, per entry and row (3 to 15 were measured with HiGHS, n = 100 to
 #: 10 000)
 _ITERATION_COST = 5.0
-#: conditions that fit in a sentence
-_MAX_SHOWN = 8
 #: the distance of the columns of Mᵀy from 0, where Σ|y| = 1: far above rounding, and above HiGHS's tolerance
 _MARGIN = 1e-8
 
@@ -76,9 +74,7 @@ class Contradiction(ReadOnly, Displayable):
 
     def __str__(self) -> str:
         how = "infeasible by its obstacles alone" if self.violation == np.inf else f"infeasible by {self.violation:.3g}"
-        rest = len(self.conditions) - _MAX_SHOWN
-        more = f" and {rest} more" if rest > 0 else ""
-        return f"{how}: {', '.join(self.conditions[:_MAX_SHOWN])}{more}"
+        return f"{how}: {listed(self.conditions)}"
 
     def named(self, name: Callable[[int], str]) -> Contradiction:
         """The same contradiction with names of rows in place of their numbers.
