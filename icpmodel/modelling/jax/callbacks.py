@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
@@ -24,13 +24,11 @@ from ...problem.data import ProblemData
 from ...solve.driver import solve
 from ...solve.many import solve_many
 from ...solve.solution import Solution, Status
-from ...solve.solutions import Solutions
 from .argument_forms import Argument, Shape, obstacles, the_package
 
 #: argument → its arrays, and the shapes of one of each
 Arrays: TypeAlias = dict[str, tuple[Any, ...]]
 Shapes: TypeAlias = dict[str, tuple[Shape, ...]]
-Answers: TypeAlias = Sequence[Solution | None] | Solutions
 #: the statuses of an answer, as accurate as float64 allows
 _ANSWERS = (Status.SOLVED, Status.PRECISION_LIMIT)
 
@@ -139,24 +137,23 @@ class Callbacks:
     def solved(self, arrays: Arrays) -> Any:
         """z of all rows, NaN in rows without a solution."""
         rows = MappedArrays(arrays, self.shapes)
-        answers = self.answers(rows)
-        if isinstance(answers, Solutions):
-            Z = answers.Z.copy()
-            Z[[status not in _ANSWERS for status in answers.statuses]] = np.nan
-        else:
-            nothing = np.full(self.problem.n, np.nan)
-            Z = np.array([nothing if one is None or one.status not in _ANSWERS else one.z for one in answers])
+        Z = np.full((rows.count, self.problem.n), np.nan)
+        for k, (status, z) in enumerate(self.answers(rows)):
+            if status in _ANSWERS:
+                Z[k] = z
         return Z.reshape(*rows.batch_shape, self.problem.n)
 
-    def answers(self, rows: MappedArrays) -> Answers:
-        """The solutions of all rows; None if no problem can be made and no error is to be raised."""
+    def answers(self, rows: MappedArrays) -> Iterable[tuple[Any, Any]]:
+        """Status and z of all rows; None if no problem can be made and no error is to be raised."""
         if rows.count > 1:
             try:
-                return solve_many(**self.many(rows), raise_on_failure=self.raise_on_failure, **self.options)
+                several = solve_many(**self.many(rows), raise_on_failure=self.raise_on_failure, **self.options)
+                return zip(several.statuses, several.Z, strict=True)
             except IcpError:  # what is wrong with one row
                 if self.raise_on_failure:
                     raise
-        return [self.answer(rows.at(row)) for row in range(rows.count)]
+        alone = map(self.answer, map(rows.at, range(rows.count)))
+        return [(one and one.status, one and one.z) for one in alone]
 
     def many(self, rows: MappedArrays) -> dict[str, Any]:
         """The arguments of `solve_many`: lists, or matrices with a row per problem, where problems differ."""
