@@ -9,7 +9,6 @@ import math
 import operator
 import warnings
 from collections.abc import Sequence
-from contextlib import nullcontext
 from typing import Any
 
 import cvxpy as cp
@@ -56,9 +55,7 @@ class CompiledExpressions:
         backend = None if self.parameters else cp.SCIPY_CANON_BACKEND
         solver = cvxpy_solver()
         ignore = not self.is_dpp
-        # CVXPY warns of the way in which it reads sparse parameters
-        is_sparse = any(parameter.attributes["sparsity"] for parameter in self.parameters)
-        with warnings.catch_warnings(action="ignore", category=RuntimeWarning) if is_sparse else nullcontext():
+        with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # of how CVXPY reads sparse parameters
             try:
                 data, *_ = self._model.get_problem_data(solver, ignore_dpp=ignore, canon_backend=backend)
             except ValueError:  # of diag(X) @ c in the SciPy backend, which the model would keep
