@@ -13,6 +13,7 @@ import numpy as np
 from ..numerics import work
 from ..numerics.arrays import row_of
 from ..numerics.condensed import product_cost
+from ..numerics.factorisation import FACTOR_BYTES
 from ..numerics.fill import Fill, SymbolicAnalysis, dense_cost, factor_cost, part_fill, refactor_cost
 from ..numerics.linear import steps_cost
 from ..problem.facts import Facts
@@ -104,19 +105,17 @@ def factor_costs(matrix: Matrix) -> FactorCosts:
     return costs
 
 
-#: bytes of an entry of factors and of A, and vectors that Krylov's steps hold
-_FACTOR_BYTES = 16.0
-_ENTRY_BYTES = 12.0
+#: vectors that Krylov's steps hold
 _WORK_VECTORS = 24
 
 
 def system_cost(matrix: Matrix, factors: float) -> tuple[float, float]:
     """(nanoseconds, bytes) that `solver_of` is expected to take for a system with the pattern of A, where `factors` are
     the nanoseconds of a factorisation."""
-    memory = _FACTOR_BYTES * factor_costs(matrix).fill.entries
+    memory = FACTOR_BYTES * factor_costs(matrix).fill.entries
     steps = steps_cost(matrix.n, matrix.nnz) if matrix.has_positive_diagonal else np.inf
     if steps < factors or (steps < np.inf and not work.memory_suffices(memory)):
-        return steps, _ENTRY_BYTES * matrix.nnz + _WORK_VECTORS * 8.0 * matrix.n
+        return steps, work.ENTRY_BYTES * matrix.nnz + _WORK_VECTORS * 8.0 * matrix.n
     return factors, memory
 
 

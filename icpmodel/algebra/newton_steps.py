@@ -18,15 +18,15 @@ import numpy as np
 
 from ..numerics import work
 from ..numerics.arrays import Vector, norm
-from ..numerics.krylov import GCR
+from ..numerics.krylov import GCR, MAX_DIRECTIONS
 from ..problem.data import ProblemData
 from .equations import Pattern, derivative
 from .hierarchy import Hierarchy
 from .multigrid_equations import LEAST_SLOPE, MultigridEquations
 from .steps import INNER_REDUCTION, SWEEPS, Step, projected_sweep, repeated_steps
 
-#: the largest number of Krylov's steps between two updates of the active set
-MAX_KRYLOV_STEPS = 8
+#: the largest number of Krylov's steps between two updates of the active set: no direction of one is forgotten
+MAX_KRYLOV_STEPS = MAX_DIRECTIONS
 #: entries above the diagonal that weigh so much more than those below make the sweeps go backwards
 _MIN_UPWARD_FLOW = 1.1
 

@@ -15,7 +15,7 @@ from ..theory.solution_set import ExactRows
 from .contract import Infeasible, Iterate, Method, with_options
 
 #: problems with more choices are refused: n = 14 with one obstacle in every row
-MAX_CHOICES = 2**14
+MAX_CHOICES = 16_384
 #: the largest number of linearisations of an obstacle that is not affine
 _MAX_LINEARISATIONS = 20
 

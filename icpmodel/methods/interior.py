@@ -40,6 +40,7 @@ from ..numerics.arrays import Mask, Vector, inner, norm
 from ..numerics.condensed import CondensedFactors
 from ..numerics.equilibration import times_rows
 from ..numerics.fill import SymbolicAnalysis
+from ..numerics.linear import MAX_BACKWARD_ERROR
 from ..numerics.symmetric_factors import SymmetricFactors
 from ..problem.data import ProblemData
 from ..problem.two_sided import mid
@@ -49,8 +50,6 @@ from .proximal import Regularised
 
 #: the largest number of steps that reduce neither the residual nor the infeasibility of r and s
 _PATIENCE = 20
-#: the relative residual of the system for a step
-_STEP_ACCURACY = 1e-12
 #: a step goes this share of the way to the boundary
 _BOUNDARY_SHARE = 0.995
 #: the second-order term lets no rs grow by more than this multiple of itself and of their mean μ, Gondzio's bound
@@ -164,7 +163,7 @@ class InteriorPath:
         self.s = weights
         self._move_to(c)
         distances = self._distances()
-        z = c + self._solver()(-self.point[1] - self._in_rows(self.sign * weights * distances), _STEP_ACCURACY)
+        z = c + self._solver()(-self.point[1] - self._in_rows(self.sign * weights * distances), MAX_BACKWARD_ERROR)
         root = self.root[self.rows]
         v = root * (distances + self._distance_change(z - c))
         sizes = self.problem.matrix.absolute
@@ -268,7 +267,7 @@ class InteriorPath:
         """The step of z, r and s that reduces rs by `target`."""
         r = self.r
         s = self.s
-        dz = solve(self.dual_residual - self._in_rows(self.sign * (target + s * self.gap) / r), _STEP_ACCURACY)
+        dz = solve(self.dual_residual - self._in_rows(self.sign * (target + s * self.gap) / r), MAX_BACKWARD_ERROR)
         dr = self._distance_change(dz) + self.gap
         return dz, dr, -(target + s * dr) / r
 

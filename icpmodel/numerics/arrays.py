@@ -19,14 +19,14 @@ Mask = NDArray[np.bool_]
 
 #: the largest number of entries whose positions fit into 32 bits
 _SHORT = np.iinfo(np.int32).max
-#: no float is as large as this integer
-_MIN_OVERFLOWING_INTEGER = 10**309
+#: the largest float, as an integer
+_LARGEST = int(np.finfo(np.float64).max)
 #: the types of numbers, whole or not, although bools and times are among them
 _WHOLE = (int, np.integer)
 _REAL = (int, float, np.integer, np.floating)
 _NO_NUMBER = (bool, np.timedelta64)
 #: every whole number up to this one is a float64
-_MAX_EXACT_INTEGER = 2.0**53
+_MAX_EXACT_INTEGER = 1.0 / np.finfo(np.float64).epsneg
 #: the number of entries up to which BLAS uses one thread for an inner product
 _ONE_THREAD_UP_TO = 10_000
 
@@ -86,7 +86,7 @@ def described(value: Any) -> str:
     the type."""
     if isinstance(value, type):
         return f"the class {value.__name__}"
-    if isinstance(value, int) and abs(value) >= _MIN_OVERFLOWING_INTEGER:
+    if isinstance(value, int) and abs(value) > _LARGEST:
         return "an integer of hundreds of digits"
     items = value if isinstance(value, list | tuple) else [value]
     if all(one is None or isinstance(one, str | int | float | np.number) for one in items):
@@ -127,7 +127,7 @@ def as_number(
 ) -> float:
     """`value` as a finite float (an int if `whole`), no truth value, within these bounds. Raises InputError."""
     right = isinstance(value, _WHOLE if whole else _REAL) and not isinstance(value, _NO_NUMBER)
-    right = right and not (isinstance(value, int) and abs(value) >= _MIN_OVERFLOWING_INTEGER)
+    right = right and not (isinstance(value, int) and abs(value) > _LARGEST)
     if not (right and math.isfinite(value) and above < value < below and minimum <= value <= maximum):
         bounds = ((">", above), (">=", minimum), ("<=", maximum), ("<", below))
         condition = "".join(f" and {sign} {bound:g}" for sign, bound in bounds if np.isfinite(bound))[4:]

@@ -23,11 +23,11 @@ _BALANCED_RANGE = 30
 #: least squares this far from the optimum still bring every entry into range
 _MAX_STEPS = 60
 #: below the exponent of every float
-_ZERO_EXPONENT = -(2**20)
+_ZERO_EXPONENT = np.iinfo(np.int32).min
 #: weights go half the way to where rows are balanced so often at the most, 2^200 takes all, and so far do their roots
 #: go; they stay where none moves by more than this share: of .03, .1 and .3, .1 took the fewest proximal steps
 _MAX_PASSES = 100
-_MAX_WEIGHT = 2.0**500
+_MAX_WEIGHT = np.finfo(np.float64).max ** 0.25
 _SETTLED_SHARE = 0.1
 
 

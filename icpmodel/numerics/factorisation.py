@@ -22,13 +22,13 @@ from .threads import one_blas_thread, run_with_deadline
 #: so that a pivot costs half of the digits at most, and a step of refinement brings them back. Exchanges are not
 #: foreseen: with .01 equilibria of prices fill up 58 times as much, controls three times; with √ε neither does. The
 #: backward error was at most 3e-13 with either, or 2e-12, and 2e-16 after refinement, on all that were tried
-_PIVOT_THRESHOLD = 2.0**-26
+PIVOT_THRESHOLD = float(np.sqrt(np.finfo(np.float64).eps))
 #: entries of this share of the largest one of their column will do for pivots
 _GOOD_PIVOT_SHARE = 0.1
 #: the number of diagonals on one side up to which LAPACK's factorisation of a band uses no blocks
 _UNBLOCKED_BAND = 32
 #: bytes of an entry of a factor, doubled for exchanges of rows that were not foreseen
-_ENTRY_BYTES = 2 * 12
+FACTOR_BYTES = 2 * work.ENTRY_BYTES
 
 
 class Factors:
@@ -225,7 +225,7 @@ def _superlu(matrix: sp.csr_array, fill: Fill, diagonal_pivots: bool) -> Any:
         splu,
         sp.csc_array(matrix),
         permc_spec="NATURAL",
-        diag_pivot_thresh=0.0 if diagonal_pivots else _PIVOT_THRESHOLD,
+        diag_pivot_thresh=0.0 if diagonal_pivots else PIVOT_THRESHOLD,
         options={"SymmetricMode": True},
     )
     try:
@@ -245,7 +245,7 @@ def _fill_of(analysis: SymbolicAnalysis, symmetric: bool = False) -> Fill:
     """The fill of matrices with the pattern of the `analysis`; raises OutOfTime and OutOfMemory as `factorise`."""
     work.check_budget(factor_cost(analysis.fill))
     fill = analysis.complete
-    work.check_budget(memory=_ENTRY_BYTES * fill.entries)
+    work.check_budget(memory=FACTOR_BYTES * fill.entries)
     return fill._replace(symmetric=symmetric and fill.symmetric)
 
 

@@ -14,7 +14,7 @@ from .rounding import UNIT_ROUNDOFF
 #: nanoseconds for which a_ji is found, in rows of thousands of entries
 _COUPLING_COST = 40.0
 #: directions that GCR keeps, and its steps before the rate is asked for
-_MAX_DIRECTIONS = 8
+MAX_DIRECTIONS = 8
 _TRIAL_STEPS = 32
 
 
@@ -111,11 +111,11 @@ class GCR:
                 break
             self._min_length = min(self._min_length, length / size)
             # where M is singular, w is what rounding left of My, or of what was taken from it
-            if not _MAX_DIRECTIONS * UNIT_ROUNDOFF * max(largest, length / self._min_length) <= size:
+            if not MAX_DIRECTIONS * UNIT_ROUNDOFF * max(largest, length / self._min_length) <= size:
                 break
             y /= size
             w /= size
-            self._directions = [*self._directions[1 - _MAX_DIRECTIONS :], (y, w)]
+            self._directions = [*self._directions[1 - MAX_DIRECTIONS :], (y, w)]
             share = inner(self.residual, w)
             add_both(x, y, share, self.residual, w, -share)
             moved = True

@@ -22,7 +22,7 @@ import scipy.sparse as sp
 
 from .arrays import Vector, norm
 from .equilibration import Exponents, in_units, row_exponents
-from .factorisation import array_factors, dense_factors, factorise, largest_of_columns
+from .factorisation import PIVOT_THRESHOLD, array_factors, dense_factors, factorise, largest_of_columns
 from .fill import SymbolicAnalysis, dense_cost, factor_cost
 from .krylov import conjugate_residuals, gcr_step_cost
 from .work import check_budget, count, product
@@ -35,13 +35,13 @@ class Solver(Protocol):
 
 
 #: the relative error up to which systems count as solved
-_MAX_BACKWARD_ERROR = 1e-12
+MAX_BACKWARD_ERROR = 1e-12
 #: the share of the diagonal that is added so that a singular matrix is seen in time, the least that did it in every
 #: case; and the share of the solution, or of the step before, up to which a step of refinement takes it back
-_PERTURBATION = 2.0**-36
+_PERTURBATION = 1.5e-11
 _MAX_CORRECTION = 0.5
 #: the shift of smaller entries of the diagonal, in units of the largest one of the column: enough for a pivot
-_PIVOT_SHIFT = 2.0**-25
+_PIVOT_SHIFT = 2.0 * PIVOT_THRESHOLD
 #: the residual, as a share of the solution, of good factors
 _INEXACT = 1e-4
 #: the typical number of steps of GCR without a preconditioner
@@ -233,7 +233,7 @@ def _with_refinement(M: sp.csr_array, units: Vector, by_factors: Solver) -> Solv
             if step is None or not (size := norm(unit * step)) <= _MAX_CORRECTION * before:
                 return refined  # the best that rounding leaves, if any
             refined = x = x + step
-            limit = _MAX_BACKWARD_ERROR * norm(unit * x)
+            limit = MAX_BACKWARD_ERROR * norm(unit * x)
             if before == 0.0 or size / before * size <= limit:  # what the next step would be
                 return x
             before = size

@@ -26,7 +26,7 @@ _LAST_RESORT_STEPS = 100
 _FAILURES = (RuntimeError, ValueError, ArithmeticError)
 #: bytes that a hierarchy takes per entry of A: its levels, with what interpolates between them, hold about three times
 #: as many entries
-HIERARCHY_BYTES = 3 * 12
+HIERARCHY_BYTES = 3 * work.ENTRY_BYTES
 
 
 def hierarchy_cost(n: int, nnz: int) -> float:

@@ -23,7 +23,7 @@ _T = TypeVar("_T")
 #: whether a process can be begun that has all that this one has
 CAN_FORK = hasattr(os, "fork")
 #: no process is waited for longer, in seconds, as the system counts no more milliseconds
-_LONGEST_WAIT = 2.0**21
+_LONGEST_WAIT = 2e6
 #: filters of warnings belong to all threads
 _FORK_LOCK = threading.Lock()
 

@@ -16,9 +16,9 @@ from .arrays import Vector
 from .sparse_structure import absolute
 
 #: unit roundoff of float64
-UNIT_ROUNDOFF = 2.0**-53
+UNIT_ROUNDOFF = float(np.finfo(np.float64).epsneg)
 #: the smallest positive float64, the most that underflow can cost one operation
-SMALLEST = 2.0**-1074
+SMALLEST = math.ulp(0.0)
 _FLUSHED = (
     "this thread flushes subnormal numbers to zero (libraries compiled with -ffast-math set that mode): errors and "
     "bounds below 2.2e-308 are not certain; unset it, for example by loading that library in another process"

@@ -75,7 +75,7 @@ class SymmetricFactors:
         upper = self._upper
         upper.data = entries
         cost = factor_cost(self.fill) if self._ldl is None else refactor_cost(self.fill)
-        work.charge(cost, _ENTRY_BYTES * self.fill.entries + 12 * data.size)
+        work.charge(cost, _ENTRY_BYTES * self.fill.entries + work.ENTRY_BYTES * data.size)
 
         def step() -> Any:
             if self._ldl is None:

@@ -90,6 +90,8 @@ class _Counter(threading.local):
 
 
 COSTS = Costs()
+#: bytes of a stored entry of a sparse matrix: a number and its position
+ENTRY_BYTES = 12.0
 _counted = _Counter()
 
 
@@ -134,7 +136,7 @@ _PACE_OFFSET = 0.1
 #: a piece of a long loop between two readings of the clock, in nanoseconds
 _PIECE_NANOSECONDS = 2e7
 #: for fewer bytes the free memory is not read, which takes as long as to solve a small problem
-_NEGLIGIBLE_BYTES = 2.0**24
+_NEGLIGIBLE_BYTES = 2e7
 
 
 class _Budget(NamedTuple):

@@ -18,9 +18,7 @@ SOLVED, RAY, UNFINISHED, SINGULAR = range(4)
 #: in place of a label that is to enter: begin; with a q that is moved by the share `_SMALL` of its size, up to which
 #: an equation contradicts no others; or with the equations that `START` leaves out, as they depend on others up to
 #: `_SMALL`. Of 400 linear programs with rows that depend up to 1e-8 … 1e-10 both starts solve 399
-START = -1
-PERTURBED = -2
-FULL_RANK = -3
+FULL_RANK, PERTURBED, START = range(-3, 0)
 _SMALL = 1e-8
 
 
