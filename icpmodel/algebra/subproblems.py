@@ -9,15 +9,19 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..numerics.arrays import Mask, Vector, read_only, row_of
+from ..numerics.arrays import Mask, Vector, read_only, row_of, with_entries
+from ..numerics.rounding import UNIT_ROUNDOFF
 from ..problem.affine import Constant
 from ..problem.data import ProblemData
+from ..problem.map import Map
 from ..problem.two_sided import TwoSidedObstacle, sides_of
 from .affine_lcp import MAX_PIVOTS_PER_ROW, PIVOT_UP_TO
 from .equations import restricted_data
 
 #: the largest number of independent parts that get a method each
 _MAX_PARTS = 32
+#: the share of their sizes by which rounded obstacles may cross
+MAX_CROSSING = 4.0 * UNIT_ROUNDOFF
 
 Rows = NDArray[np.intp]
 
@@ -29,11 +33,65 @@ def with_fixed_obstacle(problem: ProblemData) -> ProblemData:
     """
     if problem.psi.is_constant or not problem.facts.has_fixed_obstacle:
         return problem
-    n = problem.n
-    upper = problem.facts.upper_obstacle
-    psi = Constant(problem.facts.obstacle).bind(n)
     # whether they cross is judged with the answer
-    return problem.with_psi(psi if upper is None else TwoSidedObstacle(psi, Constant(upper).bind(n)))
+    return problem.with_psi(_fixed(problem.facts.obstacle, problem.facts.upper_obstacle))
+
+
+def _fixed(low: Vector, high: Vector | None) -> Map:
+    """The obstacle `low`, with the upper one `high` if there is one; both of shape (n,)."""
+    psi = Constant(low).bind(low.size)
+    return psi if high is None else TwoSidedObstacle(psi, Constant(high).bind(low.size))
+
+
+def without_redundant_rows(problem: ProblemData) -> ProblemData:
+    """A problem of the same size with constant obstacles. Each of its solutions is one of `problem`.
+
+    It has a solution if and only if `problem` has one.
+
+    Notes
+    -----
+    It is the problem itself where nothing is redundant. Otherwise z_i = c_i stands in the redundant
+    rows:
+
+    - ψ_i = ψ̄_i, or crossed by rounding: c_i = ψ_i, whatever p_i is.
+    - Row i of A is empty: c_i = ψ_i where q_i > 0, ψ̄_i where q_i < 0. Where q_i = 0 and column i
+      is empty as well, c_i is the number between them nearest to 0.
+    """
+    c = redundant_values(problem)
+    known = np.isfinite(c)
+    if not known.any():
+        return problem
+    A = problem.A
+    c = np.where(known, c, 0.0)
+    data = np.where(known[row_of(A)] | known[A.indices], 0.0, A.data)
+    reduced = with_entries(A, data) + sp.diags_array(known.astype(np.float64))
+    with np.errstate(over="ignore", invalid="ignore"):
+        q = np.where(known, -c, problem.q + problem.product(c))
+    if not np.isfinite(q).all():
+        return problem
+    facts = problem.facts
+    high = None
+    if facts.upper_obstacle is not None and np.isfinite(facts.upper_obstacle[~known]).any():
+        high = np.where(known, np.inf, facts.upper_obstacle)
+    return ProblemData(sp.csr_array(reduced), q, _fixed(np.where(known, -np.inf, facts.obstacle), high))
+
+
+def redundant_values(problem: ProblemData) -> Vector:
+    """c_i in the rows that `without_redundant_rows` makes equations z_i = c_i, and NaN in the others; shape (n,)."""
+    n = problem.n
+    if not problem.psi.is_constant:
+        return np.full(n, np.nan)
+    A = problem.A
+    q = problem.q
+    low = problem.facts.obstacle
+    high = np.full(n, np.inf) if problem.facts.upper_obstacle is None else problem.facts.upper_obstacle
+    with np.errstate(invalid="ignore"):
+        is_fixed = (low >= high) & (low - high <= MAX_CROSSING * (np.abs(low) + np.abs(high)))
+    value = np.where(q > 0, low, np.where(q < 0, high, np.minimum(np.maximum(0.0, low), high)))
+    is_redundant = problem.matrix.empty_rows & np.isfinite(value)
+    if is_redundant.any():
+        is_redundant &= (q != 0) | (np.bincount(A.indices[A.data != 0], minlength=n) == 0)
+    return np.where(is_fixed, low, np.where(is_redundant, value, np.nan))
 
 
 def restricted(problem: ProblemData, rows: Rows, z: Vector) -> ProblemData:

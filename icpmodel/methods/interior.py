@@ -31,9 +31,8 @@ import numpy as np
 from ..algebra.equations import Pattern, derivative
 from ..algebra.factor_costs import interior_cost
 from ..algebra.proximal_steps import ProximalSteps
-from ..algebra.redundant import without_redundant_rows
 from ..algebra.regularised_system import MIN_REGULARISATION, RegularisedSystem, Solve
-from ..algebra.subproblems import with_fixed_obstacle
+from ..algebra.subproblems import with_fixed_obstacle, without_redundant_rows
 from ..errors import MapError
 from ..numerics import work
 from ..numerics.arrays import Mask, Vector, inner, norm

@@ -23,9 +23,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..algebra.redundant import without_redundant_rows
 from ..algebra.schur import SchurComplement
-from ..algebra.subproblems import Blocks, Rows, blocks, restricted, with_fixed_obstacle
+from ..algebra.subproblems import Blocks, Rows, blocks, restricted, with_fixed_obstacle, without_redundant_rows
 from ..errors import MapError, OutOfTime
 from ..methods.contract import Infeasible, Method
 from ..methods.psor import PSOR

@@ -11,7 +11,7 @@ from known_answers import GENERATORS, attempt
 
 import icpmodel as icp
 from icpmodel import Status
-from icpmodel.algebra.redundant import without_redundant_rows
+from icpmodel.algebra.subproblems import without_redundant_rows
 
 
 def run(problem, **options):

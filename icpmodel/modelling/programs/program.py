@@ -21,7 +21,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ...algebra.redundant import MAX_CROSSING
+from ...algebra.subproblems import MAX_CROSSING
 from ...icp import ICP
 from ...numerics.arrays import Vector, inner, row_of
 from ...numerics.equilibration import times_rows

@@ -27,8 +27,7 @@ from typing import Any
 
 import numpy as np
 
-from ...algebra.redundant import redundant_values
-from ...algebra.subproblems import with_fixed_obstacle
+from ...algebra.subproblems import redundant_values, with_fixed_obstacle
 from ...numerics.arrays import Vector
 from ...numerics.rational import as_witness, nearest
 from ...numerics.rounding import rounded_up
