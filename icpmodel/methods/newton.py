@@ -10,9 +10,7 @@ function prevents cycles:
     Ψ(z) = ½‖φ(p/Ω, r)‖²,        φ(a, b) = a + b − √(a² + b²), zero where a ≥ 0, b ≥ 0, ab = 0 (Fischer and Burmeister).
 
 With an upper obstacle, rows with z_i − ψ̄_i > p_i/Ω_i get z_i = ψ̄_i(z), and −φ(−p/Ω, ψ̄ − z) takes the place of p/Ω
-in Ψ (Billups). A row on one obstacle with |p_i|/Ω_i > ψ̄_i − ψ_i would jump to the other at once. That is right where
-A is diagonally dominant in this row. In other rows p_i depends more on the neighbours: such rows could cycle together,
-so they are freed first.
+in Ψ (Billups).
 
 The line search is a nonmonotone watchdog. Let θ = ‖φ‖. The first reference is θ of the start. A step reduces θ enough
 where θ is at most `REDUCTION` of the reference; its θ is then the next reference. An active-set step may raise θ, but
@@ -105,8 +103,7 @@ class NewtonPoint:
         r_upper = problem.r_upper(z)
         self.distances = r, r_upper
         a = self.p / omega
-        pattern = Pattern.of(r, r_upper, a if r_upper is None else _clipped_multipliers(problem, a, r - r_upper))
-        self.r, self.active, self.above = pattern
+        self.r, self.active, self.above = Pattern.of(r, r_upper, a)
         self.inner = None if r_upper is None else _FischerBurmeister(-a, -r_upper)
         self.outer = _FischerBurmeister(a if self.inner is None else -self.inner.phi, r)
         self.phi = self.outer.phi
@@ -150,14 +147,6 @@ def _omega_of(problem: ProblemData) -> Vector:
     if unknown.any():
         omega = np.where(unknown, abs(problem.q) / (problem.residual_scale() or 1.0), omega)
     return omega
-
-
-def _clipped_multipliers(problem: ProblemData, a: Vector, gap: Vector) -> Vector:
-    """`a` = p/Ω, in rows without diagonal dominance clipped to half the `gap` between the obstacles."""
-    rows = problem.matrix.rows
-    half = 0.5 * gap
-    clipped = (rows.off_diagonal_sums > np.abs(rows.diagonal)) & (half > 0)
-    return np.where(clipped, np.clip(a, -half, half), a)
 
 
 class _FischerBurmeister:
