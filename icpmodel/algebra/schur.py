@@ -5,76 +5,83 @@ the problem of the matrix S = A_CC − A_CF A_FF⁻¹ A_FC in the unknowns z_C.
 
 References
 ----------
-Cottle, Pang and Stone, The Linear Complementarity Problem (1992), section 1.5, for mixed problems.
+Cottle, Pang and Stone, The Linear Complementarity Problem (1992), section 1.5, for mixed problems. Duff and Reid,
+ACM TOMS 9 (1983), for the complement from a factorisation that ends early.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
 from weakref import WeakKeyDictionary
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..errors import InputError
 from ..numerics import work
-from ..numerics.arrays import Vector, as_csr
-from ..numerics.factorisation import Factors, factorise
+from ..numerics.arrays import Vector, as_csr, row_of
+from ..numerics.factorisation import Factors, factors_and_schur
 from ..problem.data import ProblemData
 from ..problem.matrix import Matrix
 from .factor_costs import factor_costs
 
-#: dense arrays of the columns of A_FC that are held at once
-_DENSE_ARRAYS = 3
-
 
 class SchurComplement:
-    """The Schur complement of the rows of A without an obstacle, and the factors that eliminate these.
+    """The factors of the rows of A without an obstacle, and the Schur complement of the others.
 
     Parameters
     ----------
     matrix : Matrix
         A.
     rows : array of int
-        The rows C that have an obstacle, ascending.
-    equations : array of int
-        The others, F.
+        The rows that have an obstacle, ascending.
     factors : Factors
-        Those of A_FF.
+        Factors of A + T, where T is diagonal, and 0 in the other rows.
+    shifted : CSR array
+        The Schur complement of A + T in the `rows`, S + T.
+    shift : array
+        The diagonal of T in the `rows`.
 
-    Raises
-    ------
-    InputError
-        Where the complement overflows.
+    Notes
+    -----
+    T lets S be singular, as that of a body is which nothing but contact holds.
     """
 
-    def __init__(self, matrix: Matrix, rows: NDArray[np.intp], equations: NDArray[np.intp], factors: Factors) -> None:
+    def __init__(
+        self, matrix: Matrix, rows: NDArray[np.intp], factors: Factors, shifted: sp.csr_array, shift: Vector
+    ) -> None:
+        self.n = matrix.n
         self.rows = rows
-        self._equations = equations
         self._factors = factors
-        A = matrix.sparse[rows]
-        self._couplings = A[:, equations]
-        S = A[:, rows].toarray()
-        S -= self._couplings @ factors.solve(matrix.sparse[equations][:, rows].toarray())
-        complement = as_csr(S, "S", keep_diagonal=True)
-        self._problem = ProblemData.of_checked(complement, np.zeros(rows.size), 0.0, matrix.row_weights[rows])
+        self._shifted = shifted
+        S = as_csr(shifted - sp.diags_array(shift), "S", keep_diagonal=True)
+        self._schur_problem = ProblemData.of_checked(S, np.zeros(rows.size), 0.0, matrix.row_weights[rows])
 
     def __repr__(self) -> str:
-        n = self.rows.size + self._equations.size
-        return f"n = {n} -> {self.rows.size} rows with an obstacle: the others are equations, and are eliminated"
+        return f"n = {self.n} -> {self.rows.size} rows with an obstacle: the others are equations, and are eliminated"
+
+    def _equations(self, f: Vector) -> tuple[Vector, Vector]:
+        """x with ((A + T)x)_F = f_F and ((A + T)x)_C = 0, and A_CF A_FF⁻¹ f_F."""
+        f = f.copy()
+        f[self.rows] = 0.0
+        x = self._factors.solve(f)
+        return x, -(self._shifted @ x[self.rows])
 
     def reduced(self, problem: ProblemData) -> ProblemData:
         """The problem in the unknowns of `rows`; problems that share A share the facts of its matrix."""
-        q = problem.q[self.rows] - self._couplings @ self._factors.solve(problem.q[self._equations])
-        return self._problem.with_q(q).with_psi(problem.psi.restricted(self.rows, np.zeros(problem.n)))
+        q = problem.q[self.rows] - self._equations(problem.q)[1]
+        return self._schur_problem.with_q(q).with_psi(problem.psi.restricted(self.rows, np.zeros(self.n)))
 
     def extended(self, problem: ProblemData, z: Vector) -> Vector:
         """The point with p_F = 0 that has z in the `rows`; a step of refinement takes the rounding back."""
         x = z.copy()
         for _ in range(2):
-            x[self._equations] -= self._factors.solve(problem.p(x)[self._equations])
+            change, coupling = self._equations(-problem.p(x))
+            f = np.zeros(self.n)
+            f[self.rows] = coupling
+            change += self._factors.solve(f)
+            change[self.rows] = 0.0
+            x += change
         return x
 
 
@@ -95,15 +102,15 @@ def elimination(problem: ProblemData, max_cost: Callable[[], float]) -> SchurCom
 
     Notes
     -----
-    S is to have no more entries than A. Its columns cost a solve each, which serves all problems that share A.
+    S is to have no more entries than A. Besides the factors it costs about as much as the calls of a Newton step.
     """
     matrix = problem.matrix
     rows = problem.facts.bounded_rows
     if not 0 < rows.size < problem.n or rows.size**2 > matrix.nnz:
         return None
     costs = factor_costs(matrix)
-    limit = min(max_cost() - work.COSTS.newton, costs.dense)
-    if costs.analysis.costs_more(limit) or not costs.fill.is_exact or costs.unsymmetric > limit:
+    max_factor_cost = min(max_cost() - work.COSTS.newton, costs.dense)
+    if costs.analysis.costs_more(max_factor_cost) or not costs.fill.is_exact or costs.unsymmetric > max_factor_cost:
         return None
     key = rows.tobytes()
     known = _CACHE.get(matrix)
@@ -114,14 +121,19 @@ def elimination(problem: ProblemData, max_cost: Callable[[], float]) -> SchurCom
 
 
 def _schur_complement(matrix: Matrix, rows: NDArray[np.intp]) -> SchurComplement | None:
-    """The complement in the `rows`; None where A_FF is singular."""
-    equations = np.setdiff1d(np.arange(matrix.n), rows)
-    work.check_budget(memory=_DENSE_ARRAYS * 8.0 * rows.size * equations.size)
-    A = sp.csr_array(matrix.sparse[equations][:, equations])
-    factors = factorise(A, triangles=True)  # a solve with a wide band costs many times as much
-    with suppress(InputError):
-        return None if factors is None else SchurComplement(matrix, rows, equations, factors)
-    return None
+    """The complement in the `rows`; None where the factorisation fails."""
+    shift = 1.0 / matrix.row_weights[rows]
+    A = _link_rows(matrix.sparse, rows, shift)
+    factors = factors_and_schur(A, rows)
+    return None if factors is None else SchurComplement(matrix, rows, *factors, shift)
+
+
+def _link_rows(A: sp.csr_array, rows: NDArray[np.intp], shift: Vector) -> sp.csr_array:
+    """A + T, where each of the `rows` stores an entry, possibly 0, in the columns of its two neighbours."""
+    i = np.concatenate([row_of(A), rows, rows[1:], rows[:-1]])
+    j = np.concatenate([A.indices, rows, rows[:-1], rows[1:]])
+    data = np.concatenate([A.data, shift, np.zeros(2 * rows.size - 2)])
+    return sp.csr_array(sp.coo_array((data, (i, j)), shape=A.shape))
 
 
 #: the last one; factors may be large
