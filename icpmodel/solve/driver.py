@@ -194,6 +194,8 @@ def _run_all(run: Run, method: Method | None, family: str | None) -> None:
         return
     if run.problem.f is not None:
         run_methods(run, run.steps(MethodSequence(NewtonJosephy(inner_family=family), why="p is nonlinear")))
+        if family is None:
+            search(run, run_methods)
         return
     other = presolve(run.problem)
     if other is not run.problem:

@@ -13,11 +13,14 @@ from ..methods.proximal import Proximal
 from ..methods.restarts import Restarts
 from ..numerics import work
 from .jobs import MethodSequence
+from .newton_josephy import NewtonJosephy
 from .run import Run
 from .solution import Status
 from .stopping import WORTH_ANOTHER_METHOD, StopReason
 
 _LOG = logging.getLogger("icpmodel")
+#: random starts where p is nonlinear
+_RESTARTS = 20
 #: seconds for all of it where no time limit was given
 DEFAULT_SECONDS = 10.0
 
@@ -27,8 +30,8 @@ def search(run: Run, run_methods: Callable[[Run, Iterator[None]], None]) -> None
 
     First comes `Enumerate`, which settles what has few active sets in less time than anything else takes. Each method
     that began elsewhere, or has spent twice its estimate, begins again from z⁰. Then come `Restarts`, `Newton`,
-    `Proximal`, `Interior` and `MixedInteger`. None runs twice from z⁰. Where nothing is found `run` ends as it did
-    before, and its note says what was tried.
+    `Proximal`, `Interior` and `MixedInteger`; where p is nonlinear `NewtonJosephy` with random starts. None runs twice
+    from z⁰. Where nothing is found `run` ends as it did before, and its note says what was tried.
     """
     before = run.stop_reason
     if run.best is None or before.status not in WORTH_ANOTHER_METHOD or run.problem.n > MAX_UNKNOWNS:
@@ -40,7 +43,16 @@ def search(run: Run, run_methods: Callable[[Run, Iterator[None]], None]) -> None
     why = f"the methods before it {before.status.value}; {limit}"
     done = {repr(job.method) for job in run.tried if job.is_fresh and job.outcome}
     again = (job.method for job in run.tried)
-    listed = (Enumerate(), *again, Restarts(), Newton(), Proximal(), Interior(), MixedInteger())
+    listed = (
+        Enumerate(),
+        *again,
+        Restarts(),
+        Newton(),
+        Proximal(),
+        Interior(),
+        MixedInteger(),
+        NewtonJosephy(restarts=_RESTARTS),
+    )
     by_name = {repr(one): one for one in listed}
     methods = [one for name, one in by_name.items() if name not in done and one.why_not(run.problem) is None]
     _LOG.info("n = %d: %s begins: %s", run.problem.n, limit, ", ".join(map(repr, methods)))

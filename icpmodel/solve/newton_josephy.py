@@ -18,13 +18,12 @@ from ..errors import MapError, SingularOperator
 from ..methods.accelerated import Accelerated
 from ..methods.contract import REDUCTION, Iterate, LeastValue, Method, with_options
 from ..methods.enumeration import Enumerate
-from ..methods.milp import MAX_UNKNOWNS
 from ..methods.newton import ARMIJO, MAX_DESCENTS, MAX_HALVINGS, NewtonPath, NewtonPoint
 from ..methods.psor import PSOR
 from ..methods.restarts import scale_of_starts, start_above
 from ..methods.shortcuts import Lemke
 from ..numerics import work
-from ..numerics.arrays import Vector, norm, not_finite
+from ..numerics.arrays import Vector, as_number, norm, not_finite
 from ..problem.data import ProblemData
 from .goal import Goal, Limits
 from .jobs import MethodSequence
@@ -44,9 +43,7 @@ _NONMONOTONE_STEPS = 5
 _SECOND_STEP_LENGTH = 0.5
 #: the number of sweeps methods with which a ladder begins
 _SWEEP_METHODS = 2
-#: random starts after the last step that helps, for problems small enough for a search
-_MAX_RESTARTS = 20
-#: their size, in powers of ten of the largest entry of D⁻¹p(0), ψ and z⁰, or of 1 where all are smaller
+#: the size of random starts, in powers of ten of the largest entry of D⁻¹p(0), ψ and z⁰, or of 1 where all are smaller
 _MIN_START_EXPONENT, _MAX_START_EXPONENT = -1.0, 2.0
 
 
@@ -58,6 +55,8 @@ class NewtonJosephy(Method):
     ----------
     inner_family : {None, "modulus", "paper"}
         Which methods may solve the linearised problems, as in `solve`.
+    restarts : int, default 0
+        The number of random starts that are tried where the steps from z⁰ end without a solution.
 
     Notes
     -----
@@ -69,10 +68,9 @@ class NewtonJosephy(Method):
     by a second one by the same tangent, or made shorter. Beyond 64 unknowns the solution with the
     active set of z is tried first, unless sweeps suffice. Where steps shrink by a constant factor, as
     at a double root, their limit is tried before. Where none reduces θ, a proximal term μW(z⁺ − z) is
-    added to the tangent, W its diagonal. Then a descent direction of θ is tried, and with few unknowns
-    other starts. Fixed obstacles are never crossed, so that f need not have values beyond them. An
-    iteration is one step, whatever its inner solves take. The convergence is quadratic at a strongly
-    regular solution.
+    added to the tangent, W its diagonal. Then a descent direction of θ is tried. Fixed obstacles are
+    never crossed, so that f need not have values beyond them. An iteration is one step, whatever its
+    inner solves take. The convergence is quadratic at a strongly regular solution.
 
     References
     ----------
@@ -90,6 +88,10 @@ class NewtonJosephy(Method):
     finite: ClassVar[bool] = True
 
     inner_family: str | None = None
+    restarts: int = 0
+
+    def __post_init__(self) -> None:
+        as_number(self.restarts, "restarts", minimum=0, whole=True)
 
     def why_not_f(self, problem: ProblemData) -> str | None:
         return None
@@ -111,8 +113,7 @@ class NewtonJosephy(Method):
                 if np.isfinite(inside.current.theta):
                     search = inside
                     yield search.current.z, search.current.residual
-        tries = _MAX_RESTARTS if problem.n <= MAX_UNKNOWNS else 0
-        for left in range(tries, -1, -1):
+        for left in range(self.restarts, -1, -1):
             for point in search.steps():
                 yield point.z, point.residual
             if point.residual <= 2.0 * problem.rounding_of_residual(point.z) or not left:
@@ -124,7 +125,8 @@ class NewtonJosephy(Method):
                     yield search.current.z, search.current.residual
         if search.psi_error is not None:
             raise search.psi_error
-        return "it has no further step" + (f", nor has it from {tries - left} other starts" if left < tries else "")
+        tried = self.restarts - left
+        return "it has no further step" + (f", nor has it from {tried} other starts" if tried else "")
 
 
 class _Search:
