@@ -170,6 +170,15 @@ def test_where_nothing_is_to_be_raised_rows_without_a_solution_are_nan_with_thei
     np.testing.assert_array_equal(layer(q=np.array([np.nan])), [np.nan])
 
 
+def test_what_is_accurate_to_rounding_is_an_answer_alone_as_well_as_among_others():
+    problem = icp.ICP(A, Q / 3, C)
+    layer = solution_of(problem, rtol=1e-300, raise_on_failure=False)
+    assert problem.solve(rtol=1e-300, raise_on_failure=False).status is icp.Status.PRECISION_LIMIT
+    expected = problem.solve().z
+    np.testing.assert_allclose(layer(q=Q / 3), expected, atol=1e-8)
+    np.testing.assert_allclose(jax.vmap(lambda q: layer(q=q))(np.array([Q / 3] * 2)), [expected] * 2, atol=1e-8)
+
+
 def test_a_second_derivative_is_refused():
     layer = solution_of(icp.ICP(A, Q, C))
     with pytest.raises(icp.NotApplicable, match="cannot be differentiated again"):

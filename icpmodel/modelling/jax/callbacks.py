@@ -144,7 +144,7 @@ class Callbacks:
         return Z.reshape(*rows.batch_shape, self.problem.n)
 
     def answers(self, rows: MappedArrays) -> Iterable[tuple[Any, Any]]:
-        """Status and z of all rows; None if no problem can be made and no error is to be raised."""
+        """Status and z of all rows; both are None if no problem can be made and no error is to be raised."""
         if rows.count > 1:
             try:
                 several = solve_many(**self.many(rows), raise_on_failure=self.raise_on_failure, **self.options)
@@ -153,7 +153,7 @@ class Callbacks:
                 if self.raise_on_failure:
                     raise
         alone = map(self.answer, map(rows.at, range(rows.count)))
-        return [(one and one.status, one and one.z) for one in alone]
+        return [(None, None) if one is None else (one.status, one.z) for one in alone]
 
     def many(self, rows: MappedArrays) -> dict[str, Any]:
         """The arguments of `solve_many`: lists, or matrices with a row per problem, where problems differ."""
