@@ -115,7 +115,10 @@ def _matrix(path: Path, name: str, fields: dict[str, Any]) -> sp.csr_array:
         if not all(kinds):
             raise ValueError
         places = indices.astype(np.int64), indptr.astype(np.int64)
-        return checked_sparse(sp.csr_array((data.astype(np.float64), *places), shape=(n, n)), name)
+        matrix = checked_sparse(sp.csr_array((data.astype(np.float64), *places), shape=(n, n)), name)
+        if matrix.nnz < data.size:  # SciPy drops entries behind the last row
+            raise ValueError
+        return matrix
     except ValueError:
         raise FileError(f"{path}: fields {name}_* are not a square CSR matrix") from None
 

@@ -79,6 +79,7 @@ def damage(path, **changed):
         ({"q": np.ones(3)}, r"q has shape \(3,\); shape \(4,\)"),
         ({"A_indptr": np.array([0, 9, 2, 3, 4])}, "not a square CSR matrix"),
         ({"A_indptr": np.array([0, 1, 2, 3, 2**63], dtype=np.uint64)}, "not a square CSR matrix"),
+        ({"A_indptr": np.array([0, 1, 2, 3, 3])}, "not a square CSR matrix"),
         ({"q": np.array([1.0, np.nan, 0.0, 0.0])}, r"q\[1\] is nan"),
     ],
 )
