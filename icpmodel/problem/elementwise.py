@@ -70,6 +70,8 @@ class Elementwise(UserMap):
             largest = np.maximum(*map(np.abs, self.slope_range))
             lipschitz = largest if np.isfinite(largest).all() else None
         super().__init__(f, derivative, lipschitz, parameter_derivative)
+        if np.ndim(self.given_lipschitz) > 1:
+            raise InputError("Elementwise.lipschitz is a matrix; a number or one for each row was expected")
         self.c = locked(as_float64(c, "Elementwise.c"))
         if is_compiled(f) is not is_compiled(derivative) and derivative is not None:
             raise InputError(
@@ -77,11 +79,12 @@ class Elementwise(UserMap):
             )
 
     def bind(self, n: int) -> Self:
+        sides = self.slope_range
+        if sides is not None:  # the constants may be made of them
+            sides = locked(tuple(as_vector(side, n, "Elementwise.slope_range", infinite=np.inf) for side in sides))
+        c = locked(as_vector(self.c, n, "Elementwise.c", infinite=np.inf))
         bound = super().bind(n)
-        vars(bound)["c"] = locked(as_vector(self.c, n, "Elementwise.c", infinite=np.inf))
-        if self.slope_range is not None:
-            sides = (as_vector(side, n, "Elementwise.slope_range", infinite=np.inf) for side in self.slope_range)
-            vars(bound)["slope_range"] = locked(tuple(sides))
+        vars(bound).update(c=c, slope_range=sides)
         return bound
 
     def value(self, z: Vector) -> Vector:

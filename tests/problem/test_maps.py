@@ -138,6 +138,12 @@ def test_a_map_that_misbehaves_says_how(psi, words):
         (lambda: icp.Function(3), "Function.fun is 3"),
         (lambda: icp.Elementwise(np.exp, 3), "Elementwise.derivative is 3"),
         (lambda: icp.Elementwise(np.exp, np.exp, slope_range=(1, 0)), "Elementwise.slope_range is"),
+        (
+            lambda: icp.Elementwise(np.tanh, slope_range=([0, 0], 1)).bind(3),
+            r"Elementwise.slope_range has shape \(2,\)",
+        ),
+        (lambda: icp.Elementwise(np.sin, lipschitz=np.eye(2)), "Elementwise.lipschitz is a matrix"),
+        (lambda: icp.Elementwise(np.sin, lipschitz=sp.eye_array(2)), "Elementwise.lipschitz is a matrix"),
         (lambda: icp.Function(np.exp, parameter_derivative=3), "Function.parameter_derivative is 3"),
         (lambda: icp.Elementwise(kinked, np.sin), "both or neither"),
         (lambda: icp.Elementwise(np.sin, lipschitz=-1).bind(2), "Elementwise.lipschitz has the entry -1"),
