@@ -72,12 +72,14 @@ class Function(UserMap):
         return call_for_vector(self.fun, z, self.name)
 
     def jacobian(self, z: Vector) -> sp.csr_array | None:
-        if self.derivative is None:
-            return super().jacobian(z)
-        matrix = call(self.derivative, z, "Function.jacobian")
+        derivative = self.derivative
+        if derivative is None and self.links is None:
+            return None
+        name = f"the Jacobian of {self.name}" if derivative is None else "Function.jacobian(z)"
+        matrix = super().jacobian(z) if derivative is None else call(derivative, z, "Function.jacobian")
         with as_map_error():
-            J = as_csr(matrix, "Function.jacobian(z)", z.size)
-        if self.lipschitz is not None:
+            J = as_csr(matrix, name, z.size)
+        if derivative is not None and self.lipschitz is not None:
             _check_links(J, self.lipschitz)
         return J
 

@@ -130,6 +130,13 @@ def test_a_map_that_misbehaves_says_how(psi, words):
         problem.solve("mnmgs")
 
 
+def test_differences_that_are_not_finite_are_named():
+    psi = icp.Function(lambda z: z + np.array([0.0, np.nan]), sparsity=np.eye(2)).bind(2)
+    for one, words in ((psi, "psi"), (psi.as_upper(), "upper")):
+        with pytest.raises(icp.MapError, match=rf"the Jacobian of {words}\[1, 1\] is nan"):
+            one.jacobian(np.zeros(2))
+
+
 @pytest.mark.parametrize(
     ("make", "words"),
     [
