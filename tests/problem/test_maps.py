@@ -1,6 +1,7 @@
 """ψ: value, Jacobian and Lipschitz matrix of every map, and what happens when a user's function misbehaves."""
 
 import math
+import warnings
 
 import numba
 import numpy as np
@@ -186,6 +187,16 @@ def test_a_user_s_function_cannot_spoil_the_iterate():
 def test_of_equal_jumps_the_first_is_taken():
     jumps = sp.csr_array(np.array([[1.0, 1.0], [0.0, 1.0]]))
     assert icp.Intervention(jumps).best_jump(np.zeros(2))[1].tolist() == [0, 1]
+
+
+@pytest.mark.parametrize("best", ["max", "min"])
+def test_a_jump_to_an_unknown_that_is_nan_passes_without_a_warning(best):
+    jumps = icp.Intervention(sp.csr_array(np.array([[0.0, 1.0, 2.0], [1.0, 0.0, 1.0], [0.0, 0.0, 0.0]])), best)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        value, target = jumps.best_jump(np.array([0.0, np.nan, 0.0]))
+    assert np.isnan(value[0])
+    assert target.tolist() == [-1, 0, -1]
 
 
 def test_a_psi_that_reuses_its_buffer_does_no_harm():
