@@ -92,6 +92,7 @@ class UserMap(Map):
         array([[2.]])
         """
         new = copy(self)
+        vars(new).pop("_colours", None)  # of the pattern before
         vars(new).update(derivative=None, links=as_csr(pattern, self._argument("sparsity")))
         return new
 

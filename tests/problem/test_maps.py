@@ -199,6 +199,14 @@ def test_a_jump_to_an_unknown_that_is_nan_passes_without_a_warning(best):
     assert target.tolist() == [-1, 0, -1]
 
 
+def test_another_sparsity_has_its_own_differences():
+    """The columns of a diagonal share one difference; those of a full matrix have one each."""
+    turn = icp.Function(lambda z: 0.5 * z + 0.25 * z[::-1], sparsity=np.eye(2)).bind(2)
+    turn.jacobian(np.zeros(2))
+    full = turn.with_sparsity(np.ones((2, 2))).jacobian(np.zeros(2)).toarray()
+    assert full == pytest.approx(np.array([[0.5, 0.25], [0.25, 0.5]]), abs=1e-6)
+
+
 def test_a_psi_that_reuses_its_buffer_does_no_harm():
     buffer = np.zeros(2)
 
