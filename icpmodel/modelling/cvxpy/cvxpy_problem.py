@@ -20,7 +20,7 @@ from ...explain.explanation import Explanation
 from ...icp import ICP
 from ...methods.contract import Method
 from ...numerics.arrays import Vector, as_truth, described
-from ...present.display import Displayable, counted
+from ...present.display import Displayable, counted, listed
 from ...solve.solution import Solution, Status
 from ..reading import solved
 from ..running_log import printed_on
@@ -43,8 +43,6 @@ STATUSES = {
 }
 #: the least value of the objective 0
 _VALUES = {s.OPTIMAL: 0.0, s.OPTIMAL_INACCURATE: 0.0, s.INFEASIBLE: np.inf}
-#: the largest number of constraints in a repr
-_MAX_PRINTED_CONSTRAINTS = 3
 
 
 class Problem(Displayable):
@@ -492,9 +490,7 @@ class Problem(Displayable):
         return "\n".join([f"find {names}", *(f"  with {_description(one)}" for one in self._constraints)])
 
     def __repr__(self) -> str:
-        descriptions = ", ".join(map(_description, self._constraints[:_MAX_PRINTED_CONSTRAINTS]))
-        more = len(self._constraints) - _MAX_PRINTED_CONSTRAINTS
-        return f"Problem([{descriptions}{f', and {more} more' if more > 0 else ''}])"
+        return f"Problem([{listed([_description(one) for one in self._constraints])}])"
 
 
 def _description(constraint: Any) -> str:
@@ -512,14 +508,14 @@ def _list_constraints(constraints: Any) -> list[Any]:
         raise InputError(f"{actual}; a complementarity problem has none, give the list of {expected} alone")
     if not isinstance(constraints, Iterable) or isinstance(constraints, str | cp.Expression):
         raise InputError(f"constraints is {described(constraints)}; a list of {expected} was expected")
-    listed = list(constraints)
-    for k, one in enumerate(listed):
+    constraints = list(constraints)
+    for k, one in enumerate(constraints):
         if isinstance(one, list | tuple):
             raise InputError(f"constraints[{k}] is {described(one)}; one flat list was expected: put * before it")
         if not isinstance(one, known):
             text = named(one) if isinstance(one, cp.Constraint | cp.Expression) else described(one)
             raise InputError(f"constraints[{k}] is {text}; {expected} were expected")
-    return listed
+    return constraints
 
 
 def _check_solver(method: Any, options: dict[str, Any]) -> None:
