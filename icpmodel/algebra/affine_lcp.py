@@ -14,6 +14,7 @@ from ..errors import SingularOperator
 from ..numerics import work
 from ..numerics.arrays import Mask, Vector, read_only
 from ..numerics.fill import dense_cost
+from ..numerics.rounding import SQRT_EPSILON
 from ..numerics.threads import one_blas_thread
 from ..problem.data import ProblemData
 from ..problem.facts import Facts
@@ -31,8 +32,6 @@ PIVOT_UP_TO = MAX_DENSE_ROWS
 _WORK_ARRAYS = 5
 #: nanoseconds per entry to make and fill these arrays: 40 to 50 at n = 10⁴ and 2·10⁴, where all pages are new
 _SETUP_COST = 45.0
-#: rows whose block of M has a larger condition number are not exchanged
-_MAX_CONDITION = 1e8
 #: the cost of an inverse and a product with it, in factorisations
 INVERSE_COST = 6.0
 
@@ -203,7 +202,7 @@ class AffineLcp:
         with suppress(np.linalg.LinAlgError), np.errstate(all="ignore"):  # the inverse may overflow
             inverse = np.linalg.inv(block)
             condition = float(np.linalg.norm(block, 1) * np.linalg.norm(inverse, 1))
-        if not condition < _MAX_CONDITION:
+        if not SQRT_EPSILON * condition < 1.0:
             raise SingularOperator("M is singular in the rows that change places", int(rows[0]))
         columns = self.M[:, rows] @ inverse
         new.M = self.M - columns @ self.M[rows]

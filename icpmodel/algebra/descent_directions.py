@@ -8,12 +8,13 @@ import scipy.sparse as sp
 
 from ..numerics.arrays import Vector, norm
 from ..numerics.linear import solver_of
+from ..numerics.rounding import SQRT_EPSILON
 from ..problem.data import ProblemData
 from .factor_costs import factor_costs
 from .regularised_system import FIRST_REGULARISATION_SKEW
 
 #: the relative tolerance of a Newton direction near the solution
-NEWTON_RTOL = 1e-8
+NEWTON_RTOL = SQRT_EPSILON
 
 
 def descent_directions(problem: ProblemData, V: sp.csr_array, phi: Vector, shift: Vector) -> Iterator[Vector]:

@@ -26,6 +26,7 @@ from ..algebra.subproblems import with_fixed_obstacle
 from ..numerics import work
 from ..numerics.arrays import Vector
 from ..numerics.multigrid import cycle_cost
+from ..numerics.rounding import SQRT_EPSILON
 from ..problem.data import ProblemData
 from .contract import PATIENCE, Iterate, LeastValue, Method, why_not_diagonal, with_options
 from .newton import Newton
@@ -35,9 +36,8 @@ from .newton import Newton
 #: twelve sweeps, one in 1D fails so, and the coarsest levels solve it; the others took .7 times as long (median)
 _MAX_CYCLE_SHARE = 0.5
 #: a coarser level ends at this share of its first residual: below the error of interpolation to the next level, as in
-#: full multigrid. It ends at the second share of its Res_D(0) at the latest, and after the number of steps
+#: full multigrid. It ends at √ε of its Res_D(0) at the latest, and after the number of steps
 COARSE_REDUCTION = 0.05
-_MIN_COARSE_RTOL = 1e-8
 MAX_COARSE_STEPS = 8
 #: if ψ is an intervention, it ends at the second share or after this number of steps, which are cheap on coarse levels
 _MAX_POLICY_STEPS = 30
@@ -111,7 +111,7 @@ class Multilevel(Method):
         jumps = problem.psi.has_policies
         for top in range(lowest, 0, -1):
             path = Newton().iterates(problems[top], z) if jumps else newton_steps(hierarchy, problems[top], z, top)
-            target = _MIN_COARSE_RTOL * problems[top].residual_at_0()
+            target = SQRT_EPSILON * problems[top].residual_at_0()
             for step, (near, residual) in enumerate(islice(path, _MAX_POLICY_STEPS if jumps else MAX_COARSE_STEPS)):
                 answer = near
                 if residual is None:

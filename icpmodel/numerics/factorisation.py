@@ -24,6 +24,7 @@ from .fill import (
     signs_of_symmetry,
     solve_cost,
 )
+from .rounding import SQRT_EPSILON
 from .symmetric_factors import SymmetricFactors
 from .threads import one_blas_thread, run_with_deadline
 
@@ -31,7 +32,7 @@ from .threads import one_blas_thread, run_with_deadline
 #: so that a pivot costs half of the digits at most, and a step of refinement brings them back. Exchanges are not
 #: foreseen: with .01 equilibria of prices fill up 58 times as much, controls three times; with √ε neither does. The
 #: backward error was at most 3e-13 with either, or 2e-12, and 2e-16 after refinement, on all that were tried
-PIVOT_THRESHOLD = float(np.sqrt(np.finfo(np.float64).eps))
+_PIVOT_THRESHOLD = SQRT_EPSILON
 #: entries of this share of the largest one of their column will do for pivots
 _GOOD_PIVOT_SHARE = 0.1
 #: the number of diagonals on one side up to which LAPACK's factorisation of a band uses no blocks
@@ -266,7 +267,7 @@ def _superlu(matrix: sp.csr_array, fill: Fill, diagonal_pivots: bool) -> Any:
         splu,
         sp.csc_array(matrix),
         permc_spec="NATURAL",
-        diag_pivot_thresh=0.0 if diagonal_pivots else PIVOT_THRESHOLD,
+        diag_pivot_thresh=0.0 if diagonal_pivots else _PIVOT_THRESHOLD,
         options={"SymmetricMode": True},
     )
     try:

@@ -22,9 +22,10 @@ import scipy.sparse as sp
 
 from .arrays import Vector, norm
 from .equilibration import Exponents, in_units, row_exponents
-from .factorisation import PIVOT_THRESHOLD, array_factors, dense_factors, factorise, largest_of_columns
+from .factorisation import array_factors, dense_factors, factorise, largest_of_columns
 from .fill import SymbolicAnalysis, dense_cost, factor_cost
 from .krylov import conjugate_residuals, gcr_step_cost
+from .rounding import SQRT_EPSILON
 from .work import check_budget, count, product
 
 
@@ -41,7 +42,7 @@ MAX_BACKWARD_ERROR = 1e-12
 _PERTURBATION = 1.5e-11
 _MAX_CORRECTION = 0.5
 #: the shift of smaller entries of the diagonal, in units of the largest one of the column: enough for a pivot
-_PIVOT_SHIFT = 2.0 * PIVOT_THRESHOLD
+_PIVOT_SHIFT = 2.0 * SQRT_EPSILON
 #: the residual, as a share of the solution, of good factors
 _INEXACT = 1e-4
 #: the typical number of steps of GCR without a preconditioner

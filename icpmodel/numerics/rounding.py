@@ -17,6 +17,8 @@ from .sparse_structure import absolute
 
 #: unit roundoff of float64
 UNIT_ROUNDOFF = float(np.finfo(np.float64).epsneg)
+#: √ε, half of the digits of float64
+SQRT_EPSILON = math.sqrt(np.finfo(np.float64).eps)
 #: the smallest positive float64, the most that underflow can cost one operation
 SMALLEST = math.ulp(0.0)
 _FLUSHED = (

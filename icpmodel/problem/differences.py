@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 import numpy as np
@@ -11,11 +10,11 @@ from numpy.typing import NDArray
 
 from ..numerics import work
 from ..numerics.arrays import Vector, with_entries
-from ..numerics.rounding import UNIT_ROUNDOFF
+from ..numerics.rounding import SQRT_EPSILON, UNIT_ROUNDOFF
 from .user_code import USER_ULPS
 
 #: the share of |z_j| that balances rounding and curvature where both are of order 1 (Gill, Murray and Wright 1981, 8.6)
-DIFFERENCE_STEP = math.sqrt(np.finfo(np.float64).eps)
+DIFFERENCE_STEP = SQRT_EPSILON
 #: a change that differs by this share of all terms from what a derivative says is not explained by rounding
 _MISFIT = 1e-3
 

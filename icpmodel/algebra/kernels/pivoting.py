@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...numerics.kernels import compiled
+from ...numerics.rounding import SQRT_EPSILON
 from .dictionary import ZERO, Dictionary, exchange, leaving, mirror
 
 #: the ends of a run of pivots
@@ -19,7 +20,7 @@ SOLVED, RAY, UNFINISHED, SINGULAR = range(4)
 #: an equation contradicts no others; or with the equations that `START` leaves out, as they depend on others up to
 #: `_SMALL`. Of 400 linear programs with rows that depend up to 1e-8 … 1e-10 both starts solve 399
 FULL_RANK, PERTURBED, START = range(-3, 0)
-_SMALL = 1e-8
+_SMALL = SQRT_EPSILON
 
 
 @compiled

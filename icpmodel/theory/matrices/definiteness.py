@@ -20,7 +20,7 @@ from ...numerics import work
 from ...numerics.arrays import Vector, as_csr, row_of
 from ...numerics.equilibration import in_units, row_exponents, symmetric_exponents
 from ...numerics.rational import as_witness, curvature, exact_sum, rationals
-from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
+from ...numerics.rounding import SMALLEST, SQRT_EPSILON, UNIT_ROUNDOFF
 from ...numerics.sparse_structure import is_symmetric
 from ..answers import Answer
 from .comparison_matrix import comparison_matrix
@@ -30,8 +30,6 @@ from .h_matrix import by_row_sums, row_sum_signs
 _SHIFT = 2.0**-38  #: S − cI is factorised for this c, which is about what rounding needs, or for a larger one
 #: the rows up to which LDLᵀ in fractions decides: 30 take .2 s
 RATIONAL_UP_TO = 30
-#: the largest error that counts as rounding, for a diagonal of about 1: 2⁻²⁶, half the digits
-_MAX_ROUNDING = float(np.sqrt(np.finfo(np.float64).eps))
 
 
 def definiteness(A: sp.csr_array) -> tuple[Answer, Answer]:
@@ -77,7 +75,7 @@ def semidefinite_up_to_rounding(A: sp.csr_array) -> Answer:
     T, _, _ = _in_own_units(A)
     if (T.diagonal() >= 0).all() and within_reach(T):
         bound = smallest_eigenvalue_bound(T, -_rounding_of(T))
-        if bound > -_MAX_ROUNDING:
+        if bound > -SQRT_EPSILON:
             reason = f"semidefinite up to rounding: no eigenvalue is below {bound:.2g} of its diagonal"
             return Answer(True, reason, None, bound)
     return Answer(None, "not shown to be semidefinite up to rounding")
