@@ -319,6 +319,7 @@ class PointValues(Displayable):
             scaled_p = np.where(self.matrix.empty_rows, 0.0, self.matrix.row_weights * self.offset(zero))
             return float(smallest_size(scaled_p, *sides))
 
+    @np.errstate(over="ignore", invalid="ignore", under="ignore")
     def paper_residual(self, z: Any) -> float:
         """Res(z) = ‖min(p(z), r(z))‖₂, the residual of the paper, which `atol` limits; see `residual`.
 
@@ -327,7 +328,7 @@ class PointValues(Displayable):
         >>> ICP([[3.0]], [-6.0]).paper_residual([1.0])
         3.0
         """
-        return norm(self.natural_map(z))
+        return norm(mid(self.p(z), self.r(z), self.r_upper(z)))
 
     @np.errstate(over="ignore", invalid="ignore", under="ignore")
     def rounding(self, z: Any) -> tuple[Vector, Vector]:
