@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 
 import icpmodel as icp
 from icpmodel.study.charts.figures import styles
+from icpmodel.study.charts.race_charts import in_seconds
 from icpmodel.study.competitors import Entry
 
 SQUARE = icp.scenes.membrane(n=100)
@@ -190,3 +191,10 @@ def test_solves_in_a_row_and_what_moves_with_the_data_have_a_picture(solution):
     derivative = solution.derivative()
     field = icp.study.figure(derivative).axes[0].collections[0]
     assert np.array_equal(np.ravel(field.get_array()), derivative.forward(dq=-np.ones(100)))
+
+
+@pytest.mark.parametrize(
+    ("t", "words"), [(0.0, "0 s"), (3.31e-7, "330 ns"), (0.0123, "12 ms"), (0.9996, "1 s"), (1234.0, "1200 s")]
+)
+def test_times_are_written_to_two_digits(t, words):
+    assert in_seconds(t) == words

@@ -152,7 +152,8 @@ def _quickest(first: Mapping[str, Entry], style_of: Mapping[str, Style], axes: A
 
 
 def in_seconds(t: float) -> str:
-    """`t` seconds to two digits, in the unit that people would use."""
+    """`t` seconds to two digits, below 1 s in ms, µs or ns."""
     from matplotlib.ticker import EngFormatter
 
-    return str(EngFormatter("s")(float(f"{t:.1e}")))
+    t = float(f"{t:.1e}")
+    return f"{t:g} s" if t >= 1.0 else str(EngFormatter("s")(t))
