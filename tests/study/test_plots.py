@@ -136,6 +136,12 @@ def test_places_that_do_not_fit_are_refused(solution, wrong):
         icp.study.figure(solution.history, **wrong)
 
 
+@pytest.mark.parametrize(("ax", "actual"), [([], r"\[\]"), (3, "3"), (Figure().subplots(3), "3 of them")])
+def test_what_is_no_axes_is_named(solution, ax, actual):
+    with pytest.raises(icp.InputError, match=f"ax is {actual}; one matplotlib axes, or 2 for all panels"):
+        solution.plot(ax=ax)
+
+
 @pytest.mark.parametrize("projection", ["polar", "3d"])
 def test_axes_of_other_coordinates_are_refused(solution, projection):
     with pytest.raises(icp.InputError, match=f"ax has {projection} coordinates; rectilinear"):

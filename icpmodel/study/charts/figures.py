@@ -137,7 +137,7 @@ class Drawing:
         if wrong := [one.name for one in axes if isinstance(one, Axes) and one.name != "rectilinear"]:
             raise InputError(f"ax has {wrong[0]} coordinates; rectilinear ones were expected")
         if not all(isinstance(one, Axes) for one in axes) or len(axes) not in (1, count):
-            actual = described(ax) if axes[:1] and not isinstance(axes[0], Axes) else f"{len(axes)} of them"
+            actual = f"{len(axes)} of them" if axes and isinstance(axes[0], Axes) else described(ax)
             raise InputError(f"ax is {actual}; one matplotlib axes, or {count} for all panels, were expected")
         for panel, one in zip(self.panels, axes, strict=False):
             if handles := panel.draw(one):
