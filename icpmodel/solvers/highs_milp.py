@@ -37,4 +37,6 @@ class HighsMilp(ForeignSolver):
     def run(self, model: Any) -> Claim:
         problem, rtol, time_limit = model
         solution = solve(problem, "milp", rtol=rtol, time_limit=time_limit, raise_on_failure=False)
-        return Claim(solution.z, solution.status.value, solution.solved)
+        if not solution.solved:  # a proof of infeasibility would be this package's own
+            return Claim(None, "no choice of active rows was found", False)
+        return Claim(solution.z, "optimal", True)
