@@ -47,7 +47,7 @@ def test_in_the_relative_interior_only_those_rows_are_0_that_are_0_everywhere(ro
     t = relative_interior(rows, 3)
     C = np.array(rows, dtype=float).reshape(-1, 4)
     for objective in C[:, :3] if rows else []:
-        found = linprog(-objective, -C[:, :3], C[:, 3], bounds=(None, 1e3))
+        found = linprog(-objective, -C[:, :3], C[:, 3], bounds=(-1e3, 1e3))
         assert (found.status == 2) == (t is None)
     for row, objective in zip(rows, C, strict=True) if t is not None else []:
         value = dot(row, [*t, 1])
