@@ -150,7 +150,7 @@ def test_a_bimatrix_game_has_all_its_equilibria():
 def test_ctrl_c_leaves_what_is_found_until_then():
     """The alarm raises what Ctrl-C does. All 2¹⁸ corners of a cube are solutions, which takes far longer."""
     before = signal.signal(signal.SIGALRM, signal.default_int_handler)
-    signal.setitimer(signal.ITIMER_REAL, 1.0)
+    signal.setitimer(signal.ITIMER_REAL, 1.0, 10.0)  # again, where Python loses one in a finaliser
     try:
         with pytest.raises(icp.Interrupted) as pressed:
             icp.all_solutions(icp.ICP(-np.eye(18), np.ones(18)))
