@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from ..errors import InputError
 
@@ -45,9 +46,7 @@ def checked_sparse(value: Any, name: str) -> Any:
 def _checked(value: Any) -> Any:
     if value.format in ("csr", "csc", "bsr"):
         value = copy(value)  # `check_format` sets other arrays
-        for positions in (value.indices, value.indptr):
-            if positions.dtype.kind not in "iu":
-                raise ValueError(f"positions have dtype {positions.dtype}; whole numbers were expected")
+        _check_whole(value.indices, value.indptr)
         value.check_format()
         if (decreasing := value.indptr[1:] < value.indptr[:-1]).any():  # which it does not see where the last one is 0
             raise ValueError(f"indptr falls at {np.argmax(decreasing) + 1}; it may only rise")
@@ -59,4 +58,12 @@ def _checked(value: Any) -> Any:
             raise ValueError(f"a diagonal of {value.offsets} is outside of the shape {value.shape}")
         value = sp.dia_array((value.data, value.offsets), shape=value.shape)
     entries = value.tocoo()
+    _check_whole(*entries.coords)
     return sp.coo_array((entries.data, entries.coords), shape=value.shape)
+
+
+def _check_whole(*positions: NDArray[Any]) -> None:
+    """Raise ValueError where SciPy would cut `positions` off to whole numbers."""
+    for one in positions:
+        if one.dtype.kind not in "iu":
+            raise ValueError(f"positions have dtype {one.dtype}; whole numbers were expected")

@@ -81,6 +81,15 @@ def test_positions_outside_a_vector_are_refused():
         icp.ICP(np.eye(3), q)
 
 
+def test_positions_that_are_no_whole_numbers_are_refused():
+    for form, part in (("csr", "indices"), ("csc", "indptr"), ("coo", "coords")):
+        A = sp.coo_array(np.eye(3)).asformat(form)
+        positions = getattr(A, part)
+        setattr(A, part, tuple(one + 0.5 for one in positions) if form == "coo" else positions + 0.5)
+        with pytest.raises(icp.InputError, match="whole numbers were expected"):
+            icp.ICP(A, 1.0)
+
+
 @pytest.mark.parametrize("form", FAULTS)
 def test_every_format_is_read_as_the_matrix_it_is_and_left_alone(form):
     dense = np.array([[4.0, -1.0, 0.0, 0.0], [0.0, 4.0, 0.0, -2.0], [0.0, 0.0, 4.0, 0.0], [-1.0, 0.0, 0.0, 4.0]])
