@@ -14,16 +14,7 @@ from numpy.typing import NDArray
 
 from . import work
 from .arrays import Vector, row_of
-from .fill import (
-    Fill,
-    SymbolicAnalysis,
-    dense_cost,
-    factor_cost,
-    fill_and_order,
-    least_factor_cost,
-    signs_of_symmetry,
-    solve_cost,
-)
+from .fill import Fill, SymbolicAnalysis, dense_cost, factor_cost, least_factor_cost, signs_of_symmetry, solve_cost
 from .rounding import SQRT_EPSILON
 from .symmetric_factors import SymmetricFactors
 from .threads import one_blas_thread, run_with_deadline
@@ -151,38 +142,6 @@ def factorise(
         return _by_superlu(matrix, analysis, definite)
     factors = SymmetricFactors(matrix, fill, signs).factors(matrix.data)
     return factors if factors is not None and factors.pivots.min() > 0.0 else None
-
-
-def factors_and_schur(matrix: sp.csr_array, last: NDArray[np.intp]) -> tuple[Factors, sp.csr_array] | None:
-    """Factors of a sparse matrix without exchanges of rows, and the Schur complement of the rows `last`.
-
-    None where a pivot is 0, or the complement overflows. Raises OutOfTime and OutOfMemory as `factorise` does. In
-    `matrix` each of the `last` rows but the first has an entry, be it 0, in the column of the one before, so that all
-    of them come last.
-    """
-    fill, order = fill_and_order(matrix)
-    order = np.concatenate([order[~np.isin(order, last)], last])
-    if not _fills_diagonal(matrix, order):  # a zero pivot makes SuperLU exchange rows, which fills up
-        return None
-    lu = _superlu(sp.csr_array(matrix[order][:, order]), fill, True)
-    low = order.size - last.size
-    if lu is None or (place := lu.perm_c[low:] - low).min() < 0:
-        return None
-    product = sp.csr_array(lu.L[low:, low:] @ lu.U[low:, low:])
-    if not np.isfinite(product.data).all():
-        return None
-    return Factors(lu, order, order), sp.csr_array(product[place][:, place])
-
-
-def _fills_diagonal(matrix: sp.csr_array, order: NDArray[np.integer]) -> bool:
-    """Whether no pivot is certainly 0: its entry of the diagonal is not, or may fill in from an earlier neighbour."""
-    is_zero = matrix.diagonal() == 0.0
-    place = np.argsort(order)
-    i = row_of(matrix)
-    j = matrix.indices
-    for row, neighbour in ((i, j), (j, i)):
-        is_zero[row[place[neighbour] < place[row]]] = False
-    return not is_zero.any()
 
 
 def dense_factors(matrix: sp.csr_array, cholesky: bool = False) -> DenseFactors | None:

@@ -63,8 +63,8 @@ def select_method(
     The ladder below follows where `Josephy`, `Tridiagonal` or one of these ends, or has spent twice its estimate.
 
     Rows without any obstacle are equations. They are eliminated where at most √nnz rows have an obstacle, ψ is fixed,
-    and that is expected to cost less than sweeps, `Multilevel` or `Lemke`: a factorisation of A and the calls of two
-    Newton steps. What is left takes the place of the problem.
+    and that is expected to cost less than sweeps, `Lemke`, or `Multilevel` where ρ ≤ 1: two factorisations of A and the
+    calls of a Newton step. What is left takes the place of the problem.
 
     Everything else goes up a ladder, each rung from the best iterate so far:
 
@@ -197,7 +197,10 @@ class Ladder:
 
     def _cost_without_factors(self) -> float:
         """The least that methods without sparse factors are expected to cost, in nanoseconds."""
-        jobs = self._estimate_jobs([self._accelerated(), Multilevel(), Lemke()])
+        methods: list[Method] = [self._accelerated(), Lemke()]
+        if self.problem.matrix.coupled_radius <= 1.0:
+            methods.append(Multilevel())
+        jobs = self._estimate_jobs(methods)
         return jobs[0].remaining if jobs else math.inf
 
     def _accelerated(self) -> Accelerated:

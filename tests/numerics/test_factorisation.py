@@ -76,6 +76,10 @@ def test_factors_of_one_pattern_solve_and_their_pivots_are_those_of_elimination(
     assert factors.solve(M.T @ f, "T") == pytest.approx(f, abs=1e-11)
     assert (factors.pivots > 0).all()
     assert np.log(factors.pivots).sum() == pytest.approx(np.linalg.slogdet(M)[1])
+    B = sp.random_array((n, 5), density=0.01, rng=rng)
+    symmetric = signs_of_symmetry(A)[:, None] * M
+    expected = B.T @ np.linalg.solve(symmetric, B.toarray())
+    assert factors.congruence(B) == pytest.approx(expected, abs=1e-12 * np.abs(expected).max())
     of_free = pattern.factors(A.data, free)
     M[~(free[:, None] & free) & ~np.eye(n, dtype=bool)] = 0.0
     assert of_free.solve(M @ x) == pytest.approx(x, abs=1e-11)
