@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
+from scipy.special import lambertw
 
 from ..icp import ICP
 from ..numerics.arrays import Vector, as_number
@@ -13,10 +14,8 @@ from ..problem.by_rows import ByRows
 from .grid import index, points, rows_on_grid, side, square_points
 from .registry import Quantity, Scene, assembles, distance_to, register, size
 
-#: half the side of the ball obstacle's square, and its contact radius a; outside of it u = SLOPE·ln(r/HALF)
+#: half the side s of the ball obstacle's square
 HALF = 2.0
-RADIUS = 0.697965148223374
-SLOPE = -RADIUS * np.tan(np.arcsin(RADIUS))
 #: obstacle in space: contact radius a, and u = a/r − a outside of it
 RADIUS_3D = 0.5
 
@@ -106,6 +105,8 @@ def ball(n: int = 900) -> Scene:
 
     Notes
     -----
+    Smooth fit asks for a²(1 + ln(2/a)) = 1, which Lambert's W solves: a² = −2/W₋₁(−1/2e²).
+
     Discretised by the 5-point stencil on m × m interior points, h = 4/(m + 1), rows multiplied by
     h². Units: lengths in radii of the ball; p is h² times force per area over tension, so Σp is
     force over tension.
@@ -129,7 +130,7 @@ def ball(n: int = 900) -> Scene:
     problem = ICP(*rows.local_rows(0, rows.n))
     known = {
         "u": distance_to(ball_solution(points)),
-        "contact radius": Quantity(RADIUS, partial(_radius, problem), order=2.0),
+        "contact radius": Quantity(contact_radius(), partial(_radius, problem), order=2.0),
     }
     models = "A membrane held along the edge of a square and lifted by a ball from below."
     return Scene(problem=problem, models=models, quantities=known, h=h, points=points, axes=_AXES, unknown="height z")
@@ -238,11 +239,17 @@ def _ball_obstacle(x: Vector) -> Vector:
     return np.where(r < 1.0, np.sqrt(np.maximum(1.0 - r**2, 0.0)), -1.0)
 
 
+def contact_radius() -> float:
+    """The contact radius a of the scene `ball`: a²(1 + ln(s/a)) = 1."""
+    return float(np.sqrt(-2.0 / lambertw(-2.0 / (np.e * HALF) ** 2, -1).real))
+
+
 def ball_solution(x: Vector) -> Vector:
-    """u of the scene `ball` at points x of shape (k, 2), shape (k,)."""
+    """u of the scene `ball` at points x of shape (k, 2), shape (k,): −a²/√(1 − a²)·ln(r/s) for r > a."""
+    a = contact_radius()
     r = np.hypot(x[:, 0], x[:, 1])
     inside = np.sqrt(np.maximum(1.0 - r**2, 0.0))
-    return np.where(r <= RADIUS, inside, SLOPE * np.log(np.maximum(r, RADIUS) / HALF))
+    return np.where(r <= a, inside, a * np.tan(np.arcsin(a)) * np.log(HALF / np.maximum(r, a)))
 
 
 def _paraboloid_3d(x: Vector) -> Vector:

@@ -7,6 +7,7 @@ from operator import itemgetter
 from typing import Any
 
 import numpy as np
+from scipy.optimize import fsolve
 
 from ..icp import ICP
 from ..numerics.arrays import Vector
@@ -21,10 +22,6 @@ DISCOUNT = 0.2
 COST = 0.05
 #: the value of one unit paid out, after a tax of .2
 WORTH = 1.0 / 1.2
-#: solution: pay when the reserve reaches BOUNDARY, down to TARGET; V(1)
-BOUNDARY = 1.01412848138701
-TARGET = 0.395539941170187
-VALUE_AT_1 = 2.14368352523354
 
 #: the names of the coordinates in pictures
 _AXES = ("reserve x",)
@@ -58,6 +55,9 @@ def dividend(n: int = 241) -> Scene:
 
     Notes
     -----
+    At rest V = C(e^(ax) − e^(bx)), a and b the roots of ½σ²s² + μs = ρ. The reserve is paid down
+    from x* to y*, where V′(x*) = V′(y*) = 1/(1 + λ) and V(x*) − V(y*) = (x* − y* − c)/(1 + λ).
+
     Discretised on x_i = ih, 0 ≤ i < n, up to 1.5, by central differences. The step is h = c/k, so
     that the jump of length c and the point x = 1 lie on the grid: n = 30k + 1. Row 0 is z_0 = 0.
     The last row has the slope 1/(1 + λ) by a ghost point. Rows with x < c allow no jump: ψ = −∞. A
@@ -79,15 +79,32 @@ def dividend(n: int = 241) -> Scene:
     A, q = _operator(x.size, h)
     problem = ICP(A, q, Intervention(partial(_best_payment, x=x, k=k)))
 
+    target, boundary, value_at_1 = dividend_solution()
     known = {
-        "V(1)": Quantity(VALUE_AT_1, itemgetter(20 * k), order=2.0),
-        "x*": Quantity(BOUNDARY, partial(_boundary, problem, x), order=2.0),
-        "target": Quantity(TARGET, partial(_target, x), order=2.0),
+        "V(1)": Quantity(value_at_1, itemgetter(20 * k), order=2.0),
+        "x*": Quantity(boundary, partial(_boundary, problem, x), order=2.0),
+        "target": Quantity(target, partial(_target, x), order=2.0),
     }
     models = "The value of a reserve to its owner, who pays himself dividends at a fixed cost and a tax."
     return Scene(
         problem=problem, models=models, quantities=known, h=h, points=x, axes=_AXES, unknown="value z of the reserve"
     )
+
+
+def dividend_solution() -> tuple[float, float, float]:
+    """y*, x* and V(1)."""
+    rates = np.roots([0.5 * VOLATILITY**2, DRIFT, -DISCOUNT])
+
+    def value_and_slope(x: Any) -> Any:
+        """V/C and V′/C: a > 0 > b."""
+        return np.exp(np.multiply.outer(x, rates)) @ np.transpose([np.sign(rates), np.abs(rates)])
+
+    def misfit(ends: Vector) -> Vector:
+        (low, slope), (high, slope_at_high) = value_and_slope(ends)
+        return np.array([slope_at_high - slope, high - low - slope * (ends[1] - ends[0] - COST)])
+
+    target, boundary = fsolve(misfit, [0.0, 1.0])
+    return float(target), float(boundary), float(WORTH * value_and_slope(1.0)[0] / value_and_slope(target)[1])
 
 
 def _boundary(problem: ICP, x: Vector, z: Vector) -> float:

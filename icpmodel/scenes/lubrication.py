@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
+from scipy.optimize import brentq
 
 from ..icp import ICP
 from ..numerics.arrays import Vector
@@ -12,10 +13,8 @@ from ..problem.by_rows import ByRows, LocalRows
 from .grid import rows_of
 from .registry import Quantity, Scene, assembles, register, size
 
-#: eccentricity, and the solution's greatest pressure and the angle where the film tears
+#: eccentricity ε
 ECCENTRICITY = 0.5
-P_MAX = 0.745831366621
-CAVITATION = 3.83438392852963
 
 
 @assembles("bearing")
@@ -62,20 +61,25 @@ def bearing(n: int = 300) -> Scene:
     radians, H in radial clearances. Pressure is made dimensionless by
     6·viscosity·speed·radius/clearance².
 
+    In Sommerfeld's variable γ, H = (1 − ε²)/(1 − ε cos γ), the film tears where (2 + ε cos γ) sin γ
+    = (2 cos γ + ε)γ, π < γ < 3π/2. There p_max = −πε(2 cos γ + ε)/((1 − ε cos γ)(1 − ε²)^1.5).
+
     Within the film the flow H − H³p′ is the same everywhere. Where the film tears p′ = 0, so the
     flow in the first cell gives H(θ_c). Both quantities are O(h²). The factor depends on where θ_c
     falls between two grid points: measured at most .08h² and .015h².
 
     References
     ----------
-    Cryer, Math. Comp. 25 (1971), doi:10.1090/S0025-5718-1971-0298961-7.
+    Hamrock, Schmid and Jacobson, Fundamentals of Fluid Film Lubrication (2004), for γ. Cryer, Math.
+    Comp. 25 (1971), doi:10.1090/S0025-5718-1971-0298961-7.
     """
     rows = _bearing(n)
     h = 2.0 * np.pi / (n + 1)
     first = 1.0 + ECCENTRICITY * np.cos(np.pi / (n + 1))
+    p_max, cavitation = film_solution()
     known = {
-        "p_max": Quantity(P_MAX, _top, order=2.0),
-        "cavitation angle": Quantity(CAVITATION, partial(_angle, first, first**3 / h), order=2.0),
+        "p_max": Quantity(p_max, _top, order=2.0),
+        "cavitation angle": Quantity(cavitation, partial(_angle, first, first**3 / h), order=2.0),
     }
     models = "The pressure of the oil between a shaft and its bearing, and where the oil film tears."
     points = np.linspace(0.0, 2.0 * np.pi, n + 2)[1:-1]
@@ -89,6 +93,14 @@ def bearing(n: int = 300) -> Scene:
         axes=("angle θ, rad",),
         unknown="pressure z, dimensionless",
     )
+
+
+def film_solution() -> tuple[float, float]:
+    """The greatest pressure p_max, and the angle θ_c where the film tears."""
+    e = ECCENTRICITY
+    c = np.cos(brentq(lambda g: (2.0 + e * np.cos(g)) * np.sin(g) - (2.0 * np.cos(g) + e) * g, np.pi, 1.5 * np.pi))
+    p_max = -np.pi * e * (2.0 * c + e) / ((1.0 - e * c) * (1.0 - e * e) ** 1.5)
+    return float(p_max), float(2.0 * np.pi - np.arccos((c - e) / (1.0 - e * c)))
 
 
 def _top(z: Vector) -> float:

@@ -1,7 +1,7 @@
 """The reference numbers in the gallery, derived again from the equations that define them."""
 
 import numpy as np
-from scipy.integrate import quad
+from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq, root
 
 from icpmodel import scenes
@@ -11,9 +11,10 @@ from icpmodel.scenes import impulse_control as control
 
 def test_the_ball_touches_where_the_radial_equation_says():
     a = brentq(lambda a: a**2 * np.log(2 / a) - (1 - a**2), 0.5, 0.9, xtol=1e-15)
-    slope = -(a**2) / np.sqrt(1 - a**2)
     level = contact.ball_solution(np.array([[1.0, 0.0]]))
-    np.testing.assert_allclose([contact.RADIUS, contact.SLOPE, *level], [a, slope, -slope * np.log(2)], rtol=1e-13)
+    np.testing.assert_allclose(
+        [contact.contact_radius(), *level], [a, a**2 / np.sqrt(1 - a**2) * np.log(2)], rtol=1e-13
+    )
 
 
 def test_the_obstacle_in_space_is_left_smoothly():
@@ -22,33 +23,24 @@ def test_the_obstacle_in_space_is_left_smoothly():
     np.testing.assert_allclose([a / a + level[0], -a / a**2], [1 - 2 * a**2, -4 * a], rtol=1e-15)
 
 
-def test_the_bearing_constants_solve_the_integrated_equation():
+def test_the_bearing_solves_the_integrated_equation():
     # H^3 p' = H - H(theta_c) in the film, p = 0 at both its ends
     H = lambda t: 1 + 0.5 * np.cos(t)  # noqa: E731
     pressure = lambda end, c: quad(lambda t: (H(t) - H(c)) / H(t) ** 3, 0, end, epsabs=1e-12, epsrel=1e-12)[0]  # noqa: E731
     c = brentq(lambda c: pressure(c, c), 3.3, 4.5, xtol=1e-14)
-    np.testing.assert_allclose(lubrication.CAVITATION, c, rtol=1e-12)
-    np.testing.assert_allclose(lubrication.P_MAX, pressure(2 * np.pi - c, c), rtol=1e-11)
+    np.testing.assert_allclose(lubrication.film_solution(), (pressure(2 * np.pi - c, c), c), rtol=1e-12)
 
 
-def test_the_dividend_constants_solve_the_smooth_fit_equations():
-    a, b, rho = 0.5 * control.VOLATILITY**2, control.DRIFT, control.DISCOUNT
-    up, down = sorted(np.roots([a, b, -rho]), reverse=True)
-    f = lambda x: np.exp(up * x) - np.exp(down * x)  # noqa: E731
-    slope = lambda x: up * np.exp(up * x) - down * np.exp(down * x)  # noqa: E731
-    bend = 2 * np.log(-down / up) / (up - down)
-
-    def touching(C):
-        level = control.WORTH / C
-        ends = [brentq(lambda x: slope(x) - level, lo, hi, xtol=1e-15) for lo, hi in ((0, bend), (bend, 30))]
-        return ends, C * (f(ends[1]) - f(ends[0])) - control.WORTH * (ends[1] - ends[0] - control.COST)
-
-    C = brentq(
-        lambda C: touching(C)[1], 1.5 * control.WORTH / slope(0), control.WORTH / slope(bend) * (1 - 1e-9), xtol=1e-15
-    )
-    target, boundary = touching(C)[0]
-    np.testing.assert_allclose([control.BOUNDARY, control.TARGET], [boundary, target], rtol=1e-11)
-    np.testing.assert_allclose(control.VALUE_AT_1, C * f(1.0), rtol=1e-12)
+def test_the_dividend_satisfies_its_equation_and_the_smooth_fit():
+    """V from V(0) = 0 on solves the equation at rest; between y* and x* its slope is on average that of a payment."""
+    target, boundary, value_at_1 = control.dividend_solution()
+    reserve = lambda x, V: [V[1], (control.DISCOUNT * V[0] - control.DRIFT * V[1]) * 2 / control.VOLATILITY**2]  # noqa: E731
+    path = solve_ivp(reserve, (0, boundary), [0, 1], dense_output=True, method="DOP853", rtol=1e-12, atol=1e-12).sol
+    slope = path(target)[1] / control.WORTH
+    np.testing.assert_allclose(path(boundary)[1], path(target)[1], rtol=1e-9)
+    np.testing.assert_allclose(path(1.0)[0], slope * value_at_1, rtol=1e-9)
+    paid = control.WORTH * (boundary - target - control.COST)
+    np.testing.assert_allclose(path(boundary)[0] - path(target)[0], slope * paid, rtol=1e-9)
 
 
 def test_the_five_firms_are_where_no_marginal_profit_is_left():
