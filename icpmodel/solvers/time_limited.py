@@ -13,12 +13,10 @@ from ..problem.data import ProblemData
 
 _T = TypeVar("_T")
 
-#: how many times as long as a factorisation by BLAS, and how many nanoseconds for each entry of A beside it, a solver
-#: sets up in one piece: OSQP and CVXPY at n = 1000, dense, and for the membrane with n = 40 000; up to this share of
-#: the time that is no reason for a process of its own
-_SETUP_FACTORISATIONS = 25.0
-_SETUP_COST_PER_ENTRY = 3000.0
-_MAX_SETUP_SHARE = 0.1
+#: ten times what a solver was measured to set up in one piece, in factorisations by BLAS, and in nanoseconds for each
+#: entry of A beside them: OSQP and CVXPY at n = 1000, dense, and for the membrane with n = 40 000
+_SETUP_FACTORISATIONS = 250.0
+_SETUP_COST_PER_ENTRY = 30_000.0
 
 
 def time_limited(items: Callable[[], Iterator[_T]], problem: ProblemData, setups: int, end: float) -> Iterator[_T]:
@@ -43,7 +41,7 @@ def time_limited(items: Callable[[], Iterator[_T]], problem: ProblemData, setups
         Where the process died.
     """
     piece = _SETUP_FACTORISATIONS * factor_costs(problem.matrix).first + _SETUP_COST_PER_ENTRY * problem.matrix.nnz
-    if setups * piece <= 1e9 * _MAX_SETUP_SHARE * (end - time.perf_counter()):
+    if setups * piece <= 1e9 * (end - time.perf_counter()):
         return items()
     if not CAN_FORK:
         raise OutOfTime("the solvers may take longer, and cannot be interrupted on this system")
