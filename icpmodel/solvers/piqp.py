@@ -8,11 +8,9 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
+from ..theory.matrices.eigenvalue import is_dense
 from .foreign import Claim, ForeignSolver
 from .formulations import Target
-
-#: a matrix with a larger share of entries is given to its dense solver
-_MIN_DENSITY = 0.1
 
 
 class Piqp(ForeignSolver):
@@ -26,7 +24,7 @@ class Piqp(ForeignSolver):
         import piqp
 
         qp = self.pose(target)
-        dense = qp.P.nnz > _MIN_DENSITY * qp.q.size**2
+        dense = is_dense(qp.P)
         model = piqp.DenseSolver() if dense else piqp.SparseSolver()
         settings = model.settings
         settings.verbose = False
