@@ -18,11 +18,9 @@ from ...numerics.arrays import Mask, Vector, norm
 from ...numerics.equilibration import Exponents, in_units, symmetric_exponents
 from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
 from ...theory.certificates.bounds import ErrorBound
+from ...theory.certificates.combination_rows import ZERO
 from ...theory.matrices.eigenvalue import smallest_below
 from .program import Program, conditions_of
-
-#: rows count as tight where their slack is no more than this share of their terms
-_TIGHT_SLACK = 1e-9
 
 
 @np.errstate(all="ignore")
@@ -66,7 +64,7 @@ def _to_feasible(
     `slack` is d − Cx up to `error`.
     """
     size = np.abs(program.d) + abs(program.C) @ np.abs(x)
-    tight = (multiplier > 0) | (np.abs(slack) <= _TIGHT_SLACK * size)
+    tight = (multiplier > 0) | (np.abs(slack) <= ZERO * size)
     tight[: program.equations] = True
     C = in_units(program.C, np.zeros(slack.size, np.int64), unit)
     part = sp.csr_array(C[tight][:, free])

@@ -26,11 +26,9 @@ from pyomo.repn.linear import LinearRepnVisitor
 from pyomo.repn.util import VarRecorder, categorize_valid_components
 
 from ...errors import InputError
+from ...theory.certificates.combination_rows import ZERO
 from .nonlinear import NOT_FINITE, flattened
 from .sums import size_of_terms
-
-#: the largest violation of a condition without variables, as a share of its terms: the user's own sums are rounded
-_MAX_VIOLATION = 1e-9
 
 
 class Side(NamedTuple):
@@ -166,10 +164,10 @@ class ConditionRows:
         width = self._side(one.upper - one.lower, owner)
         if not width.ids():
             share = _share(width, one.upper - one.lower)
-            if share < -_MAX_VIOLATION:
+            if share < -ZERO:
                 actual = f"{owner.name} has a lower bound that is larger than the upper one"
                 raise InputError(f"{actual}, by {-width.constant:g}")
-            if share <= _MAX_VIOLATION:
+            if share <= ZERO:
                 width = width._replace(constant=0.0)
                 if not side.ids():  # nothing is left to say of g
                     return self._add_equation(owner, gaps[0])
@@ -249,5 +247,5 @@ def _share(side: Side, expression: Any) -> float:
 
 def _check_constant(owner: Any, violation: float, words: str) -> None:
     """Raise InputError where a row without variables is violated."""
-    if not violation <= _MAX_VIOLATION:
+    if not violation <= ZERO:
         raise InputError(f"{owner.name} has no free variable and cannot hold: {words}")
