@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import struct
 import warnings
 import zipfile
 from collections.abc import Iterable, Iterator
@@ -21,8 +22,8 @@ from ..present.whole_files import check_replaceable, check_suffix, file_errors, 
 
 #: NumPy's letters for the kinds of real numbers
 REAL_KINDS = "biuf"
-#: the bytes of the last record of an archive, which has the number of its entries; more where there is a comment
-_MIN_DIRECTORY_BYTES = 22
+#: the last record of an archive, the fifth field of which is the number of its entries; a comment may follow it
+_DIRECTORY_END = struct.Struct("<4s4H2LH")
 #: the fields of a sparse matrix, beside its name
 _CSR = ("data", "indices", "indptr")
 
@@ -90,10 +91,10 @@ def read_arrays(path: Path) -> dict[str, Any]:
     with open_to_read(path) as (file, size), zipfile.ZipFile(file) as archive:
         entries = archive.infolist()
         check_room(str(path), sum(one.file_size for one in entries))
-        file.seek(size - _MIN_DIRECTORY_BYTES)
-        end = file.read(_MIN_DIRECTORY_BYTES)
+        file.seek(size - _DIRECTORY_END.size)
+        mark, _, _, _, count, *_ = _DIRECTORY_END.unpack(file.read(_DIRECTORY_END.size))
         # a damaged entry can swallow the next one, which zipfile does not notice
-        if end[:4] == b"PK\5\6" and int.from_bytes(end[10:12], "little") not in (len(entries), 0xFFFF):
+        if mark == b"PK\5\6" and count not in (len(entries), 0xFFFF):
             raise FileError(f"{path}: does not have the number of fields in its directory; is it damaged?")
         arrays: dict[str, Any] = {}
         for one in entries:
