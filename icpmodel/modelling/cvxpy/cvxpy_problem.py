@@ -42,7 +42,7 @@ STATUSES = {
     **dict.fromkeys([Status.INTERRUPTED, Status.STOPPED], s.USER_LIMIT),
 }
 #: the least value of the objective 0
-_VALUES = {s.OPTIMAL: 0.0, s.OPTIMAL_INACCURATE: 0.0, s.INFEASIBLE: np.inf}
+_VALUES = {**dict.fromkeys([s.OPTIMAL, s.OPTIMAL_INACCURATE], 0.0), s.INFEASIBLE: np.inf}
 
 
 class Problem(Displayable):
