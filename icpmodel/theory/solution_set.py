@@ -34,8 +34,8 @@ from ..numerics.rounding import public_entry
 from ..present.display import Displayable, counted
 from ..problem.data import ProblemData, ProblemLike, as_problem
 
-#: problems with more pieces are refused: 2¹⁸ take half a minute
-MAX_PIECES = 2**18
+#: problems with more pieces are refused: these take half a minute
+MAX_PIECES = 262_144
 
 
 @dataclass(frozen=True, eq=False, repr=False)

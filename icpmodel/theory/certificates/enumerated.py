@@ -20,8 +20,8 @@ from ...problem.data import ProblemData
 from ..solution_set import ExactRows, listed, plausible
 from .proof import Proof, norm_up
 
-#: linear pieces up to which all are examined, in floats first: 2¹² take a tenth of a second
-MAX_PIECES = 2**12
+#: linear pieces up to which all are examined, in floats first: these take a tenth of a second
+MAX_PIECES = 4_096
 #: pieces that are solved in fractions, a few milliseconds each
 MAX_EXACT_PIECES = 200
 
