@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ..numerics import work
 from ..numerics.arrays import Vector, as_csr
 from ..numerics.factorisation import Factors, factorise
-from ..numerics.fill import part_fill
+from ..numerics.fill import factor_cost, part_fill
 from ..numerics.symmetric_factors import SymmetricFactors
 from ..problem.data import ProblemData
 from ..problem.matrix import Matrix
@@ -69,40 +69,60 @@ class SchurComplement:
         return x
 
 
+def elimination_cost(problem: ProblemData, limit: float) -> float:
+    """The nanoseconds that `elimination` is expected to cost; inf where that is more than `limit`, or none pays.
+
+    S is to have no more entries than A. It is expected to cost as much as the factors, and what follows as much as the
+    calls of a Newton step. Raises OutOfTime and OutOfMemory where the symbolic analysis takes more than is left.
+    """
+    if not problem.psi.is_constant:
+        return np.inf
+    rows = problem.facts.bounded_rows
+    if not 0 < rows.size < problem.n or rows.size**2 > problem.nnz:
+        return np.inf
+    costs = factor_costs(problem.matrix)
+    if costs.analysis.costs_more(min(0.5 * limit, costs.dense)):
+        return np.inf
+    # factors of a band may cost less, but QDLDL does not make them
+    cost = 2.0 * factor_cost(costs.analysis.complete) + work.COSTS.newton
+    return cost if cost <= limit else np.inf
+
+
 def elimination(problem: ProblemData, max_cost: Callable[[], float]) -> SchurComplement | None:
-    """The elimination of the equations of `problem`; None if they are few or a factorisation does not pay.
+    """The elimination of the equations of `problem`: the last one where it serves; None if a new one does not pay.
 
     Parameters
     ----------
     problem : ProblemData
         The problem, with constant obstacles.
     max_cost : callable
-        Returns what the elimination may cost, in nanoseconds.
+        Returns what a new one may cost, in nanoseconds.
 
     Raises
     ------
     OutOfTime, OutOfMemory
         Where the factorisation takes more than is left.
-
-    Notes
-    -----
-    S is to have no more entries than A. It is expected to cost as much as the factors, and what follows as much as the
-    calls of a Newton step.
     """
     matrix = problem.matrix
     rows = problem.facts.bounded_rows
-    if not 0 < rows.size < problem.n or rows.size**2 > matrix.nnz:
-        return None
-    costs = factor_costs(matrix)
-    limit = min(0.5 * (max_cost() - work.COSTS.newton), costs.dense)
-    if costs.analysis.costs_more(limit) or not costs.fill.is_exact:
-        return None
     key = rows.tobytes()
     known = _CACHE.get(matrix)
     if known is None or known[0] != key:
+        if elimination_cost(problem, max_cost()) == np.inf:
+            return None
         _CACHE.clear()
         known = _CACHE[matrix] = key, _schur_complement(matrix, rows)
     return known[1]
+
+
+def spent_without_factors(matrix: Matrix) -> float:
+    """What runs on problems with this A have cost so far while it kept no factors of its equations, in nanoseconds."""
+    return _SPENT.get(matrix, 0.0)
+
+
+def count_run(problem: ProblemData, nanoseconds: float) -> None:
+    """Count a run on a problem whose equations were not eliminated."""
+    _SPENT[problem.matrix] = spent_without_factors(problem.matrix) + nanoseconds
 
 
 def _schur_complement(matrix: Matrix, rows: NDArray[np.intp]) -> SchurComplement | None:
@@ -115,7 +135,8 @@ def _schur_complement(matrix: Matrix, rows: NDArray[np.intp]) -> SchurComplement
     S = matrix.sparse[rows][:, rows].toarray()
     factors: Factors | SymmetricFactors | None = None
     if signs is not None:
-        factors = SymmetricFactors(A, part_fill(costs.fill, equations.size), signs[equations]).factors(A.data)
+        fill = part_fill(costs.analysis.complete, equations.size)
+        factors = SymmetricFactors(A, fill, signs[equations]).factors(A.data)
     if isinstance(factors, SymmetricFactors) and signs is not None:
         B.data *= signs[equations][B.row]
         S -= signs[rows, None] * factors.congruence(B)
@@ -132,3 +153,4 @@ def _others(matrix: Matrix, rows: NDArray[np.intp]) -> NDArray[np.intp]:
 
 #: the last one; factors may be large
 _CACHE: WeakKeyDictionary[Matrix, tuple[bytes, SchurComplement | None]] = WeakKeyDictionary()
+_SPENT: WeakKeyDictionary[Matrix, float] = WeakKeyDictionary()

@@ -7,10 +7,11 @@ import math
 from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 
 from ..algebra.affine_lcp import PIVOT_UP_TO
 from ..algebra.relaxation import AUTO, STEPS_PER_RATE, cautious_omega
-from ..algebra.schur import SchurComplement, elimination
+from ..algebra.schur import SchurComplement, elimination, elimination_cost, spent_without_factors
 from ..errors import OutOfTime, check_arguments
 from ..methods.accelerated import Accelerated
 from ..methods.aor import MNMAOR, MNMGS
@@ -62,10 +63,6 @@ def select_method(
     Without a z0 `Lemke` begins where it is expected to cost no more than sweeps, and than their trial in rung 3.
     The ladder below follows where `Josephy`, `Tridiagonal` or one of these ends, or has spent twice its estimate.
 
-    Rows without any obstacle are equations. They are eliminated where at most √nnz rows have an obstacle, ψ is fixed,
-    and that is expected to cost less than sweeps, `Lemke`, or `Multilevel` where ρ ≤ 1: two factorisations of A and the
-    calls of a Newton step. What is left takes the place of the problem.
-
     Everything else goes up a ladder, each rung from the best iterate so far:
 
     3. Where A has a positive diagonal, sweeps. PSOR makes 12, and goes on while 20 more will do. `Accelerated` follows,
@@ -80,7 +77,12 @@ def select_method(
     5. Where one of these has ended, another that rung 4 names; after all of them MNMGS and MNMMOD. With at most 150
        unknowns they end after twice their estimates, as a global search follows.
 
-    Before rung 4 the problem is reduced, see `solve.reduction`; each of its parts goes up a ladder of its own.
+    Before rung 4 the problem is reduced, see `solve.reduction`; each of its parts goes up a ladder of its own. Rows
+    without any obstacle are equations. They are eliminated where at most √nnz rows have an obstacle, ψ is fixed, and
+    that is expected to cost less than sweeps, `Multilevel` or `Lemke`: two factorisations of A and the calls of a
+    Newton step. Where ρ > 1 nothing foretells the number of sweeps. They are tried for a quarter of that cost, and the
+    rate that they show decides. In a sequence of problems with the same A the equations leave before anything else
+    where A keeps their factors, or where these cost no more than what the problems before have spent without them.
 
     **Handing over.** From `Accelerated` on, the method with the least remaining cost runs. At first that cost is its
     estimate. A method pauses when it has spent twice its estimate, accelerated sweeps after their trial. Later it
@@ -166,7 +168,8 @@ class Ladder:
         self.early: list[Job] = []
         #: for each of the four of rung 4 the ones that follow where it ends
         self.others: list[list[Job]] = []
-        sweeps = [self._add_psor, self._add_multilevel, self._add_accelerated, self._pause, self._add_multilevel]
+        sweeps = [self._add_psor, self._add_multilevel, self._add_accelerated, self._add_elimination]
+        sweeps += [self._pause, self._add_multilevel]
         sweeps.insert(0, self._add_multilevel if warm_start else self._add_lemke)
         if family == "paper":
             sweeps = [self._add_accelerated]
@@ -188,20 +191,30 @@ class Ladder:
         return bool(self.jobs)
 
     def complement(self) -> SchurComplement | None:
-        """The elimination of the equations, unless it does not pay or one method solves the problem at once."""
-        if self.family == "paper" or not self.problem.psi.is_constant or self.is_decided:
+        """The elimination of the equations: if it pays where the ladder is paused, or has paid in problems before."""
+        if self.family == "paper" or not self.problem.psi.is_constant or (not self.is_paused and self.is_decided):
             return None
         with suppress(OutOfTime, MemoryError):
-            return elimination(self.problem, self._cost_without_factors)
+            spent = partial(spent_without_factors, self.problem.matrix)
+            return elimination(self.problem, self._cost_without_factors if self.is_paused else spent)
         return None
 
     def _cost_without_factors(self) -> float:
         """The least that methods without sparse factors are expected to cost, in nanoseconds."""
-        methods: list[Method] = [self._accelerated(), Lemke()]
         if self.problem.matrix.coupled_radius <= 1.0:
-            methods.append(Multilevel())
-        jobs = self._estimate_jobs(methods)
-        return jobs[0].remaining if jobs else math.inf
+            jobs = self._estimate_jobs([self._accelerated(), Multilevel(), Lemke()])
+        else:
+            jobs = [*self._estimate_jobs([Lemke()]), *self.sweeps]
+        return min((job.remaining for job in jobs), default=math.inf)
+
+    def _add_elimination(self) -> None:
+        """Try sweeps before the equations are eliminated, where nothing foretells how many these take."""
+        if self.reduces and self.problem.matrix.coupled_radius > 1.0:
+            longest = min((job.choice.estimate.total for job in self.sweeps if job.choice.estimate), default=0.0)
+            with suppress(OutOfTime, MemoryError):
+                cost = elimination_cost(self.problem, longest)
+                if cost < math.inf:
+                    self._try_sweeps(cost)
 
     def _accelerated(self) -> Accelerated:
         return Accelerated(of=PSOR(omega=cautious_omega(self.problem)))

@@ -23,12 +23,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..algebra.schur import SchurComplement
+from ..algebra.schur import SchurComplement, count_run
 from ..algebra.subproblems import Blocks, Rows, blocks, restricted, with_fixed_obstacle, without_redundant_rows
 from ..errors import MapError, OutOfTime
 from ..methods.contract import Infeasible, Method
 from ..methods.psor import PSOR
 from ..methods.shortcuts import Lemke
+from ..numerics import work
 from ..numerics.arrays import Vector, norm
 from ..problem.data import ProblemData
 from ..theory.certificates.bounds import error_bound
@@ -71,15 +72,26 @@ def ladder_steps(run: Run, problem: ProblemData, family: str | None, first: Meth
     reduces = family != "paper"
     ladder = Ladder(problem, run.target_reduction, family, first, run.warm_start, reduces)
     complement = ladder.complement()
+    if complement is None:
+        yield from _counted(problem, run.steps(ladder))
+        if run.is_over or not ladder.is_paused:
+            return
+        complement = ladder.complement()
     if complement is not None:
         yield from _Parts(run, problem, family).steps(complement)
-        if run.is_over:
-            return
-    yield from run.steps(ladder)
-    if ladder.is_paused and not run.is_over:
+    elif ladder.is_paused:
         yield from solve_parts(run, problem, family)
-        if not run.is_over:
-            yield from run.steps(ladder)
+    if not run.is_over:
+        yield from _counted(problem, run.steps(ladder))
+
+
+def _counted(problem: ProblemData, steps: Iterator[None]) -> Iterator[None]:
+    """The `steps`; what they cost is counted for the elimination of the equations of problems with the same A."""
+    before = work.counter()
+    try:
+        yield from steps
+    finally:
+        count_run(problem, work.counter() - before)
 
 
 def solve_parts(run: Run, problem: ProblemData, family: str | None = None, share: float = _MAX_PART) -> Iterator[None]:

@@ -114,6 +114,9 @@ class TestRule:
     def test_the_choice_is_made_for_what_is_left_when_the_equations_are_eliminated(self):
         problem = scenes.membrane(n=2500).problem
         problem = problem.with_psi(np.where(np.arange(2500) < 20, 0.0, -np.inf))
+        assert isinstance(icp.select_method(problem).method, icp.PSOR)
+        for shift in range(5):  # what these cost pays for the factors
+            problem.with_q(problem.q - shift).solve()
         choice = icp.select_method(problem)
         assert isinstance(choice.method, icp.Lemke)
         assert choice.why.startswith("n = 2500 -> 20 rows")
