@@ -22,7 +22,7 @@ from ...numerics import work
 from ...numerics.arrays import Mask, ReadOnly, Vector, largest_size
 from ...numerics.equilibration import times_rows
 from ...numerics.rational import nearest
-from ...numerics.rounding import public_entry
+from ...numerics.rounding import SQRT_EPSILON, public_entry
 from ...present.display import Displayable, listed
 from ...problem.data import ProblemData, ProblemLike, as_problem
 from ..answers import Answer
@@ -35,8 +35,6 @@ _MAX_ENTRIES = 100_000
 #: nanoseconds of an iteration of the simplex method, per entry and row (3 to 15 were measured with HiGHS, n = 100 to
 #: 10 000)
 _ITERATION_COST = 5.0
-#: the distance of the columns of Mᵀy from 0, where Σ|y| = 1: far above rounding, and above HiGHS's tolerance
-_MARGIN = 1e-8
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -163,9 +161,10 @@ def contradiction(problem: ProblemLike) -> Contradiction | None:
 def multipliers(problem: ProblemData) -> Vector | None:
     """A candidate y for `infeasible` by linear programming; None if there is none or it would cost too much.
 
-    If such a y exists, the columns of Mᵀy that need a sign are far from 0, so that rounding does not change it.
+    If such a y exists, Σ|y| = 1, the columns of Mᵀy that need a sign are √ε from 0: far above rounding, which cannot
+    change it, and above the tolerance of HiGHS.
     """
-    minimum = _least_violation(problem, _MARGIN) or _least_violation(problem)
+    minimum = _least_violation(problem, SQRT_EPSILON) or _least_violation(problem)
     return None if minimum is None else minimum.y
 
 
