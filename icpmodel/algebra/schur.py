@@ -81,7 +81,7 @@ def elimination_cost(problem: ProblemData, limit: float) -> float:
     if not 0 < rows.size < problem.n or rows.size**2 > problem.nnz:
         return np.inf
     costs = factor_costs(problem.matrix)
-    if costs.analysis.costs_more(min(0.5 * limit, costs.dense)):
+    if costs.analysis.costs_more(min(0.5 * limit, costs.dense)) or not costs.fill.is_exact:
         return np.inf
     # factors of a band may cost less, but QDLDL does not make them
     cost = 2.0 * factor_cost(costs.analysis.complete) + work.COSTS.newton
