@@ -7,6 +7,7 @@ line then find it.
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
@@ -19,6 +20,7 @@ from ..algebra.steps import Step, repeated_steps
 from ..errors import InputError, check_arguments, did_you_mean
 from ..numerics.arrays import ReadOnly, Vector, described
 from ..numerics.plugins import load_plugins
+from ..numerics.rounding import MIN_EXACT_PRODUCT
 from ..present.display import Displayable
 from ..problem.data import ProblemData
 from ..theory.answers import Answer
@@ -27,7 +29,7 @@ _REGISTRY: dict[str, type[Method]] = {}
 Class = TypeVar("Class", bound=type[Any])
 
 #: squares of numbers between this one and its reciprocal, as a sweep sums them for Res_D, do not over- or underflow
-SAFE_SIZE = 1e-140
+SAFE_SIZE = math.sqrt(MIN_EXACT_PRODUCT)
 
 #: a value below this share of the least one so far counts as reduced; and the steps without a reduction after which
 #: inner iterations are given up

@@ -19,6 +19,8 @@ from .sparse_structure import absolute
 UNIT_ROUNDOFF = float(np.finfo(np.float64).epsneg)
 #: √ε, half of the digits of float64
 SQRT_EPSILON = math.sqrt(np.finfo(np.float64).eps)
+#: products from this size on lose less to underflow than to rounding, and what they lose is a float
+MIN_EXACT_PRODUCT = float(np.finfo(np.float64).tiny) / UNIT_ROUNDOFF
 #: the smallest positive float64, the most that underflow can cost one operation
 SMALLEST = math.ulp(0.0)
 _FLUSHED = (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -18,9 +19,9 @@ from ..numerics.threads import THREADS_FROM, run_in_threads, threads_for
 
 #: the largest number of rows of a dense A that stays dense until its sparse form is needed
 MAX_DENSE_ROWS = 64
-#: the size of a row without entries, and the least d_i of which 1/d_i is made
-EMPTY_ROW_SIZE = 2.0**-520
-MIN_DIAGONAL = 2.0**-1000
+#: the least d_i of which 1/d_i is made, the least normal float; and the size of a row without entries, its root
+MIN_DIAGONAL = float(np.finfo(np.float64).tiny)
+EMPTY_ROW_SIZE = math.sqrt(MIN_DIAGONAL)
 
 
 class Rows(NamedTuple):

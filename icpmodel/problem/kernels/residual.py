@@ -17,10 +17,7 @@ import numpy as np
 from numba.extending import intrinsic
 
 from ...numerics.kernels import compiled, inlined, one, uint
-from ...numerics.rounding import SMALLEST, UNIT_ROUNDOFF
-
-#: products from this size on lose less to underflow than to rounding, and what they lose is a float
-_MIN_EXACT_PRODUCT = 2.0**-960
+from ...numerics.rounding import MIN_EXACT_PRODUCT, SMALLEST, UNIT_ROUNDOFF
 
 
 @inlined
@@ -65,7 +62,7 @@ def row_sum(start, left, k, stop, sign, indices, data, z):
         rest = rest + (low + error)
         size = size + (abs(low) + abs(error))
         entries = entries + 2
-        if abs(term) < _MIN_EXACT_PRODUCT and a != 0.0 and b != 0.0:
+        if abs(term) < MIN_EXACT_PRODUCT and a != 0.0 and b != 0.0:
             lost += SMALLEST
         k += one()
     value = total + rest
