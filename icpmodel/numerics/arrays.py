@@ -25,8 +25,6 @@ _LARGEST = int(np.finfo(np.float64).max)
 _WHOLE = (int, np.integer)
 _REAL = (int, float, np.integer, np.floating)
 _NO_NUMBER = (bool, np.timedelta64)
-#: every whole number up to this one is a float64
-_MAX_EXACT_INTEGER = 1.0 / np.finfo(np.float64).epsneg
 #: the number of entries up to which BLAS uses one thread for an inner product
 _ONE_THREAD_UP_TO = 10_000
 
@@ -306,7 +304,7 @@ def as_float64(value: Any, name: str) -> NDArray[np.float64]:
     with np.errstate(over="ignore"):
         converted = np.array(array, dtype=np.float64, order="C")
     if array.dtype.itemsize > (converted.itemsize if kind == "f" else 4):
-        doubtful = array == array if kind == "f" else np.abs(converted) >= _MAX_EXACT_INTEGER
+        doubtful = array == array if kind == "f" else np.spacing(np.abs(converted)) > 1.0
         for one, rounded in zip(array[doubtful].tolist(), converted[doubtful].tolist(), strict=True):
             if one != rounded:
                 actual = f"{name} holds {one} of dtype {array.dtype}, which rounds to the float64 {rounded}"
