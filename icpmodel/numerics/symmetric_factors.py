@@ -13,9 +13,6 @@ from .arrays import Mask, Vector, read_only, row_of
 from .fill import Fill, factor_cost, refactor_cost, solve_cost
 from .threads import run_with_deadline
 
-#: bytes of an entry of L + U where L is stored alone
-_ENTRY_BYTES = 8
-
 
 class SymmetricFactors:
     """LDLᵀ of one matrix after another with the pattern of `A`, symmetric up to the signs of its rows, by QDLDL.
@@ -76,7 +73,7 @@ class SymmetricFactors:
         upper = self._upper
         upper.data = entries
         cost = factor_cost(self.fill) if self._ldl is None else refactor_cost(self.fill)
-        work.charge(cost, _ENTRY_BYTES * self.fill.entries + work.ENTRY_BYTES * data.size)
+        work.charge(cost, work.ENTRY_BYTES * (self.fill.entries + data.size))
 
         def step() -> Any:
             if self._ldl is None:
