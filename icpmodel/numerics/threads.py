@@ -21,18 +21,18 @@ RowTask = Callable[[int, int], Any]
 _T = TypeVar("_T")
 #: the name of threads with steps that take too long
 ABANDONED_THREAD = "icpmodel: out of time"
-#: the lock and the number of the threads that ask for one thread of BLAS, and the limiter that restores BLAS's
+#: the lock and the steps that ask for one thread of BLAS, and the limiter that restores BLAS's
 _BLAS_LOCK = Lock()
-_blas_users = 0
+_BLAS_USERS = set[object]()
 _blas_limiter: Any = None
 
 
 def _reset_after_fork() -> None:
     """In a fork nobody holds the lock, and BLAS has its own threads: those who asked for one are not there."""
-    global _BLAS_LOCK, _blas_users
+    global _BLAS_LOCK
     _BLAS_LOCK = Lock()
-    if _blas_users:
-        _blas_users = 0
+    if _BLAS_USERS:
+        _BLAS_USERS.clear()
         _restore_blas()
 
 
@@ -92,18 +92,19 @@ def one_blas_thread() -> Iterator[None]:
     times slower, as BLAS spins while it waits. To set the limit takes 12 μs. The limit is the
     process's: the first of several threads sets it, the last one lifts it.
     """
-    global _blas_users, _blas_limiter
+    global _blas_limiter
+    user = object()
     with _BLAS_LOCK:
-        if not _blas_users:
+        if not _BLAS_USERS:
             _release_blas()
             _blas_limiter = pools("blas").limit(limits=1)
-        _blas_users += 1
+        _BLAS_USERS.add(user)
     try:
         yield
     finally:
         with _BLAS_LOCK:
-            _blas_users -= 1
-            if not _blas_users:
+            _BLAS_USERS.discard(user)
+            if not _BLAS_USERS:
                 _restore_blas()
 
 
