@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from enum import IntEnum, auto
 from typing import NamedTuple
 
 import numpy as np
@@ -23,13 +24,19 @@ from ..problem.data import ProblemData
 from ..problem.map import Map
 from .equations import linearised
 
-#: the equation of a row: p_i = 0, z_i = ψ_i(z), z_i = ψ̄_i(z)
-FREE, LOWER, UPPER = range(3)
 #: entries of all matrices of a batch; larger batches do not fit into a cache
 _BATCH_ENTRIES = 200_000
 
 SideChoices = NDArray[np.int8]
 Dense = NDArray[np.float64]
+
+
+class RowEquation(IntEnum):
+    """The equation of a row: p_i = 0, z_i = ψ_i(z) or z_i = ψ̄_i(z)."""
+
+    FREE = auto()
+    LOWER = auto()
+    UPPER = auto()
 
 
 class PieceBatch(NamedTuple):
@@ -88,7 +95,12 @@ class LinearRows:
     @property
     def choices(self) -> list[tuple[int, ...]]:
         """The equations that each row may take."""
-        sides = ((FREE, LOWER, UPPER), (FREE, LOWER), (FREE, UPPER), (FREE,))
+        sides = (
+            (RowEquation.FREE, RowEquation.LOWER, RowEquation.UPPER),
+            (RowEquation.FREE, RowEquation.LOWER),
+            (RowEquation.FREE, RowEquation.UPPER),
+            (RowEquation.FREE,),
+        )
         return [sides[2 * int(c == -np.inf) + int(d == np.inf)] for c, d in zip(self.c, self.d, strict=True)]
 
     def batches(self) -> Iterator[PieceBatch]:
@@ -102,8 +114,8 @@ class LinearRows:
     @np.errstate(all="ignore")
     def _solve_pieces(self, sides: SideChoices) -> PieceBatch:
         """The pieces `sides`, solved by approximate inverses with bounds on their errors."""
-        lower = sides == LOWER
-        upper = sides == UPPER
+        lower = sides == RowEquation.LOWER
+        upper = sides == RowEquation.UPPER
         B = np.where(lower[:, :, None], self.R, np.where(upper[:, :, None], self.S, self.A))
         b = np.where(lower, self.c, np.where(upper, self.d, -self.q))
         inverse = _inverses(B)
@@ -127,10 +139,10 @@ class LinearRows:
         """(M, v, ±1, rows): ±(Mz + v)_i ≥ 0 must hold in these rows, a mask of the shape of `sides`."""
         below = np.isfinite(self.c)
         above = np.isfinite(self.d)
-        yield self.A, self.q, 1.0, sides == LOWER
-        yield self.A, self.q, -1.0, sides == UPPER
-        yield self.R, np.where(below, -self.c, 0.0), 1.0, (sides != LOWER) & below
-        yield self.S, np.where(above, -self.d, 0.0), -1.0, (sides != UPPER) & above
+        yield self.A, self.q, 1.0, sides == RowEquation.LOWER
+        yield self.A, self.q, -1.0, sides == RowEquation.UPPER
+        yield self.R, np.where(below, -self.c, 0.0), 1.0, (sides != RowEquation.LOWER) & below
+        yield self.S, np.where(above, -self.d, 0.0), -1.0, (sides != RowEquation.UPPER) & above
 
 
 def has_linear_pieces(problem: ProblemData) -> bool:

@@ -20,7 +20,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..algebra.equations import Pattern
-from ..algebra.linear_rows import FREE, LOWER, UPPER, has_linear_pieces
+from ..algebra.linear_rows import RowEquation, has_linear_pieces
 from ..numerics.arrays import Vector
 from ..problem.data import ProblemData
 from .certificates.bounds import enumerated_proof
@@ -85,8 +85,8 @@ def face_at(problem: ProblemData, z: Vector) -> Face | None:
     if problem.f is not None or problem.n > RATIONAL_UP_TO or not has_linear_pieces(problem):
         return None
     pattern = Pattern.at(problem, z)
-    sides = np.where(pattern.active, LOWER, FREE)
+    sides = np.where(pattern.active, RowEquation.LOWER, RowEquation.FREE)
     if pattern.above is not None:
-        sides[pattern.above] = UPPER
+        sides[pattern.above] = RowEquation.UPPER
     face = ExactRows(problem).solve(sides)
     return face.rounded() if face is not None and face.directions else None

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ..algebra.linear_rows import FREE, LOWER, UPPER, LinearRows, piece_count
+from ..algebra.linear_rows import LinearRows, RowEquation, piece_count
 from ..errors import Interrupted, NotApplicable, OutOfTime
 from ..numerics import work
 from ..numerics.arrays import ReadOnly, Vector, as_number
@@ -136,7 +136,11 @@ class ExactRows:
         self.r = _distance_rows(problem.psi.linear, 1)
         of_upper = None if problem.upper is None else problem.upper.linear
         self.s = [None] * self.n if of_upper is None else _distance_rows(of_upper, -1)
-        self.rows: dict[int, list[Any]] = {FREE: self.p, LOWER: self.r, UPPER: self.s}
+        self.rows: dict[int, list[Any]] = {
+            RowEquation.FREE: self.p,
+            RowEquation.LOWER: self.r,
+            RowEquation.UPPER: self.s,
+        }
 
     def equations(self, sides: Any) -> list[list[int]]:
         """The rows that have to be 0 in a piece."""
@@ -146,9 +150,13 @@ class ExactRows:
         """The rows that have to be ≥ 0 in a piece."""
         system = []
         for i, side in enumerate(sides):
-            if side != FREE:
-                system.append(self.p[i] if side == LOWER else [-entry for entry in self.p[i]])
-            others = (row for obstacle, row in ((LOWER, self.r[i]), (UPPER, self.s[i])) if obstacle != side)
+            if side != RowEquation.FREE:
+                system.append(self.p[i] if side == RowEquation.LOWER else [-entry for entry in self.p[i]])
+            others = (
+                row
+                for obstacle, row in ((RowEquation.LOWER, self.r[i]), (RowEquation.UPPER, self.s[i]))
+                if obstacle != side
+            )
             system.extend(row for row in others if row is not None)
         return system
 
