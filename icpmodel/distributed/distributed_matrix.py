@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..numerics.arrays import Vector
 from ..numerics.rounding import SMALLEST, gamma
-from ..numerics.sparse_structure import SYMMETRY_RTOL, diagonal_positions
+from ..numerics.sparse_structure import ROUNDING_RTOL, diagonal_positions
 from ..problem.matrix import weights_of
 from .ranks import anywhere, largest, petsc, together
 
@@ -110,7 +110,7 @@ class DistributedMatrix:
         difference = self.image(self.mat, u, transposed=True)
         difference.axpy(-1.0, image)
         largest_entry = petsc().NormType.INFINITY  # whose squares are not needed
-        return bool(difference.norm(largest_entry) <= SYMMETRY_RTOL * image.norm(largest_entry))
+        return bool(difference.norm(largest_entry) <= ROUNDING_RTOL * image.norm(largest_entry))
 
     def vector(self, own: Vector | None = None) -> Any:
         """A new PETSc vector of shape (n,), with the `own` entries, or zeros."""

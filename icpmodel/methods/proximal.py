@@ -44,7 +44,7 @@ from ..algebra.subproblems import with_fixed_obstacle
 from ..errors import MapError
 from ..numerics import work
 from ..numerics.arrays import Vector, norm
-from ..numerics.sparse_structure import SYMMETRY_RTOL, absolute
+from ..numerics.sparse_structure import ROUNDING_RTOL, absolute
 from ..problem.data import ProblemData
 from ..problem.two_sided import mid
 from ..theory.certificates.recession import Recession
@@ -146,7 +146,7 @@ class ProximalPath:
         matrix = self.problem.matrix
         work.charge_matrices(matrix.nnz, 2)
         largest = absolute(matrix.sparse + matrix.sparse.T).max(axis=1).toarray().reshape(-1)
-        return np.where(largest > SYMMETRY_RTOL * matrix.rows.largest, self.weights, 0.0)
+        return np.where(largest > ROUNDING_RTOL * matrix.rows.largest, self.weights, 0.0)
 
     @property
     @np.errstate(all="ignore")
@@ -205,7 +205,7 @@ class ProximalPath:
         matrix = self.problem.matrix
         work.charge(2.0 * matrix.product_cost)
         value = -float(s @ matrix.product(s))
-        rounding = SYMMETRY_RTOL * float(np.abs(s) @ matrix.magnitude(s))
+        rounding = ROUNDING_RTOL * float(np.abs(s) @ matrix.magnitude(s))
         square = float(s @ (self.concave_weights * s))
         curvature = value / square if value > rounding and square > 0.0 else 0.0
         self.negative_curvature = max(self.negative_curvature, curvature)

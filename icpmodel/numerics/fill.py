@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from . import work
 from .arrays import Vector, read_only, row_of
 from .processes import run_script
-from .sparse_structure import SYMMETRY_RTOL, bandwidths, is_symmetric
+from .sparse_structure import ROUNDING_RTOL, bandwidths, is_symmetric
 from .work import COSTS
 
 #: nanoseconds of a symbolic analysis, whatever the size, per entry, and per squared number of entries of a column: 10⁵
@@ -33,8 +33,6 @@ _THIN_DEGREE = 5
 _WIDE_LAYER = 0.125
 #: of n rows, those with more than this multiple of √n entries are eliminated last
 _THIN_FACTOR = 10.0
-#: the diagonal of the matrix that is ordered, next to entries of 1
-_DIAGONAL = 1e3
 #: how much longer than a process takes to begin the worst case is: graphs that fill up take .05 of that or more
 _LONG = 100.0
 #: the most that grids take of the worst case
@@ -132,12 +130,12 @@ def fill_and_order(A: sp.csr_array, symmetric: bool = False) -> tuple[Fill, NDAr
 
     n = A.shape[0]
     work.charge(_analysis_cost(A))
-    sizes = np.where(A.indices == row_of(A), _DIAGONAL, 1.0)
+    sizes = np.where(A.indices == row_of(A), float(n), 1.0)  # so that the diagonal dominates
     graph = sp.csc_array((sizes, A.indices, A.indptr), shape=A.shape)
     if not symmetric:
         graph = graph + graph.T
     if not graph.diagonal().all():
-        graph = graph + sp.diags_array(np.full(n, _DIAGONAL))
+        graph = graph + sp.diags_array(np.full(n, float(n)))
     graph = sp.csc_array(graph)
     is_thin = thin_rows(graph)
     order = np.concatenate([np.flatnonzero(is_thin), np.flatnonzero(~is_thin)])
@@ -346,7 +344,7 @@ def signs_of_symmetry(A: sp.csr_array) -> Vector | None:
     from .kernels.graph import symmetrising_signs  # loads numba
 
     sigma = (
-        symmetrising_signs(*read_only((A.indptr, A.indices, A.data)), SYMMETRY_RTOL)
+        symmetrising_signs(*read_only((A.indptr, A.indices, A.data)), ROUNDING_RTOL)
         if A.has_canonical_format
         else np.empty(0)
     )

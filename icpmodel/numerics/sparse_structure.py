@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from .arrays import read_only, row_of, with_entries
 
-#: entries that differ by a smaller share are the same up to rounding
-SYMMETRY_RTOL = 1e-13
+#: numbers that differ by a smaller share are the same up to rounding
+ROUNDING_RTOL = 1e-13
 
 
 def diagonal_positions(matrix: sp.csr_array) -> NDArray[np.int32] | NDArray[np.int64]:

@@ -14,7 +14,7 @@ from ..numerics.arrays import ReadOnly, Vector, as_csr, as_square, freeze, locke
 from ..numerics.equilibration import balanced, in_units, row_exponents
 from ..numerics.krylov import couplings
 from ..numerics.sparse_input import checked_sparse
-from ..numerics.sparse_structure import SYMMETRY_RTOL, absolute, is_symmetric
+from ..numerics.sparse_structure import ROUNDING_RTOL, absolute, is_symmetric
 from ..numerics.threads import THREADS_FROM, run_in_threads, threads_for
 
 #: the largest number of rows of a dense A that stays dense until its sparse form is needed
@@ -254,7 +254,7 @@ class Matrix(ReadOnly):
             u = np.cos(np.arange(self.n) ** 2.0) / root
             image = self.product(u)
             difference = np.abs((image - self.sparse.T @ u) / root).max()
-            return bool(difference <= SYMMETRY_RTOL * np.abs(image / root).max())
+            return bool(difference <= ROUNDING_RTOL * np.abs(image / root).max())
 
     @cached_property
     def coupled_radius(self) -> float:

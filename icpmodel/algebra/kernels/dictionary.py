@@ -17,10 +17,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...numerics.kernels import compiled
+from ...numerics.sparse_structure import ROUNDING_RTOL
 
-#: in a column of the dictionary, a smaller share of its largest entry counts as zero; ratios so near are ties
+#: in a column of the dictionary, a smaller share of its largest entry counts as zero
 ZERO = 1e-11
-_TIE = 1e-13
 
 
 class Dictionary(NamedTuple):
@@ -144,7 +144,7 @@ def _least(T, count):
         least = min(least, ratios[at])
     tied = 0
     for at in range(count):
-        if ratios[at] <= least + _TIE * (1.0 + abs(least)):
+        if ratios[at] <= least + ROUNDING_RTOL * (1.0 + abs(least)):
             ties[tied] = ties[at]
             slopes[tied] = slopes[at]
             tied += 1
