@@ -11,7 +11,7 @@ from ..numerics.arrays import Vector
 from ..numerics.condensed import CondensedFactors
 from ..numerics.factorisation import factorise
 from ..numerics.fill import SymbolicAnalysis
-from ..numerics.linear import refine
+from ..numerics.linear import ROUGH_SOLVE, refine
 from ..numerics.rounding import SQRT_EPSILON
 from ..numerics.symmetric_factors import SymmetricFactors
 from ..problem.data import ProblemData
@@ -22,7 +22,6 @@ _FIRST_REGULARISATION = 1e-9
 FIRST_REGULARISATION_SKEW = 1e-7
 MIN_REGULARISATION = 1e-13
 #: a solve with a relative residual of at most √ε reduces δ to a tenth; one above ε^¼ is repeated with ten times δ
-_ROUGH_SOLVE = np.sqrt(SQRT_EPSILON)
 _DECREASE = 0.1
 #: solves the system for a vector, up to a relative residual
 Solve = Callable[[Vector, float], Vector]
@@ -63,7 +62,7 @@ class RegularisedSystem:
 
     def adapt(self) -> bool:
         """Change δ after a solve; False if that was so rough that it is to be repeated."""
-        if self.error > _ROUGH_SOLVE and self.delta < self.first_delta:
+        if self.error > ROUGH_SOLVE and self.delta < self.first_delta:
             self.delta = self.least_delta = min(self.delta / _DECREASE, self.first_delta)
             return False
         if self.error <= SQRT_EPSILON:

@@ -13,6 +13,7 @@ and the fill are those of `numerics.fill`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import cache
 from typing import Any, Protocol
@@ -43,12 +44,10 @@ _PERTURBATION = 1.5e-11
 _MAX_CORRECTION = 0.5
 #: the shift of smaller entries of the diagonal, in units of the largest one of the column: enough for a pivot
 _PIVOT_SHIFT = 2.0 * SQRT_EPSILON
-#: the residual, as a share of the solution, of good factors
-_INEXACT = 1e-4
+#: the relative residual of solves that are too rough to go on with, ε^¼
+ROUGH_SOLVE = math.sqrt(SQRT_EPSILON)
 #: the typical number of steps of GCR without a preconditioner
 _MANY_STEPS = 100
-#: the largest number of steps of GCR if the fill is not known
-_MAX_STEPS = 1000
 
 
 def solver_of(M: Any, analysis: SymbolicAnalysis | None = None) -> Solver:
@@ -133,8 +132,7 @@ def _by_steps(M: sp.csr_array, analysis: SymbolicAnalysis) -> Solver | None:
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
         nonlocal failed
-        most = int(min(factor_cost(analysis.fill), dense) / a_step) if analysis.fill.is_exact else _MAX_STEPS
-        most = min(most, M.shape[0])
+        most = min(int(min(factor_cost(analysis.fill), dense) / a_step), M.shape[0])
         x = None if failed else conjugate_residuals(turned() if transposed else M, f, most, tolerance)
         failed = x is None
         return x
@@ -207,7 +205,7 @@ def _perturbed_factors(M: sp.csr_array, analysis: SymbolicAnalysis) -> Solver:
         x = refined(f, tolerance, transposed)
         if x is None and (y := by_near(f, tolerance, transposed)) is not None:
             matrix = near.T if transposed else near
-            if norm(f - matrix @ y) <= _INEXACT * norm(y):  # good factors: it is M that is nearly singular
+            if norm(f - matrix @ y) <= ROUGH_SOLVE * norm(y):  # good factors: it is M that is nearly singular
                 return None
         return exchanged()(f, tolerance, transposed) if x is None else x
 
