@@ -20,8 +20,6 @@ from .sparse_structure import is_symmetric
 MAX_COARSEST_IF_STALLED = 512
 #: with multigrid as preconditioner a Krylov method that needs more steps will not get there
 KRYLOV_STEPS = 30
-#: the largest number of steps if no other solver is left
-_LAST_RESORT_STEPS = 100
 #: the errors of SciPy's direct solvers, on the coarsest level, for a matrix that is singular or not finite
 _FAILURES = (RuntimeError, ValueError, ArithmeticError)
 #: bytes that a hierarchy takes per entry of A: its levels, with what interpolates between them, hold about three times
@@ -87,10 +85,10 @@ def linear_solve(A: sp.csr_array, b: Vector, tolerance: float = 1e-8) -> Vector:
     work.charge(hierarchy_cost(len(b), A.nnz), HIERARCHY_BYTES * A.nnz)
     hierarchy = ruge_stuben(A)
     step = work.COSTS.krylov + work.COSTS.krylov_entry * A.nnz
-    options = {"maxiter": _LAST_RESORT_STEPS, "accel": "cg" if is_symmetric(A) else "bicgstab"}
+    accel = "cg" if is_symmetric(A) else "bicgstab"
     with _quiet():
         try:
-            return np.asarray(hierarchy.solve(b, tol=tolerance, callback=lambda _: work.charge(step), **options))
+            return np.asarray(hierarchy.solve(b, tol=tolerance, callback=lambda _: work.charge(step), accel=accel))
         except _FAILURES as error:
             raise np.linalg.LinAlgError("A is singular on the coarsest level of its hierarchy") from error
 
