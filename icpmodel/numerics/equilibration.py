@@ -7,6 +7,7 @@ References: Curtis and Reid, J. Inst. Math. Appl. 10 (1972); Higham, Accuracy an
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,7 @@ _ZERO_EXPONENT = np.iinfo(np.int32).min
 #: weights go half the way to where rows are balanced so often at the most, 2^200 takes all, and so far do their roots
 #: go; they stay where none moves by more than this share: of .03, .1 and .3, .1 took the fewest proximal steps
 _MAX_PASSES = 100
-_MAX_WEIGHT = np.finfo(np.float64).max ** 0.25
+_MAX_WEIGHT = math.sqrt(math.sqrt(np.finfo(np.float64).max))
 _SETTLED_SHARE = 0.1
 
 

@@ -15,6 +15,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
+from struct import calcsize
 from typing import NamedTuple
 
 from ..errors import OutOfMemory, OutOfTime
@@ -91,7 +92,7 @@ class _Counter(threading.local):
 
 COSTS = Costs()
 #: bytes of a stored entry of a sparse matrix: a number and its position
-ENTRY_BYTES = 12.0
+ENTRY_BYTES = float(calcsize("di"))
 _counted = _Counter()
 
 
