@@ -72,14 +72,15 @@ def ladder_steps(run: Run, problem: ProblemData, family: str | None, first: Meth
     reduces = family != "paper"
     ladder = Ladder(problem, run.target_reduction, family, first, run.warm_start, reduces)
     complement = ladder.complement()
-    if complement is None:
-        yield from _counted(problem, run.steps(ladder))
-        if run.is_over or not ladder.is_paused:
-            return
-        complement = ladder.complement()
     if complement is not None:
         yield from _Parts(run, problem, family).steps(complement)
-    elif ladder.is_paused:
+    if not run.is_over:
+        yield from _counted(problem, run.steps(ladder))
+    if not ladder.is_paused or run.is_over:
+        return
+    if complement is None and (complement := ladder.complement()) is not None:
+        yield from _Parts(run, problem, family).steps(complement)
+    if not run.is_over:
         yield from solve_parts(run, problem, family)
     if not run.is_over:
         yield from _counted(problem, run.steps(ladder))

@@ -285,6 +285,17 @@ class TestElimination:
         assert solution.solved
         assert np.abs(solution.z - plain(problem)).max() <= 1e-6
 
+    def test_factors_that_are_inaccurate_leave_the_problem_to_other_methods(self):
+        n = 1000
+        second = sp.diags_array([np.ones(n - 1), -2.0 * np.ones(n), np.ones(n - 1)], offsets=[-1, 0, 1])
+        psi = np.full(n, -np.inf)
+        psi[n // 2 : n // 2 + 20] = -1.0
+        beam = icp.ICP(second @ second, np.full(n, 1e-10), psi)
+        for load in (1.0, 1.01, 1.02):
+            solution = beam.with_q(load * beam.q).solve(raise_on_failure=False)
+            assert solution.status is icp.Status.PRECISION_LIMIT
+            assert solution.residual <= 1e-13
+
     def test_a_large_problem_with_few_obstacles_takes_one_factorisation_and_problems_that_share_A_none(self):
         rng = np.random.default_rng(4)
         membrane = five_point(100, 0.0)
