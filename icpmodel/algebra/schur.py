@@ -88,41 +88,38 @@ def elimination_cost(problem: ProblemData, limit: float) -> float:
     return cost if cost <= limit else np.inf
 
 
-def elimination(problem: ProblemData, max_cost: Callable[[], float]) -> SchurComplement | None:
+def elimination(problem: ProblemData, max_cost: Callable[[], float] | None) -> SchurComplement | None:
     """The elimination of the equations of `problem`: the last one where it serves; None if a new one does not pay.
 
     Parameters
     ----------
     problem : ProblemData
-        The problem, with constant obstacles.
-    max_cost : callable
-        Returns what a new one may cost, in nanoseconds.
+        The problem.
+    max_cost : callable or None
+        Returns what a new one may cost, in nanoseconds; None for what was counted by `count_run`.
 
     Raises
     ------
     OutOfTime, OutOfMemory
         Where the factorisation takes more than is left.
     """
+    if not problem.psi.is_constant:
+        return None
     matrix = problem.matrix
     rows = problem.facts.bounded_rows
     key = rows.tobytes()
     known = _CACHE.get(matrix)
     if known is None or known[0] != key:
-        if elimination_cost(problem, max_cost()) == np.inf:
+        if elimination_cost(problem, max_cost() if max_cost else _SPENT.get(matrix, 0.0)) == np.inf:
             return None
         _CACHE.clear()
         known = _CACHE[matrix] = key, _schur_complement(matrix, rows)
     return known[1]
 
 
-def spent_without_factors(matrix: Matrix) -> float:
-    """What runs on problems with this A have cost so far while it kept no factors of its equations, in nanoseconds."""
-    return _SPENT.get(matrix, 0.0)
-
-
 def count_run(problem: ProblemData, nanoseconds: float) -> None:
     """Count a run on a problem whose equations were not eliminated."""
-    _SPENT[problem.matrix] = spent_without_factors(problem.matrix) + nanoseconds
+    _SPENT[problem.matrix] = _SPENT.get(problem.matrix, 0.0) + nanoseconds
 
 
 def _schur_complement(matrix: Matrix, rows: NDArray[np.intp]) -> SchurComplement | None:
@@ -153,4 +150,5 @@ def _others(matrix: Matrix, rows: NDArray[np.intp]) -> NDArray[np.intp]:
 
 #: the last one; factors may be large
 _CACHE: WeakKeyDictionary[Matrix, tuple[bytes, SchurComplement | None]] = WeakKeyDictionary()
+#: what runs on problems with this A have cost so far without the elimination
 _SPENT: WeakKeyDictionary[Matrix, float] = WeakKeyDictionary()

@@ -7,11 +7,10 @@ import math
 from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import replace
-from functools import partial
 
 from ..algebra.affine_lcp import PIVOT_UP_TO
 from ..algebra.relaxation import AUTO, STEPS_PER_RATE, cautious_omega
-from ..algebra.schur import SchurComplement, elimination, elimination_cost, spent_without_factors
+from ..algebra.schur import SchurComplement, elimination, elimination_cost
 from ..errors import OutOfTime, check_arguments
 from ..methods.accelerated import Accelerated
 from ..methods.aor import MNMAOR, MNMGS
@@ -124,11 +123,12 @@ def select_method(
     target_reduction = max(as_number(rtol, "rtol", minimum=0.0, below=1.0), UNIT_ROUNDOFF)
     data = as_problem(problem)
     ladder = Ladder(data, target_reduction, family, warm_start=warm_start)
-    if (complement := ladder.complement()) is None:
-        job = ladder.next()
-        return job.choice if job else None
-    job = Ladder(complement.reduced(data), target_reduction, family).next()
-    return replace(job.choice, why=f"{complement!r}; {job.choice.why}") if job else None
+    complement = ladder.complement()
+    if complement:
+        ladder = Ladder(complement.reduced(data), target_reduction, family)
+    job = ladder.next()
+    choice = job.choice if job else None
+    return replace(choice, why=f"{complement!r}; {choice.why}") if choice and complement else choice
 
 
 class Ladder:
@@ -168,9 +168,15 @@ class Ladder:
         self.early: list[Job] = []
         #: for each of the four of rung 4 the ones that follow where it ends
         self.others: list[list[Job]] = []
-        sweeps = [self._add_psor, self._add_multilevel, self._add_accelerated, self._add_elimination]
-        sweeps += [self._pause, self._add_multilevel]
-        sweeps.insert(0, self._add_multilevel if warm_start else self._add_lemke)
+        sweeps = [
+            self._add_multilevel if warm_start else self._add_lemke,
+            self._add_psor,
+            self._add_multilevel,
+            self._add_accelerated,
+            self._add_elimination,
+            self._pause,
+            self._add_multilevel,
+        ]
         if family == "paper":
             sweeps = [self._add_accelerated]
         self.rungs = [self._add_direct, *sweeps, self._add_proximal, self._add_newton, self._add_remaining]
@@ -183,36 +189,27 @@ class Ladder:
             for job in self._estimate_jobs([first]):
                 self._begin_early(job, job.remaining)
 
-    @property
-    def is_decided(self) -> bool:
-        """Whether one method solves the problem at once."""
-        if self.rungs[0] == self._add_direct:
-            self.rungs.pop(0)()
-        return bool(self.jobs)
-
     def complement(self) -> SchurComplement | None:
         """The elimination of the equations: if it pays where the ladder is paused, or has paid in problems before."""
-        if self.family == "paper" or not self.problem.psi.is_constant or (not self.is_paused and self.is_decided):
-            return None
-        with suppress(OutOfTime, MemoryError):
-            spent = partial(spent_without_factors, self.problem.matrix)
-            return elimination(self.problem, self._cost_without_factors if self.is_paused else spent)
+        if self.rungs[:1] == [self._add_direct]:
+            self.rungs.pop(0)()
+        if self.family != "paper" and (self.is_paused or not self.jobs):
+            with suppress(OutOfTime, MemoryError):
+                return elimination(self.problem, self._cost_without_factors if self.is_paused else None)
         return None
 
     def _cost_without_factors(self) -> float:
         """The least that methods without sparse factors are expected to cost, in nanoseconds."""
+        jobs = self.sweeps
         if self.problem.matrix.coupled_radius <= 1.0:
             jobs = self._estimate_jobs([self._accelerated(), Multilevel(), Lemke()])
-        else:
-            jobs = [*self._estimate_jobs([Lemke()]), *self.sweeps]
         return min((job.remaining for job in jobs), default=math.inf)
 
     def _add_elimination(self) -> None:
         """Try sweeps before the equations are eliminated, where nothing foretells how many these take."""
         if self.reduces and self.problem.matrix.coupled_radius > 1.0:
-            longest = min((job.choice.estimate.total for job in self.sweeps if job.choice.estimate), default=0.0)
             with suppress(OutOfTime, MemoryError):
-                cost = elimination_cost(self.problem, longest)
+                cost = elimination_cost(self.problem, self._estimate(self._accelerated()).total)
                 if cost < math.inf:
                     self._try_sweeps(cost)
 
