@@ -16,7 +16,7 @@ import numpy as np
 
 from ..algebra.steps import INNER_REDUCTION, MAX_IDLE_STEPS, SWEEPS
 from ..methods.contract import PATIENCE, REDUCTION
-from ..methods.multilevel import COARSE_REDUCTION, MAX_COARSE_STEPS
+from ..methods.multilevel import MAX_COARSE_STEPS
 from ..numerics.arrays import Vector
 from ..solve.run import MAX_ROUNDING
 from .distributed_icp import DistributedICP
@@ -86,7 +86,7 @@ def newton_steps(
             if tolerance < at.residual <= max_residual and _has_moved(at, last):
                 at = at.after_sweeps(SWEEPS)
         yield at
-        target = COARSE_REDUCTION * at.residual if target is None else target
+        target = INNER_REDUCTION * at.residual if target is None else target
         moved = _has_moved(at, last)
         if moved:
             levels.restrict(np.where(at.pattern.active, 0.0, 1.0), top)
@@ -158,7 +158,7 @@ def coarse_start(levels: DistributedLevels, problem: DistributedICP) -> Any:
     for top in range(len(problems) - 1, 0, -1):
         steps = islice(newton_steps(levels, problems[top], z, top), MAX_COARSE_STEPS)
         at = first = next(steps)
-        while at.residual > COARSE_REDUCTION * first.residual and (following := next(steps, None)) is not None:
+        while at.residual > INNER_REDUCTION * first.residual and (following := next(steps, None)) is not None:
             at = following
         problems[top].matrix.free_block()
         finer = levels.levels[top - 1]

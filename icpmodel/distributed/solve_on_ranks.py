@@ -17,9 +17,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, MapError, NotApplicable, NotSolved
-from ..methods.multilevel import GOOD_START
 from ..numerics.arrays import as_truth
-from ..numerics.rounding import public_entry
+from ..numerics.rounding import SQRT_EPSILON, public_entry
 from ..solve.goal import RTOL, Limits
 from ..solve.progress import status_line
 from ..solve.solution import Status
@@ -197,7 +196,7 @@ class _Run:
             return stop, "while the levels were made"
         z = first.z
         try:
-            if not first.residual <= GOOD_START * at_0:
+            if not first.residual <= SQRT_EPSILON * at_0:
                 self.say(f"starting from {len(self.levels.levels)} levels")
                 z = coarse_start(self.levels, simplify(fixed, start=True))
             return self._steps(fixed, iterates(self.levels, fixed, z, target, scale), scale)

@@ -22,6 +22,7 @@ import numpy as np
 
 from ..algebra.hierarchy import Hierarchy, Level, NoHierarchy
 from ..algebra.newton_steps import newton_steps
+from ..algebra.steps import INNER_REDUCTION
 from ..algebra.subproblems import with_fixed_obstacle
 from ..numerics import work
 from ..numerics.arrays import Vector
@@ -35,15 +36,11 @@ from .newton import Newton
 #: about what Python costs around it: further levels cost as much, and bring less. Of 67 problems of 33 families, after
 #: twelve sweeps, one in 1D fails so, and the coarsest levels solve it; the others took .7 times as long (median)
 _MAX_CYCLE_SHARE = 0.5
-#: a coarser level ends at this share of its first residual: below the error of interpolation to the next level, as in
-#: full multigrid. It ends at √ε of its Res_D(0) at the latest, and after the number of steps
-COARSE_REDUCTION = 0.05
+#: a coarser level ends at `INNER_REDUCTION` of its first residual, below the error of interpolation to the next level,
+#: as in full multigrid, but if ψ is an intervention. It ends at √ε of its Res_D(0) at the latest, and after this number
+#: of steps. A start with at most √ε of Res_D(0) is used as it is; with more the error may be smooth and large, as after
+#: sweeps
 MAX_COARSE_STEPS = 8
-#: if ψ is an intervention, it ends at the second share or after this number of steps, which are cheap on coarse levels
-_MAX_POLICY_STEPS = 30
-#: a start with at most this share of Res_D(0), ten times the default tolerance, is used as it is; with more the error
-#: may be smooth and large, as after sweeps
-GOOD_START = 1e-7
 
 
 @with_options
@@ -112,12 +109,12 @@ class Multilevel(Method):
         for top in range(lowest, 0, -1):
             path = Newton().iterates(problems[top], z) if jumps else newton_steps(hierarchy, problems[top], z, top)
             target = SQRT_EPSILON * problems[top].residual_at_0()
-            for step, (near, residual) in enumerate(islice(path, _MAX_POLICY_STEPS if jumps else MAX_COARSE_STEPS)):
+            for step, (near, residual) in enumerate(islice(path, MAX_COARSE_STEPS)):
                 answer = near
                 if residual is None:
                     continue
                 if not (step or jumps):
-                    target = max(target, COARSE_REDUCTION * residual)
+                    target = max(target, INNER_REDUCTION * residual)
                 if residual <= target:
                     break
             z = hierarchy.levels[top - 1].P @ answer + shifts[top - 1]
@@ -128,7 +125,7 @@ class Multilevel(Method):
         hierarchy = Hierarchy(problem)
         fixed = with_fixed_obstacle(problem)
         at_0 = problem.residual_at_0()
-        is_near = first <= GOOD_START * at_0
+        is_near = first <= SQRT_EPSILON * at_0
         if is_near and problem.psi.has_policies:
             return z
         if is_near or (fixed.psi.is_constant and z.any()):
