@@ -41,13 +41,14 @@ from ..errors import MapError
 from ..numerics import work
 from ..numerics.arrays import Mask, Vector, norm
 from ..numerics.equilibration import times_rows
+from ..numerics.rounding import SQRT_EPSILON
 from ..problem.data import ProblemData
 from .contract import REDUCTION, Iterate, Method, with_options
 
 #: the number of active-set steps without enough reduction of θ that are allowed; each descent step halves it
 _ALLOWED_STEPS = 8
 #: moves against the common direction are rounding up to this share of the largest move (1e-11 was seen, with z = 1e5)
-_ROUNDING_SHARE = 1e-6
+_ROUNDING_SHARE = SQRT_EPSILON
 #: the share of the slope in Armijo's rule, and the slope relative to θ² that a direction has at least; how often a step
 #: is halved
 ARMIJO = 1e-4

@@ -10,7 +10,7 @@ from typing import Any
 from ..errors import InputError
 from ..numerics import work
 from ..numerics.arrays import Vector, as_number, described, norm
-from ..numerics.rounding import rounded_share
+from ..numerics.rounding import SQRT_EPSILON, rounded_share
 from ..problem.data import ProblemData
 from ..problem.verdict import certified_residual, satisfies_paper
 
@@ -18,8 +18,6 @@ from ..problem.verdict import certified_residual, satisfies_paper
 RTOL = 1e-8
 #: the sets of methods that a choice may be restricted to, see `select_method`
 FAMILIES = ("paper", "modulus", None)
-#: room for rounding where residuals are compared
-_ROUNDING_ROOM = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,7 +103,7 @@ class Goal:
             return True
         if not self.atol or self.problem is None:
             return False
-        return residual <= (1.0 + _ROUNDING_ROOM) * max(float(self.problem.matrix.row_weights.max()), 1.0) * self.atol
+        return residual <= (1.0 + SQRT_EPSILON) * max(float(self.problem.matrix.row_weights.max()), 1.0) * self.atol
 
     def reached(self, z: Vector, residual: float) -> bool:
         """Whether `z`, shape (n,), with Res_D(z) = `residual` meets the test; NaN does not."""
