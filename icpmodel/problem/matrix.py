@@ -221,8 +221,8 @@ class Matrix(ReadOnly):
     def row_weights(self) -> Vector:
         """The diagonal of D⁻¹, d_i = max_j |a_ij|, which gives p the units of z: see `ProblemData.residual`.
 
-        What a row without entries says, q_i ≥ 0, has nothing to do with z. It counts as if d_i were next to 0, 2⁻⁵²⁰,
-        as all units of p and z then give the same. Next to underflow d_i is at least 2⁻¹⁰⁰⁰.
+        What a row without entries says, q_i ≥ 0, has nothing to do with z. It counts as if d_i were next to 0, 2⁻⁵¹¹,
+        as all units of p and z then give the same. Next to underflow d_i is at least 2⁻¹⁰²².
         """
         return weights_of(self.rows.largest if self.dense is None else np.abs(self.dense).max(1))
 

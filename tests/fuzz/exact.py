@@ -111,9 +111,9 @@ class ExactProblem:
 
     @cached_property
     def weights(self):
-        """1/max_j |a_ij|, the diagonal of D⁻¹, which is at least 2⁻¹⁰⁰⁰; that of a row without entries is 2⁻⁵²⁰."""
-        least = Fraction(1, 2**1000)
-        return [1 / max(least, *map(abs, row)) if any(row) else Fraction(2) ** 520 for row in self.A]
+        """1/max_j |a_ij|, the diagonal of D⁻¹, which is at least 2⁻¹⁰²²; that of a row without entries is 2⁻⁵¹¹."""
+        least = Fraction(1, 2**1022)
+        return [1 / max(least, *map(abs, row)) if any(row) else Fraction(2) ** 511 for row in self.A]
 
     def paper_residual(self, z):
         """Res(z)²."""
