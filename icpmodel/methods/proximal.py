@@ -52,6 +52,7 @@ from .contract import PATIENCE, Infeasible, Iterate, LeastValue, Method, with_op
 
 #: the first μ, in units of W, and its factor after a subproblem; it grows by as much where the steps of one do not
 #: reduce its residual
+_FIRST_SHIFT = 0.1
 _DECREASE = 0.2
 #: the largest number of steps of a quick subproblem
 _QUICK_STEPS = 3
@@ -73,7 +74,7 @@ class Proximal(Regularised):
 
     It is made for monotone A (xᵀAx ≥ 0), symmetric or not, singular or with a zero diagonal: contact
     with redundant constraints, equilibria, linear and quadratic programs with their duals. μ falls
-    from 0.2, in units W of A.
+    from 0.1, in units W of A.
 
     Notes
     -----
@@ -137,7 +138,7 @@ class ProximalPath:
         # the residuals of the LCP
         self.residuals = LeastValue()
         self.step_cost = newton_cost(problem.facts) if self.steps.has_moving_obstacle else work.COSTS.newton
-        self._begin(self.point, _DECREASE)
+        self._begin(self.point, _FIRST_SHIFT)
 
     @cached_property
     def concave_weights(self) -> Vector:
