@@ -65,7 +65,7 @@ class Function(UserMap):
 
     def as_upper(self) -> Function:
         above = copy(self)
-        above.name = "upper"
+        vars(above)["name"] = "upper"
         return above
 
     def value(self, z: Vector) -> Vector:

@@ -125,6 +125,15 @@ def test_obstacles_are_frozen_at_a_point_though_rounding_parts_them_where_they_t
     assert touching.with_upper(None).frozen([-2.0]).psi.value(np.zeros(1)).tolist() == low.tolist()
 
 
+def test_the_upper_obstacle_of_one_problem_serves_another():
+    for upper in (3.0, icp.Affine(0.5 * np.eye(1), [1.0]), sine(0.5, [1.0]), lambda z: 0.5 * z + 1.0):
+        one = icp.ICP(np.eye(1), [-9.0], 0.0, upper=upper)
+        other = icp.ICP(np.eye(1), [-9.0], 0.0, upper=one.upper)
+        assert other.upper.value(np.ones(1)) == one.upper.value(np.ones(1))
+        many = icp.solve_many(np.eye(1), [[-9.0]], 0.0, upper=one.upper, Z0=[[1.0]], raise_on_failure=False)
+        assert many.Z.shape == (1, 1)
+
+
 def test_fixed_obstacles_are_found_on_both_sides():
     """Where each moves with its own z_i, and by less: z_i = ψ_i(z_i) and z_i = ψ̄_i(z_i), +inf where there is none."""
     low = sine(0.5, [0.0, -np.inf, 1.0])
