@@ -16,7 +16,7 @@ from ..algebra.secants import secant_problem, why_not_rows
 from ..algebra.steps import INNER_REDUCTION
 from ..errors import MapError, SingularOperator
 from ..methods.accelerated import Accelerated
-from ..methods.contract import PATIENCE, REDUCTION, Iterate, LeastValue, Method, with_options
+from ..methods.contract import REDUCTION, Iterate, LeastValue, Method, with_options
 from ..methods.enumeration import Enumerate
 from ..methods.newton import ARMIJO, MAX_DESCENTS, MAX_HALVINGS, NewtonPath, NewtonPoint
 from ..methods.psor import PSOR
@@ -33,6 +33,16 @@ from .solution import Status
 
 #: the weights μ of the proximal term beside A + f′ in the units of its diagonal, the next one where a step fails
 _PROXIMAL_WEIGHTS = (0.0, 1e-2, 1.0, 1e2)
+#: a linearised problem is solved to the share θ/θ⁰ of its residual, at least this one and at most `INNER_REDUCTION`
+#: (Eisenstat and Walker 1996)
+_MIN_FORCING = 1e-4
+#: a step of length t is taken where θ ≤ (1 − σt) times the largest of this number of last ones, σ = `ARMIJO` (Grippo
+#: and others 1986)
+_NONMONOTONE_STEPS = 5
+#: the length t in the test above for a second step by one tangent
+_SECOND_STEP_LENGTH = 0.5
+#: the number of sweeps methods with which a ladder begins
+_SWEEP_METHODS = 2
 #: the size of random starts, in powers of ten of the largest entry of D⁻¹p(0), ψ and z⁰, or of 1 where all are smaller
 _MIN_START_EXPONENT, _MAX_START_EXPONENT = -1.0, 2.0
 
@@ -138,11 +148,10 @@ class _Search:
             self.path = NewtonPath(problem, z, box)
         self.current = self.path.current
         self.last_z = z
-        # a step of length t is taken where θ ≤ (1 − σt) times the largest of these, σ = `ARMIJO` (Grippo et al. 1986)
-        self.recent = deque([self.current.theta], PATIENCE)
+        self.recent = deque([self.current.theta], _NONMONOTONE_STEPS)
         self.thetas = LeastValue()
         self.weight = 0
-        #: what solved a linear problem that took more than sweeps
+        #: what solved a linear problem on which plain and accelerated sweeps were tried before
         self.first: Method | None = None
         #: whether the last linear problem took more than sweeps or the pivots of few unknowns
         self.tries_active_set = False
@@ -211,7 +220,7 @@ class _Search:
             pass
         sweeps = run.tried and isinstance(run.tried[-1].method, PSOR | Accelerated)
         self.tries_active_set = self.family is None and linear.n > PIVOT_UP_TO and not sweeps
-        if run.stop_reason.status is Status.SOLVED and not sweeps:
+        if run.stop_reason.status is Status.SOLVED and len(run.tried) > _SWEEP_METHODS:
             self.first = run.tried[-1].method
         if run.is_refused and run.refusal is not None:
             raise run.refusal.error
@@ -233,8 +242,7 @@ class _Search:
         θ alone may fall although the rows that are free at z⁺ move away from p = 0, in short steps that lead nowhere.
         """
         z = self.current.z
-        # Eisenstat and Walker 1996
-        share = min(self.current.theta / self.path.start_theta, INNER_REDUCTION)
+        share = min(max(self.current.theta / self.path.start_theta, _MIN_FORCING), INNER_REDUCTION)
         tolerance = share * linear.residual(z)
         to = self._solve_tangent(linear, z, tolerance)
         if to is None:
@@ -287,7 +295,7 @@ class _Search:
         if new is not None:
             q = linear.q + new.p + W * step - linear.p(z)
             again = self._solve_tangent(linear.with_q(q), z, tolerance) if np.isfinite(q).all() else None
-            yield REDUCTION, None if again is None else self.path.point(again)
+            yield _SECOND_STEP_LENGTH, None if again is None else self.path.point(again)
         yield np.inf, self._with_active_set(linear)
         for k in range(1, MAX_HALVINGS):
             yield 1.0 - ARMIJO * 0.5**k, self.path.point(self.current.z + 0.5**k * step)
