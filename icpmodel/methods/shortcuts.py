@@ -26,8 +26,11 @@ from ..theory.certificates.infeasible import infeasible
 from .contract import REDUCTION, Infeasible, Iterate, Method, why_not_diagonal, with_options
 from .newton import MAX_HALVINGS
 
-#: the largest number of Newton's steps in a round, and of rounds; where A is an M-matrix one step is the rule
+#: rounds of Newton's steps, and steps in a round; where A is an M-matrix one step is the rule
+MAX_ROUNDS = 5
 STEPS_PER_ROUND = 10
+#: steps of iterative refinement, for the last digit
+_REFINEMENTS = 2
 
 
 class Shortcut(Method):
@@ -190,8 +193,8 @@ class Tridiagonal(Shortcut):
     joined at once, whatever their length.
 
     For tridiagonal M-matrices this finds the active set up to rounding. Newton's steps correct that: z_i = c_i where
-    p_i ≥ a_ii(z_i − c_i), p_i = 0 elsewhere. For other matrices these steps begin there, whatever
-    their pivots, and need not end.
+    p_i ≥ a_ii(z_i − c_i), p_i = 0 elsewhere. For other matrices these steps begin there, and the method ends where they
+    fail.
 
     With an upper obstacle z_i = ψ̄_i where p_i < a_ii(z_i − ψ̄_i). The pass knows one obstacle only. Where ten steps do
     not find the active set, the rows at each obstacle are found in turn, with those at the other one held. The start z⁰
@@ -222,7 +225,7 @@ class Tridiagonal(Shortcut):
         return why_not_diagonal(problem, "it divides by the diagonal of A")
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
-        from ..algebra.kernels.tridiagonal import alternate, bands, free_rows, newton, refine
+        from ..algebra.kernels.tridiagonal import SETTLED, UNSETTLED, alternate, bands, free_rows, newton, refine
 
         yield z, None
         A = problem.A
@@ -232,19 +235,20 @@ class Tridiagonal(Shortcut):
         matrix = bands(A.indptr, A.indices, A.data)
         obstacle = c if top is None else c.copy()
         free = free_rows(*matrix, q, c)
-        for number in range(STEPS_PER_ROUND if top is None else 2):
-            candidate, settled = newton(*matrix, q, c, top, obstacle, free, STEPS_PER_ROUND)
+        for number in range(MAX_ROUNDS if top is None else 2):
+            candidate, ended = newton(*matrix, q, c, top, obstacle, free, STEPS_PER_ROUND)
             work.count(work.sweep(problem.n, problem.nnz))
             if np.isfinite(candidate).all():
                 z = candidate
                 yield z, None
-            if settled:
+            if ended != UNSETTLED:
                 break
             if top is not None and number == 0:
-                alternate(*matrix, q, c, top, STEPS_PER_ROUND, obstacle, free)
-                work.count(2.0 * STEPS_PER_ROUND * work.sweep(problem.n, problem.nnz))
-        if settled:
-            yield refine(*matrix, q, free, z), None
+                alternate(*matrix, q, c, top, MAX_ROUNDS, STEPS_PER_ROUND, obstacle, free)
+                work.count(2.0 * MAX_ROUNDS * work.sweep(problem.n, problem.nnz))
+        for _ in range(_REFINEMENTS if ended == SETTLED else 0):
+            z = refine(*matrix, q, free, z)
+            yield z, None
 
 
 def _shorten_step(problem: ProblemData, z: Vector, step: Vector, residual: float) -> tuple[Vector, float] | None:

@@ -9,6 +9,9 @@ import numpy as np
 
 from ...numerics.kernels import compiled
 
+#: how Newton's steps end: the signs no longer change, too many steps are needed, or a pivot is not positive
+SETTLED, UNSETTLED, NO_PIVOT = range(3)
+
 
 @compiled
 def bands(indptr, indices, data):
@@ -30,14 +33,17 @@ def bands(indptr, indices, data):
 
 @compiled
 def solve(lower, diagonal, upper, free, f, fixed, x):
-    # (Ax)_i = f_i in the free rows, x_i = fixed_i in the others: elimination from the top, substitution from below
+    # (Ax)_i = f_i in the free rows, x_i = fixed_i in the others: elimination from the top, substitution from below.
+    # Returns whether all pivots are positive, as they are where A is a P-matrix
     n = free.size
     above = np.empty(n)
     carried = 0.0
     value = 0.0
+    sound = True
     for i in range(n):
         if free[i]:
             pivot = diagonal[i] - lower[i] * carried
+            sound &= pivot > 0.0
             value = (f[i] - lower[i] * value) / pivot
             carried = upper[i] / pivot
         else:
@@ -47,6 +53,7 @@ def solve(lower, diagonal, upper, free, f, fixed, x):
         above[i] = carried
     for i in range(n - 2, -1, -1):
         x[i] -= above[i] * x[i + 1]
+    return sound
 
 
 @compiled
@@ -65,13 +72,13 @@ def product(lower, diagonal, upper, q, z, p):
 def newton(lower, diagonal, upper, q, c, top, obstacle, free, limit):
     # steps z: p = 0 in the free rows, z = c in the others; free: p < diagonal * (z - c). With an upper obstacle, at
     # `top`, else None, z = top where p < diagonal * (z - top). `obstacle` is z in the rows that are not free; it is c
-    # itself where there is one obstacle. It and `free` are changed. Returns the last z, and whether the signs
-    # no longer change
+    # itself where there is one obstacle. It and `free` are changed. Returns the last z, and how the steps ended
     z = np.empty(q.size)
     p = np.empty(q.size)
     f = -q
     for _ in range(limit):
-        solve(lower, diagonal, upper, free, f, obstacle, z)
+        if not solve(lower, diagonal, upper, free, f, obstacle, z):
+            return z, NO_PIVOT
         product(lower, diagonal, upper, q, z, p)
         changed = False
         for i in range(q.size):
@@ -86,8 +93,8 @@ def newton(lower, diagonal, upper, q, c, top, obstacle, free, limit):
             changed |= is_free != free[i]
             free[i] = is_free
         if not changed:
-            return z, True
-    return z, False
+            return z, SETTLED
+    return z, UNSETTLED
 
 
 @compiled
@@ -227,14 +234,14 @@ def _one_side(lower, diagonal, upper, q, c, held, values, limit):
 
 
 @compiled
-def alternate(lower, diagonal, upper, q, c, top, limit, obstacle, free):
+def alternate(lower, diagonal, upper, q, c, top, rounds, limit, obstacle, free):
     # `obstacle` and `free` for Newton's steps between two obstacles. In turn, until they stay the same: the rows at c,
     # those at `top` being held; the rows at `top`, those at c being held
     n = q.size
     above = np.zeros(n, np.bool_)
     below = np.zeros(n, np.bool_)
     mirrored = -q, -top, -c
-    for _ in range(limit):
+    for _ in range(rounds):
         z = _one_side(lower, diagonal, upper, q, c, above, top, limit)
         for i in range(n):
             below[i] = z[i] <= c[i] and not above[i]
@@ -252,18 +259,18 @@ def alternate(lower, diagonal, upper, q, c, top, limit, obstacle, free):
 
 
 @compiled
-def solve_rows(lower, diagonal, upper, Q, C, D, limit, Z):
+def solve_rows(lower, diagonal, upper, Q, C, D, rounds, limit, Z):
     # the LCPs with the rows of Q and the obstacles in those of C, and above in those of D, or None; z goes to the rows
     # of Z, unjudged
     for k in range(Q.shape[0]):
         free = free_rows(lower, diagonal, upper, Q[k], C[k])
         if D is None:
-            z = newton(lower, diagonal, upper, Q[k], C[k], None, C[k], free, limit * limit)[0]
+            z = newton(lower, diagonal, upper, Q[k], C[k], None, C[k], free, rounds * limit)[0]
         else:
             obstacle = C[k].copy()
-            z, settled = newton(lower, diagonal, upper, Q[k], C[k], D[k], obstacle, free, limit)
-            if not settled:
-                alternate(lower, diagonal, upper, Q[k], C[k], D[k], limit, obstacle, free)
+            z, ended = newton(lower, diagonal, upper, Q[k], C[k], D[k], obstacle, free, limit)
+            if ended == UNSETTLED:
+                alternate(lower, diagonal, upper, Q[k], C[k], D[k], rounds, limit, obstacle, free)
                 z = newton(lower, diagonal, upper, Q[k], C[k], D[k], obstacle, free, limit)[0]
         for i in range(z.size):
             Z[k, i] = z[i]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...algebra.affine_lcp import MAX_PIVOTS_PER_ROW, PIVOT_UP_TO, AffineLcp, affine_obstacle, in_box
 from ...methods.contract import Method
-from ...methods.shortcuts import STEPS_PER_ROUND, Lemke, Tridiagonal
+from ...methods.shortcuts import MAX_ROUNDS, STEPS_PER_ROUND, Lemke, Tridiagonal
 from ...numerics import work
 from ...numerics.arrays import Vector, read_only
 from ...numerics.threads import cores, run_in_threads
@@ -187,11 +187,10 @@ class CompiledSolver:
         Z = np.zeros(Q.shape)
         Q, C, D = read_only((Q, C, D))
         matrix = bands(A.indptr, A.indices, A.data)
+        limits = MAX_ROUNDS, STEPS_PER_ROUND
 
         def part(low: int, high: int) -> None:
-            solve_rows(
-                *matrix, Q[low:high], C[low:high], None if D is None else D[low:high], STEPS_PER_ROUND, Z[low:high]
-            )
+            solve_rows(*matrix, Q[low:high], C[low:high], None if D is None else D[low:high], *limits, Z[low:high])
 
         self._on_threads(part, len(Q))
         return Z
