@@ -32,7 +32,6 @@ from ..algebra.active_equations import ActiveEquations
 from ..algebra.equations import Pattern, derivative, newton_matrix
 from ..errors import InputError, MapError, NotApplicable, OutOfTime, SingularOperator, check_arguments
 from ..numerics.arrays import Mask, ReadOnly, Vector, described, norm
-from ..numerics.linear import MAX_BACKWARD_ERROR
 from ..numerics.rounding import SMALLEST, UNIT_ROUNDOFF, public_entry
 from ..present.card import Card
 from ..present.display import Displayable, Plottable, listed
@@ -48,6 +47,8 @@ from .tangent import Ties, tangent_problem
 
 #: the number of random weights: all of them cancel to a hundredth once in 10⁶ times
 _RANDOM_WEIGHTS = 3
+#: the least relative tolerance of linear systems that are solved by steps
+_MIN_RTOL = 1e-14
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -222,7 +223,7 @@ class Derivative(ReadOnly, Plottable):
             scale = self.problem.residual_scale() or norm(self.z)
             if scale > 0.0 and not self.solution.accuracy:
                 tolerance = self.solution.tolerance / scale
-        return min(max(tolerance, MAX_BACKWARD_ERROR), RTOL)
+        return min(max(tolerance, _MIN_RTOL), RTOL)
 
     def solve(self, f: Vector, transposed: bool = False) -> Vector:
         """J⁻¹f, or J⁻ᵀf.
