@@ -47,7 +47,8 @@ from .tangent import Ties, tangent_problem
 
 #: the number of random weights: all of them cancel to a hundredth once in 10⁶ times
 _RANDOM_WEIGHTS = 3
-#: the least relative tolerance of linear systems that are solved by steps
+#: the relative tolerance of tangent problems, and the least one of linear systems that are solved by steps
+_RTOL = 1e-10
 _MIN_RTOL = 1e-14
 
 
@@ -307,7 +308,7 @@ class Derivative(ReadOnly, Plottable):
         """dz for t ↓ 0 in this `direction`, by its tangent problem. Raises NotSolved."""
         problem = tangent_problem(self.z, self.pattern, self._ties, direction)
         # numbers below SMALLEST/UNIT_ROUNDOFF have fewer digits than rtol asks for
-        return solve(problem, atol=SMALLEST / UNIT_ROUNDOFF).polish().z + 0.0
+        return solve(problem, rtol=_RTOL, atol=SMALLEST / UNIT_ROUNDOFF).polish().z + 0.0
 
     @public_entry
     def bound(self, dz: Any, *, dA: Any = None, dq: Any = None, dpsi: Any = None, dupper: Any = None) -> float | None:
