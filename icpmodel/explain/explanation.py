@@ -34,11 +34,14 @@ from ..theory.nonuniqueness import solution_facts
 from .advice import accuracy_advice, convergence_advice, first_steps, is_boxed, methods_for_f, nonlinear_advice
 from .forecasts import Forecast, factor_text, forecasts_of, members
 
-#: what a page may cost, in nanoseconds, and in nanoseconds per row: for n = 10⁶ and n = 10⁴ that were 5 s and 2 s on
-#: the machine of `work.Costs`; and the share of it that one question may cost
-MAX_NANOSECONDS = 1e9
-_NANOSECONDS_PER_ROW = 3_000.0
+#: what a page may cost, in products with A and in nanoseconds: for n = 10⁶ and n = 10⁴ that were 5 s and 2 s on the
+#: machine of `work.Costs`; and the share of it that one question may cost
+MAX_PRODUCTS = 600.0
+MAX_NANOSECONDS = 0.8e9
 _QUESTION_SHARE = 0.2
+#: and the largest number of nanoseconds a row, where rows are long, and no less than 10⁶ rows would get
+_NANOSECONDS_PER_ROW = 3_000.0
+_MIN_ROWS = 1e6
 
 
 @dataclass(frozen=True, eq=False)
@@ -319,7 +322,7 @@ def explain(
             "method only where that is named"
         )
     product_cost = problem.matrix.product_cost
-    max_cost = max(MAX_NANOSECONDS, _NANOSECONDS_PER_ROW * problem.n)
+    max_cost = min(MAX_PRODUCTS * product_cost + MAX_NANOSECONDS, _NANOSECONDS_PER_ROW * max(problem.n, _MIN_ROWS))
     if as_truth(thorough, "thorough"):
         max_cost = sys.float_info.max  # without any limit a bound would take a minute at most
     products = max_cost / product_cost
