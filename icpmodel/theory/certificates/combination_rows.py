@@ -14,11 +14,11 @@ from ...numerics.arrays import Mask, Vector
 from ...problem.data import ProblemData
 from ...problem.two_sided import sides_of
 
-#: an entry of a computed y below this share of the largest one counts as zero, and a sum below this share of its terms
+#: an entry of a computed y below this share of the largest one counts as zero
 ZERO = 1e-9
 #: the largest misfit of a combination that is tried or proved, as a share of its largest entry
 MAX_MISFIT = 1e-5
-#: nanoseconds that a search for a combination may take, in floats or in fractions
+#: nanoseconds that the search for a combination in floats may take
 MAX_COST = 2e9
 
 

@@ -16,15 +16,18 @@ from ...numerics.arrays import Vector
 from ...numerics.equilibration import Exponents
 from ...numerics.rational import echelon_of, nearest, substitute
 from ...numerics.rounding import product_lower_bound, product_upper_bound
-from .combination_rows import MAX_COST, ZERO, CombinationRows
+from .combination_rows import ZERO, CombinationRows
 
 Combination = dict[int, Fraction]
 
 #: the largest denominator that is tried first: the rays of problems in small whole numbers have none above it
 FIRST_DENOMINATOR = 1000
-#: nanoseconds for an entry of A in fractions, by cProfile, and six times as many for a weight
+#: nanoseconds for an entry of A in fractions, by cProfile, and six times as many for a weight; how many are too many
 _FRACTION_COST = 3000.0
-#: nanoseconds for a number that a pivot changes, in random floats: 60 equations take .6 s
+_MAX_COST = 4e8
+#: the largest number of rows of a combination that is sought exactly: 60 equations in random floats take .6 s
+_MAX_SUPPORT = 60
+#: nanoseconds for a number that a pivot changes, in random floats
 _ELIMINATION_COST = 80.0
 
 
@@ -33,11 +36,11 @@ def candidates_near(
 ) -> Iterator[Combination]:
     """Combinations next to 2^`exponents` · `shares`, except those of which floats say that they prove nothing.
 
-    If it `solves`, rows are also combined by an exact solution of the equations.
+    If it `solves`, at most 60 rows are also combined by an exact solution of the equations.
     """
     support = np.flatnonzero(shares)
     entries = 6.0 * support.size + float(np.diff(rows.matrix.indptr)[support].sum())
-    if _FRACTION_COST * entries > min(MAX_COST, work.nanoseconds_left()):
+    if _FRACTION_COST * entries > min(_MAX_COST, work.nanoseconds_left()):
         return
     units = exponents[support]
     exact = [Fraction(share) for share in shares[support].tolist()]
@@ -51,14 +54,12 @@ def candidates_near(
 def exact_combination(rows: CombinationRows, y: Vector) -> Combination:
     """x on the support of `y` with (Mᵀx)_j = 0 exactly where z_j has no bound, and where (Mᵀy)_j is about 0.
 
-    Of equations that depend on each other up to rounding some are left out. Empty where that costs more than
-    `MAX_COST`, for more than 70 rows, or more than there is time left.
+    Of equations that depend on each other up to rounding some are left out. Empty for more than 60 rows, or if there is
+    too little time left.
     """
     support = np.flatnonzero(y)
-    cost = _ELIMINATION_COST * float(support.size) ** 4
-    if cost > min(MAX_COST, work.nanoseconds_left()):
+    if support.size > _MAX_SUPPORT:
         return {}
-    work.count(cost)
     with np.errstate(over="ignore", invalid="ignore"):
         terms = y[support, None] * rows.matrix[support].toarray()
         size = np.abs(terms).sum(axis=0)
@@ -67,6 +68,10 @@ def exact_combination(rows: CombinationRows, y: Vector) -> Combination:
     _, triangle, order = qr(terms, mode="economic", pivoting=True)
     pivots = np.abs(triangle.diagonal())
     equations = np.flatnonzero(tight)[order[: np.count_nonzero(pivots > ZERO * pivots.max(initial=0.0))]]
+    cost = _ELIMINATION_COST * support.size**2 * equations.size**2
+    if cost > work.nanoseconds_left():
+        return {}
+    work.count(cost)
     columns = rows.exact_columns(support)
     system = [[columns[j].get(k, Fraction(0)) for k in range(support.size)] for j in map(int, equations)]
     try:
