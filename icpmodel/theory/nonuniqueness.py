@@ -26,7 +26,7 @@ from ..problem.data import ProblemData
 from .certificates.bounds import enumerated_proof
 from .certificates.enumerated import Disproof, EnumeratedProof
 from .matrices.classes import MatrixClasses
-from .matrices.h_matrix import RATIONAL_UP_TO
+from .matrices.definiteness import RATIONAL_UP_TO
 from .solution_set import ExactRows, Face, listed
 
 

@@ -25,9 +25,11 @@ from ...numerics.sparse_structure import is_symmetric
 from ..answers import Answer
 from .comparison_matrix import comparison_matrix
 from .eigenvalue import negative_direction, smallest_eigenvalue_bound, within_reach
-from .h_matrix import RATIONAL_UP_TO, by_row_sums, row_sum_signs
+from .h_matrix import by_row_sums, row_sum_signs
 
 _SHIFT = 2.0**-38  #: S − cI is factorised for this c, which is about what rounding needs, or for a larger one
+#: the rows up to which LDLᵀ in fractions decides: 30 take .2 s
+RATIONAL_UP_TO = 30
 
 
 def definiteness(A: sp.csr_array) -> tuple[Answer, Answer]:

@@ -22,8 +22,8 @@ _TRIED_SHARES = (0.99, 0.5)
 _MAX_FACTORISATION_COST = 5e9  #: in counted nanoseconds
 _TRIDIAGONALISATION_COST = 4  #: the time to make a dense matrix tridiagonal, in factorisations
 #: steps of the inverse iteration, in which eigenvalues next to the smallest one serve as well, and of the power method,
-#: which make the bound sharper and never false, and cost less than a linear solve
-MAX_POWER_STEPS = 40
+#: which make the bound sharper and never false
+_MAX_STEPS = 40
 
 
 def smallest_eigenvalue_bound(S: Any, c: float, slack: float = 0.0) -> float:
@@ -75,7 +75,7 @@ def largest_above(N: sp.csr_array) -> float:
     """
     T = sp.csr_array(0.5 * (N + N.T))
     v = np.ones(T.shape[0])
-    for _ in range(MAX_POWER_STEPS):
+    for _ in range(_MAX_STEPS):
         work.charge(work.product(v.size, T.nnz))
         w = T @ v
         largest = float(w.max())
@@ -152,7 +152,7 @@ def _estimate(S: Any, lu: Any) -> float:
     x = np.random.default_rng(0).random(S.shape[0])
     largest = np.inf
     with one_blas_thread():
-        for _ in range(MAX_POWER_STEPS):
+        for _ in range(_MAX_STEPS):
             x = x / norm(x)
             image = lu.solve(x)
             largest = float(x @ image)

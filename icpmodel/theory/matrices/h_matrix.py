@@ -34,10 +34,10 @@ from ...numerics.rational import Rationals, as_witness, exact_sum, m_matrix, rat
 from ...numerics.rounding import SMALLEST, product_lower_bound, product_upper_bound
 from ..answers import Answer
 from .comparison_matrix import comparison_matrix, solve_for_diagonal
-from .eigenvalue import MAX_POWER_STEPS
 
-#: the largest matrix, or block of one, that rational elimination is asked to decide: 30 rows take .2 s
-RATIONAL_UP_TO = 30
+_MAX_POWER_STEPS = 30  #: this number of steps of the power method costs less than a linear solve
+#: the largest block, or as many entries in several, that rational elimination is asked to decide
+_MAX_EXACT_ROWS = 40
 
 
 def irreducible_blocks(A: sp.csr_array) -> tuple[int, NDArray[np.int32]]:
@@ -138,7 +138,7 @@ def decide(C: sp.csr_array, count: int, block: NDArray[np.int32]) -> Answer:
                 return Answer(True, f"<A>v > 0 with v from {name}", _in_old_units(y, c) if count == 1 else None)
             if holds is False:
                 return Answer(False, f"<A>x <= 0 with x >= 0 from {name}", _in_old_units(y, c))
-    if C.nnz <= RATIONAL_UP_TO**2 and np.bincount(block).max() <= RATIONAL_UP_TO:
+    if C.nnz <= _MAX_EXACT_ROWS**2 and np.bincount(block).max() <= _MAX_EXACT_ROWS:
         return _exactly(C, block, count)
     return Answer(None, "neither v > 0 with <A>v > 0 nor x >= 0 with <A>x <= 0 was found, rounding considered")
 
@@ -154,7 +154,7 @@ def _candidates(S: sp.csr_array, block: NDArray[np.int32], count: int) -> Iterat
         return x - (S @ x) / diagonal  # Jx
 
     with np.errstate(all="ignore"):  # beside a diagonal next to nothing J overflows, and NaN proves nothing
-        for _ in range(MAX_POWER_STEPS):
+        for _ in range(_MAX_POWER_STEPS):
             x = x + np.maximum(image(x), 0.0)  # I + J has no other eigenvalue of its largest modulus
             largest = np.zeros(count)
             np.maximum.at(largest, block, x)
