@@ -27,8 +27,9 @@ from ..theory.certificates.bounds import error_bound
 FOREIGN_RTOL = 1e-7
 #: a Solution may have been stopped at a looser tolerance, but at most at this one
 MAX_RTOL = 1e-4
-#: two answers agree within AGREE·max|z| + RTOL·unit: the second counts where z is about zero
+#: two answers agree within AGREE·max|z| + AGREE_NEAR_ZERO·unit: the second counts where z is about zero
 AGREE = 1e-6
+AGREE_NEAR_ZERO = 1e-9
 #: the largest certified bound that counts, as a multiple of that; a wide bound proves nothing
 MAX_BOUND_FACTOR = 10.0
 
@@ -102,7 +103,7 @@ class AnswerUnderTest:
             rtol = min(max(RTOL, solution.tolerance / scale, solution.residual / scale), MAX_RTOL)
         self.holds = solves(problem, self.z, rtol)
         # the unit may be far larger than z: it counts only for an answer that is known to be a solution
-        default = AGREE * float(np.abs(self.z).max()) + (RTOL * self.unit if self.holds else 0.0)
+        default = AGREE * float(np.abs(self.z).max()) + (AGREE_NEAR_ZERO * self.unit if self.holds else 0.0)
         self.tolerance = default if atol is None else float(atol)
         nonlinear = self.original.f is not None
         self.targets = targets(scaled, self.y, tangent=nonlinear)
