@@ -72,8 +72,9 @@ class SchurComplement:
 def elimination_cost(problem: ProblemData, limit: float) -> float:
     """The nanoseconds that `elimination` is expected to cost; inf where that is more than `limit`, or none pays.
 
-    S is to have no more entries than A. It is expected to cost as much as the factors, and what follows as much as the
-    calls of a Newton step. Raises OutOfTime and OutOfMemory where the symbolic analysis takes more than is left.
+    S is to have no more entries than A. Half-solves are expected to cost as much as the factors, the products of their
+    rows are counted, and what follows costs as much as the calls of a Newton step. Raises OutOfTime and OutOfMemory
+    where the symbolic analysis takes more than is left.
     """
     if not problem.psi.is_constant:
         return np.inf
@@ -84,7 +85,8 @@ def elimination_cost(problem: ProblemData, limit: float) -> float:
     if costs.analysis.costs_more(min(0.5 * limit, costs.dense)) or not costs.fill.is_exact:
         return np.inf
     # factors of a band may cost less, but QDLDL does not make them
-    cost = 2.0 * factor_cost(costs.analysis.complete) + work.COSTS.newton
+    products = work.COSTS.dense_flop * problem.n * rows.size**2
+    cost = 2.0 * factor_cost(costs.analysis.complete) + products + work.COSTS.newton
     return cost if cost <= limit else np.inf
 
 
@@ -137,9 +139,8 @@ def _schur_complement(matrix: Matrix, rows: NDArray[np.intp]) -> SchurComplement
     if isinstance(factors, SymmetricFactors) and signs is not None:
         B.data *= signs[equations][B.row]
         S -= signs[rows, None] * factors.congruence(B)
-    elif factors := factorise(A, triangles=True):  # a solve with a wide band costs many times as much
-        work.check_budget(memory=2.0 * 8.0 * rows.size * equations.size)
-        S -= matrix.sparse[rows][:, equations] @ factors.solve(B.toarray())
+    elif factors := factorise(A, triangles=True):
+        S -= factors.product(matrix.sparse[rows][:, equations], B)
     return SchurComplement(matrix, rows, S, factors) if factors and np.isfinite(S).all() else None
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from . import work
 from .arrays import Vector, row_of
 from .fill import Fill, SymbolicAnalysis, dense_cost, factor_cost, least_factor_cost, signs_of_symmetry, solve_cost
+from .half_solves import half_solve, inner_products
 from .rounding import SQRT_EPSILON
 from .symmetric_factors import SymmetricFactors
 from .threads import one_blas_thread, run_with_deadline
@@ -62,6 +63,19 @@ class Factors:
         x = np.empty(f.shape)
         x[after] = self.lu.solve(f[before], trans)
         return x
+
+    def product(self, B: sp.csr_array, C: sp.csr_array) -> NDArray[np.float64]:
+        """BA⁻¹C, shape (k, k), for `B` of shape (k, n) and `C` of shape (n, k); raises OutOfTime and OutOfMemory."""
+        work.charge_matrices(self.lu.nnz, 2)
+        rows, columns = (
+            perm[np.argsort(order)] for perm, order in zip((self.lu.perm_r, self.lu.perm_c), self._orders, strict=True)
+        )
+        U = self.lu.U
+        pivots = U.diagonal()
+        upper = sp.tril((sp.diags_array(1.0 / pivots) @ U).T, -1, format="csc")
+        left = half_solve(upper, columns, sp.coo_array(B.T))
+        right = half_solve(sp.tril(self.lu.L, -1, format="csc"), rows, sp.coo_array(C))
+        return inner_products(left, right, pivots)
 
     def in_order(self, y: Vector) -> Vector:
         """x, shape (n,), with the entries of `y`, which has them in the order of the columns of U."""

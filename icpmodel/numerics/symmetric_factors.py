@@ -9,8 +9,9 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from . import work
-from .arrays import Mask, Vector, read_only, row_of
+from .arrays import Mask, Vector, row_of
 from .fill import Fill, factor_cost, refactor_cost, solve_cost
+from .half_solves import half_solve, inner_products
 from .threads import run_with_deadline
 
 
@@ -88,19 +89,10 @@ class SymmetricFactors:
         return self if self._ldl else None
 
     def congruence(self, B: sp.coo_array) -> NDArray[np.float64]:
-        """Bᵀ(σM)⁻¹B with the signs σ, shape (k, k), for `B` of shape (n, k): half a solve for each column.
-
-        Raises OutOfTime and OutOfMemory. The time is expected to be that of a factorisation, as if the columns were
-        eliminated last.
-        """
-        from .kernels.forward import forward_solve  # loads numba
-
-        n, k = B.shape
-        work.charge(refactor_cost(self.fill), 8.0 * n * k)
+        """Bᵀ(σM)⁻¹B with the signs σ, shape (k, k), for `B` of shape (n, k); raises OutOfTime and OutOfMemory."""
         L, pivots, order = self._ldl.factors()
-        arrays = read_only((L.indptr, L.indices, L.data, np.argsort(order)[B.row], B.col, B.data))
-        reached, X = forward_solve(*arrays, k)
-        return np.asarray(X.T @ (X / pivots[reached, None]))
+        X = half_solve(L, np.argsort(order), B)
+        return inner_products(X, X, pivots)
 
     def solve(self, f: Vector, trans: str = "N") -> Vector:
         """M⁻¹f, or M⁻ᵀf with `trans` = "T"; both of shape (n,)."""

@@ -80,6 +80,11 @@ def test_factors_of_one_pattern_solve_and_their_pivots_are_those_of_elimination(
     symmetric = signs_of_symmetry(A)[:, None] * M
     expected = B.T @ np.linalg.solve(symmetric, B.toarray())
     assert factors.congruence(B) == pytest.approx(expected, abs=1e-12 * np.abs(expected).max())
+    C = sp.random_array((n, 4), density=0.01, rng=rng)
+    skewed = sp.csr_array(A + sp.random_array(A.shape, density=1 / n, rng=rng))
+    expected = B.T @ np.linalg.solve(skewed.toarray(), C.toarray())
+    product = factorise(skewed, triangles=True).product(sp.csr_array(B.T), sp.csr_array(C))
+    assert product == pytest.approx(expected, abs=1e-11 * np.abs(expected).max())
     of_free = pattern.factors(A.data, free)
     M[~(free[:, None] & free) & ~np.eye(n, dtype=bool)] = 0.0
     assert of_free.solve(M @ x) == pytest.approx(x, abs=1e-11)

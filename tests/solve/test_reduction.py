@@ -10,8 +10,9 @@ from runs import ended, run_on
 
 import icpmodel as icp
 from icpmodel.algebra.factor_costs import factor_costs
-from icpmodel.algebra.schur import elimination
+from icpmodel.algebra.schur import elimination, elimination_cost
 from icpmodel.algebra.subproblems import blocks
+from icpmodel.errors import OutOfTime
 from icpmodel.numerics import work
 from icpmodel.numerics.fill import factor_cost
 from icpmodel.scenes.grid import five_point
@@ -284,6 +285,21 @@ class TestElimination:
         solution = problem.solve()
         assert solution.solved
         assert np.abs(solution.z - plain(problem)).max() <= 1e-6
+
+    @pytest.mark.parametrize("skew", [0.0, 1e-5])
+    def test_the_products_of_many_rows_that_are_far_apart_are_counted_and_end_with_the_budget(self, skew):
+        n = 20_000
+        A = sp.diags_array([np.full(n - 1, -1.0), np.full(n, 2.5), np.full(n - 1, skew - 1.0)], offsets=[-1, 0, 1])
+        psi = np.full(n, -np.inf)
+        psi[np.random.default_rng(0).choice(n, 200, replace=False)] = 0.0
+        problem = icp.ICP(A @ A, np.ones(n), psi)
+        least = elimination_cost(problem, np.inf)
+        assert least > work.COSTS.dense_flop * n * 200**2
+        with pytest.raises(OutOfTime), work.work_limit(nanoseconds=0.5 * least):
+            elimination(problem, lambda: np.inf)
+        before = work.counter()
+        assert elimination(problem, lambda: np.inf)
+        assert work.counter() - before < 4.0 * least
 
     def test_factors_that_are_inaccurate_leave_the_problem_to_other_methods(self):
         n = 1000

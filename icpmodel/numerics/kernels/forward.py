@@ -1,4 +1,4 @@
-"""Solves with the sparse triangular factor of a symmetric matrix."""
+"""Solves with a sparse triangular factor."""
 
 from __future__ import annotations
 
@@ -8,17 +8,22 @@ from . import compiled
 
 
 @compiled
-def forward_solve(indptr, indices, data, rows, columns, values, width):
-    # L⁻¹B, where the columns of L − I are stored, and B has these entries and `width` columns: the rows that are not 0,
-    # ascending, and what they hold. Rows that L reaches early hold few of the columns, those next to one another
+def reached_rows(indptr, indices, rows):
+    # the rows of L⁻¹B that may not be 0, ascending, where the columns of L − I are stored, and B has entries in `rows`
     n = indptr.size - 1
     is_reached = np.zeros(n, np.bool_)
     is_reached[rows] = True
     for j in range(n):
         if is_reached[j]:
             is_reached[indices[indptr[j] : indptr[j + 1]]] = True
-    reached = np.flatnonzero(is_reached)
-    place = np.empty(n, np.int64)
+    return np.flatnonzero(is_reached)
+
+
+@compiled
+def forward_solve(indptr, indices, data, reached, rows, columns, values, width):
+    # the `reached` rows of L⁻¹B, where B has these entries and `width` columns. Rows that L reaches early hold few of
+    # the columns, those next to one another
+    place = np.empty(indptr.size - 1, np.int64)
     place[reached] = np.arange(reached.size)
     X = np.zeros((reached.size, width))
     for e in range(rows.size):
@@ -32,4 +37,4 @@ def forward_solve(indptr, indices, data, rows, columns, values, width):
                 i = place[indices[k]]
                 for c in range(first, end):
                     X[i, c] -= data[k] * X[t, c]
-    return reached, X
+    return X
