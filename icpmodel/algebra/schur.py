@@ -114,6 +114,8 @@ def elimination(problem: ProblemData, max_cost: Callable[[], float] | None) -> S
     if known is None or known[0] != key:
         if elimination_cost(problem, max_cost() if max_cost else _SPENT.get(matrix, 0.0)) == np.inf:
             return None
+        if max_cost is None:
+            del _SPENT[matrix]  # it pays for one elimination
         _CACHE.clear()
         known = _CACHE[matrix] = key, _schur_complement(matrix, rows)
     return known[1]

@@ -301,6 +301,20 @@ class TestElimination:
         assert elimination(problem, lambda: np.inf)
         assert work.counter() - before < 4.0 * least
 
+    def test_what_was_spent_pays_for_one_elimination(self):
+        """The rows with an obstacle move on, so that no factors serve twice."""
+        n = 1728
+        line = sp.diags_array([np.full(11, -1.0), np.full(12, 2.0), np.full(11, -1.0)], offsets=[-1, 0, 1])
+        one = sp.eye_array(12)
+        A = sum(sp.kron(sp.kron(a, b), c) for a, b, c in ((line, one, one), (one, line, one), (one, one, line)))
+        eliminated = []
+        base = icp.ICP(sp.csr_array(A), np.full(n, 0.1), -1.0)
+        for first in range(0, 1500, 50):
+            rows = (np.arange(n) >= first) & (np.arange(n) < first + 20)
+            solution = base.with_psi(np.where(rows, -1.0, -np.inf)).solve()
+            eliminated.append("eliminated" in solution.why)
+        assert 1 <= sum(eliminated) <= 10
+
     def test_factors_that_are_inaccurate_leave_the_problem_to_other_methods(self):
         n = 1000
         second = sp.diags_array([np.ones(n - 1), -2.0 * np.ones(n), np.ones(n - 1)], offsets=[-1, 0, 1])
