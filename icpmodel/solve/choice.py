@@ -200,7 +200,7 @@ class Ladder:
 
     def _cost_without_factors(self) -> float:
         """The least that methods without sparse factors are expected to cost, in nanoseconds."""
-        jobs = self.sweeps
+        jobs = self.jobs
         if self.problem.matrix.coupled_radius <= 1.0:
             jobs = self._estimate_jobs([self._accelerated(), Multilevel(), Lemke()])
         return min((job.remaining for job in jobs), default=math.inf)

@@ -315,6 +315,16 @@ class TestElimination:
             eliminated.append("eliminated" in solution.why)
         assert 1 <= sum(eliminated) <= 10
 
+    def test_sweeps_that_diverged_do_not_stand_against_the_elimination(self):
+        rng = np.random.default_rng(2)
+        n = 1600
+        turn = sp.random_array((n, n), density=2 / n, rng=rng)
+        psi = np.full(n, -np.inf)
+        psi[rng.choice(n, 20, replace=False)] = -1.0
+        solution = icp.ICP(five_point(40, 0.0) + 100.0 * (turn - turn.T), np.full(n, 0.1), psi).solve()
+        assert solution.solved
+        assert "eliminated" in solution.why
+
     def test_factors_that_are_inaccurate_leave_the_problem_to_other_methods(self):
         n = 1000
         second = sp.diags_array([np.ones(n - 1), -2.0 * np.ones(n), np.ones(n - 1)], offsets=[-1, 0, 1])
