@@ -28,8 +28,8 @@ from ..problem.nonlinear_term import NonlinearTerm
 from ..problem.user_code import USER_ULPS
 from .steps import INNER_REDUCTION, Step
 
-#: the largest number of halvings of the interval that t is in: to its last binary digit
-_MAX_HALVINGS = np.finfo(np.float64).nmant
+#: the largest number of halvings of the interval that t is in: t may be much smaller
+_MAX_HALVINGS = 100
 
 
 def least_diagonal(problem: ProblemData) -> Vector:
