@@ -34,6 +34,21 @@ def test_the_bearing_solves_the_integrated_equation():
 def test_the_dividend_satisfies_its_equation_and_the_smooth_fit():
     """V from V(0) = 0 on solves the equation at rest; between y* and x* its slope is on average that of a payment."""
     target, boundary, value_at_1 = control.dividend_solution()
+    a, b, rho = 0.5 * control.VOLATILITY**2, control.DRIFT, control.DISCOUNT
+    up, down = sorted(np.roots([a, b, -rho]), reverse=True)
+    f = lambda x: np.exp(up * x) - np.exp(down * x)  # noqa: E731
+    f_slope = lambda x: up * np.exp(up * x) - down * np.exp(down * x)  # noqa: E731
+    bend = 2 * np.log(-down / up) / (up - down)
+
+    def touching(C):
+        level = control.WORTH / C
+        ends = [brentq(lambda x: f_slope(x) - level, lo, hi, xtol=1e-15) for lo, hi in ((0, bend), (bend, 30))]
+        return ends, C * (f(ends[1]) - f(ends[0])) - control.WORTH * (ends[1] - ends[0] - control.COST)
+
+    most = control.WORTH / f_slope(bend)
+    C = brentq(lambda C: touching(C)[1], 1.5 * control.WORTH / f_slope(0), most * (1 - 1e-9), xtol=1e-15)
+    np.testing.assert_allclose([target, boundary], touching(C)[0], rtol=1e-11)
+    np.testing.assert_allclose(value_at_1, C * f(1.0), rtol=1e-12)
     reserve = lambda x, V: [V[1], (control.DISCOUNT * V[0] - control.DRIFT * V[1]) * 2 / control.VOLATILITY**2]  # noqa: E731
     path = solve_ivp(reserve, (0, boundary), [0, 1], dense_output=True, method="DOP853", rtol=1e-12, atol=1e-12).sol
     slope = path(target)[1] / control.WORTH
