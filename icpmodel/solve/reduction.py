@@ -1,7 +1,8 @@
 """Reduction: transforms before a run. Rows that need no iteration leave; independent parts are solved one by one.
 
 1. Obstacles that move with their own unknown alone are fixed, and redundant rows leave: `presolve`.
-2. Rows without any obstacle are eliminated before anything is iterated, see `algebra.schur`, where few have one.
+2. Rows without any obstacle are eliminated, see `algebra.schur`, where few have one: before anything is iterated if
+   problems before have paid for it, else where rung 4 of `select_method` would follow.
 3. The strong components of A and ψ follow one another. A row alone is a maximum, a small block is pivoted, and what is
    left falls into parts that do not interact.
 

@@ -161,8 +161,8 @@ def contradiction(problem: ProblemLike) -> Contradiction | None:
 def multipliers(problem: ProblemData) -> Vector | None:
     """A candidate y for `infeasible` by linear programming; None if there is none or it would cost too much.
 
-    If such a y exists, Σ|y| = 1, the columns of Mᵀy that need a sign are √ε from 0: far above rounding, which cannot
-    change it, and above the tolerance of HiGHS.
+    If such a y exists, Σ|y| = 1, the columns of Mᵀy that need a sign are at least √ε from 0: far above rounding, which
+    cannot change it, and above the tolerance of HiGHS.
     """
     minimum = _least_violation(problem, SQRT_EPSILON) or _least_violation(problem)
     return None if minimum is None else minimum.y
