@@ -71,7 +71,7 @@ def select_method(
     4. Of four methods the one with the least left to do: the cheapest of `Newton` and, beyond 64 unknowns, `Lemke` and
        ten `Restarts` of it; `Multilevel`, unless it ran before; `Proximal`; `Interior`. Their estimates follow from ρ
        and the fill of the factors of A. That fill is not asked for before `Multilevel` has more left than the others
-       would cost without any.
+       would cost without any, nor where `Lemke` costs no more than that.
        Where an a_ii < 0 shows that A is not monotone, `Proximal` and `Lemke` begin, which descend or pivot then, too.
     5. Where one of these has ended, another that rung 4 names; after all of them MNMGS and MNMMOD. With at most 150
        unknowns they end after twice their estimates, as a global search follows.
@@ -176,6 +176,7 @@ class Ladder:
             self._add_elimination,
             self._pause,
             self._add_multilevel,
+            self._add_lemke,
         ]
         if family == "paper":
             sweeps = [self._add_accelerated]
@@ -191,7 +192,7 @@ class Ladder:
 
     def complement(self) -> SchurComplement | None:
         """The elimination of the equations: if it pays where the ladder is paused, or has paid in problems before."""
-        if self.rungs[:1] == [self._add_direct]:
+        if self._add_direct in self.rungs:
             self.rungs.pop(0)()
         if self.family != "paper" and (self.is_paused or not self.jobs):
             with suppress(OutOfTime, MemoryError):
@@ -275,18 +276,20 @@ class Ladder:
 
     def _begin_early(self, job: Job, floor: float) -> None:
         """Run `job` before the others of rung 4 are estimated, until it has more than `floor` left."""
+        self._try_sweeps(job.remaining)
         self.early.append(job)
         self.jobs.append(job)
         self.floor = floor
 
     def _add_lemke(self) -> None:
-        """`Lemke` where it is expected to cost no more than sweeps, and than the shortest trial of them."""
-        if self.family is not None:
-            return
-        pivots, plain = (self._estimate(method) for method in (Lemke(), PSOR()))
-        trial = (STEPS_PER_RATE + 2 * _ACCELERATED_SWEEPS) * plain.step  # accelerated ones cost about twice as much
-        if pivots.total <= trial and pivots.total <= self._estimate(self._accelerated()).total:
-            for job in self._estimate_jobs([Lemke()]):
+        """`Lemke` where it is expected to cost no more than sweeps and their trial, or than others without any fill."""
+        limit = least_direct_cost(self.problem.facts, "modulus")
+        if self._add_psor in self.rungs:
+            # accelerated ones cost about twice as much
+            trial = (STEPS_PER_RATE + 2 * _ACCELERATED_SWEEPS) * self._estimate(PSOR()).step
+            limit = min(trial, self._estimate(self._accelerated()).total)
+        for job in self._estimate_jobs([] if self.family else [Lemke()]):
+            if job.remaining <= limit:
                 self._begin_early(job, job.remaining)
 
     def _add_psor(self) -> None:
@@ -342,7 +345,6 @@ class Ladder:
             if job.remaining <= least:
                 if self._add_accelerated in self.rungs:
                     self.jobs = [one for one in self.jobs if one not in self.sweeps]
-                self._try_sweeps(job.remaining)
                 self._begin_early(job, least)
                 if not is_first:
                     self._pause()

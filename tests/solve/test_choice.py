@@ -241,3 +241,12 @@ def test_every_family_of_the_generator_is_solved(share):
             solution = problem.solve(raise_on_failure=False)
             assert solution.solved, (family, n, solution.message)
             assert problem.residual(solution.z) <= solution.tolerance
+
+
+def test_no_fill_is_asked_for_where_pivots_cost_no_more_than_others_without_any(caplog):
+    B = sp.random_array((65, 75), density=0.1, rng=np.random.default_rng(0))
+    A = sp.block_array([[None, B], [-B.T, None]], format="csr")
+    with caplog.at_level("DEBUG", "icpmodel"):
+        solution = icp.ICP(A, np.ones(140)).solve()
+    assert isinstance(solution.method, icp.Lemke)
+    assert "Newton()" not in caplog.text
