@@ -1,1 +1,1 @@
-"""Arrays, rounding, equilibration, factorisations, multigrid, threads, compiled loops: nothing of it knows of ICPs."""
+"""Arrays, rounding, equilibration, factorisations, multigrid, threads, compiled loops: none of them depends on ICPs."""

@@ -1,4 +1,4 @@
-"""What users hand in becomes float64 vectors and CSR matrices here, or an error that says why not."""
+"""Convert what users pass to float64 vectors and CSR matrices, or say in an error why that fails; norms and views."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Mask = NDArray[np.bool_]
 _SHORT = np.iinfo(np.int32).max
 #: the largest float, as an integer
 _LARGEST = int(np.finfo(np.float64).max)
-#: the types of numbers, whole or not, although bools and times are among them
+#: the types of numbers, whole or not; and those among them that do not count as numbers, bools and times
 _WHOLE = (int, np.integer)
 _REAL = (int, float, np.integer, np.floating)
 _NO_NUMBER = (bool, np.timedelta64)
@@ -32,7 +32,7 @@ _ONE_THREAD_UP_TO = 10_000
 def as_vector(value: Any, n: int | None, name: str, *, infinite: float | None = None) -> Vector:
     """A float64 copy of `value`, a number or of shape (n,), (n, 1) or (1, n), as a vector; `n` None for any length.
 
-    `infinite` is the infinite value that is allowed, +inf standing for both. Raises InputError.
+    `infinite` is the infinite value that is allowed; +inf allows −inf, too. Raises InputError.
     """
     if sp.issparse(value) and (value.ndim == 1 or 1 in value.shape):
         value = checked_sparse(value, name).toarray()
@@ -80,8 +80,10 @@ def axes(value: Any, name: str) -> int:
 
 
 def described(value: Any) -> str:
-    """What a message calls `value`, which was not expected: None, texts, numbers and rows of these as they are, else
-    the type."""
+    """How a message names a `value` that was not expected.
+
+    None, texts, numbers, and lists of these are shown as they are, other values by their type.
+    """
     if isinstance(value, type):
         return f"the class {value.__name__}"
     if isinstance(value, int) and abs(value) > _LARGEST:
@@ -94,7 +96,7 @@ def described(value: Any) -> str:
 
 
 def not_finite(vector: Vector, name: str) -> str:
-    """Which entry of `vector`, shape (n,), is NaN or infinite; empty where none is."""
+    """A text that names the first NaN or infinite entry of `vector`, shape (n,); empty where there is none."""
     finite = np.isfinite(vector)
     return "" if np.count_nonzero(finite) == finite.size else f"{name}[{finite.argmin()}] is {vector[finite.argmin()]}"
 
@@ -135,7 +137,7 @@ def as_number(
 
 
 def as_csr(value: Any, name: str, n: int | None = None, *, keep_diagonal: bool = False) -> sp.csr_array:
-    """A private float64 CSR copy of the square matrix `value`: sorted, duplicates summed, indices as small as they fit.
+    """A private float64 CSR copy of the square matrix `value`: sorted, duplicates summed, 32-bit indices if they fit.
 
     Its arrays are read-only. `keep_diagonal` stores every diagonal entry, a zero one explicitly. Raises InputError.
     """
@@ -149,7 +151,7 @@ def as_csr(value: Any, name: str, n: int | None = None, *, keep_diagonal: bool =
 def as_rows(value: Any, name: str, keep_diagonal: bool = False) -> sp.csr_array:
     """A float64 CSR copy of the matrix `value` of any shape, dense or sparse, as `as_csr` makes it of a square one.
 
-    Every matrix comes in through here, or through `as_square` where it is dense. Raises InputError.
+    Every matrix of a user passes through here, or through `as_square` if it is dense. Raises InputError.
     """
     if sp.issparse(value):
         value = checked_sparse(value, name)
@@ -200,8 +202,8 @@ def _not_finite_entry(name: str, i: int, j: int, entry: float) -> InputError:
 
 def inner(x: Vector, y: Vector) -> float:
     """xᵀy, both of shape (n,)."""
-    # vdot does not look for overflow, as ufuncs do; from some size on BLAS wakes threads, which then spin for a while
-    # on the core that a sweep could have
+    # vdot does not check for overflow, as ufuncs do; for long vectors BLAS starts threads, which then spin for a while
+    # on the core that a sweep could use
     return float(np.vdot(x, y) if x.size <= _ONE_THREAD_UP_TO else np.einsum("i,i", x, y))
 
 
@@ -218,13 +220,13 @@ def norm(x: Vector) -> float:
 
 
 def largest_size(*arrays: Vector) -> float:
-    """The largest of the absolute values that are finite; 1 where that is 0."""
+    """The largest finite absolute value in the `arrays`; 1 where that is 0."""
     values = np.concatenate(arrays)
     return float(np.abs(values[np.isfinite(values)]).max(initial=0.0)) or 1.0
 
 
 class ReadOnly:
-    """A base of what never changes: its arrays cannot be written to, nor can those of a copy or where it is sent."""
+    """Base of immutable objects: their arrays are read-only, also in copies and in the processes they are sent to."""
 
     def __post_init__(self) -> None:
         self.lock()
@@ -240,7 +242,7 @@ class ReadOnly:
 
 
 def read_only(value: Any) -> Any:
-    """Read-only views, rows contiguous, of the arrays in `value`: one type for a compiled loop, which is compiled once.
+    """Read-only C-contiguous views of the arrays in `value`: a compiled loop sees one type, and is compiled once.
 
     Parameters
     ----------
@@ -257,7 +259,7 @@ def read_only(value: Any) -> Any:
 
 
 def locked(value: Any) -> Any:
-    """`value`, which cannot be written to from here on if it is an array, a CSR matrix or a tuple of these."""
+    """Make `value` read-only if it is an array, a CSR matrix or a tuple of these, and return it."""
     for one in value if isinstance(value, tuple) else (value,):
         if isinstance(one, np.ndarray):
             one.flags.writeable = False
@@ -283,7 +285,7 @@ def with_entries(matrix: sp.csr_array, entries: Any) -> sp.csr_array:
 
 
 def _with_stored_diagonal(matrix: sp.csr_array) -> sp.csr_array:
-    """`matrix`, sorted and without stored zeros, with zeros where its diagonal has none."""
+    """`matrix`, which is sorted and stores no zeros, with stored zeros where diagonal entries are missing."""
     missing = np.flatnonzero(matrix.diagonal() == 0.0)
     if not missing.size:
         return matrix
@@ -293,8 +295,10 @@ def _with_stored_diagonal(matrix: sp.csr_array) -> sp.csr_array:
 
 
 def as_float64(value: Any, name: str) -> NDArray[np.float64]:
-    """A float64 copy of the array `value` of any shape. Raises InputError where its entries are no real numbers, or are
-    wider than float64 and would be rounded."""
+    """A float64 copy of the array `value` of any shape.
+
+    Raises InputError where an entry is no real number, or has a wider type and would be rounded.
+    """
     array = as_array(value, name)
     kind = array.dtype.kind
     if kind == "c":

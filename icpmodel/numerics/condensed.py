@@ -1,4 +1,4 @@
-"""Factors where a diagonal block leaves by a product, as rows of Gx ≤ h do from conditions of optimality."""
+"""Factors of matrices whose diagonal block is eliminated first, as that of Gx ≤ h in optimality conditions."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def product_cost(kept: int, eliminated: int) -> float:
 
 
 class CondensedFactors:
-    """Factors of one matrix M = [[H, B], [−Bᵀ, D]] after another, all with one pattern, by LU of H + BD⁻¹Bᵀ.
+    """Factors of matrices M = [[H, B], [−Bᵀ, D]] with one pattern, by LU of the Schur complement H + BD⁻¹Bᵀ.
 
     Parameters
     ----------
@@ -39,9 +39,9 @@ class CondensedFactors:
         self._rows = np.zeros((self._size, kept.size))
 
     def factors(self, data: Vector) -> DenseFactors | None:
-        """The factors of the matrix with these entries, None where they fail; those before are lost.
+        """Factorise the matrix with the entries `data`; None where that fails. Earlier factors become invalid.
 
-        They solve Mx = f alone, not with Mᵀ, for f of shape (n,). Raises OutOfTime and OutOfMemory.
+        The factors solve Mx = f for f of shape (n,), not Mᵀx = f. Raises OutOfTime and OutOfMemory.
         """
         kept = self._kept
         self._rows[self._places] = data[self._stored]

@@ -1,7 +1,7 @@
-"""Equilibration: powers of two for the rows and columns of a matrix, which cost no digit, so that units decide nothing.
+"""Equilibration: rows and columns scaled by powers of two, which lose no digit, so that units decide nothing.
 
-All but `balanced` work with whole exponents, which `in_units` applies. Dense matrices that are
-pivoted have `kernels.balancing`.
+All functions but `balanced` use whole exponents, which `in_units` applies. Dense matrices that
+are pivoted have `algebra.kernels.balancing`.
 References: Curtis and Reid, J. Inst. Math. Appl. 10 (1972); Higham, Accuracy and Stability (2002), section 7.3.
 """
 
@@ -21,12 +21,13 @@ Exponents = NDArray[np.int64]
 
 #: entries within a factor 2^± this of the diagonal need no balancing
 _BALANCED_RANGE = 30
-#: least squares this far from the optimum still bring every entry into range
+#: steps of CG for least squares: a solution this far from the optimum still brings every entry into range
 _MAX_STEPS = 60
 #: below the exponent of every float
 _ZERO_EXPONENT = np.iinfo(np.int32).min
-#: weights go half the way to where rows are balanced so often at the most, 2^200 takes all, and so far do their roots
-#: go; they stay where none moves by more than this share: of .03, .1 and .3, .1 took the fewest proximal steps
+#: the most passes, each of which moves the weights half the way to balanced rows (2^200 takes all of them); the largest
+#: root of a weight; and the largest relative move of a root that ends the passes: of .03, .1 and .3, .1 took the fewest
+#: proximal steps
 _MAX_PASSES = 100
 _MAX_WEIGHT = math.sqrt(math.sqrt(np.finfo(np.float64).max))
 _SETTLED_SHARE = 0.1
@@ -103,12 +104,12 @@ def in_units_exactly(X: Any, r: Any, c: Any) -> Any:
 
 
 def balanced(A: sp.csr_array) -> Vector:
-    """The W > 0 that balances the rows of a CSR `A`, its indices sorted. Raises OutOfTime.
+    """The W > 0, shape (n,), that balances the rows of a CSR `A`, its indices sorted. Raises OutOfTime.
 
-    After it the sizes √|a_ij a_ji|/√(w_i w_j) are about 1 in the mean of every row in which each
-    entry has its own size as weight: an entry next to nothing does not count. Where a_ji = 0 the
-    size is |a_ij|/√(w_i w_j). From W = 1 each w goes half the way to that, until none goes far. By
-    more steps W would grow along chains of coupled rows.
+    W scales the sizes √|a_ij a_ji| to √|a_ij a_ji|/√(w_i w_j); where a_ji = 0, |a_ij| takes the
+    place of the root. In every row their mean, weighted by the sizes themselves, is about 1, so
+    that negligible entries do not count. From W = 1 each pass moves every w half the way, until none
+    moves far. With more passes W would grow along chains of coupled rows.
 
     References
     ----------

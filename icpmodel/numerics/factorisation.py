@@ -1,5 +1,7 @@
-"""Factorisations of sparse matrices whose cost is known before: of a band, and of what fills up, by LAPACK, of
-symmetric ones by QDLDL, and of others by SuperLU."""
+"""Factorisations of sparse matrices at a predicted cost, by LAPACK, QDLDL or SuperLU.
+
+LAPACK takes bands and what fills up, QDLDL symmetric matrices, SuperLU the others.
+"""
 
 from __future__ import annotations
 
@@ -20,28 +22,28 @@ from .rounding import SQRT_EPSILON
 from .symmetric_factors import SymmetricFactors
 from .threads import one_blas_thread, run_with_deadline
 
-#: a row is exchanged for another one where its pivot is smaller than this share of the largest entry of the column: √ε,
-#: so that a pivot costs half of the digits at most, and a step of refinement brings them back. Exchanges are not
-#: foreseen: with .01 equilibria of prices fill up 58 times as much, controls three times; with √ε neither does. The
-#: backward error was at most 3e-13 with either, or 2e-12, and 2e-16 after refinement, on all that were tried
+#: rows are exchanged where a pivot is smaller than this share of the largest entry of its column: √ε, so that a pivot
+#: costs at most half of the digits, which a step of refinement restores. The predicted fill has no exchanges: with .01
+#: price equilibria fill up 58 times as much, control problems three times; with √ε neither does. The backward error was
+#: at most 2e-12, and 2e-16 after refinement, on all that were tried
 _PIVOT_THRESHOLD = SQRT_EPSILON
-#: entries of this share of the largest one of their column will do for pivots
+#: entries of at least this share of the largest one of their column are good pivots
 _GOOD_PIVOT_SHARE = 0.1
 #: the number of diagonals on one side up to which LAPACK's factorisation of a band uses no blocks
 _UNBLOCKED_BAND = 32
-#: bytes of an entry of a factor, doubled for exchanges of rows that were not foreseen
+#: bytes per predicted entry of the factors, doubled for exchanges of rows, which are not predicted
 FACTOR_BYTES = 2 * work.ENTRY_BYTES
 
 
 class Factors:
-    """L and U by SuperLU of A with its rows and columns in another order, and solves with them.
+    """SuperLU's L and U of A with its rows and columns in another order, and solves with them.
 
     Parameters
     ----------
     lu : SuperLU
         The factors.
     rows, columns : array of shape (n,)
-        The orders.
+        The orders: SuperLU factorised A[rows][:, columns].
     """
 
     def __init__(self, lu: Any, rows: NDArray[Any], columns: NDArray[Any]) -> None:
@@ -78,7 +80,7 @@ class Factors:
         return inner_products(left, right, pivots)
 
     def in_order(self, y: Vector) -> Vector:
-        """x, shape (n,), with the entries of `y`, which has them in the order of the columns of U."""
+        """The entries of `y`, which are in the order of the columns of U, in that of the columns of A; shape (n,)."""
         x = np.empty(y.shape)
         x[self._orders[1]] = y[self.lu.perm_c]
         return x
@@ -159,16 +161,18 @@ def factorise(
 
 
 def dense_factors(matrix: sp.csr_array, cholesky: bool = False) -> DenseFactors | None:
-    """Dense factors of a sparse matrix that stores all entries; raises OutOfTime and OutOfMemory as `factorise`."""
+    """Dense factors of a sparse matrix, or None, as `array_factors`; raises OutOfTime and OutOfMemory."""
     n = matrix.shape[0]
     work.check_budget(dense_cost(n, cholesky), 16.0 * n**2)
-    return array_factors(np.asfortranarray(matrix.toarray()), cholesky)  # SciPy goes the long way over CSC
+    return array_factors(np.asfortranarray(matrix.toarray()), cholesky)  # toarray(order="F") goes by CSC
 
 
 def array_factors(M: NDArray[np.float64], cholesky: bool = False) -> DenseFactors | None:
-    """Those of an array in Fortran's order, which is overwritten; None where it is singular, or, by Cholesky's method,
-    which takes it for symmetric, not definite. Raises OutOfTime."""
-    # lu_factor warns of a zero pivot, and is slower than a small matrix
+    """Dense factors of `M`, an array in Fortran order, which is overwritten. Raises OutOfTime.
+
+    Returns None where M is singular or, with `cholesky`, which takes M for symmetric, not definite.
+    """
+    # lu_factor warns of a zero pivot, and takes longer than LAPACK does on a small matrix
     from scipy.linalg.lapack import dgetrf, dgetrs, dpotrf, dpotrs
 
     work.charge(dense_cost(M.shape[0], cholesky))
@@ -194,7 +198,7 @@ def _band_factors(matrix: sp.csr_array, analysis: SymbolicAnalysis, definite: bo
     below, above = analysis.reach
     arrays = (matrix.indptr, matrix.indices, matrix.data)
     work.charge(factor_cost(analysis.band), 8.0 * analysis.band.entries)
-    # LAPACK goes through narrow bands without calls of BLAS that would take threads
+    # on narrow bands LAPACK calls no BLAS that would use threads
     with one_blas_thread() if max(below, above) > _UNBLOCKED_BAND else nullcontext():
         if below == above and analysis.is_symmetric:
             half = np.zeros((n, below + 1))
@@ -244,13 +248,13 @@ def _superlu(matrix: sp.csr_array, fill: Fill, diagonal_pivots: bool) -> Any:
         options={"SymmetricMode": True},
     )
     try:
-        # exchanges of rows can fill all
+        # exchanges of rows can fill the whole matrix
         lu = run_with_deadline(by_superlu, factor_cost(Fill(n, n**2, n**3 / 3.0, True)))
     except RuntimeError:
-        # as long as was foreseen, or twice that, where few pivots are 0; 80 times where many are, which `linear` avoids
+        # the predicted time, or twice that, where few pivots are 0; 80 times where many are, which `linear` avoids
         work.count(2.0 * factor_cost(fill))
         return None
-    # exchanges of rows make more than was foreseen
+    # exchanges of rows take more multiplications than predicted
     flops = fill.flops * max(lu.nnz / fill.entries, 1.0) ** 1.5
     work.count(factor_cost(Fill(n, lu.nnz, flops, True)))
     return None if diagonal_pivots and not np.array_equal(lu.perm_r, lu.perm_c) else lu
@@ -283,7 +287,7 @@ def _onto_diagonal(matrix: sp.csr_array) -> NDArray[np.int32] | None:
 
 
 def largest_of_columns(matrix: sp.csr_array) -> Vector:
-    """The largest size of an entry in each column, shape (n,)."""
+    """The largest |entry| of each column, shape (n,)."""
     largest = np.zeros(matrix.shape[1])
     np.maximum.at(largest, matrix.indices, np.abs(matrix.data))
     return largest

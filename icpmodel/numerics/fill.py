@@ -18,26 +18,27 @@ from .processes import run_script
 from .sparse_structure import ROUNDING_RTOL, bandwidths, is_symmetric
 from .work import COSTS
 
-#: nanoseconds of a symbolic analysis, whatever the size, per entry, and per squared number of entries of a column: 10⁵
-#: rows coupled to one of 10⁴, 3·10⁴ and 6·10⁴ others took 1.1 to 2 times that
+#: nanoseconds of a symbolic analysis: for any size, per entry, and per squared number of entries of a column; 10⁵ rows
+#: coupled to one of 10⁴, 3·10⁴ and 6·10⁴ others took 1.1 to 2 times that
 _ANALYSIS_COST = 100_000.0
 _ANALYSIS_COST_PER_ENTRY = 150.0
 _ANALYSIS_COST_PER_SQUARE = 1.0
-#: n times the entries times this is the most that one takes: random graphs, which fill up, of 4 to 30 entries in a row
-#: took .3 to 1.6, n = 1500 to 10⁴, grids .01 to .06
+#: the most nanoseconds of an analysis, divided by n and by the number of entries: random graphs with 4 to 30 entries in
+#: a row, which fill up, took .3 to 1.6, grids .01 to .06 (n = 1500 to 10⁴)
 _MAX_COST_FACTOR = 1.6
-#: a graph of more rows than this, with more entries in the mean row, is not analysed where a breadth-first layer has
-#: more than this share of the rows
+#: a graph with more rows than the first number, and more entries in the mean row than the second, is not analysed where
+#: a breadth-first layer has more than the third as a share of the rows
 _SMALL_GRAPH = 2000
 _THIN_DEGREE = 5
 _WIDE_LAYER = 0.125
 #: of n rows, those with more than this multiple of √n entries are eliminated last
 _THIN_FACTOR = 10.0
-#: how much longer than a process takes to begin the worst case is: graphs that fill up take .05 of that or more
+#: an analysis has its own process if its worst case takes this many times as long as a process: graphs that fill up
+#: take .05 of the worst case or more
 _LONG = 100.0
 #: the most that grids take of the worst case
 _GRID_SHARE = 0.06
-#: the place of each row in SuperLU's order, for a matrix and the options of `spilu`
+#: script: the place of each row in SuperLU's order, for a matrix and the options of `spilu`
 _ORDER = """
 import pickle, sys
 from scipy.sparse.linalg import spilu
@@ -49,8 +50,8 @@ pickle.dump(spilu(matrix, **options).perm_c, sys.stdout.buffer)
 class Fill(NamedTuple):
     """The `entries` of L + U with this number of `rows`, and the `flops` (multiplications) that make them.
 
-    Both are estimates unless `is_exact`. Those of a `band` are stored and made as full ones, and of
-    `symmetric` ones, up to the signs of rows, a half is.
+    Both are estimates unless `is_exact`. A `band` is stored and factorised as if it were full. Of
+    factors that are `symmetric`, up to the signs of rows, only a half is stored and computed.
     """
 
     rows: int
@@ -62,7 +63,7 @@ class Fill(NamedTuple):
 
 
 def factor_cost(fill: Fill) -> float:
-    """The cost of a factorisation with this fill, with the ordering of a sparse one."""
+    """The cost of a factorisation with this fill; that of a sparse one includes the ordering."""
     if fill.band:
         return COSTS.band + COSTS.band_entry * fill.entries + COSTS.band_flop * fill.flops
     if fill.symmetric:
@@ -93,7 +94,7 @@ def dense_cost(n: int, symmetric: bool = False) -> float:
 
 
 def part_fill(fill: Fill, rows: int) -> Fill:
-    """The fill of `rows` of the rows with their columns: that of all, times the square of their share."""
+    """The estimated fill of a principal submatrix with `rows` rows: that of all, times the square of their share."""
     share = (rows / fill.rows) ** 2
     return fill._replace(rows=rows, entries=share * fill.entries, flops=share * fill.flops)
 
@@ -101,8 +102,8 @@ def part_fill(fill: Fill, rows: int) -> Fill:
 def band_fill(n: int, below: int, above: int, symmetric: bool = False) -> Fill:
     """The fill of a band with `below` diagonals below the main one and `above` above it.
 
-    There is room for exchanges of rows. For a `symmetric` band it is the fill of Cholesky's factor,
-    which needs none.
+    It has room for exchanges of rows. For a `symmetric` band it is the fill of Cholesky's factor,
+    which needs no exchanges.
     """
     entries, flops = (below + 1, 0.5 * below) if symmetric else (2 * below + above + 1, float(below + above))
     return Fill(n, float(n) * entries, 2.0 * n * below * flops, True, True)
@@ -120,7 +121,7 @@ def fill_and_order(A: sp.csr_array, symmetric: bool = False) -> tuple[Fill, NDAr
     -----
     SuperLU orders the graph of A + Aᵀ by minimum degree. It does so for an incomplete factorisation
     that drops all entries off the diagonal, which costs as much as some tens of products. Rows that
-    are not `thin_rows` come last. The elimination tree then tells the entries of each column.
+    are not `thin_rows` come last. The elimination tree then gives the entries of each column.
 
     References
     ----------
@@ -150,7 +151,7 @@ def fill_and_order(A: sp.csr_array, symmetric: bool = False) -> tuple[Fill, NDAr
 
 
 def _minimum_degree(graph: sp.csc_array) -> NDArray[np.integer]:
-    """The rows in SuperLU's order of minimum degree, by a process that can be ended where this is expected to be long.
+    """The rows in SuperLU's order of minimum degree; where that may take long, by a process that can be ended.
 
     SuperLU holds the interpreter's lock meanwhile.
     """
@@ -171,11 +172,11 @@ def _most_expensive_analysis(A: Any) -> float:
 
 
 def _widest_layer(A: Any) -> float:
-    """The most rows in a breadth-first layer, which begins far from the row with the most entries."""
+    """The most rows of a breadth-first layer; the search starts far from the row with the most entries."""
     from .kernels.graph import breadth_first_layers  # loads numba
 
     n = A.shape[0]
-    last = np.argmax(np.diff(A.indptr))  # with few entries it may be alone
+    last = np.argmax(np.diff(A.indptr))  # a row with few entries may be isolated
     for _ in range(2):  # the second time from the far end
         layer, order = breadth_first_layers(*read_only((A.indptr, A.indices, np.ones(A.nnz))), np.arange(n) == last)
         last = order[-1]
@@ -183,9 +184,9 @@ def _widest_layer(A: Any) -> float:
 
 
 def thin_rows(A: Any) -> NDArray[np.bool_]:
-    """The rows i with at most 10√n entries in row i and in column i of a sparse matrix, as AMD counts them.
+    """A mask of the rows i with at most 10√n entries in row i and in column i of a sparse matrix, as in AMD.
 
-    Amestoy, Davis and Duff, ACM TOMS 30 (2004): the others are eliminated last.
+    The others are eliminated last: Amestoy, Davis and Duff, ACM TOMS 30 (2004).
     """
     n = A.shape[0]
     in_columns = np.bincount(A.indices, minlength=n)
@@ -231,7 +232,7 @@ class SymbolicAnalysis:
 
     @cached_property
     def signs(self) -> Vector | None:
-        """±1 for each row, which make A symmetric up to rounding; None where no signs do."""
+        """Signs ±1 of the rows that make A symmetric up to rounding; None where there are none."""
         return signs_of_symmetry(self.matrix)
 
     @cached_property
@@ -248,16 +249,16 @@ class SymbolicAnalysis:
 
     @cached_property
     def is_band(self) -> bool:
-        """Whether factors of the band cost no more than sparse ones.
+        """Whether factors of the band are preferred to sparse ones.
 
-        That is so where they cost less than twice what sparse ones would without any fill.
+        They are where they cost at most twice what sparse ones would without fill, or less than sparse ones.
         """
         narrow = not self.band_costs_more(2.0 * self._least)
         return narrow or (not self._is_full and self._sparse_costs_more(factor_cost(self.band)))
 
     @property
     def fill(self) -> Fill:
-        """The fill of the cheaper form, band or sparse; an estimate where a full analysis does not pay."""
+        """The fill as a band or a sparse matrix, or of a full A; an estimate where a full analysis does not pay."""
         if self._is_full:
             n = self.matrix.shape[0]
             return Fill(n, float(n) ** 2, float(n) ** 3 / 3.0, True)
@@ -269,7 +270,7 @@ class SymbolicAnalysis:
         if self._sparse is not None:
             if self._sparse.is_exact:
                 return self._sparse
-            if work.seconds_left() == math.inf:  # no clock ends one that exceeds an allowance of counted work
+            if work.seconds_left() == math.inf:  # no clock ends an analysis that exceeds a limit of counted work
                 work.check_budget(_most_expensive_analysis(self.matrix))
         return self._analysed()
 
@@ -286,7 +287,7 @@ class SymbolicAnalysis:
         return fill
 
     def exact(self) -> SymbolicAnalysis:
-        """This prediction if it is exact, else another one that is."""
+        """This analysis if its fill is exact, else another one whose fill is."""
         if self.fill.is_exact:
             return self
         analysis = SymbolicAnalysis(self.matrix, self._known_symmetry)
@@ -295,7 +296,7 @@ class SymbolicAnalysis:
         return analysis
 
     def of_similar(self, M: sp.csr_array) -> SymbolicAnalysis:
-        """The analysis of an unsymmetric `M` with about the same entries, in the same order where that is sparse."""
+        """An analysis of an unsymmetric `M` with about the pattern of A; if that is sparse, with its fill and order."""
         analysis = SymbolicAnalysis(M, lambda: False)
         if not (self._is_full or self.is_dense or self.is_band):
             analysis._sparse = self.complete._replace(symmetric=False)
@@ -306,7 +307,7 @@ class SymbolicAnalysis:
         """Whether factors of the band cost more than `limit` nanoseconds."""
         below, above = self.reach
         if factor_cost(band_fill(self.matrix.shape[0], below, above, below == above)) > limit:
-            return True  # to ask whether A is symmetric takes as long as some products
+            return True  # the test whether A is symmetric takes as long as some products
         return factor_cost(self.band) > limit
 
     def costs_more(self, limit: float) -> bool:
@@ -339,7 +340,7 @@ class SymbolicAnalysis:
 def signs_of_symmetry(A: sp.csr_array) -> Vector | None:
     """σ, ±1 for each row, with σ_i a_ij = σ_j a_ji up to rounding.
 
-    None where there are no such signs, or where one of the two entries is not stored.
+    None where there are no such signs, where one of the two entries is not stored, or where A is not canonical.
     """
     from .kernels.graph import symmetrising_signs  # loads numba
 

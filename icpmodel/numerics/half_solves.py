@@ -1,4 +1,4 @@
-"""Products of sparse matrices around M⁻¹ by half a solve for each of their columns."""
+"""Products BM⁻¹C with sparse B and C, by one triangular solve for each row of B and each column of C."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from . import work
 from .arrays import Vector, read_only
 from .threads import one_blas_thread, run_with_deadline
 
-#: the rows of a matrix that are not 0, ascending, and what they hold
+#: the rows of a matrix that may be nonzero: their indices, ascending, and their entries
 HalfSolved = tuple[NDArray[np.intp], NDArray[np.float64]]
 
 
 def half_solve(L: Any, rows: NDArray[np.integer], B: sp.coo_array) -> HalfSolved:
-    """L⁻¹PB for sparse `B` (n × k), row i of which has the place `rows`[i] in PB.
+    """The nonzero rows of L⁻¹PB for sparse `B` (n × k); row i of B is row `rows`[i] of PB.
 
     `L` is unit lower triangular, stored by columns without its diagonal. Raises OutOfTime and OutOfMemory.
     """
@@ -33,7 +33,7 @@ def half_solve(L: Any, rows: NDArray[np.integer], B: sp.coo_array) -> HalfSolved
 
 
 def inner_products(left: HalfSolved, right: HalfSolved, pivots: Vector) -> NDArray[np.float64]:
-    """XᵀD⁻¹Y for the matrices X, Y of `left` and `right`, and D of the `pivots`; raises as `half_solve` does."""
+    """XᵀD⁻¹Y for the matrices X, Y of `left` and `right`, and D = diag(`pivots`); raises as `half_solve` does."""
     rows, X = left
     Y = right[1]
     if right is not left:

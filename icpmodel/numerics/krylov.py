@@ -1,4 +1,4 @@
-"""Krylov's methods for linear systems, and the couplings of rows, whose spectral radius says how hard these are."""
+"""Krylov methods for linear systems, and the couplings of rows, whose spectral radius says how hard these are."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from . import work
 from .arrays import Vector, inner, norm, with_entries
 from .rounding import UNIT_ROUNDOFF
 
-#: nanoseconds for which a_ji is found, in rows of thousands of entries
+#: nanoseconds to find a_ji, in rows of thousands of entries
 _COUPLING_COST = 40.0
-#: directions that GCR keeps, and its steps before the rate is asked for
+#: directions that GCR keeps, and its steps before the rate is first checked
 MAX_DIRECTIONS = 8
 _TRIAL_STEPS = 32
 
@@ -43,8 +43,8 @@ def couplings(A: sp.csr_array) -> sp.csr_array:
 def conjugate_residuals(M: sp.csr_array, f: Vector, max_steps: int, tolerance: float) -> Vector | None:
     """Solve Mx = f to the relative `tolerance` by `GCR`, for M with a positive diagonal.
 
-    M need not be symmetric. Returns None as soon as the observed rate predicts more than `max_steps`
-    steps.
+    M need not be symmetric. Returns None where `max_steps` steps do not suffice, by the observed
+    rate or in fact.
     """
     unit = 1.0 / np.sqrt(M.diagonal())
     step_cost = gcr_step_cost(M.shape[0], M.nnz)
@@ -75,9 +75,9 @@ def gcr_step_cost(n: int, nnz: int) -> float:
 
 
 class GCR:
-    """Generalised conjugate residuals: steps that each reduce the 2-norm of the residual as the last directions allow.
+    """Generalised conjugate residuals: each step minimises the 2-norm of the residual over the last directions.
 
-    Parameters: the `product` with M, a preconditioner for it, and `residual` = f − Mx at the start. It is overwritten.
+    Parameters: the product with M, a preconditioner for M, and `residual` = f − Mx at the start, which is overwritten.
     """
 
     def __init__(
@@ -91,10 +91,13 @@ class GCR:
         self._min_length = np.inf
 
     def iterate(self, x: Vector, tolerance: float, max_steps: int) -> tuple[Vector, bool]:
-        """`x` after at most `max_steps` steps, fewer where `tolerance` is met, and whether any was made."""
+        """Return `x` after at most `max_steps` steps, and whether any was made; `residual` is updated.
+
+        The steps end where ‖residual‖₂ ≤ `tolerance`, or where M maps a direction to rounding errors.
+        """
         from .kernels.vcycle import add_both  # loads numba
 
-        # in place: to touch memory that is new costs more than these sums
+        # in place: touching new memory costs more than these sums
         x = x.copy()
         moved = False
         for _ in range(max_steps):
@@ -107,10 +110,10 @@ class GCR:
                 largest = max(largest, abs(share))
             size = norm(w)
             length = norm(y)
-            if not (0 < size < np.inf and length / size > 0):  # which may underflow
+            if not (0 < size < np.inf and length / size > 0):  # the quotient may underflow
                 break
             self._min_length = min(self._min_length, length / size)
-            # where M is singular, w is what rounding left of My, or of what was taken from it
+            # where M is singular, w may be rounding errors only, of My or of the projections subtracted from it
             if not MAX_DIRECTIONS * UNIT_ROUNDOFF * max(largest, length / self._min_length) <= size:
                 break
             y /= size
@@ -124,7 +127,7 @@ class GCR:
         return x, moved
 
     def solve(self, x: Vector, tolerance: float, max_steps: int) -> Vector:
-        """`x` after at most `max_steps` steps, where its residual is as small as `tolerance`. Raises NotConverged."""
+        """Return `x` after at most `max_steps` steps; raise NotConverged if its residual is above `tolerance`."""
         if norm(self.residual) > tolerance:
             x, _ = self.iterate(x, tolerance, max_steps)
         if not norm(self.residual) <= tolerance < np.inf:

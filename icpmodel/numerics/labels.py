@@ -1,4 +1,4 @@
-"""The labels of pandas' objects, which must agree where numbers are taken by their place."""
+"""The labels of pandas' objects, which must agree, as entries are matched by position."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from ..errors import InputError
 
 
 def check_labels(arguments: Mapping[str, Any]) -> Any:
-    """The labels of pandas' objects, None without any; raises InputError where they differ.
+    """Check that pandas' objects have the same labels, and return these, or None if there are none.
 
-    `arguments` maps argument → value. Rows and columns must have the labels, in the order, of the rows
-    of the first object: numbers are taken by their place.
+    `arguments` maps argument → value. All rows and columns must have the labels of the first ones, in
+    the same order: entries are matched by position. Raises InputError.
     """
     first = ""
     expected = None
@@ -33,12 +33,12 @@ def check_labels(arguments: Mapping[str, Any]) -> Any:
 
 
 def along_rows(table: Any) -> Any:
-    """An object with the labels of the rows of a `table` alone; a vector, which is one row, has none."""
+    """An object with the row labels of a `table` alone; None for a vector, which is one row."""
     return SimpleNamespace(index=getattr(table, "index", None)) if hasattr(table, "columns") else None
 
 
 def along_unknowns(rows: Any) -> Any:
-    """An object with the labels of the unknowns of one vector, or of a table with such vectors as `rows`."""
+    """An object with the labels of the unknowns: `rows` itself if it is a vector, its columns if it is a table."""
     return SimpleNamespace(columns=rows.columns) if hasattr(rows, "columns") else rows
 
 

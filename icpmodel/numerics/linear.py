@@ -1,14 +1,15 @@
 """Linear systems of Newton's method, by the solver that fits the matrix.
 
-1. Dense: LAPACK, by Cholesky or LU. It is for arrays, and where a sparse factorisation costs more than n³/3.
-2. Band: LAPACK, by Cholesky or LU. It is taken at up to twice the cost of a sparse factorisation without fill.
+1. Dense: LAPACK, by Cholesky or LU. For arrays, and where n³/3 multiplications cost less than 2, 3 and 4.
+2. Band: LAPACK, by Cholesky or LU. At up to twice the cost of a sparse factorisation without fill, or up to that of 3
+   and 4.
 3. Sparse and symmetric up to the signs of rows: QDLDL. SuperLU follows where pivots fail.
-4. Other sparse matrices: SuperLU. The fill of 3 and 4 is known before.
-5. GCR. It is for D > 0, where 100 steps cost less than the factorisation.
+4. Other sparse matrices: SuperLU. The fill of 3 and 4 is predicted by a symbolic analysis.
+5. GCR. Where the diagonal is positive and 100 steps cost less than the factorisation.
 6. Krylov steps with V-cycles, for M-matrices, where ten of them cost less: see `algebra.multigrid_equations`.
 
-Rows are brought to one size first. Where GCR does not converge M is factorised as well. The costs
-and the fill are those of `numerics.fill`.
+Except for Cholesky, rows are equilibrated first. Where GCR does not converge, M is factorised. The
+costs and the fill are those of `numerics.fill`.
 """
 
 from __future__ import annotations
@@ -38,13 +39,13 @@ class Solver(Protocol):
 
 #: the relative error up to which systems count as solved
 MAX_BACKWARD_ERROR = 1e-12
-#: the share of the diagonal that is added so that a singular matrix is seen in time, the least that did it in every
-#: case; and the share of the solution, or of the step before, up to which a step of refinement takes it back
+#: the share of the diagonal that is added so that a singular matrix is noticed early, the least that did it in every
+#: case; and the largest step of refinement, as a share of the solution or of the step before, that may correct for it
 _PERTURBATION = 1.5e-11
 _MAX_CORRECTION = 0.5
-#: the shift of smaller entries of the diagonal, in units of the largest one of the column: enough for a pivot
+#: smaller entries of the diagonal are shifted by this share of the largest entry of their column: enough for a pivot
 _PIVOT_SHIFT = 2.0 * SQRT_EPSILON
-#: the relative residual of solves that are too rough to go on with, ε^¼
+#: the largest relative residual of solves that are accurate enough to be used, ε^¼
 ROUGH_SOLVE = math.sqrt(SQRT_EPSILON)
 #: the typical number of steps of GCR without a preconditioner
 _MANY_STEPS = 100
@@ -63,12 +64,12 @@ def solver_of(M: Any, analysis: SymbolicAnalysis | None = None) -> Solver:
     Returns
     -------
     callable
-        The solver; it returns None where M is singular.
+        The solver; it returns None where M is singular or not finite.
 
     Raises
     ------
     OutOfTime, OutOfMemory
-        Where a factorisation takes more than is left.
+        Here or in the solver, where a factorisation takes more than is left.
     """
     if M.shape[0] == 0:
         return lambda f, tolerance, transposed=False: f
@@ -98,14 +99,14 @@ def _by_factors(M: Any, analysis: SymbolicAnalysis | None) -> tuple[Solver, Expo
     if analysis is None:
         return _solver_with(array_factors(np.array(in_units(M, exponents), order="F"))), exponents, 0
     if analysis.is_dense or analysis.is_band:
-        # Cholesky's factor is as good in all units, and others would take the symmetry
+        # Cholesky's factor is as accurate in all units, and scaled rows would not be symmetric
         if analysis.is_symmetric and (factors := factorise(M, definite=True, analysis=analysis)):
             return _solver_with(factors), 0, 0
         scaled = in_units(M, exponents)
         return _solver_with(dense_factors(scaled) if analysis.is_dense else factorise(scaled)), exponents, 0
     if analysis.signs is None:
         return _perturbed_factors(in_units(M, exponents), analysis), exponents, 0
-    both = exponents // 2  # as large as before at the most, and as symmetric as it was
+    both = exponents // 2  # entries stay below 1, and M as symmetric as it was
     return _perturbed_factors(in_units(M, both, both), analysis), both, both
 
 
@@ -115,10 +116,10 @@ def steps_cost(n: int, nnz: int) -> float:
 
 
 def _by_steps(M: sp.csr_array, analysis: SymbolicAnalysis) -> Solver | None:
-    """The solver by GCR, with as many steps as cost no more than a factorisation.
+    """The solver by GCR, with at most as many steps as cost no more than a factorisation.
 
-    None where a factorisation is predicted to cost less than `_MANY_STEPS`, or where the diagonal is
-    not positive.
+    It gives up after its first failure. None where a factorisation is predicted to cost less than
+    `_MANY_STEPS` steps, or where the diagonal is not positive.
     """
     a_step = gcr_step_cost(M.shape[0], M.nnz)
     cost = steps_cost(M.shape[0], M.nnz)
@@ -143,9 +144,9 @@ def _by_steps(M: sp.csr_array, analysis: SymbolicAnalysis) -> Solver | None:
 def refine(
     solve: Callable[[Vector], Vector], multiply: Callable[[Vector], Vector], f: Vector, accuracy: float
 ) -> tuple[Vector, float, float]:
-    """x with Mx = f by refinement of inaccurate solves, and the relative residuals of its first and its last value.
+    """Solve Mx = f by refinement of inaccurate solves; return x and the relative residuals of the first and the last x.
 
-    It ends at the `accuracy`, or where a step does not halve the residual.
+    Refinement ends at a residual of `accuracy`, or where a step does not halve it.
     """
     size = norm(f) or 1.0
     x = solve(f)
@@ -163,7 +164,7 @@ def refine(
 
 
 def _solver_with(factors: Any) -> Solver:
-    """The solver that has the `factors`, None where M is singular."""
+    """The solver by these `factors`, which are None where M is singular."""
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
         return None if factors is None else factors.solve(f, "T" if transposed else "N")
@@ -174,13 +175,13 @@ def _solver_with(factors: Any) -> Solver:
 def _perturbed_factors(M: sp.csr_array, analysis: SymbolicAnalysis) -> Solver:
     """The solver by the factors of M + εD, with few or no exchanges of rows.
 
-    Entries of the diagonal that are nearly 0 are first raised to √ε of the column, and no rows are
-    exchanged: exchanges can fill up many times as much as predicted. Where these factors are bad,
-    they are made again with exchanges.
+    Entries of the diagonal below 2√ε of the largest one of their column are first shifted by that
+    much, and no rows are exchanged: exchanges can fill up many times as much as predicted. Where
+    these factors are inaccurate, M is factorised again with exchanges.
 
-    SuperLU goes on behind a pivot that is exactly 0, with its rows in another order, and says only
-    at the end that M is singular. On traffic equilibria that took 80 times as long as predicted. M
-    counts as singular where refinement fails.
+    After a pivot that is exactly 0 SuperLU takes its rows in another order, and reports only at the
+    end that M is singular. On traffic equilibria that took 80 times as long as predicted. εD avoids
+    it, and M counts as singular where refinement fails.
     """
     diagonal = M.diagonal()
     units = largest_of_columns(M)
@@ -195,7 +196,7 @@ def _perturbed_factors(M: sp.csr_array, analysis: SymbolicAnalysis) -> Solver:
 
     shift = _PIVOT_SHIFT * units
     small = np.abs(diagonal) < shift
-    # columns of different sizes hide the small entries
+    # where columns have very different sizes, small entries cannot be recognised
     if (analysis.signs is None and not small.any()) or units.min() < _PIVOT_SHIFT * units.max():
         return exchanged()
     near, by_near = perturbed(np.where(small, np.copysign(shift, diagonal), _PERTURBATION * diagonal), True)
@@ -215,8 +216,8 @@ def _perturbed_factors(M: sp.csr_array, analysis: SymbolicAnalysis) -> Solver:
 def _with_refinement(M: sp.csr_array, units: Vector, by_factors: Solver) -> Solver:
     """The solver by the factors of a matrix near M, and refinement.
 
-    Refinement removes the effect of what is added to M and of small pivots. Returns None where its
-    first step is not small. Columns have these `units`, shape (n,).
+    Refinement removes the effect of what is added to M and of small pivots. The solver returns None
+    where the first step is not small. `units`, shape (n,), are the sizes of the columns.
     """
 
     def solve(f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
@@ -230,7 +231,7 @@ def _with_refinement(M: sp.csr_array, units: Vector, by_factors: Solver) -> Solv
             count(product(f.size, M.nnz))
             step = by_factors(f - matrix @ x, tolerance, transposed)
             if step is None or not (size := norm(unit * step)) <= _MAX_CORRECTION * before:
-                return refined  # the best that rounding leaves, if any
+                return refined  # the best x that rounding allows, if any
             refined = x = x + step
             limit = MAX_BACKWARD_ERROR * norm(unit * x)
             if before == 0.0 or size / before * size <= limit:  # what the next step would be

@@ -16,14 +16,13 @@ from . import work
 from .arrays import Vector
 from .sparse_structure import is_symmetric
 
-#: coarsening has stalled if more rows than these are left
+#: coarsening has stalled if the coarsest level has more rows than this
 MAX_COARSEST_IF_STALLED = 512
-#: with multigrid as preconditioner a Krylov method that needs more steps will not get there
+#: a Krylov method with multigrid as preconditioner that needs more steps than this will not converge
 KRYLOV_STEPS = 30
 #: the errors of SciPy's direct solvers, on the coarsest level, for a matrix that is singular or not finite
 _FAILURES = (RuntimeError, ValueError, ArithmeticError)
-#: bytes that a hierarchy takes per entry of A: its levels, with what interpolates between them, hold about three times
-#: as many entries
+#: bytes of a hierarchy per entry of A: its levels and interpolations have about three times as many entries
 HIERARCHY_BYTES = 3 * work.ENTRY_BYTES
 
 
@@ -70,7 +69,7 @@ def linear_solve(A: sp.csr_array, b: Vector, tolerance: float = 1e-8) -> Vector:
     Returns
     -------
     array of shape (n,)
-        x, which may not have got to the tolerance.
+        x, which may miss the tolerance.
 
     Raises
     ------

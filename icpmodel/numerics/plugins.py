@@ -1,4 +1,4 @@
-"""What the process runs in: the packages that add to this one, and whether it is a notebook."""
+"""The environment of the process: packages that extend this one, and whether it is a notebook."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Work that nothing can stop, such as a foreign factorisation, in a process that can be ended."""
+"""Run work that cannot be interrupted, such as a foreign factorisation, in a process that can be ended."""
 
 from __future__ import annotations
 
@@ -20,18 +20,19 @@ from ..errors import OutOfMemory, OutOfTime
 from .work import seconds_left
 
 _T = TypeVar("_T")
-#: whether a process can be begun that has all that this one has
+#: whether this process can be forked
 CAN_FORK = hasattr(os, "fork")
-#: no process is waited for longer, in seconds, as the system counts no more milliseconds
+#: the longest wait for a process, in seconds: the system counts milliseconds in an int
 _LONGEST_WAIT = 2e6
-#: filters of warnings belong to all threads
+#: the filters of warnings, which a fork changes, belong to all threads
 _FORK_LOCK = threading.Lock()
 
 
 def run_script(script: str, data: Any) -> Any:
-    """What a `script` returns for `data`: it reads one pickle, and writes another one.
+    """Run a Python `script` in a new interpreter on `data`, and return what it writes.
 
-    A new interpreter runs it, which ends with the time, and at Ctrl-C. A fork could wait for ever for a thread of BLAS.
+    It reads one pickle from standard input, and writes one to standard output. It is ended when the time is over, and
+    at Ctrl-C. A fork could wait for ever for a thread of BLAS.
 
     Raises
     ------
@@ -61,14 +62,16 @@ def run_script(script: str, data: Any) -> Any:
 
 
 def in_a_process(items: Callable[[], Iterator[_T]], end: float) -> Iterator[_T]:
-    """What `items` yields in a fork of this process, each as soon as it is there.
+    """Run `items` in a fork of this process, and yield each item as soon as it arrives.
+
+    An exception of `items` is raised here.
 
     Parameters
     ----------
     items
         Called in the other process. What it yields is pickled.
     end
-        When the other process is ended, as `time.perf_counter` says it.
+        Time of `time.perf_counter()` at which the other process is ended.
 
     Raises
     ------
@@ -79,7 +82,7 @@ def in_a_process(items: Callable[[], Iterator[_T]], end: float) -> Iterator[_T]:
     """
     reader, writer = Pipe(duplex=False)
     with _FORK_LOCK, warnings.catch_warnings():
-        # of threads, by Python and JAX: they may hold locks; those of this package are made anew in the other process
+        # Python and JAX warn that threads may hold locks; those of this package are made anew in the other process
         warnings.simplefilter("ignore")
         child = os.fork()
     if not child:

@@ -1,6 +1,6 @@
 """Rational arithmetic, for small matrices on which rounding leaves a question open.
 
-All elimination is that of `reduced`, on whole numbers: a row may have any positive unit.
+`reduced` does all elimination, on whole numbers: each row may be multiplied by a positive number.
 References: Bareiss, Math. Comp. 22 (1968); Schrijver, Theory of Linear and Integer Programming (1986), chapter 12.
 """
 
@@ -20,9 +20,9 @@ from .arrays import Vector
 
 Rational = list[Fraction]
 Rationals = list[Rational]
-#: rows, each with the column of its pivot, in which the rows after it are 0
+#: pairs (column of the pivot, row); later rows are 0 in that column
 Echelon = tuple[tuple[int, list[int]], ...]
-#: a sum of rows: which ones, and their sum
+#: a combination of rows with positive factors: the indices of the rows, and its entries
 Sum = tuple[frozenset[int], tuple[int, ...]]
 
 
@@ -49,15 +49,15 @@ def in_integers(row: Sequence[Fraction | int]) -> list[int]:
 
 
 def dot(row: Sequence[Any], x: Sequence[Any]) -> Fraction:
-    """The sum of the products of entries that both have."""
+    """Σ row_i x_i over the length of the shorter one."""
     return sum((a * b for a, b in zip(row, x, strict=False) if a and b), Fraction(0))
 
 
 def reduced(echelon: Echelon, row: list[int]) -> list[int]:
-    """A multiple of `row` less multiples of the rows of the `echelon`, 0 in their pivot columns.
+    """A multiple of `row` minus multiples of the rows of the `echelon` that is 0 in their pivot columns.
 
-    It is a positive one if their pivots are positive. All entries are minors, so that divisions have no remainder, if
-    the rows of the `echelon` were reduced in turn. Raises OutOfTime.
+    The factor of `row` is positive if all pivots are. If every row of the `echelon` was reduced by those before it, all
+    entries are minors, and divisions have no remainder. Raises OutOfTime.
     """
     work.check_budget()
     last = 1
@@ -70,7 +70,7 @@ def reduced(echelon: Echelon, row: list[int]) -> list[int]:
 
 
 def with_row(echelon: Echelon, row: list[int]) -> Echelon:
-    """The `echelon` and `row`, reduced by it, with its first entry for pivot; the `echelon` alone if that is 0.
+    """The `echelon` with the reduced `row` appended, pivot its first nonzero; the `echelon` itself if it reduces to 0.
 
     Examples
     --------
@@ -88,7 +88,7 @@ def echelon_of(rows: Iterable[Sequence[Fraction | int]]) -> Echelon:
 
 
 def substitute(echelon: Echelon, x: Sequence[Fraction | int]) -> Rational:
-    """`x` with other entries in the pivot columns, so that its product with each row is 0."""
+    """A copy of `x` whose entries in the pivot columns are set so that its product with each row is 0."""
     solution = [Fraction(entry) for entry in x]
     for column, row in reversed(echelon):
         solution[column] = Fraction(0)
@@ -118,13 +118,13 @@ def affine_solutions(rows: Iterable[Sequence[Fraction | int]], columns: int) -> 
 def relative_interior(rows: Sequence[Sequence[Any]], columns: int) -> Rational | None:
     """A point t in the relative interior of {t : row · (t, 1) ≥ 0 for every row}; None where that is empty.
 
-    t has `columns` entries. Rows that are 0 there are 0 on all of the polyhedron. Raises OutOfTime.
+    t has `columns` entries. Rows that are 0 at t are 0 on all of the polyhedron. Raises OutOfTime.
 
     Notes
     -----
-    Fourier and Motzkin's elimination: sums of two rows without t_1 describe the projection. Above a point of its
-    relative interior, the middle of the segment is one of that of the polyhedron. A sum of more than k + 1 of the
-    `rows` is superfluous without t_1 … t_k (Chernikov).
+    Fourier–Motzkin elimination: combinations of two rows without t_1 describe the projection. Take a point of its
+    relative interior. The middle of the segment above this point is in the relative interior of the polyhedron. Once
+    t_1 … t_k are eliminated, combinations of more than k + 1 of the `rows` are redundant (Chernikov).
 
     References
     ----------
@@ -139,7 +139,7 @@ def relative_interior(rows: Sequence[Sequence[Any]], columns: int) -> Rational |
 
 
 def _interior(sums: set[Sum], columns: int, max_terms: int) -> Rational | None:
-    """`relative_interior` of `sums` of rows; sums without t_1 may have `max_terms` rows."""
+    """`relative_interior` of `sums` of rows; once t_1 is eliminated, sums may combine `max_terms` rows."""
     if any(row[-1] < 0 and not any(row[:-1]) for _, row in sums):
         return None
     if not columns:
@@ -157,14 +157,14 @@ def _interior(sums: set[Sum], columns: int, max_terms: int) -> Rational | None:
     if point is None:
         return None
     lows, highs = ([-dot(row[1:], [*point, 1]) / row[0] for _, row in side] for side in (rising, falling))
-    unit = max(map(abs, lows + highs), default=Fraction(0)) or Fraction(1)  # in which an open end is set
+    unit = max(map(abs, lows + highs), default=Fraction(0)) or Fraction(1)  # an open end is 2 units from the other one
     low = max(lows, default=min(highs, default=unit) - 2 * unit)
     high = min(highs, default=low + 2 * unit)
     return [(low + high) / 2, *point]
 
 
 def leading_minor(M: Rationals) -> tuple[int, Echelon] | None:
-    """The number of rows before that of the first leading minor ≤ 0, and their echelon; None where all are positive."""
+    """The index k of the row of the first leading minor ≤ 0, and the echelon of rows < k; None if all are positive."""
     echelon: Echelon = ()
     for k, row in enumerate(M):
         left = reduced(echelon, in_integers(row))
@@ -177,7 +177,7 @@ def leading_minor(M: Rationals) -> tuple[int, Echelon] | None:
 def m_matrix(C: Any) -> Rational | None:
     """An x ≥ 0, x ≠ 0 with Cx ≤ 0 for the Z-matrix `C`; None where it is a nonsingular M-matrix.
 
-    It is one where its leading minors are positive. Reference: Berman and Plemmons (1994), chapter 6.
+    It is one if and only if its leading minors are positive. Reference: Berman and Plemmons (1994), chapter 6.
     """
     M = rationals(C)
     failed = leading_minor(M)
@@ -185,9 +185,9 @@ def m_matrix(C: Any) -> Rational | None:
 
 
 def curvature(M: Rationals) -> tuple[bool, Rational | None]:
-    """Whether the symmetric `M` is semidefinite; and, unless it is definite, an x.
+    """Whether the symmetric `M` is positive semidefinite; and a witness x ≠ 0, None where M is definite.
 
-    x ≠ 0 has xᵀMx < 0, or = 0 where M is semidefinite.
+    xᵀMx = 0 where M is semidefinite, else xᵀMx < 0.
     """
     n = len(M)
     flat = None
@@ -210,7 +210,7 @@ def curvature(M: Rationals) -> tuple[bool, Rational | None]:
 
 
 def nearest(x: Fraction | float) -> float:
-    """The float nearest to `x`, infinite beyond their range."""
+    """The float nearest to `x`, infinite where it overflows."""
     try:
         return float(x)
     except OverflowError:
@@ -218,7 +218,7 @@ def nearest(x: Fraction | float) -> float:
 
 
 def as_witness(x: list[Fraction], proves: Any) -> Vector:
-    """`x` in floats if they prove what x proves, as `proves` says of a list of fractions, else in fractions."""
+    """`x` divided by its largest size, in floats, if `proves` accepts these as fractions; else `x` in fractions."""
     largest = max(abs(entry) for entry in x)
     floats = np.array([float(entry / largest) for entry in x])
     return floats if proves([Fraction(entry) for entry in floats]) else np.array(x, dtype=object)

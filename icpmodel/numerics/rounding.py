@@ -19,7 +19,7 @@ from .sparse_structure import absolute
 UNIT_ROUNDOFF = float(np.finfo(np.float64).epsneg)
 #: √ε, half of the digits of float64
 SQRT_EPSILON = math.sqrt(np.finfo(np.float64).eps)
-#: products from this size on lose less to underflow than to rounding, and what they lose is a float
+#: products of at least this size lose less to underflow than to rounding, and their error is a float
 MIN_EXACT_PRODUCT = float(np.finfo(np.float64).tiny) / UNIT_ROUNDOFF
 #: the smallest positive float64, the most that underflow can cost one operation
 SMALLEST = math.ulp(0.0)
@@ -34,11 +34,10 @@ CTRL_C = SystemError, ImportError
 
 
 def public_entry(function: Call) -> Call:
-    """Decorator of what users call: `check_arguments`, NumPy's default handling of floating-point errors, and a
-    KeyboardInterrupt for Ctrl-C in compiled code.
+    """Decorator of public functions: `check_arguments`, NumPy's default floating-point errors, Ctrl-C in compiled code.
 
-    It warns where the processor flushes to zero what is smaller than 2.2e-308, as some libraries make it do. Proofs
-    count on gradual underflow.
+    Ctrl-C there raises KeyboardInterrupt. The function warns where the processor flushes numbers below 2.2e-308 to
+    zero, as some libraries make it do. Proofs rely on gradual underflow.
     """
     function = check_arguments(function)
 
@@ -65,7 +64,7 @@ def is_ctrl_c(error: BaseException | None) -> bool:
 
 
 def gamma(k: Any) -> Any:
-    """γ_k = ku/(1 − ku), u = 2⁻⁵³: what k operations in a row may lose, relatively."""
+    """γ_k = ku/(1 − ku), u = 2⁻⁵³: bounds the relative error of k successive operations."""
     return k * UNIT_ROUNDOFF / (1 - k * UNIT_ROUNDOFF)
 
 
@@ -77,8 +76,8 @@ def terms_of(matrix: Any) -> Any:
 def product_lower_bound(matrix: sp.csr_array, v: Vector, size: Vector | None = None) -> Vector:
     """A lower bound of `matrix` @ `v`, entry by entry, whatever the order of summation; NaN or −inf where it overflows.
 
-    The computed product minus γ_k|matrix||v| and k times the smallest float, k two more than the entries of the row;
-    `size` is |matrix||v|, where it is known.
+    The computed product minus 2ku|matrix||v|, which covers γ_k and the rounding of |matrix||v|, and k times the
+    smallest float; k is the number of entries of the row plus 2. `size` is |matrix||v|, where it is known.
     Reference: Higham, Accuracy and Stability of Numerical Algorithms (2002), section 3.5.
     """
     k = terms_of(matrix) + 2
@@ -93,12 +92,12 @@ def product_upper_bound(matrix: sp.csr_array, v: Vector) -> Vector:
 
 
 def rounded_share(x: Any, share: float) -> Any:
-    """`share`·x ≥ 0, rounded down on underflow: a limit of exact residuals. x is a number or an array."""
+    """`share`·x minus the smallest float, at least 0: a limit that holds in spite of underflow; x may be an array."""
     return np.maximum(share * x - SMALLEST, 0.0)
 
 
 def rounded_up(x: float, digits: int = 3, below: float = math.inf) -> str:
-    """`x` as text, rounded upwards to `digits` digits, or more where those would reach `below`, which `x` does not."""
+    """`x` as text, rounded up to `digits` digits, or to more if `x` < `below` and the rounded number is not."""
     if not math.isfinite(x):
         return f"{x:g}"
     exact = Context(prec=digits, rounding=ROUND_CEILING).create_decimal(Decimal(float(x)))

@@ -25,7 +25,7 @@ def checked_sparse(value: Any, name: str) -> Any:
     Returns
     -------
     sparse array or matrix
-        In CSR, CSC, BSR or COO, of the numbers of `value`. It may share its arrays.
+        In CSR, CSC, BSR or COO, with the entries of `value`. It may share its arrays.
 
     Raises
     ------
@@ -34,21 +34,21 @@ def checked_sparse(value: Any, name: str) -> Any:
 
     Notes
     -----
-    SciPy checks when a matrix is made, not when its arrays are changed afterwards. Its conversions then write to
-    memory of others.
+    SciPy checks when a matrix is made, not when its arrays are changed afterwards. Its conversions would then write
+    outside of their arrays.
     """
     try:
         return _checked(value)
-    except Exception as error:  # of arrays changed by hand any of NumPy's
+    except Exception as error:  # arrays changed by hand may cause any of NumPy's
         raise InputError(f"{name} is no sparse matrix, its positions do not fit its shape: {error}") from None
 
 
 def _checked(value: Any) -> Any:
     if value.format in ("csr", "csc", "bsr"):
-        value = copy(value)  # `check_format` sets other arrays
+        value = copy(value)  # `check_format` replaces the arrays
         _check_whole(value.indices, value.indptr)
         value.check_format()
-        if (decreasing := value.indptr[1:] < value.indptr[:-1]).any():  # which it does not see where the last one is 0
+        if (decreasing := value.indptr[1:] < value.indptr[:-1]).any():  # missed if the last one is 0
             raise ValueError(f"indptr falls at {np.argmax(decreasing) + 1}; it may only rise")
         return value
     if value.format == "lil" and [*map(len, value.rows)] != [*map(len, value.data)]:
@@ -63,7 +63,7 @@ def _checked(value: Any) -> Any:
 
 
 def _check_whole(*positions: NDArray[Any]) -> None:
-    """Raise ValueError where SciPy would cut `positions` off to whole numbers."""
+    """Raise ValueError where SciPy would truncate `positions` to whole numbers."""
     for one in positions:
         if one.dtype.kind not in "iu":
             raise ValueError(f"positions have dtype {one.dtype}; whole numbers were expected")

@@ -23,7 +23,7 @@ def absolute(matrix: sp.csr_array) -> sp.csr_array:
 
 
 def is_diagonal(matrix: sp.csr_array) -> bool:
-    """Whether nothing off the diagonal of a sparse matrix differs from 0."""
+    """Whether all entries of a sparse matrix off its diagonal are 0."""
     return bool(np.count_nonzero(matrix.data) == np.count_nonzero(matrix.diagonal()))
 
 

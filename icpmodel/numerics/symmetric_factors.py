@@ -1,4 +1,4 @@
-"""LDLᵀ of symmetric matrices with one pattern, by QDLDL."""
+"""LDLᵀ factors of symmetric matrices with one pattern, by QDLDL."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .threads import run_with_deadline
 
 
 class SymmetricFactors:
-    """LDLᵀ of one matrix after another with the pattern of `A`, symmetric up to the signs of its rows, by QDLDL.
+    """LDLᵀ factors, by QDLDL, of matrices with the pattern of `A`, symmetric up to the signs of their rows.
 
     Parameters
     ----------
@@ -57,10 +57,10 @@ class SymmetricFactors:
         return np.asarray(self._signs[order] * pivots)
 
     def factors(self, data: Vector, free: Mask | None = None) -> SymmetricFactors | None:
-        """This object with the factors of the matrix with these entries, or None where they fail.
+        """Factorise the matrix with the entries `data`; return this object, or None where that fails.
 
-        With `free`, rows and columns that are not free are 0 but for the diagonal. The factors
-        before are lost. Raises OutOfTime and OutOfMemory.
+        With `free`, rows and columns that are not free are 0 except for the diagonal. The previous
+        factors are lost. Raises OutOfTime and OutOfMemory.
         """
         import qdldl
 

@@ -1,5 +1,7 @@
-"""Compiled loops over rows on several cores, and steps in one piece that may take longer than there is time. They let
-go of the interpreter's lock, so that threads will do."""
+"""Threads: for compiled loops over rows on several cores, and for long steps that cannot be interrupted.
+
+Both release the interpreter's lock.
+"""
 
 from __future__ import annotations
 
@@ -19,16 +21,16 @@ THREADS_FROM = 1_000_000
 #: a function of low and high that computes the rows low <= i < high
 RowTask = Callable[[int, int], Any]
 _T = TypeVar("_T")
-#: the name of threads with steps that take too long
+#: the name of the threads of such steps, which may go on when the time is over
 ABANDONED_THREAD = "icpmodel: out of time"
-#: the lock and the steps that ask for one thread of BLAS, and the limiter that restores BLAS's
+#: a lock, the blocks that limit BLAS to one thread, and the limiter that restores its threads
 _BLAS_LOCK = Lock()
 _BLAS_USERS = set[object]()
 _blas_limiter: Any = None
 
 
 def _reset_after_fork() -> None:
-    """In a fork nobody holds the lock, and BLAS has its own threads: those who asked for one are not there."""
+    """In a fork, make a new lock and restore the threads of BLAS: the blocks that limited them do not run there."""
     global _BLAS_LOCK
     _BLAS_LOCK = Lock()
     if _BLAS_USERS:
@@ -46,7 +48,7 @@ def cores() -> int:
 
 
 def run_in_threads(size: int, parts: int, work: RowTask) -> list[Any]:
-    """The results of `work(low, high)` for `parts` pieces of range(`size`): the first here, the others in threads."""
+    """Run `work(low, high)` on `parts` pieces of range(`size`), the first one here, the others in threads."""
     cuts = [size * i // parts for i in range(parts + 1)]
     if parts == 1:
         return [work(0, size)]
@@ -56,11 +58,11 @@ def run_in_threads(size: int, parts: int, work: RowTask) -> list[Any]:
 
 
 def run_with_deadline(step: Callable[[], _T], estimate: float) -> _T:
-    """Run a `step` in one piece, and raise OutOfTime where it has not ended when the time is over.
+    """Run a `step` that cannot be interrupted; raise OutOfTime where it has not ended when the time is over.
 
-    By the table of costs it takes `estimate` nanoseconds at the worst. A late step goes on in a thread
-    of its own, for want of a way to stop it. Python waits for that at its end, as SuperLU does not
-    bear to be ended with it; commands do not.
+    By the table of costs it takes at most `estimate` nanoseconds. Where that may be too long it runs
+    in a thread, which goes on if the step is late. Python waits for this thread at its exit, as
+    SuperLU must not be ended with the interpreter; commands do not.
     """
     if estimate <= nanoseconds_left():
         return step()
@@ -80,17 +82,17 @@ def run_with_deadline(step: Callable[[], _T], estimate: float) -> _T:
 
 
 def threads_for(nnz: int) -> int:
-    """How many threads a loop over `nnz` entries is worth."""
+    """The number of threads that a loop over `nnz` entries should use."""
     return cores() if nnz >= THREADS_FROM else 1
 
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Dense steps by one thread of BLAS, whose numbers do not depend on how many there are.
+    """Limit BLAS to one thread in a block, so that results do not depend on the number of threads.
 
     On a busy machine a second thread made LU factorisations with n = 200 … 2000 two to a hundred
-    times slower, as BLAS spins while it waits. To set the limit takes 12 μs. The limit is the
-    process's: the first of several threads sets it, the last one lifts it.
+    times slower, as BLAS spins while it waits. Setting the limit takes 12 μs. It holds for the
+    process: the first of several threads that ask sets it, the last one lifts it.
     """
     global _blas_limiter
     user = object()
@@ -111,11 +113,11 @@ def one_blas_thread() -> Iterator[None]:
 def _restore_blas() -> None:
     _release_blas()
     _blas_limiter.restore_original_limits()
-    _release_blas()  # so that others may set limits of theirs
+    _release_blas()  # so that others may set their limits
 
 
 def _release_blas() -> None:
-    """Let any thread set limits: threadpoolctl 3.8 does nothing for others than the first one, as long as it lives."""
+    """Let any thread set limits: threadpoolctl 3.8 ignores all but the first one, as long as that lives."""
     for library in pools("blas").lib_controllers:
         if hasattr(library, "clear_controlling_thread"):  # OpenBLAS
             library.clear_controlling_thread(force=True)
@@ -124,7 +126,7 @@ def _release_blas() -> None:
 @cache
 def pools(user_api: str) -> Any:
     """The controller of the threads of "blas", or of "openmp", of the libraries loaded at the first call."""
-    import scipy.linalg  # noqa: F401  has a BLAS of its own, which must be there to be found
+    import scipy.linalg  # noqa: F401  has a BLAS of its own, which is found only if loaded
     import threadpoolctl
 
     return threadpoolctl.ThreadpoolController().select(user_api=user_api)

@@ -1,10 +1,10 @@
-"""What work costs, in nanoseconds: one table of measured constants, a count of what was done, and what may be spent.
+"""The cost of work in nanoseconds: a table of measured constants, a count of the work done, and limits of it.
 
-The count stands for a clock in whatever decides, so that the same problem takes the same way on every machine, with any
-number of threads and under any load. Whoever does work says so with `count`.
+Decisions depend on this count, not on a clock. So the same problem is solved in the same way on every machine, with any
+number of threads and under any load. Code that does work reports it by `count`.
 
-Limits are kept by asking before: `work_limit` says how much time and memory there is, and `check_budget` raises where a
-step is expected to take more than is left. Work in small pieces asks between pieces, one large piece before it begins.
+Limits are checked in advance: `work_limit` sets the time and the memory of a block, and `check_budget` raises where a
+step is expected to need more than is left. Loops over small pieces check between pieces, large steps before they begin.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Costs(NamedTuple):
     newton: float = 400_000.0
     newton_row: float = 340.0
     newton_entry: float = 2.0
-    #: its equations where they are made of A and ψ′: per step, and per entry of both
+    #: the equations of that step where they combine A and ψ′: per step, and per entry of both
     mixed: float = 550_000.0
     mixed_entry: float = 12.0
     #: a sparse matrix made of others, entry by entry; per entry: eight times what a product costs
@@ -51,7 +51,8 @@ class Costs(NamedTuple):
     #: a compiled sweep with the residual, per entry and per row
     sweep_entry: float = 0.6
     sweep_row: float = 3.3
-    #: both of a full matrix, per entry, at n = 1500; a third of it where all fits into a cache, twice where none does
+    #: a product or a sweep with a full matrix, per entry, at n = 1500; a third of it where all fits into a cache, twice
+    #: where nothing does
     full_entry: float = 0.2
     #: an operation on vectors, per unknown
     vector: float = 0.3
@@ -61,7 +62,7 @@ class Costs(NamedTuple):
     factor_entry: float = 28.0
     factor_flop: float = 0.1
     solve_entry: float = 0.8
-    #: a symmetric one, by QDLDL: the same, of the L + U that it stands for
+    #: a symmetric one, by QDLDL: the same, with the entries and multiplications of the equivalent L + U
     symmetric_row: float = 400.0
     symmetric_entry: float = 4.0
     symmetric_flop: float = 0.3
@@ -81,7 +82,7 @@ class Costs(NamedTuple):
     cycle_entry: float = 7.0
     krylov: float = 130_000.0
     krylov_entry: float = 35.0
-    #: another Python that loads SciPy, to its end
+    #: another Python process that loads SciPy, from its start to its end
     process: float = 300_000_000.0
 
 
@@ -102,7 +103,7 @@ def count(nanoseconds: float) -> None:
 
 
 def counter() -> float:
-    """All work that this thread has counted, in nanoseconds. A difference is the cost of what was done between."""
+    """All work that this thread has counted, in nanoseconds. A difference is the cost of the work in between."""
     return _counted.total
 
 
@@ -117,7 +118,7 @@ def entries(n: int, nnz: int) -> float:
 
 
 def charge_matrices(nnz: int, matrices: int = 1) -> None:
-    """Count the cost of sparse matrices made of others, such as sums; raises as `check_budget` does."""
+    """Charge the cost of `matrices` sparse matrices made of others, such as sums; raises as `check_budget` does."""
     charge(matrices * (COSTS.assembly + COSTS.assembly_entry * nnz))
 
 
@@ -127,22 +128,25 @@ def sweep(n: int, nnz: int) -> float:
 
 
 def newton(n: int, nnz: int, mixed: bool) -> float:
-    """What a Newton step costs besides the solution of its equations; `mixed`: these are made of A and ψ′."""
+    """The cost of a Newton step without the solution of its equations; `mixed`: these combine A and ψ′."""
     cost = COSTS.newton + COSTS.newton_row * n + COSTS.newton_entry * nnz
     return cost + (COSTS.mixed + COSTS.mixed_entry * nnz if mixed else 0.0)
 
 
-#: seconds that count as having gone as foreseen, before it is known how far the table is from this machine
+#: seconds added to the clock and the count, so that the pace of this machine is near 1 before it is known
 _PACE_OFFSET = 0.1
 #: a piece of a long loop between two readings of the clock, in nanoseconds
 _PIECE_NANOSECONDS = 2e7
-#: for fewer bytes the free memory is not read, which takes as long as to solve a small problem
+#: for fewer bytes the free memory is not read: reading it takes as long as solving a small problem
 _NEGLIGIBLE_BYTES = 2e7
 
 
 class _Budget(NamedTuple):
-    """When it began, by the clock and by the count; when it ends; the bytes held then and their limit; and the
-    count at which it ends."""
+    """The limits of a block.
+
+    It began at `start_time` by the clock, at `counted` by the count and with `initial_memory` bytes. It ends at `end`
+    by the clock, and at `most` by the count; `memory` limits the bytes beyond `initial_memory`.
+    """
 
     start_time: float
     counted: float
@@ -152,7 +156,7 @@ class _Budget(NamedTuple):
     most: float = math.inf
 
     def memory_left(self) -> float:
-        """The bytes that the limit leaves."""
+        """The bytes that the limit of memory leaves."""
         if self.memory == math.inf:
             return math.inf
         return max(self.memory - max(_used_memory() - self.initial_memory, 0.0), 0.0)
@@ -161,7 +165,7 @@ class _Budget(NamedTuple):
 class _Compiler(threading.local):
     """The seconds that a thread has spent on compiling code, waiting for the compiler, or loading code from the disk.
 
-    Other threads go on meanwhile, so that each has a clock of its own.
+    Each thread has a clock of its own, as others go on meanwhile.
     """
 
     _busy = 0
@@ -180,7 +184,7 @@ class _Compiler(threading.local):
 
     @contextmanager
     def busy(self) -> Iterator[None]:
-        """A block that loads code."""
+        """Count the time of a block that loads code."""
         self.begin()
         try:
             yield
@@ -196,7 +200,7 @@ COMPILER = _Compiler()
 
 
 def clock() -> float:
-    """Seconds without those of compilation; the duration of a run is a difference, within one thread."""
+    """The time in seconds, without that of compilation; only differences within one thread have a meaning."""
     return COMPILER.clock()
 
 
@@ -209,13 +213,13 @@ def work_limit(
     Parameters
     ----------
     seconds : float
-        By the clock, from `start_time` on, by default from now on.
+        By the clock, from `start_time` on.
     memory : float
         Bytes beyond what the process holds now.
     nanoseconds : float
-        Work that is counted: the same on every machine.
+        Counted work, a limit that is the same on every machine.
     start_time : float, optional
-        What `clock` said when the time began.
+        Time of `clock()` from which `seconds` count; now by default.
     """
     before = _counted.budget
     pace_start = clock()
@@ -235,7 +239,7 @@ def work_limit(
 
 
 def unlimited() -> AbstractContextManager[None]:
-    """Lift the limits of this thread in a block, for what an answer needs in any case."""
+    """Lift the limits of this thread in a block, for work that an answer needs in any case."""
     return _replaced(None)
 
 
@@ -261,15 +265,15 @@ def check_budget(nanoseconds: float = 0.0, memory: float = 0.0) -> None:
 
 
 def charge(nanoseconds: float, memory: float = 0.0) -> None:
-    """Count a step that is made now; raises as `check_budget` does."""
+    """Check that a step fits into the limits, and count it; raises as `check_budget` does."""
     check_budget(nanoseconds, memory)
     count(nanoseconds)
 
 
 def nanoseconds_left() -> float:
-    """What may still be spent, by the table of costs; inf where nothing limits it.
+    """The work that the limits leave, in nanoseconds of the table of costs; inf where there is no limit.
 
-    What the clock showed for what was counted so far tells how much slower than the table this machine is.
+    The time left is divided by the pace of this machine: the time by the clock over the work counted, at least 1.
     """
     budget = _counted.budget
     if budget is None:
@@ -280,25 +284,27 @@ def nanoseconds_left() -> float:
 
 
 def seconds_left() -> float:
-    """What the clock says; inf where nothing limits it."""
+    """The seconds left by the clock, at least 0; inf where there is no limit."""
     budget = _counted.budget
     return math.inf if budget is None else max(budget.end - clock(), 0.0)
 
 
 def inner_time_limit() -> float | None:
-    """The `time_limit` of a solve inside another one: `seconds_left`, None where nothing limits them."""
+    """The `time_limit` of a solve inside another one: `seconds_left`, or None where there is no limit."""
     seconds = seconds_left()
     return seconds if seconds < math.inf else None
 
 
 def steps_per_piece(nanoseconds: float) -> int:
-    """How many steps of this cost, one at least, are a piece of a loop that asks `check_budget`, and may be
-    interrupted, between its pieces."""
+    """How many steps of this cost, at least one, make a piece of a long loop.
+
+    Between its pieces the loop calls `check_budget`, and may be interrupted.
+    """
     return max(int(_PIECE_NANOSECONDS / nanoseconds), 1)
 
 
 def memory_suffices(memory: float) -> bool:
-    """Whether an allocation of `memory` bytes is within the limits."""
+    """Whether an allocation of `memory` bytes is within the limits and, unless it is small, the free memory."""
     budget = _counted.budget or _Budget(0.0, 0.0, math.inf)
     if memory <= min(budget.memory, _NEGLIGIBLE_BYTES):
         return True
@@ -306,7 +312,7 @@ def memory_suffices(memory: float) -> bool:
 
 
 def _system_memory() -> float:
-    """The bytes that the system has free, or half of all where it does not say."""
+    """The bytes of free memory of the system, or half of all memory where it does not say."""
     try:
         with open("/proc/meminfo", encoding="ascii") as lines:
             return 1024.0 * next(int(line.split()[1]) for line in lines if line.startswith("MemAvailable"))

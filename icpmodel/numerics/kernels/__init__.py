@@ -36,12 +36,12 @@ _LOG = logging.getLogger("icpmodel.compiler")
 uint = np.uint64
 _OPTIONS: dict[str, Any] = {"fastmath": {"contract"}, "error_model": "numpy", "nogil": True}
 _SUMS: dict[str, Any] = _OPTIONS | {"fastmath": {"contract", "reassoc"}}
-#: the least number of adjacent entries that vector instructions sum: there they take two fifths of the time of a loop
+#: the least number of adjacent entries that are summed by vector instructions, in two fifths of the time of a loop
 _MIN_VECTOR_LENGTH = uint(16)
 
 #: a function that becomes part of the compiled ones that call it
 inlined = numba.njit(forceinline=True, **_OPTIONS)
-#: one that these call, and one in which sums may be added up in another order
+#: a function that compiled ones call, and one in which sums may be added up in another order
 compiled_helper = numba.njit(**_OPTIONS)
 reassociated_helper = numba.njit(**_SUMS)
 
@@ -70,14 +70,14 @@ class Cache(FunctionCache):
         self._cache_file = _CacheFiles(self._cache_path, self._impl.filename_base, locator.get_source_stamp())
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """None where there is nothing that can be read."""
+        """Return the code, or None where it cannot be read."""
         try:
             return super().load_overload(sig, target_context)
         except Exception:
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Warns where it cannot be written, the disk being full for example."""
+        """Write the code; warn where that fails, for example on a full disk."""
         try:
             super().save_overload(sig, data)
         except Exception as error:
@@ -88,7 +88,7 @@ class Cache(FunctionCache):
 def _announce(what: str) -> None:
     if sys.stderr is not None and (in_notebook() or sys.stderr.isatty()):
         print(f"icpmodel {what}", file=sys.stderr)
-    else:  # a file may be meant for something else: its owner, or a command, asks for it
+    else:  # standard error may be a file for something else: its owner, or a command, switches the log on
         _LOG.info(what)
 
 
@@ -122,7 +122,7 @@ register(_COMPILE, _listener)
 
 
 def _one(typing_context: Any) -> Any:
-    # the position 1, which LLVM does not know to be 1: it is the output of an empty piece of assembler
+    # the position 1, hidden from LLVM as the output of an empty piece of assembler
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         word = ir.IntType(64)
         return builder.asm(ir.FunctionType(word, [word]), "", "=r,0", [ir.Constant(word, 1)], side_effect=False)
@@ -135,8 +135,8 @@ one: Any = intrinsic(_one)
 
 @inlined
 def run_end(k, stop, indices):
-    # stop where the entries k <= e < stop of a row, whose indices rise, are many and stand side by side, else k. (A
-    # call of what is not inlined must stand in an `if` of its own: a return from within one costs 50 ns.)
+    # returns stop if the entries k <= e < stop of a row, whose indices rise, are many and adjacent, else k. (A call of
+    # a function that is not inlined needs an `if` of its own: a return from within one costs 50 ns.)
     end = k
     if stop >= k + _MIN_VECTOR_LENGTH:
         last = stop - uint(1)

@@ -22,7 +22,7 @@ def combine(F, G, known, newest, weight, least, out):
     # meaningless `out`, where a product is not finite
     n = weight.size
     last = known - 1
-    # `newest` is the row that the last one takes the place of
+    # `order` lists the rows with `newest` last; the last row takes its place
     order = np.arange(known)
     order[newest], order[last] = last, newest
     products = np.zeros((last, last))
@@ -32,7 +32,7 @@ def combine(F, G, known, newest, weight, least, out):
     weighted = np.empty(_BLOCK)
     for start in range(0, n, _BLOCK):
         size = min(_BLOCK, n - start)
-        # slices, as an index into them needs no offset, which would keep the loops out of vector instructions
+        # slices, as they are indexed without an offset, which would keep the loops from being vectorised
         f = F[newest, start : start + size]
         weights = weight[start : start + size]
         for j in range(last):

@@ -9,7 +9,7 @@ from . import compiled
 
 @compiled
 def reached_rows(indptr, indices, rows):
-    # the rows of L⁻¹B that may not be 0, ascending, where the columns of L − I are stored, and B has entries in `rows`
+    # the rows of L⁻¹B that may be nonzero, ascending; the arrays hold the columns of L − I, and B has entries in `rows`
     n = indptr.size - 1
     is_reached = np.zeros(n, np.bool_)
     is_reached[rows] = True
@@ -21,8 +21,8 @@ def reached_rows(indptr, indices, rows):
 
 @compiled
 def forward_solve(indptr, indices, data, reached, rows, columns, values, width):
-    # the `reached` rows of L⁻¹B, where B has these entries and `width` columns. Rows that L reaches early hold few of
-    # the columns, those next to one another
+    # the `reached` rows of L⁻¹B, where B has these entries and `width` columns. The first rows have few nonzeros, in
+    # adjacent columns
     place = np.empty(indptr.size - 1, np.int64)
     place[reached] = np.arange(reached.size)
     X = np.zeros((reached.size, width))

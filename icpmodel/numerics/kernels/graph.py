@@ -9,8 +9,8 @@ from . import compiled, inlined, one, uint
 
 @compiled
 def dependence(indptr, indices, part, rows, starts, core):
-    # part k = rows[starts[k] : starts[k + 1]] depends on parts of smaller number only. Returns which parts depend on
-    # one of the `core`, and which ones the core depends on, itself included in both
+    # part k = rows[starts[k] : starts[k + 1]] depends only on parts of smaller number. Returns masks of the parts that
+    # depend on a part of the `core`, and of those that the core depends on; both include the core
     follows = core.copy()
     needed = core.copy()
     for k in range(core.size):
@@ -27,7 +27,7 @@ def dependence(indptr, indices, part, rows, starts, core):
 
 @compiled
 def restricted_arrays(indptr, indices, data, q, rows, z):
-    # A and q in the unknowns `rows` alone, these ascending, all others being what they are in z
+    # A and q restricted to the unknowns `rows`, which are ascending; all others are fixed at their values in z
     m = rows.size
     place = np.empty(z.size, indices.dtype)
     for i in range(z.size):
@@ -60,7 +60,7 @@ def restricted_arrays(indptr, indices, data, q, rows, z):
 
 @inlined
 def _root(i, into, sign):
-    # the row that stands for all that have been joined with row i, and the sign of row i against its own
+    # the root of the rows that were joined with row i, and the sign of row i relative to it
     sign_i = 1.0
     while into[i] != i:
         j = into[i]
@@ -73,8 +73,8 @@ def _root(i, into, sign):
 
 @compiled
 def symmetrising_signs(indptr, indices, data, same):
-    # signs of the rows that make a matrix symmetric up to this share of its entries; none where there are none, or
-    # where entries are not opposite to one another. Rows are sorted
+    # signs of the rows that make a matrix symmetric up to the relative error `same`; empty where there are none, or
+    # where a_ij is stored and a_ji is not. Rows are sorted
     n = indptr.size - 1
     ahead = np.empty(n, indptr.dtype)
     into = np.arange(n)
@@ -116,7 +116,7 @@ def symmetrising_signs(indptr, indices, data, same):
 
 @compiled
 def fill_band(indptr, indices, data, top, band):
-    # band[j, top + i - j] = a_ij, where that is in it: the columns of LAPACK's bands are the rows of `band`
+    # band[j, top + i - j] = a_ij for i >= j - top: the columns of LAPACK's bands are the rows of `band`
     for i in range(indptr.size - 1):
         for k in range(uint(indptr[i]), uint(indptr[i + 1])):
             place = top + i - indices[k]

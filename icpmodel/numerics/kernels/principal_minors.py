@@ -16,9 +16,9 @@ from . import compiled, inlined
 
 @inlined
 def _eliminate(mids, rads, here, k, to):
-    # to the slot `to` goes the Schur complement of the pivot k of the slot `here`, whose interval is positive: its rows
-    # and columns > k. u and tiny are twice the unit roundoff and a normal number: what is generous in them pays for the
-    # rounding of the radii. Fused multiply-adds only make the errors smaller
+    # write to the slot `to` rows and columns > k of the Schur complement of the pivot k of the slot `here`, whose
+    # interval is positive. u and tiny are twice the unit roundoff and a normal number: this surplus covers the rounding
+    # of the radii. Fused multiply-adds only make the errors smaller
     u = 2.0**-52
     tiny = 2.0**-1000
     n = mids.shape[1]
@@ -40,9 +40,8 @@ def _eliminate(mids, rads, here, k, to):
 
 @compiled
 def search_minors(mid, rad, max_undecided):
-    # returns the index set, as bits, of a minor that is proved <= 0, or 0, and the index sets of the pivots that are
-    # undecided, their last index being k. Below an undecided pivot no Schur complement is formed. The search ends
-    # at `max_undecided` of them
+    # returns the index set, as bits, of a minor that is proved <= 0, or 0 if none is, and the index sets of the minors
+    # whose last pivot is undecided. Such a pivot is not eliminated. The search ends at `max_undecided` of them
     n = mid.shape[0]
     mids = np.empty((n + 1, n, n))
     rads = np.empty((n + 1, n, n))

@@ -64,8 +64,8 @@ def magnitude(indptr, indices, data, z, low, high, out):
 
 @compiled
 def coupling_entries(indptr, indices, data, weight):
-    # sqrt|a_ij a_ji| weight_i weight_j off the diagonal, 0 on it. Rows are sorted, and i rises: what row j > i is asked
-    # for is at or behind what it was asked for last, so that `at` only ever moves on
+    # sqrt|a_ij a_ji| weight_i weight_j off the diagonal, 0 on it. Rows are sorted, and i rises: the place of a_ji in
+    # row j > i never moves back, nor does `at`
     n = indptr.size - 1
     at = indptr[:-1].copy()
     out = np.zeros(data.size)
@@ -90,8 +90,8 @@ def coupling_entries(indptr, indices, data, weight):
 
 @partial(compiled, exact=True)
 def sum_signs(indptr, data, parts, signs):
-    # the signs of the row sums, 2 where one is no float on the way. The `parts` of a sum do not overlap, the
-    # largest last, so that it has the sign of all: Shewchuk, Discrete Comput. Geom. 18 (1997)
+    # the signs of the row sums, 2 where one overflows on the way. The `parts` of a sum do not overlap, and the largest,
+    # which comes last, has the sign of the sum: Shewchuk, Discrete Comput. Geom. 18 (1997)
     for i in range(signs.size):
         count = 0
         for k in range(indptr[i], indptr[i + 1]):

@@ -1,8 +1,8 @@
-"""The two halves of a V-cycle on one level, on the rows where `free`; the others keep the correction 0.
+"""The two halves of a V-cycle on one level, on the `free` rows; the others keep the correction 0.
 
 Gauss–Seidel goes forward before the coarser level and backward after it, so that the cycle of a symmetric matrix is
-symmetric. `diag[i]` is where the diagonal entry of row i stands; P's rows are those of the finer level. And the steps
-of a Krylov method about it, and what the levels on ranks begin with.
+symmetric. `diag[i]` is the position of the diagonal entry of row i; P's rows are those of the finer level. `add_both`
+is for Krylov methods around the cycle, `largest_of` for the levels on ranks.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ def descend(indptr, indices, data, diag, inverse, free, f, p_indptr, p_indices, 
     # one forward sweep from x = 0, which needs the lower triangle alone
     for i in range(uint(x.size)):
         x[i] = -row_sum(-f[i], indptr[i], diag[i], indices, data, x) * inverse[i] if free[i] else 0.0
-    # coarse + P'(f - Ax), where the residual of a row that was just swept is the product of x with its upper triangle
+    # coarse + P'(f - Ax): after the sweep the residual of a row is minus the product of its upper triangle with x
     for i in range(uint(x.size)):
         if free[i]:
             left = -row_sum(0.0, diag[i] + uint(1), indptr[i + uint(1)], indices, data, x)
@@ -52,7 +52,7 @@ def add_both(x, y, share, v, w, part):
 
 @compiled
 def largest_of(indptr, groups, data, count):
-    # position and row of the largest entry of each of the `count` groups, the first of them; -1 where none is
+    # position and row of the first largest |entry| of each of the `count` groups; position -1 where a group is empty
     places = np.full(count, -1)
     rows = np.zeros(count, np.int64)
     for i in range(indptr.size - 1):
