@@ -1,7 +1,6 @@
-"""Beyond one machine: ICPs whose rows are spread over the ranks of MPI, by PETSc's matrices, vectors, Krylov methods
-and algebraic multigrid.
+"""Beyond one machine: ICPs whose rows are distributed over MPI ranks.
 
-It needs petsc4py and mpi4py, which are loaded when they are first asked for.
+The matrices, vectors, Krylov methods and algebraic multigrid are PETSc's. petsc4py and mpi4py are loaded at first use.
 """
 
 from .distributed_bound import DistributedCertificate, certify

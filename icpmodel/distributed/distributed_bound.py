@@ -1,4 +1,4 @@
-"""What is certain of an answer on ranks: the error bound of H₊-matrices, and the rows that it decides.
+"""Certificates on ranks: the error bound of H₊-matrices, and the rows whose side it proves.
 
 One Krylov solve with the existing levels gives v > 0 with ⟨A⟩v ≥ α > 0 and (I − G)v ≥ β > 0. One
 product each checks that both are positive, rounding included, so the proof does not depend on the
@@ -70,7 +70,7 @@ class DistributedCertificate(Displayable):
 
     @property
     def rows(self) -> str:
-        """The rows in words."""
+        """The numbers of proved and of undecided rows, in words."""
         upper = f", {self.above} at the upper obstacle" if self.above else ""
         return f"{self.active} at the obstacle{upper}, {self.inactive} off it, {self.undecided} undecided"
 
@@ -80,7 +80,7 @@ class DistributedCertificate(Displayable):
 
 @check_arguments
 def certify(problem: DistributedICP, z: Any, levels: DistributedLevels | None = None) -> DistributedCertificate:
-    """State what is certain of `z`: the residual, the error bound, the rows that it decides.
+    """State what is certain of `z`: the residual, the error bound, the rows whose side it proves.
 
     Every rank calls it at the same time.
 
@@ -137,7 +137,7 @@ def certify(problem: DistributedICP, z: Any, levels: DistributedLevels | None = 
 
 
 def _certificate(here: Evaluation, bound: ErrorBound, rows: tuple[Mask, ...] = ()) -> DistributedCertificate:
-    """The certificate with this bound, and with the masks of the decided `rows`, if any. Collective."""
+    """The certificate with this bound, and with the masks of the proved `rows`, if any. Collective."""
     masks = rows or (np.zeros(here.p.size, dtype=bool),) * 3
     active, inactive, above = (count(here.problem.comm, mask) for mask in masks)
     undecided = here.problem.n - active - inactive - above
@@ -160,7 +160,7 @@ def _decided_rows(here: Evaluation, delta: Vector, change: Vector) -> tuple[Mask
 
 
 def _may_cross(here: Evaluation, change: Vector) -> bool:
-    """Whether ψ > ψ̄ is possible at an x within the bound of z. Fixed obstacles were checked before."""
+    """Whether ψ > ψ̄ is possible within the bound around z. Fixed obstacles were checked before. Collective."""
     if here.r_upper is None or all(one.is_fixed for one in here.problem.maps):
         return False
     with np.errstate(invalid="ignore"):
@@ -190,7 +190,7 @@ def _proof(problem: DistributedICP, levels: DistributedLevels | None) -> HPlusVe
 
 
 def _candidates(matrix: DistributedMatrix, levels: DistributedLevels | None) -> Iterator[tuple[str, Vector]]:
-    """v = 1, and the solution of ⟨A⟩v = D1 to a residual of at most half of it in every row. Collective."""
+    """v = 1, and an approximate solution v > 0 of ⟨A⟩v = D1 (residual ≤ 0.3 min d_i if it converges). Collective."""
     ones = np.ones(matrix.high - matrix.low)
     yield "v = 1", ones
     comparison = matrix.comparison

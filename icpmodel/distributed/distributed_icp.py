@@ -1,4 +1,4 @@
-"""The problem on ranks: A and q are PETSc's, each rank holds the rows that PETSc gives it, and none holds all."""
+"""The problem on ranks: A is PETSc's, and each rank holds its own rows, those that PETSc gives it, of A, q and ψ."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ from .ranks import count, petsc, together, world
 class DistributedICP(Displayable):
     """An ICP on the ranks of a communicator: p = Az + q ≥ 0, r = z − ψ(z) ≥ 0, pᵀr = 0, or one with ψ ≤ z ≤ ψ̄.
 
-    Every rank makes it at the same time, with its share of each argument. All functions of this
-    room are called in the same way.
+    It is collective: every rank makes it at the same time, with its own part of each argument. So
+    are all functions of `icpmodel.distributed`.
 
     Parameters
     ----------
@@ -44,7 +44,9 @@ class DistributedICP(Displayable):
     Raises
     ------
     InputError
-        On all ranks, where one finds its share wrong.
+        On all ranks, where one finds its part wrong.
+    NotApplicable
+        Where an obstacle depends on z and its `lipschitz` is not known.
 
     Examples
     --------
@@ -90,7 +92,7 @@ class DistributedICP(Displayable):
     def of_checked(
         cls, matrix: DistributedMatrix, q: Vector, psi: DistributedMap, upper: DistributedMap | None
     ) -> DistributedICP:
-        """The problem of parts that are known to be right.
+        """Make a problem of parts that are already checked.
 
         Parameters
         ----------
@@ -231,7 +233,7 @@ class DistributedICP(Displayable):
 
 
 def check_point(problem: Any, z: Any, name: str, finite: bool = False) -> Any:
-    """`z`, a `Vec` with the layout of A.
+    """Check that `z` is a `Vec` with the layout of A, and return it.
 
     Collective. Raises InputError on all ranks.
 
@@ -266,7 +268,7 @@ def check_point(problem: Any, z: Any, name: str, finite: bool = False) -> Any:
 
 
 def _own_entries(value: Any, low: int, high: int) -> Vector:
-    """q in the own rows, low ≤ i < high."""
+    """q in the own rows, low ≤ i < high, as a copy. Raises InputError."""
     array = as_array(value.array_r if isinstance(value, petsc().Vec) else value, "q")
     size = high - low
     if not array.ndim:
@@ -282,12 +284,12 @@ def _own_entries(value: Any, low: int, high: int) -> Vector:
 
 @check_arguments
 def by_rows(problem: Any, comm: Any = None) -> DistributedICP:
-    """The problem, each rank assembling its own rows; no rank holds all.
+    """Assemble a problem by rows: each rank makes its own rows, and none holds all.
 
     Parameters
     ----------
     problem : icpmodel.ByRows
-        Or an object with `n` and `local_rows(lo, hi)`.
+        The problem, or an object with `n` and `local_rows(lo, hi)`.
     comm : optional
         A communicator of mpi4py or petsc4py, by default that of all ranks.
 
@@ -350,7 +352,7 @@ def distribute(problem: Any, comm: Any = None) -> DistributedICP:
     ----------
     problem : ICP, Scene or None
         An ICP, or an object that has one, with obstacles that are constant, affine or elementwise.
-        Ranks without it pass None. Then rank 0 sends them their rows, and functions in ψ must be
+        Where a rank passes None, rank 0 sends all ranks their rows, and functions in ψ must be
         picklable.
     comm : optional
         A communicator of mpi4py or petsc4py, by default that of all ranks.
@@ -378,7 +380,7 @@ def distribute(problem: Any, comm: Any = None) -> DistributedICP:
             data = as_problem(problem)
             bounds = [data.n * k // comm.size for k in range(comm.size + 1)]
             shares = [_share(data, *bounds[k : k + 2]) for k in ([comm.rank] if everywhere else range(comm.size))]
-            # a function that cannot be pickled must not be found out when the others wait already
+            # here, as an error of pickle within `scatter` would leave the other ranks waiting
             shares = shares if everywhere else [pickle.dumps(one) for one in shares]
     share = shares[0] if everywhere else comm.scatter(shares or None)
     with together(comm):
@@ -388,7 +390,7 @@ def distribute(problem: Any, comm: Any = None) -> DistributedICP:
 
 
 def _share(problem: ProblemData, low: int, high: int) -> tuple[Any, ...]:
-    """The rows `low` ≤ i < `high` of A, of q, and of the obstacles: (f, G or None) each."""
+    """The rows `low` ≤ i < `high` of A, of q, and of each obstacle as a pair (f, G or None)."""
     sides: list[tuple[Any, Any]] = []
     for psi in sides_of(problem.psi):
         if isinstance(psi, Constant):

@@ -1,13 +1,13 @@
-"""The levels of algebraic multigrid for a matrix on ranks, and V-cycles of them in which only some rows take part.
+"""The levels of algebraic multigrid for a matrix on ranks, and V-cycles restricted to the free rows.
 
-PETSc makes the hierarchy once: BoomerAMG by way of PCHMG, which gives away its interpolations, or
-GAMG without hypre. It also runs the cycles (PCMG). Here rows are masked. On every level J = A_l
-with the rows and columns that do not take part replaced by those of the diagonal. On the coarser
-levels that diagonal is so large that these rows return no correction. On the finest one the sweep
-after the correction puts such rows right.
+PETSc makes the hierarchy once: BoomerAMG by PCHMG, which gives access to its interpolations, or
+GAMG without hypre. It also runs the cycles (PCMG). This file masks rows. On every level, J is A_l
+with the rows and columns that are not free replaced by those of the diagonal. On the coarser levels
+that diagonal is so large that these rows return no correction. On the finest level the sweep after
+the correction corrects these rows.
 
-Each coarse row has a representative, which decides whether it takes part: the fine unknown with the
-largest weight. For hypre it is the coarse point itself.
+A coarse row is free if its representative is: the fine unknown with the largest weight in its
+column of P. For hypre this is the coarse point itself.
 
 References
 ----------
@@ -31,12 +31,12 @@ from .ranks import anywhere, petsc, release
 
 #: the largest number of rows that every rank factorises whole if there is no coarser level
 _DIRECT_UP_TO = 2000
-#: Krylov's steps at the most after the active set has settled, to this part of the residual that is wanted
+#: the most Krylov steps once the active set has settled, and the share of the wanted residual that they aim at
 _MAX_STEPS = 60
 _TARGET_SHARE = 0.3
-#: factor of the diagonal that decouples a row: it returns no correction
+#: factor of the diagonal that decouples a row, which then returns no correction
 _LARGE = 1e100
-#: options of what makes the levels begin with this in PETSc's database
+#: the prefix of the options of the hierarchy in PETSc's database
 _PREFIX = "icpmodel_"
 
 
@@ -44,7 +44,7 @@ class DistributedLevel:
     """One level: its `matrix`, and where there is a coarser one the interpolation `P` from it.
 
     `injection` is the injection to the coarser level, a `Mat` with a 1 in each row. `weight` has the
-    weights in P of the points that it takes.
+    weights in P of the injected points.
     """
 
     def __init__(self, matrix: DistributedMatrix, P: Any) -> None:
@@ -55,14 +55,14 @@ class DistributedLevel:
 
     @cached_property
     def J(self) -> Any:
-        """The memory of the masked matrix; the finest level does not always need it."""
+        """Memory for the masked matrix, which `restrict` fills; the finest level does not always need it."""
         return self.matrix.mat.duplicate(copy=True)
 
 
 class DistributedLevels:
     """The `levels` of `matrix`, finest first, and solves of A_FF x = f_F for changing free rows F.
 
-    The diagonal must be positive. Where PETSc makes no hierarchy of it there is one level.
+    The diagonal must be positive. Where PETSc makes no hierarchy, there is one level.
     """
 
     def __init__(self, matrix: DistributedMatrix) -> None:
@@ -91,6 +91,7 @@ class DistributedLevels:
 
         The solve stops at ‖f − Jx‖ ≤ `share` ‖f‖, after at most `MAX_KRYLOV_STEPS` steps. With `target` it stops at
         ‖D⁻¹(f − Jx)‖ ≤ `_TARGET_SHARE` · `target`, after at most `_MAX_STEPS` steps. x is 0 where f is not finite.
+        Where CG finds A indefinite, GMRES replaces it for good. Collective.
         """
         x = self.levels[top].matrix.vector()
         size = f.norm(petsc().NormType.INFINITY)
@@ -131,23 +132,24 @@ class DistributedLevels:
 
 
 def _make_cycle(pc: Any, levels: list[DistributedLevel]) -> None:
-    """Make `pc` a V(1, 1)-cycle with Gauss–Seidel in each rank, forwards before and backwards after.
+    """Make `pc` a V(1, 1)-cycle with Gauss–Seidel in each rank, forward before the coarse level, backward after it.
 
-    It is its own adjoint where A is symmetric.
+    It is self-adjoint where A is symmetric. Without coarser levels, `pc` is a direct solver or, for many rows, block
+    Jacobi.
     """
     PETSc = petsc()
     if len(levels) == 1 and levels[0].matrix.n > _DIRECT_UP_TO:
         pc.setType("bjacobi")  # with an incomplete factorisation in each rank
         return
     pc.setType("mg")
-    pc.setUseAmat(False)  # or the finest residual would stay that of the first J that was given
+    pc.setUseAmat(False)  # else the finest residual would stay that of the first J
     pc.setMGLevels(len(levels))
     options = PETSc.Options()
     coarse = pc.getMGCoarseSolve()
     coarse.setOperators(levels[-1].J, levels[-1].J)
     for k, level in enumerate(reversed(levels[:-1]), 1):
         pc.setMGInterpolation(k, level.P)
-        # the first sweep begins with 0, where a single one needs no work space
+        # the first sweep starts from 0, where `preonly` needs no work space
         directions = (pc.getMGSmootherDown(k), "forward", "preonly"), (pc.getMGSmootherUp(k), "backward", "richardson")
         for smoother, direction, kind in directions:
             smoother.setType(kind)
@@ -161,14 +163,14 @@ def _make_cycle(pc: Any, levels: list[DistributedLevel]) -> None:
 
 
 def _hierarchy(matrix: DistributedMatrix) -> list[tuple[Any, Any]]:
-    """(A of a coarser level, the interpolation to the finer one) of each coarser level, as PETSc makes them.
+    """(A of the level, the interpolation to the finer one) of each coarser level of PETSc's, finest first.
 
-    None where PETSc fails, or where a coarse diagonal is not positive.
+    The list is empty where PETSc fails, or where a coarse diagonal is not positive. Collective.
     """
     PETSc = petsc()
     pc = PETSc.PC().create(matrix.mat.comm)
     options = PETSc.Options(_PREFIX)
-    # the smoothers that come with it are replaced: Chebyshev's would look for eigenvalues, which is half of the set-up
+    # PETSc's own smoothers are replaced: Chebyshev's would estimate eigenvalues, which is half of the set-up
     for name, value in (("ksp_type", "richardson"), ("pc_type", "none")):
         if not options.hasName(f"mg_levels_{name}"):
             options[f"mg_levels_{name}"] = value
@@ -177,7 +179,7 @@ def _hierarchy(matrix: DistributedMatrix) -> list[tuple[Any, Any]]:
     pc.setOperators(matrix.mat, matrix.mat)
     pc.setFromOptions()
     try:
-        with pools("openmp").limit(limits=1):  # a hypre with tables has such threads, and the cores are for the ranks
+        with pools("openmp").limit(limits=1):  # hypre may have such threads, but the cores are for ranks
             pc.setUp()
     except PETSc.Error:
         return []
@@ -189,9 +191,9 @@ def _hierarchy(matrix: DistributedMatrix) -> list[tuple[Any, Any]]:
 
 
 def _injection(P: Any) -> tuple[Any, Vector]:
-    """The injection of the fine unknown in which each coarse one has its largest weight, and the own weights.
+    """The injection from the fine unknown with the largest weight of each coarse one, and these weights in own rows.
 
-    Collective. (A submatrix of PETSc has no row twice, but a point may represent two.)
+    Collective. (PETSc's submatrices have no row twice, but one fine unknown may represent two coarse ones.)
     """
     from ..numerics.kernels.vcycle import largest_of  # loads numba
 

@@ -1,4 +1,4 @@
-"""Obstacles on ranks: what moves with its own unknown is a map of the own rows, what is coupled a matrix of PETSc."""
+"""Obstacles on ranks, ψ(z) = f(z) + Gz: f is an elementwise map of the own rows, G a matrix of PETSc that couples."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _EXPECTED = (
 class DistributedMap:
     """ψ(z) = f(z) + Gz: `local_map`, f as a map of the own rows, and `G`, a `Mat`, or None.
 
-    `has_function`: f is no constant on some rank, so that a user's function is called.
+    `has_function` says whether f calls a user's function, on any rank.
     """
 
     def __init__(self, matrix: DistributedMatrix, local_map: Map, G: Any = None, has_function: bool = False) -> None:
@@ -47,7 +47,7 @@ class DistributedMap:
 
     @classmethod
     def of(cls, value: Any, matrix: DistributedMatrix, name: str) -> DistributedMap:
-        """What a user gives as the obstacle `name`, psi or upper. Collective. Raises InputError."""
+        """Convert the user's obstacle `name`, psi or upper. Collective. Raises InputError, NotApplicable."""
         PETSc = petsc()
         comm = matrix.comm
         size = matrix.high - matrix.low
@@ -94,7 +94,7 @@ class DistributedMap:
             return (f.value(z + step) - f.value(z)) / ((z + step) - z)
 
     def fixed(self) -> Vector:
-        """c with c_i = f_i(c_i) in the own rows, which stands for f, see `Facts.obstacle`. Local.
+        """The fixed point c_i = f_i(c_i) in the own rows, which can replace f, see `Facts.obstacle`. Local.
 
         Raises MapError, and NotApplicable where f is not known to move by less than z.
         """
@@ -115,7 +115,7 @@ class DistributedMap:
 
     @cached_property
     def terms(self) -> int:
-        """How many terms a row of ψ has at the most, which bounds its rounding. Collective, the first time."""
+        """The largest number of terms in a row of ψ, which bounds its rounding. Collective, the first time."""
         lengths = 0 if self.G is None else np.diff(self.G.getValuesCSR()[0])
         return 3 + int(largest(self.matrix.comm, lengths))
 

@@ -1,4 +1,4 @@
-"""A matrix whose rows are spread over ranks: PETSc's, with what is asked of it more than once."""
+"""A PETSc matrix whose rows are distributed over ranks, with cached properties."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class DistributedMatrix:
 
     @cached_property
     def smallest_row(self) -> float:
-        """min_i d_i: ‖D⁻¹x‖ ≤ ‖x‖/min d_i. Collective, the first time."""
+        """The smallest weight d_i of D: ‖D⁻¹x‖ ≤ ‖x‖/min d_i. Collective, the first time."""
         return 1.0 / largest(self.comm, self.row_weights)
 
     @cached_property
@@ -56,16 +56,15 @@ class DistributedMatrix:
         return diagonal_positions(self.block)
 
     def free_block(self) -> None:
-        """Free the arrays of sweeps on this level."""
+        """Free the arrays that sweeps use: `block` and `block_diagonal`."""
         for name in ("block", "block_diagonal"):
             vars(self).pop(name, None)
 
     @cached_property
     def own_rows(self) -> tuple[Vector, int, bool, bool]:
-        """(their weights, the entries of the longest one, whether D > 0 and nothing is positive off it, whether all
-        entries are finite).
+        """(weights, entries of the longest row, whether the signs are those of an M-matrix, whether all are finite).
 
-        Local. PETSc hands out copies, with ranks two of them: best asked for before there are levels.
+        Local. PETSc copies the entries, twice on several ranks: better before the levels are made.
         """
         indptr, _, data = self.mat.getValuesCSR()
         signs = (self.diagonal > 0).all() and np.count_nonzero(data > 0) == self.diagonal.size
@@ -79,12 +78,12 @@ class DistributedMatrix:
 
     @cached_property
     def terms(self) -> int:
-        """How many entries the longest row has: what bounds the rounding of a product. Collective, the first time."""
+        """The number of entries of the longest row, which bounds the rounding of a product. Collective, at first."""
         return int(largest(self.comm, self.own_rows[1]))
 
     @cached_property
     def comparison(self) -> DistributedMatrix:
-        """⟨A⟩, |a_ii| on the diagonal and −|a_ij| off it: this matrix itself where these are its signs. Collective."""
+        """⟨A⟩, |a_ii| on the diagonal and −|a_ij| off it; this object itself if A has these signs. Collective."""
         if not anywhere(self.comm, not self.own_rows[2]):
             return self
         new = DistributedMatrix(map_entries(self.mat, lambda data: -np.abs(data)))
@@ -93,7 +92,7 @@ class DistributedMatrix:
         return new
 
     def absolute(self, v: Vector) -> Vector:
-        """About |A|v = 2|D|v − ⟨A⟩v in the own rows, for `v` ≥ 0 in them: no less than |A|v, rounding included."""
+        """A bound ≥ |A|v = 2|D|v − ⟨A⟩v in the own rows, rounding included, for `v` ≥ 0 in them. Collective."""
         double = 2.0 * np.abs(self.diagonal) * v
         image = self.comparison.product(self.vector(v)).array
         # each of the two products and their difference lose at most γ_k(2|D|v + |A|v) ≤ 3γ_k|A|v
@@ -101,9 +100,9 @@ class DistributedMatrix:
 
     @cached_property
     def is_symmetric(self) -> bool:
-        """Whether Au = Aᵀu up to rounding, for a u without pattern. Collective.
+        """Whether Au = Aᵀu up to rounding, for one irregular u. Collective.
 
-        It decides which Krylov method is tried, and nothing that is proved.
+        It decides which Krylov method is tried; no proof depends on it.
         """
         u = self.vector(np.cos(np.arange(self.low, self.high) ** 2.0))
         image = self.product(u)
@@ -135,7 +134,7 @@ class DistributedMatrix:
 
 
 def map_entries(mat: Any, entries_of: Callable[[Vector], Vector]) -> Any:
-    """The `Mat` whose entries `entries_of` makes of those of `mat`. Collective."""
+    """A new `Mat` with the pattern of `mat` and the entries `entries_of(data)`. Collective."""
     indptr, indices, data = mat.getValuesCSR()
     new = petsc().Mat().createAIJ(mat.getSizes(), csr=(indptr, indices, entries_of(data)), comm=mat.comm)
     new.assemble()
@@ -160,7 +159,7 @@ def check_counts(n: int, entries: int) -> None:
 
 
 def from_rows(rows: sp.csr_array, comm: Any) -> Any:
-    """PETSc's square matrix of the `rows` that each rank gives, CSR with all columns. Collective. Raises InputError."""
+    """A square PETSc matrix from the `rows` of each rank, CSR with all columns. Collective. Raises InputError."""
     PETSc = petsc()
     local_rows = rows.shape[0]
     n = comm.allreduce(local_rows)

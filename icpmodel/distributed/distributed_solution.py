@@ -1,4 +1,4 @@
-"""An answer on ranks."""
+"""The answer of a solve on ranks."""
 
 from __future__ import annotations
 
@@ -96,12 +96,12 @@ class DistributedSolution(Displayable):
         return vars(self).get("_certificate")
 
     def summary(self) -> dict[str, str]:
-        """What `print` shows, as names and texts.
+        """The lines that `print` shows, as names and texts.
 
         Returns
         -------
         dict
-            It has the bound once all ranks have called `certify`.
+            It has the error bound once all ranks have called `certify`.
         """
         steps = counted(self.iterations, "iteration")
         rows = {

@@ -1,4 +1,4 @@
-"""p, the distances from the obstacles and what follows from them at one point of a problem on ranks."""
+"""p, the distances from the obstacles, and residuals, active set and rounding at one point of a problem on ranks."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .ranks import norm
 
 
 class Evaluation:
-    """p, `r` = z − ψ and `r_upper` = z − ψ̄ in the own rows, at the `Vec` z. All of it is collective, the first time."""
+    """`p`, `r` = z − ψ and `r_upper` = z − ψ̄ in the own rows, at the `Vec` z. Each member is collective at first."""
 
     def __init__(self, problem: Any, z: Any) -> None:
         self.problem = problem
@@ -37,7 +37,7 @@ class Evaluation:
     def pattern(self) -> Pattern:
         """The active set."""
         with np.errstate(all="ignore"):
-            # p and r then change alike with z_i
+            # in these units p and r change alike with z_i
             a = self.p / self.problem.matrix.diagonal * self.problem.psi.own_slope
             return Pattern.of(self.r, self.r_upper, a)
 
@@ -66,7 +66,7 @@ class Evaluation:
     def after_sweeps(self, count: int) -> Evaluation:
         """The evaluation after `count` sweeps of projected Gauss–Seidel in the rows of each rank.
 
-        Ranks exchange their values between two sweeps; the obstacles stay as they were.
+        Ranks exchange their values between two sweeps; the obstacles keep their values at this point. Collective.
         """
         from ..algebra.kernels.sweeps import sweep_rows  # loads numba
 
@@ -82,7 +82,7 @@ class Evaluation:
         out = np.empty(z.size)
         for k in range(count):
             q = problem.q
-            if problem.comm.size > 1:  # what comes from the unknowns of other ranks
+            if problem.comm.size > 1:  # add the terms with unknowns of other ranks
                 q = q + (matrix.product(at).array_r - A @ z)
             if z.size:
                 sweep_rows(*rows, q, psi, (1.0,), k % 2 == 0, z, out)

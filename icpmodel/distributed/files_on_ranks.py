@@ -28,7 +28,7 @@ Source = str | PathLike[str]
 WRITABLE_SUFFIXES = (".bin", ".h5")
 #: the number that stands for no obstacle
 _INFINITE = {"psi": -np.inf, "upper": np.inf}
-#: beyond the numbers themselves, what a file may have
+#: the most bytes of a file besides the numbers themselves
 _MAX_HEADER_BYTES = 65_536
 
 
@@ -40,7 +40,7 @@ def load_problem(
     upper: Source | float | None = None,
     comm: Any = None,
 ) -> DistributedICP:
-    """Read a problem from files, each rank its rows of PETSc's binary files, and rank 0 all others.
+    """Read a problem from files: each rank reads its rows of PETSc's binary files, rank 0 all other files.
 
     Parameters
     ----------
@@ -67,8 +67,8 @@ def load_problem(
     Notes
     -----
     A `.bin` file is what PETSc's `MatView` or `VecView` writes to a binary viewer: one real matrix
-    (aij) or vector in double precision, with integers of 32 or 64 bits. All ranks see it, and none
-    holds all of it. What is in another file rank 0 reads, and sends each rank its rows.
+    (aij) or vector in double precision, with integers of 32 or 64 bits. All ranks must see it; none
+    holds all of it. Rank 0 reads all other files, and sends each rank its rows.
 
     Examples
     --------
@@ -126,14 +126,14 @@ def _matrix_in(path: Path, comm: Any) -> Any:
 
 
 def vector_in(source: Source, mat: Any, name: str) -> Vector:
-    """The entries, for the rows of `mat` that this rank has, of the vector `name` in a file.
+    """Read the own entries of the vector `name` from a file; its rows are distributed as those of `mat`.
 
     Collective. Raises FileError on all ranks.
 
     Parameters
     ----------
     source : str or path
-        The file: each rank reads its rows of a `.bin` file, rank 0 all of another one.
+        The file: each rank reads its rows of a `.bin` file, rank 0 all rows of another one.
     mat : Mat
         The matrix whose rows have these entries.
     name : str
@@ -187,6 +187,8 @@ def save_solution(solution: DistributedSolution, path: Source) -> None:
         For an object that is no solution.
     FileError
         On all ranks, where the path cannot be written.
+    NotApplicable
+        For `.h5` where PETSc has no HDF5.
 
     Notes
     -----
@@ -196,9 +198,9 @@ def save_solution(solution: DistributedSolution, path: Source) -> None:
     bytes. `.h5` has z, p and r as vectors of these names in HDF5, where PETSc has it:
     `h5py.File(path)["z"][:]`. Numbers have double precision.
 
-    The file is written under another name, read again, compared, and then renamed. So the old file
-    or the new one is there, whole. Only a vector of PETSc is replaced, no file of HDF5, and links
-    are not followed.
+    The file is written under another name, read again, compared, and then renamed. So either the old
+    file or the new one is there, complete. An old file is replaced only if it is a PETSc vector, not
+    if it is HDF5. Links are not followed.
 
     Examples
     --------
@@ -222,8 +224,10 @@ def save_solution(solution: DistributedSolution, path: Source) -> None:
 
 
 def check_place_on_ranks(path: Source, comm: Any) -> None:
-    """Raise FileError now, on all ranks, where `save_solution` would later: a name that ends otherwise, or another file
-    there. Collective."""
+    """Raise FileError now, on all ranks, where `save_solution` would refuse the path later. Collective.
+
+    It refuses another suffix, and a file there that it does not replace. Raises NotApplicable without HDF5.
+    """
     with together(comm):
         place = as_path(path)
         check_suffix(place, WRITABLE_SUFFIXES)
@@ -242,13 +246,13 @@ def _check_vector(path: Path) -> None:
 
 
 def _write(path: Path, vectors: dict[str, Any], comm: Any) -> None:
-    """Write them to a file that then takes its place. Collective. Raises FileError on all ranks."""
+    """Write `vectors` to a temporary file, which then replaces `path`. Collective. Raises FileError on all ranks."""
     file: BinaryIO | None = None
     with ExitStack() as stack:
         with together(comm), file_errors(path, "written"), ExitStack() as begun:
             if comm.rank == 0:
                 file = begun.enter_context(part_of(path))
-                begun.callback(Path(f"{file.name}.info").unlink, missing_ok=True)  # which PETSc writes beside
+                begun.callback(Path(f"{file.name}.info").unlink, missing_ok=True)  # PETSc writes it, too
                 size = sum(8 * vector.getSize() for vector in vectors.values())
                 _check_free_space(file, size + _MAX_HEADER_BYTES)
             stack.push(begun.pop_all())
@@ -268,15 +272,17 @@ def _write(path: Path, vectors: dict[str, Any], comm: Any) -> None:
 
 
 def _check_free_space(file: BinaryIO, size: int) -> None:
-    """Have the system say now that there is no room for `size` bytes: while ranks write, one may wait for ever for
-    another one that could not."""
-    if hasattr(os, "posix_fallocate"):  # which macOS has not
+    """Raise OSError now where there is no room for `size` bytes.
+
+    Later, while ranks write, one may wait for ever for another one that has failed.
+    """
+    if hasattr(os, "posix_fallocate"):  # not on macOS
         os.posix_fallocate(file.fileno(), 0, size)
         file.truncate(0)
 
 
 def _view(path: Path, hdf5: bool, mode: str, vectors: dict[str, Any], comm: Any) -> str:
-    """Write, or read, the vectors by PETSc and MPI, and say what went wrong. Collective."""
+    """Write or read the vectors by PETSc and MPI; return the error, or "" if there is none. Collective."""
     PETSc = petsc()
     viewer = PETSc.Viewer()
     try:

@@ -1,9 +1,8 @@
 """Inexact Newton steps on the modulus equation on one level of a hierarchy on ranks, and its start from coarser ones.
 
 The steps are those of `algebra.newton_steps`. Projected Gauss–Seidel in the rows of each rank moves the
-boundary of the active set. The active rows take z = ψ(z). Krylov's method with V-cycles on the free
-rows reduces Az + q there. Between the sweeps, neighbouring ranks exchange the values of their
-common rows.
+boundary of the active set. The active rows take z = ψ(z). A Krylov method with V-cycles reduces
+Az + q in the free rows. Between two sweeps, ranks exchange the values of unknowns that they share.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ from .distributed_map import DistributedMap
 from .evaluation import Evaluation
 from .ranks import anywhere, largest, petsc, release, together
 
-#: share of the residual that a step leaves when the active set has settled but for a few rows
+#: a step that leaves at most this share of the residual shows that the active set has settled but for a few rows
 _SETTLED_REDUCTION = 0.5
 #: multiple of the wanted residual below which sweeps are tried once more, as a Newton step costs several times as much
 _SWEEP_RANGE = 2.0
@@ -34,9 +33,9 @@ _SWEEP_RANGE = 2.0
 def iterates(
     levels: DistributedLevels, problem: DistributedICP, z: Any, target: float, scale: float
 ) -> Iterator[Evaluation]:
-    """Newton's steps from `z`, and sweeps where they do not reduce the residual, until both fail. Collective.
+    """Yield Newton's steps from `z`, and sweeps where these do not reduce the residual, until both fail. Collective.
 
-    Rounding explains a residual that is a small part of `scale`.
+    They also end where rounding explains the residual: see `is_at_floor`, which takes `scale`.
     """
     best: Evaluation | None = None
     milestone = np.inf
@@ -67,16 +66,16 @@ def iterates(
 
 
 def is_at_floor(at: Evaluation, scale: float) -> bool:
-    """Whether rounding explains the residual, and is a small part of `scale`. Collective."""
+    """Whether rounding errors explain the residual, and are a small part of `scale`. Collective."""
     return at.residual <= 2.0 * at.rounding_of_residuals[0] < MAX_ROUNDING * scale
 
 
 def newton_steps(
     levels: DistributedLevels, problem: DistributedICP, z: Any, top: int, target: float | None = None
 ) -> Iterator[Evaluation]:
-    """Newton's steps on level `top`, whose problem is `problem`, as `simplify` makes it: the evaluation after each.
+    """Yield the evaluations at the start and after each Newton step on level `top`, for its simplified `problem`.
 
-    They aim at the residual `target`, by default at a share of the first one.
+    The steps aim at the residual `target`, by default at `INNER_REDUCTION` of the first one.
     """
     last = None
     while True:
@@ -102,12 +101,12 @@ def _has_moved(at: Evaluation, last: Evaluation | None) -> bool:
 
 
 def _newton_step(levels: DistributedLevels, at: Evaluation, top: int, target: float | None) -> Any:
-    """z after one Newton step from `at`, until ‖Az + q‖ in the free rows is a fraction of `target`, or a tenth."""
+    """z after one Newton step from `at`; its linear solve aims at a share of `target`, or a tenth of its residual."""
     problem = at.problem
     active = at.pattern.active
     J = _newton_matrix(at)
     r_active = np.where(active, at.pattern.r, 0.0)
-    if J is None:  # z = ψ(z) in the active rows needs no equations
+    if J is None:  # then the active rows need no linear equations
         z = problem.vector(at.z.array_r - r_active)
         f = np.where(active, 0.0, -(problem.matrix.product(z).array_r + problem.q))
     else:
@@ -170,7 +169,7 @@ def coarse_start(levels: DistributedLevels, problem: DistributedICP) -> Any:
 def _coarse_problem(
     problem: DistributedICP, level: DistributedLevel, coarser: DistributedLevel
 ) -> tuple[DistributedICP, Vector]:
-    """The problem on the level below `level`, and the shift s: on `level` its answer z is Pz + s."""
+    """The problem on the next `coarser` level, and the shift s: its answer z becomes Pz + s on `level`."""
     ones = coarser.matrix.vector(np.ones(coarser.matrix.high - coarser.matrix.low))
     is_coarse = problem.matrix.image(level.injection, ones, transposed=True).array_r > 0
     shift = np.where(is_coarse, 0.0, -problem.q / problem.matrix.diagonal)
@@ -195,10 +194,10 @@ def _coarse_problem(
 
 
 def simplify(problem: DistributedICP, start: bool = False) -> DistributedICP:
-    """An equivalent problem that calls a user's function f only where it must.
+    """The problem with users' functions f replaced by their fixed points, where it stays equivalent.
 
-    That is where the obstacle is Gz + f(z). For a `start` f is not called there either: it is then
-    its value at its own fixed point. Raises MapError, NotApplicable.
+    It does unless the obstacle is Gz + f(z). For a `start`, f is replaced there as well, which
+    changes the problem. Raises MapError, NotApplicable.
     """
     if not problem.calls_user_code:
         return problem

@@ -1,4 +1,4 @@
-"""PETSc and MPI at first use, and what ranks tell each other, so that none of them waits for one that has failed."""
+"""PETSc and MPI at first use, reductions over ranks, and errors raised on all, so that none waits for a failed one."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def petsc() -> Any:
 
 @cache
 def _abort_at_failing_exit() -> None:
-    """End all ranks where a script ends by an error on this one: at its exit PETSc would wait for the others."""
+    """At exit, abort all ranks if the script on this one ended by an error: PETSc would wait for the others."""
     from mpi4py import MPI
 
     def leave() -> None:
@@ -67,7 +67,7 @@ def world(comm: Any = None) -> Any:
 def release(*comms: Any) -> None:
     """Give back the memory of PETSc's objects that no rank holds any more. Collective.
 
-    petsc4py destroys none by itself, as ranks must do it in the same order: without this every vector stays.
+    petsc4py destroys none by itself, as ranks must do so in the same order: without this no memory would be freed.
     """
     for comm in comms:
         petsc().garbage_cleanup(comm)
@@ -75,9 +75,9 @@ def release(*comms: Any) -> None:
 
 @contextmanager
 def together(comm: Any) -> Iterator[None]:
-    """A block of local work that all ranks leave together: an error of one is raised on all, and so is `sys.exit()`.
+    """A block of local work that all ranks leave together: an error of one is raised on all, also by `sys.exit()`.
 
-    Nothing in it may wait for other ranks. The error of another rank than 0 names the rank.
+    Nothing in the block may wait for other ranks. The message names the first rank that failed, unless it is rank 0.
     """
     fault: Exception | SystemExit | None = None
     try:
@@ -96,8 +96,8 @@ def together(comm: Any) -> Iterator[None]:
 def _error_message(fault: BaseException | None) -> tuple[type[Exception] | None, str]:
     """(class, text) of an error, for the other ranks.
 
-    The class is one that all ranks have and that takes one text, else None. The text begins with the name of the error
-    where it is none of the package's.
+    The class is None unless all ranks have it and it takes one text. Where it is not one of the package's, the text
+    begins with the name of the error.
     """
     kind = next((one for one in _SENT_ERRORS if isinstance(fault, one)), None)
     try:

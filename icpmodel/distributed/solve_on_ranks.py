@@ -1,8 +1,8 @@
 """`solve()` on ranks: the start from the coarser levels, Newton's steps, and sweeps where those fail.
 
-Shared with one process are the sweep, the active set, the options, the statuses and the sentences of proofs. The loop
-of `solve.run` is not: each of its decisions would need a reduction over the ranks. Its clock and Ctrl-C are those of
-one process. The levels are PETSc's, as a hierarchy of PyAMG is that of one process.
+The sweep, the active set, the options, the statuses and the sentences of proofs are those of one process. The loop of
+`solve.run` is not used: each of its decisions would need a reduction over the ranks, and its clock and Ctrl-C are those
+of one process. The levels are PETSc's, as PyAMG runs in one process only.
 """
 
 from __future__ import annotations
@@ -56,7 +56,8 @@ def solve(
     q, psi, upper : optional
         With a `Mat`, the other arguments of `DistributedICP`.
     z0 : Vec, optional
-        The start, by default 0. It is kept where Res_D(z0) ≤ 1e-7·Res_D(0).
+        The start, by default 0. Unless Res_D(z0) ≤ 1.5e-8·Res_D(0), the start from the coarser
+        levels replaces it.
     rtol : float, default 1e-8
         Relative tolerance.
     atol : float, default 0
@@ -67,7 +68,7 @@ def solve(
         Seconds of rank 0, checked between two iterations. A step that PETSc has begun is not cut
         short.
     progress : bool, default False
-        Whether rank 0 shows a line.
+        Whether rank 0 shows a status line.
     raise_on_failure : bool, default True
         Whether a failure raises NotSolved.
 
@@ -126,10 +127,10 @@ def solve(
 
 @contextmanager
 def _watch(comm: Any, limits: Limits) -> Iterator[Callable[[], Status | None]]:
-    """A function that returns, the same on all ranks, the status after Ctrl-C or at the time limit, else None.
+    """Yield a function that returns the status after Ctrl-C or at the time limit, else None, the same on all ranks.
 
-    In the block Ctrl-C, and the signal that mpiexec then sends, perhaps twice, only sets a flag. A second Ctrl-C has
-    its old effect.
+    In the block Ctrl-C only sets a flag, and so does SIGTERM, which mpiexec then sends, perhaps twice. A second Ctrl-C
+    has its old effect.
     """
     start_time = time.perf_counter()
     pressed = list[int]()
@@ -187,7 +188,7 @@ class _Run:
         self.best = first
         if self._is_reached(first):
             return Status.SOLVED, ""
-        if self.limits.atol:  # about what Res ≤ atol takes
+        if self.limits.atol:  # about the Res_D at which Res ≤ atol
             target = max(target, self.limits.atol * first.residual / first.paper_residual)
         fixed = simplify(problem)
         self.say("making the levels")
@@ -204,7 +205,7 @@ class _Run:
             return Status.MAP_FAILED, str(error)
 
     def _steps(self, fixed: DistributedICP, path: Iterator[Evaluation], scale: float) -> tuple[Status, str]:
-        """Judge the iterates of the problem `fixed`; the status and a note on it. Collective."""
+        """Judge the iterates on `path`, those of the problem `fixed`; return the status and a note. Collective."""
         for self.iterations, iterate in enumerate(path):
             at = iterate if fixed is self.problem else Evaluation(self.problem, iterate.z)
             if at.residual < self.best.residual or not np.isfinite(self.best.residual):
@@ -225,13 +226,13 @@ class _Run:
         return Status.STAGNATED, "neither Newton's steps nor sweeps reduce the residual any more"
 
     def _is_reached(self, at: Evaluation) -> bool:
-        """Whether `at` has what was asked for. Collective."""
+        """Whether the residuals of `at` meet `rtol` or `atol`. Collective."""
         if at.residual <= self.tolerance or not self.limits.atol:
             return at.residual <= self.tolerance
         return at.paper_residual <= self.limits.atol
 
     def solution(self, status: Status, note: str) -> DistributedSolution:
-        """The best iterate, judged once more, rounding included."""
+        """The best iterate with its status: SOLVED becomes PRECISION_LIMIT where rounding may exceed the tolerance."""
         best = self.best
         atol = self.limits.atol
         if status is Status.SOLVED and max(self.tolerance, atol) > 0:
@@ -261,7 +262,7 @@ class _Run:
 
 
 def _check_maps(at: Evaluation, when: str) -> None:
-    """Raise MapError, on all ranks, where an obstacle has no value at a z that has one. Collective."""
+    """Raise MapError, on all ranks, where an obstacle is NaN in a row in which z is finite. Collective."""
     problem = at.problem
     with together(problem.comm):
         for name, side in (("psi", at.r), ("upper", at.r_upper)):
