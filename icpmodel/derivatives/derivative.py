@@ -1,6 +1,6 @@
-"""The derivative of the answer: one linear system, J, on the active set, solved forward or transposed.
+"""The derivative of the answer: one linear system with the matrix J on the active set, solved forward or transposed.
 
-Near z* every row keeps its side where p and r are not both 0: Az + q = 0 in the free rows, z = ψ(z)
+Near z* each row in which p and r are not both 0 keeps its side: Az + q = 0 in the free rows, z = ψ(z)
 in the active ones. The derivative of these equations is J dz = f. A free row of J is that of A,
 with f = −(dA z + dq). An active row of J is that of I − ψ′, with f = dψ. The adjoint system is Jᵀw
 = z̄.
@@ -45,9 +45,9 @@ from .direction import Direction
 from .gradient import Gradient
 from .tangent import Ties, tangent_problem
 
-#: the number of random weights: all of them cancel to a hundredth once in 10⁶ times
+#: the number of random weights: all sums cancel to a hundredth once in 10⁶ times
 _RANDOM_WEIGHTS = 3
-#: the relative tolerance of tangent problems, and the least one of linear systems that are solved by steps
+#: the relative tolerance of tangent problems, and the smallest one of linear systems that are solved iteratively
 _RTOL = 1e-10
 _MIN_RTOL = 1e-14
 
@@ -91,9 +91,9 @@ class Derivative(ReadOnly, Plottable):
     certain : bool
         Whether it is proved that z* is differentiable and that this is its derivative.
     undecided : array of int, shape (k,)
-        Rows in which p = r = 0, or two equally good jumps, cannot be excluded.
+        Rows in which p = r = 0, or two equally good jumps, cannot be excluded, or z* has another side.
     reason : str
-        Why the derivative is not `certain`, or what was assumed.
+        Why the derivative is not `certain`; or why it is, and what was assumed.
 
     Raises
     ------
@@ -106,10 +106,10 @@ class Derivative(ReadOnly, Plottable):
 
     Notes
     -----
-    For `certain`, every row must be known to be at an obstacle or off it. Moreover ψ′ must be the
-    same as far as z* may be away. An undecided row takes the side that z is nearer to, which gives
-    an element of the B-subdifferential. ψ of a user's function is assumed to be continuously
-    differentiable there, with the derivative that the user gives.
+    For `certain`, every row must be proved to be at an obstacle or off it. Moreover, ψ must be smooth
+    wherever z* may be. An undecided row takes the side that z is nearer to, which gives an element
+    of the B-subdifferential. A user's function ψ is assumed to be continuously differentiable there,
+    with the derivative that the user gives.
 
     Examples
     --------
@@ -135,7 +135,7 @@ class Derivative(ReadOnly, Plottable):
         self.pattern = Pattern.at(problem, z)
         self._jacobian = derivative(problem.psi, z, self.pattern.above)
 
-    def __reduce__(self) -> tuple[Any, ...]:  # factors cannot be sent
+    def __reduce__(self) -> tuple[Any, ...]:  # factors cannot be pickled
         return Derivative, (self.solution,)
 
     @cached_property
@@ -218,7 +218,7 @@ class Derivative(ReadOnly, Plottable):
 
     @cached_property
     def _tolerance(self) -> float:
-        """The tolerance of iterative solves: that of z, at most the default."""
+        """The relative tolerance of iterative solves: that of z, at most the default."""
         tolerance = RTOL
         with suppress(MapError):
             scale = self.problem.residual_scale() or norm(self.z)
@@ -244,7 +244,7 @@ class Derivative(ReadOnly, Plottable):
         Raises
         ------
         SingularOperator
-            Where J is singular to rounding.
+            Where J is singular up to rounding, or the solution overflows.
 
         Examples
         --------
@@ -254,7 +254,7 @@ class Derivative(ReadOnly, Plottable):
         with np.errstate(over="ignore", invalid="ignore"):
             x = self.equations.solve(f, self._tolerance, transposed)
             sizes = self._absolute.T if transposed else self._absolute
-            # all of f within the rounding of Jx: J is singular but for rounding
+            # where all of f is within the rounding of Jx, J is singular up to rounding
             if x is None or (f.any() and (np.abs(f) <= 16 * UNIT_ROUNDOFF * (sizes @ np.abs(x))).all()):
                 reason = "the equations of the active set are singular, or their solution overflows"
                 raise SingularOperator(f"{reason}; where rows are undecided, one_sided may have an answer", 0)
@@ -324,8 +324,8 @@ class Derivative(ReadOnly, Plottable):
         Returns
         -------
         float or None
-            The largest error of an entry, for the uncertainty of z* and all rounding errors; None
-            where there is no bound.
+            A bound on the error of every entry, which covers the uncertainty of z* and all rounding
+            errors; None where there is none.
 
         Raises
         ------
@@ -334,9 +334,9 @@ class Derivative(ReadOnly, Plottable):
 
         Notes
         -----
-        There is no bound where the derivative is not `certain`. There is none for a user's
-        function, whose ψ′ may be another one at z* than at z. There is none either where nothing is
-        proved of J within the limits of the certificate. The bound may cost a linear solve.
+        There is no bound where the derivative is not `certain`, nor for a user's function, whose
+        derivative may differ between z and z*. There is none either where nothing is proved of J
+        within the limits of the solution. The bound may cost a linear solve.
 
         Examples
         --------
@@ -358,14 +358,14 @@ class Derivative(ReadOnly, Plottable):
         Parameters
         ----------
         zbar : array of shape (n,)
-            The vector that `adjoint` was given.
+            The weight that was passed to `adjoint`.
         gradient : Gradient
-            What `adjoint` returned.
+            The gradient that `adjoint` returned.
 
         Returns
         -------
         float or None
-            The bound, None where there is none.
+            A bound on the error of every entry; None where there is none.
 
         Examples
         --------
@@ -391,7 +391,7 @@ class Derivative(ReadOnly, Plottable):
         return abs(self._matrix)
 
     def _bound(self, J: sp.csr_array, f: Vector, x: Vector, error: Vector) -> float | None:
-        """max|x − x*| for Jx* = f, f wrong by up to `error`."""
+        """A bound on max|x − x*| for Jx* = f, where f is wrong by up to `error`; None where there is none."""
         if not self.certain or self.problem.psi.calls_user_code or self.solution.problem.f is not None:
             return None
         linear = ProblemData(J, -f, -np.inf)
@@ -403,7 +403,7 @@ class Derivative(ReadOnly, Plottable):
     @cached_property
     @np.errstate(all="ignore")
     def _delta(self) -> Vector:
-        """The proved bound of |z − z*|, or twice the length of Newton steps if nothing is proved."""
+        """A bound on |z − z*|, shape (n,): the proved one, else an estimate, twice the size of Newton steps."""
         delta = self.solution.certificate.bound.componentwise
         if delta is not None:
             return delta
@@ -412,12 +412,12 @@ class Derivative(ReadOnly, Plottable):
         active = self.pattern.active
         rounding_p, rounding_r = problem.rounding(z)
         F = np.where(active, np.abs(self.pattern.r) + rounding_r, np.abs(problem.p(z)) + rounding_p)
-        # what the entries of F add to a step may cancel, but not with one random weight after the other
+        # the contributions of the entries of F to a step may cancel, but not with every random weight
         weights = np.vstack([np.ones(z.size), np.random.default_rng(0).standard_normal((_RANDOM_WEIGHTS, z.size))])
         return 2.0 * np.linalg.norm([self._step(one * F) for one in weights], axis=0)
 
     def _step(self, F: Vector) -> Vector:
-        """J⁻¹F, or F in the units of z if J is singular."""
+        """J⁻¹F, or F scaled to the units of z if J is singular."""
         try:
             return self.solve(F)
         except SingularOperator:
@@ -426,7 +426,7 @@ class Derivative(ReadOnly, Plottable):
     @cached_property
     @np.errstate(all="ignore")
     def _ties(self) -> Ties:
-        """The undecided rows that may be at each obstacle."""
+        """The undecided rows with p = r = 0 within `_delta`, for each obstacle."""
         problem = self.problem
         z = self.z
         delta = self._delta
@@ -446,7 +446,7 @@ class Derivative(ReadOnly, Plottable):
 
     @cached_property
     def _tied_jumps(self) -> Mask:
-        """The rows that are, or may be, at the best of several jumps, where another jump may be as good."""
+        """The rows that are or may be active and where ψ may have another derivative at z*, such as at tied jumps."""
         delta = self.solution.certificate.bound.componentwise
         tied = np.zeros_like(self._undecided_rows)
         for psi, rows in zip(sides_of(self.problem.psi), self.pattern.sides(), strict=True):
@@ -456,7 +456,7 @@ class Derivative(ReadOnly, Plottable):
 
     @cached_property
     def _misplaced_rows(self) -> Mask:
-        """The rows that are proved to be on the side that z is farther from."""
+        """The rows whose proved side is not that of `pattern`: z is too far from z*."""
         known = self.solution.active_set
         pattern = self.pattern
         proved = [known.active] if known.above is None else [known.active, known.above]
@@ -467,7 +467,7 @@ class Derivative(ReadOnly, Plottable):
 
     @cached_property
     def undecided(self) -> NDArray[np.intp]:
-        """The rows, shape (k,), in which p = r = 0 or two equally good jumps cannot be excluded.
+        """Rows, shape (k,), in which p = r = 0 or two equally good jumps cannot be excluded, or z* has another side.
 
         Examples
         --------
@@ -493,7 +493,7 @@ class Derivative(ReadOnly, Plottable):
 
     @property
     def reason(self) -> str:
-        """Why it is certain, or what it is instead, in a sentence.
+        """Why the derivative is certain, or what it is instead, in a sentence.
 
         Examples
         --------
@@ -532,6 +532,6 @@ class Derivative(ReadOnly, Plottable):
 
 
 def _row_names(mask: Mask) -> str:
-    """The rows of `mask`, the first ones by number."""
+    """The rows of `mask` in words, the first ones by number."""
     rows = np.flatnonzero(mask)
     return f"row{'s' if rows.size > 1 else ''} {listed(rows.tolist())}"

@@ -1,4 +1,4 @@
-"""A direction in the data of a problem: what moves, and how fast."""
+"""A direction of change in the data A, q and ψ of a problem."""
 
 from __future__ import annotations
 
@@ -18,8 +18,10 @@ from ..problem.two_sided import sides_of
 
 
 class Direction:
-    """The changes of A, of q, shape (n,), and of the obstacles below and above in the form of their own data; None for
-    what does not move. Raises InputError."""
+    """The changes of A, of q, shape (n,), and of both obstacles, in the form of their own data; None for no change.
+
+    Raises InputError.
+    """
 
     def __init__(self, problem: ProblemData, dA: Any, dq: Any, dpsi: Any, dupper: Any) -> None:
         check_labels({"A": problem.matrix, "dA": dA, **parts_of("dpsi", dpsi), **parts_of("dupper", dupper)})
@@ -43,15 +45,15 @@ class Direction:
     def right_side(self, z: Vector, pattern: Pattern) -> Vector:
         """f of the equations Jdz = f.
 
-        Raises InputError where it overflows, where fixed obstacles that touch would cross, and for what is no change of
-        ψ's data.
+        Raises InputError where it overflows, where fixed obstacles that touch would cross, and for a change that does
+        not fit ψ's data.
         """
         with np.errstate(over="ignore", invalid="ignore"):
             f = -self.p_change(z)
             changes = [linear_value(*psi, z) for psi in self._map_changes(z)]
             for change, rows in zip(changes, pattern.sides(), strict=True):
                 f = np.where(rows, change, f)
-        if self.problem.upper is not None and self.problem.psi.is_constant:  # else it depends on dz
+        if self.problem.upper is not None and self.problem.psi.is_constant:  # else crossing depends on dz
             crosses = (self.problem.psi.value(z) == self.problem.upper.value(z)) & (changes[0] > changes[1])
             if crosses.any():
                 i = np.argmax(crosses)
@@ -64,14 +66,14 @@ class Direction:
         return f
 
     def error(self, z: Vector, delta: Vector, pattern: Pattern) -> Vector:
-        """A bound, shape (n,), on the error of f where z is wrong by up to `delta`, rounding included."""
+        """A bound, shape (n,), on the error of f if z is wrong by up to `delta`, rounding included."""
         error = _error(self.matrix, self.q, z, delta)
         for psi, rows in zip(self._map_changes(z), pattern.sides(), strict=True):
             error = np.where(rows, _error(*psi, z, delta), error)
         return error
 
     def _map_changes(self, z: Vector) -> list[Linear]:
-        """The change of each map as (H, d): ψ changes by Hz + d."""
+        """The change of each map as (H, d): ψ changes by Hz + d to first order."""
         sides = self.sides()
         return [(None, None) if change is None else psi.data_change(z, change, name) for name, psi, change in sides]
 
@@ -91,7 +93,7 @@ def linear_value(H: sp.csr_array | None, d: Vector | None, z: Vector) -> Vector:
 
 
 def _error(H: sp.csr_array | None, d: Vector | None, z: Vector, delta: Vector) -> Vector:
-    """|H|δ and the rounding error of Hz + d."""
+    """A bound on |H|δ and the rounding error of Hz + d."""
     if H is None:
         return np.zeros(z.size)
     terms = np.diff(H.indptr) + 3

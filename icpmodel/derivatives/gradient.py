@@ -1,4 +1,4 @@
-"""What the adjoint gives: the gradient of a weighted answer in all data of the problem at once."""
+"""The result of the adjoint: the gradient of a weighted answer in all data of the problem at once."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ class Gradient(ReadOnly, Displayable):
         and c. A CSR matrix of gains on the pattern of the jumps. Shape (m,) for a user's map with a
         `parameter_derivative`; for another one the gradient in its values.
     upper
-        The like for ψ̄, None where there is none.
+        The same for ψ̄, None where there is none.
     psi_values, upper_values : array of shape (n,)
         Gradients in the values ψ(z) and ψ̄(z), whatever the map is.
 
     Notes
     -----
-    With Jᵀw = z̄ the gradient is −w in rows with p = 0 and w in those at ψ. An attribute that takes
-    a pass over A is computed when it is first read.
+    With Jᵀw = z̄ the gradient in q is −w in the free rows, and that in the values of ψ is w in the rows
+    at ψ; elsewhere both are 0. `A`, `psi` and `upper` are computed when they are first read.
 
     Examples
     --------
@@ -82,7 +82,7 @@ class Gradient(ReadOnly, Displayable):
     @cached_property
     @np.errstate(over="ignore", invalid="ignore", under="ignore")
     def upper(self) -> Any:
-        """The same of the upper obstacle, None where there is none.
+        """The gradient in the data of the upper obstacle, None where there is none.
 
         Examples
         --------
