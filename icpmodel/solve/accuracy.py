@@ -1,4 +1,4 @@
-"""An accuracy that was asked for: solve, bound the error, tighten the tolerance, again."""
+"""Solve to a given accuracy: solve, bound the error, tighten the tolerance, and repeat."""
 
 from __future__ import annotations
 
@@ -17,14 +17,16 @@ from .run import Run
 from .solution import Status
 from .stopping import StopReason
 
-#: a bound falls about as a residual does: the tolerance becomes this share of what would then do, or of the last
-#: residual if that is less; and the least share
+#: the error bound falls about as the residual does: the next tolerance is the last residual times this number times
+#: min(accuracy/bound, 1); and the least factor of the last residual, which also applies without a bound
 _MAX_FACTOR = 0.5
 _MIN_FACTOR = 1e-3
 
 
 def solve_to_accuracy(run: Run, accuracy: float, run_methods: Callable[[], None]) -> None:
-    """Carry out `run` again and again, each time with a smaller tolerance, until max|z − z*| ≤ `accuracy` is certified.
+    """Repeat `run` with smaller tolerances until max|z − z*| ≤ `accuracy` is certified, and set its `stop_reason`.
+
+    It gives up after a run that is not SOLVED, or does not reduce the residual.
 
     Raises
     ------
@@ -36,7 +38,7 @@ def solve_to_accuracy(run: Run, accuracy: float, run_methods: Callable[[], None]
     first = None
     with suppress(OutOfTime, MemoryError):  # then nothing is known before the first run
         first = error_bound(problem, run.start)
-    # whether obstacles that move cross is decided by a small bound alone
+    # only a small bound can decide whether moving obstacles cross
     if first is not None and not first.unique and (problem.upper is None or problem.psi.is_constant):
         raise NotApplicable(f"accuracy: nothing bounds the error of this problem: {first.reason}; give rtol instead")
     bound = None if first is None else first.value
@@ -69,7 +71,7 @@ def solve_to_accuracy(run: Run, accuracy: float, run_methods: Callable[[], None]
 
 
 def certified_error(problem: ProblemData, z: Vector) -> float | None:
-    """The bound on max|z − z*|, None where there is none."""
+    """The bound on max|z − z*|, None where there is none within the limits."""
     with suppress(MapError, OutOfTime, MemoryError):
         return error_bound(problem, z).value
     return None

@@ -1,4 +1,4 @@
-"""The choice of methods: one rule, stated by `select_method`, and the estimates of cost that it goes by."""
+"""The choice of methods: `select_method` states the rule, and `Ladder` applies it to estimates of cost."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ from .goal import RTOL, check_family
 from .jobs import Choice, Job
 
 _LOG = logging.getLogger("icpmodel")
-#: accelerated sweeps are tried for this share of what the next method is expected to cost, or for half of it where they
-#: are expected to cost more; sweeps that would have ended soon go on by the rate that was seen. Not tested for matrices
-#: whose rows have more than some hundred entries
+#: a trial of accelerated sweeps costs this share of the estimate of the next method, or half of it where ρ < 1 predicts
+#: that the sweeps cost more; then the observed rate decides. Not tested for matrices whose rows have more than some
+#: hundred entries
 _TRIAL_SHARE = 0.25
-#: accelerated sweeps that are made before a rate is read off, twice their history; plain ones go on where this
-#: number of them will do
+#: the least number of accelerated sweeps that shows a rate, more than twice their history. Plain sweeps go on after
+#: their trial if at most as many more of them are predicted to suffice
 _ACCELERATED_SWEEPS = 20
 
 
@@ -162,11 +162,11 @@ class Ladder:
         self.problem = problem
         self.target_reduction = target_reduction
         self.family = family
-        #: the methods that may run; sweeps; what began before the others of its rung are estimated
+        #: the jobs that may run; those that are sweeps; those that begin before the others of rung 4 are estimated
         self.jobs: list[Job] = []
         self.sweeps: list[Job] = []
         self.early: list[Job] = []
-        #: for each of the four of rung 4 the ones that follow where it ends
+        #: the jobs for each of the four places of rung 4: the first one runs, and the next one follows where it ends
         self.others: list[list[Job]] = []
         sweeps = [
             self._add_multilevel if warm_start else self._add_lemke,
@@ -181,7 +181,8 @@ class Ladder:
         if family == "paper":
             sweeps = [self._add_accelerated]
         self.rungs = [self._add_direct, *sweeps, self._add_proximal, self._add_newton, self._add_remaining]
-        #: whether the problem is to be reduced before rung 4; and whether that is next
+        #: whether the ladder is still to pause for the reduction; the remaining cost up to which a job runs before the
+        #: next rung is added; and whether the ladder is paused now
         self.reduces = reduces
         self.floor = 0.0
         self.is_paused = False
@@ -191,7 +192,11 @@ class Ladder:
                 self._begin_early(job, job.remaining)
 
     def complement(self) -> SchurComplement | None:
-        """The elimination of the equations: if it pays where the ladder is paused, or has paid in problems before."""
+        """Add the direct methods if that is still to be done, and return the elimination of the equations if it pays.
+
+        In a paused ladder a new elimination must cost less than methods without sparse factors. Before any method has
+        begun, earlier problems with the same A must have spent what it costs.
+        """
         if self._add_direct in self.rungs:
             self.rungs.pop(0)()
         if self.family != "paper" and (self.is_paused or not self.jobs):
@@ -200,14 +205,14 @@ class Ladder:
         return None
 
     def _cost_without_factors(self) -> float:
-        """The least that methods without sparse factors are expected to cost, in nanoseconds."""
+        """The least expected cost of methods without sparse factors, in nanoseconds; that of the jobs where ρ > 1."""
         jobs = self.jobs
         if self.problem.matrix.coupled_radius <= 1.0:
             jobs = self._estimate_jobs([self._accelerated(), Multilevel(), Lemke()])
         return min((job.remaining for job in jobs), default=math.inf)
 
     def _add_elimination(self) -> None:
-        """Try sweeps before the equations are eliminated, where nothing foretells how many these take."""
+        """Try sweeps for a share of the cost of the elimination, where ρ > 1 and nothing predicts their number."""
         if self.reduces and self.problem.matrix.coupled_radius > 1.0:
             with suppress(OutOfTime, MemoryError):
                 cost = elimination_cost(self.problem, self._estimate(self._accelerated()).total)
@@ -218,7 +223,7 @@ class Ladder:
         return Accelerated(of=PSOR(omega=cautious_omega(self.problem)))
 
     def next(self) -> Job | None:
-        """The method that runs next; None if none is left or the ladder is paused."""
+        """Add rungs until a job is to run, and return it; None if no job is left or the ladder is paused."""
         self.is_paused = False
         while not self.is_paused:
             if not self.rungs and self.family is None and self.problem.n <= MAX_UNKNOWNS:
@@ -230,7 +235,7 @@ class Ladder:
         return None
 
     def end(self, job: Job) -> None:
-        """`job` has ended; another method of its rung takes its place."""
+        """Remove `job`, which has ended; the next one in its place of rung 4 follows."""
         self.jobs.remove(job)
         for rung in self.others:
             if job in rung:
@@ -238,7 +243,7 @@ class Ladder:
                 self.jobs += rung[:1]
 
     def _estimate_jobs(self, methods: Iterable[Method]) -> list[Job]:
-        """Those of the `methods` that can start and fit into memory, the cheapest first."""
+        """Jobs for the `methods` that can start, fit into memory and have not begun early, the cheapest first."""
         jobs = []
         for method in methods:
             if any(type(method) is type(job.method) for job in self.early):
@@ -275,14 +280,14 @@ class Ladder:
             _LOG.debug("%r is left out: %s", methods[0], why_not)
 
     def _begin_early(self, job: Job, floor: float) -> None:
-        """Run `job` before the others of rung 4 are estimated, until it has more than `floor` left."""
+        """Let `job` run before the others of rung 4 are estimated, while its remaining cost is at most `floor`."""
         self._try_sweeps(job.remaining)
         self.early.append(job)
         self.jobs.append(job)
         self.floor = floor
 
     def _add_lemke(self) -> None:
-        """`Lemke` where it is expected to cost no more than sweeps and their trial, or than others without any fill."""
+        """Begin `Lemke` if it is expected to cost no more than sweeps and their trial, or than others without any fill."""
         limit = least_direct_cost(self.problem.facts, "modulus")
         if self._add_psor in self.rungs:
             # accelerated ones cost about twice as much
@@ -310,7 +315,7 @@ class Ladder:
             self._try_sweeps(self.floor)
 
     def _try_sweeps(self, following: float) -> None:
-        """Let sweeps go on until their trial is over, where the next method costs `following`."""
+        """Let the sweeps run first for their share of `following`, the expected cost of the next method."""
         for job in self.sweeps:
             if estimate := job.choice.estimate:
                 hopeless = self.problem.matrix.coupled_radius < 1.0 and estimate.total > following
@@ -325,9 +330,9 @@ class Ladder:
         self.reduces = False
 
     def _add_multilevel(self) -> None:
-        """`Multilevel` where the others would cost more even without fill, which an analysis would tell.
+        """Begin `Multilevel` if the others would cost more even without fill: no symbolic analysis is needed then.
 
-        Before any sweeps it has the hierarchy that A keeps: a trial of sweeps would save no set-up.
+        With a warm start this is decided before any sweeps: if A keeps the hierarchy, they can save no set-up.
         """
         problem = self.problem
         is_first = self._add_psor in self.rungs
@@ -350,7 +355,7 @@ class Ladder:
                     self._pause()
 
     def _add_proximal(self) -> None:
-        """`Proximal` and `Lemke` before the others of rung 4 where an a_ii < 0 shows that A is not monotone."""
+        """Begin `Proximal`, and `Lemke` without a family, before the others if an a_ii < 0: A is not monotone."""
         if self.family != "paper" and self.problem.matrix.has_negative_diagonal:
             for job in self._estimate_jobs([Proximal()] if self.family else [Proximal(), Lemke()]):
                 self._begin_early(job, job.remaining)
@@ -367,7 +372,7 @@ class Ladder:
             if isinstance(job.method, Lemke) and job in self.jobs:
                 self.jobs.remove(job)
                 for other in self.others[0]:
-                    if isinstance(other.method, Restarts):  # which begins where that ends
+                    if isinstance(other.method, Restarts):  # they begin where `Lemke` ends
                         other.remaining = max(other.remaining, job.remaining)
                 self.others[0] = sorted([job, *self.others[0]], key=lambda job: job.remaining)
         began = [rung[0] for rung in self.others if rung]

@@ -1,4 +1,4 @@
-"""What a solution says of contacts with friction: impulses, and which contacts separate, stick and slide."""
+"""The state of contacts with friction at a solution: impulses, and which contacts separate, stick and slide."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ class ContactState(ReadOnly, Displayable):
     velocities : ndarray, shape (n,)
         w = Az − b after the impulses.
     separating : ndarray of bool, shape (n,)
-        Normal rows without impulse that move apart, and their rows of friction.
+        Normal rows without impulse that move apart, and the friction rows of these contacts.
     sticking : ndarray of bool, shape (n,)
-        Rows of friction whose contact does not move along them.
+        Friction rows of touching contacts that do not move along the row.
     sliding : ndarray of bool, shape (n,)
-        Rows of friction whose contact moves along them; their impulse is at a bound.
+        Friction rows of touching contacts that move along the row; their impulse is at a bound.
 
     Examples
     --------
@@ -61,7 +61,7 @@ def contact_state(solution: Solution) -> ContactState:
     Parameters
     ----------
     solution : Solution
-        Of a problem made by `ICP.from_friction_index`, or one of its rows in `solve_many`.
+        A solution of a problem made by `ICP.from_friction_index`, or such a row of `solve_many`.
 
     Returns
     -------
@@ -75,8 +75,8 @@ def contact_state(solution: Solution) -> ContactState:
 
     Notes
     -----
-    A row moves where |w_i|, in the units of z, is above the solution's tolerance and its rounding error. Friction that
-    is at its bound without moving, as redundant contacts have it, counts as sticking.
+    A row moves where |w_i|, in the units of z, exceeds the sum of the solution's tolerance and the rounding error of
+    w_i. A friction row whose impulse is at a bound without motion, as in redundant contacts, counts as sticking.
 
     Examples
     --------

@@ -65,10 +65,11 @@ def solve(
         CVXPY, a Pyomo model that was read.
     method : str or Method, optional
         A name with its `options`, e.g. theta1=1.2, or a `Method`. By default one is chosen by the
-        rule of `select_method`. Then each obstacle ψ_i that depends on z_i alone is first replaced
-        by a fixed one, and the problem may be reduced. A named method gets the problem as it is.
+        rule of `select_method`. Then the obstacle is first replaced by a fixed one if every ψ_i
+        depends on z_i alone and changes by less than z_i, and the problem may be reduced. A named
+        method gets the problem as it is.
     z0 : array of shape (n,) or Solution, optional
-        The start, by default 0; where p is nonlinear, the point next to 0 between fixed obstacles.
+        The start, by default 0; where p is nonlinear, the point nearest to 0 between fixed obstacles.
     rtol : float, optional
         Stop when Res_D(z) ≤ rtol·Res_D(0), by default 1e-8.
     atol : float, optional
@@ -77,17 +78,17 @@ def solve(
         Instead of rtol and atol: stop when |z_i − z*_i| ≤ accuracy is proved for every entry, in
         the units of z.
     family : {None, "modulus", "paper"}
-        Where no method is named: as in `select_method`.
+        The methods that may be chosen, as in `select_method`; only where no method is named.
     max_iter : int, default 100_000
         Limit on iterations; a sweep or a Newton step is one.
     time_limit : float, optional
         Seconds; a run may exceed them by a tenth plus 0.2 s. A step that is expected to take longer than
-        the rest is not started. Compiling and loading in the first calls do not count.
+        the remaining time is not started. Compiling and loading in the first calls do not count.
     memory_limit : float, optional
         Bytes that the solve may allocate, by default the free memory of the machine. A method that
         needs more is replaced by another.
     callback : callable, optional
-        It gets a `Progress` for each tested iterate, and stops the run by returning True.
+        Called with a `Progress` for each tested iterate; it stops the run by returning True.
     history : bool, default False
         Whether the residuals are kept in `Solution.history`.
     progress : bool, default False
@@ -96,33 +97,34 @@ def solve(
     raise_on_failure : bool, default True
         Whether a run that fails raises NotSolved; else its best iterate is returned.
     **options
-        The options of the method that is named.
+        The options of the named method.
 
     Returns
     -------
     Solution
-        Its z is the best iterate. SOLVED means that the residual of this very z was recomputed.
+        Its z is the best iterate. SOLVED means that the residual was recomputed for this very z.
 
     Raises
     ------
     InputError
         For arguments that make no sense.
     NotApplicable
-        Where the method cannot take the problem (SingularOperator: its operator is singular), or
-        nothing bounds the error and `accuracy` is wanted.
+        Where the named method, or every method, cannot take the problem (SingularOperator: its
+        operator is singular), or nothing bounds the error and `accuracy` is given.
     MapError
-        Where ψ fails at the start.
+        Where ψ or f fails at the start.
     NotSolved
-        Where the run fails, runs out of time or, once a method has begun, is interrupted; it carries the best iterate.
+        Where the run fails, reaches a limit, or is stopped by the callback or, once a method has begun, by Ctrl-C.
+        The exception carries the solution.
 
     Notes
     -----
     Res_D(z) = ‖min(D⁻¹p, r)‖₂ with d_i = max_j |a_ij| does not depend on the units of p.
     `ICP.residual_scale` says what takes the place of Res_D(0) where 0 is a solution.
 
-    The logger "icpmodel" of Python's `logging` says what is decided. At INFO these are the methods
-    that begin, why, how they end, and the answer. At DEBUG there is also what every method that was
-    considered would cost or cannot take.
+    The logger "icpmodel" of Python's `logging` reports the decisions. At INFO: which methods begin,
+    why, how they end, and the answer. At DEBUG also: the estimated cost of every method that was
+    considered, or why it cannot take the problem.
 
     Examples
     --------
@@ -146,7 +148,7 @@ def solve(
     with limits.enforced():
         named_method = _method_of(method, problem, options)
         by_method = method is not None
-        with work.unlimited():  # every answer has the residual of its z
+        with work.unlimited():  # the residual at the start is computed in any case
             run = _new_run(problem, start, limits, warm_start=z0 is not None, **display)
 
         def run_all() -> None:
@@ -170,9 +172,9 @@ def solve(
 
 
 def _check_best(run: Run, by_method: bool) -> None:
-    """Take the start as the best iterate where operators are singular; raise the error of a named method that has none.
+    """Raise SingularOperator if the named method met it, and NotApplicable if no method takes the problem.
 
-    Raises NotApplicable where no method takes the problem.
+    If a chosen method met a singular operator and there is no best iterate, the start becomes the best iterate.
     """
     if run.singular is not None:
         if by_method:
@@ -185,9 +187,10 @@ def _check_best(run: Run, by_method: bool) -> None:
 
 
 def _run_all(run: Run, method: Method | None, family: str | None) -> None:
-    """Run the named method, or the chosen ones: on the presolved problem first, then on the problem as given.
+    """Run the named method, or the chosen ones: on the presolved problem and, if they fail, on the problem as given.
 
-    The second attempt is needed because presolving relies on the user's Lipschitz constants.
+    The second attempt is needed because presolving relies on the user's Lipschitz constants. If all fail and there is
+    no `family`, a global search follows.
     """
     if method is not None:
         run_methods(run, run.steps(MethodSequence(method)))
@@ -201,7 +204,7 @@ def _run_all(run: Run, method: Method | None, family: str | None) -> None:
     if other is not run.problem:
         run.presolved = other
         run_methods(run, ladder_steps(run, other, family))
-        if run.infeasible is not None and run.infeasible.witness is None:  # an enumeration: the data are rounded
+        if run.infeasible is not None and run.infeasible.witness is None:  # by enumeration, for rounded data
             run.infeasible = None
             run.is_over = False
             run.stop_reason = StopReason(Status.STAGNATED, "")
@@ -217,7 +220,7 @@ def _run_all(run: Run, method: Method | None, family: str | None) -> None:
 
 
 def _starting_point(problem: ProblemData, z0: Any) -> Vector:
-    """A copy of `z0`; by default 0, and where p is nonlinear the point next to 0 between fixed obstacles."""
+    """A copy of `z0`; by default 0, and where p is nonlinear the point nearest to 0 between fixed obstacles."""
     if z0 is not None:
         return problem.vector(z0, "z0", finite=True).copy()
     start = np.zeros(problem.n)
@@ -227,7 +230,7 @@ def _starting_point(problem: ProblemData, z0: Any) -> Vector:
 
 
 def _own_options(options: dict[str, Any]) -> str:
-    """What `solve` itself takes, and which of these names one of the `options` resembles."""
+    """In words, the names of the options of `solve` itself, and those of them that the `options` resemble."""
     names = list(inspect.signature(solve).parameters)[2:-1]
     return f"takes {', '.join(names)}" + "".join(did_you_mean(one, names) for one in options)
 
@@ -276,7 +279,7 @@ def _new_run(problem: ProblemData, start: Vector, limits: Limits, **display: Any
     """Set up the run from `start`. Raises MapError if ψ has no value there."""
     start_time = work.clock()
     start_cost = work.counter()
-    # with an f Res_D(0) may be more than what scales the tolerance
+    # with an f, Res_D(0) may exceed `residual_at_0`, which scales the tolerance
     is_at_0 = problem.f is None and not np.count_nonzero(start)
     start_residual = residual_at_0 = problem.residual_at_0() if is_at_0 else problem.residual(start)
     if not math.isfinite(start_residual) and (fault := fault_of_psi(problem, start)):
@@ -329,7 +332,10 @@ def _target_reduction(problem: ProblemData, limits: Limits) -> float:
 
 @np.errstate(over="ignore", invalid="ignore")
 def run_methods(run: Run, steps: Iterator[None]) -> None:
-    """Exhaust the `steps` of the run; once a method has begun, Ctrl-C sets `run.stop_reason` and is not raised."""
+    """Exhaust the `steps` of the run; once a method has begun, Ctrl-C sets `run.stop_reason` and is not raised.
+
+    No step is made if fixed obstacles cross. If the limits allow no method, `run.best` is the start.
+    """
     try:
         if run.problem.upper is not None and _end_at_crossed_obstacles(run):
             return
@@ -356,7 +362,7 @@ def _log_and_return(solution: Solution) -> Solution:
 
 
 def _end_at_crossed_obstacles(run: Run) -> bool:
-    """Where fixed obstacles cross, return True with a z that shows it as the best iterate: no solution exists."""
+    """If fixed obstacles cross, make a z that shows it the best iterate and return True: no solution exists."""
     with contextlib.suppress(MapError):
         row = run.problem.facts.crossed
         if row is not None:

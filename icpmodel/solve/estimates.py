@@ -28,14 +28,16 @@ from ..numerics.multigrid import cycle_cost, hierarchy_cost
 from ..problem.facts import Facts
 from .goal import RTOL
 
-#: restarts of Lemke's pivots where these end in a ray: of 9 kinds of problems that are not monotone, n = 20, five were
-#: solved with nine of ten
+#: restarts of Lemke's pivots after they have ended in a ray: of 9 kinds of problems that are not monotone, n = 20, five
+#: were solved with nine of ten
 TRIES = 10
 
 
 class Estimate(NamedTuple):
-    """What a method is expected to cost: `setup`, then `steps` of `step` each, in nanoseconds as `work` counts them;
-    `memory` in bytes beyond the problem."""
+    """The expected cost of a method: `setup`, then `steps` of `step` each, in nanoseconds as `work` counts them.
+
+    `memory` is in bytes beyond the problem.
+    """
 
     setup: float
     step: float
@@ -55,7 +57,7 @@ def least_cost(facts: Facts, family: str | None) -> float:
 
 
 def _pivots(facts: Facts) -> float:
-    """Half as many pivots as there are obstacles; and (I − G)⁻¹ where these move.
+    """The cost of half as many pivots as there are obstacles, and of (I − G)⁻¹ where these move.
 
     Medians of .65 n and 1.1 n pivots were counted with one and two obstacles, in 27 problems with 100 to 700 unknowns.
     """
@@ -64,11 +66,11 @@ def _pivots(facts: Facts) -> float:
 
 
 def _sweeps(method: Method, facts: Facts, target_reduction: float) -> Estimate:
-    """Sweeps for the radius ρ of the Jacobi matrix (Young 1971, chapter 6).
+    """The estimate for sweeps, by the spectral radius ρ of the Jacobi matrix (Young 1971, chapter 6).
 
-    ρ is estimated by the Rayleigh quotient of the vector of ones, which is below ρ, most of all on fine grids. Rows in
-    contact make ρ smaller: on 188 problems twenty Lanczos steps for the whole of A mostly overstated it. Anderson's
-    method is expected to gain half of what Chebyshev's would.
+    ρ is estimated by the Rayleigh quotient of the vector of ones, which is below ρ, most of all on fine grids. But rows
+    in contact reduce ρ: on 188 problems twenty Lanczos steps for the whole of A mostly overestimated it. Anderson
+    acceleration is expected to have half the log reduction of Chebyshev acceleration.
     """
     n = facts.matrix.n
     costs = work.COSTS
@@ -79,7 +81,7 @@ def _sweeps(method: Method, facts: Facts, target_reduction: float) -> Estimate:
     if isinstance(method, Accelerated):
         root = math.sqrt(1.0 - math.exp(-log_reduction))
         log_reduction = 0.5 * math.log((1.0 + root) / (1.0 - root))
-        # of the sweeps between two combinations each adds to the history
+        # two a sweep add to the history, the others combine it after every `mixing_frequency` sweeps
         vectors = 2.0 + 3.0 * (method.history_size + 1) / method.mixing_frequency
         step += 2.0 * costs.call + vectors * costs.vector * n
     steps = math.log(1.0 / target_reduction) / log_reduction + 1.0
@@ -87,12 +89,12 @@ def _sweeps(method: Method, facts: Facts, target_reduction: float) -> Estimate:
 
 
 def _newton_steps(facts: Facts) -> float:
-    """Sets that only shrink do so by layers whose number doubles."""
+    """The expected number of steps of an active set that only shrinks, by twice as many layers in every step."""
     return 1.0 + math.log2(max(facts.bounded, 1)) / 3.0
 
 
 def least_direct_cost(facts: Facts, family: str | None) -> float:
-    """The least that `Newton`, `Proximal`, `Interior` or `Lemke` can cost, where factors have no fill."""
+    """The least that `Newton`, `Proximal`, `Interior` or `Lemke` could cost if factors had no fill."""
     matrix = facts.matrix
     n = matrix.n
     rows = matrix.rows
@@ -104,9 +106,9 @@ def least_direct_cost(facts: Facts, family: str | None) -> float:
 
 
 def _newton(facts: Facts) -> Estimate:
-    # where rows are not dominant signs wander: 83 problems took 7 times as many steps on average, half of them at most
-    # 2.5 times. Systems of a descent are not symmetric, nor those with an obstacle that moves. Without a positive
-    # diagonal the equations of the free rows are singular more often than not, and others follow.
+    # where rows are not dominant the active set oscillates: 83 problems took 7 times as many steps on average,
+    # half of them at most 2.5 times. Systems of descent steps are not symmetric, nor those with an obstacle that moves.
+    # Without a positive diagonal the equations of the free rows are mostly singular, and descent steps follow
     matrix = facts.matrix
     is_dominant = matrix.coupled_radius <= 1.0 and matrix.has_positive_diagonal
     wander = 1.0 if is_dominant else 7.0
@@ -127,24 +129,24 @@ def _multilevel(facts: Facts, target_reduction: float = RTOL) -> Estimate:
     step = python + SWEEPS * work.sweep(n, facts.entries)
     setup = hierarchy_cost(n, matrix.nnz)
     if facts.has_fixed_obstacle:
-        # two steps on each level that is not small, which together have about as many entries as the finest one; a
-        # step is one Krylov step in the median of 67 problems
+        # two steps on each level that is not small; these levels together have about as many entries as the finest one.
+        # A step takes one Krylov step in the median of 67 problems
         step += cycle + gcr_step_cost(n, matrix.nnz)
         coarser = 2.0 * math.log2(max(cycle / python, 1.0))
         setup += coarser * python + min(coarser, 2.0) * (step - python)
     else:
-        # two steps on each level, whose equations are made of A and ψ′; the coarser ones have the entries of the finest
+        # two steps on each level, with equations made of A and ψ′; all coarser ones have the entries of the finest
         mixed = work.COSTS.mixed + work.COSTS.mixed_entry * facts.entries
         step += 3.0 * cycle + mixed
         setup += 4.0 * math.log2(max(n / 64.0, 1.0)) * python + 2.0 * mixed
-    # for matrices with ρ ≤ 1 the median of 67 problems, n = 300 … 4000, was five steps, and three quarters took six at
-    # most, to RTOL; of the others, for which it is not made, few end
+    # for matrices with ρ ≤ 1 the median of 67 problems, n = 300 … 4000, was five steps to RTOL, and three quarters took
+    # six at most; on other matrices, for which it is not made, it seldom converges
     radius = max(matrix.coupled_radius, 1.0)
-    # the eighth power of ρ: by the fourth it came first on bodies in the plane, ρ = 1.6, where it stagnates. It
-    # overflows to infinity, where a power of Python would raise
+    # the eighth power of ρ: with the fourth it was chosen first on bodies in the plane, ρ = 1.6, where it stagnates.
+    # Products overflow to infinity, where a power of Python would raise
     squared = radius * radius
     fourth = squared * squared
-    # fewer for a larger residual, as each reduces it by about the same factor
+    # fewer steps for a larger tolerance, as each reduces the residual by about the same factor
     steps = min(max(5.0 * math.log(target_reduction) / math.log(RTOL), 1.0), 5.0)
     return Estimate(setup, step, steps * fourth * fourth, 40.0 * matrix.nnz)
 
@@ -155,13 +157,13 @@ def _lemke(facts: Facts) -> Estimate:
 
 
 def pivots_cost_less(facts: Facts) -> bool:
-    """Whether `Lemke` costs less than `Interior`, whose estimate costs more than the pivots of a small problem."""
+    """Whether `Lemke` costs less than `Interior`; on small problems pivots cost less than an estimate of `Interior`."""
     return facts.matrix.n <= PIVOT_UP_TO or _lemke(facts).total <= _interior(facts).total
 
 
 def _proximal(facts: Facts) -> Estimate:
     # medians of 6 and 10 steps were measured at n = 120 and 1000 where rows are dominant; 2.5 times as many on average
-    # over 84 other problems with a diagonal; medians of 24, 35 and 125 at n = 120, 500 and 2000 where there is none;
+    # over 84 other problems with a positive diagonal; medians of 24, 35 and 125 at n = 120, 500 and 2000 without one;
     # 67, 98 and 175 at n = 100, 500 and 2000 where an entry of it is negative
     matrix = facts.matrix
     fixed = facts.has_fixed_obstacle
@@ -187,7 +189,7 @@ def _interior(facts: Facts) -> Estimate:
 
 
 def _factorised(facts: Facts, target_reduction: float) -> Estimate:
-    # with θ₁ = √(λ_min λ_max) a step leaves (√κ − 1)/(√κ + 1), where A is symmetric, and κ = (1 + ρ)/(1 − ρ)
+    # for symmetric A and θ₁ = √(λ_min λ_max) a step reduces the error by (√κ − 1)/(√κ + 1), κ = (1 + ρ)/(1 − ρ)
     matrix = facts.matrix
     radius = min(matrix.coupled_radius, 1.0 - 1e-6)
     root = math.sqrt((1.0 + radius) / (1.0 - radius))
@@ -200,14 +202,14 @@ def _factorised(facts: Facts, target_reduction: float) -> Estimate:
 _ESTIMATES: dict[type[Method], Callable[[Facts], Estimate]] = {
     Newton: _newton,
     Lemke: _lemke,
-    Restarts: _lemke,  # a try, and as many more as twice that and the doubled budgets allow
+    Restarts: _lemke,  # one try; its limit, twice that and doubled again and again, allows more
     Proximal: _proximal,
     Interior: _interior,
 }
 
 
 def estimate_of(method: Method, facts: Facts, target_reduction: float) -> Estimate:
-    """What `method` is expected to cost until the residual is the share `target_reduction` of the first one."""
+    """The expected cost of `method` for reducing the first residual by the factor `target_reduction`."""
     if isinstance(method, MNMMOD):
         return _factorised(facts, target_reduction)
     if isinstance(method, Multilevel):

@@ -1,4 +1,4 @@
-"""When a run has what it was asked for, and the limits that it keeps to."""
+"""The convergence test of a run, and its limits."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Limits:
 
     The run has converged at Res_D(z) ≤ `rtol`·`residual_scale` or Res(z) ≤ `atol`. With `accuracy` it has converged
     once the error is certified to be at most that. It ends after `max_iter` iterations or `time_limit` seconds. It may
-    allocate `memory_limit` bytes beyond those at the start (None: the machine is the limit). Numbers that make no sense
+    allocate `memory_limit` bytes beyond those at the start (None: the machine is the limit). Invalid numbers
     raise InputError.
     """
 
@@ -38,7 +38,7 @@ class Limits:
     memory_limit: float | None = None
 
     def __post_init__(self) -> None:
-        as_number(self.rtol, "rtol", minimum=0, below=1)  # from 1 on, z = 0 would do
+        as_number(self.rtol, "rtol", minimum=0, below=1)  # from 1 on, z = 0 would pass
         as_number(self.atol, "atol", minimum=0)
         as_number(self.max_iter, "max_iter", minimum=0, whole=True)
         if self.time_limit is not None:
@@ -58,7 +58,7 @@ class Limits:
         return rounded_share(scale, self.rtol)
 
     def enforced(self, start_time: float | None = None) -> AbstractContextManager[None]:
-        """Enforce the limits of time, counted from `start_time` or now, and memory in a block: see `work_limit`."""
+        """Enforce in a block the limits of memory and of time, from `start_time` or now on: see `work_limit`."""
         from ..numerics import kernels  # noqa: F401  loads numba, before the clock begins
 
         seconds, memory = (math.inf if limit is None else limit for limit in (self.time_limit, self.memory_limit))
@@ -75,9 +75,9 @@ def check_family(family: Any) -> None:
 class Goal:
     """The test for convergence: Res_D(z) ≤ `tolerance` or Res(z) ≤ `atol`; exact residuals if `problem` is given.
 
-    With `rtol_of_z` the tolerance is `rtol_of_z`·min(‖z‖, ‖z⁰‖). That is for problems in which all data are
-    0 at z = 0. The minimum prevents that diverging iterates meet the test. Where p is nonlinear, Res_D(0) need not be
-    of the size of z. So the smaller of `tolerance` and `rtol_of_z`·‖z‖ applies.
+    If `tolerance` is 0, `rtol_of_z`·min(‖z‖, `start_norm`) takes its place, for problems in which all data are 0 at
+    z = 0. The minimum keeps diverging iterates from passing the test. If both are given, the smaller one applies: where
+    p is nonlinear, Res_D(0) need not be of the size of z.
     """
 
     tolerance: float
@@ -87,7 +87,7 @@ class Goal:
     start_norm: float = math.inf
 
     def tolerance_at(self, z: Vector) -> float:
-        """The Res_D that `z` may have."""
+        """The largest Res_D(z) with which `z` passes the test."""
         if not self.rtol_of_z:
             return self.tolerance
         by_size = float(rounded_share(min(norm(z), self.start_norm), self.rtol_of_z))

@@ -1,4 +1,4 @@
-"""Methods in a run: why each was chosen, what it has done, and what it has left to do."""
+"""The methods of a run: why each was chosen, the work that it has done, and its remaining cost."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from ..present.display import Displayable, counted
 from .estimates import Estimate
 from .stopping import StopReason
 
-#: a method stops when it has spent this multiple of its estimate; its remaining cost is then at least what it spent,
-#: and at most the second multiple of that
+#: a method pauses when it has spent this multiple of its estimate; its remaining cost is then at least the work done,
+#: and at most the second number times the work done
 _MAX_OVERRUN = 2.0
 _MAX_REMAINING_FACTOR = 4.0
 
@@ -28,7 +28,7 @@ class Choice(Displayable):
     why : str
         Why it was chosen.
     estimate : Estimate or None
-        What it is expected to cost; None where the structure of the problem decides.
+        Its expected cost; None where the structure of the problem decides.
 
     Examples
     --------
@@ -42,7 +42,7 @@ class Choice(Displayable):
 
 
 class Job:
-    """A method in a run: why it was chosen, and what it has done.
+    """A method in a run: why it was chosen, the work done, the residuals, and the remaining cost.
 
     Parameters
     ----------
@@ -54,14 +54,14 @@ class Job:
         self.method = choice.method
         #: why it ended; None while it may go on
         self.stop_reason: StopReason | None = None
-        #: whether it began at the start of the run with its own problem
+        #: whether it began at the start of the run, with the problem as given
         self.is_fresh = False
         self.steps = 0
         self.work_done = 0.0
-        #: the first one is that of the start
+        #: those of its iterates; the first one is that of its start
         self.residuals: list[float] = []
         self.remaining = choice.estimate.total if choice.estimate else 0.0
-        #: twice its estimate, and what it may spend before it is compared with others
+        #: twice its estimate (`max_cost`), and at first also the work at which it is compared with others (`limit`)
         self.limit = self.max_cost = _MAX_OVERRUN * self.remaining or math.inf
 
     @property
@@ -70,8 +70,8 @@ class Job:
         return self.stop_reason.status.value if self.stop_reason else ""
 
     def step(self, cost: float, residual: float, target: float) -> bool:
-        """Count a step to `residual`, where `target` is asked for; return whether to compare with other methods."""
-        if not self.steps and (estimate := self.choice.estimate):  # a set-up that is paid predicts no further step
+        """Count a step to `residual`; return whether to compare with other methods. The run aims at `target`."""
+        if not self.steps and (estimate := self.choice.estimate):  # a set-up beyond its estimate predicts nothing
             cost = min(cost, estimate.setup + estimate.step)
         self.steps += 1
         self.work_done += cost
@@ -84,11 +84,11 @@ class Job:
         return True
 
     def _remaining_cost(self, target: float) -> float:
-        """The remaining cost: from the rate over the last half of the steps, or from the cost so far."""
+        """The remaining cost by the rate over the last half of the steps; for a finite method the cost so far."""
         if self.method.finite:
             return self.work_done
         half = self.steps // 2
-        # a residual may be 0 as rounded, and no solution
+        # a residual may be rounded to 0 where z is no solution
         least = max(min(self.residuals), SMALLEST)
         gained = math.log(max(min(self.residuals[: half + 1]), SMALLEST)) - math.log(least)
         if not gained > 0.0:
@@ -104,12 +104,12 @@ class Job:
 
 
 class MethodSequence:
-    """Methods, each begun when the one before has ended; it offers what `Ladder` offers.
+    """Methods that run one after the other, with the interface of `Ladder`.
 
     Parameters
     ----------
     methods : Method
-        In their order.
+        In the order in which they run.
     why : str
         Why they are tried.
     """
@@ -118,9 +118,9 @@ class MethodSequence:
         self.jobs = [Job(Choice(method, why)) for method in methods]
 
     def next(self) -> Job | None:
-        """The method that runs next, None where none is left."""
+        """The job to run, None where none is left."""
         return self.jobs[0] if self.jobs else None
 
     def end(self, job: Job) -> None:
-        """`job` has ended."""
+        """Remove `job`, which has ended."""
         self.jobs.remove(job)

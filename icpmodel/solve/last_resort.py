@@ -1,4 +1,4 @@
-"""What `solve()` tries before it says that all methods failed: on a small problem all that may help."""
+"""The global search that `solve()` makes on a small problem before it reports that all methods failed."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from .stopping import WORTH_ANOTHER_METHOD, StopReason
 _LOG = logging.getLogger("icpmodel")
 #: random starts where p is nonlinear
 _RESTARTS = 20
-#: seconds for all of it where no time limit was given
+#: seconds for the whole search where no time limit was given
 DEFAULT_SECONDS = 10.0
 
 
 def search(run: Run, run_methods: Callable[[Run, Iterator[None]], None]) -> None:
-    """Go on where all methods of `run` failed, with a problem of up to `MAX_UNKNOWNS` unknowns.
+    """Try further methods on a problem of up to `MAX_UNKNOWNS` unknowns where all methods of `run` have failed.
 
-    First comes `Enumerate`, which settles what has few active sets in less time than anything else takes. Each method
-    that began elsewhere, or has spent twice its estimate, begins again from z⁰. Then come `Restarts`, `Newton`,
-    `Proximal`, `Interior` and `MixedInteger`; where p is nonlinear `NewtonJosephy` with random starts. None runs twice
-    from z⁰. Where nothing is found `run` ends as it did before, and its note says what was tried.
+    First comes `Enumerate`, the fastest one if there are few active sets. Methods that did not begin at z⁰, or did not
+    end, begin again from z⁰. Then come `Restarts`, `Newton`, `Proximal`, `Interior` and `MixedInteger`; where p is
+    nonlinear `NewtonJosephy` with random starts. None runs twice from z⁰. Where nothing is found `run` has its former
+    status, with a note on what was tried.
     """
     before = run.stop_reason
     if run.best is None or before.status not in WORTH_ANOTHER_METHOD or run.problem.n > MAX_UNKNOWNS:

@@ -1,4 +1,4 @@
-"""Newton-Josephy: a problem with nonlinear p as a sequence of problems with affine p, which `solve()` solves each."""
+"""Newton-Josephy: a problem with nonlinear p is solved as a sequence of problems with affine p."""
 
 from __future__ import annotations
 
@@ -31,46 +31,49 @@ from .reduction import ladder_steps, presolve
 from .run import Run
 from .solution import Status
 
-#: the weights μ of the proximal term beside A + f′ in the units of its diagonal, the next one where a step fails
+#: the weights μ of the proximal term, in units of the diagonal of A + f′; after a step that fails the next one is tried
 _PROXIMAL_WEIGHTS = (0.0, 1e-2, 1.0, 1e2)
-#: a linearised problem is solved to the share θ/θ⁰ of its residual, at least this one and at most `INNER_REDUCTION`
-#: (Eisenstat and Walker 1996)
+#: a linearised problem is solved until its residual has fallen by the factor θ/θ⁰, but at least this number and at most
+#: `INNER_REDUCTION` (Eisenstat and Walker 1996)
 _MIN_FORCING = 1e-4
-#: a step of length t is taken where θ ≤ (1 − σt) times the largest of this number of last ones, σ = `ARMIJO` (Grippo
-#: and others 1986)
+#: a step of length t is accepted where θ ≤ (1 − σt) times the largest θ of this number of last points, σ = `ARMIJO`
+#: (Grippo and others 1986)
 _NONMONOTONE_STEPS = 5
-#: the length t in the test above for a second step by one tangent
+#: the number in place of 1 − σt in this test for a second step by the same tangent
 _SECOND_STEP_LENGTH = 0.5
-#: the number of sweeps methods with which a ladder begins
+#: the number of methods by sweeps with which a ladder begins
 _SWEEP_METHODS = 2
-#: the size of random starts, in powers of ten of the largest entry of D⁻¹p(0), ψ and z⁰, or of 1 where all are smaller
+#: the range of log₁₀ of the size of random starts, relative to the largest entry of D⁻¹(q + f(z⁰)), ψ(z⁰) and z⁰, or
+#: to 1 where all are smaller
 _MIN_START_EXPONENT, _MAX_START_EXPONENT = -1.0, 2.0
 
 
 @with_options
 class NewtonJosephy(Method):
-    """Linearise p at z, solve the ICP that this makes, and search on the line to its solution.
+    """Linearise p at z, solve the resulting ICP, and search along the line to its solution.
 
     Parameters
     ----------
     inner_family : {None, "modulus", "paper"}
-        Which methods may solve the linearised problems, as in `solve`.
+        Which methods may solve the linearised problems: the `family` of `solve`.
     restarts : int, default 0
-        The number of random starts that are tried where the steps from z⁰ end without a solution.
+        The number of random starts, tried one by one if the steps from z⁰ end without a solution.
 
     Notes
     -----
-    The tangent problem has A + f′(z), q + f(z) − f′(z)z and the same ψ. `solve` solves it from z to a
-    share of its residual, but does not search: up to 64 unknowns it takes `Lemke` and `Enumerate`
-    alone. Where rows are known to increase with their own unknowns, mean slopes take the place of f′
-    far from the solution: see `algebra.secants`. The merit function is that of `Newton`, the
-    Fischer-Burmeister θ; the equations of the step must fall, too. A step that is too long is followed
-    by a second one by the same tangent, or made shorter. Beyond 64 unknowns the solution with the
-    active set of z is tried first, unless sweeps suffice. Where steps shrink by a constant factor, as
-    at a double root, their limit is tried before. Where none reduces θ, a proximal term μW(z⁺ − z) is
-    added to the tangent, W its diagonal. Then a descent direction of θ is tried. Fixed obstacles are
-    never crossed, so that f need not have values beyond them. An iteration is one step, whatever its
-    inner solves take. The convergence is quadratic at a strongly regular solution.
+    The tangent problem has A + f′(z), q + f(z) − f′(z)z and the same ψ. The methods of `solve` reduce
+    its residual by a factor, starting at z, without a global search. With at most 64 unknowns, an
+    affine ψ and no `inner_family` they are `Lemke` and `Enumerate` alone. Where rows are known to
+    increase with their own unknowns, mean slopes replace f′ far from the solution: see
+    `algebra.secants`. The merit function is that of `Newton`, the Fischer-Burmeister θ; the residual
+    of the equations of the step must fall as well. If the full step fails, a second step by the same
+    tangent is tried, then shorter steps. Beyond 64 unknowns the solution of the tangent problem with
+    the active set of z is tried first, unless sweeps suffice. Where steps shrink by a constant factor,
+    as at a double root, the limit of the steps is tried before the full step. If no step is accepted, a
+    proximal term μW(z⁺ − z) is added to p of the tangent problem, W the diagonal of its matrix. If
+    this fails, a descent direction of θ is tried. Fixed obstacles are never crossed, so that f need
+    not have values beyond them. One step is one iteration, however long its inner solves are. The
+    convergence is quadratic at a strongly regular solution.
 
     References
     ----------
@@ -151,16 +154,16 @@ class _Search:
         self.recent = deque([self.current.theta], _NONMONOTONE_STEPS)
         self.thetas = LeastValue()
         self.weight = 0
-        #: what solved a linear problem on which plain and accelerated sweeps were tried before
+        #: the method that solved a linear problem after plain and accelerated sweeps had failed; it runs first then
         self.first: Method | None = None
-        #: whether the last linear problem took more than sweeps or the pivots of few unknowns
+        #: whether the last linear problem has more than 64 unknowns and took more than sweeps
         self.tries_active_set = False
         self.psi_error: MapError | None = None
 
     def steps(self) -> Iterator[NewtonPoint]:
         """Yield the points after the start, until none is better."""
-        # the least θ has to fall or, where θ is less still, the equations of the step: far above the solution of eᶻ = c
-        # these fall by the factor e, but θ, about z − ψ, by 1
+        # within `MAX_DESCENTS` steps the least θ has to fall by a tenth or, if θ is below it, the residual of the
+        # equations of the step: far above the solution of eᶻ = c that falls by the factor e, but θ ≈ z − ψ by 1
         while self.current.theta > 0.0 and self.thetas.add(self.current.theta) < MAX_DESCENTS:
             try:
                 with np.errstate(all="ignore"):
@@ -193,9 +196,10 @@ class _Search:
         return self.problem.linearised(z)
 
     def _solve_tangent(self, linear: ProblemData, z: Vector, tolerance: float) -> Vector | None:
-        """A solution of the `linear` problem to the `tolerance`, from `z`; None where there is none to be found.
+        """Solve the `linear` problem from `z` to the `tolerance`, which the result may miss.
 
-        Once one took more than sweeps or pivots, the solution with the active set of z is tried first.
+        None if the problem is infeasible, or its residual does not fall. The solution with the active set of z is tried
+        first if the last problem took more than sweeps or pivots. Raises OutOfTime or MemoryError at the limits.
         """
         if self.tries_active_set:
             near = self._on_active_set(linear, z)
@@ -230,16 +234,16 @@ class _Search:
         return self.path.clip(best.z)
 
     def _steps(self, run: Run, linear: ProblemData) -> Iterator[None]:
-        """The steps of `run`; with few unknowns those of pivots alone: where they fail, other tangents are cheaper."""
+        """The steps of `run`; with few unknowns those of pivots alone: if these fail, another tangent costs less."""
         if linear.n > PIVOT_UP_TO or linear.psi.linear is None or self.family is not None:
             return ladder_steps(run, linear, self.family, self.first)
         methods = [method for method in (Lemke(), Enumerate()) if method.why_not(linear) is None]
         return run.steps(MethodSequence(*methods))
 
     def _on_line(self, linear: ProblemData, W: Vector) -> NewtonPoint | None:
-        """The first point to which a step leads at which θ is small enough, and the equations of the step nearer to 0.
+        """The first trial point that reduces θ and the residual of the equations of the step enough, or None.
 
-        θ alone may fall although the rows that are free at z⁺ move away from p = 0, in short steps that lead nowhere.
+        θ alone may fall in ever shorter steps while the rows that are free at z⁺ move away from p = 0.
         """
         z = self.current.z
         share = min(max(self.current.theta / self.path.start_theta, _MIN_FORCING), INNER_REDUCTION)
@@ -259,9 +263,9 @@ class _Search:
         return None
 
     def _with_active_set(self, linear: ProblemData) -> NewtonPoint | None:
-        """The point that solves the `linear` problem with the active set of z, where θ falls as beside a solution.
+        """The solution of the `linear` problem with the active set of z, if θ falls by the factor `INNER_REDUCTION`.
 
-        For few unknowns: Lemke's pivots begin elsewhere, and may end at a solution that is far from z.
+        Only for few unknowns: Lemke's pivots do not start from z, and may end at a solution far from z.
         """
         if linear.n > PIVOT_UP_TO or (z := self._on_active_set(linear, self.current.z)) is None:
             return None
@@ -269,7 +273,7 @@ class _Search:
         return new if new and new.theta <= INNER_REDUCTION * self.current.theta else None
 
     def _on_active_set(self, linear: ProblemData, z: Vector) -> Vector | None:
-        """The solution of the equations of the `linear` problem with the active set of `z`, if there is one."""
+        """The solution of the equations of the `linear` problem with the active set of `z`; None if singular."""
         pattern = Pattern.at(linear, z)
         with suppress(SingularOperator):
             return self.path.clip(solve_on(linear, z, pattern.active, pattern.above))
@@ -278,12 +282,12 @@ class _Search:
     def _trials(
         self, linear: ProblemData, W: Vector, z: Vector, tolerance: float
     ) -> Iterator[tuple[float, NewtonPoint | None]]:
-        """The step to `z`, a second one by the same tangent, that to a nearer solution, and shorter ones.
+        """Yield trial points, None where one has no value, each with the share of the largest recent θ it may leave.
 
-        The limit of the steps comes first where they shrink by a constant factor. Each comes with the share of θ that
-        may be left, the limit and the nearer solution only where they leave little.
-        Along curved equations steps are short, unless a second one, with their values at z, returns to them (Fletcher,
-        Lecture Notes in Math. 912, 1982).
+        They are the step to `z`, a second step by the same tangent, the solution with the active set, which has been
+        tested already, and shorter steps. Where steps shrink by a constant factor their limit comes first.
+        Along curved equations steps are short, unless a second one, with the values of the equations at z, returns to
+        them (Fletcher, Lecture Notes in Math. 912, 1982).
         """
         step = z - self.current.z
         last = self.current.z - self.last_z
@@ -301,7 +305,7 @@ class _Search:
             yield 1.0 - ARMIJO * 0.5**k, self.path.point(self.current.z + 0.5**k * step)
 
     def _equations(self, pattern: Pattern, point: NewtonPoint, W: Vector) -> float:
-        """‖·‖ of r in the active rows of the `pattern`, and of p and the proximal term in its free rows, at `point`."""
+        """‖·‖ of r in the active rows of the `pattern`, and of p plus the proximal term over Ω in the free ones."""
         r = self.problem.r(point.z)
         r_upper = self.problem.r_upper(point.z)
         if pattern.above is not None and r_upper is not None:
@@ -310,14 +314,14 @@ class _Search:
         return norm(np.where(pattern.active, r, p / self.path.omega))
 
     def _descent(self, linear: ProblemData) -> NewtonPoint | None:
-        """A point at which θ is smaller, in a direction in which it falls; None without a derivative of ψ."""
+        """A point with a smaller θ along a descent direction; None if there is none, or ψ has no derivative."""
         if linear.psi.no_derivative() is not None:
             return None
         return self.path.descend(self.current, NewtonPoint(linear, self.path.omega, self.current.z))
 
 
 def _proximal(linear: ProblemData, z: Vector, W: Vector) -> ProblemData:
-    """The `linear` problem with W(z⁺ − z) added to p, W a diagonal. MapError beyond the floats."""
+    """The `linear` problem with W(z⁺ − z) added to p, W a diagonal. Raises MapError where q overflows."""
     if not W.any():
         return linear
     q = linear.q - W * z

@@ -35,7 +35,7 @@ def _residual(run: Run, z: Vector) -> float:
 
 @public_entry
 def _passes_by_rounding(run: Run, z: Vector) -> bool:
-    """Whether only rounding makes the residual of `z`, which failed the exact test, small enough."""
+    """Whether the residual of `z`, which failed the exact test, passes as rounded in float64."""
     with contextlib.suppress(MapError, OutOfTime):
         goal = run.goal
         problem = run.problem
@@ -94,7 +94,7 @@ def solution_of(run: Run, limits: Limits) -> Solution:
 
 
 def _status_and_note(run: Run, best: BestIterate, limits: Limits) -> tuple[Status, str]:
-    """The status and its message; a contradiction becomes the proof of the run."""
+    """The status and its note; if a contradiction is found, it is stored as `run.infeasible`."""
     status = run.stop_reason.status
     note = run.stop_reason.note
     if limits.accuracy is None and run.goal.reached(best.z, best.residual):
@@ -127,7 +127,7 @@ def _status_and_note(run: Run, best: BestIterate, limits: Limits) -> tuple[Statu
 
 
 def _derivative_note(problem: ProblemData, z: Vector) -> str:
-    """Which of ψ, ψ̄ and f does not change at `z` as the user's derivative says; empty where all do."""
+    """A note on which of ψ, ψ̄ and f does not change at `z` as the user's derivative says; empty if all do."""
     maps = list(zip(("psi", "upper"), sides_of(problem.psi), strict=False))
     maps += [] if problem.f is None else [("f", problem.f.map)]
     for name, one in maps:
@@ -141,7 +141,7 @@ def _derivative_note(problem: ProblemData, z: Vector) -> str:
 
 
 def _rounded_contradiction(problem: ProblemData) -> str:
-    """Which rows contradict each other up to rounding, where obstacles are fixed; empty where none do."""
+    """A note on rows that contradict each other up to rounding, where obstacles are fixed; empty if none do."""
     with contextlib.suppress(OutOfTime):
         y = multipliers(problem) if problem.psi.is_constant else None
         if y is not None and Recession(problem).misfit(y) < ZERO:
@@ -162,7 +162,7 @@ def _message(run: Run, best: BestIterate, status: Status, note: str) -> str:
 
 
 def _crossing(run: Run, z: Vector) -> str:
-    """In which row ψ > ψ̄ at `z`, beyond rounding and the tolerance; empty where there is none."""
+    """A note on a row with ψ > ψ̄ at `z`, beyond rounding and the tolerance; empty if there is none."""
     problem = run.problem
     with contextlib.suppress(MapError), np.errstate(over="ignore"):
         r = problem.r(z)

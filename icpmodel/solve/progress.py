@@ -17,7 +17,7 @@ from ..numerics.plugins import in_notebook
 from ..present.display import Displayable
 from ..present.rendering import render
 
-#: what takes less is done at once, for a reader: the seconds between two drawings of a bar
+#: the seconds between two updates of a bar; what takes less seems immediate to a reader
 NOTICED_SECONDS = 0.1
 #: the largest interval of the lines of a log, in seconds, after 1, 2, 4, …
 _MAX_LOG_INTERVAL = 60.0
@@ -27,7 +27,7 @@ _open_line: ContextVar[Callable[[str], None] | None] = ContextVar("status line",
 
 
 class CallbackFailure(BaseException):
-    """Carries the `error` of a callback past the run, which would take it for one of a method."""
+    """Carries the `error` of a callback through the run, which would take it for an error of a method."""
 
     def __init__(self, error: Exception) -> None:
         super().__init__(error)
@@ -63,7 +63,7 @@ class Progress(Displayable):
     seconds: float
 
 
-#: a function of a title, the share that is done, None for none, and a text
+#: a function of a title, the share done (None if unknown), and a text
 _Display = Callable[[str, float | None, str], None]
 
 
@@ -78,7 +78,7 @@ class Bar:
 
 
 class _VisibleBar(Bar):
-    """The share of the way, on a logarithmic scale, from the first residual of a method to the tolerance."""
+    """A bar that shows how far the residual is, in logarithms, from the first one of a method to the tolerance."""
 
     def __init__(self, show: _Display, clock: Callable[[], float]) -> None:
         self.show = show
@@ -118,11 +118,11 @@ def progress_bar(enabled: bool, clock: Callable[[], float] = time.monotonic) -> 
 
 @contextlib.contextmanager
 def status_line(enabled: bool, opening: str = "") -> Iterator[Callable[[str], None]]:
-    """A function that shows a sentence on what is going on.
+    """Yield a function that shows a sentence about the work in progress.
 
-    If `enabled`, a terminal or a notebook shows the latest sentence, and a log on standard error one now and then. If
-    not, the logger "icpmodel" gets one now and then, at INFO. Every log gets the `opening`, which says what there
-    is to do. Within another status line the function of that one is returned.
+    If `enabled`, a terminal or a notebook shows the latest sentence; else standard error gets one after 1, 2, 4, …
+    seconds. If not `enabled`, the logger "icpmodel" gets these lines, at INFO. Every log begins with the `opening`, a
+    sentence about the task. Within another status line, the function of that one is yielded.
     """
     if (outer := _open_line.get()) is not None:
         if opening:
@@ -143,7 +143,10 @@ def status_line(enabled: bool, opening: str = "") -> Iterator[Callable[[str], No
 
 @contextlib.contextmanager
 def _display(enabled: bool, clock: Callable[[], float], opening: str = "") -> Iterator[_Display]:
-    """The cell of a notebook, a terminal, or a log that gets the `opening`, and more after 1, 2, 4, … seconds."""
+    """Yield a function that writes to a notebook cell, a terminal or, after 1, 2, 4, … seconds, a log.
+
+    A terminal and a log show the `opening` first.
+    """
     if enabled and in_notebook():
         from IPython.display import HTML, display
 
@@ -188,7 +191,7 @@ def _write(text: str) -> None:
 
 
 def time_left(start_time: float, done: int, total: int) -> str:
-    """The estimated remaining time in words, with `done` of `total` pieces finished since `start_time`."""
+    """The estimated remaining time in words, `done` of `total` pieces after `start_time`; empty before the first."""
     if not done:
         return ""
     seconds = (time.monotonic() - start_time) / done * (total - done)

@@ -1,15 +1,15 @@
-"""Reduction: transforms before a run. Rows that need no iteration leave; independent parts are solved one by one.
+"""Reduction before a run: rows that need no iteration leave, and independent parts are solved one by one.
 
 1. Obstacles that move with their own unknown alone are fixed, and redundant rows leave: `presolve`.
-2. Rows without any obstacle are eliminated, see `algebra.schur`, where few have one: before anything is iterated if
-   problems before have paid for it, else where rung 4 of `select_method` would follow.
-3. The strong components of A and ψ follow one another. A row alone is a maximum, a small block is pivoted, and what is
-   left falls into parts that do not interact.
+2. If few rows have an obstacle, the rows without any are eliminated, see `algebra.schur`. This is done before the first
+   iterate if earlier problems have paid for it, otherwise before rung 4 of `select_method`.
+3. The strong components of A and ψ are solved in their order: a single row by a maximum, a small block by pivots. The
+   other rows fall into parts that do not interact.
 
-Each part goes up a ladder of its own. The joined answer is judged as an answer of the whole problem; if it is not good
-enough, the run of the whole problem starts from it. A part without a solution proves in two cases that the whole has
-none. Its proof, with 0 in all other rows, is a proof for the whole. Or the unknowns of earlier blocks have only one
-solution, and an error bound encloses it.
+Each part goes up a ladder of its own. The joined answer is judged as an answer of the whole problem; if it fails, the
+run of the whole problem continues from the best iterate. A part without a solution proves in two cases that the whole
+has none: its proof, with 0 in all other rows, is a proof for the whole; or the unknowns of earlier blocks have only one
+solution, which an error bound encloses.
 
 References: Tarjan, SIAM J. Comput. 1 (1972), for the components; Cottle, Pang and Stone, The Linear Complementarity
 Problem (1992), section 4.4, for blocks.
@@ -44,15 +44,15 @@ from .solution import Status
 from .stopping import WORTH_ANOTHER_METHOD, StopReason
 
 _LOG = logging.getLogger("icpmodel")
-#: a part with more than this share of the rows is no smaller problem
+#: the largest share of the rows that a part may have to count as a smaller problem
 _MAX_PART = 0.6
-#: the share of the tolerance of the whole that all parts get, and that parts get on which others depend
+#: the share of the tolerance of the whole for all parts together, and the share of it for parts on which others depend
 _TOLERANCE_SHARE = 0.5
 _EARLIER_SHARE = 1e-3
-#: ends of a part that end the whole
+#: statuses of a part that end the run of the whole
 _FINAL_STATUSES = (Status.ITERATION_LIMIT, Status.TIME_LIMIT, Status.STOPPED)
 
-#: steps, which return the blocks that are still to be solved, or None
+#: a generator of steps that returns the blocks still to be solved, or None
 PartSteps = Generator[None, None, Blocks | None]
 
 
@@ -60,8 +60,8 @@ def presolve(problem: ProblemData) -> ProblemData:
     """Return an equivalent problem that is easier for the methods: fixed obstacles, no redundant rows.
 
     The obstacles can be fixed where every ψ_i depends on z_i alone, with a Lipschitz constant below 1. Sweeps and
-    Newton steps then need not evaluate ψ. If ψ fails on the way the problem itself is returned: ψ may have values where
-    the iterates are.
+    Newton steps then need not evaluate ψ. If ψ fails here, the problem itself is returned, since ψ may have values
+    at the iterates.
     """
     with suppress(MapError), np.errstate(over="ignore", invalid="ignore"):
         return without_redundant_rows(with_fixed_obstacle(problem))
@@ -69,7 +69,7 @@ def presolve(problem: ProblemData) -> ProblemData:
 
 
 def ladder_steps(run: Run, problem: ProblemData, family: str | None, first: Method | None = None) -> Iterator[None]:
-    """The steps of `run` up its ladder, with the reduction of `problem` before rung 4; `first` as in `Ladder`."""
+    """The steps of `run` up its ladder, with the reductions of `problem` in between; `first` as in `Ladder`."""
     reduces = family != "paper"
     ladder = Ladder(problem, run.target_reduction, family, first, run.warm_start, reduces)
     complement = ladder.complement()
@@ -88,7 +88,7 @@ def ladder_steps(run: Run, problem: ProblemData, family: str | None, first: Meth
 
 
 def _counted(problem: ProblemData, steps: Iterator[None]) -> Iterator[None]:
-    """The `steps`; what they cost is counted for the elimination of the equations of problems with the same A."""
+    """Yield the `steps`, and record their cost, which can pay for an elimination in later problems with this A."""
     before = work.counter()
     try:
         yield from steps
@@ -97,8 +97,10 @@ def _counted(problem: ProblemData, steps: Iterator[None]) -> Iterator[None]:
 
 
 def solve_parts(run: Run, problem: ProblemData, family: str | None = None, share: float = _MAX_PART) -> Iterator[None]:
-    """The steps of the parts of `problem`, and their joined answer in `run`; none where a part has more than this
-    `share` of the rows."""
+    """Solve the parts of `problem` and join their answers in `run`; do nothing if a part is too large.
+
+    A part may have at most this `share` of the rows. With a `family` nothing is done if a block would be pivoted.
+    """
     max_rows = share * problem.n
     partition = structure(problem, max_rows)
     if partition is not None and not (family is not None and partition.is_pivoted):
@@ -126,9 +128,9 @@ class _Parts:
         tolerance = run.goal.tolerance_at(self.z)
         largest = max(1.0 / float(problem.matrix.row_weights.min()), 1.0)
         self.tolerance = _TOLERANCE_SHARE * max(tolerance, run.goal.atol / largest)
-        #: makes an iterate of the whole problem of one of a part
+        #: completes z, of which a part has been changed, to an iterate of the whole problem
         self.extend: Callable[[Vector], Vector] = np.copy
-        #: the job of the largest part
+        #: the job of the largest part that was solved, and its number of rows
         self.job = Job(Choice(PSOR()))
         self.size = 0
 
@@ -156,10 +158,10 @@ class _Parts:
                 self._join()
 
     def _join(self) -> None:
-        """Judge z as an answer of the whole problem."""
+        """Judge z as an answer of the whole problem, and record it and its job in the run."""
         run = self.run
         if (end := self.job.stop_reason) and end.status not in WORTH_ANOTHER_METHOD:
-            self.job.stop_reason = None  # that a part is solved, or has no solution, is no end of the whole
+            self.job.stop_reason = None  # a solved or infeasible part does not end the whole
         run.job = self.job
         run.path = iter(())
         run.tried.append(self.job)
@@ -177,7 +179,7 @@ class _Parts:
         _LOG.info("n = %d: %s: residual %.3g", run.problem.n, self.job.choice.why, residual)
 
     def _in_blocks(self, partition: Blocks) -> PartSteps:
-        """The small blocks before the core, its parts, and the small blocks after it."""
+        """Solve the small blocks before the core, its parts, and the small blocks after it."""
         self.z, solved = partition.substitute(self.z, partition.before_core)
         if (unsolved := partition.before_core & ~solved).any():
             return partition.with_core(unsolved)
@@ -195,7 +197,7 @@ class _Parts:
         return partition.with_core(unsolved) if unsolved.any() else None
 
     def _solve_complement(self, complement: SchurComplement) -> Iterator[None]:
-        """Solve the rows with an obstacle, then the equations; do nothing if the factors of these are inaccurate."""
+        """Solve the rows with an obstacle, then the equations; do nothing if the factors of A_FF are inaccurate."""
         problem = self.problem
         equations = problem.matrix.row_weights.copy()
         equations[complement.rows] = 0.0
@@ -208,7 +210,7 @@ class _Parts:
             self.z = self.extend(self.z)
 
     def _part(self, part: ProblemData, rows: Rows, tolerance: float) -> Run:
-        """The run of a part, whose unknowns are the `rows` of the whole."""
+        """A run of `part`, whose unknowns are the `rows` of the whole; it reports its iterates to the whole run."""
         start = self.z[rows]
         known = [start_residual := part.residual(start)]
         with suppress(MapError):
@@ -241,7 +243,10 @@ class _Parts:
         return run_of_part
 
     def _solve(self, part: Run, rows: Rows) -> Iterator[None]:
-        """The steps of a `part`; z takes over its best iterate after each."""
+        """Yield the steps of a `part`, copying its best iterate to z after each.
+
+        Ends the whole run if the part has reached a limit. Raises Infeasible if a proof holds for the whole.
+        """
         try:
             for _ in part.steps(Ladder(part.problem, part.target_reduction, self.family)):
                 if part.best is not None:
@@ -280,7 +285,7 @@ class _Parts:
 
 
 def proved_of_earlier(problem: ProblemData, rows: Rows, z: Vector) -> ProvedBounds | None:
-    """Proved bounds of the unknowns that the `rows` depend on, if these have a solution of their own near `z`."""
+    """Proved bounds of the unknowns that the `rows` depend on; None unless these form an LCP with a certified z."""
     A = problem.A
     visited = np.zeros(problem.n, dtype=bool)
     visited[rows] = True
@@ -304,7 +309,7 @@ def proved_of_earlier(problem: ProblemData, rows: Rows, z: Vector) -> ProvedBoun
 
 
 def structure(problem: ProblemData, max_rows: float) -> Blocks | None:
-    """The blocks of `problem`, None if a part that they leave has more than `max_rows` rows."""
+    """The blocks of `problem`; None if there are none, a part has more than `max_rows` rows, or ψ fails."""
     with suppress(MapError), np.errstate(over="ignore", invalid="ignore"):
         partition = blocks(problem)
         if partition is not None and partition.largest <= max_rows:

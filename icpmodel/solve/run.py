@@ -32,11 +32,11 @@ _LOG.addHandler(logging.NullHandler())
 #: a run stagnates after max(`PATIENCE`, 2n) steps without a better iterate; 2n because information may have to cross
 #: all unknowns
 PATIENCE = 1000
-#: the largest share of the first residual that rounding may explain; beyond it the iterates have diverged
+#: the largest share of `Run.scale`, or of ‖z‖, that rounding may explain; beyond it the iterates have diverged
 MAX_ROUNDING = 0.1
 #: a residual of this many times the first one counts as divergence, before it overflows
 _DIVERGENCE = 1e200
-#: outcomes after which the next method starts from the best iterate; "" is a method that was only interrupted by others
+#: outcomes after which the next method starts from the best iterate; "" is that of a method that is only paused
 _CONTINUABLE = ("", Status.SOLVED.value, Status.TIME_LIMIT.value, Status.MEMORY_LIMIT.value)
 
 
@@ -54,7 +54,7 @@ class BestIterate:
 
 
 class Refusal(NamedTuple):
-    """A method not started, or (`job` None) not chosen, for lack of time or memory: the end, the job and the error."""
+    """A method that could not start or go on, or (`job` None) be chosen, for lack of time or memory."""
 
     stop_reason: StopReason
     job: Job | None
@@ -63,10 +63,10 @@ class Refusal(NamedTuple):
 
 @dataclass(eq=False)
 class Run:
-    """Try methods on a problem, one at a time, until one solves it or no other could do better.
+    """Try methods on a problem, one at a time, until one solves it, none is left, or no other would help.
 
-    `steps` is the loop. Afterwards `stop_reason` says why it stopped or, where all methods failed, how that of the best
-    iterate ended. `best` is that iterate, `tried` the jobs.
+    `steps` is the loop. Afterwards `stop_reason` says why it stopped or, if all methods failed, how the method of the
+    best iterate ended. `best` is the best iterate, `tried` the jobs.
 
     Parameters
     ----------
@@ -125,10 +125,10 @@ class Run:
         self.is_over = False
         self.stop_reason = StopReason(Status.STAGNATED, "")
         self.infeasible: Answer | None = None
-        # what the global search after a failure adds to the reasons of the solution: its limit and its result
+        # what the global search after a failure adds to `Solution.why`: its limit and its result
         self.search_notes: tuple[str, ...] = ()
         self.fault: MapError | None = None
-        # the last method that was not started for lack of time or memory
+        # the last method that could not start or go on for lack of time or memory
         self.refusal: Refusal | None = None
         self.singular: SingularOperator | None = None
         self.bar = Bar()
@@ -172,7 +172,7 @@ class Run:
             return None
 
     def _refuse(self, error: Exception, job: Job | None) -> StopReason:
-        """Record that `job` was not started, and return the end that this makes."""
+        """Record in `refusal` that time or memory is lacking for `job`; return the stop reason."""
         is_late = isinstance(error, OutOfTime)
         note = str(error)
         if is_late and self.limits.time_limit is not None:
@@ -183,7 +183,7 @@ class Run:
 
     @property
     def is_refused(self) -> bool:
-        """Whether the last end is that of a method not started for lack of time or memory."""
+        """Whether `stop_reason` is that of `refusal`: a method lacked time or memory."""
         return self.refusal is not None and self.stop_reason is self.refusal.stop_reason
 
     def _run_method(self, job: Job) -> Iterator[bool]:
@@ -220,13 +220,13 @@ class Run:
         _LOG.info("n = %d: %s: %s; best residual %.3g", self.problem.n, job, job.stop_reason, best)
 
     def _starting_point(self) -> Vector:
-        """The best iterate, or `restart` if that iterate is of a method that failed."""
+        """The best iterate, or `restart` if its method failed; `start` if there is no best iterate."""
         if self.best is None:
             return self.start
         return self.best.z if self.restart is None or self.best.job.outcome in _CONTINUABLE else self.restart
 
     def _loop(self, job: Job) -> Generator[bool, None, StopReason]:
-        """Test the iterates of one method; return its end. Yield as `_run_method` does."""
+        """Test the iterates of one method; return its stop reason. Yield as `_run_method` does."""
         start = self._starting_point()
         job.is_fresh = start is self.start and self.presolved is None
         path = job.method.iterates(self.presolved or self.problem, start)
@@ -262,19 +262,19 @@ class Run:
                 is_due = job.step(spent + work.COSTS.iterate, residual, self.target)
                 spent = 0.0
             yield is_due
-            # a method that ran in between may have ended in its last iteration
+            # a method that ran in between may have used the last iteration
             if is_due and (stop_reason := self._end_by_limit()):
                 return stop_reason
 
     def candidate(self, z: Vector, residual: float) -> BestIterate:
-        """`z` as the best iterate, found by the current method."""
+        """`z` as a best iterate, found by the current method."""
         return BestIterate(z, residual, self.job, getattr(self.path, "adapted_method", self.job.method))
 
     def _residual(self, z: Vector, hint: float | None) -> float:
         """The residual that the method estimates (`hint`), or the exact one if the run might end at `z`.
 
-        Whatever watches a run on the `presolved` problem is shown the exact one as well, so that none is better than
-        the answer.
+        It is also exact if a run on the `presolved` problem is watched, so that no residual shown is better than that
+        of the answer.
         """
         hint = None if z is self.start else hint
         if hint is not None and SAFE_SIZE < hint < 1.0 / SAFE_SIZE and not self.goal.is_near(z, hint):
@@ -290,7 +290,7 @@ class Run:
         return self.progress or self.history or self.callback is not None
 
     def report_whole(self, z: Vector) -> StopReason | None:
-        """Report an iterate that was completed from an iterate of a part; return an end if the callback stops."""
+        """Report `z`, completed from an iterate of a part, and keep it if it is the best; return as `_report` does."""
         with suppress(MapError):
             residual = self.goal.judged(z, self.problem.residual(z))
             if self.best is None or residual < self.best.residual:
@@ -299,7 +299,7 @@ class Run:
         return None
 
     def _report(self, z: Vector, residual: float, seconds: float) -> StopReason | None:
-        """Report `z` and its `residual` to whatever watches the run; return an end if that stops it.
+        """Report `z` to `watch`, or to bar, history and callback; return a stop reason if one of them stops the run.
 
         Raises CallbackFailure.
         """
@@ -320,7 +320,10 @@ class Run:
             raise CallbackFailure(error) from None
 
     def _end_at(self, z: Vector, residual: float) -> StopReason | None:
-        """SOLVED, or DIVERGED or MAP_FAILED relative to the method's first residual; None if the run goes on."""
+        """SOLVED, or DIVERGED or MAP_FAILED by the growth of the residual; None if the run goes on.
+
+        A `z` that solves the problem becomes the best iterate.
+        """
         if self.goal.reached(z, residual):
             if self.best is None or self.best.z is not z:
                 self.best = self.candidate(z, residual)
@@ -332,7 +335,7 @@ class Run:
         return None
 
     def _end_by_limit(self) -> StopReason | None:
-        """ITERATION_LIMIT or TIME_LIMIT, if one is reached; the time may be that of what encloses the run."""
+        """ITERATION_LIMIT or TIME_LIMIT, if one is reached; the time limit may be that of an enclosing run."""
         time_limit = self.limits.time_limit
         if self.iteration >= self.limits.max_iter:
             return StopReason(Status.ITERATION_LIMIT, f"max_iter = {self.limits.max_iter}")

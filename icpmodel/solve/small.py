@@ -18,9 +18,9 @@ _NO_INVERSE = np.array([[]])
 
 
 def solve_small(problem: ProblemData, limits: Limits) -> Solution | None:
-    """The solution of a problem that `Lemke` solves by one chain of pivots; None where it does not, or is too large.
+    """The solution by one chain of Lemke's pivots; None if they do not reach the tolerance, or do not apply.
 
-    It takes dense A, n ≤ 64, and constant obstacles, or an affine one. The refinement of the pivots is all there is.
+    They apply to dense A, n ≤ 64, with constant obstacles or one affine obstacle. Only the pivots refine the answer.
     """
     A = problem.matrix.dense
     n = problem.n

@@ -1,4 +1,4 @@
-"""What comes back from a solve: `Status` says why the loop stopped, `Certificate` what is known of z."""
+"""The result of a solve: `Status` says why the loop stopped, `Certificate` what is known of z."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class Status(Enum):
         return self.advice_with("")
 
     def advice_with(self, to_try: str) -> str:
-        """The `advice` with what else to try.
+        """The `advice`, with a suggestion of the method put first.
 
         Parameters
         ----------
@@ -104,7 +104,7 @@ _ADVICE = {
     "WORKER_LOST": "solve it alone to see why, or give its worker more memory",
 }
 
-#: the cost that the bound of a printed solution may have in any case, in counted nanoseconds
+#: the least that the error bound of a printed solution may cost, in counted nanoseconds
 _PRINT_COST = 2e6
 
 
@@ -156,7 +156,7 @@ class History(ReadOnly, Plottable, Tabular):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Solution(ReadOnly, Plottable):
-    """An answer: the returned z, why the loop stopped, and, computed when first asked for, what is certain of z.
+    """An answer: z, why the loop stopped, and, computed on first access, what is certain of z.
 
     Attributes
     ----------
@@ -176,9 +176,9 @@ class Solution(ReadOnly, Plottable):
     residual, tolerance : float
         Res_D(z), recomputed for the returned z, and the tolerance that it is compared with.
     atol : float
-        What the paper's Res(z) was held against.
+        The tolerance for Res(z), the residual of the paper.
     iterations : int
-        Those of all methods.
+        The number of iterations of all methods together.
     seconds : float
         The time of the run, set-up included.
     accuracy : float or None
@@ -186,7 +186,7 @@ class Solution(ReadOnly, Plottable):
     infeasible : Answer or None
         The proof with its witness where the status is INFEASIBLE.
     time_limit, memory_limit : float or None
-        Those of the run. The certificate and `polish` keep to them, too, each for itself.
+        The limits of the run. They hold anew for the certificate, and for `polish`.
     cost : float
         The counted cost of the run in nanoseconds, see `numerics.work`; 0 where it is not known.
 
@@ -234,7 +234,7 @@ class Solution(ReadOnly, Plottable):
         return self.status is Status.SOLVED
 
     def __bool__(self) -> bool:
-        """`solved`."""
+        """Whether the status is SOLVED."""
         return self.solved
 
     @property
@@ -252,7 +252,7 @@ class Solution(ReadOnly, Plottable):
 
     @property
     def _goal(self) -> Goal:
-        """The test of the run, without `accuracy`."""
+        """The convergence test of the run, without `accuracy`."""
         return Goal(self.tolerance, self.problem, self.atol)
 
     @cached_property
@@ -290,7 +290,7 @@ class Solution(ReadOnly, Plottable):
 
     @cached_property
     def contradiction(self) -> Contradiction | None:
-        """Conditions that contradict each other and the nearest q without: `icpmodel.contradiction` of the problem.
+        """`icpmodel.contradiction` of the problem: conditions in conflict; None if solved or p is nonlinear.
 
         Examples
         --------
@@ -315,14 +315,15 @@ class Solution(ReadOnly, Plottable):
         """Improve the answer to rounding accuracy: one linear solve on the active set.
 
         Undecided rows take the side to which z is nearer. Where all rows are decided the result is z* up
-        to rounding; otherwise it is a candidate like any other.
+        to rounding; otherwise it is judged like any other candidate.
 
         Returns
         -------
         Solution
             The new solution if its residual or its error bound is smaller by at least a tenth, else
-            this one. It is SOLVED where it reaches what was asked for. Where the equations cannot be
-            solved, `why` of this one says so.
+            this one. It is SOLVED if it reaches the tolerance, or the accuracy, of the run. A solved
+            answer is replaced by a solved one only. Where the equations cannot be solved, `why` of a
+            copy of this one says so.
 
         Examples
         --------
@@ -352,7 +353,7 @@ class Solution(ReadOnly, Plottable):
         reached = bound is not None and bound <= self.accuracy if self.accuracy else self._goal.reached(z, residual)
         if reached:
             return better._with(status=Status.SOLVED, message="solved")
-        if self.solved or self.status is Status.CROSSED:  # which is said of this very z
+        if self.solved or self.status is Status.CROSSED:  # the status refers to this very z
             return self
         return better._with(message=f"{self.message}; polished to a residual of {residual:.3g}")
 
@@ -366,8 +367,8 @@ class Solution(ReadOnly, Plottable):
 
         Notes
         -----
-        This is a verb of the problem, which a row of `solve_many` does not have. `icpmodel.Derivative`
-        takes such a row.
+        This calls a method of `ICP`, which the problem of a row of `solve_many` does not have.
+        `icpmodel.Derivative` takes such a row.
 
         Examples
         --------
@@ -378,7 +379,7 @@ class Solution(ReadOnly, Plottable):
         return problem.derivative(self)
 
     def _closer(self, z: Vector) -> bool:
-        """Whether `z` has an error bound that is smaller enough than that of this answer."""
+        """Whether the error bound of `z` is smaller than that of this answer by at least a tenth."""
         known = self.error_bound
         if known is None:
             return False
@@ -389,14 +390,14 @@ class Solution(ReadOnly, Plottable):
         return f"{self.why}; {reason}" if self.why else reason
 
     def _with(self, **changed: Any) -> Solution:
-        """A copy with other fields that keeps the certificate."""
+        """A copy with the `changed` fields that keeps a computed certificate."""
         copy = replace(self, **changed)
         if "certificate" in self.__dict__:
             copy.__dict__["certificate"] = self.certificate
         return copy
 
     def without_bound(self) -> Solution:
-        """The same answer, its certificate without an error bound: a bound costs about one linear solve.
+        """The same answer with a certificate that has no error bound, which would cost about one linear solve.
 
         Returns
         -------
@@ -414,7 +415,7 @@ class Solution(ReadOnly, Plottable):
 
     @property
     def error_bound(self) -> float | None:
-        """max_i |z_i − z*_i| is at most this, in the units of z; None where there is no certificate.
+        """max_i |z_i − z*_i| is at most this, in the units of z; None where no bound is certain.
 
         Examples
         --------
@@ -466,7 +467,7 @@ class Solution(ReadOnly, Plottable):
         return Card(rows)
 
     def _in_short(self) -> Card:
-        """Status, error bound (or why there is none) and method; why not, where it is not solved."""
+        """Status, error bound (or why there is none) and method; also the message, where it is not solved."""
         rows = {
             "status": f"{self.status.value}: residual {self.residual:.3g}",
             "error": self._quick_bound(),
@@ -479,7 +480,10 @@ class Solution(ReadOnly, Plottable):
         return Card(rows)
 
     def _quick_bound(self) -> str:
-        """The error bound if it is known, or costs no more than the solve did, or less than `NOTICED_SECONDS`."""
+        """The error bound in words, if it is known or cheap, else how to compute it. A new certificate is kept.
+
+        It is cheap if it costs no more than the solve did, or than `NOTICED_SECONDS` and `_PRINT_COST`.
+        """
         certificate = self.__dict__.get("certificate")
         if certificate is None:
             seconds = max(self.seconds, NOTICED_SECONDS)

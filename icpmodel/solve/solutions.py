@@ -1,4 +1,4 @@
-"""What comes back from `solve_many`: all rows as arrays, and each of them as a `Solution`."""
+"""The result of `solve_many`: all rows as arrays, and each of them as a `Solution`."""
 
 from __future__ import annotations
 
@@ -45,16 +45,17 @@ class RunRecord(NamedTuple):
         return cls(method, method, method, why, 1, seconds / max(rows, 1))
 
 
-#: the outcome of a row that was not tried
+#: the record of a row that was not tried
 NOT_BEGUN = RunRecord(MNMGS(), MNMGS(), MNMGS(), "no method was tried")
 
 
 @dataclass(frozen=True, eq=False)
 class BatchData:
-    """The data of the problems, without arrays of the user, who may change them.
+    """The data of the problems, without arrays of the user, which may change later.
 
-    `problems` has one problem for all rows, or one for each. `below` and `above` are pairs: the one obstacle, and the
-    list of obstacles, None where one holds for all rows. The limits are those of all rows together.
+    `problems` has one problem for all rows, or one for each. `below` and `above` are pairs: the obstacle of all rows,
+    and the list of obstacles row by row, which is None if all rows have the same one. The `limits` hold for all rows
+    together.
     """
 
     problems: Sequence[ProblemData]
@@ -79,7 +80,7 @@ class BatchData:
 class Solutions(ReadOnly, Plottable, Tabular):
     """The answers of `solve_many`, one row per problem.
 
-    It is a list of them, too: `many[0]` is a `Solution`, made when it is asked for, and `many[:2]` a list of these.
+    It is also a sequence: `many[0]` is a `Solution`, made on access, and `many[:2]` a list of these.
 
     Attributes
     ----------
@@ -90,11 +91,11 @@ class Solutions(ReadOnly, Plottable, Tabular):
     residuals : array of shape (k,)
         Res_D(z) of the returned rows, recomputed from A, q, ψ and z.
     tolerances : array of shape (k,)
-        What the residuals were held against.
+        The tolerances that the residuals were compared with.
     seconds : float
-        The time of all.
+        The time for all rows together.
     messages : dict
-        What went wrong, by row.
+        What went wrong, by the index of the row; only of rows that failed.
 
     Examples
     --------

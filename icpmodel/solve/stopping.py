@@ -11,9 +11,9 @@ from ..numerics.arrays import Vector, not_finite
 from ..problem.data import ProblemData
 from .solution import Status
 
-#: the number of steps that reduce the residual by less than a thousandth before its rounding error is computed
+#: after this many steps that reduce the residual by less than a thousandth in all, its rounding error is computed
 _PRECISION_CHECK = 50
-#: ends after which another method is tried; with MAP_FAILED it may avoid the points where psi fails
+#: statuses after which another method is tried; after MAP_FAILED it may avoid the points where psi fails
 WORTH_ANOTHER_METHOD = (Status.STAGNATED, Status.CYCLED, Status.DIVERGED, Status.MAP_FAILED)
 
 
@@ -33,7 +33,7 @@ class StagnationTest:
     Parameters
     ----------
     memoryless : bool
-        Whether the method is, see `Method.memoryless`.
+        Whether the last iterate alone decides the next one, see `Method.memoryless`.
     patience : int
         The number of steps without a better iterate after which the method stops.
     at_floor : callable
@@ -41,8 +41,8 @@ class StagnationTest:
 
     Notes
     -----
-    Cycles of a method without memory are found by Brent's search: each iterate is compared with
-    the milestone, which is the iterate number 1, 2, 4, 8, …
+    Cycles of a method without memory are detected by Brent's algorithm: each iterate is compared
+    with the milestone, which is the iterate number 1, 2, 4, 8, …
 
     References
     ----------
@@ -62,7 +62,7 @@ class StagnationTest:
         self.better_residual = np.inf
 
     def check(self, z: Vector, residual: float) -> StopReason | None:
-        """The reason to stop at the next iterate `z`, or None."""
+        """Record the next iterate `z`; return the reason to stop at it, or None."""
         k = self.step
         self.step += 1
         if residual < self.better_residual:
@@ -84,7 +84,7 @@ class StagnationTest:
         return None
 
     def ended(self, why: str | None) -> StopReason:
-        """The reason for the end if no new iterate comes; `why`: what the method says of it."""
+        """The reason for the end if the method has no new iterate; `why` is the explanation of the method."""
         why = why or "it has no further step"
         return self.at_floor() or StopReason(Status.STAGNATED, f"{why}, but z is not a solution")
 
@@ -96,7 +96,10 @@ class StagnationTest:
 
 
 def fault_of_psi(problem: ProblemData, z: Vector) -> str:
-    """Which entry of ψ(z) is NaN or +∞, of ψ̄(z) NaN or −∞, or of f(z) not finite, although z is finite; or empty."""
+    """An entry of ψ(z) that is NaN or +∞, of ψ̄(z) NaN or −∞, or of f(z) not finite, in words; empty if none.
+
+    Empty as well if z is not finite.
+    """
     if not np.isfinite(z).all():
         return ""
     if problem.f is not None and (fault := not_finite(problem.f.value(z), "f(z)")):

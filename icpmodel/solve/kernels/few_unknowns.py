@@ -17,9 +17,9 @@ from ...problem.kernels.residual import raise_to_bounds
 
 @partial(compiled, exact=True)
 def _squared_residuals(A, G, q, c, d, z, weights):
-    # Res_D(z)² and the square of its scale, NaN where a row counts as empty or obstacles cross; the `weights` are set:
-    # what `residual`, `residual_scale` and `Matrix.row_weights` compute, whose calls take longer than the pivots for so
-    # few unknowns
+    # returns Res_D(z)² and the square of its scale, NaN if a row counts as empty or obstacles cross; sets `weights`.
+    # `residual`, `residual_scale` and `Matrix.row_weights` compute the same, but for so few unknowns their calls take
+    # longer than the pivots
     squares = 0.0
     squares_0 = 0.0
     least = np.inf
@@ -47,8 +47,9 @@ def _squared_residuals(A, G, q, c, d, z, weights):
 
 @partial(compiled, exact=True)
 def solve_few(A, q, G, c, d, M, inverse, rtol, limit):
-    # (z, Res_D(z), its tolerance) for the ICP of A and q between the obstacles Gz + c and d, of which G or d is none:
-    # NaN where it is for others to judge. With a G, `inverse` is that of I - G, and M that times A; else it is empty
+    # returns (z, Res_D(z), its tolerance) for the ICP of A and q between the obstacles Gz + c and d, where G is 0 or d
+    # is inf. The last two are NaN where z has to be judged elsewhere: `_squared_residuals` are NaN, or may over- or
+    # underflow. With a G, `inverse` is that of I - G, and M is A times it; else it is empty, and M is A
     n = q.size
     Q = q.reshape(1, n)
     C = c.reshape(1, n)

@@ -1,4 +1,4 @@
-"""Thousands of problems at once: right-hand sides, obstacles or parameter values, here or by workers anywhere."""
+"""Many problems in one call, with different A, q or obstacles, in this process or by the workers of a pool."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from ..solution import Status
 from ..solutions import Solutions
 from .batch import ROWS_PER_CHAIN, SHARE_COST, Batch
 
-#: the rows low ≤ i < high, several of these, and what comes back of each
+#: ranges of rows low ≤ i < high, and the future of each
 RowRanges = list[tuple[int, int]]
 Futures = dict[tuple[int, int], Future[Any]]
-#: the results of a share: by row, and others
+#: the attributes of a batch that hold results: by row, and others
 _ROW_FIELDS = ("Z", "residuals", "tolerances", "solved")
 _OTHER_FIELDS = ("failures", "records", "compiled")
-#: the starts of the batches that this worker drops after Ctrl-C
+#: the start times of the batches whose further shares this worker drops after Ctrl-C
 _INTERRUPTED: set[float] = set()
 
 
@@ -47,24 +47,27 @@ def solve_many(
 ) -> Solutions:
     """Solve k problems as `solve` would: row i of `Q` with A and ψ, or with the i-th of those that are lists.
 
-    Small and tridiagonal problems are solved by a few compiled calls on all cores. They share A, and ψ is affine or
-    amounts to fixed obstacles. Unless both obstacles are fixed or move alike, the same rows have an upper one. Those
-    with n ≤ 64 are pivoted (see `Lemke`), and a tridiagonal A goes to `Tridiagonal`. So are lists of arrays A of one
-    size, n ≤ 64, where an obstacle that moves is the same for all.
+    Small and tridiagonal problems are solved by a few compiled calls on all cores. With n ≤ 64 they are pivoted (see
+    `Lemke`): they share A, or have arrays A of one size, and ψ is affine or amounts to fixed obstacles. A shared
+    tridiagonal A with such fixed obstacles goes to `Tridiagonal`. A moving obstacle has to be the same in all problems.
+    Unless both obstacles are fixed or move alike, all problems need upper obstacles in the same entries of z. With
+    `Z0`, A has to be a shared H₊-matrix and the obstacles fixed.
 
-    All other problems go to `solve` one by one. Facts of a shared A are kept from row to row. The start is the row of
-    `Z0`, or the previous answer, but for every 16th row. Ctrl-C leaves the rows that are solved.
+    All other problems go to `solve` one by one. Facts of a shared A are kept from row to row. Each row starts from its
+    row of `Z0`. Without `Z0` it starts from the previous answer, but every 16th row anew. After Ctrl-C the solved rows
+    are kept.
 
     With an `executor` workers solve the rows in shares, with the same answers. It makes a pool, such as
-    `ProcessPoolExecutor`, `MPIPoolExecutor` of mpi4py.futures or Dask's `client.get_executor`. The share of a worker
-    that dies is solved again by a new pool. A row whose second worker dies as well has the status WORKER_LOST.
+    `ProcessPoolExecutor`, `MPIPoolExecutor` of mpi4py.futures or Dask's `client.get_executor`. The shares of a pool
+    that breaks are solved again by a new one, in the end row by row. A row that still kills its worker has the status
+    WORKER_LOST.
 
     Parameters
     ----------
     A : array_like or sparse matrix, or a list of k of them
         As for `ICP`.
     Q : array_like of shape (k, n) or (n,)
-        One row per problem, or one for all where A or psi are k.
+        One row per problem, or one for all where A, psi or upper is a list of k.
     psi, upper : optional
         As for `ICP`, or obstacles of shape (k, n), or a list of k maps.
     Z0 : array_like of shape (k, n) or (n,), or Solutions, optional
@@ -72,11 +75,11 @@ def solve_many(
     rtol, atol : float
         Row i is solved where Res_D(z) ≤ rtol·Res_D(0), or Res(z) ≤ atol.
     time_limit : float, optional
-        As for `solve`, of all rows together; the start of workers counts, whose clocks should
-        agree. A row that does not finish has its best iterate. One that was not begun has its
-        start, with an infinite residual.
+        As for `solve`, for all rows together. The start of the workers counts, and their clocks
+        should agree. A row that does not finish has its best iterate. One that was not begun has
+        its start, with an infinite residual.
     memory_limit : float, optional
-        As for `solve`, of each worker.
+        As for `solve`, for each worker.
     executor : callable, optional
         Makes a pool of workers.
     raise_on_failure : bool, default True
@@ -119,7 +122,7 @@ def solve_many(
 
 @public_entry
 def _solve_share(batch: Batch, start_time: float) -> dict[str, Any]:
-    """A worker's results for a share; `start_time` is the wall-clock time of the start of all shares."""
+    """Solve a share in a worker and return its results; `start_time` is when all shares began, by the wall clock."""
     batch.start_time = work.clock() - max(time.time() - start_time, 0.0)
     if len(batch.Z) and start_time not in _INTERRUPTED:
         batch.run()
@@ -137,16 +140,16 @@ def _pool_of(make: Any) -> Any:
 
 
 def _by_workers(batch: Batch, make: Any) -> None:
-    """Solve the rows of `batch` with the workers of an executor from `make`, and of a new one after each that breaks.
+    """Solve the rows of `batch` with the workers of a pool from `make`, and of a new pool after each that breaks.
 
-    The remaining shares of rows are then halved, until the one that kills its worker is found. It is tried once more,
+    The failed shares are then tried in halves, until the one that kills its worker is found. It is tried once more,
     then row by row. A row that still kills its worker is given up.
     """
     k = len(batch.Z)
     row_cost = batch.row_cost()
     limit = batch.limits.time_limit
     size = ROWS_PER_CHAIN if row_cost is None else ROWS_PER_CHAIN * int(np.ceil(SHARE_COST / row_cost / ROWS_PER_CHAIN))
-    # a share without rows is sent first: whether anything can be
+    # a share without rows is sent first, to test whether data can be sent
     groups = [[(low, min(low + size, k)) for low in range(0, k, size)], [(k, k)]]
     start_time = time.time() - batch.elapsed()
     pool = None
@@ -159,7 +162,7 @@ def _by_workers(batch: Batch, make: Any) -> None:
             with suppress(BrokenExecutor):
                 for share in group:
                     futures[share] = pool.submit(_solve_share, _share_of(batch, *share), start_time)
-            # as late as `time_limit` is kept to
+            # a run may exceed `time_limit` by a tenth plus 0.2 s
             left = None if limit is None else max(1.1 * limit + 0.2 - batch.elapsed(), 0.0)
             if wait(futures.values(), timeout=left).not_done:
                 break
@@ -183,7 +186,7 @@ def _by_workers(batch: Batch, make: Any) -> None:
 
 
 def _shares_to_repeat(failed: RowRanges, tried: set[tuple[int, int]]) -> list[RowRanges]:
-    """The shares to repeat after some `failed`: halves of them, then one share alone, then its rows."""
+    """The groups of shares to repeat after some `failed`: halves, then one share alone (now `tried`), then its rows."""
     half = len(failed) // 2
     if half:
         return [failed[half:], failed[:half]]
@@ -195,7 +198,7 @@ def _shares_to_repeat(failed: RowRanges, tried: set[tuple[int, int]]) -> list[Ro
 
 
 def _store_results(batch: Batch, shares: RowRanges, futures: Futures) -> RowRanges:
-    """The `shares` that failed; the results of the others are stored."""
+    """Store the results of the `shares`; return those that failed. Raises InputError if no data can be sent."""
     failed = []
     for low, high in shares:
         future = futures.get((low, high))
@@ -236,7 +239,7 @@ def _share_of(batch: Batch, low: int, high: int) -> Batch:
 
 
 def _store(batch: Batch, low: int, high: int, part: dict[str, Any]) -> None:
-    """Store the results of a part in place of earlier ones."""
+    """Store the results of the rows low ≤ i < high in place of earlier ones."""
     for name in _ROW_FIELDS:
         getattr(batch, name)[low:high] = part[name]
     batch.failures = {row: failure for row, failure in batch.failures.items() if not low <= row < high}

@@ -1,4 +1,4 @@
-"""The rows of one `solve_many`, in compiled code where it can be, and else one by one."""
+"""The rows of one call of `solve_many`, solved in compiled code where that applies, and else one by one."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ from .row_arguments import Stack, check_row_labels, common_count, list_items, li
 
 _LOG = logging.getLogger("icpmodel")
 
-#: the number of rows in a chain, each of which starts from the answer of the one before; the next one begins anew, so
-#: that a share of the rows in another process has the same answers: measured, a cold row costs .7 to 2 times as much
+#: the number of rows in a chain: each row starts from the answer of the row before, and each chain begins anew, so that
+#: a share of the rows in another process has the same answers. A cold row was measured to cost .7 to 2 times as much
 ROWS_PER_CHAIN = 16
 #: the cost of a share of rows in compiled code, in nanoseconds: some hundred times the cost of sending it
 SHARE_COST = 1e8
@@ -60,12 +60,12 @@ class Batch:
         lower = sides_of(psi)[0]
         upper = None if upper is None else self.problem.upper
         self.data = BatchData(problems, Q, (lower, self.maps), (upper, self.uppers), limits)
-        # what is wrong in a row is said before another one is solved
+        # errors in any row are raised before a row is solved
         self._check(k)
         self._begin()
 
     def _begin(self) -> None:
-        """Make empty results."""
+        """Set empty results, with the starts as Z."""
         self.Z = np.zeros(self.data.Q.shape)
         k = len(self.Z)
         if self.starts is not None:
@@ -76,11 +76,11 @@ class Batch:
         self.failures: dict[int, tuple[Status, str]] = {}
         self.records: dict[int, RunRecord] = {}
         self.interrupted = False
-        #: the rows that compiled code has solved, and the seconds that it took
+        #: the number of rows that compiled code has solved, and the seconds that it took
         self.compiled = np.zeros(2)
 
     def _check(self, k: int) -> None:
-        """Raise InputError where an obstacle of a row, or a start, is none of this problem."""
+        """Raise InputError where an obstacle of a row, or a start, does not fit the problem."""
         for name, rows in (("Z0", self.starts), ("psi", self.obstacles), ("upper", self.above)):
             if rows is not None:
                 self.problem.vector(rows[0], name)  # has the right length
@@ -92,9 +92,10 @@ class Batch:
     def fits_compiled_code(self) -> bool:
         """Whether compiled code may take the rows together.
 
-        The kind of ψ is the same, and A is as well, or small. Unless the obstacles are fixed or move alike, the same
-        rows have an upper one. It knows no starts: with these there must be one solution, as is proved of an H₊-matrix,
-        the same one in all rows, where obstacles are fixed. Said of all rows, it holds for their shares, too.
+        All rows must have the same kind of ψ, and the same A or small dense ones of one size. Unless the obstacles are
+        fixed or move alike, all rows need upper obstacles in the same entries of z. Compiled code takes no starts: with
+        starts the solution must be unique, as is proved for fixed obstacles and a shared H₊-matrix. What holds for all
+        rows holds for their shares as well.
         """
         problems = self.data.problems
         is_one = len(problems) == 1
@@ -124,13 +125,13 @@ class Batch:
         return self.compiled_solver.row_cost() if self.fits_compiled_code else None
 
     def solve_compiled(self) -> None:
-        """Solve rows in compiled code, if it applies and as the limits allow; their residuals say which are solved."""
+        """Solve rows in compiled code, if it applies and as far as the limits allow; keep those that are `solved`."""
         row_cost = self.row_cost()
         if row_cost is None:
             return
         with (
             np.errstate(over="ignore", invalid="ignore"),
-            suppress(MapError, SingularOperator, OutOfTime, MemoryError),  # then it is seen row by row what remains
+            suppress(MapError, SingularOperator, OutOfTime, MemoryError),  # the other rows are solved one by one
         ):
             for rows, (*results, good) in self.compiled_solver.pieces(row_cost):
                 self.solved[rows] = good
@@ -138,7 +139,7 @@ class Batch:
                     stored[rows][good] = new[good]
 
     def solve(self, row: int) -> None:
-        """Solve one row by `ICP.solve`, unless an earlier one was interrupted."""
+        """Solve one row by `solve`, or record why it fails or is not begun."""
         if self.interrupted:
             self.failures[row] = Status.INTERRUPTED, "an earlier row was interrupted"
             return
@@ -179,7 +180,10 @@ class Batch:
             self.interrupted = solution.status is Status.INTERRUPTED
 
     def start(self, row: int, problem: ProblemData) -> Vector | None:
-        """Where `solve` begins: at 0 where that is a solution, else at the answer of the row before."""
+        """The z0 of a row: its start if given, else the answer of the row before in its chain.
+
+        None where 0 is a solution, the row begins a chain, or the row before is not solved.
+        """
         if self.starts is not None:
             return np.asarray(self.starts[row if len(self.starts) > 1 else 0])
         with suppress(MapError):  # ψ need not have a value at 0
@@ -205,7 +209,7 @@ class Batch:
                 self.solve(int(left_open))
 
     def solutions(self) -> Solutions:
-        """The results."""
+        """The results; Z becomes read-only."""
         self.Z.flags.writeable = False
         compiled_record = RunRecord.of_compiled(self.compiled_solver.method, int(self.compiled[0]), self.compiled[1])
         statuses = [self.failures.get(row, (Status.SOLVED,))[0] for row in range(len(self.Z))]

@@ -1,4 +1,4 @@
-"""What compiled code makes of the rows of one `solve_many`: pivots of small problems, and the tridiagonal pass."""
+"""The rows of one `solve_many` in compiled code: pivots for small problems, and the tridiagonal pass."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ from ..solutions import BatchData
 
 Matrix = NDArray[np.float64]
 
-#: arrays of the size of Q that the rows at once take
+#: arrays of the size of Q that solving all rows at once needs
 _WORK_ARRAYS = 6
-#: the number of unknowns for which a further thread pays
+#: the number of unknowns, of all rows together, for which one thread pays
 UNKNOWNS_A_THREAD = 10_000
 
 
 class CompiledSolver:
-    """The rows in compiled code, with fixed or affine obstacles: of one A, or small ones each with its own.
+    """Solver in compiled code of rows with fixed or affine obstacles, with one A, or small ones each with its own.
 
     Parameters
     ----------
     data : BatchData
         The problems.
     obstacles, above : array of shape (k, n), optional
-        The obstacles of each row, where they are numbers.
+        The lower and the upper obstacles of each row, where they are numbers.
     """
 
     def __init__(self, data: BatchData, obstacles: Matrix | None, above: Matrix | None) -> None:
@@ -94,7 +94,7 @@ class CompiledSolver:
         return np.broadcast_to(c if rows is None else rows, self.Q.shape), G
 
     def _on_threads(self, loop: Callable[[int, int], Any], rows: int) -> None:
-        """Call `loop` for parts of the `rows`, on as many threads as they are worth."""
+        """Call `loop` for parts of the `rows`, on as many threads as pay."""
         worth = -(-rows * self.problem.n // UNKNOWNS_A_THREAD)
         run_in_threads(rows, min(cores(), rows, worth), loop)
 

@@ -1,4 +1,4 @@
-"""The lists that `solve_many` takes: matrices, right-hand sides, obstacles and starts, one for each problem."""
+"""The arguments of `solve_many` that may be lists, one item for each problem: matrices, obstacles, q and starts."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Matrix = NDArray[np.float64]
 
 
 def check_row_labels(A: Any, **rows: Any) -> None:
-    """Raise InputError where pandas' objects have other labels than A: tables with a row for each problem, or lists."""
+    """Raise InputError where objects of pandas, lists or tables with a row per problem, have other labels than A."""
     labelled = parts_of("A", A)
     for name, several in rows.items():
         labelled |= parts_of(name, along_unknowns(several))
@@ -28,7 +28,7 @@ def check_row_labels(A: Any, **rows: Any) -> None:
 
 
 def rows_of(value: Any, name: str, infinite: float) -> Matrix:
-    """`value` as a float64 matrix, one row per problem, checked; `infinite` is allowed, 0 for neither infinity."""
+    """`value` as a float64 matrix, one row per problem; finite but for the value `infinite`, if that is not 0."""
     array = as_float64(value, name)
     if array.ndim not in (1, 2) or array.size == 0:
         raise InputError(f"{name} has shape {array.shape}; one row per problem was expected")
@@ -42,7 +42,7 @@ def rows_of(value: Any, name: str, infinite: float) -> Matrix:
 
 
 def list_obstacles(value: Any, name: str, none: float) -> tuple[list[Any] | None, Matrix | None]:
-    """The obstacles of `value`, one for each problem, or None; and these as a matrix where they are rows of numbers."""
+    """The list of obstacles, one per problem, None for a single one; and their matrix if they are rows of numbers."""
     maps = list_items(value, lambda one: isinstance(one, Map) or callable(one))
     if maps is None and isinstance(value, list | tuple | np.ndarray) and axes(value, name) == 2:
         rows = rows_of(value, name, none)
@@ -59,7 +59,7 @@ def list_items(value: Any, is_one: Callable[[Any], bool]) -> list[Any] | None:
 
 
 def common_count(**several: Any) -> int:
-    """How many problems there are, by the lists that are not None. Raises InputError where they differ."""
+    """The number of problems, by the lists that are not None. Raises InputError where they differ (1 is for all)."""
     counts = {name: len(values) for name, values in several.items() if values is not None}
     k = max(counts.values())
     if not set(counts.values()) <= {1, k}:
@@ -77,7 +77,7 @@ class Stack(Sequence[ProblemData]):
 
     @classmethod
     def of(cls, matrices: list[Any] | None, make: Callable[[Any], ProblemData]) -> Stack | None:
-        """None where they are not several, small, dense, of one size and finite."""
+        """The stack of `matrices`; None unless these are several, small, dense, of one size and finite."""
         if matrices is None or len(matrices) == 1:
             return None
         if not all(isinstance(one, np.ndarray | list | tuple) for one in matrices):
