@@ -1,4 +1,4 @@
-"""Anderson acceleration of any fixed-point method of the house, safeguarded by the residual."""
+"""Anderson acceleration of any fixed-point method of the package, safeguarded by the residual."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from .psor import PSOR
 
 #: an accelerated iterate may have this many times the least residual so far
 _MAX_GROWTH = 10.0
-#: calls in Python that a step takes beside the sweep
+#: the number of Python calls in a step besides the sweep
 _CALLS_PER_STEP = 2.0
-#: directions of the history that are less independent than this say nothing but rounding errors
+#: directions of the history whose pivot in the scaled normal equations is at most this are left out as rounding errors
 _MIN_INDEPENDENCE = 1e-10
 
 
@@ -34,7 +34,7 @@ class Accelerated(Method):
         z⁺ = g(z) − ΔG γ,        γ = argmin (f(z) − ΔF γ)ᵀ D (f(z) − ΔF γ).
 
     ΔG and ΔF hold the differences of the last `history_size` + 1 values of g and f. D is the
-    diagonal of A, so that symmetric changes of units leave γ as it is. The other steps are plain.
+    diagonal of A, so that symmetric scaling does not change γ. The other steps are plain.
 
     Parameters
     ----------
@@ -42,7 +42,8 @@ class Accelerated(Method):
         A method whose iterates are those of one map: a member of the modulus family, `PSOR`, or a
         `FixedPoint` of your own. One with theta1="auto" runs with the numbers of `adapt(problem)`.
         The default is MNMAOR(theta1="auto"). Where every ψ_i depends on z_i alone and changes by
-        less, it is PSOR with the ω of `algebra.relaxation.cautious_omega`, after one Jacobi step.
+        less than z_i, it is PSOR with the ω of `algebra.relaxation.cautious_omega`. The default
+        begins with one Jacobi step.
     history_size : int, default 7
         Number of differences, at least 1.
     mixing_frequency : int, default 3
@@ -63,8 +64,8 @@ class Accelerated(Method):
 
     **Safeguard.** A combination is kept only if its residual is at most ten times the least one so
     far. The next sweep yields that residual for free. Otherwise the plain step is taken and the
-    history forgotten. Where a hundred steps have not reduced the least residual by a tenth, a hundred
-    plain ones follow, and the number doubles.
+    history cleared. If a hundred steps do not reduce the least residual by a tenth, a hundred plain
+    ones follow, and the number doubles.
 
     **Convergence.** The method converges where g contracts in some norm and the residual bounds the
     error, as for H₊-matrices and ψ of small slope. Then K plain steps reduce the least residual by a
@@ -190,7 +191,7 @@ class Differences:
         self.count = self.newest = 0
 
     def add(self, z: Vector, image: Vector) -> None:
-        """Keep f(z) and `image` = g(z) in place of the oldest."""
+        """Keep f(z) and `image` = g(z) in place of the oldest pair."""
         self.newest = (self.newest + 1) % len(self.F) if self.count else 0
         self.count = max(self.count, self.newest + 1)
         np.subtract(image, z, out=self.F[self.newest])

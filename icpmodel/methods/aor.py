@@ -1,4 +1,4 @@
-"""The members with M₁ = (D − θ₂L)/θ₁: one pass over A a step."""
+"""The members with M₁ = (D − θ₂L)/θ₁: one pass over A per step."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from .modulus import FreeOmega
 
 @with_options
 class _AdaptiveRelaxation(FreeOmega):
-    """Members whose θ₁ may be "auto": ω starts where `_starting_omega` says, and adapts during the run."""
+    """Members whose θ₁ may be "auto": ω starts at `_starting_omega`, and adapts during the run."""
 
     theta1: Any = 1.0
 
@@ -82,15 +82,16 @@ class MNMAOR(_AdaptiveRelaxation):
     phi, phi1, phi2 : float or array of shape (n,)
         The diagonals of φ, φ₁ and φ₂, as in `Modulus`.
     theta1 : float or "auto", default 1
-        θ₁ > 0. With "auto" the run starts at ω = 1 and adapts ω to the rate that it observes.
+        θ₁ > 0. With "auto" the run starts at ω = 1, or at a `cautious_omega` between 1 and 1.2, and
+        adapts ω to the observed rate.
     theta2 : float, default 1
         θ₂.
 
     Notes
     -----
-    θ₁ = 1/(2/ω − s), θ₂ = 2θ₁ and Ω = sD with s = 2 − ω have the reach of projected SOR: where
-    p < Ωr, the step is z⁺ = z − (D/ω − L)⁻¹p. "auto" takes these. `Solution.adapted_method` has the numbers
-    at the end of the run.
+    With θ₁ = 1/(2/ω − s), θ₂ = 2θ₁ and Ω = sD, s = 2 − ω, the step where p < Ωr is that of SOR:
+    z⁺ = z − (D/ω − L)⁻¹p. "auto" uses these. `Solution.adapted_method` has the numbers at the end of
+    the run.
 
     References
     ----------
@@ -125,7 +126,7 @@ class MNMAOR(_AdaptiveRelaxation):
         Returns
         -------
         MNMAOR
-            Itself where it has numbers.
+            Itself where θ₁ is a number.
         """
         return self._with_omega(problem, cautious_omega(problem)) if is_auto(self.theta1) else self
 
@@ -153,8 +154,8 @@ class MNMSOR(_AdaptiveRelaxation):
 
     Notes
     -----
-    "auto" begins with the ω that is best for SOR, as far as θ₂ = θ₁ allows. It reduces ω where the
-    run shows that this is too much. `Solution.adapted_method` has the numbers at the end of the run.
+    "auto" begins with the ω that is best for SOR, but at most with 1.4, as θ₂ = θ₁ allows no more. It
+    reduces ω where that is too large for the run. `Solution.adapted_method` has the numbers at the end.
 
     Examples
     --------
@@ -171,7 +172,7 @@ class MNMSOR(_AdaptiveRelaxation):
             check_defaults(self, "phi1", "phi2")
 
     def adapt(self, problem: ProblemData) -> MNMSOR:
-        """This method with θ₁ = 1 and Ω = D: that is proved, and the best start for acceleration.
+        """This method with θ₁ = 1 and Ω = D in place of "auto": a proved choice, and the best for acceleration.
 
         Parameters
         ----------
@@ -181,7 +182,7 @@ class MNMSOR(_AdaptiveRelaxation):
         Returns
         -------
         MNMSOR
-            Itself where it has numbers.
+            Itself where θ₁ is a number.
         """
         return MNMSOR(phi=self.phi) if is_auto(self.theta1) else self
 

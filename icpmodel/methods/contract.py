@@ -41,14 +41,14 @@ Iterate = tuple[Vector, float | None]
 
 
 class LeastValue:
-    """The `least` value so far, and `idle`, the number of values since its last reduction by a tenth."""
+    """The `least` value, which only a value a tenth below replaces, and `idle`, the number of values since then."""
 
     def __init__(self, least: float = np.inf) -> None:
         self.least = least
         self.idle = 0
 
     def add(self, value: float) -> int:
-        """Add a value; return `idle`."""
+        """Add a value, and return `idle`, which is 0 if the value is the new `least`."""
         self.idle += 1
         if value < REDUCTION * self.least:
             self.least = value
@@ -61,7 +61,7 @@ NONLINEAR_P = "p is nonlinear, and this method needs affine p: leave out the met
 
 
 def _check_f_first(own: Callable[[Any, ProblemData], str | None]) -> Callable[[Any, ProblemData], str | None]:
-    """The `why_not` of a method that asks `why_not_f` first, then its `own`."""
+    """The `why_not` of a method that calls `why_not_f` first, then its `own`."""
 
     @wraps(own)
     def why_not(self: Any, problem: ProblemData) -> str | None:
@@ -102,10 +102,10 @@ class Method(ReadOnly, Displayable, ABC):
     name: ClassVar[str] = ""
     #: whether zᵏ alone decides zᵏ⁺¹, so that an iterate that comes back proves a cycle
     memoryless: ClassVar[bool] = False
-    #: "paper" for the members that the paper prints, "modulus" for what grows out of the same equation, "shortcut" for
-    #: what solves small or narrow problems without it, "" for baselines
+    #: "paper" for the members printed in the paper, "modulus" for others derived from the same equation, "shortcut" for
+    #: methods that solve small or narrow problems without it, "" for baselines
     family: ClassVar[str] = ""
-    #: whether it ends after some steps, so that the rate of its residual says nothing of those to come
+    #: whether it ends after finitely many steps, so that the rate of its residual predicts nothing
     finite: ClassVar[bool] = False
     #: which of its options are worth another try where it stagnates, cycles or diverges, for the advice to the user
     to_try: ClassVar[str] = ""
@@ -113,7 +113,7 @@ class Method(ReadOnly, Displayable, ABC):
     def __init_subclass__(cls) -> None:
         if "why_not" in cls.__dict__:
             cls.why_not = _check_f_first(cls.why_not)  # type: ignore[assignment, method-assign]
-        if cls.__dict__.get("name"):  # one of its own
+        if cls.__dict__.get("name"):  # not an inherited one
             _REGISTRY[cls.name] = cls
 
     def why_not(self, problem: ProblemData) -> str | None:
@@ -137,7 +137,7 @@ class Method(ReadOnly, Displayable, ABC):
         return self.why_not_f(problem)
 
     def why_not_f(self, problem: ProblemData) -> str | None:
-        """Why this method cannot take the f of a problem; `why_not` asks it.
+        """Why this method cannot take the f of a problem; `why_not` calls it first.
 
         Parameters
         ----------
@@ -174,8 +174,8 @@ class Method(ReadOnly, Displayable, ABC):
         Yields
         ------
         tuple of array and float or None
-            zᵏ of shape (n,), which the method does not change afterwards, and its residual. That is None
-            where the step does not yield it for free; it is a hint, never the verdict.
+            zᵏ of shape (n,), which the method does not change afterwards, and its residual, None where
+            the step does not yield it for free. The residual is a hint: the run judges zᵏ itself.
 
         Raises
         ------
@@ -219,7 +219,7 @@ class FixedPoint(Method):
         """z ↦ (g(z), Res_D(z)); the result is a fresh array. Raises SingularOperator."""
 
     def opening(self, problem: ProblemData) -> Step | None:
-        """A cheaper step to begin with, which may be all there is to do; None where there is none."""
+        """A cheaper first step, which may already solve the problem; None where there is none."""
         return None
 
     def iterates(self, problem: ProblemData, z: Vector) -> Iterator[Iterate]:
@@ -254,7 +254,7 @@ def names() -> list[str]:
 
 @check_arguments
 def named(name: str, /, **options: Any) -> Method:
-    """The method with a name.
+    """The method with this name and these options.
 
     Parameters
     ----------

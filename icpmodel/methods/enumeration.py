@@ -22,7 +22,7 @@ _MAX_LINEARISATIONS = 20
 
 @with_options
 class Enumerate(Method):
-    """Every choice of p_i = 0, z_i = ψ_i(z) or z_i = ψ̄_i(z): each leaves a linear system, whose signs are checked.
+    """Solve the linear system of each choice of p_i = 0, z_i = ψ_i(z) or z_i = ψ̄_i(z), and check the signs.
 
     Raises
     ------
@@ -32,7 +32,7 @@ class Enumerate(Method):
     Notes
     -----
     Problems of up to 2¹⁴ choices are taken: n = 14 with one obstacle in every row, n = 8 with two.
-    An obstacle that is not affine is linearised at the best point so far, up to 20 times; that proves nothing.
+    An obstacle that is not affine is linearised at the best point so far, up to 20 times; then nothing is proved.
 
     References
     ----------

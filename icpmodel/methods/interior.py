@@ -1,19 +1,19 @@
-"""The interior method: Newton's steps on the modulus equation with the modulus rounded off.
+"""The interior-point method: Newton steps on the modulus equation with a smoothed modulus.
 
-With √(x² + 4ε²) for |x| both r and s are positive and rs = ε², and ε falls. s converges to p, and r to z − ψ(z), as z
-does to the solution. An upper obstacle has an r and an s of its own: r₂ converges to ψ̄(z) − z, and s₁ − s₂ to p. At the
-start r and s solve the equations with Wr + s = 0, and are shifted to be positive.
+With √(x² + 4ε²) in place of |x| both r and s are positive, rs = ε², and ε falls. As z converges to the solution, s
+converges to p and r to z − ψ(z). An upper obstacle has an r and an s of its own: r₂ converges to ψ̄(z) − z, and s₁ − s₂
+to p. At the start r and s solve the equations with Wr + s = 0, and are shifted to be positive.
 
-Each step is a proximal one with its own z for centre: a multiple of W is added to A. Where A is symmetric up to the
-signs of its rows, as in conditions of optimality, rows of one sign are primal unknowns and the others multipliers.
-Primal and dual steps then have a length each, α and β. An H in the primal rows leaves (α − β)H dx of the distance
-from s to p, which the next step takes into account. As soon as the signs of s − Wr repeat, a step with these signs is
-tried as the answer: r = 0 or p = 0 in every row.
+Each step is a proximal one with the current z as centre: a multiple of W is added to A. Where A is symmetric up to the
+signs of its rows, as in optimality conditions, rows of one sign are primal unknowns and the others multipliers. Primal
+and dual steps then have lengths of their own, α and β. A block H of A in the primal rows then leaves a difference
+(α − β)H dx between s and p, which the next step corrects. As soon as the signs of s − Wr repeat, a step with these
+signs is tried as the answer: r = 0 or p = 0 in every row.
 
-A predictor has dr/r + ds/s = −1, so that dr ds ≤ rs/4. From below nothing bounds it. Where s is to grow many times
-over, the corrector would make r grow as much. Then all rows take the short step that this one allows. So dr ds is
-bounded from below, by μ and by the sizes of r and s. These include their distance from z − ψ(z) and p: where there is
-no solution, they are to grow.
+The predictor has dr/r + ds/s = −1, so that dr ds ≤ rs/4, but nothing bounds dr ds from below. Where s has to grow many
+times over, the corrector would make r grow as much, and all rows would take the short step that this row allows. So
+dr ds is bounded from below, by μ and by the sizes of r and s. The sizes include the distances from z − ψ(z) and p,
+because r and s have to grow where there is no solution.
 
 References: Mehrotra, SIAM J. Optim. 2 (1992), for the start and the choice of ε; Friedlander and Orban, Math. Program.
 Comput. 4 (2012), for the proximal terms; Wright, Primal-Dual Interior-Point Methods (1997), for the two lengths;
@@ -47,11 +47,11 @@ from ..theory.certificates.recession import Recession
 from .contract import Infeasible, Iterate, LeastValue, with_options
 from .proximal import Regularised
 
-#: the largest number of steps that reduce neither the residual nor the infeasibility of r and s
+#: the largest number of steps in which z does not grow, and the residual and the infeasibility of r and s do not fall
 _PATIENCE = 20
 #: a step goes this share of the way to the boundary
 _BOUNDARY_SHARE = 0.995
-#: the second-order term lets no rs grow by more than this multiple of itself and of their mean μ, Gondzio's bound
+#: Gondzio's bound: the second-order term is at least minus this multiple of the size of rs, or of the mean μ if larger
 _MAX_CORRECTION = 10.0
 #: the starting r and s are shifted by this multiple of their negative part at least
 _SHIFT = 1.5
@@ -59,7 +59,7 @@ _SHIFT = 1.5
 
 @with_options
 class Interior(Regularised):
-    """Newton's steps with √(x² + 4ε²) for |x|, ε falling, without an active set.
+    """The interior-point method: Newton steps with √(x² + 4ε²) for |x| and falling ε, without an active set.
 
     For the problems of `Proximal` whose active set changes often or row by row: redundant contacts in two and three
     dimensions, plates, programs and equilibria. The number of steps, 10 to 30 as a rule, hardly depends on n. Where A
@@ -108,7 +108,7 @@ class InteriorPath:
     problem
         The problem, its obstacles fixed where they can be.
     start
-        Where obstacles that move are at first, shape (n,).
+        The point, shape (n,), at which moving obstacles are first evaluated.
 
     Raises
     ------
@@ -122,7 +122,7 @@ class InteriorPath:
         self.steps = ProximalSteps(problem, start, reorders=False)
         self.has_moving_obstacle = self.steps.has_moving_obstacle
         analysis: SymmetricFactors | CondensedFactors | SymbolicAnalysis | None = None
-        #: or dual: the signs of rows that do not depend on each other are arbitrary
+        #: the other rows are dual; the signs of rows that do not depend on each other are arbitrary
         self.is_primal: Mask = np.ones(problem.n, bool)
         if not self.has_moving_obstacle:
             costs = self.steps.costs
@@ -143,7 +143,7 @@ class InteriorPath:
         lower, upper = self.steps.obstacles
         # in rows without a lower obstacle 0, or the upper one where that is below 0
         c = np.where(np.isneginf(lower), 0.0 if upper is None else np.minimum(upper, 0.0), lower)
-        #: the rows of r and s, for one obstacle and the other
+        #: the rows with a lower and those with an upper obstacle, to which r and s belong
         self.sides = [np.flatnonzero(np.isfinite(side)) for side in (lower, upper) if side is not None]
         self.rows = np.concatenate(self.sides)
         self.sign = np.repeat([1.0, -1.0][: len(self.sides)], [rows.size for rows in self.sides])
@@ -155,7 +155,7 @@ class InteriorPath:
     def _start(self, c: Vector) -> None:
         """Mehrotra's starting point: r and s solve the equations with Wr + s = 0, and are shifted to be positive.
 
-        The shift is at least the mean size of z: beside that, steps from a small r and s would be short.
+        The shift is at least the mean size of z, since steps from smaller r and s would be short.
         """
         weights = self.weights[self.rows]
         self.r = np.ones(weights.size)
@@ -166,7 +166,7 @@ class InteriorPath:
         root = self.root[self.rows]
         v = root * (distances + self._distance_change(z - c))
         sizes = self.problem.matrix.absolute
-        coupled = np.asarray(sizes.sum(axis=1)) > np.asarray(sizes.diagonal())  # unknowns that are fixed are not
+        coupled = np.asarray(sizes.sum(axis=1)) > np.asarray(sizes.diagonal())  # fixed unknowns are not
         size = norm(self.root * z * coupled) / max(int(np.count_nonzero(coupled)), 1) ** 0.5
         r = v + np.max(-_SHIFT * v, initial=size)
         s = np.max(_SHIFT * v, initial=size) - v
@@ -204,9 +204,9 @@ class InteriorPath:
 
     @np.errstate(all="ignore")
     def makes_progress(self) -> bool:
-        """Whether the residual, or the distance of r and s from z − ψ(z) and p, was reduced lately and is not 0.
+        """Whether the residual is not 0, and it or the distance of r and s from z − ψ(z) and p was reduced lately.
 
-        Where z grows, neither need be: it is on the way to large multipliers, or there is no solution.
+        Neither need fall while z grows: multipliers are large, or there is no solution.
         """
         _, p, r, r_upper = self.point
         residual = norm(mid(p / self.root, r, r_upper, self.root))
@@ -283,10 +283,10 @@ class InteriorPath:
         return np.where(self.is_primal, primal, dual), length_r, length_s
 
     def _move_to(self, z: Vector) -> None:
-        """z with p, z − ψ(z) and z − ψ̄(z), how far these are from r, and the derivatives of obstacles that move."""
+        """Set z with p, z − ψ(z) and z − ψ̄(z), their distances from r, and the derivatives of moving obstacles."""
         problem = self.problem
         self.point = z, problem.p(z), problem.r(z), problem.r_upper(z)
-        self.gap = self._distances() - self.r  # one that is carried along is rounding once r is below it
+        self.gap = self._distances() - self.r  # updated by steps it would be rounding once r is below it
         if self.has_moving_obstacle:
             self.slopes = [derivative(psi, z) for psi in (problem.psi, problem.upper) if psi is not None]
 

@@ -1,4 +1,4 @@
-"""The mixed-integer form of a problem, by HiGHS."""
+"""The problem as a mixed-integer program, solved by HiGHS."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ MAX_UNKNOWNS = 150
 #: bounds on p and r that are tried in turn, in units of the largest entry of q, c and d; beyond the second one the
 #: tolerance of HiGHS, 1e-6 for y, leaves p and r too much room
 BOUNDS = (1e2, 1e4)
-#: active sets that are excluded because their solution does not hold
+#: the largest number of active sets that are excluded for each bound because their z is no solution
 _MAX_CUTS = 5
 
 
 class ActiveRows(NamedTuple):
-    """The rows at an obstacle, those of them at the upper one, the binary variables that say so, and their z."""
+    """The rows at an obstacle, those of them at the upper one, and the binary variables and z of HiGHS."""
 
     active: Mask
     above: Mask
@@ -44,13 +44,13 @@ class MixedInteger(Method):
 
     Notes
     -----
-    Up to 150 unknowns are taken. M is 100, and then 10⁴, times the largest entry of q, c and d. That HiGHS finds no
-    active set proves nothing.
+    Up to 150 unknowns are taken. M is 100, and then 10⁴, times the largest entry of q, c and d. If HiGHS finds no
+    active set, nothing is proved.
 
     The objective, the sum of p and r, leads the search; the first active set ends it. With an upper obstacle
     p_i ≥ −M(1 − y'_i) and s_i ≤ M y'_i, s = ψ̄ − z. An active set whose z does not solve the problem is excluded by a
-    cut. Where its equations depend on each other z is that of HiGHS. An obstacle that is not affine is linearised at
-    the last point.
+    cut. Where its equations are singular, z is that of HiGHS. An obstacle that is not affine is linearised at the best
+    point so far.
 
     References
     ----------
@@ -86,7 +86,7 @@ def _solutions(problem: ProblemData, z: Vector) -> Iterator[Vector]:
     rows = LinearRows.of(problem, z)
     scale = rows.scale
     rows = rows.in_units(scale)
-    if not np.isfinite(rows.q).all():  # no float in units in which the entries of A are about 1
+    if not np.isfinite(rows.q).all():  # q overflows in units in which the entries of A are about 1
         return
     for bound in BOUNDS:
         cuts: list[Vector] = []

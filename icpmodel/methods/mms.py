@@ -29,8 +29,8 @@ class MMS(Method):
 
         x⁺ = x − γ X⁻¹ (Az + q − Ω(|x| − x)/γ),        X = M₁ + Ω.
 
-    This is the operator of the family on another residual. γ only rescales x and leaves every z as
-    it is: here γ = 2. After `inner` steps ψ is evaluated anew. Where ψ is constant, inner and outer
+    This is the operator of the modulus family on another residual. γ only rescales x and does not
+    change z: here γ = 2. After `inner` steps ψ is evaluated anew. Where ψ is constant, inner and outer
     steps are the same.
 
     Parameters
@@ -65,7 +65,7 @@ class MMS(Method):
         as_number(self.inner, "inner", minimum=1, whole=True)
 
     def why_not(self, problem: ProblemData) -> str | None:
-        # x has no value where ψ_i = −∞; a ψ without a value at 0 is asked where the run begins
+        # x has no value where ψ_i = −∞; a ψ without a value at 0 is evaluated at the start of the run
         if problem.upper is not None:
             return "MMS has one |x| for each row, and a row may have two obstacles: the members of Method 3.1 take them"
         has_free_rows = problem.psi.has_policies

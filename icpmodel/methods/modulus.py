@@ -6,15 +6,15 @@ Written out with the modulus this is equation (5) of the paper. φ₁ only resca
 
 |x − y| = x + y − 2 min(x, y) turns that into the formula above. `algebra.operators.Operator.step` computes it.
 
-The members differ in M₁, Ω, φ, and in the values inside the modulus. The paper takes the previous iterate. With the
-newest values, row by row, M₁ = D/ω − L gives projected SOR (see `methods.psor`).
+The members differ in M₁, Ω, φ, and in the values inside the modulus. The paper uses those of the previous iterate. With
+the newest values, row by row, M₁ = D/ω − L gives projected SOR (see `methods.psor`).
 
 - MNMOD: M₁ = A, Ω = I. One factorisation, reused.
 - MNMMOD: M₁ = A, Ω = θ₁I. One factorisation, reused.
-- MNMAOR: M₁ = (D − θ₂L)/θ₁. Forward substitution in one pass, as for the next ones.
+- MNMAOR: M₁ = (D − θ₂L)/θ₁. Forward substitution in one pass, as for the next two.
 - MNMSOR: θ₂ = θ₁, M₁ = D/θ₁ − L. With the newest values it is PSOR(omega=θ₁).
 - MNMGS: θ₁ = θ₂ = 1, M₁ = D − L. With the newest values it is PSOR.
-- MNMJ: θ₁ = 1, θ₂ = 0, M₁ = D. With Ω = D it is the same for the newest values.
+- MNMJ: θ₁ = 1, θ₂ = 0, M₁ = D. With Ω = D the newest values give the same method.
 - projection-fixed-point: M₁ = Ω = D/ω, z⁺ = max(ψ(z), z − ωD⁻¹(Az + q)).
 - Modulus: any M₁ and Ω. NMMS (2022) has φ = 0 and φ₁ = I.
 
@@ -40,9 +40,9 @@ from .contract import FixedPoint, why_not_diagonal, with_options
 class ModulusMember(FixedPoint):
     """A member of the modulus family: a choice of M₁, φ and Ω, and of the values inside the modulus."""
 
-    #: whether the modulus sees the newest values, row by row, instead of the iterate before
+    #: whether the modulus contains the newest values, row by row, instead of the previous iterate
     sees_newest: ClassVar[bool] = False
-    #: members without these options have φ = 0 and numbers for all else
+    #: the values for members without these options
     phi: Any = 0.0
     theta1: Any = 1.0
     splitting: Splitting
@@ -56,7 +56,7 @@ class ModulusMember(FixedPoint):
         """The diagonal of Ω = φ₁⁻¹φ₂, shape (n,)."""
 
     def adapt(self, problem: ProblemData) -> ModulusMember:
-        """This member with numbers in place of theta1="auto", as acceleration needs them; itself if it has some."""
+        """This member with numbers in place of theta1="auto", as acceleration needs them; else itself."""
         return self
 
     @property

@@ -2,13 +2,14 @@
 
 Every level of an algebraic multigrid hierarchy of A carries a problem of its own in z_c, where z = Pz_c + s. At the
 coarse points s is 0 and ψ is the one of the finer level; elsewhere s = −q/D. Then A_c = PᵀAP and q_c = Pᵀ(As + q). The
-finer level starts from its answer, so that the active set there is wrong near its border only. The steps on each level
-are those of `algebra.newton_steps`. With a z that is not 0, and fixed obstacles, they begin on the
-finest level whose cycles cost less than the Python around them. Else, and where that fails, they begin with 0 on the
+finer level starts from the answer of this problem, so that its active set is wrong near its border only. The steps on
+each level are those of `algebra.newton_steps`. With a z that is not 0, and fixed obstacles, they begin on the finest
+level whose cycles cost less than the Python around them. Otherwise, and where that fails, they begin with 0 on the
 coarsest level.
 
-No grid is given: the levels are made of A, q and ψ. A ψ_i that depends on z_i alone is first replaced by a fixed
-obstacle. Where ψ is an intervention, policy iteration (`Newton`) takes their place: its jumps reach too far for sweeps.
+No grid is given: the levels are made of A, q and ψ. Where every ψ_i depends on z_i alone and changes by less than z_i,
+a fixed obstacle replaces ψ first. Where ψ is an intervention, policy iteration (`Newton`) replaces these steps, as the
+jumps of ψ reach too far for sweeps.
 """
 
 from __future__ import annotations
@@ -32,14 +33,14 @@ from ..problem.data import ProblemData
 from .contract import PATIENCE, Iterate, LeastValue, Method, why_not_diagonal, with_options
 from .newton import Newton
 
-#: a start from z begins on the finest level of which a cycle costs less than this share of a Newton step, which is
-#: about what Python costs around it: further levels cost as much, and bring less. Of 67 problems of 33 families, after
-#: twelve sweeps, one in 1D fails so, and the coarsest levels solve it; the others took .7 times as long (median)
+#: a start from z begins on the finest level where a cycle costs at most this share of a Newton step, about the cost of
+#: the Python around it: coarser levels would cost as much and help less. Of 67 problems of 33 families, after twelve
+#: sweeps, one in 1D fails so, and a start on the coarsest level solves it; the others took .7 times as long (median)
 _MAX_CYCLE_SHARE = 0.5
-#: a coarser level ends at `INNER_REDUCTION` of its first residual, below the error of interpolation to the next level,
-#: as in full multigrid, but if ψ is an intervention. It ends at √ε of its Res_D(0) at the latest, and after this number
-#: of steps. A start with at most √ε of Res_D(0) is used as it is; with more the error may be smooth and large, as after
-#: sweeps
+#: a coarser level takes at most this number of steps. It ends at √ε of its Res_D(0) or, unless ψ is an intervention, at
+#: `INNER_REDUCTION` of its first residual, which is below the error of interpolation to the next level, as in full
+#: multigrid. A start with at most √ε of Res_D(0) is used as it is; with more the error may be smooth and large, as
+#: after sweeps
 MAX_COARSE_STEPS = 8
 
 
@@ -47,9 +48,9 @@ MAX_COARSE_STEPS = 8
 class Multilevel(Method):
     """Newton's method on the modulus equation with algebraic multigrid, at the cost of about one linear solve with A.
 
-    For a positive diagonal and few positive entries off it, as multigrid needs. It ends where its
-    steps no longer reduce the residual. For impulse control it is policy iteration, `Newton`, with a start from the
-    coarser levels.
+    A needs a positive diagonal and few other positive entries, as for multigrid. The method ends where its steps no
+    longer reduce the residual. For impulse control it is policy iteration, `Newton`, with a start from the coarser
+    levels.
 
     References
     ----------
@@ -121,7 +122,10 @@ class Multilevel(Method):
         return z
 
     def _from_levels(self, problem: ProblemData, z: Vector, first: float) -> Generator[Iterate, None, Vector]:
-        """Steps from `z`, with the residual `first`, then from the coarsest level; where ψ jumps returns a start."""
+        """Yield steps from `z`, whose residual is `first`, then from the coarsest level; return the last start.
+
+        Where ψ jumps there are no steps: the start is that of policy iteration.
+        """
         hierarchy = Hierarchy(problem)
         fixed = with_fixed_obstacle(problem)
         at_0 = problem.residual_at_0()

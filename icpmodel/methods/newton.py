@@ -17,7 +17,7 @@ where θ is at most `REDUCTION` of the reference; its θ is then the next refere
 one of the next `_ALLOWED_STEPS` must reduce it enough. Two kinds of steps count less:
 
 - Steps that only shrink the active set do not count, as there are at most n in a row.
-- Where all rows move in one direction, as in policy iteration, no active set comes again: n such steps count as one.
+- Where all rows move in one direction, as in policy iteration, no active set recurs: n such steps count as one.
 
 Otherwise the run returns to its best iterate and takes a semismooth Newton step for φ = 0 with Armijo's rule. If that
 is no descent direction, it takes −∇Ψ. From then on half as many active-set steps are allowed. So the references tend
@@ -49,8 +49,8 @@ from .contract import REDUCTION, Iterate, Method, with_options
 _ALLOWED_STEPS = 8
 #: moves against the common direction are rounding up to this share of the largest move (1e-11 was seen, with z = 1e5)
 _ROUNDING_SHARE = SQRT_EPSILON
-#: the share of the slope in Armijo's rule, and the slope relative to θ² that a direction has at least; how often a step
-#: is halved
+#: the share of the slope in Armijo's rule, and the least slope, relative to θ², of a descent direction; and the number
+#: of step lengths 1, 1/2, 1/4, … that are tried
 ARMIJO = 1e-4
 MAX_HALVINGS = 30
 #: the largest number of descent steps without a new reference
@@ -61,7 +61,7 @@ _LOOSE_RTOL = 1e-3
 
 @with_options
 class Newton(Method):
-    """Solve z_i = ψ_i(z), linearised, where r_i < p_i/Ω_i and (Az + q)_i = 0 elsewhere, repeatedly; Ω = |D|.
+    """Repeatedly solve z_i = ψ_i(z), linearised, where r_i < p_i/Ω_i and (Az + q)_i = 0 elsewhere; Ω = |D|.
 
     It needs the derivative of ψ. Active rows are eliminated where each depends, directly or through other active rows,
     on free rows only: for constant ψ, ψ_i that depends on z_i alone, and jumps. Any A is accepted: where steps fail to
@@ -239,11 +239,11 @@ class NewtonPath(Iterator[Iterate]):
             return None
 
     def clip(self, z: Vector) -> Vector:
-        """The point of the box next to `z`; z itself without a box."""
+        """The point of the box nearest to `z`; z itself without a box."""
         return z if self.box is None else np.clip(z, *self.box)
 
     def point(self, z: Vector) -> NewtonPoint | None:
-        """The point next to `z` in the box, None where it has no finite θ."""
+        """The point of the box nearest to `z`, with what is evaluated there; None where θ is not finite."""
         work.check_budget()
         z = self.clip(z)
         point = self._unless_psi_fails(lambda: NewtonPoint(self.problem, self.omega, z))
@@ -255,7 +255,7 @@ class NewtonPath(Iterator[Iterate]):
         return None
 
     def active_set_step(self) -> NewtonPoint | None:
-        """A step of the active set method, None after too many without enough reduction of θ."""
+        """A step of the active set method; None if it fails, or after too many without enough reduction of θ."""
         last_active = self.current.active
         active = self._predicted_active_set()
         new = self._solution_on(active)
@@ -313,7 +313,10 @@ class NewtonPath(Iterator[Iterate]):
         return None if step is None else self.point(current.z + step)
 
     def descent_step(self) -> NewtonPoint | None:
-        """A step from the best point that reduces Ψ by Armijo's rule; None if none does or too many were made."""
+        """A step from the best point that reduces Ψ by Armijo's rule; None if none does or too many were made.
+
+        It halves the number of active-set steps that are allowed.
+        """
         best = self.best
         self.allowed_steps //= 2
         self.counted_steps = 0.0

@@ -5,16 +5,16 @@
 or with an upper obstacle, or obstacles that move, the problem with these.
 
 Newton's method on the modulus equation with Ω = (1 + μ_k)W solves each subproblem in a few steps, if μ_k is large
-enough. μ adapts: it falls after every subproblem, more so after few steps. It grows where Newton's steps do not
-converge; these are then discarded. After a quick first subproblem μ is almost 0, and from there Newton's steps for the
-LCP itself mostly converge. A subproblem ends as soon as its residual is a share of that of the LCP.
+enough. μ adapts: it falls after every subproblem, and to almost 0 after a quick first one, from where Newton's steps
+for the LCP itself mostly converge. It grows where Newton's steps do not converge; these are then discarded. A
+subproblem ends as soon as its residual is at most `INNER_REDUCTION` of that of the LCP.
 
 **Convergence.** Where A is monotone (xᵀAx ≥ 0 for all x) and there is a solution, zᵏ converges to one. This holds for
 all 0 < μ_k ≤ μ and for errors of the steps with a finite sum: see `theory.convergence.proximal_point`. For large μ the
 matrix A + μW is diagonally dominant, and Newton's steps converge: there is always a μ that works.
 
-**Negative curvature.** Where sᵀAs < 0 is seen for a step s, A is not monotone. D = μ_k W + κ_k V then takes the place
-of μ_k W. V is W in the rows of A + Aᵀ that are not 0; it is 0 elsewhere, as in the rows of multipliers. κ begins as
+**Negative curvature.** Where sᵀAs < 0 is observed for a step s, A is not monotone. D = μ_k W + κ_k V then replaces
+μ_k W. V is W in the rows of A + Aᵀ that are not 0; it is 0 elsewhere, as in the rows of multipliers. κ begins as
 −sᵀAs/sᵀVs and is halved after every subproblem. It grows where Newton's steps do not converge, and where
 dᵀAd < −κ dᵀVd for the step d = zᵏ⁺¹ − zᵏ of a subproblem. These are then discarded.
 
@@ -24,7 +24,7 @@ Between two finite obstacles f is bounded below. So the steps tend to 0 while κ
 solutions. For A = [P −Gᵀ; G 0] the same holds of ½xᵀPx + cᵀx where the constraints are met.
 
 Where the obstacle moves, the problem for large μ is nearly z = max(ψ(z), zᵏ), which has one solution if ψ contracts.
-Where zᵏ⁺¹ = zᵏ that is a solution of the ICP. That zᵏ converges is not proved.
+Where zᵏ⁺¹ = zᵏ, zᵏ is a solution of the ICP. That zᵏ converges is not proved.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ from ..problem.two_sided import mid
 from ..theory.certificates.recession import Recession
 from .contract import PATIENCE, Infeasible, Iterate, LeastValue, Method, with_options
 
-#: the first μ, in units of W, and its factor after a subproblem; it grows by as much where the steps of one do not
+#: the first μ, in units of W, and its factor after a subproblem; μ is divided by it if the steps of a subproblem do not
 #: reduce its residual
 _FIRST_SHIFT = 0.1
 _DECREASE = 0.2
@@ -83,9 +83,9 @@ class Proximal(Regularised):
     Their direction is tried as a proof, and the method raises `Infeasible` or ends. An obstacle that
     moves with other unknowns is followed by its derivative; then nothing is proved.
 
-    Where sᵀAs < 0 is seen for a step s, A is not monotone. Rows of A + Aᵀ that are not 0 then get a
-    larger diagonal, so large that for symmetric A every step reduces ½zᵀAz + qᵀz: a point where that
-    has no descent is a solution. This serves quadratic programs that are not convex, too.
+    Where sᵀAs < 0 is observed for a step s, A is not monotone. Rows of A + Aᵀ that are not 0 then get
+    a larger diagonal, so large that for symmetric A every step reduces ½zᵀAz + qᵀz: a point where
+    that has no descent is a solution. So nonconvex quadratic programs are solved as well.
 
     It ends where a hundred steps do not reduce the residual by a tenth, or a hundred subproblems where
     A is not monotone. Units of z and p have no influence on the path where A is symmetric, and little
@@ -212,7 +212,7 @@ class ProximalPath:
         return curvature
 
     def _enlarge_concave_shift(self) -> None:
-        """Make κ larger, at least the largest curvature that was seen."""
+        """Make κ larger, at least the largest curvature observed."""
         self.concave_shift = max(self.concave_shift / _DECREASE, self.negative_curvature)
 
     def _enlarge_shift(self) -> None:

@@ -1,6 +1,7 @@
 """Projected SOR as a modulus method: the modulus equation solved row by row with the newest values.
 
-The other members take the newest values in M₁z⁺ and the previous iterate inside the modulus. Here they are in both.
+The other members have the newest values in M₁z⁺ and the previous iterate inside the modulus. Here the newest values are
+in both.
 Hold all other unknowns at their newest values, p_i = Σ_{j<i} a_ij z_j⁺ + Σ_{j≥i} a_ij z_j + q_i. Then solve row i of
 the modulus equation for t = z_i⁺, with m = a_ii/ω in place of a_ii:
 
@@ -11,7 +12,8 @@ grow with t. So for every Ω_i > 0 the larger of their zeros −c/m = z_i − (�
 
 So Ω drops out; with Ω = D/ω, t is not inside the modulus at all. MNMSOR with θ₁ = ω has the same M₁ = D/ω − L and the
 previous iterate inside the modulus. So it moves rows that stay on the obstacle with their neighbours' steps. For
-M₁ = D/ω no newest value is used, and with Ω = D/ω the two are one method. Its rate: `theory.convergence.rowwise`.
+M₁ = D/ω no newest value is used, and with Ω = D/ω both are the same method. For the rate of projected SOR see
+`theory.convergence.rowwise`.
 """
 
 from __future__ import annotations

@@ -19,8 +19,8 @@ from .contract import Iterate, Method, with_options
 from .newton import MAX_DESCENTS, Newton
 from .shortcuts import Lemke, raise_if_infeasible
 
-#: tries for each start of Newton's method, where pivots make them and where nothing else does: at n = 20 a start took
-#: as long as 1500 tries with pivots, and succeeded five times as often
+#: the number of tries for each start of Newton's method, with pivots and without: at n = 20 a start took as long as
+#: 1500 tries with pivots, and succeeded five times as often
 _TRIES_WITH_PIVOTS = 100
 _TRIES_WITHOUT_PIVOTS = 20
 
@@ -35,19 +35,19 @@ class Restarts(Method):
         The number of starts of the pivots. One start of Newton's method comes after every 100 of them, or after every
         20 where there are no pivots.
     seed : int, default 0
-        Of the random numbers: the same seed gives the same iterates.
+        Seed of the random numbers: the same seed gives the same iterates.
 
     Notes
     -----
     Lemke's pivots go from a ray of w = q + My + d·t to t = 0. Where M is no P-matrix the path, and whether it ends in
-    a solution, depends on the covering vector d > 0. It is drawn as exp(6u), u uniform in [−1, 0]^n. From y = 0 some
+    a solution, depends on the covering vector d > 0. d is drawn as exp(6u), u uniform in [−1, 0]^n. From y = 0 some
     problems end in a ray whatever d is, such as games of two players, whose M is [[0, A], [Bᵀ, 0]]. So every second
-    path is that of Lemke and Howson: a random y_i grows until no w_l < 0 would become 0 later, y_l enters as well, and
-    along the path y_i w_i = 0 is dropped. Where that ray is not feasible, random entries of d make it so.
+    path is that of Lemke and Howson: a random y_i grows until the last w_l < 0 becomes 0, y_l enters as well, and along
+    the path y_i w_i = 0 is dropped. Where that ray is not feasible, random entries of d make it so.
 
     Where the obstacle is neither affine nor fixed there are no pivots. Newton's starts are z = ψ + s|x| with x normal,
-    half of its entries 0, and s the largest entry of D⁻¹q, ψ and z⁰. The iterates are those that have a smaller
-    residual than all before.
+    half of its entries 0, and s the largest entry of D⁻¹q, ψ and z⁰. Only candidates with a smaller residual than all
+    before become iterates.
 
     After the last try the y of a linear program is tried as a proof that p ≥ 0 and r ≥ 0 contradict each other. If it
     is one, `Infeasible` is raised.
@@ -115,7 +115,7 @@ class Restarts(Method):
 
 
 def scale_of_starts(problem: ProblemData, z: Vector) -> float:
-    """The largest entry of D⁻¹q, ψ(z) and z, 1 where all are 0."""
+    """The largest size of an entry of D⁻¹(q + f(z)), ψ(z) and z."""
     return largest_size(problem.offset(z) / problem.matrix.weights, problem.psi.value(z), z)
 
 
@@ -140,7 +140,7 @@ def _pivot(problem: ProblemData, lcp: AffineLcp, rng: np.random.Generator, excha
         is_raised = (column > 0.0) & (lcp.bound == np.inf)
         is_raised[dropped] = False
         if is_raised.any():
-            # y_i alone makes this row feasible last
+            # the last row that a growing y_i makes feasible
             rows[-1] = np.argmin(np.where(is_raised, lcp.q / np.where(is_raised, column, 1.0), np.inf))
         try:
             path = lcp.pivot_transform(rows)

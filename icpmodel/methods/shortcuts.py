@@ -1,4 +1,4 @@
-"""Shortcuts: what solves small or narrow problems without the modulus equation.
+"""Shortcuts: methods that solve small or narrow problems without the modulus equation.
 
 Lemke: an LCP with a fixed or affine obstacle is solved by pivots on a dense dictionary in finitely many steps, or
 proved to have no solution.
@@ -26,7 +26,7 @@ from ..theory.certificates.infeasible import infeasible
 from .contract import REDUCTION, Infeasible, Iterate, Method, why_not_diagonal, with_options
 from .newton import MAX_HALVINGS
 
-#: rounds of Newton's steps, and steps in a round; where A is an M-matrix one step is the rule
+#: rounds of Newton's steps, and steps in a round; where A is an M-matrix one step usually suffices
 MAX_ROUNDS = 5
 STEPS_PER_ROUND = 10
 #: steps of iterative refinement, for the last digit
@@ -49,18 +49,17 @@ class Lemke(Shortcut):
     Notes
     -----
     **Form.** For ψ = c it is M = A and y = z − c. For ψ = Gz + c it is M = A(I − G)⁻¹ and y = (I − G)z − c. An upper
-    obstacle with the same G bounds y; another one adds rows. A ψ_i that depends on z_i alone and changes by less is a
-    constant (see `with_fixed_obstacle`). Rows without obstacle are eliminated first. Where A is singular there, other
-    rows change places as well, a principal pivot transform. An equation that nearly depends on others is left out at
-    first.
+    obstacle with the same G bounds y; another one adds rows. If ψ is not affine, but every ψ_i depends on z_i alone and
+    changes by less than z_i, a fixed obstacle replaces it. Rows without obstacle are eliminated first. Where A is
+    singular there, other rows change places as well, a principal pivot transform. An equation that nearly depends on
+    others is left out at first.
 
-    **Ties** in the ratio test are broken lexicographically, so that no basis comes back. Where one does, rounding has
-    hidden a tie. Then the pivots begin again with a q that is perturbed by 1e-8 of its size. The last basis is
-    refined, for q itself.
+    **Ties** in the ratio test are broken lexicographically, so that no basis recurs. If one does, rounding has hidden a
+    tie. Then the pivots begin again with q perturbed by 1e-8 of its size. The last basis is refined, for q itself.
 
     **What it solves.** It finds a solution where A is a P-matrix, or all rows have two fixed obstacles. Where A is
     positive semidefinite (copositive-plus) it finds one if there is any. Otherwise it may end in a ray, which is tried
-    as a proof that p ≥ 0 and r ≥ 0 contradict each other. If it is one, `Infeasible` is raised, else z stands still.
+    as a proof that p ≥ 0 and r ≥ 0 contradict each other. If it is one, `Infeasible` is raised, else the method ends.
 
     References
     ----------
@@ -95,7 +94,7 @@ class Lemke(Shortcut):
                 continue
             ended, y, ray = yield from _path(lcp, state, first)
             if ended == SOLVED:
-                with suppress(SingularOperator):  # then what the pivots found has to do
+                with suppress(SingularOperator):  # then the z of the pivots remains
                     z = solve_on(problem, lcp.z(y), *lcp.active_rows(y))
                     yield z, None
             elif ended != UNFINISHED or first != START:
@@ -144,8 +143,8 @@ class Josephy(Shortcut):
     """zᵏ⁺¹ solves the ICP with ψ(zᵏ) + ψ′(zᵏ)(z − zᵏ) in place of ψ, by the pivots of `Lemke`.
 
     Near a solution where these affine problems have one answer each the steps converge quadratically. A step that does
-    not reduce the residual is halved. Where that does not help, I − ψ′ is singular, or the pivots
-    end in a ray, z stands still.
+    not reduce the residual is halved. Where that does not help, I − ψ′ is singular, or the pivots end in a ray, the
+    method ends.
 
     References
     ----------
@@ -178,7 +177,7 @@ class Josephy(Shortcut):
                 step = lcp.z(y) - z
                 following = _shorten_step(problem, z, step, best)
                 if following is None:
-                    yield z + step, None  # where ψ may have no value, which the run then ends with
+                    yield z + step, None  # ψ may have no value there, which then ends the run
                     break
                 z, best = following
                 yield z, best
@@ -188,17 +187,17 @@ class Josephy(Shortcut):
 class Tridiagonal(Shortcut):
     """Find the rows off the obstacle in one pass, and z by one tridiagonal system.
 
-    The rows are added one by one, from the top, to a problem that is solved. Where a row leaves the obstacle, rows
-    above it may have to follow. A run of free rows is known by the corners of its inverse, so that two of them are
-    joined at once, whatever their length.
+    Rows are added one by one, from the top, to a problem whose solution is known. Where a row leaves the obstacle, rows
+    above it may have to follow. A run of free rows is represented by the corners of the inverse of its block, so that
+    two runs are joined in one step, whatever their length.
 
-    For tridiagonal M-matrices this finds the active set up to rounding. Newton's steps correct that: z_i = c_i where
-    p_i ≥ a_ii(z_i − c_i), p_i = 0 elsewhere. For other matrices these steps begin there, and the method ends where they
-    fail.
+    For tridiagonal M-matrices this finds the active set up to rounding. Newton's steps correct the rounding: z_i = c_i
+    where p_i ≥ a_ii(z_i − c_i), p_i = 0 elsewhere. For other matrices these steps start from the set that was found,
+    and the method ends where they fail.
 
-    With an upper obstacle z_i = ψ̄_i where p_i < a_ii(z_i − ψ̄_i). The pass knows one obstacle only. Where ten steps do
-    not find the active set, the rows at each obstacle are found in turn, with those at the other one held. The start z⁰
-    has no influence.
+    With an upper obstacle z_i = ψ̄_i where p_i < a_ii(z_i − ψ̄_i). The pass takes the lower obstacle only. Where ten
+    steps do not find the active set, the rows at each obstacle are found in turn, with those at the other one held. The
+    start z⁰ has no influence.
 
     References
     ----------
@@ -252,7 +251,7 @@ class Tridiagonal(Shortcut):
 
 
 def _shorten_step(problem: ProblemData, z: Vector, step: Vector, residual: float) -> tuple[Vector, float] | None:
-    """z + t·step and its residual for the first t of 1, 1/2, 1/4, … that reduces `residual` enough, None for none."""
+    """z + t·step and its residual for the first t of 1, 1/2, 1/4, … that reduces `residual` enough, or None."""
     for k in range(MAX_HALVINGS):
         following = z + 0.5**k * step
         reduced = problem.residual(following)
