@@ -287,7 +287,7 @@ class Ladder:
         self.floor = floor
 
     def _add_lemke(self) -> None:
-        """Begin `Lemke` if it is expected to cost no more than sweeps and their trial, or than others without any fill."""
+        """Begin `Lemke` if it costs no more than sweeps and their trial, or than other methods without any fill."""
         limit = least_direct_cost(self.problem.facts, "modulus")
         if self._add_psor in self.rungs:
             # accelerated ones cost about twice as much
