@@ -1,11 +1,11 @@
-"""How far x can be from the solution of a strongly monotone variational inequality, rounding included.
+"""Bound the distance from x to the solution of a strongly monotone variational inequality, rounding included.
 
 Let μ > 0 be at most the least eigenvalue of (H + Hᵀ)/2. Let x̂ be in C, λ ≥ 0, the multipliers of bounds have their
-signs, and all rows and bounds with a multiplier be tight at x̂. Then (Hx̂ + g)ᵀ(x̂ − x*) ≤ ρᵀ(x̂ − x*) with the
-stationarity ρ = Hx̂ + g + Gᵀλ + Eᵀν + box. Moreover (Hx* + g)ᵀ(x* − x̂) ≤ 0. The sum is μ‖x̂ − x*‖² ≤ ‖ρ‖‖x̂ − x*‖.
+signs, and all rows and bounds with a multiplier be tight at x̂. Then (Hx̂ + g)ᵀ(x̂ − x*) ≤ ρᵀ(x̂ − x*) with the residual
+of stationarity ρ = Hx̂ + g + Gᵀλ + Eᵀν + box. Moreover (Hx* + g)ᵀ(x* − x̂) ≤ 0. The sum gives μ‖x̂ − x*‖² ≤ ‖ρ‖‖x̂ − x*‖.
 
 Such an x̂ is near x. Let Cx̂ = d be the rows of E and the tight rows of G, and let CCᵀ have no eigenvalue below θ > 0.
-Then x̂ = x − Cᵀ(CCᵀ)⁻¹(Cx − d) is at most η = ‖Cx − d‖/√θ away. Other rows and bounds need that much room.
+Then x̂ = x − Cᵀ(CCᵀ)⁻¹(Cx − d) is at most η = ‖Cx − d‖/√θ away. Other rows and bounds must leave room for this move.
 Reference: Facchinei and Pang, Finite-Dimensional Variational Inequalities (2003), sections 2.3 and 6.2.
 """
 
@@ -25,9 +25,9 @@ from .program import Program, conditions_of
 
 @np.errstate(all="ignore")
 def distance(program: Program, x: Vector, multiplier: Vector) -> ErrorBound:
-    """|x − x*| ≤ δ in every entry, if H is proved to be strongly monotone, and x to be next to a point of C.
+    """Bound |x − x*| in every entry, if H is proved to be strongly monotone, and x to be near a point of C.
 
-    Raises OutOfTime, MemoryError.
+    Otherwise the result has no bound, but a reason. Raises OutOfTime and MemoryError.
     """
     n = x.size
     if not np.isfinite(x).all():
@@ -59,7 +59,7 @@ def distance(program: Program, x: Vector, multiplier: Vector) -> ErrorBound:
 def _to_feasible(
     program: Program, x: Vector, multiplier: Vector, slack: Vector, error: Vector, free: Mask, unit: Exponents
 ) -> float | None:
-    """The distance to a feasible point with the same tight rows and bounds in units 2^`unit`; None where not proved.
+    """A bound on the distance, in units 2^`unit`, to a feasible point with the same tight rows and bounds, or None.
 
     `slack` is d − Cx up to `error`.
     """

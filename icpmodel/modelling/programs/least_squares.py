@@ -2,7 +2,7 @@
 
     r + Bx − c = 0  (r of any sign),        −Bᵀr  ⟂  lb ≤ x ≤ ub
 
-has the condition of B, where BᵀB has its square.
+has the condition number of B; that of BᵀB is its square.
 Reference: Björck, Numerical Methods for Least Squares Problems (1996), sections 2.5 and 5.2.
 """
 
@@ -27,9 +27,9 @@ from .program import saddle_matrix
 from .program_arguments import bounds, check_order, matrix, program_limits
 from .solve_qp import INTERRUPTED, solve_avi
 
-#: columns up to which x is corrected by orthogonal factorisations, of which there may be as many
+#: the largest number of columns for which x is corrected by orthogonal factorisations: there may be one per column
 _MAX_COLUMNS = 2000
-#: the cost of an orthogonal factorisation beside that of LU: 3 to 4 were measured for 500 to 2000 rows
+#: the cost of an orthogonal factorisation relative to LU: 3 to 4 were measured for 500 to 2000 rows
 _ORTHOGONAL_COST = 3.0
 #: the largest exponent of the units of x
 _MAX_EXPONENT = 900
@@ -47,7 +47,7 @@ class LeastSquares(Displayable):
     fun : ndarray, shape (m,)
         Bx − c.
     optimality : float
-        The largest |entry| of Bᵀ(Bx − c) with the sign that a bound does not explain.
+        The largest |entry| of the gradient Bᵀ(Bx − c), without those whose sign is right at an active bound.
     active_mask : ndarray of int, shape (n,)
         −1 where x_i = lb_i, 1 where x_i = ub_i, else 0.
     nit : int
@@ -171,12 +171,12 @@ def solve_lsq(
     return solution
 
 
-#: x, the share of the gradient that no bound holds, iterations, status and message
+#: x, the |gradient| with 0 where its sign is right at an active bound, iterations, status and message
 Outcome = tuple[Vector, Vector, int, str, str]
 
 
 def _solve_scaled(B: sp.csr_array, c: Vector, low: Vector, high: Vector, tolerance: float) -> Outcome:
-    """Solve in units in which the squares of the largest entries are floats."""
+    """Solve in units in which the squares of the largest entries stay in the range of floats."""
     nearest = np.clip(0.0, low, high)
     largest = (np.abs(values).max(initial=0.0) for values in (B.data, c, nearest))
     exponent_B, exponent_c, exponent_x = (int(np.frexp(size)[1]) for size in largest)
@@ -196,7 +196,7 @@ def _solve_scaled(B: sp.csr_array, c: Vector, low: Vector, high: Vector, toleran
 def _solve(B: sp.csr_array, c: Vector, low: Vector, high: Vector, tolerance: float) -> Outcome:
     m, n = B.shape
     x = np.clip(0.0, low, high)
-    # where its orthogonal factors cost no more than those of the ICP, or than a step without factors
+    # if B is dense, or an orthogonal factorisation costs no more than a Newton step of the ICP without its factors
     if _is_dense(B) or _step_cost(m, n) <= work.newton(m + n, m + n + 2 * B.nnz, mixed=False):
         x, violations, status, message = _by_active_set(B, c, x, low, high, tolerance)
         if status != "solver_error":
@@ -218,18 +218,18 @@ def _solve(B: sp.csr_array, c: Vector, low: Vector, high: Vector, tolerance: flo
 
 
 def _is_dense(B: sp.csr_array) -> bool:
-    """Whether an array takes no more memory."""
+    """Whether `B` takes no more memory as an array."""
     return 3 * B.nnz >= 2 * math.prod(B.shape)
 
 
 def _by_active_set(
     B: Any, c: Vector, x: Vector, low: Vector, high: Vector, tolerance: float
 ) -> tuple[Vector, Vector, str, str]:
-    """x after steps by orthogonal factorisations of the free columns, while they reduce the residual.
+    """Improve `x` by steps with orthogonal factorisations of the free columns while they reduce the residual.
 
-    They end near a solution, by as many factorisations as that takes. Also the share of the gradient that no bound
-    holds; and status and message: "optimal" where it is small beside ‖r‖ and the columns of B. The rounding of r is
-    left out. Rows where r_i = 0 at a solution are known to the rounding of the others only.
+    Returns x, the |gradient| with 0 where its sign is right at an active bound, the status and the message. The status
+    is "optimal" if this gradient is small relative to ‖r‖ and the columns of B, up to the rounding errors of r. Rows
+    with r_i = 0 at a solution are only as accurate as the rounding errors of the others.
     """
     size = abs(B)
     columns = largest_of_columns(B)
@@ -245,7 +245,7 @@ def _by_active_set(
         rounding = gamma(sum(B.shape) + 2) * (size @ np.abs(x) + np.abs(c))
         if (violations <= small).all() or free.size > _MAX_COLUMNS or work.seconds_left() == 0.0:
             break
-        # a residual that is rounding may go on to fall for ever
+        # a residual that consists of rounding errors must be halved, since it might fall for ever
         enough = 0.5 * norm(r) if norm(r) <= norm(rounding) else norm(r)
         try:
             better = next((y for y in _nearer(B, c, x, low, high, free) if norm(c - B @ y) < enough), None)
@@ -254,7 +254,7 @@ def _by_active_set(
         if better is None:
             break
         x = better
-    # an x so large that its rounding hides the residual at the start is none
+    # an x so large that its rounding errors exceed the residual at the start is no solution
     is_known = norm(rounding) <= max(at_start, norm(c))
     if is_known and (violations <= small + size.T @ rounding).all():
         return x, violations, "optimal", "solved"
@@ -262,10 +262,10 @@ def _by_active_set(
 
 
 def _nearer(B: Any, c: Vector, x: Vector, low: Vector, high: Vector, free: Mask) -> Iterator[Vector]:
-    """Points that may have a smaller residual than `x`: first that of a step of all `free` unknowns, cut off at bounds.
+    """Points that may have a smaller residual than `x`. The first is a step of all `free` unknowns, clipped to bounds.
 
-    Then that of steps, which stop at bounds, of the unknowns between bounds and the one with the largest gradient. It
-    has a smaller residual but for rounding (Lawson and Hanson 1995, chapter 23).
+    The second is made by steps, which stop at bounds, of the unknowns between bounds and the one with the largest
+    gradient. Apart from rounding its residual is smaller (Lawson and Hanson 1995, chapter 23).
     """
     r = c - B @ x
     yield np.clip(x + _step(B, r, free), low, high)
@@ -276,7 +276,7 @@ def _nearer(B: Any, c: Vector, x: Vector, low: Vector, high: Vector, free: Mask)
 
 
 def _step(B: Any, r: Vector, free: Mask) -> Vector:
-    """The step in the free unknowns to the least residual, by an orthogonal factorisation; 0 beyond a limit."""
+    """The step in the `free` unknowns to the least residual, by an orthogonal factorisation; 0 beyond a work limit."""
     from scipy.linalg import lstsq
 
     step = np.zeros(free.size)
@@ -285,7 +285,7 @@ def _step(B: Any, r: Vector, free: Mask) -> Vector:
     if cost <= work.nanoseconds_left() and work.memory_suffices(16.0 * r.size * columns):
         work.count(cost)
         part = B[:, free] if isinstance(B, np.ndarray) else B[:, free].toarray()
-        # columns of length 1, dependent where numpy.linalg.lstsq calls them so
+        # columns are scaled to length 1; `dependent` is the default rcond of numpy.linalg.lstsq
         sizes = np.linalg.norm(part, axis=0)
         unit = np.where(sizes > 0.0, sizes, 1.0)
         part /= unit
@@ -301,7 +301,7 @@ def _step_cost(rows: int, columns: int) -> float:
 
 
 def _to_bounds(B: Any, c: Vector, x: Vector, free: Mask, low: Vector, high: Vector) -> Vector:
-    """The least residual in the free unknowns, where one that meets its bound on the way stays there."""
+    """Minimise the residual over the `free` unknowns; one that meets its bound on the way stays there."""
     while free.any() and work.seconds_left() > 0.0:
         step = _step(B, c - B @ x, free)
         bound = np.where(step > 0.0, high, low)
@@ -343,7 +343,7 @@ def solve_nnls(B: Any, c: Any, *, tolerance: float = 1e-9, time_limit: float | N
     InputError
         Where an argument is wrong.
     NotSolved
-        Where no optimum is found, with a `LeastSquares`.
+        Where no optimum is found; its `solution` is a `LeastSquares`.
 
     References
     ----------

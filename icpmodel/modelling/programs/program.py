@@ -2,12 +2,11 @@
 
 Find x in C = {low ≤ x ≤ high, Ex = b, Gx ≤ h} with (Hx + g)ᵀ(y − x) ≥ 0 for all y in C.
 
-There must be multipliers ν and λ with
+An x is a solution if and only if there are multipliers ν and λ with
 
     Hx + g + Eᵀν + Gᵀλ  ⟂  low ≤ x ≤ high,       b − Ex = 0  (ν of any sign),       h − Gx ≥ 0  ⟂  λ ≥ 0.
 
-These conditions are necessary and sufficient, and an ICP in (x, ν, λ). Where H is symmetric and positive
-semidefinite, x minimises ½xᵀHx + gᵀx over C.
+These conditions are an ICP in (x, ν, λ). If H is symmetric and positive semidefinite, x minimises ½xᵀHx + gᵀx over C.
 
 Reference: Facchinei and Pang, Finite-Dimensional Variational Inequalities (2003), section 1.2.
 """
@@ -34,9 +33,9 @@ Rows = tuple[sp.csr_array, Vector]
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """The data of an affine variational inequality, CSR matrices and vectors; a quadratic program where H = Hᵀ.
+    """The data of an affine variational inequality, which is a quadratic program if H = Hᵀ.
 
-    The rows Cx ≤ d begin with those of Ex = b, of which there are so many `equations`.
+    The first `equations` rows of Cx ≤ d are the equations Ex = b.
     """
 
     H: sp.csr_array
@@ -46,7 +45,7 @@ class Program:
     equations: int
     low: Vector
     high: Vector
-    #: the rows' numbers in the program that was given, and what holds there besides them
+    #: the indices of the rows of C in the original program, and its other constraints, in words for messages
     numbers: NDArray[np.intp]
     bounds: str = "lb <= x <= ub"
 
@@ -54,7 +53,7 @@ class Program:
     def of_rows(
         cls, H: sp.csr_array, g: Vector, equations: Rows, inequalities: Rows, low: Vector, high: Vector
     ) -> Program:
-        """The program with Ex = b and Gx ≤ h; 0 takes the place of a row, and ±1 that of its side, if this is ±∞."""
+        """The program with Ex = b and Gx ≤ h; a row with the right-hand side ±∞ is replaced by 0 ≤ ±1."""
         C = sp.csr_array(sp.vstack([equations[0], inequalities[0]]))
         d = np.concatenate([equations[1], inequalities[1]])
         finite = np.isfinite(d)
@@ -69,7 +68,7 @@ class Program:
         return inner(0.5 * (self.H @ x) + self.g, x) if self.is_symmetric else np.nan
 
     def row_name(self, i: int) -> str:
-        """The name of row `i` of the conditions, one of Cx ≤ d."""
+        """The name in messages of row `i` of the conditions, which must be a row of Cx ≤ d."""
         number = int(self.numbers[i - self.g.size])
         return f"row {number} of A" if number < self.equations else f"row {number - self.equations} of G"
 
@@ -89,10 +88,10 @@ class Program:
 
 
 class Presolve:
-    """A program whose inequalities with one entry are bounds, and the way back.
+    """Turn the inequalities with one entry into bounds, and map solutions back.
 
-    A row remains one where its bound is no float. Bounds that cross by no more than quotients and data are rounded are
-    made to touch. `contradiction` says which ones cross by more, in words; it is empty where none do.
+    An inequality remains a row if its bound is not a finite float. A lower bound that exceeds the upper one only by
+    rounding errors is set to it. `contradiction` is a sentence on bounds that cross by more, empty if none do.
     """
 
     def __init__(self, original: Program) -> None:
@@ -126,7 +125,7 @@ class Presolve:
         )
 
     def _contradiction(self, i: int, low: Vector, high: Vector) -> str:
-        """That the bounds of x_i exclude each other, in words."""
+        """The sentence that the bounds of x_i exclude each other."""
         ends = []
         for relation, values, argument, side in ((">=", low, "lb", i), ("<=", high, "ub", i + low.size)):
             rows = self.singles[self.gives_bound & (self.side == side)]
@@ -135,7 +134,7 @@ class Presolve:
         return f"{' and '.join(ends)} exclude each other"
 
     def postsolve(self, z: Vector, box: Vector) -> tuple[Vector, Vector]:
-        """x with the multipliers of rows, and the multipliers of bounds, of the program that was given."""
+        """x with the multipliers of rows, and those of bounds, of the original program. Changes `box`."""
         n = box.size
         rows = np.zeros(self.original.d.size)
         rows[self.rows] = z[n:]
@@ -148,13 +147,13 @@ class Presolve:
 
 
 def conditions_of(program: Program) -> ICP:
-    """The conditions of `program` in (x, ν, λ)."""
+    """The conditions of `program` as an ICP in (x, ν, λ)."""
     q, low, high = program.vectors
     return with_bounds(ICP(saddle_matrix(program.H, program.C), q), low, high)
 
 
 def with_bounds(problem: ICP, low: Vector, high: Vector) -> ICP:
-    """`problem` between `low` and `high`, without an upper obstacle where that is +inf in all rows."""
+    """`problem` with the obstacles `low` and `high`; there is no upper obstacle if `high` is +inf in all rows."""
     return problem.with_sides(low, None if np.isposinf(high).all() else high)
 
 

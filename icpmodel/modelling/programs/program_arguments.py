@@ -1,4 +1,4 @@
-"""Arguments of programs, in the words of qpsolvers, checked and read."""
+"""Check and convert the arguments of programs, which are named as in qpsolvers."""
 
 from __future__ import annotations
 
@@ -20,7 +20,10 @@ from .program import Program, Rows
 
 
 def read(data: tuple[Any, ...], names: str, initvals: Any = None) -> Program:
-    """The program with H, g, G, h, A, b, lb and ub, None leaving constraints out; `names` are those of H and g."""
+    """The program of `data` H, g, G, h, A, b, lb, ub; None is no constraint. `names` are those of H and g in messages.
+
+    Of `initvals` only the labels are checked. Raises InputError.
+    """
     H, g, G, h, A, b, lb, ub = data
     vectors = {names[1]: g, "initvals": initvals, "lb": lb, "ub": ub}
     check_labels({names[0]: H, "G": along_unknowns(G), "A": along_unknowns(A), **vectors})
@@ -32,8 +35,8 @@ def read(data: tuple[Any, ...], names: str, initvals: Any = None) -> Program:
 
 @contextmanager
 def program_limits(tolerance: Any, time_limit: Any, start_time: float) -> Iterator[None]:
-    """Limit the work of the block from `start_time` on. Raises InputError unless the limits are > 0, or no limit."""
-    as_number(tolerance, "tolerance", above=0, below=1)  # a share of terms is at most 1
+    """Limit the time of the block from `start_time` on, and BLAS to one thread. Raises InputError for wrong limits."""
+    as_number(tolerance, "tolerance", above=0, below=1)  # violations are relative to terms, so at most 1
     seconds = math.inf if time_limit is None else as_number(time_limit, "time_limit", above=0)
     with one_blas_thread(), work.work_limit(seconds, start_time=start_time):
         yield
@@ -49,14 +52,17 @@ def bounds(lb: Any, ub: Any, n: int) -> tuple[Vector, Vector]:
 
 
 def check_order(low: Vector, high: Vector) -> None:
-    """Raises InputError where bounds cross."""
+    """Raise InputError if bounds cross."""
     if (low > high).any():
         i = np.argmax(low > high)
         raise InputError(f"lb[{i}] = {low[i]:g} is above ub[{i}] = {high[i]:g}; lb <= ub was expected")
 
 
 def matrix(M: Any, name: str, n: int | None = None) -> sp.csr_array:
-    """A CSR matrix with n columns, or any number of them, of finite numbers."""
+    """`M` as a CSR matrix without stored zeros; a 1-D `M` is one row. `n` is the expected number of columns, if any.
+
+    Raises InputError, also for entries that are not finite.
+    """
     if axes(M, name) == 1:
         M = (M if sp.issparse(M) else as_array(M, name)).reshape(1, -1)
     if axes(M, name) != 2 or np.shape(M)[1] != (n or np.shape(M)[1]):
@@ -67,7 +73,7 @@ def matrix(M: Any, name: str, n: int | None = None) -> sp.csr_array:
 
 
 def _rows(M: Any, right: Any, n: int, names: str) -> Rows:
-    """The matrix and the right-hand side of constraints, none where both are None."""
+    """The matrix and the right-hand side of constraints; no rows if both are None. Raises InputError."""
     if (M is None) != (right is None):
         raise InputError(f"{names[M is None]} is given without {names[right is None]}: give both, or leave both out")
     if M is None:
@@ -81,7 +87,7 @@ def _rows(M: Any, right: Any, n: int, names: str) -> Rows:
 
 @np.errstate(all="ignore")  # sums and differences may overflow
 def check_convex(program: Program) -> None:
-    """Raises InputError where P is not symmetric, or is proved not to be semidefinite, and OutOfTime."""
+    """Raise InputError if P is not symmetric or is proved not to be semidefinite. Raises OutOfTime."""
     P = program.H
     if not program.is_symmetric:
         i, j = divmod(int(abs(P - P.T).argmax()), P.shape[0])

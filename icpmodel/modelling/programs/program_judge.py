@@ -1,4 +1,4 @@
-"""The error of an answer to a program, in shares on which units have no influence."""
+"""The violation of the conditions of a program, relative to their terms, so that units have no influence."""
 
 from __future__ import annotations
 
@@ -13,17 +13,21 @@ from ...numerics.arrays import Mask, Vector, inner, row_of
 from ...numerics.rounding import UNIT_ROUNDOFF, gamma
 from ...problem.data import ProblemData
 
-#: the share of the largest unknown of its group, or of q, up to which an unknown may be rounding
+#: an unknown may be a rounding error if it is at most this share of the largest of its group, or of q
 _NOISE_OF_X = 1e-13
-#: the share of the largest entry of g in its group, and of the terms of its row, up to which what is wrong with the
-#: gradient may be rounding
+#: an error of the gradient may be rounding if it is at most this share of the largest entry of g in its group, and of
+#: the terms of its row
 _NOISE_OF_GRADIENT = 1e-3
-#: products with A that cost as much as to judge an iterate, measured for a membrane with n = 22 500
+#: the cost of judging an iterate, in products with A, measured for a membrane with n = 22 500
 _PRODUCTS = 10.0
 
 
 class Violation(NamedTuple):
-    """The largest share that is wrong: up to rounding, strictly, and strictly in rows whose terms are not rounding."""
+    """The largest violation of a condition, as a share of its terms, with three allowances for rounding.
+
+    `rounded` allows for the rounding errors of a sum of the largest unknowns, `strict` only for those of the row's own
+    sum. `significant` is `strict` without rows whose terms are rounding errors of the largest unknowns.
+    """
 
     rounded: float = np.inf
     strict: float = np.inf
@@ -31,15 +35,15 @@ class Violation(NamedTuple):
 
 
 class Judge:
-    """The judge of conditions with the matrix [[H, Eᵀ, Gᵀ], [−E, 0, 0], [−G, 0, 0]], x standing in the rows `is_x`.
+    """Judge iterates of conditions with the matrix [[H, Eᵀ, Gᵀ], [−E, 0, 0], [−G, 0, 0]]; `is_x` marks the rows of H.
 
-    Where z_i is on an obstacle to which p_i presses it, nothing is wrong in row i. Elsewhere |p_i| is, as a share of
-    the sum of the |terms| of p_i. What sums of the largest unknowns lose by rounding is left out, of those that a chain
-    of rows connects with row i, by entries that are not rounding beside the others.
+    The error of row i is 0 if z_i is on the obstacle onto which p_i presses it, else |p_i|, as a share of the sum of
+    the |terms| of p_i. Rounding errors are subtracted, as large as if every unknown were the largest of its `group`.
 
-    The gap is the second criterion, so that large entries of H do not hide g. Where y = x + Δ is in C,
-    (Hx + g)ᵀ(y − x) is at least −Σ|p_i|d_i. Here d_i is the distance to the obstacle or, if less, |z_i|. For x
-    (|H||x|)_i/h_ii stands for that, which moves row i by as much as is in it. The gap is a share of its own terms.
+    The gap is the second criterion, so that large entries of H do not hide g. If y = x + Δ is in C,
+    (Hx + g)ᵀ(y − x) is at least −Σ|p_i|d_i. Here d_i is the distance to the obstacle or, if less, |z_i|. For x with
+    h_ii > 0, |z_i| is replaced by (|H||x|)_i/h_ii, the step that changes row i by the sum of its |terms|. The gap is
+    measured as a share of its own terms.
     """
 
     def __init__(self, problem: ProblemData, is_x: Mask) -> None:
@@ -49,7 +53,7 @@ class Judge:
         self.diagonal = problem.matrix.rows.diagonal
         self.is_x = is_x
         self.cost = _PRODUCTS * problem.matrix.product_cost
-        #: the work that had been counted when it was due the last time
+        #: `work.counter()` when `is_due` was last True
         self.counted = 0.0
         self.loss = float(gamma(3 + np.diff(self.size.indptr).max(initial=0)))
         i = row_of(self.size)
@@ -59,12 +63,12 @@ class Judge:
         links = self.size
         if not strong.all():
             links = sp.coo_array((strong[strong], (i[strong], j[strong])), self.size.shape)
-        #: the group of each unknown: x, or multipliers, that a chain of rows connects, so that they share rounding
+        #: the group of each unknown: entries of x, or multipliers, that share rounding errors through entries of A
         _, self.group = np.unique(2 * connected_components(links)[1] + is_x, return_inverse=True)
 
     def is_due(self) -> bool:
-        """Whether the steps since it was due the last time have cost as much as to judge an iterate."""
-        # less than 0 where that was in another thread
+        """Whether the work since the last True has cost as much as judging an iterate. True starts the next count."""
+        # the difference is negative if the last True was in another thread
         is_due = not 0 <= work.counter() - self.counted < self.cost
         if is_due:
             self.counted = work.counter()
@@ -72,9 +76,9 @@ class Judge:
 
     @np.errstate(all="ignore")
     def violation(self, q: Vector, z: Vector, p: Vector, room: Vector) -> Violation:
-        """The largest shares that are wrong at `z`; inf where they are NaN.
+        """The largest violations at `z`; inf if they are NaN.
 
-        `p` is p(z), and `room` the distance of z to the obstacle to which p presses it, all of shape (n,).
+        `p` is p(z), and `room` the distance of z to the obstacle onto which p presses it, all of shape (n,).
         """
         terms, largest_terms = self.terms(q, z)
         wrong = np.where(room > 0, np.abs(p), 0.0)
@@ -99,15 +103,15 @@ class Judge:
         return Violation(*(float(np.fmax.reduce(one, initial=gap)) for one in every))
 
     def terms(self, q: Vector, z: Vector) -> tuple[Vector, Vector]:
-        """The sum of the |terms| of each row, and what Az adds to it where all unknowns of a group are its largest."""
+        """The sums of |terms| in rows of Az + q; and those of Az with every unknown as large as its group's largest."""
         return np.asarray(self.size @ np.abs(z) + np.abs(q)), np.asarray(self.size @ self.largest(z))
 
     def largest(self, z: Vector) -> Vector:
-        """The largest |entry| of each group, at its entries; those of A are about 1."""
+        """For each entry of `z`, the largest |entry| of its group; they are comparable, as entries of A are about 1."""
         largest = np.zeros(z.size)
         np.maximum.at(largest, self.group, np.abs(z))
         return largest[self.group]
 
     def without_noise(self, q: Vector, z: Vector) -> Vector:
-        """z with 0 for what may be rounding beside the largest of its group, or beside q."""
+        """`z` with 0 in place of entries that may be rounding errors beside the largest of their group, or beside q."""
         return np.where(np.abs(z) <= _NOISE_OF_X * np.maximum(self.largest(z), np.abs(q).max()), 0.0, z)

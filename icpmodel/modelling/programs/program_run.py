@@ -1,4 +1,4 @@
-"""Conditions in balanced units → ICP → `solve()` → judge; and what is proved where that fails."""
+"""Scaled conditions → ICP → `solve()` → judge; if that fails, a proof that there is no solution is tried."""
 
 from __future__ import annotations
 
@@ -30,26 +30,26 @@ from .scaled_conditions import ScaledConditions
 
 #: the largest violation of an answer that is called inaccurate rather than an error
 _MAX_INACCURATE_VIOLATION = 1e-4
-#: the relative tolerance of the least violation: its multipliers are to tell a contradiction from rounding
+#: the relative tolerance of the least violation: its multipliers must tell a contradiction from rounding errors
 _VIOLATION_RTOL = 1e-13
-#: steps of the refinement, and what of W is added to A in them
+#: the largest number of refinement steps, and the multiple of W that is added to A in them
 _REFINEMENTS = 3
 _REGULARISATION = 1e-9
-#: the share of the terms of a row, or of a bound, up to which it is tight at a start; 1 counts as a term
+#: a row or bound is tight at a start if its slack is at most this share of max(|terms|, 1)
 _TIGHT_SLACK = 1e-6
 
 
 class ProgramRun:
-    """A run on a program, and its best iterate: among those good up to rounding, the one with the least violation.
+    """A run on a program, with its best iterate: of those that are good up to rounding, the least strict violation.
 
     Parameters
     ----------
     program, tolerance
-        What is judged, and what may be wrong.
+        The program, and the largest violation of a good iterate.
     last
-        The run on another program, whose matrices may be the same, and whose best iterate is the start.
+        The run on another program: if of equal size, its best iterate is the start; facts of equal matrices are reused.
     is_bounded
-        Whether the objective is bounded below, so that there are multipliers wherever there is a feasible point.
+        Whether the objective is known to be bounded below, so that multipliers exist if a feasible point does.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class ProgramRun:
         self.iterations = 0
 
     def verdict(self, start: Vector | None) -> tuple[str, str]:
-        """The status and the message at the end of the run, from an x near the solution where it is known."""
+        """Run the methods and return the status and the message. `start` is an x near the solution, if one is known."""
         z0, pattern = (self.start, None) if start is None else self.start_near(start)
         if z0 is not None:
             self.polish(z0, pattern)
@@ -93,7 +93,7 @@ class ProgramRun:
             z0 = solution.z
             self.improve(z0)
             is_late = work.seconds_left() == 0.0 or solution.status in (Status.TIME_LIMIT, Status.MEMORY_LIMIT)
-            if self.violation.strict and not is_late:  # also where it is good, unless nothing at all is wrong
+            if self.violation.strict and not is_late:  # also if it is good already
                 self.polish(self.z)
             if is_late or self.is_good:
                 break
@@ -113,7 +113,10 @@ class ProgramRun:
         return "optimal_inaccurate" if error <= _MAX_INACCURATE_VIOLATION else "solver_error", message
 
     def _optimal(self) -> tuple[str, str]:
-        """ "optimal", unless rows contradict each other within what the largest unknowns may lose by rounding."""
+        """Status and message of a good iterate: "optimal", unless the rows are proved to contradict each other.
+
+        The rounding errors of the largest unknowns may hide such a contradiction.
+        """
         if self.violation.significant > self.tolerance:
             terms, largest_terms = self.judge.terms(self.problem.q, self.z)
             rows, units = self.conditions.rows_alone(np.where(terms > UNIT_ROUNDOFF * largest_terms, terms, 0.0))
@@ -125,10 +128,10 @@ class ProgramRun:
         return "optimal", "solved"
 
     def _methods(self) -> list[str | None]:
-        """The methods in turn; None for the choice of `solve()`, which takes longer to choose where there are rows."""
+        """The methods in the order of trial; None is the choice of `solve()`, which takes longer if there are rows."""
         if self.judge.is_x.all() or self.problem.matrix.has_negative_diagonal:
             return [None]
-        # Newton's steps often fail, but sometimes the interior method does
+        # Newton's method fails often, but the interior method sometimes fails, too
         return ["lemke", "interior", "newton", None] if pivots_cost_less(self.problem.facts) else ["interior", None]
 
     def _solve(self, problem: ICP, method: str | None, **options: Any) -> Solution:
@@ -139,14 +142,14 @@ class ProgramRun:
         return solution
 
     def _prove_no_solution(self, solution: Solution) -> tuple[str, str] | None:
-        """Status and message of a proof by the last direction of `solution`, or by the least violation."""
+        """Status and message of a proof by the witness of `solution`, else by the least violation; None without one."""
         known = solution.infeasible
         if known is not None and known.witness is not None:
             return self._proof(np.array([float(weight) for weight in known.witness]))
         return self._proof(self._least_violation(self.problem))
 
     def _least_violation(self, problem: ProblemData, **limit: int) -> Vector:
-        """The multipliers of the least violation of p ≥ 0 and r ≥ 0, a contradiction unless 0; 0 if it is not found."""
+        """The multipliers of the least violation of p ≥ 0 and r ≥ 0: a contradiction if nonzero; 0 if not found."""
         nearest, signed = least_violation(problem)
         least = self._solve(ICP(nearest.A, nearest.q, nearest.psi), None, rtol=_VIOLATION_RTOL, **limit)
         y = np.zeros(problem.n)
@@ -155,7 +158,7 @@ class ProgramRun:
         return y
 
     def _proof(self, y: Vector) -> tuple[str, str] | None:
-        """Status and message by the weights `y` of the rows of the scaled conditions."""
+        """Status and message of what the weights `y` of rows of the scaled conditions prove; None if they do not."""
         original = conditions_of(self.program)
         for direction, primal in ((np.where(self.judge.is_x, 0.0, y), True), (y, False)):
             if self.is_bounded and not primal:
@@ -163,7 +166,7 @@ class ProgramRun:
             weights = np.ldexp(direction, self.conditions.rows)
             answer = infeasible(original, weights)
             weights = answer.witness if answer.holds else weights / np.abs(weights).max()
-            # next to it may be one with simple weights in these units
+            # a nearby combination may have simple weights in the scaled units
             holds = answer.holds or infeasible(self.problem, direction).holds
             if not (holds or Recession(self.problem).misfit(direction) < ZERO):
                 continue
@@ -177,7 +180,7 @@ class ProgramRun:
         return None
 
     def _infeasible_or_unbounded(self, inaccurate: str, precision: str) -> tuple[str, str]:
-        """Status and message where no multipliers exist: "unbounded" only if a feasible point is computed."""
+        """Status and message if no multipliers exist: "unbounded" only if a feasible point is computed."""
         program = self.program
         if not program.is_symmetric:
             return f"infeasible{inaccurate}", f"no x and multipliers meet the conditions: {precision}"
@@ -203,11 +206,15 @@ class ProgramRun:
 
     @property
     def is_exact(self) -> bool:
-        """Whether the same holds without regard to rounding."""
+        """Whether the strict violation is within the tolerance."""
         return self.violation.strict <= self.tolerance
 
     def improve(self, z: Vector) -> bool:
-        """Whether `z`, with its active rows on their obstacles, is strictly good, or no better than a good iterate."""
+        """Keep `z`, after moving its active rows onto their obstacles, if it is the best iterate so far.
+
+        `z` is also tried with 0 in place of possible rounding errors. Returns whether the run can stop: the best
+        iterate is strictly good, or `z` has not halved the strict violation of a good one.
+        """
         step = z - self.problem.p(z)
         z = np.where((self.low <= step) & (step <= self.high), z, step)
         z = self.conditions.as_returned(np.clip(z, self.low, self.high))
@@ -222,14 +229,14 @@ class ProgramRun:
         return self.is_exact or self.violation.strict > enough > self.tolerance
 
     def room(self, z: Vector, p: Vector) -> Vector:
-        """The distance of z to the obstacle to which p presses it."""
+        """The distance of z to the obstacle onto which p presses it."""
         return np.where(p > 0, z - self.low, self.high - z)
 
     def _rank(self, violation: Violation) -> tuple[float, float]:
         return max(violation.rounded, self.tolerance), violation.strict
 
     def start_near(self, x: Vector) -> tuple[Vector, Pattern]:
-        """The iterate with `x` and multipliers 0, and the active set of the rows and bounds that are tight at `x`."""
+        """The iterate with `x`, on tight bounds, and multipliers 0; and the active set of tight rows and bounds."""
         z = np.concatenate([x, np.zeros(self.z.size - x.size)])
         z = np.nan_to_num(np.ldexp(z, -self.conditions.columns))
         near = _TIGHT_SLACK * np.maximum(np.abs(z), 1.0)
@@ -240,7 +247,10 @@ class ProgramRun:
         return z, Pattern(z, ~free, ~free & (z >= self.high))
 
     def polish(self, z: Vector, pattern: Pattern | None = None) -> None:
-        """Newton steps from `z` with one active set, by default its own, of the equations and a small multiple of W."""
+        """Improve the best iterate by Newton steps from `z` with a fixed active set, by default that of `z`.
+
+        A small multiple of W is added to A.
+        """
         pattern = pattern or Pattern.at(self.problem, z, omega=np.ones(z.size))
         steps = ProximalSteps(self.problem, z, reorders=not self.is_good)
         with suppress(IcpError, MemoryError), enforce_limits(None, None):
@@ -254,7 +264,7 @@ class ProgramRun:
                     break
 
     def values(self) -> tuple[Vector, Vector]:
-        """x with the multipliers of rows, and the multipliers of bounds, which are p where it presses x on them."""
+        """x with the multipliers of rows, and the multipliers of bounds: −p where p presses x onto one, else 0."""
         p = self.problem.p(self.z)
         is_x = self.judge.is_x
         box = np.where(self.room(self.z, p) > 0, 0.0, -p)[is_x]

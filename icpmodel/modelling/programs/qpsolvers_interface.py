@@ -1,6 +1,6 @@
 """icpmodel as a solver of qpsolvers.
 
-qpsolvers has no function that adds a solver, but what it looks solvers up in is public: the dictionary
+qpsolvers has no function that adds a solver, but its tables of solvers are public: the dictionary
 `qpsolvers.solvers.solve_function` and the lists of names beside it.
 """
 
@@ -19,13 +19,13 @@ NAME = "icpmodel"
 def qpsolvers_solver() -> str:
     """Register icpmodel with qpsolvers: `qpsolvers.solve_qp(…, solver=icp.qpsolvers_solver())`.
 
-    The options are `tolerance` and `time_limit`. A `Solution` of qpsolvers has the status and what it
-    rests on in `extras`.
+    The options are `tolerance` and `time_limit`. The `extras` of the qpsolvers `Solution` hold the status, the
+    message and the violation.
 
     Returns
     -------
     str
-        The name of the solver there, "icpmodel".
+        The name of the solver in qpsolvers, "icpmodel".
 
     Raises
     ------
@@ -54,13 +54,13 @@ def qpsolvers_solver() -> str:
 
 
 def _solve_problem(problem: Any, initvals: Any = None, verbose: bool = False, **options: Any) -> Any:
-    """A qpsolvers `Solution` of its `problem`."""
+    """Solve a `problem` of qpsolvers and return its `Solution`. Raises ProblemError for wrong arguments."""
     from qpsolvers import Solution
     from qpsolvers.exceptions import ProblemError
 
     try:
         answer = solve_qp(*problem.unpack(), initvals=initvals, raise_on_failure=False, **options)
-    except (InputError, TypeError) as error:  # such as an argument of ours that is given twice
+    except (InputError, TypeError) as error:  # TypeError: for example, an argument that is given twice
         raise ProblemError(str(error)) from error
     if verbose:
         print(f"icpmodel: {answer.status} after {counted(answer.iterations, 'step')}: {answer.message}")

@@ -16,24 +16,27 @@ from ...numerics.equilibration import Exponents, balanced, in_units, in_units_ex
 from ...problem.data import ProblemData
 from .program import Program, saddle_matrix, with_bounds
 
-#: sides from here on stand for none, as a rule: they tell how large x is only where there are no others
+#: bounds and right-hand sides of at least this size usually mean infinity; they are used to estimate the size of x
+#: only if there are no others
 _INFINITE = 1e15
 
 
 class ScaledConditions:
-    """An ICP whose row i is 2^r_i times row i of the conditions, where z = 2^c ẑ. It rounds nothing.
+    """The conditions as an ICP in scaled units: row i is multiplied by 2^r_i, and z_i = 2^c_i ẑ_i.
+
+    No number is rounded: r = c = 0 if scaling would round one.
 
     Parameters
     ----------
     program : Program
         The program.
     last : ScaledConditions or None
-        Those of another program. Where the matrices are equal, what was made of them is used again.
+        Those of another program. If the matrices are equal, the scaled matrix and all that depends on it are reused.
 
     Raises
     ------
     OutOfTime
-        Where the time limit does not leave what it takes.
+        If the estimated time exceeds the time that is left.
     """
 
     A: sp.csr_array
@@ -52,7 +55,7 @@ class ScaledConditions:
             last = None
         self.A = A if last is None else last.A
         if last is None:
-            work.charge_matrices(A.nnz, 12)  # scaled, and made a problem of
+            work.charge_matrices(A.nnz, 12)  # for scaling A and for making the problem
         self.is_x = np.arange(A.shape[0]) < program.g.size
         self.balanced = self._balanced(program) if last is None else last.balanced
         vectors = np.array(program.vectors)
@@ -70,10 +73,10 @@ class ScaledConditions:
         self.problem = with_bounds(problem, self.low, self.high)
 
     def _choose_units(self, program: Program, vectors: NDArray[np.float64], last: ScaledConditions | None) -> None:
-        """Choose r and c that make d and the bounds about 1, and g as large; with an H, no larger.
+        """Choose r and c such that d and the bounds are about 1, and g is about 1 too; if H ≠ 0, at most about 1.
 
-        A large g beside a small H makes the multipliers larger than x. A small g does not make them smaller. With an H
-        the `last` shift is kept, whatever g is now, so that the matrix is the same.
+        If g is large and H small, the multipliers are larger than x; a small g does not make them smaller. If H ≠ 0,
+        the shift of `last` is kept whatever g is, so that the matrix stays the same.
         """
         self.rows = self.balanced[0]
         self.columns = self.balanced[1]
@@ -93,9 +96,9 @@ class ScaledConditions:
         self.columns = self.columns + self.shift * ~self.is_x + size
 
     def rows_alone(self, terms: Vector) -> tuple[ProblemData, Exponents]:
-        """The conditions of rows alone, each in units of its `terms`, and these units; 0 leaves a row out.
+        """The rows Cx ≤ d alone as an ICP, each multiplied by 2^e so that its `terms` are about 1; and the exponents e.
 
-        So a row of large terms hides no other one.
+        The other rows, and those with `terms` 0, are set to 0. So no row hides another one by larger terms.
         """
         alone = np.where(self.is_x, 0.0, np.sign(terms))
         units = -np.frexp(terms)[1].astype(np.int64)
@@ -106,15 +109,15 @@ class ScaledConditions:
         return ProblemData(in_units(A, 0 * units, columns), q, low, high), units
 
     def as_returned(self, z: Vector) -> Vector:
-        """`z` as it is after the way to the units of the program, where numbers may leave the range of floats."""
+        """`z` after conversion to the units of the program and back: numbers may leave the range of floats there."""
         return np.ldexp(np.ldexp(z, self.columns), -self.columns)
 
     def _in_units(self, vectors: NDArray[np.float64], sign: int = 1) -> NDArray[np.float64]:
-        """q and the obstacles in the units of the scaled conditions; the way back where `sign` is −1."""
+        """Convert q and the obstacles to the units of the scaled conditions; back if `sign` is −1."""
         return np.ldexp(vectors, sign * np.array([self.rows, -self.columns, -self.columns]))
 
     def _balanced(self, program: Program) -> NDArray[np.int64]:
-        """r and c that make the entries of H and C alike in the mean, and those of each row about 1."""
+        """r and c that give the entries of H and of C the same geometric mean, and make those of each row about 1."""
         sizes = [np.abs(X.data[X.data != 0.0]) for X in (program.H, program.C)]
         mean_H, mean_C = (np.log2(size).mean() if size.size else 0.0 for size in sizes)
         alike = int(np.rint(mean_H - mean_C)) if all(size.size for size in sizes) else 0
@@ -127,11 +130,11 @@ class ScaledConditions:
 
 
 def _mean_size(x: Vector) -> float:
-    """The root of the mean square of the entries of `x` that are not 0."""
+    """The root mean square of the nonzero entries of `x`; 0 if there are none."""
     count = int(np.count_nonzero(x))
     return norm(x) / count**0.5 if count else 0.0
 
 
 def _exponent(x: float) -> int:
-    """The exponent of the power of two that is nearest to `x`; 0 where x is 0, infinite or NaN."""
+    """The exponent of the power of two nearest to `x`; 0 if `x` is 0, infinite or NaN."""
     return int(np.rint(np.log2(x))) if 0.0 < x < np.inf else 0

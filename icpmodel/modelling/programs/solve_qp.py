@@ -28,22 +28,22 @@ INTERRUPTED = "interrupted by Ctrl-C"
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ProgramSolution(Displayable):
-    """The result of `solve_qp` and of `solve_avi`, H being P and g being q in a quadratic program.
+    """The result of `solve_qp`, where H is P and g is q, and of `solve_avi`.
 
     Attributes
     ----------
     x : ndarray, shape (n,)
-        The best iterate; NaN where it is proved that there is no solution.
+        The best iterate; NaN if it is proved, exactly or up to rounding, that there is no solution.
     y, z, z_box : ndarray
         The multipliers of Ax = b (of any sign), of Gx ≤ h (≥ 0), and of the bounds: Hx + g + Gᵀz + Aᵀy + z_box = 0.
         z_box_i ≥ 0 where x_i = ub_i, ≤ 0 where x_i = lb_i.
     objective : float
         ½xᵀHx + gᵀx; NaN where H is not symmetric.
     status : str
-        "optimal"; "optimal_inaccurate"; "infeasible", "unbounded", which are proved, or with "_inaccurate" proved up to
-        rounding; "infeasible_or_unbounded"; "user_limit" or "solver_error".
+        "optimal"; "optimal_inaccurate"; "infeasible" or "unbounded", which are proved; the same with "_inaccurate",
+        which are proved up to rounding; "infeasible_or_unbounded"; "user_limit"; "solver_error".
     message : str
-        What the status rests on.
+        The reason for the status.
     violation : float
         The largest violation of a condition of optimality, relative to the sum of its |terms|. The conditions are the
         rows of Ax = b, Gx ≤ h, the bounds, stationarity, complementarity, and the duality gap.
@@ -94,9 +94,9 @@ class ProgramSolution(Displayable):
 
     @cached_property
     def error_bound(self) -> ErrorBound:
-        """How far x can be from the solution, where H is strongly monotone, and whether there is only one.
+        """Bound on the distance from x to the solution, if H is strongly monotone, and whether there is only one.
 
-        Within a minute of counted work, as `icpmodel.error_bound`.
+        It is computed within a minute of counted work, as in `icpmodel.error_bound`.
 
         Examples
         --------
@@ -110,7 +110,7 @@ class ProgramSolution(Displayable):
     ) -> Report:
         """Have independent solvers check the same conditions, as `icpmodel.crosscheck`; the error bound is that of x.
 
-        Where there is no x the conditions are solved once more, for the reason.
+        If x is NaN, `solve` gives the answer to be checked.
 
         Parameters
         ----------
@@ -119,9 +119,9 @@ class ProgramSolution(Displayable):
         atol : float, optional
             Largest difference of two answers in an entry, in the units of z.
         time_limit : float, default 60
-            Seconds in all, but for the error bound.
+            Seconds in all, without those of the error bound.
         progress : bool, default False
-            Whether to show which solver is at work.
+            Whether to show which solver is running.
 
         Returns
         -------
@@ -164,7 +164,7 @@ def solve_qp(
     """Minimise ½xᵀPx + qᵀx subject to Gx ≤ h, Ax = b and lb ≤ x ≤ ub.
 
     The arguments are those of qpsolvers. The conditions of optimality are an ICP with a positive semidefinite matrix,
-    which `solve` solves; where there is no solution that is proved.
+    which `solve` solves. If there is no solution, `solve_qp` tries to prove it.
 
     Parameters
     ----------
@@ -181,26 +181,26 @@ def solve_qp(
     b : array of shape (k,), optional
         Their right-hand sides.
     lb, ub : float or array of shape (n,), optional
-        −inf and +inf where there is no bound. A large number, such as ±1e20, is a bound; other solvers read it as none.
+        −inf and +inf where there is no bound. A large number, such as ±1e20, is a bound, unlike in other solvers.
     initvals : array of shape (n,), optional
         An x near the solution.
     tolerance : float, default 1e-9
-        The largest violation of any condition, as a share of its terms; see `ProgramSolution.violation`.
+        The largest violation of any condition, relative to its terms; see `ProgramSolution.violation`.
     time_limit : float, optional
-        Seconds; a run may exceed them by a tenth plus 0.2 s. To compile and load loops at the first calls does
-        not count.
+        Seconds; a run may exceed them by a tenth plus 0.2 s. The first calls also compile or load loops, which is not
+        counted.
     raise_on_failure : bool, default True
         Whether a run that fails raises NotSolved.
 
     Returns
     -------
     ProgramSolution
-        x, the multipliers, the status and its proof.
+        x, the multipliers, the status and its reason.
 
     Raises
     ------
     InputError
-        Where an argument is wrong, or P is not symmetric or certainly not semidefinite.
+        Where an argument is wrong, or P is not symmetric or is proved not to be semidefinite.
     NotSolved
         Where no optimum is found, with the `solution`, unless `raise_on_failure` is False.
 
@@ -237,16 +237,16 @@ def solve_avi(
 ) -> ProgramSolution:
     """Find x in C = {Gx ≤ h, Ax = b, lb ≤ x ≤ ub} with (Hx + g)ᵀ(y − x) ≥ 0 for all y in C.
 
-    This affine variational inequality is the conditions of a quadratic program where H is symmetric, and those of a
-    game or an equilibrium where it is not. An x that is returned as "optimal" solves it, whatever H is. That one is
-    found is certain where H is monotone (xᵀHx ≥ 0) and there is one; else the methods may fail.
+    If H is symmetric, this affine variational inequality states the optimality conditions of a quadratic program,
+    otherwise those of a game or an equilibrium. An x with the status "optimal" solves it, whatever H is. If H is
+    monotone (xᵀHx ≥ 0) and there is a solution, one is found; for other H the methods may fail.
 
     Parameters
     ----------
     H : array or sparse matrix of shape (n, n)
         It need not be symmetric.
     g : array of shape (n,)
-        The vector.
+        The constant term.
     G, h, A, b, lb, ub : array, optional
         C, as in `solve_qp`.
     initvals : array of shape (n,), optional
@@ -261,8 +261,8 @@ def solve_avi(
     Returns
     -------
     ProgramSolution
-        "infeasible" where C is empty or no x in C solves the inequality, both with a proof. The latter is "unbounded"
-        where H is symmetric.
+        x, the multipliers and the status. It is "infeasible" if C is proved to be empty or to contain no solution; for
+        a symmetric H the latter is "unbounded".
 
     Raises
     ------
@@ -295,33 +295,33 @@ def solve_program(
     start_time: float | None = None,
     convex: bool = True,
 ) -> tuple[ProgramSolution, ProgramRun | None]:
-    """Solve a monotone variational inequality.
+    """Solve an affine variational inequality.
 
     Parameters
     ----------
     program
-        H positive semidefinite, symmetric or not.
+        The variational inequality; if H is not positive semidefinite, the methods may fail.
     tolerance
-        Nothing is wrong by more than that share of its terms, up to rounding.
+        The largest violation of a condition as a share of its terms, up to rounding.
     time_limit
         In seconds from `start_time`.
     before
-        The run of a program of the same size, from which this one begins.
+        The run on a program of the same size, whose best iterate is the start.
     start
         An x near the solution.
     start_time
-        What the clock of `work` said when it began, by default now.
+        Time of `work.clock()` at which the limit starts; now by default.
     convex
-        Whether H is known to be semidefinite; else InputError is raised where it is proved not to be.
+        Whether to skip the check of H, which raises InputError if H is not symmetric or proved not semidefinite.
 
     Returns
     -------
     solution : ProgramSolution
-        Its status is "optimal" if the answer has the tolerance, and "optimal_inaccurate" if it has 1e-4. "infeasible"
-        and "unbounded" are proved; for the latter a feasible x was computed. With "_inaccurate" they are proved up to
-        rounding. The others are "infeasible_or_unbounded", "user_limit" and "solver_error".
+        Its status is "optimal" if the violation is within the tolerance, "optimal_inaccurate" if it is within 1e-4.
+        "infeasible" and "unbounded" are proved; for the latter a feasible x was computed. With "_inaccurate" they are
+        proved up to rounding. The others are "infeasible_or_unbounded", "user_limit" and "solver_error".
     run : ProgramRun or None
-        The start for a program with the same matrices.
+        The value of `before` for the next program; the `before` of this one if the time limit precluded a run.
 
     Raises
     ------
@@ -337,12 +337,12 @@ def solve_program(
                 check_convex(program)
             presolve = Presolve(program)
             run = ProgramRun(presolve.program, tolerance, before)
-        except OutOfTime as error:  # the x within the bounds that is next to 0
+        except OutOfTime as error:  # return the x within the bounds that is nearest to 0
             z = np.concatenate([np.clip(0.0, program.low, program.high), np.zeros(program.d.size)])
             message = f"before the first iterate: {error}"
             values = (z, np.zeros(program.g.size), "user_limit", message, np.inf, 0)
             return _solution(program, start_time, *values), before
-        if not presolve.contradiction:  # bounds that cross by rounding touch
+        if not presolve.contradiction:  # bounds that cross only by rounding errors are set to the same value
             program = replace(program, low=np.minimum(program.low, program.high))
         try:
             status, message = ("infeasible", presolve.contradiction) if presolve.contradiction else run.verdict(start)
@@ -351,7 +351,7 @@ def solve_program(
             message = str(error) if isinstance(error, OutOfTime) else INTERRUPTED
     z, box = presolve.postsolve(*run.values())
     violation = run.violation.rounded
-    if status.startswith(("infeasible", "unbounded")):  # which is proved
+    if status.startswith(("infeasible", "unbounded")):  # proved: there is no solution
         z[:] = np.nan
         box[:] = np.nan
         violation = np.nan
