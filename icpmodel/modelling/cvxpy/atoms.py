@@ -26,8 +26,10 @@ _POWER: Any = getattr(cp, "Power", cp.power)
 
 
 class Copies:
-    """Copies of the `expressions`, in which leaves are replaced by their `copies`, as functions of the `variables`
-    among these, stacked column by column."""
+    """Copies of `expressions` as functions of `variables`, both stacked column by column.
+
+    Leaves are replaced by their `copies`, to which the `variables` belong.
+    """
 
     def __init__(
         self, expressions: Sequence[cp.Expression], variables: Sequence[cp.Variable], copies: dict[int, Any]
@@ -39,7 +41,7 @@ class Copies:
             x.save_value(value)
 
     def value(self, z: Vector) -> Vector:
-        """Of all of them. Raises ArithmeticError where one has no finite value at `z`."""
+        """The values of all expressions. Raises ArithmeticError if one has no finite value at `z`."""
         self._write(z)
         values = []
         for one in self._expressions:
@@ -52,12 +54,14 @@ class Copies:
         return np.concatenate([np.zeros(0), *values])
 
     def magnitude(self, z: Vector) -> Vector:
-        """Their absolute values: an atom is one term."""
+        """The absolute values of all expressions: an atom is one term."""
         return np.abs(self.value(z))
 
     def jacobian(self, z: Vector) -> sp.csr_array:
-        """In all of z, whose last entries may belong to none of the variables. Raises ArithmeticError where one has no
-        gradient at `z`."""
+        """The Jacobian in `z`, which may have further entries behind the variables.
+
+        Raises ArithmeticError if an expression has no gradient at `z`.
+        """
         self._write(z)
         with np.errstate(all="ignore"):
             J = sp.csr_array(sp.block_array([self._blocks(one) for one in self._expressions]))
@@ -72,14 +76,16 @@ class Copies:
             gradient: Any = gradients.get(x, sp.csr_array((x.size, one.size)))
             if gradient is None:
                 raise ArithmeticError(f"{named(one)} has no gradient here")
-            if not sp.issparse(gradient):  # a number where both are one number
+            if not sp.issparse(gradient):  # CVXPY gives a number if both are scalars
                 gradient = np.broadcast_to(gradient, (x.size, one.size))
             blocks.append(sp.csr_array(gradient).reshape(x.size, one.size).T.tocsr())
         return blocks
 
     def gradient_holds(self, z: Vector) -> bool:
-        """Whether CVXPY gives a gradient that no difference quotient near `z` contradicts. CVXPY 1.9 has none of
-        norm_inf."""
+        """Whether CVXPY gives a gradient that no difference quotient near `z` contradicts.
+
+        Also True if no value or gradient is finite near `z`. CVXPY 1.9 has no gradient of norm_inf.
+        """
         random = np.random.default_rng(0)
         size = float(np.abs(z).max(initial=0.0)) or 1.0
         for least in (-0.01, 0.0):
@@ -94,8 +100,10 @@ class Copies:
 
 
 def frozen(atoms: Sequence[cp.Expression], variables: Sequence[cp.Variable]) -> Copies:
-    """The `atoms` as functions of the `variables` at the present values of their parameters. They are copies, so that
-    new values of neither change them."""
+    """The `atoms` as functions of the `variables` at the present values of their parameters.
+
+    They are copies, which later values of the variables and parameters do not change.
+    """
     inner = [cp.Variable(x.shape, name=x.name()) for x in variables]
     copies: dict[int, Any] = {id(x): copy for x, copy in zip(variables, inner, strict=True)}
     copies |= {id(one): cp.Constant(value_of(one)) for atom in atoms for one in atom.parameters()}
@@ -103,7 +111,7 @@ def frozen(atoms: Sequence[cp.Expression], variables: Sequence[cp.Variable]) -> 
 
 
 def value_of(parameter: cp.Parameter) -> Any:
-    """A copy of its value as an array; None where it has none."""
+    """A copy of the parameter's value as an array; None if it has none."""
     value: Any = parameter.value_sparse if parameter.attributes["sparsity"] else parameter.value
     return value.toarray() if sp.issparse(value) else value if value is None else np.array(value)
 
@@ -114,9 +122,12 @@ def unique(items: Iterable[Any]) -> list[Any]:
 
 
 def copied(expression: Any, copies: dict[int, Any]) -> Any:
-    """`expression` with some of its leaves replaced, also a parameter that is no argument (power, huber). What is
-    stretched to the shape of the others is stretched beforehand: CVXPY 1.9 forgets it in gradients. Nor does it know
-    those of a quotient a/b in b, which becomes ab/b², of a quadratic form in its matrix, and of x³ where x ≤ 0."""
+    """`expression` with leaves replaced by their `copies`; atoms for which CVXPY 1.9 has no gradient are rewritten.
+
+    Parameters that are not arguments (power, huber) become constants. Arguments are broadcast beforehand, since CVXPY's
+    gradients ignore broadcasting. It has no gradient of a/b in b, which becomes ab/b², of a quadratic form in its
+    matrix, and of x³ where x ≤ 0.
+    """
     if id(expression) in copies or not expression.args:
         return copies.get(id(expression), expression)
     arguments = [copied(argument, copies) for argument in expression.args]
@@ -135,7 +146,7 @@ def copied(expression: Any, copies: dict[int, Any]) -> Any:
 
 
 def named(expression: cp.Expression | cp.Constraint) -> str:
-    """What a message calls `expression`: its label, else its text where that is short enough."""
+    """The name of `expression` in messages: its label, its text or, if it has large constants, its shape."""
     if expression.label is None and any(constant.size > _MAX_PRINTED_ENTRIES for constant in expression.constants()):
         names = ", ".join(x.name() for x in expression.variables())
         kind = "a constraint" if isinstance(expression, cp.Constraint) else "an expression"
@@ -146,8 +157,10 @@ def named(expression: cp.Expression | cp.Constraint) -> str:
 
 
 def at(stacked: Sequence[cp.Expression], k: int) -> tuple[int, str]:
-    """Which of the `stacked` expressions has the `k`-th of all their numbers, and in which entry, as "[i, j]"; ""
-    where it is the only one."""
+    """The number of the `stacked` expression that contains the `k`-th of all entries, and its index there as "[i, j]".
+
+    The index of a scalar is "".
+    """
     number = 0
     while k >= stacked[number].size:
         k -= stacked[number].size

@@ -1,6 +1,6 @@
-"""CVXPY's expressions taken apart: each is Zz + Ww(z) + constant, w being its atoms, the parts that are not affine.
+"""Write CVXPY expressions as Zz + Ww(z) + constant, where w are their atoms, the parts that are not affine.
 
-The affine part is what CVXPY's own compiler makes of it, once; a new value of a parameter costs one product.
+CVXPY's own compiler compiles the affine part once; a new value of a parameter costs one product.
 """
 
 from __future__ import annotations
@@ -25,8 +25,11 @@ from .qp_solver import cvxpy_solver
 
 
 class CompiledExpressions:
-    """The `sides`, stacked column by column, compiled for all values of their parameters. `variables` are those that z
-    stacks, in this order; `atoms` the parts w by the variable that stands for each; `is_dpp` whether once is enough."""
+    """The `sides`, stacked column by column, compiled for all values of their parameters.
+
+    z stacks the `variables` in this order. `atoms` maps new variables to the parts w that they replace. `is_dpp` tells
+    whether compiling once is enough.
+    """
 
     def __init__(self, sides: Sequence[cp.Expression]) -> None:
         self.sides, self.atoms = list(sides), dict[cp.Variable, cp.Expression]()
@@ -34,15 +37,15 @@ class CompiledExpressions:
         self.parameters = unique(x for side in sides for x in side.parameters())
         inner = (x for part in (*parts, *self.atoms.values()) for x in part.variables())
         self.variables = unique(x for x in inner if x not in self.atoms)
-        # CVXPY would add rows for what it knows of a variable
+        # CVXPY would add rows for the attributes of a variable
         plain = {id(x): cp.Variable(x.shape) for x in self.variables}
-        # the rows of the variables themselves say which columns they have
+        # the rows of the variables alone show which columns they have
         parts = [*(copied(part, plain) for part in parts), *plain.values(), *self.atoms]
         self._model = cp.Problem(cp.Minimize(0), [part == 0 for part in parts])
         self.is_dpp = self._model.is_dpp()
 
     def parameter_values(self) -> list[Any]:
-        """Copies of what the parameters are now. Raises InputError where one has no value."""
+        """Copies of the present values of the parameters. Raises InputError if one has no value."""
         values = [value_of(parameter) for parameter in self.parameters]
         for parameter, value in zip(self.parameters, values, strict=True):
             if value is None:
@@ -50,7 +53,7 @@ class CompiledExpressions:
         return values
 
     def rows(self) -> AffineRows:
-        """They, at the present values of the parameters, without stored zeros."""
+        """The rows of all sides at the present values of the parameters, without stored zeros."""
         # the SciPy backend of CVXPY is the quickest for large matrices; with parameters CVXPY chooses better
         backend = None if self.parameters else cp.SCIPY_CANON_BACKEND
         solver = cvxpy_solver()
@@ -58,7 +61,7 @@ class CompiledExpressions:
         with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # of how CVXPY reads sparse parameters
             try:
                 data, *_ = self._model.get_problem_data(solver, ignore_dpp=ignore, canon_backend=backend)
-            except ValueError:  # of diag(X) @ c in the SciPy backend, which the model would keep
+            except ValueError:  # diag(X) @ c fails in the SciPy backend, which the model would keep
                 self._model = cp.Problem(self._model.objective, self._model.constraints)
                 data, *_ = self._model.get_problem_data(solver, ignore_dpp=ignore)
         M = sp.csr_array(data[cp.settings.A])
@@ -73,9 +76,11 @@ class CompiledExpressions:
 
 
 def _separate_atoms(expression: cp.Expression, atoms: dict[cp.Variable, cp.Expression]) -> cp.Expression:
-    """`expression` with a new variable for each largest part that is not affine; these go into `atoms`. CVXPY's
-    compiler adds variables and rows for `cumsum`, which is therefore written as a product, and takes the wrong axis
-    for `hstack` of three axes."""
+    """`expression` with a new variable for each largest part that is not affine. Adds these parts to `atoms`.
+
+    CVXPY's compiler adds variables and rows for `cumsum`, which is therefore written as a product, and takes the wrong
+    axis for `hstack` of arrays with three axes.
+    """
     if isinstance(expression, Leaf):
         return expression
     if not isinstance(expression, AffAtom) and not expression.variables():
@@ -98,7 +103,7 @@ def _separate_atoms(expression: cp.Expression, atoms: dict[cp.Variable, cp.Expre
 
 
 def _as_product(cumsum: cp.cumsum, atoms: dict[cp.Variable, cp.Expression]) -> cp.Expression:
-    """Lx with the matrix L of ones below the diagonal, along the axis of the array."""
+    """`cumsum` as a product Lx along its axis, where L has ones on and below the diagonal. Adds to `atoms`."""
     x = _separate_atoms(cumsum.args[0], atoms)
     axis: Any = cumsum.axis
     if axis is None:

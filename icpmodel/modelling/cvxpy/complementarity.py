@@ -13,7 +13,7 @@ from ...numerics.arrays import described
 from ...present.display import Displayable, cut
 from .atoms import named
 
-#: the attributes that a variable of CVXPY's may have here
+#: the attributes that a CVXPY variable of an ICP may have
 BOUND_ATTRIBUTES = ("nonneg", "nonpos", "bounds")
 
 
@@ -29,10 +29,9 @@ class Complementarity(Displayable, cp.Constraint):
 
     Notes
     -----
-    After a solve p and r are attributes with the values of the two, in the shape of the expressions.
-    Each is the multiplier of the other's sign: p > 0 where r is at its lower bound, p < 0 where it is
-    at its upper one. They are None before. After a failed solve they belong to the values that the
-    variables have.
+    The attributes p and r are None before a solve. Afterwards they hold the values of both expressions,
+    in their shape; after a failed solve, those at the present values of the variables. Each is the
+    multiplier of the other's sign: p > 0 where r is at its lower bound, p < 0 where it is at its upper one.
 
     Examples
     --------
@@ -55,18 +54,18 @@ class Complementarity(Displayable, cp.Constraint):
         self.r: np.ndarray | None = None
 
     def variables(self) -> list[cp.Variable]:
-        """The variables in it, each as often as it stands there.
+        """The variables of all its expressions, with repetitions.
 
         Returns
         -------
         list of Variable
-            A variable that occurs twice is in it twice.
+            A variable that occurs in two expressions is listed twice.
         """
         return [x for one in (*self.sides, *self.bounds) if one is not None for x in one.variables()]
 
     @property
     def is_bounded(self) -> bool:
-        """Whether r has other bounds than 0 below and nothing above, and p any sign.
+        """Whether r has bounds other than r ≥ 0.
 
         Examples
         --------
@@ -79,7 +78,7 @@ class Complementarity(Displayable, cp.Constraint):
 
     @property
     def dual_value(self) -> np.ndarray | None:
-        """`p`, under CVXPY's name: the multiplier of r ≥ 0; of l ≤ r ≤ u that below less that above.
+        """`p` under CVXPY's name: the multiplier of r ≥ 0, or that of r ≥ l minus that of r ≤ u.
 
         Examples
         --------
@@ -94,7 +93,7 @@ class Complementarity(Displayable, cp.Constraint):
 
     @property
     def _refuse(self) -> Any:
-        """What CVXPY asks of a constraint of its own problems. Raises InputError."""
+        """Raise InputError when CVXPY reads a property that constraints of its own problems have."""
         advice = "icpmodel.Problem([complements(p, r), ...]).solve() solves it, without an objective"
         raise InputError(f"{self} is no constraint of cvxpy.Problem: {advice}")
 
@@ -120,12 +119,12 @@ def complements(p: Any, r: Any, *, lower: Any = "default", upper: Any = None) ->
     Parameters
     ----------
     p, r : Expression
-        Two CVXPY expressions of one shape. Their order does not matter, unless r has bounds. In each
-        row r is z − ψ(z), with one entry of z for itself. Where it has none, `Problem` adds an unknown
-        s with the equation s − r(z) = 0.
+        Two CVXPY expressions of one shape. Their order does not matter, unless r has bounds. Each row of
+        r is z_i − ψ_i(z), with an entry z_i of its own. If there is none, `Problem` adds an unknown s with
+        the equation s − r(z) = 0.
     lower, upper : Expression, float or array, optional
-        l and u; −inf, +inf or None for none. By default 0 and None; without an upper one, the bounds of a
-        variable r that was made with `nonpos` or `bounds`.
+        l and u; −inf, +inf or None means no bound. By default 0 and None. If neither is given, a variable r
+        with the attribute `nonneg`, `nonpos` or `bounds` has its own bounds.
 
     Returns
     -------
@@ -135,7 +134,7 @@ def complements(p: Any, r: Any, *, lower: Any = "default", upper: Any = None) ->
     Raises
     ------
     InputError
-        Where they are no such expressions.
+        Where an argument is not a CVXPY expression, or shapes differ.
 
     References
     ----------
@@ -165,7 +164,7 @@ def complements(p: Any, r: Any, *, lower: Any = "default", upper: Any = None) ->
 
 
 def own_bounds(r: cp.Expression) -> tuple[Any, Any]:
-    """What bounds a variable that was made with `nonneg`, `nonpos` or `bounds`, None for nothing, as of all else."""
+    """The bounds that `nonneg`, `nonpos` and `bounds` give a variable; (None, None) for other expressions."""
     if not isinstance(r, cp.Variable):
         return None, None
     has: dict[str, Any] = r.attributes

@@ -31,7 +31,7 @@ from .parameter_derivative import ParameterDerivative
 
 _EQUATIONS = (Equality, Zero)
 _INEQUALITIES = (Inequality, cp.NonNeg, cp.NonPos)
-#: status → CVXPY's name of it
+#: status → status of CVXPY
 STATUSES = {
     Status.SOLVED: s.OPTIMAL,
     Status.PRECISION_LIMIT: s.OPTIMAL_INACCURATE,
@@ -41,12 +41,12 @@ STATUSES = {
     **dict.fromkeys([Status.ITERATION_LIMIT, Status.TIME_LIMIT, Status.MEMORY_LIMIT], s.USER_LIMIT),
     **dict.fromkeys([Status.INTERRUPTED, Status.STOPPED], s.USER_LIMIT),
 }
-#: the least value of the objective 0
+#: status of CVXPY → optimal value of the objective 0
 _VALUES = {**dict.fromkeys([s.OPTIMAL, s.OPTIMAL_INACCURATE], 0.0), s.INFEASIBLE: np.inf}
 
 
 class Problem(Displayable):
-    """An ICP in CVXPY's terms: find z, all variables of the constraints, with every p ≥ 0 ⟂ r ≥ 0.
+    """An ICP stated in CVXPY: find values z of all variables of the constraints with every p ≥ 0 ⟂ r ≥ 0.
 
     Parameters
     ----------
@@ -60,26 +60,26 @@ class Problem(Displayable):
 
     Notes
     -----
-    **Form.** There are as many rows, in conditions and equations, as unknowns. p, r, equations and the
-    bounds of r are any CVXPY expressions, convex or not; `.grad` gives their derivatives. In a row of r
-    one entry of z is its own: r = z − ψ(z). A row az − ψ is divided by a; where a < 0, r ≥ 0 is an upper
-    obstacle of z. Where no entry is left, z gets a further unknown s, which is r by the equation
-    s − r(z) = 0.
+    **Form.** Conditions and equations have as many rows as there are unknowns. p, r, equations and the
+    bounds of r are any CVXPY expressions, convex or not; `.grad` gives their derivatives. Each row of r
+    owns one entry of z: r_i = z_i − ψ_i(z). A row az − ψ is divided by a; if a < 0, r ≥ 0 is an upper
+    obstacle of z. If no entry is left for a row, z gets a further unknown s in place of r, with the
+    equation s − r(z) = 0.
 
     **Variables.** They have any shape. z stacks them in the order of `variables()`, each column by
-    column. Their bounds (`nonneg`, `nonpos`, `bounds`) bound the condition whose r they are. Other
-    bounds are checked as inequalities are.
+    column. If r is a variable, its attributes `nonneg`, `nonpos` and `bounds` are bounds of r. Bounds of
+    other variables are checked like inequalities.
 
-    **Parameters.** They may stand anywhere. CVXPY compiles the model once, and a new value costs one
-    product. A model that is not DPP is compiled anew.
+    **Parameters.** They may occur anywhere. CVXPY compiles the model once, and a new value costs one
+    product. A model that is not DPP is compiled anew for each value.
 
-    **Multipliers.** An equation has a free multiplier, which is a variable like any other, in p; its
-    own `dual_value` is None. An inequality is only checked at the answer; its `dual_value` is 0. Where
-    it is violated the status is "infeasible" if the conditions have provably no other solution, else
-    "solver_error".
+    **Multipliers.** The multiplier of an equation is a variable of any sign, which the user writes into
+    p; its `dual_value` is None. An inequality is only checked at the answer; its `dual_value` is 0. If it
+    is violated, the status is "infeasible" if it is proved that no solution of the conditions satisfies
+    it, else "solver_error".
 
-    After `solve(requires_grad=True)` `backward` and `derivative` differentiate the answer by the
-    parameters.
+    After `solve(requires_grad=True)`, `backward` and `derivative` differentiate the answer with respect
+    to the parameters.
 
     References
     ----------
@@ -119,7 +119,7 @@ class Problem(Displayable):
         self._inequalities = [one for one in self._constraints if isinstance(one, _INEQUALITIES)]
         self._reading = CvxpyReading(self._conditions, self._equations, self._inequalities)
         self.solution: Solution | None = None
-        self._of_conditions: Solution  # that of the ICP, whatever the inequalities say
+        self._of_conditions: Solution  # that of the ICP, without the inequalities
         self.solver_stats: SolverStats | None = None
         self._derivative: ParameterDerivative | None = None
 
@@ -186,7 +186,7 @@ class Problem(Displayable):
     def icp(self) -> ICP:
         """The ICP at the present values of the parameters, without the inequalities.
 
-        Where an ICP is expected, as in `icp.explain`, a problem stands for this one.
+        Functions of an ICP, such as `icp.explain`, accept a `Problem` and use this ICP.
 
         Returns
         -------
@@ -211,8 +211,8 @@ class Problem(Displayable):
         """How the last solve ended, in CVXPY's words; None before, and where it raised InputError or MapError.
 
         "optimal": solved. "optimal_inaccurate": rounding allows no more (PRECISION_LIMIT). "infeasible": proved.
-        "user_limit": a limit on iterations, time or memory, the callback or Ctrl-C. "solver_error": nothing was found,
-        and nothing proved; `solution.status` and `solution.message` say more.
+        "user_limit": a limit on iterations, time or memory, the callback or Ctrl-C. "solver_error": no solution was
+        found, and infeasibility is not proved; `solution.status` and `solution.message` say more.
 
         Examples
         --------
@@ -226,9 +226,9 @@ class Problem(Displayable):
 
     @property
     def value(self) -> float | None:
-        """The optimal value of the objective 0, as CVXPY has it.
+        """The optimal value of the objective 0, as in CVXPY.
 
-        0.0 where the status is "optimal" or "optimal_inaccurate", inf where it is proved that there is no
+        0.0 if the status is "optimal" or "optimal_inaccurate", inf if it is proved that there is no
         solution, else None.
 
         Examples
@@ -251,7 +251,7 @@ class Problem(Displayable):
         requires_grad: bool = False,
         **options: Any,
     ) -> Solution:
-        """Solve it and write the values to the variables and constraints.
+        """Solve the problem and write the values to the variables and constraints.
 
         Parameters
         ----------
@@ -262,10 +262,10 @@ class Problem(Displayable):
         warm_start : bool, default True
             Whether to start from the values of the variables; else from 0.
         verbose : bool, default False
-            Whether to print what is decided, and the progress.
+            Whether to print the problem, the progress and the outcome.
         raise_on_failure : bool, default True
             Whether a failed run raises NotSolved. Otherwise the variables have the values of the best
-            iterate, and `status` says what it is.
+            iterate, and `status` says why the run ended.
         requires_grad : bool, default False
             Whether to prepare `backward` and `derivative`.
         **options
@@ -281,7 +281,7 @@ class Problem(Displayable):
         NotSolved
             Where the run fails or an inequality is violated; the variables then have no values.
         InputError
-            Where CVXPY has no gradient that `requires_grad` needs; the answer is written all the same.
+            Where CVXPY has no gradient that `requires_grad` needs; the values are written nevertheless.
 
         Examples
         --------
@@ -340,13 +340,13 @@ class Problem(Displayable):
         Notes
         -----
         The `gradient` of a symmetric parameter counts each pair of entries once; that of a diagonal one is sparse. The
-        model need not be DPP, nor the program convex. Atoms must have a `.grad` in their parameters. Those that are no
-        arguments, such as an exponent, have none.
+        model need not be DPP, nor the program convex. Atoms must have a `.grad` in their parameters. A parameter that
+        is not an argument of an atom, such as an exponent, has none.
 
-        It is the derivative where `icpmodel.Derivative(solution).certain` is True: each row is proved to be at an
+        The gradient is proved if `icpmodel.Derivative(solution).certain` is True: each row is proved to be at an
         obstacle or off it. In the `undecided` rows of the same object p = r = 0 cannot be excluded. There one side is
-        taken, which gives an element of the B-subdifferential; `one_sided` gives both. Inequalities have no part in
-        it. A kink of ψ at the answer, as of `maximum`, is taken on CVXPY's side.
+        chosen, which gives an element of the B-subdifferential; `one_sided` gives both. Inequalities have no influence.
+        At a kink of ψ, such as that of `maximum`, CVXPY chooses the side.
 
         References
         ----------
@@ -362,10 +362,10 @@ class Problem(Displayable):
         self._differentiable("backward").backward()
 
     def derivative(self) -> None:
-        """How the variables move with the parameters, to first order, into each variable's `delta`.
+        """Write the directional derivative of the variables in the parameters to each variable's `delta`.
 
-        The direction are the parameters' `delta`, of their shape or a number for all entries, by default 0. What
-        `backward` says of conditions, certainty and errors holds here, too.
+        The direction is the parameters' `delta`, of their shape or a number for all entries, by default 0. Conditions,
+        certainty and errors are those of `backward`.
 
         Examples
         --------
@@ -415,8 +415,8 @@ class Problem(Displayable):
     ) -> Report:
         """Have independent solvers check the answer of the last `solve`, as `icpmodel.crosscheck`.
 
-        It solves first where the parameters have changed since, or nothing was solved. Inequalities are
-        no part of the ICP and are not checked.
+        The problem is solved first if the parameters have changed since, or nothing was solved.
+        Inequalities are not part of the ICP and are not checked.
 
         Parameters
         ----------
@@ -427,7 +427,7 @@ class Problem(Displayable):
         time_limit : float, default 60
             Seconds in all.
         progress : bool, default False
-            Whether to show which solver is at work.
+            Whether to show which solver is running.
 
         Returns
         -------
@@ -457,7 +457,7 @@ class Problem(Displayable):
         accuracy : float, default 1e-6
             The accuracy whose number of steps is predicted.
         thorough : bool, default False
-            Whether to compute also what is expensive.
+            Whether to make the expensive computations, too.
         **options
             The options of the method that is named.
 
@@ -478,8 +478,7 @@ class Problem(Displayable):
         return type(self)(self._constraints)
 
     def __reduce__(self) -> Any:
-        # copies of expressions keep the numbers by which CVXPY 1.9 knows their variables: it ends the process, or takes
-        # one variable for another
+        # copies of expressions keep the ids of their variables: CVXPY 1.9 then crashes, or confuses two variables
         advice = "problem.icp() can; the model can be built again there, or copied by copy.copy with the same variables"
         raise TypeError(
             f"CVXPY's expressions cannot be pickled or copied deeply, so that a Problem cannot be; {advice}"
@@ -519,7 +518,7 @@ def _list_constraints(constraints: Any) -> list[Any]:
 
 
 def _check_solver(method: Any, options: dict[str, Any]) -> None:
-    """Refuse a solver of CVXPY by name. Raises InputError."""
+    """Raise InputError if a solver of CVXPY is named, or the option `solver` is given."""
     solver = options.get("solver", method)
     if "solver" in options or (isinstance(method, str) and method in s.SOLVERS):
         actual = solver if isinstance(solver, str) else described(solver)

@@ -1,11 +1,10 @@
-"""Pairs of CVXPY's expressions, with bounds, and equations read as A, q, f, ψ and ψ̄.
+"""Read conditions and equations in CVXPY expressions as A, q, f, ψ and ψ̄ of an ICP.
 
-Every p and r is taken apart as Rz + Ww(z) + r₀, w being what is not affine. In each row of r one entry of z is the
-row's own: ρz_i − …, ρ > 0. Then r ≥ l is z_i ≥ ψ_i(z) = z_i − (r_i(z) − l_i)/ρ, in which z_i cancels, r ≤ u likewise,
-and p's rows follow those of r. A row of r whose own entry is negative is multiplied by −1, with its p and its bounds.
-Where a row of r has no entry of z for itself, a new unknown s stands for r, with the equation s − r(z) = 0.
-The equations are the rows of those entries of z that no r owns. Inequalities own nothing; they are checked at the
-answer.
+Every p and r is written as Rz + Ww(z) + r₀, where w are the parts that are not affine. Each row of r owns one entry of
+z: it is ρz_i − …, ρ > 0. Then r ≥ l is z_i ≥ ψ_i(z) = z_i − (r_i(z) − l_i)/ρ, in which z_i cancels; r ≤ u likewise. The
+rows of p have the order of those of r. If the owned entry of a row of r is negative, the row, its p and its bounds are
+multiplied by −1. If no entry of z is left for a row of r, a new unknown s replaces r, with the equation s − r(z) = 0.
+The equations are the rows of the entries of z that no r owns. Inequalities own none; they are checked at the answer.
 """
 
 from __future__ import annotations
@@ -35,9 +34,11 @@ _BOUNDS = (("lower", -np.inf), ("upper", np.inf))
 
 
 class CvxpyReading:
-    """The `conditions`, `equations` and `inequalities`, compiled once: a `Reading`. Raises InputError for what is no
-    ICP. `variables` are those that z stacks, in this order, each column by column; the unknowns that stand for an r are
-    the last entries of z."""
+    """The `Reading` of `conditions`, `equations` and `inequalities`, which are compiled once.
+
+    z stacks the `variables` in this order, each column by column; unknowns that replace an r are its last entries.
+    Raises InputError if the model is not an ICP.
+    """
 
     def __init__(
         self, conditions: Sequence[Any], equations: Sequence[cp.Constraint], inequalities: Sequence[cp.Constraint]
@@ -57,7 +58,7 @@ class CvxpyReading:
         self._ends = np.cumsum([part.size for part in parts])
         self.variables, self.parameters = self.compiled.variables, self.compiled.parameters
         self.is_dpp = self.compiled.is_dpp
-        self._order: np.ndarray | None = None  # in which the compiled rows are those of p, then those of r
+        self._order: np.ndarray | None = None  # puts the compiled rows of p before those of r
         self._gradient_holds: bool | None = None
         self._last: ICP | None = None
         self._obstacles: tuple[Any, Any] = (None, None)
@@ -67,21 +68,20 @@ class CvxpyReading:
 
     @property
     def problem(self) -> ICP:
-        """The same object until a parameter has a new value; what is known of A and ψ is kept where they stay."""
+        """The ICP: the same object until a parameter has a new value. Facts of an unchanged A and ψ are kept."""
         values = self.compiled.parameter_values()
         same = (np.array_equal(a, b) for a, b in zip(values, self._values, strict=False))
         if self._last is None or not all(same):
-            last, self._last = self._last, None  # a reading that fails leaves nothing of itself
+            last, self._last = self._last, None  # if reading fails, no problem is kept
             self._last, self._values = self._read(last), values
         return self._last
 
     def parameter_jacobians(self, rows: AffineRows) -> tuple[sp.csr_array, sp.csr_array, sp.csr_array | None]:
-        """The derivatives of p, ψ and ψ̄ (or None) at a solution, by the values of the compiled `rows`.
+        """The derivatives of p, ψ and ψ̄ (or None) at a solution, in the values of the compiled `rows`.
 
-        At a solution r_i = l_i in each row on the obstacle. So a change of ρ does not change ψ_i = z_i − (r_i − l_i)/ρ
-        there.
+        At a solution r_i = l_i in each active row. So ψ_i = z_i − (r_i − l_i)/ρ does not depend on ρ there.
         """
-        # nothing but Z says which row goes where, so that the columns of W can be the compiled rows themselves
+        # the order of the rows depends on Z only; so W can be the identity, whose columns are the compiled rows
         tagged = rows._replace(W=sp.eye_array(rows.constant.size, format="csr"))
         p, r, lower, upper = in_order(*self._parts(tagged))[:4]
         down = sp.diags_array(-1.0 / r.Z.diagonal())
@@ -96,7 +96,7 @@ class CvxpyReading:
         Z, W, constant = self._ordered.replaced
         s = np.zeros(constant.size)
         if s.size:
-            with suppress(ArithmeticError):  # f, which has the same atoms, will say so
+            with suppress(ArithmeticError):  # f has the same atoms and will raise the error
                 s = self._function(Z, constant, W, "r")(z)
         return np.concatenate([z, s])
 
@@ -112,7 +112,7 @@ class CvxpyReading:
         return self._p.row_name(source) if source < m else self._equations.row_name(source - m)
 
     def distances(self, z: Vector) -> list[tuple[Any, Any]]:
-        """The conditions without bounds, each with its r, as it was written, at `z`."""
+        """The conditions without bounds, each with the value at `z` of r as it was written."""
         columns = self._ordered.owned_columns
         r = self.problem.r(z)[columns]
         r_upper = self.problem.r_upper(z)
@@ -122,7 +122,7 @@ class CvxpyReading:
         return [(one, value) for one, value in distances if not one.is_bounded]
 
     def checked(self, solution: Solution) -> Solution:
-        """`solution`, unless it violates an inequality."""
+        """`solution`, or one with another status and message if it violates an inequality."""
         return checked(solution, self._checked, self._inequalities.row_name)
 
     def _by_condition(self, rows: Vector) -> list[tuple[Any, Any]]:
@@ -144,11 +144,11 @@ class CvxpyReading:
         return (last if unchanged else last.with_sides(*now)).with_q(p.constant)
 
     def _obstacle(self, r: AffineRows, bound: AffineRows | None, name: str) -> Any:
-        """z − (r − `bound`)/ρ, the bound being 0 where it is None."""
+        """z − (r − `bound`)/ρ, where None is the bound 0."""
         return obstacle(r, bound, lambda G, c, V: self._nonlinear_map(G, c, V, name))
 
     def _nonlinear_map(self, G: sp.csr_array, c: Vector, V: sp.csr_array, name: str) -> Function:
-        """A function with atoms; with a derivative only if CVXPY's gradients were right at the first start."""
+        """Gz + c + Vw(z); with a derivative only if CVXPY's gradients were right at the first start."""
         function = self._function(G, c, V, name)
         if self._gradient_holds is None:
             start = self.start()
@@ -159,12 +159,14 @@ class CvxpyReading:
         return SumOfTerms(G, c, V, frozen(list(self.compiled.atoms.values()), self.variables), f"{name} of CVXPY")
 
     def _parts(self, rows: AffineRows) -> tuple[Any, ...]:
-        """The compiled `rows` of p, of r, of the equations, and of the bounds of r, None where no condition has such a
-        one; those of the inequalities are kept."""
+        """The compiled `rows` of p, r, the equations and both bounds of r, None if no condition has such a bound.
+
+        Those of the inequalities are stored in `_checked`. Raises InputError for NaN.
+        """
         if self._order is None:
             may_swap = [not one.is_bounded for one in self._p.owners]
             self._order = p_before_r(rows.Z, [p.size for p in self._p.expressions], may_swap)
-        if not np.array_equal(self._order, np.arange(self._ends[-1])):  # it would copy a matrix that may be large
+        if not np.array_equal(self._order, np.arange(self._ends[-1])):  # `of` copies the matrix, which may be large
             rows = rows.of(self._order)
         parts = map(slice, [0, *self._ends[:-1]], self._ends)
         p, r, equations, self._checked, *bounds = map(rows.of, parts)
@@ -175,7 +177,7 @@ class CvxpyReading:
         return p, r, equations, *(self._spread(k, bound) for k, bound in enumerate(bounds))
 
     def _spread(self, k: int, bound: AffineRows) -> AffineRows | None:
-        """The lower (k = 0) or upper bounds with a row for each of r. Raises InputError for what is none."""
+        """The lower (k = 0) or upper bounds with one row for each row of r. Raises InputError for invalid bounds."""
         name, none = _BOUNDS[k]
         part = self._bounds[k]
         if not part.owners:

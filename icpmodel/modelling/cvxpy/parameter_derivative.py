@@ -1,7 +1,7 @@
-"""The derivative of an answer by the parameters of a CVXPY model, in the words of CVXPY's `backward` and `derivative`.
+"""Derivatives of an answer in the parameters of a CVXPY model, with the `backward` and `derivative` of CVXPY.
 
-Parameters move the values of p, ψ and ψ̄ at the answer: this is differentiated here, by CVXPY's `.grad`, with variables
-for parameters. These values move z: that is `icpmodel.Derivative`.
+The derivatives of p, ψ and ψ̄ at the answer in the parameters are computed here, by CVXPY's `.grad`, with variables in
+place of parameters. The derivative of z in p, ψ and ψ̄ is `icpmodel.Derivative`.
 """
 
 from __future__ import annotations
@@ -24,8 +24,10 @@ from .expressions import CvxpyReading
 
 
 class ParameterDerivative:
-    """That of the `solution` of what was read, by the parameters at their present values. Raises InputError where CVXPY
-    has no gradient in one of them."""
+    """The derivative of the `solution` of a `reading` in the parameters at their present values.
+
+    Raises InputError if CVXPY has no gradient in one of them.
+    """
 
     def __init__(self, reading: CvxpyReading, solution: Solution) -> None:
         self._solution, self._variables, self._parameters = solution, reading.variables, reading.parameters
@@ -33,7 +35,7 @@ class ParameterDerivative:
             if one.is_complex():
                 advice = "give its real and its imaginary part as two parameters"
                 raise InputError(f"the parameter {one.name()} is complex, and no derivative is known: {advice}")
-        #: θ: of each parameter the entries that are its own, half of them where it is symmetric
+        #: θ: the independent entries of each parameter, half of them if it is symmetric
         self._entries = {one: cp.Variable(lower_value(one, value_of(one)).shape) for one in self._parameters}
         p, psi, upper = reading.parameter_jacobians(reading.compiled.rows())
         by_parameters = self._by_rows(reading)
@@ -45,7 +47,7 @@ class ParameterDerivative:
         return Derivative(self._solution)
 
     def backward(self) -> None:
-        """The gradient of z̄ᵀz into each parameter's `gradient`, z̄ being the variables' `gradient`, by default 1."""
+        """Write the gradient of z̄ᵀz to each parameter's `gradient`; z̄ is the variables' `gradient`, by default 1."""
         zbar = [_fill(x, "gradient", 1.0).ravel(order="F") for x in self._variables]
         further = np.zeros(self._solution.z.size - sum(x.size for x in self._variables))
         gradient = self._derivative.adjoint(np.concatenate([*zbar, further]))
@@ -56,7 +58,7 @@ class ParameterDerivative:
             parameter.gradient = recover_value_for_leaf(parameter, part, project=False)
 
     def derivative(self) -> None:
-        """How z moves in the direction of the parameters' `delta`, by default 0, into each variable's `delta`."""
+        """Write the derivative of z along the parameters' `delta`, by default 0, to the variables' `delta`."""
         parts = [_free_entries(one, _fill(one, "delta", 0.0)) for one in self._parameters]
         delta = np.concatenate([np.zeros(0), *parts])
         upper = None if self._upper is None else self._upper @ delta
@@ -71,7 +73,7 @@ class ParameterDerivative:
         constants: dict[int, Any] = {id(x): cp.Constant(value) for x, value in values.items()}
         constants |= {id(one): cp.Constant(value_of(one)) for one in self._parameters}
         if self._solution.problem.psi.no_derivative() is not None:
-            for atom in compiled.atoms.values():  # one of them has none in a variable, which is named here
+            for atom in compiled.atoms.values():  # one has no gradient in a variable: the error names it
                 for x in atom.variables():
                     copy = cp.Variable(x.shape)
                     _gradient(atom, x, constants | {id(x): copy}, copy, values[x].ravel(order="F"))
@@ -93,17 +95,17 @@ class ParameterDerivative:
 def _gradient(
     one: cp.Expression, leaf: cp.Variable | cp.Parameter, copies: dict[int, Any], entries: cp.Variable, at: Vector
 ) -> sp.csr_array:
-    """∂one/∂leaf where the `entries` that make its copy are `at`. Raises InputError where CVXPY has none."""
+    """The derivative of `one` in the `entries` that make the copy of `leaf`, where they are `at`. Raises InputError."""
     kind = "parameter" if isinstance(leaf, cp.Parameter) else "variable"
     without = f"CVXPY has no gradient of {named(one)} in the {kind} {leaf.name()}"
     if any(leaf is x for x in _data_parameters(one)):
         raise InputError(f"{without}, which is none of its arguments; x**a is exp(a*log(x)) where x > 0")
-    at = np.where(np.isfinite(at), at, 0.0)  # a bound that is none has no part in it
+    at = np.where(np.isfinite(at), at, 0.0)  # an infinite bound has no influence
     try:
         copy = Copies([one], [entries], copies)
         if copied(one, copies).is_affine() or copy.gradient_holds(at):
             return copy.jacobian(at)
-    except Exception as error:  # whatever an expression raises that expects a constant there
+    except Exception as error:  # whatever an expression that expects a constant raises
         raise InputError(f"{without}: {error}") from error
     raise InputError(f"{without}, or a wrong one; requires_grad=True needs it: write it in other atoms")
 
@@ -118,7 +120,7 @@ def _data_parameters(expression: Any) -> Iterator[cp.Parameter]:
 
 
 def _fill(leaf: cp.Variable | cp.Parameter, name: str, default: float) -> np.ndarray:
-    """The attribute `name` of `leaf` in its shape; a number stands for all entries. Raises InputError."""
+    """The attribute `name` of `leaf`, else `default`, in its shape; a number fills all entries. Raises InputError."""
     value = getattr(leaf, name)
     title = f"the {name} of {leaf.name()}"
     if value is None:
@@ -132,5 +134,5 @@ def _fill(leaf: cp.Variable | cp.Parameter, name: str, default: float) -> np.nda
 
 
 def _free_entries(parameter: cp.Parameter, value: np.ndarray) -> Vector:
-    """Those entries of `value` that determine it, as CVXPY takes them: of a symmetric one half, of a diagonal one n."""
+    """The independent entries of `value` in CVXPY's order: half of a symmetric matrix, or the diagonal."""
     return np.ravel(lower_value(parameter, value), order="F")

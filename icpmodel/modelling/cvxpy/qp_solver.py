@@ -25,7 +25,7 @@ _OPTIONS = ("tolerance", "time_limit")
 class IcpSolver(QpSolver):
     """CVXPY's interface to `solve_program`; `cvxpy_solver` makes one."""
 
-    #: bounds come as rows: CVXPY 1.9.3 hands some expressions wrong ones, as NaN counts as a bound (0 times infinity)
+    #: bounds are passed as rows: CVXPY 1.9.3 computes wrong bounds for some expressions, as NaN (0 · ∞) counts as one
     BOUNDED_VARIABLES = False
 
     def name(self) -> str:
@@ -40,7 +40,7 @@ class IcpSolver(QpSolver):
     def solve_via_data(
         self, data: Any, warm_start: bool, verbose: bool, solver_opts: Any, solver_cache: Any = None
     ) -> ProgramSolution:
-        """Solve the compiled data. Raises InputError for a wrong option, SolverError without a solution."""
+        """Solve the compiled data; store the run in `solver_cache`. Raises InputError (wrong option), SolverError."""
         for option in solver_opts:
             if option not in _OPTIONS:
                 raise InputError(f"the solver ICPMODEL has no option {option}; it takes {', '.join(_OPTIONS)}")
@@ -73,10 +73,10 @@ def cvxpy_solver() -> IcpSolver:
     The conditions of optimality are an ICP, which `icpmodel.solve` solves. CVXPY has checked that P is semidefinite.
     Duals are returned. "infeasible" and "unbounded" are proved, "infeasible_inaccurate" and "unbounded_inaccurate" up
     to rounding. `Problem.solve` takes the options `tolerance` and `time_limit`. With the default tolerance, 1e-9, no
-    error exceeds 1e-9 of its terms, up to rounding. After `time_limit` seconds the status is "user_limit", and the
-    variables have the values of the best iterate. With `warm_start`, the default, a further solve starts from the
-    last solution and reuses the facts about the matrices. The function always returns the same object: by it CVXPY
-    knows that a problem with parameters is compiled already.
+    condition is violated by more than 1e-9 of its terms, up to rounding. After `time_limit` seconds the status is
+    "user_limit", and the variables have the values of the best iterate. With `warm_start`, the default, a further solve
+    starts from the last solution and reuses the facts about the matrices. The function always returns the same object,
+    by which CVXPY recognises that a problem with parameters is already compiled.
 
     Examples
     --------
@@ -92,7 +92,7 @@ def cvxpy_solver() -> IcpSolver:
 
 
 def program_of(data: Any) -> Program:
-    """The program of CVXPY's compiled data, by its names of the parts."""
+    """The program of CVXPY's compiled data."""
     P, A, F = (sp.csr_array(data[key], dtype=np.float64) for key in (s.P, s.A, s.F))
     for M in (P, A, F):
         M.sum_duplicates()

@@ -1,4 +1,4 @@
-"""The parts of a statement in CVXPY's terms, and what they have to be for an ICP."""
+"""The parts of a CVXPY model, and checks that they state an ICP."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ class Part(NamedTuple):
 
 
 def bounds_of(x: cp.Variable) -> list[cp.Constraint]:
-    """The attributes of `x` as inequalities."""
+    """The bounds that the attributes of `x` state, as inequalities."""
     low, high = own_bounds(x)
     return [one for one in (low is not None and x >= low, high is not None and x <= high) if one is not False]
 
 
 def check_parts(parts: list[Part], inequalities: Part, variables: list[cp.Variable], rows: int) -> None:
-    """Raise InputError where a part is complex, an inequality not affine, or the `rows` are not as many as unknowns."""
+    """Raise InputError for a complex part, a nonlinear inequality, another attribute, or a wrong number of `rows`."""
     for one in (one for part in parts for one in part.expressions):
         if one.is_complex():
             raise InputError(f"{named(one)} is complex; real expressions were expected: ICP is stated over the reals")
