@@ -1,9 +1,9 @@
-"""The conditions of a Pyomo model as rows of two sides, side 0 ≥ 0 ⟂ side 1 ≥ 0, each affine or with a nonlinear rest.
+"""The conditions of a Pyomo model as rows of two sides, side 0 ≥ 0 ⟂ side 1 ≥ 0, each affine or with a nonlinear part.
 
 A `Complementarity` has two arguments with two bounds in all. Their meaning is Pyomo's own standard form:
 
-1. f ≥ a, g ≥ b, or ≤ on either, means f − a ≥ 0 ⟂ g − b ≥ 0, with a − f where f ≤ a.
-2. f = a, g without bound, means f − a = 0, as an equality constraint does.
+1. f ≥ a, g ≥ b, or ≤ on either, means f − a ≥ 0 ⟂ g − b ≥ 0, with a − f in place of f − a if f ≤ a.
+2. f = a, g without bound, means f − a = 0, like an equality constraint.
 3. a ≤ f ≤ b, g without bound, means g ≥ 0 where f = a, g ≤ 0 where f = b, g = 0 in between.
 
 An infinite a or b is no bound. Then form 3 becomes form 1.
@@ -32,19 +32,19 @@ from .sums import size_of_terms
 
 
 class Side(NamedTuple):
-    """One side of a row: a constant, coefficients by the variable's id, and what is nonlinear, `flattened`, or None."""
+    """One side of a row: its constant, coefficients by variable id, and nonlinear part, `flattened`, or None."""
 
     constant: float
     linear: dict[int, float]
     nonlinear: Any = None
 
     def ids(self) -> list[int]:
-        """The ids of its variables; some may be there twice."""
+        """The ids of its variables; some may occur twice."""
         return [*self.linear, *map(id, self.nonlinear[1] if self.nonlinear else ())]
 
 
 class Condition(NamedTuple):
-    """The `owner` is its component. Of form 3 the sides are f − a and g, and `width` is b − a."""
+    """A condition, whose component is `owner`. In form 3 the sides are f − a and g, and `width` is b − a."""
 
     owner: Any
     sides: tuple[Side, Side]
@@ -66,13 +66,13 @@ class _Argument(NamedTuple):
 
 
 class ConditionRows:
-    """The rows of a model. Raises InputError, with the component's name, where one is no such condition.
+    """The rows of a model. Raises InputError, with the component's name, if one is not of these forms.
 
     Attributes
     ----------
     conditions : list of Condition
     equations, inequalities : list
-        (component, side) of what must be 0, or at least 0.
+        (component, side), where the side must be 0, or ≥ 0.
     """
 
     def __init__(self, model: Any) -> None:
@@ -116,7 +116,7 @@ class ConditionRows:
         return [variable for key, variable in self._recorder.var_map.items() if key in seen]
 
     def name_of(self, key: int) -> str:
-        """The name of the variable of that id."""
+        """The name of the variable with the id `key`."""
         return str(self._recorder.var_map[key].name)
 
     def _read_objective(self, objective: Any) -> None:
@@ -154,7 +154,7 @@ class ConditionRows:
         return self._add_condition(condition, *gaps[0], *gaps[1])
 
     def _add_range(self, owner: Any, one: _Argument, force: Any) -> None:
-        """a ≤ f ≤ b with g."""
+        """Add a ≤ f ≤ b ⟂ g, where `one` is a ≤ f ≤ b and `force` is g."""
         gaps = one.gaps()
         if not gaps:
             return self._add_equation(owner, force)
@@ -169,7 +169,7 @@ class ConditionRows:
                 raise InputError(f"{actual}, by {-width.constant:g}")
             if share <= ZERO:
                 width = width._replace(constant=0.0)
-                if not side.ids():  # nothing is left to say of g
+                if not side.ids():  # g may have any value
                     return self._add_equation(owner, gaps[0])
         self.conditions.append(Condition(owner, (side, self._side(force, owner)), width))
 
@@ -209,7 +209,7 @@ class ConditionRows:
 
 
 def _argument(expression: Any, condition: Any) -> _Argument:
-    """An argument of a condition. Raises InputError, with the name of the `condition`, where it is strict."""
+    """Read an argument of a `condition`. Raises InputError if it is a strict inequality."""
     kind = expression.__class__
     if kind not in (EqualityExpression, InequalityExpression, RangedExpression):
         return _Argument(kind, None, expression, None)
@@ -236,16 +236,16 @@ def _is_number(expression: Any) -> bool:
 
 
 def _is(end: Any, number: float) -> bool:
-    """Whether `end` has this value, as a parameter may have."""
+    """Whether `end` is a number, or a parameter, with this value."""
     return end is not None and _is_number(end) and pyo.value(end, exception=False) == number
 
 
 def _share(side: Side, expression: Any) -> float:
-    """The value of an `expression` without variables, as a share of the size of its terms."""
+    """The value of an `expression` without variables, as a share of the sum of its |terms|."""
     return side.constant / size_of_terms(expression) if side.constant else 0.0
 
 
 def _check_constant(owner: Any, violation: float, words: str) -> None:
-    """Raise InputError where a row without variables is violated."""
+    """Raise InputError if a row without variables is violated by more than rounding."""
     if not violation <= ZERO:
         raise InputError(f"{owner.name} has no free variable and cannot hold: {words}")

@@ -1,7 +1,7 @@
 """`pyo.SolverFactory("icpmodel")`: Pyomo's legacy interface to `PyomoSolver`, and the registration of both.
 
-Pyomo's own wrapper of new solvers keeps the options of a call for later calls, counts nothing, and has no access to the
-best iterate of a failed run. Here options end with the call, and the results have counts. After
+Pyomo's own wrapper of new solvers keeps the options of a call for later calls, reports no counts, and has no access to
+the best iterate of a failed run. Here the options of a call apply to that call only, and the results have counts. After
 `solve(model, load_solutions=False)` the best iterate is loaded by `model.solutions.load_from(results)`.
 """
 
@@ -38,15 +38,17 @@ _IGNORED_OPTIONS = {
 
 
 class LegacyPyomoSolver(LegacySolverWrapper, PyomoSolver):
-    """What `SolverFactory("icpmodel")` of `pyomo.environ` makes; `options` are those of all solves to come."""
+    """The solver that `SolverFactory("icpmodel")` of `pyomo.environ` makes; `options` apply to all later solves."""
 
     _best = "model.solutions.load_from(results)"
 
     def solve(
         self, model: Any, tee: Any = False, *, logfile: Any = None, warmstart: bool = True, **kwds: Any
     ) -> SolverResults:
-        """Solve `model` as `PyomoSolver.solve` does. What a failed run has found is in the results of
-        `load_solutions=False` alone; `logfile` gets what `tee` shows."""
+        """Solve `model` as `PyomoSolver.solve` does. `logfile` gets what `tee` shows.
+
+        The best iterate of a failed run is in the results only with `load_solutions=False`.
+        """
         for name, reason in _IGNORED_OPTIONS.items():
             if kwds.pop(name, None):
                 raise InputError(f"{name}: {reason}")
@@ -56,7 +58,7 @@ class LegacyPyomoSolver(LegacySolverWrapper, PyomoSolver):
             kwds["options"] = OptSolver._options_string_to_dict(kwds["options"])
         # each call has options of its own, and several may run at once
         once = copy.copy(self)
-        # an assignment would write into the config of all
+        # an assignment would change the config of all calls
         once.__dict__["config"] = self.config(preserve_implicit=True)
         with contextlib.ExitStack() as stack:
             if logfile is not None:
@@ -68,7 +70,7 @@ class LegacyPyomoSolver(LegacySolverWrapper, PyomoSolver):
             return super(LegacyPyomoSolver, once).solve(model, tee=tee, **kwds)
 
     def set_options(self, options: Any) -> None:
-        """For all solves to come: a mapping, or a text, "method=newton rtol=1e-9", as Pyomo's command line has it."""
+        """Set options of all later solves: a mapping, or text as on Pyomo's command line, "method=newton rtol=1e-9"."""
         if isinstance(options, str):
             options = OptSolver._options_string_to_dict(options)
         values = {name: value for name, value in options.items() if value is not None}
@@ -88,7 +90,7 @@ class LegacyPyomoSolver(LegacySolverWrapper, PyomoSolver):
         mapped.solver.name, mapped.solver.time = self.name, solution.seconds
         mapped.solver.message, mapped.solver.termination_message = results.solver_log, solution.status.value
         if results.solution_status is not SolutionStatus.optimal:
-            # with "error" or "unknown" Pyomo would load nothing even where it is asked to
+            # with "error" or "unknown" Pyomo would load nothing even if it is asked to
             if mapped.solver.status is not SolverStatus.aborted:
                 mapped.solver.status = SolverStatus.warning
             point.status = LegacySolutionStatus.bestSoFar
@@ -131,15 +133,15 @@ _registered(PyomoSolver, LegacyPyomoSolver)
 def pyomo_solver(**options: Any) -> LegacyPyomoSolver:
     """icpmodel as a solver for Pyomo models with `Complementarity` components: `pyo.SolverFactory("icpmodel")`.
 
-    Pyomo looks for solvers in a register that is filled on import. Calling this, or `import icpmodel.modelling.pyomo`,
-    enters icpmodel there; `SolverFactory("icpmodel")` makes such solvers afterwards, in Pyomo's new interface
-    (`pyomo.contrib.solver.common.factory`), too.
+    A call of this function, or `import icpmodel.modelling.pyomo`, registers icpmodel with Pyomo. Afterwards
+    `SolverFactory("icpmodel")` makes such solvers, also in Pyomo's new interface
+    (`pyomo.contrib.solver.common.factory`).
 
     Parameters
     ----------
     **options
-        Of `icpmodel.solve` for every solve, such as rtol=1e-12 or method="newton";
-        `solver.solve(model, options={...})` adds some for one.
+        Options of `icpmodel.solve` for every solve, such as rtol=1e-12 or method="newton";
+        `solver.solve(model, options={...})` adds options for one solve.
 
     Returns
     -------
@@ -149,9 +151,9 @@ def pyomo_solver(**options: Any) -> LegacyPyomoSolver:
 
     Notes
     -----
-    Where there is no solution, `solve` loads nothing and raises NoFeasibleSolutionError. With `load_solutions=False`
+    If the run fails, `solve` loads nothing and raises NoFeasibleSolutionError. With `load_solutions=False`
     the best iterate is in the results, for `model.solutions.load_from(results)`. `timelimit` is in seconds, `tee=True`
-    prints the residuals while it runs. A suffix `dual` gets p by condition, `rc` by variable. InputError is raised for
+    prints the residuals during the run. A suffix `dual` gets p by condition, `rc` by variable. InputError is raised for
     other models, see `read_pyomo`.
 
     Examples

@@ -1,8 +1,8 @@
 """A Pyomo model with `Complementarity` components, read as an implicit complementarity problem.
 
-One side of a condition becomes p_i = (Az + q + f(z))_i, the other r_i, as `side_choice` says. `row_order` gives every r
-a variable of its own, or a further unknown. The answer does not depend on these choices, the speed of the methods does:
-they want a large positive diagonal of A and a small slope of ψ.
+One side of a condition becomes p_i = (Az + q + f(z))_i, the other r_i, see `side_choice`. `row_order` gives every r a
+variable of its own, or a further unknown. These choices do not change the answer, but the speed of the methods, for
+which the diagonal of A should be large and positive, and the slope of ψ small.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from .side_choice import as_matrices, ordered_rows
 
 
 class PyomoReading:
-    """A `Reading`: z has the values of the `variables`, then the unknowns s of `row_order`.
+    """The `Reading` of a Pyomo model: z has the values of the `variables`, then the unknowns s of `row_order`.
 
     Attributes
     ----------
@@ -64,8 +64,11 @@ class PyomoReading:
         return Function(terms, terms.jacobian)
 
     def _read_inequalities(self, rows: ConditionRows) -> tuple[AffineRows, list[tuple[Any, str]]]:
-        """Those of the model and the bounds of the variables, as rows that must be ≤ 0, and their names: a component
-        and what follows its name. Raises InputError for a variable that is in no condition, and a discrete one."""
+        """The inequalities of the model and the bounds of the variables, as rows that must be ≤ 0, and their names.
+
+        A name is a component and the text after its name. Raises InputError for a variable that is in no condition, and
+        for a discrete one.
+        """
         sides = [side for _, side in rows.inequalities]
         names = [(constraint, "") for constraint, _ in rows.inequalities]
         for constraint, side in rows.inequalities:
@@ -82,7 +85,7 @@ class PyomoReading:
         return as_matrices(sides, self._columns).times(np.full(len(sides), -1.0)), names
 
     def start(self) -> Vector:
-        """Raises InputError where a row has no finite value at the present values, 0 where there is none."""
+        """z at the present values of the variables, 0 for none. Raises InputError if a row is not finite there."""
         x = np.array([variable.value or 0.0 for variable in self.variables], dtype=np.float64)
         Z, W, constant = self.ordered.replaced
         z: Vector = np.concatenate([x, self._terms(Z, constant, W)(x)])
@@ -106,7 +109,7 @@ class PyomoReading:
         return list(zip(self.variables, (z + 0.0).tolist(), strict=False))
 
     def multipliers(self, z: Vector) -> list[tuple[Any, Any]]:
-        """The conditions, each with p at `z`: of a condition a ≤ f ≤ b ⟂ g it is g. Equations have none."""
+        """The conditions, each with p at `z`; p of a condition a ≤ f ≤ b ⟂ g is g. Equations have none."""
         p = self.ordered.sign * self.problem.p(z)[self.ordered.owned_columns]
         return list(zip(self.owners, p.tolist(), strict=False))
 
@@ -120,7 +123,7 @@ class PyomoReading:
         return [(self.variables[j], float(p[j])) for j in columns if j < len(self.variables)]
 
     def checked(self, solution: Solution) -> Solution:
-        """`solution`, unless it violates an inequality, or a bound of a variable that no condition implies."""
+        """`solution`, or one with another status and message if it violates an inequality or a bound of a variable."""
         rows, names = self._inequalities
         return checked(solution, rows, lambda row: f"{names[row][0].name}{names[row][1]}")
 
@@ -132,8 +135,8 @@ def read_pyomo(model: Any) -> PyomoReading:
     Parameters
     ----------
     model : pyomo.environ.ConcreteModel or Block
-        It has active `Complementarity` components and equality constraints, as many of these as variables that are not
-        fixed. Affine inequalities are only checked. There is no objective.
+        It has active `Complementarity` components and equality constraints, together as many as variables that are not
+        fixed. Affine inequalities are only checked. An objective must be constant.
 
     Returns
     -------

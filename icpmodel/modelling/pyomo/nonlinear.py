@@ -34,16 +34,16 @@ _OPERATIONS: dict[str, tuple[type, Callable[..., Any]]] = {
     "power": (numeric_expr.PowExpression, operator.pow),
     "abs": (numeric_expr.AbsExpression, abs),
 }
-#: what is said of a number that is NaN or infinite, or that Pyomo does not know
+#: the words for a number that is NaN or infinite, or has no value in Pyomo
 NOT_FINITE = "not finite: a fixed variable or parameter without value?"
 #: a shape, with the variables and constants of one row in order of appearance
 Flat = tuple[tuple[Any, ...], list[Any], list[float]]
 
 
 class NonlinearRows:
-    """N(z), nonlinear Pyomo expressions `flat`: value, terms, Jacobian, and the expressions for other variables.
+    """Nonlinear Pyomo expressions N(z), as `flat`: value, size of terms, Jacobian, and expressions of other variables.
 
-    `columns` says the entry of z of each variable by its id.
+    `columns` maps variable id → entry of z.
     Reference: Griewank and Walther, Evaluating Derivatives (2008), chapter 3; pyomo.core.expr.calculus.
     """
 
@@ -61,7 +61,7 @@ class NonlinearRows:
         return self._gathered(_CompiledExpression.value, z)
 
     def magnitude(self, z: Vector) -> Vector:
-        """The sums of the absolute values of the terms of each."""
+        """The sum of the absolute values of the terms of each expression."""
         return self._gathered(_CompiledExpression.magnitude, z)
 
     def _gathered(self, evaluated: Callable[[_CompiledExpression, Vector], Any], z: Vector) -> Vector:
@@ -90,10 +90,12 @@ class NonlinearRows:
 
 
 def flattened(expression: Any, owner: Any) -> Flat:
-    """The shape of a Pyomo expression, in Polish notation, with its variables and constants in order of appearance. In
-    the shape a variable is its number in the order of appearance, a constant None, an operation its name with the
-    number of its arguments. Raises InputError, which names the `owner`, where Pyomo cannot differentiate an
-    operation, or a number is not finite."""
+    """The shape of a Pyomo expression, in Polish notation, with its variables and constants in order of appearance.
+
+    In the shape a variable is its number in that order, a constant is None, and an operation is its name with the
+    number of its arguments. Raises InputError, which names the `owner`, if Pyomo cannot differentiate an operation or
+    has no value of a number.
+    """
     tokens: list[Any] = []
     variables: list[Any] = []
     place: dict[int, int] = {}
@@ -119,7 +121,7 @@ def flattened(expression: Any, owner: Any) -> Flat:
 
 
 def _operation(node: Any, owner: Any) -> tuple[str, tuple[Any, ...]]:
-    """What an expression node does, as a word, and to what. An exponent that is a number is part of the word."""
+    """The operation of an expression node as a word, and its arguments. A constant exponent is part of the word."""
     word = _word(node.__class__) or node.getname()
     arguments = tuple(node.args)
     if word == "power" and not hasattr(arguments[1], "is_expression_type"):
@@ -135,8 +137,10 @@ def _word(kind: type) -> str:
 
 
 def _rebuilt(tokens: tuple[Any, ...], variables: Any, constants: Any, functions: Any) -> Any:
-    """The expression of this shape with these variables and constants, by the `functions` of Pyomo or of NumPy: arrays
-    give its values."""
+    """The expression of the shape `tokens` with these variables and constants.
+
+    `functions` is Pyomo or NumPy; with NumPy and arrays the result is the values of all rows.
+    """
     left = list(constants)
     stack: list[Any] = []
     for token in reversed(tokens):
@@ -151,7 +155,7 @@ def _rebuilt(tokens: tuple[Any, ...], variables: Any, constants: Any, functions:
 
 
 def _called(word: str, functions: Any) -> Callable[..., Any]:
-    """The operation called `word`, of those with one argument the one that `functions`, Pyomo or NumPy, has."""
+    """The operation `word`; a function such as sin is that of `functions`, Pyomo or NumPy."""
     if word.startswith("power "):
         exponent = float(word.split()[1])
         return lambda x: x**exponent
@@ -170,19 +174,19 @@ class _CompiledExpression:
         x = list(stand_in.x.values())
         c = list(stand_in.c.values())
         self._template = _rebuilt(tokens, x, c, pyo)
-        #: position of every known quantity in the list that a run fills: first x and c, then one per step
+        #: id of a node → position of its value in the list that `derivatives` fills: x and c, then one per step
         self._place = {id(leaf): k for k, leaf in enumerate([*x, *c])}
         self._steps: list[tuple[Callable[..., Any], tuple[Any, ...]]] = []
         gradient = differentiate(self._template, wrt_list=x, mode=Modes.reverse_symbolic)
         self._gradient = [self._compile(derivative) for derivative in gradient]
-        self._references = (stand_in, gradient)  # ids are those of living objects
+        self._references = (stand_in, gradient)  # keeps alive the objects whose ids are used
 
     def _where(self, node: Any) -> Any:
-        """A number, or where the value of `node` stands; None if that is not known yet."""
+        """The number `node`, or the position of its value; None if it has no position yet."""
         return float(node) if node.__class__ in native_numeric_types else self._place.get(id(node))
 
     def _compile(self, root: Any) -> Any:
-        """Append the steps that `root` needs; where its value will stand, or a number."""
+        """Append the steps that `root` needs. Return the position of its value, or a number."""
         stack = [root]
         while stack:
             if self._where(stack[-1]) is not None:

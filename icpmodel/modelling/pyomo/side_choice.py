@@ -19,7 +19,7 @@ from .condition_rows import ConditionRows, Side
 
 
 def as_matrices(sides: Sequence[Side], columns: dict[int, int]) -> AffineRows:
-    """The `sides` in the variables, by the `columns` of their ids; W has one column for each nonlinear part."""
+    """The `sides` as matrices. `columns` maps variable id → column of Z; W has one column for each nonlinear part."""
     ends = np.cumsum([0, *(len(one.linear) for one in sides)])
     places = np.array([columns[key] for one in sides for key in one.linear], dtype=np.int64)
     data = np.array([value for one in sides for value in one.linear.values()], dtype=np.float64)
@@ -33,9 +33,9 @@ def as_matrices(sides: Sequence[Side], columns: dict[int, int]) -> AffineRows:
 def which_is_r(both: AffineRows) -> NDArray[np.intp]:
     """Which side of each condition becomes r, shape (m,), of the rows of side 0 followed by those of side 1.
 
-    A side without linear terms owns no variable, and is taken last. An affine side in one variable bounds it, and is
-    taken first; else the nonlinear side is. Of two affine ones it is the one with fewer variables. Ties are broken by
-    the weight of the largest coefficient in the side, then by its distance from 1, then by the size of the obstacle.
+    A side without linear terms can own no variable, so the other side is taken. An affine side in one variable is a
+    bound and is preferred, then a nonlinear side, then the side with fewer variables. Ties are broken by the share of
+    the largest coefficient in the side, then by its distance from 1, then by the size of the obstacle.
     """
     Z = both.Z
     count = np.diff(Z.indptr)
@@ -53,7 +53,7 @@ def which_is_r(both: AffineRows) -> NDArray[np.intp]:
 
 
 def ordered_rows(rows: ConditionRows, variables: Sequence[Any], columns: dict[int, int]) -> OrderedRows:
-    """The rows in the order of z, which begins with the `variables`. Raises InputError where they cannot be paired."""
+    """The rows in the order of z, which begins with the `variables`. Raises InputError if they cannot be paired."""
     sides = rows.sides()
     stacked = as_matrices(sides, columns)
     m = len(rows.conditions)
@@ -73,7 +73,7 @@ def ordered_rows(rows: ConditionRows, variables: Sequence[Any], columns: dict[in
 def _check_pairing(
     owners: Sequence[Any], variables: Sequence[Any], owner_of_side: NDArray[np.intp], columns: Sequence[list[int]]
 ) -> None:
-    """Raise InputError where `owners` and `variables` cannot be paired; each side has variables in these `columns`."""
+    """Raise InputError if `owners` and `variables` cannot be paired; `columns` are those of each side's variables."""
     row = np.repeat(owner_of_side, list(map(len, columns)))
     column = np.concatenate([np.zeros(0, dtype=np.intp), *columns]).astype(np.intp)
     rows, unowned = left_over(row, column, (len(owners), len(variables)))

@@ -28,7 +28,7 @@ from ..running_log import printed_on
 from .models import PyomoReading, read_pyomo
 
 _VERSION = version("icpmodel")
-#: status → Pyomo's name of the end of a run
+#: status → termination condition of Pyomo
 _TERMINATIONS = {
     Status.SOLVED: TerminationCondition.convergenceCriteriaSatisfied,
     Status.STAGNATED: TerminationCondition.minStepLength,
@@ -40,14 +40,14 @@ _TERMINATIONS = {
     **dict.fromkeys([Status.MEMORY_LIMIT, Status.WORKER_LOST], TerminationCondition.error),
     **dict.fromkeys([Status.MAP_FAILED, Status.CROSSED], TerminationCondition.error),
 }
-#: status → Pyomo's name of the point at the end, else infeasible; SOLVED alone is a success
+#: status → solution status of Pyomo, else infeasible; only SOLVED is a success
 _POINTS = {Status.SOLVED: SolutionStatus.optimal, Status.PRECISION_LIMIT: SolutionStatus.unknown}
 #: options of Pyomo's new solvers that do not apply to this one
 _IGNORED_OPTIONS = {
     "threads": "icpmodel takes the cores that the process may run on, see os.sched_setaffinity",
     "working_dir": "icpmodel runs in this process and writes no files",
 }
-#: options of `icpmodel.solve` that Pyomo has under names of its own
+#: options of `icpmodel.solve` that have other names in Pyomo
 _PYOMO_NAMES = {
     **dict.fromkeys(("time_limit", "timelimit"), "the keyword timelimit (legacy) or time_limit"),
     "raise_on_failure": "raise_exception_on_nonoptimal_result",
@@ -58,7 +58,7 @@ _PYOMO_NAMES = {
 
 
 class AnswerLoader(SolutionLoader):
-    """The best iterate: variable values, and the suffixes `dual` and `rc` where they are declared.
+    """Load the best iterate: variable values, and the suffixes `dual` and `rc` if they are declared.
 
     `dual` maps a Complementarity to p of its row (g of a condition a ≤ f ≤ b ⟂ g). `rc` maps a variable to the same,
     with the sign of MCP solvers' marginals.
@@ -136,12 +136,12 @@ class PyomoSolver(SolverBase):
         Raises
         ------
         InputError
-            For another model.
+            For another model, or an option that does not apply.
         NoOptimalSolutionError
             Where the run failed; nothing is loaded.
         NoFeasibleSolutionError
-            Where the run failed, `load_solutions` is set and `raise_exception_on_nonoptimal_result` is
-            not. With neither, the best iterate is in `results.solution_loader`.
+            Where the run failed, `load_solutions` is True and `raise_exception_on_nonoptimal_result` is
+            False. If both are False, the best iterate is in `results.solution_loader`.
         """
         start_time = time.perf_counter()
         results = Results()
@@ -194,7 +194,7 @@ class PyomoSolver(SolverBase):
             )
 
     def _fill(self, results: Results, model: Any, reading: PyomoReading, solution: Solution) -> None:
-        """Fill in the status. A point that violates an inequality, or a bound of a variable, is no solution."""
+        """Fill `results`. A point that violates an inequality, or a bound of a variable, is not a solution."""
         results.extra_info.solution, results.extra_info.iteration_count = solution, solution.iterations
         checked = solution
         if solution.status in (Status.SOLVED, Status.PRECISION_LIMIT):
@@ -205,17 +205,17 @@ class PyomoSolver(SolverBase):
         if checked.status is Status.STAGNATED and checked is not solution:
             results.termination_condition = TerminationCondition.unknown
         elif checked.solved:
-            # a constant, if there is one; Pyomo takes a number here for "there is a solution"
+            # the constant objective, if there is one; for Pyomo a number here means that there is a solution
             objective = next(model.component_data_objects(Objective, active=True), 0.0)
             results.incumbent_objective = results.objective_bound = value(objective)
 
 
 def _say(streams: Sequence[TextIO], *lines: object) -> None:
-    for stream in streams:  # to put an answer in words is work: it is shown that it is the only one
+    for stream in streams:  # the text of a solution takes time: it tells whether the solution is unique
         print(*lines, sep="\n", file=stream, flush=True)
 
 
 def _chosen(pairs: list[tuple[Any, Any]], selected: Sequence[Any] | None) -> Any:
-    """The pairs as a ComponentMap, of the `selected` components, None for all."""
+    """The `pairs` of the `selected` components as a ComponentMap; all of them if `selected` is None."""
     values = ComponentMap(pairs)
     return values if selected is None else ComponentMap((component, values[component]) for component in selected)

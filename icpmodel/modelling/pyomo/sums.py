@@ -1,4 +1,4 @@
-"""How large the terms of an expression are, by which it is judged whether its value counts as 0."""
+"""The size of the terms of an expression, relative to which its value may count as 0."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from pyomo.core.expr.visitor import StreamBasedExpressionVisitor
 
 
 def _number(node: Any) -> float:
-    """0 for a variable without a value: its coefficients are 0."""
+    """The value of `node`; 0 for a variable without a value, since its coefficients are 0."""
     return float(pyo.value(node, exception=False) or 0.0)
 
 
 def size_of_terms(expression: Any, value: Callable[[Any], Any] = _number) -> Any:
-    """The sum of the absolute values of the terms of `expression`, where `value` says what a part of it is.
+    """The sum of the absolute values of the terms of `expression`, whose parts are evaluated by `value`.
 
     Sums within products and quotients are multiplied out. Anything else, such as a power, is one term.
 
