@@ -1,4 +1,4 @@
-"""How the arrays of a problem are handed to JAX: A, q and the data of an obstacle, and what a change of them is."""
+"""The arrays of a problem that are arguments in JAX: A, q and the data of an obstacle, and changes of them."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def the_package() -> Any:
 
 
 def check_float64() -> None:
-    """Raise InputError where JAX rounds to float32."""
+    """Raise InputError if JAX rounds to float32."""
     if not the_package().config.jax_enable_x64:
         reason = "JAX rounds to float32 here, and an answer is float64"
         raise InputError(f'{reason}: call jax.config.update("jax_enable_x64", True) at the start of the program')
@@ -41,12 +41,12 @@ def check_float64() -> None:
 
 @dataclass(frozen=True, eq=False)
 class Argument:
-    """How one argument is written, as one or two arrays, and what stands for a change of them.
+    """The form of one argument, as one or two arrays, and of changes of them.
 
-    `shapes`: which each of the arrays may have; none where it is a vector of any length. `make`: what `ICP` takes, of
-    the arrays; the array itself where it is None. `matrix`: the pattern of the first array, where this holds entries.
-    `in_data`: whether a change is handed on as one of the data of a map, gains or parameters; else it is made one of
-    values before.
+    `shapes`: the allowed shapes of each array; an empty list allows vectors of any length. `make`: the function of the
+    arrays that gives the argument of `ICP`; None for the array itself. `matrix`: the pattern whose entries the first
+    array holds, if any. `in_data`: whether a change is passed on as a change of the data of a map, gains or parameters;
+    otherwise it is first converted to a change of values.
     """
 
     name: str
@@ -83,14 +83,14 @@ class Argument:
         return _on(self.matrix, change) if self.in_data and self.matrix is not None else change
 
     def gradient(self, in_data: Callable[[], Any], in_values: Any) -> Any:
-        """The gradient in the arrays, from those in the data and in the values of `Derivative.adjoint`."""
+        """The gradient in the arrays, from the gradients in the data and in the values by `Derivative.adjoint`."""
         if not self.in_data:
             return in_values
         return in_data() if self.matrix is None else in_data().data
 
 
 def _real(value: Any, name: str, shapes: Sequence[Shape]) -> Any:
-    """`value` as a float64 array of JAX, of one of the `shapes`, a number as the first of them. Raises InputError."""
+    """`value` as a float64 array of JAX with one of the `shapes`; a number gets the first one. Raises InputError."""
     import jax.numpy as jnp
 
     try:
@@ -107,12 +107,12 @@ def _real(value: Any, name: str, shapes: Sequence[Shape]) -> Any:
 
 
 def _on(pattern: sp.csr_array, data: Any) -> Any:
-    """The matrix with other `data` on a pattern; a dense one as it is."""
+    """The matrix with `data` on the `pattern`; dense `data` are the matrix."""
     return data if data.ndim == 2 else with_entries(pattern, data)
 
 
 def _of_parameters(name: str, make: Callable[[Any], Any], theta: Any) -> Map:
-    """The map that the user makes of parameters. Raises InputError where it has no derivative in them."""
+    """The map that the user's `make` returns for parameters. Raises InputError if it has no derivative in them."""
     result = make(theta.copy())
     if not isinstance(result, Function | Elementwise) or result.parameter_derivative is None:
         expected = "a Function or an Elementwise with its parameter_derivative was expected"
@@ -126,7 +126,7 @@ def obstacles(problem: ProblemData) -> dict[str, Map | None]:
 
 
 def argument(name: str, value: Any, problem: ProblemData, make: Callable[[Any], Any] | None) -> Argument:
-    """How the argument `name` is written. Raises InputError."""
+    """The form of the argument `name`. Raises InputError."""
     A = problem.A
     psi = obstacles(problem).get(name)
     vector = [(problem.n,)]

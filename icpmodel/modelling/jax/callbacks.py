@@ -1,4 +1,4 @@
-"""The callbacks of JAX, with NumPy's arrays and in threads that are none of JAX's: solves and derivatives."""
+"""The functions that JAX calls back, with NumPy arrays and outside its own threads: solves and derivatives."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ from ...solve.many import solve_many
 from ...solve.solution import Solution, Status
 from .argument_forms import Argument, Shape, obstacles, the_package
 
-#: argument → its arrays, and the shapes of one of each
+#: argument → its arrays, and argument → the shapes of a single one of each
 Arrays: TypeAlias = dict[str, tuple[Any, ...]]
 Shapes: TypeAlias = dict[str, tuple[Shape, ...]]
-#: the statuses of an answer, as accurate as float64 allows
+#: the statuses with which z is an answer
 _ANSWERS = (Status.SOLVED, Status.PRECISION_LIMIT)
 
 
 @lru_cache(maxsize=1)
 def worker_threads() -> tuple[ThreadPoolExecutor, ThreadPoolExecutor]:
-    """Two pools of threads that round as the user's thread does, which makes them.
+    """Two pools of threads that round like the user's thread, which must make the first call.
 
-    Threads of JAX flush subnormal numbers to zero, and so do threads that these begin. So the one thread of the first
-    pool begins those of the second, as many as are waited for at once: a map of the user's may call another layer.
+    Threads of JAX flush subnormal numbers to zero, and so do threads that they start. So the one thread of the first
+    pool starts those of the second, one for each call that waits at a time: a user's map may call another layer.
     """
     first = ThreadPoolExecutor(1, "icpmodel")
     first.submit(int).result()
@@ -46,13 +46,13 @@ def worker_threads() -> tuple[ThreadPoolExecutor, ThreadPoolExecutor]:
 
 
 def in_worker_thread(call: Callable[..., Any], *arguments: Any) -> Any:
-    """Call it in a thread of `worker_threads`."""
+    """Run `call` in a thread of `worker_threads` and return its result."""
     first, others = worker_threads()
     thread: list[int] = []
     answer = first.submit(others.submit, _in_float64, thread, call, *arguments).result()
     try:
         return answer.result()
-    except KeyboardInterrupt:  # Python interrupts this thread only, which waits
+    except KeyboardInterrupt:  # Python interrupts only this thread, which waits
         for ident in thread:
             ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(ident), ctypes.py_object(KeyboardInterrupt))
         return answer.result()
@@ -61,7 +61,7 @@ def in_worker_thread(call: Callable[..., Any], *arguments: Any) -> Any:
 def _in_float64(thread: list[int], call: Callable[..., Any], *arguments: Any) -> Any:
     thread.append(get_ident())
     try:
-        # a map of the user's may compute with JAX, and the setting be that of a thread
+        # a user's map may compute with JAX, whose setting may hold in one thread only
         with the_package().enable_x64(True):
             return call(*arguments)
     finally:
@@ -80,7 +80,7 @@ if hasattr(os, "register_at_fork"):
 
 
 class LastDerivative:
-    """The derivative that was last asked for, with its factors, and the arrays and z that it belongs to."""
+    """The derivative that was used last, with its factors; its `key` is the bytes of its arrays and z."""
 
     def __init__(self) -> None:
         self.lock = RLock()
@@ -93,9 +93,9 @@ class LastDerivative:
 
 
 class MappedArrays:
-    """The arrays of a callback, over which JAX may have mapped: one problem an index of `batch_shape`.
+    """The arrays of a callback, with batch axes if JAX has mapped over them: one problem per index of `batch_shape`.
 
-    `shapes` are those of a single one.
+    `shapes` are those of a single problem.
     """
 
     def __init__(self, arrays: Arrays, shapes: Shapes) -> None:
@@ -106,7 +106,7 @@ class MappedArrays:
         ]
         self.batch_shape = np.broadcast_shapes(*(one.shape[: one.ndim - len(shape)] for _, one, shape in parts))
         self.count = prod(self.batch_shape)
-        #: the arguments of which each row has its own
+        #: the arguments that differ between rows
         self.mapped = {name for name, one, shape in parts if one.size > prod(shape)}
         self.arrays: dict[str, list[Any]] = {name: [] for name in arrays}
         for name, one, shape in parts:
@@ -144,12 +144,12 @@ class Callbacks:
         return Z.reshape(*rows.batch_shape, self.problem.n)
 
     def answers(self, rows: MappedArrays) -> Iterable[tuple[Any, Any]]:
-        """Status and z of all rows; both are None if no problem can be made and no error is to be raised."""
+        """Status and z of all rows; both are None in a row with an error that is not to be raised."""
         if rows.count > 1:
             try:
                 several = solve_many(**self.many(rows), raise_on_failure=self.raise_on_failure, **self.options)
                 return zip(several.statuses, several.Z, strict=True)
-            except IcpError:  # what is wrong with one row
+            except IcpError:  # an error of one row
                 if self.raise_on_failure:
                     raise
         alone = map(self.answer, map(rows.at, range(rows.count)))
@@ -182,7 +182,7 @@ class Callbacks:
             return None
 
     def stated(self, row: Arrays) -> ProblemData:
-        """The problem of one row; it shares equal data with the problem of the owner."""
+        """The problem of one row; it shares what does not change with `problem`."""
         problem = self.problem
         arguments = {name: self.forms[name].to_icp(*row[name]) for name in self.forms}
         sides = [arguments.get(name, own) for name, own in obstacles(problem).items()]
@@ -193,7 +193,7 @@ class Callbacks:
         return problem.with_sides(*sides) if "psi" in arguments or "upper" in arguments else problem
 
     def forward(self, residuals: Arrays, changes: Any) -> Any:
-        """dz of all rows and directions; `changes` has those of all arguments, one after the other."""
+        """dz of all rows and directions; `changes` are the concatenated changes of all arguments."""
         ends = np.cumsum(list(self.sizes.values()))[:-1]
 
         def act(derivative: Derivative, change: Vector) -> Vector:
@@ -204,7 +204,7 @@ class Callbacks:
         return self.each(residuals, changes, act, self.problem.n)
 
     def adjoint(self, residuals: Arrays, zbar: Any) -> Any:
-        """The gradients in what `forward` takes, of all rows and weights."""
+        """The gradients in the `changes` of `forward`, of all rows and weights. Raises MapError."""
 
         def act(derivative: Derivative, weight: Vector) -> Vector:
             gradient = derivative.adjoint(weight)
@@ -220,7 +220,7 @@ class Callbacks:
         return self.each(residuals, zbar, act, sum(self.sizes.values()))
 
     def each(self, residuals: Arrays, vectors: Any, act: Callable[[Derivative, Vector], Vector], size: int) -> Any:
-        """`act` on every derivative with its vectors, of length `size`; NaN in rows without a derivative."""
+        """The results of `act`, of length `size`, on all derivatives and their vectors; NaN without a derivative."""
         rows = MappedArrays(residuals, self.shapes | {"z": ((self.problem.n,),)})
         directions = np.asarray(vectors)
         batch_shape = np.broadcast_shapes(rows.batch_shape, directions.shape[:-1])
@@ -228,7 +228,7 @@ class Callbacks:
         directions = np.broadcast_to(directions, batch_shape + directions.shape[-1:]).reshape(row_numbers.size, -1)
         results = np.full((row_numbers.size, size), np.nan)
         with self.last.lock, one_blas_thread():
-            for k in np.argsort(row_numbers, kind="stable"):  # one derivative after the other
+            for k in np.argsort(row_numbers, kind="stable"):  # row by row: one derivative is kept at a time
                 derivative = self.derivative(rows.at(row_numbers[k]))
                 if derivative is None or not np.isfinite(directions[k]).all():
                     continue
@@ -240,7 +240,7 @@ class Callbacks:
         return results.reshape(*batch_shape, size)
 
     def derivative(self, row: Arrays) -> Derivative | None:
-        """The derivative at the z of one row, if a solve from there ends at once; else None."""
+        """The derivative of one row after a solve from its z, which ends at once; None if that fails. Sets `last`."""
         key = tuple((name, np.ascontiguousarray(one).tobytes()) for name, several in row.items() for one in several)
         if key == self.last.key:
             return self.last.derivative

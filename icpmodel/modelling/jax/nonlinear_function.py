@@ -39,13 +39,13 @@ def nonlinear_solution_of(
     Parameters
     ----------
     F : callable
-        A function of JAX, (z, θ) ↦ p, z and p of shape (n,). θ is an array, or a tree of arrays.
+        (z, θ) ↦ p, written in JAX, with z and p of shape (n,). θ is an array, or a tree of arrays.
     n : int
         Number of unknowns.
     psi, upper : float or array_like of shape (n,), optional
         Fixed bounds of z, by default 0 and none.
     sparsity : array_like or sparse of shape (n, n), optional
-        An entry wherever F_i may depend on z_j: for derivatives of columns together.
+        An entry wherever F_i may depend on z_j; columns that share no row are then differentiated together.
     z0 : array_like of shape (n,), optional
         The start, as for `solve`.
     rtol, atol : float, default 1e-8, 0
@@ -61,15 +61,17 @@ def nonlinear_solution_of(
     Raises
     ------
     InputError
-        Where F is no function, a bound or `z0` is no vector of n numbers, `sparsity` is no matrix of n rows, for wrong
-        limits, or where JAX has not float64.
+        Where F is not a function, a bound or `z0` is not a vector of n numbers, `sparsity` is not of shape (n, n), a
+        limit is wrong, or JAX rounds to float32.
+    NotApplicable
+        Where JAX is not installed.
 
     Notes
     -----
-    The Jacobian is made by `jax.jvp`, one for each group of columns that share no row. The derivative is that of the
-    implicit function theorem. Let M have the rows of F′ where p is the smaller one, and those of I elsewhere. Then
-    Mdz = −(∂F/∂θ)dθ in the rows of F′ and 0 in the others. Where p = r = 0 it is the derivative of one side. It can be
-    differentiated again.
+    The Jacobian is made by one `jax.jvp` for each group of columns that share no row. The derivative is that of the
+    implicit function theorem. Let M have the rows of F′ where p is the smaller of p and r, and those of I elsewhere.
+    Then Mdz = −(∂F/∂θ)dθ in the rows of F′ and 0 in the others. Where p = r = 0 it is the derivative of one side. It
+    can be differentiated again.
 
     References
     ----------
@@ -103,7 +105,7 @@ def nonlinear_solution_of(
         check_float64()
         if not any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(theta)):
             with jax.ensure_compile_time_eval():  # within a trace too
-                return jax.numpy.asarray(solved(theta))  # an error comes as it is
+                return jax.numpy.asarray(solved(theta))  # JAX does not wrap errors here
         shape = jax.ShapeDtypeStruct((size,), np.float64)
         return jax.pure_callback(lambda t: in_worker_thread(solved, t), shape, theta, vmap_method="sequential")
 
@@ -118,7 +120,7 @@ def nonlinear_solution_of(
 
 
 def _solver(jacobian: _Jacobian, low: Vector, high: Vector, z0: Any, limits: Limits) -> Solver:
-    """θ ↦ z, by `solve` from `z0`. Raises InputError where that is no vector of n numbers."""
+    """θ ↦ z, by `solve` from `z0`. Raises InputError if `z0` is not a vector of n numbers."""
     start = None if z0 is None else as_vector(getattr(z0, "z", z0), low.size, "z0")
 
     def solved(theta: Any) -> Vector:
@@ -139,7 +141,7 @@ class _Jacobian:
     def __init__(self, jax: Any, F: Callable[[Any, Any], Any], pattern: sp.csr_array) -> None:
         self._jax = jax
         self.F = F
-        # a sum drops entries that are 0
+        # entries of 1, since a sum drops entries that are 0
         there = with_entries(pattern, np.ones(pattern.nnz))
         self._pattern = sp.csr_array(there + sp.eye_array(pattern.shape[0]))
         self._rows = row_of(self._pattern)
@@ -152,7 +154,7 @@ class _Jacobian:
             along = jax.vmap(lambda seed: jax.jvp(lambda y: F(y, theta), (z,), (seed,))[1])(seeds)
             return along[self._of_entry, self._rows]
 
-        #: (z, θ) ↦ the entries, by one derivative along a direction for each colour
+        #: (z, θ) ↦ the entries, by one directional derivative for each colour
         self.entries = jax.jit(entries)
 
     def matrix(self, entries: Any) -> sp.csr_array:

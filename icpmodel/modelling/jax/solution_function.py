@@ -1,7 +1,7 @@
 """The answer of a problem as a function that JAX can trace, batch and differentiate.
 
-What JAX traces calls back to `solve`, or to `solve_many` where it maps, and for derivatives to `icpmodel.Derivative`.
-Products with changes of A and G are JAX's own, so that nothing of the size of a matrix comes back from Python.
+Traced code calls back `solve`, or `solve_many` under `vmap`, and `icpmodel.Derivative` for derivatives. JAX computes
+products with changes of A and G itself, so that Python returns nothing of the size of a matrix.
 """
 
 from __future__ import annotations
@@ -44,16 +44,16 @@ def solution_of(
     problem : ICP, or an object that holds, names or makes one
         The problem.
     psi, upper : callable, optional
-        Only where the map has parameters of yours: a function of their values, a NumPy array of shape
-        (m,), that returns the map. This is a `Function` or an `Elementwise` with its
-        `parameter_derivative`. `upper` is above z.
+        Only for a map with parameters of yours: a function of their values, a NumPy array of shape (m,),
+        that returns the map. This must be a `Function` or an `Elementwise` with its
+        `parameter_derivative`. `upper` is the upper obstacle.
     rtol, atol : float, default 1e-8, 0
         Tolerances, as for `solve`.
     time_limit, memory_limit : float, optional
         Limits, as for `solve` and `solve_many`.
     raise_on_failure : bool, default True
-        Whether NotSolved is raised where there is no answer; else z and its derivatives are NaN. Out of
-        compiled code JAX raises it as a `jax.errors.JaxRuntimeError` that ends with its message.
+        Whether NotSolved is raised if there is no answer; else z and its derivatives are NaN. In compiled
+        code JAX raises a `jax.errors.JaxRuntimeError` instead, which ends with the same message.
 
     Returns
     -------
@@ -129,12 +129,12 @@ class SolutionFunction(Displayable):
     ) -> None:
         self.problem, self.makers, self.options, self.raise_on_failure = problem, makers, options, raise_on_failure
         self._last = LastDerivative()
-        weakref.finalize(self, self._last.forget)  # what JAX has compiled may live longer
+        weakref.finalize(self, self._last.forget)  # compiled code may live longer
         self._traced: dict[Any, TracedFunction] = {}
 
     @check_arguments
     def __call__(self, *, A: Any = None, q: Any = None, psi: Any = None, upper: Any = None, z0: Any = None) -> Any:
-        """z, shape (n,), float64, of the problem with these arrays; what is left out is the problem's own.
+        """The answer z, float64 of shape (n,), with these arrays in place of the problem's own.
 
         Parameters
         ----------
@@ -144,15 +144,15 @@ class SolutionFunction(Displayable):
             The vector q.
         psi, upper : array_like or tuple, optional
             The c of a `Constant`, `Affine` or `Elementwise`, a number or of shape (n,). For an `Affine` also a tuple
-            (G, c), with G as A is given, on the pattern of its own G. The gains of an `Intervention`, shape (nnz,).
-            Parameters, shape (m,).
+            (G, c), with G in a form of A on the pattern of its own G. The gains of an `Intervention`, shape (nnz,). The
+            parameters of a function that was given to `solution_of`, shape (m,).
         z0 : array_like of shape (n,), optional
             The start, on which the derivative does not depend.
 
         Raises
         ------
         InputError
-            For wrong arrays, and where JAX has not float64.
+            For wrong arrays, or if JAX rounds to float32.
 
         Examples
         --------
@@ -181,7 +181,7 @@ class SolutionFunction(Displayable):
         return self._traced[key].function(arrays)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # what JAX has traced, and the lock, belong to one process
+        # traced functions and the lock belong to one process
         return SolutionFunction, (self.problem, self.makers, self.options, self.raise_on_failure)
 
     def __repr__(self) -> str:
@@ -195,7 +195,7 @@ class TracedFunction:
         jax = the_package()
         self.calls, self.n = calls, calls.problem.n
         self.of_vector = jax.ShapeDtypeStruct((self.n,), np.float64)
-        # JAX compiles once for what is the same object
+        # made once, as JAX compiles again for another object
         three = calls.solved, calls.forward, calls.adjoint
         self.solved, self.forward, self.adjoint = (partial(in_worker_thread, call) for call in three)
         self.function = jax.custom_jvp(self.value)
@@ -207,7 +207,7 @@ class TracedFunction:
         if any(isinstance(one, jax.core.Tracer) for several in arrays.values() for one in several):
             return jax.pure_callback(self.solved, self.of_vector, arrays, vmap_method="expand_dims")
         with jax.ensure_compile_time_eval():  # within a trace too
-            return jax.numpy.asarray(self.calls.solved(arrays))  # an error comes as it is
+            return jax.numpy.asarray(self.calls.solved(arrays))  # JAX does not wrap errors here
 
     def tangent(self, primals: Any, tangents: Any) -> Any:
         """The rule of forward mode; JAX derives reverse mode from it."""
@@ -218,7 +218,7 @@ class TracedFunction:
             form = self.calls.forms.get(name)
             if psi is None or (form and form.in_data):
                 continue
-            if missing := psi.no_derivative():  # else the user would hear of it from compiled code
+            if missing := psi.no_derivative():  # else compiled code would raise it
                 raise NotApplicable(missing if name == "psi" else missing.replace("psi", name, 1))
         z = self.function(arrays)
         changes: dict[str, Any] = {}
@@ -232,8 +232,8 @@ class TracedFunction:
     def linear(self, residuals: Arrays, changes: dict[str, Any], z: Any) -> Any:
         """dz for these changes, by a map that JAX can transpose and batch.
 
-        `jax.custom_derivatives.linear_call` is made for this, but cannot be batched. `custom_linear_solve` can be. A
-        map L is for it the solution of (x − Ld, d) = b: for b = (0, d) that is (Ld, d).
+        `jax.custom_derivatives.linear_call` is made for this, but cannot be batched. `custom_linear_solve` can be. It
+        applies a map L by solving (x − Ld, d) = b for (x, d): with b = (0, d) the solution is (Ld, d).
         """
         jax = the_package()
         n = self.n
@@ -256,7 +256,7 @@ class TracedFunction:
 
 @lru_cache(maxsize=1)
 def _guard() -> Any:
-    """z ↦ 1, which raises an error where its derivative is taken."""
+    """z ↦ 1, whose derivative raises NotApplicable."""
     jax = the_package()
 
     @jax.custom_jvp
