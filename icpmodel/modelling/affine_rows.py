@@ -1,4 +1,4 @@
-"""Rows Zz + Ww + constant, w being what is not affine in z, and what is done with many of them at once."""
+"""Rows Zz + Ww(z) + constant, where w are the parts that are not affine, and operations on many of them at once."""
 
 from __future__ import annotations
 
@@ -67,20 +67,26 @@ class AffineRows(NamedTuple):
 
 
 class SumOfTerms:
-    """ψ(z) = Gz + c + Vw(z), w being functions that are not affine: `w` has a `value` and a `jacobian` at z, and a
-    `magnitude`, the sums of the absolute values of their terms. `name` is what messages call it."""
+    """ψ(z) = Gz + c + Vw(z), where w are functions that are not affine.
+
+    `w` has a `value` and a `jacobian` at z, and a `magnitude`, the sums of the absolute values of its terms. `name` is
+    the name of ψ in messages.
+    """
 
     def __init__(self, G: sp.csr_array, c: Vector, V: sp.csr_array, w: Any, name: str) -> None:
         self.__name__ = name
         self.G, self.c, self.V, self.w = G, c, V, w
 
     def __call__(self, z: Vector) -> Vector:
-        """ψ(z). Raises ArithmeticError where an expression has no finite value at `z`."""
+        """ψ(z). Raises ArithmeticError if an expression has no finite value at `z`."""
         return np.asarray(self.G @ z + self.c + self.V @ self.w.value(z))
 
     def jacobian(self, z: Vector) -> sp.csr_array:
-        """ψ′(z) = G + Vw′(z). At the edge of a domain, where w has no finite derivative, that of a point next to z is
-        taken. Raises ArithmeticError where an expression has no gradient there either."""
+        """ψ′(z) = G + Vw′(z).
+
+        At the edge of a domain, where w has no finite derivative, that at a point near z is used. Raises
+        ArithmeticError if an expression has no gradient there either.
+        """
         h = steps(z)
         for near in (z, z + h, z - h):
             with suppress(ArithmeticError):
@@ -93,9 +99,9 @@ class SumOfTerms:
 def obstacle(
     r: AffineRows, bound: AffineRows | None, nonlinear_map: Callable[[sp.csr_array, Vector, sp.csr_array], Function]
 ) -> Vector | Affine | Function:
-    """z − (r − `bound`)/ρ = Gz + c + Vw, `bound` being 0 for None; `nonlinear_map`(G, c, V) where V is not 0.
+    """The obstacle z − (r − `bound`)/ρ = Gz + c + Vw(z), where None is the bound 0.
 
-    ρ_i > 0 is the coefficient of z_i in r_i.
+    ρ_i > 0 is the coefficient of z_i in r_i. The obstacle is `nonlinear_map`(G, c, V) if V is not 0.
     """
     R, W, constant = r
     scale = R.diagonal()
@@ -106,7 +112,7 @@ def obstacle(
         c = constant * factor + 0.0
     G = sp.csr_array((data, (row_of(R)[others], R.indices[others])), shape=R.shape)
     V = sp.csr_array(sp.diags_array(factor) @ W)
-    if bound is not None:  # where it is infinite nothing moves
+    if bound is not None:  # an infinite bound makes a constant obstacle
         moves = np.isfinite(bound.constant) & np.isfinite(c)
         ends = bound._replace(constant=np.where(moves, bound.constant, 0.0)).times(1.0 / scale)
         c = np.where(np.isinf(bound.constant), bound.constant, c + ends.constant)

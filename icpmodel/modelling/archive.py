@@ -22,9 +22,9 @@ from ..present.whole_files import check_replaceable, check_suffix, file_errors, 
 
 #: NumPy's letters for the kinds of real numbers
 REAL_KINDS = "biuf"
-#: the last record of an archive, the fifth field of which is the number of its entries; a comment may follow it
+#: the last record of an archive; its fifth field is the number of entries, and a comment may follow it
 _DIRECTORY_END = struct.Struct("<4s4H2LH")
-#: the fields of a sparse matrix, beside its name
+#: the suffixes of the three fields of a sparse matrix
 _CSR = ("data", "indices", "indptr")
 
 
@@ -32,7 +32,7 @@ _CSR = ("data", "indices", "indptr")
 def open_to_read(path: Path, shares: int = 1) -> Iterator[tuple[BinaryIO, int]]:
     """Open the file `path`, to read one of its `shares` equal parts; yields it and its size in bytes.
 
-    Raises FileError, for pipes and folders, too.
+    Raises FileError, also for pipes and folders, or if the part exceeds the free memory.
     """
     with file_errors(path, "read"):
         if path.exists() and not path.is_file():
@@ -45,7 +45,7 @@ def open_to_read(path: Path, shares: int = 1) -> Iterator[tuple[BinaryIO, int]]:
 
 @contextmanager
 def content_errors(path: Path | None) -> Iterator[None]:
-    """What is wrong with the content of the file `path` is a FileError that names it."""
+    """Turn an InputError about the content of the file `path`, unless this is None, into a FileError that names it."""
     try:
         yield
     except InputError as error:
@@ -55,13 +55,13 @@ def content_errors(path: Path | None) -> Iterator[None]:
 
 
 def check_room(what: str, size: float) -> None:
-    """Raise FileError where the size of `what` in bytes exceeds the free memory."""
+    """Raise FileError if `what`, whose size in bytes is `size`, exceeds the free memory."""
     if not work.memory_suffices(size):
         raise FileError(f"{what} takes {1e-9 * size:.3g} GB of memory, more than is free")
 
 
 def array_of(content: bytes, name: str) -> np.ndarray:
-    """The array of numbers, or the text, in NumPy's format. Raises FileError, which calls it `name`."""
+    """The array of numbers, or the text, in `content` in NumPy's format. Raises FileError, which calls it `name`."""
     file = io.BytesIO(content)
     try:
         array: np.ndarray = np.lib.format.read_array(file, allow_pickle=False)
@@ -76,7 +76,7 @@ def table_of(path: Path, lines: Iterable[Any], expected: str = "numbers", **opti
     """The numbers in the `lines` of a file, by NumPy with these `options`. Raises FileError."""
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("error")  # NumPy warns where there is nothing at all
+            warnings.simplefilter("error")  # NumPy warns of empty input
             table: np.ndarray = np.loadtxt(lines, comments=None, **options)
     except (ValueError, Warning) as error:
         actual = str(error).strip().rstrip(".") if isinstance(error, ValueError) else "holds no numbers"
@@ -99,7 +99,7 @@ def read_arrays(path: Path) -> dict[str, Any]:
         arrays: dict[str, Any] = {}
         for one in entries:
             name = one.filename.removesuffix(".npy")
-            with archive.open(one) as entry:  # no more than it says: a small file could unpack to a large one
+            with archive.open(one) as entry:  # at most the stated size: a small file could unpack to a large one
                 arrays[name] = array_of(entry.read(one.file_size + 1), f"{path}: field {name}")
     for name in [name.removesuffix("_indptr") for name in arrays if name.endswith("_indptr")]:
         arrays[name] = _matrix(path, name, arrays)
@@ -107,7 +107,7 @@ def read_arrays(path: Path) -> dict[str, Any]:
 
 
 def _matrix(path: Path, name: str, fields: dict[str, Any]) -> sp.csr_array:
-    """The square CSR matrix `name`, whose three fields are taken out of `fields`."""
+    """The square CSR matrix `name`; its three fields are removed from `fields`. Raises FileError."""
     parts = [fields.pop(f"{name}_{part}", np.empty((0, 0))) for part in _CSR]
     data, indices, indptr = parts
     n = indptr.size - 1
@@ -125,8 +125,8 @@ def _matrix(path: Path, name: str, fields: dict[str, Any]) -> sp.csr_array:
 
 
 def text_of(path: Path, fields: dict[str, Any], name: str) -> str:
-    """The text in the field `name`, or "" where there is none. Raises FileError."""
-    with file_errors(path, "read"):  # for characters that there are not
+    """The text in the field `name`, or "" if there is none. Raises FileError."""
+    with file_errors(path, "read"):  # for invalid characters
         return str(fields[name]) if name in fields and fields[name].dtype.kind == "U" else ""
 
 
@@ -153,5 +153,5 @@ def write_arrays(path: Path, kind: str, arrays: dict[str, Any]) -> None:
 
 
 def check_free(path: Path, kind: str) -> None:
-    """Raise FileError where something is at `path` that must not be replaced: all but a file of this kind."""
+    """Raise FileError if something else than a file of this `kind`, which may be replaced, is at `path`."""
     check_replaceable(path, lambda: check_kind(path, read_arrays(path), kind))

@@ -1,11 +1,11 @@
 """Problems on disk. Files are data: nothing is ever unpickled or evaluated.
 
 A saved problem is one `.npz` file, which other programs read with `numpy.load`. Its fields are format, q and A, the
-latter as the CSR arrays A_data, A_indices and A_indptr. ψ(z) = Gz + c is in c and, in the same way, G; an obstacle
-above in upper_c and upper_G. Without c, ψ = 0.
+latter as the CSR arrays A_data, A_indices and A_indptr. ψ(z) = Gz + c is stored in c and, like A, in G; an upper
+obstacle in upper_c and upper_G. Without c, ψ = 0.
 
-Files of other programs are read in two forms. A, q, psi and upper may be in a file each, see `formats`. Or they are
-together, by these names, in a `.mat` file or in one by `numpy.savez`. ψ given by Python code has no file form.
+Files of other programs are read in two forms. A, q, psi and upper may be in one file each, see `formats`. Or a `.mat`
+file, or one by `numpy.savez`, holds all of them under these names. ψ given by Python code has no file form.
 """
 
 from __future__ import annotations
@@ -30,36 +30,36 @@ Source = str | PathLike[str]
 
 _PROBLEM = "icpmodel problem 3"
 SOLUTION = "icpmodel solution 3"
-#: obstacle → what the names of its parts begin with
+#: obstacle → prefix of the names of its parts
 OBSTACLE_PREFIXES = {"psi": "", "upper": "upper_"}
 #: the parts of a problem in a file
 _PARTS = ("A", "q", "c", "G", "upper_c", "upper_G")
-#: names of variables in files of other programs → the parts that they are
+#: name of a variable in files of other programs → part
 _ALIASES = {"psi": "c", "upper": "upper_c"}
 
 
 @check_arguments
 def save_problem(problem: ProblemLike, path: str | PathLike[str]) -> None:
-    """Write `problem` to the `.npz` file `path`; other programs may take `scipy.io.mmwrite("A.mtx", problem.A)`.
+    """Write `problem` to the `.npz` file `path`; for other programs use `scipy.io.mmwrite("A.mtx", problem.A)`.
 
     Parameters
     ----------
     problem : ICP
-        Both obstacles are constant or affine.
+        Its p is affine, and its obstacles are constant or affine.
     path : str or path
         The `.npz` file.
 
     Raises
     ------
     InputError
-        For any other ψ.
+        For any other p or ψ.
     FileError
         Where the path cannot be written.
 
     Notes
     -----
-    The file is written under another name and then renamed. So the old file or the new one is there, whole. Only a
-    saved problem is replaced, and links are not followed.
+    The file is written under another name and then renamed. So `path` is always the whole old file or the whole new
+    one. Only a saved problem is replaced, and links are not followed.
 
     Examples
     --------
@@ -85,7 +85,7 @@ def load_problem(
         `numpy.savez` file with the variables A, q, and optionally psi and upper. Or A alone: `.npy`, `.npz` by
         `scipy.sparse.save_npz`, `.mat`, `.mtx`, `.bin` by PETSc, `.csv` or `.txt` without a header.
     q : str or path, optional
-        A file of n numbers, where `path` does not hold them. In a file of several variables it is found by its name.
+        A file of n numbers, if `path` does not hold them. In a file of several variables it is found by its name.
     psi, upper : str, path or float, optional
         A file of the obstacle, or a number. Without `psi` it is 0; without `upper` there is no upper obstacle.
 
@@ -101,7 +101,7 @@ def load_problem(
 
     Notes
     -----
-    A `.mat` file that is cut where a variable ends is whole to every reader: print the problem.
+    No reader detects that a `.mat` file was truncated at the end of a variable: print the problem to see what was read.
 
     Examples
     --------
@@ -138,9 +138,9 @@ def is_number(source: Any) -> TypeGuard[float]:
 
 
 def problem_of(parts: dict[str, Any], sources: dict[str, Path]) -> ICP:
-    """The problem of its parts A and q, and of c, G, upper_c and upper_G as far as they are given.
+    """The problem of the parts A and q, and of c, G, upper_c and upper_G if given.
 
-    A FileError names the file of the part that is wrong, as `sources` say.
+    Raises FileError, which names the file of the wrong part by `sources`, part → file.
     """
     A = parts["A"]
     if "q" not in parts:
@@ -163,7 +163,7 @@ def problem_of(parts: dict[str, Any], sources: dict[str, Path]) -> ICP:
 
 
 def problem_parts(problem: ProblemLike) -> dict[str, Any]:
-    """The parts of `problem`, as `problem_of` takes them. Raises InputError where ψ has no file form."""
+    """The parts of `problem`, as `problem_of` takes them. Raises InputError if p or ψ has no file form."""
     problem = as_problem(problem, nonlinear=True)
     if problem.f is not None:
         raise InputError(f"f is {problem.f!r}, code of yours; only problems with affine p can be written to a file")
@@ -184,7 +184,7 @@ def check_has_problem(path: Path, fields: dict[str, Any]) -> None:
 
 
 def _parts_in(path: Path) -> dict[str, Any]:
-    """The parts of a problem in a file, A at least."""
+    """The parts of a problem in a file, A at least. Raises FileError."""
     arrays = read_named(path)
     if text_of(path, arrays, "format") == SOLUTION:
         check_has_problem(path, arrays)

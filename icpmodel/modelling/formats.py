@@ -1,4 +1,4 @@
-"""Numbers as NumPy, SciPy, MATLAB, PETSc and spreadsheets write them: the content of a file by its suffix.
+"""Read numbers in files of NumPy, SciPy, MATLAB, PETSc and spreadsheets, by the suffix of the file.
 
 - .npy: an array
 - .npz: a matrix by scipy.sparse.save_npz, or arrays by numpy.savez
@@ -30,7 +30,7 @@ from .petsc_binary import read_petsc
 
 
 def _of_npz(path: Path) -> Any:
-    """The matrix by scipy.sparse.save_npz, or all arrays; `format` is the kind of a file of this package."""
+    """The matrix by scipy.sparse.save_npz, or all arrays; a file of this package has `format`, but not `data`."""
     fields = read_arrays(path)
     if "format" not in fields:
         return {name: checked_numbers(path, name, one) for name, one in fields.items()}
@@ -38,21 +38,21 @@ def _of_npz(path: Path) -> Any:
         return fields
     size = sum(one.nbytes for one in fields.values())
     with file_errors(path, "read"), content_errors(path):
-        # fewer bytes than rows are a huge matrix with next to no entries
+        # fewer bytes than rows: a huge matrix with almost no entries
         if np.max(fields.get("shape", 0), initial=0) > size:
             raise FileError(f"{path}: has the shape {tuple(fields['shape'].tolist())}, but only {size} bytes")
         return checked_sparse(sp.load_npz(path), "it").astype(np.float64)
 
 
 def checked_numbers(path: Path, name: str, value: Any) -> Any:
-    """`value`, where it is a matrix, a vector or a number. Raises FileError."""
+    """`value`, if it is a matrix, a vector or a number. Raises FileError otherwise."""
     if sp.issparse(value) or (value.ndim <= 2 and value.dtype.kind in REAL_KINDS):
         return value
     raise FileError(f"{path}: {name} has shape {value.shape}, dtype {value.dtype}; an array of real numbers expected")
 
 
 def read_values(path: Path, name: str, n: int) -> Any:
-    """The `n` numbers, or the only one, in a file; of several variables that called `name`."""
+    """The `n` numbers, or the only one, in a file; of several variables the one called `name`. Raises FileError."""
     arrays = read_named(path)
     value = arrays.get(name, next(iter(arrays.values())) if len(arrays) == 1 else None)
     if value is None:
@@ -61,7 +61,7 @@ def read_values(path: Path, name: str, n: int) -> Any:
 
 
 def as_values(path: Path, value: Any, n: int) -> Any:
-    """`value`, which was read from `path`, as an array; no sparse matrix of another shape is made one."""
+    """`value`, read from `path`, as an array. Raises FileError for a sparse matrix that is not a vector of size `n`."""
     if not sp.issparse(value):
         return value
     if sorted(value.shape) != sorted((n, 1)):
@@ -76,10 +76,10 @@ def _has_names(line: str, between: str | None) -> bool:
 
 
 def read_text(path: Path, heads: str = "") -> np.ndarray:
-    """The table of numbers in a text file, of two axes, below `heads`, or a line of names, where there is one."""
+    """The 2-D table of numbers in a text file, below the line `heads` or, if there is one, a line of names."""
     between = "," if path.suffix.lower() == ".csv" else None
     with open_to_read(path) as (raw, size):
-        check_room(str(path), 8.0 * size / 2)  # a number has a digit and what ends it
+        check_room(str(path), 8.0 * size / 2)  # a number has a digit and a separator
         check_end(path, raw, size)
         if not size:
             raise FileError(f"{path}: is empty")
@@ -97,7 +97,7 @@ def _of_npy(path: Path) -> Any:
         return checked_numbers(path, "it", array_of(file.read(), f"{path}: it"))
 
 
-#: the end of the name → its reader
+#: suffix → reader
 _READERS: dict[str, Callable[[Path], Any]] = {
     ".npy": _of_npy,
     ".npz": _of_npz,
@@ -111,7 +111,7 @@ SUFFIXES = tuple(_READERS)
 
 
 def read_named(path: Path) -> dict[str, Any]:
-    """Name → array or sparse matrix, of a file that names what it holds; "" is the name of the only thing in others.
+    """Name → array or sparse matrix in a file; "" is the name in files that hold one value without a name.
 
     Raises FileError.
     """

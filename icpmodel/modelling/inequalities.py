@@ -1,4 +1,4 @@
-"""Inequalities that stand beside the conditions of a model: they determine nothing, and are checked at the answer."""
+"""Inequalities of a model besides its conditions: they determine no unknown, and are checked at the answer."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from .affine_rows import AffineRows
 
 
 def checked(solution: Solution, rows: AffineRows, name: Callable[[int], str]) -> Solution:
-    """`solution` where all `rows`, in the first entries of its z, are ≤ 0; else one that says which is not.
+    """`solution` if all `rows` are ≤ 0 at its z; else one with another status, whose message names a violated row.
 
     A row counts as ≤ 0 up to the default rtol of the sum of its terms' absolute values.
 
     Parameters
     ----------
     solution : Solution
-        Of the conditions and equations.
+        A solution of the conditions and equations.
     rows : AffineRows
-        The inequalities, with a constant −inf in a row that says nothing.
+        The inequalities in the first entries of z; a row with the constant −inf always holds.
     name : callable
-        What a message calls the inequality of a row.
+        Row → the name of its inequality in messages.
 
     Returns
     -------
     Solution
-        It is polished where the solution violates a row. Its status is INFEASIBLE where it is proved that
-        no solution of the conditions satisfies the inequalities, STAGNATED where they are violated otherwise.
+        It is polished if the solution violates a row. Its status is INFEASIBLE if it is proved that no
+        solution of the conditions satisfies the inequalities, STAGNATED if they are violated otherwise.
     """
     rows = rows.wider(solution.z.size - rows.Z.shape[1])
     values, terms = _values(rows, solution.z)
@@ -43,7 +43,7 @@ def checked(solution: Solution, rows: AffineRows, name: Callable[[int], str]) ->
     solution = solution.polish()
     values, terms = _values(rows, solution.z)
     absolute = abs(rows.Z)
-    # a residual is a step in z
+    # the residual is in the units of z, whose error may be as large
     violated = values > RTOL * terms + solution.residual * np.asarray(absolute.sum(axis=1))
     if not violated.any():
         return solution

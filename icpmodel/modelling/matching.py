@@ -1,4 +1,4 @@
-"""Which unknown is each row's own: of r = Rz + … the j with r_i = ρz_j − …, ρ > 0, no j twice; and the matchings."""
+"""Matchings of rows and unknowns: each row of r = Rz + … owns a z_j with r_i = ρz_j − …, ρ > 0, and no j twice."""
 
 from __future__ import annotations
 
@@ -14,8 +14,10 @@ Columns = NDArray[np.intp]
 
 
 def resemblance_to_r(R: sp.csr_array) -> int:
-    """How much Rz + … looks like z − ψ(z), R without stored zeros: 2 one positive entry alone in each row, no column
-    twice; 1 a 1 in each row; 0 neither."""
+    """How much Rz + … looks like z − ψ(z), as 2, 1 or 0, for an R without stored zeros.
+
+    2: one positive entry alone in each row, no column twice; 1: a 1 in each row; 0: neither.
+    """
     is_alone = R.nnz == R.shape[0] and bool((np.diff(R.indptr) == 1).all() and (R.data > 0).all())
     if is_alone and np.unique(R.indices).size == R.nnz:
         return 2
@@ -23,8 +25,10 @@ def resemblance_to_r(R: sp.csr_array) -> int:
 
 
 def own_entries(R: sp.csr_array) -> Columns | None:
-    """The own column of each row of `R`, CSR (m, n): positive entries, none in one column; None if that cannot be. It
-    costs least in all: 1 for a 1, as z − ψ(z) is mostly written so, else 2 + log(the row's largest / entry)."""
+    """The column that each row of `R`, CSR (m, n), owns: positive entries, no column twice; None if that is impossible.
+
+    Their total cost is least: 1 for an entry 1, as in most z − ψ(z), else 2 + log(the row's largest / entry).
+    """
     n = R.shape[0]
     rows, positive = row_of(R), R.data > 0
     rows, columns, entries = rows[positive], R.indices[positive], R.data[positive]
@@ -58,7 +62,7 @@ def arranged(A: sp.csr_array, free: Mask) -> tuple[Columns, NDArray[np.float64]]
 
 
 def cheapest(rows: Columns, columns: Columns, cost: NDArray[np.float64], m: int, n: int) -> Columns | None:
-    """One of n columns for each of m rows, none for two, that together cost least; None where that cannot be."""
+    """A column of n for each of m rows, no column twice, with the least total cost; None if there is no such choice."""
     from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 
     order = np.lexsort((cost, rows))
@@ -73,7 +77,7 @@ def cheapest(rows: Columns, columns: Columns, cost: NDArray[np.float64], m: int,
 
 
 def left_over(rows: Columns, columns: Columns, shape: tuple[int, int]) -> tuple[Columns, Columns]:
-    """The rows and the columns that are left where as many pairs (row, column) as possible are taken, each once."""
+    """The rows and the columns that a maximum matching of the pairs (row, column) leaves over."""
     from scipy.sparse.csgraph import maximum_bipartite_matching
 
     graph = sp.csr_array((np.ones(rows.size), (rows, columns)), shape=shape)

@@ -1,6 +1,6 @@
-"""MATLAB's files of variables, versions 5 to 7, by SciPy.
+"""Read MATLAB's files of variables, versions 5 to 7, by SciPy.
 
-SciPy's reader ends the process where the type of an element is damaged. So a process of its own reads the file first.
+SciPy's reader crashes if the type of an element is damaged. So a separate process reads the file first.
 
 Reference: MathWorks, MAT-File Format.
 """
@@ -31,7 +31,7 @@ _COMPRESSED = 15
 
 
 def read_variables(path: Path) -> dict[str, Any]:
-    """Name → array of real numbers or sparse matrix. Raises FileError, for what is no number, too."""
+    """Name → array of real numbers or sparse matrix. Raises FileError, also if a variable is not numeric."""
     with open_to_read(path) as (file, _), file_errors(path, "read"):
         content = file.read()
         order = _ORDERS.get(content[126:_HEADER_BYTES])
@@ -47,7 +47,7 @@ def read_variables(path: Path) -> dict[str, Any]:
 
 
 def _check_room(path: Path, content: bytes, order: str) -> None:
-    """Raise FileError where a variable unpacks to more than the machine has free."""
+    """Raise FileError if a variable unpacks to more than the free memory."""
     at = _HEADER_BYTES
     while at + 8 <= len(content):
         kind, size = struct.unpack_from(f"{order}II", content, at)
@@ -55,7 +55,7 @@ def _check_room(path: Path, content: bytes, order: str) -> None:
         packed = zlib.decompressobj()
         packed_bytes = content[at - size : at] if kind == _COMPRESSED else b""
         total = 0
-        while packed_bytes and not packed.eof:  # in pieces of its own size: only what fits is unpacked
+        while packed_bytes and not packed.eof:  # in pieces of the packed size: only what fits is unpacked
             total += len(packed.decompress(packed_bytes, size))
             packed_bytes = packed.unconsumed_tail
             check_room(str(path), 2.0 * total)
@@ -69,7 +69,7 @@ def _load(content: bytes) -> dict[str, Any]:
 
 
 def _numbers(path: Path, name: str, value: Any) -> Any:
-    """The variable; one of shape (1, 1) is a number, as MATLAB has no others."""
+    """The variable, if it is real. A matrix with one entry becomes a number, as MATLAB has no scalars."""
     if value.dtype.kind not in REAL_KINDS:
         actual = "complex" if value.dtype.kind == "c" else f"of dtype {value.dtype}"
         raise FileError(f"{path}: the variable {name} is {actual}; real numbers were expected")

@@ -1,6 +1,6 @@
-"""Matrix Market files of real numbers: SciPy reads the header, NumPy the lines, and what is not as it says is an error.
+"""Read Matrix Market files of real numbers: SciPy reads the header, NumPy the lines; contradictions are errors.
 
-SciPy's own reader of the lines takes 1,5 for 1, and leaves out what follows on a line.
+SciPy's own reader of the lines takes 1,5 for 1, and ignores the rest of a line.
 
 Reference: Boisvert, Pozo and Remington, The Matrix Market exchange formats (1996), NISTIR 5935.
 """
@@ -21,7 +21,7 @@ from .archive import open_to_read, table_of
 _INDICES: list[tuple[str, Any]] = [("i", np.int64), ("j", np.int64)]
 #: the kinds of entries, the first one in coordinates only
 _FIELDS = ("pattern", "real", "integer", "unsigned-integer")
-#: a_ji of the a_ij that a file holds, i > j, as a multiple of it
+#: symmetry → a_ji / a_ij for the entries a_ij, i > j, in the file
 _MIRRORED = {"general": 0, "symmetric": 1, "skew-symmetric": -1}
 
 
@@ -44,14 +44,14 @@ def read_matrix(path: Path) -> Any:
             raise FileError(f"{path}: is {rows} x {columns}, and cannot be {symmetry}")
         if is_dense and mirrored:
             count = rows * (rows + mirrored) // 2
-        # a line has two bytes or more, and a square matrix with fewer bytes than rows has next to no entries
+        # a line has two bytes or more, and a square matrix with fewer bytes than rows has almost no entries
         if 2 * count > size or min(rows, columns) > size:
             actual = f"its header promises {rows} x {columns} with {count} entries"
             raise FileError(f"{path}: {actual}, which do not fit into {size} bytes; is the file truncated?")
         kind = [*([] if is_dense else _INDICES), *([] if field == "pattern" else [("a", np.float64)])]
         file.seek(0)
         lines = (line for line in file if line.strip() and not line.startswith(b"%"))
-        next(lines)  # the sizes
+        next(lines)  # the line of sizes
         numbers = table_of(path, lines, dtype=kind, ndmin=1) if count else np.empty(0, kind)
         found = numbers.size + sum(1 for _ in lines)
         if found != count:
@@ -61,7 +61,7 @@ def read_matrix(path: Path) -> Any:
 
 
 def _assemble(path: Path, shape: tuple[int, int], is_dense: bool, mirrored: int, numbers: NDArray[Any]) -> sp.coo_array:
-    """The matrix of the lines, with `mirrored` times what is below its diagonal above it. Raises FileError."""
+    """The matrix of the lines; `mirrored` times its strict lower triangle is mirrored above it. Raises FileError."""
     rows, columns = shape
     if is_dense:
         j, i = np.divmod(np.arange(numbers.size), rows) if not mirrored else np.triu_indices(rows, int(mirrored < 0))
@@ -81,7 +81,7 @@ def _assemble(path: Path, shape: tuple[int, int], is_dense: bool, mirrored: int,
 
 
 def check_end(path: Path, raw: BinaryIO, size: int) -> None:
-    """Raise FileError unless the last line ends: a number that is cut short is a number, too."""
+    """Raise FileError unless the last line ends, since a truncated number is a number, too."""
     if size and (raw.seek(-1, os.SEEK_END), raw.read(1))[1] not in b"\r\n":
         raise FileError(f"{path}: its last line does not end; is the file truncated?")
     raw.seek(0)

@@ -1,8 +1,8 @@
-"""PETSc's binary files of one sparse matrix or one vector, as `MatView` and `VecView` write them, any rows at a time.
+"""Read any rows of PETSc's binary files of one sparse matrix or one vector, as `MatView` and `VecView` write them.
 
-All is big-endian: a head of integers, of a matrix the number of entries of each row and the column of each entry, then
-the numbers. Integers have 32 or 64 bits, as the PETSc that wrote the file; numbers are real, of double precision.
-NumPy maps the arrays, so that a process reads what it takes.
+All is big-endian: a header of integers; for a matrix, the number of entries of each row and the column of each entry;
+then the numbers. Integers have 32 or 64 bits, as in the PETSc that wrote the file; numbers are real, of double
+precision. NumPy maps the arrays to memory, so that a process reads only what it uses.
 
 Reference: the manual page of MatLoad of PETSc.
 """
@@ -19,7 +19,7 @@ from ..errors import FileError
 from ..numerics.arrays import Vector
 from .archive import open_to_read
 
-#: PETSc's mark of a matrix and of a vector, and the integers in their headers
+#: PETSc's mark of a matrix, and mark → number of integers in the header, for a matrix and a vector
 _MATRIX = 1211216
 _HEADS = {_MATRIX: 4, 1211214: 2}
 _NUMBER = np.dtype(">f8")

@@ -1,4 +1,4 @@
-"""What a front end makes of a model: an ICP, and the way back from its z to the model. Solving needs no more."""
+"""The contract of a front end, which reads a model as an ICP and maps z back to the model; and the solve."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from ..solve.goal import RTOL
 from ..solve.solution import Solution, Status
 from .affine_rows import SumOfTerms
 
-#: share of its terms up to which a side counts as 0, as a multiple of rtol: by default 1e-6, the tolerance of PATH and
-#: of GAMS's other MCP solvers; no smaller rtol makes it smaller
+#: a side counts as 0 up to this multiple of rtol, as a share of its terms: by default 1e-6, the tolerance of PATH and
+#: of GAMS's other MCP solvers; a smaller rtol than the default does not make it smaller
 _RTOL_FACTOR = 100.0
 
 
 @runtime_checkable
 class Reading(Protocol):
-    """A model in another language, read as an ICP. A further language is a further class with these five."""
+    """A model in another language, read as an ICP. A further language needs a class with these five members."""
 
     @property
     def problem(self) -> ICP:
-        """The ICP. Raises InputError, with the name of what is wrong, where the model is none."""
+        """The ICP. Raises InputError, with the name of the wrong part, if the model is not an ICP."""
 
     def start(self) -> Vector | None:
         """The present values of the variables, as z of `problem`, shape (n,); None where none has one."""
@@ -46,21 +46,21 @@ class Reading(Protocol):
 
 
 def solved(reading: Reading, method: str | Method | None = None, *, z0: Any = None, **options: Any) -> Solution:
-    """Solve what was read, from the present values of its variables unless `z0` is given.
+    """Solve the problem of `reading`, from the present values of its variables unless `z0` is given.
 
     Returns
     -------
     Solution
-        Solved or not. It is also judged in the units of each condition: the smaller of p and r has to
-        be small beside its own terms. Where it is not, the solution is polished. Where that does not
-        help, the status is PRECISION_LIMIT. A contradiction has the names of the model.
+        Solved or not. It is also judged in the units of each condition: the smaller of p and r must be
+        small relative to its own terms. If it is not, the solution is polished. If that does not help,
+        the status is PRECISION_LIMIT. A contradiction has the names of the model.
     """
     problem = reading.problem
     start = reading.start() if z0 is None else z0
     solution = problem.solve(method, z0=start, raise_on_failure=False, **options)
     if solution.status is Status.INFEASIBLE:
         return _with_names(reading, solution)
-    # a certified error, and the paper's residual, were asked for in units that the user has chosen
+    # the user has chosen the units of `accuracy` and of `atol`, by which the run was judged
     if not solution.solved or solution.accuracy or solution.residual > solution.tolerance:
         return solution
     limit = _RTOL_FACTOR * max(RTOL, options.get("rtol") or 0.0)
@@ -92,7 +92,7 @@ def _with_names(reading: Reading, solution: Solution) -> Solution:
 def _shares(reading: Reading, z: Vector) -> Vector:
     """|mid(z − ψ̄, p, z − ψ)|, row by row, where each of the three is divided by the sum of its terms' absolute values.
 
-    No z_j counts as smaller than the rounding of the largest, as the steps of no method resolve it.
+    No |z_j| counts as smaller than the rounding of the largest one, which no method resolves.
     """
     problem = reading.problem
     size = np.maximum(np.abs(z), max(UNIT_ROUNDOFF * np.abs(z).max(initial=0.0), np.finfo(float).tiny))

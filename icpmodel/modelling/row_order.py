@@ -1,6 +1,6 @@
-"""Rows of conditions and equations in the order of z, so that row i of r is ρz_i − …, ρ > 0.
+"""Put rows of conditions and equations in the order of z, so that row i of r is ρz_i − …, ρ > 0.
 
-A row of r that has no such z_i gets a new unknown s in its place, with the equation s − r(z) = 0.
+A row of r that has no such z_i is replaced by a new unknown s, with the equation s − r(z) = 0.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from .matching import arranged, left_over, own_entries, resemblance_to_r
 
 
 class OrderedRows(NamedTuple):
-    """All rows in the order of z, and how those of the conditions came there.
+    """All rows in the order of z, and their origin.
 
     Attributes
     ----------
@@ -29,11 +29,11 @@ class OrderedRows(NamedTuple):
     owned_columns : ndarray of int, shape (m,)
         The entry of z that each row of a condition owns.
     sign : ndarray, shape (m,)
-        −1 where such a row was multiplied by that, else 1.
+        −1 where the row of a condition was multiplied by −1, else 1.
     replaced : AffineRows
-        The rows of r for which the last entries of z stand.
+        The rows of r that the last entries of z replace.
     sources : ndarray of int, shape (n,)
-        Row → the number of its condition, or m plus that of its equation.
+        Row → the number of its row of a condition, or m plus that of its equation.
     """
 
     p: AffineRows
@@ -49,7 +49,7 @@ class OrderedRows(NamedTuple):
 def in_order(
     p: AffineRows, r: AffineRows, equations: AffineRows, lower: AffineRows | None, upper: AffineRows | None
 ) -> OrderedRows:
-    """The rows in the order of z."""
+    """Put the rows in the order of z; change signs and add unknowns where needed."""
     m = r.Z.shape[0]
     sign = _signs(r.Z)
     if (sign < 0).any():
@@ -79,7 +79,7 @@ def in_order(
 def _match_rows(
     p: AffineRows, r: AffineRows, equations: AffineRows, *bounds: AffineRows | None
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], tuple[Any, ...], AffineRows]:
-    """The entry of z that each row of r owns, which rows own none, all rows with unknowns for these, and these."""
+    """The entry of z that each row of r owns; rows without one; all parts with new unknowns for these; these rows."""
     parts: tuple[Any, ...] = (p, r, equations, *bounds)
     owned_columns = own_entries(r.Z)
     if owned_columns is not None:
@@ -96,7 +96,7 @@ def _match_rows(
 def _with_unknowns(
     rows: NDArray[np.intp], p: AffineRows, r: AffineRows, equations: AffineRows, *bounds: AffineRows | None
 ) -> tuple[Any, ...]:
-    """The same conditions and equations where a new unknown s stands for each of the `rows` of r: s − r(z) = 0."""
+    """The conditions and equations with a new unknown s in place of each of the `rows` of r, and s − r(z) = 0."""
     k = rows.size
     p, r, equations = p.wider(k), r.wider(k), equations.wider(k)
     unknowns = r.constants(k, 0.0)
@@ -106,14 +106,14 @@ def _with_unknowns(
 
 
 def _signs(R: sp.csr_array) -> Vector:
-    """−1 for the rows that own a negative entry, where entries of either sign may be owned; else 1."""
+    """−1 for the rows that own a negative entry if entries of either sign may be owned, else 1."""
     sign = np.ones(R.shape[0])
     i = row_of(R)
     there = R.data != 0.0
     matched = np.setdiff1d(np.arange(R.shape[0]), left_over(i[there], R.indices[there], R.shape)[0])
     R = R[matched]
     R.eliminate_zeros()
-    # of two alike the positive one is owned
+    # of two entries of the same size the positive one is owned
     sizes = np.where(R.data > 0.0, R.data, (np.sqrt(UNIT_ROUNDOFF) - 1.0) * R.data)
     owned = own_entries(with_entries(R, sizes))
     if owned is not None:
@@ -131,8 +131,10 @@ def _swap_bounds(lower: AffineRows, upper: AffineRows, sign: Vector) -> tuple[Af
 
 
 def p_before_r(Z: sp.csr_array, sizes: Sequence[int], may_swap: Sequence[bool]) -> NDArray[np.intp]:
-    """The order of the rows, of all p and then all r of conditions of these `sizes`, in which of two sides the one that
-    is more like z − ψ(z) is the second."""
+    """The order of the rows of `Z` in which all p come before all r, where r is the side that is more like z − ψ(z).
+
+    `Z` has all first and then all second sides of conditions with these `sizes`, which may swap where `may_swap`.
+    """
     order = np.arange(Z.shape[0])
     m = sum(sizes)
     done = 0

@@ -1,4 +1,4 @@
-"""The lines of a run that is printed while it goes on: `verbose` in CVXPY, `tee` in Pyomo."""
+"""Print the progress of a run: `verbose` in CVXPY, `tee` in Pyomo."""
 
 from __future__ import annotations
 

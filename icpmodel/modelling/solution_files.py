@@ -1,4 +1,4 @@
-"""Solutions on disk, whole as `.npz`, or as numbers alone for other programs.
+"""Solutions on disk: complete as `.npz`, or only the numbers for other programs.
 
 - `.npz`: z, p, r, the status and the certificate as JSON text, and the problem if ψ can be saved.
 - `.csv`: the header z,p,r, and one line for each row of the problem.
@@ -61,14 +61,14 @@ def save_solution(solution: Solution, path: str | PathLike[str]) -> None:
         The answer.
     path : str or path
         `.npz` for all that `load_solution` reads: z, the status, the certificate, the options, and the problem unless
-        ψ is Python code. `.csv` for z, p and r alone, one line for each row below the heads z, p, r.
+        ψ is Python code. `.csv` for z, p and r only, one line for each row below the header z,p,r.
 
     Raises
     ------
     InputError
-        For an object that is no solution.
+        For an object that is not a Solution.
     FileError
-        Where the path cannot be written or ends otherwise. Only a file of the same kind is replaced.
+        Where the path cannot be written or has another suffix. Only a file of the same kind is replaced.
 
     Examples
     --------
@@ -100,7 +100,7 @@ def save_solution(solution: Solution, path: str | PathLike[str]) -> None:
 
 
 def check_place(path: Source) -> None:
-    """Raise FileError now where `save_solution` would later: a name that ends otherwise, or another file there."""
+    """Raise FileError where `save_solution` would: if `path` has another suffix, or is another file."""
     place = as_path(path)
     check_suffix(place, WRITABLE_SUFFIXES)
     with file_errors(place, "written"):
@@ -121,29 +121,29 @@ def load_solution(
 ) -> Solution:
     """Read what `save_solution` wrote to an `.npz` file.
 
-    Nothing read is believed: p, r, the residual, the tolerance, the proof that there is no solution, and the
-    certificate are those of z and the problem. A run that was asked for less than by default is read by asking for as
-    little here. Why the run stopped unsolved, its steps, seconds and method are as the file says.
+    The file is not trusted: p, r, the residual, the tolerance, the proof that there is no solution, and the
+    certificate are computed from z and the problem. If the run had looser tolerances than the default, give them here
+    as well. Only why a run stopped unsolved, its steps, seconds and method are taken from the file.
 
     Parameters
     ----------
     path : str or path
         An `.npz` file by `save_solution`.
     problem : ICP, optional
-        The problem, by default the one in the file. It is needed where ψ is Python code.
+        The problem, by default the one in the file. It is required if ψ is Python code.
     rtol, atol, accuracy : float, optional
         What a solution has to satisfy to be called solved, as in `solve`.
 
     Returns
     -------
     Solution
-        With the tolerance that `rtol` makes of the problem.
+        The answer, with the tolerance that follows from `rtol` and the problem.
 
     Raises
     ------
     FileError
-        Where the file cannot be read, or says that z is a solution, or that there is none, and this is not so. Then
-        `icpmodel.certify(problem, z)` says how far off z is, with z of `numpy.load(path)`.
+        Where the file cannot be read, or states wrongly that z is a solution, or without proof that there is none. Then
+        `icpmodel.certify(problem, z)` tells how far off z is, with z from `numpy.load(path)`.
 
     Examples
     --------
@@ -169,7 +169,7 @@ def load_solution(
 
 
 def read_start(path: Path, n: int) -> Vector:
-    """Read z, shape (n,), of what `save_solution` wrote, or a vector in any other file, to start from.
+    """Read a start, shape (n,): z of a file by `save_solution`, or the vector in any other file.
 
     Raises FileError.
     """
@@ -187,10 +187,10 @@ def _vector(path: Path, value: Any, n: int, name: str) -> Vector:
 
 
 def _known(path: Path, about: dict[str, Any], name: str, expected: str) -> Any:
-    """The field `name` of the JSON text: "a text", cleared of control characters, or "a number >= 0"."""
+    """The field `name` of the JSON text: "a text", cleared of control characters, or "a number >= 0"; or FileError."""
     value = about.get(name)
     if expected == "a text" and isinstance(value, str):
-        # nothing moves the cursor of a terminal
+        # no character may move the cursor of a terminal
         return "".join(letter if letter.isprintable() or letter == "\n" else "?" for letter in value)
     is_number = isinstance(value, int | float) and not isinstance(value, bool) and 0.0 <= value <= sys.float_info.max
     if expected == "a number >= 0" and is_number:
@@ -199,7 +199,7 @@ def _known(path: Path, about: dict[str, Any], name: str, expected: str) -> Any:
 
 
 def _proof(problem: ProblemData, witness: Any) -> Answer | None:
-    """The proof that there is no solution, by the `witness` in a file or, where that is none, by another run."""
+    """The proof that there is no solution, if any, by the `witness` in a file or, if that fails, by another run."""
     with suppress(InputError):
         y = as_float64(witness, "witness").ravel()
         for one in (problem, with_fixed_obstacle(problem)):  # where y has another size it proves nothing
@@ -217,7 +217,7 @@ def _proof(problem: ProblemData, witness: Any) -> Answer | None:
 def _judge_answer(
     path: Path, about: dict[str, Any], problem: ProblemData, fields: dict[str, Any], limits: Limits
 ) -> Solution:
-    """The solution of `problem` in the `fields` of a file, as far as it holds. Raises FileError."""
+    """The solution of `problem` in the `fields` of a file. Raises FileError if its status does not hold."""
     z = _vector(path, fields.get("z"), problem.n, "field z")
     try:
         status = Status(about.get("status"))
@@ -258,7 +258,7 @@ def _judge_answer(
 
 
 def _check_solved(path: Path, solution: Solution, goal: Goal) -> None:
-    """Raise FileError where an answer that the file calls solved is not."""
+    """Raise FileError if an answer that the file calls solved is not."""
     if solution.accuracy:
         bound = solution.error_bound
         holds = bound is not None and bound <= solution.accuracy
