@@ -61,8 +61,8 @@ def nonlinear_solution_of(
     Raises
     ------
     InputError
-        Where F is not a function, a bound or `z0` is not a vector of n numbers, `sparsity` is not of shape (n, n), a
-        limit is wrong, or JAX rounds to float32.
+        Where F is not a function, a bound or `z0` has not n numbers, `sparsity` has not the shape (n, n), a limit is
+        wrong, or JAX rounds to float32.
     NotApplicable
         Where JAX is not installed.
 

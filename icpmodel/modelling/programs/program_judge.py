@@ -37,7 +37,7 @@ class Violation(NamedTuple):
 class Judge:
     """Judge iterates of conditions with the matrix [[H, Eᵀ, Gᵀ], [−E, 0, 0], [−G, 0, 0]]; `is_x` marks the rows of H.
 
-    The error of row i is 0 if z_i is on the obstacle onto which p_i presses it, else |p_i|, as a share of the sum of
+    The error of row i is 0 if z_i is on the obstacle onto which p_i presses it, else |p_i|. It is a share of the sum of
     the |terms| of p_i. Rounding errors are subtracted, as large as if every unknown were the largest of its `group`.
 
     The gap is the second criterion, so that large entries of H do not hide g. If y = x + Δ is in C,
