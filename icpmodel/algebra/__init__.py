@@ -1,1 +1,1 @@
-"""Splittings, operators, sweeps, active-set equations and subproblems: what methods are made of."""
+"""Splittings, operators, sweeps, active-set equations and subproblems: the building blocks of the methods."""

@@ -1,6 +1,6 @@
-"""The linear systems of Newton's method on the modulus equation, and of the derivative of its answer.
+"""The linear systems of Newton's method on the modulus equation, and of the derivative of a solution.
 
-J has the rows of I − ψ′ where rows are active, those of A in the others, the free ones.
+Active rows of J are rows of I − ψ′. All others are free, and are rows of A.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from .multigrid_equations import MultigridEquations, cycles_cost
 
 
 class ActiveEquations:
-    """Jx = f and Jᵀx = f for many f: by V-cycles of A's hierarchy where these pay, or by elimination.
+    """Solver of Jx = f and Jᵀx = f for many f, by V-cycles of A's hierarchy where these cost less, else by elimination.
 
     Parameters
     ----------
@@ -34,20 +34,20 @@ class ActiveEquations:
     jacobian : CSR array of shape (n, n)
         ψ′(z).
     by_cycles : bool, optional
-        Whether the hierarchy is taken. By default it is where A has the signs of an M-matrix, and
-        ten V-cycles cost less than factors with no fill twice.
+        Whether V-cycles are used. By default they are where A has the signs of an M-matrix, and ten
+        Krylov steps cost less than a band factorisation and than two sparse ones without fill.
 
     Raises
     ------
     OutOfTime, OutOfMemory
-        Where a factorisation takes more than is left.
+        Where the hierarchy, a cycle or a factorisation needs more than is left.
 
     Notes
     -----
-    The levels of A serve every active set, factors one only. So the cost of the levels is not
-    counted for the cycles. Cycles cost again for every f, so a factorisation takes over once it
-    costs no more than they have. Where A has no hierarchy, or where the cycles do not converge,
-    elimination takes over.
+    The hierarchy of A serves every active set, a factorisation only one. So the cost of the
+    hierarchy is not counted for the cycles. Cycles cost the same again for every f. So by default
+    elimination replaces them once they have cost as much as it would. It also does where A has no
+    hierarchy, or where the cycles do not converge.
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class ActiveEquations:
     ) -> None:
         self._arguments = (problem, active, jacobian)
         self._multigrid: MultigridEquations | None = None
-        # whether factors replace the cycles once these have cost as much, and what they have cost
+        # whether elimination may replace the cycles once these have cost as much; their cost so far, in nanoseconds
         self._may_end = by_cycles is None
         self._spent = 0.0
         if by_cycles or (self._may_end and cycles_pay(problem, ~active)):
@@ -67,12 +67,12 @@ class ActiveEquations:
         return Elimination(*self._arguments)
 
     def solve(self, f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
-        """x with Jx = f, or Jᵀx = f, shape (n,), its free rows to the relative `tolerance` where that is inexact.
+        """x with Jx = f, or Jᵀx = f, shape (n,); None where J is singular.
 
-        None where J is singular.
+        Iterative solvers stop at the relative residual `tolerance`. Cycles may be replaced for good, see the class.
         """
         with np.errstate(all="ignore"):
-            # the first system needs no elimination to compare with
+            # before the first system there is no cost to compare, so no symbolic analysis is made
             if self._multigrid is not None and self._may_end and self._spent and self._spent >= self._elimination.cost:
                 self._multigrid = None
             if self._multigrid is not None:
@@ -87,7 +87,7 @@ class ActiveEquations:
 
 
 def cycles_pay(problem: ProblemData, free: Mask) -> bool:
-    """Whether V-cycles suit A, and are predicted to cost less than factors of its `free` rows and columns."""
+    """Whether V-cycles suit A, and are predicted to cost less than factorising its `free` rows and columns."""
     matrix = problem.matrix
     rows = matrix.rows
     cost = cycles_cost(problem)
@@ -103,14 +103,14 @@ def cycles_pay(problem: ProblemData, free: Mask) -> bool:
 
 
 class Elimination:
-    """J, or its free rows and columns where ψ is constant: then the active unknowns are known.
+    """Factorisation of J, or of its free rows and columns where ψ is constant: then the active unknowns are known.
 
     Parameters
     ----------
     problem, active, jacobian
         As for `ActiveEquations`.
     shift : array of shape (n,), optional
-        Added to the diagonal of A.
+        Added to the diagonal of A in the free rows.
     """
 
     def __init__(self, problem: ProblemData, active: Mask, jacobian: sp.csr_array, shift: Vector | None = None) -> None:
@@ -141,7 +141,7 @@ class Elimination:
         return solver_of(self._M, self._analysis)
 
     def solve(self, f: Vector, tolerance: float, transposed: bool = False) -> Vector | None:
-        """x with Jx = f, or Jᵀx = f, or None."""
+        """x with Jx = f, or Jᵀx = f, shape (n,); None where J is singular or x overflows."""
         if self._whole:
             return self._solver(f, tolerance, transposed)
         matrix = self._problem.matrix

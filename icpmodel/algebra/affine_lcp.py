@@ -1,4 +1,4 @@
-"""The dense LCP behind a small problem with an affine ψ, as pivots take it."""
+"""The dense LCP that is equivalent to a small problem with an affine ψ, in the form for pivoting."""
 
 from __future__ import annotations
 
@@ -26,23 +26,23 @@ Matrix = NDArray[np.float64]
 
 #: the largest number of pivots for a small LCP, in units of n + 1
 MAX_PIVOTS_PER_ROW = 50
-#: the largest number of rows of a problem, or a block of one, that is solved by pivoting
+#: the largest number of rows of a problem, or of a block of one, that is solved by pivoting
 PIVOT_UP_TO = MAX_DENSE_ROWS
-#: arrays of n² entries that are held at once: A, its exponents and units, its scaled copy, and the dictionary
+#: number of arrays of n² entries held at once: A, its exponents and units, its scaled copy, and the dictionary
 _WORK_ARRAYS = 5
-#: nanoseconds per entry to make and fill these arrays: 40 to 50 at n = 10⁴ and 2·10⁴, where all pages are new
+#: nanoseconds, times n², to make and fill these arrays: 40 to 50 at n = 10⁴ and 2·10⁴, where all pages are new
 _SETUP_COST = 45.0
-#: the cost of an inverse and a product with it, in factorisations
+#: the cost of an inverse and a product with it, in units of a factorisation
 INVERSE_COST = 6.0
 
 
 def lcp_rows(facts: Facts) -> int:
-    """The rows of the LCP: one for each unknown, and one more for each upper obstacle that moves by itself."""
+    """The number of rows of the LCP: one per unknown, and one per upper obstacle unless bounds on y stand for these."""
     return facts.matrix.n if in_box(facts) else obstacles(facts)
 
 
 def obstacles(facts: Facts) -> int:
-    """The number of unknowns and of upper obstacles."""
+    """The number of unknowns plus that of upper obstacles; moving ones count in every row."""
     n = facts.matrix.n
     upper = facts.psi.upper
     if upper is None:
@@ -51,15 +51,15 @@ def obstacles(facts: Facts) -> int:
 
 
 def in_box(facts: Facts) -> bool:
-    """Whether bounds of y stand for the two obstacles: both are fixed, or move alike."""
+    """Whether bounds on y stand for the two obstacles: both are fixed, or differ by a constant vector."""
     psi = facts.psi
-    # an affine ψ that amounts to a fixed obstacle is taken as it is
+    # an affine ψ that is equivalent to a fixed obstacle keeps its G
     is_fixed = facts.has_fixed_obstacle and (psi.is_constant or psi.linear is None)
     return is_fixed or bool(psi.parallel)
 
 
 def too_large(facts: Facts) -> str | None:
-    """Why the rows are not pivoted: the dense arrays do not fit into memory. None if they fit."""
+    """Why pivoting is impossible: its dense arrays do not fit into memory. None if they fit."""
     n = lcp_rows(facts)
     if work.memory_suffices(_WORK_ARRAYS * 8.0 * n**2):
         return None
@@ -67,20 +67,20 @@ def too_large(facts: Facts) -> str | None:
 
 
 class AffineLcp:
-    """The LCP My + q ≥ 0, y ≥ 0 behind an ICP with ψ(z) = Gz + c, y between bounds where there are two obstacles.
+    """The LCP My + q ≥ 0, y ≥ 0 of an ICP with ψ(z) = Gz + c; with two obstacles y may have a second bound.
 
     Parameters
     ----------
     A : array of shape (n, n) or (k, n, n)
-        The matrix, dense, or k of them; `M` has as many.
+        The dense matrix, or k of them; then `M` holds k matrices as well.
     q, c : array of shape (n,)
         The vectors; with k matrices q has the shape (k, n).
     G : array of shape (n, n), optional
         Dense; None for 0.
     upper : tuple (d, H), optional
-        The upper obstacle, Hz + d, in the same form; None where there is none.
+        The vector and the matrix (None for 0) of the upper obstacle Hz + d; None where there is none.
     adds_rows : bool, default True
-        Whether H differs from G.
+        Whether the upper obstacle adds rows, because H differs from G.
 
     Raises
     ------
@@ -89,10 +89,11 @@ class AffineLcp:
 
     Notes
     -----
-    y is z minus the obstacle nearer to 0, and `bound` the other one, as in `kernels.dictionary`. In the rows
-    `without_obstacle`, y has any sign and the inequality is an equation. An upper obstacle with H ≠ G adds a row for
-    each row that has it. The first rows are then Az + q + Ds ≥ 0, d_i = max_j |a_ij|. Behind z, y holds s, whose rows
-    are D(Hz + d − z) ≥ 0. So p < 0 where z is at the upper obstacle.
+    y is z minus the obstacle whose constant is nearer to 0, and `bound` is y at the other one, of either sign, as in
+    `kernels.dictionary`. In the rows `without_obstacle`, y has any sign and the inequality is an equation. An upper
+    obstacle with H ≠ G adds one row for each of its rows. The first n rows are then Az + q + Ds ≥ 0, where D is the
+    diagonal of max_j |a_ij|. The last entries of y are s ≥ 0, with the rows D(Hz + d − z) ≥ 0. So p may be negative
+    where z is at the upper obstacle.
 
     References
     ----------
@@ -152,11 +153,11 @@ class AffineLcp:
         return np.isnan(self.bound)
 
     def right_sides(self, Q: Any, D: Any) -> Any:
-        """q of the LCP, shape (n,) or one in each row, from those of the ICP and d of its upper obstacle."""
+        """[q, Dd], the q of the LCP before Mc is added, for the vectors q and d, or for the rows of `Q` and `D`."""
         return Q if self.rows is None else np.concatenate([Q, self.weight * D[..., self.rows]], axis=-1)
 
     def active_rows(self, y: Vector) -> tuple[Mask, Mask]:
-        """The rows at an obstacle and those at the upper one, where the pivots end with `y`; masks of shape (n,)."""
+        """The rows at an obstacle and those at the upper one for the final `y` of the pivots; masks of shape (n,)."""
         own = y[: self.n]
         bound = self.bound[: self.n]
         below = np.where(bound < 0.0, own == bound, (own == 0.0) & (bound >= 0.0))
@@ -169,19 +170,19 @@ class AffineLcp:
     def covering(self) -> Vector:
         """The vector d in w = q + My + d·t, shape (m,) for m rows: 1, but 0 in the added rows.
 
-        Where y = 0 violates an added row, `first_dictionary` takes 1 there. So z keeps to both obstacles
-        along the path, which ends in a solution if all rows have both.
+        Where y = 0 violates an added row, `kernels.pivoting.start` replaces 0 by 1. So z stays between the
+        obstacles along the path, which ends in a solution if all rows have both.
         """
         d = np.ones(self.M.shape[-1])
         d[self.n :] = 0.0
         return d
 
     def first_dictionary(self, covering: Vector | None = None, dropped: int | None = None) -> Any:
-        """The first dictionary, as `kernels.pivoting.continue_pivots` takes it.
+        """The arguments of `kernels.pivoting.continue_pivots` for a new run, without the last two.
 
-        `covering` is the vector d in w = q + My + d·t, in the units of the rows, by default that of the same name. With
-        `dropped` = j, d is column j of M where that is positive. If no row is an equation t then stands for y_j, and
-        y_j w_j = 0 is dropped along the path.
+        `covering` is the vector d in w = q + My + d·t for the scaled rows, by default the property of that name; it is
+        0 in the added rows. With `dropped` = j, d is column j of the scaled M where that is positive. If no row is an
+        equation, t then plays the role of y_j, and the condition y_j w_j = 0 is dropped along the path.
         """
         from .kernels import balancing, pivoting  # loads numba
 
@@ -194,7 +195,7 @@ class AffineLcp:
     def pivot_transform(self, rows: NDArray[np.int64]) -> AffineLcp:
         """The principal pivot transform: w_i and y_i change places in `rows`, where y_i has no upper bound.
 
-        Raises SingularOperator where the rows and columns `rows` of M are singular.
+        Raises SingularOperator where the condition number of M in the rows and columns `rows` is 1/√ε or more.
         """
         new = copy(self)
         block = self.M[np.ix_(rows, rows)]
@@ -226,11 +227,11 @@ class AffineLcp:
         return self.q + self.M @ y
 
     def z(self, y: Vector) -> Vector:
-        """The z that belongs to y."""
+        """z = (I − G)⁻¹(y + c)."""
         return self.solve_I_minus_G(y + self.c)
 
     def solve_I_minus_G(self, x: Any) -> Any:
-        """(I − G)⁻¹x, for x of shape (n,) or for all rows of a matrix, and without the entries for the added rows."""
+        """(I − G)⁻¹x for a vector x, or for each row of a matrix, after the entries for added rows are dropped."""
         if self.rows is not None:
             x = x[..., : self.n]
         return x if self.inverse is None else x @ self.inverse.T
@@ -244,7 +245,7 @@ def dense_matrix(problem: ProblemData) -> Matrix:
 
 
 def dense_lcp(problem: ProblemData) -> AffineLcp:
-    """The LCP behind `problem`, where ψ is affine or amounts to a fixed obstacle. Raises SingularOperator, MapError."""
+    """The LCP of `problem`, whose ψ is affine or equivalent to a fixed obstacle. Raises SingularOperator, MapError."""
     A = dense_matrix(problem)
     upper = None if problem.upper is None else affine_obstacle(problem.facts, problem.upper)
     return AffineLcp(A, problem.q, *affine_obstacle(problem.facts, problem.psi), upper, not in_box(problem.facts))
@@ -253,7 +254,7 @@ def dense_lcp(problem: ProblemData) -> AffineLcp:
 def affine_obstacle(facts: Facts, psi: Map) -> tuple[Vector, Matrix | None]:
     """c and the dense G of Gz + c, where `psi` is the lower or the upper obstacle of `facts`.
 
-    G is None where both obstacles are fixed, or amount to fixed ones. Raises MapError.
+    G is None where both are constant, or where they are not affine but equivalent to fixed ones. Raises MapError.
     """
     if facts.psi.is_constant or facts.psi.linear is None or psi.linear is None:
         c = facts.obstacle if psi is facts.psi else facts.upper_obstacle
@@ -264,21 +265,21 @@ def affine_obstacle(facts: Facts, psi: Map) -> tuple[Vector, Matrix | None]:
 
 
 def run_pivots(state: Any, entering: int, max_pivots: int) -> Any:
-    """Up to `max_pivots` pivots, as `kernels.pivoting.continue_pivots` returns them, in pieces. Raises OutOfTime."""
+    """Make up to `max_pivots` pivots in pieces, on `state`; return as `continue_pivots` does. Raises OutOfTime."""
     from .kernels.pivoting import UNFINISHED, continue_pivots  # loads numba
 
     n = len(state[0])
     pivot_cost = work.COSTS.pivot_entry * n**2
     piece = work.steps_per_piece(pivot_cost)
     equations = np.count_nonzero(np.isnan(state[4])) if entering < 0 else 0
-    if equations:  # they leave in one piece, with all others at most
+    if equations:  # they are eliminated in one piece, by at most n pivots
         work.check_budget(n * pivot_cost)
         work.count(equations * pivot_cost)
     while True:
         count = min(piece, max_pivots)
         work.check_budget(min(count, n) * pivot_cost)
         result = continue_pivots(*state, entering, count)
-        # as many pivots as were asked for, or at the end one at least for each entry of y
+        # unfinished: as many pivots as were requested; else at least one for each nonzero entry of the solution
         work.count(pivot_cost * (count if result[0] == UNFINISHED else np.count_nonzero(result[2]) + 1))
         max_pivots -= count
         entering = result[1]

@@ -1,4 +1,4 @@
-"""Directions in which a merit function ½‖φ‖² falls."""
+"""Descent directions of a merit function ½‖φ‖²."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ NEWTON_RTOL = SQRT_EPSILON
 
 
 def descent_directions(problem: ProblemData, V: sp.csr_array, phi: Vector, shift: Vector) -> Iterator[Vector]:
-    """The Newton direction, with V regularised if singular, then steepest descent with Cauchy's step length.
+    """Yield the Newton direction, with V regularised if singular, then steepest descent with Cauchy's step length.
 
     Parameters
     ----------
     problem : ProblemData
-        The problem, whose A has about the entries of V: its symbolic analysis serves for all V.
+        The problem; its A has about the pattern of V, so that its symbolic analysis serves for all V.
     V : CSR array of shape (n, n)
         An element of the generalised derivative of φ.
     phi : array of shape (n,)
         φ.
     shift : array of shape (n,)
-        The diagonal that is added to a singular V, times `FIRST_REGULARISATION_SKEW`.
+        A singular V gets this diagonal, times `FIRST_REGULARISATION_SKEW`, added.
     """
     analysis = factor_costs(problem.matrix).analysis
     step = solver_of(V, analysis.of_similar(V))(-phi, NEWTON_RTOL)
@@ -41,4 +41,4 @@ def descent_directions(problem: ProblemData, V: sp.csr_array, phi: Vector, shift
     gradient = V.T @ phi
     steepest = gradient / norm(gradient)
     size = norm(V @ steepest)
-    yield -steepest * (phi @ (V @ steepest)) / size / size  # the square may not be a float
+    yield -steepest * (phi @ (V @ steepest)) / size / size  # the square may under- or overflow

@@ -1,4 +1,4 @@
-"""The equations that a choice of rows leaves: z = ψ(z) in the active ones, Az + q = 0 in the others."""
+"""The equations of an active set: z = ψ(z) in the active rows, Az + q = 0 in the others."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ..problem.map import Map
 from ..problem.two_sided import select_obstacle
 from .operators import FactorisedOperator
 
-#: steps of iterative refinement, or of Newton's method with the first derivative kept
+#: the number of steps of iterative refinement, or of Newton's method with the derivative at its start
 _REFINEMENTS = 4
 
 
@@ -43,7 +43,7 @@ def submatrix(problem: ProblemData, rows: NDArray[np.intp]) -> sp.csr_array:
 
 
 def restricted_data(problem: ProblemData, rows: NDArray[np.intp], z: Vector) -> tuple[sp.csr_array, Vector]:
-    """A in these `rows`, ascending, and the same columns, and q there with the values of `z` for all other unknowns."""
+    """A in these `rows`, ascending, and the same columns; and q in them, with all other unknowns fixed at `z`."""
     from ..numerics.kernels.graph import restricted_arrays  # loads numba
 
     A = problem.A
@@ -52,12 +52,12 @@ def restricted_data(problem: ProblemData, rows: NDArray[np.intp], z: Vector) -> 
 
 
 class Pattern(NamedTuple):
-    """The active set: the rows on the obstacle's side of the modulus.
+    """The active set: the rows in which the modulus selects an obstacle.
 
     Parameters
     ----------
     r : array of shape (n,)
-        z minus the obstacle that each row is nearer to.
+        z minus the upper obstacle in the rows `above`, else minus the lower one.
     active : mask of shape (n,)
         The active rows.
     above : mask of shape (n,), optional
@@ -70,7 +70,7 @@ class Pattern(NamedTuple):
 
     @classmethod
     def at(cls, problem: ProblemData, z: Vector, p: Vector | None = None, omega: Vector | None = None) -> Pattern:
-        """At `z`, where Az + q = `p`: rows with r_i < p_i/Ω_i, and those with z_i − ψ̄_i > p_i/Ω_i; Ω = `weights`."""
+        """The active set at `z`: rows with r_i < p_i/Ω_i or z_i − ψ̄_i > p_i/Ω_i; by default p = p(z), Ω = weights."""
         with np.errstate(over="ignore", invalid="ignore"):
             p = problem.p(z) if p is None else p
             omega = problem.matrix.weights if omega is None else omega
@@ -78,7 +78,7 @@ class Pattern(NamedTuple):
 
     @classmethod
     def of(cls, r: Vector, r_upper: Vector | None, a: Vector) -> Pattern:
-        """From r = z − ψ, `r_upper` = z − ψ̄ and a = p/Ω; rows whose obstacles meet are active."""
+        """The active set from r = z − ψ, `r_upper` = z − ψ̄ and a = p/Ω; rows with ψ ≥ ψ̄ are active."""
         if r_upper is None:
             return cls(r, r < a)
         at_upper = r_upper > a
@@ -95,7 +95,7 @@ class Pattern(NamedTuple):
 
 
 def solve_on(problem: ProblemData, z: Vector, active: Mask, above: Mask | None = None) -> Vector:
-    """The solution of z_i = ψ_i(z) in the `active` rows, (Az + q)_i = 0 in the others, near `z`.
+    """Solve z_i = ψ_i(z) in the `active` rows and (Az + q)_i = 0 in the others, starting at `z`.
 
     Parameters
     ----------
@@ -106,12 +106,12 @@ def solve_on(problem: ProblemData, z: Vector, active: Mask, above: Mask | None =
     active : mask of shape (n,)
         The active rows.
     above : mask of shape (n,), optional
-        The rows with ψ̄ in place of ψ.
+        The rows that take ψ̄ in place of ψ.
 
     Returns
     -------
     array of shape (n,)
-        A candidate only: `error_bound` bounds its error.
+        A candidate, whose error `error_bound` bounds.
 
     Raises
     ------
@@ -122,8 +122,8 @@ def solve_on(problem: ProblemData, z: Vector, active: Mask, above: Mask | None =
 
     Notes
     -----
-    One factorisation, of the other rows alone where ψ has no derivative, then refinement while the
-    residual falls.
+    One factorisation, of the free rows alone where ψ is constant or its derivative is not known.
+    Then refinement while the residual falls.
     """
     psi = select_obstacle(problem.psi, above)
     jacobian = psi.jacobian(z)

@@ -26,14 +26,15 @@ _MAX_FILL = 4
 
 
 class NoHierarchy(Exception):
-    """The diagonal of A or of a coarser level is not positive, coarsening stalls, or the coarser levels fill in."""
+    """Multigrid does not apply: see `Hierarchy`, which raises this."""
 
 
 class Level:
-    """A of one level, that of `problem`, CSR, shape (m, m), with its diagonal; it never changes once it is made.
+    """One level: the matrix A of `problem`, CSR, shape (m, m), and its diagonal. Hierarchies share coarser levels.
 
     Where there is a coarser level, `P`, CSR, shape (m, m_coarse), interpolates from it. Its unknowns
-    are the `coarse_points`, shape (m_coarse,), of this level, whose values P leaves alone.
+    are the `coarse_points`, shape (m_coarse,), of this level, where P is the identity. Raises
+    NoHierarchy unless the diagonal is positive.
     """
 
     def __init__(self, problem: ProblemData) -> None:
@@ -47,7 +48,7 @@ class Level:
         self.inverse = 1.0 / self.diagonal
         self.P: Any = None
         self.coarse_points: Any = None
-        #: of the coarsest level: the rows whose inverse was made last, and that inverse
+        #: coarsest level only: the free rows of the last inverse, and that inverse
         self.last_inverse: tuple[Any, Any] = (None, None)
 
     @cached_property
@@ -56,7 +57,7 @@ class Level:
         return self.P.T
 
     def transposed(self) -> Level:
-        """The level of Aᵀ."""
+        """The level of Aᵀ, with the same interpolation."""
         A = self.A.T.tocsr()
         level = Level(ProblemData.of_checked(A, np.zeros(A.shape[0]), 0.0))
         level.P = self.P
@@ -65,7 +66,7 @@ class Level:
 
 
 class Hierarchy:
-    """The levels of A, and a V-cycle for A_FF x = f_F where F, the free rows, changes often and A does not.
+    """The levels of A, and V-cycles for A_FF x = f_F where the free rows F change often and A does not.
 
     Parameters
     ----------
@@ -75,18 +76,21 @@ class Hierarchy:
     Raises
     ------
     NoHierarchy
-        Where multigrid would take all time and memory. The diagonal of A or of a coarser level is
-        not positive; more than 512 rows cannot be made fewer; or a level has four times the entries
-        of A.
+        Where the diagonal of A or of a coarser level is not positive; where coarsening stalls at
+        more than 512 rows; or where a coarser level overflows or has more than four times the
+        entries of A, so that it would cost more than it helps.
+    OutOfTime, OutOfMemory
+        Where the setup needs more than is left.
 
     Notes
     -----
-    A matrix with an `origin`, from which it differs by a diagonal D, has the levels of that one. The
-    rows of P are scaled to solve their own equations, and PᵀDP is lumped: the diagonal matrix of Pᵀd
-    replaces it. Both have the same product with a constant where the rows of P have the sum 1.
+    The levels of A = `origin` + D, with a diagonal D, are made from those of `origin`. The rows of P
+    are scaled so that each solves its own equation. PᵀDP is lumped: the diagonal matrix of Pᵀd, d
+    the diagonal of D, replaces it. Both have the same product with a constant vector where the rows
+    of P have the sum 1.
 
-    On every level the points whose own row is not free keep the value 0. That truncates the
-    interpolation without another Galerkin product. The neglected terms are next to the border of F.
+    On every level the points that are not free keep the value 0. This truncates the interpolation
+    without another Galerkin product. The neglected terms are next to the border of F.
 
     References
     ----------
@@ -100,7 +104,7 @@ class Hierarchy:
         self.restrict(np.ones(problem.n, dtype=np.bool_))
 
     def restrict(self, free: Mask, top: int = 0) -> None:
-        """Let only the rows where `free`, shape (m,), of level `top` take part in the cycles that follow."""
+        """Restrict all later cycles to the `free` rows, a mask of shape (m,), of level `top`."""
         vars(self).pop("transposed", None)
         self._free = [free] * (top + 1)
         for level in self.levels[top:-1]:
@@ -111,7 +115,7 @@ class Hierarchy:
 
     @cached_property
     def _inverse(self) -> NDArray[np.float64]:
-        """The inverse of the free rows of the coarsest level, which is kept: these rows seldom change."""
+        """The inverse of the free rows of the coarsest level, cached in that level as these rows seldom change."""
         level = self.levels[-1]
         rows, inverse = level.last_inverse
         if not np.array_equal(rows, self._coarsest_rows):
@@ -179,21 +183,21 @@ def _inverse_of(A: NDArray[np.float64]) -> NDArray[np.float64]:
     """A⁻¹, or the pseudoinverse where A⁻¹ has no correct digits."""
     with one_blas_thread():
         with suppress(np.linalg.LinAlgError):
-            inverse = np.asarray(np.linalg.inv(A), np.float64)  # a tenth of the cost of the other
+            inverse = np.asarray(np.linalg.inv(A), np.float64)  # a tenth of the cost of pinv
             size, inverse_size = (np.abs(B).sum(axis=0).max(initial=0.0) for B in (A, inverse))
             if size * inverse_size < _MAX_CONDITION:
                 return inverse
         return np.asarray(np.linalg.pinv(A), np.float64)
 
 
-#: of the last matrix: P and `coarse_points` of the finest level and the levels below it, or why there are none.
-#: Those of all matrices would need three times as much memory as the matrices themselves
+#: of the last matrix only: P and `coarse_points` of the finest level and the coarser levels, or NoHierarchy. Those of
+#: all matrices would need three times as much memory as the matrices themselves
 _CACHE: WeakKeyDictionary[Matrix, tuple[Any, Any, list[Level]] | NoHierarchy] = WeakKeyDictionary()
 
 
 def _levels(problem: ProblemData) -> list[Level]:
-    """The levels of A. Raises NoHierarchy."""
-    # whether the levels are still there makes no difference to what is counted
+    """The levels of A, from the cache if A was the last matrix. Raises NoHierarchy."""
+    # the work that is counted does not depend on the cache
     setup_cost = hierarchy_cost(problem.n, problem.nnz)
     finest = Level(problem)
     cached = _CACHE.get(problem.matrix)
@@ -211,7 +215,7 @@ def _levels(problem: ProblemData) -> list[Level]:
 
 
 def _levels_by_origin(problem: ProblemData) -> list[Level] | None:
-    """The levels of A by those of its `origin`; None where there is none, or where it has no levels."""
+    """The levels of A made from those of its `origin`; None without an `origin`, or where either has no levels."""
     origin = problem.matrix.origin
     if origin is None:
         return None
@@ -228,7 +232,7 @@ def _levels_by_origin(problem: ProblemData) -> list[Level] | None:
 
 
 def _with_interpolation(level: Level, problem: ProblemData) -> Level:
-    """The level of `problem` with the interpolation of `level`, where each row solves its own equation."""
+    """The level of `problem` with the interpolation of `level`, scaled so that each row solves its own equation."""
     new = Level(problem)
     if level.P is not None:
         share = level.diagonal * new.inverse
@@ -241,7 +245,7 @@ def _with_interpolation(level: Level, problem: ProblemData) -> Level:
 
 
 def _coarser(finest: Level) -> tuple[Any, Any, list[Level]] | NoHierarchy:
-    """P and the coarse points of `finest`, and the coarser levels; `finest` itself is not stored."""
+    """Set P and `coarse_points` of `finest`; return both and the coarser levels, without `finest`, or a NoHierarchy."""
     levels = [finest]  # the coarsest one has a dense inverse
     try:
         while levels[-1].A.shape[0] > MAX_DENSE_ROWS and (level := _coarsen(levels[-1])) is not None:
@@ -251,12 +255,12 @@ def _coarser(finest: Level) -> tuple[Any, Any, list[Level]] | NoHierarchy:
         if levels[-1].A.shape[0] > MAX_COARSEST_IF_STALLED:
             raise NoHierarchy
     except NoHierarchy as error:
-        return error.with_traceback(None)  # its frames hold the levels
+        return error.with_traceback(None)  # the frames of its traceback hold the levels
     return finest.P, finest.coarse_points, levels[1:]
 
 
 def _coarsen(last: Level) -> Level | None:
-    """The next coarser level below `last`, which gets P and `coarse_points`; None if coarsening stalls."""
+    """Set P and `coarse_points` of `last`; return the next coarser level, or None if coarsening stalls."""
     work.check_budget(hierarchy_cost(last.A.shape[0], last.A.nnz))
     levels = ruge_stuben(last.A, max_coarse=MAX_DENSE_ROWS, max_levels=2, keep=True).levels
     if len(levels) == 1:
@@ -265,5 +269,5 @@ def _coarsen(last: Level) -> Level | None:
         raise NoHierarchy
     last.P = sp.csr_array(levels[0].P)
     last.coarse_points = np.flatnonzero(levels[0].splitting)
-    last.P.sort_indices()  # as `row_sum` wants them; PyAMG makes them so, and promises nothing
+    last.P.sort_indices()  # `row_sum` needs this; PyAMG sorts them, but does not document it
     return Level(ProblemData(sp.csr_array(levels[1].A), np.zeros(levels[1].A.shape[0])))

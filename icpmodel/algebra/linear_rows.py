@@ -1,8 +1,8 @@
-"""The rows of a problem with affine obstacles, dense, and its linear pieces.
+"""The dense rows of a problem with affine obstacles, and its linear pieces.
 
-A piece says for every row which equation holds: p_i = 0, z_i = ψ_i(z) or z_i = ψ̄_i(z). It leaves
-one linear system. A solution of the problem is a solution of some piece that has the right signs in
-its other rows. So going through all pieces finds all solutions.
+A piece chooses one equation for every row: p_i = 0, z_i = ψ_i(z) or z_i = ψ̄_i(z). Together these
+are a linear system. A solution of the problem solves the system of some piece, and has the right
+signs in the expressions that are not chosen. So going through all pieces finds all solutions.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from ..problem.data import ProblemData
 from ..problem.map import Map
 from .equations import linearised
 
-#: entries of all matrices of a batch; larger batches do not fit into a cache
+#: the largest number of matrix entries in a batch of several pieces; larger batches do not fit into a cache
 _BATCH_ENTRIES = 200_000
 
 SideChoices = NDArray[np.int8]
@@ -40,10 +40,10 @@ class RowEquation(IntEnum):
 
 
 class PieceBatch(NamedTuple):
-    """Some pieces, m of them.
+    """A batch of m pieces.
 
-    `sides` shape (m, n), `z` their solutions, shape (m, n), NaN where the system is singular; `empty` shape (m,):
-    whether it is certain, rounding included, that a sign is wrong in the only solution.
+    `sides`, shape (m, n), are their equations. `z`, shape (m, n), are their solutions, NaN where a system is singular.
+    `empty`, shape (m,): whether it is certain, rounding included, that a sign is wrong in the only solution.
     """
 
     sides: SideChoices
@@ -68,7 +68,7 @@ class LinearRows:
 
     @classmethod
     def of(cls, problem: ProblemData, z: Vector) -> LinearRows:
-        """The rows of `problem`, with obstacles that are not affine linearised at `z`.
+        """The rows of `problem`; obstacles that are not affine are linearised at `z`.
 
         Raises MapError where an obstacle has no value or no finite derivative at `z`.
         """
@@ -84,7 +84,7 @@ class LinearRows:
         return largest_size(self.q, self.c, self.d)
 
     def in_units(self, scale: float) -> LinearRows:
-        """The rows for z/scale."""
+        """The same rows in the unknowns z/`scale`."""
         return replace(self, q=self.q / scale, c=self.c / scale, d=self.d / scale)
 
     @property
@@ -104,7 +104,7 @@ class LinearRows:
         return [sides[2 * int(c == -np.inf) + int(d == np.inf)] for c, d in zip(self.c, self.d, strict=True)]
 
     def batches(self) -> Iterator[PieceBatch]:
-        """All pieces, in batches. Raises OutOfTime where the next batch does not fit into the time that is left."""
+        """Yield all pieces in batches. Raises OutOfTime where the next batch does not fit into the time left."""
         size = max(_BATCH_ENTRIES // self.n**2, 1)
         pieces = itertools.product(*self.choices)
         while chosen := list(itertools.islice(pieces, size)):
@@ -113,7 +113,7 @@ class LinearRows:
 
     @np.errstate(all="ignore")
     def _solve_pieces(self, sides: SideChoices) -> PieceBatch:
-        """The pieces `sides`, solved by approximate inverses with bounds on their errors."""
+        """Solve the pieces `sides` by approximate inverses, with bounds on the errors."""
         lower = sides == RowEquation.LOWER
         upper = sides == RowEquation.UPPER
         B = np.where(lower[:, :, None], self.R, np.where(upper[:, :, None], self.S, self.A))
@@ -121,7 +121,7 @@ class LinearRows:
         inverse = _inverses(B)
         z = _times(inverse, b)
         z += _times(inverse, b - _times(B, z))
-        # with C the approximate inverse and e = ‖I − CB‖ < 1: ‖z* − z‖ ≤ ‖C(b − Bz)‖/(1 − e), norms of the maximum
+        # with C the approximate inverse and e = ‖I − CB‖ < 1: ‖z* − z‖ ≤ ‖C(b − Bz)‖/(1 − e), in maximum norms
         n = self.n
         off = np.abs(np.eye(n) - inverse @ B).sum(axis=2) + gamma(2 * n) * (np.abs(inverse) @ np.abs(B)).sum(axis=2)
         contraction = off.max(axis=1)
@@ -136,7 +136,7 @@ class LinearRows:
         return PieceBatch(sides, z, empty)
 
     def _signs(self, sides: SideChoices) -> Iterator[tuple[Dense, Vector, float, NDArray[np.bool_]]]:
-        """(M, v, ±1, rows): ±(Mz + v)_i ≥ 0 must hold in these rows, a mask of the shape of `sides`."""
+        """Yield (M, v, ±1, rows): ±(Mz + v)_i ≥ 0 must hold in these rows, a mask of the shape of `sides`."""
         below = np.isfinite(self.c)
         above = np.isfinite(self.d)
         yield self.A, self.q, 1.0, sides == RowEquation.LOWER
@@ -146,12 +146,12 @@ class LinearRows:
 
 
 def has_linear_pieces(problem: ProblemData) -> bool:
-    """Whether every obstacle of `problem` is constant or affine: of two, `linear` is known where both are."""
+    """Whether every obstacle of `problem` is constant or affine; of two, `linear` is known only if both are."""
     return problem.psi.linear is not None
 
 
 def piece_count(problem: ProblemData) -> float:
-    """The number of linear pieces of `problem`, infinite beyond floats."""
+    """The number of linear pieces of `problem`, infinite where it overflows."""
     zero = np.zeros(problem.n)
     sides = 1.0 + (problem.psi.value(zero) > -np.inf)
     if problem.upper is not None:
@@ -167,7 +167,7 @@ def _linearise(psi: Map, z: Vector) -> tuple[Dense, Vector]:
 
 
 def _rounding(terms: Vector | float, z: Vector) -> Vector:
-    """The rounding of sums of these `terms` at the points `z`, where units of rows and products may underflow."""
+    """A bound on the rounding errors of sums with Σ|terms| = `terms` at the points `z`; scaled rows may underflow."""
     n = z.shape[1]
     return np.asarray(gamma(2 * n) * terms + 4 * n * SMALLEST * (1.0 + np.abs(z).max(axis=1, keepdims=True)))
 

@@ -1,4 +1,4 @@
-"""The linear systems of an active set by Krylov's method with V-cycles of A's hierarchy on the free rows."""
+"""The linear systems of an active set by a Krylov method, preconditioned by V-cycles on the free rows."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from .hierarchy import Hierarchy, Level
 
 #: the typical number of Krylov steps for a system
 _TYPICAL_STEPS = 10
-#: ψ_i is not followed where 1 − ∂ψ_i/∂z_i is smaller
+#: smaller values of 1 − ∂ψ_i/∂z_i are replaced by this one
 LEAST_SLOPE = 0.1
 
 
 def cycles_cost(problem: ProblemData) -> float:
-    """The cost of one system by `MultigridEquations`, with a typical number of Krylov steps."""
+    """The cost of solving one system by `MultigridEquations`, with a typical number of Krylov steps."""
     return _TYPICAL_STEPS * (cycle_cost(problem.n, problem.nnz) + gcr_step_cost(problem.n, problem.nnz))
 
 
 class MultigridEquations:
-    """J on level `top` of a hierarchy of A, never assembled: products, V-cycles on the free rows, and solves.
+    """J on level `top` of a hierarchy of A, not assembled: products, V-cycles on the free rows, and solves.
 
     Parameters
     ----------
     hierarchy : Hierarchy
-        The levels; their free rows are from now on those that are not `active`.
+        The levels; they are restricted to the rows that are not `active`.
     top : int
         The level.
     active : mask of shape (m,)
@@ -50,7 +50,7 @@ class MultigridEquations:
         psi_diagonal = 0.0 if jacobian is None else jacobian.diagonal()
         self._slope = np.maximum(1.0 - psi_diagonal, LEAST_SLOPE)
         self._psi_couples_rows = jacobian is not None and not is_diagonal(jacobian)
-        #: whether each active row gives its own entry of x
+        #: whether each active row alone determines its own entry of x
         self._has_diagonal_rows = not self._psi_couples_rows and bool(
             np.all((self._slope == 1.0 - psi_diagonal) | ~active)
         )
@@ -70,11 +70,11 @@ class MultigridEquations:
         return image
 
     def preconditioned(self, f: Vector) -> Vector:
-        """An approximation of J⁻¹f. For a diagonal ψ′ f_I must be 0."""
+        """An approximation of J⁻¹f. If ψ′ is diagonal, f_I must be 0."""
         return self._block_solve(f, self._cycle, False) if self._psi_couples_rows else self._cycle(f)
 
     def solve(self, f: Vector, tolerance: float, transposed: bool = False) -> Vector:
-        """x with Jx = f, or Jᵀx = f. Raises NotConverged."""
+        """x with Jx = f, or Jᵀx = f, to the relative residual `tolerance`. Raises NotConverged."""
         if self._has_diagonal_rows:
             return self._block_solve(
                 f, partial(self._solve_free, tolerance=tolerance, transposed=transposed), transposed
@@ -86,7 +86,7 @@ class MultigridEquations:
     def steps(
         self, f: Vector, preconditioned: Callable[[Vector], Vector], transposed: bool = False
     ) -> tuple[Vector, GCR]:
-        """`start(f)`, and Krylov's steps from there to the x of `solve`, with the residual in the units of z."""
+        """`start(f)`, and a `GCR` that continues from there to the x of `solve`, its residual in the units of z."""
         units = self._units(transposed)
         x = self.start(f)
         residual = units * (f - self.product(x, transposed))

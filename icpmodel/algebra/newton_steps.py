@@ -25,14 +25,17 @@ from .hierarchy import Hierarchy
 from .multigrid_equations import LEAST_SLOPE, MultigridEquations
 from .steps import INNER_REDUCTION, SWEEPS, Step, projected_sweep, repeated_steps
 
-#: the largest number of Krylov's steps between two updates of the active set: no direction of one is forgotten
+#: the largest number of Krylov steps between two updates of the active set: GCR keeps all their directions
 MAX_KRYLOV_STEPS = MAX_DIRECTIONS
-#: entries above the diagonal that weigh so much more than those below make the sweeps go backwards
+#: sweeps go backwards where the sum of |entries| above the diagonal is more than this multiple of that below
 _MIN_UPWARD_FLOW = 1.1
 
 
 def newton_steps(hierarchy: Hierarchy, problem: ProblemData, z: Vector, top: int) -> Iterator[tuple[Vector, float]]:
-    """Newton's steps on level `top` of `hierarchy`, whose problem is `problem`: (z, residual) after each step."""
+    """Yield (z, residual) after each Newton step on level `top` of `hierarchy`, whose problem is `problem`.
+
+    Ends where a step changes neither z nor the active set.
+    """
     level = hierarchy.levels[top]
     has_moving_obstacle = not problem.psi.is_constant
     omega = level.diagonal
@@ -44,9 +47,9 @@ def newton_steps(hierarchy: Hierarchy, problem: ProblemData, z: Vector, top: int
     while True:
         p = problem.p(z)
         if has_moving_obstacle:
-            # the sign of p says which obstacle holds a row
+            # the sign of p tells which obstacle may be active in a row
             slopes = derivative(problem.psi, z, None if problem.upper is None else p < 0).diagonal()
-            # p and r then change alike with z_i
+            # with this Ω, p and Ωr change alike with z_i
             omega = level.diagonal / np.maximum(1.0 - slopes, LEAST_SLOPE)
         pattern = Pattern.at(problem, z, p, omega)
         work.count(0.5 * work.COSTS.newton)

@@ -89,7 +89,7 @@ class FactorisedOperator(Operator):
         n = X.shape[0]
         work.check_budget(2.0 * least_factor_cost(n, X.nnz))
         few = n <= MAX_DENSE_ROWS
-        # so that different units are not taken for singularity
+        # equilibrated, so that different units are not mistaken for singularity
         scaled, self._rows, self._columns = equilibrated(X.toarray() if few else sp.csr_array(X))
         factors: Any = array_factors(np.array(scaled, order="F")) if few else factorise(scaled)
         self._lu = factors
@@ -127,7 +127,7 @@ def inverse_diagonal(diagonal: Vector, shift: Vector) -> Vector:
 
 
 def _dependent_row(X: sp.csr_array) -> int:
-    """The largest entry of a left null vector of X, by two steps of inverse iteration on a slightly shifted X."""
+    """The row of the largest entry in a left null vector of X, by two steps of inverse iteration on a shifted X."""
     lu = factorise(sp.csr_array(X + 1e-10 * sp.eye_array(X.shape[0])))
     if lu is None:
         return 0

@@ -19,7 +19,7 @@ from .equations import Pattern, derivative, submatrix
 from .factor_costs import FactorCosts, factor_costs
 from .regularised_system import FIRST_REGULARISATION_SKEW
 
-#: the relative residual up to which a solve counts as one
+#: the largest relative residual of a solve that counts as successful
 _MAX_RELATIVE_RESIDUAL = 1e-6
 
 
@@ -31,9 +31,9 @@ class ProximalSteps:
     problem
         The problem; where its obstacles move, their derivatives are used.
     start
-        Where the values of fixed obstacles are read, shape (n,).
+        The point at which fixed obstacles are evaluated, shape (n,).
     reorders
-        Whether the free rows get an order of their own where the factors of all rows are too inaccurate.
+        Whether the free rows are factorised alone, in a new order, where the factors of all rows are too inaccurate.
     """
 
     def __init__(self, problem: ProblemData, start: Vector, *, reorders: bool = True) -> None:
@@ -49,13 +49,13 @@ class ProximalSteps:
 
     @cached_property
     def obstacles(self) -> tuple[Vector, Vector | None]:
-        """ψ and ψ̄ at the start, None where there is no upper obstacle."""
+        """ψ and ψ̄ at the start; ψ̄ is None where there is no upper obstacle."""
         upper = self.problem.upper
         return self.problem.psi.value(self.start), None if upper is None else upper.value(self.start)
 
     @cached_property
     def fixed_order_factors(self) -> SymmetricFactors | None:
-        """The factorisation of all rows that keeps its order, if that costs less than a new order each time."""
+        """The factorisation of all rows that keeps its order; None if it does not apply or a dense one costs less."""
         costs = self.costs
         signs = costs.analysis.signs
         if not costs.reuses_order or signs is None:
@@ -63,7 +63,7 @@ class ProximalSteps:
         return SymmetricFactors(self.problem.A, costs.fill, signs)
 
     def step(self, z: Vector, p: Vector, pattern: Pattern, centre: Vector, D: Vector) -> tuple[Vector, Vector] | None:
-        """z and p after a step from `z`, where p is `p`; None where the equations are not solved.
+        """z and p(z) after a step from `z`, whose p(z) is `p`; None where the equations are not solved.
 
         Raises MapError where ψ fails.
         """
@@ -74,7 +74,7 @@ class ProximalSteps:
     def _moving_obstacle_step(
         self, z: Vector, p: Vector, pattern: Pattern, centre: Vector, D: Vector
     ) -> tuple[Vector, Vector] | None:
-        """A step that follows the obstacle by its derivative."""
+        """A step with the obstacle linearised at `z`."""
         J = derivative(self.problem.psi, z, pattern.above)
         equations = Elimination(self.problem, pattern.active, J, D)
         shifted_p = p + D * (z - centre)
@@ -99,7 +99,7 @@ class ProximalSteps:
         return z, self.problem.p(z)
 
     def _on_free_rows(self, active: Mask, D: Vector, f: Vector) -> Vector | None:
-        """x with ((A + D)x)_i = f_i in the free rows, x_i = 0 in the others; None where it is not found."""
+        """x with ((A + D)x)_i = f_i in the free rows, x_i = 0 in the others; None where the solve fails."""
         direct = self.costs.part(int(np.count_nonzero(~active)))
         if self.costs.repeated < direct:
             x = self._by_all_rows(active, D, f)
@@ -125,7 +125,7 @@ class ProximalSteps:
         def multiply(x: Vector) -> Vector:
             return np.where(active, 0.0, D * x + problem.product(x))
 
-        for shift in (0.0, FIRST_REGULARISATION_SKEW):  # without exchanges of rows a shift makes factors accurate
+        for shift in (0.0, FIRST_REGULARISATION_SKEW):  # rows are not exchanged: accurate factors may need a shift
             data = problem.A.data.copy()
             data[problem.matrix.rows.diag] += D + shift * weights
             factors = self.fixed_order_factors.factors(data, ~active)
@@ -138,7 +138,7 @@ class ProximalSteps:
 
 
 def _solution(M: sp.csr_array, f: Vector) -> Vector | None:
-    """x with Mx = f, or None; M may be definite."""
+    """x with Mx = f, or None; factors of a definite M are tried first."""
     analysis = SymbolicAnalysis(M)
     factors = factorise(M, definite=True, analysis=analysis)
     x = None if factors is None else np.asarray(factors.solve(f))

@@ -16,14 +16,14 @@ from ..numerics.rounding import SQRT_EPSILON
 from ..numerics.symmetric_factors import SymmetricFactors
 from ..problem.data import ProblemData
 
-#: the first δ, for a symmetric A and for another one. Entries of the latter are not bounded by those of the diagonal,
-#: and δ² must be above rounding, or pivots may vanish. The last one is the least, near rounding
+#: the first δ, for a symmetric and for an unsymmetric A, and the least δ, near rounding. In an unsymmetric A the
+#: diagonal does not bound the entries, and δ² must be above rounding, or pivots may vanish
 _FIRST_REGULARISATION = 1e-9
 FIRST_REGULARISATION_SKEW = 1e-7
 MIN_REGULARISATION = 1e-13
 #: a solve with a relative residual of at most √ε reduces δ to a tenth; one above ε^¼ is repeated with ten times δ
 _DECREASE = 0.1
-#: solves the system for a vector, up to a relative residual
+#: (f, relative residual) ↦ x with the matrix of the system
 Solve = Callable[[Vector, float], Vector]
 
 
@@ -40,7 +40,7 @@ class RegularisedSystem:
     problem
         The problem.
     analysis
-        The factorisation that keeps its pattern, or a symbolic analysis; None if each matrix is to be analysed.
+        The factorisation that keeps its pattern, or a symbolic analysis; with None each matrix is analysed anew.
     weights
         The diagonal of W, shape (n,).
     """
@@ -56,12 +56,12 @@ class RegularisedSystem:
         self.analysis = analysis
         self.matrix = sp.csr_array(problem.A, dtype=np.float64, copy=True)
         self.delta = self.first_delta = first_regularisation(problem)
-        # larger where factors have been inaccurate with less
+        # raised where factors with a smaller δ were inaccurate
         self.least_delta = MIN_REGULARISATION
         self.error = 0.0
 
     def adapt(self) -> bool:
-        """Change δ after a solve; False if that was so rough that it is to be repeated."""
+        """Adapt δ to the `error` of the last solve; return False if that was too inaccurate and must be repeated."""
         if self.error > ROUGH_SOLVE and self.delta < self.first_delta:
             self.delta = self.least_delta = min(self.delta / _DECREASE, self.first_delta)
             return False
@@ -70,9 +70,10 @@ class RegularisedSystem:
         return True
 
     def solver(self, diagonal: Vector, subtracted: sp.csr_array | None = None) -> Solve:
-        """f ↦ x with (A + D + δW − `subtracted`)x = f, D the `diagonal`; NaN where there are no factors.
+        """The solver of (A + D + δW − `subtracted`)x = f, D the `diagonal`; x is NaN where the factorisation fails.
 
-        It is valid until the next call. x is refined up to the relative residual, as long as that halves it.
+        It is valid until the next call. x is refined to the given relative residual while each step halves it. Each
+        solve sets `error`, the relative residual before refinement.
         """
         M = self.matrix
         M.data[:] = self.problem.A.data

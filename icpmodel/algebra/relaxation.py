@@ -1,4 +1,4 @@
-"""θ₁, θ₂ and Ω where they are left to the package: from the theory, and adapted during a run.
+"""Default choices of θ₁, θ₂ and Ω: from the theory, and adapted during a run.
 
 On rows with p < Ωr a step with X = 2(D/ω − L) and Ω = (2 − ω)D is successive overrelaxation (SOR).
 Its best ω follows from the spectral radius μ of the Jacobi matrix of those rows: ω = 2/(1 + √(1 −
@@ -27,28 +27,29 @@ from ..problem.data import ProblemData
 from .operators import AOROperator, inverse_diagonal
 from .steps import MAX_IDLE_STEPS, Step
 
-#: the value of theta1 that is no number
+#: the value of theta1 that leaves the choice to the package
 AUTO = "auto"
-#: the number of steps from which a rate is read off
+#: the number of steps from which a rate is estimated
 STEPS_PER_RATE = 12
-#: the share of its gap to 1 by which two factors may differ, and the one by which a new ω must come nearer to 2
+#: two factors agree if they differ by less than this share of the gap to 1; a new ω must close this share of that to 2
 _SMALL_SHARE = 0.05
-#: the factor of the ω that follows from the rate, as too large a one costs more than too small a one
+#: multiplies the ω that follows from the rate, as too large an ω costs more than too small a one
 _CAUTION = 0.98
-#: the least factor by which sweeps reduce the error, because of rounding and of matrices that are not normal
+#: the least error factor that is assumed of a sweep, because of rounding and of matrices that are not normal
 _MIN_ERROR_FACTOR = 1e-4
-#: a radius counts as at most 1 less this
+#: a spectral radius counts as at most 1 minus this
 _MIN_GAP = 1e-6
 #: largest ω of a run that does not adapt it
 _MAX_FIXED_OMEGA = 1.4
 #: below this ω there is nothing to adapt
 MIN_ADAPTED_OMEGA = 1.2
-#: the patience beside `MAX_IDLE_STEPS`, as a multiple of the steps that halve the error, by the observed rate or by the
-#: one for which ω is best; and the growth that reduces ω at once
+#: the patience on top of `MAX_IDLE_STEPS`, as a multiple of the steps that halve the error, by the observed rate or by
+#: the one for which ω is best; and the growth of the residual that reduces ω at once
 _HALVINGS_OF_PATIENCE = 3.0
 _MAX_GROWTH = 1e3
-#: the largest number of steps to halve the error that is assumed without a rate. The patience is 724 then: SOR with
-#: the best ω = 1.999 halves the error in that time, and a cycle is found before the run stagnates
+#: the largest number of steps to reduce the error by the factor e that is assumed without a rate. The patience is at
+#: most 724 then: SOR with the best ω = 1.999 halves the error in that time, and a cycle is found before the run
+#: stagnates
 _MAX_HALVING_STEPS = 300.0
 
 
@@ -64,7 +65,7 @@ def is_auto(theta1: Any) -> bool:
 
 
 def theta1_number(theta1: Any) -> float:
-    """θ₁, which must be a number here. Raises InputError."""
+    """θ₁ as a float. Raises InputError where it is "auto" or not positive."""
     if is_auto(theta1):
         raise InputError(f"theta1 is {AUTO!r}; adapt(problem) is the member with numbers, which was expected")
     return float(theta1)
@@ -79,7 +80,7 @@ def check_defaults(method: Any, *names: str) -> None:
 
 
 def check_diagonal(method: Any, name: str, *, positive: bool = True) -> None:
-    """Check one diagonal (a number or vector) of a frozen method and keep it as a float or a float64 vector."""
+    """Check the diagonal `name` (a number or vector) of a frozen method; store it as a float or a float64 vector."""
     option = getattr(method, name)
     if isinstance(option, float) and (0.0 < option < np.inf or (not positive and -np.inf < option < np.inf)):
         return
@@ -107,8 +108,8 @@ def best_omega(radius: float) -> float:
 def sor_log_reduction(omega: float, radius: float) -> float:
     """The log reduction of the error in a sweep with ω, for the Jacobi radius ρ = `radius`.
 
-    By the largest λ with (λ + ω − 1)² = ω²ρ²λ, for ω from the best one on ω − 1 (Young 1971, chapter 6). From ρ = 1 on
-    it is that of ρ = 1 − 1e-6: what touches the obstacle does not count, so that nothing is said by ρ there.
+    It is −ln λ for the largest λ with (λ + ω − 1)² = ω²ρ²λ; λ = ω − 1 from the best ω on (Young 1971, chapter 6). ρ
+    counts as at most 1 − 1e-6: a larger ρ says nothing, as it includes the rows that touch the obstacle.
     """
     radius = min(radius, 1.0 - _MIN_GAP)
     half = (omega * radius) ** 2 / 2.0 - (omega - 1.0)
@@ -121,8 +122,8 @@ def cautious_omega(problem: ProblemData) -> float:
     """A cautious ω for a run that does not adapt it: 2/(1 + √(1 − ρ²)), at most 1.4.
 
     ρ is `coupled_radius`; ω = 1 if ρ ≥ 1. On the rows that do not touch the obstacle the best ω is
-    smaller than for all of A, and acceleration hardly needs more. With θ₂ = θ₁ the fastest errors
-    have the factor √2 − 1 … 1. Beyond ω = 1.4 it outweighs the gain for the slow errors.
+    smaller than for all of A, and acceleration hardly needs more. With θ₂ = θ₁ the factor of the fastest
+    errors is between √2 − 1 and 1. Beyond ω = 1.4 it outweighs the gain for the slow errors.
     """
     rho = problem.matrix.coupled_radius
     return min(best_omega(rho), _MAX_FIXED_OMEGA) if rho < 1.0 else 1.0
@@ -131,7 +132,7 @@ def cautious_omega(problem: ProblemData) -> float:
 def scale_of(problem: ProblemData) -> float:
     """√(‖A‖_∞/‖A⁻¹1‖_∞), for an M-matrix the geometric mean of its largest and its smallest scale; one factorisation.
 
-    It is ‖A‖_∞ where A is singular, and 1 where that is no positive number either.
+    It is ‖A‖_∞ where A is singular, and 1 where that is 0 or overflows.
     """
     with np.errstate(over="ignore", invalid="ignore"):
         size = float(problem.matrix.absolute.sum(axis=1).max())
@@ -144,7 +145,7 @@ def scale_of(problem: ProblemData) -> float:
 def jacobi_step(problem: ProblemData, phi: Any = 0.0) -> Step | None:
     """Jacobi's step with Ω = D/(1 − g_ii), which solves every row on its own where ψ is affine with g_ii < 1.
 
-    With it theta1="auto" begins, as it may be all that a small problem needs.
+    It begins a run with theta1="auto", as a small problem may need no more.
 
     Parameters
     ----------
@@ -169,13 +170,13 @@ def jacobi_step(problem: ProblemData, phi: Any = 0.0) -> Step | None:
 
 
 class AdaptedOmega:
-    """An ω that follows the rate: from `value` up to `max_value`, and back where the residual grows or hardly falls.
+    """An ω adapted to the rate: raised from `value` to at most `max_value`, reduced if the residual grows or stalls.
 
-    Every step back halves ω − 1, sets ω = 1 where ω ≤ 1.2, and is final. Where ω = 1 does no
-    better, the run `is_plain` from then on: it is MNMGS. MNMGS solves every problem with an
-    H₊-matrix and a ψ of small slope, so hardly one of these is lost. The patience is several times
-    the number of steps that should halve the error, by the observed rate or by the one for which ω
-    is best.
+    A reduction halves ω − 1, or sets ω = 1 where ω ≤ 1.2; ω never exceeds the new value again.
+    Where ω = 1 does no better, `is_plain` holds from then on, and the run is MNMGS. MNMGS solves
+    every problem with an H₊-matrix and a ψ of small slope, so hardly one of these is lost. The
+    patience is several times the number of steps that should halve the error, by the observed rate
+    or by the one for which ω is best.
     """
 
     def __init__(self, value: float, max_value: float = 2.0) -> None:
@@ -187,7 +188,7 @@ class AdaptedOmega:
         self._least = self._milestone = math.inf
 
     def update(self, residual: float) -> bool:
-        """Add the `residual` of the last iterate; return whether ω changes, or the run becomes plain."""
+        """Adapt ω to the `residual` of the last iterate; return whether ω changed or the run became plain."""
         factor = residual / self._last_residual if self._last_residual > 0 else math.nan
         last_factor = self._last_factor
         self._last_factor = factor
@@ -214,7 +215,7 @@ class AdaptedOmega:
         return False
 
     def _patience(self, factor: float) -> float:
-        """The largest number of steps that need not halve the residual, at the observed `factor`."""
+        """The number of steps within which the residual must be halved, at the observed `factor`."""
         # where omega is best, 1 - rho is about (2 - omega)^2 / 8 for the Jacobi radius rho, and Gauss-Seidel sweeps
         # halve the error in ln(2) / (1 - rho^2)
         slow = min(4.0 / (2.0 - self.value) ** 2, _MAX_HALVING_STEPS)
@@ -222,7 +223,7 @@ class AdaptedOmega:
         return MAX_IDLE_STEPS + _HALVINGS_OF_PATIENCE * steps
 
     def _best(self, factor: float) -> float:
-        """The ω of the least rate, from the `factor` observed at the present ω; 0 where it tells nothing of ρ."""
+        """The ω of the least rate, from the `factor` observed at the present ω; 0 where it implies no ρ < 1."""
         if not 0 < factor < 1:
             return 0.0
         mu = (factor + self.value - 1.0) / (self.value * math.sqrt(factor))

@@ -1,7 +1,7 @@
-"""Equations eliminated: rows without any obstacle leave by one factorisation; what iterates is the Schur complement.
+"""Elimination of the rows without an obstacle by one factorisation, which leaves a problem of the Schur complement.
 
-Where F are the rows without an obstacle and C the others, p_F = 0 gives z_F = −A_FF⁻¹(A_FC z_C + q_F). What is left is
-the problem of the matrix S = A_CC − A_CF A_FF⁻¹ A_FC in the unknowns z_C.
+Let F be the rows without an obstacle, C the others. Then p_F = 0 gives z_F = −A_FF⁻¹(A_FC z_C + q_F). This leaves a
+problem with the matrix S = A_CC − A_CF A_FF⁻¹ A_FC in the unknowns z_C.
 
 References
 ----------
@@ -36,10 +36,10 @@ class SchurComplement:
         A.
     rows : array of int
         The rows C that have an obstacle, ascending.
-    S : array
-        The complement.
+    S : array of shape (m, m)
+        The complement, m the number of `rows`.
     factors : Factors or SymmetricFactors
-        Those of A_FF, where F are the other rows.
+        The factors of A_FF, where F are the other rows.
     """
 
     def __init__(
@@ -57,12 +57,12 @@ class SchurComplement:
         return f"n = {n} -> {self.rows.size} rows with an obstacle: the others are equations, and are eliminated"
 
     def reduced(self, problem: ProblemData) -> ProblemData:
-        """The problem in the unknowns of `rows`; problems that share A share the facts of its matrix."""
+        """The problem in the unknowns of `rows`; all calls return problems that share the matrix S and its facts."""
         q = problem.q[self.rows] - self._couplings @ self._factors.solve(problem.q[self._equations])
         return self._problem.with_q(q).with_psi(problem.psi.restricted(self.rows, np.zeros(problem.n)))
 
     def extended(self, problem: ProblemData, z: Vector) -> Vector:
-        """The point with p_F = 0 that has z in the `rows`; a step of refinement takes the rounding back."""
+        """A copy of `z` with the other rows set so that p_F = 0, by one solve and one step of refinement."""
         x = z.copy()
         for _ in range(2):
             x[self._equations] -= self._factors.solve(problem.p(x)[self._equations])
@@ -70,11 +70,11 @@ class SchurComplement:
 
 
 def elimination_cost(problem: ProblemData, limit: float) -> float:
-    """The nanoseconds that `elimination` is expected to cost; inf where that is more than `limit`, or none pays.
+    """The predicted cost of `elimination` in nanoseconds; inf where it is more than `limit`, or does not apply.
 
-    S is to have no more entries than A. Half-solves are expected to cost as much as the factors, the products of their
-    rows are counted, and what follows costs as much as the calls of a Newton step. Raises OutOfTime and OutOfMemory
-    where the symbolic analysis takes more than is left.
+    ψ must be constant, and S must have no more entries than A. The half-solves are assumed to cost as much as the
+    factorisation, and the rest as much as the calls of a Newton step; the products of rows are counted. Raises
+    OutOfTime and OutOfMemory where the symbolic analysis needs more than is left.
     """
     if not problem.psi.is_constant:
         return np.inf
@@ -84,26 +84,27 @@ def elimination_cost(problem: ProblemData, limit: float) -> float:
     costs = factor_costs(problem.matrix)
     if costs.analysis.costs_more(min(0.5 * limit, costs.dense)) or not costs.fill.is_exact:
         return np.inf
-    # factors of a band may cost less, but QDLDL does not make them
+    # a band factorisation may cost less, but QDLDL is used
     products = work.COSTS.dense_flop * problem.n * rows.size**2
     cost = 2.0 * factor_cost(costs.analysis.complete) + products + work.COSTS.newton
     return cost if cost <= limit else np.inf
 
 
 def elimination(problem: ProblemData, max_cost: Callable[[], float] | None) -> SchurComplement | None:
-    """The elimination of the equations of `problem`: the last one where it serves; None if a new one does not pay.
+    """The elimination of the equations of `problem`, new or the last one; None where a new one does not pay, or fails.
 
     Parameters
     ----------
     problem : ProblemData
         The problem.
     max_cost : callable or None
-        Returns what a new one may cost, in nanoseconds; None for what was counted by `count_run`.
+        Returns the largest cost of a new one, in nanoseconds. None stands for the cost that `count_run` has counted,
+        which a new elimination resets.
 
     Raises
     ------
     OutOfTime, OutOfMemory
-        Where the factorisation takes more than is left.
+        Where the factorisation needs more than is left.
     """
     if not problem.psi.is_constant:
         return None
@@ -115,14 +116,14 @@ def elimination(problem: ProblemData, max_cost: Callable[[], float] | None) -> S
         if elimination_cost(problem, max_cost() if max_cost else _SPENT.get(matrix, 0.0)) == np.inf:
             return None
         if max_cost is None:
-            del _SPENT[matrix]  # it pays for one elimination
+            del _SPENT[matrix]  # it allows one elimination only
         _CACHE.clear()
         known = _CACHE[matrix] = key, _schur_complement(matrix, rows)
     return known[1]
 
 
 def count_run(problem: ProblemData, nanoseconds: float) -> None:
-    """Count a run on a problem whose equations were not eliminated."""
+    """Add the cost of a run on `problem` without elimination to the count for its A."""
     _SPENT[problem.matrix] = _SPENT.get(problem.matrix, 0.0) + nanoseconds
 
 
@@ -151,7 +152,7 @@ def _others(matrix: Matrix, rows: NDArray[np.intp]) -> NDArray[np.intp]:
     return np.setdiff1d(np.arange(matrix.n), rows)
 
 
-#: the last one; factors may be large
+#: the last elimination only, as factors may be large
 _CACHE: WeakKeyDictionary[Matrix, tuple[bytes, SchurComplement | None]] = WeakKeyDictionary()
-#: what runs on problems with this A have cost so far without the elimination
+#: cost so far, in nanoseconds, of runs without elimination on problems with this A
 _SPENT: WeakKeyDictionary[Matrix, float] = WeakKeyDictionary()

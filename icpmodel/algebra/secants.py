@@ -1,13 +1,13 @@
 """Steps of the modulus family where p(z) = Az + q + f(z), f_i a function of z_i alone.
 
-A step with slopes s is one on the affine problem with A + diag(s) and q + f(z) − diag(s)z, which has the p of z.
-Row i alone, the others held, is zero at the t with p_i(z) + a_ii(t − z_i) + f_i(t) − f_i(z_i) = 0. There s_i is
-f_i′(z_i) where Newton's step leaves little of p_i, else the mean slope between z_i and t. So Jacobi's step solves each
-row.
+A step with slopes s is a step on the affine problem with A + diag(s) and q + f(z) − diag(s)z, which has the same p(z).
+With all other unknowns fixed, row i is zero at the t with p_i(z) + a_ii(t − z_i) + f_i(t) − f_i(z_i) = 0. The slope s_i
+is f_i′(z_i) where Newton's step leaves little of p_i, else the mean slope between z_i and t. So Jacobi's step solves
+each row.
 
 1. Let a_ii + d > 0 for the mean slopes d of f. Then t is unique, and lies between z_i and z_i − p_i/(a_ii + m_i).
 2. MNMJ with exact mean slopes: e_i⁺ = −Σ_{j≠i} a_ij e_j/(a_ii + d_i) for the error e of a row with p_i = 0 at t, d_i
-   between t and z_i*. So the bound of the affine problem with A + diag(m) holds.
+   the mean slope between t and z_i*. So the bound of the affine problem with A + diag(m) holds.
 3. Near the solution s is f′(z*) up to O(‖e‖), so that every step has the rate of the tangent problem.
 
 References
@@ -28,7 +28,7 @@ from ..problem.nonlinear_term import NonlinearTerm
 from ..problem.user_code import USER_ULPS
 from .steps import INNER_REDUCTION, Step
 
-#: the largest number of halvings of the interval that t is in: t may be much smaller
+#: the largest number of halvings of the interval that contains t, which may be much smaller than the interval
 _MAX_HALVINGS = 100
 
 
@@ -102,7 +102,7 @@ def _mean_slopes(problem: ProblemData, f: NonlinearTerm, z: Vector, value: Vecto
         if not unsolved.any():
             break
         bisected |= unsolved
-        # p at z has the sign of p at all points before the zero; what is not finite is beyond it
+        # before its zero a row has the sign of p(z); where it is not finite it counts as beyond
         before = np.sign(residual) == np.sign(p)
         near = np.where(before, t, near)
         far = np.where(before, far, t)

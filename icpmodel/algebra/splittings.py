@@ -27,7 +27,7 @@ class Splitting(Displayable, ABC):
         """M₁, shape (n, n), for `A` of that shape."""
 
     def operator(self, A: sp.csr_array, shift: Vector) -> Operator:
-        """X⁻¹ for X = M₁ + diag(`shift`), by default by factors.
+        """X⁻¹ for X = M₁ + diag(`shift`), by default by an LU factorisation.
 
         Parameters
         ----------
@@ -50,7 +50,7 @@ class Splitting(Displayable, ABC):
 
 
 class Member(Protocol):
-    """What theory needs to know of a method of the modulus family: M₁, φ, Ω, what the modulus sees, and θ₁ if any."""
+    """What theory needs of a method of the modulus family: M₁, φ, Ω, θ₁ if any, and where the modulus is evaluated."""
 
     @property
     def phi(self) -> Any:
@@ -62,7 +62,7 @@ class Member(Protocol):
 
     @property
     def sees_newest(self) -> bool:
-        """Whether the modulus sees the newest values, row by row, instead of the iterate before."""
+        """Whether the modulus is evaluated at the newest values, row by row, instead of at the last iterate."""
 
     def splitting_of(self) -> Splitting:
         """The choice of M₁."""
@@ -152,7 +152,7 @@ _NAMED = {"jacobi": AOR(1.0, 0.0), "gauss-seidel": AOR(1.0, 1.0), "whole": FullS
 
 
 def as_splitting(value: Any) -> Splitting:
-    """M₁ from the user's argument: a name, a `Splitting`, or a matrix."""
+    """M₁ from the user's argument: a name, a `Splitting`, or a matrix. Raises InputError."""
     if isinstance(value, Splitting):
         return value
     if isinstance(value, str):

@@ -1,4 +1,4 @@
-"""The sweeps over A as steps, one or several in a call."""
+"""Compiled sweeps over A as steps, one or several per call."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from ..problem.data import ProblemData
 from ..problem.map import Map
 from ..problem.two_sided import ObstaclePair, obstacle_values, sides_of
 
-#: the sweeps that are made in one call
+#: the largest number of sweeps in one call
 SWEEPS = 4
-#: the share of a residual that inner iterations leave
+#: the factor by which inner iterations reduce a residual
 INNER_REDUCTION = 0.1
 #: the number of steps without a reduction after which a method ends, or goes on in another way
 MAX_IDLE_STEPS = 100
-#: z⁺, and Res_D(z), None where the step does not yield it for free
+#: z⁺, and Res_D(z), None where computing it would cost extra
 StepResult = tuple[Vector, float | None]
 #: z ↦ (z⁺, Res_D(z))
 Step = Callable[[Vector], StepResult]
@@ -37,7 +37,7 @@ class Sweep:
 
 
 def repeated_steps(step: Step, z: Vector, count: int = SWEEPS) -> list[StepResult]:
-    """Up to `count` ≥ 1 steps from `z`, one after the other: one step, or as many as one call makes."""
+    """The results of up to `count` ≥ 1 successive steps from `z`: of one step, or of as many as one call makes."""
     count = min(count, SWEEPS)
     return step.repeat(z, count) if isinstance(step, Sweep) and count > 1 else [step(z)]
 
@@ -45,8 +45,8 @@ def repeated_steps(step: Step, z: Vector, count: int = SWEEPS) -> list[StepResul
 def compiled_step(problem: ProblemData, parameters: tuple[Any, ...], forward: bool = True) -> Step:
     """One compiled sweep as a step, forward or backward through the rows, with the `parameters` of the kernel.
 
-    An affine ψ is evaluated inside the sweep, and several sweeps are then made in one call; any other
-    is called once for each.
+    An affine ψ is evaluated inside the sweep, and several sweeps are then made in one call; any other ψ
+    is evaluated before each sweep.
     """
     from .kernels.sweeps import repeated_sweeps, sweep_rows
 
@@ -79,7 +79,7 @@ def compiled_step(problem: ProblemData, parameters: tuple[Any, ...], forward: bo
 
 
 def _compiled_obstacle(psi: Map) -> Any:
-    """An affine ψ as compiled loops take it: c, or (c, indptr, indices, data) of Gz + c; None for another one.
+    """An affine ψ as compiled loops take it: c, or (c, indptr, indices, data) of Gz + c; None for any other ψ.
 
     Both obstacles have the same form, so that fewer loops are compiled.
     """

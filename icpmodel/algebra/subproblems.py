@@ -1,4 +1,4 @@
-"""Model no more than the scene needs: problems that are smaller or simpler, and have the same solutions."""
+"""Problems that are smaller or simpler than a given one, and whose solutions solve it."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from ..problem.two_sided import TwoSidedObstacle, sides_of
 from .affine_lcp import MAX_PIVOTS_PER_ROW, PIVOT_UP_TO
 from .equations import restricted_data
 
-#: the largest number of independent parts that get a method each
+#: the largest number of independent parts that are solved separately
 _MAX_PARTS = 32
-#: the share of their sizes by which rounded obstacles may cross
+#: obstacles that cross by at most this share of their sizes cross by rounding only
 MAX_CROSSING = 4.0 * UNIT_ROUNDOFF
 
 Rows = NDArray[np.intp]
 
 
 def with_fixed_obstacle(problem: ProblemData) -> ProblemData:
-    """The problem with fixed obstacles that has the same solutions, where `has_fixed_obstacle`: an LCP, or a box.
+    """The equivalent problem with fixed obstacles, where `has_fixed_obstacle`: an LCP, or one with two bounds.
 
-    The problem itself where ψ is constant, or moves otherwise. Raises MapError where ψ fails.
+    Otherwise, and where ψ is constant, `problem` itself. Raises MapError where ψ fails.
     """
     if problem.psi.is_constant or not problem.facts.has_fixed_obstacle:
         return problem
-    # whether they cross is judged with the answer
+    # whether they cross is checked with the solution
     return problem.with_psi(_fixed(problem.facts.obstacle, problem.facts.upper_obstacle))
 
 
@@ -44,16 +44,16 @@ def _fixed(low: Vector, high: Vector | None) -> Map:
 
 
 def without_redundant_rows(problem: ProblemData) -> ProblemData:
-    """A problem of the same size with constant obstacles. Each of its solutions is one of `problem`.
+    """A problem of the same size without redundant rows; each of its solutions is one of `problem`.
 
     It has a solution if and only if `problem` has one.
 
     Notes
     -----
-    It is the problem itself where nothing is redundant. Otherwise z_i = c_i stands in the redundant
-    rows:
+    It is `problem` itself where ψ is not constant, nothing is redundant, or q overflows. Otherwise
+    the redundant rows are replaced by equations z_i = c_i without an obstacle:
 
-    - ψ_i = ψ̄_i, or crossed by rounding: c_i = ψ_i, whatever p_i is.
+    - ψ_i = ψ̄_i, or they cross by rounding only: c_i = ψ_i, whatever p_i is.
     - Row i of A is empty: c_i = ψ_i where q_i > 0, ψ̄_i where q_i < 0. Where q_i = 0 and column i
       is empty as well, c_i is the number between them nearest to 0.
     """
@@ -102,11 +102,11 @@ def restricted(problem: ProblemData, rows: Rows, z: Vector) -> ProblemData:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Blocks:
-    """The rows of `problem` in blocks that depend on earlier ones only: the strong components of A and ψ.
+    """The rows of `problem` in blocks that depend on earlier blocks only: the strong components of A and ψ.
 
-    Block k is `rows[starts[k] : starts[k + 1]]`. The blocks in `before_core` are so small that they are
-    solved one after the other. So are those in `after_core`, once the rest is known. The rest is the
-    core; its `parts` do not interact. Many parts are joined into one.
+    Block k is `rows[starts[k] : starts[k + 1]]`. The masks `before_core` and `after_core` select small
+    blocks, which are solved one after the other before the core and after it. The core is all other
+    blocks; its `parts` do not interact. More than 32 parts are joined into one.
     """
 
     problem: ProblemData
@@ -128,7 +128,7 @@ class Blocks:
 
     @property
     def is_pivoted(self) -> bool:
-        """Whether a small block has several rows."""
+        """Whether a block outside the core has several rows."""
         return bool((np.diff(self.starts)[self.before_core | self.after_core] > 1).any())
 
     @property
@@ -138,18 +138,18 @@ class Blocks:
 
     @property
     def core(self) -> int:
-        """The number of rows outside of the small blocks."""
+        """The number of rows in the core."""
         return sum(part.size for part in self.parts)
 
     def with_core(self, unsolved: Mask) -> Blocks | None:
-        """The blocks, with the `unsolved` ones, which `substitute` cannot solve, added to the core."""
+        """New blocks with the `unsolved` ones, which `substitute` did not solve, added to the core."""
         core = np.zeros(self.problem.n, dtype=bool)
         core[self.rows[np.repeat(unsolved, np.diff(self.starts))]] = True
         core[np.concatenate([*self.parts, self.rows[:0]])] = True
         return blocks(self.problem, core)
 
     def substitute(self, z: Vector, selected: Mask) -> tuple[Vector, Mask]:
-        """`z` with the `selected` blocks solved in turn, and which of them are solved, as far as the kernel knows.
+        """`z` with the `selected` blocks solved in turn, in a copy, and the mask of those that `solve_blocks` solved.
 
         References
         ----------
@@ -161,7 +161,7 @@ class Blocks:
 
         A = self.problem.A
         z = z.copy()
-        # rows of a best jump are never in a block
+        # rows whose ψ is not affine are never selected
         psi = self.problem.psi
         upper = None
         G, c = psi.linear or (sp.csr_array(A.shape), np.full(z.size, -np.inf))
@@ -174,14 +174,14 @@ class Blocks:
 
 
 def blocks(problem: ProblemData, core: Mask | None = None) -> Blocks | None:
-    """The blocks of `problem`, None where all rows are one, or where it is not known on which unknowns ψ depends.
+    """The blocks of `problem`; None where all rows are one large block, or the dependence of ψ is not known.
 
     Parameters
     ----------
     problem : ProblemData
         The problem.
     core : mask of shape (n,), optional
-        Rows that are to be in the core.
+        Rows that must be in the core.
 
     References
     ----------
@@ -215,7 +215,7 @@ def blocks(problem: ProblemData, core: Mask | None = None) -> Blocks | None:
 
 
 def _unsuitable(problem: ProblemData, part: Any, sizes: Any) -> Mask:
-    """The rows that `Blocks.substitute` does not solve: rows without a unique solution, and moving ψ inside a block."""
+    """Rows that `Blocks.substitute` cannot solve: without a unique solution, or with a moving ψ inside a block."""
     psi = problem.psi
     single = sizes[part] == 1
     unsuitable: Mask = single & ~(problem.A.diagonal() > 0)

@@ -1,4 +1,4 @@
-"""Units for a dense linear complementarity problem: powers of two for its rows and columns, which cost no digit."""
+"""Scaling of a dense linear complementarity problem by powers of two for rows and columns, which loses no digit."""
 
 from __future__ import annotations
 
@@ -24,10 +24,9 @@ def _row_units(M):
 
 @compiled
 def scale(M):
-    # (S, r, c) with s_ij = 2^(r_i + c_j) m_ij: the largest entry of each row is in [1/2, 1), whatever the units of the
-    # rows, and that of each column where those of columns differ much. (Entries that are small in their row and in
-    # their column are no reason: those of an inverse fade with the distance, and units in which they do not would make
-    # q grow as fast.)
+    # (S, r, c) with s_ij = 2^(r_i + c_j) m_ij: the largest |entry| of each row is in [1/2, 1), or, where the largest of
+    # some column is below ZERO, that of each column. (Entries that are small in their row and in their column are not
+    # scaled: those of an inverse decay with the distance, and units in which they do not would make q grow as fast.)
     n = M.shape[0]
     r = _row_units(M)
     c = np.zeros(n, np.int64)
@@ -39,7 +38,7 @@ def scale(M):
             S[i, j] = M[i, j] * unit if unit < np.inf else math.ldexp(M[i, j], r[i])
             columns[j] = max(columns[j], abs(S[i, j]))
     for largest in columns:
-        if 0.0 < largest < ZERO:  # a pivot may be rounding
+        if 0.0 < largest < ZERO:  # a pivot in this column may be a rounding error
             c = _row_units(S.T)
             break
     for j in range(n):

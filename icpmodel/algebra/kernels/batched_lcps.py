@@ -12,7 +12,7 @@ from .pivoting import START, continue_pivots, scaled_vectors, work_arrays
 
 @compiled
 def solve_lcps(S, r, c, covering, Q, C, D, limit, Z):
-    # the LCPs with the rows of Q between the rows of C and D, each from its own start, to the rows of Z
+    # solves one LCP for each row of Q, its obstacles in the rows of C and D, from a start of its own; z goes to Z
     n = S.shape[0]
     units = np.empty(n, np.int64)
     arrays = work_arrays(n)
@@ -25,7 +25,7 @@ def solve_lcps(S, r, c, covering, Q, C, D, limit, Z):
 
 @compiled
 def solve_stack(M, covering, Q, C, D, limit, Z):
-    # the same where each row has a matrix of its own
+    # the same, with the matrix M[k] for row k
     for k in range(Q.shape[0]):
         S, r, c = scale(M[k])
         own = slice(k, k + 1)

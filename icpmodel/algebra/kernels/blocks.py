@@ -1,4 +1,4 @@
-"""Small blocks of rows that follow one another, solved in turn: a row is a maximum, more are pivoted."""
+"""Small blocks of rows, solved in turn: single rows by a maximum, larger blocks by pivoting."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ def row(indptr, indices, data, i, z):
 
 @compiled
 def _block(indptr, indices, data, q, c, slopes, above, block, place, z):
-    # the LCP of the rows in `block` between their obstacles, z being what it is in the others: the matrix, q, and the
-    # obstacles as `near_and_far` has them
+    # the LCP of the rows in `block` with z fixed in all others: its matrix, q, and the obstacles as `near_and_far`
+    # returns them
     b = block.size
     M = np.zeros((b, b))
     f = np.empty(b)
@@ -56,9 +56,10 @@ def _block(indptr, indices, data, q, c, slopes, above, block, place, z):
 
 @compiled
 def solve_blocks(indptr, indices, data, q, c, slopes, above, rows, starts, selected, pivots, z):
-    # selected blocks k, rows[starts[k] : starts[k + 1]], in turn: a row is a maximum, more are pivoted, G = `slopes`
-    # having no entry there. Returns which are solved: none that is not finite, or need not have one answer. `above` is
-    # None, or (slopes, d) of the upper obstacle. A block of b rows has up to (b + 1) times `pivots`
+    # solves the selected blocks k, rows[starts[k] : starts[k + 1]], in turn, and writes to z: single rows by a maximum,
+    # larger blocks, in which G = `slopes` must have no entry, by at most (b + 1) * `pivots` pivots, b their rows.
+    # Returns which are solved: single rows where z is unique and finite, larger blocks where the pivots end in a
+    # solution. `above` is None, or (slopes, d) of the upper obstacle
     solved = np.zeros(selected.size, np.bool_)
     place = np.empty(z.size, np.int32)
     for i in range(z.size):

@@ -1,13 +1,13 @@
 """The dense dictionary of Lemke's pivots, with variables that may have two bounds.
 
 x_B = D[:n, : n + 1] x_N + D[:n, n + 1] has one row per basic variable; row n is for the one that enters. Labels of the
-variables: w_i is i, y_i is n + i, the artificial t is 2n. `place[label]` is the row of a basic variable, and −1 less
-its column for the others.
+variables: w_i is i, y_i is n + i, the artificial t is 2n. `place[label]` is the row of a basic variable, and −1 minus
+the column of a nonbasic one.
 
-y_i is between 0 and `bound[i]`, of either sign; ±∞ is none, and NaN stands for y_i of any sign. The label of y_i stands
-for ±y_i or for the distance from the bound, such that it rises from 0. Where it falls with y_i, which is `mirrored[i]`,
-the label of w_i stands for −w_i. So all variables are ≥ 0, and those at 0 are nonbasic. Where `relaxed[i]` the bound is
-t further away.
+y_i is between 0 and `bound[i]`, which has either sign; ±∞ means no bound, NaN that y_i has any sign. The variable with
+the label of y_i is ±y_i or the distance from the bound, so that it is ≥ 0. Where it falls as y_i rises, `mirrored[i]`
+is set, and the label of w_i stands for −w_i. So all variables are ≥ 0, and nonbasic ones are 0. Where `relaxed[i]` is
+set, the bound is further away by t.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy as np
 from ...numerics.kernels import compiled
 from ...numerics.sparse_structure import ROUNDING_RTOL
 
-#: in a column of the dictionary, a smaller share of its largest entry counts as zero
+#: entries of a column of the dictionary that are smaller than this share of its largest one count as zero
 ZERO = 1e-11
 
 
@@ -40,7 +40,7 @@ class Dictionary(NamedTuple):
 
 @compiled
 def near_and_far(low, high):
-    # the obstacle that z is counted from, which costs q no digits where it is small, and the other one; NaN for none
+    # the smaller obstacle, from which z is measured so that q loses few digits, and the other one; (0, NaN) for none
     if low == -np.inf and high == np.inf:
         return 0.0, np.nan
     if abs(low) <= abs(high):
@@ -94,8 +94,8 @@ def mirror(T, i):
 
 @compiled
 def _blocking(T, e):
-    # the number of variables that reach 0 or their bound as that of column e grows: to `ties` go their rows, n + 1 more
-    # for a bound, to `slopes` how fast they do so, to `ratios` when
+    # finds the variables that reach 0 or their bound as that of column e grows, and returns their number: writes their
+    # rows, plus n + 1 for a bound, to `ties`, their rates of decrease to `slopes`, and their ratios to `ratios`
     n = T.bound.size
     D = T.D  # (a field of T costs as much as some operations)
     bound = T.bound
@@ -135,7 +135,7 @@ def _blocking(T, e):
 
 @compiled
 def _least(T, count):
-    # the number of the first `count` of `ties` whose ratio is the least one; they come first from then on
+    # moves those of the first `count` entries of `ties` with the least ratio to the front, and returns their number
     ties = T.ties
     slopes = T.slopes
     ratios = T.ratios
@@ -153,8 +153,9 @@ def _least(T, count):
 
 @compiled
 def leaving(T, e):
-    # the row whose variable reaches 0 first as that of column e grows, or n + 1 more where it reaches its bound, or -1;
-    # ties are broken by the inverse of the basis, in the columns of w: the lexicographically least ratio is unique
+    # the row whose variable first reaches 0 as that of column e grows, plus n + 1 where it reaches its bound; -1 for
+    # none. t leaves before all others; other ties are broken by the inverse of the basis, in the columns of w: the
+    # lexicographically least ratio is unique
     n = T.bound.size
     t = T.place[2 * n]
     count = _least(T, _blocking(T, e))

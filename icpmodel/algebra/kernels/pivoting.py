@@ -14,11 +14,12 @@ from ...numerics.kernels import compiled
 from ...numerics.rounding import SQRT_EPSILON
 from .dictionary import ZERO, Dictionary, exchange, leaving, mirror
 
-#: the ends of a run of pivots
+#: how a run of pivots ends
 SOLVED, RAY, UNFINISHED, SINGULAR = range(4)
-#: in place of a label that is to enter: begin; with a q that is moved by the share `_SMALL` of its size, up to which
-#: an equation contradicts no others; or with the equations that `START` leaves out, as they depend on others up to
-#: `_SMALL`. Of 400 linear programs with rows that depend up to 1e-8 … 1e-10 both starts solve 399
+#: each of these, in place of the label that enters, begins a run. `START` leaves out equations that depend on others up
+#: to `_SMALL`, `FULL_RANK` keeps them, and `PERTURBED` moves q by the share `_SMALL` of its size. Up to `_SMALL` an
+#: equation contradicts no others. Of 400 linear programs with rows that depend on others up to 1e-8 … 1e-10, `START`
+#: and `FULL_RANK` solve 399
 FULL_RANK, PERTURBED, START = range(-3, 0)
 _SMALL = SQRT_EPSILON
 
@@ -46,7 +47,7 @@ def _largest(T, leaves, enters):
 
 @compiled
 def _is_consistent(T, leaves):
-    # whether the rows whose w_i is to leave, but is basic, have no obstacle and do not contradict the others
+    # whether all rows whose w_i is to leave but is still basic have no obstacle and do not contradict the others
     n = T.bound.size
     for i in range(n):
         k = T.basic[i]
@@ -57,9 +58,9 @@ def _is_consistent(T, leaves):
 
 @compiled
 def eliminate_equations(T, least):
-    # pivots by which w_i leaves and y_i enters in the rows without obstacle, the largest each time. Where these are
-    # singular another y_j enters, and w_j is to leave as well. Rows that depend on others, up to `least`, stay: whether
-    # none of these contradicts the others
+    # makes w_i leave and y_i enter in the rows without obstacle, with the largest pivot each time. Where these rows are
+    # singular another y_j enters, and then w_j is to leave as well. Rows that depend on others up to `least` keep w_i
+    # basic. Returns whether none of these contradicts the others
     leaves = np.isnan(T.bound)
     first = 0.0
     for _ in range(T.bound.size):
@@ -78,7 +79,8 @@ def eliminate_equations(T, least):
 
 @compiled
 def _fill(T, S, q, perturbation):
-    # the first dictionary, t having no part in it; q is moved by up to `perturbation` in every row its own way
+    # fills the first dictionary, its column of t with 0; in rows with an obstacle q is moved by different amounts from
+    # 0 to twice `perturbation`
     n = T.bound.size
     D = T.D
     bound = T.bound
@@ -110,9 +112,10 @@ def _fill(T, S, q, perturbation):
 
 @compiled
 def start(T, S, q, covering, entering):
-    # the dictionary without the rows that have no obstacle: how the run ended, and the label to enter. q is moved where
-    # `entering` asks for it, so that no ties are left. d is 0 also where y_j has entered, as in a vertex of a polytope
-    # that z then keeps to; and 1 where the first basis violates the row, or y_j has entered as 0
+    # begins a run: eliminates the rows without obstacle and makes t enter. Returns how the run ended, and the label
+    # that enters next. If `entering` is PERTURBED q is moved, so that no ties are left. d is also 0 where y_j has
+    # entered, as at a vertex of a polytope, in which z then stays; and 1 where the first basis violates the row, or y_j
+    # entered as 0
     D = T.D
     bound = T.bound
     basic = T.basic
@@ -153,7 +156,7 @@ def complement(label, n):
 
 @compiled
 def pivot(T, entering, limit):
-    # up to `limit` pivots; returns how they ended, and the label of the variable that is to enter
+    # makes up to `limit` pivots; returns how they ended, and the label of the variable that is to enter
     n = T.bound.size
     D = T.D
     for _ in range(limit):
@@ -218,8 +221,9 @@ def _refine(T, S, g, z):
 
 @compiled
 def continue_pivots(S, f, g, near, far, covering, units, D, labels, work, entering, limit):
-    # a start, where nothing enters yet, and up to `limit` pivots: how they ended, what is to enter, z = near + y, and
-    # the direction of a ray
+    # begins a run if `entering` < 0, then makes up to `limit` pivots. Returns how they ended, the label that enters
+    # next, z = near + y in its own units, and the direction of a ray. D, `labels` and `work` hold the dictionary, and
+    # change
     n = S.shape[0]
     place = labels[4:6].reshape(-1)
     ties = labels[6:].reshape(-1)
@@ -235,13 +239,13 @@ def continue_pivots(S, f, g, near, far, covering, units, D, labels, work, enteri
     z = near.copy()
     ray = np.zeros(n)
     if code != SINGULAR:
-        for i in range(n):  # counted from the bound
+        for i in range(n):  # y_i is measured from the bound
             if T.mirrored[i] != (bound[i] < 0.0):
                 z[i] = far[i]
         _unpack(T, n + 1, z)
     if code == SOLVED:
         _refine(T, S, g, z)
-        for i in range(n):  # what is outside is rounding
+        for i in range(n):  # z leaves its bounds by rounding errors only
             if not np.isnan(far[i]):
                 z[i] = min(max(z[i], min(near[i], far[i])), max(near[i], far[i]))
     elif code == RAY:
@@ -257,7 +261,7 @@ def continue_pivots(S, f, g, near, far, covering, units, D, labels, work, enteri
 @compiled
 def scaled_vectors(S, r, c, q, near, far, units):
     # (f, g, near, far) in units in which the largest entry of f is about 1: f = q + M near, which is p at z = near, and
-    # g = q. The `units` of z are set
+    # g = q. Writes the exponents of the units of z to `units`
     n = q.size
     f = np.empty(n)
     g = np.empty(n)
@@ -290,7 +294,7 @@ def work_arrays(n):
 
 @compiled
 def first_dictionary(S, r, c, q, near, far, covering):
-    # all that `continue_pivots` takes but for the last two arguments
+    # the arguments of `continue_pivots` except the last two
     n = S.shape[0]
     units = np.empty(n, np.int64)
     arrays = scaled_vectors(S, r, c, q, near, far, units)

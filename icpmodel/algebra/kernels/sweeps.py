@@ -44,7 +44,7 @@ def _upper_entry(psi, i, z):
 
 @compiled_helper
 def median_residual(least, zi, low, top):
-    # mid(z_i - top, p, z_i - low), `least` = min(p, z_i - low); that where top is None
+    # mid(z_i - top, p, z_i - low), `least` = min(p, z_i - low); `least` where top is None
     if top is None:
         return least
     return median(least, zi - low, zi - top)
@@ -53,7 +53,7 @@ def median_residual(least, zi, low, top):
 @compiled_helper
 def step_residual(least, zi, top, weight):
     # max(weight (z_i - top), `least`), the median of a step; where the obstacles cross it moves z_i to the upper one,
-    # and, unlike `median_residual`, nothing jumps
+    # and unlike `median_residual` it is continuous
     if top is None:
         return least
     return larger(least, weight * (zi - top))
@@ -74,9 +74,9 @@ def _smaller(p, r):
 
 @compiled_helper
 def _next_entry(par, i, zi, own, obstacle, top, p, rest, old, new):
-    # out_i. `par` tells which sweep it is, and numba drops the other branch when it compiles. (What a function of the
-    # row makes would be compiled anew by every process: numba takes what it closes over for a part of its name, and
-    # that is never the same.)
+    # out_i. The length of `par` selects the sweep, and numba drops the other branch when it compiles. (A closure for
+    # each sweep would be compiled anew by every process: numba's cache key includes the objects that it closes over,
+    # and these are never the same.)
     if len(par) == 3:
         # X = diag(1/inverse) + tau * (strict lower triangle of A), and out = z - 2 X^-1 F(z):
         # out_i = z_i - inverse_i (2 F_i + tau * sum_{j<i} a_ij (out_j - z_j))
@@ -159,7 +159,7 @@ def substitute(start, stop, indices, data, tau, inverse, f, out):
 
 @compiled
 def bounded(indptr, indices, data, diag, scale, growth, tiny, f, v, g, out):
-    # what a projected sweep over `data` >= 0 makes of bounds, the newest ones for the rows before: out_i is the larger
+    # a projected sweep over `data` >= 0 for bounds, with the newest ones in the rows before: out_i is the larger
     # of g_i and (f_i + scale_i (sum_{j<i} a_ij out_j + sum_{j>i} a_ij v_j)) growth_i + tiny_i
     for i in range(uint(v.size)):
         total = row_sum(0.0, indptr[i], diag[i], indices, data, out)

@@ -1,4 +1,4 @@
-"""Tridiagonal linear complementarity problems in O(n): `methods.shortcuts` says what for.
+"""Tridiagonal linear complementarity problems in O(n), for the method `Tridiagonal` in `methods.shortcuts`.
 
 Row i of A is (lower_i, diagonal_i, upper_i), entries outside the matrix being 0.
 """
@@ -70,9 +70,10 @@ def product(lower, diagonal, upper, q, z, p):
 
 @compiled
 def newton(lower, diagonal, upper, q, c, top, obstacle, free, limit):
-    # steps z: p = 0 in the free rows, z = c in the others; free: p < diagonal * (z - c). With an upper obstacle, at
-    # `top`, else None, z = top where p < diagonal * (z - top). `obstacle` is z in the rows that are not free; it is c
-    # itself where there is one obstacle. It and `free` are changed. Returns the last z, and how the steps ended
+    # Newton steps: p = 0 in the free rows, z = c in the others; then the rows with p < diagonal * (z - c) are free.
+    # With an upper obstacle `top`, else None, z = top in rows with p < diagonal * (z - top). `obstacle` is z in the
+    # rows that are not free; with one obstacle it is c itself. It and `free` are changed. Returns the last z and how
+    # the steps ended
     z = np.empty(q.size)
     p = np.empty(q.size)
     f = -q
@@ -113,8 +114,9 @@ def refine(lower, diagonal, upper, q, free, z):
 
 @compiled
 def join_runs(one, two, to, back):
-    # the run of rows that two runs with no row between them make: `to` couples the last row of `one` to the first of
-    # `two`, `back` that one to it. Without a positive determinant A is no M-matrix
+    # joins two adjacent runs of free rows: `to` couples the last row of `one` to the first of `two`, `back` the latter
+    # to the former. Returns whether the determinant is positive, else A is no M-matrix; and the run, as
+    # `rows_off_obstacle` stores it
     first, top, bottom, up, down, y_top, y_bottom = one
     _, top2, bottom2, up2, down2, y_top2, y_bottom2 = two
     determinant = 1.0 - (to * back) * (bottom * top2)
@@ -133,10 +135,11 @@ def join_runs(one, two, to, back):
 
 @compiled
 def rows_off_obstacle(lower, diagonal, upper, f):
-    # Which rows leave the obstacle in the LCP with the M-matrix A, rows divided by the diagonal, and f. From the top,
-    # one row after the other is added to a problem that is solved; a row that has left it stays off it. What is known
-    # of a run of free rows: its first row; of its inverse the corners top (first, first), bottom (last, last), up
-    # (first, last) and down (last, first); y at both ends, as long as the rows around it are at 0
+    # which rows leave the obstacle in the LCP with the M-matrix A, rows divided by the diagonal, and f; and False where
+    # A proves to be no M-matrix. From the top, one row after the other is added to a problem that is already solved; a
+    # row that has left the obstacle stays off it. Stored for each run of free rows: its first row; of its inverse the
+    # corners top (first, first), bottom (last, last), up (first, last) and down (last, first); y at both ends, as long
+    # as the rows around it are at 0
     n = f.size
     free = np.zeros(n, np.bool_)
     runs = np.empty((n // 2 + 2, 7))
@@ -149,7 +152,7 @@ def rows_off_obstacle(lower, diagonal, upper, f):
             continue
         free[i] = True
         k = i - 1
-        # the row above the run has to follow where it is pulled below 0
+        # the row above the run becomes free too where the run pulls it below 0
         while True:
             if joins_run:
                 count -= 1
@@ -180,8 +183,8 @@ def rows_off_obstacle(lower, diagonal, upper, f):
 
 @compiled
 def free_rows(lower, diagonal, upper, q, c):
-    # the rows that Newton's steps begin with. Where there is no obstacle, a lower bound of z is one: what it would be
-    # if there were none anywhere. Where a determinant says that A is no M-matrix, all rows begin on their obstacles
+    # the free rows with which Newton's steps begin. Rows without an obstacle get a lower bound of z as one: the
+    # solution without any obstacles. Where a determinant shows that A is no M-matrix, all rows begin on their obstacles
     n = q.size
     below = np.empty(n)
     load = np.empty(n)
@@ -208,7 +211,7 @@ def free_rows(lower, diagonal, upper, q, c):
 
 @compiled
 def _one_side(lower, diagonal, upper, q, c, held, values, limit):
-    # z of the LCP over c, where z is `values` in the rows that are held
+    # z of the LCP with the obstacle c, where z is fixed at `values` in the rows that are `held`
     n = q.size
     lower = lower.copy()
     diagonal = diagonal.copy()
@@ -235,8 +238,8 @@ def _one_side(lower, diagonal, upper, q, c, held, values, limit):
 
 @compiled
 def alternate(lower, diagonal, upper, q, c, top, rounds, limit, obstacle, free):
-    # `obstacle` and `free` for Newton's steps between two obstacles. In turn, until they stay the same: the rows at c,
-    # those at `top` being held; the rows at `top`, those at c being held
+    # sets `obstacle` and `free` for Newton's steps between two obstacles. Alternates for at most `rounds`, until
+    # nothing changes: finds the rows at c with those at `top` held, then the rows at `top` with those at c held
     n = q.size
     above = np.zeros(n, np.bool_)
     below = np.zeros(n, np.bool_)
@@ -260,8 +263,8 @@ def alternate(lower, diagonal, upper, q, c, top, rounds, limit, obstacle, free):
 
 @compiled
 def solve_rows(lower, diagonal, upper, Q, C, D, rounds, limit, Z):
-    # the LCPs with the rows of Q and the obstacles in those of C, and above in those of D, or None; z goes to the rows
-    # of Z, unjudged
+    # solves one LCP for each row of Q, its obstacles in the rows of C, and above in those of D, or None; writes z to
+    # the rows of Z, unchecked
     for k in range(Q.shape[0]):
         free = free_rows(lower, diagonal, upper, Q[k], C[k])
         if D is None:
