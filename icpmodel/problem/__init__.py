@@ -1,1 +1,1 @@
-"""The data of an ICP: A, q and ψ, and what can be found out about A and ψ."""
+"""The data of an ICP: A, q, f and ψ, and the facts about A and ψ."""

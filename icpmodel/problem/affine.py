@@ -1,4 +1,4 @@
-"""Obstacles that do not move, ψ = c, and those that move linearly, ψ = Gz + c."""
+"""Constant obstacles, ψ = c, and affine ones, ψ = Gz + c."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Constant(Map):
     Parameters
     ----------
     c : float or array_like of shape (n,)
-        The obstacle, in the units of z. −inf means no obstacle in that row; above z, +inf does.
+        The obstacle, in the units of z. −inf means no obstacle in that row; in an upper obstacle +inf does.
 
     Examples
     --------
@@ -39,7 +39,7 @@ class Constant(Map):
 
     @classmethod
     def of_checked(cls, c: Vector) -> Constant:
-        """The obstacle of a vector that is valid already; it is neither checked nor copied.
+        """The obstacle of a valid vector, which is made read-only, but neither checked nor copied.
 
         Parameters
         ----------
@@ -88,7 +88,7 @@ class Constant(Map):
 
 
 class AffineData(NamedTuple):
-    """What an affine ψ is made of, or a change of it, or a gradient: `G`, CSR, shape (n, n), and `c`, shape (n,).
+    """The data of an affine ψ, a change of them, or a gradient: `G`, CSR, shape (n, n), and `c`, shape (n,).
 
     Examples
     --------
@@ -109,7 +109,7 @@ class Affine(Map):
     G : array_like or sparse matrix of shape (n, n)
         The matrix.
     c : float or array_like of shape (n,), default 0
-        The constant part. −inf means no obstacle in that row; above z, +inf does.
+        The constant part. −inf means no obstacle in that row; in an upper obstacle +inf does.
 
     Examples
     --------

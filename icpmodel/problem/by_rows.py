@@ -53,21 +53,21 @@ class LocalRows(Displayable, _Four):
 @check_arguments
 @dataclass(frozen=True, repr=False)
 class ByRows(Displayable):
-    """A problem that is assembled a range of rows at a time: processes that share it make each its own rows.
+    """A problem that is assembled by ranges of rows: each process that shares it assembles its own rows.
 
     Parameters
     ----------
     shape : tuple of int
-        (n,), or the grid, such as (m, m), whose unknowns are numbered with the last axis quickest.
+        (n,), or the shape of a grid, such as (m, m), whose unknowns are numbered with the last axis fastest.
     rows : callable
         Maps (lo, hi) to `LocalRows`, or to a tuple (A, q, psi) or (A, q, psi, upper). A has all n
-        columns and is dense or sparse; numbers stand for vectors.
+        columns and is dense or sparse; a number stands for a constant vector.
 
     Notes
     -----
-    `rows` must give the same rows in whatever range they are asked for. It should take time and
-    memory for hi − lo rows only. Another process can get a function at the top of a module, or a
-    `partial` of one.
+    `rows` must return the same rows for every range that contains them. Its time and memory should
+    be those of hi − lo rows. Other processes can receive a function at the top level of a module, or
+    a `partial` of one.
 
     Examples
     --------
@@ -108,7 +108,7 @@ class ByRows(Displayable):
         Raises
         ------
         InputError
-            For another range, and where `rows` returns something that does not fit or is not
+            For an invalid range, and where `rows` returns wrong shapes or entries that are not
             finite.
 
         Examples

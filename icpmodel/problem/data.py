@@ -78,7 +78,7 @@ class ProblemData(PointValues):
 
     @classmethod
     def of_checked(cls, A: sp.csr_array, q: Vector, psi: Any, row_weights: Vector | None = None) -> Self:
-        """The problem of arrays that are valid already; they are neither checked nor copied.
+        """The problem of valid arrays, which are made read-only, but neither checked nor copied.
 
         Parameters
         ----------
@@ -115,16 +115,16 @@ class ProblemData(PointValues):
 
         Notes
         -----
-        Then r(z) = D⁻¹(Bz + d). That changes no solution, as rows of B and d may be multiplied by
-        any positive number. It makes ψ_i independent of z_i. Otherwise a step that is scaled by the
-        diagonal of A would be wrong by the factor B_ii on the rows where r is the smaller. Where
+        Then r(z) = D⁻¹(Bz + d). The division by D changes no solution, as each row of (B, d) may be
+        multiplied by a positive number. It makes ψ_i independent of z_i. Otherwise a step that is
+        scaled by the diagonal of A would be wrong by the factor B_ii in rows where r is the smaller. Where
         B_ii ≤ 0, row i of (B, d) is divided by its largest |entry| instead. Each quotient is
         rounded once.
 
         References
         ----------
         Cottle and Dantzig, J. Combin. Theory 8 (1970), doi:10.1016/S0021-9800(70)80010-2. Sznajder
-        and Gowda, Linear Algebra Appl. 223/224 (1995), for when z is the only one.
+        and Gowda, Linear Algebra Appl. 223/224 (1995), for when z is unique.
 
         Examples
         --------
@@ -156,13 +156,13 @@ class ProblemData(PointValues):
         F : callable
             z ↦ F(z), both of shape (n,).
         jacobian : callable, optional
-            Maps z to F′(z), shape (n, n), dense or sparse. Without it F′ is made by differences.
+            Maps z to F′(z), shape (n, n), dense or sparse. Without it F′ is approximated by differences.
         psi, upper
             The obstacles, see `icpmodel.ICP`; ψ = 0 makes a nonlinear complementarity problem (NCP).
         n : int, optional
             Number of unknowns; needed where neither obstacle is a vector and no `sparsity` is given.
         sparsity : array_like or sparse of shape (n, n), optional
-            An entry wherever F_i may depend on z_j: for differences of columns together.
+            An entry wherever F_i may depend on z_j. Columns that share no row are differenced together.
 
         Returns
         -------
@@ -353,7 +353,7 @@ class ProblemData(PointValues):
         Raises
         ------
         InputError
-            Where the obstacles cross at z by more than rounding; by less they are made equal.
+            Where the obstacles cross at z by more than rounding; those that cross by less are set equal.
 
         Examples
         --------
@@ -446,7 +446,7 @@ class Model(Protocol):
 ProblemLike = ProblemData | Holder | Model
 
 
-#: the error where p has to be affine
+#: the message of the error where p must be affine
 NONLINEAR = (
     "p(z) = Az + q + f(z) is nonlinear, and affine p = Az + q was expected: give problem.linearised(z), "
     "with p's tangent at a z, such as that of problem.solve()"
@@ -461,7 +461,7 @@ def as_problem(problem: ProblemLike, *, nonlinear: bool = False) -> ProblemData:
     InputError
         For anything else.
     NotApplicable
-        Where p is nonlinear, unless `nonlinear` says that it may be.
+        Where p is nonlinear, unless `nonlinear` is true.
     """
     if isinstance(problem, str):
         raise InputError(f"problem is {problem!r}; an ICP was expected: icpmodel.scenes.scene makes a scene of a name")

@@ -13,14 +13,14 @@ from ..numerics.arrays import Vector, with_entries
 from ..numerics.rounding import SQRT_EPSILON, UNIT_ROUNDOFF
 from .user_code import USER_ULPS
 
-#: the share of |z_j| that balances rounding and curvature where both are of order 1 (Gill, Murray and Wright 1981, 8.6)
+#: the relative step that balances rounding and curvature where both are of order 1 (Gill, Murray and Wright 1981, 8.6)
 DIFFERENCE_STEP = SQRT_EPSILON
-#: a change that differs by this share of all terms from what a derivative says is not explained by rounding
+#: a change that differs from the prediction of a derivative by this share of all terms is not due to rounding
 _MISFIT = 1e-3
 
 
 def steps(z: Vector, least_size: float = 1.0) -> Vector:
-    """The differences h_j, shape (n,), with z_j + h_j exact: a share of |z_j|, of `least_size` where z_j is small.
+    """The steps h_j, shape (n,), with z_j + h_j exact: a fixed share of the larger of |z_j| and `least_size`.
 
     Examples
     --------
@@ -56,9 +56,9 @@ def colours(pattern: sp.csr_array) -> NDArray[np.intp]:
 def jacobian_by_differences(
     value: Callable[[Vector], Vector], z: Vector, pattern: sp.csr_array, colour: NDArray[np.intp]
 ) -> sp.csr_array:
-    """∂value/∂z at `z` on the entries of `pattern`, with one value for each `colour` of its columns.
+    """∂value/∂z at `z` on the entries of `pattern`, with one difference for each `colour` of its columns.
 
-    An entry is made backwards where forwards it is not finite. Raises OutOfTime.
+    Where a forward difference is not finite a backward one replaces it. Raises OutOfTime.
 
     Examples
     --------
@@ -89,7 +89,7 @@ def jacobian_by_differences(
 
 
 def misfit_of_derivative(value: Callable[[Vector], Vector], J: sp.csr_array, z: Vector) -> int | None:
-    """A row whose change to neither side of `z` is what the derivative `J` says; None where there is none.
+    """A row where the prediction of `J` is not between the changes of `value` to both sides of `z`; None without one.
 
     Examples
     --------
@@ -98,7 +98,7 @@ def misfit_of_derivative(value: Callable[[Vector], Vector], J: sp.csr_array, z: 
     1
     """
     with np.errstate(all="ignore"):
-        # of no pattern: a mean of z, or a difference of neighbours, changes along it
+        # random, so that means of z and differences of neighbours change along it
         rng = np.random.default_rng(0)
         direction = rng.choice([-1.0, 1.0], z.size) * rng.uniform(1.0, 2.0, z.size)
         here = value(z)

@@ -33,12 +33,12 @@ class Elementwise(UserMap):
         The constant part.
     slope_range : tuple of two floats or array_like of shape (n,), optional
         (m, M) with m_i ≤ (f(s) − f(t))/(s − t) ≤ M_i for all s ≠ t; (0, inf) for a nondecreasing f.
-        Proofs on a nonlinear p take it. They assume that f is continuous, too, which a finite M
-        implies. By default ℓ = max(|m|, |M|) where that is finite.
+        Proofs about a nonlinear p use it. They also assume that f is continuous, which a finite M
+        implies. Without `lipschitz` ℓ = max(|m|, |M|) where that is finite.
     parameter_derivative : callable, optional
-        For `icpmodel.Derivative`: maps z to the derivative of ψ(z) in m parameters of yours. Its
-        shape is (n, m), dense or sparse, or (n,) for one parameter. These parameters replace c as
-        the data of ψ.
+        For `icpmodel.Derivative`: maps z to the derivative of ψ(z) with respect to m parameters of yours.
+        Its shape is (n, m), dense or sparse, or (n,) for one parameter. These parameters replace c
+        as the data of ψ.
 
     Examples
     --------
@@ -80,7 +80,7 @@ class Elementwise(UserMap):
 
     def bind(self, n: int) -> Self:
         sides = self.slope_range
-        if sides is not None:  # the constants may be made of them
+        if sides is not None:  # first, as the Lipschitz constants may be derived from them
             sides = locked(tuple(as_vector(side, n, "Elementwise.slope_range", infinite=np.inf) for side in sides))
         c = locked(as_vector(self.c, n, "Elementwise.c", infinite=np.inf))
         bound = super().bind(n)

@@ -1,4 +1,4 @@
-"""What can be found out about A and ψ together, each fact once, whatever was asked before."""
+"""The facts about A and ψ together, each computed once, on request."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from .matrix import Matrix
 from .two_sided import sides_of
 from .user_code import map_violation
 
-#: evaluations of ψ at the most; with a derivative five are the rule
+#: the largest number of evaluations of ψ; with a derivative five are typical
 _MAX_EVALUATIONS = 100
-#: the largest rounding error of a fixed obstacle, as a share
+#: the largest relative rounding error of a fixed obstacle
 _MAX_CROSSING = 1e-12
 
 
@@ -34,9 +34,9 @@ class Facts:
 
     @cached_property
     def has_fixed_obstacle(self) -> bool:
-        """Whether every ψ_i is known to depend on z_i alone and to change by less: `obstacle` exists.
+        """Whether each ψ_i is known to depend on z_i alone, with a Lipschitz constant below 1: then `obstacle` exists.
 
-        Not where ψ at 0 and at the obstacle contradicts the Lipschitz constants that a user gave.
+        False where the values of ψ at 0 and at the obstacle contradict a user's Lipschitz constants.
         """
         G = self.psi.lipschitz
         if self.psi.is_constant or G is None:
@@ -51,7 +51,7 @@ class Facts:
 
     @cached_property
     def bounded(self) -> int:
-        """How many rows have an obstacle, all of them where it moves."""
+        """The number of rows with an obstacle; n where it moves."""
         return self.bounded_rows.size if self.psi.is_constant else self.matrix.n
 
     @cached_property
@@ -62,7 +62,7 @@ class Facts:
 
     @cached_property
     def entries(self) -> int:
-        """The entries that a sweep reads, or a Newton step: those of A, and those of ψ where it couples rows."""
+        """The number of entries that a sweep or a Newton step reads: those of A and of `psi.links`."""
         return self.matrix.nnz + (0 if self.psi.links is None else self.psi.links.nnz)
 
     @cached_property
@@ -72,11 +72,11 @@ class Facts:
         if links is None or self.has_fixed_obstacle:
             return self.matrix
         work.charge_matrices(self.entries)
-        return Matrix(sp.csr_array(0.5 * self.matrix.absolute + 0.5 * abs(links)))  # the sum may overflow
+        return Matrix(sp.csr_array(0.5 * self.matrix.absolute + 0.5 * abs(links)))  # their sum may overflow
 
     @cached_property
     def coupling(self) -> float:
-        """How far ψ couples its rows, as ρ of the Jacobi matrix says it of A: the largest row sum of G, where known."""
+        """How strongly ψ couples rows, comparable to A's Jacobi radius: the largest row sum of G; 0 if not known."""
         G = self.psi.lipschitz
         if G is None or self.has_fixed_obstacle or not G.nnz:
             return 0.0
@@ -86,10 +86,10 @@ class Facts:
     def obstacle(self) -> Vector:
         """c such that the problem with the obstacle c has the same solutions, where `has_fixed_obstacle`.
 
-        r_i(z) = z_i − ψ_i(z_i) then grows with z_i, so r_i ≥ 0 says z_i ≥ c_i with r_i(c_i) = 0.
+        r_i(z) = z_i − ψ_i(z_i) then grows with z_i, so r_i ≥ 0 means z_i ≥ c_i with r_i(c_i) = 0.
         Newton's method solves the n equations at once. It is kept in the bracket that the Lipschitz
         constant ℓ_i < 1 gives, −r/(1 − ℓ) ≤ c − z ≤ −r/(1 + ℓ) for r > 0. Where ψ has no derivative
-        the bracket is halved. The iteration ends at rounding accuracy, or where nothing moves. c_i
+        the bracket is halved. The iteration ends at rounding accuracy, or where c stays the same. c_i
         = −inf where ψ_i is. Raises MapError where ψ fails.
         """
         return self._fixed_obstacle(self.psi, -np.inf)
@@ -101,7 +101,7 @@ class Facts:
 
     @cached_property
     def crossed(self) -> int | None:
-        """A row in which fixed obstacles cross, beyond rounding, so that nothing is a solution; None where none does.
+        """A row in which fixed obstacles cross beyond rounding, so that there is no solution; None without one.
 
         Raises MapError where ψ fails.
         """
@@ -139,7 +139,7 @@ class Facts:
             c = following
         c = np.where(value == none, none, c)
         good = (np.abs(c) < np.inf) | (c == none)
-        if not good.all():  # nor NaN
+        if not good.all():  # NaN fails as well
             i = int(np.argmin(good))
             name = "psi" if none < 0 else "upper"
             raise MapError(

@@ -69,7 +69,7 @@ class FrictionIndex(TwoSidedObstacle):
 
     @property
     def friction(self) -> Mask:
-        """Which rows are rows of friction."""
+        """The mask of the rows of friction, shape (n,)."""
         return np.asarray(self.findex >= 0)
 
     def _side(self, bounds: Vector) -> Affine:

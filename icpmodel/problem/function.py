@@ -28,14 +28,14 @@ class Function(UserMap):
         Maps z to an element of the generalised Jacobian, shape (n, n), dense or sparse.
     lipschitz : array_like or sparse of shape (n, n), float or array_like of shape (n,), optional
         The matrix G ≥ 0. A number or a vector stands for diag(ℓ), and thus says that ψ_i depends on
-        z_i only. A `jacobian` with an entry where G has 0 is a MapError at the first z where it is
+        z_i only. A `jacobian` with an entry where G has 0 raises MapError at the first z where it is
         evaluated.
     sparsity : array_like or sparse of shape (n, n), optional
-        A matrix with an entry wherever ψ_i may depend on z_j. Where no `jacobian` is given it is then
-        made by differences, one value of ψ for each group of columns that share no row.
+        A matrix with an entry wherever ψ_i may depend on z_j. Without `jacobian` the Jacobian is then
+        approximated by differences, with one value of ψ for each group of columns that share no row.
     parameter_derivative : callable, optional
-        For `icpmodel.Derivative`: maps z to the derivative of ψ(z) in m parameters of yours. Its
-        shape is (n, m), dense or sparse, or (n,) for one parameter.
+        For `icpmodel.Derivative`: maps z to the derivative of ψ(z) with respect to m parameters of yours.
+        Its shape is (n, m), dense or sparse, or (n,) for one parameter.
 
     Examples
     --------

@@ -26,11 +26,11 @@ class Intervention(Map):
         gains k_ij; a stored 0 is a jump without gain or cost. A function maps z to (value, target), both of shape
         (n,), with target_i the best j, and −1 where row i has no jump.
     best : {"max", "min"}, default "max"
-        Which of the jumps is the best.
+        Whether the best jump is the one with the largest or the smallest z_j + k_ij.
 
     Notes
     -----
-    A row without a jump has no obstacle: ψ_i = −inf; above z, +inf. For a matrix, G has a 1
+    A row without a jump has no obstacle: ψ_i = −inf; in an upper obstacle +inf. For a matrix, G has a 1
     wherever a jump is possible.
 
     References
@@ -87,7 +87,7 @@ class Intervention(Map):
 
     def restricted(self, rows: NDArray[np.intp], z: Vector) -> Map:
         if self.jumps is None or (jumps := self.jumps[rows]).nnz > (inner := jumps[:, rows]).nnz:
-            return super().restricted(rows, z)  # a jump leads to another row
+            return super().restricted(rows, z)  # a jump leads out of the `rows`
         left = Intervention(inner, self.best)
         return left if self.none < 0 else left.as_upper()
 
@@ -141,11 +141,11 @@ class Intervention(Map):
 
     @property
     def _sign(self) -> float:
-        """The jump of the largest `_sign` times z_j + k_ij is the best one."""
+        """1 or −1: the best jump has the largest `_sign` times (z_j + k_ij)."""
         return 1.0 if self.best == "max" else -1.0
 
     def _of_gains(self, change: Any, name: str) -> sp.csr_array:
-        """`change` as a matrix with entries where there are jumps, and nowhere else."""
+        """`change` as a CSR matrix. Raises InputError where it has an entry without a jump."""
         assert self.jumps is not None
         changed = as_csr(change, name, self.jumps.shape[0])
         possible = self.lipschitz
@@ -213,7 +213,7 @@ class Intervention(Map):
 
 
 def _largest(jumps: sp.csr_array, of_jump: Vector, least: float) -> Vector:
-    """The largest of the numbers `of_jump` of the jumps of each row, `least` without a jump."""
+    """The largest of the values `of_jump` in each row of `jumps`; `least` in rows without a jump."""
     largest = np.full(jumps.shape[0], least)
     rows = np.flatnonzero(np.diff(jumps.indptr))
     if rows.size:

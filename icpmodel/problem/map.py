@@ -1,9 +1,9 @@
 """The contract of the obstacle map ψ, and the generic methods of every map.
 
-ψ may be −∞ in a row: that row has no obstacle, and p_i = 0 must hold there. A map may as well be
+ψ may be −∞ in a row: that row has no obstacle, and p_i = 0 must hold there. A map may also be
 the upper obstacle, where +∞ means none. A new kind of ψ is one file with a subclass of `Map` that
 has `bind`, `value` and `jacobian`. All other methods have a generic default, which the subclass may
-replace by a quicker one.
+override by a faster one.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from ..present.display import Displayable
 class Map(ReadOnly, Displayable, ABC):
     """ψ: Rⁿ → (R ∪ {−∞})ⁿ.
 
-    Maps are made without a length; `ICP` binds them to its own. They never change.
+    Maps are made without a length; `ICP` binds them to n unknowns. They never change.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class Map(ReadOnly, Displayable, ABC):
     links: sp.csr_array | None = None
     #: the upper obstacle, where this is the lower of two: see `two_sided.TwoSidedObstacle`
     upper: Map | None = None
-    #: whether the obstacles never cross: there is one, or both are Gz + c with the same G
+    #: whether the obstacles are known never to cross: there is one, or both are Gz + c with the same G
     parallel: bool = True
     #: whether ψ does not depend on z
     is_constant: bool = False
@@ -279,7 +279,7 @@ class Map(ReadOnly, Displayable, ABC):
         return None, as_vector(change, z.size, name)
 
     def data_gradient(self, z: Vector, weight: Vector) -> Any:
-        """The gradient of wᵀψ(z) by ψ's own data, at fixed z.
+        """The gradient of wᵀψ(z) with respect to ψ's own data, at fixed z.
 
         Parameters
         ----------
@@ -291,7 +291,7 @@ class Map(ReadOnly, Displayable, ABC):
         Returns
         -------
         object
-            In the form of the data; here for the values of ψ, which is w.
+            In the form of the data. By default these are the values of ψ, and the gradient is w.
 
         Examples
         --------
@@ -313,7 +313,7 @@ class Map(ReadOnly, Displayable, ABC):
         Returns
         -------
         mask of shape (n,)
-            The rows; a row is in it unless it is known to be smooth.
+            The rows that are not known, or assumed, to be smooth.
 
         Examples
         --------
@@ -411,7 +411,7 @@ class ComposedMap(Map):
         return None if matrix is None else sp.csr_array(self.factor * (matrix[self.rows] @ P))
 
     def composed(self, P: sp.csr_array, shift: Any = 0.0, rows: Any = slice(None), factor: float = 1.0) -> Map:
-        # level upon level, ψ is asked once
+        # so that ψ is evaluated once, however many levels there are
         selected = np.arange(self.P.shape[0])[self.rows][rows]
         inner = self.P @ np.broadcast_to(shift, P.shape[:1]) + self.shift
         return ComposedMap(self.psi, self.P @ P, inner, selected, factor * self.factor)

@@ -1,4 +1,4 @@
-"""The matrix A of a problem, and what can be found out about A alone, each fact once."""
+"""The matrix A of a problem, and the facts about A alone, each computed once."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ..numerics.threads import THREADS_FROM, run_in_threads, threads_for
 
 #: the largest number of rows of a dense A that stays dense until its sparse form is needed
 MAX_DENSE_ROWS = 64
-#: the least d_i of which 1/d_i is made, the least normal float; and the size of a row without entries, its root
+#: the least d_i that is inverted, the least normal float; and the d_i of a row without entries, its square root
 MIN_DIAGONAL = float(np.finfo(np.float64).tiny)
 EMPTY_ROW_SIZE = math.sqrt(MIN_DIAGONAL)
 
@@ -54,7 +54,7 @@ class Rows(NamedTuple):
 
 
 def weights_of(largest: Vector) -> Vector:
-    """The weights of rows whose `largest` |entries| are these, shape (n,), read-only: see `Matrix.row_weights`."""
+    """The weights 1/d_i of rows with these `largest` |entries|, shape (n,), read-only: see `Matrix.row_weights`."""
     if largest.size and largest.min() < EMPTY_ROW_SIZE:
         largest = np.where(largest > 0.0, np.maximum(largest, MIN_DIAGONAL), EMPTY_ROW_SIZE)
     weights: Vector = 1.0 / largest
@@ -79,8 +79,8 @@ class Matrix(ReadOnly):
 
     Notes
     -----
-    A matrix with few rows is `dense`, in whichever form it was given, so that the same numbers come
-    out. Then `sparse` is made on request.
+    A matrix with at most 64 rows is stored as `dense`, in whichever form it was given, so that the
+    results do not depend on the form. Then `sparse` is made on request.
     """
 
     #: the names of the rows, None where they are numbers
@@ -102,7 +102,7 @@ class Matrix(ReadOnly):
 
     @classmethod
     def of_checked(cls, A: sp.csr_array, row_weights: Vector | None = None, dense: Any = None) -> Matrix:
-        """The matrix of a valid CSR array `A`, which is neither checked nor copied.
+        """The matrix of a valid CSR array `A`, which is made read-only, but neither checked nor copied.
 
         Parameters
         ----------
@@ -157,7 +157,7 @@ class Matrix(ReadOnly):
 
     @cached_property
     def nnz(self) -> int:
-        """How many entries of A are stored, or not 0 where A is small and dense."""
+        """The number of stored entries of A; of nonzero entries where A is small and dense."""
         return self.sparse.nnz if self.dense is None else int(np.count_nonzero(self.dense))
 
     def product(self, z: Vector) -> Vector:
@@ -166,14 +166,14 @@ class Matrix(ReadOnly):
         if self.dense is not None:
             image: Vector = self.dense @ z
             return image
-        if self.nnz < min(THREADS_FROM, self.n**2):  # not where there is one core: the sums would be others
+        if self.nnz < min(THREADS_FROM, self.n**2):  # not by the number of cores: the sums would differ
             return np.asarray(self.sparse @ z)
         from ..numerics.kernels.products import product  # loads numba
 
         return self._row_by_row(product, z)
 
     def magnitude(self, z: Vector) -> Vector:
-        """|A||z|, on all cores where A is large, and then without a copy of it."""
+        """|A||z|, on all cores where A is large, and then without a copy of |A|."""
         if self.dense is not None or self.nnz < THREADS_FROM:
             return np.asarray(self.absolute @ np.abs(z))
         from ..numerics.kernels.products import magnitude  # loads numba
@@ -221,8 +221,8 @@ class Matrix(ReadOnly):
     def row_weights(self) -> Vector:
         """The diagonal of D⁻¹, d_i = max_j |a_ij|, which gives p the units of z: see `ProblemData.residual`.
 
-        What a row without entries says, q_i ≥ 0, has nothing to do with z. It counts as if d_i were next to 0, 2⁻⁵¹¹,
-        as all units of p and z then give the same. Next to underflow d_i is at least 2⁻¹⁰²².
+        A row without entries demands q_i ≥ 0, whatever z is. Its d_i counts as nearly 0, 2⁻⁵¹¹, so that all
+        units of p and z give the same result. Near underflow d_i counts as at least 2⁻¹⁰²².
         """
         return weights_of(self.rows.largest if self.dense is None else np.abs(self.dense).max(1))
 
@@ -265,10 +265,10 @@ class Matrix(ReadOnly):
 
     @cached_property
     def proximal_weights(self) -> Vector:
-        """W with p/W in the units of z, entries being about 1 beside it.
+        """The diagonal of W, with p/W in the units of z and the entries of A of about the size of W.
 
-        D where A is symmetric and D ≥ 0, else `balanced`. Rows with entries of about 1 are balanced, so that W has
-        their units.
+        It is `weights` where A is nearly symmetric and no a_ii < 0, else `balanced`. Rows are first scaled to entries
+        of about 1, and W is then in the units of the rows of A.
         """
         if self.is_nearly_symmetric and not self.has_negative_diagonal:
             return self.weights

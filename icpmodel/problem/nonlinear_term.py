@@ -1,4 +1,4 @@
-"""f in p(z) = Az + q + f(z): any map that a user may give, with a derivative in any case."""
+"""The term f in p(z) = Az + q + f(z): a user's map, with a derivative by differences where none is given."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from .matrix import MIN_DIAGONAL, Matrix, weights_of
 from .user_code import USER_ULPS, as_function
 from .user_map import UserMap
 
-#: the largest n for which a dense Jacobian is made of n + 1 values of f without the consent of the user
+#: the largest n for which a dense Jacobian is approximated from n + 1 values of f without being requested
 DENSE_UP_TO = 1000
 
 
 @contextmanager
 def _about_f() -> Iterator[None]:
-    """A block in which messages on a map, which speak of psi, speak of f."""
+    """Replace psi by f in the messages of errors that the block raises about a map."""
     try:
         yield
     except (InputError, MapError) as error:
@@ -48,7 +48,7 @@ class NonlinearTerm(Displayable):
     Raises
     ------
     InputError
-        For an f of another kind or length, and for one of many unknowns without a derivative.
+        For an f of another kind or length, and for more than 1000 unknowns without a derivative.
 
     Examples
     --------
@@ -64,7 +64,7 @@ class NonlinearTerm(Displayable):
         with _about_f():
             self.map: Map = (f if isinstance(f, Map) else Function(as_function(f, "f"))).bind(n)
         self.n = n
-        #: the last z and f′(z), which the judge and the next tangent both ask for
+        #: the last z and f′(z), which both the residual and the next tangent need
         self._last_jacobian: tuple[Vector, sp.csr_array] | None = None
         if isinstance(self.map, UserMap) and self.map.no_derivative() is not None:
             if n > DENSE_UP_TO and not self.is_elementwise:
@@ -104,7 +104,7 @@ class NonlinearTerm(Displayable):
         return J
 
     def rounding(self, value: Vector) -> Vector:
-        """What rounding may make of a `value` of f, which is taken as exact to some units in the last place."""
+        """A bound on the rounding error of a `value` of f, assumed to be exact to `USER_ULPS` unit roundoffs."""
         return USER_ULPS * UNIT_ROUNDOFF * np.abs(value)
 
     @cached_property
@@ -132,7 +132,7 @@ class NonlinearTerm(Displayable):
         return np.nan_to_num(most + rounding, nan=np.inf, posinf=np.inf)
 
     def slope_violation(self, z: Vector) -> str:
-        """Which mean slope between `z` and 0 is outside of `slope_range`, beyond rounding; empty where none is."""
+        """A message if a mean slope between `z` and 0 is outside `slope_range` beyond rounding; else empty."""
         if self.slope_range is None:
             return ""
         with suppress(MapError), np.errstate(all="ignore"):
@@ -159,9 +159,9 @@ class NonlinearTerm(Displayable):
     def weighted(self, A: Matrix) -> Matrix:
         """A with the row weights of p: d_i is the mean of the largest |entries| of row i of A + f′ at z = ½ and 1.
 
-        Where f′ is not finite at one of the two the other one counts; d_i = 1 where neither is, and in
-        rows that are 0. So no iterate and no start changes the scale. At 0 the slope of a power or of a
-        root is not typical.
+        If f′ is finite at one of the two points only, that one counts; if at neither, and in zero rows,
+        d_i = 1. So the scale does not depend on the start or on iterates. The point 0 is not used, as
+        the slope of a power or of a root is not typical there.
         """
         sizes = []
         for at in (0.5, 1.0):
@@ -178,10 +178,10 @@ class NonlinearTerm(Displayable):
     def weights_at(self, A: Matrix, z: Vector, p: Any = 0.0) -> Vector:
         """The diagonal of D⁻¹ at z: d_i is the largest |entry| of row i of A + f′(z) where that is less than D's.
 
-        So Res_D(z) counts a step of Newton's method in full, and a slope that grows without bound hides no p. It is ∞
-        where slopes that are larger elsewhere underflow, as p may do before z is near a solution. A row of slope 0
-        counts as an empty one. But its slope may have underflowed, too: its entry of `p` = p(z), unless 0, counts as at
-        least the size of z.
+        So Res_D(z) counts a step of Newton's method in full, and a slope that grows without bound hides no p. A weight
+        is ∞ where slopes that are larger elsewhere underflow, as p may then underflow before z is near a solution. A
+        row of slope 0 counts as an empty one. As its slope may have underflowed, too, a nonzero entry of `p` = p(z) in
+        it counts as at least the size of z.
         """
         with np.errstate(all="ignore"):
             J = self.jacobian(z)

@@ -225,9 +225,9 @@ class PointValues(Displayable):
         return self.residual_of(p, z - psi, r_upper, self.weights_at(z, p))
 
     def weights_at(self, z: Vector, p: Any = 0.0) -> Vector:
-        """The diagonal of D⁻¹ in Res_D(z), shape (n,): the row weights of `matrix`, with an f increased by its slopes.
+        """The diagonal of D⁻¹ in Res_D(z), shape (n,): those of `matrix`; with an f, larger where slopes are small.
 
-        With `p` = p(z) the entry of p in a row of slope 0, unless it is 0, counts as at least the size of z.
+        With `p` = p(z), a nonzero entry of p in a row of slope 0 counts as at least the size of z.
 
         Examples
         --------
@@ -253,14 +253,14 @@ class PointValues(Displayable):
         return norm(mid(self.weighted(p, self.matrix.row_weights if weights is None else weights), r, r_upper))
 
     def weighted(self, p: Vector, weights: Vector) -> Vector:
-        """The `weights` times p, 0 where p is, although a weight may be ∞."""
+        """The `weights` times p, and 0 where p is 0, even if the weight is ∞."""
         return weights * p if self.f is None else np.where(p == 0.0, 0.0, weights * p)
 
     @np.errstate(all="ignore")
     def residual_at_0(self) -> float:
         """Res_D(0) = ‖min(D⁻¹p(0), −ψ(0))‖₂, without a product with A.
 
-        With an f it is by the slopes near z = 1, or by those at 0 where that is more, up to 1.
+        With an f it uses the slopes near z = 1, or those at 0 if they give more, but at most 1.
 
         Examples
         --------
@@ -279,8 +279,8 @@ class PointValues(Displayable):
     def residual_scale(self, at_0: float | None = None) -> float:
         """The reference of a relative tolerance: Res_D(0).
 
-        If 0 is a solution, it is the smallest nonzero number of |p_i(0)|/d_i, |ψ_i(0)| and |ψ̄_i(0)|, rows of zeros in A
-        left out. Then `solve` takes ‖z0‖ where that is smaller and not 0.
+        If 0 is a solution, it is the smallest nonzero number of |p_i(0)|/d_i, |ψ_i(0)| and |ψ̄_i(0)|, without p_i in
+        zero rows of A. Then `solve` takes ‖z0‖ where that is smaller and not 0.
 
         Parameters
         ----------
@@ -295,7 +295,7 @@ class PointValues(Displayable):
 
         Notes
         -----
-        By Res_D(0) ≤ ‖max(D⁻¹|A|, I + G)‖₂ ‖z*‖₂ a small share of it is small beside the solution.
+        As Res_D(0) ≤ ‖max(D⁻¹|A|, I + G)‖₂ ‖z*‖₂, a small share of it is small compared to the solution.
 
         Examples
         --------

@@ -1,4 +1,4 @@
-"""Two obstacles, one below z and one above it; and whatever a user may give as an obstacle, as a map."""
+"""Pairs of a lower and an upper obstacle; and maps from whatever a user may give as an obstacle."""
 
 from __future__ import annotations
 
@@ -26,9 +26,10 @@ class ObstaclePair(NamedTuple):
 
 
 class TwoSidedObstacle(Map):
-    """ψ ≤ z ≤ ψ̄: as a map it is the lower obstacle, `lower`; its other obstacle is `upper`.
+    """The obstacles ψ ≤ z ≤ ψ̄: as a map it is the lower one, `lower`; the upper one is `upper`.
 
-    `ICP` makes it of its `psi` and `upper`; all that is known of both maps together, G for one, is known of this one.
+    `ICP` makes it from its `psi` and `upper`. Its facts, such as the Lipschitz matrix G, hold for both obstacles. But
+    `linear` is that of the lower one, and is known only if both are affine.
 
     Examples
     --------
@@ -162,7 +163,7 @@ def sides_of(psi: Map) -> tuple[Map, ...]:
 
 
 def obstacle_values(psi: Map, z: Vector) -> Any:
-    """ψ(z), with ψ̄(z), where there is one, as compiled loops take the two."""
+    """ψ(z), or the pair of ψ(z) and ψ̄(z) where there is an upper obstacle, as compiled loops take them."""
     return psi.value(z) if psi.upper is None else ObstaclePair(psi.value(z), psi.upper.value(z))
 
 
@@ -264,11 +265,11 @@ def _one_side(value: Any, n: int, name: str, none: float) -> Map:
         raise InputError(f"{name} is a matrix G and a vector c; Affine(G, c) was expected")
     vector = as_vector(value, n, name, infinite=none)
     bound = Constant.of_checked(vector)
-    return bound if none < 0.0 else _check_bound(bound, vector, name, none)  # both infinities pass there
+    return bound if none < 0.0 else _check_bound(bound, vector, name, none)  # `infinite` = inf lets both pass
 
 
 def _check_bound(bound: Map, c: Vector, name: str, none: float) -> Map:
-    """`bound`, whose `c` may be infinite as `none` is."""
+    """`bound`, after a check that `c` is nowhere the infinity opposite to `none`. Raises InputError."""
     if (invalid := c == -none).any():
         i = int(np.argmax(invalid))
         raise InputError(f"{name}[{i}] is {c[i]}; a finite number or {none} was expected")

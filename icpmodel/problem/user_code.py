@@ -1,4 +1,4 @@
-"""Calls of a user's code: what it raises or returns wrongly becomes a MapError, what it is given is checked."""
+"""Calls of user code: its exceptions and invalid results become a MapError; its signature is checked in advance."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..numerics.arrays import Vector, as_array, described
 from ..numerics.rounding import UNIT_ROUNDOFF, is_ctrl_c
 from .map import Map
 
-#: the usual error of a function that does not take z
+#: the hint for the usual errors in a function of z
 _WHOLE = "z is an array of all unknowns: use np.sin, not math.sin, and np.where, not if (jnp.sin in JAX)"
 
 
@@ -24,7 +24,7 @@ def is_compiled(f: object) -> bool:
     return hasattr(f, "py_func") and hasattr(f, "nopython_signatures")
 
 
-#: units in the last place to which the values of a user's function are taken as exact
+#: the assumed relative error of the values of a user's function, in unit roundoffs
 USER_ULPS = 8.0
 
 
@@ -34,7 +34,7 @@ def as_function(f: Any, name: str, argument: str = "z") -> Callable[..., Any]:
         raise InputError(f"{name} is {described(f)}; a function was expected")
     try:
         parameters = signature(f)
-    except ValueError:  # some compiled functions do not say what they take
+    except ValueError:  # some compiled functions have no signature
         return f
     try:
         parameters.bind(None)
@@ -63,7 +63,7 @@ def map_violation(psi: Map, z: Vector, name: str) -> str:
 
 @contextmanager
 def as_map_error() -> Iterator[None]:
-    """A block in which what a user's function returned is checked: an InputError becomes a MapError."""
+    """Turn an InputError of the block, which checks the result of a user's function, into a MapError."""
     try:
         yield
     except InputError as error:
@@ -71,7 +71,7 @@ def as_map_error() -> Iterator[None]:
 
 
 def call(f: Callable[[Vector], Any], z: Vector, name: str) -> Any:
-    """What the user's function returns at a copy of `z`; its exceptions become a MapError about `name`."""
+    """The result of the user's function at a copy of `z`; its exceptions become a MapError about `name`."""
     try:
         return f(z.copy())
     except Exception as error:
@@ -82,7 +82,7 @@ def call(f: Callable[[Vector], Any], z: Vector, name: str) -> Any:
 
 
 def vector_of(value: Any, shape: tuple[int, ...], name: str, kinds: str = "biuf") -> NDArray[Any]:
-    """What a user's function returned, which must have this `shape` and a dtype of these `kinds`. NaN passes."""
+    """The result of a user's function as an array. Raises MapError unless `shape` and dtype `kinds` fit; NaN passes."""
     with as_map_error():
         vector = as_array(value, name)
     if vector.shape != shape:
@@ -94,5 +94,5 @@ def vector_of(value: Any, shape: tuple[int, ...], name: str, kinds: str = "biuf"
 
 
 def call_for_vector(f: Callable[[Vector], Any], z: Vector, name: str) -> Vector:
-    """What the user's function returns at `z`, as float64 of shape (n,). Raises MapError where it is anything else."""
+    """The result of the user's function at `z`, as float64 of shape (n,). Raises MapError where it is anything else."""
     return vector_of(call(f, z, name), z.shape, f"{name}(z)").astype(np.float64)

@@ -1,4 +1,4 @@
-"""Maps that a user gives by functions."""
+"""Maps that are defined by a user's functions."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from .user_code import as_function, as_map_error, call
 
 
 class UserMap(Map):
-    """A map by functions of a user, `fun` and its `derivative`, whose arguments are called `function_names`.
+    """A map defined by a user's functions `fun` and `derivative`; `function_names` are their argument names.
 
-    `given_lipschitz` are the constants as given, a number, a vector or a matrix.
+    `given_lipschitz` are the Lipschitz constants as given: a number, a vector, a matrix or None.
     """
 
     calls_user_code = True
@@ -65,7 +65,7 @@ class UserMap(Map):
         return bound
 
     def jacobian(self, z: Vector) -> sp.csr_array | None:
-        """By differences where no derivative but a sparsity pattern is known."""
+        """The Jacobian by differences on the sparsity pattern; None where that is not known."""
         return None if self.links is None else jacobian_by_differences(self.value, z, self.links, self._colours)
 
     @cached_property
@@ -92,7 +92,7 @@ class UserMap(Map):
         array([[2.]])
         """
         new = copy(self)
-        vars(new).pop("_colours", None)  # of the pattern before
+        vars(new).pop("_colours", None)  # those of the old pattern
         vars(new).update(derivative=None, links=as_csr(pattern, self._argument("sparsity")))
         return new
 

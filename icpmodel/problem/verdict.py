@@ -1,4 +1,4 @@
-"""The last word on a residual: what is computed counts only where rounding cannot have made it small."""
+"""Certified residuals: a small computed residual counts only where rounding cannot have made it small."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ Rows = NDArray[np.float64]
 def certified_residual(
     problem: ProblemData, z: Vector, residual: float, tolerance: float, weights: Vector | None = None
 ) -> float:
-    """The Res_D(z) by which z is judged, from its float64 value `residual`; see `certify_rows`."""
+    """The Res_D(z) by which z is judged: its float64 value `residual`, or a bound on it; see `certify_rows`."""
     if not residual <= tolerance:
         return residual
     count(problem.matrix.product_cost)
     weights = problem.weights_at(z) if weights is None else weights
-    if not np.isfinite(weights).all():  # r decides there, or p is 0
+    if not np.isfinite(weights).all():  # where they are infinite r decides, or p is 0
         return residual
     residuals = np.array([residual])
     q, left = _constant_part(problem, z)
@@ -45,7 +45,7 @@ def satisfies_paper(problem: ProblemData, z: Vector, atol: float) -> bool:
 
 @np.errstate(over="ignore", invalid="ignore")
 def _constant_part(problem: ProblemData, z: Vector) -> tuple[Vector, Rows | None]:
-    """q + f(z), and as the only row what its rounding leaves; None where there is no f."""
+    """q + f(z), and the rounding error of this sum as a matrix of one row; None where there is no f."""
     if problem.f is None:
         return problem.q, None
     value = problem.f.value(z)
@@ -65,13 +65,12 @@ def certify_rows(
     *offsets: Rows,
     left: Rows | None = None,
 ) -> None:
-    """Where `residuals`[i] ≤ `tolerances`[i], but Res_D(Z[i]) without rounding might not be, it becomes a bound of
-    that.
+    """Replace `residuals`[i] ≤ `tolerances`[i] by a bound on the exact Res_D(Z[i]), if the bound exceeds the tolerance.
 
-    Row i has `Q`[i], and ψ(z) = Gz + c where it is linear, else c = ψ(Z[i]), taken as exact to an ulp. `offsets` are
-    the c, row by row, of the lower obstacle, and of the upper one if there is one. `entries` are those of A, see
-    `entries_of`. `weights` are the diagonal of D⁻¹: with ones it is Res of the paper. Both have a row for each row of
-    `Q`, or one for all. `left`[i] is added to `Q`[i], whose rounding error it is.
+    Row i has `Q`[i], and ψ(z) = Gz + c where ψ is affine, else c = ψ(Z[i]), assumed to be exact to an ulp. `offsets`
+    are the c, row by row, of the lower obstacle, and of the upper one if there is one. `entries` are those of A, see
+    `entries_of`. `weights` are the diagonal of D⁻¹; ones give Res of the paper. Both have one row for each row of `Q`,
+    or one for all. `left`[i], the rounding error of `Q`[i], is added to it.
     """
     from .kernels.residual import raise_to_bounds  # loads numba
 

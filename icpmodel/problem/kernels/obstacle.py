@@ -12,8 +12,8 @@ import numpy as np
 def entrywise(f):
     """z ↦ (f(z_1), …, f(z_n)) for a scalar function f.
 
-    f is compiled into the loop. As an argument, numba would look up its type at every call, which takes longer than the
-    loop over a small z.
+    f is compiled into the loop. If it were an argument, numba would look up its type at every call, which takes longer
+    than the loop over a small z.
     """
 
     def apply(z):

@@ -1,6 +1,6 @@
 """Bounds on the exact natural residual.
 
-Products and sums are made in pairs of floats, whose errors are zero where nothing was rounded.
+Products and sums are computed as pairs of floats; the bounds on their errors are zero where nothing was rounded.
 
 References: Higham, Accuracy and Stability of Numerical Algorithms (2002), section 3.1; Ogita, Rump and Oishi, SIAM J.
 Sci. Comput. 26 (2005).
@@ -43,8 +43,8 @@ fma: Any = intrinsic(_fma)
 
 @inlined
 def row_sum(start, left, k, stop, sign, indices, data, z):
-    # start + left + sign times a row of Az, the rounding errors of all products and sums added up apart, and a bound on
-    # the error of that
+    # start + left + sign times a row of Az, with the rounding errors of all products and sums added up separately, and
+    # a bound on the error of the result
     total = start
     rest = left
     size = abs(left)
@@ -71,7 +71,7 @@ def row_sum(start, left, k, stop, sign, indices, data, z):
 
 @inlined
 def gap(i, indptr, indices, data, c, known, z):
-    # (z - c - Gz)_i, where c is off by up to `known` times itself, and a bound on its error; infinite where c is
+    # (z - c - Gz)_i, where c has a relative error of up to `known`, and a bound on its error; infinite where c is
     if abs(c[i]) == np.inf:
         return -c[i], 0.0
     start = z[i] - c[i]
@@ -89,21 +89,21 @@ def weighted(weight, value, error):
     product = weight * value
     if value == 0.0 and error == 0.0:
         return product, error
-    if weight * (abs(value) - error) == np.inf:  # larger than every float: the other side is the smaller one
+    if weight * (abs(value) - error) == np.inf:  # p is larger than every float, so r is the smaller one
         return product, 0.0
     return product, (1.0 + 4.0 * UNIT_ROUNDOFF) * (weight * error) + 4.0 * UNIT_ROUNDOFF * abs(product) + SMALLEST
 
 
 @inlined
 def is_undefined(value, error):
-    # what overflowed on the way is infinite, and so is the bound on its error: their difference is no number
+    # after an overflow the value and the bound on its error are infinite, and their difference is NaN
     return math.isnan(value - error) or math.isnan(value + error)
 
 
 @inlined
 def largest_median(p_with_error, r_with_error, s_with_error):
-    # the largest |median of p, r and s <= r| that (value, bound on its error) of all three leave possible, and of r and
-    # s themselves where these may cross; without an upper obstacle s is -inf, and that is |min(p, r)|
+    # the largest possible |median of p, r and s|, s <= r, given (value, bound on its error) of each; where r and s may
+    # cross, at least the largest possible |r| and |s|. Without an upper obstacle s is -inf, and it is |min(p, r)|
     (p, rounding_p) = p_with_error
     (r, rounding_r) = r_with_error
     (s, rounding_s) = s_with_error
@@ -121,10 +121,10 @@ def largest_median(p_with_error, r_with_error, s_with_error):
 def raise_to_bounds(
     indptr, indices, data, weights, Q, G_indptr, G_indices, G_data, C, known, Z, tolerances, residuals, upper, left
 ):
-    # residuals within their tolerances become bounds of the exact ones where rounding could lift these above them. Row
-    # by row p = weight (Az + q + left) and r = z - c - Gz, where c is off by up to `known` times itself; `left` is None
-    # for 0, `upper` is None or (indptr, indices, data, C, known) of the upper obstacle. `data` and `weights` have a row
-    # for each row of Q, or one for all
+    # replaces residuals within their tolerances by bounds on the exact ones, if the bounds exceed the tolerances. Row
+    # by row p = weight (Az + q + left) and r = z - c - Gz, where c has a relative error of up to `known`; `left` is
+    # None for 0, `upper` is None or (indptr, indices, data, C, known) of the upper obstacle. `data` and `weights` have
+    # a row for each row of Q, or one for all
     for row in range(Z.shape[0]):
         q = Q[row]
         c = C[row]
